@@ -1,0 +1,132 @@
+#include "arrays.hpp"
+#include "bindings.hpp"
+
+#include "fracgyro/controllers.hpp"
+
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/unique_ptr.h>
+
+#include <cstring>
+
+namespace fracgyro::bindings {
+
+namespace {
+
+// A controller of whichever kind, one sample at a time.
+class AnyController {
+public:
+    virtual ~AnyController() = default;
+    virtual Signals<double> step(const Motion<double>& motion) = 0;
+    virtual Estimates<double> estimates() const = 0;
+    virtual std::uint64_t steps() const = 0;
+    virtual nb::bytes state() const = 0;
+    virtual void restore(const nb::bytes& saved) = 0;
+};
+
+template <class Controller>
+class Holder final : public AnyController {
+    using State = typename Controller::State;
+    static_assert(std::is_trivially_copyable_v<State>);
+
+public:
+    explicit Holder(const ControllerParams& p) : coefficients_(Controller::prepare(p)) {}
+
+    Signals<double> step(const Motion<double>& motion) override {
+        return Controller::step(state_, coefficients_, motion);
+    }
+    Estimates<double> estimates() const override {
+        return Adaptation<double>::estimates(state_.adaptation, coefficients_.adaptation);
+    }
+    std::uint64_t steps() const override { return state_.reference.steps; }
+    nb::bytes state() const override { return nb::bytes(&state_, sizeof state_); }
+    void restore(const nb::bytes& saved) override {
+        if (saved.size() != sizeof state_) {
+            throw nb::value_error("the saved state belongs to another kind of controller");
+        }
+        std::memcpy(&state_, saved.data(), sizeof state_);
+    }
+
+private:
+    typename Controller::Coefficients coefficients_;
+    State state_{};
+};
+
+std::unique_ptr<AnyController> make_controller(const std::string& kind, const ControllerParams& p) {
+    std::unique_ptr<AnyController> made;
+    with_controller<double>(kind, [&]<class Controller>() { made = std::make_unique<Holder<Controller>>(p); });
+    return made;
+}
+
+}  // namespace
+
+void bind_controller(nb::module_& m) {
+    auto reference = nb::class_<ReferenceParams>(m, "ReferenceParams").def(nb::init<>());
+    def_vec2(reference, "amplitude", &ReferenceParams::amplitude);
+    def_vec2(reference, "frequency", &ReferenceParams::frequency);
+    def_vec2(reference, "phase", &ReferenceParams::phase);
+
+    auto surface = nb::class_<SurfaceParams>(m, "SurfaceParams")
+                       .def(nb::init<>())
+                       .def_rw("terminal_exponent", &SurfaceParams::terminal_exponent)
+                       .def_rw("singularity_floor", &SurfaceParams::singularity_floor)
+                       .def_rw("riemann_liouville", &SurfaceParams::riemann_liouville)
+                       .def_rw("modes", &SurfaceParams::modes);
+    def_vec2(surface, "fractional_gain", &SurfaceParams::fractional_gain);
+    def_vec2(surface, "terminal_gain", &SurfaceParams::terminal_gain);
+
+    nb::enum_<Layer>(m, "Layer").value("linear", Layer::linear).value("quadratic", Layer::quadratic);
+    nb::class_<ControlParams>(m, "ControlParams")
+        .def(nb::init<>())
+        .def_rw("layer_thickness", &ControlParams::layer_thickness)
+        .def_rw("layer", &ControlParams::layer)
+        .def_rw("force_limit", &ControlParams::force_limit);
+
+    auto estimates = nb::class_<Estimates<double>>(m, "Estimates")
+                         .def(nb::init<>())
+                         .def_rw("rate", &Estimates<double>::rate)
+                         .def_rw("bound", &Estimates<double>::bound);
+    def_sym2(estimates, "damping", &Estimates<double>::damping);
+    def_sym2(estimates, "stiffness", &Estimates<double>::stiffness);
+    def_sym2(estimates, "rate_symmetric", &Estimates<double>::rate_symmetric);
+
+    nb::class_<AdaptationParams>(m, "AdaptationParams")
+        .def(nb::init<>())
+        .def_rw("adaptive", &AdaptationParams::adaptive)
+        .def_rw("printed_rate_law", &AdaptationParams::printed_rate_law)
+        .def_rw("damping_gain", &AdaptationParams::damping_gain)
+        .def_rw("stiffness_gain", &AdaptationParams::stiffness_gain)
+        .def_rw("rate_gain", &AdaptationParams::rate_gain)
+        .def_rw("bound_gain", &AdaptationParams::bound_gain)
+        .def_rw("initial", &AdaptationParams::initial)
+        .def_rw("leakage", &AdaptationParams::leakage)
+        .def_rw("dead_zone", &AdaptationParams::dead_zone)
+        .def_rw("projection", &AdaptationParams::projection);
+
+    nb::class_<ControllerParams>(m, "ControllerParams")
+        .def(nb::init<>())
+        .def_rw("step", &ControllerParams::step)
+        .def_rw("reference", &ControllerParams::reference)
+        .def_rw("surface", &ControllerParams::surface)
+        .def_rw("control", &ControllerParams::control)
+        .def_rw("adaptation", &ControllerParams::adaptation);
+
+    nb::class_<AnyController>(m, "Controller")
+        .def(nb::new_(&make_controller), nb::arg("kind"), nb::arg("params"))
+        .def(
+            "step",
+            [](AnyController& self, const Array2& position, const Array2& velocity) {
+                return to_array(self.step({.position = to_vec2(position), .velocity = to_vec2(velocity)}).force);
+            },
+            nb::arg("position"), nb::arg("velocity"))
+        .def_prop_ro("estimates", &AnyController::estimates)
+        .def_prop_ro("steps", &AnyController::steps)
+        .def_prop_rw("state", &AnyController::state, &AnyController::restore);
+
+    nb::list kinds;
+    [&]<class... Entries>(std::tuple<Entries...>*) {
+        (kinds.append(nb::str(Entries::kind.data(), Entries::kind.size())), ...);
+    }(static_cast<Controllers<double>*>(nullptr));
+    m.attr("controller_kinds") = nb::tuple(kinds);
+}
+
+}  // namespace fracgyro::bindings

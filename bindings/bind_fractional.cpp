@@ -1,0 +1,72 @@
+#include "arrays.hpp"
+#include "bindings.hpp"
+
+#include "fracgyro/fractional.hpp"
+
+namespace fracgyro::bindings {
+
+namespace {
+
+template <class T>
+using Input = nb::ndarray<const T, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+
+// values, rates: (samples, channels). Returns (2, samples, channels): integral, derivative.
+template <class T>
+nb::ndarray<nb::numpy, T> apply_operator(const Input<T>& values, const Input<T>& rates, const Modes& modes, double step,
+                                         bool riemann_liouville) {
+    const std::size_t samples = values.shape(0);
+    const std::size_t channels = values.shape(1);
+    auto out = std::make_unique<T[]>(2 * samples * channels);
+    {
+        nb::gil_scoped_release unlocked;
+        using Operator = Fractional<T>;
+        const auto coefficients = Operator::prepare(modes, step, riemann_liouville);
+        // The operator carries two channels at a time, as the controller's two axes.
+        for (std::size_t first = 0; first < channels; first += 2) {
+            const std::size_t second = first + 1 < channels ? first + 1 : first;
+            typename Operator::State state{};
+            for (std::size_t n = 0; n < samples; ++n) {
+                const std::size_t a = n * channels + first;
+                const std::size_t b = n * channels + second;
+                const auto result =
+                    Operator::update(state, coefficients,
+                                     {.value = {values.data()[a], values.data()[b]},
+                                      .rate = {rates.data()[a], rates.data()[b]}});
+                out[a] = result.integral.x;
+                out[b] = result.integral.y;
+                out[samples * channels + a] = result.derivative.x;
+                out[samples * channels + b] = result.derivative.y;
+            }
+        }
+    }
+    return owned<T, 3>(std::move(out), {2, samples, channels});
+}
+
+using Doubles = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+}  // namespace
+
+void bind_fractional(nb::module_& m) {
+    nb::class_<Modes>(m, "Modes", "Exponential modes of the kernel t^(-order)/Gamma(1-order).")
+        .def(
+            "__init__",
+            [](Modes* self, double order, double gamma, const Doubles& rates, const Doubles& weights) {
+                if (rates.shape(0) != weights.shape(0) || rates.shape(0) > Modes::capacity) {
+                    throw nb::value_error("rates and weights must be equally many, at most 64");
+                }
+                new (self) Modes{.count = rates.shape(0), .order = order, .gamma = gamma};
+                std::copy_n(rates.data(), rates.shape(0), self->rates.begin());
+                std::copy_n(weights.data(), weights.shape(0), self->weights.begin());
+            },
+            nb::arg("order"), nb::arg("gamma"), nb::arg("rates"), nb::arg("weights"))
+        .def_ro("count", &Modes::count)
+        .def_ro("order", &Modes::order);
+    m.attr("mode_capacity") = Modes::capacity;
+    m.def("apply_operator", &apply_operator<double>, nb::arg("values"), nb::arg("rates"), nb::arg("modes"),
+          nb::arg("step"), nb::arg("riemann_liouville"));
+    m.def("apply_operator_single", &apply_operator<float>, nb::arg("values"), nb::arg("rates"), nb::arg("modes"),
+          nb::arg("step"), nb::arg("riemann_liouville"));
+    m.def("power", &power<double>, nb::arg("base"), nb::arg("exponent"), "base^exponent by the core's own log2/exp2.");
+}
+
+}  // namespace fracgyro::bindings

@@ -1,0 +1,39 @@
+#include "arrays.hpp"
+#include "bindings.hpp"
+
+#include "fracgyro/loop.hpp"
+
+#include <nanobind/stl/string.h>
+
+namespace fracgyro::bindings {
+
+void bind_loop(nb::module_& m) {
+    auto plant = nb::class_<PlantParams>(m, "PlantParams")
+                     .def(nb::init<>())
+                     .def_rw("rate", &PlantParams::rate)
+                     .def_prop_rw(
+                         "initial_position", [](const PlantParams& p) { return to_array(p.initial.position); },
+                         [](PlantParams& p, const Array2& a) { p.initial.position = to_vec2(a); })
+                     .def_prop_rw(
+                         "initial_velocity", [](const PlantParams& p) { return to_array(p.initial.velocity); },
+                         [](PlantParams& p, const Array2& a) { p.initial.velocity = to_vec2(a); });
+    def_sym2(plant, "damping", &PlantParams::damping);
+    def_sym2(plant, "stiffness", &PlantParams::stiffness);
+    def_sym2(plant, "damping_deviation", &PlantParams::damping_deviation);
+    def_sym2(plant, "stiffness_deviation", &PlantParams::stiffness_deviation);
+
+    m.def(
+        "plant_map",
+        [](const PlantParams& p, double step) { return Plant<double>::prepare(p, step).map; }, nb::arg("params"),
+        nb::arg("step"), "Rows x, y, vx, vy after one step; columns x, y, vx, vy, force x, force y before it.");
+
+    nb::class_<Setup>(m, "Setup")
+        .def(nb::init<>())
+        .def_rw("kind", &Setup::kind)
+        .def_rw("controller", &Setup::controller)
+        .def_rw("plant", &Setup::plant)
+        .def_rw("disturbance", &Setup::disturbance)
+        .def_rw("steps", &Setup::steps);
+}
+
+}  // namespace fracgyro::bindings

@@ -1,0 +1,14 @@
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+namespace fracgyro::bindings {
+
+// One for each header that is bound.
+void bind_fractional(nanobind::module_& m);
+void bind_controller(nanobind::module_& m);
+void bind_loop(nanobind::module_& m);
+void bind_batch(nanobind::module_& m);
+void bind_disturbance(nanobind::module_& m);
+
+}  // namespace fracgyro::bindings

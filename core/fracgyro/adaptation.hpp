@@ -1,0 +1,124 @@
+// 5  The estimates and the laws that move them, eq. (44), with optional projection, leakage and dead zone.
+//
+//        dD̂/dt = -½ M (v sᵀ + s vᵀ)        dK̂/dt = -½ N (q sᵀ + s qᵀ)
+//        dΩ̂z/dt = P (s₁ v₂ - s₂ v₁)         corrected: dΩ̂ᵀ/dt = -P (v sᵀ - s vᵀ), which is skew as Ω̂ is
+//        dΩ̂ᵀ/dt = -P (v sᵀ + s vᵀ)          printed: symmetric, so that the skew part of Ω̂ never moves
+//        db̂₀/dt = x₀ ‖s‖,  db̂₁/dt = x₁ ‖s‖ ‖q‖,  db̂₂/dt = x₂ ‖s‖ ‖v‖
+//
+//    M, N, P are multiples of the identity: any other matrix would destroy the symmetry of D̂ and K̂.
+//    What is stored is the deviation from the initial value, so that single precision does not lose small increments.
+#pragma once
+
+#include "math.hpp"
+
+#include <array>
+
+namespace fracgyro {
+
+// Everything the controller believes about the plant. As in the law (35), Ω̂ = [[0, -rate], [rate, 0]] + rate_symmetric.
+template <Scalar T>
+struct Estimates {
+    Sym2<T> damping{}, stiffness{};
+    T rate{};
+    Sym2<T> rate_symmetric{};      // stays 0 unless the law is the printed one
+    std::array<T, 3> bound{};      // b̂₀, b̂₁, b̂₂
+
+    friend constexpr Estimates operator+(const Estimates& a, const Estimates& b) {
+        return {.damping = a.damping + b.damping,
+                .stiffness = a.stiffness + b.stiffness,
+                .rate = a.rate + b.rate,
+                .rate_symmetric = a.rate_symmetric + b.rate_symmetric,
+                .bound = {a.bound[0] + b.bound[0], a.bound[1] + b.bound[1], a.bound[2] + b.bound[2]}};
+    }
+};
+
+struct AdaptationParams {
+    bool adaptive = true;  // false: the initial estimates are kept
+    bool printed_rate_law = false;
+    double damping_gain = 150.0, stiffness_gain = 150.0, rate_gain = 150.0;  // M, N, P
+    std::array<double, 3> bound_gain{1.0, 1.6, 1.6};                         // x₀, x₁, x₂
+    Estimates<double> initial{};
+    double leakage = 0.0;     // 1/time: estimates return to their initial values at this rate; 0 off
+    double dead_zone = 0.0;   // the laws rest while ‖s‖ is below it; 0 off
+    double projection = 0.0;  // largest deviation, as a fraction of the family's largest initial entry; 0 off
+};
+
+template <Scalar T>
+struct Adaptation {
+    struct Coefficients {
+        Estimates<T> initial{};
+        T damping_gain{}, stiffness_gain{}, rate_gain{}, symmetric_gain{};  // times the step
+        std::array<T, 3> bound_gain{};
+        T keep{}, dead_zone{};                                            // keep = 1 - step·leakage
+        bool projected = false;
+        T damping_limit{}, stiffness_limit{}, rate_limit{}, bound_limit{};
+    };
+    struct State {
+        Estimates<T> deviation{};
+    };
+
+    static Coefficients prepare(const AdaptationParams& p, double step) {
+        const double h = p.adaptive ? step : 0.0;
+        const auto largest = [](const Sym2<double>& a) {
+            return maximum(absolute(a.xx), maximum(absolute(a.xy), absolute(a.yy)));
+        };
+        const auto& i = p.initial;
+        const auto sym2 = [](const Sym2<double>& a) { return Sym2<T>{T(a.xx), T(a.xy), T(a.yy)}; };
+        return {.initial = {.damping = sym2(i.damping),
+                            .stiffness = sym2(i.stiffness),
+                            .rate = T(i.rate),
+                            .rate_symmetric = sym2(i.rate_symmetric),
+                            .bound = {T(i.bound[0]), T(i.bound[1]), T(i.bound[2])}},
+                .damping_gain = T(h * p.damping_gain),
+                .stiffness_gain = T(h * p.stiffness_gain),
+                .rate_gain = T(p.printed_rate_law ? 0.0 : h * p.rate_gain),
+                .symmetric_gain = T(p.printed_rate_law ? h * p.rate_gain : 0.0),
+                .bound_gain = {T(h * p.bound_gain[0]), T(h * p.bound_gain[1]), T(h * p.bound_gain[2])},
+                .keep = T(1.0 - h * p.leakage),
+                .dead_zone = T(p.dead_zone),
+                .projected = p.projection > 0.0,
+                .damping_limit = T(p.projection * largest(i.damping)),
+                .stiffness_limit = T(p.projection * largest(i.stiffness)),
+                .rate_limit = T(p.projection * absolute(i.rate)),
+                .bound_limit = T(p.projection * maximum(i.bound[0], maximum(i.bound[1], i.bound[2])))};
+    }
+
+    static Estimates<T> estimates(const State& state, const Coefficients& c) { return c.initial + state.deviation; }
+
+    // One Euler step of the laws.
+    static void update(State& state, const Coefficients& c, Vec2<T> q, Vec2<T> v, Vec2<T> s) {
+        const T size = norm(s);
+        const T active = select(size < c.dead_zone, T(0.0), T(1.0));
+        const T bound = active * size;
+        const Vec2<T> acting = active * s;
+        const Sym2<T> vs = symmetric_product(v, acting);
+        const Sym2<T> qs = symmetric_product(q, acting);
+        Estimates<T>& d = state.deviation;
+        d.damping = c.keep * d.damping - c.damping_gain * vs;
+        d.stiffness = c.keep * d.stiffness - c.stiffness_gain * qs;
+        d.rate = c.keep * d.rate + c.rate_gain * (acting.x * v.y - acting.y * v.x);
+        d.rate_symmetric = c.keep * d.rate_symmetric - (T(2.0) * c.symmetric_gain) * vs;
+        d.bound = {c.keep * d.bound[0] + c.bound_gain[0] * bound,
+                   c.keep * d.bound[1] + c.bound_gain[1] * (bound * norm(q)),
+                   c.keep * d.bound[2] + c.bound_gain[2] * (bound * norm(v))};
+        if (c.projected) {
+            project(d, c);
+        }
+    }
+
+private:
+    static void project(Estimates<T>& d, const Coefficients& c) {
+        const auto within = [](T a, T limit) { return clamp(a, -limit, limit); };
+        const auto all = [&](const Sym2<T>& a, T limit) {
+            return Sym2<T>{within(a.xx, limit), within(a.xy, limit), within(a.yy, limit)};
+        };
+        d.damping = all(d.damping, c.damping_limit);
+        d.stiffness = all(d.stiffness, c.stiffness_limit);
+        d.rate = within(d.rate, c.rate_limit);
+        d.rate_symmetric = all(d.rate_symmetric, c.rate_limit);
+        d.bound = {within(d.bound[0], c.bound_limit), within(d.bound[1], c.bound_limit),
+                   within(d.bound[2], c.bound_limit)};
+    }
+};
+
+}  // namespace fracgyro

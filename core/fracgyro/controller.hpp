@@ -1,0 +1,69 @@
+// The adaptive sliding mode controller: steps 1 to 5 of the paper's Figure 2. Step 6, the plant, is sim/fracgyro/plant.hpp.
+#pragma once
+
+#include "adaptation.hpp"
+#include "control.hpp"
+#include "error.hpp"
+#include "reference.hpp"
+#include "surface.hpp"
+
+namespace fracgyro {
+
+// What a person sets. Nondimensional.
+struct ControllerParams {
+    double step = 1e-3;
+    ReferenceParams reference{};
+    SurfaceParams surface{};
+    ControlParams control{};
+    AdaptationParams adaptation{};
+};
+
+// What one step computes, for the plant and for the record.
+template <Scalar T>
+struct Signals {
+    ReferencePoint<T> reference{};
+    Sample<T> error{};
+    Vec2<T> surface{};
+    Estimates<T> estimates{};  // those the force was computed with
+    Vec2<T> force{};
+};
+
+template <Scalar T, template <class> class SurfaceOf>
+struct SlidingModeController {
+    using Value = T;
+    using SurfaceType = SurfaceOf<T>;
+    using Params = ControllerParams;
+
+    struct Coefficients {
+        typename Reference<T>::Coefficients reference{};
+        typename SurfaceType::Coefficients surface{};
+        typename Control<T>::Coefficients control{};
+        typename Adaptation<T>::Coefficients adaptation{};
+    };
+    // A plain value: copy it to save, assign it to resume, bit for bit.
+    struct State {
+        typename Reference<T>::State reference{};
+        typename SurfaceType::State surface{};
+        typename Adaptation<T>::State adaptation{};
+    };
+
+    static Coefficients prepare(const Params& p) {
+        return {.reference = Reference<T>::prepare(p.reference, p.step),
+                .surface = SurfaceType::prepare(p.surface, p.step),
+                .control = Control<T>::prepare(p.control),
+                .adaptation = Adaptation<T>::prepare(p.adaptation, p.step)};
+    }
+
+    // The force for the coming step, from the motion measured now. Called once every step.
+    static Signals<T> step(State& state, const Coefficients& c, const Motion<T>& motion) {
+        const auto reference = Reference<T>::update(state.reference, c.reference);                 // 1
+        const auto error = tracking_error(motion, reference);                                      // 2
+        const auto surface = SurfaceType::evaluate(state.surface, c.surface, error);               // 3
+        const auto estimates = Adaptation<T>::estimates(state.adaptation, c.adaptation);           // 5
+        const auto force = Control<T>::force(c.control, estimates, motion, reference, surface);    // 4
+        Adaptation<T>::update(state.adaptation, c.adaptation, motion.position, motion.velocity, surface.s);
+        return {.reference = reference, .error = error, .surface = surface.s, .estimates = estimates, .force = force};
+    }
+};
+
+}  // namespace fracgyro

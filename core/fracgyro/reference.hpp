@@ -1,0 +1,83 @@
+// 1  The reference r and its first two derivatives: amplitude·sin(frequency·t + phase) on each axis, eq. (49).
+#pragma once
+
+#include "math.hpp"
+
+namespace fracgyro {
+
+struct ReferenceParams {
+    Vec2<double> amplitude{1.0, 1.0};
+    Vec2<double> frequency{};  // rad per unit of time
+    Vec2<double> phase{};      // rad
+};
+
+template <Scalar T>
+struct ReferencePoint {
+    Vec2<T> position{}, velocity{}, acceleration{};
+};
+
+// Between two exact evaluations the pair (sine, cosine) is turned by one step's angle, which is far cheaper.
+template <Scalar T>
+struct Reference {
+    static constexpr std::uint64_t exact_every = 32;
+
+    struct Axis {
+        std::uint64_t start = 0, increment = 0;  // phase at t = 0 and per step, in 2^-64 turns
+        SineCosine<T> turn{};                    // of the increment
+        T amplitude{}, frequency{};
+    };
+    struct Coefficients {
+        Axis x, y;
+    };
+    struct State {
+        std::uint64_t steps = 0;  // time is steps·h
+        SineCosine<T> x{}, y{};   // at the present step
+    };
+
+    static Coefficients prepare(const ReferenceParams& p, double step) {
+        return {.x = axis(p.amplitude.x, p.frequency.x, p.phase.x, step),
+                .y = axis(p.amplitude.y, p.frequency.y, p.phase.y, step)};
+    }
+
+    // The point at the present step; then one step on.
+    static ReferencePoint<T> update(State& state, const Coefficients& c) {
+        if (state.steps % exact_every == 0) {
+            state.x = sine_cosine<T>(c.x.start + state.steps * c.x.increment);
+            state.y = sine_cosine<T>(c.y.start + state.steps * c.y.increment);
+        }
+        const Vec2<T> sine{state.x.sine, state.y.sine}, cosine{state.x.cosine, state.y.cosine};
+        const Vec2<T> amplitude{c.x.amplitude, c.y.amplitude}, frequency{c.x.frequency, c.y.frequency};
+        const Vec2<T> position = amplitude * sine;
+        state.x = turned(state.x, c.x.turn);
+        state.y = turned(state.y, c.y.turn);
+        ++state.steps;
+        return {.position = position,
+                .velocity = amplitude * (frequency * cosine),
+                .acceleration = -(frequency * (frequency * position))};
+    }
+
+private:
+    static SineCosine<T> turned(const SineCosine<T>& a, const SineCosine<T>& by) {
+        return {.sine = a.sine * by.cosine + a.cosine * by.sine, .cosine = a.cosine * by.cosine - a.sine * by.sine};
+    }
+    static std::uint64_t phase_of(double radians) {
+        constexpr double radians_per_turn = 6.28318530717958647693;
+        const double turns = radians / radians_per_turn;
+        const double fraction = turns - static_cast<double>(static_cast<std::int64_t>(turns));  // in (-1, 1)
+        // The low 2^-11 of the phase is below the precision of a double: scale in two exact steps.
+        const auto high = static_cast<std::int64_t>(fraction * 4503599627370496.0);  // 2^52
+        const double rest = fraction * 4503599627370496.0 - static_cast<double>(high);
+        return (static_cast<std::uint64_t>(high) << 12) +
+               static_cast<std::uint64_t>(static_cast<std::int64_t>(rest * 4096.0));
+    }
+    static Axis axis(double amplitude, double frequency, double phase, double step) {
+        const std::uint64_t increment = phase_of(frequency * step);
+        return {.start = phase_of(phase),
+                .increment = increment,
+                .turn = sine_cosine<T>(increment),
+                .amplitude = T(amplitude),
+                .frequency = T(frequency)};
+    }
+};
+
+}  // namespace fracgyro

@@ -1,0 +1,132 @@
+// 3  Sliding surfaces, one type each. A surface turns the error into s and into the part of ds/dt that does not
+//    contain the plant, which the equivalent control cancels.
+//
+//        s     = ė + first(e) + terminal(e)
+//        ds/dt = ë + drift(e, ė)
+//
+//    linear                     first = λ1 e                               terminal = 0
+//    fast terminal        (15)  first = λ1 e                               terminal = λ2 |e|^c sign(e)
+//    fractional           [52]  first = λ1 D^(α-1) e                       terminal = 0
+//    fractional fast terminal (16)  first = λ1 D^(α-1) e                   terminal = λ2 |e|^c sign(e)
+//
+//    Their drifts are λ1 ė or λ1 D^α e, and λ2 c |e|^(c-1) ė (eq. (17)).
+//
+//    To add a surface: a type with Coefficients, State, prepare() and evaluate() as below, and one line in
+//    sim/fracgyro/controllers.hpp.
+#pragma once
+
+#include "error.hpp"
+
+namespace fracgyro {
+
+struct SurfaceParams {
+    Vec2<double> fractional_gain{10.0, 10.0};  // λ1 > 0, also the gain of the integer-order first term
+    Vec2<double> terminal_gain{0.5, 0.5};      // λ2 > 0
+    double terminal_exponent = 0.5;            // c in (0, 1)
+    double singularity_floor = 1e-6;           // |e| below which |e|^(c-1) no longer grows
+    bool riemann_liouville = true;             // which D^α: d/dt of D^(α-1) e is the Riemann-Liouville one
+    Modes modes{};
+};
+
+template <Scalar T>
+struct SurfacePoint {
+    Vec2<T> s{}, drift{};
+};
+
+// λ1 e
+template <Scalar T>
+struct LinearTerm {
+    struct Coefficients {
+        Vec2<T> gain{};
+    };
+    struct State {};
+
+    static Coefficients prepare(const SurfaceParams& p, double /*step*/) {
+        return {.gain = {T(p.fractional_gain.x), T(p.fractional_gain.y)}};
+    }
+    static SurfacePoint<T> evaluate(State&, const Coefficients& c, const Sample<T>& error) {
+        return {.s = c.gain * error.value, .drift = c.gain * error.rate};
+    }
+};
+
+// λ1 D^(α-1) e
+template <Scalar T>
+struct FractionalTerm {
+    struct Coefficients {
+        Vec2<T> gain{};
+        typename Fractional<T>::Coefficients fractional{};
+    };
+    using State = typename Fractional<T>::State;
+
+    static Coefficients prepare(const SurfaceParams& p, double step) {
+        return {.gain = {T(p.fractional_gain.x), T(p.fractional_gain.y)},
+                .fractional = Fractional<T>::prepare(p.modes, step, p.riemann_liouville)};
+    }
+    static SurfacePoint<T> evaluate(State& state, const Coefficients& c, const Sample<T>& error) {
+        const FractionalOutput<T> d = Fractional<T>::update(state, c.fractional, error);
+        return {.s = c.gain * d.integral, .drift = c.gain * d.derivative};
+    }
+};
+
+// λ2 |e|^c sign(e)
+template <Scalar T>
+struct TerminalTerm {
+    struct Coefficients {
+        Vec2<T> gain{};
+        T exponent{}, floor{}, floored_slope{};  // floored_slope = floor^(c-1)
+        bool square_root = false;                // c = ½, by far the fastest
+    };
+
+    static Coefficients prepare(const SurfaceParams& p, double /*step*/) {
+        return {.gain = {T(p.terminal_gain.x), T(p.terminal_gain.y)},
+                .exponent = T(p.terminal_exponent),
+                .floor = T(p.singularity_floor),
+                .floored_slope = T(power(p.singularity_floor, p.terminal_exponent) / p.singularity_floor),
+                .square_root = p.terminal_exponent == 0.5};
+    }
+    static SurfacePoint<T> evaluate(const Coefficients& c, const Sample<T>& error) {
+        const auto axis = [&](T gain, T e, T rate) {
+            const T size = absolute(e);
+            const T root = c.square_root ? fracgyro::square_root(size) : power(size, c.exponent);
+            const bool regular = c.floor < size;
+            const T slope = select(regular, root / select(regular, size, T(1.0)), c.floored_slope);
+            return std::array<T, 2>{gain * with_sign_of(e, root), gain * c.exponent * slope * rate};
+        };
+        const auto x = axis(c.gain.x, error.value.x, error.rate.x);
+        const auto y = axis(c.gain.y, error.value.y, error.rate.y);
+        return {.s = {x[0], y[0]}, .drift = {x[1], y[1]}};
+    }
+};
+
+// ė + First, and the terminal term if it has one.
+template <Scalar T, class First, bool with_terminal>
+struct Surface {
+    struct Coefficients {
+        typename First::Coefficients first{};
+        typename TerminalTerm<T>::Coefficients terminal{};
+    };
+    using State = typename First::State;
+
+    static Coefficients prepare(const SurfaceParams& p, double step) {
+        return {.first = First::prepare(p, step), .terminal = TerminalTerm<T>::prepare(p, step)};
+    }
+    static SurfacePoint<T> evaluate(State& state, const Coefficients& c, const Sample<T>& error) {
+        SurfacePoint<T> point = First::evaluate(state, c.first, error);
+        if constexpr (with_terminal) {
+            const SurfacePoint<T> more = TerminalTerm<T>::evaluate(c.terminal, error);
+            point = {.s = point.s + more.s, .drift = point.drift + more.drift};
+        }
+        return {.s = error.rate + point.s, .drift = point.drift};
+    }
+};
+
+template <Scalar T>
+using LinearSurface = Surface<T, LinearTerm<T>, false>;
+template <Scalar T>
+using FastTerminalSurface = Surface<T, LinearTerm<T>, true>;
+template <Scalar T>
+using FractionalSurface = Surface<T, FractionalTerm<T>, false>;
+template <Scalar T>
+using FractionalFastTerminalSurface = Surface<T, FractionalTerm<T>, true>;
+
+}  // namespace fracgyro

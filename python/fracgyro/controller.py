@@ -1,0 +1,94 @@
+"""The controller alone, one sample at a time: for a loop of your own, or hardware."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _core
+from .scenario import Scenario
+from .setup import controller_params
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Estimates:
+    """What the controller believes: damping and stiffness as [xx, xy, yy], the angular rate, b0, b1, b2."""
+
+    damping: Vector
+    stiffness: Vector
+    rate: float
+    bound: Vector
+
+
+class Controller:
+    """The controller of a scenario: eqs (16), (35), (44), (46), or another `controller.kind`.
+
+    Call `step` once every `scenario.run.step`. Times, positions, velocities and forces are in the units that
+    `scenario.run.units` names. `scenario.run.duration` is the longest time the fractional memory is accurate for.
+    Raises ValueError for an argument that is not finite, or a time that is not that of the next step.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+        scales = scenario.plant.scales
+        si = scenario.run.units == "SI"
+        self._time = scales.time if si else 1.0
+        self._length = scales.length if si else 1.0
+        self._velocity = scales.velocity if si else 1.0
+        self._force = scales.force if si else 1.0
+        self._damping = scales.damping if si else 1.0
+        self._stiffness = scales.stiffness if si else 1.0
+        self._rate = scales.rate if si else 1.0
+        self._core = _core.Controller(scenario.controller.kind, controller_params(scenario))
+
+    def step(self, time: float, position: Sequence[float], velocity: Sequence[float]) -> Vector:
+        """The force [x, y] to hold until the next step, from position and velocity [x, y] measured at `time`."""
+        expected = self._core.steps * self.scenario.run.step
+        if not abs(time / self._time - expected) < 0.5 * self.scenario.run.step:
+            raise ValueError(
+                f"time is {time}: the next step is at {expected * self._time:.9g}, "
+                "and steps must be taken one after another"
+            )
+        q = self._pair("position", position, self._length)
+        v = self._pair("velocity", velocity, self._velocity)
+        return np.asarray(self._core.step(q, v)) * self._force
+
+    @property
+    def estimates(self) -> Estimates:
+        """The estimates as they stand after the last step."""
+        e = self._core.estimates
+        return Estimates(
+            damping=np.asarray(e.damping) * self._damping,
+            stiffness=np.asarray(e.stiffness) * self._stiffness,
+            rate=e.rate * self._rate,
+            bound=np.asarray(e.bound) * [self._force, self._stiffness, self._damping],
+        )
+
+    @property
+    def state(self) -> bytes:
+        """Everything that changes while running. Assign it to a controller of the same scenario to resume."""
+        return self._key() + self._core.state
+
+    @state.setter
+    def state(self, saved: bytes) -> None:
+        key = self._key()
+        if saved[: len(key)] != key:
+            raise ValueError("state was saved by another version, or by a controller of another scenario")
+        self._core.state = saved[len(key) :]
+
+    def _key(self) -> bytes:
+        from . import __version__
+
+        return f"fracgyro {__version__} {self.scenario.content_hash()}\n".encode()
+
+    @staticmethod
+    def _pair(name: str, values: Sequence[float], scale: float) -> tuple[float, float]:
+        if len(values) != 2 or not all(math.isfinite(value) for value in values):
+            raise ValueError(f"{name} is {list(values)}: it must be two finite numbers")
+        return float(values[0]) / scale, float(values[1]) / scale

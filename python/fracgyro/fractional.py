@@ -1,0 +1,95 @@
+"""Fractional operators of sampled signals whose values and rates are both known, eq. (7).
+
+Causal and in fixed memory per sample: the same code as in the controller, core/fracgyro/fractional.hpp. Between
+samples a signal is its cubic Hermite interpolant. For the full-history reference methods see `full_history`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _core, full_history
+from .modes import Modes, design
+from .setup import core_modes
+
+__all__ = ["Modes", "caputo", "design", "full_history", "integral", "riemann_liouville"]
+
+TOLERANCE = 1e-9  # relative error of the kernel, unless asked otherwise
+
+
+def caputo(
+    values: ArrayLike, rates: ArrayLike, step: float, order: float, *, tolerance: float = TOLERANCE
+) -> NDArray[Any]:
+    """Caputo derivative of `order` in [0, 1] from t = 0, eq. (7).
+
+    values, rates: shape (samples,) or (samples, channels), at 0, step, 2 step, …; float32 input is computed in
+    single precision. Returns the same shape, in units of values per time^order. Order 0 returns the values, as
+    eq. (7) says, and order 1 the rates; between them the derivative at t = 0 is 0, and the limit of order -> 0 is
+    values - values[0].
+    Raises ValueError naming the argument that is not allowed.
+    """
+    return _apply(values, rates, step, order, tolerance)[1]
+
+
+def integral(
+    values: ArrayLike, rates: ArrayLike, step: float, order: float, *, tolerance: float = TOLERANCE
+) -> NDArray[Any]:
+    """Riemann-Liouville integral I^order, 0 <= order <= 1, from t = 0; the surface's D^(alpha-1) is order 1-alpha.
+
+    Arguments and errors as for `caputo`; units of values times time^order.
+    """
+    return _apply(values, rates, step, 1.0 - order, tolerance)[0]
+
+
+def riemann_liouville(
+    values: ArrayLike, rates: ArrayLike, step: float, order: float, *, tolerance: float = TOLERANCE
+) -> NDArray[Any]:
+    """Riemann-Liouville derivative: the Caputo one plus values[0] t^(-order)/Gamma(1-order).
+
+    The sum is singular at t = 0, where the result is infinite unless values[0] is 0. (The controller, which holds
+    its force for a step, uses the mean over the step instead.) Arguments and errors as for `caputo`.
+    """
+    derivative = _apply(values, rates, step, order, tolerance)[1]
+    if order in (0.0, 1.0):
+        return derivative
+    time = np.arange(len(derivative)) * step
+    with np.errstate(divide="ignore"):
+        singular = time ** (-order) / math.gamma(1.0 - order)
+    start = np.asarray(values)[:1].astype(derivative.dtype)
+    singular = singular.astype(derivative.dtype).reshape((-1,) + (1,) * (derivative.ndim - 1))
+    with np.errstate(invalid="ignore"):
+        return derivative + np.where(start == 0, 0, start * singular)
+
+
+def _apply(
+    values: ArrayLike, rates: ArrayLike, step: float, order: float, tolerance: float
+) -> NDArray[Any]:
+    given, slopes = np.asarray(values), np.asarray(rates)
+    single = given.dtype == np.float32 and slopes.dtype == np.float32
+    dtype = np.float32 if single else np.float64
+    if given.shape != slopes.shape or given.ndim not in (1, 2) or given.shape[0] == 0:
+        raise ValueError(
+            f"values has shape {given.shape} and rates {slopes.shape}: both must be the same, "
+            "(samples,) or (samples, channels)"
+        )
+    if not (np.isfinite(given).all() and np.isfinite(slopes).all()):
+        raise ValueError("values and rates must be finite")
+    if not (math.isfinite(step) and step > 0):
+        raise ValueError(f"step is {step}: it must be a positive number")
+    if not 0 <= order <= 1:
+        raise ValueError(f"order is {order}: it must lie between 0 and 1")
+    columns = (-1, 1) if given.ndim == 1 else given.shape
+    modes = core_modes(order, step, len(given) * step, tolerance)
+    operate = _core.apply_operator_single if single else _core.apply_operator
+    result = operate(
+        np.ascontiguousarray(given.reshape(columns), dtype=dtype),
+        np.ascontiguousarray(slopes.reshape(columns), dtype=dtype),
+        modes,
+        step,
+        False,
+    )
+    return np.asarray(result).reshape((2, *given.shape))

@@ -1,0 +1,175 @@
+"""Metrics of recorded runs. Each takes a Dataset from `simulate` or `simulate_many`; times and bounds are in its units.
+
+sim/fracgyro/metrics.hpp gathers the same quantities without a record (`simulate_many(..., metrics_only=True)`); a test
+compares the two.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from .scenario import Scenario
+
+Window = tuple[float | None, float | None]
+STEADY: Window = (10.0, None)
+
+
+def cut(run: xr.Dataset, window: Window) -> xr.Dataset:
+    """The samples with window[0] <= t < window[1]; None is open. Raises ValueError if there are none."""
+    start, end = window
+    time = run["time"]
+    inside = xr.ones_like(time, dtype=bool)
+    if start is not None:
+        inside &= time >= start
+    if end is not None:
+        inside &= time < end
+    if not bool(inside.any()):
+        raise ValueError(f"window is {window}: the run has no sample in it")
+    return run.isel(time=np.flatnonzero(inside.values))
+
+
+def rmse(run: xr.Dataset, window: Window = (None, None)) -> xr.DataArray:
+    """Root mean square of the tracking error over `axis`, in the unit of position."""
+    return _rms(cut(run, window)["error"])
+
+
+def settling_time(run: xr.Dataset, bound: float = 0.01) -> xr.DataArray:
+    """Time after which ‖e‖ stays within `bound` (unit of position); NaN if it never does."""
+    size = np.sqrt((run["error"] ** 2).sum("axis", skipna=False))
+    return _settled(size <= bound, run["time"])
+
+
+def chattering(run: xr.Dataset, window: Window = STEADY) -> xr.DataArray:
+    """RMS of the second difference of u between samples, over the RMS of u; by `axis`.
+
+    A smooth force of angular frequency w sampled every h has (w h)², one that flips sign at every sample has 4.
+    """
+    force = cut(run, window)["control"]
+    bend = force.diff("time", n=2)
+    return _rms(bend) / _rms(force)
+
+
+def effort(run: xr.Dataset, window: Window = (None, None)) -> xr.DataArray:
+    """Root mean square of the control force over `axis`, in the unit of force."""
+    return _rms(cut(run, window)["control"])
+
+
+def rate_error(run: xr.Dataset) -> xr.DataArray:
+    """Estimate of the angular rate minus its true value, over `time`, in the unit of rate."""
+    truth = _truth(run, lambda s: _in_units(s, s.plant.nondimensional()[2], s.plant.scales.rate))
+    return run["rate_estimate"] - truth
+
+
+def rate_settling_time(run: xr.Dataset, tolerance: float = 0.1) -> xr.DataArray:
+    """Time after which the rate estimate stays within `tolerance` of the truth (relative); NaN if it never does."""
+    truth = _truth(run, lambda s: _in_units(s, s.plant.nondimensional()[2], s.plant.scales.rate))
+    return _settled(abs(rate_error(run)) <= tolerance * abs(truth), run["time"])
+
+
+def damping_error(run: xr.Dataset) -> xr.DataArray:
+    """‖D̂ - D‖/‖D‖ over `time` (Frobenius norms); D includes what the controller does not know."""
+    return _relative(run["damping_estimate"], _truth(run, lambda s: _true_matrices(s)[0], "entry"))
+
+
+def stiffness_error(run: xr.Dataset) -> xr.DataArray:
+    """‖K̂ - K‖/‖K‖ over `time` (Frobenius norms); K includes what the controller does not know."""
+    return _relative(run["stiffness_estimate"], _truth(run, lambda s: _true_matrices(s)[1], "entry"))
+
+
+def lyapunov(run: xr.Dataset, bounds: tuple[float, float, float]) -> xr.DataArray:
+    """V of eq. (39) over `time`, for a nondimensional run and the true bounds (b0, b1, b2) of eq. (12).
+
+    V = ½ sᵀs + tr(D̃M⁻¹D̃ᵀ)/2 + tr(K̃N⁻¹K̃ᵀ)/2 + tr(Ω̃P⁻¹Ω̃ᵀ)/2 + ½ Σ b̃ᵢ²/xᵢ.
+    """
+    if run.attrs.get("units") != "nondimensional":
+        raise ValueError(f"units is {run.attrs.get('units')}: V of eq. (39) needs a nondimensional run")
+    scenario = Scenario.from_toml(run.attrs["scenario"])
+    gains = scenario.adaptation
+    damping, stiffness = _true_matrices(scenario)
+    weights = xr.DataArray([1.0, 2.0, 1.0], dims="entry")  # xy stands twice in the matrix
+    d = run["damping_estimate"] - xr.DataArray(damping, dims="entry")
+    k = run["stiffness_estimate"] - xr.DataArray(stiffness, dims="entry")
+    symmetric = run["rate_symmetric_estimate"]
+    rate = 2.0 * rate_error(run) ** 2 + (weights * symmetric**2).sum("entry")
+    b = run["bound_estimate"] - xr.DataArray(list(bounds), dims="bound")
+    x = xr.DataArray(list(gains.bound_gain), dims="bound")
+    return 0.5 * (
+        (run["surface"] ** 2).sum("axis")
+        + (weights * d**2).sum("entry") / gains.damping_gain
+        + (weights * k**2).sum("entry") / gains.stiffness_gain
+        + rate / gains.rate_gain
+        + (b**2 / x).sum("bound")
+    )
+
+
+def summary(
+    run: xr.Dataset, transient: float = 10.0, error_bound: float = 0.01, rate_tolerance: float = 0.1
+) -> xr.Dataset:
+    """All of the above as one row, under the names that `simulate_many(..., metrics_only=True)` uses."""
+    early, late = (None, transient), (transient, None)
+    windows = {"whole": (None, None), "transient": early, "steady": late}
+    errors = [rmse(run, window) for window in windows.values()]
+    off = rate_error(run)
+    half = 0.5 * float(run["time"][-1])
+    return xr.Dataset(
+        {
+            "rmse": xr.concat(errors, dim="window").assign_coords(window=list(windows)),
+            "error_settling_time": settling_time(run, error_bound),
+            "chattering": chattering(run, late),
+            "effort": effort(run),
+            "rate_error": off.isel(time=-1, drop=True),
+            "rate_error_rms": _rms(cut(off.to_dataset(name="off"), late)["off"]),
+            "rate_error_peak": abs(off).max("time"),
+            "rate_settling_time": rate_settling_time(run, rate_tolerance),
+            "damping_error": damping_error(run).isel(time=-1, drop=True),
+            "stiffness_error": stiffness_error(run).isel(time=-1, drop=True),
+            "bound_final": run["bound_estimate"].isel(time=-1, drop=True),
+            "bound_0_halfway": run["bound_estimate"].sel(bound=0, time=slice(None, half)).isel(time=-1, drop=True),
+            "largest_force": abs(run["control"]).max(["time", "axis"]),
+        }
+    )
+
+
+def _rms(values: xr.DataArray) -> xr.DataArray:
+    return np.sqrt((values**2).mean("time", skipna=False))
+
+
+def _settled(inside: xr.DataArray, time: xr.DataArray) -> xr.DataArray:
+    """The first sample from which `inside` holds to the end."""
+    outside = ~inside.transpose(..., "time").values
+    last = outside.shape[-1] - 1 - np.argmax(outside[..., ::-1], axis=-1)
+    first = np.where(outside.any(axis=-1), last + 1, 0)
+    times = np.append(time.values, np.nan)
+    dimensions = [d for d in inside.dims if d != "time"]
+    return xr.DataArray(times[first], dims=dimensions)
+
+
+def _relative(estimate: xr.DataArray, truth: xr.DataArray) -> xr.DataArray:
+    weights = xr.DataArray([1.0, 2.0, 1.0], dims="entry")
+    off = (weights * (estimate - truth) ** 2).sum("entry", skipna=False)
+    return np.sqrt(off / (weights * truth**2).sum("entry"))
+
+
+def _in_units(scenario: Scenario, value: float, scale: float) -> float:
+    return value * scale if scenario.run.units == "SI" else value
+
+
+def _true_matrices(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
+    damping, stiffness, _, more_damping, more_stiffness = scenario.plant.nondimensional()
+    scales = scenario.plant.scales
+    si = scenario.run.units == "SI"
+    return (
+        (damping + more_damping) * (scales.damping if si else 1.0),
+        (stiffness + more_stiffness) * (scales.stiffness if si else 1.0),
+    )
+
+
+def _truth(run: xr.Dataset, read, dimension: str | None = None) -> xr.DataArray:  # type: ignore[no-untyped-def]
+    """`read(scenario)` of the run, or of each run of many."""
+    inner = [dimension] if dimension else []
+    if "scenario" in run.attrs:
+        return xr.DataArray(read(Scenario.from_toml(run.attrs["scenario"])), dims=inner)
+    texts = run["scenario"].values
+    known = {text: read(Scenario.from_toml(text)) for text in dict.fromkeys(texts)}
+    return xr.DataArray(np.array([known[text] for text in texts]), dims=["run", *inner])

@@ -1,0 +1,231 @@
+"""A scenario: everything that a run depends on, and its round trip through TOML.
+
+Reading order: tables.py, `Scenario`, the wording of errors.
+"""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import os
+import textwrap
+import tomllib
+import uuid
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Literal, Self
+
+import numpy as np
+from pydantic import BaseModel, ValidationError, model_validator
+from pydantic_core import ErrorDetails
+
+from .tables import (
+    ERRATA_SWITCHES,
+    HOLD_TOLERANCE,
+    MOST_FRACTIONAL_STEPS,
+    Adaptation,
+    Controller,
+    Disturbance,
+    Plant,
+    Reference,
+    Run,
+    Table,
+    sentence,
+    toml_value,
+)
+
+
+class ScenarioError(ValueError):
+    """Bad input, in one sentence that names the field, the value and what is allowed."""
+
+
+class Scenario(Table):
+    """Everything that a run depends on. Frozen: `replace` makes a changed copy."""
+
+    plant: Plant = Plant()
+    reference: Reference = Reference()
+    controller: Controller = Controller()
+    adaptation: Adaptation = Adaptation()
+    disturbance: Disturbance = Disturbance()
+    run: Run = Run()
+
+    def __init__(self, **tables: Any) -> None:
+        try:
+            super().__init__(**tables)
+        except ValidationError as error:
+            first, *others = error.errors(include_url=False)
+            raise ScenarioError(_describe(first) + (f" (and {len(others)} more)" if others else "")) from None
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        run, hold, kind = self.run, self.disturbance.hold, self.controller.kind
+        if kind.startswith("fractional") and run.steps > MOST_FRACTIONAL_STEPS:
+            raise sentence(
+                f"run.duration is {toml_value(run.duration)}: it must be at most {MOST_FRACTIONAL_STEPS} steps of "
+                f"{toml_value(run.step)}, the range of the mode design, when controller.kind is {toml_value(kind)}"
+            )
+        if self.disturbance.kind == "noise" and hold is not None:
+            ratio = min(hold / run.step, 2.0**53)
+            if round(ratio) < 1 or abs(ratio - round(ratio)) > HOLD_TOLERANCE * ratio:
+                raise sentence(
+                    f"disturbance.hold is {toml_value(hold)}: it must be a whole number of run.step, "
+                    f"which is {toml_value(run.step)}; left out, it is one step"
+                )
+        return self
+
+    @classmethod
+    def paper(cls, variant: Literal["corrected", "printed"] = "corrected") -> Scenario:
+        """Eqs (47)-(53), with every row of ERRATA_SWITCHES in the reading asked for."""
+        if variant not in ("corrected", "printed"):
+            raise ScenarioError(f"variant is {toml_value(variant)}: it must be corrected or printed")
+        switches = {path: getattr(erratum, variant) for path, erratum in ERRATA_SWITCHES.items()}
+        # The hold is stated, so that a finer step leaves the noise as it is.
+        return cls().replace({**switches, "disturbance.hold": 1e-3})
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Scenario:
+        try:
+            text = Path(path).read_bytes().decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            raise ScenarioError(f"{path} is not valid TOML: byte {error.start} is not UTF-8") from None
+        except (OSError, ValueError) as error:
+            raise ScenarioError(f"{path} cannot be read: {_reason(error)}") from None
+        return cls.from_toml(text, source=str(path))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """All or nothing: neither a reader nor a crash meets half a file."""
+        scratch = None
+        try:
+            target = Path(os.path.realpath(path))
+            scratch = target.with_name(f".{uuid.uuid4().hex}.tmp")
+            with open(scratch, "x", encoding="utf-8", newline="\n") as file:
+                file.write(self.to_toml())
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(scratch, target)
+        except (OSError, ValueError) as error:
+            raise ScenarioError(f"{path} cannot be written: {_reason(error)}") from None
+        finally:
+            if scratch is not None and scratch.exists():
+                scratch.unlink()
+
+    @classmethod
+    def from_toml(cls, text: str, *, source: str = "the text") -> Scenario:
+        """Missing tables and fields take the paper's corrected values; `source` names the text in errors."""
+        try:
+            tables = tomllib.loads(text)
+        except ValueError as error:
+            raise ScenarioError(f"{source} is not valid TOML: {error}") from None
+        except RecursionError:
+            raise ScenarioError(f"{source} is not valid TOML: it is nested too deeply") from None
+        return cls(**tables)
+
+    def to_toml(self) -> str:
+        """Complete and commented; reading it gives this scenario back, and writing that the same text."""
+        lines = [
+            "# A fracgyro scenario. [plant] is in SI units, its initial state and all else nondimensional.",
+            "# A table or field that is left out takes the paper's value, in the corrected reading.",
+        ]
+        for name, table in self:
+            lines += ["", f"# {type(table).__doc__}", f"[{name}]"]
+            for field, info in type(table).model_fields.items():
+                value = getattr(table, field)
+                lines += [f"# {line}" for line in textwrap.wrap(info.description or "", 106)]
+                lines += [f"# {field} is not set" if value is None else f"{field} = {toml_value(value)}"]
+        return "\n".join(lines) + "\n"
+
+    def replace(self, changes: Mapping[str, Any]) -> Scenario:
+        """A copy with {"controller.order": 0.8, ...} changed, validated as a whole; None unsets."""
+        tables = self.model_dump()
+        for path, value in changes.items():
+            if path not in _paths(Scenario):
+                raise ScenarioError(_unknown(str(path)))
+            if isinstance(value, np.ndarray | np.generic):
+                value = value.tolist()
+            elif isinstance(value, BaseModel):
+                value = value.model_dump()
+            node: Any = tables
+            *parents, leaf = path.split(".")
+            for depth, parent in enumerate(parents, start=1):
+                node = node.setdefault(parent, {})
+                if not isinstance(node, dict):
+                    table = ".".join(parents[:depth])
+                    raise ScenarioError(f"{table} is {toml_value(node)}: it must be a table")
+            node[leaf] = value
+        return Scenario(**tables)
+
+    def content_hash(self) -> str:
+        return hashlib.sha256(self.to_toml().encode()).hexdigest()
+
+
+def _reason(error: Exception) -> str:
+    return getattr(error, "strerror", None) or str(error)
+
+
+def _paths(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
+    """Every dotted path, tables included."""
+    for name, info in model.model_fields.items():
+        yield prefix + name
+        if isinstance(info.annotation, type) and issubclass(info.annotation, BaseModel):
+            yield from _paths(info.annotation, f"{prefix}{name}.")
+
+
+def _unknown(path: str) -> str:
+    """Guess, in this order: a neighbour misspelt, the same name in another table, a table misspelt."""
+    known = list(_paths(Scenario))
+    parent, _, leaf = path.rpartition(".")
+    near = {name.rpartition(".")[2]: name for name in known if name.rpartition(".")[0] == parent}
+    guesses = [near[name] for name in difflib.get_close_matches(leaf, near)]
+    guesses += [name for name in known if name.endswith(f".{leaf}")]
+    guesses += [] if near else difflib.get_close_matches(path, known)
+    choice = near.values() or Scenario.model_fields
+    hint = f"did you mean {guesses[0]}?" if guesses else f"known are {', '.join(choice)}"
+    return f"{path if path.isprintable() else repr(path)} is not a known field; {hint}"
+
+
+def _describe(problem: ErrorDetails) -> str:
+    """One of pydantic's problems as a sentence."""
+    if problem["type"] == "sentence":
+        return problem["msg"]
+    path, info, fields = "", None, Scenario.model_fields
+    for part in problem["loc"]:
+        if isinstance(part, int):
+            path += f"[{part}]"
+            continue
+        path += f".{part}" if path else part
+        info = fields.get(part)
+        fields = getattr(info.annotation, "model_fields", {}) if info else {}
+    if problem["type"] == "extra_forbidden":
+        return _unknown(path)
+    allowed = _allowed(problem, info.metadata if info else [])
+    if problem["type"] == "missing":
+        return f"{path} is missing: {allowed}"
+    value = toml_value(problem["input"])
+    return f"{path} is {value if len(value) <= 80 else value[:77] + '...'}: {allowed}"
+
+
+def _allowed(problem: ErrorDetails, metadata: list[Any]) -> str:
+    kind, context = problem["type"], problem.get("ctx", {})
+    if kind == "literal_error":
+        return f"it must be {context['expected']}".replace("'", "")
+    if kind.startswith(("greater", "less")):
+        words = {"ge": "at least", "gt": "greater than", "le": "at most", "lt": "less than"}
+        found = {word: getattr(bound, word) for word in words for bound in metadata if hasattr(bound, word)}
+        limits = {
+            word: f"{limit:g}" if isinstance(limit, float) else limit
+            for word, limit in (found or context).items()
+        }
+        if len(limits) == 2:
+            low, high = limits.values()
+            return f"it must lie {'strictly ' if 'gt' in limits else ''}between {low} and {high}"
+        word, limit = next(iter(limits.items()))
+        return f"it must be {words[word]} {limit}"
+    types = {
+        "float_type": "a number",
+        "missing": "a number",
+        "finite_number": "a finite number",
+        "int_type": "an integer",
+        "bool_type": "true or false",
+        "model_type": "a table",
+    }
+    return f"it must be {types[kind]}" if kind in types else problem["msg"]

@@ -1,0 +1,199 @@
+"""Simulation: scenarios in, xarray Datasets out."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from importlib.metadata import version
+
+import numpy as np
+import xarray as xr
+
+from . import _core
+from .scenario import Scenario
+from .setup import core_setup
+
+AXES = ["x", "y"]
+ENTRIES = ["xx", "xy", "yy"]
+CHUNK = 32  # runs between two looks at the keyboard and the progress callback
+
+# channel: (dimension of its columns or None, symbol and meaning, scale and unit in SI)
+CHANNELS: dict[str, tuple[str | None, str, list[tuple[str, str]]]] = {
+    "position": ("axis", "position q", [("length", "m")]),
+    "velocity": ("axis", "velocity v", [("velocity", "m/s")]),
+    "reference": ("axis", "reference r", [("length", "m")]),
+    "error": ("axis", "tracking error e = q - r", [("length", "m")]),
+    "error_rate": ("axis", "rate of the tracking error", [("velocity", "m/s")]),
+    "surface": ("axis", "sliding surface s", [("velocity", "m/s")]),
+    "control": ("axis", "control force u", [("force", "N")]),
+    "disturbance": ("axis", "disturbance force d", [("force", "N")]),
+    "damping_estimate": ("entry", "estimate of the damping D", [("damping", "N s/m")]),
+    "stiffness_estimate": ("entry", "estimate of the stiffness K", [("stiffness", "N/m")]),
+    "rate_estimate": (None, "estimate of the angular rate: skew part of Omega", [("rate", "rad/s")]),
+    "rate_symmetric_estimate": (
+        "entry",
+        "symmetric part of the estimate of Omega; not zero under the printed law only",
+        [("rate", "rad/s")],
+    ),
+    "bound_estimate": (
+        "bound",
+        "estimates of the bounds b0, b1, b2",
+        [("force", "N"), ("stiffness", "N/m"), ("damping", "N s/m")],
+    ),
+}
+COORDINATES = {"axis": AXES, "entry": ENTRIES, "bound": [0, 1, 2]}
+
+
+class DivergedError(ValueError):
+    """The run left all bounds. `run` holds what was computed until then."""
+
+    def __init__(self, scenario: Scenario, time: float, run: xr.Dataset) -> None:
+        step = scenario.run.step
+        super().__init__(
+            f"the run diverged at t = {time:.6g}: run.step is {step:g}, which is too long for these gains; "
+            f"try run.step = {step / 2:g} or less, or smaller gains"
+        )
+        self.run = run
+
+
+def threads_available() -> int:
+    """Processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def simulate(scenario: Scenario) -> xr.Dataset:
+    """One closed-loop run.
+
+    Returns a Dataset with the variables of INTERFACE over `time` (and axis, entry or bound), sampled every
+    `scenario.run.record_every` steps, in the units that `scenario.run.units` names.
+    Raises DivergedError, which carries the samples until then, when the motion leaves all bounds.
+    """
+    rows, lasted = _core.record_runs([core_setup(scenario)], scenario.run.record_every, 1)
+    samples = int(lasted[0])
+    if samples <= scenario.run.steps:
+        kept = -(-samples // scenario.run.record_every)
+        run = _dataset(rows[0, :kept], scenario)
+        raise DivergedError(scenario, samples * scenario.run.step, run)
+    return _dataset(rows[0], scenario)
+
+
+def simulate_many(
+    scenarios: Sequence[Scenario],
+    *,
+    metrics_only: bool = False,
+    transient: float = 10.0,
+    error_bound: float = 0.01,
+    rate_tolerance: float = 0.1,
+    progress: Callable[[int], object] | None = None,
+) -> xr.Dataset:
+    """Many runs on all processors.
+
+    Without `metrics_only`: the variables of `simulate` with a leading `run` dimension; all scenarios must then
+    share run.duration, run.step, run.record_every and run.units. With it: the metrics of each run (see
+    `fracgyro.metrics.summary`, whose parameters `transient`, `error_bound`, `rate_tolerance` are), nondimensional,
+    in memory that does not grow with the length of the runs.
+    A run that diverges holds NaN from then on, and `diverged_at` (NaN for the others) says when.
+    `progress` is called with the number of runs finished since the last call.
+    Raises ValueError when `scenarios` is empty or, without `metrics_only`, they do not match.
+    """
+    if not scenarios:
+        raise ValueError("scenarios is empty: there is nothing to simulate")
+    first = scenarios[0]
+    if not metrics_only:
+        _check_alike(scenarios)
+    params = _core.MetricsParams()
+    params.transient, params.error_bound, params.rate_tolerance = transient, error_bound, rate_tolerance
+    threads = threads_available()
+    parts, lasted = [], []
+    for begin in range(0, len(scenarios), CHUNK):
+        setups = [core_setup(s) for s in scenarios[begin : begin + CHUNK]]
+        if metrics_only:
+            parts.append(_core.measure_runs(setups, params, threads))
+        else:
+            rows, samples = _core.record_runs(setups, first.run.record_every, threads)
+            parts.append(rows)
+            lasted.append(samples)
+        if progress:
+            progress(len(setups))
+    whole = parts[0] if len(parts) == 1 else np.concatenate(parts)
+    if metrics_only:
+        return _metrics_dataset(whole, scenarios, transient, error_bound, rate_tolerance)
+    run = _dataset(whole, first)
+    samples = np.concatenate(lasted)
+    time = np.where(samples > first.run.steps, np.nan, samples * first.run.step)
+    run["diverged_at"] = ("run", time * _time_scale(first), {"long_name": "time of divergence"})
+    del run.attrs["scenario"]
+    return run.assign_coords(scenario=("run", [s.to_toml() for s in scenarios]))
+
+
+def _check_alike(scenarios: Sequence[Scenario]) -> None:
+    for field in ("duration", "step", "record_every", "units"):
+        values = {getattr(s.run, field) for s in scenarios}
+        if len(values) > 1:
+            raise ValueError(
+                f"run.{field} is {' and '.join(map(str, sorted(values)))}: "
+                "it must be the same in all scenarios unless metrics_only is true"
+            )
+
+
+def _time_scale(scenario: Scenario) -> float:
+    return scenario.plant.scales.time if scenario.run.units == "SI" else 1.0
+
+
+def _dataset(rows: np.ndarray, scenario: Scenario) -> xr.Dataset:
+    """Rows (..., sample, column) as a Dataset; every variable is a view of them unless units must change."""
+    si = scenario.run.units == "SI"
+    scales = scenario.plant.scales
+    leading = ["run"] * (rows.ndim - 2)
+    variables = {}
+    column = 0
+    for name, width in _core.channels:
+        dimension, meaning, units = CHANNELS[name]
+        values = rows[..., column : column + width] if dimension else rows[..., column]
+        if si:
+            factors = [getattr(scales, scale) for scale, _ in units]
+            values = values * (factors if len(factors) > 1 else factors[0])
+        unit = ", ".join(u for _, u in units) if si else "1"
+        dimensions = [*leading, "time", *([dimension] if dimension else [])]
+        variables[name] = (dimensions, values, {"long_name": meaning, "units": unit})
+        column += width
+    step = scenario.run.step * scenario.run.record_every
+    time = np.arange(rows.shape[-2]) * step * _time_scale(scenario)
+    attributes = {"long_name": "time", "units": "s" if si else "1"}
+    return xr.Dataset(
+        variables,
+        coords={"time": ("time", time, attributes), **COORDINATES},
+        attrs={
+            "scenario": scenario.to_toml(),
+            "version": version("fracgyro"),
+            "units": scenario.run.units,
+        },
+    )
+
+
+def _metrics_dataset(
+    values: np.ndarray,
+    scenarios: Sequence[Scenario],
+    transient: float,
+    error_bound: float,
+    rate_tolerance: float,
+) -> xr.Dataset:
+    by_name = dict(zip(_core.metric_names, values.T, strict=True))
+    windows = ["whole", "transient", "steady"]
+    rmse = np.stack([[by_name.pop(f"rmse_{w}_{a}") for a in AXES] for w in windows])
+    grouped = {"rmse": (["run", "window", "axis"], np.moveaxis(rmse, -1, 0))}
+    for name in ("chattering", "effort"):
+        grouped[name] = (["run", "axis"], np.stack([by_name.pop(f"{name}_{a}") for a in AXES], axis=-1))
+    bounds = np.stack([by_name.pop(f"bound_{i}") for i in range(3)], axis=-1)
+    grouped["bound_final"] = (["run", "bound"], bounds)
+    return xr.Dataset(
+        {**grouped, **{name: ("run", column) for name, column in by_name.items()}},
+        coords={"window": windows, "axis": AXES, "bound": COORDINATES["bound"]},
+        attrs={
+            "version": version("fracgyro"),
+            "units": "nondimensional",
+            "transient": transient,
+            "error_bound": error_bound,
+            "rate_tolerance": rate_tolerance,
+        },
+    )

@@ -1,0 +1,388 @@
+"""The tables of a scenario: pydantic models, one per TOML table, validated here once and nowhere else.
+
+Defaults are the paper's values, eqs (47)-(53), in the corrected reading. [plant] is in SI, everything else
+nondimensional. A field's description becomes its comment in the TOML.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import astuple, dataclass
+from typing import Annotated, Any, Literal, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    field_validator,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
+
+HOLD_TOLERANCE = 1e-9  # relative: how far disturbance.hold may be from a whole number of steps
+MOST_STEPS = 10**8
+MOST_FRACTIONAL_STEPS = 10**6  # the exponential modes are designed from one step up to this many
+RANK_TOLERANCE = 1e-12  # relative to the largest entry: an eigenvalue below this is rounding, i.e. zero
+
+
+class Erratum(NamedTuple):
+    """One switch between the paper as printed and as corrected."""
+
+    printed: str
+    corrected: str
+    equation: str
+    reason: str
+
+
+ERRATA_SWITCHES = {
+    "controller.layer": Erratum(
+        "quadratic", "linear", "(33), (46)", "the printed layer has zero gain at s = 0, where s then rings"
+    ),
+    "controller.derivative": Erratum(
+        "caputo", "riemann_liouville", "(17)", "d/dt of D^(alpha-1) e is the Riemann-Liouville derivative"
+    ),
+    "controller.rate_law": Erratum(
+        "printed", "skew", "(44)", "the printed law moves only a symmetric part, which Omega has not"
+    ),
+}
+
+
+def toml_value(value: Any) -> str:
+    """A value as TOML writes it; floats in the fewest digits that read back the same."""
+    if value is None:
+        return "not set"  # for sentences alone: TOML has no such value
+    if isinstance(value, BaseModel):
+        value = dict(value)
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key} = {toml_value(entry)}" for key, entry in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(toml_value, value)) + "]"
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, str | bool) else str(value)
+
+
+def sentence(text: str) -> PydanticCustomError:
+    """An error inside a validator, already worded in full; `_describe` passes it through."""
+    return PydanticCustomError("sentence", "{text}", {"text": text})
+
+
+def _field(default: Any, description: str, **limits: Any) -> Any:
+    """The description becomes the TOML comment: symbol, unit, effect, and the value that switches it off."""
+    return Field(default, description=description, **limits)
+
+
+def _tuple(names: str, *, expand: bool = False) -> BeforeValidator:
+    """TOML has lists, frozen models hold tuples; `expand`: one number stands for every entry."""
+    count = len(names.split())
+    rule = f"it must be a list of {count} numbers [{', '.join(names.split())}]"
+    rule += " or one number for all of them" if expand else ""
+
+    def convert(value: Any) -> tuple[Any, ...]:
+        if expand and isinstance(value, int | float) and not isinstance(value, bool):
+            return (value,) * count
+        if not isinstance(value, list | tuple) or len(value) != count:
+            raise PydanticCustomError("rule", "{rule}", {"rule": rule})
+        return tuple(value)
+
+    return BeforeValidator(convert)
+
+
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
+Pair = Annotated[tuple[float, float], _tuple("x y")]
+Gains = Annotated[tuple[Positive, Positive], _tuple("x y", expand=True)]
+BoundGains = Annotated[tuple[Positive, Positive, Positive], _tuple("x0 x1 x2")]
+Bounds = Annotated[tuple[NonNegative, NonNegative, NonNegative], _tuple("b0 b1 b2")]
+Vector = NDArray[np.float64]
+
+
+class Table(BaseModel):
+    model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
+
+    @field_validator("*", mode="after")
+    @classmethod
+    def _one_zero(cls, value: Any) -> Any:
+        """-0.0 becomes 0.0, so that equal scenarios have equal text and equal hashes."""
+        if isinstance(value, tuple):
+            return tuple(entry + 0.0 for entry in value)
+        return value + 0.0 if isinstance(value, float) else value
+
+
+class Symmetric(Table):
+    """A symmetric 2x2 matrix."""
+
+    xx: float
+    xy: float
+    yy: float
+
+    def smallest_eigenvalue(self) -> float:
+        return self.xx / 2 + self.yy / 2 - math.hypot(self.xx / 2 - self.yy / 2, self.xy)
+
+    def entries(self) -> Vector:
+        """[xx, xy, yy]"""
+        return np.array([self.xx, self.xy, self.yy])
+
+    def plus(self, xx: float, xy: float, yy: float) -> Symmetric:
+        """The sum, not validated: an overflow is for the check of definiteness to report."""
+        return Symmetric.model_construct(xx=self.xx + xx, xy=self.xy + xy, yy=self.yy + yy)
+
+
+ZERO = Symmetric(xx=0.0, xy=0.0, yy=0.0)
+
+
+@dataclass(frozen=True)
+class Scales:
+    """SI value = nondimensional value * scale: the map (3)-(4), which takes (47) to (48)."""
+
+    time: float  # s, 1/omega0
+    length: float  # m, q0
+    velocity: float  # m/s, q0 omega0
+    force: float  # N, m omega0^2 q0
+    damping: float  # N s/m, m omega0
+    stiffness: float  # N/m, m omega0^2
+    rate: float  # rad/s, omega0
+
+
+class Plant(Table):
+    """The gyroscope, eqs (1), (2), (9) and (47); SI units."""
+
+    mass: float = _field(1.8e-7, "m, kg: proof mass.", gt=0)
+    damping: Symmetric = _field(
+        Symmetric(xx=1.8e-6, xy=3.6e-7, yy=1.8e-6),
+        "D, N s/m: positive semidefinite; xy couples the axes. Zeros: undamped.",
+    )
+    stiffness: Symmetric = _field(
+        Symmetric(xx=63.955, xy=12.779, yy=95.92),
+        "K, N/m: positive definite; xy couples the axes, and 0.0 uncouples them.",
+    )
+    damping_deviation: Symmetric = _field(
+        ZERO, "Delta D, N s/m, eq. (9): added to damping, unknown to the controller. Zeros: off."
+    )
+    stiffness_deviation: Symmetric = _field(
+        ZERO,
+        "Delta K, N/m, eq. (9): added to stiffness, unknown to the controller; the sum stays positive "
+        "definite. Zeros: off.",
+    )
+    angular_rate: float = _field(100.0, "Omega_z, rad/s: the rate to be sensed; Coriolis force. 0.0: off.")
+    transverse_rate: Pair = _field(
+        (0.0, 0.0), "[Omega_x, Omega_y], rad/s: acts only when centrifugal is true. Zeros: off."
+    )
+    centrifugal: bool = _field(
+        False,
+        "Eq. (1): stiffness xx loses m (Omega_y^2 + Omega_z^2), yy loses m (Omega_x^2 + Omega_z^2) and "
+        "xy gains m Omega_x Omega_y. false: off, eq. (2).",
+    )
+    reference_length: float = _field(1e-6, "q0, m: the unit of length of every other table.", gt=0)
+    reference_frequency: float = _field(
+        1000.0, "omega0, rad/s: 1/omega0 is the unit of time of every other table.", gt=0
+    )
+    initial_position: Pair = _field((0.5, 0.5), "q(0) [x, y], unit q0, eq. (49). Zeros: starts centred.")
+    initial_velocity: Pair = _field((0.0, 0.0), "v(0) [x, y], unit q0 omega0, eq. (49). Zeros: at rest.")
+
+    @property
+    def scales(self) -> Scales:
+        length, rate = self.reference_length, self.reference_frequency
+        damping = self.mass * rate
+        stiffness = damping * rate
+        return Scales(1 / rate, length, length * rate, stiffness * length, damping, stiffness, rate)
+
+    def effective_stiffness(self) -> Symmetric:
+        """K as it acts in eq. (1), N/m: softened when `centrifugal`; without Delta K."""
+        if not self.centrifugal:
+            return self.stiffness
+        m, (x, y), z = self.mass, self.transverse_rate, self.angular_rate
+        return self.stiffness.plus(-m * (y * y + z * z), m * x * y, -m * (x * x + z * z))
+
+    def nondimensional(self) -> tuple[Vector, Vector, float, Vector, Vector]:
+        """D, K (the effective one), Omega_z, Delta D, Delta K of eqs (5), (9); matrices as [xx, xy, yy]."""
+        scales = self.scales
+        return (
+            self.damping.entries() / scales.damping,
+            self.effective_stiffness().entries() / scales.stiffness,
+            self.angular_rate / scales.rate,
+            self.damping_deviation.entries() / scales.damping,
+            self.stiffness_deviation.entries() / scales.stiffness,
+        )
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        _check_definite("plant.damping", self.damping, semi=True, unit="N s/m")
+        _check_definite("plant.stiffness", self.stiffness)
+        effective = self.effective_stiffness()
+        _check_definite("plant.stiffness less its centrifugal part", effective)
+        deviation = self.stiffness_deviation
+        total = effective.plus(deviation.xx, deviation.xy, deviation.yy)
+        _check_definite("plant.stiffness plus plant.stiffness_deviation", total)
+        with np.errstate(all="ignore"):
+            if not all(0 < scale < math.inf for scale in astuple(self.scales)) or not all(
+                np.isfinite(part).all() for part in self.nondimensional()
+            ):
+                raise sentence(
+                    f"plant.mass is {toml_value(self.mass)}: with plant.reference_length and "
+                    "plant.reference_frequency it must give finite nondimensional numbers"
+                )
+        return self
+
+
+def _check_definite(name: str, matrix: Symmetric, *, semi: bool = False, unit: str = "N/m") -> None:
+    least, zero = matrix.smallest_eigenvalue(), RANK_TOLERANCE * np.abs(matrix.entries()).max()
+    if not (least >= -zero if semi else least > zero):  # so worded, NaN fails too
+        wanted = "positive semidefinite" if semi else "positive definite"
+        smallest = f"its smallest eigenvalue is {least:.6g} {unit}"
+        raise sentence(f"{name} is {toml_value(matrix)}: it must be {wanted}, but {smallest}")
+
+
+class Reference(Table):
+    """The motion to follow, r = amplitude*sin(frequency*t + phase)."""
+
+    amplitude: Pair = _field((1.0, 1.0), "[x, y], unit q0. Zeros: off, r = 0.")
+    frequency: Pair = _field((math.pi, math.pi / 2), "[x, y], unit omega0. Zeros: r is constant.")
+    phase: Pair = _field((0.0, math.pi / 2), "[x, y], rad: pi/2 makes a cosine. Zeros: off.")
+
+
+class Controller(Table):
+    """Sliding surface (16) and control law (35), (46)."""
+
+    kind: Literal["fractional_fast_terminal", "fractional", "fast_terminal", "linear"] = _field(
+        "fractional_fast_terminal",
+        "The surface: fractional_fast_terminal (16), the paper's; fractional: (16) with lambda2 = 0; "
+        "fast_terminal (15): alpha = 1; linear: both.",
+    )
+    order: float = _field(
+        0.9, "alpha, 0 to 1, no unit: order of D^alpha e. 1.0: off, the integer surface.", ge=0, le=1
+    )
+    fractional_gain: Gains = _field(
+        (10.0, 10.0), "lambda1 [x, y], unit omega0^alpha, > 0: decay of e on the surface. Towards 0.0: off."
+    )
+    terminal_gain: Gains = _field(
+        (0.5, 0.5), "lambda2 [x, y], no unit, > 0: finite-time pull near e = 0. kind fractional, linear: off."
+    )
+    terminal_exponent: float = _field(
+        0.5, "c, strictly between 0 and 1, no unit: |e|^c sign(e). Towards 1.0: a linear term.", gt=0, lt=1
+    )
+    layer_thickness: float = _field(
+        0.06, "delta, unit of s, eq. (33): layer that smooths the switching. 0.0: off, pure sign.", ge=0
+    )
+    layer: Literal["quadratic", "linear"] = _field(
+        ERRATA_SWITCHES["controller.layer"].corrected,
+        "Inside the layer: quadratic, -(s/delta^2)||s|| rho, as printed in (46); linear, -(s/delta) rho. "
+        "layer_thickness 0.0: off.",
+    )
+    derivative: Literal["caputo", "riemann_liouville"] = _field(
+        ERRATA_SWITCHES["controller.derivative"].corrected,
+        "D^alpha of (18): caputo as printed; riemann_liouville cancels exactly. order 1.0: no difference.",
+    )
+    rate_law: Literal["skew", "printed"] = _field(
+        ERRATA_SWITCHES["controller.rate_law"].corrected,
+        "Law of the Omega_z estimate, (44): skew, P (s1 v2 - s2 v1); printed: off, it never moves.",
+    )
+    singularity_floor: float = _field(
+        1e-6, "Unit q0, > 0: floor of |e| in |e|^(c-1). Towards 0.0: off; below 1e-9 rounding rules.", gt=0
+    )
+    adaptive: bool = _field(True, "Estimates replace true values, (35). false: off, all known, (20), (34).")
+    force_limit: float = _field(
+        math.inf, "Largest |u| per axis, unit m omega0^2 q0, > 0. inf: off.", gt=0, allow_inf_nan=True
+    )
+
+
+class Adaptation(Table):
+    """Adaptation laws (44), and what keeps the estimates bounded."""
+
+    kind: Literal["gradient"] = _field("gradient", "The law: gradient, (44). controller.adaptive false: off.")
+    damping_gain: float = _field(150.0, "M, > 0: speed of the D estimate. Towards 0.0: off.", gt=0)
+    stiffness_gain: float = _field(150.0, "N, > 0: speed of the K estimate. Towards 0.0: off.", gt=0)
+    rate_gain: float = _field(150.0, "P, > 0: speed of the Omega_z estimate. Towards 0.0: off.", gt=0)
+    bound_gain: BoundGains = _field(
+        (1.0, 1.6, 1.6), "[x0, x1, x2], > 0: speed of the bound estimates (12). Towards 0.0: off."
+    )
+    initial_bound: Bounds = _field(
+        (0.1, 0.2, 0.3), "[b0, b1, b2] at t = 0, units of (12), >= 0: initial switching gain. Zeros: none."
+    )
+    initial_ratio: float = _field(
+        0.95, "Estimates of D, K, Omega_z at t = 0 over their true values, > 0. 1.0: off, no error.", gt=0
+    )
+    leakage: float = _field(
+        0.0, "Unit omega0: rate at which estimates leak back to their initial values. 0.0: off.", ge=0
+    )
+    dead_zone: float = _field(0.0, "Unit of s: adaptation is frozen while ||s|| is below. 0.0: off.", ge=0)
+    projection: float = _field(
+        0.0,
+        "Every estimate is kept within this fraction of its family's largest initial entry about its "
+        "initial value. 0.0: off.",
+        ge=0,
+    )
+
+
+class Disturbance(Table):
+    """The force d of (9), on each axis."""
+
+    kind: Literal["none", "noise", "sine"] = _field(
+        "noise", "noise: Gaussian, piecewise constant; sine: amplitude*sin(frequency*t + phase). none: off."
+    )
+    standard_deviation: float | None = _field(
+        None, "Unit of force; noise needs this or density, and only one. 0.0: off.", ge=0
+    )
+    density: float | None = _field(
+        None, "S, unit force^2 time: white noise of density S held for h has variance S/h. 0.0: off.", ge=0
+    )
+    hold: float | None = _field(
+        None, "h, unit 1/omega0: time between noise draws, whole steps. Not set: off, one step.", gt=0
+    )
+    seed: int = _field(
+        0, "Same seed, same noise; 0 to 2^63 - 1. Without effect on other kinds.", ge=0, le=2**63 - 1
+    )
+    amplitude: Pair = _field((0.0, 0.0), "Of the sine, [x, y], unit of force. Zeros: off.")
+    frequency: Pair = _field((0.0, 0.0), "Of the sine, [x, y], unit omega0. Zeros: constant force.")
+    phase: Pair = _field((0.0, 0.0), "Of the sine, [x, y], rad. Zeros: off.")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _default(cls, values: Any) -> Any:
+        """Neither kind nor strength stated: the paper's randn. A stated kind must state its strength."""
+        if isinstance(values, Mapping) and not {"kind", "standard_deviation", "density"} & set(values):
+            return {**values, "standard_deviation": 1.0}
+        return values
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        given = {"standard_deviation": self.standard_deviation, "density": self.density}
+        if self.kind == "noise" and list(given.values()).count(None) != 1:
+            names = " and ".join(
+                f"disturbance.{name} is {'missing' if value is None else toml_value(value)}"
+                for name, value in given.items()
+            )
+            raise sentence(f"{names}: noise must have exactly one of the two")
+        return self
+
+
+class Run(Table):
+    """How long, how finely, and what is kept."""
+
+    duration: float = _field(80.0, "Unit 1/omega0: end of the run, at least one step.", gt=0)
+    step: float = _field(
+        1e-3, "h, unit 1/omega0: period of control. The paper's loop diverges from about 5e-3.", gt=0
+    )
+    record_every: int = _field(1, "Steps from one recorded sample to the next. 1: off, all are kept.", ge=1)
+    mode_tolerance: float = _field(
+        1e-6, "Largest relative error of the exponential modes; 1e-9 to 1e-2.", ge=1e-9, le=1e-2
+    )
+    units: Literal["nondimensional", "SI"] = _field(
+        "nondimensional", "Units of the results alone: nondimensional, or SI (s, m, N). nondimensional: off."
+    )
+
+    @property
+    def steps(self) -> int:
+        return round(self.duration / self.step)
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        duration, step = toml_value(self.duration), toml_value(self.step)
+        if self.duration < self.step:
+            raise sentence(f"run.duration is {duration}: it must be at least run.step, which is {step}")
+        if not self.duration / self.step < MOST_STEPS + 0.5:
+            raise sentence(f"run.duration is {duration}: it must be at most {MOST_STEPS} steps of {step}")
+        return self

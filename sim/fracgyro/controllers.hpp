@@ -1,0 +1,46 @@
+// The controllers by name. A new one is its own file plus one line here.
+#pragma once
+
+#include "fracgyro/controller.hpp"
+
+#include <algorithm>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <tuple>
+
+namespace fracgyro {
+
+template <std::size_t Size>
+struct Name {
+    char text[Size]{};
+    consteval Name(const char (&characters)[Size]) { std::copy_n(characters, Size, text); }
+    constexpr std::string_view view() const { return {text, Size - 1}; }
+};
+
+template <Name name, class Controller>
+struct Listed {
+    static constexpr std::string_view kind = name.view();
+    using Type = Controller;
+};
+
+template <Scalar T>
+using Controllers =
+    std::tuple<Listed<"fractional_fast_terminal", SlidingModeController<T, FractionalFastTerminalSurface>>,
+               Listed<"fractional", SlidingModeController<T, FractionalSurface>>,
+               Listed<"fast_terminal", SlidingModeController<T, FastTerminalSurface>>,
+               Listed<"linear", SlidingModeController<T, LinearSurface>>>;
+
+// Calls visit.template operator()<Controller>() for the controller of that kind.
+// Throws std::invalid_argument if there is none.
+template <Scalar T, class Visit>
+void with_controller(std::string_view kind, Visit&& visit) {
+    const auto try_all = [&]<class... Entries>(std::tuple<Entries...>*) {
+        return ((Entries::kind == kind ? (visit.template operator()<typename Entries::Type>(), true) : false) || ...);
+    };
+    if (!try_all(static_cast<Controllers<T>*>(nullptr))) {
+        throw std::invalid_argument("no controller is called " + std::string(kind));
+    }
+}
+
+}  // namespace fracgyro

@@ -1,0 +1,103 @@
+// The disturbance d of eq. (9): nothing, a sine, or Gaussian noise redrawn every `hold` steps.
+//
+// Noise is a function of (seed, index of the hold, axis) alone: counter-based (Philox4x32-10; Salmon et al., "Parallel
+// random numbers: as easy as 1, 2, 3", 2011) with Box-Muller normals. Any part of any run can be drawn in any order.
+#pragma once
+
+#include "fracgyro/math.hpp"
+
+#include <span>
+
+namespace fracgyro {
+
+enum class DisturbanceKind { none, noise, sine };
+
+struct DisturbanceParams {
+    DisturbanceKind kind = DisturbanceKind::none;
+    double standard_deviation = 1.0;  // of each held value; white noise of density S held for h has variance S/h
+    std::int64_t hold = 1;            // steps
+    std::uint64_t seed = 0;
+    Vec2<double> amplitude{}, frequency{}, phase{};  // sine: amplitude·sin(frequency·t + phase)
+};
+
+using PhiloxBlock = std::array<std::uint32_t, 4>;
+
+inline PhiloxBlock philox(std::uint64_t key, PhiloxBlock counter) {
+    auto k0 = static_cast<std::uint32_t>(key);
+    auto k1 = static_cast<std::uint32_t>(key >> 32);
+    for (int round = 0; round < 10; ++round) {
+        const std::uint64_t a = std::uint64_t{0xD2511F53U} * counter[0];
+        const std::uint64_t b = std::uint64_t{0xCD9E8D57U} * counter[2];
+        counter = {static_cast<std::uint32_t>(b >> 32) ^ counter[1] ^ k0, static_cast<std::uint32_t>(b),
+                   static_cast<std::uint32_t>(a >> 32) ^ counter[3] ^ k1, static_cast<std::uint32_t>(a)};
+        k0 += 0x9E3779B9U;
+        k1 += 0xBB67AE85U;
+    }
+    return counter;
+}
+
+// Two independent standard normals from two uniform words. In single precision, which the vector registers hold more of
+// and whose rounding is far below what any statistic of noise can see.
+inline Vec2<float> normal_pair(std::uint32_t first, std::uint32_t second) {
+    // In (0, 1]: |normal| <= 6.8. The lowest bit is given up so that the conversion is that of a signed integer.
+    const float uniform = (static_cast<float>(static_cast<std::int32_t>(first >> 1)) + 0.5F) * 0x1p-31F;
+    int exponent = 0;
+    const float fraction = detail::log2_split(uniform, exponent);
+    constexpr float minus_two_ln2 = -1.38629436111989061883F;
+    const float radius = std::sqrt(minus_two_ln2 * (static_cast<float>(exponent) + fraction));
+    const SineCosine<float> angle = sine_cosine<float>(std::uint64_t{second} << 32);
+    return {radius * angle.cosine, radius * angle.sine};
+}
+
+// Standard normals of the holds 2·first_block, 2·first_block + 1, …: every block of four words serves two holds. The loops
+// are over independent entries, so that the compiler can use vector registers.
+template <std::size_t Blocks>
+std::array<Vec2<float>, 2 * Blocks> normals(std::uint64_t seed, std::uint64_t first_block) {
+    std::array<PhiloxBlock, Blocks> words{};
+    for (std::size_t i = 0; i < Blocks; ++i) {
+        const std::uint64_t block = first_block + i;
+        words[i] = philox(seed, {static_cast<std::uint32_t>(block), static_cast<std::uint32_t>(block >> 32), 0, 0});
+    }
+    std::array<Vec2<float>, 2 * Blocks> out{};
+    for (std::size_t i = 0; i < Blocks; ++i) {
+        out[2 * i] = normal_pair(words[i][0], words[i][1]);
+        out[2 * i + 1] = normal_pair(words[i][2], words[i][3]);
+    }
+    return out;
+}
+
+// Writes d for the steps first, first+1, … .
+inline void fill_disturbance(const DisturbanceParams& p, double step, std::int64_t first,
+                             std::span<Vec2<double>> out) {
+    switch (p.kind) {
+        case DisturbanceKind::none:
+            for (auto& d : out) {
+                d = {};
+            }
+            return;
+        case DisturbanceKind::sine:
+            for (std::size_t i = 0; i < out.size(); ++i) {
+                const double time = static_cast<double>(first + static_cast<std::int64_t>(i)) * step;
+                out[i] = {p.amplitude.x * std::sin(p.frequency.x * time + p.phase.x),
+                          p.amplitude.y * std::sin(p.frequency.y * time + p.phase.y)};
+            }
+            return;
+        case DisturbanceKind::noise:
+            break;
+    }
+    constexpr std::size_t blocks = 32;
+    constexpr std::int64_t holds = 2 * blocks;
+    std::array<Vec2<float>, holds> drawn{};
+    std::int64_t drawn_from = -1;
+    for (std::size_t i = 0; i < out.size(); ++i) {
+        const std::int64_t hold = (first + static_cast<std::int64_t>(i)) / p.hold;
+        if (drawn_from < 0 || hold >= drawn_from + holds) {
+            drawn_from = hold - hold % holds;
+            drawn = normals<blocks>(p.seed, static_cast<std::uint64_t>(drawn_from) / 2);
+        }
+        const Vec2<float> normal = drawn[static_cast<std::size_t>(hold - drawn_from)];
+        out[i] = p.standard_deviation * Vec2<double>{static_cast<double>(normal.x), static_cast<double>(normal.y)};
+    }
+}
+
+}  // namespace fracgyro

@@ -1,0 +1,62 @@
+// Page one of the simulator: the six steps of Figure 2 closed into a loop.
+#pragma once
+
+#include "controllers.hpp"
+#include "disturbance.hpp"
+#include "plant.hpp"
+
+#include <vector>
+
+namespace fracgyro {
+
+// One run. Nondimensional.
+struct Setup {
+    std::string kind = "fractional_fast_terminal";
+    ControllerParams controller{};
+    PlantParams plant{};
+    DisturbanceParams disturbance{};
+    std::int64_t steps = 0;  // the run has steps + 1 samples, at 0, h, …, steps·h
+};
+
+// Everything that is known at one sample.
+template <Scalar T>
+struct Snapshot {
+    std::int64_t step = 0;
+    Motion<T> motion{};
+    Signals<T> signals{};
+    Vec2<T> disturbance{};
+};
+
+// Motion beyond this is divergence: a tracked reference is of order 1.
+inline constexpr double divergence_limit = 1e6;
+
+// Calls observe(snapshot) at every sample. Returns the number of samples before the motion diverged, steps + 1 if it
+// did not.
+template <class Controller, class Observe>
+std::int64_t run_loop(const Setup& setup, Observe&& observe) {
+    using T = typename Controller::Value;
+    const double step = setup.controller.step;
+    const auto controller = Controller::prepare(setup.controller);
+    const auto plant = Plant<T>::prepare(setup.plant, step);
+    typename Controller::State state{};
+    Motion<T> motion = Plant<T>::start(setup.plant);
+
+    std::array<Vec2<double>, 512> disturbances{};  // drawn in blocks
+    for (std::int64_t n = 0; n <= setup.steps; ++n) {
+        const auto place = static_cast<std::size_t>(n) % disturbances.size();
+        if (place == 0) {
+            fill_disturbance(setup.disturbance, step, n, disturbances);
+        }
+        // Also false for NaN.
+        if (!(absolute(motion.position.x) + absolute(motion.position.y) < T(divergence_limit))) {
+            return n;
+        }
+        const Vec2<T> disturbance{T(disturbances[place].x), T(disturbances[place].y)};
+        const Signals<T> signals = Controller::step(state, controller, motion);            // 1 to 5
+        observe(Snapshot<T>{.step = n, .motion = motion, .signals = signals, .disturbance = disturbance});
+        Plant<T>::step(motion, plant, signals.force + disturbance);                        // 6
+    }
+    return setup.steps + 1;
+}
+
+}  // namespace fracgyro

@@ -1,0 +1,103 @@
+// 6  The gyroscope, eqs. (5), (9), (13), nondimensional:
+//
+//        q̈ + (D + ΔD + 2Ω) q̇ + (K + ΔK) q = u + d,       Ω = [[0, -Ωz], [Ωz, 0]]
+//
+//    u and d are held constant over a step, so the step is exact: with x = [q, q̇] and ẋ = A x + B (u + d),
+//    x(t+h) = exp(A h) x(t) + ∫ exp(A τ) B dτ (u + d), both read off one matrix exponential.
+#pragma once
+
+#include "fracgyro/error.hpp"
+
+#include <array>
+
+namespace fracgyro {
+
+struct PlantParams {
+    Sym2<double> damping{}, stiffness{};                      // D, K: what the controller may know
+    Sym2<double> damping_deviation{}, stiffness_deviation{};  // ΔD, ΔK: what it may not
+    double rate = 0.0;                                        // Ωz
+    Motion<double> initial{};
+};
+
+template <Scalar T>
+struct Plant {
+    struct Coefficients {
+        std::array<std::array<T, 6>, 4> map{};  // rows x, y, ẋ, ẏ; columns x, y, ẋ, ẏ, force x, force y
+    };
+    using State = Motion<T>;
+
+    static Coefficients prepare(const PlantParams& p, double step) {
+        using Matrix = std::array<std::array<double, 6>, 6>;
+        const Sym2<double> d = p.damping + p.damping_deviation;
+        const Sym2<double> k = p.stiffness + p.stiffness_deviation;
+        Matrix a{};
+        a[0][2] = a[1][3] = a[2][4] = a[3][5] = 1.0;
+        a[2][0] = -k.xx, a[2][1] = -k.xy, a[2][2] = -d.xx, a[2][3] = -d.xy + 2.0 * p.rate;
+        a[3][0] = -k.xy, a[3][1] = -k.yy, a[3][2] = -d.xy - 2.0 * p.rate, a[3][3] = -d.yy;
+
+        const auto product = [](const Matrix& l, const Matrix& r) {
+            Matrix m{};
+            for (std::size_t i = 0; i < 6; ++i) {
+                for (std::size_t j = 0; j < 6; ++j) {
+                    for (std::size_t n = 0; n < 6; ++n) {
+                        m[i][j] += l[i][n] * r[n][j];
+                    }
+                }
+            }
+            return m;
+        };
+        // Scaling and squaring: a Taylor series where the matrix is small, then repeated squares.
+        double size = 0.0;
+        for (const auto& row : a) {
+            double sum = 0.0;
+            for (const double x : row) {
+                sum += absolute(x) * step;
+            }
+            size = maximum(size, sum);
+        }
+        int squarings = 0;
+        for (; size > 0.25 && squarings < 60; size *= 0.5) {
+            ++squarings;
+        }
+        const double scale = step / static_cast<double>(std::int64_t{1} << squarings);
+        Matrix power{}, sum{};
+        for (std::size_t i = 0; i < 6; ++i) {
+            power[i][i] = sum[i][i] = 1.0;
+        }
+        for (int n = 1; n <= 16; ++n) {
+            power = product(power, a);
+            for (std::size_t i = 0; i < 6; ++i) {
+                for (std::size_t j = 0; j < 6; ++j) {
+                    power[i][j] *= scale / n;
+                    sum[i][j] += power[i][j];
+                }
+            }
+        }
+        for (int n = 0; n < squarings; ++n) {
+            sum = product(sum, sum);
+        }
+        Coefficients c;
+        for (std::size_t i = 0; i < 4; ++i) {
+            for (std::size_t j = 0; j < 6; ++j) {
+                c.map[i][j] = T(sum[i][j]);
+            }
+        }
+        return c;
+    }
+
+    static State start(const PlantParams& p) {
+        return {.position = {T(p.initial.position.x), T(p.initial.position.y)},
+                .velocity = {T(p.initial.velocity.x), T(p.initial.velocity.y)}};
+    }
+
+    static void step(State& state, const Coefficients& c, Vec2<T> force) {
+        const Vec2<T> q = state.position;
+        const Vec2<T> v = state.velocity;
+        const auto row = [&](const std::array<T, 6>& m) {
+            return ((m[0] * q.x + m[1] * q.y) + (m[2] * v.x + m[3] * v.y)) + (m[4] * force.x + m[5] * force.y);
+        };
+        state = {.position = {row(c.map[0]), row(c.map[1])}, .velocity = {row(c.map[2]), row(c.map[3])}};
+    }
+};
+
+}  // namespace fracgyro
