@@ -55,9 +55,8 @@ nb::ndarray<nb::numpy, double> measure_runs(const std::vector<const Setup*>& set
     auto data = std::make_unique<double[]>(setups.size() * metric_names.size());
     {
         nb::gil_scoped_release unlocked;
-        parallel_for(setups.size(), threads, [&](std::size_t i) {
-            measure_run(*setups[i], params, data.get() + i * metric_names.size());
-        });
+        parallel_for(setups.size(), threads,
+                     [&](std::size_t i) { measure_run(*setups[i], params, data.get() + i * metric_names.size()); });
     }
     return owned<double, 2>(std::move(data), {setups.size(), metric_names.size()});
 }
@@ -69,6 +68,7 @@ void bind_batch(nb::module_& m) {
         .def(nb::init<>())
         .def_rw("transient", &MetricsParams::transient)
         .def_rw("error_bound", &MetricsParams::error_bound)
+        .def_rw("surface_bound", &MetricsParams::surface_bound)
         .def_rw("rate_tolerance", &MetricsParams::rate_tolerance);
     m.def("record_runs", &record_runs, nb::arg("setups"), nb::arg("every"), nb::arg("threads"));
     m.def("measure_runs", &measure_runs, nb::arg("setups"), nb::arg("params"), nb::arg("threads"));

@@ -28,10 +28,9 @@ nb::ndarray<nb::numpy, T> apply_operator(const Input<T>& values, const Input<T>&
             for (std::size_t n = 0; n < samples; ++n) {
                 const std::size_t a = n * channels + first;
                 const std::size_t b = n * channels + second;
-                const auto result =
-                    Operator::update(state, coefficients,
-                                     {.value = {values.data()[a], values.data()[b]},
-                                      .rate = {rates.data()[a], rates.data()[b]}});
+                const auto result = Operator::update(
+                    state, coefficients,
+                    {.value = {values.data()[a], values.data()[b]}, .rate = {rates.data()[a], rates.data()[b]}});
                 out[a] = result.integral.x;
                 out[b] = result.integral.y;
                 out[samples * channels + a] = result.derivative.x;

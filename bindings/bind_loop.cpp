@@ -23,9 +23,9 @@ void bind_loop(nb::module_& m) {
     def_sym2(plant, "stiffness_deviation", &PlantParams::stiffness_deviation);
 
     m.def(
-        "plant_map",
-        [](const PlantParams& p, double step) { return Plant<double>::prepare(p, step).map; }, nb::arg("params"),
-        nb::arg("step"), "Rows x, y, vx, vy after one step; columns x, y, vx, vy, force x, force y before it.");
+        "plant_map", [](const PlantParams& p, double step) { return Plant<double>::prepare(p, step).map; },
+        nb::arg("params"), nb::arg("step"),
+        "Rows x, y, vx, vy after one step; columns x, y, vx, vy, force x, force y before it.");
 
     nb::class_<Setup>(m, "Setup")
         .def(nb::init<>())

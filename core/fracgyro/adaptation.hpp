@@ -20,8 +20,8 @@ template <Scalar T>
 struct Estimates {
     Sym2<T> damping{}, stiffness{};
     T rate{};
-    Sym2<T> rate_symmetric{};      // stays 0 unless the law is the printed one
-    std::array<T, 3> bound{};      // b̂₀, b̂₁, b̂₂
+    Sym2<T> rate_symmetric{};  // stays 0 unless the law is the printed one
+    std::array<T, 3> bound{};  // b̂₀, b̂₁, b̂₂
 
     friend constexpr Estimates operator+(const Estimates& a, const Estimates& b) {
         return {.damping = a.damping + b.damping,
@@ -49,7 +49,7 @@ struct Adaptation {
         Estimates<T> initial{};
         T damping_gain{}, stiffness_gain{}, rate_gain{}, symmetric_gain{};  // times the step
         std::array<T, 3> bound_gain{};
-        T keep{}, dead_zone{};                                            // keep = 1 - step·leakage
+        T keep{}, dead_zone{};  // keep = 1 - step·leakage
         bool projected = false;
         T damping_limit{}, stiffness_limit{}, rate_limit{}, bound_limit{};
     };

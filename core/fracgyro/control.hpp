@@ -1,4 +1,5 @@
-// 4  The control force: equivalent control plus a switching term with its boundary layer, eqs. (18)-(20), (33)-(36), (46).
+// 4  The control force: equivalent control plus a switching term with its boundary layer,
+//    eqs. (18)-(20), (33)-(36), (46).
 //
 //        u    = (D̂ + 2Ω̂) v + K̂ q + r̈ - drift - (s/‖s‖) ρ        outside the layer, ‖s‖ >= δ
 //        ρ    = b̂₀ + b̂₁ ‖q‖ + b̂₂ ‖v‖

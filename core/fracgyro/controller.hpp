@@ -1,4 +1,5 @@
-// The adaptive sliding mode controller: steps 1 to 5 of the paper's Figure 2. Step 6, the plant, is sim/fracgyro/plant.hpp.
+// The adaptive sliding mode controller: steps 1 to 5 of the paper's Figure 2. Step 6, the plant, is in
+// sim/fracgyro/plant.hpp.
 #pragma once
 
 #include "adaptation.hpp"
@@ -56,11 +57,11 @@ struct SlidingModeController {
 
     // The force for the coming step, from the motion measured now. Called once every step.
     static Signals<T> step(State& state, const Coefficients& c, const Motion<T>& motion) {
-        const auto reference = Reference<T>::update(state.reference, c.reference);                 // 1
-        const auto error = tracking_error(motion, reference);                                      // 2
-        const auto surface = SurfaceType::evaluate(state.surface, c.surface, error);               // 3
-        const auto estimates = Adaptation<T>::estimates(state.adaptation, c.adaptation);           // 5
-        const auto force = Control<T>::force(c.control, estimates, motion, reference, surface);    // 4
+        const auto reference = Reference<T>::update(state.reference, c.reference);               // 1
+        const auto error = tracking_error(motion, reference);                                    // 2
+        const auto surface = SurfaceType::evaluate(state.surface, c.surface, error);             // 3
+        const auto estimates = Adaptation<T>::estimates(state.adaptation, c.adaptation);         // 5
+        const auto force = Control<T>::force(c.control, estimates, motion, reference, surface);  // 4
         Adaptation<T>::update(state.adaptation, c.adaptation, motion.position, motion.velocity, surface.s);
         return {.reference = reference, .error = error, .surface = surface.s, .estimates = estimates, .force = force};
     }

@@ -68,18 +68,18 @@ struct Fractional {
 
     struct Coefficients {
         T inverse_step{};
-        T vanished{};                  // see `onset`
-        T carry{};                     // 1 for α = 0, where the integral continues the previous one; else 0
-        T onset_mean{};                // mean of t^(-α)/Γ(1-α) over the first hold, where it is singular; 0 for Caputo
+        T vanished{};    // see `onset`
+        T carry{};       // 1 for α = 0, where the integral continues the previous one; else 0
+        T onset_mean{};  // mean of t^(-α)/Γ(1-α) over the first hold, where it is singular; 0 for Caputo
         T start_value{}, start_rate{}, start_integral{};  // outputs at t = 0: non-zero only for α = 0 or 1
         Weights integral{}, derivative{};
-        std::size_t packs = 0;         // modes, rounded up to whole packs; the padding has zero weights
+        std::size_t packs = 0;  // modes, rounded up to whole packs; the padding has zero weights
         // Per mode; the states carry their output weight w r, so that the derivative is their plain sum.
-        Array decay{};      // r - 1
-        Array from_rate{};  // w r (A + r B)
-        Array from_bump{};  // w r r C
-        Array at_start{};   // w r B
-        Array at_onset{};   // w r
+        Array decay{};                // r - 1
+        Array from_rate{};            // w r (A + r B)
+        Array from_bump{};            // w r r C
+        Array at_start{};             // w r B
+        Array at_onset{};             // w r
         Array inverse_rate{};         // 1/s: from derivative to integral
         Array onset_to_derivative{};  // mean of exp(-s t) over the next hold, over exp(-s h); 0 for Caputo
     };
@@ -92,8 +92,8 @@ struct Fractional {
         Vec2<T> derivative_sum{}, integral_sum{};  // Σ over modes, ready for the next sample
         T onset_derivative{}, onset_integral{};    // what e(0) contributes to them, per unit
         Array x{}, y{};                            // w r g
-        // w r exp(-s t), with 1e-30·h added every step: left to decay into subnormal numbers it would slow the processor
-        // down.
+        // w r exp(-s t), with 1e-30·h added every step: left to decay into subnormal numbers it would slow the
+        // processor down.
         Array onset{};
     };
 

@@ -20,7 +20,7 @@ template <class T>
 concept Scalar = std::copyable<T> && std::constructible_from<T, double> && requires(T a, T b) {
     { a + b } -> std::same_as<T>;
     { a - b } -> std::same_as<T>;
-    { a* b } -> std::same_as<T>;
+    { a * b } -> std::same_as<T>;
     { a / b } -> std::same_as<T>;
     { -a } -> std::same_as<T>;
     { a < b } -> std::convertible_to<bool>;
@@ -59,8 +59,8 @@ constexpr T clamp(T a, T low, T high) {
 inline double square_root(double a) { return std::sqrt(a); }
 inline float square_root(float a) { return std::sqrt(a); }
 
-// A few numbers that go through the same arithmetic. For built-in types the compiler's own vector, which becomes whatever
-// registers the processor has; element by element the operations and their results are those of T.
+// A few numbers that go through the same arithmetic. For built-in types the compiler's own vector, which becomes
+// whatever registers the processor has; element by element the operations and their results are those of T.
 template <Scalar T, std::size_t Lanes>
 struct PackOf {
     struct Type {
@@ -124,9 +124,7 @@ struct Sym2 {
     friend constexpr Sym2 operator+(Sym2 a, Sym2 b) { return {a.xx + b.xx, a.xy + b.xy, a.yy + b.yy}; }
     friend constexpr Sym2 operator-(Sym2 a, Sym2 b) { return {a.xx - b.xx, a.xy - b.xy, a.yy - b.yy}; }
     friend constexpr Sym2 operator*(T a, Sym2 b) { return {a * b.xx, a * b.xy, a * b.yy}; }
-    friend constexpr Vec2<T> operator*(Sym2 a, Vec2<T> b) {
-        return {a.xx * b.x + a.xy * b.y, a.xy * b.x + a.yy * b.y};
-    }
+    friend constexpr Vec2<T> operator*(Sym2 a, Vec2<T> b) { return {a.xx * b.x + a.xy * b.y, a.xy * b.x + a.yy * b.y}; }
 };
 
 // Symmetric part of the outer product: ½ (a bᵀ + b aᵀ).
@@ -175,9 +173,7 @@ constexpr double inverse_factorial(int n) {
     return 1.0 / product;
 }
 // ±1/n!, with the sign that n has in the series of sine and cosine.
-constexpr double series_term(int n) {
-    return n / 2 % 2 == 0 ? inverse_factorial(n) : -inverse_factorial(n);
-}
+constexpr double series_term(int n) { return n / 2 % 2 == 0 ? inverse_factorial(n) : -inverse_factorial(n); }
 // c0 + x (c1 + x (c2 + …))
 template <Scalar T, std::size_t Terms>
 constexpr T horner(const std::array<T, Terms>& c, T x) {
@@ -209,16 +205,22 @@ T log2_split(T x, int& exponent) {
     return two_over_ln2 * (z * series);
 }
 
-// 2^(whole + part) for |part| <= ½ and a result in the normal range: Taylor series of e^(part ln 2).
+template <std::floating_point T>
+T power_of_two(int exponent) {
+    using Integer = typename Bits<T>::Integer;
+    return std::bit_cast<T>(static_cast<Integer>(static_cast<Integer>(exponent + Bits<T>::bias) << Bits<T>::fraction));
+}
+
+// 2^(whole + part) for |part| <= ½: Taylor series of e^(part ln 2).
 template <std::floating_point T>
 T exp2_split(int whole, T part) {
     using B = Bits<T>;
-    using Integer = typename B::Integer;
     const T x = part * static_cast<T>(0.69314718055994530942);
     constexpr auto inverse_factorials = table<T, B::exp_terms - 1>([](int k) { return inverse_factorial(k + 1); });
     const T series = horner(inverse_factorials, x);
-    const T scale = std::bit_cast<T>(static_cast<Integer>(static_cast<Integer>(whole + B::bias) << B::fraction));
-    return scale + scale * (x * series);
+    // In two factors: 2^whole itself may exceed the range at either end where the result does not.
+    const int half = whole / 2;
+    return (T(1) + x * series) * power_of_two<T>(half) * power_of_two<T>(whole - half);
 }
 
 template <std::floating_point T>

@@ -87,7 +87,7 @@ struct TerminalTerm {
     static SurfacePoint<T> evaluate(const Coefficients& c, const Sample<T>& error) {
         const auto axis = [&](T gain, T e, T rate) {
             const T size = absolute(e);
-            const T root = c.square_root ? fracgyro::square_root(size) : power(size, c.exponent);
+            const T root = c.square_root ? square_root(size) : power(size, c.exponent);
             const bool regular = c.floor < size;
             const T slope = select(regular, root / select(regular, size, T(1.0)), c.floored_slope);
             return std::array<T, 2>{gain * with_sign_of(e, root), gain * c.exponent * slope * rate};

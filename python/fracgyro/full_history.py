@@ -14,7 +14,7 @@ first-order difference (Podlubny, Fractional Differential Equations, 1999, sec. 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -24,17 +24,16 @@ from scipy.special import beta, gamma
 Array = npt.NDArray[np.float64]
 
 
-def hermite(
-    values: npt.ArrayLike, rates: npt.ArrayLike, step: float, order: float
-) -> tuple[Array, Array]:
+def hermite(values: npt.ArrayLike, rates: npt.ArrayLike, step: float, order: float) -> tuple[Array, Array]:
     """I^(1-order) and the Caputo derivative D^order of the cubic Hermite interpolant of a record.
 
     values, rates: the signal and its time derivative at t_k = k step, both of shape (n,) or (n, channels).
     step: sampling step, > 0.  order: order of the derivative, in [0, 1].
 
-    Returns (integral, caputo), each of the shape of `values`; integral = I^(1-order) = D^(order-1) of the signal.
-    At order 1 they are (values, rates).  At order 0 the integral is the running integral from 0 and caputo is
-    `values`, for eq. (7) of the paper defines D^0 f = f; the limit order -> 0+ is values - values[0] instead.
+    Returns (integral, caputo), each of the shape of `values`; integral is I^(1-order) = D^(order-1) of the
+    signal.  At order 1 they are (values, rates).  At order 0 the integral is the running integral from 0 and
+    caputo is `values`, for eq. (7) of the paper defines D^0 f = f; the limit order -> 0+ is different:
+    values - values[0].
 
     The error is that of the interpolant, O(step^3) or better for smooth signals (about step^(4-order)), plus
     rounding of some 1e-15 relative to the greatest result.  Raises ValueError for mismatched or empty arrays,
@@ -49,12 +48,12 @@ def hermite(
     if order == 1.0:
         return values.copy(), rates.copy()
 
-    # On the interval before sample j let x in [0, 1] be the distance back from t_j, in steps (left end: x = 1).
+    # On the interval before sample j let x in [0, 1] be the distance back from t_j, in steps (left end: x=1).
     # With the fall F = e_left - e_right across it, the interpolant of value e and rate v is
     #     e(x) = e_right (1-x) + e_left x - (F + h v_right) x (1-x)^2 + (F + h v_left) x^2 (1-x),
     #     e'   = v_left x + v_right (1-x) + 6 kappa x (1-x),   kappa = -F/h - (v_left + v_right)/2.
-    # Seen from t_n = t_j + m h the kernels are h^(p+1) (m + x)^p, p = -order for both operators: I^nu acts on e
-    # and, for the derivative, on e'.
+    # Seen from t_n = t_j + m h the kernel of I^nu is h^nu (m + x)^(-order) / Gamma(nu); it acts on e for the
+    # integral and on e' for the derivative.
     right, left = values[1:], values[:-1]
     rate_right, rate_left = rates[1:], rates[:-1]
     fall = left - right
@@ -84,8 +83,8 @@ def grunwald_letnikov(values: npt.ArrayLike, step: float, order: float) -> Array
     values: shape (n,) or (n, channels), sampled at t_k = k step.  step: sampling step, > 0.
     order: in [-1, 1]; a negative order integrates.  Order 0 returns `values`.
 
-    Returns the shape of `values`.  Approximates the Riemann-Liouville derivative of a signal that is zero before
-    t = 0, to first order in step away from t = 0 (a jump values[0] != 0 shows as the t^(-order) it causes).
+    Returns the shape of `values`.  Approximates the Riemann-Liouville derivative of a signal that is zero
+    before t = 0, to first order in step away from t = 0 (a jump values[0] != 0 adds its t^(-order)).
     Raises ValueError for empty or non-finite values, step <= 0 or order outside [-1, 1].
     """
     values = _record(values, "values")
@@ -96,13 +95,14 @@ def grunwald_letnikov(values: npt.ArrayLike, step: float, order: float) -> Array
     if order == 0.0:
         return values.copy()
     if order == 1.0:
-        return np.diff(values, axis=0, prepend=0.0) / step
+        difference: Array = np.diff(values, axis=0, prepend=0.0)
+        return difference / step
     if order == -1.0:
         return np.cumsum(values, axis=0) * step
     # (-1)^k binom(order, k) by its ratio of neighbours, 1 - (order + 1)/k.
     factors = 1.0 - (order + 1.0) / np.arange(1, len(values))
     coefficients = np.concatenate([[1.0], np.cumprod(factors)])
-    return _causal_sum([(coefficients, values)]) * step**-order
+    return _causal_sum([(coefficients, values)]) * math.pow(step, -order)
 
 
 class _Moments:
@@ -125,7 +125,7 @@ class _Moments:
         return np.concatenate([[nearest], farther])[: self._count]
 
 
-def _history(terms: Iterable[tuple[Array, Array]], shape: tuple[int, ...]) -> Array:
+def _history(terms: Sequence[tuple[Array, Array]], shape: tuple[int, ...]) -> Array:
     """Sum over the intervals before each sample; nothing lies before the first sample."""
     result = np.zeros(shape)
     if shape[0] > 1:
@@ -133,15 +133,19 @@ def _history(terms: Iterable[tuple[Array, Array]], shape: tuple[int, ...]) -> Ar
     return result
 
 
-def _causal_sum(terms: Iterable[tuple[Array, Array]]) -> Array:
-    """sum over the terms of sum_m kernel[m] data[n - m], kernel (n,), data (n,) or (n, channels), by one FFT pair."""
-    spectrum: npt.NDArray[np.complex128] | float = 0.0
-    for kernel, data in terms:
-        count = len(data)
-        length = next_fast_len(2 * count, real=True)
-        spread = kernel.reshape(-1, *([1] * (data.ndim - 1)))
-        spectrum = spectrum + rfft(spread, length, axis=0) * rfft(data, length, axis=0)
-    return np.asarray(irfft(spectrum, length, axis=0)[:count])
+def _causal_sum(terms: Sequence[tuple[Array, Array]]) -> Array:
+    """Sum over the terms of sum_m kernel[m] data[n - m]; kernel (n,), data (n,) or (n, channels).
+
+    The terms are added as spectra (zero-padded against wrap-around), so that one inverse FFT serves them all.
+    """
+    count = len(terms[0][1])
+    length = next_fast_len(2 * count, real=True)
+    spectrum = sum(
+        rfft(kernel.reshape(-1, *[1] * (data.ndim - 1)), length, axis=0) * rfft(data, length, axis=0)
+        for kernel, data in terms
+    )
+    result: Array = irfft(np.asarray(spectrum), length, axis=0)[:count]
+    return result
 
 
 def _record(samples: npt.ArrayLike, name: str) -> Array:

@@ -36,8 +36,12 @@ def rmse(run: xr.Dataset, window: Window = (None, None)) -> xr.DataArray:
 
 def settling_time(run: xr.Dataset, bound: float = 0.01) -> xr.DataArray:
     """Time after which ‖e‖ stays within `bound` (unit of position); NaN if it never does."""
-    size = np.sqrt((run["error"] ** 2).sum("axis", skipna=False))
-    return _settled(size <= bound, run["time"])
+    return _settled(_size(run["error"]) <= bound, run["time"])
+
+
+def surface_settling_time(run: xr.Dataset, bound: float = 0.06) -> xr.DataArray:
+    """Time after which ‖s‖ stays within `bound` (unit of velocity); NaN if it never does."""
+    return _settled(_size(run["surface"]) <= bound, run["time"])
 
 
 def chattering(run: xr.Dataset, window: Window = STEADY) -> xr.DataArray:
@@ -104,7 +108,11 @@ def lyapunov(run: xr.Dataset, bounds: tuple[float, float, float]) -> xr.DataArra
 
 
 def summary(
-    run: xr.Dataset, transient: float = 10.0, error_bound: float = 0.01, rate_tolerance: float = 0.1
+    run: xr.Dataset,
+    transient: float = 10.0,
+    error_bound: float = 0.01,
+    surface_bound: float = 0.06,
+    rate_tolerance: float = 0.1,
 ) -> xr.Dataset:
     """All of the above as one row, under the names that `simulate_many(..., metrics_only=True)` uses."""
     early, late = (None, transient), (transient, None)
@@ -116,6 +124,7 @@ def summary(
         {
             "rmse": xr.concat(errors, dim="window").assign_coords(window=list(windows)),
             "error_settling_time": settling_time(run, error_bound),
+            "surface_settling_time": surface_settling_time(run, surface_bound),
             "chattering": chattering(run, late),
             "effort": effort(run),
             "rate_error": off.isel(time=-1, drop=True),
@@ -129,6 +138,10 @@ def summary(
             "largest_force": abs(run["control"]).max(["time", "axis"]),
         }
     )
+
+
+def _size(values: xr.DataArray) -> xr.DataArray:
+    return np.sqrt((values**2).sum("axis", skipna=False))
 
 
 def _rms(values: xr.DataArray) -> xr.DataArray:

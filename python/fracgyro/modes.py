@@ -24,6 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dtpqrt
 from scipy.special import ellipj, ellipkm1, gamma, gammaln, jv
 
 Vector = npt.NDArray[np.float64]
@@ -67,13 +68,13 @@ def design(order: float, shortest: float, longest: float, tolerance: float) -> M
 
     Results are cached and deterministic.  The design depends on longest/shortest alone; the unit of time
     scales it: rates ~ 1/shortest, weights ~ shortest^(-order).  Raises ValueError for arguments outside the
-    ranges above.
+    ranges above (ArithmeticError if no modes were found; no such arguments are known).
     """
     order, shortest, longest, tolerance = map(float, (order, shortest, longest, tolerance))
     _check(order, shortest, longest, tolerance)
     span = math.log1p((longest - shortest) / shortest)
-    # Minimax errors are log(error) = log(order) + 0.65 + 1.5 order - decay * count to within about 0.5 (a fit);
-    # the decay is that of the Zolotarev problem for wide ranges, of polynomial interpolation for narrow ones.
+    # Minimax errors are log(error) = log(order) + 0.65 + 1.5 order - decay * count, to within 0.5 or so (a
+    # fit); the decay is Zolotarev's for wide ranges, that of polynomial interpolation for narrow ones.
     decay = max(math.pi**2 / (_quarter_period(span) + 0.25), 2.0 * math.log(8.0 / span))
     count = math.ceil((math.log(order / tolerance) + 0.65 + 1.5 * order) / decay)
     count = max(count, 1)
@@ -81,7 +82,7 @@ def design(order: float, shortest: float, longest: float, tolerance: float) -> M
     while best[2] > tolerance:
         count += 1
         if count > 100:
-            raise ArithmeticError(f"no certified set of modes found for order {order}, ratio {longest / shortest}")
+            raise ArithmeticError(f"no modes found for order {order}, range {shortest} to {longest}")
         best = _certified(order, span, count)
     while count > 1 and best[2] * math.exp(0.8 * decay) <= tolerance:  # one mode fewer might do: try it
         fewer = _certified(order, span, count - 1)
@@ -103,11 +104,11 @@ def _check(order: float, shortest: float, longest: float, tolerance: float) -> N
     if not shortest < longest < math.inf:
         raise ValueError(f"longest must be finite and greater than shortest = {shortest}, got {longest}")
     if not longest <= LARGEST_RATIO * shortest:
-        raise ValueError(f"longest must be at most {LARGEST_RATIO:g} times shortest = {shortest}, got {longest}")
+        limit = f"{LARGEST_RATIO:g} times shortest = {shortest}"
+        raise ValueError(f"longest must be at most {limit}, got {longest}")
     if not SMALLEST_TOLERANCE <= tolerance <= LARGEST_TOLERANCE:
-        raise ValueError(
-            f"tolerance must lie in [{SMALLEST_TOLERANCE:g}, {LARGEST_TOLERANCE:g}], got {tolerance}"
-        )
+        limits = f"[{SMALLEST_TOLERANCE:g}, {LARGEST_TOLERANCE:g}]"
+        raise ValueError(f"tolerance must lie in {limits}, got {tolerance}")
 
 
 # Below, time runs over [1, R]; x = log t in [0, span], span = log R; the kernel is t^(-order), so that
@@ -133,14 +134,15 @@ def _alternation_times(span: float, count: int) -> Vector:
     argument = _quarter_period(span) / (2 * count) * np.arange(count)
     sn = ellipj(argument, -deficit)[0]
     below_longest = -0.5 * np.log1p(deficit * sn * sn)
-    return np.concatenate([below_longest, [0.5 * span], span - below_longest[::-1]])
+    times: Vector = np.concatenate([below_longest, [0.5 * span], span - below_longest[::-1]])
+    return times
 
 
 def _bessel_zeros(order: float, count: int) -> Vector:
     """First zeros of J_(order-1): McMahon's expansion (DLMF 10.21.19), the first by series, then Newton."""
     mu = 4.0 * (order - 1.0) ** 2
     beta = (np.arange(1, count + 1) + 0.5 * order - 0.75) * np.pi
-    zeros = beta - (mu - 1) / (8 * beta) - 4 * (mu - 1) * (7 * mu - 31) / (3 * (8 * beta) ** 3)
+    zeros: Vector = beta - (mu - 1) / (8 * beta) - 4 * (mu - 1) * (7 * mu - 31) / (3 * (8 * beta) ** 3)
     zeros[0] = math.sqrt(4 * order * (1 + order / 2 - order**2 / 12))
     for _ in range(5):
         bessel = jv(order, zeros)
@@ -200,9 +202,10 @@ def _level(
         if size <= max(1e-2 * abs(level), 1e-15):
             break
         jacobian = np.hstack([terms, -terms * decay, -signs[:, None]])
-        damping = np.eye(2 * count, 2 * count + 2) * (1e-2 * size)
-        # Least squares by QR of [J, -residual; damping, 0]: not normal equations, which square the condition.
-        triangle = np.linalg.qr(np.vstack([np.column_stack([jacobian, -residual]), damping]), mode="r")
+        # Least squares by QR of [damping, 0; J, -residual]: not normal equations, which square the condition.
+        # dtpqrt knows the damping's zeros, and its blocks of 8 stay too small for BLAS to start threads.
+        damping = np.diag(np.append(np.full(2 * count, 1e-2 * size), [0.0, 0.0]))
+        triangle = dtpqrt(0, min(8, len(damping)), damping, np.column_stack([jacobian, -residual]))[0]
         step = solve_triangular(triangle[: 2 * count + 1, :-1], triangle[: 2 * count + 1, -1])
         step *= min(1.0, 1.0 / max(np.abs(step[:-1]).max(), 1e-300))  # at most a factor e per step
         log_weights = log_weights + step[:count]
@@ -250,10 +253,10 @@ def _extrema(
     return np.concatenate([log_times[:1], vertex, log_times[-1:]]), highest, float(levels.min())
 
 
-# The bound of `_certify`.  The relative error e(x) = e^(order x) sum_j w_j exp(-s_j e^x) - 1 is analytic in x.
-# Cut [0, span] into intervals of half-width d around c and take the ellipse with foci c -/+ d and imaginary
-# semi-axis psi < pi/2.  Its real semi-axis is A = sqrt(psi^2 + d^2), the sum of the two in units of d is
-# rho = (psi + A)/d, and on it |e^(order x)| <= e^(order (c+A)) and Re e^x >= e^(c-A) cos(psi), so that
+# The bound of `_certify`.  The relative error e(x) = e^(order x) sum_j w_j exp(-s_j e^x) - 1 is analytic in
+# x = log t.  Cut [0, span] into intervals of half-width d around c and take the ellipse with foci c -/+ d and
+# imaginary semi-axis psi < pi/2.  Its real semi-axis is A = sqrt(psi^2 + d^2), the sum of the two in units of
+# d is rho = (psi + A)/d, and on it |e^(order x)| <= e^(order (c+A)) and Re e^x >= e^(c-A) cos(psi), so that
 #     |e| <= M = 1 + e^(order (c+A)) sum_j w_j exp(-s_j e^(c-A) cos psi).
 # The Chebyshev series of e cut after degree n is a polynomial p with
 #     |e - p| <= delta = 2 M rho^-n / (rho - 1)                     (Trefethen, ATAP, theorem 8.2).
@@ -262,8 +265,8 @@ def _extrema(
 # With |p(x_k)| <= |e(x_k)| + delta, the maximum of |e| on the interval is at most
 #     (max_k |e(x_k)| + delta) / cos(n pi / 2N) + delta.
 # Rounding, in units of 2^-52: a sample time is off by at most 32 relatively, which changes a term by
-# 32 (order + s_j t); power, exponential (argument error s_j t), products and the final scaling of a
-# rate and a weight by `design` (16 more) and the sum over the modes give at most count + 64 + 64 s_j t.
+# 32 (order + s_j t); power, exponential (argument error s_j t), products and the final scaling of a rate and
+# a weight by `design` (16 more) and the sum over the modes give at most count + 64 + 64 s_j t.
 
 
 def _certify(weights: Vector, rates: Vector, order: float, span: float) -> float:

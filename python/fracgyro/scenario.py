@@ -10,7 +10,6 @@ import hashlib
 import os
 import textwrap
 import tomllib
-import uuid
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal, Self
@@ -19,6 +18,7 @@ import numpy as np
 from pydantic import BaseModel, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
+from .files import whole_file
 from .tables import (
     ERRATA_SWITCHES,
     HOLD_TOLERANCE,
@@ -94,20 +94,11 @@ class Scenario(Table):
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """All or nothing: neither a reader nor a crash meets half a file."""
-        scratch = None
         try:
-            target = Path(os.path.realpath(path))
-            scratch = target.with_name(f".{uuid.uuid4().hex}.tmp")
-            with open(scratch, "x", encoding="utf-8", newline="\n") as file:
-                file.write(self.to_toml())
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(scratch, target)
-        except (OSError, ValueError) as error:
-            raise ScenarioError(f"{path} cannot be written: {_reason(error)}") from None
-        finally:
-            if scratch is not None and scratch.exists():
-                scratch.unlink()
+            with whole_file(path) as scratch:
+                scratch.write_text(self.to_toml(), encoding="utf-8", newline="\n")
+        except ValueError as error:
+            raise ScenarioError(str(error)) from None
 
     @classmethod
     def from_toml(cls, text: str, *, source: str = "the text") -> Scenario:

@@ -83,6 +83,7 @@ def simulate_many(
     metrics_only: bool = False,
     transient: float = 10.0,
     error_bound: float = 0.01,
+    surface_bound: float = 0.06,
     rate_tolerance: float = 0.1,
     progress: Callable[[int], object] | None = None,
 ) -> xr.Dataset:
@@ -90,8 +91,7 @@ def simulate_many(
 
     Without `metrics_only`: the variables of `simulate` with a leading `run` dimension; all scenarios must then
     share run.duration, run.step, run.record_every and run.units. With it: the metrics of each run (see
-    `fracgyro.metrics.summary`, whose parameters `transient`, `error_bound`, `rate_tolerance` are), nondimensional,
-    in memory that does not grow with the length of the runs.
+    `fracgyro.metrics.summary`, whose parameters `transient` to `rate_tolerance` are), nondimensional, in memory that does not grow with the length of the runs.
     A run that diverges holds NaN from then on, and `diverged_at` (NaN for the others) says when.
     `progress` is called with the number of runs finished since the last call.
     Raises ValueError when `scenarios` is empty or, without `metrics_only`, they do not match.
@@ -102,7 +102,14 @@ def simulate_many(
     if not metrics_only:
         _check_alike(scenarios)
     params = _core.MetricsParams()
-    params.transient, params.error_bound, params.rate_tolerance = transient, error_bound, rate_tolerance
+    thresholds = {
+        "transient": transient,
+        "error_bound": error_bound,
+        "surface_bound": surface_bound,
+        "rate_tolerance": rate_tolerance,
+    }
+    for name, value in thresholds.items():
+        setattr(params, name, value)
     threads = threads_available()
     parts, lasted = [], []
     for begin in range(0, len(scenarios), CHUNK):
@@ -117,7 +124,7 @@ def simulate_many(
             progress(len(setups))
     whole = parts[0] if len(parts) == 1 else np.concatenate(parts)
     if metrics_only:
-        return _metrics_dataset(whole, scenarios, transient, error_bound, rate_tolerance)
+        return _metrics_dataset(whole, thresholds)
     run = _dataset(whole, first)
     samples = np.concatenate(lasted)
     time = np.where(samples > first.run.steps, np.nan, samples * first.run.step)
@@ -171,13 +178,7 @@ def _dataset(rows: np.ndarray, scenario: Scenario) -> xr.Dataset:
     )
 
 
-def _metrics_dataset(
-    values: np.ndarray,
-    scenarios: Sequence[Scenario],
-    transient: float,
-    error_bound: float,
-    rate_tolerance: float,
-) -> xr.Dataset:
+def _metrics_dataset(values: np.ndarray, thresholds: dict[str, float]) -> xr.Dataset:
     by_name = dict(zip(_core.metric_names, values.T, strict=True))
     windows = ["whole", "transient", "steady"]
     rmse = np.stack([[by_name.pop(f"rmse_{w}_{a}") for a in AXES] for w in windows])
@@ -189,11 +190,5 @@ def _metrics_dataset(
     return xr.Dataset(
         {**grouped, **{name: ("run", column) for name, column in by_name.items()}},
         coords={"window": windows, "axis": AXES, "bound": COORDINATES["bound"]},
-        attrs={
-            "version": version("fracgyro"),
-            "units": "nondimensional",
-            "transient": transient,
-            "error_bound": error_bound,
-            "rate_tolerance": rate_tolerance,
-        },
+        attrs={"version": version("fracgyro"), "units": "nondimensional", **thresholds},
     )

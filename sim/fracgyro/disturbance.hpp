@@ -49,8 +49,8 @@ inline Vec2<float> normal_pair(std::uint32_t first, std::uint32_t second) {
     return {radius * angle.cosine, radius * angle.sine};
 }
 
-// Standard normals of the holds 2·first_block, 2·first_block + 1, …: every block of four words serves two holds. The loops
-// are over independent entries, so that the compiler can use vector registers.
+// Standard normals of the holds 2·first_block, 2·first_block + 1, …: every block of four words serves two holds. The
+// loops are over independent entries, so that the compiler can use vector registers.
 template <std::size_t Blocks>
 std::array<Vec2<float>, 2 * Blocks> normals(std::uint64_t seed, std::uint64_t first_block) {
     std::array<PhiloxBlock, Blocks> words{};
@@ -67,8 +67,7 @@ std::array<Vec2<float>, 2 * Blocks> normals(std::uint64_t seed, std::uint64_t fi
 }
 
 // Writes d for the steps first, first+1, … .
-inline void fill_disturbance(const DisturbanceParams& p, double step, std::int64_t first,
-                             std::span<Vec2<double>> out) {
+inline void fill_disturbance(const DisturbanceParams& p, double step, std::int64_t first, std::span<Vec2<double>> out) {
     switch (p.kind) {
         case DisturbanceKind::none:
             for (auto& d : out) {

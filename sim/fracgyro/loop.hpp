@@ -52,9 +52,9 @@ std::int64_t run_loop(const Setup& setup, Observe&& observe) {
             return n;
         }
         const Vec2<T> disturbance{T(disturbances[place].x), T(disturbances[place].y)};
-        const Signals<T> signals = Controller::step(state, controller, motion);            // 1 to 5
+        const Signals<T> signals = Controller::step(state, controller, motion);  // 1 to 5
         observe(Snapshot<T>{.step = n, .motion = motion, .signals = signals, .disturbance = disturbance});
-        Plant<T>::step(motion, plant, signals.force + disturbance);                        // 6
+        Plant<T>::step(motion, plant, signals.force + disturbance);  // 6
     }
     return setup.steps + 1;
 }

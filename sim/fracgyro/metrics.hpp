@@ -1,5 +1,5 @@
-// Metrics of one run gathered while it runs, in constant memory. python/fracgyro/metrics.py defines the same quantities on
-// recorded runs; a test compares the two.
+// Metrics of one run gathered while it runs, in constant memory. python/fracgyro/metrics.py defines the same quantities
+// on recorded runs; a test compares the two.
 #pragma once
 
 #include "loop.hpp"
@@ -7,18 +7,18 @@
 namespace fracgyro {
 
 struct MetricsParams {
-    double transient = 10.0;       // end of the transient window
-    double error_bound = 0.01;     // ‖e‖ below which the error counts as settled
-    double rate_tolerance = 0.1;   // |Ω̂z - Ωz| / |Ωz| below which the rate counts as settled
+    double transient = 10.0;      // end of the transient window
+    double error_bound = 0.01;    // ‖e‖ below which the error counts as settled
+    double surface_bound = 0.06;  // ‖s‖ below which the surface counts as reached
+    double rate_tolerance = 0.1;  // |Ω̂z - Ωz| / |Ωz| below which the rate counts as settled
 };
 
-inline constexpr std::array<std::string_view, 23> metric_names{
-    "rmse_whole_x",      "rmse_whole_y",       "rmse_transient_x",       "rmse_transient_y",
-    "rmse_steady_x",     "rmse_steady_y",      "error_settling_time",    "chattering_x",
-    "chattering_y",      "effort_x",           "effort_y",               "rate_error",
-    "rate_error_rms",    "rate_error_peak",    "rate_settling_time",     "damping_error",
-    "stiffness_error",   "bound_0",            "bound_1",                "bound_2",
-    "bound_0_halfway",   "largest_force",      "diverged_at"};
+inline constexpr std::array<std::string_view, 24> metric_names{
+    "rmse_whole_x",    "rmse_whole_y",        "rmse_transient_x", "rmse_transient_y", "rmse_steady_x",
+    "rmse_steady_y",   "error_settling_time", "surface_settling_time", "chattering_x",     "chattering_y",     "effort_x",
+    "effort_y",        "rate_error",          "rate_error_rms",   "rate_error_peak",  "rate_settling_time",
+    "damping_error",   "stiffness_error",     "bound_0",          "bound_1",          "bound_2",
+    "bound_0_halfway", "largest_force",       "diverged_at"};
 
 class MetricsAccumulator {
 public:
@@ -39,6 +39,10 @@ public:
         window.add(squares);
         if (!(squares.x + squares.y <= params_.error_bound * params_.error_bound)) {
             error_outside_ = at.step;
+        }
+        const Vec2<double> surface = vec(at.signals.surface);
+        if (!(norm(surface) <= params_.surface_bound)) {
+            surface_outside_ = at.step;
         }
         const double rate = static_cast<double>(at.signals.estimates.rate);
         const double off = absolute(rate - setup_.plant.rate);
@@ -94,6 +98,7 @@ public:
                 steady.x,
                 steady.y,
                 settled(error_outside_),
+                settled(surface_outside_),
                 ratio(bend_.x, steady_force_.x),
                 ratio(bend_.y, steady_force_.y),
                 effort.x,
@@ -137,7 +142,7 @@ private:
     Window transient_{}, steady_{};
     Vec2<double> force_{}, steady_force_{}, bend_{};
     std::array<Vec2<double>, 2> past_{};
-    std::int64_t error_outside_ = -1, rate_outside_ = -1, last_step_ = -1;
+    std::int64_t error_outside_ = -1, surface_outside_ = -1, rate_outside_ = -1, last_step_ = -1;
     double peak_rate_error_ = 0.0, rate_squares_ = 0.0, largest_force_ = 0.0, bound_halfway_ = 0.0;
     double last_rate_ = 0.0;
     Sym2<double> last_damping_{}, last_stiffness_{};
@@ -148,8 +153,7 @@ template <Scalar T>
 std::array<double, metric_names.size()> measure(const Setup& setup, const MetricsParams& params) {
     MetricsAccumulator metrics(params, setup);
     std::int64_t samples = 0;
-    with_controller<T>(setup.kind,
-                       [&]<class Controller>() { samples = run_loop<Controller>(setup, metrics); });
+    with_controller<T>(setup.kind, [&]<class Controller>() { samples = run_loop<Controller>(setup, metrics); });
     return metrics.values(samples);
 }
 

@@ -1,6 +1,6 @@
-// Marks a function of which one copy is compiled for processors with AVX2 and one for all others; the right one is chosen
-// when the program starts. Contraction is off, so both compute the same bits. Everything the function calls is inlined into
-// it, since only then is that compiled for the same processor.
+// Marks a function of which one copy is compiled for processors with AVX2 and one for all others; the right one is
+// chosen when the program starts. Contraction is off, so both compute the same bits. Everything the function calls is
+// inlined into it, since only then is that compiled for the same processor.
 #pragma once
 
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && defined(__linux__) && !defined(__AVX2__) && \

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fracgyro.scenario import ERRATA_SWITCHES, Scenario, ScenarioError, Symmetric, _paths
+from fracgyro.scenario import Scenario, ScenarioError, _paths
+from fracgyro.tables import ERRATA_SWITCHES, Symmetric
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
@@ -490,10 +491,10 @@ def test_a_save_that_fails_keeps_the_old_file_and_leaves_no_other(
     path = tmp_path / "my.toml"
     PAPER.save(path)
 
-    def full(descriptor: int) -> None:
+    def full(source: object, target: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(os, "fsync", full)
+    monkeypatch.setattr(os, "replace", full)
     with pytest.raises(ScenarioError, match=r"my\.toml cannot be written: No space left on device$"):
         Scenario.paper("printed").save(path)
     assert Scenario.load(path) == PAPER and list(tmp_path.iterdir()) == [path]

@@ -1,0 +1,39 @@
+"""Writing files whole: a reader, a crash or an interrupt never meets half a file."""
+
+from __future__ import annotations
+
+import os
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+@contextmanager
+def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """A scratch path beside `path`, moved there when the block ends without an error and removed otherwise.
+
+    Raises ValueError in one sentence when it cannot be written.
+    """
+    target = Path(os.path.realpath(path))
+    scratch = target.with_name(f".{uuid.uuid4().hex}{target.suffix}")
+    try:
+        yield scratch
+        os.replace(scratch, target)
+    except OSError as error:
+        raise ValueError(f"{path} cannot be written: {error.strerror or error}") from None
+    finally:
+        scratch.unlink(missing_ok=True)
+
+
+def writable_folder(path: str | os.PathLike[str]) -> Path:
+    """The folder, made if need be. Raises ValueError in one sentence when it cannot be written to."""
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with whole_file(folder / "probe") as probe:
+            probe.touch()
+        (folder / "probe").unlink()
+    except OSError as error:
+        raise ValueError(f"{path} cannot be made: {error.strerror or error}") from None
+    return folder
