@@ -9,6 +9,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 
+def reason(error: OSError) -> str:
+    """In the system's few words; libraries put whole paragraphs into strerror."""
+    return os.strerror(error.errno) if error.errno else str(error)
+
+
 @contextmanager
 def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     """A scratch path beside `path`, moved there when the block ends without an error and removed otherwise.
@@ -21,7 +26,7 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
         yield scratch
         os.replace(scratch, target)
     except OSError as error:
-        raise ValueError(f"{path} cannot be written: {error.strerror or error}") from None
+        raise ValueError(f"{path} cannot be written: {reason(error)}") from None
     finally:
         scratch.unlink(missing_ok=True)
 
@@ -35,5 +40,5 @@ def writable_folder(path: str | os.PathLike[str]) -> Path:
             probe.touch()
         (folder / "probe").unlink()
     except OSError as error:
-        raise ValueError(f"{path} cannot be made: {error.strerror or error}") from None
+        raise ValueError(f"{path} cannot be made: {reason(error)}") from None
     return folder

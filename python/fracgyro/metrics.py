@@ -6,8 +6,11 @@ compares the two.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from .scenario import Scenario
 
@@ -17,16 +20,10 @@ STEADY: Window = (10.0, None)
 
 def cut(run: xr.Dataset, window: Window) -> xr.Dataset:
     """The samples with window[0] <= t < window[1]; None is open. Raises ValueError if there are none."""
-    start, end = window
-    time = run["time"]
-    inside = xr.ones_like(time, dtype=bool)
-    if start is not None:
-        inside &= time >= start
-    if end is not None:
-        inside &= time < end
-    if not bool(inside.any()):
+    inside = _inside(run, window)
+    if not inside.any():
         raise ValueError(f"window is {window}: the run has no sample in it")
-    return run.isel(time=np.flatnonzero(inside.values))
+    return run.isel(time=np.flatnonzero(inside))
 
 
 def rmse(run: xr.Dataset, window: Window = (None, None)) -> xr.DataArray:
@@ -116,19 +113,21 @@ def summary(
 ) -> xr.Dataset:
     """All of the above as one row, under the names that `simulate_many(..., metrics_only=True)` uses."""
     early, late = (None, transient), (transient, None)
-    windows = {"whole": (None, None), "transient": early, "steady": late}
-    errors = [rmse(run, window) for window in windows.values()]
+    windows: dict[str, Window] = {"whole": (None, None), "transient": early, "steady": late}
     off = rate_error(run)
+    run = run.assign(off=off)
     half = 0.5 * float(run["time"][-1])
     return xr.Dataset(
         {
-            "rmse": xr.concat(errors, dim="window").assign_coords(window=list(windows)),
+            "rmse": xr.concat([_or_nan(rmse, run, w) for w in windows.values()], dim="window").assign_coords(
+                window=list(windows)
+            ),
             "error_settling_time": settling_time(run, error_bound),
             "surface_settling_time": surface_settling_time(run, surface_bound),
-            "chattering": chattering(run, late),
+            "chattering": _or_nan(chattering, run, late),
             "effort": effort(run),
             "rate_error": off.isel(time=-1, drop=True),
-            "rate_error_rms": _rms(cut(off.to_dataset(name="off"), late)["off"]),
+            "rate_error_rms": _or_nan(lambda r, w: _rms(cut(r, w)["off"]), run, late),
             "rate_error_peak": abs(off).max("time"),
             "rate_settling_time": rate_settling_time(run, rate_tolerance),
             "damping_error": damping_error(run).isel(time=-1, drop=True),
@@ -138,6 +137,17 @@ def summary(
             "largest_force": abs(run["control"]).max(["time", "axis"]),
         }
     )
+
+
+def _or_nan(metric: Callable[[xr.Dataset, Window], xr.DataArray], run: xr.Dataset, window: Window) -> xr.DataArray:
+    """The metric, NaN where the run has no sample in the window."""
+    return metric(run, window) if _inside(run, window).any() else metric(run, (None, None)) * np.nan
+
+
+def _inside(run: xr.Dataset, window: Window) -> NDArray[np.bool_]:
+    start, end = window
+    time = run["time"].values
+    return (time >= (-np.inf if start is None else start)) & (time < (np.inf if end is None else end))
 
 
 def _size(values: xr.DataArray) -> xr.DataArray:

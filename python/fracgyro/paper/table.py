@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import csv
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
 
 from ..files import whole_file
 from .runs import ORDERS, VARIANTS, Study
@@ -45,3 +49,43 @@ def write_table(rows: list[Row], path: Path) -> None:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(Row._fields)
         writer.writerows(rows)
+
+
+def draw_table(rows: list[Row], path: Path) -> None:
+    """RMSE against order, as SVG: one panel per window, logarithmic, with confidence intervals."""
+    figure = Figure(figsize=(6.7, 2.6))
+    FigureCanvasSVG(figure)
+    panels = figure.subplots(1, len(WINDOWS))
+    styles: dict[str, dict[str, Any]] = {
+        "printed": {"linestyle": "--", "marker": "s"},
+        "corrected": {"linestyle": "-", "marker": "o"},
+    }
+    colours = {"x": "#0072B2", "y": "#D55E00"}
+    for panel, window in zip(panels, WINDOWS, strict=True):
+        for variant in VARIANTS:
+            for axis in ("x", "y"):
+                line = [r for r in rows if (r.variant, r.axis, r.window) == (variant, axis, window)]
+                means = np.array([r.rmse_mean for r in line])
+                low = means - [r.rmse_ci_low for r in line]
+                panel.errorbar(
+                    [r.order for r in line],
+                    means,
+                    yerr=np.where(np.isfinite(low), low, 0.0),
+                    color=colours[axis],
+                    markersize=3,
+                    linewidth=1,
+                    label=f"{axis}, {variant}",
+                    **styles[variant],
+                )
+        panel.set_yscale("log")
+        panel.set_title(window, fontsize=9)
+        panel.set_xlabel("order α", fontsize=8)
+        panel.tick_params(labelsize=7)
+        panel.grid(True, which="both", linewidth=0.3, alpha=0.5)
+    panels[0].set_ylabel("RMSE (unit of length q₀)", fontsize=8)
+    figure.legend(
+        *panels[0].get_legend_handles_labels(), loc="lower center", ncols=4, fontsize=7.5, frameon=False
+    )
+    figure.subplots_adjust(left=0.09, right=0.99, top=0.9, bottom=0.27, wspace=0.3)
+    with whole_file(path) as scratch:
+        figure.savefig(scratch, metadata={"Date": None})

@@ -1,0 +1,172 @@
+"""The command line. Bad input ends with exit code 2 and one sentence."""
+
+from __future__ import annotations
+
+import json
+import sys
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from .scenario import Scenario
+from .simulate import DivergedError, simulate
+
+BAD_INPUT = 2
+INTERRUPTED = 130
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="fracgyro")
+def cli() -> None:
+    """A published sliding mode controller for MEMS gyroscopes: reproduced, mended, made usable."""
+
+
+@cli.command()
+@click.option("--out", default="out", show_default=True, metavar="DIR", help="Folder for the results.")
+@click.option("--seeds", type=int, metavar="N", help="Noise seeds for Table 1 and the claims.  [default: 100]")
+@click.option("--quick", is_flag=True, help="8 seeds: a look in seconds.")
+@click.option("--json", "as_json", is_flag=True, help="Print the verdicts as JSON.")
+def reproduce(out: str, seeds: int | None, quick: bool, as_json: bool) -> None:
+    """Turn the paper into a report: every figure, Table 1, a verdict on every claim."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+    from .paper import reproduce as run_all
+
+    # The bar goes to standard error: standard output holds results alone.
+    with Progress(
+        TextColumn("{task.description:<22}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TimeRemainingColumn(elapsed_when_finished=True),
+        console=Console(stderr=True),
+    ) as bar:
+        task = bar.add_task("starting")
+
+        def show(done: float, total: float, doing: str) -> None:
+            bar.update(task, completed=done, total=total, description=doing)
+
+        result = run_all(out, seeds=seeds, quick=quick, progress=show)
+    verdicts = [{"id": c.id, "variant": c.variant, "verdict": c.verdict} for c in result.claims]
+    if as_json:
+        click.echo(json.dumps({"report": str(result.report), "seconds": result.seconds, "claims": verdicts}))
+        return
+    by_claim: dict[str, dict[str, str]] = {}
+    for claim in result.claims:
+        by_claim.setdefault(f"({claim.id}) {claim.claim}", {})[claim.variant] = claim.verdict
+    for text, both in by_claim.items():
+        click.echo(f"{text}\n      as printed: {both['printed']}; as corrected: {both['corrected']}")
+    click.echo(f"\n{result.seconds:.0f} s. The report: {result.report}")
+
+
+@cli.command(name="simulate")
+@click.argument("scenario", required=False, type=click.Path(path_type=Path))
+@click.option("--set", "changes", multiple=True, metavar="FIELD=VALUE", help="As controller.order=0.8; repeatable.")
+@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="The run as NetCDF.")
+@click.option("--plot", type=click.Path(path_type=Path), metavar="FILE", help="A picture: .svg, .png or .pdf.")
+@click.option("--json", "as_json", is_flag=True, help="Print the metrics as JSON.")
+def simulate_command(
+    scenario: Path | None, changes: Sequence[str], out: Path | None, plot: Path | None, as_json: bool
+) -> None:
+    """Simulate SCENARIO (the paper's corrected one if left out) and print its metrics."""
+    from .metrics import summary
+    from .paper.reproduce import write_run
+
+    chosen = Scenario.load(scenario) if scenario else Scenario.paper()
+    chosen = chosen.replace(dict(map(_change, changes)))
+    diverged = None
+    try:
+        run = simulate(chosen)
+    except DivergedError as error:
+        run, diverged = error.run, error
+    if out:
+        write_run(run, out)
+    if plot:
+        from .plot import plot_run
+
+        plot_run(run, plot)
+    if diverged:
+        kept = f"; the samples until then are in {out}" if out else ""
+        raise click.UsageError(f"{diverged}{kept}")
+    scale = chosen.plant.scales
+    si = chosen.run.units == "SI"
+    length, velocity, time = (scale.length, scale.velocity, scale.time) if si else (1.0, 1.0, 1.0)
+    figures = summary(run, 10.0 * time, 0.01 * length, 0.06 * velocity)
+    if as_json:
+        click.echo(json.dumps({name: _plain(values) for name, values in figures.items()}))
+        return
+    _print_table(figures)
+
+
+@cli.command(name="scenario")
+@click.argument("name", type=click.Choice(["paper"]), default="paper")
+@click.option(
+    "--variant", type=click.Choice(["corrected", "printed"]), default="corrected", show_default=True, help="Reading."
+)
+def scenario_command(name: str, variant: str) -> None:
+    """Print the paper's scenario, complete and commented, to change and simulate."""
+    click.echo(Scenario.paper("printed" if variant == "printed" else "corrected").to_toml(), nl=False)
+
+
+def _change(text: str) -> tuple[str, Any]:
+    """FIELD=VALUE with VALUE in TOML; a bare word is a string, and nothing at all unsets."""
+    field, equals, value = text.partition("=")
+    if not equals:
+        raise click.UsageError(f"--set {text} has no '=': write --set field=value")
+    if not value.strip():
+        return field.strip(), None
+    try:
+        return field.strip(), tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        return field.strip(), value.strip()
+
+
+def _plain(values: Any) -> Any:
+    """Numbers that JSON can hold: NaN, which means never, becomes null."""
+    if values.ndim == 0:
+        number = float(values)
+        return number if number == number else None
+    return {str(label): _plain(values[i]) for i, label in enumerate(values[values.dims[0]].values)}
+
+
+def _print_table(figures: Any) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("metric", "value", box=None, header_style="bold", pad_edge=False)
+    for name, values in figures.items():
+        text = json.dumps(_plain(values), default=str)
+        cells = json.loads(text, parse_float=lambda number: f"{float(number):.6g}")
+        table.add_row(str(name), _words(cells))
+    Console(soft_wrap=True).print(table)
+
+
+def _words(cells: Any) -> str:
+    if cells is None:
+        return "never"
+    if not isinstance(cells, dict):
+        return str(cells)
+    nested = any(isinstance(inner, dict) for inner in cells.values())
+    parts = [f"{label}: {_words(inner)}" if nested else f"{label} {_words(inner)}" for label, inner in cells.items()]
+    return ("\n" if nested else ", ").join(parts)
+
+
+def main() -> None:
+    """Entry point: turns every foreseen failure into one sentence."""
+    try:
+        code = cli(standalone_mode=False)
+    except click.exceptions.Exit as stop:
+        code = stop.exit_code
+    except click.ClickException as error:
+        click.echo(f"fracgyro: {error.format_message()}", err=True)
+        code = BAD_INPUT
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("fracgyro: interrupted; the files written so far are complete", err=True)
+        code = INTERRUPTED
+    except ValueError as error:
+        click.echo(f"fracgyro: {error}", err=True)
+        code = BAD_INPUT
+    sys.exit(code)

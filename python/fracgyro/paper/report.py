@@ -1,0 +1,112 @@
+"""The self-contained HTML report."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from ..files import whole_file
+from .claims import Claim
+from .errata import Erratum
+from .runs import ORDERS, PAPER_ORDER, VARIANTS, Study, scenario
+from .table import WINDOWS, Row
+
+DEGREES_PER_SECOND = 180.0 / np.pi
+
+
+def write_report(
+    path: Path,
+    *,
+    claims: list[Claim],
+    rows: list[Row],
+    errata: list[Erratum],
+    study: Study,
+    captions: Mapping[int, str],
+    figures: Path,
+    version: str,
+    seconds: float,
+) -> None:
+    """Writes `path` from the results and the SVG files in the folder `figures`, which become part of it."""
+    environment = Environment(
+        loader=PackageLoader("fracgyro.paper", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True
+    )
+    corrected = scenario("corrected", "proposed")
+    by_id: dict[str, dict[str, Claim]] = {}
+    for claim in claims:
+        by_id.setdefault(claim.id, {})[claim.variant] = claim
+    steady = study["corrected", "proposed", PAPER_ORDER]["rmse"].sel(window="steady")
+    page = environment.get_template("report.html.jinja").render(
+        version=version,
+        seeds=rows[0].seeds,
+        minutes=f"computed in {seconds:.0f} s",
+        claims=list(by_id.items()),
+        tracking=float(steady.mean()),
+        sensing=_sensing(study),
+        step=f"{corrected.run.step:g}",
+        hold=f"{corrected.disturbance.hold:g}",
+        tolerance=f"{corrected.run.mode_tolerance:g}",
+        table_figure=_embedded(figures / "table1.svg"),
+        tables=[_table(variant, rows) for variant in VARIANTS],
+        errata=errata,
+        figures=[
+            {"number": n, "caption": caption, "source": _embedded(figures / f"figure{n:02d}.svg")}
+            for n, caption in captions.items()
+        ],
+        scenario=corrected.to_toml(),
+    )
+    with whole_file(path) as scratch:
+        scratch.write_text(page, encoding="utf-8")
+
+
+def _embedded(svg: Path) -> str:
+    return "data:image/svg+xml;base64," + base64.b64encode(svg.read_bytes()).decode("ascii")
+
+
+def _sensing(study: Study) -> str:
+    """The rate estimate in the terms of a gyroscope."""
+    plant = scenario("corrected", "proposed").plant
+    to_degrees = plant.scales.rate * DEGREES_PER_SECOND
+    metrics = study["corrected", "proposed", PAPER_ORDER]
+    peak = float(metrics["rate_error_peak"].median())
+    late = float(np.sqrt((metrics["rate_error"] ** 2).mean()))
+    truth = plant.angular_rate * DEGREES_PER_SECOND
+    damping = float(metrics["damping_error"].median())
+    return (
+        f"With the corrected law the estimate of the angular rate, {truth:.0f} deg/s here, is first thrown off by "
+        f"{peak * to_degrees:.2g} deg/s, {peak / plant.nondimensional()[2]:.0f} times the rate itself, and at t = 80 is "
+        f"still {late * to_degrees:.0f} deg/s off (RMS over seeds), {late / plant.nondimensional()[2]:.0%} of it; the "
+        f"damping estimate is off by {damping:.0f} times the damping. As printed, the rate estimate never moves at all. "
+        "As a gyroscope, neither is of use yet."
+    )
+
+
+def _table(variant: str, rows: list[Row]) -> tuple[str, list[str], list[tuple[float, list[tuple[str, bool]]]]]:
+    columns = [(window, axis) for window in WINDOWS for axis in ("x", "y")]
+    cells: dict[tuple[float, str, str], Row] = {(r.order, r.window, r.axis): r for r in rows if r.variant == variant}
+    body: list[tuple[float, list[tuple[str, bool]]]] = []
+    for order in ORDERS:
+        line = []
+        for window, axis in columns:
+            row = cells[order, window, axis]
+            least = min(cells[o, window, axis].rmse_mean for o in ORDERS)
+            line.append((_plus_minus(row), row.rmse_mean == least))
+        body.append((order, line))
+    return variant, [f"{axis}, {window}" for window, axis in columns], body
+
+
+def _plus_minus(row: Row) -> str:
+    half = row.rmse_mean - row.rmse_ci_low
+    exponent = int(np.floor(np.log10(row.rmse_mean)))
+    scale = 10.0**exponent
+    digits = int(np.clip(1 - np.floor(np.log10(half / scale)), 1, 5)) if np.isfinite(half) and half > 0 else 3
+    return f"({row.rmse_mean / scale:.{digits}f} ± {half / scale:.{digits}f})e{exponent:+d}"
+
+
+def jsonable(claims: list[Claim]) -> list[dict[str, Any]]:
+    """The verdicts alone, for printing."""
+    return [{"id": c.id, "variant": c.variant, "verdict": c.verdict} for c in claims]

@@ -1,0 +1,103 @@
+"""From nothing to the report."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import xarray as xr
+
+from ..files import whole_file, writable_folder
+from ..simulate import threads_available
+from . import figures
+from .claims import Claim, judge, write_claims
+from .errata import with_evidence
+from .report import write_report
+from .runs import CONTROLLERS, VARIANTS, record_all, study, study_cases
+from .table import draw_table, table, write_table
+
+SEEDS = 100
+QUICK_SEEDS = 8
+# Rough costs of the stages, in units of one simulated run, for the remaining time shown.
+RECORD_COST, FILE_COST, FIGURE_COST, JUDGE_COST = 6, 20, 60, 150
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """Where the results are, and the verdicts."""
+
+    report: Path
+    claims: list[Claim]
+    seconds: float
+
+
+def reproduce(
+    out: str | os.PathLike[str] = "out",
+    *,
+    seeds: int | None = None,
+    quick: bool = False,
+    progress: Callable[[float, float, str], object] | None = None,
+) -> Reproduction:
+    """Writes report.html, figures/, table1.csv, claims.json and runs/*.nc into the folder `out`.
+
+    `seeds`: noise seeds for Table 1 and the claims, 2 or more (100; 8 when `quick`).
+    `progress` is called with (done, total, what is being done).
+    Every file is complete or absent. Raises ValueError when `out` cannot be written or `seeds` is too small.
+    """
+    seeds = (QUICK_SEEDS if quick else SEEDS) if seeds is None else seeds
+    if seeds < 2:
+        raise ValueError(f"seeds is {seeds}: it must be at least 2, or there are no confidence intervals")
+    begin = time.perf_counter()
+    folder = writable_folder(out)
+    drawn, kept = writable_folder(folder / "figures"), writable_folder(folder / "runs")
+
+    cases = len(VARIANTS) * len(CONTROLLERS)
+    total = cases * (RECORD_COST + FILE_COST) + seeds * len(study_cases()) + JUDGE_COST
+    total += len(figures.FIGURES) * FIGURE_COST
+    done = 0.0
+
+    def advance(cost: float, doing: str) -> None:
+        nonlocal done
+        done += cost
+        if progress:
+            progress(done, total, doing)
+
+    advance(0, "recording runs")
+    runs = record_all(lambda n: advance(n * RECORD_COST, "recording runs"))
+    for (variant, controller), run in runs.items():
+        write_run(run, kept / f"{variant}_{controller}.nc")
+        advance(FILE_COST, "writing runs")
+    results = study(seeds, lambda n: advance(n, f"simulating {seeds} seeds"))
+    rows = table(results)
+    write_table(rows, folder / "table1.csv")
+    draw_table(rows, drawn / "table1.svg")
+    claims = judge(runs, results)
+    write_claims(claims, folder / "claims.json")
+    advance(JUDGE_COST, "drawing figures")
+    figures.draw_all(
+        runs, drawn, threads_available(), progress=lambda *_: advance(FIGURE_COST, "drawing figures")
+    )
+    seconds = time.perf_counter() - begin
+    report = folder / "report.html"
+    write_report(
+        report,
+        claims=claims,
+        rows=rows,
+        errata=with_evidence(runs),
+        study=results,
+        captions={number: spec.caption for number, spec in figures.FIGURES.items()},
+        figures=drawn,
+        version=version("fracgyro"),
+        seconds=seconds,
+    )
+    return Reproduction(report, claims, seconds)
+
+
+def write_run(run: xr.Dataset, path: Path) -> None:
+    """As NetCDF-4."""
+    with whole_file(path) as scratch:
+        run.to_netcdf(scratch, engine="h5netcdf")
