@@ -11,6 +11,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <type_traits>
 
 namespace fracgyro {
 
@@ -157,6 +158,10 @@ struct Bits<float> {
     static constexpr float ln2_high = 0x1.62e4p-1F, ln2_low = 0x1.7f7d1cp-20F;
 };
 
+// The built-in type that constants of T are kept in.
+template <class T>
+using Built = std::conditional_t<std::same_as<T, float>, float, double>;
+
 template <class T, int Terms, class Function>
 consteval std::array<T, Terms> table(Function coefficient) {
     std::array<T, Terms> values{};
@@ -175,11 +180,11 @@ constexpr double inverse_factorial(int n) {
 // ±1/n!, with the sign that n has in the series of sine and cosine.
 constexpr double series_term(int n) { return n / 2 % 2 == 0 ? inverse_factorial(n) : -inverse_factorial(n); }
 // c0 + x (c1 + x (c2 + …))
-template <Scalar T, std::size_t Terms>
-constexpr T horner(const std::array<T, Terms>& c, T x) {
-    T sum = c[Terms - 1];
+template <class Number, std::size_t Terms, Scalar T>
+constexpr T horner(const std::array<Number, Terms>& c, T x) {
+    T sum = T(c[Terms - 1]);
     for (std::size_t k = Terms - 1; k-- > 0;) {
-        sum = sum * x + c[k];
+        sum = sum * x + T(c[k]);
     }
     return sum;
 }
@@ -266,36 +271,31 @@ struct SineCosine {
     T sine{}, cosine{};
 };
 
-// Sine and cosine of an angle given in turns as a 64-bit fraction: `phase` / 2^64 of a turn. Integer phase wraps
-// exactly, so a reference that runs for ever neither drifts nor loses precision, in any scalar type.
-template <Scalar T>
-SineCosine<T> sine_cosine(std::uint64_t phase) {
-    const std::uint64_t quadrant = (phase + (std::uint64_t{1} << 61)) >> 62;
-    const auto remainder = static_cast<std::int64_t>(phase - (quadrant << 62));  // within an eighth of a turn
-    constexpr double turn = 6.28318530717958647693;
-    T x{};
-    if constexpr (sizeof(T) == sizeof(float)) {
-        x = static_cast<T>(static_cast<std::int32_t>(remainder >> 32)) * static_cast<T>(turn / 4294967296.0);
+// Sine and cosine of `phase` turns, a fraction of 2^32 or 2^64 (Phase std::uint32_t or std::uint64_t). Integer phase
+// wraps exactly, so a reference that runs for ever neither drifts nor loses precision, in any scalar type.
+template <Scalar T, std::unsigned_integral Phase>
+[[gnu::always_inline]] inline SineCosine<T> sine_cosine(Phase phase) {
+    if constexpr (sizeof(T) == sizeof(float) && sizeof(Phase) == 8) {
+        return sine_cosine<T>(static_cast<std::uint32_t>(phase >> 32));
     } else {
-        x = T(static_cast<double>(remainder) * (turn / 18446744073709551616.0));
+        constexpr int bits = std::numeric_limits<Phase>::digits;
+        const Phase quadrant = (phase + (Phase{1} << (bits - 3))) >> (bits - 2);
+        const auto remainder = static_cast<std::make_signed_t<Phase>>(phase - (quadrant << (bits - 2)));
+        constexpr double unit = 6.28318530717958647693 / (bits == 32 ? 0x1p32 : 0x1p64);
+        const T x = T(static_cast<detail::Built<T>>(remainder) * static_cast<detail::Built<T>>(unit));
+        // Taylor series on |x| <= π/4: x - x³/3! + … and 1 - x²/2! + …
+        constexpr int terms = sizeof(T) == sizeof(float) ? 6 : 9;
+        constexpr auto of_sine = detail::table<detail::Built<T>, terms>([](int k) { return detail::series_term(2 * k + 1); });
+        constexpr auto of_cosine = detail::table<detail::Built<T>, terms>([](int k) { return detail::series_term(2 * k); });
+        const T square = x * x;
+        const T sine = x * detail::horner(of_sine, square);
+        const T cosine = detail::horner(of_cosine, square);
+        const bool swapped = (quadrant & 1U) != 0;
+        const T first = select(swapped, cosine, sine);
+        const T second = select(swapped, sine, cosine);
+        return {.sine = select((quadrant & 2U) != 0, -first, first),
+                .cosine = select(((quadrant + 1U) & 2U) != 0, -second, second)};
     }
-    // Taylor series: x - x³/3! + … and 1 - x²/2! + … on |x| <= π/4.
-    constexpr int terms = sizeof(T) == sizeof(float) ? 6 : 9;
-    static constexpr auto of_sine = detail::table<double, terms>([](int k) { return detail::series_term(2 * k + 1); });
-    static constexpr auto of_cosine = detail::table<double, terms>([](int k) { return detail::series_term(2 * k); });
-    const T square = x * x;
-    T sine = T(of_sine[terms - 1]);
-    T cosine = T(of_cosine[terms - 1]);
-    for (std::size_t k = terms - 1; k-- > 0;) {
-        sine = sine * square + T(of_sine[k]);
-        cosine = cosine * square + T(of_cosine[k]);
-    }
-    sine = x * sine;
-    const bool swapped = (quadrant & 1U) != 0;
-    const T first = select(swapped, cosine, sine);
-    const T second = select(swapped, sine, cosine);
-    return {.sine = select((quadrant & 2U) != 0, -first, first),
-            .cosine = select(((quadrant + 1U) & 2U) != 0, -second, second)};
 }
 
 }  // namespace fracgyro

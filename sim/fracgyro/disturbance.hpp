@@ -45,25 +45,27 @@ inline Vec2<float> normal_pair(std::uint32_t first, std::uint32_t second) {
     const float fraction = detail::log2_split(uniform, exponent);
     constexpr float minus_two_ln2 = -1.38629436111989061883F;
     const float radius = std::sqrt(minus_two_ln2 * (static_cast<float>(exponent) + fraction));
-    const SineCosine<float> angle = sine_cosine<float>(std::uint64_t{second} << 32);
+    const SineCosine<float> angle = sine_cosine<float>(second);
     return {radius * angle.cosine, radius * angle.sine};
 }
 
 // Standard normals of the holds 2·first_block, 2·first_block + 1, …: every block of four words serves two holds. The
 // loops are over independent entries, so that the compiler can use vector registers.
 template <std::size_t Blocks>
-std::array<Vec2<float>, 2 * Blocks> normals(std::uint64_t seed, std::uint64_t first_block) {
-    std::array<PhiloxBlock, Blocks> words{};
+void draw_normals(std::uint64_t seed, std::uint64_t first_block, std::array<Vec2<float>, 2 * Blocks>& out) {
+    std::array<std::array<std::uint32_t, 2 * Blocks>, 2> words{};
     for (std::size_t i = 0; i < Blocks; ++i) {
         const std::uint64_t block = first_block + i;
-        words[i] = philox(seed, {static_cast<std::uint32_t>(block), static_cast<std::uint32_t>(block >> 32), 0, 0});
+        const PhiloxBlock four =
+            philox(seed, {static_cast<std::uint32_t>(block), static_cast<std::uint32_t>(block >> 32), 0, 0});
+        words[0][2 * i] = four[0];
+        words[1][2 * i] = four[1];
+        words[0][2 * i + 1] = four[2];
+        words[1][2 * i + 1] = four[3];
     }
-    std::array<Vec2<float>, 2 * Blocks> out{};
-    for (std::size_t i = 0; i < Blocks; ++i) {
-        out[2 * i] = normal_pair(words[i][0], words[i][1]);
-        out[2 * i + 1] = normal_pair(words[i][2], words[i][3]);
+    for (std::size_t i = 0; i < 2 * Blocks; ++i) {
+        out[i] = normal_pair(words[0][i], words[1][i]);
     }
-    return out;
 }
 
 // Writes d for the steps first, first+1, … .
@@ -85,17 +87,25 @@ inline void fill_disturbance(const DisturbanceParams& p, double step, std::int64
             break;
     }
     constexpr std::size_t blocks = 32;
-    constexpr std::int64_t holds = 2 * blocks;
-    std::array<Vec2<float>, holds> drawn{};
-    std::int64_t drawn_from = -1;
-    for (std::size_t i = 0; i < out.size(); ++i) {
-        const std::int64_t hold = (first + static_cast<std::int64_t>(i)) / p.hold;
-        if (drawn_from < 0 || hold >= drawn_from + holds) {
-            drawn_from = hold - hold % holds;
-            drawn = normals<blocks>(p.seed, static_cast<std::uint64_t>(drawn_from) / 2);
+    std::array<Vec2<float>, 2 * blocks> drawn{};
+    std::size_t next = drawn.size();             // place in `drawn` of the coming hold
+    std::int64_t hold = first / p.hold;          // its number
+    std::int64_t left = -(first % p.hold);       // steps until it begins
+    Vec2<double> value{};
+    for (auto& d : out) {
+        if (left <= 0) {
+            if (next == drawn.size()) {
+                next = static_cast<std::size_t>(hold) % drawn.size();
+                draw_normals<blocks>(p.seed, (static_cast<std::uint64_t>(hold) - next) / 2, drawn);
+            }
+            value = p.standard_deviation *
+                    Vec2<double>{static_cast<double>(drawn[next].x), static_cast<double>(drawn[next].y)};
+            ++next;
+            ++hold;
+            left += p.hold;
         }
-        const Vec2<float> normal = drawn[static_cast<std::size_t>(hold - drawn_from)];
-        out[i] = p.standard_deviation * Vec2<double>{static_cast<double>(normal.x), static_cast<double>(normal.y)};
+        --left;
+        d = value;
     }
 }
 
