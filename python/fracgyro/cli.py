@@ -37,19 +37,23 @@ def reproduce(out: str, seeds: int | None, quick: bool, as_json: bool) -> None:
     from .paper import reproduce as run_all
 
     # The bar goes to standard error: standard output holds results alone.
-    with Progress(
+    bar = Progress(
         TextColumn("{task.description:<22}"),
         BarColumn(),
         TaskProgressColumn(),
         TimeRemainingColumn(elapsed_when_finished=True),
         console=Console(stderr=True),
-    ) as bar:
-        task = bar.add_task("starting")
+    )
+    task = bar.add_task("starting")
 
-        def show(done: float, total: float, doing: str) -> None:
-            bar.update(task, completed=done, total=total, description=doing)
+    def show(done: float, total: float, doing: str) -> None:
+        bar.start()  # now that the input has been found good; does nothing once started
+        bar.update(task, completed=done, total=total, description=doing)
 
+    try:
         result = run_all(out, seeds=seeds, quick=quick, progress=show)
+    finally:
+        bar.stop()
     verdicts = [{"id": c.id, "variant": c.variant, "verdict": c.verdict} for c in result.claims]
     if as_json:
         click.echo(json.dumps({"report": str(result.report), "seconds": result.seconds, "claims": verdicts}))
@@ -104,7 +108,11 @@ def simulate_command(
 @cli.command(name="scenario")
 @click.argument("name", type=click.Choice(["paper"]), default="paper")
 @click.option(
-    "--variant", type=click.Choice(["corrected", "printed"]), default="corrected", show_default=True, help="Reading."
+    "--variant",
+    type=click.Choice(["corrected", "printed"]),
+    default="corrected",
+    show_default=True,
+    help="Reading.",
 )
 def scenario_command(name: str, variant: str) -> None:
     """Print the paper's scenario, complete and commented, to change and simulate."""

@@ -73,7 +73,7 @@ class Controller:
     @property
     def state(self) -> bytes:
         """Everything that changes while running. Assign it to a controller of the same scenario to resume."""
-        return self._key() + self._core.state
+        return self._key() + bytes(self._core.state)
 
     @state.setter
     def state(self, saved: bytes) -> None:

@@ -42,6 +42,7 @@ def integral(
 
     Arguments and errors as for `caputo`; units of values times time^order.
     """
+    _check_order(order)
     return _apply(values, rates, step, 1.0 - order, tolerance)[0]
 
 
@@ -65,9 +66,15 @@ def riemann_liouville(
         return derivative + np.where(start == 0, 0, start * singular)
 
 
+def _check_order(order: float) -> None:
+    if not 0 <= order <= 1:
+        raise ValueError(f"order is {order}: it must lie between 0 and 1")
+
+
 def _apply(
     values: ArrayLike, rates: ArrayLike, step: float, order: float, tolerance: float
-) -> NDArray[Any]:
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """I^(1-order) of the signal and of its rate."""
     given, slopes = np.asarray(values), np.asarray(rates)
     single = given.dtype == np.float32 and slopes.dtype == np.float32
     dtype = np.float32 if single else np.float64
@@ -80,8 +87,7 @@ def _apply(
         raise ValueError("values and rates must be finite")
     if not (math.isfinite(step) and step > 0):
         raise ValueError(f"step is {step}: it must be a positive number")
-    if not 0 <= order <= 1:
-        raise ValueError(f"order is {order}: it must lie between 0 and 1")
+    _check_order(order)
     columns = (-1, 1) if given.ndim == 1 else given.shape
     modes = core_modes(order, step, len(given) * step, tolerance)
     operate = _core.apply_operator_single if single else _core.apply_operator
@@ -92,4 +98,5 @@ def _apply(
         step,
         False,
     )
-    return np.asarray(result).reshape((2, *given.shape))
+    integral_part, derivative_part = (np.asarray(part).reshape(given.shape) for part in result)
+    return integral_part, derivative_part

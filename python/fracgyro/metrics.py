@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .scenario import Scenario
 
@@ -151,11 +151,11 @@ def _inside(run: xr.Dataset, window: Window) -> NDArray[np.bool_]:
 
 
 def _size(values: xr.DataArray) -> xr.DataArray:
-    return np.sqrt((values**2).sum("axis", skipna=False))
+    return (values**2).sum("axis", skipna=False) ** 0.5
 
 
 def _rms(values: xr.DataArray) -> xr.DataArray:
-    return np.sqrt((values**2).mean("time", skipna=False))
+    return (values**2).mean("time", skipna=False) ** 0.5
 
 
 def _settled(inside: xr.DataArray, time: xr.DataArray) -> xr.DataArray:
@@ -171,7 +171,7 @@ def _settled(inside: xr.DataArray, time: xr.DataArray) -> xr.DataArray:
 def _relative(estimate: xr.DataArray, truth: xr.DataArray) -> xr.DataArray:
     weights = xr.DataArray([1.0, 2.0, 1.0], dims="entry")
     off = (weights * (estimate - truth) ** 2).sum("entry", skipna=False)
-    return np.sqrt(off / (weights * truth**2).sum("entry"))
+    return (off / (weights * truth**2).sum("entry")) ** 0.5
 
 
 def _in_units(scenario: Scenario, value: float, scale: float) -> float:
@@ -188,7 +188,7 @@ def _true_matrices(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
-def _truth(run: xr.Dataset, read, dimension: str | None = None) -> xr.DataArray:  # type: ignore[no-untyped-def]
+def _truth(run: xr.Dataset, read: Callable[[Scenario], ArrayLike], dimension: str | None = None) -> xr.DataArray:
     """`read(scenario)` of the run, or of each run of many."""
     inner = [dimension] if dimension else []
     if "scenario" in run.attrs:

@@ -230,9 +230,7 @@ def _minimax(order: float, span: float, count: int) -> tuple[Vector, Vector]:
     return best[0][ascending], best[1][ascending]
 
 
-def _extrema(
-    log_weights: Vector, log_rates: Vector, order: float, log_times: Vector
-) -> tuple[Vector, float, float]:
+def _extrema(log_weights: Vector, log_rates: Vector, order: float, log_times: Vector) -> tuple[Vector, float, float]:
     """Times of the 2n+1 extrema of the error, the greatest and the least of its levels there.
 
     The least is 0 and the times are unchanged where the error has not exactly 2n-1 interior extrema.

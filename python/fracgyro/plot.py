@@ -38,9 +38,7 @@ def plot_run(run: xr.Dataset, path: Path) -> None:
     off = np.maximum(abs(metrics.rate_error(run)), 1e-300)
     panels[3].semilogy(time[stride], off[stride], color=COLOURS[0], linewidth=0.9, label="Ωz")
     names = ("position q, reference (dotted)", "error |e|", "control force u", "error of rate estimate")
-    for panel, name, variable in zip(
-        panels, names, ("position", "error", "control", "rate_estimate"), strict=True
-    ):
+    for panel, name, variable in zip(panels, names, ("position", "error", "control", "rate_estimate"), strict=True):
         unit = f" ({run[variable].attrs['units']})" if si else ""
         panel.set_ylabel(name + unit, fontsize=8)
         panel.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)

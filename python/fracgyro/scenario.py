@@ -203,8 +203,7 @@ def _allowed(problem: ErrorDetails, metadata: list[Any]) -> str:
         words = {"ge": "at least", "gt": "greater than", "le": "at most", "lt": "less than"}
         found = {word: getattr(bound, word) for word in words for bound in metadata if hasattr(bound, word)}
         limits = {
-            word: f"{limit:g}" if isinstance(limit, float) else limit
-            for word, limit in (found or context).items()
+            word: f"{limit:g}" if isinstance(limit, float) else limit for word, limit in (found or context).items()
         }
         if len(limits) == 2:
             low, high = limits.values()

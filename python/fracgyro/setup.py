@@ -100,9 +100,7 @@ def disturbance_params(scenario: Scenario) -> _core.DisturbanceParams:
     if d.kind == "noise":
         params.hold = round(hold / scenario.run.step)
         # White noise of density S, held for h, has variance S/h.
-        params.standard_deviation = (
-            math.sqrt(d.density / hold) if d.density is not None else d.standard_deviation
-        )
+        params.standard_deviation = math.sqrt(d.density / hold) if d.density is not None else d.standard_deviation
     params.seed = d.seed
     params.amplitude, params.frequency, params.phase = d.amplitude, d.frequency, d.phase
     return params

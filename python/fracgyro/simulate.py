@@ -89,10 +89,12 @@ def simulate_many(
 ) -> xr.Dataset:
     """Many runs on all processors.
 
-    Without `metrics_only`: the variables of `simulate` with a leading `run` dimension; all scenarios must then
-    share run.duration, run.step, run.record_every and run.units. With it: the metrics of each run (see
-    `fracgyro.metrics.summary`, whose parameters `transient` to `rate_tolerance` are), nondimensional, in memory that does not grow with the length of the runs.
-    A run that diverges holds NaN from then on, and `diverged_at` (NaN for the others) says when.
+    Without `metrics_only`: the variables of `simulate` with a leading `run` dimension; all scenarios must then share
+    run.duration, run.step, run.record_every and run.units. A run that diverges holds NaN from then on.
+    With `metrics_only`: the metrics of each run (see `fracgyro.metrics.summary`, whose parameters `transient` to
+    `rate_tolerance` are), nondimensional, in memory that does not grow with the length of the runs. A run that
+    diverges is measured until then.
+    In both, `diverged_at` says when a run diverged and is NaN for the others.
     `progress` is called with the number of runs finished since the last call.
     Raises ValueError when `scenarios` is empty or, without `metrics_only`, they do not match.
     """

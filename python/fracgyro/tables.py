@@ -252,9 +252,7 @@ class Controller(Table):
         "The surface: fractional_fast_terminal (16), the paper's; fractional: (16) with lambda2 = 0; "
         "fast_terminal (15): alpha = 1; linear: both.",
     )
-    order: float = _field(
-        0.9, "alpha, 0 to 1, no unit: order of D^alpha e. 1.0: off, the integer surface.", ge=0, le=1
-    )
+    order: float = _field(0.9, "alpha, 0 to 1, no unit: order of D^alpha e. 1.0: off, the integer surface.", ge=0, le=1)
     fractional_gain: Gains = _field(
         (10.0, 10.0), "lambda1 [x, y], unit omega0^alpha, > 0: decay of e on the surface. Towards 0.0: off."
     )
@@ -332,9 +330,7 @@ class Disturbance(Table):
     hold: float | None = _field(
         None, "h, unit 1/omega0: time between noise draws, whole steps. Not set: off, one step.", gt=0
     )
-    seed: int = _field(
-        0, "Same seed, same noise; 0 to 2^63 - 1. Without effect on other kinds.", ge=0, le=2**63 - 1
-    )
+    seed: int = _field(0, "Same seed, same noise; 0 to 2^63 - 1. Without effect on other kinds.", ge=0, le=2**63 - 1)
     amplitude: Pair = _field((0.0, 0.0), "Of the sine, [x, y], unit of force. Zeros: off.")
     frequency: Pair = _field((0.0, 0.0), "Of the sine, [x, y], unit omega0. Zeros: constant force.")
     phase: Pair = _field((0.0, 0.0), "Of the sine, [x, y], rad. Zeros: off.")
@@ -363,9 +359,7 @@ class Run(Table):
     """How long, how finely, and what is kept."""
 
     duration: float = _field(80.0, "Unit 1/omega0: end of the run, at least one step.", gt=0)
-    step: float = _field(
-        1e-3, "h, unit 1/omega0: period of control. The paper's loop diverges from about 5e-3.", gt=0
-    )
+    step: float = _field(1e-3, "h, unit 1/omega0: period of control. The paper's loop diverges from about 5e-3.", gt=0)
     record_every: int = _field(1, "Steps from one recorded sample to the next. 1: off, all are kept.", ge=1)
     mode_tolerance: float = _field(
         1e-6, "Largest relative error of the exponential modes; 1e-9 to 1e-2.", ge=1e-9, le=1e-2

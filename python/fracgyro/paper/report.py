@@ -33,7 +33,10 @@ def write_report(
 ) -> None:
     """Writes `path` from the results and the SVG files in the folder `figures`, which become part of it."""
     environment = Environment(
-        loader=PackageLoader("fracgyro.paper", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True
+        loader=PackageLoader("fracgyro.paper", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
     )
     corrected = scenario("corrected", "proposed")
     by_id: dict[str, dict[str, Claim]] = {}
@@ -76,12 +79,13 @@ def _sensing(study: Study) -> str:
     late = float(np.sqrt((metrics["rate_error"] ** 2).mean()))
     truth = plant.angular_rate * DEGREES_PER_SECOND
     damping = float(metrics["damping_error"].median())
+    rate = plant.nondimensional()[2]
     return (
         f"With the corrected law the estimate of the angular rate, {truth:.0f} deg/s here, is first thrown off by "
-        f"{peak * to_degrees:.2g} deg/s, {peak / plant.nondimensional()[2]:.0f} times the rate itself, and at t = 80 is "
-        f"still {late * to_degrees:.0f} deg/s off (RMS over seeds), {late / plant.nondimensional()[2]:.0%} of it; the "
-        f"damping estimate is off by {damping:.0f} times the damping. As printed, the rate estimate never moves at all. "
-        "As a gyroscope, neither is of use yet."
+        f"{peak * to_degrees:.2g} deg/s, {peak / rate:.0f} times the rate itself, and at t = 80 is still "
+        f"{late * to_degrees:.0f} deg/s off (RMS over seeds), {late / rate:.0%} of it; the damping estimate is "
+        f"off by {damping:.0f} times the damping. As printed, the rate estimate never moves at all. As a gyroscope, neither is "
+        "of use yet."
     )
 
 

@@ -78,9 +78,7 @@ def reproduce(
     claims = judge(runs, results)
     write_claims(claims, folder / "claims.json")
     advance(JUDGE_COST, "drawing figures")
-    figures.draw_all(
-        runs, drawn, threads_available(), progress=lambda *_: advance(FIGURE_COST, "drawing figures")
-    )
+    figures.draw_all(runs, drawn, threads_available(), progress=lambda *_: advance(FIGURE_COST, "drawing figures"))
     seconds = time.perf_counter() - begin
     report = folder / "report.html"
     write_report(

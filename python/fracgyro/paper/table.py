@@ -83,9 +83,7 @@ def draw_table(rows: list[Row], path: Path) -> None:
         panel.tick_params(labelsize=7)
         panel.grid(True, which="both", linewidth=0.3, alpha=0.5)
     panels[0].set_ylabel("RMSE (unit of length q₀)", fontsize=8)
-    figure.legend(
-        *panels[0].get_legend_handles_labels(), loc="lower center", ncols=4, fontsize=7.5, frameon=False
-    )
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="lower center", ncols=4, fontsize=7.5, frameon=False)
     figure.subplots_adjust(left=0.09, right=0.99, top=0.9, bottom=0.27, wspace=0.3)
     with whole_file(path) as scratch:
         figure.savefig(scratch, metadata={"Date": None})

@@ -1,0 +1,167 @@
+"""The closed loop once more, slowly, straight from the paper: full history, full matrices, plain NumPy.
+
+It shares nothing with the package but the scenario, and takes the disturbance as given. Where the package
+sums exponential modes, this integrates the true kernel against the whole history; where the package stores
+three entries of a symmetric matrix, this lets the adaptation laws move all four.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from fracgyro import Scenario
+from scipy.linalg import expm
+from scipy.special import gamma, roots_jacobi
+
+
+def simulate(scenario: Scenario, disturbance: np.ndarray) -> dict[str, np.ndarray]:
+    """Run `scenario` under `disturbance`, shape (samples, 2), its force over each step; returns histories.
+
+    Sample n is at t = n h. Position and velocity are measured there, the force found from them is held until
+    the next sample, and the estimates then advance by an Euler step. Options that the paper does not know
+    (force limit, leakage, dead zone, projection) are not here.
+    """
+    c, a, h = scenario.controller, scenario.adaptation, scenario.run.step
+    true_damping, true_stiffness, rate, more_damping, more_stiffness = scenario.plant.nondimensional()
+    true_damping, true_stiffness = symmetric(true_damping), symmetric(true_stiffness)
+    true_omega = np.array([[0.0, -rate], [rate, 0.0]])
+
+    # Eq. (9), d and u held: [q, v, u + d] obeys a linear differential equation; its matrix exponential.
+    flow = np.zeros((6, 6))
+    flow[:2, 2:4] = flow[2:4, 4:] = np.eye(2)
+    flow[2:4, :2] = -(true_stiffness + symmetric(more_stiffness))
+    flow[2:4, 2:4] = -(true_damping + 2 * true_omega + symmetric(more_damping))
+    advance = expm(h * flow)
+
+    # Eqs (15), (16) and the surfaces they are compared with.
+    alpha = c.order if c.kind.startswith("fractional") else 1.0
+    lambda1 = np.array(c.fractional_gain)
+    lambda2 = np.array(c.terminal_gain) * (c.kind in ("fractional_fast_terminal", "fast_terminal"))
+    exponent = c.terminal_exponent
+
+    ratio = a.initial_ratio if c.adaptive else 1.0
+    damping, stiffness, omega = ratio * true_damping, ratio * true_stiffness, ratio * true_omega
+    bound = np.array(a.initial_bound)
+    reference = scenario.reference
+    amplitude, frequency, phase = map(np.array, (reference.amplitude, reference.frequency, reference.phase))
+    q, v = np.array(scenario.plant.initial_position), np.array(scenario.plant.initial_velocity)
+
+    samples = len(disturbance)
+    fractional = FullHistory(alpha, h, samples)
+    run = {name: np.empty((samples, 2)) for name in ("position", "velocity", "reference", "control")}
+    run |= {name: np.empty((samples, 2)) for name in ("error", "error_rate", "surface")}
+    run |= {name: np.empty((samples, 2, 2)) for name in ("damping", "stiffness", "omega")}
+    run |= {"bound": np.empty((samples, 3))}
+    for n in range(samples):
+        t = n * h
+        angle = frequency * t + phase
+        r = amplitude * np.sin(angle)
+        e = q - r
+        e_rate = v - amplitude * frequency * np.cos(angle)
+        r_acceleration = -amplitude * frequency**2 * np.sin(angle)
+
+        # Eq. (16); one history gives D^(alpha-1) e and the Caputo D^alpha e.
+        run["error"][n], run["error_rate"][n] = e, e_rate
+        integral, derivative = fractional(n, run["error"], run["error_rate"])
+        if c.derivative == "riemann_liouville" and 0 < alpha < 1:
+            grown = (t + h) ** (1 - alpha) - t ** (1 - alpha)
+            derivative = derivative + run["error"][0] * grown / (h * math.gamma(2 - alpha))
+        s = e_rate + lambda1 * integral + lambda2 * np.abs(e) ** exponent * np.sign(e)
+
+        # Eqs (35), (36), (46); with known parameters (18), (19), (34).
+        slope = exponent * np.maximum(np.abs(e), c.singularity_floor) ** (exponent - 1)
+        equivalent = (damping + 2 * omega) @ v + stiffness @ q + r_acceleration
+        equivalent = equivalent - lambda1 * derivative - lambda2 * slope * e_rate
+        rho = bound @ [1.0, norm(q), norm(v)]
+        u = equivalent - rho * switching(s, c.layer_thickness, c.layer)
+
+        run["position"][n], run["velocity"][n], run["reference"][n] = q, v, r
+        run["surface"][n], run["control"][n] = s, u
+        run["damping"][n], run["stiffness"][n], run["omega"][n] = damping, stiffness, omega
+        run["bound"][n] = bound
+
+        # Eq. (44), where it gives the rates of the transposes.
+        if c.adaptive:
+            vs, qs = np.outer(v, s), np.outer(q, s)
+            swirl = vs + vs.T if c.rate_law == "printed" else vs - vs.T
+            damping = damping - h * 0.5 * a.damping_gain * (vs + vs.T).T
+            stiffness = stiffness - h * 0.5 * a.stiffness_gain * (qs + qs.T).T
+            omega = omega - h * a.rate_gain * swirl.T
+            bound = bound + h * np.array(a.bound_gain) * norm(s) * [1.0, norm(q), norm(v)]
+
+        q, v = np.split((advance @ np.concatenate([q, v, u + disturbance[n]]))[:4], 2)
+    return run
+
+
+def symmetric(entries: np.ndarray) -> np.ndarray:
+    xx, xy, yy = entries
+    return np.array([[xx, xy], [xy, yy]])
+
+
+def norm(vector: np.ndarray) -> float:
+    return math.hypot(vector[0], vector[1])
+
+
+def switching(s: np.ndarray, thickness: float, layer: str) -> np.ndarray:
+    """What multiplies -rho: eq. (20) outside the layer, (33) or its linear reading inside."""
+    size = norm(s)
+    if size >= thickness:
+        return s / size if size > 0 else s
+    return s / thickness if layer == "linear" else s * size / thickness**2
+
+
+class FullHistory:
+    """I^(1-alpha) e and I^(1-alpha) de/dt at every sample, e being a cubic Hermite interpolant.
+
+    With nu = 1 - alpha, x in [0, 1] along an interval that begins m steps ago, and its Hermite basis H,
+
+        I^nu e = 1/Gamma(nu) integral_0^t (t - tau)^(nu-1) e(tau) dtau
+               = sum over m of h^nu/Gamma(nu) integral_0^1 (m - x)^(nu-1) H(x) dx . [e, h de/dt at both ends],
+
+    and with H'/h in place of H the same of de/dt. The newest interval, m = 1, has the kernel's singularity at
+    x = 1, which Gauss-Jacobi takes up; the others are smooth and take Gauss-Legendre.
+    """
+
+    def __init__(self, alpha: float, h: float, samples: int) -> None:
+        self.alpha = alpha
+        if alpha == 1:
+            return
+        m = np.arange(1, samples + 1)
+        ends = np.empty((samples, 2, 4))  # [m, I^nu e or I^nu de/dt, weight of each entry of H]
+        for intervals, jacobi in ((m[:1], -alpha), (m[1:], 0.0)):
+            nodes, weights = roots_jacobi(20, jacobi, 0.0)
+            x, weights = (1 + nodes) / 2, weights / 2 ** (1 + jacobi)
+            # 1 - x cancels near x = 1, but for m = 1 the weight function is the whole kernel.
+            kernel = np.ones((1, 20)) if jacobi else (intervals[:, None] - x) ** -alpha
+            basis = np.array([hermite_basis(x), hermite_basis_slope(x) / h])
+            ends[intervals - 1] = np.einsum("mx,x,oix->moi", kernel, weights, basis)
+        ends *= h ** (1 - alpha) / gamma(1 - alpha)
+        ends[:, :, 2:] *= h
+        left, right = ends[:, :, 0::2], ends[:, :, 1::2]
+        # The sample k steps ago ends the interval that began k + 1 ago, and begins the one that began k ago.
+        by_lag = right.copy()
+        by_lag[1:] += left[:-1]
+        # Rows run from the oldest sample to the newest, as the history does.
+        self.weights = np.ascontiguousarray(by_lag[::-1].transpose(2, 1, 0))
+        self.right = right
+
+    def __call__(self, n: int, e: np.ndarray, e_rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if self.alpha == 1:
+            return e[n], e_rate[n]
+        of_e, of_rate = self.weights[:, :, -(n + 1) :]
+        result = of_e @ e[: n + 1] + of_rate @ e_rate[: n + 1]
+        # No interval ends at the first sample.
+        result -= np.outer(self.right[n, :, 0], e[0]) + np.outer(self.right[n, :, 1], e_rate[0])
+        # D^0 e = e, as eq. (7) has it; I^1 de/dt would be e - e(0).
+        return result[0], e[n] if self.alpha == 0 else result[1]
+
+
+def hermite_basis(x: np.ndarray) -> np.ndarray:
+    """Of [left value, right value, left slope, right slope]."""
+    left, right = (1 + 2 * x) * (1 - x) ** 2, x**2 * (3 - 2 * x)
+    return np.array([left, right, x * (1 - x) ** 2, x**2 * (x - 1)])
+
+
+def hermite_basis_slope(x: np.ndarray) -> np.ndarray:
+    return np.array([6 * x * (x - 1), 6 * x * (1 - x), (1 - x) * (1 - 3 * x), x * (3 * x - 2)])

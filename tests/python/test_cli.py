@@ -1,0 +1,131 @@
+"""The command line as a user meets it: a process, its output and its exit code."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import fracgyro as fg
+import numpy as np
+import pytest
+import xarray as xr
+
+SHORT = ("--set", "run.duration=2.0")
+
+
+def run(*words: str | Path, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "fracgyro", *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=120)
+
+
+def sentence(result: subprocess.CompletedProcess[str]) -> str:
+    """The one line that bad input ends with."""
+    assert result.returncode == 2, result
+    assert result.stdout == ""
+    assert "Traceback" not in result.stderr
+    (line,) = result.stderr.splitlines()
+    assert line.startswith("fracgyro: ")
+    return line.removeprefix("fracgyro: ")
+
+
+def test_the_scenario_it_prints_is_the_papers_and_simulates(tmp_path: Path) -> None:
+    printed = run("scenario", "paper")
+    assert printed.returncode == 0
+    assert printed.stdout == fg.Scenario.paper().to_toml()
+    (tmp_path / "my.toml").write_text(printed.stdout, encoding="utf-8")
+    simulated = run("simulate", tmp_path / "my.toml", *SHORT, "--json")
+    assert simulated.returncode == 0
+    expected = fg.metrics.rmse(fg.simulate(fg.Scenario.paper().replace({"run.duration": 2.0})))
+    assert json.loads(simulated.stdout)["rmse"]["whole"]["x"] == pytest.approx(float(expected[0]), rel=1e-12)
+
+
+def test_the_printed_variant_can_be_had() -> None:
+    assert run("scenario", "--variant", "printed").stdout == fg.Scenario.paper("printed").to_toml()
+
+
+def test_a_run_is_saved_and_drawn(tmp_path: Path) -> None:
+    result = run(
+        "simulate",
+        *SHORT,
+        "--set",
+        "run.units=SI",
+        "--out",
+        tmp_path / "run.nc",
+        "--plot",
+        tmp_path / "run.svg",
+    )
+    assert result.returncode == 0
+    with xr.open_dataset(tmp_path / "run.nc", engine="h5netcdf") as saved:
+        assert saved.attrs["units"] == "SI"
+        assert fg.Scenario.from_toml(saved.attrs["scenario"]).run.duration == 2.0
+        assert saved["position"].attrs["units"] == "m"
+        assert float(saved["time"][-1]) == pytest.approx(2e-3)
+    assert "<svg" in (tmp_path / "run.svg").read_text(encoding="utf-8")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["run.nc", "run.svg"]
+
+
+def test_a_table_of_metrics_is_printed_for_people() -> None:
+    result = run("simulate", *SHORT)
+    assert result.returncode == 0
+    assert "error_settling_time" in result.stdout and "never" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (
+            ["simulate", "--set", "controller.order=1.2"],
+            "controller.order is 1.2: it must lie between 0 and 1",
+        ),
+        (["simulate", "--set", "controller.oder=0.5"], "did you mean controller.order?"),
+        (["simulate", "--set", "controller.order"], "has no '='"),
+        (["simulate", "--set", "controller.order=high"], 'controller.order is "high": it must be a number'),
+        (["simulate", "--set", "plant.mass=nan"], "plant.mass is nan"),
+        (["simulate", "nowhere.toml"], "nowhere.toml cannot be read: No such file or directory"),
+        (["simulate", "half.toml"], "half.toml is not valid TOML"),
+        (["simulate", *SHORT, "--out", "nowhere/run.nc"], "nowhere/run.nc cannot be written: No such file"),
+        (["simulate", *SHORT, "--plot", "run.mp3"], "run.mp3 cannot be drawn"),
+        (["reproduce", "--seeds", "1"], "seeds is 1: it must be at least 2"),
+        (["reproduce", "--seeds", "some"], "'some' is not a valid integer"),
+        (["reproduce", "--out", "half.toml"], "half.toml cannot be made: File exists"),
+        (["reprodce"], "No such command 'reprodce'"),
+        (["scenario", "rocket"], "'rocket' is not 'paper'"),
+    ],
+)
+def test_bad_input_ends_with_one_sentence(tmp_path: Path, words: list[str], expected: str) -> None:
+    (tmp_path / "half.toml").write_text("[controller]\norder = ", encoding="utf-8")
+    assert expected in sentence(run(*words, cwd=tmp_path))
+    assert [p.name for p in tmp_path.iterdir()] == ["half.toml"], "nothing may be left behind"
+
+
+def test_a_diverging_run_says_when_and_what_to_change_and_keeps_what_was_computed(tmp_path: Path) -> None:
+    said = sentence(
+        run(
+            "simulate",
+            "--set",
+            "run.step=0.01",
+            "--set",
+            "disturbance.hold=",
+            "--out",
+            "run.nc",
+            cwd=tmp_path,
+        )
+    )
+    assert "diverged at t = " in said and "try run.step = 0.005 or less" in said and "run.nc" in said
+    with xr.open_dataset(tmp_path / "run.nc", engine="h5netcdf") as saved:
+        assert 10 < saved.sizes["time"] < 8000
+        assert bool(np.isfinite(saved["position"]).all())
+
+
+def test_an_empty_value_unsets_a_field() -> None:
+    result = run("simulate", *SHORT, "--set", "run.step=2e-3", "--set", "disturbance.hold=", "--json")
+    assert result.returncode == 0, result.stderr
+
+
+def test_help_lists_the_commands() -> None:
+    result = run("--help")
+    assert result.returncode == 0
+    for command in ("reproduce", "simulate", "scenario"):
+        assert command in result.stdout

@@ -1,0 +1,173 @@
+"""The whole reproduction, once with few seeds, and the parts of its judgement on made-up numbers."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from fracgyro.paper import claims, errata, reproduce, runs
+from fracgyro.paper.statistics import mean_interval
+from fracgyro.paper.table import Row, table
+from fracgyro.scenario import Scenario
+
+SEEDS = 3
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("out")
+    done: list[float] = []
+    result = reproduce(folder, seeds=SEEDS, progress=lambda now, total, _: done.append(now / total))
+    assert result.report == folder / "report.html"
+    assert done == sorted(done), "progress goes forward"
+    assert done[-1] == pytest.approx(1.0)
+    return folder
+
+
+def test_every_file_is_there_and_nothing_else(out: Path) -> None:
+    figures = {f"figures/figure{n:02d}.{kind}" for n in range(3, 20) for kind in ("svg", "png")}
+    kept = {f"runs/{v}_{c}.nc" for v in runs.VARIANTS for c in runs.CONTROLLERS}
+    expected = figures | kept | {"figures/table1.svg", "table1.csv", "claims.json", "report.html"}
+    assert {str(p.relative_to(out)) for p in out.rglob("*") if p.is_file()} == expected
+
+
+def test_table_1_has_every_cell_with_its_interval(out: Path) -> None:
+    with open(out / "table1.csv", newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == [
+        "variant",
+        "order",
+        "axis",
+        "window",
+        "rmse_mean",
+        "rmse_ci_low",
+        "rmse_ci_high",
+        "seeds",
+    ]
+    cells = {(r["variant"], r["order"], r["axis"], r["window"]) for r in rows}
+    assert len(cells) == len(rows) == 2 * 10 * 2 * 3
+    for row in rows:
+        assert float(row["rmse_ci_low"]) < float(row["rmse_mean"]) < float(row["rmse_ci_high"])
+        assert row["seeds"] == str(SEEDS)
+
+
+def test_every_claim_has_a_verdict_for_both_variants(out: Path) -> None:
+    found = json.loads((out / "claims.json").read_text(encoding="utf-8"))
+    assert [(c["id"], c["variant"]) for c in found] == [
+        (i, v) for i in "abcdefghi" for v in ("printed", "corrected")
+    ]
+    for claim in found:
+        assert claim["verdict"] in ("reproduced", "not reproduced", "untestable")
+        assert re.search(r"\d", claim["evidence"]), "evidence has a number in it"
+
+
+def test_the_report_needs_nothing_but_itself(out: Path) -> None:
+    page = (out / "report.html").read_text(encoding="utf-8")
+    sources = re.findall(r'(?:src|href)="([^"]*)"', page)
+    outside = [s for s in sources if not s.startswith(("data:", "#", "https://doi.org/"))]
+    assert outside == []
+    assert sum(s.startswith("data:image/svg+xml") for s in sources) == 18
+    for number in range(3, 20):
+        assert f'id="figure{number}"' in page
+    anchors = [s[1:] for s in sources if s.startswith("#")]
+    assert all(f'id="{anchor}"' in page for anchor in anchors)
+    assert "{{" not in page and "{%" not in page
+
+
+def test_saved_runs_carry_their_scenario_and_can_be_simulated_again(out: Path) -> None:
+    with xr.open_dataset(out / "runs" / "printed_fractional.nc", engine="h5netcdf") as saved:
+        scenario = Scenario.from_toml(saved.attrs["scenario"])
+        assert scenario == runs.scenario("printed", "fractional")
+        assert saved.sizes["time"] == 80_001
+        assert float(saved["position"][-1, 0]) == float(
+            runs.record_all()["printed", "fractional"]["position"][-1, 0]
+        )
+
+
+def test_an_interrupted_reproduction_leaves_complete_files_only(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    command = [sys.executable, "-m", "fracgyro", "reproduce", "--out", str(folder), "--seeds", "2"]
+    process = subprocess.Popen(
+        command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True, text=True
+    )
+    give_up = time.monotonic() + 100
+    while not list(folder.glob("figures/*.png")) and time.monotonic() < give_up:
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130, errors
+    assert "Traceback" not in errors
+    assert not (folder / "report.html").exists()
+    for path in folder.rglob("*"):
+        assert not path.name.startswith("."), "no scratch file is left"
+        if path.suffix == ".svg":
+            ET.parse(path)
+        elif path.suffix == ".png":
+            assert path.read_bytes().endswith(b"IEND\xaeB`\x82")
+        elif path.suffix == ".nc":
+            with xr.open_dataset(path, engine="h5netcdf") as saved:
+                assert saved.sizes["time"] == 80_001
+        elif path.suffix == ".json":
+            json.loads(path.read_text(encoding="utf-8"))
+
+
+def made_up(order_of_least: float) -> runs.Study:
+    """A study whose RMSE is least at one order, by far more than its spread."""
+    rng = np.random.default_rng(0)
+
+    def metrics(order: float) -> xr.Dataset:
+        rmse = 0.01 * (1 + abs(order - order_of_least)) * (1 + 1e-3 * rng.standard_normal((20, 3, 2)))
+        coordinates = {"window": ["whole", "transient", "steady"], "axis": ["x", "y"]}
+        return xr.Dataset({"rmse": (["run", "window", "axis"], rmse)}, coords=coordinates)
+
+    return {(variant, controller, order): metrics(order) for variant, controller, order in runs.study_cases()}
+
+
+@pytest.mark.parametrize(("least", "held"), [(0.9, True), (0.8, False), (1.0, False)])
+def test_the_best_order_is_found_where_it_is(least: float, held: bool) -> None:
+    judged, evidence = claims.order_is_best(claims.Material("printed", {}, made_up(least)))
+    assert judged is held
+    assert f"whole x: α = {least:g}" in evidence
+
+
+def test_a_tie_within_the_noise_is_no_reproduction() -> None:
+    study = made_up(0.9)
+    study["printed", "proposed", 0.8] = study["printed", "proposed", 0.9].copy(deep=True)
+    assert not claims.order_is_best(claims.Material("printed", {}, study))[0]
+
+
+def test_table_rows_are_the_means_of_the_study() -> None:
+    study = made_up(0.9)
+    row = next(r for r in table(study) if r[:4] == ("corrected", 0.3, "y", "steady"))
+    values = study["corrected", "proposed", 0.3]["rmse"].sel(window="steady", axis="y")
+    assert row == Row("corrected", 0.3, "y", "steady", *mean_interval(values), 20)
+
+
+def test_the_interval_of_a_mean_is_students() -> None:
+    # Textbook numbers: mean 3, standard deviation √2.5, t(4) at 97.5 % = 2.776445.
+    mean, low, high = mean_interval([1, 2, 3, 4, 5])
+    assert mean == pytest.approx(3.0)
+    assert high - mean == pytest.approx(2.776445 * np.sqrt(2.5 / 5), rel=1e-6)
+    assert mean - low == pytest.approx(high - mean)
+
+
+def test_ninety_five_of_a_hundred_intervals_hold_the_mean() -> None:
+    rng = np.random.default_rng(1)
+    inside = [low < 0 < high for _, low, high in (mean_interval(rng.standard_normal(8)) for _ in range(4000))]
+    assert np.mean(inside) == pytest.approx(0.95, abs=0.015)
+
+
+def test_the_variants_differ_in_the_three_switches_of_the_errata() -> None:
+    listed = {e.switch for e, _ in errata.TABLE if e.switch.startswith("controller.")}
+    assert set(errata.switches()) == listed
