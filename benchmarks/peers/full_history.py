@@ -1,7 +1,7 @@
 """What is usually written for this controller: a loop over the samples that sums the whole history at every one.
 
 The printed control law, Grünwald-Letnikov sums for both fractional terms, semi-implicit Euler for the plant. One
-function, run by NumPy as it is and compiled by numba: two peers of the core. For timing only; tests use their own oracle.
+function, run by NumPy as it is and compiled by numba: two peers of the core. For timing only; tests have their oracle.
 """
 
 import numpy as np
@@ -13,9 +13,7 @@ def weights(order: float, count: int) -> np.ndarray:
     return np.concatenate([[1.0], np.cumprod((k - 1 - order) / k)])
 
 
-def full_history(
-    steps: int, h: float, noise: np.ndarray, derivative: np.ndarray, integral: np.ndarray
-) -> np.ndarray:
+def full_history(steps: int, h: float, noise: np.ndarray, derivative: np.ndarray, integral: np.ndarray) -> np.ndarray:
     """Positions (steps + 1, 2). derivative, integral: weights, newest last, already divided by h^order."""
     d = np.array([[0.01, 0.002], [0.002, 0.01]])
     k = np.array([[355.3, 70.99], [70.99, 532.9]])

@@ -285,8 +285,10 @@ template <Scalar T, std::unsigned_integral Phase>
         const T x = T(static_cast<detail::Built<T>>(remainder) * static_cast<detail::Built<T>>(unit));
         // Taylor series on |x| <= π/4: x - x³/3! + … and 1 - x²/2! + …
         constexpr int terms = sizeof(T) == sizeof(float) ? 6 : 9;
-        constexpr auto of_sine = detail::table<detail::Built<T>, terms>([](int k) { return detail::series_term(2 * k + 1); });
-        constexpr auto of_cosine = detail::table<detail::Built<T>, terms>([](int k) { return detail::series_term(2 * k); });
+        constexpr auto of_sine =
+            detail::table<detail::Built<T>, terms>([](int k) { return detail::series_term(2 * k + 1); });
+        constexpr auto of_cosine =
+            detail::table<detail::Built<T>, terms>([](int k) { return detail::series_term(2 * k); });
         const T square = x * x;
         const T sine = x * detail::horner(of_sine, square);
         const T cosine = detail::horner(of_cosine, square);

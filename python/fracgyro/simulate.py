@@ -64,7 +64,7 @@ def threads_available() -> int:
 def simulate(scenario: Scenario) -> xr.Dataset:
     """One closed-loop run.
 
-    Returns a Dataset with the variables of INTERFACE over `time` (and axis, entry or bound), sampled every
+    Returns a Dataset with the variables of `CHANNELS` over `time` (and axis, entry or bound), sampled every
     `scenario.run.record_every` steps, in the units that `scenario.run.units` names.
     Raises DivergedError, which carries the samples until then, when the motion leaves all bounds.
     """

@@ -254,10 +254,11 @@ class Controller(Table):
     )
     order: float = _field(0.9, "alpha, 0 to 1, no unit: order of D^alpha e. 1.0: off, the integer surface.", ge=0, le=1)
     fractional_gain: Gains = _field(
-        (10.0, 10.0), "lambda1 [x, y], unit omega0^alpha, > 0: decay of e on the surface. Towards 0.0: off."
+        (10.0, 10.0), "lambda1 [x, y], unit omega0^(2-alpha), > 0: decay of e on the surface. Towards 0.0: off."
     )
     terminal_gain: Gains = _field(
-        (0.5, 0.5), "lambda2 [x, y], no unit, > 0: finite-time pull near e = 0. kind fractional, linear: off."
+        (0.5, 0.5),
+        "lambda2 [x, y], unit q0^(1-c) omega0, > 0: finite-time pull near e = 0. kind fractional, linear: off.",
     )
     terminal_exponent: float = _field(
         0.5, "c, strictly between 0 and 1, no unit: |e|^c sign(e). Towards 1.0: a linear term.", gt=0, lt=1

@@ -88,9 +88,9 @@ inline void fill_disturbance(const DisturbanceParams& p, double step, std::int64
     }
     constexpr std::size_t blocks = 32;
     std::array<Vec2<float>, 2 * blocks> drawn{};
-    std::size_t next = drawn.size();             // place in `drawn` of the coming hold
-    std::int64_t hold = first / p.hold;          // its number
-    std::int64_t left = -(first % p.hold);       // steps until it begins
+    std::size_t next = drawn.size();        // place in `drawn` of the coming hold
+    std::int64_t hold = first / p.hold;     // its number
+    std::int64_t left = -(first % p.hold);  // steps until it begins
     Vec2<double> value{};
     for (auto& d : out) {
         if (left <= 0) {

@@ -13,12 +13,30 @@ struct MetricsParams {
     double rate_tolerance = 0.1;  // |Ω̂z - Ωz| / |Ωz| below which the rate counts as settled
 };
 
-inline constexpr std::array<std::string_view, 24> metric_names{
-    "rmse_whole_x",    "rmse_whole_y",        "rmse_transient_x", "rmse_transient_y", "rmse_steady_x",
-    "rmse_steady_y",   "error_settling_time", "surface_settling_time", "chattering_x",     "chattering_y",     "effort_x",
-    "effort_y",        "rate_error",          "rate_error_rms",   "rate_error_peak",  "rate_settling_time",
-    "damping_error",   "stiffness_error",     "bound_0",          "bound_1",          "bound_2",
-    "bound_0_halfway", "largest_force",       "diverged_at"};
+inline constexpr std::array<std::string_view, 24> metric_names{"rmse_whole_x",
+                                                               "rmse_whole_y",
+                                                               "rmse_transient_x",
+                                                               "rmse_transient_y",
+                                                               "rmse_steady_x",
+                                                               "rmse_steady_y",
+                                                               "error_settling_time",
+                                                               "surface_settling_time",
+                                                               "chattering_x",
+                                                               "chattering_y",
+                                                               "effort_x",
+                                                               "effort_y",
+                                                               "rate_error",
+                                                               "rate_error_rms",
+                                                               "rate_error_peak",
+                                                               "rate_settling_time",
+                                                               "damping_error",
+                                                               "stiffness_error",
+                                                               "bound_0",
+                                                               "bound_1",
+                                                               "bound_2",
+                                                               "bound_0_halfway",
+                                                               "largest_force",
+                                                               "diverged_at"};
 
 class MetricsAccumulator {
 public:

@@ -69,9 +69,7 @@ def test_powers_of_time_have_powers_of_time_as_derivative_and_integral(order: fl
 
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("exponent", [1.0, -2.0, 3.0j, -0.5 + 3.0j])
-def test_exponentials_sines_and_damped_sines_have_incomplete_gamma_derivatives(
-    exponent: complex, order: float
-) -> None:
+def test_exponentials_sines_and_damped_sines_have_incomplete_gamma_derivatives(exponent: complex, order: float) -> None:
     times = grid(3.0)
     signal = np.exp(exponent * times)
     slope = exponent * signal
@@ -123,9 +121,7 @@ def test_integrating_the_derivative_gives_back_the_change_of_the_signal(order: f
     times = grid(1.0)
     values, rates = 5.0 + times**2 + times**3, 2.0 * times + 3.0 * times**2
     derivative = fractional.caputo(values, rates, STEP, order)
-    slope = 2.0 / math.gamma(2 - order) * times ** (1 - order) + 6.0 / math.gamma(3 - order) * times ** (
-        2 - order
-    )
+    slope = 2.0 / math.gamma(2 - order) * times ** (1 - order) + 6.0 / math.gamma(3 - order) * times ** (2 - order)
     back = fractional.integral(derivative, slope, STEP, order)
     np.testing.assert_allclose(back, values - values[0], rtol=0, atol=5e-6)
 
@@ -218,9 +214,7 @@ def test_the_operator_agrees_with_the_full_history(order: float) -> None:
     values, rates = task_signal(20_001, STEP)
     integral, caputo = fractional.full_history.hermite(values, rates, STEP, order)
     np.testing.assert_allclose(fractional.caputo(values, rates, STEP, order), caputo, rtol=0, atol=1e-8)
-    np.testing.assert_allclose(
-        fractional.integral(values, rates, STEP, 1 - order), integral, rtol=0, atol=1e-8
-    )
+    np.testing.assert_allclose(fractional.integral(values, rates, STEP, 1 - order), integral, rtol=0, atol=1e-8)
 
 
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-9])

@@ -32,9 +32,7 @@ def sampled_error(found: modes.Modes, samples: int = 4001) -> float:
         (0.9, 1e-3, 12), (0.9, 1e-6, 22), (0.9, 1e-9, 31),
     ],
 )  # fmt: skip
-def test_as_few_modes_as_the_best_possible_set_hold_the_tolerance(
-    order: float, tolerance: float, fewest: int
-) -> None:
+def test_as_few_modes_as_the_best_possible_set_hold_the_tolerance(order: float, tolerance: float, fewest: int) -> None:
     found = modes.design(order, 1e-3, 100.0, tolerance)
     assert found.count <= fewest
     assert found.error <= tolerance
@@ -67,9 +65,7 @@ def test_the_certified_error_bounds_forty_digit_arithmetic_closely(
         grid = np.geomspace(found.shortest, found.longest, 20001)
         worst = grid[np.argsort(np.abs(relative_error(found, grid)))[-200:]]
         times = [mpmath.mpf(t) for t in [found.shortest, found.longest, *grid[::100], *worst]]
-        exact = max(
-            abs(mpmath.fsum(w * mpmath.exp(-s * t) for s, w in pairs) * scale * t**order - 1) for t in times
-        )
+        exact = max(abs(mpmath.fsum(w * mpmath.exp(-s * t) for s, w in pairs) * scale * t**order - 1) for t in times)
     assert exact <= found.error <= tolerance
     assert found.error <= 1.03 * float(exact)
 

@@ -64,9 +64,7 @@ def test_table_1_has_every_cell_with_its_interval(out: Path) -> None:
 
 def test_every_claim_has_a_verdict_for_both_variants(out: Path) -> None:
     found = json.loads((out / "claims.json").read_text(encoding="utf-8"))
-    assert [(c["id"], c["variant"]) for c in found] == [
-        (i, v) for i in "abcdefghi" for v in ("printed", "corrected")
-    ]
+    assert [(c["id"], c["variant"]) for c in found] == [(i, v) for i in "abcdefghi" for v in ("printed", "corrected")]
     for claim in found:
         assert claim["verdict"] in ("reproduced", "not reproduced", "untestable")
         assert re.search(r"\d", claim["evidence"]), "evidence has a number in it"
@@ -82,7 +80,8 @@ def test_the_report_needs_nothing_but_itself(out: Path) -> None:
         assert f'id="figure{number}"' in page
     anchors = [s[1:] for s in sources if s.startswith("#")]
     assert all(f'id="{anchor}"' in page for anchor in anchors)
-    assert "{{" not in page and "{%" not in page
+    assert "{{" not in page
+    assert "{%" not in page
 
 
 def test_saved_runs_carry_their_scenario_and_can_be_simulated_again(out: Path) -> None:
@@ -90,9 +89,7 @@ def test_saved_runs_carry_their_scenario_and_can_be_simulated_again(out: Path) -
         scenario = Scenario.from_toml(saved.attrs["scenario"])
         assert scenario == runs.scenario("printed", "fractional")
         assert saved.sizes["time"] == 80_001
-        assert float(saved["position"][-1, 0]) == float(
-            runs.record_all()["printed", "fractional"]["position"][-1, 0]
-        )
+        assert float(saved["position"][-1, 0]) == float(runs.record_all()["printed", "fractional"]["position"][-1, 0])
 
 
 def test_an_interrupted_reproduction_leaves_complete_files_only(tmp_path: Path) -> None:

@@ -36,8 +36,10 @@ def toml_refusal(text: str) -> str:
 
 
 def only_sentence(error: ScenarioError) -> str:
-    assert error.__cause__ is None and (error.__context__ is None or error.__suppress_context__)
-    assert "\n" not in str(error) and "pydantic" not in str(error)
+    assert error.__cause__ is None
+    assert error.__context__ is None or error.__suppress_context__
+    assert "\n" not in str(error)
+    assert "pydantic" not in str(error)
     return str(error)
 
 
@@ -53,12 +55,15 @@ def test_the_si_numbers_of_eq_47_become_the_nondimensional_numbers_of_eq_48() ->
     np.testing.assert_allclose(damping, [0.01, 0.002, 0.01], rtol=1e-12)
     assert [f"{value:.4g}" for value in stiffness] == ["355.3", "70.99", "532.9"]
     assert rate == 0.1
-    assert not damping_deviation.any() and not stiffness_deviation.any()
+    assert not damping_deviation.any()
+    assert not stiffness_deviation.any()
 
 
 def test_the_scales_turn_one_millisecond_one_micrometre_and_0_18_micronewton_into_one() -> None:
     scales = PAPER.plant.scales
-    assert scales.time == 1e-3 and scales.length == 1e-6 and scales.rate == 1000.0
+    assert scales.time == 1e-3
+    assert scales.length == 1e-6
+    assert scales.rate == 1000.0
     assert scales.velocity == pytest.approx(1e-3, rel=1e-15)
     assert scales.force == pytest.approx(1.8e-7, rel=1e-15)
     assert scales.damping == pytest.approx(1.8e-4, rel=1e-15)
@@ -66,9 +71,7 @@ def test_the_scales_turn_one_millisecond_one_micrometre_and_0_18_micronewton_int
 
 
 def test_the_nondimensional_plant_is_scaled_by_all_three_references() -> None:
-    plant = PAPER.replace(
-        {"plant.mass": 2.0, "plant.reference_frequency": 10.0, "plant.angular_rate": 5.0}
-    ).plant
+    plant = PAPER.replace({"plant.mass": 2.0, "plant.reference_frequency": 10.0, "plant.angular_rate": 5.0}).plant
     damping, stiffness, rate, *_ = plant.nondimensional()
     assert damping[0] == pytest.approx(1.8e-6 / 20, rel=1e-14)
     assert stiffness[2] == pytest.approx(95.92 / 200, rel=1e-14)
@@ -101,13 +104,17 @@ def test_centrifugal_forces_soften_the_springs_and_couple_the_axes_as_in_eq_1() 
 
 def test_the_paper_is_eqs_49_to_53() -> None:
     reference, controller, adaptation = PAPER.reference, PAPER.controller, PAPER.adaptation
-    assert PAPER.plant.initial_position == (0.5, 0.5) and PAPER.plant.initial_velocity == (0, 0)
-    assert reference.amplitude == (1, 1) and reference.frequency == (math.pi, math.pi / 2)
+    assert PAPER.plant.initial_position == (0.5, 0.5)
+    assert PAPER.plant.initial_velocity == (0, 0)
+    assert reference.amplitude == (1, 1)
+    assert reference.frequency == (math.pi, math.pi / 2)
     assert reference.phase == (0, math.pi / 2)
     assert (controller.order, controller.terminal_exponent, controller.layer_thickness) == (0.9, 0.5, 0.06)
-    assert controller.fractional_gain == (10, 10) and controller.terminal_gain == (0.5, 0.5)
+    assert controller.fractional_gain == (10, 10)
+    assert controller.terminal_gain == (0.5, 0.5)
     assert adaptation.damping_gain == adaptation.stiffness_gain == adaptation.rate_gain == 150
-    assert adaptation.bound_gain == (1, 1.6, 1.6) and adaptation.initial_bound == (0.1, 0.2, 0.3)
+    assert adaptation.bound_gain == (1, 1.6, 1.6)
+    assert adaptation.initial_bound == (0.1, 0.2, 0.3)
     assert adaptation.initial_ratio == 0.95
     assert (PAPER.disturbance.kind, PAPER.disturbance.standard_deviation) == ("noise", 1)
     assert (PAPER.disturbance.hold, PAPER.disturbance.seed) == (1e-3, 0)
@@ -117,7 +124,8 @@ def test_the_paper_is_eqs_49_to_53() -> None:
 def test_what_the_paper_lacks_is_off() -> None:
     assert (PAPER.adaptation.leakage, PAPER.adaptation.dead_zone, PAPER.adaptation.projection) == (0, 0, 0)
     assert PAPER.controller.force_limit == math.inf
-    assert not PAPER.plant.centrifugal and PAPER.plant.transverse_rate == (0, 0)
+    assert not PAPER.plant.centrifugal
+    assert PAPER.plant.transverse_rate == (0, 0)
 
 
 def test_the_printed_and_the_corrected_paper_differ_in_the_errata_and_in_nothing_else() -> None:
@@ -167,23 +175,20 @@ def test_one_number_stands_for_the_gains_of_both_axes() -> None:
 
 
 def test_an_integer_is_a_number_and_leaves_the_same_text() -> None:
-    assert (
-        Scenario.from_toml("[run]\nduration = 5").to_toml()
-        == Scenario.from_toml("[run]\nduration = 5.0").to_toml()
-    )
+    assert Scenario.from_toml("[run]\nduration = 5").to_toml() == Scenario.from_toml("[run]\nduration = 5.0").to_toml()
 
 
 def test_minus_zero_is_zero_in_value_text_and_hash() -> None:
     minus = PAPER.replace({"plant.angular_rate": -0.0, "reference.phase": [-0.0, 0.0]})
     plus = PAPER.replace({"plant.angular_rate": 0.0, "reference.phase": [0.0, 0.0]})
-    assert minus == plus and minus.content_hash() == plus.content_hash()
+    assert minus == plus
+    assert minus.content_hash() == plus.content_hash()
 
 
 def test_numpy_values_are_taken_as_the_numbers_they_are() -> None:
-    changed = PAPER.replace(
-        {"disturbance.seed": np.int64(4), "controller.fractional_gain": np.array([1.0, 2.0])}
-    )
-    assert changed.disturbance.seed == 4 and changed.controller.fractional_gain == (1.0, 2.0)
+    changed = PAPER.replace({"disturbance.seed": np.int64(4), "controller.fractional_gain": np.array([1.0, 2.0])})
+    assert changed.disturbance.seed == 4
+    assert changed.controller.fractional_gain == (1.0, 2.0)
 
 
 def test_infinite_force_means_no_limit_and_travels_through_toml() -> None:
@@ -391,16 +396,15 @@ def test_no_field_takes_a_string_a_date_or_nan(path: str) -> None:
 
 
 def test_a_scenario_built_in_python_is_refused_with_the_same_sentence() -> None:
-    with pytest.raises(
-        ScenarioError, match=re.escape("controller.order is 1.2: it must lie between 0 and 1")
-    ):
+    with pytest.raises(ScenarioError, match=re.escape("controller.order is 1.2: it must lie between 0 and 1")):
         Scenario(controller={"order": 1.2})
 
 
 def test_an_uncaught_error_prints_one_traceback_only() -> None:
     code = "from fracgyro.scenario import Scenario; Scenario.from_toml('[run]\\nstep = -1')"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 1 and done.stderr.count("Traceback") == 1
+    assert done.returncode == 1
+    assert done.stderr.count("Traceback") == 1
     assert done.stderr.endswith("ScenarioError: run.step is -1: it must be greater than 0\n")
 
 
@@ -415,8 +419,10 @@ def test_replace_leaves_the_original_alone_and_takes_whole_tables() -> None:
     changed = PAPER.replace(
         {"plant.stiffness.xx": 70.0, "run": {"duration": 5.0}, "plant.damping": PAPER.plant.damping}
     )
-    assert changed.plant.stiffness.xx == 70.0 and changed.run.duration == 5.0
-    assert PAPER.plant.stiffness.xx == 63.955 and Scenario.paper() == PAPER
+    assert changed.plant.stiffness.xx == 70.0
+    assert changed.run.duration == 5.0
+    assert PAPER.plant.stiffness.xx == 63.955
+    assert Scenario.paper() == PAPER
 
 
 def test_replacing_nothing_changes_nothing() -> None:
@@ -450,7 +456,9 @@ def test_the_text_is_complete_commented_and_fits_the_line() -> None:
 
 def test_numbers_are_written_in_the_fewest_digits_that_read_back() -> None:
     text = PAPER.to_toml()
-    assert "\nmass = 1.8e-07\n" in text and "\norder = 0.9\n" in text and "\nhold = 0.001\n" in text
+    assert "\nmass = 1.8e-07\n" in text
+    assert "\norder = 0.9\n" in text
+    assert "\nhold = 0.001\n" in text
     assert "\nstiffness = {xx = 63.955, xy = 12.779, yy = 95.92}\n" in text
 
 
@@ -482,7 +490,8 @@ def test_a_reader_of_the_old_file_never_sees_the_new_one(tmp_path: Path) -> None
 def test_save_writes_through_a_link(tmp_path: Path) -> None:
     (tmp_path / "link.toml").symlink_to(tmp_path / "real.toml")
     PAPER.save(tmp_path / "link.toml")
-    assert (tmp_path / "link.toml").is_symlink() and Scenario.load(tmp_path / "real.toml") == PAPER
+    assert (tmp_path / "link.toml").is_symlink()
+    assert Scenario.load(tmp_path / "real.toml") == PAPER
 
 
 def test_a_save_that_fails_keeps_the_old_file_and_leaves_no_other(
@@ -497,7 +506,8 @@ def test_a_save_that_fails_keeps_the_old_file_and_leaves_no_other(
     monkeypatch.setattr(os, "replace", full)
     with pytest.raises(ScenarioError, match=r"my\.toml cannot be written: No space left on device$"):
         Scenario.paper("printed").save(path)
-    assert Scenario.load(path) == PAPER and list(tmp_path.iterdir()) == [path]
+    assert Scenario.load(path) == PAPER
+    assert list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.parametrize("name", ["missing/my.toml", "."])
@@ -609,9 +619,7 @@ def scenarios(draw: st.DrawFn) -> Scenario:
         },
         "reference": {name: draw(pairs(number)) for name in ("amplitude", "frequency", "phase")},
         "controller": {
-            "kind": draw(
-                st.sampled_from(["fractional_fast_terminal", "fractional", "fast_terminal", "linear"])
-            ),
+            "kind": draw(st.sampled_from(["fractional_fast_terminal", "fractional", "fast_terminal", "linear"])),
             "order": draw(st.floats(0, 1)),
             "fractional_gain": draw(pairs(positive) | positive),
             "terminal_gain": draw(pairs(positive) | positive),
@@ -625,10 +633,7 @@ def scenarios(draw: st.DrawFn) -> Scenario:
             "force_limit": draw(positive | st.just(math.inf)),
         },
         "adaptation": {
-            **{
-                name: draw(positive)
-                for name in ("damping_gain", "stiffness_gain", "rate_gain", "initial_ratio")
-            },
+            **{name: draw(positive) for name in ("damping_gain", "stiffness_gain", "rate_gain", "initial_ratio")},
             **{name: draw(not_negative) for name in ("leakage", "dead_zone", "projection")},
             "bound_gain": draw(triples(positive)),
             "initial_bound": draw(triples(not_negative)),
@@ -671,13 +676,10 @@ def test_the_scales_take_any_nondimensional_plant_back_to_si(scenario: Scenario)
     plant, scales = scenario.plant, scenario.plant.scales
     damping, stiffness, rate, *_ = plant.nondimensional()
     np.testing.assert_allclose(damping * scales.damping, plant.damping.entries(), rtol=1e-14, atol=1e-290)
-    np.testing.assert_allclose(
-        stiffness * scales.stiffness, plant.stiffness.entries(), rtol=1e-14, atol=1e-290
-    )
+    np.testing.assert_allclose(stiffness * scales.stiffness, plant.stiffness.entries(), rtol=1e-14, atol=1e-290)
     assert rate * scales.rate == pytest.approx(plant.angular_rate, rel=1e-14, abs=1e-290)
-    assert scales.time * scales.rate == pytest.approx(1.0) and scales.velocity * scales.time == pytest.approx(
-        scales.length
-    )
+    assert scales.time * scales.rate == pytest.approx(1.0)
+    assert scales.velocity * scales.time == pytest.approx(scales.length)
 
 
 @settings(max_examples=100, deadline=None)

@@ -167,7 +167,7 @@ TABLE: list[tuple[Erratum, Evidence | None]] = [
         Erratum(
             "Remark 2, (26)–(32)",
             "on the fractional surface the error reaches zero at a finite time",
-            "on a fractional surface it decays like a power of t; the integer-order terminal surface alone is finite-time",
+            "on a fractional surface it decays like a power of t; only the integer-order one is finite-time",
             "If e were zero from some t on, D^(α−1) e would still keep a tail of the past, so s could not stay "
             "zero. The proof bounds that tail by the present error.",
         ),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -17,6 +16,7 @@ from .runs import ORDERS, PAPER_ORDER, VARIANTS, Study, scenario
 from .table import WINDOWS, Row
 
 DEGREES_PER_SECOND = 180.0 / np.pi
+UNITS = {"whole": 1e-3, "transient": 1e-3, "steady": 1e-6}  # of the RMSE in the tables
 
 
 def write_report(
@@ -84,8 +84,8 @@ def _sensing(study: Study) -> str:
         f"With the corrected law the estimate of the angular rate, {truth:.0f} deg/s here, is first thrown off by "
         f"{peak * to_degrees:.2g} deg/s, {peak / rate:.0f} times the rate itself, and at t = 80 is still "
         f"{late * to_degrees:.0f} deg/s off (RMS over seeds), {late / rate:.0%} of it; the damping estimate is "
-        f"off by {damping:.0f} times the damping. As printed, the rate estimate never moves at all. As a gyroscope, neither is "
-        "of use yet."
+        f"off by {damping:.0f} times the damping. As printed, the rate estimate never moves at all. "
+        "As a gyroscope, neither is of use yet."
     )
 
 
@@ -100,17 +100,12 @@ def _table(variant: str, rows: list[Row]) -> tuple[str, list[str], list[tuple[fl
             least = min(cells[o, window, axis].rmse_mean for o in ORDERS)
             line.append((_plus_minus(row), row.rmse_mean == least))
         body.append((order, line))
-    return variant, [f"{axis}, {window}" for window, axis in columns], body
+    return variant, [f"{axis}, {window} (×{UNITS[window]:.0e})" for window, axis in columns], body
 
 
 def _plus_minus(row: Row) -> str:
-    half = row.rmse_mean - row.rmse_ci_low
-    exponent = int(np.floor(np.log10(row.rmse_mean)))
-    scale = 10.0**exponent
-    digits = int(np.clip(1 - np.floor(np.log10(half / scale)), 1, 5)) if np.isfinite(half) and half > 0 else 3
-    return f"({row.rmse_mean / scale:.{digits}f} ± {half / scale:.{digits}f})e{exponent:+d}"
-
-
-def jsonable(claims: list[Claim]) -> list[dict[str, Any]]:
-    """The verdicts alone, for printing."""
-    return [{"id": c.id, "variant": c.variant, "verdict": c.verdict} for c in claims]
+    """Mean ± half the interval in the unit of its window, with two digits of the half."""
+    unit = UNITS[row.window]
+    half = (row.rmse_mean - row.rmse_ci_low) / unit
+    digits = int(np.clip(1 - np.floor(np.log10(half)), 0, 6)) if half > 0 else 2
+    return f"{row.rmse_mean / unit:.{digits}f} ± {half:.{digits}f}"

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from ..files import whole_file
 from .runs import ORDERS, VARIANTS, Study
@@ -78,12 +79,15 @@ def draw_table(rows: list[Row], path: Path) -> None:
                     **styles[variant],
                 )
         panel.set_yscale("log")
+        panel.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        panel.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        panel.yaxis.set_minor_formatter(NullFormatter())
         panel.set_title(window, fontsize=9)
         panel.set_xlabel("order α", fontsize=8)
         panel.tick_params(labelsize=7)
         panel.grid(True, which="both", linewidth=0.3, alpha=0.5)
     panels[0].set_ylabel("RMSE (unit of length q₀)", fontsize=8)
     figure.legend(*panels[0].get_legend_handles_labels(), loc="lower center", ncols=4, fontsize=7.5, frameon=False)
-    figure.subplots_adjust(left=0.09, right=0.99, top=0.9, bottom=0.27, wspace=0.3)
+    figure.subplots_adjust(left=0.1, right=0.99, top=0.9, bottom=0.27, wspace=0.42)
     with whole_file(path) as scratch:
         figure.savefig(scratch, metadata={"Date": None})

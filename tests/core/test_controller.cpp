@@ -1,0 +1,392 @@
+#include "paper.hpp"
+#include "scalars.hpp"
+
+#include <cmath>
+#include <vector>
+
+namespace fracgyro::testing {
+namespace {
+
+template <class T>
+class ReferenceSignal : public ::testing::Test {};
+TYPED_TEST_SUITE(ReferenceSignal, Scalars, ScalarNames);
+
+TYPED_TEST(ReferenceSignal, IsTheSineItSaysItIsAndStaysSoForAMillionSteps) {
+    using T = TypeParam;
+    constexpr double step = 1e-3;
+    const ReferenceParams p{.amplitude = {1.0, 2.0}, .frequency = {3.0, 0.7}, .phase = {0.0, 1.5}};
+    const auto c = Reference<T>::prepare(p, step);
+    typename Reference<T>::State state{};
+    Vec2<double> worst{};
+    for (int n = 0; n <= 1'000'000; ++n) {
+        const Vec2<T> got = Reference<T>::update(state, c).position;
+        const double t = n * step;
+        worst.x = std::max(worst.x, std::abs(number(got.x) - std::sin(3.0 * t)));
+        worst.y = std::max(worst.y, std::abs(number(got.y) - 2.0 * std::sin(0.7 * t + 1.5)));
+    }
+    // 32 turns of rounding, and in double the rounding of `3 t` itself, some 3000 to 12 digits.
+    const double tolerance = 32.0 * epsilon<T> + 1e-12;
+    EXPECT_LE(worst.x, tolerance);
+    EXPECT_LE(worst.y, 2.0 * tolerance);
+}
+
+TEST(ReferenceDerivatives, AreThoseOfThePosition) {
+    constexpr double step = 1e-4;
+    const ReferenceParams p{.amplitude = {1.0, 2.0}, .frequency = {3.0, -0.7}, .phase = {0.3, 1.5}};
+    const auto c = Reference<double>::prepare(p, step);
+    Reference<double>::State state{};
+    ReferencePoint<double> before = Reference<double>::update(state, c);
+    ReferencePoint<double> now = Reference<double>::update(state, c);
+    for (int n = 0; n < 1000; ++n) {
+        const ReferencePoint<double> after = Reference<double>::update(state, c);
+        const double scale = 1.0 / (2.0 * step);
+        // Central differences err by h²/6 times the third derivative, at most 27 and 6·0.7³/3.
+        expect_near(now.velocity, scale * (after.position - before.position), 27.0 * step * step / 6.0 * 1.01);
+        expect_near(now.acceleration, scale * (after.velocity - before.velocity), 81.0 * step * step / 6.0 * 1.01);
+        before = now;
+        now = after;
+    }
+}
+
+template <class T>
+class Law : public ::testing::Test {};
+TYPED_TEST_SUITE(Law, Scalars, ScalarNames);
+
+TYPED_TEST(Law, TheErrorIsTheMotionMinusTheReference) {
+    using T = TypeParam;
+    const Motion<T> motion{.position = vec2<T>(5, 1), .velocity = vec2<T>(-1, 0)};
+    const ReferencePoint<T> reference{.position = vec2<T>(3, 4), .velocity = vec2<T>(2, 0)};
+    const Sample<T> error = tracking_error(motion, reference);
+    expect_equal(error.value, {2, -3});
+    expect_equal(error.rate, {-3, 0});
+}
+
+// Surfaces
+
+SurfaceParams surface_params(double order) {
+    SurfaceParams p;
+    p.fractional_gain = {10.0, 20.0};
+    p.terminal_gain = {0.5, 1.0};
+    p.modes = log_trapezoid(order, 1e-3, 1.0);
+    return p;
+}
+
+template <Scalar T, template <class> class SurfaceOf>
+SurfacePoint<T> first_point(const SurfaceParams& p, const Sample<T>& error) {
+    const auto c = SurfaceOf<T>::prepare(p, 1e-3);
+    typename SurfaceOf<T>::State state{};
+    return SurfaceOf<T>::evaluate(state, c, error);
+}
+
+template <Scalar T>
+Sample<T> error_of_quarters() {
+    return {.value = vec2<T>(0.25, -4), .rate = vec2<T>(1, -2)};  // roots ½ and 2
+}
+
+TYPED_TEST(Law, TheLinearSurfaceIsRatePlusGainTimesError) {
+    const auto point = first_point<TypeParam, LinearSurface>(surface_params(1.0), error_of_quarters<TypeParam>());
+    expect_equal(point.s, {1 + 2.5, -2 - 80});
+    expect_equal(point.drift, {10, -40});
+}
+
+TYPED_TEST(Law, TheTerminalTermIsTheSignedRootAndItsDerivative) {
+    const auto point = first_point<TypeParam, FastTerminalSurface>(surface_params(1.0), error_of_quarters<TypeParam>());
+    expect_equal(point.s, {1 + 2.5 + 0.5 * 0.5, -2 - 80 - 2});
+    expect_equal(point.drift, {10 + 0.5 * 0.5 * 2 * 1, -40 + 0.5 * 0.5 * -2});
+}
+
+TYPED_TEST(Law, AnyOtherExponentTakesThePowerPath) {
+    SurfaceParams p = surface_params(1.0);
+    p.terminal_exponent = 0.25;
+    const Sample<TypeParam> error{.value = vec2<TypeParam>(1.0 / 16.0, -16), .rate = vec2<TypeParam>(1, -2)};
+    const auto point = first_point<TypeParam, FastTerminalSurface>(p, error);  // |e|^¼ = ½, 2
+    expect_equal(point.s, {1 + 0.625 + 0.5 * 0.5, -2 - 320 - 2});
+    expect_equal(point.drift, {10 + 0.5 * 0.25 * 8 * 1, -40 + 0.25 * 0.125 * -2});
+}
+
+TYPED_TEST(Law, BelowTheFloorTheTerminalSlopeGrowsNoFurther) {
+    SurfaceParams p = surface_params(1.0);
+    p.singularity_floor = 1.0 / 16.0;  // slope 16^½ = 4
+    const Sample<TypeParam> error{.value = vec2<TypeParam>(0.0, 1.0 / 64.0), .rate = vec2<TypeParam>(1, 1)};
+    const auto point = first_point<TypeParam, FastTerminalSurface>(p, error);
+    expect_equal(point.drift, {10 + 0.5 * 0.5 * 4, 20 + 0.5 * 4});
+    expect_equal(point.s, {1, 1 + 0.3125 + 0.125});  // the surface itself needs no floor
+}
+
+TYPED_TEST(Law, FractionalSurfacesOfOrderOneAreTheIntegerOnes) {
+    using T = TypeParam;
+    const SurfaceParams p = surface_params(1.0);
+    const auto error = error_of_quarters<T>();
+    const auto linear = first_point<T, LinearSurface>(p, error);
+    const auto fractional = first_point<T, FractionalSurface>(p, error);
+    expect_equal(linear.s - fractional.s, {0, 0});
+    expect_equal(linear.drift - fractional.drift, {0, 0});
+    const auto terminal = first_point<T, FastTerminalSurface>(p, error);
+    const auto both = first_point<T, FractionalFastTerminalSurface>(p, error);
+    expect_equal(terminal.s - both.s, {0, 0});
+    expect_equal(terminal.drift - both.drift, {0, 0});
+}
+
+TYPED_TEST(Law, TheFractionalSurfaceStartsFromTheRateAloneAndDriftsByTheOnsetOfTheDerivative) {
+    using T = TypeParam;
+    SurfaceParams p = surface_params(0.9);
+    const double onset = std::pow(1e-3, -0.9) / std::tgamma(1.1);  // mean of t^-α/Γ(1-α) over the first step
+    const auto mended = first_point<T, FractionalSurface>(p, error_of_quarters<T>());
+    expect_equal(mended.s, {1, -2});
+    expect_near(mended.drift, {10 * 0.25 * onset, 20 * -4 * onset}, 80 * onset * 2.0 * epsilon<T>);
+    p.riemann_liouville = false;
+    expect_equal(first_point<T, FractionalSurface>(p, error_of_quarters<T>()).drift, {0, 0});
+}
+
+// Control
+
+template <Scalar T>
+Vec2<T> switching_force(const ControlParams& p, double s_x, double s_y, double bound = 1.0) {
+    Estimates<T> estimates{};
+    estimates.bound[0] = T(bound);
+    return Control<T>::force(Control<T>::prepare(p), estimates, {}, {}, {.s = vec2<T>(s_x, s_y)});
+}
+
+TYPED_TEST(Law, TheEquivalentControlCancelsThePlantAndTheDriftOfTheSurface) {
+    using T = TypeParam;
+    const Estimates<T> estimates{.damping = {T(1.0), T(2.0), T(3.0)},
+                                 .stiffness = {T(4.0), T(5.0), T(6.0)},
+                                 .rate = T(0.5),
+                                 .rate_symmetric = {T(1.0), T(0.0), T(2.0)}};
+    const Motion<T> motion{.position = vec2<T>(3, 4), .velocity = vec2<T>(1, 2)};
+    const ReferencePoint<T> reference{.acceleration = vec2<T>(10, 20)};
+    const SurfacePoint<T> surface{.drift = vec2<T>(7, 8)};
+    const Vec2<T> force = Control<T>::force(Control<T>::prepare({}), estimates, motion, reference, surface);
+    // D v = (5, 8), 2Ω v = (-2, 1) + 2 (1, 4), K q = (32, 39)
+    expect_equal(force, {5 - 2 + 2 + 32 + 10 - 7, 8 + 1 + 8 + 39 + 20 - 8});
+}
+
+TYPED_TEST(Law, TheSwitchingForceGrowsWithPositionAndVelocity) {
+    using T = TypeParam;
+    const Estimates<T> estimates{.bound = {T(1.0), T(2.0), T(3.0)}};
+    const Motion<T> motion{.position = vec2<T>(3, 4), .velocity = vec2<T>(6, 8)};
+    const auto c = Control<T>::prepare({.layer_thickness = 0.0});
+    const Vec2<T> force = Control<T>::force(c, estimates, motion, {}, {.s = vec2<T>(0, -0.25)});
+    expect_equal(force, {0, 1 + 2 * 5 + 3 * 10});
+}
+
+TYPED_TEST(Law, InsideTheLayerTheForceIsLinearOrQuadraticAndOutsideItHasOneSize) {
+    using T = TypeParam;
+    constexpr double close = 2.0 * epsilon<T>;
+    for (const Layer layer : {Layer::linear, Layer::quadratic}) {
+        const ControlParams p{.layer_thickness = 0.5, .layer = layer};
+        expect_near(switching_force<T>(p, 3, 4), {-0.6, -0.8}, close);
+        expect_near(switching_force<T>(p, 0.3, 0.4), {-0.6, -0.8}, close);  // ‖s‖ = δ
+        expect_near(switching_force<T>(p, 0.3, 0.4, 10.0), {-6, -8}, 10 * close);
+        expect_equal(switching_force<T>(p, 0, 0), {0, 0});
+    }
+    // ‖s‖ = ¼
+    expect_near(switching_force<T>({.layer_thickness = 0.5, .layer = Layer::linear}, 0.15, 0.2), {-0.3, -0.4}, close);
+    expect_near(switching_force<T>({.layer_thickness = 0.5, .layer = Layer::quadratic}, 0.15, 0.2), {-0.15, -0.2},
+                close);
+    expect_near(switching_force<T>({.layer_thickness = 0.0}, 0.15e-6, 0.2e-6), {-0.6, -0.8}, close);
+    expect_equal(switching_force<T>({.layer_thickness = 0.0}, 0, 0), {0, 0});
+}
+
+TYPED_TEST(Law, TheForceIsContinuousAtTheEdgeOfTheLayer) {
+    using T = TypeParam;
+    constexpr double tiny = 16.0 * epsilon<T>;
+    for (const Layer layer : {Layer::linear, Layer::quadratic}) {
+        const ControlParams p{.layer_thickness = 0.5, .layer = layer};
+        expect_near(switching_force<T>(p, 0.5 * (1.0 - tiny), 0), {-1, 0}, 2.1 * tiny);
+        expect_near(switching_force<T>(p, 0.5 * (1.0 + tiny), 0), {-1, 0}, 2.1 * tiny);
+    }
+}
+
+TYPED_TEST(Law, TheForceSaturatesOnEachAxis) {
+    const ControlParams p{.layer_thickness = 0.0, .force_limit = 7.0};
+    const Vec2<TypeParam> force = switching_force<TypeParam>(p, 3, -4, 10.0);  // (-6, 8) unlimited
+    expect_near(force, {-6, 7}, 10.0 * epsilon<TypeParam>);
+    expect_near(switching_force<TypeParam>(p, 4, -3, 10.0), {-7, 6}, 10.0 * epsilon<TypeParam>);
+}
+
+// Adaptation
+
+AdaptationParams adaptation_params() {
+    return {.damping_gain = 2.0, .stiffness_gain = 3.0, .rate_gain = 5.0, .bound_gain = {1.0, 2.0, 4.0}};
+}
+
+// One step of ½ at q = (3, 4), v = (0, 2), s = (3, 4), where ½(v sᵀ + s vᵀ) = [[0, 3], [3, 8]] and the same of q is
+// [[9, 12], [12, 16]].
+template <Scalar T>
+Estimates<T> adapted(const AdaptationParams& p, typename Adaptation<T>::State state = {}) {
+    const auto c = Adaptation<T>::prepare(p, 0.5);
+    Adaptation<T>::update(state, c, vec2<T>(3, 4), vec2<T>(0, 2), vec2<T>(3, 4));
+    return Adaptation<T>::estimates(state, c);
+}
+
+template <Scalar T>
+void expect_bound(const Estimates<T>& estimates, const std::array<double, 3>& wanted) {
+    for (std::size_t i = 0; i < 3; ++i) {
+        EXPECT_EQ(number(estimates.bound[i]), wanted[i]) << "b" << i;
+    }
+}
+
+TYPED_TEST(Law, OneStepMovesEachEstimateByItsGainTimesItsProduct) {
+    const auto moved = adapted<TypeParam>(adaptation_params());
+    expect_equal(moved.damping, {0, -3, -8});          // -½·2·[0, 3, 8]
+    expect_equal(moved.stiffness, {-13.5, -18, -24});  // -½·3·[9, 12, 16]
+    EXPECT_EQ(number(moved.rate), 15.0);               // ½·5·(3·2 - 4·0)
+    expect_equal(moved.rate_symmetric, {0, 0, 0});
+    expect_bound(moved, {2.5, 25.0, 20.0});  // ½·5·(1, 2·5, 4·2)
+}
+
+TYPED_TEST(Law, ThePrintedRateLawMovesTheSymmetricPartOnly) {
+    AdaptationParams p = adaptation_params();
+    p.printed_rate_law = true;
+    p.initial.rate = 0.5;
+    const auto moved = adapted<TypeParam>(p);
+    EXPECT_EQ(number(moved.rate), 0.5);
+    expect_equal(moved.rate_symmetric, {0, -15, -40});  // -½·5·2·[0, 3, 8]
+    expect_equal(moved.damping, {0, -3, -8});
+}
+
+TYPED_TEST(Law, EstimatesStartAtTheirInitialValuesAndStayThereWhenNotAdaptive) {
+    AdaptationParams p = adaptation_params();
+    p.initial = {.damping = {1, 2, 3}, .stiffness = {4, 5, 6}, .rate = 7, .bound = {1, 2, 3}};
+    expect_equal(adapted<TypeParam>(p).damping, {1, -1, -5});
+    p.adaptive = false;
+    const auto kept = adapted<TypeParam>(p);
+    expect_equal(kept.damping, {1, 2, 3});
+    expect_equal(kept.stiffness, {4, 5, 6});
+    EXPECT_EQ(number(kept.rate), 7.0);
+    expect_bound(kept, {1, 2, 3});
+}
+
+TYPED_TEST(Law, InTheDeadZoneNothingMoves) {
+    AdaptationParams p = adaptation_params();
+    p.dead_zone = 5.5;  // ‖s‖ = 5
+    expect_equal(adapted<TypeParam>(p).damping, {0, 0, 0});
+    expect_bound(adapted<TypeParam>(p), {0, 0, 0});
+    p.dead_zone = 4.5;
+    expect_equal(adapted<TypeParam>(p).damping, {0, -3, -8});
+}
+
+TYPED_TEST(Law, LeakageReturnsEstimatesToTheirInitialValues) {
+    using T = TypeParam;
+    AdaptationParams p = adaptation_params();
+    p.initial.damping = {1, 1, 1};
+    p.leakage = 1.0;     // half of the deviation a step
+    p.dead_zone = 10.0;  // and nothing else
+    const typename Adaptation<T>::State away{.deviation = {.damping = {T(2.0), T(4.0), T(-8.0)}, .rate = T(1.0)}};
+    const auto moved = adapted<T>(p, away);
+    expect_equal(moved.damping, {1 + 1, 1 + 2, 1 - 4});
+    EXPECT_EQ(number(moved.rate), 0.5);
+}
+
+TYPED_TEST(Law, ProjectionKeepsDeviationsWithinAShareOfTheLargestInitialEntry) {
+    AdaptationParams p = adaptation_params();
+    p.initial = {.damping = {1, 2, 8}, .stiffness = {16, 0, 100}, .rate = 2, .bound = {1, 2, 4}};
+    p.projection = 0.5;
+    const auto moved = adapted<TypeParam>(p);
+    expect_equal(moved.damping, {1, 2 - 3, 8 - 4});             // within ±4
+    expect_equal(moved.stiffness, {16 - 13.5, -18, 100 - 24});  // within ±50
+    EXPECT_EQ(number(moved.rate), 2.0 + 1.0);
+    expect_bound(moved, {1 + 2, 2 + 2, 4 + 2});
+}
+
+TYPED_TEST(Law, SmallIncrementsAreNotLostBesideALargeEstimate) {
+    using T = TypeParam;
+    AdaptationParams p{.stiffness_gain = 1.0, .initial = {.stiffness = {355.0, 0.0, 0.0}}};
+    const auto c = Adaptation<T>::prepare(p, 1e-3);
+    typename Adaptation<T>::State state{};
+    for (int n = 0; n < 10'000; ++n) {
+        Adaptation<T>::update(state, c, vec2<T>(1, 0), {}, vec2<T>(1e-3, 0));  // -1e-6, far below 355 ε in float
+    }
+    EXPECT_NEAR(number(Adaptation<T>::estimates(state, c).stiffness.xx), 355.0 - 0.01, 355.0 * epsilon<T>);
+}
+
+// The closed loop
+
+template <Scalar T>
+std::vector<Snapshot<T>> simulate(const Setup& setup) {
+    std::vector<Snapshot<T>> run;
+    std::int64_t samples = 0;
+    with_controller<T>(setup.kind, [&]<class Controller>() {
+        samples = run_loop<Controller>(setup, [&](const Snapshot<T>& at) { run.push_back(at); });
+    });
+    EXPECT_EQ(samples, setup.steps + 1) << setup.kind << " diverged";
+    return run;
+}
+
+constexpr std::array kinds{"fractional_fast_terminal", "fractional", "fast_terminal", "linear"};
+
+TEST(ClosedLoop, EveryControllerTracksThePapersReference) {
+    for (const char* kind : kinds) {
+        auto setup = paper(20'000);
+        setup.kind = kind;
+        const auto run = simulate<double>(setup);
+        for (std::size_t n = 10'000; n < run.size(); ++n) {
+            ASSERT_LT(norm(run[n].signals.error.value), 5e-3) << kind << " at step " << n;
+        }
+    }
+}
+
+// While the estimates are far off the loop amplifies any difference some thousandfold; then it forgets it.
+TEST(ClosedLoop, SinglePrecisionFollowsDoublePrecision) {
+    for (const char* kind : kinds) {
+        auto setup = paper(20'000);
+        setup.kind = kind;
+        const auto wide = simulate<double>(setup);
+        const auto narrow = simulate<float>(setup);
+        ASSERT_EQ(wide.size(), narrow.size());
+        double apart = 0.0, finally_apart = 0.0;
+        for (std::size_t n = 0; n < wide.size(); ++n) {
+            const Vec2<float> q = narrow[n].motion.position;
+            const double distance = norm(wide[n].motion.position - Vec2<double>{number(q.x), number(q.y)});
+            apart = std::max(apart, distance);
+            finally_apart = std::max(finally_apart, n < 12'000 ? 0.0 : distance);
+        }
+        EXPECT_LT(apart, 1e-2) << kind;
+        EXPECT_LT(finally_apart, 5e-5) << kind;
+    }
+}
+
+TEST(ClosedLoop, AnExplicitScalarComputesTheBitsOfTheDoubleItWraps) {
+    for (const char* kind : kinds) {
+        auto setup = paper(20'000);
+        setup.kind = kind;
+        setup.controller.surface.terminal_exponent = 0.6;  // the power path
+        const auto expected = simulate<double>(setup);
+        const auto got = simulate<Explicit>(setup);
+        ASSERT_EQ(got.size(), expected.size());
+        for (std::size_t n = 0; n < got.size(); ++n) {
+            const auto& a = got[n].signals;
+            const auto& b = expected[n].signals;
+            ASSERT_EQ(number(got[n].motion.position.x), expected[n].motion.position.x) << kind << " at step " << n;
+            ASSERT_EQ(number(got[n].motion.velocity.y), expected[n].motion.velocity.y) << kind << " at step " << n;
+            ASSERT_EQ(number(a.force.x), b.force.x) << kind << " at step " << n;
+            ASSERT_EQ(number(a.estimates.rate), b.estimates.rate) << kind << " at step " << n;
+            ASSERT_EQ(number(a.estimates.bound[2]), b.estimates.bound[2]) << kind << " at step " << n;
+        }
+    }
+}
+
+TEST(ClosedLoop, ACopiedControllerResumesBitForBit) {
+    using Controller = SlidingModeController<double, FractionalFastTerminalSurface>;
+    const auto setup = paper(2000);
+    const auto c = Controller::prepare(setup.controller);
+    const auto motion_at = [](int n) {
+        return Motion<double>{.position = {std::cos(0.01 * n), 0.5}, .velocity = {-std::sin(0.01 * n), 0.1}};
+    };
+    Controller::State whole{};
+    for (int n = 0; n < 1000; ++n) {
+        Controller::step(whole, c, motion_at(n));
+    }
+    Controller::State resumed = whole;
+    for (int n = 1000; n < 2000; ++n) {
+        const Motion<double> motion = motion_at(n);
+        const Vec2<double> a = Controller::step(whole, c, motion).force;
+        const Vec2<double> b = Controller::step(resumed, c, motion).force;
+        ASSERT_EQ(a.x, b.x);
+        ASSERT_EQ(a.y, b.y);
+    }
+}
+
+}  // namespace
+}  // namespace fracgyro::testing

@@ -1,0 +1,146 @@
+"""Who may include and import whom: dependencies point down, and the core needs nothing firmware lacks."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+# No heap, no exceptions, no I/O, no libm but in math.hpp.
+CORE_STANDARD = {"array", "bit", "concepts", "cstddef", "cstdint", "limits", "type_traits"}
+CORE_LIBM = {"sqrt", "fabs", "copysign"}  # each exact by IEEE 754
+FORBIDDEN_WORDS = {"new", "delete", "malloc", "free", "throw", "try", "catch", "virtual", "typeid"}
+
+
+def sources(folder: str) -> list[Path]:
+    found = sorted(path for path in (ROOT / folder).rglob("*") if path.suffix in (".hpp", ".cpp"))
+    assert found, f"{folder} has no sources"
+    return found
+
+
+def name(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+def code(path: Path) -> str:
+    """Without comments and the contents of strings."""
+    text = re.sub(r"//[^\n]*|/\*.*?\*/", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
+    return re.sub(r'(?<!include )"(\\.|[^"\\\n])*"', '""', text)
+
+
+def includes(path: Path) -> list[tuple[str, str]]:
+    """(`<` or `\"`, name) of each."""
+    return re.findall(r'#\s*include\s*([<"])([^>"]+)[>"]', path.read_text(encoding="utf-8"))
+
+
+def headers(folder: str) -> set[str]:
+    return {path.name for path in sources(folder)}
+
+
+def is_standard(header: str) -> bool:
+    return re.fullmatch(r"[a-z_]+", header) is not None
+
+
+in_core, in_sim, in_bindings, in_tests = (
+    pytest.mark.parametrize("path", sources(folder), ids=name) for folder in ("core", "sim", "bindings", "tests/core")
+)
+
+
+def test_no_header_of_the_core_and_the_simulator_shares_a_name() -> None:
+    assert not headers("core") & headers("sim"), "#include would depend on the order of the include paths"
+
+
+@in_core
+def test_the_core_includes_itself_and_a_few_headers_without_code(path: Path) -> None:
+    for bracket, header in includes(path):
+        if bracket == '"':
+            assert (path.parent / header).is_file(), header
+        else:
+            allowed = CORE_STANDARD | ({"cmath"} if path.name == "math.hpp" else set())
+            assert header in allowed
+
+
+@in_core
+def test_the_core_neither_allocates_nor_throws(path: Path) -> None:
+    words = set(re.findall(r"\w+", code(path)))
+    assert not words & FORBIDDEN_WORDS
+
+
+@in_core
+def test_the_core_calls_no_libm_that_may_round_differently_elsewhere(path: Path) -> None:
+    text = code(path)
+    called = set(re.findall(r"std::(\w+)\s*\(", text))
+    casts = {"size_t", "int32_t", "int64_t", "uint64_t"}
+    assert called - casts <= (CORE_LIBM if path.name == "math.hpp" else set())
+    # Without std:: as well: only the core's own functions have these meanings.
+    assert not re.search(r"(?<![\w.:])(pow|sin|cos|tan|exp2?|log2?|sqrt|tgamma|floor|round)f?\s*\(", text)
+
+
+@in_core
+def test_the_core_keeps_no_mutable_globals(path: Path) -> None:
+    for line in code(path).splitlines():
+        if re.match(r"\s*(inline|static|thread_local|extern)\s", line) and "(" not in line:
+            assert "constexpr" in line, line
+
+
+@in_sim
+def test_the_simulator_includes_the_core_itself_and_the_standard_library(path: Path) -> None:
+    for bracket, header in includes(path):
+        if bracket == "<":
+            assert is_standard(header)
+        elif header.startswith("fracgyro/"):
+            assert header.removeprefix("fracgyro/") in headers("core")
+        else:
+            assert (path.parent / header).is_file(), header
+
+
+@in_bindings
+def test_the_bindings_include_what_is_below_and_nanobind(path: Path) -> None:
+    below = headers("core") | headers("sim")
+    for bracket, header in includes(path):
+        if bracket == "<":
+            assert is_standard(header) or header.startswith("nanobind/")
+        elif header.startswith("fracgyro/"):
+            assert header.removeprefix("fracgyro/") in below
+        else:
+            assert (path.parent / header).is_file(), header
+
+
+@in_tests
+def test_the_core_tests_need_neither_the_bindings_nor_python(path: Path) -> None:
+    for bracket, header in includes(path):
+        if bracket == "<":
+            assert is_standard(header) or header == "gtest/gtest.h"
+        else:
+            assert "bindings" not in header
+            assert ".." not in header
+
+
+def imported(path: Path) -> set[str]:
+    """First parts of absolute imports, wherever they stand."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            found.add((node.module or "").partition(".")[0])
+    return found
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "python").rglob("*.py")), ids=name)
+def test_the_package_imports_nothing_that_is_not_installed_with_it(path: Path) -> None:
+    assert not imported(path) & {"tests", "benchmarks", "pytest", "hypothesis", "mpmath", "numba", "conftest"}
+
+
+def test_the_version_is_typed_once() -> None:
+    version = re.search(r'^version = "([^"]+)"', (ROOT / "pyproject.toml").read_text(), re.MULTILINE)
+    assert version
+    code_files = [ROOT / "CMakeLists.txt", ROOT / "Makefile", *sorted((ROOT / "python").rglob("*.py"))]
+    code_files += [path for folder in ("core", "sim", "bindings") for path in sources(folder)]
+    for path in code_files:
+        assert version[1] not in path.read_text(encoding="utf-8"), name(path)
+    assert not re.search(r"project\([^)]*\bVERSION\b", (ROOT / "CMakeLists.txt").read_text())
