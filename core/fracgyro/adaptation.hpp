@@ -30,6 +30,13 @@ struct Estimates {
                 .rate_symmetric = a.rate_symmetric + b.rate_symmetric,
                 .bound = {a.bound[0] + b.bound[0], a.bound[1] + b.bound[1], a.bound[2] + b.bound[2]}};
     }
+    friend constexpr Estimates operator*(T f, const Estimates& a) {
+        return {.damping = f * a.damping,
+                .stiffness = f * a.stiffness,
+                .rate = f * a.rate,
+                .rate_symmetric = f * a.rate_symmetric,
+                .bound = {f * a.bound[0], f * a.bound[1], f * a.bound[2]}};
+    }
 };
 
 struct AdaptationParams {
@@ -47,10 +54,10 @@ template <Scalar T>
 struct Adaptation {
     struct Coefficients {
         Estimates<T> initial{};
-        T damping_gain{}, stiffness_gain{}, rate_gain{}, symmetric_gain{};  // times the step
+        T damping_gain{}, stiffness_gain{}, rate_gain{};  // times the step
         std::array<T, 3> bound_gain{};
         T keep{}, dead_zone{};  // keep = 1 - step·leakage
-        bool projected = false;
+        bool printed = false, leaking = false, projected = false;
         T damping_limit{}, stiffness_limit{}, rate_limit{}, bound_limit{};
     };
     struct State {
@@ -71,11 +78,12 @@ struct Adaptation {
                             .bound = {T(i.bound[0]), T(i.bound[1]), T(i.bound[2])}},
                 .damping_gain = T(h * p.damping_gain),
                 .stiffness_gain = T(h * p.stiffness_gain),
-                .rate_gain = T(p.printed_rate_law ? 0.0 : h * p.rate_gain),
-                .symmetric_gain = T(p.printed_rate_law ? h * p.rate_gain : 0.0),
+                .rate_gain = T(h * p.rate_gain),
                 .bound_gain = {T(h * p.bound_gain[0]), T(h * p.bound_gain[1]), T(h * p.bound_gain[2])},
                 .keep = T(1.0 - h * p.leakage),
                 .dead_zone = T(p.dead_zone),
+                .printed = p.printed_rate_law,
+                .leaking = p.leakage > 0.0,
                 .projected = p.projection > 0.0,
                 .damping_limit = T(p.projection * largest(i.damping)),
                 .stiffness_limit = T(p.projection * largest(i.stiffness)),
@@ -94,13 +102,18 @@ struct Adaptation {
         const Sym2<T> vs = symmetric_product(v, acting);
         const Sym2<T> qs = symmetric_product(q, acting);
         Estimates<T>& d = state.deviation;
-        d.damping = c.keep * d.damping - c.damping_gain * vs;
-        d.stiffness = c.keep * d.stiffness - c.stiffness_gain * qs;
-        d.rate = c.keep * d.rate + c.rate_gain * (acting.x * v.y - acting.y * v.x);
-        d.rate_symmetric = c.keep * d.rate_symmetric - (T(2.0) * c.symmetric_gain) * vs;
-        d.bound = {c.keep * d.bound[0] + c.bound_gain[0] * bound,
-                   c.keep * d.bound[1] + c.bound_gain[1] * (bound * norm(q)),
-                   c.keep * d.bound[2] + c.bound_gain[2] * (bound * norm(v))};
+        if (c.leaking) {
+            d = c.keep * d;
+        }
+        d.damping = d.damping - c.damping_gain * vs;
+        d.stiffness = d.stiffness - c.stiffness_gain * qs;
+        if (c.printed) {
+            d.rate_symmetric = d.rate_symmetric - (T(2.0) * c.rate_gain) * vs;
+        } else {
+            d.rate = d.rate + c.rate_gain * (acting.x * v.y - acting.y * v.x);
+        }
+        d.bound = {d.bound[0] + c.bound_gain[0] * bound, d.bound[1] + c.bound_gain[1] * (bound * norm(q)),
+                   d.bound[2] + c.bound_gain[2] * (bound * norm(v))};
         if (c.projected) {
             project(d, c);
         }

@@ -44,10 +44,9 @@ struct Control {
         const Vec2<T> q = motion.position;
         const Vec2<T> v = motion.velocity;
         // 2Ω̂v: the skew part is the Coriolis force, the symmetric part exists under the printed rate law only.
-        const Vec2<T> coriolis =
-            T(2.0) * (Vec2<T>{-(estimates.rate * v.y), estimates.rate * v.x} + estimates.rate_symmetric * v);
-        const Vec2<T> equivalent =
-            estimates.damping * v + coriolis + estimates.stiffness * q + reference.acceleration - surface.drift;
+        const Vec2<T> coriolis = T(2.0) * Vec2<T>{-(estimates.rate * v.y), estimates.rate * v.x};
+        const Vec2<T> equivalent = (estimates.damping + T(2.0) * estimates.rate_symmetric) * v + coriolis +
+                                   estimates.stiffness * q + reference.acceleration - surface.drift;
         const T bound = estimates.bound[0] + estimates.bound[1] * norm(q) + estimates.bound[2] * norm(v);
         const Vec2<T> force = equivalent - (switching_gain(c, norm(surface.s)) * bound) * surface.s;
         return {clamp(force.x, -c.force_limit, c.force_limit), clamp(force.y, -c.force_limit, c.force_limit)};

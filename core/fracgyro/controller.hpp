@@ -62,6 +62,7 @@ struct SlidingModeController {
         const auto surface = SurfaceType::evaluate(state.surface, c.surface, error);             // 3
         const auto estimates = Adaptation<T>::estimates(state.adaptation, c.adaptation);         // 5
         const auto force = Control<T>::force(c.control, estimates, motion, reference, surface);  // 4
+        SurfaceType::advance(state.surface, c.surface, error);
         Adaptation<T>::update(state.adaptation, c.adaptation, motion.position, motion.velocity, surface.s);
         return {.reference = reference, .error = error, .surface = surface.s, .estimates = estimates, .force = force};
     }

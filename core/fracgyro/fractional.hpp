@@ -51,19 +51,19 @@ struct FractionalOutput {
     Vec2<T> integral{}, derivative{};
 };
 
-// Capacity: room for modes; a multiple of `lanes`.
+// Capacity: room for modes; a multiple of 4.
 template <Scalar T, std::size_t Capacity = Modes::capacity>
 struct Fractional {
-    // Modes are summed in this many interleaved partial sums, which fixes the order of the additions and lets the
-    // compiler use vector registers.
-    static constexpr std::size_t lanes = 4;
-    static_assert(Capacity % lanes == 0);
-    using Pack = typename PackOf<T, lanes>::Type;
-    using Array = std::array<Pack, Capacity / lanes>;
+    // Modes go through vector registers in packs of four numbers, which fixes the order of all additions.
+    using Pack = typename PackOf<T, 4>::Type;
+    using Pairs = std::array<Pack, Capacity / 2>;
+    using Quads = std::array<Pack, Capacity / 4>;
+    static_assert(Capacity % 4 == 0);
 
-    // Weights of the newest sample (value, rate, bump κ) and of the one before (past_…) in one output.
+    // One output is  value·e + difference·(e - e_past) + rate·ė  of the newest sample, plus what was known before it came:
+    // past_value·e_past + past_rate·ė_past + past_bump·κ_past + Σ over the modes.
     struct Weights {
-        T value{}, rate{}, bump{}, past_value{}, past_rate{}, past_bump{};
+        T value{}, difference{}, rate{}, past_value{}, past_rate{}, past_bump{};
     };
 
     struct Coefficients {
@@ -73,111 +73,107 @@ struct Fractional {
         T onset_mean{};  // mean of t^(-α)/Γ(1-α) over the first hold, where it is singular; 0 for Caputo
         T start_value{}, start_rate{}, start_integral{};  // outputs at t = 0: non-zero only for α = 0 or 1
         Weights integral{}, derivative{};
-        std::size_t packs = 0;  // modes, rounded up to whole packs; the padding has zero weights
-        // Per mode; the states carry their output weight w r, so that the derivative is their plain sum.
-        Array decay{};                // r - 1
-        Array from_rate{};            // w r (A + r B)
-        Array from_bump{};            // w r r C
-        Array at_start{};             // w r B
-        Array at_onset{};             // w r
-        Array inverse_rate{};         // 1/s: from derivative to integral
-        Array onset_to_derivative{};  // mean of exp(-s t) over the next hold, over exp(-s h); 0 for Caputo
+        std::size_t pairs = 0,
+                    quads = 0;  // packs of two modes by two axes, and of four modes; padded with zero weights
+        // Per mode and axis; the states carry their output weight w r, so that the derivative is their plain sum.
+        Pairs decay{};         // r - 1
+        Pairs from_rate{};     // w r (A + r B)
+        Pairs from_bump{};     // w r r C
+        Pairs at_start{};      // w r B
+        Pairs inverse_rate{};  // 1/s: from derivative to integral
+        // Per mode, for what e(0) leaves behind.
+        Quads onset_decay{};          // r - 1
+        Quads at_onset{};             // w r
+        Quads onset_to_derivative{};  // mean of exp(-s t) over the next hold, over exp(-s h); 0 for Caputo
+        Quads onset_to_integral{};    // 1/s
     };
 
     struct State {
         bool started = false;
         Vec2<T> initial_value{};
         Sample<T> past{};
-        Vec2<T> past_bump{}, past_integral{};
-        Vec2<T> derivative_sum{}, integral_sum{};  // Σ over modes, ready for the next sample
-        T onset_derivative{}, onset_integral{};    // what e(0) contributes to them, per unit
-        Array x{}, y{};                            // w r g
-        // w r exp(-s t), with 1e-30·h added every step: left to decay into subnormal numbers it would slow the
-        // processor down.
-        Array onset{};
+        Vec2<T> past_bump{};
+        FractionalOutput<T> last{}, known{};  // the last outputs; what is known of the next ones
+        Pairs memory{};                       // w r g: lanes x, y of one mode, x, y of the next
+        // w r exp(-s t), with 1e-30·h added every step: left to decay into subnormal numbers it would slow the processor
+        // down.
+        Quads onset{};
     };
 
     static Coefficients prepare(const Modes& modes, double step, bool riemann_liouville);
 
-    // The outputs at the next sample. Samples come at multiples of the step that `c` was prepared for.
+    // The outputs at the next sample; then on to the one after. Samples come at multiples of the step of `c`.
     static FractionalOutput<T> update(State& state, const Coefficients& c, const Sample<T>& now) {
-        if (!state.started) {
-            return start(state, c, now);
-        }
-        const Sample<T>& past = state.past;
-        const Vec2<T> bump = c.inverse_step * (now.value - past.value) - T(0.5) * (now.rate + past.rate);
-        const auto local = [&](const Weights& w) {
-            return (w.value * now.value + w.past_value * past.value) + (w.rate * now.rate + w.past_rate * past.rate) +
-                   (w.bump * bump + w.past_bump * state.past_bump);
-        };
-        const FractionalOutput<T> output{
-            .integral = local(c.integral) - state.integral_sum - state.onset_integral * state.initial_value +
-                        c.carry * state.past_integral,
-            .derivative = local(c.derivative) + state.derivative_sum + state.onset_derivative * state.initial_value};
-        advance(state, c);
-        state.past = now;
-        state.past_bump = bump;
-        state.past_integral = output.integral;
+        const FractionalOutput<T> output = evaluate(state, c, now);
+        advance(state, c, now);
         return output;
+    }
+
+    // The first half of `update`: all that the control law waits for.
+    static FractionalOutput<T> evaluate(State& state, const Coefficients& c, const Sample<T>& now) {
+        const Vec2<T> difference = now.value - state.past.value;
+        const auto output = [&](const Weights& w, const Vec2<T>& known) {
+            return (w.difference * difference + w.rate * now.rate) + (w.value * now.value + known);
+        };
+        state.last = {.integral = output(c.integral, state.known.integral),
+                      .derivative = output(c.derivative, state.known.derivative)};
+        if (!state.started) {
+            state.last = {.integral = c.start_integral * now.value,
+                          .derivative = (c.start_value + c.onset_mean) * now.value + c.start_rate * now.rate};
+        }
+        return state.last;
+    }
+
+    // The second half: moves the modes to the sample before the next one, from what was known a sample ago, and sums
+    // them for its outputs.
+    static void advance(State& state, const Coefficients& c, const Sample<T>& now) {
+        const bool first = !state.started;
+        if (first) {
+            state.started = true;
+            state.initial_value = now.value;
+            state.past = {.value = now.value, .rate = -now.rate};
+        }
+        Pack rate{}, bump{};
+        twice(rate, state.past.rate);
+        twice(bump, state.past_bump);
+        Pack derivative{}, integral{}, onset_derivative{}, onset_integral{};
+        for (std::size_t j = 0; j < c.pairs; ++j) {
+            // The increment is formed first: r itself would round to 1 for slow modes in single precision.
+            const Pack g = state.memory[j];
+            const Pack moved =
+                first ? c.at_start[j] * rate : g + (c.decay[j] * g + (c.from_rate[j] * rate + c.from_bump[j] * bump));
+            state.memory[j] = moved;
+            derivative = derivative + moved;
+            integral = integral + c.inverse_rate[j] * moved;
+        }
+        for (std::size_t j = 0; j < c.quads; ++j) {
+            const Pack e = state.onset[j];
+            const Pack moved = first ? c.at_onset[j] : e + (c.onset_decay[j] * e + c.vanished);
+            state.onset[j] = moved;
+            onset_derivative = onset_derivative + c.onset_to_derivative[j] * moved;
+            onset_integral = onset_integral + c.onset_to_integral[j] * moved;
+        }
+        // κ of the interval that ends now; there is none before the first sample.
+        const Vec2<T> newest =
+            first ? Vec2<T>{} : c.inverse_step * (now.value - state.past.value) - T(0.5) * (now.rate + state.past.rate);
+        const auto known = [&](const Weights& w) {
+            return w.past_value * now.value + w.past_rate * now.rate + w.past_bump * newest;
+        };
+        state.known.derivative = known(c.derivative) +
+                                 Vec2<T>{derivative[0] + derivative[2], derivative[1] + derivative[3]} +
+                                 total(onset_derivative) * state.initial_value;
+        state.known.integral = known(c.integral) - Vec2<T>{integral[0] + integral[2], integral[1] + integral[3]} -
+                               total(onset_integral) * state.initial_value + c.carry * state.last.integral;
+        state.past = now;
+        state.past_bump = newest;
     }
 
 private:
-    static FractionalOutput<T> start(State& state, const Coefficients& c, const Sample<T>& now) {
-        state.started = true;
-        state.initial_value = now.value;
-        state.past = now;
-        Sums sums{};
-        for (std::size_t j = 0; j < c.packs; ++j) {
-            for (std::size_t k = 0; k < lanes; ++k) {
-                state.x[j][k] = -(c.at_start[j][k] * now.rate.x);
-                state.y[j][k] = -(c.at_start[j][k] * now.rate.y);
-                state.onset[j][k] = c.at_onset[j][k];
-            }
-            sums.add(state, c, j);
-        }
-        sums.finish(state);
-        const FractionalOutput<T> output{
-            .integral = c.start_integral * now.value,
-            .derivative = (c.start_value + c.onset_mean) * now.value + c.start_rate * now.rate};
-        state.past_integral = output.integral;
-        return output;
+    static T total(const Pack& p) { return (p[0] + p[2]) + (p[1] + p[3]); }
+    static void twice(Pack& p, const Vec2<T>& a) {
+        p[0] = p[2] = a.x;
+        p[1] = p[3] = a.y;
     }
-
-    // Moves the modes to the sample before the next one, from what is known already, and sums them for its outputs.
-    static void advance(State& state, const Coefficients& c) {
-        const Vec2<T> rate = state.past.rate;
-        const Vec2<T> bump = state.past_bump;
-        Sums sums{};
-        for (std::size_t j = 0; j < c.packs; ++j) {
-            Pack &x = state.x[j], &y = state.y[j], &onset = state.onset[j];
-            // The increment is formed first: r itself would round to 1 for slow modes in single precision.
-            x = x + (c.decay[j] * x + (c.from_rate[j] * rate.x + c.from_bump[j] * bump.x));
-            y = y + (c.decay[j] * y + (c.from_rate[j] * rate.y + c.from_bump[j] * bump.y));
-            onset = onset + (c.decay[j] * onset + c.vanished);
-            sums.add(state, c, j);
-        }
-        sums.finish(state);
-    }
-
-    struct Sums {
-        Pack dx{}, dy{}, ix{}, iy{}, od{}, oi{};
-
-        void add(const State& state, const Coefficients& c, std::size_t j) {
-            dx = dx + state.x[j];
-            dy = dy + state.y[j];
-            ix = ix + c.inverse_rate[j] * state.x[j];
-            iy = iy + c.inverse_rate[j] * state.y[j];
-            od = od + c.onset_to_derivative[j] * state.onset[j];
-            oi = oi + c.inverse_rate[j] * state.onset[j];
-        }
-        void finish(State& state) const {
-            const auto total = [](const Pack& p) { return (p[0] + p[2]) + (p[1] + p[3]); };
-            state.derivative_sum = {total(dx), total(dy)};
-            state.integral_sum = {total(ix), total(iy)};
-            state.onset_derivative = total(od);
-            state.onset_integral = total(oi);
-        }
-    };
 };
 
 // All in double, whatever T: coefficients are derived once.
@@ -198,8 +194,6 @@ typename Fractional<T, Capacity>::Coefficients Fractional<T, Capacity>::prepare(
     double rate_to_derivative = 0.0, bump_to_derivative = 0.0, rate_to_integral = 0.0, bump_to_integral = 0.0;
     double value_to_integral = 0.0;
     for (std::size_t i = 0; i < modes.count; ++i) {
-        const std::size_t j = i / lanes;
-        const std::size_t k = i % lanes;
         const double s = modes.rates[i];
         const double z = s * step;
         // Moments μ_k = ∫ x^k exp(-z x) dx over [0, 1]: by series where the recurrence would cancel.
@@ -225,36 +219,43 @@ typename Fractional<T, Capacity>::Coefficients Fractional<T, Capacity>::prepare(
         const double bump = 6.0 * step * (moments[1] - moments[2]);
         const double to_derivative = modes.weights[i] * r;
         const double to_integral = to_derivative / s;
-        c.decay[j][k] = T(decay);
-        c.from_rate[j][k] = T(to_derivative * (a + r * b));
-        c.from_bump[j][k] = T(to_derivative * (r * bump));
-        c.at_start[j][k] = T(to_derivative * b);
-        c.at_onset[j][k] = T(to_derivative);
-        c.inverse_rate[j][k] = T(1.0 / s);
-        c.onset_to_derivative[j][k] = T(riemann_liouville ? moments[0] : 0.0);
+        const auto set = [](Pack& pack, std::size_t lane, double value) { pack[lane] = T(value); };
+        for (const std::size_t lane : {2 * (i % 2), 2 * (i % 2) + 1}) {
+            set(c.decay[i / 2], lane, decay);
+            set(c.from_rate[i / 2], lane, to_derivative * (a + r * b));
+            set(c.from_bump[i / 2], lane, to_derivative * (r * bump));
+            set(c.at_start[i / 2], lane, to_derivative * b);
+            set(c.inverse_rate[i / 2], lane, 1.0 / s);
+        }
+        set(c.onset_decay[i / 4], i % 4, decay);
+        set(c.at_onset[i / 4], i % 4, to_derivative);
+        set(c.onset_to_derivative[i / 4], i % 4, riemann_liouville ? moments[0] : 0.0);
+        set(c.onset_to_integral[i / 4], i % 4, 1.0 / s);
         rate_to_derivative += to_derivative * b;
         bump_to_derivative += to_derivative * bump;
         rate_to_integral += to_integral * b;
         bump_to_integral += to_integral * bump;
         value_to_integral += to_integral;
     }
-    c.packs = (modes.count + lanes - 1) / lanes;
-    c.integral = {.value = T(0.0),
-                  .rate = T(scale * step / ((nu + 1.0) * (nu + 2.0))),
-                  .bump = T(6.0 * scale * step / ((nu + 2.0) * (nu + 3.0))),
-                  .past_value = T(scale + value_to_integral),
-                  .past_rate = T(scale * step / (nu + 2.0) - rate_to_integral),
-                  .past_bump = T(-bump_to_integral)};
+    c.pairs = (modes.count + 1) / 2;
+    c.quads = (modes.count + 3) / 4;
+    // The weight of κ is spread over the differences that make it up.
+    const auto weights = [&](double rate, double bump, double past_value, double past_rate, double past_bump) {
+        return Weights{.value = T(0.0),
+                       .difference = T(bump / step),
+                       .rate = T(rate - 0.5 * bump),
+                       .past_value = T(past_value),
+                       .past_rate = T(past_rate - 0.5 * bump),
+                       .past_bump = T(past_bump)};
+    };
+    c.integral = weights(scale * step / ((nu + 1.0) * (nu + 2.0)), 6.0 * scale * step / ((nu + 2.0) * (nu + 3.0)),
+                         scale + value_to_integral, scale * step / (nu + 2.0) - rate_to_integral, -bump_to_integral);
     if (integer_order) {
         c.carry = c.start_value = c.derivative.value = T(1.0);
         return c;
     }
-    c.derivative = {.value = T(0.0),
-                    .rate = T(scale / (nu + 1.0)),
-                    .bump = T(6.0 * nu * scale / ((nu + 1.0) * (nu + 2.0))),
-                    .past_value = T(0.0),
-                    .past_rate = T(nu * scale / (nu + 1.0) + rate_to_derivative),
-                    .past_bump = T(bump_to_derivative)};
+    c.derivative = weights(scale / (nu + 1.0), 6.0 * nu * scale / ((nu + 1.0) * (nu + 2.0)), 0.0,
+                           nu * scale / (nu + 1.0) + rate_to_derivative, bump_to_derivative);
     c.onset_mean = T(riemann_liouville ? scale / step : 0.0);
     return c;
 }

@@ -292,11 +292,11 @@ template <Scalar T, std::unsigned_integral Phase>
         const T square = x * x;
         const T sine = x * detail::horner(of_sine, square);
         const T cosine = detail::horner(of_cosine, square);
-        const bool swapped = (quadrant & 1U) != 0;
-        const T first = select(swapped, cosine, sine);
-        const T second = select(swapped, sine, cosine);
-        return {.sine = select((quadrant & 2U) != 0, -first, first),
-                .cosine = select(((quadrant + 1U) & 2U) != 0, -second, second)};
+        // Written out, as compilers make vectors of this form and not of `select`.
+        const T first = (quadrant & 1U) != 0 ? cosine : sine;
+        const T second = (quadrant & 1U) != 0 ? sine : cosine;
+        return {.sine = (quadrant & 2U) != 0 ? -first : first,
+                .cosine = ((quadrant + 1U) & 2U) != 0 ? -second : second};
     }
 }
 

@@ -63,8 +63,11 @@ struct FractionalTerm {
                 .fractional = Fractional<T>::prepare(p.modes, step, p.riemann_liouville)};
     }
     static SurfacePoint<T> evaluate(State& state, const Coefficients& c, const Sample<T>& error) {
-        const FractionalOutput<T> d = Fractional<T>::update(state, c.fractional, error);
+        const FractionalOutput<T> d = Fractional<T>::evaluate(state, c.fractional, error);
         return {.s = c.gain * d.integral, .drift = c.gain * d.derivative};
+    }
+    static void advance(State& state, const Coefficients& c, const Sample<T>& error) {
+        Fractional<T>::advance(state, c.fractional, error);
     }
 };
 
@@ -117,6 +120,12 @@ struct Surface {
             point = {.s = point.s + more.s, .drift = point.drift + more.drift};
         }
         return {.s = error.rate + point.s, .drift = point.drift};
+    }
+    // Moves the memory to the next sample, when the force is on its way.
+    static void advance(State& state, const Coefficients& c, const Sample<T>& error) {
+        if constexpr (requires { First::advance(state, c.first, error); }) {
+            First::advance(state, c.first, error);
+        }
     }
 };
 

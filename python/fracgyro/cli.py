@@ -53,7 +53,8 @@ def reproduce(out: str, seeds: int | None, quick: bool, as_json: bool) -> None:
     try:
         result = run_all(out, seeds=seeds, quick=quick, progress=show)
     finally:
-        bar.stop()
+        if bar.live.is_started:  # stopped unstarted, it would print itself
+            bar.stop()
     verdicts = [{"id": c.id, "variant": c.variant, "verdict": c.verdict} for c in result.claims]
     if as_json:
         click.echo(json.dumps({"report": str(result.report), "seconds": result.seconds, "claims": verdicts}))

@@ -36,37 +36,37 @@ inline PhiloxBlock philox(std::uint64_t key, PhiloxBlock counter) {
     return counter;
 }
 
-// Two independent standard normals from two uniform words. In single precision, which the vector registers hold more of
-// and whose rounding is far below what any statistic of noise can see.
-inline Vec2<float> normal_pair(std::uint32_t first, std::uint32_t second) {
-    // In (0, 1]: |normal| <= 6.8. The lowest bit is given up so that the conversion is that of a signed integer.
-    const float uniform = (static_cast<float>(static_cast<std::int32_t>(first >> 1)) + 0.5F) * 0x1p-31F;
-    int exponent = 0;
-    const float fraction = detail::log2_split(uniform, exponent);
-    constexpr float minus_two_ln2 = -1.38629436111989061883F;
-    const float radius = std::sqrt(minus_two_ln2 * (static_cast<float>(exponent) + fraction));
-    const SineCosine<float> angle = sine_cosine<float>(second);
-    return {radius * angle.cosine, radius * angle.sine};
-}
+// Standard normals of as many holds as there are entries, from hold `first` on, which must be even: every block of four
+// words serves two holds. In single precision, which the vector registers hold more of and whose rounding is far below
+// what any statistic of noise can see. The loops are over independent entries, of which the compiler makes vectors.
+template <std::size_t Holds>
+struct Normals {
+    std::array<float, Holds> x{}, y{};
 
-// Standard normals of the holds 2·first_block, 2·first_block + 1, …: every block of four words serves two holds. The
-// loops are over independent entries, so that the compiler can use vector registers.
-template <std::size_t Blocks>
-void draw_normals(std::uint64_t seed, std::uint64_t first_block, std::array<Vec2<float>, 2 * Blocks>& out) {
-    std::array<std::array<std::uint32_t, 2 * Blocks>, 2> words{};
-    for (std::size_t i = 0; i < Blocks; ++i) {
-        const std::uint64_t block = first_block + i;
-        const PhiloxBlock four =
-            philox(seed, {static_cast<std::uint32_t>(block), static_cast<std::uint32_t>(block >> 32), 0, 0});
-        words[0][2 * i] = four[0];
-        words[1][2 * i] = four[1];
-        words[0][2 * i + 1] = four[2];
-        words[1][2 * i + 1] = four[3];
+    void draw(std::uint64_t seed, std::uint64_t first) {
+        std::array<std::uint32_t, Holds> radial{}, angular{};
+        for (std::size_t i = 0; i < Holds / 2; ++i) {
+            const std::uint64_t block = first / 2 + i;
+            const PhiloxBlock words =
+                philox(seed, {static_cast<std::uint32_t>(block), static_cast<std::uint32_t>(block >> 32), 0, 0});
+            radial[2 * i] = words[0];
+            angular[2 * i] = words[1];
+            radial[2 * i + 1] = words[2];
+            angular[2 * i + 1] = words[3];
+        }
+        for (std::size_t i = 0; i < Holds; ++i) {
+            // In (0, 1]: |normal| <= 6.8. The lowest bit is given up so that the conversion is that of a signed integer.
+            const float uniform = (static_cast<float>(static_cast<std::int32_t>(radial[i] >> 1)) + 0.5F) * 0x1p-31F;
+            int exponent = 0;
+            const float fraction = detail::log2_split(uniform, exponent);
+            constexpr float minus_two_ln2 = -1.38629436111989061883F;
+            const float radius = std::sqrt(minus_two_ln2 * (static_cast<float>(exponent) + fraction));
+            const SineCosine<float> angle = sine_cosine<float>(angular[i]);
+            x[i] = radius * angle.cosine;
+            y[i] = radius * angle.sine;
+        }
     }
-    for (std::size_t i = 0; i < 2 * Blocks; ++i) {
-        out[i] = normal_pair(words[0][i], words[1][i]);
-    }
-}
+};
 
 // Writes d for the steps first, first+1, … .
 inline void fill_disturbance(const DisturbanceParams& p, double step, std::int64_t first, std::span<Vec2<double>> out) {
@@ -86,20 +86,20 @@ inline void fill_disturbance(const DisturbanceParams& p, double step, std::int64
         case DisturbanceKind::noise:
             break;
     }
-    constexpr std::size_t blocks = 32;
-    std::array<Vec2<float>, 2 * blocks> drawn{};
-    std::size_t next = drawn.size();        // place in `drawn` of the coming hold
+    constexpr std::size_t holds = 64;
+    Normals<holds> drawn;
+    std::size_t next = holds;               // place in `drawn` of the coming hold
     std::int64_t hold = first / p.hold;     // its number
     std::int64_t left = -(first % p.hold);  // steps until it begins
     Vec2<double> value{};
     for (auto& d : out) {
         if (left <= 0) {
-            if (next == drawn.size()) {
-                next = static_cast<std::size_t>(hold) % drawn.size();
-                draw_normals<blocks>(p.seed, (static_cast<std::uint64_t>(hold) - next) / 2, drawn);
+            if (next == holds) {
+                next = static_cast<std::size_t>(hold) % holds;
+                drawn.draw(p.seed, static_cast<std::uint64_t>(hold) - next);
             }
             value = p.standard_deviation *
-                    Vec2<double>{static_cast<double>(drawn[next].x), static_cast<double>(drawn[next].y)};
+                    Vec2<double>{static_cast<double>(drawn.x[next]), static_cast<double>(drawn.y[next])};
             ++next;
             ++hold;
             left += p.hold;

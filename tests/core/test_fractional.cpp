@@ -168,8 +168,8 @@ TYPED_TEST(FractionalOperator, TheInitialValueIsForgottenWithoutSlowSubnormalNum
         op.at(monomial<0>, n);
     }
     using Number = std::conditional_t<std::is_same_v<TypeParam, float>, float, double>;
-    for (std::size_t j = 0; j < op.coefficients.packs; ++j) {
-        for (std::size_t k = 0; k < Fractional<TypeParam>::lanes; ++k) {
+    for (std::size_t j = 0; j < op.coefficients.quads; ++j) {
+        for (std::size_t k = 0; k < 4; ++k) {
             EXPECT_GE(number(op.state.onset[j][k]), static_cast<double>(std::numeric_limits<Number>::min()));
         }
     }
