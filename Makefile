@@ -1,7 +1,7 @@
 # make reproduce   the paper's study, into out/report.html
 # make test        every check and every test
 # make bench       the measurements that the README quotes
-# Parts of them: check, test-core, test-python, setup-test; and clean. ARGS="..." goes to reproduce and bench.
+# Parts of them: check, test-core, test-python, setup-test; and clean. ARGS="..." goes to reproduce.
 
 PYTHON ?= python3
 BIN := .venv/bin
@@ -33,7 +33,9 @@ test-python: .venv/installed-test
 	$(BIN)/pytest -n auto
 
 bench: .venv/installed-bench
-	$(BIN)/python benchmarks/bench.py $(ARGS)
+	$(BIN)/python benchmarks/operator_accuracy.py
+	$(BIN)/python benchmarks/loop.py
+	$(BIN)/python benchmarks/reproduction.py
 
 # GoogleTest, from Debian's packages where it is missing.
 setup-test:

@@ -2,6 +2,7 @@
 #include "bindings.hpp"
 
 #include "fracgyro/fractional.hpp"
+#include "fracgyro/processor.hpp"
 
 namespace fracgyro::bindings {
 
@@ -10,32 +11,55 @@ namespace {
 template <class T>
 using Input = nb::ndarray<const T, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
+// values, rates, integral, derivative: (samples, channels).
+template <class T>
+inline void operate(const Modes& modes, double step, std::size_t samples, std::size_t channels, const T* values,
+                    const T* rates, T* integral, T* derivative) {
+    using Operator = Fractional<T>;
+    const auto coefficients = Operator::prepare(modes, step, false);
+    // The operator carries two channels at a time, as the controller's two axes.
+    for (std::size_t first = 0; first < channels; first += 2) {
+        const std::size_t second = first + 1 < channels ? first + 1 : first;
+        typename Operator::State state{};
+        for (std::size_t n = 0; n < samples; ++n) {
+            const std::size_t a = n * channels + first;
+            const std::size_t b = n * channels + second;
+            const auto result =
+                Operator::update(state, coefficients, {.value = {values[a], values[b]}, .rate = {rates[a], rates[b]}});
+            integral[a] = result.integral.x;
+            integral[b] = result.integral.y;
+            derivative[a] = result.derivative.x;
+            derivative[b] = result.derivative.y;
+        }
+    }
+}
+
+FRACGYRO_FOR_EACH_PROCESSOR
+void operate_double(const Modes& modes, double step, std::size_t samples, std::size_t channels, const double* values,
+                    const double* rates, double* integral, double* derivative) {
+    operate<double>(modes, step, samples, channels, values, rates, integral, derivative);
+}
+
+FRACGYRO_FOR_EACH_PROCESSOR
+void operate_single(const Modes& modes, double step, std::size_t samples, std::size_t channels, const float* values,
+                    const float* rates, float* integral, float* derivative) {
+    operate<float>(modes, step, samples, channels, values, rates, integral, derivative);
+}
+
 // values, rates: (samples, channels). Returns (2, samples, channels): integral, derivative.
 template <class T>
-nb::ndarray<nb::numpy, T> apply_operator(const Input<T>& values, const Input<T>& rates, const Modes& modes, double step,
-                                         bool riemann_liouville) {
+nb::ndarray<nb::numpy, T> apply_operator(const Input<T>& values, const Input<T>& rates, const Modes& modes,
+                                         double step) {
     const std::size_t samples = values.shape(0);
     const std::size_t channels = values.shape(1);
     auto out = std::make_unique<T[]>(2 * samples * channels);
+    T* derivative = out.get() + samples * channels;
     {
         nb::gil_scoped_release unlocked;
-        using Operator = Fractional<T>;
-        const auto coefficients = Operator::prepare(modes, step, riemann_liouville);
-        // The operator carries two channels at a time, as the controller's two axes.
-        for (std::size_t first = 0; first < channels; first += 2) {
-            const std::size_t second = first + 1 < channels ? first + 1 : first;
-            typename Operator::State state{};
-            for (std::size_t n = 0; n < samples; ++n) {
-                const std::size_t a = n * channels + first;
-                const std::size_t b = n * channels + second;
-                const auto result = Operator::update(
-                    state, coefficients,
-                    {.value = {values.data()[a], values.data()[b]}, .rate = {rates.data()[a], rates.data()[b]}});
-                out[a] = result.integral.x;
-                out[b] = result.integral.y;
-                out[samples * channels + a] = result.derivative.x;
-                out[samples * channels + b] = result.derivative.y;
-            }
+        if constexpr (std::is_same_v<T, float>) {
+            operate_single(modes, step, samples, channels, values.data(), rates.data(), out.get(), derivative);
+        } else {
+            operate_double(modes, step, samples, channels, values.data(), rates.data(), out.get(), derivative);
         }
     }
     return owned<T, 3>(std::move(out), {2, samples, channels});
@@ -62,9 +86,9 @@ void bind_fractional(nb::module_& m) {
         .def_ro("order", &Modes::order);
     m.attr("mode_capacity") = Modes::capacity;
     m.def("apply_operator", &apply_operator<double>, nb::arg("values"), nb::arg("rates"), nb::arg("modes"),
-          nb::arg("step"), nb::arg("riemann_liouville"));
+          nb::arg("step"));
     m.def("apply_operator_single", &apply_operator<float>, nb::arg("values"), nb::arg("rates"), nb::arg("modes"),
-          nb::arg("step"), nb::arg("riemann_liouville"));
+          nb::arg("step"));
     m.def("power", &power<double>, nb::arg("base"), nb::arg("exponent"), "base^exponent by the core's own log2/exp2.");
 }
 

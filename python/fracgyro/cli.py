@@ -34,7 +34,7 @@ def reproduce(out: str, seeds: int | None, quick: bool, as_json: bool) -> None:
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-    from .paper import reproduce as run_all
+    from .paper.reproduce import reproduce as run_all
 
     # The bar goes to standard error: standard output holds results alone.
     bar = Progress(

@@ -96,7 +96,6 @@ def _apply(
         np.ascontiguousarray(slopes.reshape(columns), dtype=dtype),
         modes,
         step,
-        False,
     )
     integral_part, derivative_part = (np.asarray(part).reshape(given.shape) for part in result)
     return integral_part, derivative_part

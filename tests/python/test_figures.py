@@ -34,7 +34,8 @@ def runs() -> Runs:
 def drawn(runs: Runs, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("figures")
     finished: list[int] = []
-    paths = figures.draw_all(runs, folder, workers=2, progress=finished.append)
+    with figures.workers(2) as pool:
+        paths = figures.draw_all(runs, folder, pool, progress=finished.append)
     assert sum(finished) == 17
     assert paths == sorted(folder.iterdir()), "what is returned is what is there, and nothing half-written is"
     return folder

@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from fracgyro.paper import claims, errata, reproduce, runs
+from fracgyro.paper import claims, errata, runs
+from fracgyro.paper.reproduce import reproduce
 from fracgyro.paper.statistics import mean_interval
 from fracgyro.paper.table import Row, table
 from fracgyro.scenario import Scenario

@@ -12,9 +12,9 @@ Data are decimated before they are drawn: each pixel column keeps its extremes, 
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from multiprocessing import get_context
@@ -41,6 +41,7 @@ from .drawing import (
     View,
     decimate,
     envelope,
+    ready,
     render,
 )
 
@@ -237,15 +238,26 @@ def draw(number: int, runs: Runs, folder: Path) -> list[Path]:
     return render(_plan(number, runs), folder)
 
 
-def draw_all(runs: Runs, folder: Path, workers: int = 1, progress: Callable[[int], object] | None = None) -> list[Path]:
-    """All of them, in `workers` processes; `progress` gets the number finished since the last call."""
-    paths: list[Path] = []
+@contextmanager
+def workers(count: int) -> Iterator[ProcessPoolExecutor]:
+    """Processes to draw with. They start at once, since their imports take as long as the simulations meanwhile."""
     # Spawned, not forked: the simulator's threads or a progress display may hold a lock at that moment.
-    # An interrupt is the parent's to handle.
-    silence = (signal.SIGINT, signal.SIG_IGN)
-    with ProcessPoolExecutor(workers, get_context("spawn"), signal.signal, silence) as pool:
-        for future in as_completed([pool.submit(render, _plan(number, runs), folder) for number in FIGURES]):
-            paths += future.result()
-            if progress:
-                progress(1)
+    pool = ProcessPoolExecutor(count, get_context("spawn"), ready)
+    try:
+        for _ in range(count):
+            pool.submit(int)
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def draw_all(
+    runs: Runs, folder: Path, pool: ProcessPoolExecutor, progress: Callable[[int], object] | None = None
+) -> list[Path]:
+    """All of them; `progress` gets the number finished since the last call."""
+    paths: list[Path] = []
+    for future in as_completed([pool.submit(render, _plan(number, runs), folder) for number in FIGURES]):
+        paths += future.result()
+        if progress:
+            progress(1)
     return sorted(paths)

@@ -66,19 +66,20 @@ def reproduce(
         if progress:
             progress(done, total, doing)
 
-    advance(0, "recording runs")
-    runs = record_all(lambda n: advance(n * RECORD_COST, "recording runs"))
-    for (variant, controller), run in runs.items():
-        write_run(run, kept / f"{variant}_{controller}.nc")
-        advance(FILE_COST, "writing runs")
-    results = study(seeds, lambda n: advance(n, f"simulating {seeds} seeds"))
-    rows = table(results)
-    write_table(rows, folder / "table1.csv")
-    draw_table(rows, drawn / "table1.svg")
-    claims = judge(runs, results)
-    write_claims(claims, folder / "claims.json")
-    advance(JUDGE_COST, "drawing figures")
-    figures.draw_all(runs, drawn, threads_available(), progress=lambda *_: advance(FIGURE_COST, "drawing figures"))
+    with figures.workers(threads_available()) as pool:
+        advance(0, "recording runs")
+        runs = record_all(lambda n: advance(n * RECORD_COST, "recording runs"))
+        for (variant, controller), run in runs.items():
+            write_run(run, kept / f"{variant}_{controller}.nc")
+            advance(FILE_COST, "writing runs")
+        results = study(seeds, lambda n: advance(n, f"simulating {seeds} seeds"))
+        rows = table(results)
+        write_table(rows, folder / "table1.csv")
+        draw_table(rows, drawn / "table1.svg")
+        claims = judge(runs, results)
+        write_claims(claims, folder / "claims.json")
+        advance(JUDGE_COST, "drawing figures")
+        figures.draw_all(runs, drawn, pool, progress=lambda n: advance(n * FIGURE_COST, "drawing figures"))
     seconds = time.perf_counter() - begin
     report = folder / "report.html"
     write_report(

@@ -1,6 +1,6 @@
 """Times the closed loop and its usual alternatives in one run; writes benchmarks/results/loop.md.
 
-    make bench          (or: python benchmarks/bench.py [--repeats N])
+    python benchmarks/loop.py [--repeats N]
 
 The paper's 80 units of time at h = 1e-3: 80,001 samples, noise redrawn every step, every channel recorded.
 """
@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import platform
 import statistics
 import subprocess
 import sys
@@ -21,6 +20,7 @@ from pathlib import Path
 import numba
 import numpy as np
 from fracgyro import modes
+from machine import machine, write
 from peers.full_history import arguments, full_history
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -34,13 +34,6 @@ def build(folder: Path) -> Path:
     for command in (["cmake", "-S", ROOT, "-B", folder, *options], ["cmake", "--build", folder]):
         subprocess.run([str(word) for word in command], check=True, capture_output=True)
     return folder / "benchmark_loop"
-
-
-def cpu() -> str:
-    for line in Path("/proc/cpuinfo").read_text().splitlines():
-        if line.startswith("model name"):
-            return line.partition(":")[2].strip()
-    return platform.processor()
 
 
 def main() -> None:
@@ -97,8 +90,7 @@ def main() -> None:
         "redrawn every step, every channel recorded, one thread. All in one process tree, interleaved. Machines like",
         "this one are shared: compare the ratios.",
         "",
-        f"Machine: {cpu()}, {platform.system()} {platform.machine()}; Python {platform.python_version()}, "
-        f"NumPy {np.__version__}, numba {numba.__version__}; {compiler()}.",
+        f"Machine: {machine()}; numba {numba.__version__}.",
         f"Operator: {designed.count} exponential modes, certified relative error {designed.error:.1e}.",
         "",
         "| | median | per step | range | repeats | times ours |",
@@ -115,15 +107,8 @@ def main() -> None:
         f"Mark: at most {MARK * 1e3:g} ms a run ({MARK / (STEPS + 1) * 1e9:.0f} ns a step): "
         f"{'met' if ours <= MARK else 'missed'} with the median of {ours * 1e3:.2f} ms; least "
         f"{min(rows['fracgyro core, C++']) * 1e3:.2f} ms. Each of our repeats is itself the median of nine processes.",
-        "",
     ]
-    result = ROOT / "benchmarks" / "results" / "loop.md"
-    result.write_text("\n".join(lines), encoding="utf-8")
-    print("\n".join(lines))
-
-
-def compiler() -> str:
-    return subprocess.run(["c++", "--version"], capture_output=True, text=True, check=True).stdout.splitlines()[0]
+    write("loop", lines)
 
 
 if __name__ == "__main__":
