@@ -123,9 +123,8 @@ def more_accurate_than_conventional(m: Material) -> Judged:
             held &= gain.low > 0
             parts.append(f"{window} {axis} {gain.mean / base:+.1%} [{gain.low / base:+.1%}, {gain.high / base:+.1%}]")
     return held, (
-        "RMSE saved against conventional fast terminal SMC (negative: lost), paired by seed, with 95 % confidence interval: "
-        + "; ".join(parts)
-        + "."
+        "RMSE saved against conventional fast terminal SMC (negative: lost), paired by seed, with 95 % confidence "
+        "interval: " + "; ".join(parts) + "."
     )
 
 
