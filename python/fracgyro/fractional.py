@@ -40,7 +40,9 @@ def integral(
 ) -> NDArray[Any]:
     """Riemann-Liouville integral I^order, 0 <= order <= 1, from t = 0; the surface's D^(alpha-1) is order 1-alpha.
 
-    Arguments and errors as for `caputo`; units of values times time^order.
+    Arguments and errors as for `caputo`; units of values times time^order. In single precision, orders near 1 lose
+    accuracy over long records (after 80,000 samples 1e-5 of the peak at order 0.1, 4e-3 at 0.5, all of it at 0.9):
+    use double precision there.
     """
     _check_order(order)
     return _apply(values, rates, step, 1.0 - order, tolerance)[0]
