@@ -37,9 +37,10 @@ def rate_law_seen(runs: Runs) -> str:
     entry = printed["rate_estimate"] + printed["rate_symmetric_estimate"].sel(entry="xy")
     return (
         f"As printed, Ω̂z moves by {moved['printed']:.1g} in 80 units of time while a symmetric part, which Ω has not, "
-        f"grows to {symmetric:.1f}; corrected, Ω̂z moves by up to {moved['corrected']:.1f}. The matrix entry Ω̂21 alone, both "
-        f"parts together, does come near Ωz = 0.1 as printed ({float(entry.mean()):.3f} ± {float(entry.std()):.3f} after "
-        "t = 40), which may be what figures 16 to 18 of the paper show; it is not an estimate of a rotation."
+        f"grows to {symmetric:.1f}; corrected, Ω̂z moves by up to {moved['corrected']:.1f}. The matrix entry Ω̂21, "
+        "both parts together, does come near Ωz = 0.1 as printed "
+        f"({float(entry.mean()):.3f} ± {float(entry.std()):.3f} after t = 40), which may be what figures 16 to 18 of "
+        "the paper show; it is not an estimate of a rotation."
     )
 
 
