@@ -16,7 +16,7 @@
 namespace fracgyro {
 
 // What a number must offer to be simulated with. A wrapper around a floating-point type qualifies when it has the
-// operators below, an explicit constructor from double and its own overloads of square_root, power and sine_cosine.
+// operators below, an explicit constructor from double and its own overloads of square_root and power.
 template <class T>
 concept Scalar = std::copyable<T> && std::constructible_from<T, double> && requires(T a, T b) {
     { a + b } -> std::same_as<T>;
@@ -256,7 +256,8 @@ T power(T base, T exponent) {
     return select(T(0) < base, result, select(exponent == T(0), T(1), T(0)));
 }
 
-// e^x for x <= 0, within a few units in the last place; 0 where the result is below the normal range.
+// e^x for x <= 0, within a few units in the last place; 0 for x below some -708 (double) or -86 (float), where the result
+// would leave the normal range.
 template <std::floating_point T>
 T exponential(T x) {
     constexpr T high = detail::Bits<T>::ln2_high, low = detail::Bits<T>::ln2_low;

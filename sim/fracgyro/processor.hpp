@@ -3,7 +3,9 @@
 // inlined into it, since only then is that compiled for the same processor.
 #pragma once
 
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && defined(__linux__) && !defined(__AVX2__) && \
+#include <cstddef>  // says whether this is glibc, which target_clones needs
+
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && defined(__GLIBC__) && !defined(__AVX2__) && \
     !defined(__SANITIZE_ADDRESS__)
 #define FRACGYRO_FOR_EACH_PROCESSOR __attribute__((target_clones("avx2", "default"), flatten))
 #else

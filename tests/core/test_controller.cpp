@@ -1,7 +1,10 @@
 #include "paper.hpp"
 #include "scalars.hpp"
 
+#include "fracgyro/record.hpp"
+
 #include <cmath>
+#include <cstring>
 #include <vector>
 
 namespace fracgyro::testing {
@@ -387,6 +390,27 @@ TEST(ClosedLoop, ACopiedControllerResumesBitForBit) {
         ASSERT_EQ(a.y, b.y);
     }
 }
+
+// As sim/fracgyro/processor.hpp compiles the loop. Only where everything is inlined do the two differ.
+#if defined(__x86_64__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__)
+__attribute__((target("avx2"), flatten, noinline)) void record_with_avx2(const Setup& setup, double* rows) {
+    record<double>(setup, 1, rows);
+}
+__attribute__((flatten, noinline)) void record_without(const Setup& setup, double* rows) {
+    record<double>(setup, 1, rows);
+}
+
+TEST(ClosedLoop, AProcessorWithAvx2ComputesTheSameBits) {
+    if (!__builtin_cpu_supports("avx2")) {
+        GTEST_SKIP() << "this processor has no AVX2";
+    }
+    const auto setup = paper(5000);
+    std::vector<double> with(5001 * row_width), without(5001 * row_width);
+    record_with_avx2(setup, with.data());
+    record_without(setup, without.data());
+    EXPECT_EQ(std::memcmp(with.data(), without.data(), with.size() * sizeof(double)), 0);
+}
+#endif
 
 }  // namespace
 }  // namespace fracgyro::testing
