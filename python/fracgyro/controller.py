@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.metadata import version
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,9 +84,7 @@ class Controller:
         self._core.state = saved[len(key) :]
 
     def _key(self) -> bytes:
-        from . import __version__
-
-        return f"fracgyro {__version__} {self.scenario.content_hash()}\n".encode()
+        return f"fracgyro {version('fracgyro')} {self.scenario.content_hash()}\n".encode()
 
     @staticmethod
     def _pair(name: str, values: Sequence[float], scale: float) -> tuple[float, float]:
