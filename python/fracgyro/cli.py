@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import sys
 import tomllib
 from collections.abc import Sequence
@@ -11,6 +12,7 @@ from typing import Any
 
 import click
 
+from .files import reason
 from .scenario import Scenario
 from .simulate import DivergedError, simulate
 
@@ -46,13 +48,25 @@ def reproduce(out: str, seeds: int | None, quick: bool, as_json: bool) -> None:
     )
     task = bar.add_task("starting")
 
+    interrupts: list[int] = []
+
+    def interrupt(number: int, _: object) -> None:
+        # Raised anywhere, KeyboardInterrupt may be swallowed by a callback; raised from `show` it arrives.
+        interrupts.append(number)
+        if len(interrupts) > 1:
+            raise KeyboardInterrupt
+
     def show(done: float, total: float, doing: str) -> None:
+        if interrupts:
+            raise KeyboardInterrupt
         bar.start()  # now that the input has been found good; does nothing once started
         bar.update(task, completed=done, total=total, description=doing)
 
+    before = signal.signal(signal.SIGINT, interrupt)
     try:
         result = run_all(out, seeds=seeds, quick=quick, progress=show)
     finally:
+        signal.signal(signal.SIGINT, before)
         if bar.live.is_started:  # stopped unstarted, it would print itself
             bar.stop()
     verdicts = [{"id": c.id, "variant": c.variant, "verdict": c.verdict} for c in result.claims]
@@ -69,7 +83,13 @@ def reproduce(out: str, seeds: int | None, quick: bool, as_json: bool) -> None:
 
 @cli.command(name="simulate")
 @click.argument("scenario", required=False, type=click.Path(path_type=Path))
-@click.option("--set", "changes", multiple=True, metavar="FIELD=VALUE", help="As controller.order=0.8; repeatable.")
+@click.option(
+    "--set",
+    "changes",
+    multiple=True,
+    metavar="FIELD=VALUE",
+    help="As controller.order=0.8; nothing after = leaves the field out. Repeatable.",
+)
 @click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="The run as NetCDF.")
 @click.option("--plot", type=click.Path(path_type=Path), metavar="FILE", help="A picture: .svg, .png or .pdf.")
 @click.option("--json", "as_json", is_flag=True, help="Print the metrics as JSON.")
@@ -84,9 +104,11 @@ def simulate_command(
     chosen = chosen.replace(dict(map(_change, changes)))
     diverged = None
     try:
-        run = simulate(chosen)
+        every_step = simulate(chosen.replace({"run.record_every": 1}))  # which the metrics need
     except DivergedError as error:
-        run, diverged = error.run, error
+        every_step, diverged = error.run, error
+    run = every_step.isel(time=slice(None, None, chosen.run.record_every))
+    run.attrs["scenario"] = chosen.to_toml()
     if out:
         write_run(run, out)
     if plot:
@@ -96,10 +118,7 @@ def simulate_command(
     if diverged:
         kept = f"; the samples until then are in {out}" if out else ""
         raise click.UsageError(f"{diverged}{kept}")
-    scale = chosen.plant.scales
-    si = chosen.run.units == "SI"
-    length, velocity, time = (scale.length, scale.velocity, scale.time) if si else (1.0, 1.0, 1.0)
-    figures = summary(run, 10.0 * time, 0.01 * length, 0.06 * velocity)
+    figures = summary(every_step)
     if as_json:
         click.echo(json.dumps({name: _plain(values) for name, values in figures.items()}))
         return
@@ -167,6 +186,7 @@ def main() -> None:
     """Entry point: turns every foreseen failure into one sentence."""
     try:
         code = cli(standalone_mode=False)
+        sys.stdout.flush()
     except click.exceptions.Exit as stop:
         code = stop.exit_code
     except click.ClickException as error:
@@ -177,5 +197,9 @@ def main() -> None:
         code = INTERRUPTED
     except ValueError as error:
         click.echo(f"fracgyro: {error}", err=True)
+        code = BAD_INPUT
+    except OSError as error:
+        click.echo(f"fracgyro: the output cannot be written: {reason(error)}", err=True)
+        sys.stdout = None  # or Python would try once more, and fail aloud
         code = BAD_INPUT
     sys.exit(code)

@@ -21,6 +21,8 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     Raises ValueError in one sentence when it cannot be written.
     """
     target = Path(os.path.realpath(path))
+    if target.exists() and not target.is_file():
+        raise ValueError(f"{path} cannot be written: it is not a regular file")
     scratch = target.with_name(f".{uuid.uuid4().hex}{target.suffix}")
     try:
         yield scratch
@@ -36,9 +38,9 @@ def writable_folder(path: str | os.PathLike[str]) -> Path:
     folder = Path(path)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with whole_file(folder / "probe") as probe:
-            probe.touch()
-        (folder / "probe").unlink()
+        probe = folder / f".{uuid.uuid4().hex}"
+        probe.touch()
+        probe.unlink()
     except OSError as error:
         raise ValueError(f"{path} cannot be made: {reason(error)}") from None
     return folder

@@ -15,7 +15,25 @@ from numpy.typing import ArrayLike, NDArray
 from .scenario import Scenario
 
 Window = tuple[float | None, float | None]
-STEADY: Window = (10.0, None)
+STEADY: Window = (10.0, None)  # nondimensional
+
+# Nondimensional, and scaled to the units of a run where they are left out.
+TRANSIENT, ERROR_BOUND, SURFACE_BOUND, RATE_TOLERANCE = 10.0, 0.01, 0.06, 0.1
+UNITS = {
+    "rmse": "length",
+    "error_settling_time": "time",
+    "surface_settling_time": "time",
+    "chattering": "",
+    "effort": "force",
+    "rate_error": "rate",
+    "rate_error_rms": "rate",
+    "rate_error_peak": "rate",
+    "rate_settling_time": "time",
+    "damping_error": "",
+    "stiffness_error": "",
+    "largest_force": "force",
+}
+SI = {"length": "m", "time": "s", "velocity": "m/s", "force": "N", "rate": "rad/s"}
 
 
 def cut(run: xr.Dataset, window: Window) -> xr.Dataset:
@@ -31,22 +49,24 @@ def rmse(run: xr.Dataset, window: Window = (None, None)) -> xr.DataArray:
     return _rms(cut(run, window)["error"])
 
 
-def settling_time(run: xr.Dataset, bound: float = 0.01) -> xr.DataArray:
-    """Time after which ‖e‖ stays within `bound` (unit of position); NaN if it never does."""
+def settling_time(run: xr.Dataset, bound: float | None = None) -> xr.DataArray:
+    """Time after which ‖e‖ stays within `bound` (unit of position; 0.01 q0 if left out); NaN if it never does."""
+    bound = ERROR_BOUND * _scale(run, "length") if bound is None else bound
     return _settled(_size(run["error"]) <= bound, run["time"])
 
 
-def surface_settling_time(run: xr.Dataset, bound: float = 0.06) -> xr.DataArray:
-    """Time after which ‖s‖ stays within `bound` (unit of velocity); NaN if it never does."""
+def surface_settling_time(run: xr.Dataset, bound: float | None = None) -> xr.DataArray:
+    """Time after which ‖s‖ stays within `bound` (unit of velocity; 0.06 q0 ω0 if left out); NaN if it never does."""
+    bound = SURFACE_BOUND * _scale(run, "velocity") if bound is None else bound
     return _settled(_size(run["surface"]) <= bound, run["time"])
 
 
-def chattering(run: xr.Dataset, window: Window = STEADY) -> xr.DataArray:
-    """RMS of the second difference of u between samples, over the RMS of u; by `axis`.
+def chattering(run: xr.Dataset, window: Window | None = None) -> xr.DataArray:
+    """RMS of the second difference of u between samples, over the RMS of u; by `axis`. From t = 10 on if left out.
 
     A smooth force of angular frequency w sampled every h has (w h)², one that flips sign at every sample has 4.
     """
-    force = cut(run, window)["control"]
+    force = cut(run, (TRANSIENT * _scale(run, "time"), None) if window is None else window)["control"]
     bend = force.diff("time", n=2)
     return _rms(bend) / _rms(force)
 
@@ -106,18 +126,23 @@ def lyapunov(run: xr.Dataset, bounds: tuple[float, float, float]) -> xr.DataArra
 
 def summary(
     run: xr.Dataset,
-    transient: float = 10.0,
-    error_bound: float = 0.01,
-    surface_bound: float = 0.06,
-    rate_tolerance: float = 0.1,
+    transient: float | None = None,
+    error_bound: float | None = None,
+    surface_bound: float | None = None,
+    rate_tolerance: float = RATE_TOLERANCE,
 ) -> xr.Dataset:
-    """All of the above as one row, under the names that `simulate_many(..., metrics_only=True)` uses."""
+    """All of the above as one row, under the names that `simulate_many(..., metrics_only=True)` uses.
+
+    The first three in the units of the run; left out they are 10, 0.01 and 0.06, nondimensional. The run should be
+    recorded at every step: a thinned record (run.record_every > 1) gives estimates, of chattering a wrong one.
+    """
+    transient = TRANSIENT * _scale(run, "time") if transient is None else transient
     early, late = (None, transient), (transient, None)
     windows: dict[str, Window] = {"whole": (None, None), "transient": early, "steady": late}
     off = rate_error(run)
     run = run.assign(off=off)
     half = 0.5 * float(run["time"][-1])
-    return xr.Dataset(
+    figures = xr.Dataset(
         {
             "rmse": xr.concat([_or_nan(rmse, run, w) for w in windows.values()], dim="window").assign_coords(
                 window=list(windows)
@@ -137,6 +162,13 @@ def summary(
             "largest_force": abs(run["control"]).max(["time", "axis"]),
         }
     )
+    for name, values in figures.items():
+        quantity = UNITS.get(str(name), "")
+        values.attrs = {"units": SI[quantity] if quantity and run.attrs["units"] == "SI" else "1"}
+    if run.attrs["units"] == "SI":
+        figures["bound_final"].attrs["units"] = run["bound_estimate"].attrs["units"]
+        figures["bound_0_halfway"].attrs["units"] = SI["force"]
+    return figures
 
 
 def _or_nan(metric: Callable[[xr.Dataset, Window], xr.DataArray], run: xr.Dataset, window: Window) -> xr.DataArray:
@@ -172,6 +204,14 @@ def _relative(estimate: xr.DataArray, truth: xr.DataArray) -> xr.DataArray:
     weights = xr.DataArray([1.0, 2.0, 1.0], dims="entry")
     off = (weights * (estimate - truth) ** 2).sum("entry", skipna=False)
     return (off / (weights * truth**2).sum("entry")) ** 0.5
+
+
+def _scale(run: xr.Dataset, quantity: str) -> float:
+    """SI value of one nondimensional unit in an SI run, 1 in a nondimensional one."""
+    if run.attrs["units"] != "SI":
+        return 1.0
+    text = run.attrs["scenario"] if "scenario" in run.attrs else run["scenario"].values[0]
+    return float(getattr(Scenario.from_toml(text).plant.scales, quantity))
 
 
 def _in_units(scenario: Scenario, value: float, scale: float) -> float:

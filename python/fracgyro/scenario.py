@@ -34,6 +34,10 @@ from .tables import (
     toml_value,
 )
 
+# The first words and the last line of a saved scenario: half a file may still be valid TOML.
+BEGIN = "# A fracgyro scenario."
+END = "# End of the scenario."
+
 
 class ScenarioError(ValueError):
     """Bad input, in one sentence that names the field, the value and what is allowed."""
@@ -103,6 +107,8 @@ class Scenario(Table):
     @classmethod
     def from_toml(cls, text: str, *, source: str = "the text") -> Scenario:
         """Missing tables and fields take the paper's corrected values; `source` names the text in errors."""
+        if text.startswith(BEGIN) and END not in text:
+            raise ScenarioError(f"{source} is cut off: its last line, {END!r}, is missing")
         try:
             tables = tomllib.loads(text)
         except ValueError as error:
@@ -114,7 +120,7 @@ class Scenario(Table):
     def to_toml(self) -> str:
         """Complete and commented; reading it gives this scenario back, and writing that the same text."""
         lines = [
-            "# A fracgyro scenario. [plant] is in SI units, its initial state and all else nondimensional.",
+            f"{BEGIN} [plant] is in SI units, its initial state and all else nondimensional.",
             "# A table or field that is left out takes the paper's value, in the corrected reading.",
         ]
         for name, table in self:
@@ -123,7 +129,7 @@ class Scenario(Table):
                 value = getattr(table, field)
                 lines += [f"# {line}" for line in textwrap.wrap(info.description or "", 106)]
                 lines += [f"# {field} is not set" if value is None else f"{field} = {toml_value(value)}"]
-        return "\n".join(lines) + "\n"
+        return "\n".join([*lines, "", END]) + "\n"
 
     def replace(self, changes: Mapping[str, Any]) -> Scenario:
         """A copy with {"controller.order": 0.8, ...} changed, validated as a whole; None unsets."""

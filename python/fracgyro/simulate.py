@@ -189,8 +189,11 @@ def _metrics_dataset(values: np.ndarray, thresholds: dict[str, float]) -> xr.Dat
         grouped[name] = (["run", "axis"], np.stack([by_name.pop(f"{name}_{a}") for a in AXES], axis=-1))
     bounds = np.stack([by_name.pop(f"bound_{i}") for i in range(3)], axis=-1)
     grouped["bound_final"] = (["run", "bound"], bounds)
-    return xr.Dataset(
+    figures = xr.Dataset(
         {**grouped, **{name: ("run", column) for name, column in by_name.items()}},
         coords={"window": windows, "axis": AXES, "bound": COORDINATES["bound"]},
         attrs={"version": version("fracgyro"), "units": "nondimensional", **thresholds},
     )
+    for variable in figures.data_vars.values():
+        variable.attrs["units"] = "1"
+    return figures

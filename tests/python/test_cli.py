@@ -132,3 +132,30 @@ def test_help_lists_the_commands() -> None:
     assert result.returncode == 0
     for command in ("reproduce", "simulate", "scenario"):
         assert command in result.stdout
+
+
+def test_output_that_cannot_be_written_is_said_in_one_sentence() -> None:
+    with open("/dev/full", "w") as full:
+        command = [sys.executable, "-m", "fracgyro", "scenario", "paper"]
+        result = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
+    assert result.returncode == 2
+    assert result.stderr == "fracgyro: the output cannot be written: No space left on device\n"
+
+
+def test_a_device_is_not_replaced_by_a_file() -> None:
+    assert "/dev/null cannot be written: it is not a regular file" in sentence(
+        run("simulate", *SHORT, "--out", "/dev/null")
+    )
+    assert Path("/dev/null").is_char_device()
+
+
+def test_metrics_do_not_depend_on_how_often_samples_are_kept() -> None:
+    thin = ("--set", "run.record_every=50")
+    kept, all_kept = (json.loads(run("simulate", *SHORT, *more, "--json").stdout) for more in (thin, ()))
+    assert kept == all_kept
+
+
+def test_a_scenario_cut_off_between_two_lines_is_noticed(tmp_path: Path) -> None:
+    text = fg.Scenario.paper().to_toml()
+    (tmp_path / "half.toml").write_text("\n".join(text.splitlines()[:20]) + "\n", encoding="utf-8")
+    assert "half.toml is cut off" in sentence(run("simulate", "half.toml", cwd=tmp_path))

@@ -828,3 +828,14 @@ def test_any_valid_scenario_runs_to_its_end_or_says_that_it_diverged(changes: di
     among_many = fg.simulate_many([scenario]).drop_vars("diverged_at")
     assert_same(run, among_many.isel(run=0, time=slice(len(run["time"]))))
     assert core_setup(scenario).steps == 500
+
+
+def test_metrics_of_an_si_run_are_those_of_the_nondimensional_one_in_si() -> None:
+    scenario = PAPER.replace({"run.duration": 12.0})
+    si = fg.metrics.summary(fg.simulate(scenario.replace({"run.units": "SI"})))
+    plain = fg.metrics.summary(fg.simulate(scenario))
+    scales = scenario.plant.scales
+    for name, quantity in fg.metrics.UNITS.items():
+        scale = getattr(scales, quantity) if quantity else 1.0
+        np.testing.assert_allclose(si[name], plain[name] * scale, rtol=1e-9, err_msg=name)
+        assert si[name].attrs["units"] == (fg.metrics.SI[quantity] if quantity else "1")

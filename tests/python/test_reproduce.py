@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from fracgyro.files import writable_folder
 from fracgyro.paper import claims, errata, runs
 from fracgyro.paper.reproduce import reproduce
 from fracgyro.paper.statistics import mean_interval
@@ -169,3 +170,24 @@ def test_ninety_five_of_a_hundred_intervals_hold_the_mean() -> None:
 def test_the_variants_differ_in_the_three_switches_of_the_errata() -> None:
     listed = {e.switch for e, _ in errata.TABLE if e.switch.startswith("controller.")}
     assert set(errata.switches()) == listed
+
+
+def test_a_users_file_called_probe_survives(tmp_path: Path) -> None:
+    (tmp_path / "probe").write_text("mine", encoding="utf-8")
+    writable_folder(tmp_path)
+    assert [p.name for p in tmp_path.iterdir()] == ["probe"]
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.7, 1.5])
+def test_an_interrupt_at_any_time_is_one_sentence(tmp_path: Path, delay: float) -> None:
+    command = [sys.executable, "-m", "fracgyro", "reproduce", "--out", str(tmp_path / "out"), "--quick"]
+    pipes = {"stderr": subprocess.PIPE, "stdout": subprocess.PIPE}
+    process = subprocess.Popen(command, **pipes, start_new_session=True, text=True)
+    while not (tmp_path / "out" / "runs").is_dir():  # from here on the drawing processes are starting
+        time.sleep(0.01)
+    time.sleep(delay)
+    os.killpg(process.pid, signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130, errors
+    assert "Traceback" not in errors
+    assert errors.endswith("fracgyro: interrupted; the files written so far are complete\n")

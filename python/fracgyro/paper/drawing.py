@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import math
 import re
-import signal
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -178,11 +177,6 @@ def _add_panel(figure: Figure, mm: Transform, panel: Panel) -> None:
         figure.text(left - 9.0, middle, panel.label, transform=mm, rotation=90, ha="right", va="center")
         if cell.lowest:
             figure.text(left + 0.5 * width, -top - tall - 4.6, panel.time_label, transform=mm, ha="center", va="top")
-
-
-def ready() -> None:
-    """Called first in a process that draws: an interrupt is its parent's to handle."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def render(plan: Plan, folder: Path) -> list[Path]:

@@ -5,13 +5,15 @@ Reading order: `FIGURES`, `_cells` (which views of a quantity stand where), `_pl
 A figure shows the paper's quantities over the whole run. Where one scale hides the story it has more views:
     whole     the whole run, scaled to everything in it
     early     the first EARLY units of time, scaled to everything in them
-    late      the rest of the run, scaled to what follows LATE; what comes before may leave the panel
+    late      the whole run, scaled to what follows LATE; what comes before may leave the panel
     envelope  the whole run: the largest magnitude in each pixel column, on a logarithmic scale
 Data are decimated before they are drawn: each pixel column keeps its extremes, so that noise keeps its width.
 """
 
 from __future__ import annotations
 
+import signal
+import threading
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
@@ -41,7 +43,6 @@ from .drawing import (
     View,
     decimate,
     envelope,
-    ready,
     render,
 )
 
@@ -189,7 +190,7 @@ def _panels(pair: list[xr.Dataset], layout: Layout, cell: Cell) -> Iterator[Pane
     unit = f"1 = {_plant(pair[0].attrs['scenario'])[0]:g} ms"
     end, columns = float(time[-1]), round(cell.box[2] * COLUMNS_PER_MM)
     early, late = min(EARLY, 0.5 * end), min(LATE, 0.75 * end)
-    span = (early if view == "late" else 0.0, early if view == "early" else end)
+    span = (0.0, early if view == "early" else end)
     seen = (time >= span[0]) & (time <= span[1])
     signals = [{k: v[seen] for k, v in _signals(run, layout, cell.rows).items()} for run in pair]
     thin = envelope if view == "envelope" else decimate
@@ -203,7 +204,7 @@ def _panels(pair: list[xr.Dataset], layout: Layout, cell: Cell) -> Iterator[Pane
         limits = _limits([[v[scaling] for v in side.values()] for side in signals], room)
     titles = {
         "early": f"to t = {early:g}",
-        "late": f"after it, scaled to t > {late:g}",
+        "late": f"whole run, scaled to t > {late:g}",
         "whole": "whole run",
         "envelope": f"largest magnitude in each {end / columns:.2g} of t",
     }
@@ -239,13 +240,27 @@ def draw(number: int, runs: Runs, folder: Path) -> list[Path]:
 
 
 @contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Processes started meanwhile never see an interrupt, not even as they import: it is their parent's."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # elsewhere signals cannot be set, and do not arrive
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+@contextmanager
 def workers(count: int) -> Iterator[ProcessPoolExecutor]:
     """Processes to draw with. They start at once, since their imports take as long as the simulations meanwhile."""
     # Spawned, not forked: the simulator's threads or a progress display may hold a lock at that moment.
-    pool = ProcessPoolExecutor(count, get_context("spawn"), ready)
+    pool = ProcessPoolExecutor(count, get_context("spawn"))
     try:
-        for _ in range(count):
-            pool.submit(int)
+        with uninterrupted():
+            for _ in range(count):
+                pool.submit(int)
         yield pool
     finally:
         pool.shutdown(cancel_futures=True)
