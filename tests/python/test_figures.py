@@ -33,11 +33,11 @@ def runs() -> Runs:
 @pytest.fixture(scope="module")
 def drawn(runs: Runs, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("figures")
-    finished: list[int] = []
     with figures.workers(2) as pool:
-        paths = figures.draw_all(runs, folder, pool, progress=finished.append)
-    assert sum(finished) == 17
-    assert paths == sorted(folder.iterdir()), "what is returned is what is there, and nothing half-written is"
+        started = figures.start_all(runs, folder, pool)
+        paths = [path for figure in started for path in figure.result()]
+    assert len(started) == 17
+    assert sorted(paths) == sorted(folder.iterdir()), "what is returned is what is there, and nothing half-written is"
     return folder
 
 

@@ -13,9 +13,8 @@ Data are decimated before they are drawn: each pixel column keeps its extremes, 
 from __future__ import annotations
 
 import signal
-import threading
-from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Iterator, Mapping
+from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
@@ -241,15 +240,15 @@ def draw(number: int, runs: Runs, folder: Path) -> list[Path]:
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Processes started meanwhile never see an interrupt, not even as they import: it is their parent's."""
-    if threading.current_thread() is not threading.main_thread():
-        yield  # elsewhere signals cannot be set, and do not arrive
+    """Processes started meanwhile never see an interrupt: it is their parent's, who sees it afterwards."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
         return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager
@@ -266,13 +265,6 @@ def workers(count: int) -> Iterator[ProcessPoolExecutor]:
         pool.shutdown(cancel_futures=True)
 
 
-def draw_all(
-    runs: Runs, folder: Path, pool: ProcessPoolExecutor, progress: Callable[[int], object] | None = None
-) -> list[Path]:
-    """All of them; `progress` gets the number finished since the last call."""
-    paths: list[Path] = []
-    for future in as_completed([pool.submit(render, _plan(number, runs), folder) for number in FIGURES]):
-        paths += future.result()
-        if progress:
-            progress(1)
-    return sorted(paths)
+def start_all(runs: Runs, folder: Path, pool: ProcessPoolExecutor) -> list[Future[list[Path]]]:
+    """All of them begun, each to end with the paths of its files."""
+    return [pool.submit(render, _plan(number, runs), folder) for number in FIGURES]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable
+from concurrent.futures import as_completed
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -69,6 +70,7 @@ def reproduce(
     with figures.workers(threads_available()) as pool:
         advance(0, "recording runs")
         runs = record_all(lambda n: advance(n * RECORD_COST, "recording runs"))
+        drawing = figures.start_all(runs, drawn, pool)  # beside all that follows
         for (variant, controller), run in runs.items():
             write_run(run, kept / f"{variant}_{controller}.nc")
             advance(FILE_COST, "writing runs")
@@ -79,7 +81,9 @@ def reproduce(
         claims = judge(runs, results)
         write_claims(claims, folder / "claims.json")
         advance(JUDGE_COST, "drawing figures")
-        figures.draw_all(runs, drawn, pool, progress=lambda n: advance(n * FIGURE_COST, "drawing figures"))
+        for figure in as_completed(drawing):
+            figure.result()
+            advance(FIGURE_COST, "drawing figures")
     seconds = time.perf_counter() - begin
     report = folder / "report.html"
     write_report(

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import stats
+from scipy.special import stdtrit
 
 
 class Mean(NamedTuple):
@@ -27,5 +27,5 @@ def mean_interval(values: ArrayLike) -> Mean:
     mean = float(sample.mean())
     if sample.size < 2:
         return Mean(mean, -np.inf, np.inf)
-    half = float(stats.t.ppf(0.975, sample.size - 1) * sample.std(ddof=1) / np.sqrt(sample.size))
+    half = float(stdtrit(sample.size - 1, 0.975) * sample.std(ddof=1) / np.sqrt(sample.size))
     return Mean(mean, mean - half, mean + half)
