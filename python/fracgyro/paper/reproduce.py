@@ -15,7 +15,7 @@ import xarray as xr
 from ..files import whole_file, writable_folder
 from ..simulate import threads_available
 from . import figures
-from .claims import Claim, judge, write_claims
+from .claims import Claim, judge, time_steps, write_claims
 from .errata import with_evidence
 from .report import write_report
 from .runs import CONTROLLERS, VARIANTS, record_all, study, study_cases
@@ -67,6 +67,7 @@ def reproduce(
         if progress:
             progress(done, total, doing)
 
+    costs = {variant: time_steps(variant) for variant in VARIANTS}  # while nothing else runs
     with figures.workers(threads_available()) as pool:
         advance(0, "recording runs")
         runs = record_all(lambda n: advance(n * RECORD_COST, "recording runs"))
@@ -78,7 +79,7 @@ def reproduce(
         rows = table(results)
         write_table(rows, folder / "table1.csv")
         draw_table(rows, drawn / "table1.svg")
-        claims = judge(runs, results)
+        claims = judge(runs, results, costs)
         write_claims(claims, folder / "claims.json")
         advance(JUDGE_COST, "drawing figures")
         for figure in as_completed(drawing):
