@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import statistics
 import time
+from collections.abc import Callable
 
 import fracgyro as fg
 import mpmath
@@ -36,11 +37,11 @@ def task(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return values, rates
 
 
-def median_time(function: object, repeats: int = 7) -> float:
+def median_time(function: Callable[[], object], repeats: int = 7) -> float:
     seconds = []
     for _ in range(repeats):
         start = time.perf_counter()
-        function()  # type: ignore[operator]
+        function()
         seconds.append(time.perf_counter() - start)
     return statistics.median(seconds)
 
