@@ -12,6 +12,7 @@ void bind_disturbance(nb::module_& m) {
         .value("sine", DisturbanceKind::sine);
     auto params = nb::class_<DisturbanceParams>(m, "DisturbanceParams")
                       .def(nb::init<>())
+                      .def(nb::init<const DisturbanceParams&>())
                       .def_rw("kind", &DisturbanceParams::kind)
                       .def_rw("standard_deviation", &DisturbanceParams::standard_deviation)
                       .def_rw("hold", &DisturbanceParams::hold)

@@ -29,6 +29,7 @@ void bind_loop(nb::module_& m) {
 
     nb::class_<Setup>(m, "Setup")
         .def(nb::init<>())
+        .def(nb::init<const Setup&>())
         .def_rw("kind", &Setup::kind)
         .def_rw("controller", &Setup::controller)
         .def_rw("plant", &Setup::plant)

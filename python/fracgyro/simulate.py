@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from importlib.metadata import version
+from itertools import islice
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -80,6 +82,7 @@ def simulate(scenario: Scenario) -> xr.Dataset:
 def simulate_many(
     scenarios: Sequence[Scenario],
     *,
+    seeds: Sequence[int] | None = None,
     metrics_only: bool = False,
     transient: float = 10.0,
     error_bound: float = 0.01,
@@ -89,6 +92,8 @@ def simulate_many(
 ) -> xr.Dataset:
     """Many runs on all processors.
 
+    With `seeds`: every scenario once with each of these values of disturbance.seed in place of its own; the runs of the
+    first scenario come first, and a coordinate `seed` says which is which.
     Without `metrics_only`: the variables of `simulate` with a leading `run` dimension; all scenarios must then share
     run.duration, run.step, run.record_every and run.units. A run that diverges holds NaN from then on.
     With `metrics_only`: the metrics of each run (see `fracgyro.metrics.summary`, whose parameters `transient` to
@@ -96,11 +101,14 @@ def simulate_many(
     diverges is measured until then.
     In both, `diverged_at` says when a run diverged and is NaN for the others.
     `progress` is called with the number of runs finished since the last call.
-    Raises ValueError when `scenarios` is empty or, without `metrics_only`, they do not match.
+    Raises ValueError when `scenarios` or `seeds` is empty, a seed is outside 0 to 2^63 - 1 or, without `metrics_only`,
+    the scenarios do not match.
     """
     if not scenarios:
         raise ValueError("scenarios is empty: there is nothing to simulate")
     first = scenarios[0]
+    if seeds is not None:
+        _check_seeds(seeds)
     if not metrics_only:
         _check_alike(scenarios)
     params = _core.MetricsParams()
@@ -114,8 +122,8 @@ def simulate_many(
         setattr(params, name, value)
     threads = threads_available()
     parts, lasted = [], []
-    for begin in range(0, len(scenarios), CHUNK):
-        setups = [core_setup(s) for s in scenarios[begin : begin + CHUNK]]
+    waiting = _setups(scenarios, seeds)
+    while setups := list(islice(waiting, CHUNK)):
         if metrics_only:
             parts.append(_core.measure_runs(setups, params, threads))
         else:
@@ -125,14 +133,37 @@ def simulate_many(
         if progress:
             progress(len(setups))
     whole = parts[0] if len(parts) == 1 else np.concatenate(parts)
+    label: dict[str, Any] = {} if seeds is None else {"seed": ("run", np.tile(np.array(seeds), len(scenarios)))}
     if metrics_only:
-        return _metrics_dataset(whole, thresholds)
+        return _metrics_dataset(whole, thresholds).assign_coords(label)
     run = _dataset(whole, first)
     samples = np.concatenate(lasted)
     time = np.where(samples > first.run.steps, np.nan, samples * first.run.step)
     run["diverged_at"] = ("run", time * _time_scale(first), {"long_name": "time of divergence"})
     del run.attrs["scenario"]
-    return run.assign_coords(scenario=("run", [s.to_toml() for s in scenarios]))
+    texts = np.repeat([s.to_toml() for s in scenarios], 1 if seeds is None else len(seeds))
+    return run.assign_coords(scenario=("run", texts), **label)
+
+
+def _setups(scenarios: Sequence[Scenario], seeds: Sequence[int] | None) -> Iterator[Any]:
+    for scenario in scenarios:
+        setup = core_setup(scenario)
+        if seeds is None:
+            yield setup
+            continue
+        for seed in seeds:
+            seeded, disturbance = _core.Setup(setup), _core.DisturbanceParams(setup.disturbance)
+            disturbance.seed = int(seed)
+            seeded.disturbance = disturbance
+            yield seeded
+
+
+def _check_seeds(seeds: Sequence[int]) -> None:
+    if not len(seeds):
+        raise ValueError("seeds is empty: there is nothing to simulate")
+    for seed in seeds:
+        if not (isinstance(seed, int | np.integer) and 0 <= seed < 2**63):
+            raise ValueError(f"seeds holds {seed!r}: every seed must be an integer from 0 to 2^63 - 1")
 
 
 def _check_alike(scenarios: Sequence[Scenario]) -> None:

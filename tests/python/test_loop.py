@@ -746,6 +746,23 @@ def test_a_diverging_run_raises_with_the_samples_so_far() -> None:
     np.testing.assert_array_equal(run["position"][0].values, [0.5, 0.5])
 
 
+def test_seeds_stand_in_for_scenarios_that_differ_in_nothing_else() -> None:
+    bases = [fg.Scenario.paper().replace({"run.duration": 0.5, "controller.order": order}) for order in (0.4, 0.9)]
+    spelt_out = [base.replace({"disturbance.seed": seed}) for base in bases for seed in (7, 3)]
+    recorded = fg.simulate_many(bases, seeds=[7, 3])
+    assert recorded["seed"].values.tolist() == [7, 3, 7, 3]
+    np.testing.assert_array_equal(recorded["position"], fg.simulate_many(spelt_out)["position"])
+    measured = fg.simulate_many(bases, seeds=[7, 3], metrics_only=True, transient=0.1)
+    expected = fg.simulate_many(spelt_out, metrics_only=True, transient=0.1)
+    xr.testing.assert_equal(measured.drop_vars("seed"), expected)
+
+
+@pytest.mark.parametrize("seeds", [[], [-1], [2**63], [0.5]])
+def test_seeds_that_cannot_be_are_refused(seeds: list[int]) -> None:
+    with pytest.raises(ValueError, match="seeds"):
+        fg.simulate_many([fg.Scenario.paper()], seeds=seeds)
+
+
 def test_among_many_runs_a_diverging_one_holds_nan_from_then_on() -> None:
     wild = PAPER.replace({"run.step": 1e-2, "disturbance.hold": None, "run.duration": 20.0})
     calm = {"controller.adaptive": False, "controller.kind": "linear", "reference.amplitude": (0.0, 0.0)}
