@@ -17,9 +17,22 @@ std::int64_t record_run(const Setup& setup, std::int64_t every, double* rows) {
 }
 
 FRACGYRO_FOR_EACH_PROCESSOR
-void measure_run(const Setup& setup, const MetricsParams& params, double* out) {
-    const auto values = measure<double>(setup, params);
-    std::copy(values.begin(), values.end(), out);
+void fill_disturbance(Disturbance& disturbance, std::int64_t first, std::span<Vec2<double>> out) {
+    disturbance.fill(first, out);
+}
+
+// Doubles in a register, by the kinds of processor that this one can stand in for, the fastest last.
+std::vector<std::size_t> lane_counts() {
+    std::vector<std::size_t> counts{2};
+#ifdef FRACGYRO_LANES_X86
+    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) {
+        counts.push_back(4);
+    }
+    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl")) {
+        counts.push_back(8);
+    }
+#endif
+    return counts;
 }
 
 // Rows of all runs, (runs, samples, row_width), NaN where a run had diverged; and the samples each run lasted.
@@ -50,13 +63,31 @@ nb::tuple record_runs(const std::vector<const Setup*>& setups, std::int64_t ever
                           owned<std::int64_t, 1>(std::move(lasted), {setups.size()}));
 }
 
+// Metrics of all runs, (runs, metrics). `lanes`: one of lane_counts().
 nb::ndarray<nb::numpy, double> measure_runs(const std::vector<const Setup*>& setups, const MetricsParams& params,
-                                            unsigned threads) {
+                                            unsigned threads, std::size_t lanes) {
+    const auto counts = lane_counts();
+    if (std::find(counts.begin(), counts.end(), lanes) == counts.end()) {
+        throw nb::value_error("this processor has no registers of that many lanes");
+    }
     auto data = std::make_unique<double[]>(setups.size() * metric_names.size());
     {
         nb::gil_scoped_release unlocked;
-        parallel_for(setups.size(), threads,
-                     [&](std::size_t i) { measure_run(*setups[i], params, data.get() + i * metric_names.size()); });
+        const auto measured = [&] {
+#ifdef FRACGYRO_LANES_X86
+            if (lanes == 8) {
+                return measure_all<8>(kernels_for_avx512(), fill_disturbance, setups, params, threads);
+            }
+            if (lanes == 4) {
+                return measure_all<4>(kernels_for_avx2(), fill_disturbance, setups, params, threads);
+            }
+#endif
+            return measure_all<2>(kernels_for_any_processor(), fill_disturbance, setups, params, threads);
+        }();
+        double* out = data.get();
+        for (const MetricValues& values : measured) {
+            out = std::copy(values.begin(), values.end(), out);
+        }
     }
     return owned<double, 2>(std::move(data), {setups.size(), metric_names.size()});
 }
@@ -71,7 +102,8 @@ void bind_batch(nb::module_& m) {
         .def_rw("surface_bound", &MetricsParams::surface_bound)
         .def_rw("rate_tolerance", &MetricsParams::rate_tolerance);
     m.def("record_runs", &record_runs, nb::arg("setups"), nb::arg("every"), nb::arg("threads"));
-    m.def("measure_runs", &measure_runs, nb::arg("setups"), nb::arg("params"), nb::arg("threads"));
+    m.def("lane_counts", &lane_counts);
+    m.def("measure_runs", &measure_runs, nb::arg("setups"), nb::arg("params"), nb::arg("threads"), nb::arg("lanes"));
     m.attr("metric_names") = nb::cast(std::vector<std::string_view>(metric_names.begin(), metric_names.end()));
     nb::list names;
     for (const Channel& c : channels) {

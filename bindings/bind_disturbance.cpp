@@ -26,7 +26,7 @@ void bind_disturbance(nb::module_& m) {
         "disturbance",
         [](const DisturbanceParams& p, double step, std::int64_t first, std::size_t count) {
             auto values = std::make_unique<Vec2<double>[]>(count);
-            fill_disturbance(p, step, first, {values.get(), count});
+            Disturbance(p, step).fill(first, {values.get(), count});
             auto out = std::make_unique<double[]>(2 * count);
             for (std::size_t i = 0; i < count; ++i) {
                 out[2 * i] = values[i].x;

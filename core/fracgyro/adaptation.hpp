@@ -96,7 +96,7 @@ struct Adaptation {
     // One Euler step of the laws.
     static void update(State& state, const Coefficients& c, Vec2<T> q, Vec2<T> v, Vec2<T> s) {
         const T size = norm(s);
-        const T active = select(size < c.dead_zone, T(0.0), T(1.0));
+        const T active = if_less(size, c.dead_zone, T(0.0), T(1.0));
         const T bound = active * size;
         const Vec2<T> acting = active * s;
         const Sym2<T> vs = symmetric_product(v, acting);

@@ -25,18 +25,20 @@ struct ControlParams {
 template <Scalar T>
 struct Control {
     struct Coefficients {
-        T thickness{}, linear_gain{}, quadratic_gain{};  // inside the layer: s (linear_gain + quadratic_gain ‖s‖) ρ
+        T thickness_squared{}, linear_gain{}, quadratic_gain{};  // inside: s (linear_gain + quadratic_gain ‖s‖) ρ
         T force_limit{};
+        bool limited = false;
     };
 
     static Coefficients prepare(const ControlParams& p) {
         const bool layered = p.layer_thickness > 0.0;
         const bool linear = p.layer == Layer::linear;
         const double inverse = layered ? 1.0 / p.layer_thickness : 0.0;
-        return {.thickness = T(p.layer_thickness),
+        return {.thickness_squared = T(p.layer_thickness * p.layer_thickness),
                 .linear_gain = T(linear ? inverse : 0.0),
                 .quadratic_gain = T(linear ? 0.0 : inverse * inverse),
-                .force_limit = T(p.force_limit)};
+                .force_limit = T(p.force_limit),
+                .limited = p.force_limit < std::numeric_limits<double>::infinity()};
     }
 
     static Vec2<T> force(const Coefficients& c, const Estimates<T>& estimates, const Motion<T>& motion,
@@ -48,17 +50,19 @@ struct Control {
         const Vec2<T> equivalent = (estimates.damping + T(2.0) * estimates.rate_symmetric) * v + coriolis +
                                    estimates.stiffness * q + reference.acceleration - surface.drift;
         const T bound = estimates.bound[0] + estimates.bound[1] * norm(q) + estimates.bound[2] * norm(v);
-        const Vec2<T> force = equivalent - (switching_gain(c, norm(surface.s)) * bound) * surface.s;
+        // Inside and outside the layer alike the switching term is s (gain + slope ‖s‖) ρ, with 1/‖s‖ = ‖s‖/‖s‖²: only
+        // the product with ‖s‖, a square root, is left to be waited for, and no division after it.
+        const T square = squared_norm(surface.s);
+        // ‖s‖ below 1e-15 makes no difference to the force, as s itself multiplies what follows.
+        const T outside = T(1.0) / maximum(square, T(1e-30));
+        const auto [gain, slope] = if_less({square, square}, {c.thickness_squared, c.thickness_squared},
+                                           {c.linear_gain, c.quadratic_gain}, Vec2<T>{T(0.0), outside});
+        const Vec2<T> drive = bound * surface.s;
+        const Vec2<T> force = (equivalent - gain * drive) - square_root(square) * (slope * drive);
+        if (!c.limited) {
+            return force;
+        }
         return {clamp(force.x, -c.force_limit, c.force_limit), clamp(force.y, -c.force_limit, c.force_limit)};
-    }
-
-private:
-    // 1/‖s‖ outside the layer; at s = 0 any finite value will do, since s multiplies it.
-    static T switching_gain(const Coefficients& c, T size) {
-        const T inside = c.linear_gain + c.quadratic_gain * size;
-        const bool positive = T(0.0) < size;
-        const T outside = T(1.0) / select(positive, size, T(1.0));
-        return select(size < c.thickness, inside, outside);
     }
 };
 

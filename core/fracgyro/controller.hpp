@@ -57,14 +57,16 @@ struct SlidingModeController {
 
     // The force for the coming step, from the motion measured now. Called once every step.
     static Signals<T> step(State& state, const Coefficients& c, const Motion<T>& motion) {
-        const auto reference = Reference<T>::update(state.reference, c.reference);               // 1
-        const auto error = tracking_error(motion, reference);                                    // 2
-        const auto surface = SurfaceType::evaluate(state.surface, c.surface, error);             // 3
-        const auto estimates = Adaptation<T>::estimates(state.adaptation, c.adaptation);         // 5
-        const auto force = Control<T>::force(c.control, estimates, motion, reference, surface);  // 4
-        SurfaceType::advance(state.surface, c.surface, error);
+        // Made in place: these are many numbers, and copies of them go through memory.
+        Signals<T> signals{.reference = Reference<T>::update(state.reference, c.reference),         // 1
+                           .estimates = Adaptation<T>::estimates(state.adaptation, c.adaptation)};  // 5
+        signals.error = tracking_error(motion, signals.reference);                                  // 2
+        const auto surface = SurfaceType::evaluate(state.surface, c.surface, signals.error);        // 3
+        signals.surface = surface.s;
+        signals.force = Control<T>::force(c.control, signals.estimates, motion, signals.reference, surface);  // 4
+        SurfaceType::advance(state.surface, c.surface, signals.error);
         Adaptation<T>::update(state.adaptation, c.adaptation, motion.position, motion.velocity, surface.s);
-        return {.reference = reference, .error = error, .surface = surface.s, .estimates = estimates, .force = force};
+        return signals;
     }
 };
 

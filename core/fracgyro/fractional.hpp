@@ -13,14 +13,17 @@
 //     ∫ k e = S e₀ + S h [ v₀/(ν+2) + v₁/((ν+1)(ν+2)) + 6 κ/((ν+2)(ν+3)) ]        (by parts)
 //
 // History, all older than h: k(t) = Σ w_j exp(-s_j t) to the tolerance of the mode design. One state per mode and axis,
-//     E_j(t_n) = ∫ exp(-s_j (t_n-τ)) ė(τ) dτ over [0, t_n],   r_j = exp(-s_j h),
+//     E_j(t_n) = e(0) exp(-s_j t_n) + ∫ exp(-s_j (t_n-τ)) ė(τ) dτ over [0, t_n],   r_j = exp(-s_j h),
 //     E_j(t_n) = r_j E_j(t_{n-1}) + A_j v₀ + B_j v₁ + C_j κ    exactly, for the Hermite interpolant,
-// serves both operators, because ∫ exp(-s(t-τ)) e dτ = (e(t) - e(0) exp(-s t) - E(t))/s:
-//     derivative history at t_{n+1}:  Σ w_j r_j E_j(t_n)
-//     integral history at t_{n+1}:    Σ (w_j r_j/s_j) (e(t_n) - e(0) exp(-s_j t_n) - E_j(t_n)).
+// the memory of ė with e(0) as the jump that it is from rest. It serves both operators, as ∫ exp(-s(t-τ)) e dτ = (e - E)/s:
+//     derivative history at t_{n+1}:  Σ w_j r_j E_j(t_n)     Riemann-Liouville; less e(0) Σ w_j exp(-s_j t_{n+1}): Caputo
+//     integral history at t_{n+1}:    Σ (w_j r_j/s_j) (e(t_n) - E_j(t_n)).
 // What is stored is g_j = E_j - B_j v_n - C_j κ_n, whose recursion needs only the sample before,
 //     g_j(n) = r_j g_j(n-1) + (A_j + r_j B_j) v_{n-1} + r_j C_j κ_{n-1},
 // so the sum over the modes runs beside the control law instead of ahead of it.
+//
+// The Riemann-Liouville derivative of the jump, e(0) t^(-α)/Γ(1-α), falls steeply at first. The force that answers it is
+// held for a step, so its mean over the coming step is taken: exp(-s t) becomes μ exp(-s t), μ = ∫ exp(-s x h) dx over [0, 1].
 //
 // α = 1 and α = 0 use no modes and are exact: D^1 e = ė, I^0 e = e; D^0 e = e (eq. (7)), I^1 e the Hermite quadrature.
 #pragma once
@@ -51,14 +54,48 @@ struct FractionalOutput {
     Vec2<T> integral{}, derivative{};
 };
 
+template <Scalar T>
+struct TwoModes {
+    struct PerMode {
+        T first{}, second{};
+    };
+    struct Memory {
+        Vec2<T> first{}, second{};
+        friend constexpr Memory operator+(const Memory& a, const Memory& b) {
+            return {a.first + b.first, a.second + b.second};
+        }
+    };
+    using Input = Vec2<T>;  // the same for both modes
+    static Input input(const Vec2<T>& a) { return a; }
+    static Memory scaled(const PerMode& c, const Memory& m) { return {c.first * m.first, c.second * m.second}; }
+    static Memory scaled(const PerMode& c, const Input& a) { return {c.first * a, c.second * a}; }
+    static Vec2<T> sum(const Memory& m) { return m.first + m.second; }
+    static void set(PerMode& c, std::size_t mode, double value) { (mode == 0 ? c.first : c.second) = T(value); }
+};
+template <Scalar T>
+    requires std::floating_point<T>
+struct TwoModes<T> {
+    using Memory = typename PackOf<T, 4>::Type;
+    using PerMode = Memory;
+    using Input = Memory;
+    static Input input(const Vec2<T>& a) { return Input{a.x, a.y, a.x, a.y}; }
+    static Memory scaled(const PerMode& c, const Memory& m) { return c * m; }
+    static Vec2<T> sum(const Memory& m) { return {m[0] + m[2], m[1] + m[3]}; }
+    static void set(PerMode& c, std::size_t mode, double value) { c[2 * mode] = c[2 * mode + 1] = T(value); }
+};
+
 // Capacity: room for modes; a multiple of 4.
 template <Scalar T, std::size_t Capacity = Modes::capacity>
 struct Fractional {
-    // Modes go through vector registers in packs of four numbers, which fixes the order of all additions.
-    using Pack = typename PackOf<T, 4>::Type;
-    using Pairs = std::array<Pack, Capacity / 2>;
-    using Quads = std::array<Pack, Capacity / 4>;
     static_assert(Capacity % 4 == 0);
+    // Two modes at a time, which fixes the order of all additions. For a built-in number their memory, x, y of one and x, y
+    // of the next, is one register, and so is a coefficient of both; any other number stands alone.
+    using Two = TwoModes<T>;
+    using Memory = typename Two::Memory;
+    using PerMode = typename Two::PerMode;
+    using Quad = typename PackOf<T, 4>::Type;  // four modes
+    template <class Packed, std::size_t Modes>
+    using All = std::array<Packed, Capacity / Modes>;
 
     // One output is  value·e + difference·(e - e_past) + rate·ė  of the newest sample, plus what was known before it came:
     // past_value·e_past + past_rate·ė_past + past_bump·κ_past + Σ over the modes.
@@ -68,36 +105,34 @@ struct Fractional {
 
     struct Coefficients {
         T inverse_step{};
-        T vanished{};    // see `onset`
         T carry{};       // 1 for α = 0, where the integral continues the previous one; else 0
         T onset_mean{};  // mean of t^(-α)/Γ(1-α) over the first hold, where it is singular; 0 for Caputo
         T start_value{}, start_rate{}, start_integral{};  // outputs at t = 0: non-zero only for α = 0 or 1
         Weights integral{}, derivative{};
-        std::size_t pairs = 0,
-                    quads = 0;  // packs of two modes by two axes, and of four modes; padded with zero weights
-        // Per mode and axis; the states carry their output weight w r, so that the derivative is their plain sum.
-        Pairs decay{};         // r - 1
-        Pairs from_rate{};     // w r (A + r B)
-        Pairs from_bump{};     // w r r C
-        Pairs at_start{};      // w r B
-        Pairs inverse_rate{};  // 1/s: from derivative to integral
-        // Per mode, for what e(0) leaves behind.
-        Quads onset_decay{};          // r - 1
-        Quads at_onset{};             // w r
-        Quads onset_to_derivative{};  // mean of exp(-s t) over the next hold, over exp(-s h); 0 for Caputo
-        Quads onset_to_integral{};    // 1/s
+        std::size_t pairs = 0, quads = 0;  // packs in use; padded with zero weights
+        // Of two modes. The states carry their output weight w r, so that the derivative is their plain sum.
+        struct Pair {
+            PerMode decay{};         // r - 1
+            PerMode from_rate{};     // w r (A + r B)
+            PerMode from_bump{};     // w r r C
+            PerMode inverse_rate{};  // 1/s: from derivative to integral
+        };
+        All<Pair, 2> pair{};
+        All<PerMode, 2> initial_value{}, initial_rate{};  // w r and w r B: g at the first sample
+        // What the jump e(0) adds to the derivative beyond E: w r (μ - 1), for Caputo -w r.
+        All<Quad, 4> initial_onset{}, onset_decay{};
+        std::array<T, Capacity / 4> onset_life{};  // steps after which this quad and the later ones are past
     };
 
     struct State {
-        bool started = false;
+        std::int64_t steps = 0;  // samples seen
+        std::size_t onset_quads = 0;
         Vec2<T> initial_value{};
         Sample<T> past{};
         Vec2<T> past_bump{};
         FractionalOutput<T> last{}, known{};  // the last outputs; what is known of the next ones
-        Pairs memory{};                       // w r g: lanes x, y of one mode, x, y of the next
-        // w r exp(-s t), with 1e-30·h added every step: left to decay into subnormal numbers it would slow the processor
-        // down.
-        Quads onset{};
+        All<Memory, 2> memory{};              // w r g
+        All<Quad, 4> onset{};
     };
 
     static Coefficients prepare(const Modes& modes, double step, bool riemann_liouville);
@@ -111,68 +146,82 @@ struct Fractional {
 
     // The first half of `update`: all that the control law waits for.
     static FractionalOutput<T> evaluate(State& state, const Coefficients& c, const Sample<T>& now) {
+        if (state.steps == 0) {
+            state.last = {.integral = c.start_integral * now.value,
+                          .derivative = (c.start_value + c.onset_mean) * now.value + c.start_rate * now.rate};
+            return state.last;
+        }
         const Vec2<T> difference = now.value - state.past.value;
         const auto output = [&](const Weights& w, const Vec2<T>& known) {
             return (w.difference * difference + w.rate * now.rate) + (w.value * now.value + known);
         };
         state.last = {.integral = output(c.integral, state.known.integral),
                       .derivative = output(c.derivative, state.known.derivative)};
-        if (!state.started) {
-            state.last = {.integral = c.start_integral * now.value,
-                          .derivative = (c.start_value + c.onset_mean) * now.value + c.start_rate * now.rate};
-        }
         return state.last;
     }
 
     // The second half: moves the modes to the sample before the next one, from what was known a sample ago, and sums
     // them for its outputs.
     static void advance(State& state, const Coefficients& c, const Sample<T>& now) {
-        const bool first = !state.started;
-        if (first) {
-            state.started = true;
-            state.initial_value = now.value;
-            state.past = {.value = now.value, .rate = -now.rate};
-        }
-        Pack rate{}, bump{};
-        twice(rate, state.past.rate);
-        twice(bump, state.past_bump);
-        Pack derivative{}, integral{}, onset_derivative{}, onset_integral{};
-        for (std::size_t j = 0; j < c.pairs; ++j) {
-            // The increment is formed first: r itself would round to 1 for slow modes in single precision.
-            const Pack g = state.memory[j];
-            const Pack moved =
-                first ? c.at_start[j] * rate : g + (c.decay[j] * g + (c.from_rate[j] * rate + c.from_bump[j] * bump));
+        Memory derivative{}, integral{};
+        const auto add = [&](std::size_t j, const Memory& moved) {
             state.memory[j] = moved;
             derivative = derivative + moved;
-            integral = integral + c.inverse_rate[j] * moved;
+            integral = integral + Two::scaled(c.pair[j].inverse_rate, moved);
+        };
+        Vec2<T> newest{};  // κ of the interval that ends now; there is none before the first sample
+        if (state.steps == 0) {
+            state.initial_value = now.value;
+            const auto value = Two::input(now.value), rate = Two::input(-now.rate);
+            for (std::size_t j = 0; j < c.pairs; ++j) {
+                add(j, Two::scaled(c.initial_value[j], value) + Two::scaled(c.initial_rate[j], rate));
+            }
+            state.onset_quads = c.quads;
+            state.onset = c.initial_onset;
+        } else {
+            const Vec2<T> trace{T(vanishing), T(vanishing)};
+            const auto rate = Two::input(state.past.rate + trace), bump = Two::input(state.past_bump);
+            for (std::size_t j = 0; j < c.pairs; ++j) {
+                // The increment is formed first: r itself would round to 1 for slow modes in single precision.
+                const Memory& g = state.memory[j];
+                const auto& [decay, from_rate, from_bump, inverse_rate] = c.pair[j];
+                const Memory gain = Two::scaled(from_rate, rate) + Two::scaled(from_bump, bump);
+                add(j, g + (Two::scaled(decay, g) + gain));
+            }
+            newest = c.inverse_step * (now.value - state.past.value) - T(0.5) * (now.rate + state.past.rate);
         }
-        for (std::size_t j = 0; j < c.quads; ++j) {
-            const Pack e = state.onset[j];
-            const Pack moved = first ? c.at_onset[j] : e + (c.onset_decay[j] * e + c.vanished);
-            state.onset[j] = moved;
-            onset_derivative = onset_derivative + c.onset_to_derivative[j] * moved;
-            onset_integral = onset_integral + c.onset_to_integral[j] * moved;
-        }
-        // κ of the interval that ends now; there is none before the first sample.
-        const Vec2<T> newest =
-            first ? Vec2<T>{} : c.inverse_step * (now.value - state.past.value) - T(0.5) * (now.rate + state.past.rate);
         const auto known = [&](const Weights& w) {
             return w.past_value * now.value + w.past_rate * now.rate + w.past_bump * newest;
         };
-        state.known.derivative = known(c.derivative) +
-                                 Vec2<T>{derivative[0] + derivative[2], derivative[1] + derivative[3]} +
-                                 total(onset_derivative) * state.initial_value;
-        state.known.integral = known(c.integral) - Vec2<T>{integral[0] + integral[2], integral[1] + integral[3]} -
-                               total(onset_integral) * state.initial_value + c.carry * state.last.integral;
+        state.known.derivative = known(c.derivative) + Two::sum(derivative);
+        state.known.integral = known(c.integral) - Two::sum(integral) + c.carry * state.last.integral;
+        if (state.onset_quads > 0) {
+            state.known.derivative = state.known.derivative + onset(state, c) * state.initial_value;
+        }
+        ++state.steps;
         state.past = now;
         state.past_bump = newest;
     }
 
 private:
-    static T total(const Pack& p) { return (p[0] + p[2]) + (p[1] + p[3]); }
-    static void twice(Pack& p, const Vec2<T>& a) {
-        p[0] = p[2] = a.x;
-        p[1] = p[3] = a.y;
+    // Less than the rounding of any number that matters. Without it, what decays for ever would become subnormal, which slows
+    // processors down.
+    static constexpr double vanishing = std::same_as<detail::Built<T>, float> ? 1e-24 : 1e-290;
+
+    static T onset(State& state, const Coefficients& c) {
+        Quad sum{}, trace{};
+        for (std::size_t k = 0; k < 4; ++k) {
+            trace[k] = T(vanishing);
+        }
+        for (std::size_t j = 0; j < state.onset_quads; ++j) {
+            sum = sum + state.onset[j];
+            state.onset[j] = state.onset[j] + (c.onset_decay[j] * state.onset[j] + trace);
+        }
+        while (state.onset_quads > 0 &&
+               always_less(c.onset_life[state.onset_quads - 1], T(static_cast<double>(state.steps)))) {
+            --state.onset_quads;
+        }
+        return (sum[0] + sum[2]) + (sum[1] + sum[3]);
     }
 };
 
@@ -182,7 +231,6 @@ typename Fractional<T, Capacity>::Coefficients Fractional<T, Capacity>::prepare(
                                                                                 bool riemann_liouville) {
     Coefficients c;
     c.inverse_step = T(1.0 / step);
-    c.vanished = T(1e-30 * step);
     if (modes.order == 1.0) {
         c.start_rate = c.start_integral = c.integral.value = c.derivative.rate = T(1.0);
         return c;
@@ -219,18 +267,18 @@ typename Fractional<T, Capacity>::Coefficients Fractional<T, Capacity>::prepare(
         const double bump = 6.0 * step * (moments[1] - moments[2]);
         const double to_derivative = modes.weights[i] * r;
         const double to_integral = to_derivative / s;
-        const auto set = [](Pack& pack, std::size_t lane, double value) { pack[lane] = T(value); };
-        for (const std::size_t lane : {2 * (i % 2), 2 * (i % 2) + 1}) {
-            set(c.decay[i / 2], lane, decay);
-            set(c.from_rate[i / 2], lane, to_derivative * (a + r * b));
-            set(c.from_bump[i / 2], lane, to_derivative * (r * bump));
-            set(c.at_start[i / 2], lane, to_derivative * b);
-            set(c.inverse_rate[i / 2], lane, 1.0 / s);
+        Two::set(c.pair[i / 2].decay, i % 2, decay);
+        Two::set(c.pair[i / 2].from_rate, i % 2, to_derivative * (a + r * b));
+        Two::set(c.pair[i / 2].from_bump, i % 2, to_derivative * (r * bump));
+        Two::set(c.pair[i / 2].inverse_rate, i % 2, 1.0 / s);
+        Two::set(c.initial_value[i / 2], i % 2, to_derivative);
+        Two::set(c.initial_rate[i / 2], i % 2, to_derivative * b);
+        c.onset_decay[i / 4][i % 4] = T(decay);
+        c.initial_onset[i / 4][i % 4] = T(to_derivative * (riemann_liouville ? moments[0] - 1.0 : -1.0));
+        // Until exp(-s t) is 2^-60, below rounding.
+        for (std::size_t j = 0; j <= i / 4; ++j) {
+            c.onset_life[j] = maximum(c.onset_life[j], T(41.6 / z));
         }
-        set(c.onset_decay[i / 4], i % 4, decay);
-        set(c.at_onset[i / 4], i % 4, to_derivative);
-        set(c.onset_to_derivative[i / 4], i % 4, riemann_liouville ? moments[0] : 0.0);
-        set(c.onset_to_integral[i / 4], i % 4, 1.0 / s);
         rate_to_derivative += to_derivative * b;
         bump_to_derivative += to_derivative * bump;
         rate_to_integral += to_integral * b;

@@ -16,7 +16,9 @@
 namespace fracgyro {
 
 // What a number must offer to be simulated with. A wrapper around a floating-point type qualifies when it has the
-// operators below, an explicit constructor from double and its own overloads of square_root and power.
+// operators below, an explicit constructor from double and its own overloads of square_root and power. One that holds
+// several numbers, whose a < b is no single answer, overloads if_less, always_less and the functions made from them too
+// (sim/fracgyro/lanes.hpp).
 template <class T>
 concept Scalar = std::copyable<T> && std::constructible_from<T, double> && requires(T a, T b) {
     { a + b } -> std::same_as<T>;
@@ -24,31 +26,44 @@ concept Scalar = std::copyable<T> && std::constructible_from<T, double> && requi
     { a * b } -> std::same_as<T>;
     { a / b } -> std::same_as<T>;
     { -a } -> std::same_as<T>;
-    { a < b } -> std::convertible_to<bool>;
+    a < b;
 };
 
 template <Scalar T>
-constexpr T select(bool condition, T yes, T no) {
-    return condition ? yes : no;
+constexpr T if_less(T a, T b, T yes, T no) {
+    return a < b ? yes : no;
+}
+// a < b, in all of the runs that a number of several runs stands for.
+template <Scalar T>
+constexpr bool always_less(T a, T b) {
+    return a < b;
 }
 template <Scalar T>
 constexpr T maximum(T a, T b) {
-    return select(a < b, b, a);
+    if constexpr (std::floating_point<T>) {
+        return a < b ? b : a;  // one instruction
+    } else {
+        return if_less(a, b, b, a);
+    }
 }
 template <Scalar T>
 constexpr T minimum(T a, T b) {
-    return select(b < a, b, a);
+    if constexpr (std::floating_point<T>) {
+        return b < a ? b : a;
+    } else {
+        return if_less(b, a, b, a);
+    }
 }
 template <Scalar T>
 constexpr T absolute(T a) {
-    return select(a < T(0.0), -a, a);
+    return if_less(a, T(0.0), -a, a);
 }
 inline double absolute(double a) { return std::fabs(a); }
 inline float absolute(float a) { return std::fabs(a); }
 // A magnitude >= 0 with the sign of `sign`.
 template <Scalar T>
 constexpr T with_sign_of(T sign, T magnitude) {
-    return select(sign < T(0.0), -magnitude, magnitude);
+    return if_less(sign, T(0.0), -magnitude, magnitude);
 }
 inline double with_sign_of(double sign, double magnitude) { return std::copysign(magnitude, sign); }
 inline float with_sign_of(float sign, float magnitude) { return std::copysign(magnitude, sign); }
@@ -62,59 +77,97 @@ inline float square_root(float a) { return std::sqrt(a); }
 
 // A few numbers that go through the same arithmetic. For built-in types the compiler's own vector, which becomes
 // whatever registers the processor has; element by element the operations and their results are those of T.
-template <Scalar T, std::size_t Lanes>
+template <Scalar T, std::size_t Count>
 struct PackOf {
     struct Type {
-        std::array<T, Lanes> lane{};
-        constexpr T& operator[](std::size_t k) { return lane[k]; }
-        constexpr const T& operator[](std::size_t k) const { return lane[k]; }
+        std::array<T, Count> entry{};
+        constexpr T& operator[](std::size_t k) { return entry[k]; }
+        constexpr const T& operator[](std::size_t k) const { return entry[k]; }
         friend constexpr Type operator+(Type a, const Type& b) {
-            for (std::size_t k = 0; k < Lanes; ++k) {
+            for (std::size_t k = 0; k < Count; ++k) {
                 a[k] = a[k] + b[k];
             }
             return a;
         }
         friend constexpr Type operator*(Type a, const Type& b) {
-            for (std::size_t k = 0; k < Lanes; ++k) {
+            for (std::size_t k = 0; k < Count; ++k) {
                 a[k] = a[k] * b[k];
-            }
-            return a;
-        }
-        friend constexpr Type operator+(Type a, T b) {
-            for (std::size_t k = 0; k < Lanes; ++k) {
-                a[k] = a[k] + b;
-            }
-            return a;
-        }
-        friend constexpr Type operator*(Type a, T b) {
-            for (std::size_t k = 0; k < Lanes; ++k) {
-                a[k] = a[k] * b;
             }
             return a;
         }
     };
 };
-template <Scalar T, std::size_t Lanes>
+template <Scalar T, std::size_t Count>
     requires std::floating_point<T>
-struct PackOf<T, Lanes> {
-    using Type [[gnu::vector_size(Lanes * sizeof(T))]] = T;
+struct PackOf<T, Count> {
+    using Type [[gnu::vector_size(Count * sizeof(T))]] = T;
 };
 
 template <Scalar T>
 struct Vec2 {
     T x{}, y{};
 
-    friend constexpr Vec2 operator+(Vec2 a, Vec2 b) { return {a.x + b.x, a.y + b.y}; }
-    friend constexpr Vec2 operator-(Vec2 a, Vec2 b) { return {a.x - b.x, a.y - b.y}; }
-    friend constexpr Vec2 operator-(Vec2 a) { return {-a.x, -a.y}; }
-    friend constexpr Vec2 operator*(T a, Vec2 b) { return {a * b.x, a * b.y}; }
+    friend constexpr Vec2 operator+(const Vec2& a, const Vec2& b) {
+        return each(a, b, [](const auto& l, const auto& r) { return l + r; });
+    }
+    friend constexpr Vec2 operator-(const Vec2& a, const Vec2& b) {
+        return each(a, b, [](const auto& l, const auto& r) { return l - r; });
+    }
+    friend constexpr Vec2 operator-(const Vec2& a) { return {-a.x, -a.y}; }
+    friend constexpr Vec2 operator*(T a, const Vec2& b) { return Vec2{a, a} * b; }
     // Product with a diagonal matrix stored as its diagonal.
-    friend constexpr Vec2 operator*(Vec2 diagonal, Vec2 b) { return {diagonal.x * b.x, diagonal.y * b.y}; }
+    friend constexpr Vec2 operator*(const Vec2& diagonal, const Vec2& b) {
+        return each(diagonal, b, [](const auto& l, const auto& r) { return l * r; });
+    }
+
+    friend constexpr bool operator==(const Vec2&, const Vec2&) = default;
+
+private:
+    // Built-in numbers go through one register as a pair, which halves the instructions.
+    template <class Operation>
+    static constexpr Vec2 each(const Vec2& a, const Vec2& b, Operation operation) {
+        if constexpr (std::floating_point<T>) {
+            using Pair = typename PackOf<T, 2>::Type;
+            const Pair result = operation(Pair{a.x, a.y}, Pair{b.x, b.y});
+            return {result[0], result[1]};
+        } else {
+            return {operation(a.x, b.x), operation(a.y, b.y)};
+        }
+    }
 };
 
+// Element by element.
+template <Scalar T>
+constexpr Vec2<T> absolute(Vec2<T> a) {
+    return {absolute(a.x), absolute(a.y)};
+}
+template <Scalar T>
+constexpr Vec2<T> maximum(Vec2<T> a, T b) {
+    return {maximum(a.x, b), maximum(a.y, b)};
+}
+template <Scalar T>
+constexpr Vec2<T> with_sign_of(Vec2<T> sign, Vec2<T> magnitude) {
+    return {with_sign_of(sign.x, magnitude.x), with_sign_of(sign.y, magnitude.y)};
+}
+template <Scalar T>
+constexpr Vec2<T> if_less(Vec2<T> a, Vec2<T> b, Vec2<T> yes, Vec2<T> no) {
+    if constexpr (std::floating_point<T>) {
+        // Spelt as one operation on a register: a branch would wait for the comparison, and noise would mispredict it.
+        using Pair [[gnu::vector_size(2 * sizeof(T))]] = T;
+        const Pair taken = Pair{a.x, a.y} < Pair{b.x, b.y} ? Pair{yes.x, yes.y} : Pair{no.x, no.y};
+        return {taken[0], taken[1]};
+    } else {
+        return {if_less(a.x, b.x, yes.x, no.x), if_less(a.y, b.y, yes.y, no.y)};
+    }
+}
+
+template <Scalar T>
+constexpr T squared_norm(Vec2<T> a) {
+    return a.x * a.x + a.y * a.y;
+}
 template <Scalar T>
 T norm(Vec2<T> a) {
-    return square_root(a.x * a.x + a.y * a.y);
+    return square_root(squared_norm(a));
 }
 
 // Symmetric matrix [[xx, xy], [xy, yy]].
@@ -136,31 +189,45 @@ constexpr Sym2<T> symmetric_product(Vec2<T> a, Vec2<T> b) {
 
 namespace detail {
 
+// How numbers of type T are laid out. Lanes, which are several of them, bring their own (sim/fracgyro/lanes.hpp).
 template <class T>
 struct Bits;
 template <>
 struct Bits<double> {
+    using Value = double;
     using Integer = std::int64_t;
+    using Unsigned = std::uint64_t;
     static constexpr int fraction = 52, bias = 1023, log_terms = 11, exp_terms = 14;
     static constexpr double round_to_integer = 6755399441055744.0;  // 1.5 * 2^52
     static constexpr double subnormal_scale = 18014398509481984.0;  // 2^54
-    static constexpr int subnormal_shift = 54;
+    static constexpr double subnormal_shift = 54.0;
     // ln 2 in two parts: the first has trailing zeros, so that its product with a small integer is exact.
     static constexpr double ln2_high = 0x1.62e42feep-1, ln2_low = 0x1.a39ef35793c76p-33;
 };
 template <>
 struct Bits<float> {
+    using Value = float;
     using Integer = std::int32_t;
+    using Unsigned = std::uint32_t;
     static constexpr int fraction = 23, bias = 127, log_terms = 6, exp_terms = 8;
     static constexpr float round_to_integer = 12582912.0F;  // 1.5 * 2^23
     static constexpr float subnormal_scale = 33554432.0F;   // 2^25
-    static constexpr int subnormal_shift = 25;
+    static constexpr float subnormal_shift = 25.0F;
     static constexpr float ln2_high = 0x1.62e4p-1F, ln2_low = 0x1.7f7d1cp-20F;
 };
 
 // The built-in type that constants of T are kept in.
 template <class T>
-using Built = std::conditional_t<std::same_as<T, float>, float, double>;
+struct BuiltFor {
+    using Type = double;
+};
+template <class T>
+    requires requires { typename Bits<T>::Value; }
+struct BuiltFor<T> {
+    using Type = typename Bits<T>::Value;
+};
+template <class T>
+using Built = typename BuiltFor<T>::Type;
 
 template <class T, int Terms, class Function>
 consteval std::array<T, Terms> table(Function coefficient) {
@@ -189,48 +256,61 @@ constexpr T horner(const std::array<Number, Terms>& c, T x) {
     return sum;
 }
 
+// The integer nearest to |x| < 2^22 (float) or 2^51 (double), as a number.
+template <class T>
+T round_to_nearest(T x) {
+    const T shift = T(Bits<T>::round_to_integer);
+    return (x + shift) - shift;
+}
+
 // x = 2^exponent * m with m in [sqrt(1/2), sqrt(2)); returns log2(m), whose error is below 2^-53 * 1.5 (double).
 // With z = (m - 1)/(m + 1), |z| <= 0.1716: ln m = 2 artanh z = 2 (z + z³/3 + z⁵/5 + …).
-template <std::floating_point T>
-T log2_split(T x, int& exponent) {
+template <class T>
+T log2_split(T x, T& exponent) {
     using B = Bits<T>;
+    using Value = typename B::Value;
     using Integer = typename B::Integer;
-    const bool subnormal = x < std::numeric_limits<T>::min();
-    const Integer bits = std::bit_cast<Integer>(subnormal ? x * B::subnormal_scale : x);
+    using Unsigned = typename B::Unsigned;
+    const T smallest = T(std::numeric_limits<Value>::min());
+    const auto bits = std::bit_cast<Integer>(if_less(x, smallest, x * T(B::subnormal_scale), x));
     // Shifting the origin to sqrt(1/2) makes the exponent field round at sqrt(2) instead of truncate at 2.
-    constexpr Integer origin = std::bit_cast<Integer>(static_cast<T>(0.70710678118654752440));
+    constexpr auto origin = std::bit_cast<typename Bits<Value>::Integer>(static_cast<Value>(0.70710678118654752440));
+    constexpr auto one = static_cast<typename Bits<Value>::Integer>(1);
     const Integer shifted = bits - origin;
-    exponent = static_cast<int>(shifted >> B::fraction) - (subnormal ? B::subnormal_shift : 0);
-    const T m = std::bit_cast<T>((shifted & ((Integer{1} << B::fraction) - 1)) + origin);
-    const T z = (m - T(1)) / (m + T(1));
+    // The exponent as a number: an integer added to the last places of a large one, which is then taken away.
+    constexpr auto large = std::bit_cast<typename Bits<Value>::Integer>(B::round_to_integer);
+    constexpr auto lift = (one << (sizeof(Value) * 8 - 2)) >> B::fraction;  // keeps what is shifted positive
+    constexpr auto lift_bits = static_cast<typename Bits<Value>::Unsigned>(lift) << B::fraction;
+    const auto lifted = (std::bit_cast<Unsigned>(shifted) + lift_bits) >> B::fraction;
+    const T whole = std::bit_cast<T>(std::bit_cast<Integer>(lifted) + (large - lift)) - T(B::round_to_integer);
+    exponent = if_less(x, smallest, whole - T(B::subnormal_shift), whole);
+    const T m = std::bit_cast<T>((shifted & ((one << B::fraction) - one)) + origin);
+    const T z = (m - T(Value(1))) / (m + T(Value(1)));
     const T square = z * z;
-    constexpr auto odd_reciprocals = table<T, B::log_terms>([](int k) { return 1.0 / (2 * k + 1); });
+    constexpr auto odd_reciprocals = table<Value, B::log_terms>([](int k) { return 1.0 / (2 * k + 1); });
     const T series = horner(odd_reciprocals, square);
-    constexpr T two_over_ln2 = static_cast<T>(2.88539008177792681472);
-    return two_over_ln2 * (z * series);
+    return T(static_cast<Value>(2.88539008177792681472)) * (z * series);  // 2/ln 2
 }
 
-template <std::floating_point T>
-T power_of_two(int exponent) {
-    using Integer = typename Bits<T>::Integer;
-    return std::bit_cast<T>(static_cast<Integer>(static_cast<Integer>(exponent + Bits<T>::bias) << Bits<T>::fraction));
-}
-
-// 2^(whole + part) for |part| <= ½: Taylor series of e^(part ln 2).
-template <std::floating_point T>
-T exp2_split(int whole, T part) {
+// 2^k for an integer k within the exponents of normal numbers.
+template <class T>
+T power_of_two(T k) {
     using B = Bits<T>;
-    const T x = part * static_cast<T>(0.69314718055994530942);
-    constexpr auto inverse_factorials = table<T, B::exp_terms - 1>([](int k) { return inverse_factorial(k + 1); });
+    const T placed = k + T(B::round_to_integer + static_cast<typename B::Value>(B::bias));
+    return std::bit_cast<T>(std::bit_cast<typename B::Unsigned>(placed) << B::fraction);
+}
+
+// 2^(whole + part) for an integer `whole` and |part| <= ½: Taylor series of e^(part ln 2).
+template <class T>
+T exp2_split(T whole, T part) {
+    using B = Bits<T>;
+    using Value = typename B::Value;
+    const T x = part * T(static_cast<Value>(0.69314718055994530942));
+    constexpr auto inverse_factorials = table<Value, B::exp_terms - 1>([](int k) { return inverse_factorial(k + 1); });
     const T series = horner(inverse_factorials, x);
     // In two factors: 2^whole itself may exceed the range at either end where the result does not.
-    const int half = whole / 2;
-    return (T(1) + x * series) * power_of_two<T>(half) * power_of_two<T>(whole - half);
-}
-
-template <std::floating_point T>
-T round_to_nearest(T x) {
-    return (x + Bits<T>::round_to_integer) - Bits<T>::round_to_integer;
+    const T half = round_to_nearest(whole * T(Value(0.5)));
+    return (T(Value(1)) + x * series) * power_of_two(half) * power_of_two(whole - half);
 }
 
 }  // namespace detail
@@ -238,22 +318,26 @@ T round_to_nearest(T x) {
 // base^exponent for base >= 0 and 0 <= exponent <= 1, within 4 units in the last place over the whole range.
 // log2(base) = k + l is never added up: exponent*k is split exactly into an integer and a remainder, so that the
 // large part of the logarithm costs no accuracy.
-template <std::floating_point T>
+template <Scalar T>
+    requires requires { typename detail::Bits<T>::Value; }
 T power(T base, T exponent) {
-    int k = 0;
+    using B = detail::Bits<T>;
+    using Value = typename B::Value;
+    T k{};
     const T l = detail::log2_split(base, k);
-    const T product = exponent * static_cast<T>(k);
+    const T product = exponent * k;
     const T whole = detail::round_to_nearest(product);
     // The rounding error of `product` is recovered by splitting `exponent` in halves whose products are exact.
-    constexpr T splitter = static_cast<T>((std::int64_t{1} << ((detail::Bits<T>::fraction + 2) / 2)) + 1);
-    const T scaled = splitter * exponent;
+    constexpr Value splitter = static_cast<Value>((std::int64_t{1} << ((B::fraction + 2) / 2)) + 1);
+    const T scaled = T(splitter) * exponent;
     const T high = scaled - (scaled - exponent);
-    const T lost = (high * static_cast<T>(k) - product) + (exponent - high) * static_cast<T>(k);
+    const T lost = (high * k - product) + (exponent - high) * k;
     T part = (product - whole) + (lost + exponent * l);
     const T carry = detail::round_to_nearest(part);  // |part| may exceed ½
     part = part - carry;
-    const T result = detail::exp2_split(static_cast<int>(whole) + static_cast<int>(carry), part);
-    return select(T(0) < base, result, select(exponent == T(0), T(1), T(0)));
+    const T zero = T(Value(0));
+    const T result = detail::exp2_split(whole + carry, part);
+    return if_less(zero, base, result, if_less(zero, exponent, zero, T(Value(1))));
 }
 
 // e^x for x <= 0, within a few units in the last place; 0 for x below some -708 (double) or -86 (float), where the result
@@ -264,7 +348,7 @@ T exponential(T x) {
     constexpr T smallest = static_cast<T>(-0.6931 * (detail::Bits<T>::bias - 2));
     const T k = detail::round_to_nearest(maximum(x, smallest) * static_cast<T>(1.44269504088896340736));
     const T part = ((maximum(x, smallest) - k * high) - k * low) * static_cast<T>(1.44269504088896340736);
-    return select(x < smallest, T(0), detail::exp2_split(static_cast<int>(k), part));
+    return x < smallest ? T(0) : detail::exp2_split(k, part);
 }
 
 template <Scalar T>

@@ -16,14 +16,22 @@ struct ReferencePoint {
     Vec2<T> position{}, velocity{}, acceleration{};
 };
 
+// A phase as a fraction of 2^64, and its sine and cosine. Lanes, which are several numbers, have one phase each.
+template <Scalar T>
+struct PhaseOf {
+    using Type = std::uint64_t;
+    static SineCosine<T> sine_cosine(Type phase) { return fracgyro::sine_cosine<T>(phase); }
+};
+
 // Between two exact evaluations the pair (sine, cosine) is turned by one step's angle, which is far cheaper.
 template <Scalar T>
 struct Reference {
     static constexpr std::uint64_t exact_every = 32;
 
+    using Phase = typename PhaseOf<T>::Type;
     struct Axis {
-        std::uint64_t start = 0, increment = 0;  // phase at t = 0 and per step, in 2^-64 turns
-        SineCosine<T> turn{};                    // of the increment
+        Phase start{}, increment{};  // phase at t = 0 and per step, in 2^-64 turns
+        SineCosine<T> turn{};        // of the increment
         T amplitude{}, frequency{};
     };
     struct Coefficients {
@@ -42,8 +50,8 @@ struct Reference {
     // The point at the present step; then one step on.
     static ReferencePoint<T> update(State& state, const Coefficients& c) {
         if (state.steps % exact_every == 0) {
-            state.x = sine_cosine<T>(c.x.start + state.steps * c.x.increment);
-            state.y = sine_cosine<T>(c.y.start + state.steps * c.y.increment);
+            state.x = PhaseOf<T>::sine_cosine(c.x.start + state.steps * c.x.increment);
+            state.y = PhaseOf<T>::sine_cosine(c.y.start + state.steps * c.y.increment);
         }
         const Vec2<T> sine{state.x.sine, state.y.sine}, cosine{state.x.cosine, state.y.cosine};
         const Vec2<T> amplitude{c.x.amplitude, c.y.amplitude}, frequency{c.x.frequency, c.y.frequency};
@@ -72,8 +80,8 @@ private:
     }
     static Axis axis(double amplitude, double frequency, double phase, double step) {
         const std::uint64_t increment = phase_of(frequency * step);
-        return {.start = phase_of(phase),
-                .increment = increment,
+        return {.start = Phase{} + phase_of(phase),
+                .increment = Phase{} + increment,
                 .turn = sine_cosine<T>(increment),
                 .amplitude = T(amplitude),
                 .frequency = T(frequency)};

@@ -88,16 +88,18 @@ struct TerminalTerm {
                 .square_root = p.terminal_exponent == 0.5};
     }
     static SurfacePoint<T> evaluate(const Coefficients& c, const Sample<T>& error) {
-        const auto axis = [&](T gain, T e, T rate) {
-            const T size = absolute(e);
-            const T root = c.square_root ? square_root(size) : power(size, c.exponent);
-            const bool regular = c.floor < size;
-            const T slope = select(regular, root / select(regular, size, T(1.0)), c.floored_slope);
-            return std::array<T, 2>{gain * with_sign_of(e, root), gain * c.exponent * slope * rate};
-        };
-        const auto x = axis(c.gain.x, error.value.x, error.rate.x);
-        const auto y = axis(c.gain.y, error.value.y, error.rate.y);
-        return {.s = {x[0], y[0]}, .drift = {x[1], y[1]}};
+        const Vec2<T> size = absolute(error.value);
+        Vec2<T> root;
+        if (c.square_root) {
+            root = {square_root(size.x), square_root(size.y)};
+        } else {
+            root = {power(size.x, c.exponent), power(size.y, c.exponent)};
+        }
+        // |e|^(c-1) = |e|^c / |e|, with the division beside the root instead of after it.
+        const Vec2<T> floored = maximum(size, c.floor);
+        const Vec2<T> inverse{T(1.0) / floored.x, T(1.0) / floored.y};
+        const Vec2<T> slope = if_less({c.floor, c.floor}, size, root * inverse, {c.floored_slope, c.floored_slope});
+        return {.s = with_sign_of(error.value, c.gain * root), .drift = (c.exponent * (c.gain * error.rate)) * slope};
     }
 };
 
@@ -115,11 +117,12 @@ struct Surface {
     }
     static SurfacePoint<T> evaluate(State& state, const Coefficients& c, const Sample<T>& error) {
         SurfacePoint<T> point = First::evaluate(state, c.first, error);
+        point.s = error.rate + point.s;
         if constexpr (with_terminal) {
             const SurfacePoint<T> more = TerminalTerm<T>::evaluate(c.terminal, error);
             point = {.s = point.s + more.s, .drift = point.drift + more.drift};
         }
-        return {.s = error.rate + point.s, .drift = point.drift};
+        return point;
     }
     // Moves the memory to the next sample, when the force is on its way.
     static void advance(State& state, const Coefficients& c, const Sample<T>& error) {

@@ -17,7 +17,8 @@ from .setup import core_setup
 
 AXES = ["x", "y"]
 ENTRIES = ["xx", "xy", "yy"]
-CHUNK = 32  # runs between two looks at the keyboard and the progress callback
+# Runs between two looks at the keyboard and the progress callback: recorded; measured, by their steps and at most.
+CHUNK, CHUNK_STEPS, CHUNK_RUNS = 32, 20_000_000, 4096
 
 # channel: (dimension of its columns or None, symbol and meaning, scale and unit in SI)
 CHANNELS: dict[str, tuple[str | None, str, list[tuple[str, str]]]] = {
@@ -120,12 +121,14 @@ def simulate_many(
     }
     for name, value in thresholds.items():
         setattr(params, name, value)
-    threads = threads_available()
+    threads, lanes = threads_available(), _core.lane_counts()[-1]
     parts, lasted = [], []
     waiting = _setups(scenarios, seeds)
-    while setups := list(islice(waiting, CHUNK)):
+    # Of the scenarios alone, never of the machine: what runs side by side changes results in the last places.
+    chunk = min(max(CHUNK, CHUNK_STEPS // first.run.steps), CHUNK_RUNS) if metrics_only else CHUNK
+    while setups := list(islice(waiting, chunk)):
         if metrics_only:
-            parts.append(_core.measure_runs(setups, params, threads))
+            parts.append(_core.measure_runs(setups, params, threads, lanes))
         else:
             rows, samples = _core.record_runs(setups, first.run.record_every, threads)
             parts.append(rows)

@@ -6,6 +6,7 @@
 
 #include "fracgyro/math.hpp"
 
+#include <algorithm>
 #include <span>
 
 namespace fracgyro {
@@ -18,6 +19,8 @@ struct DisturbanceParams {
     std::int64_t hold = 1;            // steps
     std::uint64_t seed = 0;
     Vec2<double> amplitude{}, frequency{}, phase{};  // sine: amplitude·sin(frequency·t + phase)
+
+    friend bool operator==(const DisturbanceParams&, const DisturbanceParams&) = default;
 };
 
 using PhiloxBlock = std::array<std::uint32_t, 4>;
@@ -57,10 +60,10 @@ struct Normals {
         for (std::size_t i = 0; i < Holds; ++i) {
             // In (0, 1]: |normal| <= 6.8. The lowest bit is given up so that the conversion is that of a signed integer.
             const float uniform = (static_cast<float>(static_cast<std::int32_t>(radial[i] >> 1)) + 0.5F) * 0x1p-31F;
-            int exponent = 0;
+            float exponent = 0.0F;
             const float fraction = detail::log2_split(uniform, exponent);
             constexpr float minus_two_ln2 = -1.38629436111989061883F;
-            const float radius = std::sqrt(minus_two_ln2 * (static_cast<float>(exponent) + fraction));
+            const float radius = std::sqrt(minus_two_ln2 * (exponent + fraction));
             const SineCosine<float> angle = sine_cosine<float>(angular[i]);
             x[i] = radius * angle.cosine;
             y[i] = radius * angle.sine;
@@ -68,45 +71,62 @@ struct Normals {
     }
 };
 
-// Writes d for the steps first, first+1, … .
-inline void fill_disturbance(const DisturbanceParams& p, double step, std::int64_t first, std::span<Vec2<double>> out) {
-    switch (p.kind) {
-        case DisturbanceKind::none:
-            for (auto& d : out) {
-                d = {};
-            }
-            return;
-        case DisturbanceKind::sine:
-            for (std::size_t i = 0; i < out.size(); ++i) {
-                const double time = static_cast<double>(first + static_cast<std::int64_t>(i)) * step;
-                out[i] = {p.amplitude.x * std::sin(p.frequency.x * time + p.phase.x),
-                          p.amplitude.y * std::sin(p.frequency.y * time + p.phase.y)};
-            }
-            return;
-        case DisturbanceKind::noise:
-            break;
-    }
-    constexpr std::size_t holds = 64;
-    Normals<holds> drawn;
-    std::size_t next = holds;               // place in `drawn` of the coming hold
-    std::int64_t hold = first / p.hold;     // its number
-    std::int64_t left = -(first % p.hold);  // steps until it begins
-    Vec2<double> value{};
-    for (auto& d : out) {
-        if (left <= 0) {
-            if (next == holds) {
-                next = static_cast<std::size_t>(hold) % holds;
-                drawn.draw(p.seed, static_cast<std::uint64_t>(hold) - next);
-            }
-            value = p.standard_deviation *
-                    Vec2<double>{static_cast<double>(drawn.x[next]), static_cast<double>(drawn.y[next])};
-            ++next;
-            ++hold;
-            left += p.hold;
+// d for the steps asked for, in any order; fastest in rising order, as drawn noise is kept until it is used up.
+class Disturbance {
+public:
+    Disturbance(const DisturbanceParams& params, double step) : params_(params), step_(step) {}
+
+    // Writes d for the steps first, first+1, … .
+    void fill(std::int64_t first, std::span<Vec2<double>> out) {
+        switch (params_.kind) {
+            case DisturbanceKind::none:
+                std::fill(out.begin(), out.end(), Vec2<double>{});
+                return;
+            case DisturbanceKind::sine:
+                for (std::size_t i = 0; i < out.size(); ++i) {
+                    const double time = static_cast<double>(first + static_cast<std::int64_t>(i)) * step_;
+                    const Vec2<double>& f = params_.frequency;
+                    out[i] = params_.amplitude * Vec2<double>{std::sin(f.x * time + params_.phase.x),
+                                                              std::sin(f.y * time + params_.phase.y)};
+                }
+                return;
+            case DisturbanceKind::noise:
+                fill_noise(first, out);
         }
-        --left;
-        d = value;
     }
-}
+
+private:
+    static constexpr std::int64_t holds = 64;
+
+    void fill_noise(std::int64_t first, std::span<Vec2<double>> out) {
+        std::int64_t hold = first / params_.hold;
+        std::int64_t left = params_.hold - first % params_.hold;
+        Vec2<double> value = at(hold);
+        for (auto& d : out) {
+            if (left == 0) {
+                value = at(++hold);
+                left = params_.hold;
+            }
+            --left;
+            d = value;
+        }
+    }
+
+    Vec2<double> at(std::int64_t hold) {
+        const std::int64_t block = hold / holds;
+        if (block != drawn_block_) {
+            drawn_.draw(params_.seed, static_cast<std::uint64_t>(block * holds));
+            drawn_block_ = block;
+        }
+        const auto place = static_cast<std::size_t>(hold % holds);
+        return params_.standard_deviation *
+               Vec2<double>{static_cast<double>(drawn_.x[place]), static_cast<double>(drawn_.y[place])};
+    }
+
+    DisturbanceParams params_;
+    double step_;
+    Normals<holds> drawn_;
+    std::int64_t drawn_block_ = -1;
+};
 
 }  // namespace fracgyro

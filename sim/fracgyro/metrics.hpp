@@ -4,6 +4,8 @@
 
 #include "loop.hpp"
 
+#include <cmath>
+
 namespace fracgyro {
 
 struct MetricsParams {
@@ -38,141 +40,109 @@ inline constexpr std::array<std::string_view, 24> metric_names{"rmse_whole_x",
                                                                "largest_force",
                                                                "diverged_at"};
 
-class MetricsAccumulator {
-public:
-    MetricsAccumulator(const MetricsParams& p, const Setup& setup)
-        : params_(p), setup_(setup), step_(setup.controller.step) {}
+// What a metric needs of every sample, for one run or, in lanes, for several. Sums only: counts follow from the windows.
+template <Scalar T>
+struct MetricsSums {
+    // Set before each stretch of samples, in which no run passes from one window to the next.
+    T early{}, late{}, bending{};  // 1 or 0: in the transient window; in the steady one; its third sample on
 
-    template <Scalar T>
-    void operator()(const Snapshot<T>& at) {
-        const auto vec = [](const Vec2<T>& a) {
-            return Vec2<double>{static_cast<double>(a.x), static_cast<double>(a.y)};
-        };
-        const Vec2<double> e = vec(at.signals.error.value);
-        const Vec2<double> u = vec(at.signals.force);
-        const Vec2<double> squares = e * e;
-        const double time = static_cast<double>(at.step) * step_;
-        const bool early = time < params_.transient;
-        Window& window = early ? transient_ : steady_;
-        window.add(squares);
-        if (!(squares.x + squares.y <= params_.error_bound * params_.error_bound)) {
-            error_outside_ = at.step;
-        }
-        const Vec2<double> surface = vec(at.signals.surface);
-        if (!(norm(surface) <= params_.surface_bound)) {
-            surface_outside_ = at.step;
-        }
-        const double rate = static_cast<double>(at.signals.estimates.rate);
-        const double off = absolute(rate - setup_.plant.rate);
-        if (!(off <= params_.rate_tolerance * absolute(setup_.plant.rate))) {
-            rate_outside_ = at.step;
-        }
-        peak_rate_error_ = maximum(peak_rate_error_, off);
-        if (!early) {
-            rate_squares_ += off * off;
-            // Second differences see what flips from sample to sample and not what is smooth.
-            if (steady_.count > 2) {
-                const Vec2<double> bend = (u - past_[0]) - (past_[0] - past_[1]);
-                bend_ = bend_ + bend * bend;
-            }
-            steady_force_ = steady_force_ + u * u;
-        }
-        force_ = force_ + u * u;
-        largest_force_ = maximum(largest_force_, maximum(absolute(u.x), absolute(u.y)));
-        past_[1] = past_[0];
-        past_[0] = u;
-        if (2 * at.step <= setup_.steps) {
-            bound_halfway_ = static_cast<double>(at.signals.estimates.bound[0]);
-        }
-        last_step_ = at.step;
-        const auto& est = at.signals.estimates;
-        last_rate_ = rate;
-        last_damping_ = {double(est.damping.xx), double(est.damping.xy), double(est.damping.yy)};
-        last_stiffness_ = {double(est.stiffness.xx), double(est.stiffness.xy), double(est.stiffness.yy)};
-        last_bound_ = {double(est.bound[0]), double(est.bound[1]), double(est.bound[2])};
+    T error_bound_squared{}, surface_bound_squared{}, rate{}, rate_bound{};
+
+    Vec2<T> transient{}, steady{};                                                 // Σ e²
+    Vec2<T> force{}, steady_force{}, bend{};                                       // Σ u², Σ (second difference of u)²
+    std::array<Vec2<T>, 2> past{};                                                 // the last two u
+    T step = T(0.0);                                                               // samples seen
+    T error_outside = T(-1.0), surface_outside = T(-1.0), rate_outside = T(-1.0);  // the last samples outside
+    T rate_squares{}, peak_rate_error{}, largest_force{};
+
+    void add(const Signals<T>& at) {
+        const Vec2<T> u = at.force;
+        const Vec2<T> squares = at.error.value * at.error.value;
+        transient = transient + early * squares;
+        steady = steady + late * squares;
+        error_outside = if_less(error_bound_squared, squares.x + squares.y, step, error_outside);
+        surface_outside = if_less(surface_bound_squared, squared_norm(at.surface), step, surface_outside);
+        const T off = absolute(at.estimates.rate - rate);
+        rate_outside = if_less(rate_bound, off, step, rate_outside);
+        peak_rate_error = maximum(peak_rate_error, off);
+        rate_squares = rate_squares + late * (off * off);
+        // Second differences see what flips from sample to sample and not what is smooth.
+        const Vec2<T> difference = (u - past[0]) - (past[0] - past[1]);
+        bend = bend + bending * (difference * difference);
+        const Vec2<T> force_squares = u * u;
+        force = force + force_squares;
+        steady_force = steady_force + late * force_squares;
+        largest_force = maximum(largest_force, maximum(absolute(u.x), absolute(u.y)));
+        past = {u, past[0]};
+        step = step + T(1.0);
     }
-
-    // In the order of metric_names. NaN: never settled, or an empty window.
-    std::array<double, metric_names.size()> values(std::int64_t samples) const {
-        constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-        const Vec2<double> transient = transient_.rms();
-        const Vec2<double> steady = steady_.rms();
-        const Window all{.sum = transient_.sum + steady_.sum, .count = transient_.count + steady_.count};
-        const Vec2<double> whole = all.rms();
-        const Vec2<double> effort = Window{.sum = force_, .count = all.count}.rms();
-        const auto ratio = [&](double bend, double force) {
-            const double count = static_cast<double>(steady_.count);
-            return count > 2 ? std::sqrt((bend / (count - 2)) / (force / count)) : nan;
-        };
-        const auto settled = [&](std::int64_t outside) {
-            return outside < last_step_ ? static_cast<double>(outside + 1) * step_ : nan;
-        };
-        const PlantParams& p = setup_.plant;
-        const double diverged = samples > setup_.steps ? nan : static_cast<double>(samples) * step_;
-        return {whole.x,
-                whole.y,
-                transient.x,
-                transient.y,
-                steady.x,
-                steady.y,
-                settled(error_outside_),
-                settled(surface_outside_),
-                ratio(bend_.x, steady_force_.x),
-                ratio(bend_.y, steady_force_.y),
-                effort.x,
-                effort.y,
-                last_rate_ - p.rate,
-                std::sqrt(rate_squares_ / static_cast<double>(steady_.count)),
-                peak_rate_error_,
-                settled(rate_outside_),
-                relative(last_damping_, p.damping + p.damping_deviation),
-                relative(last_stiffness_, p.stiffness + p.stiffness_deviation),
-                last_bound_[0],
-                last_bound_[1],
-                last_bound_[2],
-                bound_halfway_,
-                largest_force_,
-                diverged};
-    }
-
-private:
-    struct Window {
-        Vec2<double> sum{};
-        std::int64_t count = 0;
-        void add(Vec2<double> squares) {
-            sum = sum + squares;
-            ++count;
-        }
-        Vec2<double> rms() const {
-            const double n = static_cast<double>(count);  // 0/0 is NaN: an empty window has no RMS
-            return {std::sqrt(sum.x / n), std::sqrt(sum.y / n)};
-        }
-    };
-    // Frobenius norm of the error over that of the truth.
-    static double relative(const Sym2<double>& estimate, const Sym2<double>& truth) {
-        const auto square = [](const Sym2<double>& a) { return a.xx * a.xx + 2.0 * a.xy * a.xy + a.yy * a.yy; };
-        return std::sqrt(square(estimate - truth) / square(truth));
-    }
-
-    MetricsParams params_;
-    const Setup& setup_;
-    double step_;
-    Window transient_{}, steady_{};
-    Vec2<double> force_{}, steady_force_{}, bend_{};
-    std::array<Vec2<double>, 2> past_{};
-    std::int64_t error_outside_ = -1, surface_outside_ = -1, rate_outside_ = -1, last_step_ = -1;
-    double peak_rate_error_ = 0.0, rate_squares_ = 0.0, largest_force_ = 0.0, bound_halfway_ = 0.0;
-    double last_rate_ = 0.0;
-    Sym2<double> last_damping_{}, last_stiffness_{};
-    std::array<double, 3> last_bound_{};
 };
 
-template <Scalar T>
-std::array<double, metric_names.size()> measure(const Setup& setup, const MetricsParams& params) {
-    MetricsAccumulator metrics(params, setup);
-    std::int64_t samples = 0;
-    with_controller<T>(setup.kind, [&]<class Controller>() { samples = run_loop<Controller>(setup, metrics); });
-    return metrics.values(samples);
+// The first sample that is not in the transient window.
+inline std::int64_t first_steady_sample(const MetricsParams& p, const Setup& setup) {
+    const double h = setup.controller.step;
+    auto n = static_cast<std::int64_t>(std::clamp(p.transient / h, 0.0, 1e15));
+    while (n > 0 && !(static_cast<double>(n - 1) * h < p.transient)) {
+        --n;
+    }
+    while (static_cast<double>(n) * h < p.transient) {
+        ++n;
+    }
+    return n;
+}
+
+// In the order of metric_names; NaN: never settled, or an empty window. `sums` and the last estimates of a run of which
+// `samples` were seen; bound_halfway is b̂₀ at half of the run or at its last sample before.
+inline std::array<double, metric_names.size()> metric_values(const MetricsParams& params, const Setup& setup,
+                                                             const MetricsSums<double>& sums,
+                                                             const Estimates<double>& last, double bound_halfway,
+                                                             std::int64_t samples) {
+    constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+    const double h = setup.controller.step;
+    const std::int64_t early = std::min(samples, first_steady_sample(params, setup));
+    const auto count = [](std::int64_t n) { return static_cast<double>(n); };
+    const auto rms = [](const Vec2<double>& sum, double n) {  // 0/0 is NaN: an empty window has no RMS
+        return Vec2<double>{std::sqrt(sum.x / n), std::sqrt(sum.y / n)};
+    };
+    const double late = count(samples - early);
+    const Vec2<double> whole = rms(sums.transient + sums.steady, count(samples));
+    const Vec2<double> transient = rms(sums.transient, count(early));
+    const Vec2<double> steady = rms(sums.steady, late);
+    const Vec2<double> effort = rms(sums.force, count(samples));
+    const auto chattering = [&](double bend, double force) {
+        return late > 2 ? std::sqrt((bend / (late - 2)) / (force / late)) : nan;
+    };
+    const auto settled = [&](double outside) { return outside < count(samples - 1) ? (outside + 1) * h : nan; };
+    // Frobenius norm of the error over that of the truth.
+    const auto relative = [](const Sym2<double>& estimate, const Sym2<double>& truth) {
+        const auto square = [](const Sym2<double>& a) { return a.xx * a.xx + 2.0 * a.xy * a.xy + a.yy * a.yy; };
+        return std::sqrt(square(estimate - truth) / square(truth));
+    };
+    const PlantParams& p = setup.plant;
+    return {whole.x,
+            whole.y,
+            transient.x,
+            transient.y,
+            steady.x,
+            steady.y,
+            settled(sums.error_outside),
+            settled(sums.surface_outside),
+            chattering(sums.bend.x, sums.steady_force.x),
+            chattering(sums.bend.y, sums.steady_force.y),
+            effort.x,
+            effort.y,
+            last.rate - p.rate,
+            std::sqrt(sums.rate_squares / late),
+            sums.peak_rate_error,
+            settled(sums.rate_outside),
+            relative(last.damping, p.damping + p.damping_deviation),
+            relative(last.stiffness, p.stiffness + p.stiffness_deviation),
+            last.bound[0],
+            last.bound[1],
+            last.bound[2],
+            bound_halfway,
+            sums.largest_force,
+            samples > setup.steps ? nan : count(samples) * h};
 }
 
 }  // namespace fracgyro

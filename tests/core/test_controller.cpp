@@ -306,12 +306,18 @@ TYPED_TEST(Law, SmallIncrementsAreNotLostBesideALargeEstimate) {
 
 // The closed loop
 
+template <class T>
+struct Sampled {
+    Motion<T> motion{};
+    Signals<T> signals{};
+};
+
 template <Scalar T>
-std::vector<Snapshot<T>> simulate(const Setup& setup) {
-    std::vector<Snapshot<T>> run;
+std::vector<Sampled<T>> simulate(const Setup& setup) {
+    std::vector<Sampled<T>> run;
     std::int64_t samples = 0;
     with_controller<T>(setup.kind, [&]<class Controller>() {
-        samples = run_loop<Controller>(setup, [&](const Snapshot<T>& at) { run.push_back(at); });
+        samples = run_loop<Controller>(setup, [&](const Snapshot<T>& at) { run.push_back({at.motion, at.signals}); });
     });
     EXPECT_EQ(samples, setup.steps + 1) << setup.kind << " diverged";
     return run;

@@ -139,8 +139,10 @@ TYPED_TEST(Math, ASymmetricMatrixActsAsItsFourEntriesDo) {
 
 TYPED_TEST(Math, SelectionIsByTheFirstArgument) {
     using T = TypeParam;
-    EXPECT_EQ(number(select(true, T(1.0), T(2.0))), 1.0);
-    EXPECT_EQ(number(select(false, T(1.0), T(2.0))), 2.0);
+    EXPECT_EQ(number(if_less(T(-1.0), T(0.0), T(1.0), T(2.0))), 1.0);
+    EXPECT_EQ(number(if_less(T(0.0), T(0.0), T(1.0), T(2.0))), 2.0);
+    EXPECT_TRUE(always_less(T(0.0), T(1.0)));
+    EXPECT_FALSE(always_less(T(0.0), T(0.0)));
     EXPECT_EQ(number(maximum(T(1.0), T(2.0))), 2.0);
     EXPECT_EQ(number(minimum(T(1.0), T(2.0))), 1.0);
     EXPECT_EQ(number(absolute(T(-3.0))), 3.0);

@@ -91,7 +91,7 @@ def test_the_core_keeps_no_mutable_globals(path: Path) -> None:
 def test_the_simulator_includes_the_core_itself_and_the_standard_library(path: Path) -> None:
     for bracket, header in includes(path):
         if bracket == "<":
-            assert is_standard(header)
+            assert is_standard(header) or (path.name, header) == ("lanes.hpp", "immintrin.h")
         elif header.startswith("fracgyro/"):
             assert header.removeprefix("fracgyro/") in headers("core")
         else:

@@ -548,8 +548,11 @@ def step_by_hand(scenario: fg.Scenario, swap_at: int | None = None) -> dict[str,
         sample = ((x, y), (vx, vy), u, e.damping, e.stiffness, e.rate, e.bound)
         for values, value in zip(history.values(), sample, strict=True):
             values.append(value)
-        fx, fy = u + disturbance[n]
-        x, y, vx, vy = (((m[0] * x + m[1] * y) + (m[2] * vx + m[3] * vy)) + (m[4] * fx + m[5] * fy) for m in advance)
+        (ux, uy), (dx, dy) = u, disturbance[n]
+        x, y, vx, vy = (
+            (((m[0] * x + m[1] * y) + (m[2] * vx + m[3] * vy)) + (m[4] * dx + m[5] * dy)) + (m[4] * ux + m[5] * uy)
+            for m in advance
+        )
     return {name: np.array(values) for name, values in history.items()}
 
 
@@ -710,9 +713,9 @@ def test_metrics_without_a_record_equal_those_of_the_record() -> None:
         for name in full.data_vars:
             found = lean[name].isel(run=i)
             assert found.dims == full[name].dims
-            # Second differences of a force lose some digits.
-            rtol = 1e-9 if name == "chattering" else 1e-12
-            np.testing.assert_allclose(found.values, full[name].values, rtol=rtol, atol=1e-14, err_msg=name)
+            # Lanes round otherwise; second differences of a force lose some digits.
+            rtol = 1e-8 if name == "chattering" else 1e-10
+            np.testing.assert_allclose(found.values, full[name].values, rtol=rtol, atol=1e-13, err_msg=name)
     for name in ("error_settling_time", "surface_settling_time", "rate_settling_time"):
         assert set(np.isfinite(lean[name].values)) == {True, False}, name
     assert np.isnan(lean["diverged_at"].values).all()
@@ -780,7 +783,7 @@ def test_among_many_runs_a_diverging_one_holds_nan_from_then_on() -> None:
     metrics = fg.simulate_many(scenarios, metrics_only=True)
     np.testing.assert_allclose(metrics["diverged_at"].values, [lasted * 1e-2, math.nan])
     until_then = fg.metrics.rmse(caught.value.run)
-    np.testing.assert_allclose(metrics["rmse"].sel(window="whole").values[0], until_then.values, rtol=1e-12)
+    np.testing.assert_allclose(metrics["rmse"].sel(window="whole").values[0], until_then.values, rtol=1e-9)
 
 
 def test_many_runs_that_do_not_match_are_refused_by_the_field_that_differs() -> None:
