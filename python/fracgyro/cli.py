@@ -6,7 +6,9 @@ import json
 import signal
 import sys
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -33,42 +35,10 @@ def cli() -> None:
 @click.option("--json", "as_json", is_flag=True, help="Print the verdicts as JSON.")
 def reproduce(out: str, seeds: int | None, quick: bool, as_json: bool) -> None:
     """Turn the paper into a report: every figure, Table 1, a verdict on every claim."""
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
-
     from .paper.reproduce import reproduce as run_all
 
-    # The bar goes to standard error: standard output holds results alone.
-    bar = Progress(
-        TextColumn("{task.description:<22}"),
-        BarColumn(),
-        TaskProgressColumn(),
-        TimeRemainingColumn(elapsed_when_finished=True),
-        console=Console(stderr=True),
-    )
-    task = bar.add_task("starting")
-
-    interrupts: list[int] = []
-
-    def interrupt(number: int, _: object) -> None:
-        # Raised anywhere, KeyboardInterrupt may be swallowed by a callback; raised from `show` it arrives.
-        interrupts.append(number)
-        if len(interrupts) > 1:
-            raise KeyboardInterrupt
-
-    def show(done: float, total: float, doing: str) -> None:
-        if interrupts:
-            raise KeyboardInterrupt
-        bar.start()  # now that the input has been found good; does nothing once started
-        bar.update(task, completed=done, total=total, description=doing)
-
-    before = signal.signal(signal.SIGINT, interrupt)
-    try:
+    with _progress("starting") as show:
         result = run_all(out, seeds=seeds, quick=quick, progress=show)
-    finally:
-        signal.signal(signal.SIGINT, before)
-        if bar.live.is_started:  # stopped unstarted, it would print itself
-            bar.stop()
     verdicts = [{"id": c.id, "variant": c.variant, "verdict": c.verdict} for c in result.claims]
     if as_json:
         click.echo(json.dumps({"report": str(result.report), "seconds": result.seconds, "claims": verdicts}))
@@ -79,6 +49,53 @@ def reproduce(out: str, seeds: int | None, quick: bool, as_json: bool) -> None:
     for text, both in by_claim.items():
         click.echo(f"{text}\n      as printed: {both['printed']}; as corrected: {both['corrected']}")
     click.echo(f"\n{result.seconds:.0f} s. The report: {result.report}")
+
+
+@cli.command()
+@click.argument("study", type=click.Path(path_type=Path))
+@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="Folder for the results.")
+@click.option("--resume", is_flag=True, help="Finish the study that DIR holds.")
+@click.option("--scheduler", metavar="ADDRESS", help="Run on this Dask cluster, as tcp://host:8786.")
+@click.option("--json", "as_json", is_flag=True, help="Print what was done as JSON.")
+def sweep(study: Path, out: Path, resume: bool, scheduler: str | None, as_json: bool) -> None:
+    """Run every scenario that STUDY asks for: one row of metrics per run, and a summary page."""
+    from .study.sweep import sweep as run_all
+
+    with _progress("simulating", rate="runs/s") as show:
+        result = run_all(study, out, resume=resume, scheduler=scheduler, progress=show)
+    if as_json:
+        click.echo(json.dumps(asdict(result), default=str))
+        return
+    new = result.runs - result.resumed
+    found = f" ({result.resumed} found finished)" if result.resumed and new else ""
+    did = (
+        f"{result.runs} runs{found}, {result.diverged} diverged" if new else "it was finished: nothing was left to run"
+    )
+    click.echo(f"{did}; {result.seconds:.1f} s. Rows: {result.data}, summary: {result.summary}")
+
+
+@cli.command()
+@click.argument("study", type=click.Path(path_type=Path))
+@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="Folder for the results.")
+@click.option("--resume", is_flag=True, help="Go on with the study that DIR holds, up to its number of trials.")
+@click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON.")
+def tune(study: Path, out: Path, resume: bool, as_json: bool) -> None:
+    """Search for the parameters that STUDY asks for: a scenario, and what unseen noise seeds say of it."""
+    from .study.tune import tune as run_all
+
+    with _progress("starting") as show:
+        result = run_all(study, out, resume=resume, progress=show)
+    if as_json:
+        click.echo(json.dumps(_finite(asdict(result)), default=str))
+        return
+    for objective in result.held_out.objectives:
+        values = f"{objective.tuned:.4g}, base {objective.base:.4g}"
+        click.echo(f"{objective.label}: {values} on held-out seeds: {objective.verdict}")
+    for constraint in result.held_out.constraints:
+        kept = "kept" if constraint.kept else "broken"
+        click.echo(f"{constraint.label}: {constraint.tuned:.5g}, at most {constraint.limit:.5g}: {kept}")
+    found = f"trial {result.trial} of {result.trials}, {result.feasible} feasible"
+    click.echo(f"{found}; {result.seconds:.0f} s. Scenario: {result.scenario}, report: {result.report}")
 
 
 @cli.command(name="simulate")
@@ -139,6 +156,49 @@ def scenario_command(name: str, variant: str) -> None:
     click.echo(Scenario.paper("printed" if variant == "printed" else "corrected").to_toml(), nl=False)
 
 
+@contextmanager
+def _progress(doing: str, rate: str = "") -> Iterator[Callable[..., None]]:
+    """A bar, told (done, total, what is being done); with `rate`, the unit of what is done per second."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskProgressColumn, TextColumn
+    from rich.progress import TimeRemainingColumn as Remaining
+    from rich.text import Text
+
+    class Rate(ProgressColumn):
+        def render(self, task: Task) -> Text:
+            speed = task.finished_speed or task.speed
+            return Text(f"{speed:.0f} {rate}" if speed and rate else "")
+
+    # The bar goes to standard error: standard output holds results alone.
+    columns = (TextColumn("{task.description:<22}"), BarColumn(), TaskProgressColumn())
+    bar = Progress(*columns, Remaining(elapsed_when_finished=True), Rate(), console=Console(stderr=True))
+    task = bar.add_task(doing, start=False)
+
+    interrupts: list[int] = []
+
+    def interrupt(number: int, _: object) -> None:
+        # Raised anywhere, KeyboardInterrupt may be swallowed by a callback; raised from `show` it arrives.
+        interrupts.append(number)
+        if len(interrupts) > 1:
+            raise KeyboardInterrupt
+
+    def show(done: float, total: float, doing: str | None = None) -> None:
+        if interrupts:
+            raise KeyboardInterrupt
+        if not bar.live.is_started:  # now that the input has been found good
+            bar.start()
+            bar.reset(task, completed=int(done))  # what was done before counts for no speed
+        bar.update(task, completed=done, total=total, description=doing)
+
+    before = signal.signal(signal.SIGINT, interrupt)
+    try:
+        yield show
+    finally:
+        signal.signal(signal.SIGINT, before)
+        if bar.live.is_started:  # stopped unstarted, it would print itself
+            bar.stop()
+
+
 def _change(text: str) -> tuple[str, Any]:
     """FIELD=VALUE with VALUE in TOML; a bare word is a string, and nothing at all unsets."""
     field, equals, value = text.partition("=")
@@ -150,6 +210,15 @@ def _change(text: str) -> tuple[str, Any]:
         return field.strip(), tomllib.loads(f"value = {value}")["value"]
     except tomllib.TOMLDecodeError:
         return field.strip(), value.strip()
+
+
+def _finite(value: Any) -> Any:
+    """The same for what is no array: NaN and infinity become null."""
+    if isinstance(value, dict):
+        return {name: _finite(inner) for name, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(inner) for inner in value]
+    return None if isinstance(value, float) and not -float("inf") < value < float("inf") else value
 
 
 def _plain(values: Any) -> Any:

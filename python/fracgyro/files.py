@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -31,6 +32,13 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
         raise ValueError(f"{path} cannot be written: {reason(error)}") from None
     finally:
         scratch.unlink(missing_ok=True)
+
+
+def remove_scratch(folder: Path) -> None:
+    """Removes what `whole_file` left behind where it was killed."""
+    for path in folder.glob(".*"):
+        if re.fullmatch(r"\.[0-9a-f]{32}(\.\w+)?", path.name):
+            path.unlink(missing_ok=True)
 
 
 def writable_folder(path: str | os.PathLike[str]) -> Path:

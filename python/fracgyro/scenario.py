@@ -10,7 +10,8 @@ import hashlib
 import os
 import textwrap
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal, Self
 
@@ -57,8 +58,7 @@ class Scenario(Table):
         try:
             super().__init__(**tables)
         except ValidationError as error:
-            first, *others = error.errors(include_url=False)
-            raise ScenarioError(_describe(first) + (f" (and {len(others)} more)" if others else "")) from None
+            raise explained(error, Scenario) from None
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -88,13 +88,7 @@ class Scenario(Table):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Scenario:
-        try:
-            text = Path(path).read_bytes().decode("utf-8-sig")
-        except UnicodeDecodeError as error:
-            raise ScenarioError(f"{path} is not valid TOML: byte {error.start} is not UTF-8") from None
-        except (OSError, ValueError) as error:
-            raise ScenarioError(f"{path} cannot be read: {_reason(error)}") from None
-        return cls.from_toml(text, source=str(path))
+        return cls.from_toml(read_text(path), source=str(path))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """All or nothing: neither a reader nor a crash meets half a file."""
@@ -109,13 +103,7 @@ class Scenario(Table):
         """Missing tables and fields take the paper's corrected values; `source` names the text in errors."""
         if text.startswith(BEGIN) and END not in text:
             raise ScenarioError(f"{source} is cut off: its last line, {END!r}, is missing")
-        try:
-            tables = tomllib.loads(text)
-        except ValueError as error:
-            raise ScenarioError(f"{source} is not valid TOML: {error}") from None
-        except RecursionError:
-            raise ScenarioError(f"{source} is not valid TOML: it is nested too deeply") from None
-        return cls(**tables)
+        return cls(**read_tables(text, source))
 
     def to_toml(self) -> str:
         """Complete and commented; reading it gives this scenario back, and writing that the same text."""
@@ -135,8 +123,8 @@ class Scenario(Table):
         """A copy with {"controller.order": 0.8, ...} changed, validated as a whole; None unsets."""
         tables = self.model_dump()
         for path, value in changes.items():
-            if path not in _paths(Scenario):
-                raise ScenarioError(_unknown(str(path)))
+            if path not in paths(Scenario):
+                raise ScenarioError(unknown(str(path), Scenario))
             if isinstance(value, np.ndarray | np.generic):
                 value = value.tolist()
             elif isinstance(value, BaseModel):
@@ -155,36 +143,61 @@ class Scenario(Table):
         return hashlib.sha256(self.to_toml().encode()).hexdigest()
 
 
-def _reason(error: Exception) -> str:
-    return getattr(error, "strerror", None) or str(error)
+def read_text(path: str | os.PathLike[str]) -> str:
+    """The text of a TOML file. Raises ScenarioError when it cannot be read."""
+    try:
+        return Path(path).read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ScenarioError(f"{path} is not valid TOML: byte {error.start} is not UTF-8") from None
+    except (OSError, ValueError) as error:
+        raise ScenarioError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from None
 
 
-def _paths(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
+def read_tables(text: str, source: str) -> dict[str, Any]:
+    """The tables of a TOML text; `source` names it in the ScenarioError raised when it is not valid."""
+    try:
+        return tomllib.loads(text)
+    except ValueError as error:
+        raise ScenarioError(f"{source} is not valid TOML: {error}") from None
+    except RecursionError:
+        raise ScenarioError(f"{source} is not valid TOML: it is nested too deeply") from None
+
+
+@cache
+def paths(model: type[BaseModel]) -> tuple[str, ...]:
     """Every dotted path, tables included."""
+    found = []
     for name, info in model.model_fields.items():
-        yield prefix + name
+        found.append(name)
         if isinstance(info.annotation, type) and issubclass(info.annotation, BaseModel):
-            yield from _paths(info.annotation, f"{prefix}{name}.")
+            found += [f"{name}.{inner}" for inner in paths(info.annotation)]
+    return tuple(found)
 
 
-def _unknown(path: str) -> str:
+def unknown(path: str, model: type[BaseModel]) -> str:
     """Guess, in this order: a neighbour misspelt, the same name in another table, a table misspelt."""
-    known = list(_paths(Scenario))
+    known = list(paths(model))
     parent, _, leaf = path.rpartition(".")
     near = {name.rpartition(".")[2]: name for name in known if name.rpartition(".")[0] == parent}
     guesses = [near[name] for name in difflib.get_close_matches(leaf, near)]
     guesses += [name for name in known if name.endswith(f".{leaf}")]
     guesses += [] if near else difflib.get_close_matches(path, known)
-    choice = near.values() or Scenario.model_fields
+    choice = near.values() or model.model_fields
     hint = f"did you mean {guesses[0]}?" if guesses else f"known are {', '.join(choice)}"
     return f"{path if path.isprintable() else repr(path)} is not a known field; {hint}"
 
 
-def _describe(problem: ErrorDetails) -> str:
-    """One of pydantic's problems as a sentence."""
+def explained(error: ValidationError, model: type[BaseModel], at: tuple[str, ...] = ()) -> ScenarioError:
+    """The first of pydantic's problems as a sentence; `at`: where in `model` the value stood that was validated."""
+    first, *others = error.errors(include_url=False)
+    first["loc"] = (*at, *first["loc"])
+    return ScenarioError(_describe(first, model) + (f" (and {len(others)} more)" if others else ""))
+
+
+def _describe(problem: ErrorDetails, model: type[BaseModel]) -> str:
     if problem["type"] == "sentence":
         return problem["msg"]
-    path, info, fields = "", None, Scenario.model_fields
+    path, info, fields = "", None, model.model_fields
     for part in problem["loc"]:
         if isinstance(part, int):
             path += f"[{part}]"
@@ -193,7 +206,7 @@ def _describe(problem: ErrorDetails) -> str:
         info = fields.get(part)
         fields = getattr(info.annotation, "model_fields", {}) if info else {}
     if problem["type"] == "extra_forbidden":
-        return _unknown(path)
+        return unknown(path, model)
     allowed = _allowed(problem, info.metadata if info else [])
     if problem["type"] == "missing":
         return f"{path} is missing: {allowed}"

@@ -1,4 +1,4 @@
-"""Runs side by side in lanes: equal to single runs, whatever lies beside them, however many lanes and threads there are."""
+"""Runs side by side in lanes equal single runs, whatever lies beside them, with any number of lanes and threads."""
 
 import fracgyro as fg
 import numpy as np

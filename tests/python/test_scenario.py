@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fracgyro.scenario import Scenario, ScenarioError, _paths
+from fracgyro.scenario import Scenario, ScenarioError, paths
 from fracgyro.tables import ERRATA_SWITCHES, Symmetric
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -389,7 +389,7 @@ def test_bad_toml_is_answered_with_one_sentence(text: str, sentence: str) -> Non
     assert sentence in toml_refusal(text)
 
 
-@pytest.mark.parametrize("path", sorted(_paths(Scenario)))
+@pytest.mark.parametrize("path", sorted(paths(Scenario)))
 def test_no_field_takes_a_string_a_date_or_nan(path: str) -> None:
     for value in ("1.0", math.nan, tomllib.loads("x = 1979-05-27")["x"]):
         assert refusal({path: value}).startswith(path)

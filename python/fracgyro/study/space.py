@@ -1,0 +1,172 @@
+"""What varies in a study: fields of a scenario, each over a range or a list of values."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+import numpy as np
+from pydantic import BaseModel, Field, TypeAdapter, ValidationError
+from pydantic.fields import FieldInfo
+
+from ..scenario import Scenario, ScenarioError, explained, paths, read_tables, read_text, unknown
+from ..tables import Table, toml_value
+
+Model = TypeVar("Model", bound=BaseModel)
+BASES: dict[str, Literal["corrected", "printed"]] = {"paper": "corrected", "paper-printed": "printed"}
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """A field that varies: from `low` to `high`, or over `choices` (then both are 0)."""
+
+    field: str  # dotted path, as controller.order
+    low: float
+    high: float
+    scale: Literal["linear", "log"] = "linear"
+    integer: bool = False
+    choices: tuple[Any, ...] | None = None
+    steps: int | None = None  # of a grid
+
+    def at(self, u: float) -> Any:
+        """The value at `u`, 0 <= u < 1: uniform in u gives a uniform (or, scale "log", log-uniform) value."""
+        if self.choices is not None:
+            return self.choices[int(u * len(self.choices))]
+        low, high = self.low, self.high + (1 if self.integer else 0)
+        value = low * (high / low) ** u if self.scale == "log" else low + (high - low) * u
+        value = min(math.floor(value) if self.integer else value, self.high)
+        return int(value) if self.integer else max(value, self.low)
+
+    def grid(self) -> tuple[Any, ...] | None:
+        """The choices, or `steps` values from low to high; None without either."""
+        if self.choices is not None or self.steps is None:
+            return self.choices
+        spaced = np.geomspace if self.scale == "log" else np.linspace
+        # To 12 digits: 0.3 is then 0.3, and can be asked for.
+        values = [float(f"{v:.12g}") for v in spaced(self.low, self.high, self.steps)]
+        if self.integer:
+            return tuple(dict.fromkeys(round(v) for v in values))
+        return tuple(min(max(v, self.low), self.high) for v in values)
+
+
+class Range(Table):
+    """low to high, or relative: the base scenario's value, more or less by this fraction of it."""
+
+    low: float | None = None
+    high: float | None = None
+    relative: float | None = Field(None, gt=0)
+    scale: Literal["linear", "log"] = "linear"
+    steps: int | None = Field(None, ge=2)
+
+
+def read_space(entries: Mapping[str, Any], base: Scenario) -> tuple[Dimension, ...]:
+    """The dimensions that `entries` ask for, by field: { low, high, scale, steps }, { relative, steps } or a list.
+
+    Raises ScenarioError in one sentence when a field is unknown or what is asked of it impossible.
+    """
+    return tuple(_dimension(field, entry, base) for field, entry in flat(entries).items())
+
+
+def load_study(path: str | os.PathLike[str], model: type[Model]) -> Model:
+    """The TOML file as an instance of `model`. Raises ScenarioError in one sentence when it is not one."""
+    tables = read_tables(read_text(path), str(path))
+    try:
+        return model(**tables)
+    except ValidationError as error:
+        raise explained(error, model) from None
+
+
+def base_scenario(name: str, folder: Path, fixed: Mapping[str, Any]) -> Scenario:
+    """ "paper" (corrected), "paper-printed" or a file, relative to `folder`; then with the changes `fixed`."""
+    base = Scenario.paper(BASES[name]) if name in BASES else Scenario.load(folder / name)
+    return base.replace(flat(fixed))
+
+
+def flat(entries: Mapping[str, Any], table: str = "") -> dict[str, Any]:
+    """By dotted field, whether it is written so, in quotes, or as TOML's nested tables. Raises ScenarioError."""
+    found: dict[str, Any] = {}
+    for name, entry in entries.items():
+        field = f"{table}.{name}" if table else name
+        if field not in paths(Scenario):
+            raise ScenarioError(unknown(field, Scenario))
+        deeper = any(path.startswith(f"{field}.") for path in paths(Scenario))
+        if deeper and not isinstance(entry, Mapping):
+            raise ScenarioError(f"{field} is {toml_value(entry)}: it must be a table")
+        for key, value in (flat(entry, field) if deeper else {field: entry}).items():
+            if key in found:
+                raise ScenarioError(f"{key} is given twice: it must be given once")
+            found[key] = value
+    return found
+
+
+def _dimension(field: str, entry: Any, base: Scenario) -> Dimension:
+    if isinstance(entry, list | tuple):
+        if not entry:
+            raise ScenarioError(f"{field} is []: it must have at least one value")
+        return Dimension(field, 0.0, 0.0, choices=tuple(_valid(field, value) for value in entry))
+    if not isinstance(entry, Mapping):
+        raise ScenarioError(
+            f"{field} is {toml_value(entry)}: it must be a list of values or "
+            "{ low, high } or { relative }; a single value belongs to [fixed]"
+        )
+    try:
+        asked = Range(**entry)
+    except ValidationError as error:
+        raise ScenarioError(f"{field}: {explained(error, Range)}") from None
+    low, high = _ends(field, asked, base)
+    if not low < high:
+        raise ScenarioError(
+            f"{field}: low is {toml_value(low)}: it must be less than high, which is {toml_value(high)}"
+        )
+    if asked.scale == "log" and not low > 0:
+        raise ScenarioError(f'{field}: low is {toml_value(low)}: it must be greater than 0 when scale is "log"')
+    integer = _info(field).annotation is int
+    for end in (low, high):
+        _valid(field, int(end) if integer and end == int(end) else end)
+    return Dimension(field, low, high, asked.scale, integer, steps=asked.steps)
+
+
+def _ends(field: str, asked: Range, base: Scenario) -> tuple[float, float]:
+    if asked.relative is None:
+        if asked.low is None or asked.high is None:
+            raise ScenarioError(f"{field} is {_given(asked)}: it must have low and high, or relative")
+        return asked.low, asked.high
+    if asked.low is not None or asked.high is not None:
+        raise ScenarioError(f"{field} is {_given(asked)}: it must have either low and high or relative")
+    value: Any = base
+    for name in field.split("."):
+        value = getattr(value, name)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < abs(value) < math.inf:
+        raise ScenarioError(
+            f"{field}: relative is {toml_value(asked.relative)}: the base value must be a number other than 0, "
+            f"but it is {toml_value(value)}"
+        )
+    ends = value * (1 - asked.relative), value * (1 + asked.relative)
+    return min(ends), max(ends)
+
+
+def _given(asked: Range) -> str:
+    return toml_value({name: getattr(asked, name) for name in asked.model_fields_set})
+
+
+def _info(field: str) -> FieldInfo:
+    model: Any = Scenario
+    *tables, name = field.split(".")
+    for table in tables:
+        model = model.model_fields[table].annotation
+    info: FieldInfo = model.model_fields[name]
+    return info
+
+
+def _valid(field: str, value: Any) -> Any:
+    """The value as the field holds it. What it means beside other fields is for the whole scenario to check."""
+    info = _info(field)
+    kind: Any = Annotated[info.annotation, info]
+    try:
+        return TypeAdapter(kind, config=Table.model_config).validate_python(value)
+    except ValidationError as error:
+        raise explained(error, Scenario, tuple(field.split("."))) from None

@@ -1,0 +1,393 @@
+"""Studies as a user meets them: run, killed, resumed, on a cluster, read by other tools, summarised."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from threading import Thread
+
+import duckdb
+import fracgyro as fg
+import numpy as np
+import pandas as pd
+import polars as pl
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from fracgyro.scenario import ScenarioError
+from fracgyro.study import blocks, effects
+from fracgyro.study.design import read_plan
+from fracgyro.study.metric_names import METRICS
+from fracgyro.study.sweep import sweep
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / "studies"
+SMALL = """
+title = "Small"
+seeds = 2
+[fixed]
+run.duration = 12.0
+[vary]
+controller.order = { low = 0.5, high = 1.0, steps = 2 }
+controller.kind = ["linear", "fractional"]
+"""
+# Six blocks of 16 million steps: a second each on two processors.
+LONG = """
+seeds = 20
+[fixed]
+run.duration = 800.0
+[vary]
+controller.terminal_exponent = { low = 0.3, high = 0.8, steps = 6 }
+"""
+
+
+def study(folder: Path, text: str = SMALL) -> Path:
+    (folder / "study.toml").write_text(text, encoding="utf-8")
+    return folder / "study.toml"
+
+
+def command(*words: str | Path) -> list[str]:
+    return [sys.executable, "-m", "fracgyro", "sweep", *map(str, words)]
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted((folder / "runs").iterdir())}
+
+
+# -- Rows ----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("small")
+    told: list[tuple[int, int]] = []
+    result = sweep(study(folder), folder / "out", progress=lambda done, total: told.append((done, total)))
+    assert (result.runs, result.resumed, result.diverged) == (8, 0, 0)
+    assert told[0] == (0, 8)
+    assert told[-1] == (8, 8)
+    return folder
+
+
+def test_a_row_is_what_simulating_its_scenario_gives(small: Path) -> None:
+    rows = pq.read_table(small / "out" / "runs").to_pylist()
+    assert [(r["point"], r["seed"]) for r in rows] == [(p, s) for p in range(4) for s in range(2)]
+    row = rows[5]  # the second seed of the third point
+    assert (row["controller.order"], row["controller.kind"]) == (1.0, "linear")
+    changes = {"controller.order": 1.0, "controller.kind": "linear", "run.duration": 12.0, "disturbance.seed": 1}
+    scenario = fg.Scenario.paper().replace(changes)
+    metrics = fg.simulate_many([scenario], metrics_only=True).isel(run=0)
+    assert row["rmse_steady_y"] == float(metrics["rmse"].sel(window="steady", axis="y"))
+    assert row["bound_final_2"] == float(metrics["bound_final"].sel(bound=2))
+    assert row["error_settling_time"] == float(metrics["error_settling_time"])
+    assert row["diverged_at"] is None
+
+
+def test_the_columns_are_the_keys_and_every_metric(small: Path) -> None:
+    keys = ["point", "seed", "controller.order", "controller.kind"]
+    names = pq.read_table(small / "out" / "runs").column_names
+    assert names[:4] == keys
+    assert set(names[4:]) == {*METRICS, "diverged_at"}
+
+
+def test_duckdb_pandas_and_polars_read_the_rows(small: Path) -> None:
+    runs = small / "out" / "runs"
+    expected = pq.read_table(runs)["rmse_whole_x"].to_pylist()
+    with duckdb.connect() as connection:
+        query = f"SELECT rmse_whole_x, rate_settling_time FROM '{runs}/*.parquet' ORDER BY point, seed"
+        by_duckdb = connection.execute(query).fetchall()
+    by_pandas = pd.read_parquet(runs)
+    by_polars = pl.read_parquet(f"{runs}/*.parquet")
+    assert [row[0] for row in by_duckdb] == expected
+    assert by_pandas["rmse_whole_x"].tolist() == expected
+    assert by_polars["rmse_whole_x"].to_list() == expected
+    never = [value is None for value in pq.read_table(runs)["rate_settling_time"].to_pylist()]
+    assert any(never)
+    assert [row[1] is None for row in by_duckdb] == never
+    assert by_pandas["rate_settling_time"].isna().tolist() == never
+    assert by_polars["rate_settling_time"].is_null().to_list() == never
+
+
+def test_lists_integers_and_booleans_keep_their_types(tmp_path: Path) -> None:
+    text = """
+[fixed]
+run.duration = 0.1
+[vary]
+reference.amplitude = [[1.0, 1.0], [2.0, 0.5]]
+run.record_every = { low = 1, high = 3, steps = 2 }
+controller.adaptive = [true, false]
+"""
+    sweep(study(tmp_path, text), tmp_path / "out")
+    table = pq.read_table(tmp_path / "out" / "runs")
+    assert [str(kind) for kind in table.schema.types[2:5]] == ["list<element: double>", "int64", "bool"]
+    assert table["reference.amplitude"].to_pylist()[-1] == [2.0, 0.5]
+
+
+def test_runs_of_different_lengths_and_steps_stand_side_by_side(tmp_path: Path) -> None:
+    text = "[vary]\nrun.duration = [1.0, 2.0]\nrun.step = [0.001, 0.01]\n[fixed]\ndisturbance.hold = 0.01\n"
+    sweep(study(tmp_path, text), tmp_path / "out")
+    rows = pq.read_table(tmp_path / "out" / "runs")
+    assert rows["run.duration"].to_pylist() == [1.0, 1.0, 2.0, 2.0]
+    assert len(set(rows["effort_x"].to_pylist())) == 4
+
+
+# -- Killed, resumed -----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The long study, uninterrupted."""
+    folder = tmp_path_factory.mktemp("long")
+    plan = read_plan(study(folder, LONG))
+    assert len(blocks.blocks(plan)) == 6
+    sweep(folder / "study.toml", folder / "out")
+    return folder
+
+
+def test_a_killed_study_resumes_to_the_same_bytes(whole: Path, tmp_path: Path) -> None:
+    runs = tmp_path / "out" / "runs"
+    process = subprocess.Popen(command(whole / "study.toml", "--out", tmp_path / "out"), stderr=subprocess.DEVNULL)
+    give_up = time.monotonic() + 60
+    while len(list(runs.glob("block-*"))) < 2 and time.monotonic() < give_up:
+        time.sleep(0.002)
+    process.kill()
+    process.wait()
+    kept = {path.name: path.stat().st_mtime_ns for path in runs.glob("block-*")}
+    assert 2 <= len(kept) < len(contents(whole / "out")), "killed in the middle"
+    assert not (tmp_path / "out" / "summary.html").exists()
+    (runs / f".{'0' * 32}.parquet").write_bytes(b"half")  # as of a kill while a block was written
+
+    again = subprocess.run(
+        command(whole / "study.toml", "--out", tmp_path / "out", "--resume", "--json"), capture_output=True, text=True
+    )
+    assert again.returncode == 0, again.stderr
+    told = json.loads(again.stdout)
+    assert told["runs"] == 120
+    assert 0 < told["resumed"] < 120
+    assert {name: (runs / name).stat().st_mtime_ns for name in kept} == kept, "finished blocks are not run again"
+    assert contents(tmp_path / "out") == contents(whole / "out")
+
+
+def test_a_damaged_block_is_run_again_and_no_other(whole: Path, tmp_path: Path) -> None:
+    good = contents(whole / "out")
+    first, second, third, fourth, *others = sorted(good)
+    middle = len(good[second]) // 2
+    damaged = {
+        first: good[first][:-100],  # cut off
+        second: good[second][:middle] + b"\0\0\0\0" + good[second][middle + 4 :],  # a few bytes lost
+        third: good[fourth],  # another's rows
+        fourth: b"",
+    }
+    sweep(whole / "study.toml", whole / "out", resume=True)
+    for name, data in damaged.items():
+        (whole / "out" / "runs" / name).write_bytes(data)
+    times = {name: (whole / "out" / "runs" / name).stat().st_mtime_ns for name in others}
+    result = sweep(whole / "study.toml", whole / "out", resume=True)
+    assert result.runs - result.resumed == sum(len(pq.read_table(pa.BufferReader(good[name]))) for name in damaged)
+    assert contents(whole / "out") == good
+    assert {name: (whole / "out" / "runs" / name).stat().st_mtime_ns for name in others} == times
+
+
+def test_a_finished_study_says_so_and_runs_nothing(small: Path) -> None:
+    again = subprocess.run(
+        command(small / "study.toml", "--out", small / "out", "--resume"), capture_output=True, text=True
+    )
+    assert again.returncode == 0
+    assert "it was finished: nothing was left to run" in again.stdout
+
+
+def test_resuming_nothing_starts(tmp_path: Path) -> None:
+    assert sweep(study(tmp_path), tmp_path / "out", resume=True).resumed == 0
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "differs"),
+    [
+        ("seeds = 2", "seeds = 3", "seeds"),
+        ("duration = 12.0", "duration = 13.0", "scenario or fixed"),
+        ("low = 0.5", "low = 0.6", "vary or design"),
+        ("[fixed]", "[metrics]\ntransient = 5.0\n[fixed]", "metrics"),
+    ],
+)
+def test_a_changed_study_does_not_resume(small: Path, tmp_path: Path, before: str, after: str, differs: str) -> None:
+    assert before in SMALL
+    was = contents(small / "out")
+    with pytest.raises(ScenarioError, match=f"holds another study, which differs in .*{differs}"):
+        sweep(study(tmp_path, SMALL.replace(before, after)), small / "out", resume=True)
+    assert contents(small / "out") == was
+
+
+def test_a_study_that_only_reads_differently_resumes(small: Path, tmp_path: Path) -> None:
+    same = SMALL.replace("[fixed]\nrun.duration = 12.0", '[fixed]\n"run.duration" = 12  # quoted\n')
+    same = same.replace('title = "Small"', 'title = "Renamed"\nshow = ["effort_x"]')
+    assert sweep(study(tmp_path, same), small / "out", resume=True).resumed == 8
+    assert "<h1>Renamed</h1>" in (small / "out" / "summary.html").read_text(encoding="utf-8")
+    sweep(small / "study.toml", small / "out", resume=True)
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["study.toml"], "Missing option '--out'"),
+        (["nowhere.toml", "--out", "new"], "nowhere.toml cannot be read: No such file or directory"),
+        (["study.toml", "--out", "study.toml"], "study.toml cannot be"),
+        (["study.toml", "--out", "full"], "full is not empty and holds no study: --out must name an empty or new"),
+        (["study.toml", "--out", "full", "--resume"], "full is not empty and holds no study"),
+        (["study.toml", "--out", "done"], "done holds a study already: --out must name another folder, or --resume"),
+        (["study.toml", "--out", "broken", "--resume"], "study.json is damaged"),
+        (["study.toml", "--out", "new", "--scheduler", "nonsense://x"], "scheduler is nonsense://x: it cannot be"),
+    ],
+)
+def test_bad_use_ends_with_one_sentence(tmp_path: Path, words: list[str], expected: str) -> None:
+    study(tmp_path)
+    for folder, name in (("full", "precious.txt"), ("done", "study.json"), ("broken", "study.json")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / name).write_text("{", encoding="utf-8")
+    result = subprocess.run(command(*words), capture_output=True, text=True, cwd=tmp_path)
+    assert result.returncode == 2, result
+    assert result.stdout == ""
+    assert expected in result.stderr
+    (line,) = result.stderr.splitlines()
+    assert line.startswith("fracgyro: ")
+    assert [path.name for path in (tmp_path / "full").iterdir()] == ["precious.txt"]
+
+
+def test_an_interrupt_leaves_whole_blocks_to_resume(whole: Path, tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        command(whole / "study.toml", "--out", tmp_path / "out"), stderr=subprocess.PIPE, text=True
+    )
+    give_up = time.monotonic() + 60
+    while not list((tmp_path / "out" / "runs").glob("block-*")) and time.monotonic() < give_up:
+        time.sleep(0.002)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130, errors
+    assert "Traceback" not in errors
+    expected = contents(whole / "out")
+    found = contents(tmp_path / "out")
+    assert 0 < len(found) < len(expected)
+    assert all(expected[name] == data for name, data in found.items())
+
+
+# -- On a cluster --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning:distributed", "ignore::ResourceWarning")
+def test_a_worker_killed_inside_a_block_costs_nothing(whole: Path, tmp_path: Path) -> None:
+    from distributed import Client, LocalCluster
+
+    with (
+        LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster,
+        Client(cluster, set_as_default=False) as client,
+    ):
+        pids = client.run(os.getpid)
+        results = []
+        running = Thread(
+            target=lambda: results.append(
+                sweep(whole / "study.toml", tmp_path / "out", scheduler=cluster.scheduler_address)
+            )
+        )
+        running.start()
+        killed = None
+        while killed is None and running.is_alive():
+            inside = {worker: calls for worker, calls in client.call_stack().items() if "block.measure" in str(calls)}
+            if inside and list((tmp_path / "out" / "runs").glob("block-*")):
+                killed = next(iter(inside))
+                os.kill(pids[killed], signal.SIGKILL)
+        running.join(timeout=120)
+        assert killed, "a worker was killed in the middle of a block"
+        client.wait_for_workers(2, timeout=60)
+        assert pids[killed] not in client.run(os.getpid).values(), "the nanny started another"
+    assert [result.runs for result in results] == [120]
+    assert contents(tmp_path / "out") == contents(whole / "out")
+
+
+# -- The summary ---------------------------------------------------------------------------------------------
+
+
+def test_the_summary_needs_nothing_but_itself(small: Path) -> None:
+    page = (small / "out" / "summary.html").read_text(encoding="utf-8")
+    sources = re.findall(r'(?:src|href)="([^"]*)"', page)
+    assert all(source.startswith(("data:image/svg+xml;base64,", "#")) for source in sources)
+    assert all(f'id="{source[1:]}"' in page for source in sources if source.startswith("#"))
+    assert "{{" not in page
+    assert "{%" not in page
+    assert "8 runs: 4 points" in page
+    assert "No run diverged." in page
+
+
+def test_the_summary_says_what_it_leaves_out(tmp_path: Path) -> None:
+    text = """
+seeds = 2
+show = ["rmse_steady_x", "rate_settling_time"]
+[fixed]
+run.duration = 12.0
+disturbance.hold = 0.008
+[vary]
+run.step = [0.001, 0.008]
+"""
+    assert sweep(study(tmp_path, text), tmp_path / "out").diverged == 2
+    page = (tmp_path / "out" / "summary.html").read_text(encoding="utf-8")
+    assert "2 of 4 runs diverged" in page
+    assert "Settling time of the rate:</b> 2 of the 2 runs that did not diverge have none" in page
+    assert re.search(r"run.step</code></td><td>0.008</td><td class=\"number\">2</td><td class=\"number\">2<", page)
+    assert "No run has a value." in page
+
+
+def rows_of(tmp_path: Path, text: str, metric: list[float | None], diverged: list[float | None]) -> effects.Rows:
+    """The rows of a study with these made-up values of effort_x."""
+    plan = read_plan(study(tmp_path, text))
+    keys = pa.concat_tables([block.keys() for block in blocks.blocks(plan)])
+    for name, column in (("effort_x", metric), ("diverged_at", diverged)):
+        keys = keys.append_column(name, pa.array(column, pa.float64()))
+    return effects.Rows.of(plan, keys)
+
+
+def test_an_effect_is_a_mean_over_seeds_with_its_interval(tmp_path: Path) -> None:
+    text = 'seeds = 2\n[vary]\ncontroller.order = [0.2, 0.4]\ncontroller.kind = ["linear", "fractional"]\n'
+    none: list[float | None] = [None] * 8
+    rows = rows_of(tmp_path, text, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 100.0], [*none[:7], 0.5])
+    low, high = effects.effect(rows, "effort_x", rows.plan.dimensions[0]).means
+    assert low is not None
+    assert low.mean == 2.5  # of 2 and 3, the means of the seeds
+    assert low.high - low.mean == pytest.approx(12.706 * 0.5, rel=1e-3)
+    assert high is not None
+    assert high.mean == pytest.approx((6.0 + 6.0) / 2)  # the run that diverged is left out
+    assert effects.effect(rows, "effort_x", rows.plan.dimensions[0]).partial == [False, True]
+    found, eligible = effects.best(rows, "effort_x", ["effort_x"], 9)
+    assert [b.point for b in found] == [0, 1, 2], "not the point one of whose runs diverged"
+    assert eligible == 3
+    table = effects.cells(rows, "effort_x", *rows.plan.dimensions)
+    assert table.values.tolist() == [[1.5, 5.5], [3.5, 7.0]]
+    assert table.partial.tolist() == [[False, False], [False, True]]
+
+
+def test_quantiles_count_never_as_longest(tmp_path: Path) -> None:
+    text = '[design]\nkind = "random"\npoints = 20\n[vary]\ncontroller.order = { low = 0.2, high = 0.4 }\n'
+    values: list[float | None] = [float(i) for i in range(1, 20)]
+    rows = rows_of(tmp_path, text, [*values, None], [None] * 20)
+    assert effects.quantiles(rows, "effort_x").tolist() == [1.0, 5.0, 10.0, 15.0, 19.0]
+    rows = rows_of(tmp_path, text, [*values[:18], None, None], [None] * 20)
+    assert effects.quantiles(rows, "effort_x")[-1] == np.inf
+
+
+def test_a_monotonic_effect_has_rank_correlation_one(tmp_path: Path) -> None:
+    text = '[design]\nkind = "random"\npoints = 9\n[vary]\ncontroller.order = { low = 0.2, high = 0.4 }\n'
+    (tmp_path / "study.toml").write_text(text, encoding="utf-8")
+    order = [float(np.exp(point[0])) for point in read_plan(tmp_path / "study.toml").points]
+    rows = rows_of(tmp_path, text, list(order), [None] * 9)
+    assert effects.rank_correlation(rows, "effort_x", rows.plan.dimensions[0]) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.toml")), ids=lambda path: path.stem)
+def test_every_example_runs(path: Path, tmp_path: Path) -> None:
+    result = subprocess.run(command(path, "--out", tmp_path / "out", "--json"), capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+    told = json.loads(result.stdout)
+    assert told["runs"] == pq.read_table(tmp_path / "out" / "runs").num_rows
+    assert told["diverged"] == 0
+    assert Path(told["summary"]).read_text(encoding="utf-8").count("data:image/svg+xml") >= 4

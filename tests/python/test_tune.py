@@ -1,0 +1,419 @@
+"""`fracgyro tune`: what it searches, what it promises of what it found, and the scenario that it shipped."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+import math
+import os
+import re
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+import tomllib
+from pathlib import Path
+
+import fracgyro as fg
+import numpy as np
+import pytest
+from fracgyro.study.criteria import Constraint, Measured, Objective, Score, measure, score
+from fracgyro.study.hold_out import _gap
+from fracgyro.study.metric_names import METRICS
+from fracgyro.study.optimiser import Trial, choose, front
+from fracgyro.study.tune import tune
+from fracgyro.study.tuning import read_tuning
+
+ROOT = Path(__file__).resolve().parents[2]
+
+HEAD = """
+seeds = 3
+[fixed]
+run.duration = 2.0
+[metrics]
+transient = 1.0
+[vary]
+controller.order = { low = 0.5, high = 1.0 }
+controller.layer_thickness = { low = 0.02, high = 0.3, scale = "log" }
+"""
+TWO = """
+[[objective]]
+metric = "rmse_steady_x"
+[[objective]]
+metric = "rate_error_rms"
+statistic = "quantile 0.9"
+[[constraint]]
+metric = "effort_x"
+at_most_base = 1.01
+"""
+ONE = """
+[[objective]]
+metric = "rmse_steady_x"
+[[constraint]]
+metric = "chattering_x"
+at_most_base = 1.5
+"""
+
+
+def study(folder: Path, *, tail: str = TWO, head: str = HEAD, **options: object) -> Path:
+    options = {"trials": 10, "held_out_seeds": 6, **options}
+    text = "\n".join(f"{name} = {json.dumps(value)}" for name, value in options.items())
+    path = folder / "study.toml"
+    path.write_text(f"{head}\n[tune]\n{text}\n{tail}", encoding="utf-8")
+    return path
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with open(path, newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def trials(out: Path) -> str:
+    return (out / "trials.csv").read_text(encoding="utf-8")
+
+
+def command(*words: str | Path) -> list[str]:
+    return [sys.executable, "-m", "fracgyro", "tune", *map(str, words)]
+
+
+def sentence(*words: str | Path) -> str:
+    ran = subprocess.run(command(*words), capture_output=True, text=True, timeout=120)
+    assert ran.returncode == 2, ran
+    (line,) = ran.stderr.splitlines()
+    return line.removeprefix("fracgyro: ")
+
+
+# -- A whole tuning ------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("tune")
+    done: list[float] = []
+    result = tune(study(folder), folder / "out", progress=lambda now, total, _: done.append(now / total))
+    assert done == sorted(done), "progress goes forward"
+    assert done[-1] == pytest.approx(1.0)
+    assert result.trials == 10
+    return folder / "out"
+
+
+def test_every_file_is_there_and_nothing_else(out: Path) -> None:
+    names = {
+        "study.json",
+        "study.db",
+        "trials.csv",
+        "pareto.csv",
+        "pareto.svg",
+        "pareto.png",
+        "tune.html",
+        "tuned.toml",
+    }
+    assert {path.name for path in out.iterdir()} == names
+
+
+def test_the_first_trial_is_the_base_scenario(out: Path) -> None:
+    first = rows(out / "trials.csv")[0]
+    assert first["controller.order"] == "0.9"
+    assert float(first["mean of rmse_steady_x over base"]) == 1.0
+    assert first["feasible"] == "true"
+
+
+def test_the_tuned_scenario_is_the_base_with_the_chosen_values(out: Path) -> None:
+    text = (out / "tuned.toml").read_text(encoding="utf-8")
+    chosen = re.search(r"trial (\d+) of 10", text)
+    assert chosen
+    row = rows(out / "trials.csv")[int(chosen[1])]
+    values = {name: float(row[name]) for name in ("controller.order", "controller.layer_thickness")}
+    assert fg.Scenario.load(out / "tuned.toml") == fg.Scenario.paper().replace({"run.duration": 2.0, **values})
+
+
+def test_half_a_tuned_scenario_is_refused(out: Path, tmp_path: Path) -> None:
+    text = (out / "tuned.toml").read_text(encoding="utf-8")
+    (tmp_path / "half.toml").write_text(text[: len(text) // 2], encoding="utf-8")
+    with pytest.raises(fg.ScenarioError, match="cut off"):
+        fg.Scenario.load(tmp_path / "half.toml")
+
+
+def test_a_trial_says_what_its_scenario_measures(out: Path) -> None:
+    row = rows(out / "trials.csv")[4]
+    values = {name: float(row[name]) for name in ("controller.order", "controller.layer_thickness")}
+    scenario = fg.Scenario.paper().replace({"run.duration": 2.0, **values})
+    runs = fg.simulate_many([scenario], seeds=[0, 1, 2], metrics_only=True, transient=1.0)
+    assert float(row["mean of rmse_steady_x"]) == float(runs["rmse"].sel(window="steady", axis="x").mean())
+    assert float(row["quantile 0.9 of rate_error_rms"]) == float(np.quantile(runs["rate_error_rms"], 0.9))
+
+
+def test_no_feasible_trial_beats_a_member_of_the_front(out: Path) -> None:
+    names = ["mean of rmse_steady_x", "quantile 0.9 of rate_error_rms"]
+    feasible = [r for r in rows(out / "trials.csv") if r["feasible"] == "true"]
+    points = np.array([[float(r[name]) for name in names] for r in feasible])
+    for member in rows(out / "pareto.csv"):
+        point = np.array([float(member[name]) for name in names])
+        assert not ((points <= point).all(axis=1) & (points < point).any(axis=1)).any()
+
+
+def test_the_report_needs_nothing_but_itself_and_says_the_hold_out(out: Path) -> None:
+    page = (out / "tune.html").read_text(encoding="utf-8")
+    sources = re.findall(r'(?:src|href)="([^"]*)"', page)
+    assert [s for s in sources if not s.startswith(("data:", "#"))] == []
+    assert all(f'id="{s[1:]}"' in page for s in sources if s.startswith("#"))
+    assert "{{" not in page
+    assert "{%" not in page
+    assert re.search(r"confirmed</td>|refuted</td>|undecided</td>", page)
+    assert all(f"<code>{metric}</code>" in page for metric in METRICS)
+
+
+@pytest.mark.parametrize(("sampler", "tail"), [("tpe", TWO), ("nsga2", TWO), ("cmaes", ONE)])
+def test_the_same_study_finds_the_same_trials_killed_anywhere_or_not(tmp_path: Path, sampler: str, tail: str) -> None:
+    path = study(tmp_path, tail=tail, sampler=sampler, trials=14, batch=4)
+    tune(path, tmp_path / "whole")
+    seen: list[float] = []
+
+    def dies(done: float, _: float, doing: str) -> None:
+        seen.append(done)
+        if doing == "searching" and len(seen) in (7, 8, 9):  # in the middle of a batch
+            raise RuntimeError("killed")
+
+    for _ in range(3):
+        with pytest.raises(RuntimeError, match="killed"):
+            tune(path, tmp_path / "killed", resume=bool(seen), progress=dies)
+    tune(path, tmp_path / "killed", resume=True, progress=dies)
+    assert trials(tmp_path / "killed") == trials(tmp_path / "whole")
+
+
+def test_a_study_killed_with_signal_9_is_finished_by_resume(tmp_path: Path) -> None:
+    path, folder = study(tmp_path, trials=16, batch=4), tmp_path / "out"
+    process = subprocess.Popen(command(path, "--out", folder), stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+    give_up = time.monotonic() + 60
+    while process.poll() is None and time.monotonic() < give_up and finished(folder / "study.db") < 5:
+        time.sleep(0.01)
+    process.send_signal(signal.SIGKILL)
+    assert process.wait() == -signal.SIGKILL
+    assert not (folder / "tuned.toml").exists()
+    ran = subprocess.run(command(path, "--out", folder, "--resume", "--json"), capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stderr
+    said = json.loads(ran.stdout)
+    assert said["trials"] == 16
+    assert {o["verdict"] for o in said["held_out"]["objectives"]} <= {"confirmed", "refuted", "undecided"}
+    tune(path, tmp_path / "whole")
+    assert trials(folder) == trials(tmp_path / "whole")
+
+
+def finished(database: Path) -> int:
+    if not database.is_file():
+        return 0
+    reader = sqlite3.connect(f"file:{database}?mode=ro", uri=True)
+    try:
+        count = reader.execute("SELECT COUNT(*) FROM trials WHERE state = 'COMPLETE'").fetchone()
+        return int(count[0])
+    except sqlite3.OperationalError:  # not made yet, or being written
+        return 0
+    finally:
+        reader.close()
+
+
+def test_a_finished_study_can_be_given_more_trials(tmp_path: Path) -> None:
+    tune(study(tmp_path, trials=4), tmp_path / "out")
+    before = trials(tmp_path / "out")
+    assert tune(study(tmp_path, trials=6), tmp_path / "out", resume=True).trials == 6
+    assert trials(tmp_path / "out").startswith(before)
+
+
+def test_an_interrupt_is_one_sentence_and_loses_no_finished_trial(tmp_path: Path) -> None:
+    path, folder = study(tmp_path, trials=500), tmp_path / "out"
+    process = subprocess.Popen(
+        command(path, "--out", folder), stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    while process.poll() is None and finished(folder / "study.db") < 2:
+        time.sleep(0.02)
+    os.kill(process.pid, signal.SIGINT)
+    said, errors = process.communicate(timeout=60)
+    assert process.returncode == 130, errors
+    assert said == ""
+    assert "Traceback" not in errors
+    assert errors.endswith("fracgyro: interrupted; the files written so far are complete\n")
+    assert finished(folder / "study.db") >= 2
+
+
+# -- Constraints, divergence, the choice ---------------------------------------------------------------------
+
+
+def test_a_constraint_that_nothing_keeps_is_named_with_how_far_off_the_nearest_is(tmp_path: Path) -> None:
+    path = study(
+        tmp_path, tail='[[objective]]\nmetric = "rmse_steady_x"\n[[constraint]]\nmetric = "effort_x"\nat_most = 1.0'
+    )
+    with pytest.raises(fg.ScenarioError, match=r"none of 10 trials keeps .* misses: mean of effort_x by \d"):
+        tune(path, tmp_path / "out")
+    assert not (tmp_path / "out" / "tuned.toml").exists()
+
+
+@pytest.mark.parametrize("sampler", ["tpe", "nsga2", "cmaes"])
+def test_scenarios_that_diverge_or_are_none_are_infeasible_trials(tmp_path: Path, sampler: str) -> None:
+    head = HEAD.replace("[vary]", '[vary]\nrun.step = { low = 1e-3, high = 2e-2, scale = "log" }').replace(
+        "run.duration = 2.0", "run.duration = 2.0\ndisturbance.hold = 1.0"
+    )
+    tune(study(tmp_path, head=head, tail=ONE, sampler=sampler, batch=4), tmp_path / "out")
+    found = rows(tmp_path / "out" / "trials.csv")
+    lost = [row for row in found if float(row["diverged"]) > 0]
+    assert lost
+    assert {row["feasible"] for row in lost} == {"false"}
+    assert found[0]["feasible"] == "true"
+
+
+def test_a_single_objective_has_no_front(tmp_path: Path) -> None:
+    result = tune(study(tmp_path, tail=ONE, sampler="cmaes", batch=4), tmp_path / "out")
+    found = [r for r in rows(tmp_path / "out" / "trials.csv") if r["feasible"] == "true"]
+    least = min(found, key=lambda r: float(r["mean of rmse_steady_x"]))
+    assert result.trial == int(least["trial"])
+    assert not list((tmp_path / "out").glob("pareto*"))
+
+
+def test_what_never_comes_about_is_infinite() -> None:
+    values = np.array([1.0, -2.0, 3.0, np.nan])
+    assert Objective(metric="rate_error").of(values[:3]) == 2.0
+    assert Objective(metric="rate_error").of(values) == math.inf
+    assert Objective(metric="rate_error", statistic="median").of(values) == 2.5
+    assert Objective(metric="rate_error", statistic="max").of(values[:3]) == 3.0
+    assert Objective(metric="rate_error", statistic="quantile 0.25").of(values[:3]) == 1.5
+
+
+def test_a_diverged_run_counts_for_nothing_but_its_divergence() -> None:
+    coarse = fg.Scenario.paper().replace({"run.step": 0.01, "disturbance.hold": 0.01, "run.duration": 2.0})
+    (measured,) = measure([coarse], [0, 1], {})
+    assert measured.diverged.all()
+    assert np.isnan(measured.metrics["effort_x"]).all()
+    assert not score(measured, [Objective(metric="effort_x")], [], []).feasible
+
+
+def test_a_limit_is_kept_when_met_exactly_and_the_excess_is_relative_to_it() -> None:
+    measured = Measured({"effort_x": np.array([2.0, 4.0])}, np.array([False, False]))
+    found = score(
+        measured,
+        [Objective(metric="effort_x")],
+        [Constraint(metric="effort_x", at_most=3.0), Constraint(metric="effort_x", at_most_base=0.5)],
+        [3.0, 2.0],
+    )
+    assert found.objectives == (3.0,)
+    assert found.excess == (0.0, 0.5)
+    assert not found.feasible
+
+
+def trial(number: int, *objectives: float, diverged: float = 0.0) -> Trial:
+    return Trial(number, {}, Score(objectives, (), (), diverged))
+
+
+def test_the_front_is_what_no_other_beats() -> None:
+    points = [trial(0, 2.0, 2.0), trial(1, 1.0, 3.0), trial(2, 3.0, 1.0), trial(3, 2.0, 3.0), trial(4, 2.0, 2.0)]
+    assert [t.number for t in front([*points, trial(5, 0.0, 0.0, diverged=0.5)])] == [1, 0, 2]
+    assert front([trial(0, math.inf)]) == []
+
+
+def test_what_beats_the_base_is_chosen_before_a_better_compromise() -> None:
+    base = Score((1.0, 1.0), (), (), 0.0)
+    compromise, beats, only_base = trial(1, 0.01, 2.0), trial(2, 0.8, 0.9), trial(3, 1.0, 1.0)
+    assert choose([compromise, beats, only_base], base) == beats
+    assert choose([compromise, only_base], base) == compromise
+
+
+def test_the_bootstrap_interval_of_a_shift_holds_the_shift() -> None:
+    theirs = np.random.default_rng(0).exponential(size=200)
+    shift = _gap(Objective(metric="effort_x", statistic="quantile 0.9"), theirs, theirs + 0.25)
+    assert shift.mean == pytest.approx(0.25)
+    assert shift.low == pytest.approx(0.25)
+    other = np.random.default_rng(1).exponential(size=200)
+    assert _gap(Objective(metric="effort_x", statistic="median"), theirs, other).low < 0
+    assert _gap(Objective(metric="effort_x", statistic="median"), theirs, other).high > 0
+
+
+# -- Bad input -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ('metric = "rmse_steady_x"', 'metric = "rmse_stead_x"', "did you mean rmse_steady_x?"),
+        ("quantile 0.9", "quantile 9", "statistic is"),
+        ("at_most_base = 1.01", "", "neither of at_most and at_most_base"),
+        ("at_most_base = 1.01", "at_most_base = 1.0\nat_most = 3.0", "both of at_most and at_most_base"),
+        ("trials = 10", "trials = 0", "tune.trials is 0: it must be at least 1"),
+        ("trials = 10", "trails = 10", "did you mean tune.trials?"),
+        ("trials = 10", 'sampler = "cma"', 'tune.sampler is "cma"'),
+        ("trials = 10", 'sampler = "cmaes"', "objective is given 2 times"),
+        ("controller.order = {", "controller.oder = {", "did you mean controller.order?"),
+        ("[vary]", "[vary]\ndisturbance.seed = { low = 0, high = 9 }", "disturbance.seed is in [vary]"),
+        ("[vary]", '[vary]\ncontroller.kind = ["lin"]', 'controller.kind is "lin"'),
+        ("run.duration = 2.0", 'disturbance.kind = "none"', "disturbance.kind is"),
+        ("trials = 10", 'storage = "nowhere://x:secret@y/z"', "nowhere://y/z cannot be opened as a database"),
+        ("trials = 10", 'storage = "sqlite:////nowhere/study.db"', "cannot be"),
+    ],
+)
+def test_a_bad_study_is_one_sentence(tmp_path: Path, old: str, new: str, expected: str) -> None:
+    path = study(tmp_path)
+    path.write_text(path.read_text(encoding="utf-8").replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(ValueError, match=re.escape(expected)) as caught:
+        tune(path, tmp_path / "out")
+    assert "\n" not in str(caught.value)
+    assert "secret" not in str(caught.value)
+    assert not (tmp_path / "out" / "tuned.toml").exists()
+
+
+def test_a_folder_in_use_and_a_changed_study_are_refused(tmp_path: Path) -> None:
+    path, folder = study(tmp_path, trials=2), tmp_path / "out"
+    tune(path, folder)
+    with pytest.raises(fg.ScenarioError, match="holds no study"):
+        tune(path, tmp_path)
+    with pytest.raises(fg.ScenarioError, match="cannot be read"):
+        tune(tmp_path / "none.toml", folder)
+    assert "holds a study already" in sentence(path, "--out", folder)
+    study(tmp_path, trials=3, tail=ONE)
+    assert "differs in objective and constraint" in sentence(path, "--out", folder, "--resume")
+
+
+def test_a_storage_of_ones_own_holds_the_trials(tmp_path: Path) -> None:
+    path = study(tmp_path, trials=3, storage=f"sqlite:///{tmp_path / 'mine.db'}")
+    tune(path, tmp_path / "out")
+    assert not (tmp_path / "out" / "study.db").exists()
+    assert finished(tmp_path / "mine.db") == 3
+    with pytest.raises(fg.ScenarioError, match="holds this study already"):
+        tune(path, tmp_path / "another")
+
+
+# -- What is shipped -----------------------------------------------------------------------------------------
+
+
+def test_the_shipped_study_can_be_read() -> None:
+    plan = read_tuning(ROOT / "examples" / "tuning" / "gains.toml")
+    assert plan.base == fg.Scenario.paper()
+    untouched = ("plant.", "disturbance.", "reference.", "run.", "adaptation.initial")
+    assert not [d.field for d in plan.dimensions if d.field.startswith(untouched)]
+
+
+def test_the_shipped_gains_keep_their_word_on_seeds_of_their_own() -> None:
+    tuned, paper = fg.Scenario.load(ROOT / "examples" / "scenarios" / "tuned.toml"), fg.Scenario.paper()
+    for table in ("plant", "reference", "disturbance", "run"):
+        assert getattr(tuned, table) == getattr(paper, table)
+    assert tuned.adaptation.initial_ratio == paper.adaptation.initial_ratio
+    mine, theirs = measure([tuned, paper], range(5000, 5012), {})
+    for metric in ("rmse_steady_x", "rmse_steady_y", "rate_error_rms", "rate_error_peak"):
+        assert (mine.metrics[metric] < theirs.metrics[metric]).all(), metric
+    for metric in ("effort_x", "effort_y", "chattering_x", "chattering_y"):
+        assert mine.metrics[metric].mean() <= theirs.metrics[metric].mean(), metric
+
+
+@pytest.mark.parametrize("rate", [0.0, 300.0])
+def test_the_shipped_gains_sense_other_rates_as_well(rate: float) -> None:
+    tuned = fg.Scenario.load(ROOT / "examples" / "scenarios" / "tuned.toml")
+    nominal, other = measure([tuned, tuned.replace({"plant.angular_rate": rate})], range(5000, 5004), {})
+    assert other.metrics["rate_error_rms"] == pytest.approx(nominal.metrics["rate_error_rms"], rel=0.1)
+
+
+def test_the_shipped_scenario_is_of_the_shipped_study() -> None:
+    path = ROOT / "examples" / "tuning" / "gains.toml"
+    text = (ROOT / "examples" / "scenarios" / "tuned.toml").read_text(encoding="utf-8")
+    assert f"# sha256 of gains.toml: {hashlib.sha256(path.read_bytes()).hexdigest()}" in text
+    changed = dict(re.findall(r"^#   (\w+\.\w+) = (.*), was ", text, re.MULTILINE))
+    values = {name: tomllib.loads(f"value = {value}")["value"] for name, value in changed.items()}
+    assert fg.Scenario.from_toml(text) == fg.Scenario.paper().replace(values)
+    assert set(values) == {dimension.field for dimension in read_tuning(path).dimensions}
