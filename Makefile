@@ -35,6 +35,7 @@ test-python: .venv/installed-test
 bench: .venv/installed-bench
 	$(BIN)/python benchmarks/operator_accuracy.py
 	$(BIN)/python benchmarks/loop.py
+	$(BIN)/python benchmarks/scaling.py
 	$(BIN)/python benchmarks/reproduction.py
 
 # GoogleTest, from Debian's packages where it is missing.

@@ -1,26 +1,42 @@
-"""What a measurement was made on."""
+"""What a measurement was made on, and how it is kept."""
 
+import os
 import platform
+import shlex
 import subprocess
+import sys
+from importlib.metadata import version
 from pathlib import Path
 
-import numpy as np
+RESULTS = Path(__file__).parent / "results"
 
 
-def machine() -> str:
+def on_one_core() -> None:
+    """Starts this program again on one processor, before any library has counted them."""
+    if hasattr(os, "sched_setaffinity") and len(os.sched_getaffinity(0)) > 1:
+        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+        os.execv(sys.executable, [sys.executable, *sys.argv])
+
+
+def machine(*packages: str) -> str:
     """Processor, system, and the versions that matter, in one line."""
     info = Path("/proc/cpuinfo")
     names = [line.partition(":")[2].strip() for line in info.read_text().splitlines() if line.startswith("model name")]
     processor = f"{len(names)} × {names[0]}" if names else platform.processor()
     compiler = subprocess.run(["c++", "--version"], capture_output=True, text=True, check=True).stdout.splitlines()[0]
-    return (
-        f"{processor}, {platform.system()} {platform.machine()}; Python {platform.python_version()}, "
-        f"NumPy {np.__version__}; {compiler}"
-    )
+    versions = ", ".join(f"{name} {version(name)}" for name in ("numpy", *packages))
+    system = f"{platform.system()} {platform.machine()}"
+    return f"{processor}, {system}; Python {platform.python_version()}, {versions}; {compiler}"
 
 
-def write(name: str, lines: list[str]) -> None:
+def command() -> str:
+    """The command that is running, as it would be typed at the root of the repository."""
+    return shlex.join(["python", f"benchmarks/{Path(sys.argv[0]).name}", *sys.argv[1:]])
+
+
+def write(name: str, lines: list[str], keep: bool = True) -> None:
     """Prints the log and keeps it as benchmarks/results/<name>.md."""
     text = "\n".join(lines) + "\n"
-    (Path(__file__).parent / "results" / f"{name}.md").write_text(text, encoding="utf-8")
+    if keep:
+        (RESULTS / f"{name}.md").write_text(text, encoding="utf-8")
     print(text)
