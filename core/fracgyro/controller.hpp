@@ -55,13 +55,18 @@ struct SlidingModeController {
                 .adaptation = Adaptation<T>::prepare(p.adaptation, p.step)};
     }
 
+    // What the force of the coming step will be computed with.
+    static Estimates<T> estimates(const State& state, const Coefficients& c) {
+        return Adaptation<T>::estimates(state.adaptation, c.adaptation);
+    }
+
     // The force for the coming step, from the motion measured now. Called once every step.
     static Signals<T> step(State& state, const Coefficients& c, const Motion<T>& motion) {
         // Made in place: these are many numbers, and copies of them go through memory.
-        Signals<T> signals{.reference = Reference<T>::update(state.reference, c.reference),         // 1
-                           .estimates = Adaptation<T>::estimates(state.adaptation, c.adaptation)};  // 5
-        signals.error = tracking_error(motion, signals.reference);                                  // 2
-        const auto surface = SurfaceType::evaluate(state.surface, c.surface, signals.error);        // 3
+        Signals<T> signals{.reference = Reference<T>::update(state.reference, c.reference),   // 1
+                           .estimates = estimates(state, c)};                                 // 5
+        signals.error = tracking_error(motion, signals.reference);                            // 2
+        const auto surface = SurfaceType::evaluate(state.surface, c.surface, signals.error);  // 3
         signals.surface = surface.s;
         signals.force = Control<T>::force(c.control, signals.estimates, motion, signals.reference, surface);  // 4
         SurfaceType::advance(state.surface, c.surface, signals.error);

@@ -137,19 +137,19 @@ void measure_block(Move<Controller> move, FillDisturbance fill, std::span<const 
     });
 
     const std::int64_t samples = runs[0]->steps + 1;
-    const std::int64_t until_half = runs[0]->steps / 2 + 1;
+    const std::int64_t half = runs[0]->steps / 2;
     std::array<double, count> bound_halfway{};
-    std::int64_t n = 0;  // samples done
+    Estimates<T> estimates{};  // of the last sample; where a run has diverged, of the one after
+    std::int64_t n = 0;        // samples done
     const auto end_lane = [&](std::size_t k) {
-        if (n < until_half) {
-            bound_halfway[k] = block->estimates.bound[0].lane[k];
-        }
-        *values[k] = metric_values(params, *runs[k], detail::one_lane<count>(sums, k),
-                                   detail::one_lane<count>(block->estimates, k), bound_halfway[k], n);
+        const Estimates<double> last = detail::one_lane<count>(estimates, k);
+        *values[k] = metric_values(params, *runs[k], detail::one_lane<count>(sums, k), last,
+                                   n <= half ? last.bound[0] : bound_halfway[k], n);
         alive[k] = false;
         block->alive.lane[k] = 0.0;
     };
     const auto end_diverged = [&] {
+        estimates = Controller::estimates(block->state, block->controller);
         for (std::size_t k = 0; k < count; ++k) {
             const auto& q = block->motion.position;
             if (alive[k] && !(absolute(q.x.lane[k]) + absolute(q.y.lane[k]) < divergence_limit)) {
@@ -157,13 +157,22 @@ void measure_block(Move<Controller> move, FillDisturbance fill, std::span<const 
             }
         }
     };
-    end_diverged();
+    if (diverged(*block)) {
+        end_diverged();
+    }
     std::array<Vec2<double>, longest_stretch> coming{};
     while (n < samples && std::find(alive.begin(), alive.end(), true) != alive.end()) {
-        // A stretch ends where a run passes from one window to the next, and in the middle.
+        // A stretch ends where a run passes from one window to the next, and before the samples whose estimates count.
         std::int64_t end = std::min(n + static_cast<std::int64_t>(longest_stretch), samples);
         const auto stop_at = [&](std::int64_t sample) { end = n < sample ? std::min(end, sample) : end; };
-        stop_at(until_half);
+        stop_at(half);
+        stop_at(samples - 1);
+        if (n == half || n == samples - 1) {
+            estimates = Controller::estimates(block->state, block->controller);
+        }
+        for (std::size_t k = 0; n == half && k < count; ++k) {
+            bound_halfway[k] = estimates.bound[0].lane[k];
+        }
         for (std::size_t k = 0; k < count; ++k) {
             stop_at(steady_from[k]);
             stop_at(steady_from[k] + 2);
@@ -185,12 +194,7 @@ void measure_block(Move<Controller> move, FillDisturbance fill, std::span<const 
             }
         }
         n += move(*block, end - n);
-        if (n == until_half) {
-            for (std::size_t k = 0; k < count; ++k) {
-                bound_halfway[k] = block->estimates.bound[0].lane[k];
-            }
-        }
-        if (n < samples) {
+        if (n < samples && diverged(*block)) {
             end_diverged();
         }
     }

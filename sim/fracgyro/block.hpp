@@ -17,7 +17,6 @@ struct Block {
     typename Controller::State state{};
     Motion<T> motion{};
     MetricsSums<T> sums{};
-    Estimates<T> estimates{};                            // of the last sample
     T alive = T(1.0);                                    // 0 where the motion has diverged
     std::array<Vec2<T>, longest_stretch> disturbance{};  // of the coming stretch
 };
@@ -34,17 +33,14 @@ bool diverged(const Block<Controller>& block) {
 template <class Controller>
 [[gnu::flatten]] std::int64_t move(Block<Controller>& block, std::int64_t count) {
     using T = typename Controller::Value;
-    for (std::int64_t n = 0;;) {
+    std::int64_t n = 0;
+    do {
         const Signals<T> signals = Controller::step(block.state, block.controller, block.motion);  // 1 to 5
         block.sums.add(signals);
         Plant<T>::step(block.motion, block.plant, signals.force, block.disturbance[static_cast<std::size_t>(n)]);  // 6
         ++n;
-        if (n == count || diverged(block)) {
-            block.estimates =
-                signals.estimates + Estimates<T>{};  // a sum, as copying all at once would put all in memory
-            return n;
-        }
-    }
+    } while (n < count && !diverged(block));
+    return n;
 }
 
 template <class Controller>
