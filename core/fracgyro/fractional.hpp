@@ -69,9 +69,7 @@ struct TwoModes {
     static Input input(const Vec2<T>& a) { return a; }
     static Memory scaled(const PerMode& c, const Memory& m) { return {c.first * m.first, c.second * m.second}; }
     static Memory scaled(const PerMode& c, const Input& a) { return {c.first * a, c.second * a}; }
-    using Sum = Vec2<T>;
-    static Sum added(const Sum& sum, const Memory& m) { return sum + (m.first + m.second); }
-    static Vec2<T> sum(const Sum& sum) { return sum; }
+    static Vec2<T> sum(const Memory& m) { return m.first + m.second; }
     static void set(PerMode& c, std::size_t mode, double value) { (mode == 0 ? c.first : c.second) = T(value); }
 };
 template <Scalar T>
@@ -82,9 +80,7 @@ struct TwoModes<T> {
     using Input = Memory;
     static Input input(const Vec2<T>& a) { return Input{a.x, a.y, a.x, a.y}; }
     static Memory scaled(const PerMode& c, const Memory& m) { return c * m; }
-    using Sum = Memory;
-    static Sum added(const Sum& sum, const Memory& m) { return sum + m; }
-    static Vec2<T> sum(const Sum& sum) { return {sum[0] + sum[2], sum[1] + sum[3]}; }
+    static Vec2<T> sum(const Memory& m) { return {m[0] + m[2], m[1] + m[3]}; }
     static void set(PerMode& c, std::size_t mode, double value) { c[2 * mode] = c[2 * mode + 1] = T(value); }
 };
 
@@ -167,11 +163,11 @@ struct Fractional {
     // The second half: moves the modes to the sample before the next one, from what was known a sample ago, and sums
     // them for its outputs.
     static void advance(State& state, const Coefficients& c, const Sample<T>& now) {
-        typename Two::Sum derivative{}, integral{};
+        Memory derivative{}, integral{};
         const auto add = [&](std::size_t j, const Memory& moved) {
             state.memory[j] = moved;
-            derivative = Two::added(derivative, moved);
-            integral = Two::added(integral, Two::scaled(c.pair[j].inverse_rate, moved));
+            derivative = derivative + moved;
+            integral = integral + Two::scaled(c.pair[j].inverse_rate, moved);
         };
         Vec2<T> newest{};  // κ of the interval that ends now; there is none before the first sample
         if (state.steps == 0) {
