@@ -99,7 +99,8 @@ def simulate_many(
     run.duration, run.step, run.record_every and run.units. A run that diverges holds NaN from then on.
     With `metrics_only`: the metrics of each run (see `fracgyro.metrics.summary`, whose parameters `transient` to
     `rate_tolerance` are), nondimensional, in memory that does not grow with the length of the runs. A run that
-    diverges is measured until then.
+    diverges is measured until then. Runs then go side by side in the lanes of a register (docs/decisions/0011): the
+    metrics are those of `simulate` to rounding, and the same whatever the number of processors.
     In both, `diverged_at` says when a run diverged and is NaN for the others.
     `progress` is called with the number of runs finished since the last call.
     Raises ValueError when `scenarios` or `seeds` is empty, a seed is outside 0 to 2^63 - 1 or, without `metrics_only`,
