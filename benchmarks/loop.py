@@ -18,6 +18,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import fracgyro as fg
@@ -94,6 +95,11 @@ def octave(noise: np.ndarray, folder: Path) -> tuple[float, np.ndarray]:
     return seconds, np.fromfile(target).reshape(-1, 2)
 
 
+def positions_of(loop: Callable[..., object], *arguments: object) -> np.ndarray:
+    """The first two of the channels that the loop gives, as NumPy's array."""
+    return np.asarray(loop(*arguments))[:, :2]
+
+
 def single_runs(noise: np.ndarray, ours: np.ndarray, modes: fg.fractional.Modes) -> list[Peer]:
     """All peers that make one run, fastest first."""
     count = len(noise)
@@ -102,10 +108,10 @@ def single_runs(noise: np.ndarray, ours: np.ndarray, modes: fg.fractional.Modes)
     for fastmath in (False, True):
         loop = modes_numba.make(count, modes.rates, modes.weights, fastmath)
         name = f"numba, {modes.count} modes, every channel, fastmath {'on' if fastmath else 'off'}"
-        run = lambda loop=loop: loop(noise, record)[:, :2]  # noqa: E731
+        run = partial(positions_of, loop, noise, record)
         peers.append(Peer(name, run, run, SAME_OPERATOR, 9, calls=9))
     scan, given = jax_loop.make_scan(count, modes.rates, modes.weights), jax.numpy.asarray(noise)
-    run = lambda: np.asarray(scan(given))  # noqa: E731
+    run = partial(positions_of, scan, given)
     peers.append(Peer(f"JAX scan, {modes.count} modes", run, run, SAME_OPERATOR, 5, calls=3))
     for library, compiled in (("numba", numba.njit), ("NumPy", lambda function: function)):
         for one_sum in (True, False):

@@ -89,7 +89,7 @@ def make(compiled: Callable[..., Any], one_sum: bool) -> Run:
     rate_x, rate_y = FREQUENCY
 
     @compiled
-    def loop(noise, integral, derivative, step):  # type: ignore[no-untyped-def]
+    def loop(noise, integral, derivative, step):
         count = len(noise)
         x, y, v_x, v_y = START
         estimates = ESTIMATES

@@ -38,12 +38,12 @@ def held_step(h: float) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(row) for row in expm(h * flow)[:4].tolist())
 
 
-def row(m, x, y, v_x, v_y, f_x, f_y):  # type: ignore[no-untyped-def]
+def row(m, x, y, v_x, v_y, f_x, f_y):
     """One row of `held_step`, applied."""
     return m[0] * x + m[1] * y + m[2] * v_x + m[3] * v_y + m[4] * f_x + m[5] * f_y
 
 
-def advanced(estimates, h, rates):  # type: ignore[no-untyped-def]
+def advanced(estimates, h, rates):
     """One Euler step of the ten estimates; written out, for numba."""
     dxx, dxy, dyy, kxx, kxy, kyy, rate, b0, b1, b2 = estimates
     r = rates
@@ -71,7 +71,7 @@ def references(times: np.ndarray) -> np.ndarray:
 def make_law(sqrt: Callable[..., Any], select: Callable[..., Any], copysign: Callable[..., Any]) -> Callable[..., Any]:
     """Equations (16), (35), (36), (44) of one sample, over whatever numbers `sqrt`, `select` and `copysign` are for."""
 
-    def law(q, v, e, de, acceleration, integral, derivative, estimates):  # type: ignore[no-untyped-def]
+    def law(q, v, e, de, acceleration, integral, derivative, estimates):
         """From q, v, e, de/dt, d²r/dt², D^(α-1) e, D^α e, each a pair: the pairs s and u, and d/dt of the estimates."""
         dxx, dxy, dyy, kxx, kxy, kyy, rate, b0, b1, b2 = estimates
         size_x, size_y = abs(e[0]), abs(e[1])

@@ -26,7 +26,7 @@ def _loop(count: int, rates: np.ndarray, weights: np.ndarray) -> tuple[Callable[
     start = np.array(START) - reference[0, :4]
     step = held_step(STEP)
 
-    def body(state, noise, others):  # type: ignore[no-untyped-def]
+    def body(state, noise, others):
         q, estimates, past, g = state
         r, onset = others
         x, y, v_x, v_y = q
@@ -50,7 +50,7 @@ def make_scan(count: int, rates: np.ndarray, weights: np.ndarray) -> Callable[[j
 
     @jax.jit
     def run(noise: jax.Array) -> jax.Array:
-        def scanned(state, inputs):  # type: ignore[no-untyped-def]
+        def scanned(state, inputs):
             state, position, _ = body(state, *inputs)
             return state, position
 
@@ -68,7 +68,7 @@ def make_batch(
     samples = jnp.array([count, jnp.sum(steady)])[:, None]
 
     def one(noise: jax.Array) -> jax.Array:
-        def scanned(carry, inputs):  # type: ignore[no-untyped-def]
+        def scanned(carry, inputs):
             state, whole, late = carry
             noise, others, is_steady = inputs
             state, _, error = body(state, noise, others)

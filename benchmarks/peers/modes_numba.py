@@ -35,7 +35,7 @@ def make(
     modes = len(rates)
 
     @compiled
-    def move(g, decay, readout, e_x, e_y, de_x, de_y):  # type: ignore[no-untyped-def]
+    def move(g, decay, readout, e_x, e_y, de_x, de_y):
         """Moves the modes past a sample; their sums for the next one."""
         i_x = i_y = d_x = d_y = 0.0
         for j in range(modes):
@@ -49,7 +49,7 @@ def make(
         return i_x, i_y, d_x, d_y
 
     @compiled
-    def loop(noise, onset, g, decay, readout, sums, out):  # type: ignore[no-untyped-def]
+    def loop(noise, onset, g, decay, readout, sums, out):
         x, y, v_x, v_y = START
         estimates = ESTIMATES
         sin_x, cos_x, sin_y, cos_y = 0.0, 1.0, 0.0, 1.0
