@@ -9,9 +9,7 @@
 //    What is stored is the deviation from the initial value, so that single precision does not lose small increments.
 #pragma once
 
-#include "math.hpp"
-
-#include <array>
+#include "error.hpp"
 
 namespace fracgyro {
 
@@ -39,6 +37,16 @@ struct Estimates {
     }
 };
 
+// ‖q‖, ‖v‖ and ‖s‖, which the force and the laws share.
+template <Scalar T>
+struct Sizes {
+    T position{}, velocity{}, surface{};
+};
+template <Scalar T>
+Sizes<T> sizes_of(const Motion<T>& motion, const Vec2<T>& surface) {
+    return {.position = norm(motion.position), .velocity = norm(motion.velocity), .surface = norm(surface)};
+}
+
 struct AdaptationParams {
     bool adaptive = true;  // false: the initial estimates are kept
     bool printed_rate_law = false;
@@ -57,7 +65,7 @@ struct Adaptation {
         T damping_gain{}, stiffness_gain{}, rate_gain{};  // times the step
         std::array<T, 3> bound_gain{};
         T keep{}, dead_zone{};  // keep = 1 - step·leakage
-        bool printed = false, leaking = false, projected = false;
+        bool printed = false, leaking = false, resting = false, projected = false;
         T damping_limit{}, stiffness_limit{}, rate_limit{}, bound_limit{};
     };
     struct State {
@@ -84,6 +92,7 @@ struct Adaptation {
                 .dead_zone = T(p.dead_zone),
                 .printed = p.printed_rate_law,
                 .leaking = p.leakage > 0.0,
+                .resting = p.dead_zone > 0.0,
                 .projected = p.projection > 0.0,
                 .damping_limit = T(p.projection * largest(i.damping)),
                 .stiffness_limit = T(p.projection * largest(i.stiffness)),
@@ -94,13 +103,19 @@ struct Adaptation {
     static Estimates<T> estimates(const State& state, const Coefficients& c) { return c.initial + state.deviation; }
 
     // One Euler step of the laws.
-    static void update(State& state, const Coefficients& c, Vec2<T> q, Vec2<T> v, Vec2<T> s) {
-        const T size = norm(s);
-        const T active = if_less(size, c.dead_zone, T(0.0), T(1.0));
-        const T bound = active * size;
-        const Vec2<T> acting = active * s;
-        const Sym2<T> vs = symmetric_product(v, acting);
-        const Sym2<T> qs = symmetric_product(q, acting);
+    static void update(State& state, const Coefficients& c, const Motion<T>& motion, const Vec2<T>& surface,
+                       const Sizes<T>& sizes) {
+        const Vec2<T>& q = motion.position;
+        const Vec2<T>& v = motion.velocity;
+        Vec2<T> s = surface;
+        T size = sizes.surface;
+        if (c.resting) {
+            const T active = if_less(size, c.dead_zone, T(0.0), T(1.0));
+            s = active * s;
+            size = active * size;
+        }
+        const Sym2<T> vs = symmetric_product(v, s);
+        const Sym2<T> qs = symmetric_product(q, s);
         Estimates<T>& d = state.deviation;
         if (c.leaking) {
             d = c.keep * d;
@@ -110,10 +125,10 @@ struct Adaptation {
         if (c.printed) {
             d.rate_symmetric = d.rate_symmetric - (T(2.0) * c.rate_gain) * vs;
         } else {
-            d.rate = d.rate + c.rate_gain * (acting.x * v.y - acting.y * v.x);
+            d.rate = d.rate + c.rate_gain * (s.x * v.y - s.y * v.x);
         }
-        d.bound = {d.bound[0] + c.bound_gain[0] * bound, d.bound[1] + c.bound_gain[1] * (bound * norm(q)),
-                   d.bound[2] + c.bound_gain[2] * (bound * norm(v))};
+        d.bound = {d.bound[0] + c.bound_gain[0] * size, d.bound[1] + c.bound_gain[1] * (size * sizes.position),
+                   d.bound[2] + c.bound_gain[2] * (size * sizes.velocity)};
         if (c.projected) {
             project(d, c);
         }

@@ -27,10 +27,10 @@ struct Control {
     struct Coefficients {
         T thickness_squared{}, linear_gain{}, quadratic_gain{};  // inside: s (linear_gain + quadratic_gain ‖s‖) ρ
         T force_limit{};
-        bool limited = false;
+        bool limited = false, printed = false;  // printed rate law: Ω̂ has a symmetric part
     };
 
-    static Coefficients prepare(const ControlParams& p) {
+    static Coefficients prepare(const ControlParams& p, bool printed_rate_law = false) {
         const bool layered = p.layer_thickness > 0.0;
         const bool linear = p.layer == Layer::linear;
         const double inverse = layered ? 1.0 / p.layer_thickness : 0.0;
@@ -38,18 +38,22 @@ struct Control {
                 .linear_gain = T(linear ? inverse : 0.0),
                 .quadratic_gain = T(linear ? 0.0 : inverse * inverse),
                 .force_limit = T(p.force_limit),
-                .limited = p.force_limit < std::numeric_limits<double>::infinity()};
+                .limited = p.force_limit < std::numeric_limits<double>::infinity(),
+                .printed = printed_rate_law};
     }
 
     static Vec2<T> force(const Coefficients& c, const Estimates<T>& estimates, const Motion<T>& motion,
-                         const ReferencePoint<T>& reference, const SurfacePoint<T>& surface) {
+                         const ReferencePoint<T>& reference, const SurfacePoint<T>& surface, const Sizes<T>& sizes) {
         const Vec2<T> q = motion.position;
         const Vec2<T> v = motion.velocity;
-        // 2Ω̂v: the skew part is the Coriolis force, the symmetric part exists under the printed rate law only.
+        // 2Ω̂v: the skew part is the Coriolis force.
         const Vec2<T> coriolis = T(2.0) * Vec2<T>{-(estimates.rate * v.y), estimates.rate * v.x};
-        const Vec2<T> equivalent = (estimates.damping + T(2.0) * estimates.rate_symmetric) * v + coriolis +
-                                   estimates.stiffness * q + reference.acceleration - surface.drift;
-        const T bound = estimates.bound[0] + estimates.bound[1] * norm(q) + estimates.bound[2] * norm(v);
+        Vec2<T> equivalent =
+            estimates.damping * v + coriolis + estimates.stiffness * q + reference.acceleration - surface.drift;
+        if (c.printed) {
+            equivalent = equivalent + T(2.0) * (estimates.rate_symmetric * v);
+        }
+        const T bound = estimates.bound[0] + estimates.bound[1] * sizes.position + estimates.bound[2] * sizes.velocity;
         // Inside and outside the layer alike the switching term is s (gain + slope ‖s‖) ρ, with 1/‖s‖ = ‖s‖/‖s‖²: only
         // the product with ‖s‖, a square root, is left to be waited for, and no division after it.
         const T square = squared_norm(surface.s);
@@ -58,7 +62,7 @@ struct Control {
         const auto [gain, slope] = if_less({square, square}, {c.thickness_squared, c.thickness_squared},
                                            {c.linear_gain, c.quadratic_gain}, Vec2<T>{T(0.0), outside});
         const Vec2<T> drive = bound * surface.s;
-        const Vec2<T> force = (equivalent - gain * drive) - square_root(square) * (slope * drive);
+        const Vec2<T> force = (equivalent - gain * drive) - sizes.surface * (slope * drive);
         if (!c.limited) {
             return force;
         }

@@ -51,7 +51,7 @@ struct SlidingModeController {
     static Coefficients prepare(const Params& p) {
         return {.reference = Reference<T>::prepare(p.reference, p.step),
                 .surface = SurfaceType::prepare(p.surface, p.step),
-                .control = Control<T>::prepare(p.control),
+                .control = Control<T>::prepare(p.control, p.adaptation.printed_rate_law),
                 .adaptation = Adaptation<T>::prepare(p.adaptation, p.step)};
     }
 
@@ -62,15 +62,16 @@ struct SlidingModeController {
 
     // The force for the coming step, from the motion measured now. Called once every step.
     static Signals<T> step(State& state, const Coefficients& c, const Motion<T>& motion) {
-        // Made in place: these are many numbers, and copies of them go through memory.
-        Signals<T> signals{.reference = Reference<T>::update(state.reference, c.reference),   // 1
-                           .estimates = estimates(state, c)};                                 // 5
-        signals.error = tracking_error(motion, signals.reference);                            // 2
-        const auto surface = SurfaceType::evaluate(state.surface, c.surface, signals.error);  // 3
-        signals.surface = surface.s;
-        signals.force = Control<T>::force(c.control, signals.estimates, motion, signals.reference, surface);  // 4
-        SurfaceType::advance(state.surface, c.surface, signals.error);
-        Adaptation<T>::update(state.adaptation, c.adaptation, motion.position, motion.velocity, surface.s);
+        const ReferencePoint<T> reference = Reference<T>::update(state.reference, c.reference);  // 1
+        const Sample<T> error = tracking_error(motion, reference);                               // 2
+        const SurfacePoint<T> surface = SurfaceType::evaluate(state.surface, c.surface, error);  // 3
+        const Sizes<T> sizes = sizes_of(motion, surface.s);
+        // Made in place: the estimates are many numbers, and copies of them go through memory.
+        Signals<T> signals{
+            .reference = reference, .error = error, .surface = surface.s, .estimates = estimates(state, c)};
+        signals.force = Control<T>::force(c.control, signals.estimates, motion, reference, surface, sizes);  // 4
+        SurfaceType::advance(state.surface, c.surface, error);
+        Adaptation<T>::update(state.adaptation, c.adaptation, motion, surface.s, sizes);  // 5
         return signals;
     }
 };

@@ -18,8 +18,8 @@
 // the memory of ė with e(0) as the jump that it is from rest. It serves both operators, as ∫ exp(-s(t-τ)) e dτ = (e - E)/s:
 //     derivative history at t_{n+1}:  Σ w_j r_j E_j(t_n)     Riemann-Liouville; less e(0) Σ w_j exp(-s_j t_{n+1}): Caputo
 //     integral history at t_{n+1}:    Σ (w_j r_j/s_j) (e(t_n) - E_j(t_n)).
-// What is stored is g_j = E_j - B_j v_n - C_j κ_n, whose recursion needs only the sample before,
-//     g_j(n) = r_j g_j(n-1) + (A_j + r_j B_j) v_{n-1} + r_j C_j κ_{n-1},
+// What is stored is g_j = (E_j - B_j v_n - C_j κ_n)/(A_j + r_j B_j), whose recursion needs only the sample before,
+//     g_j(n) = r_j g_j(n-1) + v_{n-1} + ρ_j κ_{n-1},     ρ_j = r_j C_j/(A_j + r_j B_j),
 // so the sum over the modes runs beside the control law instead of ahead of it.
 //
 // The Riemann-Liouville derivative of the jump, e(0) t^(-α)/Γ(1-α), falls steeply at first. The force that answers it is
@@ -54,33 +54,28 @@ struct FractionalOutput {
     Vec2<T> integral{}, derivative{};
 };
 
+// Two modes at a time, x and y of each: for a built-in number all four in one register, any other number on its own.
 template <Scalar T>
 struct TwoModes {
-    struct PerMode {
-        T first{}, second{};
-    };
-    struct Memory {
-        Vec2<T> first{}, second{};
-        friend constexpr Memory operator+(const Memory& a, const Memory& b) {
-            return {a.first + b.first, a.second + b.second};
-        }
-    };
-    using Input = Vec2<T>;  // the same for both modes
-    static Input input(const Vec2<T>& a) { return a; }
-    static Memory scaled(const PerMode& c, const Memory& m) { return {c.first * m.first, c.second * m.second}; }
-    static Memory scaled(const PerMode& c, const Input& a) { return {c.first * a, c.second * a}; }
-    static Vec2<T> sum(const Memory& m) { return m.first + m.second; }
-    static void set(PerMode& c, std::size_t mode, double value) { (mode == 0 ? c.first : c.second) = T(value); }
+    static constexpr std::size_t modes = 2, axes = 2;  // handled one by one
+    using Memory = std::array<T, 4>;
+    using PerMode = std::array<T, 2>;
+    using Part = T;
+    static Memory both(const Vec2<T>& a) { return {a.x, a.y, a.x, a.y}; }
+    static T& part(Memory& m, std::size_t mode, std::size_t axis) { return m[2 * mode + axis]; }
+    static const T& part(const PerMode& c, std::size_t mode) { return c[mode]; }
+    static void set(PerMode& c, std::size_t mode, double value) { c[mode] = T(value); }
 };
 template <Scalar T>
     requires std::floating_point<T>
 struct TwoModes<T> {
+    static constexpr std::size_t modes = 1, axes = 1;
     using Memory = typename PackOf<T, 4>::Type;
     using PerMode = Memory;
-    using Input = Memory;
-    static Input input(const Vec2<T>& a) { return Input{a.x, a.y, a.x, a.y}; }
-    static Memory scaled(const PerMode& c, const Memory& m) { return c * m; }
-    static Vec2<T> sum(const Memory& m) { return {m[0] + m[2], m[1] + m[3]}; }
+    using Part = Memory;
+    static Memory both(const Vec2<T>& a) { return Memory{a.x, a.y, a.x, a.y}; }
+    static Memory& part(Memory& m, std::size_t /*mode*/, std::size_t /*axis*/) { return m; }
+    static const Memory& part(const PerMode& c, std::size_t /*mode*/) { return c; }
     static void set(PerMode& c, std::size_t mode, double value) { c[2 * mode] = c[2 * mode + 1] = T(value); }
 };
 
@@ -93,32 +88,34 @@ struct Fractional {
     using Two = TwoModes<T>;
     using Memory = typename Two::Memory;
     using PerMode = typename Two::PerMode;
+    using Part = typename Two::Part;
     using Quad = typename PackOf<T, 4>::Type;  // four modes
     template <class Packed, std::size_t Modes>
     using All = std::array<Packed, Capacity / Modes>;
 
-    // One output is  value·e + difference·(e - e_past) + rate·ė  of the newest sample, plus what was known before it came:
-    // past_value·e_past + past_rate·ė_past + past_bump·κ_past + Σ over the modes.
+    // One output is  difference·(e - e_past) + rate·ė  of the newest sample, plus what was known before it came:
+    // past_rate·ė_past + past_bump·κ_past + Σ over the modes.
     struct Weights {
-        T value{}, difference{}, rate{}, past_value{}, past_rate{}, past_bump{};
+        T difference{}, rate{}, past_rate{}, past_bump{};
     };
 
     struct Coefficients {
         T inverse_step{};
-        T carry{};       // 1 for α = 0, where the integral continues the previous one; else 0
         T onset_mean{};  // mean of t^(-α)/Γ(1-α) over the first hold, where it is singular; 0 for Caputo
-        T start_value{}, start_rate{}, start_integral{};  // outputs at t = 0: non-zero only for α = 0 or 1
         Weights integral{}, derivative{};
+        T integral_past_value{};  // of e_past
+        // Without modes, α = 0 or 1: shares of e and ė themselves, and of the previous integral, which that of α = 0 continues.
+        T integral_value{}, derivative_value{}, derivative_rate{}, carry{};
         std::size_t pairs = 0, quads = 0;  // packs in use; padded with zero weights
-        // Of two modes. The states carry their output weight w r, so that the derivative is their plain sum.
+        // Of two modes.
         struct Pair {
-            PerMode decay{};         // r - 1
-            PerMode from_rate{};     // w r (A + r B)
-            PerMode from_bump{};     // w r r C
-            PerMode inverse_rate{};  // 1/s: from derivative to integral
+            PerMode decay{};          // r - 1
+            PerMode from_bump{};      // ρ
+            PerMode to_derivative{};  // w r (A + r B)
+            PerMode to_integral{};    // w r (A + r B)/s
         };
         All<Pair, 2> pair{};
-        All<PerMode, 2> initial_value{}, initial_rate{};  // w r and w r B: g at the first sample
+        All<PerMode, 2> initial_value{}, initial_rate{};  // 1/(A + r B) and B/(A + r B): g at the first sample
         // What the jump e(0) adds to the derivative beyond E: w r (μ - 1), for Caputo -w r.
         All<Quad, 4> initial_onset{}, onset_decay{};
         std::array<T, Capacity / 4> onset_life{};  // steps after which this quad and the later ones are past
@@ -130,8 +127,9 @@ struct Fractional {
         Vec2<T> initial_value{};
         Sample<T> past{};
         Vec2<T> past_bump{};
-        FractionalOutput<T> last{}, known{};  // the last outputs; what is known of the next ones
-        All<Memory, 2> memory{};              // w r g
+        FractionalOutput<T> known{};  // of the next sample's
+        Vec2<T> integral{};           // the last one, where α = 0
+        All<Memory, 2> memory{};      // g
         All<Quad, 4> onset{};
     };
 
@@ -147,54 +145,68 @@ struct Fractional {
     // The first half of `update`: all that the control law waits for.
     static FractionalOutput<T> evaluate(State& state, const Coefficients& c, const Sample<T>& now) {
         if (state.steps == 0) {
-            state.last = {.integral = c.start_integral * now.value,
-                          .derivative = (c.start_value + c.onset_mean) * now.value + c.start_rate * now.rate};
-            return state.last;
+            return {.integral = c.integral_value * now.value,
+                    .derivative = (c.derivative_value + c.onset_mean) * now.value + c.derivative_rate * now.rate};
         }
         const Vec2<T> difference = now.value - state.past.value;
         const auto output = [&](const Weights& w, const Vec2<T>& known) {
-            return (w.difference * difference + w.rate * now.rate) + (w.value * now.value + known);
+            return (w.difference * difference + w.rate * now.rate) + known;
         };
-        state.last = {.integral = output(c.integral, state.known.integral),
-                      .derivative = output(c.derivative, state.known.derivative)};
-        return state.last;
+        const Vec2<T> integral = output(c.integral, state.known.integral);
+        if (c.pairs == 0) {
+            state.integral = integral + c.integral_value * now.value;
+            return {.integral = state.integral,
+                    .derivative = c.derivative_value * now.value + c.derivative_rate * now.rate};
+        }
+        return {.integral = integral, .derivative = output(c.derivative, state.known.derivative)};
     }
 
     // The second half: moves the modes to the sample before the next one, from what was known a sample ago, and sums
     // them for its outputs.
     static void advance(State& state, const Coefficients& c, const Sample<T>& now) {
         Memory derivative{}, integral{};
-        const auto add = [&](std::size_t j, const Memory& moved) {
-            state.memory[j] = moved;
-            derivative = derivative + moved;
-            integral = integral + Two::scaled(c.pair[j].inverse_rate, moved);
+        // Calls next(pair, mode, its coefficients, a, b, g), which returns the new g, for all memory, and sums it.
+        const auto move = [&](Memory a, Memory b, auto&& next) {
+            for (std::size_t j = 0; j < c.pairs; ++j) {
+                for (std::size_t m = 0; m < Two::modes; ++m) {
+                    // Copies: the compiler cannot know that storing memory does not change coefficients.
+                    const Part decay = Two::part(c.pair[j].decay, m), from_bump = Two::part(c.pair[j].from_bump, m);
+                    const Part to_derivative = Two::part(c.pair[j].to_derivative, m);
+                    const Part to_integral = Two::part(c.pair[j].to_integral, m);
+                    for (std::size_t axis = 0; axis < Two::axes; ++axis) {
+                        Part g = Two::part(state.memory[j], m, axis);
+                        g = next(j, m, decay, from_bump, Two::part(a, m, axis), Two::part(b, m, axis), g);
+                        Two::part(state.memory[j], m, axis) = g;
+                        Part& d = Two::part(derivative, m, axis);
+                        d = d + to_derivative * g;
+                        Part& i = Two::part(integral, m, axis);
+                        i = i + to_integral * g;
+                    }
+                }
+            }
         };
         Vec2<T> newest{};  // κ of the interval that ends now; there is none before the first sample
         if (state.steps == 0) {
             state.initial_value = now.value;
-            const auto value = Two::input(now.value), rate = Two::input(-now.rate);
-            for (std::size_t j = 0; j < c.pairs; ++j) {
-                add(j, Two::scaled(c.initial_value[j], value) + Two::scaled(c.initial_rate[j], rate));
-            }
+            move(Two::both(now.value), Two::both(-now.rate),
+                 [&](auto j, auto m, const Part&, const Part&, const Part& value, const Part& rate, const Part&) {
+                     return Two::part(c.initial_value[j], m) * value + Two::part(c.initial_rate[j], m) * rate;
+                 });
             state.onset_quads = c.quads;
             state.onset = c.initial_onset;
         } else {
             const Vec2<T> trace{T(vanishing), T(vanishing)};
-            const auto rate = Two::input(state.past.rate + trace), bump = Two::input(state.past_bump);
-            for (std::size_t j = 0; j < c.pairs; ++j) {
-                // The increment is formed first: r itself would round to 1 for slow modes in single precision.
-                const Memory& g = state.memory[j];
-                const auto& [decay, from_rate, from_bump, inverse_rate] = c.pair[j];
-                const Memory gain = Two::scaled(from_rate, rate) + Two::scaled(from_bump, bump);
-                add(j, g + (Two::scaled(decay, g) + gain));
-            }
+            move(Two::both(state.past.rate + trace), Two::both(state.past_bump),
+                 [](auto, auto, const Part& decay, const Part& from_bump, const Part& rate, const Part& bump,
+                    const Part& g) { return moved(g, decay, from_bump * bump + rate); });
             newest = c.inverse_step * (now.value - state.past.value) - T(0.5) * (now.rate + state.past.rate);
         }
-        const auto known = [&](const Weights& w) {
-            return w.past_value * now.value + w.past_rate * now.rate + w.past_bump * newest;
-        };
-        state.known.derivative = known(c.derivative) + Two::sum(derivative);
-        state.known.integral = known(c.integral) - Two::sum(integral) + c.carry * state.last.integral;
+        const auto known = [&](const Weights& w) { return w.past_rate * now.rate + w.past_bump * newest; };
+        state.known.derivative = known(c.derivative) + sum(derivative);
+        state.known.integral = (known(c.integral) + c.integral_past_value * now.value) - sum(integral);
+        if (c.pairs == 0) {
+            state.known.integral = state.known.integral + c.carry * state.integral;
+        }
         if (state.onset_quads > 0) {
             state.known.derivative = state.known.derivative + onset(state, c) * state.initial_value;
         }
@@ -204,9 +216,16 @@ struct Fractional {
     }
 
 private:
+    // One step of decay and gain. The increment is formed first: r itself would be rounded, for slow modes to 1.
+    template <class Packed>
+    static Packed moved(const Packed& a, const Packed& decay, const Packed& gain) {
+        return a + (decay * a + gain);
+    }
     // Less than the rounding of any number that matters. Without it, what decays for ever would become subnormal, which slows
     // processors down.
     static constexpr double vanishing = std::same_as<detail::Built<T>, float> ? 1e-24 : 1e-290;
+
+    static Vec2<T> sum(const Memory& m) { return {m[0] + m[2], m[1] + m[3]}; }
 
     static T onset(State& state, const Coefficients& c) {
         Quad sum{}, trace{};
@@ -215,7 +234,7 @@ private:
         }
         for (std::size_t j = 0; j < state.onset_quads; ++j) {
             sum = sum + state.onset[j];
-            state.onset[j] = state.onset[j] + (c.onset_decay[j] * state.onset[j] + trace);
+            state.onset[j] = moved(state.onset[j], c.onset_decay[j], trace);
         }
         while (state.onset_quads > 0 &&
                always_less(c.onset_life[state.onset_quads - 1], T(static_cast<double>(state.steps)))) {
@@ -232,7 +251,7 @@ typename Fractional<T, Capacity>::Coefficients Fractional<T, Capacity>::prepare(
     Coefficients c;
     c.inverse_step = T(1.0 / step);
     if (modes.order == 1.0) {
-        c.start_rate = c.start_integral = c.integral.value = c.derivative.rate = T(1.0);
+        c.integral_value = c.derivative_rate = T(1.0);
         return c;
     }
     const double nu = 1.0 - modes.order;
@@ -267,12 +286,13 @@ typename Fractional<T, Capacity>::Coefficients Fractional<T, Capacity>::prepare(
         const double bump = 6.0 * step * (moments[1] - moments[2]);
         const double to_derivative = modes.weights[i] * r;
         const double to_integral = to_derivative / s;
+        const double unit = a + r * b;  // of the memory
         Two::set(c.pair[i / 2].decay, i % 2, decay);
-        Two::set(c.pair[i / 2].from_rate, i % 2, to_derivative * (a + r * b));
-        Two::set(c.pair[i / 2].from_bump, i % 2, to_derivative * (r * bump));
-        Two::set(c.pair[i / 2].inverse_rate, i % 2, 1.0 / s);
-        Two::set(c.initial_value[i / 2], i % 2, to_derivative);
-        Two::set(c.initial_rate[i / 2], i % 2, to_derivative * b);
+        Two::set(c.pair[i / 2].from_bump, i % 2, r * bump / unit);
+        Two::set(c.pair[i / 2].to_derivative, i % 2, to_derivative * unit);
+        Two::set(c.pair[i / 2].to_integral, i % 2, to_integral * unit);
+        Two::set(c.initial_value[i / 2], i % 2, 1.0 / unit);
+        Two::set(c.initial_rate[i / 2], i % 2, b / unit);
         c.onset_decay[i / 4][i % 4] = T(decay);
         c.initial_onset[i / 4][i % 4] = T(to_derivative * (riemann_liouville ? moments[0] - 1.0 : -1.0));
         // Until exp(-s t) is 2^-60, below rounding.
@@ -288,21 +308,20 @@ typename Fractional<T, Capacity>::Coefficients Fractional<T, Capacity>::prepare(
     c.pairs = (modes.count + 1) / 2;
     c.quads = (modes.count + 3) / 4;
     // The weight of κ is spread over the differences that make it up.
-    const auto weights = [&](double rate, double bump, double past_value, double past_rate, double past_bump) {
-        return Weights{.value = T(0.0),
-                       .difference = T(bump / step),
+    const auto weights = [&](double rate, double bump, double past_rate, double past_bump) {
+        return Weights{.difference = T(bump / step),
                        .rate = T(rate - 0.5 * bump),
-                       .past_value = T(past_value),
                        .past_rate = T(past_rate - 0.5 * bump),
                        .past_bump = T(past_bump)};
     };
     c.integral = weights(scale * step / ((nu + 1.0) * (nu + 2.0)), 6.0 * scale * step / ((nu + 2.0) * (nu + 3.0)),
-                         scale + value_to_integral, scale * step / (nu + 2.0) - rate_to_integral, -bump_to_integral);
+                         scale * step / (nu + 2.0) - rate_to_integral, -bump_to_integral);
+    c.integral_past_value = T(scale + value_to_integral);
     if (integer_order) {
-        c.carry = c.start_value = c.derivative.value = T(1.0);
+        c.carry = c.derivative_value = T(1.0);
         return c;
     }
-    c.derivative = weights(scale / (nu + 1.0), 6.0 * nu * scale / ((nu + 1.0) * (nu + 2.0)), 0.0,
+    c.derivative = weights(scale / (nu + 1.0), 6.0 * nu * scale / ((nu + 1.0) * (nu + 2.0)),
                            nu * scale / (nu + 1.0) + rate_to_derivative, bump_to_derivative);
     c.onset_mean = T(riemann_liouville ? scale / step : 0.0);
     return c;

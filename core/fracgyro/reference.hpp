@@ -30,9 +30,9 @@ struct Reference {
 
     using Phase = typename PhaseOf<T>::Type;
     struct Axis {
-        Phase start{}, increment{};  // phase at t = 0 and per step, in 2^-64 turns
-        SineCosine<T> turn{};        // of the increment
-        T amplitude{}, frequency{};
+        Phase start{}, increment{};                   // phase at t = 0 and per step, in 2^-64 turns
+        SineCosine<T> turn{};                         // of the increment
+        T amplitude{}, peak_velocity{}, curvature{};  // a, a·f, -f²
     };
     struct Coefficients {
         Axis x, y;
@@ -54,14 +54,13 @@ struct Reference {
             state.y = PhaseOf<T>::sine_cosine(c.y.start + state.steps * c.y.increment);
         }
         const Vec2<T> sine{state.x.sine, state.y.sine}, cosine{state.x.cosine, state.y.cosine};
-        const Vec2<T> amplitude{c.x.amplitude, c.y.amplitude}, frequency{c.x.frequency, c.y.frequency};
-        const Vec2<T> position = amplitude * sine;
+        const Vec2<T> position = Vec2<T>{c.x.amplitude, c.y.amplitude} * sine;
         state.x = turned(state.x, c.x.turn);
         state.y = turned(state.y, c.y.turn);
         ++state.steps;
         return {.position = position,
-                .velocity = amplitude * (frequency * cosine),
-                .acceleration = -(frequency * (frequency * position))};
+                .velocity = Vec2<T>{c.x.peak_velocity, c.y.peak_velocity} * cosine,
+                .acceleration = Vec2<T>{c.x.curvature, c.y.curvature} * position};
     }
 
 private:
@@ -84,7 +83,8 @@ private:
                 .increment = Phase{} + increment,
                 .turn = sine_cosine<T>(increment),
                 .amplitude = T(amplitude),
-                .frequency = T(frequency)};
+                .peak_velocity = T(amplitude * frequency),
+                .curvature = T(-frequency * frequency)};
     }
 };
 

@@ -71,15 +71,29 @@ Estimates<double> one_lane(const Estimates<Lanes<Count>>& e, std::size_t k) {
             .bound = {e.bound[0].lane[k], e.bound[1].lane[k], e.bound[2].lane[k]}};
 }
 
+// The run of lane k passes from the transient to the steady window.
+template <std::size_t Count>
+void begin_steady(MetricsSums<Lanes<Count>>& s, std::size_t k) {
+    const auto set_aside = [k](Lanes<Count>& sum, Lanes<Count>& aside) {
+        aside.lane[k] = sum.lane[k];
+        sum.lane[k] = 0.0;
+    };
+    set_aside(s.squares.x, s.transient_squares.x);
+    set_aside(s.squares.y, s.transient_squares.y);
+    set_aside(s.force.x, s.transient_force.x);
+    set_aside(s.force.y, s.transient_force.y);
+    s.rate_squares.lane[k] = 0.0;
+}
+
 template <std::size_t Count>
 MetricsSums<double> one_lane(const MetricsSums<Lanes<Count>>& s, std::size_t k) {
     const auto vec2 = [k](const Vec2<Lanes<Count>>& a) { return Vec2<double>{a.x.lane[k], a.y.lane[k]}; };
     MetricsSums<double> one;
-    one.transient = vec2(s.transient);
-    one.steady = vec2(s.steady);
+    one.squares = vec2(s.squares);
     one.force = vec2(s.force);
-    one.steady_force = vec2(s.steady_force);
     one.bend = vec2(s.bend);
+    one.transient_squares = vec2(s.transient_squares);
+    one.transient_force = vec2(s.transient_force);
     one.error_outside = s.error_outside.lane[k];
     one.surface_outside = s.surface_outside.lane[k];
     one.rate_outside = s.rate_outside.lane[k];
@@ -91,10 +105,28 @@ MetricsSums<double> one_lane(const MetricsSums<Lanes<Count>>& s, std::size_t k) 
 
 }  // namespace detail
 
+// What runs in one block must agree in: all that the core decides once and not lane by lane.
+inline auto alike(const Setup& s) {
+    const AdaptationParams& a = s.controller.adaptation;
+    const ControllerParams& c = s.controller;
+    return std::tuple(s.kind, s.steps, c.surface.modes.count > 0, c.surface.terminal_exponent == 0.5,
+                      c.control.force_limit < std::numeric_limits<double>::infinity(), a.printed_rate_law,
+                      a.leakage > 0.0, a.dead_zone > 0.0, a.projection > 0.0);
+}
+
+// What the disturbance of a run depends on.
+inline auto drawing(const Setup& s) {
+    const DisturbanceParams& d = s.disturbance;
+    return std::tuple(d.kind, d.seed, d.hold, d.standard_deviation, d.amplitude.x, d.amplitude.y, d.frequency.x,
+                      d.frequency.y, d.phase.x, d.phase.y, s.controller.step);
+}
+
 // Up to as many runs as there are lanes, alike in all that `alike` compares; values[k] receives the metrics of run k.
+// `drawn`: the disturbance of every sample, the same for all runs; empty to draw it on the way.
 template <class Controller>
 void measure_block(Move<Controller> move, FillDisturbance fill, std::span<const Setup* const> runs,
-                   const MetricsParams& params, std::span<MetricValues* const> values) {
+                   std::span<const Vec2<double>> drawn, const MetricsParams& params,
+                   std::span<MetricValues* const> values) {
     constexpr std::size_t count = Controller::Value::count;
     const auto block = std::make_unique<Block<Controller>>();
     auto& sums = block->sums;
@@ -132,9 +164,8 @@ void measure_block(Move<Controller> move, FillDisturbance fill, std::span<const 
     using T = typename Controller::Value;
     sums.error_bound_squared = T(params.error_bound * params.error_bound);
     sums.surface_bound_squared = T(params.surface_bound * params.surface_bound);
-    const bool shared = std::all_of(runs.begin(), runs.end(), [&](const Setup* run) {
-        return run->disturbance == runs[0]->disturbance && run->controller.step == runs[0]->controller.step;
-    });
+    const bool shared =
+        std::all_of(runs.begin(), runs.end(), [&](const Setup* run) { return drawing(*run) == drawing(*runs[0]); });
 
     const std::int64_t samples = runs[0]->steps + 1;
     const std::int64_t half = runs[0]->steps / 2;
@@ -142,6 +173,9 @@ void measure_block(Move<Controller> move, FillDisturbance fill, std::span<const 
     Estimates<T> estimates{};  // of the last sample; where a run has diverged, of the one after
     std::int64_t n = 0;        // samples done
     const auto end_lane = [&](std::size_t k) {
+        if (n <= steady_from[k]) {  // ends within the transient window
+            detail::begin_steady(sums, k);
+        }
         const Estimates<double> last = detail::one_lane<count>(estimates, k);
         *values[k] = metric_values(params, *runs[k], detail::one_lane<count>(sums, k), last,
                                    n <= half ? last.bound[0] : bound_halfway[k], n);
@@ -176,20 +210,31 @@ void measure_block(Move<Controller> move, FillDisturbance fill, std::span<const 
         for (std::size_t k = 0; k < count; ++k) {
             stop_at(steady_from[k]);
             stop_at(steady_from[k] + 2);
-            sums.early.lane[k] = n < steady_from[k] ? 1.0 : 0.0;
-            sums.late.lane[k] = n < steady_from[k] ? 0.0 : 1.0;
-            sums.bending.lane[k] = n < steady_from[k] + 2 ? 0.0 : 1.0;
+            if (n == steady_from[k]) {
+                detail::begin_steady(sums, k);
+            }
+            if (n == steady_from[k] + 2) {  // the first second difference within the window is that of its third sample
+                sums.bend.x.lane[k] = sums.bend.y.lane[k] = 0.0;
+            }
         }
         const auto stretch = std::span(coming).first(static_cast<std::size_t>(end - n));
-        for (std::size_t k = 0; k < (shared ? 1 : count); ++k) {
+        for (std::size_t k = 0; k < count && !shared; ++k) {
             fill(disturbances[k], n, stretch);
             for (std::size_t i = 0; i < stretch.size(); ++i) {
-                auto& d = block->disturbance[i];
-                if (shared) {
-                    d = {T(stretch[i].x), T(stretch[i].y)};
-                } else {
-                    d.x.lane[k] = stretch[i].x;
-                    d.y.lane[k] = stretch[i].y;
+                block->disturbance[i].x.lane[k] = stretch[i].x;
+                block->disturbance[i].y.lane[k] = stretch[i].y;
+            }
+        }
+        if (shared) {
+            if (drawn.empty()) {
+                fill(disturbances[0], n, stretch);
+            } else {
+                std::copy_n(drawn.begin() + n, stretch.size(), stretch.begin());
+            }
+            for (std::size_t i = 0; i < stretch.size(); ++i) {
+                for (std::size_t k = 0; k < count; ++k) {
+                    block->disturbance[i].x.lane[k] = stretch[i].x;
+                    block->disturbance[i].y.lane[k] = stretch[i].y;
                 }
             }
         }
@@ -205,46 +250,72 @@ void measure_block(Move<Controller> move, FillDisturbance fill, std::span<const 
     }
 }
 
-// What runs in one block must agree in: all that the core decides once and not lane by lane.
-inline auto alike(const Setup& s) {
-    const AdaptationParams& a = s.controller.adaptation;
-    const ControllerParams& c = s.controller;
-    return std::tuple(s.kind, s.steps, c.surface.modes.count > 0, c.surface.terminal_exponent == 0.5,
-                      c.control.force_limit < std::numeric_limits<double>::infinity(), a.printed_rate_law,
-                      a.leakage > 0.0, a.projection > 0.0);
-}
-
-// The metrics of every run, in order. Runs that are alike share blocks, those with equally many modes first.
+// The metrics of every run, in order. Runs that are alike share blocks: first those with the same disturbance, which is
+// then drawn once for all of them, then what is left, those with equally many modes side by side.
 template <std::size_t Count>
 std::vector<MetricValues> measure_all(const Kernels<Count>& kernels, FillDisturbance fill,
                                       std::span<const Setup* const> runs, const MetricsParams& params,
                                       unsigned threads) {
-    std::vector<std::size_t> order(runs.size());
+    using Index = std::vector<std::size_t>;
+    constexpr std::size_t most_together = 16 * Count;              // runs on one thread
+    constexpr std::int64_t longest_drawn = std::int64_t{1} << 20;  // samples kept: 16 MB
+    const auto sort = [](Index& order, auto&& key) {
+        std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return key(a) < key(b); });
+    };
+    const auto modes = [&](std::size_t i) { return runs[i]->controller.surface.modes.count; };
+    const auto together = [&](std::size_t i) { return std::tuple(alike(*runs[i]), drawing(*runs[i])); };
+    Index order(runs.size());
     for (std::size_t i = 0; i < order.size(); ++i) {
         order[i] = i;
     }
-    const auto key = [&](std::size_t i) { return std::pair(alike(*runs[i]), runs[i]->controller.surface.modes.count); };
-    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return key(a) < key(b); });
-    std::vector<std::span<const std::size_t>> blocks;
-    for (std::size_t begin = 0; begin < order.size();) {
-        std::size_t end = begin + 1;
-        while (end < order.size() && end - begin < Count && alike(*runs[order[end]]) == alike(*runs[order[begin]])) {
+    sort(order, [&](std::size_t i) { return std::tuple(together(i), modes(i)); });
+    std::vector<Index> tasks;  // at most one block, or several blocks with the same disturbance
+    Index left;
+    for (std::size_t begin = 0, end = 0; begin < order.size(); begin = end) {
+        while (end < order.size() && together(order[end]) == together(order[begin])) {
             ++end;
         }
-        blocks.push_back(std::span(order).subspan(begin, end - begin));
-        begin = end;
+        for (; end - begin >= Count; begin += tasks.back().size()) {
+            const auto first = order.begin() + static_cast<std::ptrdiff_t>(begin);
+            const std::size_t size = std::min((end - begin) / Count * Count, most_together);
+            tasks.emplace_back(first, first + static_cast<std::ptrdiff_t>(size));
+        }
+        for (; begin < end; ++begin) {
+            left.push_back(order[begin]);
+        }
     }
+    sort(left, [&](std::size_t i) { return std::tuple(alike(*runs[i]), modes(i)); });
+    for (std::size_t begin = 0; begin < left.size(); begin += tasks.back().size()) {
+        tasks.emplace_back();
+        for (std::size_t i = begin; i < left.size() && i < begin + Count; ++i) {
+            if (alike(*runs[left[i]]) == alike(*runs[left[begin]])) {
+                tasks.back().push_back(left[i]);
+            }
+        }
+    }
+
     std::vector<MetricValues> values(runs.size());
-    parallel_for(blocks.size(), threads, [&](std::size_t b) {
-        std::vector<const Setup*> block;
+    parallel_for(tasks.size(), threads, [&](std::size_t t) {
+        std::vector<const Setup*> all;
         std::vector<MetricValues*> out;
-        for (const std::size_t i : blocks[b]) {
-            block.push_back(runs[i]);
+        for (const std::size_t i : tasks[t]) {
+            all.push_back(runs[i]);
             out.push_back(&values[i]);
         }
-        with_controller<Lanes<Count>>(block[0]->kind, [&]<class Controller>() {
-            measure_block<Controller>(std::get<Move<Controller>>(kernels), fill, block, params, out);
-        });
+        std::vector<Vec2<double>> drawn;
+        if (all.size() > Count && all[0]->steps < longest_drawn) {
+            drawn.resize(static_cast<std::size_t>(all[0]->steps + 1));
+            Disturbance disturbance(all[0]->disturbance, all[0]->controller.step);
+            fill(disturbance, 0, drawn);
+        }
+        for (std::size_t begin = 0; begin < all.size(); begin += Count) {
+            const std::size_t size = std::min(Count, all.size() - begin);
+            const auto block = std::span<const Setup* const>(all).subspan(begin, size);
+            with_controller<Lanes<Count>>(block[0]->kind, [&]<class Controller>() {
+                measure_block<Controller>(std::get<Move<Controller>>(kernels), fill, block, drawn, params,
+                                          std::span<MetricValues* const>(out).subspan(begin, size));
+            });
+        }
     });
     return values;
 }

@@ -43,35 +43,31 @@ inline constexpr std::array<std::string_view, 24> metric_names{"rmse_whole_x",
 // What a metric needs of every sample, for one run or, in lanes, for several. Sums only: counts follow from the windows.
 template <Scalar T>
 struct MetricsSums {
-    // Set before each stretch of samples, in which no run passes from one window to the next.
-    T early{}, late{}, bending{};  // 1 or 0: in the transient window; in the steady one; its third sample on
-
     T error_bound_squared{}, surface_bound_squared{}, rate{}, rate_bound{};
 
-    Vec2<T> transient{}, steady{};                                                 // Σ e²
-    Vec2<T> force{}, steady_force{}, bend{};                                       // Σ u², Σ (second difference of u)²
+    // Of the present window. Where a run passes into the steady window, they are set aside and begin anew.
+    Vec2<T> squares{}, force{}, bend{};  // Σ e², Σ u², Σ (second difference of u)²
+    T rate_squares{};
+    Vec2<T> transient_squares{}, transient_force{};
     std::array<Vec2<T>, 2> past{};                                                 // the last two u
     T step = T(0.0);                                                               // samples seen
     T error_outside = T(-1.0), surface_outside = T(-1.0), rate_outside = T(-1.0);  // the last samples outside
-    T rate_squares{}, peak_rate_error{}, largest_force{};
+    T peak_rate_error{}, largest_force{};
 
     void add(const Signals<T>& at) {
         const Vec2<T> u = at.force;
-        const Vec2<T> squares = at.error.value * at.error.value;
-        transient = transient + early * squares;
-        steady = steady + late * squares;
-        error_outside = if_less(error_bound_squared, squares.x + squares.y, step, error_outside);
+        const Vec2<T> error_squares = at.error.value * at.error.value;
+        squares = squares + error_squares;
+        error_outside = if_less(error_bound_squared, error_squares.x + error_squares.y, step, error_outside);
         surface_outside = if_less(surface_bound_squared, squared_norm(at.surface), step, surface_outside);
         const T off = absolute(at.estimates.rate - rate);
         rate_outside = if_less(rate_bound, off, step, rate_outside);
         peak_rate_error = maximum(peak_rate_error, off);
-        rate_squares = rate_squares + late * (off * off);
+        rate_squares = rate_squares + off * off;
         // Second differences see what flips from sample to sample and not what is smooth.
         const Vec2<T> difference = (u - past[0]) - (past[0] - past[1]);
-        bend = bend + bending * (difference * difference);
-        const Vec2<T> force_squares = u * u;
-        force = force + force_squares;
-        steady_force = steady_force + late * force_squares;
+        bend = bend + difference * difference;
+        force = force + u * u;
         largest_force = maximum(largest_force, maximum(absolute(u.x), absolute(u.y)));
         past = {u, past[0]};
         step = step + T(1.0);
@@ -105,10 +101,10 @@ inline std::array<double, metric_names.size()> metric_values(const MetricsParams
         return Vec2<double>{std::sqrt(sum.x / n), std::sqrt(sum.y / n)};
     };
     const double late = count(samples - early);
-    const Vec2<double> whole = rms(sums.transient + sums.steady, count(samples));
-    const Vec2<double> transient = rms(sums.transient, count(early));
-    const Vec2<double> steady = rms(sums.steady, late);
-    const Vec2<double> effort = rms(sums.force, count(samples));
+    const Vec2<double> whole = rms(sums.transient_squares + sums.squares, count(samples));
+    const Vec2<double> transient = rms(sums.transient_squares, count(early));
+    const Vec2<double> steady = rms(sums.squares, late);
+    const Vec2<double> effort = rms(sums.transient_force + sums.force, count(samples));
     const auto chattering = [&](double bend, double force) {
         return late > 2 ? std::sqrt((bend / (late - 2)) / (force / late)) : nan;
     };
@@ -127,8 +123,8 @@ inline std::array<double, metric_names.size()> metric_values(const MetricsParams
             steady.y,
             settled(sums.error_outside),
             settled(sums.surface_outside),
-            chattering(sums.bend.x, sums.steady_force.x),
-            chattering(sums.bend.y, sums.steady_force.y),
+            chattering(sums.bend.x, sums.force.x),
+            chattering(sums.bend.y, sums.force.y),
             effort.x,
             effort.y,
             last.rate - p.rate,

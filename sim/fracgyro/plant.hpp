@@ -90,14 +90,14 @@ struct Plant {
                 .velocity = {T(p.initial.velocity.x), T(p.initial.velocity.y)}};
     }
 
-    // Grouped so that the control force, which comes last, meets as few additions as possible.
+    // Grouped so that the force, which comes last, meets as few additions as possible.
     static void step(State& state, const Coefficients& c, Vec2<T> control, Vec2<T> disturbance = {}) {
         const Vec2<T> q = state.position;
         const Vec2<T> v = state.velocity;
+        const Vec2<T> force = control + disturbance;
         const auto row = [&](const std::array<T, 6>& m) {
-            const T free =
-                ((m[0] * q.x + m[1] * q.y) + (m[2] * v.x + m[3] * v.y)) + (m[4] * disturbance.x + m[5] * disturbance.y);
-            return free + (m[4] * control.x + m[5] * control.y);
+            const T free = (m[0] * q.x + m[1] * q.y) + (m[2] * v.x + m[3] * v.y);
+            return free + (m[4] * force.x + m[5] * force.y);
         };
         state = {.position = {row(c.map[0]), row(c.map[1])}, .velocity = {row(c.map[2]), row(c.map[3])}};
     }

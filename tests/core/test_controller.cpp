@@ -147,7 +147,8 @@ template <Scalar T>
 Vec2<T> switching_force(const ControlParams& p, double s_x, double s_y, double bound = 1.0) {
     Estimates<T> estimates{};
     estimates.bound[0] = T(bound);
-    return Control<T>::force(Control<T>::prepare(p), estimates, {}, {}, {.s = vec2<T>(s_x, s_y)});
+    const Vec2<T> s = vec2<T>(s_x, s_y);
+    return Control<T>::force(Control<T>::prepare(p), estimates, {}, {}, {.s = s}, sizes_of<T>({}, s));
 }
 
 TYPED_TEST(Law, TheEquivalentControlCancelsThePlantAndTheDriftOfTheSurface) {
@@ -159,9 +160,13 @@ TYPED_TEST(Law, TheEquivalentControlCancelsThePlantAndTheDriftOfTheSurface) {
     const Motion<T> motion{.position = vec2<T>(3, 4), .velocity = vec2<T>(1, 2)};
     const ReferencePoint<T> reference{.acceleration = vec2<T>(10, 20)};
     const SurfacePoint<T> surface{.drift = vec2<T>(7, 8)};
-    const Vec2<T> force = Control<T>::force(Control<T>::prepare({}), estimates, motion, reference, surface);
-    // D v = (5, 8), 2Ω v = (-2, 1) + 2 (1, 4), K q = (32, 39)
-    expect_equal(force, {5 - 2 + 2 + 32 + 10 - 7, 8 + 1 + 8 + 39 + 20 - 8});
+    const Sizes<T> sizes = sizes_of(motion, {});
+    const auto force = [&](bool printed) {
+        return Control<T>::force(Control<T>::prepare({}, printed), estimates, motion, reference, surface, sizes);
+    };
+    // D v = (5, 8), 2Ω v = (-2, 1), K q = (32, 39); the printed rate law adds 2 (1, 4)
+    expect_equal(force(false), {5 - 2 + 32 + 10 - 7, 8 + 1 + 39 + 20 - 8});
+    expect_equal(force(true), {5 - 2 + 2 + 32 + 10 - 7, 8 + 1 + 8 + 39 + 20 - 8});
 }
 
 TYPED_TEST(Law, TheSwitchingForceGrowsWithPositionAndVelocity) {
@@ -169,7 +174,8 @@ TYPED_TEST(Law, TheSwitchingForceGrowsWithPositionAndVelocity) {
     const Estimates<T> estimates{.bound = {T(1.0), T(2.0), T(3.0)}};
     const Motion<T> motion{.position = vec2<T>(3, 4), .velocity = vec2<T>(6, 8)};
     const auto c = Control<T>::prepare({.layer_thickness = 0.0});
-    const Vec2<T> force = Control<T>::force(c, estimates, motion, {}, {.s = vec2<T>(0, -0.25)});
+    const Vec2<T> s = vec2<T>(0, -0.25);
+    const Vec2<T> force = Control<T>::force(c, estimates, motion, {}, {.s = s}, sizes_of(motion, s));
     expect_equal(force, {0, 1 + 2 * 5 + 3 * 10});
 }
 
@@ -219,7 +225,9 @@ AdaptationParams adaptation_params() {
 template <Scalar T>
 Estimates<T> adapted(const AdaptationParams& p, typename Adaptation<T>::State state = {}) {
     const auto c = Adaptation<T>::prepare(p, 0.5);
-    Adaptation<T>::update(state, c, vec2<T>(3, 4), vec2<T>(0, 2), vec2<T>(3, 4));
+    const Motion<T> motion{.position = vec2<T>(3, 4), .velocity = vec2<T>(0, 2)};
+    const Vec2<T> s = vec2<T>(3, 4);
+    Adaptation<T>::update(state, c, motion, s, sizes_of(motion, s));
     return Adaptation<T>::estimates(state, c);
 }
 
@@ -298,8 +306,10 @@ TYPED_TEST(Law, SmallIncrementsAreNotLostBesideALargeEstimate) {
     AdaptationParams p{.stiffness_gain = 1.0, .initial = {.stiffness = {355.0, 0.0, 0.0}}};
     const auto c = Adaptation<T>::prepare(p, 1e-3);
     typename Adaptation<T>::State state{};
+    const Motion<T> motion{.position = vec2<T>(1, 0)};
+    const Vec2<T> s = vec2<T>(1e-3, 0);
     for (int n = 0; n < 10'000; ++n) {
-        Adaptation<T>::update(state, c, vec2<T>(1, 0), {}, vec2<T>(1e-3, 0));  // -1e-6, far below 355 ε in float
+        Adaptation<T>::update(state, c, motion, s, sizes_of(motion, s));  // -1e-6, far below 355 ε in float
     }
     EXPECT_NEAR(number(Adaptation<T>::estimates(state, c).stiffness.xx), 355.0 - 0.01, 355.0 * epsilon<T>);
 }

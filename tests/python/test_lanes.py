@@ -34,6 +34,7 @@ def varied(count: int) -> list[fg.Scenario]:
                     "controller.derivative": str(random.choice(["caputo", "riemann_liouville"])),
                     "controller.force_limit": float(random.choice([1e3, np.inf])),
                     "adaptation.leakage": float(random.choice([0.0, 0.1])),
+                    "adaptation.dead_zone": float(random.choice([0.0, 0.02])),
                     "reference.frequency": tuple(random.uniform(1, 3, 2).tolist()),
                     "plant.angular_rate": float(random.uniform(50, 150)),
                     "disturbance.kind": str(random.choice(["noise", "none"])),
@@ -78,6 +79,17 @@ def test_a_run_is_not_disturbed_by_those_beside_it(lanes: int) -> None:
     assert np.isfinite(beside[0, -1])  # diverged
     assert 0 < beside[0, -1] < 3.0
     np.testing.assert_array_equal(beside[1:], alone)
+
+
+@pytest.mark.parametrize("lanes", LANES)
+def test_noise_drawn_once_for_many_runs_changes_no_bit(lanes: int) -> None:
+    scenarios = [
+        PAPER.replace({"controller.order": order, "disturbance.seed": seed})
+        for order in np.linspace(0.1, 1.0, 11).tolist()
+        for seed in range(3)
+    ]
+    alone = [measure([scenario], lanes)[0] for scenario in scenarios]
+    np.testing.assert_array_equal(measure(scenarios, lanes, threads=2), alone)
 
 
 def test_all_widths_agree() -> None:

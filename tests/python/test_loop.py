@@ -550,8 +550,7 @@ def step_by_hand(scenario: fg.Scenario, swap_at: int | None = None) -> dict[str,
             values.append(value)
         (ux, uy), (dx, dy) = u, disturbance[n]
         x, y, vx, vy = (
-            (((m[0] * x + m[1] * y) + (m[2] * vx + m[3] * vy)) + (m[4] * dx + m[5] * dy)) + (m[4] * ux + m[5] * uy)
-            for m in advance
+            ((m[0] * x + m[1] * y) + (m[2] * vx + m[3] * vy)) + (m[4] * (ux + dx) + m[5] * (uy + dy)) for m in advance
         )
     return {name: np.array(values) for name, values in history.items()}
 
