@@ -108,21 +108,21 @@ class Clock:
         values = np.empty((len(orders), seeds, len(WINDOWS), len(AXES)))
         force = np.zeros(len(orders))
         diverged = 0
-        for k, order in enumerate(orders):
-            row = values[k]
-            one = base.replace({"controller.order": order})
-            for first in range(0, seeds, BLOCK):
-                block = range(first, min(first + BLOCK, seeds))
-                runs = fg.simulate_many([one], seeds=block, metrics_only=True, transient=transient)
-                rmse = runs["rmse"].sel(window=list(WINDOWS), axis=["x", "y"]).values
-                row[block.start : block.stop, :, :2] = rmse
-                row[block.start : block.stop, :, 2] = np.hypot(rmse[..., 0], rmse[..., 1])
-                force[k] += float(runs["largest_force"].sum()) / seeds
-                diverged += int(runs["diverged_at"].notnull().sum())
-            self.runs += seeds
-            self.steps += seeds * one.run.steps
-            if seeds >= BLOCK:
-                print(f"  order {order:g}: {seeds:,} seeds", file=sys.stderr, flush=True)
+        scenarios = [base.replace({"controller.order": order}) for order in orders]
+        block = max(1, BLOCK // len(orders))
+        for first in range(0, seeds, block):
+            some = range(first, min(first + block, seeds))
+            runs = fg.simulate_many(scenarios, seeds=some, metrics_only=True, transient=transient)
+            shape = len(orders), len(some)
+            rmse = runs["rmse"].sel(window=list(WINDOWS), axis=["x", "y"]).values.reshape(*shape, len(WINDOWS), 2)
+            values[:, some.start : some.stop, :, :2] = rmse
+            values[:, some.start : some.stop, :, 2] = np.hypot(rmse[..., 0], rmse[..., 1])
+            force += runs["largest_force"].values.reshape(shape).sum(axis=1) / seeds
+            diverged += int(runs["diverged_at"].notnull().sum())
+            if some.stop % (10 * block) == 0:
+                print(f"  {some.stop:,} seeds", file=sys.stderr, flush=True)
+        self.runs += len(orders) * seeds
+        self.steps += sum(seeds * one.run.steps for one in scenarios)
         return Sample(orders, values, force, diverged)
 
 

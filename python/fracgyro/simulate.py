@@ -19,6 +19,7 @@ AXES = ["x", "y"]
 ENTRIES = ["xx", "xy", "yy"]
 # Runs between two looks at the keyboard and the progress callback: recorded; measured, by their steps and at most.
 CHUNK, CHUNK_STEPS, CHUNK_RUNS = 32, 20_000_000, 4096
+TOGETHER = 32  # scenarios whose runs with the same seed share its noise, which is then drawn once
 
 # channel: (dimension of its columns or None, symbol and meaning, scale and unit in SI)
 CHANNELS: dict[str, tuple[str | None, str, list[tuple[str, str]]]] = {
@@ -124,11 +125,14 @@ def simulate_many(
         setattr(params, name, value)
     threads, lanes = threads_available(), _core.lane_counts()[-1]
     parts, lasted = [], []
-    waiting = _setups(scenarios, seeds)
+    places: list[int] = []
+    waiting = _setups(scenarios, seeds, TOGETHER if metrics_only else 1)
     # Of the scenarios alone, never of the machine: what runs side by side changes results in the last places.
     chunk = min(max(CHUNK, CHUNK_STEPS // first.run.steps), CHUNK_RUNS) if metrics_only else CHUNK
-    while setups := list(islice(waiting, chunk)):
+    while taken := list(islice(waiting, chunk)):
+        setups = [setup for _, setup in taken]
         if metrics_only:
+            places.extend(place for place, _ in taken)
             parts.append(_core.measure_runs(setups, params, threads, lanes))
         else:
             rows, samples = _core.record_runs(setups, first.run.record_every, threads)
@@ -139,6 +143,7 @@ def simulate_many(
     whole = parts[0] if len(parts) == 1 else np.concatenate(parts)
     label: dict[str, Any] = {} if seeds is None else {"seed": ("run", np.tile(np.array(seeds), len(scenarios)))}
     if metrics_only:
+        whole = whole[np.argsort(places)]
         return _metrics_dataset(whole, thresholds).assign_coords(label)
     run = _dataset(whole, first)
     samples = np.concatenate(lasted)
@@ -149,17 +154,21 @@ def simulate_many(
     return run.assign_coords(scenario=("run", texts), **label)
 
 
-def _setups(scenarios: Sequence[Scenario], seeds: Sequence[int] | None) -> Iterator[Any]:
-    for scenario in scenarios:
-        setup = core_setup(scenario)
-        if seeds is None:
-            yield setup
-            continue
-        for seed in seeds:
-            seeded, disturbance = _core.Setup(setup), _core.DisturbanceParams(setup.disturbance)
-            disturbance.seed = int(seed)
-            seeded.disturbance = disturbance
-            yield seeded
+def _setups(
+    scenarios: Sequence[Scenario], seeds: Sequence[int] | None, together: int
+) -> Iterator[tuple[int, _core.Setup]]:
+    """Every run and its place in the result. Of so many scenarios at a time, those with the same seed come together."""
+    if seeds is None:
+        yield from enumerate(map(core_setup, scenarios))
+        return
+    for first in range(0, len(scenarios), together):
+        setups = [core_setup(scenario) for scenario in scenarios[first : first + together]]
+        for number, seed in enumerate(seeds):
+            for i, setup in enumerate(setups, first):
+                seeded, disturbance = _core.Setup(setup), _core.DisturbanceParams(setup.disturbance)
+                disturbance.seed = int(seed)
+                seeded.disturbance = disturbance
+                yield i * len(seeds) + number, seeded
 
 
 def _check_seeds(seeds: Sequence[int]) -> None:
