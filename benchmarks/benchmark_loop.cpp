@@ -1,16 +1,20 @@
 // Times the closed loop inside C++, the paper's scenario over 80 units of time, beside what the processor can do at best.
-// Prints one JSON line:
-//   seconds             one run, every channel recorded, noise drawn on the way
-//   seconds_unrecorded  one run, nothing kept, noise from a prepared array
-//   seconds_chain       as many steps of the chain that no step can avoid: two square roots and what links them
-//   seconds_lanes       a block of runs side by side, per run: metrics gathered, the same noise for all
-//   flops_peak          fused multiply-adds per second, two operations each, of one core; 0 without AVX2
+// Prints one JSON line, of everything the median of five, taken in turn:
+//   seconds            one run, every channel recorded, noise drawn on the way
+//   seconds_prepared   the same with noise from a prepared array
+//   seconds_unkept     and nothing recorded
+//   seconds_chain      as many steps of the chain that no step can avoid: two square roots and what links them
+//   seconds_lanes      runs side by side, per run: metrics gathered, the same noise for all
+//   seconds_own_noise  the same, each run with its own noise
+//   seconds_single     as seconds_lanes, in single precision
+//   flops_peak         operations per second of one core that does fused multiply-adds of doubles only; 0 without AVX2
 #include "fracgyro/batch.hpp"
 #include "fracgyro/processor.hpp"
 
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
+#include <functional>
 
 using namespace fracgyro;
 
@@ -52,7 +56,7 @@ Setup paper(const Modes& modes) {
 }
 
 FRACGYRO_FOR_EACH_PROCESSOR
-double run_unrecorded(const Setup& setup, const std::vector<Vec2<double>>& noise) {
+double run_unkept(const Setup& setup, const std::vector<Vec2<double>>& noise) {
     double last = 0.0;
     with_controller<double>(setup.kind, [&]<class Controller>() {
         run_loop<Controller>(
@@ -60,6 +64,18 @@ double run_unrecorded(const Setup& setup, const std::vector<Vec2<double>>& noise
             [&](const Snapshot<double>& at) { last = at.signals.error.value.x; });
     });
     return last;
+}
+
+FRACGYRO_FOR_EACH_PROCESSOR
+void run_prepared(const Setup& setup, const std::vector<Vec2<double>>& noise, double* rows) {
+    with_controller<double>(setup.kind, [&]<class Controller>() {
+        run_loop<Controller>(
+            setup, [&](std::int64_t n) { return noise[static_cast<std::size_t>(n)]; },
+            [&](const Snapshot<double>& at) {
+                write_row(at, rows);
+                rows += row_width;
+            });
+    });
 }
 
 #ifdef FRACGYRO_LANES_X86
@@ -105,47 +121,74 @@ double multiply_add(std::int64_t) { return 0.0; }
 FRACGYRO_FOR_EACH_PROCESSOR
 void fill(Disturbance& disturbance, std::int64_t first, std::span<Vec2<double>> out) { disturbance.fill(first, out); }
 
-template <class Task>
-double seconds(Task&& task) {
-    const auto start = std::chrono::steady_clock::now();
-    task();
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+// Runs side by side as the processor does most of them; the first metric of the first.
+double run_lanes(std::span<const Setup* const> runs, bool single) {
+    const auto measure = [&]<std::size_t Bytes>(const KernelsOfWidth<Bytes>& kernels) {
+        return (single ? measure_all<float, Bytes / 4>(kernels.floats, fill, runs, MetricsParams{}, 1)
+                       : measure_all<double, Bytes / 8>(kernels.doubles, fill, runs, MetricsParams{}, 1))[0][0];
+    };
+#ifdef FRACGYRO_LANES_X86
+    if (wide()) {
+        return measure(kernels_for_avx2());
+    }
+#endif
+    return measure(kernels_for_any_processor());
 }
+
+struct Timed {
+    const char* name;
+    std::function<double()> task;  // what it returns is printed, so that nothing is left out
+    double per = 1.0;              // seconds are divided by this
+    std::vector<double> seconds{};
+
+    double median() {
+        std::sort(seconds.begin(), seconds.end());
+        return seconds[seconds.size() / 2] / per;
+    }
+};
 
 }  // namespace
 
 int main() {
     const Setup setup = paper(read_modes());
     std::vector<double> rows(static_cast<std::size_t>(setup.steps + 1) * row_width);
-    std::int64_t samples = record_run(setup, rows.data());  // touches the memory
-    const double recorded = seconds([&] { samples = record_run(setup, rows.data()); });
-
     std::vector<Vec2<double>> noise(static_cast<std::size_t>(setup.steps + 1));
     Disturbance(setup.disturbance, setup.controller.step).fill(0, noise);
-    double kept = 0.0;  // printed, so that nothing is left out
-    const double unrecorded = seconds([&] { kept += run_unrecorded(setup, noise); });
-    const double least = wide() ? seconds([&] { kept += chain(setup.steps + 1, 1.3); }) : 0.0;
-
-    const std::vector<const Setup*> block(wide() ? 4 : 2, &setup);
-    const double lanes = seconds([&] {
-        const auto metrics = [&] {
-#ifdef FRACGYRO_LANES_X86
-            if (wide()) {
-                return measure_all<4>(kernels_for_avx2(), fill, block, MetricsParams{}, 1);
-            }
-#endif
-            return measure_all<2>(kernels_for_any_processor(), fill, block, MetricsParams{}, 1);
-        }();
-        kept += metrics[0][0];
-    });
+    constexpr std::size_t runs = 16;
+    const std::vector<const Setup*> shared(runs, &setup);
+    std::vector<Setup> seeded(runs, setup);
+    std::vector<const Setup*> own;
+    for (Setup& one : seeded) {
+        one.disturbance.seed = own.size();
+        own.push_back(&one);
+    }
+    std::int64_t samples = record_run(setup, rows.data());  // touches the memory
     constexpr std::int64_t times = 300'000;
-    const double adding = wide() ? seconds([&] { kept += multiply_add(times); }) : 1.0;
-
-    std::printf(
-        "{\"seconds\": %.9f, \"seconds_unrecorded\": %.9f, \"seconds_chain\": %.9f, \"seconds_lanes\": %.9f, "
-        "\"flops_peak\": %.4g, \"samples\": %lld, \"modes\": %zu, \"last_x\": %.17g, \"kept\": %.3g}\n",
-        recorded, unrecorded, least, lanes / static_cast<double>(block.size()),
-        wide() ? 8.0 * accumulators * static_cast<double>(times) / adding : 0.0, static_cast<long long>(samples),
-        setup.controller.surface.modes.count, rows[rows.size() - row_width], kept);
+    std::vector<Timed> all{
+        {"seconds", [&] { return static_cast<double>(samples = record_run(setup, rows.data())); }},
+        {"seconds_prepared", [&] { return run_prepared(setup, noise, rows.data()), rows[0]; }},
+        {"seconds_unkept", [&] { return run_unkept(setup, noise); }},
+        {"seconds_chain", [&] { return chain(setup.steps + 1, 1.3); }},
+        {"seconds_lanes", [&] { return run_lanes(shared, false); }, runs},
+        {"seconds_own_noise", [&] { return run_lanes(own, false); }, runs},
+        {"seconds_single", [&] { return run_lanes(shared, true); }, runs},
+        {"seconds_peak", [&] { return multiply_add(times); }},
+    };
+    double kept = 0.0;
+    for (int round = 0; round < 5; ++round) {
+        for (Timed& one : all) {
+            const auto start = std::chrono::steady_clock::now();
+            kept += one.task();
+            one.seconds.push_back(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+        }
+    }
+    std::printf("{");
+    for (Timed& one : all) {
+        std::printf("\"%s\": %.9f, ", one.name, one.median());
+    }
+    std::printf("\"flops_peak\": %.4g, \"samples\": %lld, \"modes\": %zu, \"last_x\": %.17g, \"kept\": %.3g}\n",
+                wide() ? 8.0 * accumulators * static_cast<double>(times) / all.back().median() : 0.0,
+                static_cast<long long>(samples), setup.controller.surface.modes.count, rows[rows.size() - row_width],
+                kept);
     return samples == setup.steps + 1 ? 0 : 1;
 }

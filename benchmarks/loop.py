@@ -35,7 +35,7 @@ MARK = 8e-3  # seconds
 RUNS = 256  # of the batch
 SPAN = 10.0  # units of time that solve_ivp runs; the transient's steps cost it a little more than later ones
 OURS = "fracgyro, C++"
-SECONDS = "seconds"  # of one run with every channel recorded, in what benchmark_loop prints
+FLOPS = 169, 16  # that a step of the law and the linear plant needs: without modes, and for each
 
 # Largest difference from our positions, and of the RMSE after the transient (solve_ivp: of its span).
 SAME_OPERATOR = (1e-4, 1e-3)  # exponential modes too, the signal linear between samples instead of cubic
@@ -77,12 +77,13 @@ def build(folder: Path) -> Path:
     return folder / "benchmark_loop"
 
 
-def core(program: Path, modes: fg.fractional.Modes) -> float:
-    """Median of nine processes."""
+def core(program: Path, modes: fg.fractional.Modes) -> dict[str, float]:
+    """What benchmark_loop prints, medians of three processes."""
     pairs = zip(modes.rates.tolist(), modes.weights.tolist(), strict=True)
     text = f"{modes.count}\n" + "\n".join(f"{s!r} {w!r}" for s, w in pairs)
-    runs = [subprocess.run([program], input=text, text=True, capture_output=True, check=True) for _ in range(9)]
-    return statistics.median(json.loads(run.stdout)[SECONDS] for run in runs)
+    runs = [subprocess.run([program], input=text, text=True, capture_output=True, check=True) for _ in range(3)]
+    printed = [json.loads(run.stdout) for run in runs]
+    return {name: statistics.median(one[name] for one in printed) for name in printed[0]}
 
 
 def octave(noise: np.ndarray, folder: Path) -> tuple[float, np.ndarray]:
@@ -203,6 +204,58 @@ def line(name: str, seconds: list[float], ours: float, scale: float = 1.0) -> st
     )
 
 
+def limits(cores: list[dict[str, float]], modes: int) -> list[str]:
+    """Ours beside what the processor can do at best: medians and ranges of ratios, each of one process's figures."""
+    flops = (FLOPS[0] + FLOPS[1] * modes) * (STEPS + 1)
+
+    def row(what: str, ratio: Callable[[dict[str, float]], float], mark: str, percent: bool = False) -> str:
+        values = sorted(ratio(c) for c in cores)
+        shown = [f"{v:.0%}" if percent else f"{v:.2f}" for v in (statistics.median(values), values[0], values[-1])]
+        return f"| {what} | {shown[0]} | {shown[1]} to {shown[2]} | {mark} |"
+
+    def nanoseconds(name: str) -> str:
+        return f"{statistics.median(c[name] for c in cores) / (STEPS + 1) * 1e9:.1f} ns a step"
+
+    return [
+        "## Beside what the processor can do at best",
+        "",
+        "Timed in turn within one C++ program. The chain: as many steps of the two square roots, and what links them,",
+        "that no step can avoid one after another. The peak: fused multiply-adds of doubles and nothing else on one",
+        f"processor, {statistics.median(c['flops_peak'] for c in cores) / 1e9:.1f} · 10⁹ operations a second; of a step's",
+        f"operations only those count that the law needs, {FLOPS[0]} + {FLOPS[1]} a mode.",
+        "",
+        "| | median | range | mark |",
+        "|---|---|---|---|",
+        row(
+            f"one run, noise prepared, nothing kept ({nanoseconds('seconds_unkept')}), over the chain",
+            lambda c: c["seconds_unkept"] / c["seconds_chain"],
+            "at most 1.35",
+        ),
+        row(
+            "the same with every channel recorded, over that",
+            lambda c: c["seconds_prepared"] / c["seconds_unkept"],
+            "at most 1.10",
+        ),
+        row(
+            f"runs side by side, same noise ({nanoseconds('seconds_lanes')}): share of the peak",
+            lambda c: flops / c["seconds_lanes"] / c["flops_peak"],
+            "at least 60 %",
+            percent=True,
+        ),
+        row(
+            "the same with noise per run, over that",
+            lambda c: c["seconds_own_noise"] / c["seconds_lanes"],
+            "at most 1.5",
+        ),
+        row(
+            f"the same in single precision ({nanoseconds('seconds_single')}), speed over double",
+            lambda c: c["seconds_lanes"] / c["seconds_single"],
+            "–",
+        ),
+        "",
+    ]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--repeats", type=int, default=9, help="most rounds; what takes long runs in the first few")
@@ -215,7 +268,7 @@ def main() -> None:
     run = fg.simulate(fg.Scenario.paper())
     noise, ours = (np.ascontiguousarray(run[name].values) for name in ("disturbance", "position"))
     peers = [p for p in single_runs(noise, ours, modes) if not (options.quick and p.slow)]
-    mine: list[float] = []
+    cores: list[dict[str, float]] = []
     wall = used = 0.0  # of the peers, to tell whether they had their processor to themselves
     absent = octave_version = ""
     with tempfile.TemporaryDirectory() as scratch:
@@ -225,13 +278,13 @@ def main() -> None:
             check(peer, peer.run(), ours)
             log(f"{peer.name}: agrees")
         for number in range(rounds):
-            mine.append(core(program, modes))
+            cores.append(core(program, modes))
             start, busy = time.perf_counter(), time.process_time()
             for peer in peers:
                 if number < peer.rounds:
                     peer.seconds.append(statistics.median(stopwatch(peer.run) for _ in range(peer.calls)))
             wall, used = wall + time.perf_counter() - start, used + time.process_time() - busy
-            mine.append(core(program, modes))
+            cores.append(core(program, modes))
             log(f"round {number + 1} of {rounds} done")
         if shutil.which("octave-cli") is None:
             absent = "Octave: octave-cli is not on this machine (Debian: apt-get install octave), so it was not run."
@@ -251,6 +304,7 @@ def main() -> None:
     log(f"numba: {numbas[1].name} takes {statistics.median(numbas[1].seconds):.4g} s")
     peers = [numbas[0], *peers[2:]]
     peers.sort(key=lambda p: p.scale * statistics.median(p.seconds))
+    mine = [c["seconds"] for c in cores]
     least = statistics.median(mine)
     runs = 32 if options.quick else RUNS
     per_run = {name: [s / runs for s in seconds] for name, seconds in many["seconds"].items()}
@@ -279,12 +333,13 @@ def main() -> None:
         "",
         f"Mark: at most {MARK * 1e3:g} ms a run ({MARK / (STEPS + 1) * 1e9:.0f} ns a step): "
         f"{'met' if least <= MARK else 'missed'} with the median of {least * 1e3:.2f} ms;",
-        f"least {min(mine) * 1e3:.2f} ms. A repeat of ours is the median of nine processes; of numba with modes, nine "
-        "calls; of JAX, of three.",
+        f"least {min(mine) * 1e3:.2f} ms. A repeat of ours is the median of 15 runs in three "
+        "processes; of numba with modes, of nine calls; of JAX, of three.",
         f"{numbas[1].name} took {statistics.median(numbas[1].seconds) * 1e3:.3g} ms.",
         "Half the sums: Grünwald-Letnikov's D^α e as the difference quotient of D^(α-1) e, which is seldom written.",
         *([absent] if absent else []),
         "",
+        *(limits(cores, modes.count) if cores[0]["flops_peak"] else []),
         "## Many runs, per processor",
         "",
         f"{runs} runs of the same length with different noise, no trajectory kept, per run and processor. Ours draws",

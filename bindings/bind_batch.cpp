@@ -63,26 +63,32 @@ nb::tuple record_runs(const std::vector<const Setup*>& setups, std::int64_t ever
                           owned<std::int64_t, 1>(std::move(lasted), {setups.size()}));
 }
 
-// Metrics of all runs, (runs, metrics). `lanes`: one of lane_counts().
+// Metrics of all runs, (runs, metrics). `lanes`: one of lane_counts(), counted in doubles.
 nb::ndarray<nb::numpy, double> measure_runs(const std::vector<const Setup*>& setups, const MetricsParams& params,
-                                            unsigned threads, std::size_t lanes) {
+                                            unsigned threads, std::size_t lanes, bool single_precision) {
     const auto counts = lane_counts();
     if (std::find(counts.begin(), counts.end(), lanes) == counts.end()) {
         throw nb::value_error("this processor has no registers of that many lanes");
     }
+    const auto measure = [&]<std::size_t Bytes>(const KernelsOfWidth<Bytes>& kernels) {
+        if (single_precision) {
+            return measure_all<float, Bytes / 4>(kernels.floats, fill_disturbance, setups, params, threads);
+        }
+        return measure_all<double, Bytes / 8>(kernels.doubles, fill_disturbance, setups, params, threads);
+    };
     auto data = std::make_unique<double[]>(setups.size() * metric_names.size());
     {
         nb::gil_scoped_release unlocked;
         const auto measured = [&] {
 #ifdef FRACGYRO_LANES_X86
             if (lanes == 8) {
-                return measure_all<8>(kernels_for_avx512(), fill_disturbance, setups, params, threads);
+                return measure(kernels_for_avx512());
             }
             if (lanes == 4) {
-                return measure_all<4>(kernels_for_avx2(), fill_disturbance, setups, params, threads);
+                return measure(kernels_for_avx2());
             }
 #endif
-            return measure_all<2>(kernels_for_any_processor(), fill_disturbance, setups, params, threads);
+            return measure(kernels_for_any_processor());
         }();
         double* out = data.get();
         for (const MetricValues& values : measured) {
@@ -103,7 +109,8 @@ void bind_batch(nb::module_& m) {
         .def_rw("rate_tolerance", &MetricsParams::rate_tolerance);
     m.def("record_runs", &record_runs, nb::arg("setups"), nb::arg("every"), nb::arg("threads"));
     m.def("lane_counts", &lane_counts);
-    m.def("measure_runs", &measure_runs, nb::arg("setups"), nb::arg("params"), nb::arg("threads"), nb::arg("lanes"));
+    m.def("measure_runs", &measure_runs, nb::arg("setups"), nb::arg("params"), nb::arg("threads"), nb::arg("lanes"),
+          nb::arg("single_precision") = false);
     m.attr("metric_names") = nb::cast(std::vector<std::string_view>(metric_names.begin(), metric_names.end()));
     nb::list names;
     for (const Channel& c : channels) {

@@ -3,8 +3,8 @@
 
 namespace fracgyro {
 
-const Kernels<2>& kernels_for_any_processor() {
-    static constexpr Kernels<2> kernels = detail::KernelsOf<Controllers<Lanes<2>>>::all();
+const KernelsOfWidth<16>& kernels_for_any_processor() {
+    static constexpr KernelsOfWidth<16> kernels = KernelsOfWidth<16>::all();
     return kernels;
 }
 

@@ -3,8 +3,8 @@
 
 namespace fracgyro {
 
-const Kernels<4>& kernels_for_avx2() {
-    static constexpr Kernels<4> kernels = detail::KernelsOf<Controllers<Lanes<4>>>::all();
+const KernelsOfWidth<32>& kernels_for_avx2() {
+    static constexpr KernelsOfWidth<32> kernels = KernelsOfWidth<32>::all();
     return kernels;
 }
 

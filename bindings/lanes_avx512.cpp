@@ -3,8 +3,8 @@
 
 namespace fracgyro {
 
-const Kernels<8>& kernels_for_avx512() {
-    static constexpr Kernels<8> kernels = detail::KernelsOf<Controllers<Lanes<8>>>::all();
+const KernelsOfWidth<64>& kernels_for_avx512() {
+    static constexpr KernelsOfWidth<64> kernels = KernelsOfWidth<64>::all();
     return kernels;
 }
 

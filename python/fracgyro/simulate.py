@@ -86,6 +86,7 @@ def simulate_many(
     *,
     seeds: Sequence[int] | None = None,
     metrics_only: bool = False,
+    single_precision: bool = False,
     transient: float = 10.0,
     error_bound: float = 0.01,
     surface_bound: float = 0.06,
@@ -102,10 +103,12 @@ def simulate_many(
     `rate_tolerance` are), nondimensional, in memory that does not grow with the length of the runs. A run that
     diverges is measured until then. Runs then go side by side in the lanes of a register (docs/decisions/0011): the
     metrics are those of `simulate` to rounding, and the same whatever the number of processors.
+    `single_precision`, with `metrics_only`: twice as many runs in a register. Metrics of a run then differ by some
+    percent, their means over seeds by less (docs/decisions/0011 has figures).
     In both, `diverged_at` says when a run diverged and is NaN for the others.
     `progress` is called with the number of runs finished since the last call.
-    Raises ValueError when `scenarios` or `seeds` is empty, a seed is outside 0 to 2^63 - 1 or, without `metrics_only`,
-    the scenarios do not match.
+    Raises ValueError when `scenarios` or `seeds` is empty, a seed is outside 0 to 2^63 - 1, `single_precision` comes
+    without `metrics_only` or, without `metrics_only`, the scenarios do not match.
     """
     if not scenarios:
         raise ValueError("scenarios is empty: there is nothing to simulate")
@@ -113,6 +116,8 @@ def simulate_many(
     if seeds is not None:
         _check_seeds(seeds)
     if not metrics_only:
+        if single_precision:
+            raise ValueError("single_precision is True without metrics_only: recorded runs are in double precision")
         _check_alike(scenarios)
     params = _core.MetricsParams()
     thresholds = {
@@ -133,7 +138,7 @@ def simulate_many(
         setups = [setup for _, setup in taken]
         if metrics_only:
             places.extend(place for place, _ in taken)
-            parts.append(_core.measure_runs(setups, params, threads, lanes))
+            parts.append(_core.measure_runs(setups, params, threads, lanes, single_precision))
         else:
             rows, samples = _core.record_runs(setups, first.run.record_every, threads)
             parts.append(rows)

@@ -48,59 +48,43 @@ using FillDisturbance = void (*)(Disturbance&, std::int64_t, std::span<Vec2<doub
 namespace detail {
 
 // `to` becomes `from` in one lane. Whatever is no number in lanes, counts and switches, must be the same in both.
-template <std::size_t Count, class Struct>
+template <class T, class Struct>
 void take_lane(Struct& to, const Struct& from, std::size_t lane) {
     static_assert(std::is_trivially_copyable_v<Struct>);
-    static_assert(alignof(Struct) == Count * sizeof(double));
+    static_assert(alignof(Struct) == sizeof(T));
     auto* out = reinterpret_cast<unsigned char*>(&to);
     const auto* in = reinterpret_cast<const unsigned char*>(&from);
-    for (std::size_t at = lane * sizeof(double); at < sizeof(Struct); at += Count * sizeof(double)) {
-        std::memcpy(out + at, in + at, sizeof(double));
+    constexpr std::size_t size = sizeof(typename T::Number);
+    for (std::size_t at = lane * size; at < sizeof(Struct); at += sizeof(T)) {
+        std::memcpy(out + at, in + at, size);
     }
 }
 
-template <std::size_t Count>
-Estimates<double> one_lane(const Estimates<Lanes<Count>>& e, std::size_t k) {
-    const auto sym2 = [k](const Sym2<Lanes<Count>>& a) {
-        return Sym2<double>{a.xx.lane[k], a.xy.lane[k], a.yy.lane[k]};
-    };
+template <class T>
+Estimates<double> one_lane(const Estimates<T>& e, std::size_t k) {
+    const auto one = [k](const T& a) { return static_cast<double>(a.lane[k]); };
+    const auto sym2 = [&](const Sym2<T>& a) { return Sym2<double>{one(a.xx), one(a.xy), one(a.yy)}; };
     return {.damping = sym2(e.damping),
             .stiffness = sym2(e.stiffness),
-            .rate = e.rate.lane[k],
+            .rate = one(e.rate),
             .rate_symmetric = sym2(e.rate_symmetric),
-            .bound = {e.bound[0].lane[k], e.bound[1].lane[k], e.bound[2].lane[k]}};
+            .bound = {one(e.bound[0]), one(e.bound[1]), one(e.bound[2])}};
 }
 
-// The run of lane k passes from the transient to the steady window.
-template <std::size_t Count>
-void begin_steady(MetricsSums<Lanes<Count>>& s, std::size_t k) {
-    const auto set_aside = [k](Lanes<Count>& sum, Lanes<Count>& aside) {
-        aside.lane[k] = sum.lane[k];
-        sum.lane[k] = 0.0;
-    };
-    set_aside(s.squares.x, s.transient_squares.x);
-    set_aside(s.squares.y, s.transient_squares.y);
-    set_aside(s.force.x, s.transient_force.x);
-    set_aside(s.force.y, s.transient_force.y);
-    s.rate_squares.lane[k] = 0.0;
-}
-
-template <std::size_t Count>
-MetricsSums<double> one_lane(const MetricsSums<Lanes<Count>>& s, std::size_t k) {
-    const auto vec2 = [k](const Vec2<Lanes<Count>>& a) { return Vec2<double>{a.x.lane[k], a.y.lane[k]}; };
-    MetricsSums<double> one;
-    one.squares = vec2(s.squares);
-    one.force = vec2(s.force);
-    one.bend = vec2(s.bend);
-    one.transient_squares = vec2(s.transient_squares);
-    one.transient_force = vec2(s.transient_force);
-    one.error_outside = s.error_outside.lane[k];
-    one.surface_outside = s.surface_outside.lane[k];
-    one.rate_outside = s.rate_outside.lane[k];
-    one.rate_squares = s.rate_squares.lane[k];
-    one.peak_rate_error = s.peak_rate_error.lane[k];
-    one.largest_force = s.largest_force.lane[k];
-    return one;
+template <class T>
+typename MetricsSums<double>::Stretch one_lane(const typename MetricsSums<T>::Stretch& s, std::size_t k) {
+    const auto one = [k](const T& a) { return static_cast<double>(a.lane[k]); };
+    const auto vec2 = [&](const Vec2<T>& a) { return Vec2<double>{one(a.x), one(a.y)}; };
+    return {.squares = vec2(s.squares),
+            .force = vec2(s.force),
+            .bend = vec2(s.bend),
+            .rate_squares = one(s.rate_squares),
+            .step = one(s.step),
+            .error_outside = one(s.error_outside),
+            .surface_outside = one(s.surface_outside),
+            .rate_outside = one(s.rate_outside),
+            .peak_rate_error = one(s.peak_rate_error),
+            .largest_force = one(s.largest_force)};
 }
 
 }  // namespace detail
@@ -109,16 +93,16 @@ MetricsSums<double> one_lane(const MetricsSums<Lanes<Count>>& s, std::size_t k) 
 inline auto alike(const Setup& s) {
     const AdaptationParams& a = s.controller.adaptation;
     const ControllerParams& c = s.controller;
-    return std::tuple(s.kind, s.steps, c.surface.modes.count > 0, c.surface.terminal_exponent == 0.5,
+    return std::tuple(s.kind, s.steps, c.step, c.surface.modes.count > 0, c.surface.terminal_exponent == 0.5,
                       c.control.force_limit < std::numeric_limits<double>::infinity(), a.printed_rate_law,
                       a.leakage > 0.0, a.dead_zone > 0.0, a.projection > 0.0);
 }
 
-// What the disturbance of a run depends on.
+// What the disturbance depends on in runs that are alike.
 inline auto drawing(const Setup& s) {
     const DisturbanceParams& d = s.disturbance;
     return std::tuple(d.kind, d.seed, d.hold, d.standard_deviation, d.amplitude.x, d.amplitude.y, d.frequency.x,
-                      d.frequency.y, d.phase.x, d.phase.y, s.controller.step);
+                      d.frequency.y, d.phase.x, d.phase.y);
 }
 
 // Up to as many runs as there are lanes, alike in all that `alike` compares; values[k] receives the metrics of run k.
@@ -127,7 +111,9 @@ template <class Controller>
 void measure_block(Move<Controller> move, FillDisturbance fill, std::span<const Setup* const> runs,
                    std::span<const Vec2<double>> drawn, const MetricsParams& params,
                    std::span<MetricValues* const> values) {
-    constexpr std::size_t count = Controller::Value::count;
+    using T = typename Controller::Value;
+    using Number = typename T::Number;
+    constexpr std::size_t count = T::count;
     const auto block = std::make_unique<Block<Controller>>();
     auto& sums = block->sums;
     std::size_t modes = 0;
@@ -135,12 +121,10 @@ void measure_block(Move<Controller> move, FillDisturbance fill, std::span<const 
         modes = std::max(modes, run->controller.surface.modes.count);
     }
     std::array<bool, count> alive{};
-    std::array<std::int64_t, count> steady_from{};
     std::vector<Disturbance> disturbances;
     for (std::size_t k = 0; k < count; ++k) {
         const Setup& run = *runs[std::min(k, runs.size() - 1)];  // lanes to spare repeat the last run, unheard
         alive[k] = k < runs.size();
-        steady_from[k] = first_steady_sample(params, run);
         disturbances.emplace_back(run.disturbance, run.controller.step);
         ControllerParams controller = run.controller;
         Modes& own = controller.surface.modes;
@@ -149,19 +133,18 @@ void measure_block(Move<Controller> move, FillDisturbance fill, std::span<const 
             own.weights[own.count] = 0.0;
         }
         const auto coefficients = Controller::prepare(controller);
-        const auto plant = Plant<typename Controller::Value>::prepare(run.plant, controller.step);
-        const auto motion = Plant<typename Controller::Value>::start(run.plant);
+        const auto plant = Plant<T>::prepare(run.plant, controller.step);
+        const auto motion = Plant<T>::start(run.plant);
         if (k == 0) {
             block->controller = coefficients;
         }
-        detail::take_lane<count>(block->controller, coefficients, k);
-        detail::take_lane<count>(block->plant, plant, k);
-        detail::take_lane<count>(block->motion, motion, k);
-        block->alive.lane[k] = alive[k] ? 1.0 : 0.0;
-        sums.rate.lane[k] = run.plant.rate;
-        sums.rate_bound.lane[k] = params.rate_tolerance * absolute(run.plant.rate);
+        detail::take_lane<T>(block->controller, coefficients, k);
+        detail::take_lane<T>(block->plant, plant, k);
+        detail::take_lane<T>(block->motion, motion, k);
+        block->alive.lane[k] = alive[k] ? Number(1) : Number(0);
+        sums.rate.lane[k] = static_cast<Number>(run.plant.rate);
+        sums.rate_bound.lane[k] = static_cast<Number>(params.rate_tolerance * absolute(run.plant.rate));
     }
-    using T = typename Controller::Value;
     sums.error_bound_squared = T(params.error_bound * params.error_bound);
     sums.surface_bound_squared = T(params.surface_bound * params.surface_bound);
     const bool shared =
@@ -169,24 +152,25 @@ void measure_block(Move<Controller> move, FillDisturbance fill, std::span<const 
 
     const std::int64_t samples = runs[0]->steps + 1;
     const std::int64_t half = runs[0]->steps / 2;
+    const std::int64_t steady_from = first_steady_sample(params, *runs[0]);
+    std::array<MetricsTotals, count> totals{};
     std::array<double, count> bound_halfway{};
-    Estimates<T> estimates{};  // of the last sample; where a run has diverged, of the one after
-    std::int64_t n = 0;        // samples done
+    Estimates<T> estimates{};       // of the last sample; where a run has diverged, of the one after
+    std::int64_t first = 0, n = 0;  // of the stretch; samples done
+    const auto gather = [&](std::size_t k) { totals[k].add(detail::one_lane<T>(sums.stretch, k), first, steady_from); };
     const auto end_lane = [&](std::size_t k) {
-        if (n <= steady_from[k]) {  // ends within the transient window
-            detail::begin_steady(sums, k);
-        }
-        const Estimates<double> last = detail::one_lane<count>(estimates, k);
-        *values[k] = metric_values(params, *runs[k], detail::one_lane<count>(sums, k), last,
-                                   n <= half ? last.bound[0] : bound_halfway[k], n);
+        const Estimates<double> last = detail::one_lane<T>(estimates, k);
+        *values[k] = metric_values(params, *runs[k], totals[k], last, n <= half ? last.bound[0] : bound_halfway[k], n);
         alive[k] = false;
-        block->alive.lane[k] = 0.0;
+        block->alive.lane[k] = Number(0);
     };
     const auto end_diverged = [&] {
         estimates = Controller::estimates(block->state, block->controller);
         for (std::size_t k = 0; k < count; ++k) {
             const auto& q = block->motion.position;
-            if (alive[k] && !(absolute(q.x.lane[k]) + absolute(q.y.lane[k]) < divergence_limit)) {
+            const double size = std::abs(double{q.x.lane[k]}) + std::abs(double{q.y.lane[k]});
+            if (alive[k] && !(size < divergence_limit)) {
+                gather(k);
                 end_lane(k);
             }
         }
@@ -194,54 +178,53 @@ void measure_block(Move<Controller> move, FillDisturbance fill, std::span<const 
     if (diverged(*block)) {
         end_diverged();
     }
+    const auto any_alive = [&] { return std::find(alive.begin(), alive.end(), true) != alive.end(); };
     std::array<Vec2<double>, longest_stretch> coming{};
-    while (n < samples && std::find(alive.begin(), alive.end(), true) != alive.end()) {
-        // A stretch ends where a run passes from one window to the next, and before the samples whose estimates count.
-        std::int64_t end = std::min(n + static_cast<std::int64_t>(longest_stretch), samples);
-        const auto stop_at = [&](std::int64_t sample) { end = n < sample ? std::min(end, sample) : end; };
-        stop_at(half);
-        stop_at(samples - 1);
-        if (n == half || n == samples - 1) {
+    while (n < samples && any_alive()) {
+        // A stretch ends where the runs pass from one window to the next, and before the samples whose estimates count. It
+        // goes on when a run diverges: the others must not notice.
+        first = n;
+        std::int64_t end = std::min(first + static_cast<std::int64_t>(longest_stretch), samples);
+        for (const std::int64_t stop : {half, samples - 1, steady_from, steady_from + 2}) {
+            end = first < stop ? std::min(end, stop) : end;
+        }
+        if (first == half || first == samples - 1) {
             estimates = Controller::estimates(block->state, block->controller);
         }
-        for (std::size_t k = 0; n == half && k < count; ++k) {
-            bound_halfway[k] = estimates.bound[0].lane[k];
+        for (std::size_t k = 0; first == half && k < count; ++k) {
+            bound_halfway[k] = double{estimates.bound[0].lane[k]};
         }
-        for (std::size_t k = 0; k < count; ++k) {
-            stop_at(steady_from[k]);
-            stop_at(steady_from[k] + 2);
-            if (n == steady_from[k]) {
-                detail::begin_steady(sums, k);
-            }
-            if (n == steady_from[k] + 2) {  // the first second difference within the window is that of its third sample
-                sums.bend.x.lane[k] = sums.bend.y.lane[k] = 0.0;
-            }
-        }
-        const auto stretch = std::span(coming).first(static_cast<std::size_t>(end - n));
+        const auto stretch = std::span(coming).first(static_cast<std::size_t>(end - first));
         for (std::size_t k = 0; k < count && !shared; ++k) {
-            fill(disturbances[k], n, stretch);
+            fill(disturbances[k], first, stretch);
             for (std::size_t i = 0; i < stretch.size(); ++i) {
-                block->disturbance[i].x.lane[k] = stretch[i].x;
-                block->disturbance[i].y.lane[k] = stretch[i].y;
+                block->disturbance[i].x.lane[k] = static_cast<Number>(stretch[i].x);
+                block->disturbance[i].y.lane[k] = static_cast<Number>(stretch[i].y);
             }
         }
         if (shared) {
             if (drawn.empty()) {
-                fill(disturbances[0], n, stretch);
+                fill(disturbances[0], first, stretch);
             } else {
-                std::copy_n(drawn.begin() + n, stretch.size(), stretch.begin());
+                std::copy_n(drawn.begin() + first, stretch.size(), stretch.begin());
             }
             for (std::size_t i = 0; i < stretch.size(); ++i) {
                 for (std::size_t k = 0; k < count; ++k) {
-                    block->disturbance[i].x.lane[k] = stretch[i].x;
-                    block->disturbance[i].y.lane[k] = stretch[i].y;
+                    block->disturbance[i].x.lane[k] = static_cast<Number>(stretch[i].x);
+                    block->disturbance[i].y.lane[k] = static_cast<Number>(stretch[i].y);
                 }
             }
         }
-        n += move(*block, end - n);
-        if (n < samples && diverged(*block)) {
-            end_diverged();
+        while (n < end && any_alive()) {
+            n = first + move(*block, n - first, end - first);
+            if (n < samples && diverged(*block)) {
+                end_diverged();
+            }
         }
+        for (std::size_t k = 0; k < count; ++k) {
+            gather(k);
+        }
+        sums.stretch = {};
     }
     for (std::size_t k = 0; k < count; ++k) {
         if (alive[k]) {
@@ -252,8 +235,8 @@ void measure_block(Move<Controller> move, FillDisturbance fill, std::span<const 
 
 // The metrics of every run, in order. Runs that are alike share blocks: first those with the same disturbance, which is
 // then drawn once for all of them, then what is left, those with equally many modes side by side.
-template <std::size_t Count>
-std::vector<MetricValues> measure_all(const Kernels<Count>& kernels, FillDisturbance fill,
+template <class Number, std::size_t Count>
+std::vector<MetricValues> measure_all(const Kernels<Number, Count>& kernels, FillDisturbance fill,
                                       std::span<const Setup* const> runs, const MetricsParams& params,
                                       unsigned threads) {
     using Index = std::vector<std::size_t>;
@@ -311,7 +294,7 @@ std::vector<MetricValues> measure_all(const Kernels<Count>& kernels, FillDisturb
         for (std::size_t begin = 0; begin < all.size(); begin += Count) {
             const std::size_t size = std::min(Count, all.size() - begin);
             const auto block = std::span<const Setup* const>(all).subspan(begin, size);
-            with_controller<Lanes<Count>>(block[0]->kind, [&]<class Controller>() {
+            with_controller<Lanes<Number, Count>>(block[0]->kind, [&]<class Controller>() {
                 measure_block<Controller>(std::get<Move<Controller>>(kernels), fill, block, drawn, params,
                                           std::span<MetricValues* const>(out).subspan(begin, size));
             });

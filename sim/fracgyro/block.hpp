@@ -28,23 +28,23 @@ bool diverged(const Block<Controller>& block) {
     return !always_less(if_less(T(0.0), block.alive, size, T(0.0)), T(divergence_limit));  // also true for NaN
 }
 
-// The closed loop over `count` samples, as in loop.hpp. Returns how many were done: fewer when a run has diverged. Compiled
-// once for each kind of processor, in bindings/lanes_*.cpp; everything is inlined, so that nothing of it serves another.
+// The closed loop, as in loop.hpp, over the samples from `n` to before `end` of the stretch. Returns where it stopped: before
+// `end` when a run has diverged. Compiled once for each kind of processor, in bindings/lanes_*.cpp; everything is inlined,
+// so that nothing of it serves another.
 template <class Controller>
-[[gnu::flatten]] std::int64_t move(Block<Controller>& block, std::int64_t count) {
+[[gnu::flatten]] std::int64_t move(Block<Controller>& block, std::int64_t n, std::int64_t end) {
     using T = typename Controller::Value;
-    std::int64_t n = 0;
     do {
         const Signals<T> signals = Controller::step(block.state, block.controller, block.motion);  // 1 to 5
         block.sums.add(signals);
         Plant<T>::step(block.motion, block.plant, signals.force, block.disturbance[static_cast<std::size_t>(n)]);  // 6
         ++n;
-    } while (n < count && !diverged(block));
+    } while (n < end && !diverged(block));
     return n;
 }
 
 template <class Controller>
-using Move = std::int64_t (*)(Block<Controller>&, std::int64_t);
+using Move = std::int64_t (*)(Block<Controller>&, std::int64_t, std::int64_t);
 
 namespace detail {
 template <class List>
@@ -56,12 +56,21 @@ struct KernelsOf<std::tuple<Entries...>> {
 };
 }  // namespace detail
 
-// `move` for every controller in the list. One of these for each kind of processor: whoever calls its own function below
+// `move` for every controller in the list, in double and single precision. One of these for each kind of processor: whoever calls its own function below
 // needs a processor of that kind.
-template <std::size_t Count>
-using Kernels = typename detail::KernelsOf<Controllers<Lanes<Count>>>::Type;
-const Kernels<2>& kernels_for_any_processor();
-const Kernels<4>& kernels_for_avx2();
-const Kernels<8>& kernels_for_avx512();
+template <class Number, std::size_t Count>
+using Kernels = typename detail::KernelsOf<Controllers<Lanes<Number, Count>>>::Type;
+template <std::size_t Bytes>  // of a register
+struct KernelsOfWidth {
+    Kernels<double, Bytes / sizeof(double)> doubles;
+    Kernels<float, Bytes / sizeof(float)> floats;
+    static constexpr KernelsOfWidth all() {
+        return {.doubles = detail::KernelsOf<Controllers<Lanes<double, Bytes / sizeof(double)>>>::all(),
+                .floats = detail::KernelsOf<Controllers<Lanes<float, Bytes / sizeof(float)>>>::all()};
+    }
+};
+const KernelsOfWidth<16>& kernels_for_any_processor();
+const KernelsOfWidth<32>& kernels_for_avx2();
+const KernelsOfWidth<64>& kernels_for_avx512();
 
 }  // namespace fracgyro

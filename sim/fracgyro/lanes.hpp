@@ -10,37 +10,34 @@
 namespace fracgyro {
 
 // Aligned alike whatever the processor compiled for, as blocks pass between code compiled for different ones.
-// Spelt out for each size: GCC 12 mistakes a vector of dependent size for its element where functions are overloaded.
-template <std::size_t Count>
+// Spelt out for each: GCC 12 mistakes a vector of dependent type or size for its element where functions are overloaded.
+template <class Number, std::size_t Count>
 struct Registers;
-template <>
-struct Registers<2> {
-    using Numbers [[gnu::vector_size(16), gnu::aligned(16)]] = double;
-    using Integers [[gnu::vector_size(16), gnu::aligned(16)]] = std::int64_t;
-    using Unsigned [[gnu::vector_size(16), gnu::aligned(16)]] = std::uint64_t;
-};
-template <>
-struct Registers<4> {
-    using Numbers [[gnu::vector_size(32), gnu::aligned(32)]] = double;
-    using Integers [[gnu::vector_size(32), gnu::aligned(32)]] = std::int64_t;
-    using Unsigned [[gnu::vector_size(32), gnu::aligned(32)]] = std::uint64_t;
-};
-template <>
-struct Registers<8> {
-    using Numbers [[gnu::vector_size(64), gnu::aligned(64)]] = double;
-    using Integers [[gnu::vector_size(64), gnu::aligned(64)]] = std::int64_t;
-    using Unsigned [[gnu::vector_size(64), gnu::aligned(64)]] = std::uint64_t;
-};
+#define FRACGYRO_REGISTERS(NUMBER, COUNT, BITS, BYTES)                                         \
+    template <>                                                                                \
+    struct Registers<NUMBER, COUNT> {                                                          \
+        using Numbers [[gnu::vector_size(BYTES), gnu::aligned(BYTES)]] = NUMBER;               \
+        using Integers [[gnu::vector_size(BYTES), gnu::aligned(BYTES)]] = std::int##BITS##_t;  \
+        using Unsigned [[gnu::vector_size(BYTES), gnu::aligned(BYTES)]] = std::uint##BITS##_t; \
+    };
+FRACGYRO_REGISTERS(double, 2, 64, 16)
+FRACGYRO_REGISTERS(double, 4, 64, 32)
+FRACGYRO_REGISTERS(double, 8, 64, 64)
+FRACGYRO_REGISTERS(float, 4, 32, 16)
+FRACGYRO_REGISTERS(float, 8, 32, 32)
+FRACGYRO_REGISTERS(float, 16, 32, 64)
+#undef FRACGYRO_REGISTERS
 
-template <std::size_t Count>
-struct alignas(Count * sizeof(double)) Lanes {
-    using Register = typename Registers<Count>::Numbers;
-    using Integers = typename Registers<Count>::Integers;
+template <class OneNumber, std::size_t Count>
+struct alignas(Count * sizeof(OneNumber)) Lanes {
+    using Number = OneNumber;
+    using Register = typename Registers<Number, Count>::Numbers;
+    using Integers = typename Registers<Number, Count>::Integers;
     static constexpr std::size_t count = Count;
     Register lane{};
 
     constexpr Lanes() = default;
-    constexpr explicit Lanes(double a) : lane(Register{} + a) {}
+    constexpr explicit Lanes(double a) : lane(Register{} + static_cast<Number>(a)) {}
     static constexpr Lanes of(Register a) {
         Lanes lanes;
         lanes.lane = a;
@@ -72,19 +69,26 @@ struct alignas(Count * sizeof(double)) Lanes {
         return of(std::bit_cast<Register>((sign.bits() & sign_bit()) | magnitude.bits()));
     }
     friend Lanes square_root(Lanes a) {
+        constexpr bool doubles = sizeof(Number) == sizeof(double);
 #ifdef __AVX512F__
-        if constexpr (sizeof(Register) == 64) {
+        if constexpr (sizeof(Register) == 64 && doubles) {
             return of(Register(_mm512_maskz_sqrt_pd(0xFF, a.lane)));
+        } else if constexpr (sizeof(Register) == 64) {
+            return of(Register(_mm512_maskz_sqrt_ps(0xFFFF, a.lane)));
         }
 #endif
 #ifdef __AVX__
-        if constexpr (sizeof(Register) == 32) {
+        if constexpr (sizeof(Register) == 32 && doubles) {
             return of(Register(_mm256_sqrt_pd(a.lane)));
+        } else if constexpr (sizeof(Register) == 32) {
+            return of(Register(_mm256_sqrt_ps(a.lane)));
         }
 #endif
 #ifdef __SSE2__
-        if constexpr (sizeof(Register) == 16) {
+        if constexpr (sizeof(Register) == 16 && doubles) {
             return of(Register(_mm_sqrt_pd(a.lane)));
+        } else if constexpr (sizeof(Register) == 16) {
+            return of(Register(_mm_sqrt_ps(a.lane)));
         }
 #endif
         for (std::size_t k = 0; k < Count; ++k) {
@@ -95,24 +99,62 @@ struct alignas(Count * sizeof(double)) Lanes {
 
 private:
     Integers bits() const { return std::bit_cast<Integers>(lane); }
-    static Integers sign_bit() { return Integers{} + std::numeric_limits<std::int64_t>::min(); }
+    static Integers sign_bit() { return std::bit_cast<Integers>(-Register{}); }
 };
 
-template <std::size_t Count>
-struct detail::Bits<Lanes<Count>> : detail::Bits<double> {
-    using Integer = typename Registers<Count>::Integers;
-    using Unsigned = typename Registers<Count>::Unsigned;
+template <class Number, std::size_t Count>
+struct detail::Bits<Lanes<Number, Count>> : detail::Bits<Number> {
+    using Integer = typename Registers<Number, Count>::Integers;
+    using Unsigned = typename Registers<Number, Count>::Unsigned;
 };
 
-// The reference's phase: one in each lane.
-template <std::size_t Count>
-struct PhaseOf<Lanes<Count>> {
-    using Type = typename Registers<Count>::Unsigned;
-    static SineCosine<Lanes<Count>> sine_cosine(const Type& phase) {
-        SineCosine<Lanes<Count>> result;
+// Phases of the reference, one in each lane, as words that lie in their lane whatever the size of its numbers.
+template <class Number, std::size_t Count>
+struct Phases {
+    using Word = std::conditional_t<sizeof(Number) == 8, std::uint64_t, std::uint32_t>;
+    static constexpr std::size_t words = sizeof(std::uint64_t) / sizeof(Word);
+    struct alignas(Count * sizeof(Word)) Words {
+        std::array<Word, Count> lane{};
+    };
+    std::array<Words, words> word{};  // the lowest first
+
+    std::uint64_t at(std::size_t k) const {
+        std::uint64_t phase = 0;
+        for (std::size_t w = 0; w < words; ++w) {
+            phase |= std::uint64_t{word[w].lane[k]} << (w * sizeof(Word) * 8);
+        }
+        return phase;
+    }
+    friend Phases operator+(const Phases& a, std::uint64_t b) {
+        return each([&](std::size_t k) { return a.at(k) + b; });
+    }
+    friend Phases operator+(const Phases& a, const Phases& b) {
+        return each([&](std::size_t k) { return a.at(k) + b.at(k); });
+    }
+    friend Phases operator*(std::uint64_t factor, const Phases& a) {
+        return each([&](std::size_t k) { return factor * a.at(k); });
+    }
+
+private:
+    template <class Phase>
+    static Phases each(Phase&& phase) {
+        Phases result;
         for (std::size_t k = 0; k < Count; ++k) {
-            const std::uint64_t one = phase[k];
-            const auto [sine, cosine] = fracgyro::sine_cosine<double>(one);
+            for (std::size_t w = 0; w < words; ++w) {
+                result.word[w].lane[k] = static_cast<Word>(phase(k) >> (w * sizeof(Word) * 8));
+            }
+        }
+        return result;
+    }
+};
+
+template <class Number, std::size_t Count>
+struct PhaseOf<Lanes<Number, Count>> {
+    using Type = Phases<Number, Count>;
+    static SineCosine<Lanes<Number, Count>> sine_cosine(const Type& phase) {
+        SineCosine<Lanes<Number, Count>> result;
+        for (std::size_t k = 0; k < Count; ++k) {
+            const auto [sine, cosine] = fracgyro::sine_cosine<Number>(phase.at(k));
             result.sine.lane[k] = sine;
             result.cosine.lane[k] = cosine;
         }

@@ -40,37 +40,73 @@ inline constexpr std::array<std::string_view, 24> metric_names{"rmse_whole_x",
                                                                "largest_force",
                                                                "diverged_at"};
 
-// What a metric needs of every sample, for one run or, in lanes, for several. Sums only: counts follow from the windows.
+// What a metric needs of every sample, for one run or, in lanes, for several: over a stretch of samples, short enough for
+// sums in single precision, after which MetricsTotals takes it.
 template <Scalar T>
 struct MetricsSums {
-    T error_bound_squared{}, surface_bound_squared{}, rate{}, rate_bound{};
+    T error_bound_squared{}, surface_bound_squared{}, rate{}, rate_bound{};  // set once
+    std::array<Vec2<T>, 2> past{};                                           // the last two u
 
-    // Of the present window. Where a run passes into the steady window, they are set aside and begin anew.
-    Vec2<T> squares{}, force{}, bend{};  // Σ e², Σ u², Σ (second difference of u)²
-    T rate_squares{};
-    Vec2<T> transient_squares{}, transient_force{};
-    std::array<Vec2<T>, 2> past{};                                                 // the last two u
-    T step = T(0.0);                                                               // samples seen
-    T error_outside = T(-1.0), surface_outside = T(-1.0), rate_outside = T(-1.0);  // the last samples outside
-    T peak_rate_error{}, largest_force{};
+    struct Stretch {
+        Vec2<T> squares{}, force{}, bend{};  // Σ e², Σ u², Σ (second difference of u)²
+        T rate_squares{};
+        T step = T(0.0);                                                               // samples seen
+        T error_outside = T(-1.0), surface_outside = T(-1.0), rate_outside = T(-1.0);  // the last samples outside
+        T peak_rate_error{}, largest_force{};
+    } stretch{};
 
     void add(const Signals<T>& at) {
+        Stretch& s = stretch;
         const Vec2<T> u = at.force;
-        const Vec2<T> error_squares = at.error.value * at.error.value;
-        squares = squares + error_squares;
-        error_outside = if_less(error_bound_squared, error_squares.x + error_squares.y, step, error_outside);
-        surface_outside = if_less(surface_bound_squared, squared_norm(at.surface), step, surface_outside);
+        const Vec2<T> squares = at.error.value * at.error.value;
+        s.squares = s.squares + squares;
+        s.error_outside = if_less(error_bound_squared, squares.x + squares.y, s.step, s.error_outside);
+        s.surface_outside = if_less(surface_bound_squared, squared_norm(at.surface), s.step, s.surface_outside);
         const T off = absolute(at.estimates.rate - rate);
-        rate_outside = if_less(rate_bound, off, step, rate_outside);
-        peak_rate_error = maximum(peak_rate_error, off);
-        rate_squares = rate_squares + off * off;
+        s.rate_outside = if_less(rate_bound, off, s.step, s.rate_outside);
+        s.peak_rate_error = maximum(s.peak_rate_error, off);
+        s.rate_squares = s.rate_squares + off * off;
         // Second differences see what flips from sample to sample and not what is smooth.
         const Vec2<T> difference = (u - past[0]) - (past[0] - past[1]);
-        bend = bend + difference * difference;
-        force = force + u * u;
-        largest_force = maximum(largest_force, maximum(absolute(u.x), absolute(u.y)));
+        s.bend = s.bend + difference * difference;
+        s.force = s.force + u * u;
+        s.largest_force = maximum(s.largest_force, maximum(absolute(u.x), absolute(u.y)));
         past = {u, past[0]};
-        step = step + T(1.0);
+        s.step = s.step + T(1.0);
+    }
+};
+
+// The same of a whole run.
+struct MetricsTotals {
+    struct Window {
+        Vec2<double> squares{}, force{};
+    } transient{}, steady{};
+    Vec2<double> bend{};        // from the third sample of the steady window on
+    double rate_squares = 0.0;  // of the steady window
+    std::int64_t error_outside = -1, surface_outside = -1, rate_outside = -1;
+    double peak_rate_error = 0.0, largest_force = 0.0;
+
+    // A stretch from sample `first` on, which lies within one window; `steady_from` is the first sample of the steady one.
+    void add(const MetricsSums<double>::Stretch& s, std::int64_t first, std::int64_t steady_from) {
+        Window& window = first < steady_from ? transient : steady;
+        window.squares = window.squares + s.squares;
+        window.force = window.force + s.force;
+        if (first >= steady_from) {
+            rate_squares += s.rate_squares;
+        }
+        if (first >= steady_from + 2) {
+            bend = bend + s.bend;
+        }
+        const auto last = [first](std::int64_t& total, double outside) {
+            if (outside >= 0.0) {
+                total = first + static_cast<std::int64_t>(outside);
+            }
+        };
+        last(error_outside, s.error_outside);
+        last(surface_outside, s.surface_outside);
+        last(rate_outside, s.rate_outside);
+        peak_rate_error = std::max(peak_rate_error, s.peak_rate_error);
+        largest_force = std::max(largest_force, s.largest_force);
     }
 };
 
@@ -87,12 +123,10 @@ inline std::int64_t first_steady_sample(const MetricsParams& p, const Setup& set
     return n;
 }
 
-// In the order of metric_names; NaN: never settled, or an empty window. `sums` and the last estimates of a run of which
-// `samples` were seen; bound_halfway is b̂₀ at half of the run or at its last sample before.
+// In the order of metric_names; NaN: never settled, or an empty window. Of a run of which `samples` were seen; bound_halfway is b̂₀ at half of the run or at its last sample before.
 inline std::array<double, metric_names.size()> metric_values(const MetricsParams& params, const Setup& setup,
-                                                             const MetricsSums<double>& sums,
-                                                             const Estimates<double>& last, double bound_halfway,
-                                                             std::int64_t samples) {
+                                                             const MetricsTotals& totals, const Estimates<double>& last,
+                                                             double bound_halfway, std::int64_t samples) {
     constexpr double nan = std::numeric_limits<double>::quiet_NaN();
     const double h = setup.controller.step;
     const std::int64_t early = std::min(samples, first_steady_sample(params, setup));
@@ -101,14 +135,14 @@ inline std::array<double, metric_names.size()> metric_values(const MetricsParams
         return Vec2<double>{std::sqrt(sum.x / n), std::sqrt(sum.y / n)};
     };
     const double late = count(samples - early);
-    const Vec2<double> whole = rms(sums.transient_squares + sums.squares, count(samples));
-    const Vec2<double> transient = rms(sums.transient_squares, count(early));
-    const Vec2<double> steady = rms(sums.squares, late);
-    const Vec2<double> effort = rms(sums.transient_force + sums.force, count(samples));
+    const Vec2<double> whole = rms(totals.transient.squares + totals.steady.squares, count(samples));
+    const Vec2<double> transient = rms(totals.transient.squares, count(early));
+    const Vec2<double> steady = rms(totals.steady.squares, late);
+    const Vec2<double> effort = rms(totals.transient.force + totals.steady.force, count(samples));
     const auto chattering = [&](double bend, double force) {
         return late > 2 ? std::sqrt((bend / (late - 2)) / (force / late)) : nan;
     };
-    const auto settled = [&](double outside) { return outside < count(samples - 1) ? (outside + 1) * h : nan; };
+    const auto settled = [&](std::int64_t outside) { return outside < samples - 1 ? count(outside + 1) * h : nan; };
     // Frobenius norm of the error over that of the truth.
     const auto relative = [](const Sym2<double>& estimate, const Sym2<double>& truth) {
         const auto square = [](const Sym2<double>& a) { return a.xx * a.xx + 2.0 * a.xy * a.xy + a.yy * a.yy; };
@@ -121,23 +155,23 @@ inline std::array<double, metric_names.size()> metric_values(const MetricsParams
             transient.y,
             steady.x,
             steady.y,
-            settled(sums.error_outside),
-            settled(sums.surface_outside),
-            chattering(sums.bend.x, sums.force.x),
-            chattering(sums.bend.y, sums.force.y),
+            settled(totals.error_outside),
+            settled(totals.surface_outside),
+            chattering(totals.bend.x, totals.steady.force.x),
+            chattering(totals.bend.y, totals.steady.force.y),
             effort.x,
             effort.y,
             last.rate - p.rate,
-            std::sqrt(sums.rate_squares / late),
-            sums.peak_rate_error,
-            settled(sums.rate_outside),
+            std::sqrt(totals.rate_squares / late),
+            totals.peak_rate_error,
+            settled(totals.rate_outside),
             relative(last.damping, p.damping + p.damping_deviation),
             relative(last.stiffness, p.stiffness + p.stiffness_deviation),
             last.bound[0],
             last.bound[1],
             last.bound[2],
             bound_halfway,
-            sums.largest_force,
+            totals.largest_force,
             samples > setup.steps ? nan : count(samples) * h};
 }
 

@@ -10,10 +10,10 @@ PAPER = fg.Scenario.paper().replace({"run.duration": 3.0})
 LANES = _core.lane_counts()
 
 
-def measure(scenarios: list[fg.Scenario], lanes: int, threads: int = 1) -> np.ndarray:
+def measure(scenarios: list[fg.Scenario], lanes: int, threads: int = 1, single: bool = False) -> np.ndarray:
     params = _core.MetricsParams()
     params.transient = 1.0
-    return _core.measure_runs([core_setup(s) for s in scenarios], params, threads, lanes)
+    return _core.measure_runs([core_setup(s) for s in scenarios], params, threads, lanes, single)
 
 
 def varied(count: int) -> list[fg.Scenario]:
@@ -110,3 +110,25 @@ def test_runs_that_all_diverge_end_early() -> None:
 def test_a_width_that_the_processor_lacks_is_refused() -> None:
     with pytest.raises(ValueError, match="lanes"):
         measure([PAPER], 3)
+
+
+@pytest.mark.parametrize("lanes", LANES)
+def test_single_precision_has_the_metrics_of_double_precision_to_its_rounding(lanes: int) -> None:
+    scenarios = [
+        PAPER.replace({"controller.order": order, "controller.terminal_exponent": exponent, "disturbance.seed": seed})
+        for order, exponent in ((0.9, 0.5), (0.5, 0.6), (1.0, 0.5))
+        for seed in range(6)
+    ]
+    double, single = (measure(scenarios, lanes, single=s) for s in (False, True))
+    names = list(_core.metric_names)
+    for name, rtol in (("rmse_whole_x", 0.01), ("rmse_transient_y", 0.01), ("effort_x", 1e-3), ("largest_force", 0.01)):
+        np.testing.assert_allclose(single[:, names.index(name)], double[:, names.index(name)], rtol=rtol, err_msg=name)
+    steady = [names.index(name) for name in ("rmse_steady_x", "rmse_steady_y", "rate_error_rms")]
+    np.testing.assert_allclose(single[:, steady], double[:, steady], rtol=0.1)
+    assert np.any(single != double)
+    np.testing.assert_array_equal(measure(scenarios, lanes, threads=3, single=True), single)
+
+
+def test_recorded_runs_are_in_double_precision() -> None:
+    with pytest.raises(ValueError, match="single_precision is True without metrics_only"):
+        fg.simulate_many([PAPER], single_precision=True)

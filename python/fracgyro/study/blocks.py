@@ -28,7 +28,7 @@ class Block:
     values: list[tuple[Any, ...]]  # of the fields that vary, by point
     seeds: list[int]
     columns: pa.Schema  # point, seed and the fields that vary
-    thresholds: dict[str, float]
+    thresholds: dict[str, Any]
 
     @property
     def runs(self) -> int:

@@ -100,7 +100,7 @@ class Measured:
 def measure(
     scenarios: Sequence[Scenario],
     seeds: Sequence[int],
-    thresholds: dict[str, float],
+    thresholds: dict[str, Any],
     progress: Callable[[int], object] | None = None,
 ) -> list[Measured]:
     """Every scenario with every seed, all in one call of `simulate_many`."""
