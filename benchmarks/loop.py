@@ -213,6 +213,8 @@ def limits(cores: list[dict[str, float]], modes: int) -> list[str]:
         shown = [f"{v:.0%}" if percent else f"{v:.2f}" for v in (statistics.median(values), values[0], values[-1])]
         return f"| {what} | {shown[0]} | {shown[1]} to {shown[2]} | {mark} |"
 
+    peak = statistics.median(c["flops_peak"] for c in cores)
+
     def nanoseconds(name: str) -> str:
         return f"{statistics.median(c[name] for c in cores) / (STEPS + 1) * 1e9:.1f} ns a step"
 
@@ -221,8 +223,8 @@ def limits(cores: list[dict[str, float]], modes: int) -> list[str]:
         "",
         "Timed in turn within one C++ program. The chain: as many steps of the two square roots, and what links them,",
         "that no step can avoid one after another. The peak: fused multiply-adds of doubles and nothing else on one",
-        f"processor, {statistics.median(c['flops_peak'] for c in cores) / 1e9:.1f} · 10⁹ operations a second; of a step's",
-        f"operations only those count that the law needs, {FLOPS[0]} + {FLOPS[1]} a mode.",
+        f"processor, {peak / 1e9:.1f} · 10⁹ operations a second; of a step's operations only those count that the law",
+        f"needs, {FLOPS[0]} + {FLOPS[1]} a mode.",
         "",
         "| | median | range | mark |",
         "|---|---|---|---|",

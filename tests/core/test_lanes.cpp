@@ -10,40 +10,54 @@ namespace {
 
 bool processor_has_avx2() { return __builtin_cpu_supports("avx2") != 0 && __builtin_cpu_supports("fma") != 0; }
 
-double units_off(double found, double base, double exponent) {
+template <class Number>
+double units_off(Number found, Number base, Number exponent) {
+    using Limits = std::numeric_limits<Number>;
     const long double wanted = std::pow(static_cast<long double>(base), static_cast<long double>(exponent));
-    const int scale = std::max(std::ilogb(wanted), std::numeric_limits<double>::min_exponent - 1);
-    return static_cast<double>(std::abs(found - wanted) / std::ldexp(1.0L, scale - 52));
+    const int scale = std::max(std::ilogb(wanted), Limits::min_exponent - 1);
+    return static_cast<double>(std::abs(static_cast<long double>(found) - wanted) /
+                               std::ldexp(1.0L, scale - (Limits::digits - 1)));
+}
+
+template <class Number>
+void expect_power_within_4_units() {
+    constexpr std::size_t count = 32 / sizeof(Number);
+    using T = Lanes<Number, count>;
+    using Limits = std::numeric_limits<Number>;
+    std::mt19937_64 random(2);
+    std::uniform_real_distribution<Number> unit(0, 1);
+    std::uniform_int_distribution<int> exponent_of_two(Limits::min_exponent - Limits::digits, Limits::max_exponent);
+    double worst = 0.0;
+    for (int i = 0; i < 100'000; ++i) {
+        T base, exponent;
+        for (std::size_t k = 0; k < count; ++k) {
+            const Number fraction = Number(0.5) + Number(0.5) * unit(random);
+            base.lane[k] = std::min(std::ldexp(fraction, exponent_of_two(random)), Limits::max());
+            const Number tiny = std::ldexp(unit(random), -(i % 50));
+            exponent.lane[k] = i % 2 == 0 ? tiny : 1 - tiny;
+        }
+        const T found = power(base, exponent);
+        for (std::size_t k = 0; k < count; ++k) {
+            const Number b = base.lane[k], e = exponent.lane[k], f = found.lane[k];
+            if (b > 0) {
+                worst = std::max(worst, units_off<Number>(f, b, e));
+            }
+        }
+    }
+    EXPECT_LE(worst, 4.0);
+    EXPECT_GT(worst, 0.5);  // or the measure itself is broken
+    const T zero(0.0), one(1.0), half(0.5);
+    EXPECT_EQ(power(zero, half).lane[0], Number(0));
+    EXPECT_EQ(power(zero, zero).lane[1], Number(1));
+    EXPECT_EQ(power(one, half).lane[2], Number(1));
 }
 
 TEST(Lanes, PowerIsWithin4UnitsInTheLastPlaceOverTheWholeRange) {
     if (!processor_has_avx2()) {
         GTEST_SKIP() << "this processor has no AVX2";
     }
-    std::mt19937_64 random(2);
-    std::uniform_real_distribution<double> unit(0.0, 1.0);
-    std::uniform_int_distribution<int> exponent_of_two(-1074, 1024);
-    double worst = 0.0;
-    for (int i = 0; i < 100'000; ++i) {
-        Lanes<double, 4> base, exponent;
-        for (std::size_t k = 0; k < 4; ++k) {
-            base.lane[k] = std::min(std::ldexp(0.5 + 0.5 * unit(random), exponent_of_two(random)), 1.7e308);
-            const double tiny = std::ldexp(unit(random), -(i % 50));
-            exponent.lane[k] = i % 2 == 0 ? tiny : 1.0 - tiny;
-        }
-        const Lanes<double, 4> found = power(base, exponent);
-        for (std::size_t k = 0; k < 4; ++k) {
-            if (base.lane[k] > 0.0) {
-                worst = std::max(worst, units_off(found.lane[k], base.lane[k], exponent.lane[k]));
-            }
-        }
-    }
-    EXPECT_LE(worst, 4.0);
-    EXPECT_GT(worst, 0.5);  // or the measure itself is broken
-    const Lanes<double, 4> zero(0.0), one(1.0), half(0.5);
-    EXPECT_EQ(power(zero, half).lane[0], 0.0);
-    EXPECT_EQ(power(zero, zero).lane[1], 1.0);
-    EXPECT_EQ(power(one, half).lane[2], 1.0);
+    expect_power_within_4_units<double>();
+    expect_power_within_4_units<float>();
 }
 
 TEST(Lanes, DoWhatTheirNumbersDo) {
