@@ -156,6 +156,22 @@ def scenario_command(name: str, variant: str) -> None:
     click.echo(Scenario.paper("printed" if variant == "printed" else "corrected").to_toml(), nl=False)
 
 
+@cli.group()
+def export() -> None:
+    """The controller of a scenario for other places."""
+
+
+@export.command(name="web")
+@click.argument("scenario", type=click.Path(path_type=Path))
+@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="The scenario as JSON.")
+def web_command(scenario: Path, out: Path) -> None:
+    """Write SCENARIO for the WebAssembly module that `make web` builds, modes included."""
+    from .export.web import export as write
+
+    write(Scenario.load(scenario), out)
+    click.echo(f"{out}: load it beside fracgyro.mjs, whose first lines show how")
+
+
 @contextmanager
 def _progress(doing: str, rate: str = "") -> Iterator[Callable[..., None]]:
     """A bar, told (done, total, what is being done); with `rate`, the unit of what is done per second."""
