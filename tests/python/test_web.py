@@ -261,6 +261,7 @@ def test_a_seed_that_no_double_holds_is_refused() -> None:
 
 
 def test_zig_is_missed_in_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
+    find = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "ziglang" else find(name))
     with pytest.raises(ValueError, match="install ziglang from PyPI"):
         compilers.zig("version")

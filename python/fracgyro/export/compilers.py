@@ -6,6 +6,7 @@ import importlib.util
 import os
 import shlex
 import shutil
+import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -51,3 +52,14 @@ def _run(command: list[str]) -> None:
             [line for line in ran.stderr.splitlines() if "error" in line] or ran.stderr.splitlines() or ["no reason"]
         )
         raise ValueError(f"{Path(command[0]).name} failed: {lines[0].strip()}")
+
+
+def join_macos(binaries: list[bytes]) -> bytes:
+    """One library for Intel and Apple processors: Mach-O's universal header, then each binary at a page of its own."""
+    page = 2**14
+    header, place, joined = struct.pack(">II", 0xCAFEBABE, len(binaries)), page, b""
+    for binary in binaries:
+        processor = struct.unpack("<II", binary[4:12])  # its kind and subkind
+        header += struct.pack(">5I", *processor, place + len(joined), len(binary), 14)
+        joined += binary + bytes(-len(binary) % page)
+    return header.ljust(page, b"\0") + joined
