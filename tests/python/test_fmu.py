@@ -238,7 +238,8 @@ def test_reset_starts_anew(made: Callable[..., str], tmp_path: Path, fmi: str) -
     fmu.fmu.reset()
     assert fmu.get("controller.layer_thickness") == SHORT.controller.layer_thickness
     fmu.start(time=3.0)
-    assert fmu.get("time") == 3.0
+    if fmi == "3.0":  # FMI 2.0 has no variable for it
+        assert fmu.get("time") == 3.0
     fmu.step(3.0, 0.2)
     expected = columns(fg.simulate(SHORT))["error.x"][200]
     assert fmu.get("error.x") == expected
@@ -286,7 +287,7 @@ def test_a_binary_refuses_the_description_of_another(made: Callable[..., str], t
 def test_units_convert_to_si(made: Callable[..., str]) -> None:
     def factor(scenario: fg.Scenario, name: str) -> tuple[float, float]:
         """Of the variable's unit, and its powers of kg, m, s as one number."""
-        description = fmpy.read_model_description(made(scenario))
+        description = fmpy.read_model_description(made(scenario, "3.0"))
         unit = next(v.unit for v in description.modelVariables if v.name == name)
         base = next(u.baseUnit for u in description.unitDefinitions if u.name == unit)
         return base.factor, base.kg * 100 + base.m * 10 + base.s

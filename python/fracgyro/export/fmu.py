@@ -96,7 +96,7 @@ def export(
     Raises ValueError, in one sentence, when a compiler or FMPy is missing, the seed is too large for an FMU, or
     the file cannot be written.
     """
-    variables = list(_variables(scenario, content))
+    variables = list(_variables(scenario, content, fmi))
     token = _token(scenario, content, fmi)
     header = _header(scenario, content, token, variables)
     description = _description(scenario, content, fmi, token, variables)
@@ -113,9 +113,10 @@ def export(
                 archive.writestr(entry, data, zipfile.ZIP_DEFLATED)
 
 
-def _variables(scenario: Scenario, content: Content) -> Iterator[Variable]:
+def _variables(scenario: Scenario, content: Content, fmi: Fmi) -> Iterator[Variable]:
     """In the order of their value references."""
-    yield Variable("time", "time", unit=symbol("time", _si(scenario)), description="Time.")
+    if fmi == "3.0":  # which demands it; in FMI 2.0 some importers take it for a variable without a start value
+        yield Variable("time", "time", unit=symbol("time", _si(scenario)), description="Time.")
     order = describe("controller.order")
     if core_modes(scenario)[0]:
         yield Variable("controller.order", "constant", start=scenario.controller.order, description=order)
@@ -232,7 +233,8 @@ def _description(scenario: Scenario, content: Content, fmi: Fmi, token: str, var
         identifier=_identifier(content),
         token=token,
         version=version("fracgyro"),
-        description=f"{what} controller of Complexity 2020, 8542961; scenario {scenario.content_hash()[:16]}",
+        description=f"{what} controller of Complexity 2020, 8542961; time in {symbol('time', _si(scenario))}; "
+        f"scenario {scenario.content_hash()[:16]}",
         variables=variables,
         units={unit: base_unit(unit, scenario.plant) for unit in sorted({v.unit for v in variables} - {"1"})},
         step=run.step * scale,
