@@ -1,15 +1,16 @@
 # make reproduce   the paper's study, into out/report.html
 # make test        every check and every test
+# make web         the WebAssembly module, into build/web
 # make bench       the measurements that the README quotes
 # Parts of them: check, test-core, test-python, setup-test; and clean. ARGS="..." goes to reproduce.
 
 PYTHON ?= python3
 BIN := .venv/bin
-CPP := $(shell find core sim bindings tests benchmarks -name '*.[ch]pp' 2>/dev/null)
-BUILT_FROM := pyproject.toml CMakeLists.txt $(filter core/% sim/% bindings/%,$(CPP))
+CPP := $(shell find core sim bindings faces tests benchmarks -name '*.[ch]pp' 2>/dev/null)
+BUILT_FROM := pyproject.toml CMakeLists.txt $(filter core/% sim/% bindings/%,$(CPP)) $(shell find faces -type f)
 SUDO = $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 
-.PHONY: reproduce test check test-core test-python bench setup-test clean
+.PHONY: reproduce test check test-core test-python web bench setup-test clean
 .SECONDARY:
 
 reproduce: .venv/installed
@@ -32,11 +33,15 @@ test-core: build/tests-plain/built build/tests-sanitized/built
 test-python: .venv/installed-test
 	$(BIN)/pytest -n auto
 
-bench: .venv/installed-bench
+web: .venv/installed-export
+	$(BIN)/python faces/web/build.py build/web
+
+bench: .venv/installed-bench .venv/installed-export
 	$(BIN)/python benchmarks/operator_accuracy.py
 	$(BIN)/python benchmarks/loop.py
 	$(BIN)/python benchmarks/scaling.py
 	$(BIN)/python benchmarks/reproduction.py
+	$(BIN)/python benchmarks/web.py
 
 # GoogleTest, from Debian's packages where it is missing.
 setup-test:

@@ -4,6 +4,7 @@
 #include "fracgyro/controllers.hpp"
 
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/string_view.h>
 #include <nanobind/stl/unique_ptr.h>
 
 #include <cstring>
@@ -53,7 +54,9 @@ private:
 
 std::unique_ptr<AnyController> make_controller(const std::string& kind, const ControllerParams& p) {
     std::unique_ptr<AnyController> made;
-    with_controller<double>(kind, [&]<class Controller>() { made = std::make_unique<Holder<Controller>>(p); });
+    if (!with_controller<double>(kind, [&]<class Controller>() { made = std::make_unique<Holder<Controller>>(p); })) {
+        throw nb::value_error("there is no controller of that kind");
+    }
     return made;
 }
 
@@ -122,11 +125,7 @@ void bind_controller(nb::module_& m) {
         .def_prop_ro("steps", &AnyController::steps)
         .def_prop_rw("state", &AnyController::state, &AnyController::restore);
 
-    nb::list kinds;
-    [&]<class... Entries>(std::tuple<Entries...>*) {
-        (kinds.append(nb::str(Entries::kind.data(), Entries::kind.size())), ...);
-    }(static_cast<Controllers<double>*>(nullptr));
-    m.attr("controller_kinds") = nb::tuple(kinds);
+    m.attr("controller_kinds") = nb::cast(controller_kinds);
 }
 
 }  // namespace fracgyro::bindings

@@ -3,7 +3,7 @@
 
 #include "fracgyro/loop.hpp"
 
-#include <nanobind/stl/string.h>
+#include <nanobind/stl/string_view.h>
 
 namespace fracgyro::bindings {
 
@@ -30,7 +30,15 @@ void bind_loop(nb::module_& m) {
     nb::class_<Setup>(m, "Setup")
         .def(nb::init<>())
         .def(nb::init<const Setup&>())
-        .def_rw("kind", &Setup::kind)
+        .def_prop_rw(
+            "kind", [](const Setup& s) { return s.kind; },
+            [](Setup& s, std::string_view kind) {
+                const auto* const listed = std::find(controller_kinds.begin(), controller_kinds.end(), kind);
+                if (listed == controller_kinds.end()) {
+                    throw nb::value_error("there is no controller of that kind");
+                }
+                s.kind = *listed;  // Python's string does not last
+            })
         .def_rw("controller", &Setup::controller)
         .def_rw("plant", &Setup::plant)
         .def_rw("disturbance", &Setup::disturbance)

@@ -47,6 +47,12 @@ struct Reference {
                 .y = axis(p.amplitude.y, p.frequency.y, p.phase.y, step)};
     }
 
+    // The position alone, at any step.
+    static Vec2<T> position(const Coefficients& c, std::uint64_t step) {
+        return {c.x.amplitude * PhaseOf<T>::sine_cosine(c.x.start + step * c.x.increment).sine,
+                c.y.amplitude * PhaseOf<T>::sine_cosine(c.y.start + step * c.y.increment).sine};
+    }
+
     // The point at the present step; then one step on.
     static ReferencePoint<T> update(State& state, const Coefficients& c) {
         if (state.steps % exact_every == 0) {

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import click
 
@@ -154,6 +154,40 @@ def simulate_command(
 def scenario_command(name: str, variant: str) -> None:
     """Print the paper's scenario, complete and commented, to change and simulate."""
     click.echo(Scenario.paper("printed" if variant == "printed" else "corrected").to_toml(), nl=False)
+
+
+@cli.group()
+def export() -> None:
+    """The controller of a scenario for other places."""
+
+
+@export.command(name="web")
+@click.argument("scenario", type=click.Path(path_type=Path))
+@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="The scenario as JSON.")
+def web_command(scenario: Path, out: Path) -> None:
+    """Write SCENARIO for the WebAssembly module that `make web` builds, modes included."""
+    from .export.web import export as write
+
+    write(Scenario.load(scenario), out)
+    click.echo(f"{out}: load it beside fracgyro.mjs, whose first lines show how")
+
+
+@export.command()
+@click.argument("scenario", type=click.Path(path_type=Path))
+@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="The FMU.")
+@click.option("--controller", is_flag=True, help="The controller alone, without the plant.")
+@click.option("--fmi", type=click.Choice(["2.0", "3.0"]), default="2.0", show_default=True, help="Version of FMI.")
+@click.option("--windows", is_flag=True, help="With a binary for Windows; needs ziglang.")
+@click.option("--macos", is_flag=True, help="With a binary for macOS; needs ziglang.")
+def fmu(scenario: Path, out: Path, controller: bool, fmi: Literal["2.0", "3.0"], windows: bool, macos: bool) -> None:
+    """Write SCENARIO as an FMU, for Simulink, OpenModelica and others: the closed loop, for co-simulation on Linux."""
+    from .export.fmu import System
+    from .export.fmu import export as write
+
+    wanted: dict[System, bool] = {"linux": True, "windows": windows, "macos": macos}
+    systems = [system for system, chosen in wanted.items() if chosen]
+    write(Scenario.load(scenario), out, content="controller" if controller else "loop", fmi=fmi, systems=systems)
+    click.echo(f"{out}: {'controller' if controller else 'closed loop'}, FMI {fmi}, for {', '.join(systems)}")
 
 
 @contextmanager

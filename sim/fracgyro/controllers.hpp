@@ -4,8 +4,6 @@
 #include "fracgyro/controller.hpp"
 
 #include <algorithm>
-#include <stdexcept>
-#include <string>
 #include <string_view>
 #include <tuple>
 
@@ -31,16 +29,18 @@ using Controllers =
                Listed<"fast_terminal", SlidingModeController<T, FastTerminalSurface>>,
                Listed<"linear", SlidingModeController<T, LinearSurface>>>;
 
-// Calls visit.template operator()<Controller>() for the controller of that kind.
-// Throws std::invalid_argument if there is none.
+// Calls visit.template operator()<Controller>() for the controller of that kind. Returns whether there is one.
 template <Scalar T, class Visit>
-void with_controller(std::string_view kind, Visit&& visit) {
+bool with_controller(std::string_view kind, Visit&& visit) {
     const auto try_all = [&]<class... Entries>(std::tuple<Entries...>*) {
         return ((Entries::kind == kind ? (visit.template operator()<typename Entries::Type>(), true) : false) || ...);
     };
-    if (!try_all(static_cast<Controllers<T>*>(nullptr))) {
-        throw std::invalid_argument("no controller is called " + std::string(kind));
-    }
+    return try_all(static_cast<Controllers<T>*>(nullptr));
 }
+
+// Their kinds, in the order of the list.
+inline constexpr auto controller_kinds = []<class... Entries>(std::tuple<Entries...>*) {
+    return std::array<std::string_view, sizeof...(Entries)>{Entries::kind...};
+}(static_cast<Controllers<double>*>(nullptr));
 
 }  // namespace fracgyro

@@ -4,7 +4,7 @@
 // random numbers: as easy as 1, 2, 3", 2011) with Box-Muller normals. Any part of any run can be drawn in any order.
 #pragma once
 
-#include "fracgyro/math.hpp"
+#include "fracgyro/reference.hpp"
 
 #include <algorithm>
 #include <span>
@@ -74,7 +74,10 @@ struct Normals {
 // d for the steps asked for, in any order; fastest in rising order, as drawn noise is kept until it is used up.
 class Disturbance {
 public:
-    Disturbance(const DisturbanceParams& params, double step) : params_(params), step_(step) {}
+    Disturbance(const DisturbanceParams& params, double step)
+        : params_(params),
+          sine_(Reference<double>::prepare(
+              {.amplitude = params.amplitude, .frequency = params.frequency, .phase = params.phase}, step)) {}
 
     // Writes d for the steps first, first+1, … .
     void fill(std::int64_t first, std::span<Vec2<double>> out) {
@@ -84,10 +87,7 @@ public:
                 return;
             case DisturbanceKind::sine:
                 for (std::size_t i = 0; i < out.size(); ++i) {
-                    const double time = static_cast<double>(first + static_cast<std::int64_t>(i)) * step_;
-                    const Vec2<double>& f = params_.frequency;
-                    out[i] = params_.amplitude * Vec2<double>{std::sin(f.x * time + params_.phase.x),
-                                                              std::sin(f.y * time + params_.phase.y)};
+                    out[i] = Reference<double>::position(sine_, static_cast<std::uint64_t>(first) + i);
                 }
                 return;
             case DisturbanceKind::noise:
@@ -124,7 +124,7 @@ private:
     }
 
     DisturbanceParams params_;
-    double step_;
+    Reference<double>::Coefficients sine_;  // by a phase in integers, as the reference: the same bits everywhere
     Normals<holds> drawn_;
     std::int64_t drawn_block_ = -1;
 };

@@ -5,13 +5,11 @@
 #include "disturbance.hpp"
 #include "plant.hpp"
 
-#include <vector>
-
 namespace fracgyro {
 
 // One run. Nondimensional.
 struct Setup {
-    std::string kind = "fractional_fast_terminal";
+    std::string_view kind = "fractional_fast_terminal";  // one of controller_kinds
     ControllerParams controller{};
     PlantParams plant{};
     DisturbanceParams disturbance{};

@@ -110,6 +110,19 @@ def test_the_bindings_include_what_is_below_and_nanobind(path: Path) -> None:
             assert (path.parent / header).is_file(), header
 
 
+@pytest.mark.parametrize("path", [*sources("faces/fmu"), *sources("faces/web")], ids=name)
+def test_a_face_includes_what_is_below_itself_and_the_standard_it_speaks(path: Path) -> None:
+    below = headers("core") | headers("sim")
+    for bracket, header in includes(path):
+        if bracket == "<":
+            assert is_standard(header)
+        elif header.startswith("fracgyro/"):
+            assert header.removeprefix("fracgyro/") in below
+        else:
+            made_or_fmi = {"exported.hpp", "fmi2Functions.h", "fmi3Functions.h"}
+            assert header in made_or_fmi or (path.parent / header).is_file(), header
+
+
 @in_tests
 def test_the_core_tests_need_neither_the_bindings_nor_python(path: Path) -> None:
     for bracket, header in includes(path):

@@ -1,0 +1,182 @@
+// The names of FMI 2.0 for co-simulation.
+#include "instance.hpp"
+
+#include "fmi2Functions.h"
+
+namespace {
+
+using fracgyro::Instance;
+using fracgyro::Saved;
+
+struct Component {
+    Instance instance{};
+    fmi2CallbackFunctions callbacks{};
+    char name[64] = "";
+
+    // The reason of a failure goes to the importer's logger.
+    fmi2Status status(bool worked) { return worked ? fmi2OK : failed(instance.problem()); }
+    fmi2Status failed(const char* why) {
+        if (callbacks.logger != nullptr) {
+            callbacks.logger(callbacks.componentEnvironment, name, fmi2Error, "logStatusError", why);
+        }
+        return fmi2Error;
+    }
+};
+
+Component& of(fmi2Component c) { return *static_cast<Component*>(c); }
+
+fmi2Status not_offered(fmi2Component c) { return of(c).failed("this FMU offers no such function"); }
+
+template <class Value>
+fmi2Status get(fmi2Component c, const fmi2ValueReference* references, std::size_t count, Value* values) {
+    for (std::size_t i = 0; i < count; ++i) {
+        double value = 0.0;
+        if (!of(c).instance.get(references[i], value)) {
+            return of(c).status(false);
+        }
+        values[i] = static_cast<Value>(value);
+    }
+    return fmi2OK;
+}
+
+template <class Value>
+fmi2Status set(fmi2Component c, const fmi2ValueReference* references, std::size_t count, const Value* values) {
+    for (std::size_t i = 0; i < count; ++i) {
+        if (!of(c).instance.set(references[i], static_cast<double>(values[i]))) {
+            return of(c).status(false);
+        }
+    }
+    return fmi2OK;
+}
+
+}  // namespace
+
+extern "C" {
+
+const char* fmi2GetTypesPlatform() { return fmi2TypesPlatform; }
+const char* fmi2GetVersion() { return fmi2Version; }
+fmi2Status fmi2SetDebugLogging(fmi2Component, fmi2Boolean, size_t, const fmi2String[]) { return fmi2OK; }
+
+fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String,
+                              const fmi2CallbackFunctions* callbacks, fmi2Boolean, fmi2Boolean) {
+    auto* const component = fracgyro::make<Component>();
+    if (component == nullptr) {
+        return nullptr;
+    }
+    component->callbacks = *callbacks;
+    std::snprintf(component->name, sizeof component->name, "%s", name);
+    const char* const wrong = type != fmi2CoSimulation ? "this FMU is for co-simulation alone"
+                              : std::strcmp(guid, fracgyro::exported::token) != 0
+                                  ? "the GUID is not that of this FMU: its model description is of another one"
+                                  : nullptr;
+    if (wrong != nullptr) {
+        component->failed(wrong);
+        fracgyro::destroy(component);
+        return nullptr;
+    }
+    return component;
+}
+void fmi2FreeInstance(fmi2Component c) { fracgyro::destroy(static_cast<Component*>(c)); }
+
+fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean, fmi2Real, fmi2Real start_time, fmi2Boolean, fmi2Real) {
+    of(c).instance.start_at(start_time);
+    return fmi2OK;
+}
+fmi2Status fmi2EnterInitializationMode(fmi2Component) { return fmi2OK; }
+fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
+    of(c).instance.start();
+    return fmi2OK;
+}
+fmi2Status fmi2Terminate(fmi2Component) { return fmi2OK; }
+fmi2Status fmi2Reset(fmi2Component c) {
+    of(c).instance.reset();
+    return fmi2OK;
+}
+
+fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Real values[]) {
+    return get(c, vr, n, values);
+}
+fmi2Status fmi2GetInteger(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Integer values[]) {
+    return get(c, vr, n, values);
+}
+fmi2Status fmi2GetBoolean(fmi2Component c, const fmi2ValueReference[], size_t n, fmi2Boolean[]) {
+    return n == 0 ? fmi2OK : not_offered(c);
+}
+fmi2Status fmi2GetString(fmi2Component c, const fmi2ValueReference[], size_t n, fmi2String[]) {
+    return n == 0 ? fmi2OK : not_offered(c);
+}
+fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Real values[]) {
+    return set(c, vr, n, values);
+}
+fmi2Status fmi2SetInteger(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Integer values[]) {
+    return set(c, vr, n, values);
+}
+fmi2Status fmi2SetBoolean(fmi2Component c, const fmi2ValueReference[], size_t n, const fmi2Boolean[]) {
+    return n == 0 ? fmi2OK : not_offered(c);
+}
+fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference[], size_t n, const fmi2String[]) {
+    return n == 0 ? fmi2OK : not_offered(c);
+}
+
+fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate* state) {
+    if (*state == nullptr) {
+        *state = fracgyro::make<Instance::State>(of(c).instance.state());
+    } else {
+        *static_cast<Instance::State*>(*state) = of(c).instance.state();
+    }
+    return *state == nullptr ? of(c).failed("there is no memory left for a state") : fmi2OK;
+}
+fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state) {
+    of(c).instance.restore(*static_cast<Instance::State*>(state));
+    return fmi2OK;
+}
+fmi2Status fmi2FreeFMUstate(fmi2Component, fmi2FMUstate* state) {
+    fracgyro::destroy(static_cast<Instance::State*>(*state));
+    *state = nullptr;
+    return fmi2OK;
+}
+fmi2Status fmi2SerializedFMUstateSize(fmi2Component, fmi2FMUstate, size_t* size) {
+    *size = Saved::size;
+    return fmi2OK;
+}
+fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size) {
+    if (size < Saved::size) {
+        return of(c).failed("the room for the serialized state is too small");
+    }
+    Saved::write(*static_cast<Instance::State*>(state), bytes);
+    return fmi2OK;
+}
+fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate* state) {
+    auto* const read = fracgyro::make<Instance::State>();
+    if (read == nullptr || !Saved::read(bytes, size, *read)) {
+        fracgyro::destroy(read);
+        return of(c).failed("the serialized state is not of this FMU");
+    }
+    *state = read;
+    return fmi2OK;
+}
+
+fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference[], size_t, const fmi2ValueReference[],
+                                        size_t, const fmi2Real[], fmi2Real[]) {
+    return not_offered(c);
+}
+fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference[], size_t, const fmi2Integer[],
+                                       const fmi2Real[]) {
+    return not_offered(c);
+}
+fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference[], size_t, const fmi2Integer[],
+                                        fmi2Real[]) {
+    return not_offered(c);
+}
+
+fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real length, fmi2Boolean) {
+    return of(c).status(of(c).instance.advance(time, length));
+}
+fmi2Status fmi2CancelStep(fmi2Component c) { return not_offered(c); }
+fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind, fmi2Status*) { return not_offered(c); }
+fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind, fmi2Real*) { return not_offered(c); }
+fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind, fmi2Integer*) { return not_offered(c); }
+fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind, fmi2Boolean*) { return not_offered(c); }
+fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind, fmi2String*) { return not_offered(c); }
+
+}  // extern "C"

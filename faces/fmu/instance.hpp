@@ -1,0 +1,255 @@
+// One instance of the FMU, whatever the version of FMI: fmi2.cpp and fmi3.cpp give it their names.
+#pragma once
+
+#include "exported.hpp"  // made by `fracgyro export fmu`: this FMU's variables, numbers and modes
+
+#include "fracgyro/record.hpp"
+#include "fracgyro/settings.hpp"
+#include "fracgyro/stepper.hpp"
+
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <new>
+
+namespace fracgyro {
+
+inline constexpr auto kind_place = std::find(controller_kinds.begin(), controller_kinds.end(), exported::kind);
+static_assert(kind_place != controller_kinds.end());
+using ExportedController =
+    typename std::tuple_element_t<kind_place - controller_kinds.begin(), Controllers<double>>::Type;
+using Loop = Stepper<ExportedController>;
+
+class Instance {
+public:
+    // All that changes. A plain value: copied, it resumes bit for bit.
+    struct State {
+        bool started = false;  // the first sample has been taken
+        double start_time = 0.0;
+        std::array<double, std::size(exported::variables)> values{};  // parameters and inputs, in the FMU's units
+        typename Loop::State loop{};
+        std::array<double, row_width> row{};
+    };
+
+    Instance() { reset(); }
+
+    const char* problem() const { return problem_; }
+    const State& state() const { return state_; }
+    void restore(const State& saved) {
+        state_ = saved;
+        prepared_ = false;  // it may have other parameters
+    }
+    void reset() {
+        state_ = State{};
+        for (std::size_t i = 0; i < state_.values.size(); ++i) {
+            state_.values[i] = exported::variables[i].start;
+        }
+        prepared_ = false;
+    }
+    void start_at(double time) { state_.start_time = time; }
+
+    // Ends the initialization.
+    void start() {
+        look_ahead();
+        state_.started = true;
+    }
+
+    // All of these return whether it worked; if not, `problem` says why.
+    bool get(std::size_t reference, double& value) {
+        if (!known(reference)) {
+            return false;
+        }
+        const Variable& v = exported::variables[reference];
+        if (v.role == Role::time) {
+            value = now();
+        } else if (v.role == Role::output) {
+            if (!state_.started) {
+                look_ahead();
+            }
+            value = state_.row[static_cast<std::size_t>(v.place)] * v.scale;
+        } else {
+            value = state_.values[reference];
+        }
+        return true;
+    }
+    bool set(std::size_t reference, double value) {
+        if (!known(reference)) {
+            return false;
+        }
+        const Variable& v = exported::variables[reference];
+        if (v.role == Role::time || v.role == Role::constant || v.role == Role::output) {
+            return fail("%s cannot be set", v.name);
+        }
+        if (v.role == Role::fixed && state_.started) {
+            return fail("%s is fixed: it can be set until the end of the initialization", v.name);
+        }
+        if (!std::isfinite(value)) {
+            return fail("%s is %g: it must be a finite number", v.name, value);
+        }
+        if (v.strict ? !(v.low < value && value < v.high) : !(v.low <= value && value <= v.high)) {
+            return outside(v, value);
+        }
+        state_.values[reference] = value;
+        prepared_ = prepared_ && v.role == Role::input;
+        return true;
+    }
+
+    // From `time` on by `length`, which takes as many internal steps as fit in exactly.
+    bool advance(double time, double length) {
+        if (!state_.started) {
+            return fail("a step was asked for before the end of the initialization");
+        }
+        const double count = std::round(length / exported::step);
+        if (!(count >= 1.0 && std::fabs(length / exported::step - count) < 1e-6 && count < 1e15)) {
+            return fail("the communication step is %.9g: it must be a whole number of %.9g, the step of the controller",
+                        length, exported::step);
+        }
+        if (!(std::fabs(time - now()) < 0.5 * exported::step)) {
+            return fail("the communication point is %.9g: the next one is %.9g, and steps follow each other", time,
+                        now());
+        }
+        prepare();
+        for (double n = 0.0; n < count; ++n) {
+            if constexpr (exported::closed_loop) {
+                if (!Loop::advance(state_.loop, coefficients_, disturbance_)) {
+                    return fail("the motion diverged after %.9g: the step %.9g is too long for these gains", now(),
+                                exported::step);
+                }
+            } else {
+                state_.loop.motion = measured();
+                state_.loop.signals =
+                    ExportedController::step(state_.loop.controller, coefficients_.controller, state_.loop.motion);
+                ++state_.loop.step;
+            }
+        }
+        write_row(state_.loop.snapshot(), state_.row.data());
+        return true;
+    }
+
+private:
+    double now() const { return state_.start_time + static_cast<double>(state_.loop.step) * exported::step; }
+
+    // The outputs before the first step, from the parameters as they stand.
+    void look_ahead() {
+        prepare();
+        if constexpr (exported::closed_loop) {
+            state_.loop = Loop::start(setup_, coefficients_, disturbance_);
+        } else {
+            state_.loop = {};
+            state_.loop.signals.estimates =
+                ExportedController::estimates(state_.loop.controller, coefficients_.controller);
+        }
+        write_row(state_.loop.snapshot(), state_.row.data());
+    }
+
+    // The coefficients, if a parameter has changed.
+    void prepare() {
+        if (prepared_) {
+            return;
+        }
+        std::array<double, setting_names.size()> numbers = exported::numbers;
+        for (std::size_t i = 0; i < state_.values.size(); ++i) {
+            const Variable& v = exported::variables[i];
+            if (v.role == Role::fixed || v.role == Role::tunable) {
+                // The largest number stands for infinity, which the description of an FMU cannot hold.
+                const bool unlimited = state_.values[i] == std::numeric_limits<double>::max();
+                numbers[static_cast<std::size_t>(v.place)] = unlimited ? infinity : state_.values[i] / v.scale;
+            }
+        }
+        take_settings(setup_, numbers.data());
+        Modes& modes = setup_.controller.surface.modes;
+        std::copy(exported::rates.begin(), exported::rates.end(), modes.rates.begin());
+        std::copy(exported::weights.begin(), exported::weights.end(), modes.weights.begin());
+        coefficients_ = Loop::prepare(setup_);
+        disturbance_ = Disturbance(setup_.disturbance, setup_.controller.step);
+        prepared_ = true;
+    }
+
+    Motion<double> measured() const {
+        std::array<double, 4> motion{};
+        for (std::size_t i = 0; i < state_.values.size(); ++i) {
+            const Variable& v = exported::variables[i];
+            if (v.role == Role::input) {
+                motion[static_cast<std::size_t>(v.place)] = state_.values[i] / v.scale;
+            }
+        }
+        return {.position = {motion[0], motion[1]}, .velocity = {motion[2], motion[3]}};
+    }
+
+    bool known(std::size_t reference) {
+        return reference < state_.values.size() || fail("%.0f is no value reference", static_cast<double>(reference));
+    }
+    bool outside(const Variable& v, double value) {
+        const char* const is = "%s is %.9g: it must ";
+        char format[80];
+        const auto say = [&](const char* rule) { std::snprintf(format, sizeof format, "%s%s", is, rule); };
+        if (v.low == -infinity) {
+            say(v.strict ? "be less than %.9g" : "be at most %.9g");
+            return fail(format, v.name, value, v.high);
+        }
+        if (v.high == infinity) {
+            say(v.strict ? "be greater than %.9g" : "be at least %.9g");
+            return fail(format, v.name, value, v.low);
+        }
+        say(v.strict ? "lie strictly between %.9g and %.9g" : "lie between %.9g and %.9g");
+        return fail(format, v.name, value, v.low, v.high);
+    }
+    template <class... Values>
+    bool fail(const char* format, Values... values) {
+        if constexpr (sizeof...(Values) == 0) {
+            std::snprintf(problem_, sizeof problem_, "%s", format);
+        } else {
+            std::snprintf(problem_, sizeof problem_, format, values...);
+        }
+        return false;
+    }
+
+    State state_{};
+    bool prepared_ = false;  // what follows is that of state_.values
+    Setup setup_{};
+    typename Loop::Coefficients coefficients_{};
+    Disturbance disturbance_{DisturbanceParams{}, 1.0};
+    char problem_[200] = "";
+};
+
+// malloc aligns for numbers, not for the registers of several that the modes are kept in.
+template <class T, class... Arguments>
+T* make(const Arguments&... arguments) {
+    constexpr std::size_t alignment = alignof(T);
+    static_assert(alignment < 256);
+    auto* const block = static_cast<unsigned char*>(std::calloc(1, sizeof(T) + alignment));
+    if (block == nullptr) {
+        return nullptr;
+    }
+    const std::size_t shift = alignment - reinterpret_cast<std::uintptr_t>(block) % alignment;
+    block[shift - 1] = static_cast<unsigned char>(shift);
+    return new (block + shift) T(arguments...);
+}
+template <class T>
+void destroy(T* made) {
+    if (made != nullptr) {
+        auto* const at = reinterpret_cast<unsigned char*>(made);
+        std::free(at - at[-1]);
+    }
+}
+
+// A state as bytes: what it belongs to, then itself.
+struct Saved {
+    static constexpr std::size_t size = sizeof(exported::token) + sizeof(Instance::State);
+
+    static void write(const Instance::State& state, void* bytes) {
+        std::memcpy(bytes, exported::token, sizeof(exported::token));
+        std::memcpy(static_cast<char*>(bytes) + sizeof(exported::token), &state, sizeof state);
+    }
+    // Whether they are of this FMU.
+    static bool read(const void* bytes, std::size_t count, Instance::State& state) {
+        if (count != size || std::memcmp(bytes, exported::token, sizeof(exported::token)) != 0) {
+            return false;
+        }
+        std::memcpy(&state, static_cast<const char*>(bytes) + sizeof(exported::token), sizeof state);
+        return true;
+    }
+};
+
+}  // namespace fracgyro

@@ -1,0 +1,225 @@
+// fracgyro in a browser or in node: the simulator, and the controller alone, one sample at a time.
+//
+//     import { load } from "./fracgyro.mjs";
+//     const fracgyro = await load();
+//     const run = await fracgyro.simulate(fracgyro.paper.corrected, { "controller.order": 0.8, "run.duration": 20 });
+//     run.time, run.column("error.x");
+//
+// Settings bear the names and units of a scenario's fields, with [0], .x or .xx for parts; `fracgyro.fields` tells what each
+// means and may be. `fracgyro export web my.toml --out my.json` makes a scenario of your own. Types: fracgyro.d.ts.
+
+// The module and its data, by default from beside this file. In node, which fetches no files, hand both over.
+export async function load({ wasm, data } = {}) {
+  const fetched = async (name) => {
+    const response = await fetch(new URL(name, import.meta.url));
+    if (!response.ok) {
+      throw new Error(`${name} cannot be loaded: the server says ${response.status}`);
+    }
+    return response;
+  };
+  data ??= await (await fetched("fracgyro.json")).json();
+  wasm ??= await (await fetched("fracgyro.wasm")).arrayBuffer();
+  return new Fracgyro(await WebAssembly.compile(wasm), data);
+}
+
+class Fracgyro {
+  #module;
+  #modes;
+
+  constructor(module, data) {
+    this.#module = module;
+    this.#modes = data.modes;
+    this.version = data.version;
+    this.fields = data.fields;
+    this.paper = data.paper;
+  }
+
+  // The closed loop from t = 0 to run.duration.
+  async simulate(scenario, changes = {}) {
+    const { core, settings, steps } = await this.#prepare(scenario, changes);
+    const every = settings["run.record_every"];
+    const columns = columnNames(core);
+    const samples = Math.floor(steps / every) + 1;
+    const rows = core.reserve(columns.length * samples);
+    if (!rows) {
+      throw new RangeError(`run.record_every is ${every}: it must be larger, as ${samples} samples do not fit into memory`);
+    }
+    const lasted = core.simulate(every, rows.byteOffset);
+    const length = Math.ceil(lasted / every);
+    const time = Float64Array.from({ length }, (_, i) => i * (settings["run.step"] * every));
+    const column = (name) => {
+      const at = columns.indexOf(name);
+      if (at < 0) {
+        throw new RangeError(`${name} is no column; known are ${columns.join(", ")}`);
+      }
+      return Float64Array.from({ length }, (_, i) => rows[i * columns.length + at]);
+    };
+    const diverged = lasted <= steps ? lasted * settings["run.step"] : null;
+    return { time, columns, column, diverged, rows: rows.subarray(0, length * columns.length) };
+  }
+
+  // The controller alone, in double or in single precision. Call `step` once every run.step.
+  async controller(scenario, changes = {}, { single = false } = {}) {
+    const { core } = await this.#prepare(scenario, changes);
+    core.controller_start(single);
+    const columns = columnNames(core);
+    const force = columns.indexOf("control.x");
+    const state = () => new Uint8Array(core.memory.buffer, core.controller_state(), core.controller_state_size());
+    return {
+      step(position, velocity) {
+        const motion = [...position, ...velocity];
+        if (motion.length !== 4 || !motion.every(Number.isFinite)) {
+          throw new RangeError(`position and velocity are ${motion}: each must be two finite numbers`);
+        }
+        const row = core.doubles(core.controller_step(...motion), columns.length);
+        return [row[force], row[force + 1]];
+      },
+      get estimates() {
+        const all = [...core.doubles(core.controller_estimates(), 10)];
+        return { damping: all.slice(0, 3), stiffness: all.slice(3, 6), rate: all[6], bound: all.slice(7) };
+      },
+      get state() {
+        return state().slice();
+      },
+      set state(saved) {
+        if (saved.length !== state().length) {
+          throw new RangeError("state was saved by a controller of another kind or precision");
+        }
+        state().set(saved);
+      },
+    };
+  }
+
+  // An instance of its own for each run and each controller: whatever it holds goes with it.
+  async #prepare(scenario, changes) {
+    const settings = this.#checked({ ...scenario.settings, ...changes });
+    const core = new Core(await WebAssembly.instantiate(this.#module));
+    const steps = roundHalfToEven(settings["run.duration"] / settings["run.step"]);
+    if (!(settings["run.duration"] >= settings["run.step"] && steps <= 1e8)) {
+      throw new RangeError(`run.duration is ${settings["run.duration"]}: it must be 1 to 100000000 times run.step`);
+    }
+    const modes = this.#modesFor(settings, steps, scenario.modes);
+    const numbers = {
+      "run.steps": steps,
+      "controller.order_gamma": modes.gamma,
+      "controller.mode_count": modes.rates.length,
+    };
+    const values = core.names.map((name) => {
+      const choices = this.fields[name]?.choices;
+      if (choices) {
+        return choices.indexOf(settings[name]);
+      }
+      return (numbers[name] ?? Number(settings[name] ?? Infinity)) / (scenario.scales[name] ?? 1);
+    });
+    core.doubles(core.setting_values(), values.length).set(values);
+    core.doubles(core.mode_rates(), modes.rates.length).set(modes.rates);
+    core.doubles(core.mode_weights(), modes.weights.length).set(modes.weights);
+    core.setup_done(this.fields["controller.kind"].choices.indexOf(settings["controller.kind"]));
+    return { core, settings, steps };
+  }
+
+  #checked(settings) {
+    for (const [name, value] of Object.entries(settings)) {
+      const field = this.fields[name];
+      if (!field) {
+        throw new RangeError(`${name} is not a known setting; see fracgyro.fields`);
+      }
+      const problem = wrong(name, value, field);
+      if (problem) {
+        throw new RangeError(`${name} is ${value}: it must be ${problem}`);
+      }
+    }
+    return settings;
+  }
+
+  // Modes for the order and at least as many steps; rates scale with 1/step and weights with step^-order.
+  #modesFor(settings, steps, own) {
+    const order = settings["controller.order"];
+    if (order === 0 || order === 1 || !settings["controller.kind"].startsWith("fractional")) {
+      return { gamma: 1, rates: [], weights: [] };
+    }
+    const sameOrder = [...own, ...this.#modes].filter((modes) => Math.abs(modes.order - order) < 1e-9);
+    if (!sameOrder.length) {
+      throw new RangeError(`controller.order is ${order}: it must be a whole number of hundredths, or the scenario's own`);
+    }
+    const found = sameOrder.find((modes) => modes.steps >= steps);
+    if (!found) {
+      const most = Math.max(...sameOrder.map((modes) => modes.steps));
+      throw new RangeError(`run.duration is ${settings["run.duration"]}: it must be at most ${most} times run.step`);
+    }
+    const finer = found.step / settings["run.step"];
+    const rates = found.rates.map((rate) => rate * finer);
+    const weights = found.weights.map((weight) => weight * finer ** order);
+    return { gamma: found.gamma, rates, weights };
+  }
+}
+
+// The exports of one instance, and views of its memory.
+class Core {
+  constructor(instance) {
+    Object.assign(this, instance.exports);
+    this.names = listed(this.setting_count(), (i) => this.text(this.setting_name(i)));
+  }
+  doubles(at, count) {
+    return new Float64Array(this.memory.buffer, at, count);
+  }
+  text(at) {
+    const bytes = new Uint8Array(this.memory.buffer, at);
+    return String.fromCharCode(...bytes.subarray(0, bytes.indexOf(0)));
+  }
+  // Room behind everything that the module has of its own; null where there is none.
+  reserve(count) {
+    const at = Math.ceil(this.__heap_base.value / 8) * 8;
+    const missing = at + 8 * count - this.memory.buffer.byteLength;
+    try {
+      this.memory.grow(Math.max(0, Math.ceil(missing / 65536)));
+    } catch {
+      return null;
+    }
+    return this.doubles(at, count);
+  }
+}
+
+function wrong(name, value, field) {
+  if (field.choices) {
+    return field.choices.includes(value) ? "" : `one of ${field.choices.join(", ")}`;
+  }
+  if (name === "controller.adaptive") {
+    return typeof value === "boolean" ? "" : "true or false";
+  }
+  if (name === "controller.force_limit" && (value === null || value === Infinity)) {
+    return "";
+  }
+  if (!Number.isFinite(value)) {
+    return "a finite number";
+  }
+  if (["disturbance.seed", "disturbance.hold_steps", "run.record_every"].includes(name) && !Number.isSafeInteger(value)) {
+    return "a whole number below 2^53";
+  }
+  const { minimum, maximum, exclusiveMinimum, exclusiveMaximum } = field;
+  const rules = [
+    [value < minimum, `at least ${minimum}`],
+    [value > maximum, `at most ${maximum}`],
+    [value <= exclusiveMinimum, `greater than ${exclusiveMinimum}`],
+    [value >= exclusiveMaximum, `less than ${exclusiveMaximum}`],
+  ];
+  return rules.find(([broken]) => broken)?.[1] ?? "";
+}
+
+function columnNames(core) {
+  const parts = { 1: [""], 2: [".x", ".y"], 3: [".xx", ".xy", ".yy"] };
+  return listed(core.channel_count(), (i) => {
+    const name = core.text(core.channel_name(i));
+    return (name === "bound_estimate" ? ["[0]", "[1]", "[2]"] : parts[core.channel_width(i)]).map((part) => name + part);
+  }).flat();
+}
+
+function listed(count, make) {
+  return Array.from({ length: count }, (_, i) => make(i));
+}
+
+// As Python rounds.
+function roundHalfToEven(value) {
+  const below = Math.floor(value);
+  return value - below === 0.5 ? below + (below % 2) : Math.round(value);
+}

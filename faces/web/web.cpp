@@ -1,0 +1,95 @@
+// What fracgyro.mjs calls: the simulator, and the controller alone. One instance of the module holds one of them, in these
+// globals, and JavaScript owns the memory behind them: nothing is allocated here and nothing is imported.
+#include "fracgyro/settings.hpp"
+#include "fracgyro/record.hpp"
+
+namespace fracgyro {
+namespace {
+
+Setup setup;
+std::array<double, setting_names.size()> values;  // in the order of setting_names
+bool single_precision = false;                    // of the controller alone
+std::array<double, row_width> row;                // what it found in its last step
+std::array<double, 10> estimates;
+
+template <class Controller>
+struct Held {
+    static inline typename Controller::Coefficients coefficients{};
+    static inline typename Controller::State state{};
+};
+
+template <class Act>
+void with_held(Act&& act) {
+    if (single_precision) {
+        with_controller<float>(setup.kind, act);
+    } else {
+        with_controller<double>(setup.kind, act);
+    }
+}
+
+}  // namespace
+}  // namespace fracgyro
+
+using namespace fracgyro;
+
+#define EXPORT extern "C" [[gnu::visibility("default")]]
+
+EXPORT std::size_t setting_count() { return setting_names.size(); }
+EXPORT const char* setting_name(std::size_t i) { return setting_names[i].data(); }
+EXPORT std::size_t kind_count() { return controller_kinds.size(); }
+EXPORT const char* kind_name(std::size_t i) { return controller_kinds[i].data(); }
+EXPORT std::size_t channel_count() { return channels.size(); }
+EXPORT const char* channel_name(std::size_t i) { return channels[i].name.data(); }
+EXPORT int channel_width(std::size_t i) { return channels[i].width; }
+
+// To be filled in before `setup_done`.
+EXPORT double* setting_values() { return values.data(); }
+EXPORT double* mode_rates() { return setup.controller.surface.modes.rates.data(); }
+EXPORT double* mode_weights() { return setup.controller.surface.modes.weights.data(); }
+EXPORT std::size_t mode_capacity() { return Modes::capacity; }
+EXPORT void setup_done(std::size_t kind) {
+    setup.kind = controller_kinds[kind];
+    take_settings(setup, values.data());
+}
+
+// A run into `rows`, with room for steps / every + 1 of them. Returns the number of samples before divergence.
+EXPORT int simulate(int every, double* rows) { return static_cast<int>(record<double>(setup, every, rows)); }
+
+EXPORT void controller_start(bool single) {
+    single_precision = single;
+    with_held([]<class C>() {
+        Held<C>::coefficients = C::prepare(setup.controller);
+        Held<C>::state = {};
+    });
+}
+// One step, from the motion measured now. Returns the row of what was found.
+EXPORT const double* controller_step(double x, double y, double vx, double vy) {
+    with_held([&]<class C>() {
+        using T = typename C::Value;
+        const Motion<T> motion{.position = {T(x), T(y)}, .velocity = {T(vx), T(vy)}};
+        const auto signals = C::step(Held<C>::state, Held<C>::coefficients, motion);
+        write_row<T>({.step = 0, .motion = motion, .signals = signals, .disturbance = {}}, row.data());
+    });
+    return row.data();
+}
+// As they stand after the last step.
+EXPORT const double* controller_estimates() {
+    with_held([]<class C>() {
+        const auto e = C::estimates(Held<C>::state, Held<C>::coefficients);
+        const auto number = [](auto a) { return static_cast<double>(a); };
+        estimates = {number(e.damping.xx),   number(e.damping.xy),   number(e.damping.yy), number(e.stiffness.xx),
+                     number(e.stiffness.xy), number(e.stiffness.yy), number(e.rate),       number(e.bound[0]),
+                     number(e.bound[1]),     number(e.bound[2])};
+    });
+    return estimates.data();
+}
+EXPORT void* controller_state() {
+    void* state = nullptr;
+    with_held([&]<class C>() { state = &Held<C>::state; });
+    return state;
+}
+EXPORT std::size_t controller_state_size() {
+    std::size_t size = 0;
+    with_held([&]<class C>() { size = sizeof(typename C::State); });
+    return size;
+}

@@ -1,0 +1,282 @@
+"""A scenario as an FMU for co-simulation, FMI 2.0 or 3.0: the closed loop with its plant, or the controller alone.
+
+Page one is `export`. The C++ is in faces/fmu; from here come a header with this FMU's variables, numbers and modes, the
+model description and the archive. The same scenario and the same compilers give the same bytes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import math
+import os
+import platform
+import sys
+import tempfile
+import zipfile
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Literal
+
+import jinja2
+
+from .. import _core
+from ..files import whole_file
+from ..scenario import Scenario, ScenarioError
+from ..simulate import AXES, CHANNELS, ENTRIES
+from .compilers import FLAGS, SOURCES, include, join_macos, system_compiler, zig
+from .settings import Limits, core_modes, core_numbers, describe, settings
+from .units import base_unit, symbol
+
+Content = Literal["loop", "controller"]
+Fmi = Literal["2.0", "3.0"]
+System = Literal["linux", "windows", "macos"]
+Role = Literal["time", "constant", "fixed", "tunable", "input", "output"]
+
+LARGEST = sys.float_info.max  # stands for infinity, which some importers do not read
+LARGEST_SEED = 2**31 - 1  # of FMI's integers
+FIRST_DATE = (1980, 1, 1, 0, 0, 0)  # of every file in the archive: no clock gets into it
+NO_LIMITS = Limits()
+PARTS = {
+    "axis": [f".{axis}" for axis in AXES],
+    "entry": [f".{entry}" for entry in ENTRIES],
+    "bound": ["[0]", "[1]", "[2]"],
+}
+INPUTS = {"position": ("length", "position q, measured"), "velocity": ("velocity", "velocity v, measured")}
+NOT_OF_THE_CONTROLLER = {"position", "velocity", "disturbance"}
+OF_DISTURBANCE = {"none": (), "noise": ("standard_deviation", "seed"), "sine": ("amplitude", "frequency", "phase")}
+# zig's name, FMI 3.0's name, ending
+TARGETS = {
+    "linux": [("x86_64-linux-gnu", "x86_64-linux", ".so")],
+    "windows": [("x86_64-windows-gnu", "x86_64-windows", ".dll")],
+    "macos": [("x86_64-macos", "x86_64-darwin", ".dylib"), ("aarch64-macos", "aarch64-darwin", ".dylib")],
+}
+FMI2_FOLDERS = {"linux": "linux64", "windows": "win64", "macos": "darwin64"}
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One variable; its value reference is its place in the list. `role` and `place` as in faces/fmu/variable.hpp."""
+
+    name: str
+    role: Role
+    place: int = 0
+    start: float = 0.0
+    scale: float = 1.0
+    unit: str = "1"
+    description: str = ""
+    limits: Limits = NO_LIMITS
+
+    @property
+    def integer(self) -> bool:
+        return self.name == "disturbance.seed"
+
+    @property
+    def causality(self) -> str:
+        words = {"time": "independent", "constant": "local", "fixed": "parameter", "tunable": "parameter"}
+        return words.get(self.role, self.role)
+
+    @property
+    def variability(self) -> str:
+        return self.role if self.role in ("constant", "fixed", "tunable") else "continuous"
+
+
+def export(
+    scenario: Scenario,
+    path: str | os.PathLike[str],
+    *,
+    content: Content = "loop",
+    fmi: Fmi = "2.0",
+    systems: Sequence[System] = ("linux",),
+) -> None:
+    """Writes the FMU, whole or not at all.
+
+    Raises ValueError, in one sentence, when a compiler or FMPy is missing, the seed is too large for an FMU, or
+    the file cannot be written.
+    """
+    variables = list(_variables(scenario, content, fmi))
+    token = _token(scenario, content, fmi)
+    header = _header(scenario, content, token, variables)
+    description = _description(scenario, content, fmi, token, variables)
+    with whole_file(path) as scratch, tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "exported.hpp").write_text(header, encoding="utf-8")
+        files = {"modelDescription.xml": description.encode(), "resources/scenario.toml": scenario.to_toml().encode()}
+        for system in systems:
+            files |= _binaries(folder, system, content, fmi)
+        with zipfile.ZipFile(scratch, "w", zipfile.ZIP_DEFLATED) as archive:
+            for file, data in files.items():
+                entry = zipfile.ZipInfo(file, FIRST_DATE)
+                entry.external_attr = 0o644 << 16  # readable by all, once unpacked
+                archive.writestr(entry, data, zipfile.ZIP_DEFLATED)
+
+
+def _variables(scenario: Scenario, content: Content, fmi: Fmi) -> Iterator[Variable]:
+    """In the order of their value references."""
+    if fmi == "3.0":  # which demands it; in FMI 2.0 some importers take it for a variable without a start value
+        yield Variable("time", "time", unit=symbol("time", _si(scenario)), description="Time.")
+    order = describe("controller.order")
+    if core_modes(scenario)[0]:
+        yield Variable("controller.order", "constant", start=scenario.controller.order, description=order)
+    step = describe("run.step")
+    yield Variable("run.step", "constant", start=scenario.run.step, unit="1/omega0", description=step)
+    yield from _parameters(scenario, content)
+    if content == "controller":
+        yield from _inputs(scenario)
+    yield from _outputs(scenario, content)
+
+
+def _parameters(scenario: Scenario, content: Content) -> Iterator[Variable]:
+    places = {name: place for place, name in enumerate(core_numbers(scenario))}
+    for s in settings(scenario):
+        table, _, field = s.path.partition(".")
+        if content == "controller" and table in ("plant", "disturbance"):
+            continue
+        if table == "disturbance" and field not in OF_DISTURBANCE[scenario.disturbance.kind]:
+            continue
+        limits = Limits(0.0, LARGEST_SEED) if field == "seed" else s.limits
+        if not limits.low <= s.value <= limits.high:
+            raise ScenarioError(f"{s.path} is {s.value:.0f}: it must be at most {LARGEST_SEED} in an FMU")
+        start, note = (LARGEST, f" Here {LARGEST} is off.") if math.isinf(s.value) else (s.value, "")
+        role: Role = "tunable" if s.tunable else "fixed"
+        yield Variable(s.name, role, places[s.name], start, s.scale, s.unit, s.description + note, limits)
+
+
+def _inputs(scenario: Scenario) -> Iterator[Variable]:
+    names = [(name, axis) for name in INPUTS for axis in AXES]
+    for place, (name, axis) in enumerate(names):
+        quantity, meaning = INPUTS[name]
+        scale, unit = _unit(scenario, quantity)
+        yield Variable(f"{name}.{axis}", "input", place, scale=scale, unit=unit, description=meaning)
+
+
+def _outputs(scenario: Scenario, content: Content) -> Iterator[Variable]:
+    column = 0
+    for name, width in _core.channels:
+        dimension, meaning, units = CHANNELS[name]
+        for part in range(width):
+            scale, unit = _unit(scenario, units[part % len(units)][0])
+            if content == "loop" or name not in NOT_OF_THE_CONTROLLER:
+                full = name + (PARTS[dimension][part] if dimension else "")
+                yield Variable(full, "output", column, scale=scale, unit=unit, description=meaning)
+            column += 1
+
+
+def _si(scenario: Scenario) -> bool:
+    return scenario.run.units == "SI"
+
+
+def _unit(scenario: Scenario, quantity: str) -> tuple[float, str]:
+    """Of signals, in the units that run.units names: factor and symbol."""
+    scale = getattr(scenario.plant.scales, quantity) if _si(scenario) else 1.0
+    return scale, symbol(quantity, _si(scenario))
+
+
+def _token(scenario: Scenario, content: Content, fmi: Fmi) -> str:
+    """What binds binary and description: a GUID in form, and the same for the same FMU."""
+    made_from = f"fracgyro {version('fracgyro')} {content} {fmi}\n{scenario.to_toml()}"
+    digest = hashlib.sha256(made_from.encode()).hexdigest()
+    return "{" + "-".join([digest[:8], digest[8:12], digest[12:16], digest[16:20], digest[20:32]]) + "}"
+
+
+def _header(scenario: Scenario, content: Content, token: str, variables: Sequence[Variable]) -> str:
+    rates, weights = core_modes(scenario)
+    step = scenario.run.step * _unit(scenario, "time")[0]
+    rows = []
+    for v in variables:
+        numbers = [v.start, v.scale, v.limits.low, v.limits.high]
+        values = ", ".join([f'"{v.name}"', f"Role::{v.role}", str(v.place), *map(_cpp, numbers), _cpp(v.limits.strict)])
+        rows.append(f"    {{{values}}},")
+    lines = [
+        "// Made by `fracgyro export fmu`.",
+        "#pragma once",
+        '#include "variable.hpp"',
+        "#include <array>",
+        "#include <string_view>",
+        "namespace fracgyro::exported {",
+        f'inline constexpr std::string_view kind = "{scenario.controller.kind}";',
+        f"inline constexpr bool closed_loop = {_cpp(content == 'loop')};",
+        f'inline constexpr char token[] = "{token}";',
+        f"inline constexpr double step = {_cpp(step)};",
+        _array("numbers", core_numbers(scenario).values()),
+        _array("rates", rates),
+        _array("weights", weights),
+        "inline constexpr Variable variables[] = {",
+        *rows,
+        "};",
+        "}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _array(name: str, values: Iterable[float]) -> str:
+    texts = list(map(_cpp, values))
+    return f"inline constexpr std::array<double, {len(texts)}> {name}{{{', '.join(texts)}}};"
+
+
+def _cpp(value: float | bool) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return float(value).hex() if math.isfinite(value) else ("" if value > 0 else "-") + "infinity"
+
+
+def _description(scenario: Scenario, content: Content, fmi: Fmi, token: str, variables: Sequence[Variable]) -> str:
+    run = scenario.run
+    scale, _ = _unit(scenario, "time")
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("fracgyro", "export"), autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+    what = "The closed loop of gyroscope and" if content == "loop" else "The"
+    return environment.get_template(f"fmi{fmi[0]}.xml.jinja").render(
+        identifier=_identifier(content),
+        token=token,
+        version=version("fracgyro"),
+        description=f"{what} controller of Complexity 2020, 8542961; time in {symbol('time', _si(scenario))}; "
+        f"scenario {scenario.content_hash()[:16]}",
+        variables=variables,
+        units={unit: base_unit(unit, scenario.plant) for unit in sorted({v.unit for v in variables} - {"1"})},
+        step=run.step * scale,
+        communication_step=run.step * run.record_every * scale,
+        stop=run.duration * scale,
+        finite=math.isfinite,
+    )
+
+
+def _identifier(content: Content) -> str:
+    return f"fracgyro_{content}"
+
+
+def _binaries(folder: Path, system: System, content: Content, fmi: Fmi) -> dict[str, bytes]:
+    """{path in the archive: binary} for one system."""
+    face = SOURCES / "faces/fmu"
+    source = face / f"fmi{fmi[0]}.cpp"
+    headers = include(folder, face, SOURCES / "core", SOURCES / "sim", _fmi_headers())
+    options = [*FLAGS, "-O2", *headers]
+    built = {}
+    for target, tuple_name, ending in TARGETS[system]:
+        binary = folder / f"{tuple_name}{ending}"
+        if system == "linux" and (platform.system(), platform.machine()) == ("Linux", "x86_64"):
+            link = ["-fPIC", "-shared", "-static-libgcc", "-static-libstdc++", "-s"]
+            system_compiler(*options, source, *link, "-o", binary)
+        else:
+            compiled = folder / f"{tuple_name}.o"
+            position = [] if system == "windows" else ["-fPIC"]
+            zig("c++", "-target", target, *options, *position, "-c", source, "-o", compiled)
+            # Else the path to the scratch folder would be in it.
+            itself = ["-install_name", f"@rpath/{_identifier(content)}.dylib"] if system == "macos" else []
+            zig("cc", "-target", target, "-O2", "-shared", "-s", *itself, compiled, "-o", binary)
+        built[tuple_name] = binary
+    name = f"{_identifier(content)}{TARGETS[system][0][2]}"
+    if fmi == "3.0":
+        return {f"binaries/{tuple_name}/{name}": binary.read_bytes() for tuple_name, binary in built.items()}
+    parts = [binary.read_bytes() for binary in built.values()]
+    return {f"binaries/{FMI2_FOLDERS[system]}/{name}": parts[0] if len(parts) == 1 else join_macos(parts)}
+
+
+def _fmi_headers() -> Path:
+    found = importlib.util.find_spec("fmpy")
+    if found is None or found.origin is None:
+        raise ValueError("FMI's headers are missing: install FMPy, which comes with pip install 'fracgyro[export]'")
+    return Path(found.origin).parent / "c-code"

@@ -1,0 +1,53 @@
+"""The units of an FMU: those such as m*omega0^2*q0 as multiples of SI units, which importers convert by."""
+
+from __future__ import annotations
+
+import re
+
+from ..tables import Plant
+
+# Kinds of quantity, as in tables.py's Scales: nondimensional unit, SI unit.
+SYMBOLS = {
+    "time": ("1/omega0", "s"),
+    "length": ("q0", "m"),
+    "velocity": ("q0*omega0", "m/s"),
+    "force": ("m*omega0^2*q0", "N"),
+    "damping": ("m*omega0", "N.s/m"),
+    "stiffness": ("m*omega0^2", "N/m"),
+    "rate": ("omega0", "rad/s"),
+}
+SI = {
+    "s": {"s": 1},
+    "m": {"m": 1},
+    "m/s": {"m": 1, "s": -1},
+    "N": {"kg": 1, "m": 1, "s": -2},
+    "N.s/m": {"kg": 1, "s": -1},
+    "N/m": {"kg": 1, "s": -2},
+    "rad/s": {"rad": 1, "s": -1},
+    "rad": {"rad": 1},
+}
+
+
+def symbol(quantity: str, si: bool) -> str:
+    return SYMBOLS[quantity][si]
+
+
+def base_unit(unit: str, plant: Plant) -> dict[str, float] | None:
+    """FMI's BaseUnit: exponents of SI's base units, and a factor; None for a power that is no integer."""
+    if unit in SI:
+        return dict(SI[unit])
+    over, _, under = unit.partition("/")
+    powers = {"m": 0, "q0": 0, "omega0": 0}
+    for part, sign in ((over, 1), (under, -1)):
+        for word in part.split("*"):
+            found = re.fullmatch(r"(m|q0|omega0)(?:\^(\d+))?", word)
+            if found:
+                powers[found[1]] += sign * int(found[2] or 1)
+            elif word not in ("", "1"):
+                return None
+    scales = {"m": plant.mass, "q0": plant.reference_length, "omega0": plant.reference_frequency}
+    factor = 1.0
+    for name, power in powers.items():
+        factor *= scales[name] ** power
+    exponents = {"kg": powers["m"], "m": powers["q0"], "s": -powers["omega0"]}
+    return {**{name: power for name, power in exponents.items() if power}, "factor": factor}

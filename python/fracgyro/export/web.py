@@ -1,0 +1,85 @@
+"""Scenarios for the WebAssembly module (faces/web), as JSON with the exponential modes, which a browser cannot design.
+
+Two kinds of file, both read by faces/web/fracgyro.mjs and typed in fracgyro.d.ts. `export` writes one scenario with its
+own modes, so that a run equals `fracgyro.simulate` to the bit. `write_module_data` writes what goes with the module:
+the paper's two scenarios, what each setting means and may be, and modes for a grid of orders, so that the order can be
+changed in the browser.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from importlib.metadata import version
+from typing import Any
+
+from .. import _core
+from ..files import whole_file
+from ..scenario import Scenario
+from .settings import CHOICES, core_modes, core_numbers, describe, limits, settings
+
+ORDERS = [hundredths / 100 for hundredths in range(1, 100)]
+UNSCALED = ["run.duration", "run.step", "run.record_every", "controller.order"]  # said by a scenario as they are
+
+
+def export(scenario: Scenario, path: str | os.PathLike[str]) -> None:
+    """Writes the scenario. Raises ValueError in one sentence when it cannot be written."""
+    _write({"version": version("fracgyro"), **_document(scenario)}, path)
+
+
+def write_module_data(path: str | os.PathLike[str]) -> None:
+    """Writes what fracgyro.mjs loads beside the module; `make web` calls it."""
+    corrected = Scenario.paper("corrected")
+    described: dict[str, Any] = {
+        setting.name: {"unit": setting.unit, "description": setting.description, **_limits(setting.path)}
+        for setting in settings(corrected)
+    }
+    described |= {name: {"description": describe(name), **_limits(name)} for name in UNSCALED}
+    described |= {name: {"description": describe(name), "choices": choices} for name, choices in _choices().items()}
+    described |= {"controller.adaptive": {"description": describe("controller.adaptive")}}
+    described |= {"disturbance.hold_steps": {"description": "Steps from one noise draw to the next.", "minimum": 1}}
+    by_order = (corrected.replace({"controller.order": order}) for order in ORDERS)
+    module = {
+        "version": version("fracgyro"),
+        "fields": described,
+        "paper": {"corrected": _document(corrected), "printed": _document(Scenario.paper("printed"))},
+        "modes": [modes for scenario in by_order for modes in _modes(scenario)],
+    }
+    _write(module, path)
+
+
+def _document(scenario: Scenario) -> dict[str, Any]:
+    numbers = core_numbers(scenario)
+    said = {name: getattr(getattr(scenario, name.split(".")[0]), name.split(".")[1]) for name in UNSCALED}
+    said |= {"controller.kind": scenario.controller.kind, "controller.adaptive": scenario.controller.adaptive}
+    said |= {name: choices[int(numbers[name])] for name, choices in CHOICES.items()}
+    said |= {"disturbance.hold_steps": int(numbers["disturbance.hold_steps"])}
+    # JSON has no infinity: null is none.
+    said |= {setting.name: setting.value if math.isfinite(setting.value) else None for setting in settings(scenario)}
+    scales = {setting.name: setting.scale for setting in settings(scenario) if setting.scale != 1.0}
+    return {"settings": said, "scales": scales, "modes": _modes(scenario)}
+
+
+def _modes(scenario: Scenario) -> list[dict[str, Any]]:
+    """The modes of the scenario, if it has any."""
+    rates, weights = core_modes(scenario)
+    numbers, run = core_numbers(scenario), scenario.run
+    found = {"order": numbers["controller.order"], "gamma": numbers["controller.order_gamma"], "step": run.step}
+    return [{**found, "steps": run.steps, "rates": rates, "weights": weights}] if rates else []
+
+
+def _choices() -> dict[str, list[str]]:
+    return {"controller.kind": list(_core.controller_kinds), **CHOICES}
+
+
+def _limits(path: str) -> dict[str, Any]:
+    """As JSON Schema words them."""
+    low, high, strict = (found := limits(path)).low, found.high, found.strict
+    words = ("exclusiveMinimum", "exclusiveMaximum") if strict else ("minimum", "maximum")
+    return {word: limit for word, limit in zip(words, (low, high), strict=True) if math.isfinite(limit)}
+
+
+def _write(document: dict[str, Any], path: str | os.PathLike[str]) -> None:
+    with whole_file(path) as scratch:
+        scratch.write_text(json.dumps(document, allow_nan=False) + "\n", encoding="utf-8", newline="\n")

@@ -1,0 +1,389 @@
+"""FMUs, as an importer uses them: validated, loaded and simulated by FMPy."""
+
+from __future__ import annotations
+
+import importlib.util
+import struct
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import fracgyro as fg
+import numpy as np
+import pytest
+from fmpy.simulation import instantiate_fmu
+from fmpy.validation import validate_fmu
+from fracgyro.cli import cli
+from fracgyro.export import compilers
+from fracgyro.export.fmu import FMI2_FOLDERS, export
+from fracgyro.simulate import CHANNELS
+
+SHORT = fg.Scenario.paper().replace({"run.duration": 2.0})
+SI = SHORT.replace(
+    {
+        "run.units": "SI",
+        "plant.mass": 2.3e-7,
+        "plant.stiffness_deviation": {"xx": 1.0, "xy": 0.1, "yy": -1.0},
+        "plant.centrifugal": True,
+        "controller.force_limit": 900.0,
+        "controller.terminal_exponent": 0.7,
+        "adaptation.leakage": 0.1,
+        "adaptation.dead_zone": 0.01,
+        "adaptation.projection": 0.5,
+        "disturbance.hold": 3e-3,
+        "disturbance.seed": 2**31 - 1,
+    }
+)
+SINE = SHORT.replace(
+    {
+        "controller.kind": "fast_terminal",
+        "controller.adaptive": False,
+        "disturbance.kind": "sine",
+        "disturbance.amplitude": (0.7, -0.3),
+        "disturbance.frequency": (2.0, 7.0),
+    }
+)
+SCENARIOS = {
+    "the paper's, whole": fg.Scenario.paper(),
+    "as printed": fg.Scenario.paper("printed").replace({"run.duration": 2.0}),
+    "in SI units": SI,
+    "known parameters, sine": SINE,
+    "undisturbed": SHORT.replace({"controller.kind": "linear", "disturbance.kind": "none"}),
+}
+VERSIONS = ["2.0", "3.0"]
+
+
+@pytest.fixture(scope="session")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., str]:
+    """Each FMU is made once."""
+    folder, known = tmp_path_factory.mktemp("fmu"), {}
+
+    def make(scenario: fg.Scenario, fmi: str = "2.0", content: str = "loop") -> str:
+        key = (scenario.content_hash(), fmi, content)
+        if key not in known:
+            known[key] = str(folder / f"{len(known)}.fmu")
+            export(scenario, known[key], fmi=fmi, content=content)  # type: ignore[arg-type]
+        return known[key]
+
+    return make
+
+
+def columns(run: Any) -> dict[str, np.ndarray]:
+    """A run of ours under the names of an FMU's outputs."""
+    parts = {"axis": [".x", ".y"], "entry": [".xx", ".xy", ".yy"], "bound": ["[0]", "[1]", "[2]"], None: [""]}
+    found = {}
+    for name, (dimension, _, _) in CHANNELS.items():
+        values = run[name].values.reshape(run.sizes["time"], -1)
+        found.update({name + part: values[:, i] for i, part in enumerate(parts[dimension])})
+    return found
+
+
+def assert_same_bits(got: np.ndarray, expected: np.ndarray, name: str) -> None:
+    np.testing.assert_array_equal(got.view(np.uint64), np.ascontiguousarray(expected).view(np.uint64), err_msg=name)
+
+
+class Instance:
+    """An FMU between two calls of its importer, by names, in either version of FMI."""
+
+    def __init__(self, path: str, folder: Path) -> None:
+        self.description = fmpy.read_model_description(path)
+        self.references = {v.name: v.valueReference for v in self.description.modelVariables}
+        self.messages: list[str] = []
+        # FMPy hands its loggers the text last.
+        unpacked = fmpy.extract(path, unzipdir=str(folder / f"{Path(path).stem}"))
+        self.fmu = instantiate_fmu(unpacked, self.description, logger=lambda *a: self.messages.append(a[-1].decode()))
+        self.two = self.description.fmiVersion == "2.0"
+
+    def get(self, name: str) -> float:
+        return float((self.fmu.getReal if self.two else self.fmu.getFloat64)([self.references[name]])[0])
+
+    def set(self, name: str, value: float) -> None:
+        (self.fmu.setReal if self.two else self.fmu.setFloat64)([self.references[name]], [value])
+
+    def start(self, time: float = 0.0) -> Instance:
+        if self.two:
+            self.fmu.setupExperiment(startTime=time)
+            self.fmu.enterInitializationMode()
+        else:
+            self.fmu.enterInitializationMode(startTime=time)
+        self.fmu.exitInitializationMode()
+        return self
+
+    def step(self, time: float, length: float) -> None:
+        self.fmu.doStep(time, length)
+
+    def save(self) -> bytes:
+        if self.two:
+            return bytes(self.fmu.serializeFMUstate(self.fmu.getFMUstate()))
+        return bytes(self.fmu.serializeFMUState(self.fmu.getFMUState()))
+
+    def load(self, saved: bytes) -> None:
+        if self.two:
+            self.fmu.setFMUstate(self.fmu.deSerializeFMUstate(saved))
+        else:
+            self.fmu.setFMUState(self.fmu.deserializeFMUState(saved))
+
+    def complaint(self, act: Callable[[], object]) -> str:
+        """What the logger is told when `act` fails."""
+        with pytest.raises(Exception, match=r"status 3|fmi\dError|error"):
+            act()
+        return self.messages[-1]
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+@pytest.mark.parametrize("content", ["loop", "controller"])
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_the_fmu_is_valid(made: Callable[..., str], name: str, content: str, fmi: str) -> None:
+    assert validate_fmu(made(SCENARIOS[name], fmi, content)) == []
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_the_closed_loop_has_the_bits_of_simulate(made: Callable[..., str], name: str, fmi: str) -> None:
+    run = fg.simulate(SCENARIOS[name])
+    simulated = fmpy.simulate_fmu(made(SCENARIOS[name], fmi), output_interval=float(run.time[1]))
+    expected = columns(run)
+    assert set(simulated.dtype.names) == {"time", *expected}
+    np.testing.assert_allclose(simulated["time"], run["time"].values, rtol=1e-12)
+    for variable, values in expected.items():
+        assert_same_bits(np.ascontiguousarray(simulated[variable]), values, variable)
+
+
+def test_one_step_of_the_importer_takes_many_of_the_loop(made: Callable[..., str]) -> None:
+    simulated = fmpy.simulate_fmu(made(SHORT), output_interval=0.05)
+    expected = columns(fg.simulate(SHORT))["control.y"][::50]
+    assert_same_bits(np.ascontiguousarray(simulated["control.y"]), expected, "control.y")
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+@pytest.mark.parametrize("scenario", [SHORT, SI], ids=["nondimensional", "SI"])
+def test_the_controller_alone_answers_each_motion_with_the_force_of_the_loop(
+    made: Callable[..., str], tmp_path: Path, scenario: fg.Scenario, fmi: str
+) -> None:
+    expected = fg.simulate(scenario.replace({"run.units": "nondimensional"}))
+    scales = scenario.plant.scales
+    factors = [scales.length, scales.velocity, scales.force, scales.time] if scenario is SI else [1.0] * 4
+    fmu = Instance(made(scenario, fmi, "controller"), tmp_path).start()
+    assert fmu.get("rate_estimate") == pytest.approx(0.095 * (scales.rate if scenario is SI else 1.0))
+    step = scenario.run.step * factors[3]
+    for n in range(500):
+        for name, factor in (("position", factors[0]), ("velocity", factors[1])):
+            for axis in "xy":
+                fmu.set(f"{name}.{axis}", float(expected[name].sel(axis=axis)[n]) * factor)
+        fmu.step(n * step, step)
+        force = np.array([fmu.get("control.x"), fmu.get("control.y")]) / factors[2]
+        if scenario is SHORT:
+            np.testing.assert_array_equal(force, expected["control"].values[n])
+        else:  # the motion is rounded on its way
+            np.testing.assert_allclose(force, expected["control"].values[n], rtol=1e-6)
+
+
+def test_a_changed_parameter_is_that_of_a_changed_scenario(made: Callable[..., str]) -> None:
+    changes = {"controller.terminal_exponent": 0.6, "adaptation.rate_gain": 20.0, "disturbance.seed": 7}
+    settings = {"controller.fractional_gain": (8.0, 12.0), "disturbance.standard_deviation": 0.5}
+    start = {**changes, "controller.fractional_gain.x": 8.0, "controller.fractional_gain.y": 12.0}
+    start |= {
+        "disturbance.standard_deviation": 0.5,
+        "plant.angular_rate": 130.0,
+        "adaptation.initial_rate": 0.95 * 0.13,
+    }
+    simulated = fmpy.simulate_fmu(made(SHORT), start_values=start, output_interval=0.001)
+    expected = columns(fg.simulate(SHORT.replace({**changes, **settings, "plant.angular_rate": 130.0})))
+    assert_same_bits(np.ascontiguousarray(simulated["rate_estimate"]), expected["rate_estimate"], "rate_estimate")
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_gains_can_be_tuned_while_it_runs_and_starts_cannot(made: Callable[..., str], tmp_path: Path, fmi: str) -> None:
+    fmu = Instance(made(SHORT, fmi), tmp_path).start()
+    fmu.step(0.0, 0.5)
+    before = fmu.get("rate_estimate")
+    fmu.set("adaptation.rate_gain", 1e-9)
+    fmu.step(0.5, 0.001)  # the force and the estimates of this sample were known already
+    resting = fmu.get("rate_estimate")
+    fmu.step(0.501, 0.1)
+    assert resting != before
+    assert fmu.get("rate_estimate") == pytest.approx(resting, abs=1e-9)
+    told = fmu.complaint(lambda: fmu.set("plant.initial_position.x", 0.1))
+    assert told == "plant.initial_position.x is fixed: it can be set until the end of the initialization"
+    assert fmu.complaint(lambda: fmu.set("controller.order", 0.8)) == "controller.order cannot be set"
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_a_saved_state_resumes_bit_for_bit_even_elsewhere(made: Callable[..., str], tmp_path: Path, fmi: str) -> None:
+    fmu = Instance(made(SHORT, fmi), tmp_path / "1").start()
+    fmu.set("controller.layer_thickness", 0.1)
+    fmu.step(0.0, 0.7)
+    saved = fmu.save()
+    fmu.step(0.7, 0.3)
+    expected = [fmu.get("position.x"), fmu.get("bound_estimate[2]")]
+    fmu.load(saved)
+    fmu.step(0.7, 0.3)
+    assert [fmu.get("position.x"), fmu.get("bound_estimate[2]")] == expected
+    other = Instance(made(SHORT, fmi), tmp_path / "2").start()
+    other.load(saved)
+    assert other.get("controller.layer_thickness") == 0.1
+    other.step(0.7, 0.3)
+    assert [other.get("position.x"), other.get("bound_estimate[2]")] == expected
+    stranger = Instance(made(SINE, fmi), tmp_path / "3").start()
+    assert stranger.complaint(lambda: stranger.load(saved)) == "the serialized state is not of this FMU"
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_reset_starts_anew(made: Callable[..., str], tmp_path: Path, fmi: str) -> None:
+    fmu = Instance(made(SHORT, fmi), tmp_path).start()
+    fmu.set("controller.layer_thickness", 0.1)
+    fmu.step(0.0, 0.2)
+    fmu.fmu.reset()
+    assert fmu.get("controller.layer_thickness") == SHORT.controller.layer_thickness
+    fmu.start(time=3.0)
+    if fmi == "3.0":  # FMI 2.0 has no variable for it
+        assert fmu.get("time") == 3.0
+    fmu.step(3.0, 0.2)
+    expected = columns(fg.simulate(SHORT))["error.x"][200]
+    assert fmu.get("error.x") == expected
+
+
+def test_outputs_follow_the_parameters_during_the_initialization(made: Callable[..., str], tmp_path: Path) -> None:
+    fmu = Instance(made(SHORT), tmp_path)
+    fmu.fmu.setupExperiment(startTime=0.0)
+    fmu.fmu.enterInitializationMode()
+    assert fmu.get("error.x") == 0.5
+    fmu.set("plant.initial_position.x", 0.25)
+    assert fmu.get("error.x") == 0.25
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_what_cannot_be_done_is_told_to_the_logger(made: Callable[..., str], tmp_path: Path, fmi: str) -> None:
+    fmu = Instance(made(SHORT, fmi), tmp_path)
+    assert "before the end of the initialization" in fmu.complaint(lambda: fmu.step(0.0, 0.001))
+    fmu.start()
+    told = fmu.complaint(lambda: fmu.step(0.0, 0.0015))
+    assert told == "the communication step is 0.0015: it must be a whole number of 0.001, the step of the controller"
+    fmu.step(0.0, 0.1)
+    told = fmu.complaint(lambda: fmu.step(0.0, 0.1))
+    assert told == "the communication point is 0: the next one is 0.1, and steps follow each other"
+    told = fmu.complaint(lambda: fmu.set("controller.terminal_exponent", 1.0))
+    assert told == "controller.terminal_exponent is 1: it must lie strictly between 0 and 1"
+    told = fmu.complaint(lambda: fmu.set("adaptation.leakage", -1.0))
+    assert told == "adaptation.leakage is -1: it must be at least 0"
+    told = fmu.complaint(lambda: fmu.set("plant.angular_rate", float("nan")))
+    assert told == "plant.angular_rate is nan: it must be a finite number"
+    fmu.set("adaptation.stiffness_gain", 1e9)
+    assert fmu.complaint(lambda: fmu.step(0.1, 1.0)).startswith("the motion diverged after 0.1")
+
+
+def test_a_binary_refuses_the_description_of_another(made: Callable[..., str], tmp_path: Path) -> None:
+    path = made(SHORT)
+    description = fmpy.read_model_description(path)
+    description.guid = "{00000000-0000-0000-0000-000000000000}"
+    told: list[str] = []
+    with pytest.raises(Exception, match="instantiate"):
+        instantiate_fmu(fmpy.extract(path, str(tmp_path)), description, logger=lambda *a: told.append(a[-1].decode()))
+    assert told == ["the GUID is not that of this FMU: its model description is of another one"]
+
+
+def test_units_convert_to_si(made: Callable[..., str]) -> None:
+    def factor(scenario: fg.Scenario, name: str) -> tuple[float, float]:
+        """Of the variable's unit, and its powers of kg, m, s as one number."""
+        description = fmpy.read_model_description(made(scenario, "3.0"))
+        unit = next(v.unit for v in description.modelVariables if v.name == name)
+        base = next(u.baseUnit for u in description.unitDefinitions if u.name == unit)
+        return base.factor, base.kg * 100 + base.m * 10 + base.s
+
+    assert factor(SHORT, "control.x") == (pytest.approx(1.8e-7), 100 + 10 - 2)
+    assert factor(SHORT, "time") == (pytest.approx(1e-3), 1)
+    assert factor(SHORT, "adaptation.rate_gain") == (pytest.approx(1e12), -20)
+    assert factor(SI, "control.x") == (1.0, 100 + 10 - 2)
+    assert factor(SI, "plant.damping.xx") == factor(SHORT, "plant.damping.xx") == (1.0, 100 - 1)
+
+
+def test_the_description_says_what_may_be_changed_and_what_it_means(made: Callable[..., str]) -> None:
+    variables = {v.name: v for v in fmpy.read_model_description(made(SHORT)).modelVariables}
+    tunable, fixed = variables["plant.angular_rate"], variables["disturbance.seed"]
+    assert (tunable.causality, tunable.variability, tunable.unit, float(tunable.start)) == (
+        "parameter",
+        "tunable",
+        "rad/s",
+        100,
+    )
+    assert tunable.description == "Omega_z, rad/s: the rate to be sensed; Coriolis force. 0.0: off."
+    assert (fixed.causality, fixed.variability, fixed.type) == ("parameter", "fixed", "Integer")
+    assert (variables["controller.order"].variability, variables["controller.order"].start) == ("constant", "0.9")
+    assert "plant.angular_rate" not in {
+        v.name for v in fmpy.read_model_description(made(SHORT, "2.0", "controller")).modelVariables
+    }
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_the_same_scenario_gives_the_same_bytes(made: Callable[..., str], tmp_path: Path, fmi: str) -> None:
+    export(SHORT, tmp_path / "again.fmu", fmi=fmi)  # type: ignore[arg-type]
+    assert (tmp_path / "again.fmu").read_bytes() == Path(made(SHORT, fmi)).read_bytes()
+
+
+@pytest.mark.skipif(not compilers.has_zig(), reason="ziglang missing: no FMUs for Windows and macOS")
+def test_zig_makes_the_binaries_of_other_systems(tmp_path: Path) -> None:
+    export(SHORT, tmp_path / "all.fmu", systems=["linux", "windows", "macos"])
+    with zipfile.ZipFile(tmp_path / "all.fmu") as archive:
+        binaries = {
+            name.split("/")[1]: archive.read(name) for name in archive.namelist() if name.startswith("binaries/")
+        }
+    assert list(binaries) == list(FMI2_FOLDERS.values())
+    assert binaries["linux64"].startswith(b"\x7fELF")
+    assert binaries["win64"].startswith(b"MZ")
+    assert struct.unpack(">II", binaries["darwin64"][:8]) == (0xCAFEBABE, 2)
+    for i, processor in enumerate((0x01000007, 0x0100000C)):  # Intel, Apple
+        kind, _, place, size, _ = struct.unpack(">5I", binaries["darwin64"][8 + 20 * i : 28 + 20 * i])
+        assert kind == processor
+        assert binaries["darwin64"][place : place + 4] == b"\xcf\xfa\xed\xfe"
+        assert place + size <= len(binaries["darwin64"])
+    for binary in binaries.values():
+        assert b"fmi2DoStep" in binary
+
+
+def test_a_seed_that_fmi_cannot_hold_is_refused(tmp_path: Path) -> None:
+    too_large = SHORT.replace({"disturbance.seed": 2**31})
+    with pytest.raises(ValueError, match=r"disturbance.seed is 2147483648: it must be at most 2147483647 in an FMU"):
+        export(too_large, tmp_path / "x.fmu")
+
+
+@pytest.mark.parametrize(
+    ("compiler", "told"),
+    [("no-such-compiler", "no-such-compiler is not found: set CXX"), ("false", "false failed: no reason")],
+)
+def test_without_a_compiler_nothing_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, compiler: str, told: str
+) -> None:
+    monkeypatch.setenv("CXX", compiler)
+    with pytest.raises(ValueError, match=told):
+        export(SHORT, tmp_path / "x.fmu")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_fmpy_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    find = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "fmpy" else find(name))
+    with pytest.raises(ValueError, match="FMI's headers are missing: install FMPy"):
+        export(SHORT, tmp_path / "x.fmu")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_command_writes_one(tmp_path: Path) -> None:
+    from click.testing import CliRunner
+
+    SHORT.save(tmp_path / "my.toml")
+    words = [
+        "export",
+        "fmu",
+        str(tmp_path / "my.toml"),
+        "--out",
+        str(tmp_path / "my.fmu"),
+        "--controller",
+        "--fmi",
+        "3.0",
+    ]
+    ran = CliRunner().invoke(cli, words)
+    assert ran.exit_code == 0
+    assert ran.output == f"{tmp_path / 'my.fmu'}: controller, FMI 3.0, for linux\n"
+    assert fmpy.read_model_description(tmp_path / "my.fmu").modelName == "fracgyro_controller"

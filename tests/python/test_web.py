@@ -1,0 +1,198 @@
+"""The WebAssembly module, as a page would use it: in node, through its wrapper."""
+
+from __future__ import annotations
+
+import json
+import runpy
+import shutil
+import subprocess
+from pathlib import Path
+
+import fracgyro as fg
+import numpy as np
+import pytest
+from fracgyro import _core
+from fracgyro.export import compilers, web
+from fracgyro.setup import core_setup
+
+FACE = Path(__file__).resolve().parents[2] / "faces" / "web"
+MISSING = [word for word, found in (("node", shutil.which("node")), ("ziglang", compilers.has_zig())) if not found]
+if MISSING:
+    pytest.skip(f"the WebAssembly module is not tested: no {' and no '.join(MISSING)}", allow_module_level=True)
+
+SHORT = fg.Scenario.paper().replace({"run.duration": 3.0})
+
+# `fracgyro`: the loaded module; `own`: the scenario that was exported; `write`: for arrays, read back by numpy.
+PRELUDE = """
+import { readFileSync, writeFileSync } from "node:fs";
+const { load } = await import(process.argv[1] + "/fracgyro.mjs");
+const read = (name) => readFileSync(process.argv[1] + "/" + name);
+const fracgyro = await load({ wasm: read("fracgyro.wasm"), data: JSON.parse(read("fracgyro.json")) });
+const write = (name, array) => writeFileSync(process.argv[2] + "/" + name, array);
+const own = JSON.parse(readFileSync(process.argv[2] + "/own.json"));
+"""
+
+
+@pytest.fixture(scope="session")
+def module(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("web")
+    runpy.run_path(str(FACE / "build.py"))["build"](folder)
+    return folder
+
+
+def in_node(module: Path, folder: Path, code: str, scenario: fg.Scenario = SHORT) -> str:
+    """What `code` prints."""
+    web.export(scenario, folder / "own.json")
+    command = ["node", "--input-type=module", "-e", PRELUDE + code, str(module), str(folder)]
+    ran = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert ran.returncode == 0, ran.stderr
+    return ran.stdout
+
+
+def recorded(scenario: fg.Scenario) -> np.ndarray:
+    rows: np.ndarray = _core.record_runs([core_setup(scenario)], scenario.run.record_every, 1)[0][0]
+    return rows
+
+
+def assert_same_bits(got: np.ndarray, expected: np.ndarray) -> None:
+    np.testing.assert_array_equal(got.reshape(expected.shape).view(np.uint64), expected.view(np.uint64))
+
+
+def test_the_module_is_small_and_imports_nothing(module: Path, tmp_path: Path) -> None:
+    assert (module / "fracgyro.wasm").stat().st_size < 60_000
+    imports = 'console.log(WebAssembly.Module.imports(new WebAssembly.Module(read("fracgyro.wasm"))).length)'
+    assert in_node(module, tmp_path, imports) == "0\n"
+
+
+SCENARIOS = {
+    "the paper's, whole": fg.Scenario.paper(),
+    "as printed": fg.Scenario.paper("printed").replace({"run.duration": 3.0}),
+    "any c, held noise": SHORT.replace({"controller.terminal_exponent": 0.7, "disturbance.hold": 4e-3}),
+    "fractional": SHORT.replace({"controller.kind": "fractional", "controller.order": 0.35}),
+    "integer order": SHORT.replace({"controller.order": 1.0}),
+    "order zero": SHORT.replace({"controller.order": 0.0}),
+    "known parameters, sine": SHORT.replace(
+        {
+            "controller.kind": "fast_terminal",
+            "controller.adaptive": False,
+            "disturbance.kind": "sine",
+            "disturbance.amplitude": (0.7, -0.3),
+            "disturbance.frequency": (2.0, 7.0),
+            "run.record_every": 7,
+        }
+    ),
+    "another gyroscope, everything on": SHORT.replace(
+        {
+            "controller.kind": "linear",
+            "controller.force_limit": 900.0,
+            "plant.mass": 2.3e-7,
+            "plant.stiffness_deviation": {"xx": 1.0, "xy": 0.1, "yy": -1.0},
+            "plant.centrifugal": True,
+            "adaptation.leakage": 0.1,
+            "adaptation.dead_zone": 0.01,
+            "adaptation.projection": 0.5,
+            "disturbance.seed": 2**53 - 1,
+        }
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_a_run_has_the_bits_of_simulate(module: Path, tmp_path: Path, name: str) -> None:
+    in_node(module, tmp_path, 'write("rows", (await fracgyro.simulate(own)).rows);', SCENARIOS[name])
+    assert_same_bits(np.fromfile(tmp_path / "rows"), recorded(SCENARIOS[name]))
+
+
+def test_the_order_can_be_changed_in_the_browser_and_keeps_the_bits(module: Path, tmp_path: Path) -> None:
+    # The modes of the table are designed for 80,000 steps of 0.001.
+    code = """
+    const run = await fracgyro.simulate(fracgyro.paper.printed, { "controller.order": 0.8 });
+    write("error", run.column("error.y"));
+    write("time", run.time);
+    """
+    in_node(module, tmp_path, code)
+    run = fg.simulate(fg.Scenario.paper("printed").replace({"controller.order": 0.8}))
+    assert_same_bits(np.fromfile(tmp_path / "error"), run["error"].sel(axis="y").values.copy())
+    np.testing.assert_allclose(np.fromfile(tmp_path / "time"), run["time"], rtol=1e-15)
+
+
+def test_a_finer_step_rescales_the_modes(module: Path, tmp_path: Path) -> None:
+    code = """
+    const finer = { "run.step": 5e-4, "disturbance.hold_steps": 2, "controller.order": 0.6 };
+    const run = await fracgyro.simulate(own, finer);
+    write("error", run.column("error.x"));
+    """
+    in_node(module, tmp_path, code)
+    finer = SHORT.replace({"run.step": 5e-4, "controller.order": 0.6})
+    expected = fg.simulate(finer)["error"].sel(axis="x").values
+    np.testing.assert_allclose(np.fromfile(tmp_path / "error"), expected, rtol=0, atol=1e-4)
+    assert not np.allclose(expected[::2], fg.simulate(SHORT)["error"].sel(axis="x").values, atol=1e-4)
+
+
+def test_the_controller_alone_has_the_bits_of_the_python_one_and_resumes(module: Path, tmp_path: Path) -> None:
+    run = fg.simulate(SHORT)
+    motion = np.hstack([run["position"].values, run["velocity"].values])
+    motion.tofile(tmp_path / "motion")
+    code = """
+    const motion = new Float64Array(readFileSync(process.argv[2] + "/motion").buffer);
+    const steps = motion.length / 4;
+    for (const single of [false, true]) {
+      let controller = await fracgyro.controller(own, {}, { single });
+      const forces = new Float64Array(2 * steps);
+      for (let n = 0; n < steps; ++n) {
+        if (n === 1000) {
+          const { state } = controller;
+          controller = await fracgyro.controller(own, {}, { single });
+          controller.state = state;
+        }
+        const [x, y, vx, vy] = motion.subarray(4 * n, 4 * n + 4);
+        forces.set(controller.step([x, y], [vx, vy]), 2 * n);
+      }
+      write(single ? "single" : "double", forces);
+      console.log(JSON.stringify(controller.estimates));
+    }
+    """
+    double, single = map(json.loads, in_node(module, tmp_path, code).splitlines())
+    expected = run["control"].values.copy()
+    assert_same_bits(np.fromfile(tmp_path / "double"), expected)
+    difference = np.fromfile(tmp_path / "single").reshape(-1, 2) - expected
+    assert 0 < np.abs(difference).max() < 1e-2 * np.abs(expected).max()
+
+    controller = fg.Controller(SHORT)
+    for n, (x, y, vx, vy) in enumerate(motion):
+        controller.step(n * SHORT.run.step, [x, y], [vx, vy])
+    assert double["stiffness"] == list(controller.estimates.stiffness)
+    assert double["bound"] == list(controller.estimates.bound)
+    assert single["rate"] == pytest.approx(controller.estimates.rate, rel=1e-3)
+
+
+WRONG = {
+    '{ "controller.oder": 0.8 }': "controller.oder is not a known setting; see fracgyro.fields",
+    '{ "controller.order": 0.855 }': "controller.order is 0.855: it must be a whole number of hundredths, "
+    "or the scenario's own",
+    '{ "controller.order": 1.5 }': "controller.order is 1.5: it must be at most 1",
+    '{ "controller.order": 0.5, "run.duration": 81 }': "run.duration is 81: it must be at most 80000 times run.step",
+    '{ "controller.order": 1, "run.duration": 1e6 }': "run.duration is 1000000: "
+    "it must be 1 to 100000000 times run.step",
+    '{ "controller.terminal_exponent": 1 }': "controller.terminal_exponent is 1: it must be less than 1",
+    '{ "controller.kind": "sliding" }': "controller.kind is sliding: "
+    "it must be one of fractional_fast_terminal, fractional, fast_terminal, linear",
+    '{ "plant.angular_rate": NaN }': "plant.angular_rate is NaN: it must be a finite number",
+    '{ "disturbance.seed": 0.5 }': "disturbance.seed is 0.5: it must be a whole number below 2^53",
+}
+
+
+def test_wrong_settings_are_refused_in_one_sentence(module: Path, tmp_path: Path) -> None:
+    tries = ", ".join(WRONG)
+    code = f"for (const wrong of [{tries}]) await fracgyro.simulate(own, wrong).catch((e) => console.log(e.message));"
+    assert in_node(module, tmp_path, code).splitlines() == list(WRONG.values())
+
+
+def test_divergence_is_told_and_the_samples_until_then_are_kept(module: Path, tmp_path: Path) -> None:
+    coarse = SHORT.replace({"run.step": 1e-2, "disturbance.hold": None, "run.duration": 20.0})
+    code = 'const run = await fracgyro.simulate(own); console.log(run.diverged); write("rows", run.rows);'
+    told = float(in_node(module, tmp_path, code, coarse))
+    with pytest.raises(fg.DivergedError, match=f"t = {told:.6g}"):
+        fg.simulate(coarse)
+    rows = recorded(coarse)
+    assert_same_bits(np.fromfile(tmp_path / "rows"), rows[~np.isnan(rows[:, 0])].copy())
