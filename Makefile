@@ -5,8 +5,8 @@
 
 PYTHON ?= python3
 BIN := .venv/bin
-CPP := $(shell find core sim bindings tests benchmarks -name '*.[ch]pp' 2>/dev/null)
-BUILT_FROM := pyproject.toml CMakeLists.txt $(filter core/% sim/% bindings/%,$(CPP))
+CPP := $(shell find core sim bindings faces tests benchmarks -name '*.[ch]pp' 2>/dev/null)
+BUILT_FROM := pyproject.toml CMakeLists.txt $(filter core/% sim/% bindings/%,$(CPP)) $(shell find faces -type f)
 SUDO = $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 
 .PHONY: reproduce test check test-core test-python bench setup-test clean

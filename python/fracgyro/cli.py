@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import click
 
@@ -154,6 +154,29 @@ def simulate_command(
 def scenario_command(name: str, variant: str) -> None:
     """Print the paper's scenario, complete and commented, to change and simulate."""
     click.echo(Scenario.paper("printed" if variant == "printed" else "corrected").to_toml(), nl=False)
+
+
+@cli.group()
+def export() -> None:
+    """The controller of a scenario for other places."""
+
+
+@export.command()
+@click.argument("scenario", type=click.Path(path_type=Path))
+@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
+@click.option(
+    "--number",
+    type=click.Choice(["float", "double"]),
+    default="float",
+    show_default=True,
+    help="What it computes with.",
+)
+def firmware(scenario: Path, out: Path, number: Literal["float", "double"]) -> None:
+    """Write the controller of SCENARIO as C++ with a C interface, for a microcontroller."""
+    from .export.firmware import export_firmware
+
+    export_firmware(Scenario.load(scenario), out, number)
+    click.echo(f"{out}: add it to your project, as its README.md says")
 
 
 @contextmanager

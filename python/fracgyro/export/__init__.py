@@ -1,0 +1,1 @@
+"""A scenario's controller for other places: firmware.py."""
