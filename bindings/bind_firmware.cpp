@@ -19,20 +19,14 @@ struct Sized {
     using GuardType = Guard<SlidingModeController<T, SurfaceType>>;
 };
 
-// (size, alignment) of the state here; processors with shorter integers need no more.
+// Of the state here; processors with shorter integers need no more. 0 for a capacity that is none.
 template <Scalar T>
-nb::tuple state_size(std::size_t capacity) {
-    nb::object found = nb::none();
-    [&]<std::size_t... I>(std::index_sequence<I...>) {
-        const auto look = [&]<std::size_t Capacity>() {
-            if (Capacity == capacity) {
-                using State = typename Sized<Capacity, true>::template GuardType<T>::State;
-                found = nb::make_tuple(sizeof(State), alignof(State));
-            }
-        };
-        (look.template operator()<4 * (I + 1)>(), ...);
+std::size_t state_size(std::size_t capacity) {
+    return [&]<std::size_t... I>(std::index_sequence<I...>) {
+        return (
+            (4 * (I + 1) == capacity ? sizeof(typename Sized<4 * (I + 1), true>::template GuardType<T>::State) : 0) +
+            ...);
     }(std::make_index_sequence<Modes::capacity / 4>());
-    return nb::cast<nb::tuple>(found);
 }
 
 template <Scalar T>

@@ -43,7 +43,9 @@ void fracgyro_init(fracgyro_state* state) {
     new (state->bytes) State{};
 }
 
-fracgyro_status fracgyro_step(fracgyro_state* state, const fracgyro_motion* motion, fracgyro_vector* force) {
+// Flattened, the coefficients meet the law as constants: branches that they decide vanish, and one stack frame serves all.
+[[gnu::flatten]] fracgyro_status fracgyro_step(fracgyro_state* state, const fracgyro_motion* motion,
+                                               fracgyro_vector* force) {
     State& s = in(state);
     const auto status = Guard::step(
         s, coefficients,

@@ -42,7 +42,9 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
     kind = scenario.controller.kind
     params = controller_params(scenario)
     capacity = -(-max(params.surface.modes.count, 1) // 4) * 4
-    size, alignment = _core.state_size(capacity, number == "float")
+    # Compilers differ in how they align packs of four numbers, hence in padding; fracgyro.cpp checks that all fits.
+    alignment = 16 if number == "float" else 32
+    size = -(-(_core.state_size(capacity, number == "float") + 2 * alignment) // alignment) * alignment
     values = initializer(_core.coefficients(kind, params, number == "float"), number)
     scales = asdict(scenario.plant.scales)
     scales["step"] = scenario.run.step * scales["time"]
@@ -67,15 +69,18 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
         "#ifdef __cplusplus",
         '#include "fracgyro/guard.hpp"',
         "",
+        "// Unnamed: two exported controllers in one process do not meet.",
         "namespace fracgyro_exported {",
+        "namespace {",
         "",
         "template <fracgyro::Scalar T>",
         f"using Surface = {SURFACES[kind].format(capacity=capacity)};",
         f"using Controller = fracgyro::SlidingModeController<{number}, Surface>;",
         "",
         "// In the order of the fields of Controller::Coefficients; what is left out is 0.",
-        f"inline constexpr Controller::Coefficients coefficients = {values};",
+        f"constexpr Controller::Coefficients coefficients = {values};",
         "",
+        "}  // namespace",
         "}  // namespace fracgyro_exported",
         "#endif",
         "",
