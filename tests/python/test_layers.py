@@ -110,6 +110,12 @@ def test_the_bindings_include_what_is_below_and_nanobind(path: Path) -> None:
             assert (path.parent / header).is_file(), header
 
 
+def test_firmware_needs_the_core_alone() -> None:
+    (path,) = sources("faces/firmware")
+    for bracket, header in includes(path):
+        assert header == "fracgyro.h" if bracket == '"' else is_standard(header)
+
+
 @in_tests
 def test_the_core_tests_need_neither_the_bindings_nor_python(path: Path) -> None:
     for bracket, header in includes(path):
