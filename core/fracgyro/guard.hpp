@@ -40,7 +40,7 @@ struct Guard {
 
     static Status step(State& state, const typename Controller::Coefficients& c, const Motion<T>& measured) {
         const T size = sum(measured.position) + sum(measured.velocity);
-        const bool good = size <= T(largest_motion);  // false for NaN
+        const bool good = size < T(largest_motion);  // false for NaN
         if (!good && !state.started) {
             return fault(size);
         }
@@ -49,7 +49,7 @@ struct Guard {
                                       : Motion<T>{.position = reference.position + state.error.value,
                                                   .velocity = reference.velocity + state.error.rate};
         const Signals<T> signals = Controller::respond(state.controller, c, motion, reference, good);
-        if (!(sum(signals.force) + sum(signals.excess) < std::numeric_limits<T>::infinity())) {
+        if (!(sum(signals.force) + sum(signals.excess) < infinity)) {
             state.controller = {};
             state.started = false;
             return Status::restarted;
@@ -60,14 +60,14 @@ struct Guard {
         state.error = signals.error;
         state.force = signals.force;
         state.started = true;
-        return sum(signals.excess) > T(0.0) ? Status::saturated : Status::ok;
+        return T(0.0) < sum(signals.excess) ? Status::saturated : Status::ok;
     }
 
 private:
+    static constexpr T infinity = T(std::numeric_limits<double>::infinity());
+
     static T sum(const Vec2<T>& a) { return absolute(a.x) + absolute(a.y); }
-    static Status fault(T size) {
-        return size < std::numeric_limits<T>::infinity() ? Status::out_of_range : Status::not_finite;
-    }
+    static Status fault(T size) { return size < infinity ? Status::out_of_range : Status::not_finite; }
 };
 
 }  // namespace fracgyro
