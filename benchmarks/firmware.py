@@ -30,7 +30,7 @@ SCENARIOS = {
     "paper": {},
     "16 modes, c = 0.6": {"controller.terminal_exponent": 0.6, "run.mode_tolerance": 5e-5},
     "16 modes": {"run.mode_tolerance": 5e-5},
-    "fast: 9 modes": {"run.mode_tolerance": 1e-2},
+    "fast: 7 modes": {"run.mode_tolerance": 3e-2},
     "fast terminal, no modes": {"controller.kind": "fast_terminal"},
 }
 TARGETS = {"m4f": "Cortex-M4F", "m7": "Cortex-M7"}
