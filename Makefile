@@ -2,6 +2,8 @@
 # make test        every check and every test
 # make web         the WebAssembly module, into build/web
 # make bench       the measurements that the README quotes
+# make check-deep  what takes a minute longer: fuzzing the firmware, clang-tidy
+# make setup-embedded   compilers and emulator for the firmware's tests, from Debian's packages; without them those are skipped
 # Parts of them: check, test-core, test-python, setup-test; and clean. ARGS="..." goes to reproduce.
 
 PYTHON ?= python3
@@ -10,7 +12,7 @@ CPP := $(shell find core sim bindings faces tests benchmarks -name '*.[ch]pp' 2>
 BUILT_FROM := pyproject.toml CMakeLists.txt $(filter core/% sim/% bindings/%,$(CPP)) $(shell find faces -type f)
 SUDO = $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 
-.PHONY: reproduce test check test-core test-python web bench setup-test clean
+.PHONY: reproduce test check check-deep test-core test-python web bench setup-test setup-embedded clean
 .SECONDARY:
 
 reproduce: .venv/installed
@@ -42,6 +44,26 @@ bench: .venv/installed-bench .venv/installed-export
 	$(BIN)/python benchmarks/scaling.py
 	$(BIN)/python benchmarks/reproduction.py
 	$(BIN)/python benchmarks/web.py
+	$(BIN)/python benchmarks/firmware.py
+
+# The firmware of a scenario with a force limit, which the fuzzer relies on.
+FUZZED := build/fuzz/firmware
+FUZZ_SECONDS := 60
+check-deep: .venv/installed-test
+	rm -rf $(FUZZED) && mkdir -p build/fuzz/found
+	$(BIN)/fracgyro scenario paper | sed 's/^force_limit = .*/force_limit = 1000.0/' > build/fuzz/limited.toml
+	$(BIN)/fracgyro export firmware build/fuzz/limited.toml --out $(FUZZED)
+	cd $(FUZZED) && clang-tidy --quiet fracgyro.cpp -- -std=c++20 -I. -Icore
+	clang++ -std=c++20 -O1 -g1 -fsanitize=fuzzer,address,undefined,float-cast-overflow -fno-sanitize-recover=all \
+	  -ffp-contract=off -I$(FUZZED) -I$(FUZZED)/core $(FUZZED)/fracgyro.cpp tests/firmware/fuzz.cpp -o build/fuzz/fuzz
+	cd build/fuzz && ./fuzz -max_total_time=$(FUZZ_SECONDS) -max_len=256 -verbosity=0 -print_final_stats=1 \
+	  found ../../tests/firmware/corpus
+
+EMBEDDED := gcc-arm-none-eabi libnewlib-arm-none-eabi libstdc++-arm-none-eabi-newlib qemu-system-arm clang clang-tidy \
+  libclang-rt-dev
+setup-embedded:
+	@{ dpkg -s $(EMBEDDED) >/dev/null 2>&1; } \
+	  || { $(SUDO) apt-get -qq update && $(SUDO) apt-get -qq install -y --no-install-recommends $(EMBEDDED); }
 
 # GoogleTest, from Debian's packages where it is missing.
 setup-test:

@@ -11,5 +11,6 @@ void bind_loop(nanobind::module_& m);
 void bind_settings(nanobind::module_& m);
 void bind_batch(nanobind::module_& m);
 void bind_disturbance(nanobind::module_& m);
+void bind_firmware(nanobind::module_& m);
 
 }  // namespace fracgyro::bindings

@@ -8,4 +8,5 @@ NB_MODULE(_core, m) {
     fracgyro::bindings::bind_loop(m);
     fracgyro::bindings::bind_settings(m);
     fracgyro::bindings::bind_batch(m);
+    fracgyro::bindings::bind_firmware(m);
 }

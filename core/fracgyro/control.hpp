@@ -62,10 +62,11 @@ struct Control {
         const auto [gain, slope] = if_less({square, square}, {c.thickness_squared, c.thickness_squared},
                                            {c.linear_gain, c.quadratic_gain}, Vec2<T>{T(0.0), outside});
         const Vec2<T> drive = bound * surface.s;
-        const Vec2<T> force = (equivalent - gain * drive) - sizes.surface * (slope * drive);
-        if (!c.limited) {
-            return force;
-        }
+        return (equivalent - gain * drive) - sizes.surface * (slope * drive);
+    }
+
+    // What the actuator can do of it.
+    static Vec2<T> within_limit(const Coefficients& c, const Vec2<T>& force) {
         return {clamp(force.x, -c.force_limit, c.force_limit), clamp(force.y, -c.force_limit, c.force_limit)};
     }
 };

@@ -27,6 +27,7 @@ struct Signals {
     Vec2<T> surface{};
     Estimates<T> estimates{};  // those the force was computed with
     Vec2<T> force{};
+    Vec2<T> excess{};  // what the force limit took from it
 };
 
 template <Scalar T, template <class> class SurfaceOf>
@@ -62,16 +63,34 @@ struct SlidingModeController {
 
     // The force for the coming step, from the motion measured now. Called once every step.
     static Signals<T> step(State& state, const Coefficients& c, const Motion<T>& motion) {
-        const ReferencePoint<T> reference = Reference<T>::update(state.reference, c.reference);  // 1
+        return respond(state, c, motion, Reference<T>::update(state.reference, c.reference));  // 1
+    }
+
+    // Steps 2 to 5 alone; without learning the estimates rest.
+    static Signals<T> respond(State& state, const Coefficients& c, const Motion<T>& motion,
+                              const ReferencePoint<T>& reference, bool learning = true) {
         const Sample<T> error = tracking_error(motion, reference);                               // 2
         const SurfacePoint<T> surface = SurfaceType::evaluate(state.surface, c.surface, error);  // 3
-        const Sizes<T> sizes = sizes_of(motion, surface.s);
+        Sizes<T> sizes = sizes_of(motion, surface.s);
         // Made in place: the estimates are many numbers, and copies of them go through memory.
         Signals<T> signals{
             .reference = reference, .error = error, .surface = surface.s, .estimates = estimates(state, c)};
         signals.force = Control<T>::force(c.control, signals.estimates, motion, reference, surface, sizes);  // 4
+        Vec2<T> learnt_from = surface.s;
+        if (c.control.limited) {
+            const Vec2<T> wanted = signals.force;
+            signals.force = Control<T>::within_limit(c.control, wanted);
+            signals.excess = wanted - signals.force;
+            // The laws move the force against s: s·Δu <= 0. Where it is beyond the limit that way, they would wind up.
+            const T unwinding = signals.excess.x * surface.s.x + signals.excess.y * surface.s.y;
+            const T active = if_less(unwinding, T(0.0), T(0.0), T(1.0));
+            learnt_from = active * surface.s;
+            sizes.surface = active * sizes.surface;
+        }
         SurfaceType::advance(state.surface, c.surface, error);
-        Adaptation<T>::update(state.adaptation, c.adaptation, motion, surface.s, sizes);  // 5
+        if (learning) {
+            Adaptation<T>::update(state.adaptation, c.adaptation, motion, learnt_from, sizes);  // 5
+        }
         return signals;
     }
 };

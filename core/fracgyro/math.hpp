@@ -12,6 +12,7 @@
 #include <cstdint>
 #include <limits>
 #include <type_traits>
+#include <utility>
 
 namespace fracgyro {
 
@@ -246,14 +247,14 @@ constexpr double inverse_factorial(int n) {
 }
 // ±1/n!, with the sign that n has in the series of sine and cosine.
 constexpr double series_term(int n) { return n / 2 % 2 == 0 ? inverse_factorial(n) : -inverse_factorial(n); }
-// c0 + x (c1 + x (c2 + …))
+// c0 + x (c1 + x (c2 + …)), written out: in a loop a microcontroller would spend as much on the loop.
 template <class Number, std::size_t Terms, Scalar T>
 constexpr T horner(const std::array<Number, Terms>& c, T x) {
-    T sum = T(c[Terms - 1]);
-    for (std::size_t k = Terms - 1; k-- > 0;) {
-        sum = sum * x + T(c[k]);
-    }
-    return sum;
+    return [&]<std::size_t... K>(std::index_sequence<K...>) {
+        T sum = T(c[Terms - 1]);
+        ((sum = sum * x + T(c[Terms - 2 - K])), ...);
+        return sum;
+    }(std::make_index_sequence<Terms - 1>());
 }
 
 // The integer nearest to |x| < 2^22 (float) or 2^51 (double), as a number.
@@ -287,7 +288,7 @@ T log2_split(T x, T& exponent) {
     const T m = std::bit_cast<T>((shifted & ((one << B::fraction) - one)) + origin);
     const T z = (m - T(Value(1))) / (m + T(Value(1)));
     const T square = z * z;
-    constexpr auto odd_reciprocals = table<Value, B::log_terms>([](int k) { return 1.0 / (2 * k + 1); });
+    static constexpr auto odd_reciprocals = table<Value, B::log_terms>([](int k) { return 1.0 / (2 * k + 1); });
     const T series = horner(odd_reciprocals, square);
     return T(static_cast<Value>(2.88539008177792681472)) * (z * series);  // 2/ln 2
 }
@@ -306,7 +307,8 @@ T exp2_split(T whole, T part) {
     using B = Bits<T>;
     using Value = typename B::Value;
     const T x = part * T(static_cast<Value>(0.69314718055994530942));
-    constexpr auto inverse_factorials = table<Value, B::exp_terms - 1>([](int k) { return inverse_factorial(k + 1); });
+    static constexpr auto inverse_factorials =
+        table<Value, B::exp_terms - 1>([](int k) { return inverse_factorial(k + 1); });
     const T series = horner(inverse_factorials, x);
     // In two factors: 2^whole itself may exceed the range at either end where the result does not.
     const T half = round_to_nearest(whole * T(Value(0.5)));
@@ -370,9 +372,9 @@ template <Scalar T, std::unsigned_integral Phase>
         const T x = T(static_cast<detail::Built<T>>(remainder) * static_cast<detail::Built<T>>(unit));
         // Taylor series on |x| <= π/4: x - x³/3! + … and 1 - x²/2! + …
         constexpr int terms = sizeof(T) == sizeof(float) ? 6 : 9;
-        constexpr auto of_sine =
+        static constexpr auto of_sine =
             detail::table<detail::Built<T>, terms>([](int k) { return detail::series_term(2 * k + 1); });
-        constexpr auto of_cosine =
+        static constexpr auto of_cosine =
             detail::table<detail::Built<T>, terms>([](int k) { return detail::series_term(2 * k); });
         const T square = x * x;
         const T sine = x * detail::horner(of_sine, square);

@@ -49,25 +49,26 @@ struct LinearTerm {
     }
 };
 
-// λ1 D^(α-1) e
-template <Scalar T>
+// λ1 D^(α-1) e, with room for as many modes as Capacity says.
+template <Scalar T, std::size_t Capacity = Modes::capacity>
 struct FractionalTerm {
+    using Operator = Fractional<T, Capacity>;
     struct Coefficients {
         Vec2<T> gain{};
-        typename Fractional<T>::Coefficients fractional{};
+        typename Operator::Coefficients fractional{};
     };
-    using State = typename Fractional<T>::State;
+    using State = typename Operator::State;
 
     static Coefficients prepare(const SurfaceParams& p, double step) {
         return {.gain = {T(p.fractional_gain.x), T(p.fractional_gain.y)},
-                .fractional = Fractional<T>::prepare(p.modes, step, p.riemann_liouville)};
+                .fractional = Operator::prepare(p.modes, step, p.riemann_liouville)};
     }
     static SurfacePoint<T> evaluate(State& state, const Coefficients& c, const Sample<T>& error) {
-        const FractionalOutput<T> d = Fractional<T>::evaluate(state, c.fractional, error);
+        const FractionalOutput<T> d = Operator::evaluate(state, c.fractional, error);
         return {.s = c.gain * d.integral, .drift = c.gain * d.derivative};
     }
     static void advance(State& state, const Coefficients& c, const Sample<T>& error) {
-        Fractional<T>::advance(state, c.fractional, error);
+        Operator::advance(state, c.fractional, error);
     }
 };
 

@@ -190,6 +190,24 @@ def fmu(scenario: Path, out: Path, controller: bool, fmi: Literal["2.0", "3.0"],
     click.echo(f"{out}: {'controller' if controller else 'closed loop'}, FMI {fmi}, for {', '.join(systems)}")
 
 
+@export.command()
+@click.argument("scenario", type=click.Path(path_type=Path))
+@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
+@click.option(
+    "--number",
+    type=click.Choice(["float", "double"]),
+    default="float",
+    show_default=True,
+    help="What it computes with.",
+)
+def firmware(scenario: Path, out: Path, number: Literal["float", "double"]) -> None:
+    """Write the controller of SCENARIO as C++ with a C interface, for a microcontroller."""
+    from .export.firmware import export_firmware
+
+    export_firmware(Scenario.load(scenario), out, number)
+    click.echo(f"{out}: add it to your project, as its README.md says")
+
+
 @contextmanager
 def _progress(doing: str, rate: str = "") -> Iterator[Callable[..., None]]:
     """A bar, told (done, total, what is being done); with `rate`, the unit of what is done per second."""

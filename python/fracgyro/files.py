@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -52,3 +53,24 @@ def writable_folder(path: str | os.PathLike[str]) -> Path:
     except OSError as error:
         raise ValueError(f"{path} cannot be made: {reason(error)}") from None
     return folder
+
+
+@contextmanager
+def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """A scratch folder beside `path`, moved there when the block ends without an error and removed otherwise.
+
+    Raises ValueError in one sentence when it cannot be written, or when `path` is there already and not empty.
+    """
+    target = Path(os.path.realpath(path))
+    scratch = target.with_name(f".{uuid.uuid4().hex}")
+    try:
+        if target.exists() and (not target.is_dir() or any(target.iterdir())):
+            raise ValueError(f"{path} cannot be written: it is there already; name an empty or a new folder")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        scratch.mkdir()
+        yield scratch
+        os.replace(scratch, target)
+    except OSError as error:
+        raise ValueError(f"{path} cannot be written: {reason(error)}") from None
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)

@@ -363,7 +363,7 @@ class Run(Table):
     step: float = _field(1e-3, "h, unit 1/omega0: period of control. The paper's loop diverges from about 5e-3.", gt=0)
     record_every: int = _field(1, "Steps from one recorded sample to the next. 1: off, all are kept.", ge=1)
     mode_tolerance: float = _field(
-        1e-6, "Largest relative error of the exponential modes; 1e-9 to 1e-2.", ge=1e-9, le=1e-2
+        1e-6, "Largest relative error of the exponential modes; 1e-9 to 1e-1.", ge=1e-9, le=1e-1
     )
     units: Literal["nondimensional", "SI"] = _field(
         "nondimensional", "Units of the results alone: nondimensional, or SI (s, m, N). nondimensional: off."

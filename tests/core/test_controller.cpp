@@ -1,6 +1,7 @@
 #include "paper.hpp"
 #include "scalars.hpp"
 
+#include "fracgyro/guard.hpp"
 #include "fracgyro/record.hpp"
 
 #include <cmath>
@@ -148,7 +149,8 @@ Vec2<T> switching_force(const ControlParams& p, double s_x, double s_y, double b
     Estimates<T> estimates{};
     estimates.bound[0] = T(bound);
     const Vec2<T> s = vec2<T>(s_x, s_y);
-    return Control<T>::force(Control<T>::prepare(p), estimates, {}, {}, {.s = s}, sizes_of<T>({}, s));
+    const auto c = Control<T>::prepare(p);
+    return Control<T>::within_limit(c, Control<T>::force(c, estimates, {}, {}, {.s = s}, sizes_of<T>({}, s)));
 }
 
 TYPED_TEST(Law, TheEquivalentControlCancelsThePlantAndTheDriftOfTheSurface) {
@@ -212,6 +214,72 @@ TYPED_TEST(Law, TheForceSaturatesOnEachAxis) {
     const Vec2<TypeParam> force = switching_force<TypeParam>(p, 3, -4, 10.0);  // (-6, 8) unlimited
     expect_near(force, {-6, 7}, 10.0 * epsilon<TypeParam>);
     expect_near(switching_force<TypeParam>(p, 4, -3, 10.0), {-7, 6}, 10.0 * epsilon<TypeParam>);
+}
+
+// The controller as a whole, of a linear surface with λ1 = 10, holding (0, 0) from (1, 0), whose K̂ starts at `stiffness`.
+ControllerParams held_at_zero(double stiffness) {
+    ControllerParams p;
+    p.reference.amplitude = {0.0, 0.0};
+    p.control.force_limit = 100.0;
+    p.adaptation.initial.stiffness = {stiffness, 0.0, stiffness};
+    return p;
+}
+
+TYPED_TEST(Law, AtTheForceLimitTheEstimatesRestOnlyWhereMoreOfTheirLawsWouldWindUp) {
+    using T = TypeParam;
+    using Controller = SlidingModeController<T, LinearSurface>;
+    const Motion<T> motion{.position = vec2<T>(1, 0)};  // s = (10, 0): the laws lower K̂xx, and the force with it
+    for (const double stiffness : {-1000.0, 0.0, 1000.0}) {
+        const auto c = Controller::prepare(held_at_zero(stiffness));
+        typename Controller::State state{};
+        const Signals<T> signals = Controller::step(state, c, motion);
+        expect_near(signals.force + signals.excess, {stiffness, 0}, 1e-5 * (1.0 + std::abs(stiffness)));
+        expect_equal(signals.force, {std::clamp(stiffness, -100.0, 100.0), 0});
+        const double learnt = number(state.adaptation.deviation.stiffness.xx);
+        if (stiffness < 0.0) {
+            EXPECT_EQ(learnt, 0.0);
+        } else {
+            EXPECT_NEAR(learnt, -1e-3 * 150.0 * 10.0, 1e-6);
+        }
+    }
+}
+
+TYPED_TEST(Law, TheGuardHoldsTheForceAndTheEstimatesWhileNothingIsMeasured) {
+    using T = TypeParam;
+    using Controller = SlidingModeController<T, FractionalFastTerminalSurface>;
+    using Safe = Guard<Controller>;
+    ControllerParams p = paper(1000).controller;
+    const auto c = Controller::prepare(p);
+    typename Safe::State state{};
+    const Motion<T> good{.position = vec2<T>(0.5, 0.25)};
+    const double nan = std::numeric_limits<double>::quiet_NaN();
+    EXPECT_EQ(Safe::step(state, c, {.position = vec2<T>(nan, 0)}), Status::not_finite);
+    EXPECT_EQ(state.controller.reference.steps, 0U) << "time has not started";
+    EXPECT_EQ(Safe::step(state, c, good), Status::ok);
+    const Vec2<T> force = state.force;
+    const double rate = number(Controller::estimates(state.controller, c).rate);
+    EXPECT_EQ(Safe::step(state, c, {.position = vec2<T>(nan, 0)}), Status::not_finite);
+    EXPECT_EQ(Safe::step(state, c, {.velocity = vec2<T>(0, -2e6)}), Status::out_of_range);
+    expect_equal(state.force - force, {0, 0});
+    EXPECT_EQ(number(Controller::estimates(state.controller, c).rate), rate);
+    EXPECT_EQ(state.controller.reference.steps, 3U) << "time goes on";
+    EXPECT_EQ(Safe::step(state, c, good), Status::ok);
+}
+
+TYPED_TEST(Law, AMemoryThatIsLostIsStartedAnewUnderTheLastForce) {
+    using T = TypeParam;
+    using Controller = SlidingModeController<T, LinearSurface>;
+    using Safe = Guard<Controller>;
+    const auto c = Controller::prepare(held_at_zero(0.0));
+    typename Safe::State state{};
+    const Motion<T> good{.position = vec2<T>(1, 0), .velocity = vec2<T>(1, 0)};
+    EXPECT_EQ(Safe::step(state, c, good), Status::ok);
+    const Vec2<T> force = state.force;
+    state.controller.adaptation.deviation.rate = T(std::numeric_limits<double>::infinity());
+    EXPECT_EQ(Safe::step(state, c, good), Status::restarted);
+    expect_equal(state.force - force, {0, 0});
+    EXPECT_EQ(Safe::step(state, c, good), Status::ok);
+    EXPECT_EQ(state.controller.reference.steps, 1U);
 }
 
 // Adaptation

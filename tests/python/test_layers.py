@@ -11,7 +11,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 
 # No heap, no exceptions, no I/O, no libm but in math.hpp.
-CORE_STANDARD = {"array", "bit", "concepts", "cstddef", "cstdint", "limits", "type_traits"}
+CORE_STANDARD = {"array", "bit", "concepts", "cstddef", "cstdint", "limits", "type_traits", "utility"}
 CORE_LIBM = {"sqrt", "fabs", "copysign"}  # each exact by IEEE 754
 FORBIDDEN_WORDS = {"new", "delete", "malloc", "free", "throw", "try", "catch", "virtual", "typeid"}
 
@@ -121,6 +121,12 @@ def test_a_face_includes_what_is_below_itself_and_the_standard_it_speaks(path: P
         else:
             made_or_fmi = {"exported.hpp", "fmi2Functions.h", "fmi3Functions.h"}
             assert header in made_or_fmi or (path.parent / header).is_file(), header
+
+
+def test_firmware_needs_the_core_alone() -> None:
+    (path,) = sources("faces/firmware")
+    for bracket, header in includes(path):
+        assert header == "fracgyro.h" if bracket == '"' else is_standard(header)
 
 
 @in_tests

@@ -342,7 +342,7 @@ BAD = [
     ({"controller.kind": "linear", "run.duration": 2e5}, "it must be at most 100000000 steps of 0.001"),
     ({"run.record_every": 0}, "run.record_every is 0: it must be at least 1"),
     ({"run.record_every": 1.5}, "run.record_every is 1.5: it must be an integer"),
-    ({"run.mode_tolerance": 0.1}, "run.mode_tolerance is 0.1: it must lie between 1e-09 and 0.01"),
+    ({"run.mode_tolerance": 0.2}, "run.mode_tolerance is 0.2: it must lie between 1e-09 and 0.1"),
     ({"run.units": "si"}, 'run.units is "si": it must be nondimensional or SI'),
     ({"run.duration": "eighty\nunits"}, 'run.duration is "eighty\\nunits": it must be a number'),
     (
@@ -649,7 +649,7 @@ def scenarios(draw: st.DrawFn) -> Scenario:
             "duration": steps * step,
             "step": step,
             "record_every": draw(st.integers(1, 10**6)),
-            "mode_tolerance": draw(st.floats(1e-9, 1e-2)),
+            "mode_tolerance": draw(st.floats(1e-9, 1e-1)),
             "units": draw(st.sampled_from(["nondimensional", "SI"])),
         },
     }

@@ -1,0 +1,162 @@
+"""What the exported firmware costs: instructions, memory, and the error that it makes.
+
+Writes faces/firmware/measured.md.
+
+python benchmarks/firmware.py            measures everything
+python benchmarks/firmware.py --check    counts again and compares with what is committed, errors apart
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import fracgyro as fg
+import numpy as np
+from fracgyro.export.firmware import export_firmware
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "tests/python"))
+import embedded  # noqa: E402
+
+RESULTS = ROOT / "faces/firmware/measured.md"
+SEEDS = 10
+PAPER = fg.Scenario.paper()
+SCENARIOS = {
+    "paper, c = 0.6": {"controller.terminal_exponent": 0.6},
+    "paper": {},
+    "16 modes, c = 0.6": {"controller.terminal_exponent": 0.6, "run.mode_tolerance": 5e-5},
+    "16 modes": {"run.mode_tolerance": 5e-5},
+    "fast: 7 modes": {"run.mode_tolerance": 3e-2},
+    "fast terminal, no modes": {"controller.kind": "fast_terminal"},
+}
+TARGETS = {"m4f": "Cortex-M4F", "m7": "Cortex-M7"}
+
+# Cycles per instruction, least and most, and cycles per division or square root, of which a step has nine.
+CYCLES = {"Cortex-M4F": (1.0, 1.5), "Cortex-M7": (0.65, 1.1)}
+ROOTS, CYCLES_PER_ROOT = 9, 14
+CLOCKS = {"168 MHz M4F": ("Cortex-M4F", 168), "480 MHz M7": ("Cortex-M7", 480), "1 GHz M7": ("Cortex-M7", 1000)}
+
+HEAD = """\
+# What the firmware costs
+
+Counted by `python benchmarks/firmware.py`, compiled with the flags of the exported Makefile by
+{compiler}, run by
+{emulator}.
+
+These are **instructions, not cycles**, which QEMU does not know. Mean over 64 steps, two of which evaluate the
+reference anew, and the most that any step took, those of a fault included. Bytes: coefficients and state; stack of a
+step; code and constants added to an image. c = 1/2 where nothing is said.
+"""
+
+
+def measure(scenario: fg.Scenario, number: str, folder: Path) -> dict[str, str]:
+    """Cells by column."""
+    export_firmware(scenario, folder, number)  # type: ignore[arg-type]
+    counts = dict(re.findall(r"(Cortex-\w+): (\d+ \d+)", embedded.make(folder, "count")))
+    sizes = re.findall(r"^\s*(\d+)\s+(\d+).*?(\w+)/image", embedded.make(folder, "size"), re.MULTILINE)
+    symbols = subprocess.run(
+        ["arm-none-eabi-nm", "-S", "build/m7/fracgyro.o"], cwd=folder, capture_output=True, text=True, check=True
+    ).stdout
+    (coefficients,) = re.findall(r"^\w+ (\w+) r \w*12coefficientsE$", symbols, re.MULTILINE) or ["0"]
+    state = re.findall(r"STATE_SIZE (\d+)", (folder / "fracgyro_coefficients.h").read_text())[0]
+    frames = [
+        re.findall(r"fracgyro_step\(.*\t(\d+)\t", (folder / f"build/{t}/fracgyro.su").read_text())[0] for t in TARGETS
+    ]
+    return {
+        **{name: " / ".join(counts[name].split()) for name in TARGETS.values()},
+        "memory": f"{int(coefficients, 16)} + {state}",
+        "stack": " / ".join(frames),
+        "image": " / ".join(str(int(text) + int(data)) for text, data, _ in sizes),
+    }
+
+
+def table() -> list[str]:
+    lines = [
+        "| controller | modes | scalar | Cortex-M4F: mean / most | Cortex-M7: mean / most "
+        "| bytes: coefficients + state | stack M4F / M7 | image M4F / M7 |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for name, changes in SCENARIOS.items():
+        scenario = PAPER.replace(changes)
+        for number in ("float", "double"):
+            with tempfile.TemporaryDirectory() as folder:
+                cells = measure(scenario, number, Path(folder) / "out")
+            lines.append(f"| {name} | {embedded.mode_count(scenario)} | {number} | {' | '.join(cells.values())} |")
+    return lines
+
+
+def sampling(counted: list[str]) -> list[str]:
+    """The time of the longest step in microseconds, estimated from what was counted."""
+    lines = [
+        "Estimated time of the longest step in microseconds, float. Assumed, not measured:",
+        "; ".join(f"{name} {low} to {high} cycles per instruction" for name, (low, high) in CYCLES.items()) + ";",
+        f"{CYCLES_PER_ROOT} more for each of {ROOTS} divisions and square roots;",
+        "code and data in memory without wait states. The paper's step is 1 microsecond.",
+        "",
+        f"| controller | modes | {' | '.join(CLOCKS)} |",
+        "|---|---|---|---|---|",
+    ]
+    for row in counted[2:]:
+        _, name, modes, number, m4f, m7, *_ = (cell.strip() for cell in row.split("|"))
+        most = {"Cortex-M4F": int(m4f.split()[-1]), "Cortex-M7": int(m7.split()[-1])}
+        times = [
+            [(most[processor] * cycles + ROOTS * CYCLES_PER_ROOT) / clock for cycles in CYCLES[processor]]
+            for processor, clock in CLOCKS.values()
+        ]
+        if number == "float":
+            lines.append(f"| {name} | {modes} | {' | '.join(f'{low:.1f} to {high:.1f}' for low, high in times)} |")
+    return lines
+
+
+def errors() -> list[str]:
+    """RMSE of x, y against the paper's controller in double, mean over seeds."""
+    lines = [
+        "RMSE of the closed loop, plant in double and firmware in float, against that of the paper's controller in",
+        f"double: means over {SEEDS} seeds.",
+        "",
+        "| controller | modes | whole run: x, y | t >= 10: x, y |",
+        "|---|---|---|---|",
+    ]
+    runs = [PAPER.replace({"disturbance.seed": seed}) for seed in range(SEEDS)]
+    base = [[fg.metrics.rmse(fg.simulate(run), window=(start, None)).values for start in (0, 10)] for run in runs]
+    for name, changes in SCENARIOS.items():
+        if "controller.kind" in changes or "controller.terminal_exponent" in changes:
+            continue
+        with tempfile.TemporaryDirectory() as folder:
+            scenario = PAPER.replace(changes)
+            export_firmware(scenario, Path(folder) / "out")
+            found = [
+                [embedded.rmse(run, embedded.Host(Path(folder) / "out", "float"), start) for start in (0.0, 10.0)]
+                for run in runs
+            ]
+        whole, late = 100 * (np.mean(found, axis=0) / np.mean(base, axis=0) - 1)
+        cells = [f"{x:+.2f} %, {y:+.2f} %" for x, y in (whole, late)]
+        lines.append(f"| {name} | {embedded.mode_count(scenario)} | {' | '.join(cells)} |")
+    return lines
+
+
+def first_line(*command: str) -> str:
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()[0]
+
+
+def main() -> None:
+    rows = table()
+    counted = "\n".join(rows)
+    if "--check" in sys.argv:
+        committed = RESULTS.read_text(encoding="utf-8")
+        if counted not in committed:
+            sys.exit(f"{RESULTS.relative_to(ROOT)} differs; make it again: python benchmarks/firmware.py\n{counted}")
+        return
+    head = HEAD.format(
+        compiler=first_line("arm-none-eabi-g++", "--version"), emulator=first_line("qemu-system-arm", "--version")
+    )
+    RESULTS.write_text("\n".join([head, counted, "", *sampling(rows), "", *errors()]) + "\n", encoding="utf-8")
+    print(RESULTS.read_text(encoding="utf-8"))
+
+
+if __name__ == "__main__":
+    main()

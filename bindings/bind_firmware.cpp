@@ -1,0 +1,57 @@
+#include "bindings.hpp"
+#include "fields.hpp"
+
+#include "fracgyro/controllers.hpp"
+#include "fracgyro/guard.hpp"
+
+#include <nanobind/stl/string.h>
+
+namespace fracgyro::bindings {
+
+namespace {
+
+// A controller with room for so many modes.
+template <std::size_t Capacity, bool with_terminal>
+struct Sized {
+    template <Scalar T>
+    using SurfaceType = Surface<T, FractionalTerm<T, Capacity>, with_terminal>;
+    template <Scalar T>
+    using GuardType = Guard<SlidingModeController<T, SurfaceType>>;
+};
+
+// Of the state here; processors with shorter integers need no more. 0 for a capacity that is none.
+template <Scalar T>
+std::size_t state_size(std::size_t capacity) {
+    return [&]<std::size_t... I>(std::index_sequence<I...>) {
+        return (
+            (4 * (I + 1) == capacity ? sizeof(typename Sized<4 * (I + 1), true>::template GuardType<T>::State) : 0) +
+            ...);
+    }(std::make_index_sequence<Modes::capacity / 4>());
+}
+
+template <Scalar T>
+nb::object coefficients(const std::string& kind, const ControllerParams& p) {
+    nb::object nested;
+    with_controller<T>(kind, [&]<class Controller>() { nested = nested_fields(Controller::prepare(p)); });
+    return nested;
+}
+
+}  // namespace
+
+void bind_firmware(nb::module_& m) {
+    m.def(
+        "coefficients",
+        [](const std::string& kind, const ControllerParams& p, bool single) {
+            return single ? coefficients<float>(kind, p) : coefficients<double>(kind, p);
+        },
+        nb::arg("kind"), nb::arg("params"), nb::arg("single"),
+        "The coefficients, nested as the structs are: a tuple for each struct, a list for each array.");
+    m.def(
+        "state_size",
+        [](std::size_t capacity, bool single) {
+            return single ? state_size<float>(capacity) : state_size<double>(capacity);
+        },
+        nb::arg("capacity"), nb::arg("single"));
+}
+
+}  // namespace fracgyro::bindings

@@ -1,0 +1,78 @@
+// The C interface. The control law itself is in core/.
+#include "fracgyro.h"
+
+#include <cstring>
+#include <new>
+#include <type_traits>
+
+namespace {
+
+using fracgyro_exported::coefficients;
+using fracgyro_exported::Controller;
+using Number = Controller::Value;
+using Guard = fracgyro::Guard<Controller>;
+using State = Guard::State;
+
+static_assert(sizeof(State) <= FRACGYRO_STATE_SIZE && alignof(State) <= FRACGYRO_STATE_ALIGNMENT);
+static_assert(std::is_trivially_copyable_v<State> && std::is_same_v<Number, fracgyro_number>);
+static_assert(static_cast<int>(fracgyro::Status::ok) == FRACGYRO_OK);
+static_assert(static_cast<int>(fracgyro::Status::saturated) == FRACGYRO_SATURATED);
+static_assert(static_cast<int>(fracgyro::Status::not_finite) == FRACGYRO_NOT_FINITE);
+static_assert(static_cast<int>(fracgyro::Status::out_of_range) == FRACGYRO_OUT_OF_RANGE);
+static_assert(static_cast<int>(fracgyro::Status::restarted) == FRACGYRO_RESTARTED);
+
+State& in(fracgyro_state* state) { return *std::launder(reinterpret_cast<State*>(state->bytes)); }
+const State& in(const fracgyro_state* state) { return *std::launder(reinterpret_cast<const State*>(state->bytes)); }
+
+// CRC-32, which notices every burst of up to 32 wrong bits.
+std::uint32_t checksum(const fracgyro_state& state) {
+    std::uint32_t sum = 0xFFFFFFFFU;
+    for (const unsigned char byte : state.bytes) {
+        sum ^= byte;
+        for (int bit = 0; bit < 8; ++bit) {
+            sum = (sum >> 1) ^ ((sum & 1U) != 0 ? 0xEDB88320U : 0U);
+        }
+    }
+    return ~sum;
+}
+
+}  // namespace
+
+void fracgyro_init(fracgyro_state* state) {
+    std::memset(state, 0, sizeof *state);
+    new (state->bytes) State{};
+}
+
+// Flattened, the coefficients meet the law as constants: branches that they decide vanish, and one stack frame serves all.
+[[gnu::flatten]] fracgyro_status fracgyro_step(fracgyro_state* state, const fracgyro_motion* motion,
+                                               fracgyro_vector* force) {
+    State& s = in(state);
+    const auto status = Guard::step(
+        s, coefficients,
+        {.position = {motion->position.x, motion->position.y}, .velocity = {motion->velocity.x, motion->velocity.y}});
+    force->x = s.force.x;
+    force->y = s.force.y;
+    return static_cast<fracgyro_status>(status);
+}
+
+void fracgyro_read_estimates(const fracgyro_state* state, fracgyro_estimates* estimates) {
+    const auto e = Controller::estimates(in(state).controller, coefficients);
+    *estimates = {.damping = {e.damping.xx, e.damping.xy, e.damping.yy},
+                  .stiffness = {e.stiffness.xx, e.stiffness.xy, e.stiffness.yy},
+                  .rate = e.rate,
+                  .bound = {e.bound[0], e.bound[1], e.bound[2]}};
+}
+
+void fracgyro_save(const fracgyro_state* state, fracgyro_saved* saved) {
+    std::memcpy(&saved->state, state, sizeof *state);
+    saved->key = FRACGYRO_KEY;
+    saved->checksum = checksum(saved->state);
+}
+
+fracgyro_status fracgyro_restore(fracgyro_state* state, const fracgyro_saved* saved) {
+    if (saved->key != FRACGYRO_KEY || saved->checksum != checksum(saved->state)) {
+        return FRACGYRO_REFUSED;
+    }
+    std::memcpy(state, &saved->state, sizeof *state);
+    return FRACGYRO_OK;
+}

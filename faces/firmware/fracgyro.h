@@ -1,0 +1,68 @@
+/* The controller for C, C99 and later. Everything is nondimensional; fracgyro_coefficients.h says what one unit is.
+ *
+ *     fracgyro_state state;
+ *     fracgyro_init(&state);
+ *     every FRACGYRO_STEP_SECONDS:  status = fracgyro_step(&state, &motion, &force);
+ *
+ * Nothing here allocates, blocks, recurses or fails; every function ends in bounded time. A state belongs to one caller at
+ * a time; any number of states may be in use. */
+#ifndef FRACGYRO_H
+#define FRACGYRO_H
+
+#include "fracgyro_coefficients.h" /* fracgyro_number; FRACGYRO_STATE_SIZE and _ALIGNMENT; units; the scenario */
+
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef enum {
+    FRACGYRO_OK = 0,
+    FRACGYRO_SATURATED = 1,    /* the force is at its limit, and the estimates rest rather than wind up */
+    FRACGYRO_NOT_FINITE = 2,   /* NaN or infinity was measured: the last force is held, the estimates rest */
+    FRACGYRO_OUT_OF_RANGE = 3, /* what was measured is no motion of a gyroscope: as above */
+    FRACGYRO_RESTARTED = 4,    /* the force was not finite: the last one is held, the next sample starts anew */
+    FRACGYRO_REFUSED = 5       /* nothing was restored: saved by another controller, or damaged since */
+} fracgyro_status;
+
+typedef struct {
+    fracgyro_number x, y;
+} fracgyro_vector;
+
+typedef struct {
+    fracgyro_vector position, velocity;
+} fracgyro_motion;
+
+/* Damping and stiffness as xx, xy, yy; the angular rate; b0, b1, b2. */
+typedef struct {
+    fracgyro_number damping[3], stiffness[3], rate, bound[3];
+} fracgyro_estimates;
+
+typedef struct {
+    unsigned char bytes[FRACGYRO_STATE_SIZE];
+} __attribute__((aligned(FRACGYRO_STATE_ALIGNMENT))) fracgyro_state;
+
+/* For flash or a wire between equal processors. */
+typedef struct {
+    uint32_t key, checksum;
+    fracgyro_state state;
+} fracgyro_saved;
+
+/* To t = 0. */
+void fracgyro_init(fracgyro_state* state);
+
+/* The force to hold until the next step, from the motion measured now. `force` is always set, and always within the limit. */
+fracgyro_status fracgyro_step(fracgyro_state* state, const fracgyro_motion* motion, fracgyro_vector* force);
+
+void fracgyro_read_estimates(const fracgyro_state* state, fracgyro_estimates* estimates);
+
+/* A restored state continues as the saved one would have, bit for bit. */
+void fracgyro_save(const fracgyro_state* state, fracgyro_saved* saved);
+fracgyro_status fracgyro_restore(fracgyro_state* state, const fracgyro_saved* saved);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

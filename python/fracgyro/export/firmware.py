@@ -1,0 +1,124 @@
+"""A scenario's controller as a self-contained folder of C++ with a C interface, for a microcontroller."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Literal
+
+from .. import _core
+from ..files import whole_folder
+from ..scenario import Scenario
+from ..setup import controller_params
+
+Number = Literal["float", "double"]
+
+# The sources are installed beside the compiled module, whose coefficients fit these very headers.
+SOURCES = Path(_core.__file__).parent
+
+SURFACES = {
+    "fractional_fast_terminal": "fracgyro::Surface<T, fracgyro::FractionalTerm<T, {capacity}>, true>",
+    "fractional": "fracgyro::Surface<T, fracgyro::FractionalTerm<T, {capacity}>, false>",
+    "fast_terminal": "fracgyro::FastTerminalSurface<T>",
+    "linear": "fracgyro::LinearSurface<T>",
+}
+
+
+def export_firmware(scenario: Scenario, folder: str | os.PathLike[str], number: Number = "float") -> None:
+    """Writes the folder whole or not at all. Raises ValueError, in one sentence, when it cannot be written."""
+    header = coefficients_header(scenario, number)
+    with whole_folder(folder) as scratch:
+        shutil.copytree(SOURCES / "faces/firmware", scratch, dirs_exist_ok=True)
+        shutil.copytree(SOURCES / "core", scratch / "core")
+        (scratch / "fracgyro_coefficients.h").write_text(header, encoding="utf-8", newline="\n")
+
+
+def coefficients_header(scenario: Scenario, number: Number) -> str:
+    """What differs from one scenario to the next. The same scenario gives the same text."""
+    kind = scenario.controller.kind
+    params = controller_params(scenario)
+    capacity = -(-max(params.surface.modes.count, 1) // 4) * 4
+    # Compilers differ in how they align packs of four numbers, hence in padding; fracgyro.cpp checks that all fits.
+    alignment = 16 if number == "float" else 32
+    size = -(-(_core.state_size(capacity, number == "float") + 2 * alignment) // alignment) * alignment
+    values = initializer(_core.coefficients(kind, params, number == "float"), number)
+    scales = asdict(scenario.plant.scales)
+    scales["step"] = scenario.run.step * scales["time"]
+    units = {"step": "s", "length": "m", "velocity": "m/s", "force": "N", "damping": "N s/m", "stiffness": "N/m"}
+    units["rate"] = "rad/s"
+    names = {"step": "STEP_SECONDS", **{name: f"{name.upper()}_UNIT" for name in units if name != "step"}}
+    made = f"fracgyro {version('fracgyro')}, scenario {scenario.content_hash()}, {number}"
+    lines = [
+        f"/* Made by `fracgyro export firmware`: {made}.",
+        " * Do not edit: export anew. The scenario stands at the end. */",
+        "#ifndef FRACGYRO_COEFFICIENTS_H",
+        "#define FRACGYRO_COEFFICIENTS_H",
+        "",
+        f"typedef {number} fracgyro_number;",
+        f"#define FRACGYRO_STATE_SIZE {size}",
+        f"#define FRACGYRO_STATE_ALIGNMENT {alignment}",
+        f"#define FRACGYRO_KEY 0x{hashlib.sha256((made + values).encode()).hexdigest()[:8]}U",
+        "",
+        "/* SI value = nondimensional value * unit. */",
+        *(f"#define FRACGYRO_{names[n]} {scales[n].hex()} /* {scales[n]:.9g} {unit} */" for n, unit in units.items()),
+        "",
+        "#ifdef __cplusplus",
+        '#include "fracgyro/guard.hpp"',
+        "",
+        "// Unnamed: two exported controllers in one process do not meet.",
+        "namespace fracgyro_exported {",
+        "namespace {",
+        "",
+        "template <fracgyro::Scalar T>",
+        f"using Surface = {SURFACES[kind].format(capacity=capacity)};",
+        f"using Controller = fracgyro::SlidingModeController<{number}, Surface>;",
+        "",
+        "// In the order of the fields of Controller::Coefficients; what is left out is 0.",
+        f"constexpr Controller::Coefficients coefficients = {values};",
+        "",
+        "}  // namespace",
+        "}  // namespace fracgyro_exported",
+        "#endif",
+        "",
+        *(f"// {line}".rstrip() for line in scenario.to_toml().splitlines()),
+        "",
+        "#endif",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def initializer(value: Any, number: Number, indent: str = "") -> str:
+    """Nested tuples (structs) and lists (arrays) as C++ initialises them; zeros at the end are left out."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int):
+        return f"{value}U"
+    if isinstance(value, float):
+        return _float(value, number)
+    if not _significant(value):
+        return "{}"
+    inner = indent + "    "
+    entries = list(value)
+    while entries and isinstance(value, list) and not _significant(entries[-1]):
+        entries.pop()
+    texts = [initializer(entry, number, inner) for entry in entries]
+    braces = ("{{", "}}") if isinstance(value, list) else ("{", "}")
+    flat = ", ".join(texts)
+    if len(flat) + len(indent) < 110 and "\n" not in flat:
+        return f"{braces[0]}{flat}{braces[1]}"
+    return f"{braces[0]}\n" + ",\n".join(inner + text for text in texts) + f"\n{indent}{braces[1]}"
+
+
+def _float(value: float, number: Number) -> str:
+    if value in (float("inf"), -float("inf")):
+        return f"{'-' if value < 0 else ''}std::numeric_limits<{number}>::infinity()"
+    digits, exponent = value.hex().split("p")
+    return f"{digits.rstrip('0').rstrip('.')}p{exponent}" + ("F" if number == "float" else "")
+
+
+def _significant(value: Any) -> bool:
+    return any(map(_significant, value)) if isinstance(value, tuple | list) else bool(value)

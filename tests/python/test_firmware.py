@@ -1,0 +1,331 @@
+"""The exported firmware: what is written, that it is safe, and that every processor computes the same bits."""
+
+from __future__ import annotations
+
+import math
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import fracgyro as fg
+import numpy as np
+import pytest
+from embedded import SCALARS, Host, flags, make, need, plant_of, rmse
+from fracgyro import _core
+from fracgyro.export.firmware import SURFACES, export_firmware
+
+ROOT = Path(__file__).resolve().parents[2]
+PAPER = fg.Scenario.paper()
+LIMITED = PAPER.replace({"controller.force_limit": 1000.0})
+KINDS = [*SURFACES, "fractional_of_order_one"]
+OK, SATURATED, NOT_FINITE, OUT_OF_RANGE, RESTARTED, REFUSED = range(6)
+NAN, INF = math.nan, math.inf
+
+
+@pytest.fixture
+def limited(tmp_path: Path) -> Host:
+    export_firmware(LIMITED, tmp_path / "limited")
+    return Host(tmp_path / "limited", "float")
+
+
+# -- What is written -----------------------------------------------------------------------------------------
+
+
+def test_the_same_scenario_gives_the_same_bytes_and_the_cores_headers_unchanged(tmp_path: Path) -> None:
+    for name in "ab":
+        export_firmware(PAPER, tmp_path / name)
+    a, b = (
+        {p.relative_to(f): p.read_bytes() for p in f.rglob("*") if p.is_file()}
+        for f in (tmp_path / "a", tmp_path / "b")
+    )
+    assert a == b
+    headers = {p.relative_to(ROOT): p.read_bytes() for p in (ROOT / "core").rglob("*.hpp")}
+    assert {path: a.get(path) for path in headers} == headers
+    text = a[Path("fracgyro_coefficients.h")].decode()
+    assert PAPER.content_hash() in text
+    commented = [line.removeprefix("//").removeprefix(" ") for line in text.splitlines() if line.startswith("//")]
+    toml = "\n".join(commented[commented.index(PAPER.to_toml().splitlines()[0]) :]) + "\n"
+    assert fg.Scenario.from_toml(toml) == PAPER
+
+
+def test_another_scenario_gives_another_key(tmp_path: Path) -> None:
+    for name, scenario in {"a": PAPER, "b": PAPER.replace({"controller.order": 0.8})}.items():
+        export_firmware(scenario, tmp_path / name)
+    keys = {re.findall(r"KEY (\S+)", (tmp_path / name / "fracgyro_coefficients.h").read_text())[0] for name in "ab"}
+    assert len(keys) == 2
+
+
+@pytest.mark.parametrize("number", SCALARS)
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_of_controller_answers_as_the_simulator_does(kind: str, number: str, tmp_path: Path) -> None:
+    change = {"controller.kind": kind} if kind in SURFACES else {"controller.order": 1.0}
+    scenario = PAPER.replace({**change, "run.duration": 0.5, "controller.terminal_exponent": 0.6})
+    export_firmware(scenario, tmp_path / "out", number)  # type: ignore[arg-type]
+    host, ours = Host(tmp_path / "out", number), fg.Controller(scenario)
+    run = fg.simulate(scenario)
+    for n in range(run.sizes["time"]):
+        q, v = run["position"].values[n], run["velocity"].values[n]
+        host.step(tuple(q), tuple(v))
+        wanted = ours.step(n * 1e-3, q, v)
+        if number == "double":
+            assert host.force == tuple(wanted)
+        else:  # κ, a difference over a step, has some 1e-7/1e-3 of rounding error, which λ1 I^ν amplifies
+            np.testing.assert_allclose(host.force, wanted, rtol=1e-2, atol=0.5)
+
+
+def test_the_header_is_clean_c99_and_the_example_runs(tmp_path: Path) -> None:
+    export_firmware(PAPER, tmp_path / "out")
+    said = make(tmp_path / "out", "host", "CC=gcc", "CXX=g++")
+    statuses = re.findall(r"tick \d: status (\d)", said)
+    assert statuses == ["0", "0", "2", "0", "0"]
+    strict = ["-std=c99", "-pedantic-errors", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-fsyntax-only", "-xc"]
+    subprocess.run(["gcc", *strict, "fracgyro.h"], cwd=tmp_path / "out", check=True)
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["nowhere.toml", "--out", "out"], "nowhere.toml cannot be read: No such file or directory"),
+        (["my.toml", "--out", "full"], "full cannot be written: it is there already; name an empty or a new folder"),
+        (["my.toml", "--out", "my.toml"], "my.toml cannot be written: it is there already"),
+        (["my.toml", "--out", "out", "--number", "half"], "'half' is not one of 'float', 'double'"),
+    ],
+)
+def test_bad_input_ends_with_one_sentence_and_nothing_written(tmp_path: Path, words: list[str], expected: str) -> None:
+    PAPER.save(tmp_path / "my.toml")
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full/mine").touch()
+    command = [sys.executable, "-m", "fracgyro", "export", "firmware", *words]
+    ran = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert (ran.returncode, ran.stdout) == (2, "")
+    assert expected in ran.stderr
+    assert len(ran.stderr.splitlines()) == 1
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["full", "my.toml"]
+
+
+# -- Safe in the loop ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("bad", "status"),
+    [(NAN, NOT_FINITE), (INF, NOT_FINITE), (-INF, NOT_FINITE), (1e7, OUT_OF_RANGE), (-3e38, OUT_OF_RANGE)],
+)
+@pytest.mark.parametrize("place", range(4))
+def test_what_was_not_measured_holds_force_and_estimates_until_measurements_come(
+    limited: Host, bad: float, status: int, place: int
+) -> None:
+    motion = [0.3, 0.8, 0.5, -0.5]
+    for _ in range(20):
+        assert limited.step(motion[:2], motion[2:]) in (OK, SATURATED)
+    force, estimates = limited.force, limited.estimates
+    broken = [*motion[:place], bad, *motion[place + 1 :]]
+    for _ in range(50):
+        assert limited.step(broken[:2], broken[2:]) == status
+        assert (limited.force, limited.estimates) == (force, estimates)
+    limited.step(motion[:2], motion[2:])
+    assert limited.estimates != estimates
+    assert all(abs(f) <= 1000.0 for f in limited.force)
+
+
+def test_before_the_first_measurement_the_force_is_zero_and_time_does_not_start(limited: Host, tmp_path: Path) -> None:
+    fresh = Host(tmp_path / "limited", "float")
+    for _ in range(3):
+        assert limited.step((NAN, 0.0), (0.0, 0.0)) == NOT_FINITE
+        assert limited.force == (0.0, 0.0)
+    for n in range(40):
+        for host in (limited, fresh):
+            host.step((0.01 * n, 0.9), (0.1, 0.1))
+        assert limited.force == fresh.force
+
+
+def test_the_loop_survives_a_sensor_that_fails_for_a_while(tmp_path: Path) -> None:
+    scenario = LIMITED.replace({"run.duration": 20.0, "disturbance.standard_deviation": 0.1})
+    export_firmware(scenario, tmp_path / "out")
+    # Closed here by hand: 40 samples, 0.04 units of time, are lost at t = 5, a quarter of a natural period later on.
+    host, plant = Host(tmp_path / "out", "float"), plant_of(scenario)
+    x, y, v, w = 0.5, 0.5, 0.0, 0.0
+    errors = []
+    for n in range(20_000):
+        lost = 5000 <= n < 5040
+        status = host.step((NAN, NAN) if lost else (x, y), (v, w))
+        assert status == NOT_FINITE if lost else status in (OK, SATURATED)
+        fx, fy = host.force
+        x, y, v, w = (a * x + b * y + c * v + e * w + f * fx + g * fy for a, b, c, e, f, g in plant)
+        t = (n + 1) * 1e-3
+        errors.append(math.hypot(x - math.sin(math.pi * t), y - math.cos(math.pi / 2 * t)))
+    assert max(errors[5000:5500]) > 0.01, "the outage was felt"
+    assert max(errors[15_000:]) < 1e-3, "and overcome"
+
+
+def test_at_the_limit_the_estimates_rest_where_they_would_wind_up(limited: Host) -> None:
+    # Far off, the force is at its limit against the error, and learning could only ask for more of it.
+    for _ in range(3000):
+        status = limited.step((20.0, 0.0), (0.0, 0.0))
+    wound = limited.estimates
+    for _ in range(1000):
+        assert limited.step((20.0, 0.0), (0.0, 0.0)) == status == SATURATED
+    assert limited.estimates == wound
+    limited.step((0.0, 0.0), (0.1, 0.1))
+    assert limited.estimates != wound
+
+
+@pytest.mark.parametrize("number", SCALARS)
+def test_nothing_is_called_but_arithmetic(number: str, tmp_path: Path) -> None:
+    need("Cortex-M")
+    export_firmware(LIMITED.replace({"controller.terminal_exponent": 0.6}), tmp_path / "out", number)  # type: ignore[arg-type]
+    for target in ("m4f", "m7"):
+        make(tmp_path / "out", f"build/{target}/fracgyro.o")
+        command = ["arm-none-eabi-nm", "--undefined-only", "--format=just-symbols", f"build/{target}/fracgyro.o"]
+        called = set(subprocess.run(command, cwd=tmp_path / "out", capture_output=True, text=True).stdout.split())
+        soft = {name for name in called if name.startswith("__aeabi_")}  # arithmetic that this processor lacks
+        # IEEE 754 fixes every bit of a square root; Cortex-M4F has none in double.
+        assert called - soft <= {"memcpy", "memset", *(["sqrt"] if (target, number) == ("m4f", "double") else [])}
+        frames = (tmp_path / "out/build" / target / "fracgyro.su").read_text()
+        assert set(re.findall(r"\t(\w+)$", frames, re.MULTILINE)) == {"static"}, "a stack of fixed size"
+
+
+def test_no_bits_of_memory_are_misused_whatever_the_input(tmp_path: Path) -> None:
+    """The corpus of the fuzzer, under the sanitizers."""
+    export_firmware(LIMITED, tmp_path / "out")
+    sanitize = ["-O1", "-g1", "-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all"]
+    sources = ["fracgyro.cpp", ROOT / "tests/firmware/fuzz.cpp", ROOT / "tests/firmware/replay_corpus.cpp"]
+    command = [
+        "g++",
+        "-std=c++20",
+        *sanitize,
+        *flags(tmp_path / "out", "BITS"),
+        "-I.",
+        "-Icore",
+        *sources,
+        "-o",
+        "replay",
+    ]
+    subprocess.run(command, cwd=tmp_path / "out", check=True)
+    corpus = sorted((ROOT / "tests/firmware/corpus").iterdir())
+    ran = subprocess.run(["./replay", *corpus], cwd=tmp_path / "out", capture_output=True, text=True, timeout=120)
+    assert ran.returncode == 0, ran.stderr
+    assert f"{len(corpus)} inputs" in ran.stdout
+
+
+# -- The same bits -------------------------------------------------------------------------------------------
+
+ANSWER = ["status", "force_x", "force_y", "dxx", "dxy", "dyy", "kxx", "kxy", "kyy", "rate", "b0", "b1", "b2"]
+
+
+def differences(target: str, got: np.ndarray, wanted: np.ndarray) -> str:
+    bits = {4: np.uint32, 8: np.uint64}[wanted.dtype.itemsize]
+    step, column = np.argwhere(got.view(bits) != wanted.view(bits))[0]
+    a, b = (values.view(bits)[step, column] for values in (got, wanted))
+    return f"{target}, step {step}, {ANSWER[column]}: {a:x}, wanted {b:x}"
+
+
+@pytest.mark.parametrize("number", SCALARS)
+def test_every_processor_and_compiler_computes_the_same_bits(number: str, tmp_path: Path) -> None:
+    need("Cortex-M")
+    need("clang")
+    steps = 3000
+    scenario = LIMITED.replace({"controller.terminal_exponent": 0.6, "run.duration": steps * 1e-3})
+    out = tmp_path / "out"
+    export_firmware(scenario, out, number)  # type: ignore[arg-type]
+    dtype = SCALARS[number][1]
+    run = fg.simulate(scenario)
+    motion = np.hstack([run["position"].values, run["velocity"].values])[:steps].astype(dtype)
+    motion[1000:1010, 2] = NAN  # a fault on the way
+    motion.tofile(out / "motion")
+    answers = {}
+    emulate = "qemu-system-arm -nographic -monitor none -serial none -semihosting -kernel build/{}/replay -M {}"
+    for target, command in {
+        "gcc": "build/host/replay",
+        "clang": "build/host/replay",
+        "m4f": emulate.format("m4f", "mps2-an386"),
+        "m7": emulate.format("m7", "mps2-an500"),
+    }.items():
+        built = "host" if target in ("gcc", "clang") else target
+        compilers = {"gcc": ("CC=gcc", "CXX=g++"), "clang": ("CC=clang", "CXX=clang++")}.get(target, ())
+        make(out, "clean")
+        make(out, f"build/{built}/replay", *compilers)
+        (out / "answer").unlink(missing_ok=True)
+        subprocess.run(command.split(), cwd=out, check=True, timeout=300)
+        answers[target] = np.fromfile(out / "answer", dtype).reshape(-1, len(ANSWER))
+        assert len(answers[target]) == steps
+    for target, answer in answers.items():
+        assert answer.tobytes() == answers["gcc"].tobytes(), differences(target, answer, answers["gcc"])
+    if number == "double":
+        ours = _core_forces(scenario, motion[:1000])
+        assert ours.tobytes() == answers["gcc"][:1000, 1:3].tobytes()
+
+
+def _core_forces(scenario: fg.Scenario, motion: np.ndarray) -> np.ndarray:
+    controller = fg.Controller(scenario)
+    return np.array([controller.step(n * 1e-3, m[:2], m[2:]) for n, m in enumerate(motion)])
+
+
+# -- Single precision does not stall -------------------------------------------------------------------------
+
+
+def test_in_single_precision_a_constant_reaches_its_exact_answer_and_stays_there_for_ten_million_steps() -> None:
+    from fracgyro.setup import core_modes
+
+    steps = 10_000_000
+    modes = core_modes(0.9, 1e-3, 80.0, 1e-6)  # the paper's; the slowest has s h = 1e-6 and is settled at the end
+    ones, zeros = np.ones((steps, 1)), np.zeros((steps, 1))
+    exact = _core.apply_operator(ones, zeros, modes, 1e-3)[0]
+    single = _core.apply_operator_single(ones.astype(np.float32), zeros.astype(np.float32), modes, 1e-3)[0]
+    assert np.abs(single[1000::1000] / exact[1000::1000] - 1).max() < 1e-4
+    assert float(single[-1, 0]) == pytest.approx(float(exact[-1, 0]), rel=1e-4)
+
+
+def test_in_single_precision_estimates_of_some_355_still_follow_increments_of_a_millionth(tmp_path: Path) -> None:
+    # Resting at x = 0.1 on a linear surface with r = 0: s = λ1 x = 1, and K̂xx loses h N x s = 1e-6 a step.
+    gains = {"adaptation.stiffness_gain": 0.01, "controller.kind": "linear"}
+    scenario = PAPER.replace({**gains, "reference.amplitude": (0.0, 0.0)})
+    export_firmware(scenario, tmp_path / "out")
+    host = Host(tmp_path / "out", "float")
+    before = host.estimates[3]
+    assert before == pytest.approx(0.95 * 355.3, rel=1e-3)
+    for _ in range(200_000):
+        host.step((0.1, 0.0), (0.0, 0.0))
+    assert before - host.estimates[3] == pytest.approx(0.2, rel=0.01)
+
+
+def test_in_single_precision_the_late_error_is_that_of_double(tmp_path: Path) -> None:
+    export_firmware(PAPER, tmp_path / "out")
+    double = fg.metrics.rmse(fg.simulate(PAPER), window=(10, None)).values
+    np.testing.assert_allclose(rmse(PAPER, Host(tmp_path / "out", "float"), start=10.0), double, rtol=0.05)
+
+
+# -- Saved and restored --------------------------------------------------------------------------------------
+
+
+def test_a_restored_controller_goes_on_as_the_saved_one(limited: Host, tmp_path: Path) -> None:
+    other = Host(tmp_path / "limited", "float")
+    for n in range(50):
+        limited.step((0.01 * n, 0.9), (0.1, 0.1))
+    assert other.restore(limited.save()) == OK
+    for n in range(50):
+        for host in (limited, other):
+            host.step((0.5 - 0.01 * n, 0.9), (0.1, 0.1))
+        assert (limited.force, limited.estimates) == (other.force, other.estimates)
+
+
+def test_what_is_damaged_or_of_another_controller_is_refused_and_changes_nothing(limited: Host, tmp_path: Path) -> None:
+    export_firmware(LIMITED.replace({"controller.order": 0.8}), tmp_path / "other")
+    limited.step((0.5, 0.9), (0.1, 0.1))
+    saved = limited.save()
+    damaged = bytearray(saved)
+    damaged[-40] ^= 1
+    for refused in (bytes(damaged), Host(tmp_path / "other", "float").save()):
+        assert limited.restore(refused) == REFUSED
+        assert limited.save() == saved
+
+
+# -- Budgets -------------------------------------------------------------------------------------------------
+
+
+def test_the_committed_table_of_instructions_is_what_is_counted() -> None:
+    need("Cortex-M")
+    ran = subprocess.run(
+        [sys.executable, "benchmarks/firmware.py", "--check"], cwd=ROOT, capture_output=True, text=True
+    )
+    assert ran.returncode == 0, ran.stdout + ran.stderr
