@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from .scenario import Scenario
 SHORTEST_RANGE = 10.0  # the modes cover at least this many steps, however short the run
 
 
+@lru_cache(maxsize=1024)  # the design takes milliseconds, and studies ask for few different ones
 def core_modes(order: float, step: float, duration: float, tolerance: float) -> _core.Modes:
     """Modes of I^(1-order) for samples `step` apart over `duration`; none for order 0 and 1, which need none.
 
