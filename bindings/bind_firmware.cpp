@@ -1,3 +1,4 @@
+#include "alone.hpp"
 #include "bindings.hpp"
 #include "fields.hpp"
 
@@ -42,14 +43,14 @@ void bind_firmware(nb::module_& m) {
     m.def(
         "coefficients",
         [](const std::string& kind, const ControllerParams& p, bool single) {
-            return single ? coefficients<float>(kind, p) : coefficients<double>(kind, p);
+            return single ? coefficients<Alone<float>>(kind, p) : coefficients<Alone<double>>(kind, p);
         },
         nb::arg("kind"), nb::arg("params"), nb::arg("single"),
         "The coefficients, nested as the structs are: a tuple for each struct, a list for each array.");
     m.def(
         "state_size",
         [](std::size_t capacity, bool single) {
-            return single ? state_size<float>(capacity) : state_size<double>(capacity);
+            return single ? state_size<Alone<float>>(capacity) : state_size<Alone<double>>(capacity);
         },
         nb::arg("capacity"), nb::arg("single"));
 }

@@ -73,15 +73,15 @@ void bind_fractional(nb::module_& m) {
     nb::class_<Modes>(m, "Modes", "Exponential modes of the kernel t^(-order)/Gamma(1-order).")
         .def(
             "__init__",
-            [](Modes* self, double order, double gamma, const Doubles& rates, const Doubles& weights) {
+            [](Modes* self, double order, double gamma, const Doubles& rates, const Doubles& weights, double error) {
                 if (rates.shape(0) != weights.shape(0) || rates.shape(0) > Modes::capacity) {
                     throw nb::value_error("rates and weights must be equally many, at most 64");
                 }
-                new (self) Modes{.count = rates.shape(0), .order = order, .gamma = gamma};
+                new (self) Modes{.count = rates.shape(0), .order = order, .gamma = gamma, .error = error};
                 std::copy_n(rates.data(), rates.shape(0), self->rates.begin());
                 std::copy_n(weights.data(), weights.shape(0), self->weights.begin());
             },
-            nb::arg("order"), nb::arg("gamma"), nb::arg("rates"), nb::arg("weights"))
+            nb::arg("order"), nb::arg("gamma"), nb::arg("rates"), nb::arg("weights"), nb::arg("error") = 0.0)
         .def_ro("count", &Modes::count)
         .def_ro("order", &Modes::order);
     m.attr("mode_capacity") = Modes::capacity;

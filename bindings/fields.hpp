@@ -1,6 +1,7 @@
 // The numbers in a struct, in the order of its fields, nested as its braces would be.
 #pragma once
 
+#include "alone.hpp"
 #include "arrays.hpp"
 
 namespace fracgyro::bindings {
@@ -30,6 +31,11 @@ nb::object nested_fields(const std::array<T, Count>& values) {
         all.append(nested_fields(value));
     }
     return all;
+}
+
+template <class Number>
+nb::object nested_fields(const Alone<Number>& value) {
+    return nb::cast(value.value);
 }
 
 // A language without reflection needs one line for each number of fields.

@@ -40,6 +40,7 @@ struct Modes {
     std::size_t count = 0;  // 0 when order is 0 or 1
     double order = 1.0;
     double gamma = 1.0;  // Γ(2-order)
+    double error = 0.0;  // largest relative one of the sum; 0: unknown
     std::array<double, capacity> rates{}, weights{};
 };
 
@@ -54,7 +55,7 @@ struct FractionalOutput {
     Vec2<T> integral{}, derivative{};
 };
 
-// Two modes at a time, x and y of each: for a built-in number all four in one register, any other number on its own.
+// Two modes at a time, x and y of each: for a built-in number all four in one register where there are such, else on its own.
 template <Scalar T>
 struct TwoModes {
     static constexpr std::size_t modes = 2, axes = 2;  // handled one by one
@@ -67,7 +68,7 @@ struct TwoModes {
     static void set(PerMode& c, std::size_t mode, double value) { c[mode] = T(value); }
 };
 template <Scalar T>
-    requires std::floating_point<T>
+    requires(std::floating_point<T> && FRACGYRO_PACKS)
 struct TwoModes<T> {
     static constexpr std::size_t modes = 1, axes = 1;
     using Memory = typename PackOf<T, 4>::Type;
@@ -122,8 +123,9 @@ struct Fractional {
     };
 
     struct State {
-        std::int64_t steps = 0;  // samples seen
+        bool started = false;
         std::size_t onset_quads = 0;
+        T onset_age{};  // samples seen while there are any
         Vec2<T> initial_value{};
         Sample<T> past{};
         Vec2<T> past_bump{};
@@ -144,7 +146,7 @@ struct Fractional {
 
     // The first half of `update`: all that the control law waits for.
     static FractionalOutput<T> evaluate(State& state, const Coefficients& c, const Sample<T>& now) {
-        if (state.steps == 0) {
+        if (!state.started) {
             return {.integral = c.integral_value * now.value,
                     .derivative = (c.derivative_value + c.onset_mean) * now.value + c.derivative_rate * now.rate};
         }
@@ -168,11 +170,13 @@ struct Fractional {
         // Calls next(pair, mode, its coefficients, a, b, g), which returns the new g, for all memory, and sums it.
         const auto move = [&](Memory a, Memory b, auto&& next) {
             for (std::size_t j = 0; j < c.pairs; ++j) {
+#pragma GCC unroll 2
                 for (std::size_t m = 0; m < Two::modes; ++m) {
                     // Copies: the compiler cannot know that storing memory does not change coefficients.
                     const Part decay = Two::part(c.pair[j].decay, m), from_bump = Two::part(c.pair[j].from_bump, m);
                     const Part to_derivative = Two::part(c.pair[j].to_derivative, m);
                     const Part to_integral = Two::part(c.pair[j].to_integral, m);
+#pragma GCC unroll 2
                     for (std::size_t axis = 0; axis < Two::axes; ++axis) {
                         Part g = Two::part(state.memory[j], m, axis);
                         g = next(j, m, decay, from_bump, Two::part(a, m, axis), Two::part(b, m, axis), g);
@@ -186,7 +190,7 @@ struct Fractional {
             }
         };
         Vec2<T> newest{};  // κ of the interval that ends now; there is none before the first sample
-        if (state.steps == 0) {
+        if (!state.started) {
             state.initial_value = now.value;
             move(Two::both(now.value), Two::both(-now.rate),
                  [&](auto j, auto m, const Part&, const Part&, const Part& value, const Part& rate, const Part&) {
@@ -210,7 +214,7 @@ struct Fractional {
         if (state.onset_quads > 0) {
             state.known.derivative = state.known.derivative + onset(state, c) * state.initial_value;
         }
-        ++state.steps;
+        state.started = true;
         state.past = now;
         state.past_bump = newest;
     }
@@ -236,8 +240,8 @@ private:
             sum = sum + state.onset[j];
             state.onset[j] = moved(state.onset[j], c.onset_decay[j], trace);
         }
-        while (state.onset_quads > 0 &&
-               always_less(c.onset_life[state.onset_quads - 1], T(static_cast<double>(state.steps)))) {
+        state.onset_age = state.onset_age + T(1.0);
+        while (state.onset_quads > 0 && always_less(c.onset_life[state.onset_quads - 1], state.onset_age)) {
             --state.onset_quads;
         }
         return (sum[0] + sum[2]) + (sum[1] + sum[3]);
@@ -295,9 +299,12 @@ typename Fractional<T, Capacity>::Coefficients Fractional<T, Capacity>::prepare(
         Two::set(c.initial_rate[i / 2], i % 2, b / unit);
         c.onset_decay[i / 4][i % 4] = T(decay);
         c.initial_onset[i / 4][i % 4] = T(to_derivative * (riemann_liouville ? moments[0] - 1.0 : -1.0));
-        // Until exp(-s t) is 2^-60, below rounding.
+        // Until exp(-s t) is 2^-60, below rounding; and not after the mean differs from the value, by α h/(2 t) of it, less
+        // than the sum over the modes does.
+        const bool bounded = riemann_liouville && modes.error > 0.0;
+        const double end = bounded ? 0.5 * modes.order / modes.error : std::numeric_limits<double>::infinity();
         for (std::size_t j = 0; j <= i / 4; ++j) {
-            c.onset_life[j] = maximum(c.onset_life[j], T(41.6 / z));
+            c.onset_life[j] = maximum(c.onset_life[j], T(minimum(41.6 / z, end)));
         }
         rate_to_derivative += to_derivative * b;
         bump_to_derivative += to_derivative * bump;

@@ -76,6 +76,16 @@ constexpr T clamp(T a, T low, T high) {
 inline double square_root(double a) { return std::sqrt(a); }
 inline float square_root(float a) { return std::sqrt(a); }
 
+// Whether the processor has registers of four floating-point numbers. Code exported for several processors says no for all:
+// its coefficients are laid out alike.
+#ifndef FRACGYRO_PACKS
+#if defined(__SSE2__) || defined(__ARM_NEON)
+#define FRACGYRO_PACKS true
+#else
+#define FRACGYRO_PACKS false
+#endif
+#endif
+
 // A few numbers that go through the same arithmetic. For built-in types the compiler's own vector, which becomes
 // whatever registers the processor has; element by element the operations and their results are those of T.
 template <Scalar T, std::size_t Count>
@@ -99,7 +109,7 @@ struct PackOf {
     };
 };
 template <Scalar T, std::size_t Count>
-    requires std::floating_point<T>
+    requires(std::floating_point<T> && FRACGYRO_PACKS)
 struct PackOf<T, Count> {
     using Type [[gnu::vector_size(Count * sizeof(T))]] = T;
 };
@@ -127,7 +137,7 @@ private:
     // Built-in numbers go through one register as a pair, which halves the instructions.
     template <class Operation>
     static constexpr Vec2 each(const Vec2& a, const Vec2& b, Operation operation) {
-        if constexpr (std::floating_point<T>) {
+        if constexpr (std::floating_point<T> && FRACGYRO_PACKS) {
             using Pair = typename PackOf<T, 2>::Type;
             const Pair result = operation(Pair{a.x, a.y}, Pair{b.x, b.y});
             return {result[0], result[1]};
@@ -152,7 +162,7 @@ constexpr Vec2<T> with_sign_of(Vec2<T> sign, Vec2<T> magnitude) {
 }
 template <Scalar T>
 constexpr Vec2<T> if_less(Vec2<T> a, Vec2<T> b, Vec2<T> yes, Vec2<T> no) {
-    if constexpr (std::floating_point<T>) {
+    if constexpr (std::floating_point<T> && FRACGYRO_PACKS) {
         // Spelt as one operation on a register: a branch would wait for the comparison, and noise would mispredict it.
         using Pair [[gnu::vector_size(2 * sizeof(T))]] = T;
         const Pair taken = Pair{a.x, a.y} < Pair{b.x, b.y} ? Pair{yes.x, yes.y} : Pair{no.x, no.y};

@@ -10,10 +10,12 @@ import numpy as np
 from . import _core, modes
 from .scenario import Scenario
 
+# A design takes milliseconds, and studies ask for few different ones.
+_design = lru_cache(maxsize=1024)(modes.design)
+
 SHORTEST_RANGE = 10.0  # the modes cover at least this many steps, however short the run
 
 
-@lru_cache(maxsize=1024)  # the design takes milliseconds, and studies ask for few different ones
 def core_modes(order: float, step: float, duration: float, tolerance: float) -> _core.Modes:
     """Modes of I^(1-order) for samples `step` apart over `duration`; none for order 0 and 1, which need none.
 
@@ -22,8 +24,8 @@ def core_modes(order: float, step: float, duration: float, tolerance: float) -> 
     gamma = math.gamma(2.0 - order)
     if order in (0.0, 1.0):
         return _core.Modes(order, gamma, np.empty(0), np.empty(0))
-    designed = modes.design(order, step, max(duration, SHORTEST_RANGE * step), tolerance)
-    return _core.Modes(order, gamma, designed.rates, designed.weights)
+    designed = _design(order, step, max(duration, SHORTEST_RANGE * step), tolerance)
+    return _core.Modes(order, gamma, designed.rates, designed.weights, designed.error)
 
 
 def controller_params(scenario: Scenario) -> _core.ControllerParams:

@@ -42,9 +42,8 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
     kind = scenario.controller.kind
     params = controller_params(scenario)
     capacity = -(-max(params.surface.modes.count, 1) // 4) * 4
-    # Compilers differ in how they align packs of four numbers, hence in padding; fracgyro.cpp checks that all fits.
-    alignment = 16 if number == "float" else 32
-    size = -(-(_core.state_size(capacity, number == "float") + 2 * alignment) // alignment) * alignment
+    alignment = 8
+    size = -(-_core.state_size(capacity, number == "float") // alignment) * alignment
     values = initializer(_core.coefficients(kind, params, number == "float"), number)
     scales = asdict(scenario.plant.scales)
     scales["step"] = scenario.run.step * scales["time"]
@@ -67,6 +66,7 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
         *(f"#define FRACGYRO_{names[n]} {scales[n].hex()} /* {scales[n]:.9g} {unit} */" for n, unit in units.items()),
         "",
         "#ifdef __cplusplus",
+        "#define FRACGYRO_PACKS false",
         '#include "fracgyro/guard.hpp"',
         "",
         "// Unnamed: two exported controllers in one process do not meet.",
