@@ -40,6 +40,8 @@ export interface Field {
 export interface Modes {
   order: number;
   gamma: number;
+  /** Largest relative error of the sum of exponentials. */
+  error: number;
   step: number;
   steps: number;
   rates: number[];

@@ -103,6 +103,7 @@ class Fracgyro {
       "run.steps": steps,
       "controller.order_gamma": modes.gamma,
       "controller.mode_count": modes.rates.length,
+      "controller.mode_error": modes.error,
     };
     const values = core.names.map((name) => {
       const choices = this.fields[name]?.choices;
@@ -136,7 +137,7 @@ class Fracgyro {
   #modesFor(settings, steps, own) {
     const order = settings["controller.order"];
     if (order === 0 || order === 1 || !settings["controller.kind"].startsWith("fractional")) {
-      return { gamma: 1, rates: [], weights: [] };
+      return { gamma: 1, error: 0, rates: [], weights: [] };
     }
     const sameOrder = [...own, ...this.#modes].filter((modes) => Math.abs(modes.order - order) < 1e-9);
     if (!sameOrder.length) {
@@ -150,7 +151,7 @@ class Fracgyro {
     const finer = found.step / settings["run.step"];
     const rates = found.rates.map((rate) => rate * finer);
     const weights = found.weights.map((weight) => weight * finer ** order);
-    return { gamma: found.gamma, rates, weights };
+    return { gamma: found.gamma, error: found.error, rates, weights };
   }
 }
 

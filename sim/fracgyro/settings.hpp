@@ -27,6 +27,7 @@ constexpr void for_each_setting(SetupLike& setup, Visit&& visit) {
     visit("controller.order", surface.modes.order);
     visit("controller.order_gamma", surface.modes.gamma);
     visit("controller.mode_count", surface.modes.count);
+    visit("controller.mode_error", surface.modes.error);
     visit("controller.fractional_gain.x", surface.fractional_gain.x);
     visit("controller.fractional_gain.y", surface.fractional_gain.y);
     visit("controller.terminal_gain.x", surface.terminal_gain.x);

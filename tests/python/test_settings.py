@@ -44,7 +44,7 @@ def test_every_setting_has_its_type(tmp_path: Path) -> None:
 
 
 def test_no_number_of_the_core_is_left_out(tmp_path: Path) -> None:
-    derived = {"run.steps", "controller.order_gamma", "controller.mode_count"}
+    derived = {"run.steps", "controller.order_gamma", "controller.mode_count", "controller.mode_error"}
     assert set(core_numbers(SHORT)) - set(module_fields(tmp_path)) == derived
 
 

@@ -65,8 +65,11 @@ def _modes(scenario: Scenario) -> list[dict[str, Any]]:
     """The modes of the scenario, if it has any."""
     rates, weights = core_modes(scenario)
     numbers, run = core_numbers(scenario), scenario.run
-    found = {"order": numbers["controller.order"], "gamma": numbers["controller.order_gamma"], "step": run.step}
-    return [{**found, "steps": run.steps, "rates": rates, "weights": weights}] if rates else []
+    if not rates:
+        return []
+    names = {"order": "order", "gamma": "order_gamma", "error": "mode_error"}
+    found = {key: numbers[f"controller.{name}"] for key, name in names.items()}
+    return [{**found, "step": run.step, "steps": run.steps, "rates": rates, "weights": weights}]
 
 
 def _choices() -> dict[str, list[str]]:
