@@ -23,7 +23,17 @@ void bind_loop(nb::module_& m) {
     def_sym2(plant, "stiffness_deviation", &PlantParams::stiffness_deviation);
 
     m.def(
-        "plant_map", [](const PlantParams& p, double step) { return Plant<double>::prepare(p, step).map; },
+        "plant_map",
+        [](const PlantParams& p, double step) {
+            const auto columns = Plant<double>::prepare(p, step).map;
+            std::array<std::array<double, 6>, 4> rows{};
+            for (std::size_t i = 0; i < 4; ++i) {
+                for (std::size_t j = 0; j < 6; ++j) {
+                    rows[i][j] = columns[j][i];
+                }
+            }
+            return rows;
+        },
         nb::arg("params"), nb::arg("step"),
         "Rows x, y, vx, vy after one step; columns x, y, vx, vy, force x, force y before it.");
 

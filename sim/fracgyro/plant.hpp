@@ -21,8 +21,9 @@ struct PlantParams {
 
 template <Scalar T>
 struct Plant {
+    using Column = typename PackOf<T, 4>::Type;
     struct Coefficients {
-        std::array<std::array<T, 6>, 4> map{};  // rows x, y, ẋ, ẏ; columns x, y, ẋ, ẏ, force x, force y
+        std::array<Column, 6> map{};  // columns of x, y, ẋ, ẏ, force x, force y; in each what becomes x, y, ẋ, ẏ
     };
     using State = Motion<T>;
 
@@ -79,7 +80,7 @@ struct Plant {
         Coefficients c;
         for (std::size_t i = 0; i < 4; ++i) {
             for (std::size_t j = 0; j < 6; ++j) {
-                c.map[i][j] = T(sum[i][j]);
+                c.map[j][i] = T(sum[i][j]);
             }
         }
         return c;
@@ -92,14 +93,12 @@ struct Plant {
 
     // Grouped so that the force, which comes last, meets as few additions as possible.
     static void step(State& state, const Coefficients& c, Vec2<T> control, Vec2<T> disturbance = {}) {
-        const Vec2<T> q = state.position;
-        const Vec2<T> v = state.velocity;
         const Vec2<T> force = control + disturbance;
-        const auto row = [&](const std::array<T, 6>& m) {
-            const T free = (m[0] * q.x + m[1] * q.y) + (m[2] * v.x + m[3] * v.y);
-            return free + (m[4] * force.x + m[5] * force.y);
-        };
-        state = {.position = {row(c.map[0]), row(c.map[1])}, .velocity = {row(c.map[2]), row(c.map[3])}};
+        const auto times = [&c](std::size_t column, const T& a) { return c.map[column] * Column{a, a, a, a}; };
+        const Column free = (times(0, state.position.x) + times(1, state.position.y)) +
+                            (times(2, state.velocity.x) + times(3, state.velocity.y));
+        const Column next = free + (times(4, force.x) + times(5, force.y));
+        state = {.position = {next[0], next[1]}, .velocity = {next[2], next[3]}};
     }
 };
 
