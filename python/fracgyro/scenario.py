@@ -13,7 +13,7 @@ import tomllib
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Literal, Self, get_args
 
 import numpy as np
 from pydantic import BaseModel, ValidationError, model_validator
@@ -178,13 +178,25 @@ def unknown(path: str, model: type[BaseModel]) -> str:
     """Guess, in this order: a neighbour misspelt, the same name in another table, a table misspelt."""
     known = list(paths(model))
     parent, _, leaf = path.rpartition(".")
+    if "[" in parent:  # in a list of tables, which `known` does not list
+        item = _item(parent, model)
+        known = [f"{parent}.{name}" for name in item.model_fields] if item else []
     near = {name.rpartition(".")[2]: name for name in known if name.rpartition(".")[0] == parent}
     guesses = [near[name] for name in difflib.get_close_matches(leaf, near)]
     guesses += [name for name in known if name.endswith(f".{leaf}")]
     guesses += [] if near else difflib.get_close_matches(path, known)
-    choice = near.values() or model.model_fields
+    choice = (
+        [name.rpartition(".")[2] for name in near.values()] if "[" in parent else near.values() or model.model_fields
+    )
     hint = f"did you mean {guesses[0]}?" if guesses else f"known are {', '.join(choice)}"
     return f"{path if path.isprintable() else repr(path)} is not a known field; {hint}"
+
+
+def _item(path: str, model: type[BaseModel]) -> type[BaseModel] | None:
+    """The model of the tables in the list that `path`, as `objective[0]`, names."""
+    info = model.model_fields.get(path.partition("[")[0])
+    items = get_args(info.annotation) if info else ()
+    return items[0] if items and isinstance(items[0], type) and issubclass(items[0], BaseModel) else None
 
 
 def explained(error: ValidationError, model: type[BaseModel], at: tuple[str, ...] = ()) -> ScenarioError:
@@ -209,7 +221,7 @@ def _describe(problem: ErrorDetails, model: type[BaseModel]) -> str:
         return unknown(path, model)
     allowed = _allowed(problem, info.metadata if info else [])
     if problem["type"] == "missing":
-        return f"{path} is missing: {allowed}"
+        return f"{path} is missing: it must be {'a number' if info and info.annotation is float else 'given'}"
     value = toml_value(problem["input"])
     return f"{path} is {value if len(value) <= 80 else value[:77] + '...'}: {allowed}"
 
@@ -231,10 +243,12 @@ def _allowed(problem: ErrorDetails, metadata: list[Any]) -> str:
         return f"it must be {words[word]} {limit}"
     types = {
         "float_type": "a number",
-        "missing": "a number",
         "finite_number": "a finite number",
         "int_type": "an integer",
         "bool_type": "true or false",
         "model_type": "a table",
+        "dict_type": "a table",
+        "list_type": "a list; tables of one are headed by two brackets, as [[objective]]",
+        "string_type": "text in quotes",
     }
     return f"it must be {types[kind]}" if kind in types else problem["msg"]

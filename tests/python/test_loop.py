@@ -10,6 +10,7 @@ import functools
 import itertools
 import math
 import sys
+from typing import Any
 
 import fracgyro as fg
 import mpmath
@@ -766,7 +767,15 @@ def test_seeds_stand_in_for_scenarios_that_differ_in_nothing_else() -> None:
     xr.testing.assert_equal(measured.drop_vars("seed"), expected)
 
 
-@pytest.mark.parametrize("seeds", [[], [-1], [2**63], [0.5]])
+@pytest.mark.parametrize(
+    ("scenarios", "seeds"), [("paper", [1]), (fg.Scenario.paper(), [1]), ([fg.Scenario.paper()], 8)]
+)
+def test_what_is_no_list_is_refused(scenarios: Any, seeds: Any) -> None:
+    with pytest.raises(TypeError, match="it must be a list of"):
+        fg.simulate_many(scenarios, seeds=seeds, metrics_only=True)
+
+
+@pytest.mark.parametrize("seeds", [[], [-1], [2**63], [0.5], [3, 3]])
 def test_seeds_that_cannot_be_are_refused(seeds: list[int]) -> None:
     with pytest.raises(ValueError, match="seeds"):
         fg.simulate_many([fg.Scenario.paper()], seeds=seeds)

@@ -337,6 +337,8 @@ def test_the_bootstrap_interval_of_a_shift_holds_the_shift() -> None:
         ("quantile 0.9", "quantile 9", "statistic is"),
         ("at_most_base = 1.01", "", "neither of at_most and at_most_base"),
         ("at_most_base = 1.01", "at_most_base = 1.0\nat_most = 3.0", "both of at_most and at_most_base"),
+        ("at_most_base = 1.01", "at_mst_base = 1.0", "constraint[0].at_mst_base is not a known field; did you mean"),
+        ('metric = "rmse_steady_x"', "", "objective[0].metric is missing: it must be given"),
         ("trials = 10", "trials = 0", "tune.trials is 0: it must be at least 1"),
         ("trials = 10", "trails = 10", "did you mean tune.trials?"),
         ("trials = 10", 'sampler = "cma"', 'tune.sampler is "cma"'),

@@ -17,7 +17,7 @@ from ..metrics import ERROR_BOUND, RATE_TOLERANCE, SURFACE_BOUND, TRANSIENT
 from ..scenario import Scenario, ScenarioError, read_text
 from ..tables import Table, sentence, toml_value
 from .metric_names import METRICS
-from .space import Dimension, base_scenario, load_study, read_space
+from .space import Dimension, base_scenario, load_study, read_space, refuse_both
 
 MOST_POINTS = 10**6
 SHOWN = ("rmse_steady_x", "rmse_steady_y", "error_settling_time", "rate_error_rms")
@@ -100,6 +100,7 @@ def read_plan(path: str | os.PathLike[str]) -> Plan:
     """The study file as a plan, every point of it valid. Raises ScenarioError in one sentence when it is not."""
     study = load_study(path, Study)
     base = base_scenario(study.scenario, Path(path).parent, study.fixed)
+    refuse_both(study.fixed, study.vary)
     dimensions = read_space(study.vary, base)
     if "disturbance.seed" in {dimension.field for dimension in dimensions}:
         raise ScenarioError("disturbance.seed is in [vary]: it must be left to seeds, which every point runs with")

@@ -86,6 +86,13 @@ def base_scenario(name: str, folder: Path, fixed: Mapping[str, Any]) -> Scenario
     return base.replace(flat(fixed))
 
 
+def refuse_both(fixed: Mapping[str, Any], vary: Mapping[str, Any]) -> None:
+    """Raises ScenarioError when a field stands under both."""
+    for field in flat(fixed):
+        if field in flat(vary):
+            raise ScenarioError(f"{field} is in [fixed] and in [vary]: it must be in one of them")
+
+
 def flat(entries: Mapping[str, Any], table: str = "") -> dict[str, Any]:
     """By dotted field, whether it is written so, in quotes, or as TOML's nested tables. Raises ScenarioError."""
     found: dict[str, Any] = {}

@@ -18,7 +18,7 @@ from ..scenario import Scenario, ScenarioError, read_text
 from ..tables import Table, toml_value
 from .criteria import Constraint, Objective
 from .design import Thresholds, seeds_of
-from .space import Dimension, base_scenario, load_study, read_space
+from .space import Dimension, base_scenario, load_study, read_space, refuse_both
 
 DIGITS = 4  # significant ones of a tuned value: nobody sets a gain more finely
 
@@ -123,6 +123,7 @@ def read_tuning(path: str | os.PathLike[str]) -> Plan:
     """The study file as a plan. Raises ScenarioError in one sentence when it is not one."""
     file = load_study(path, TuningFile)
     base = base_scenario(file.scenario, Path(path).parent, file.fixed)
+    refuse_both(file.fixed, file.vary)
     dimensions = read_space(file.vary, base)
     if not dimensions:
         raise ScenarioError("vary is empty: at least one field must vary")
