@@ -152,7 +152,6 @@ def draw(panels: list[Series]) -> None:
         axis.grid(True, which="major", alpha=0.3)
         axis.legend(fontsize=8)
     figure.savefig(RESULTS / "scaling.svg", metadata={"Date": None})
-    figure.savefig(RESULTS / "scaling.png", dpi=110)
 
 
 def main() -> None:
