@@ -13,10 +13,11 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import get_args
 
 import fracgyro as fg
 import numpy as np
-from fracgyro.export.firmware import export_firmware
+from fracgyro.export.firmware import Number, export_firmware
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests/python"))
@@ -53,9 +54,9 @@ step; code and constants added to an image. c = 1/2 where nothing is said.
 """
 
 
-def measure(scenario: fg.Scenario, number: str, folder: Path) -> dict[str, str]:
+def measure(scenario: fg.Scenario, number: Number, folder: Path) -> dict[str, str]:
     """Cells by column."""
-    export_firmware(scenario, folder, number)  # type: ignore[arg-type]
+    export_firmware(scenario, folder, number)
     counts = dict(re.findall(r"(Cortex-\w+): (\d+ \d+)", embedded.make(folder, "count")))
     sizes = re.findall(r"^\s*(\d+)\s+(\d+).*?(\w+)/image", embedded.make(folder, "size"), re.MULTILINE)
     symbols = subprocess.run(
@@ -82,7 +83,7 @@ def table() -> list[str]:
     ]
     for name, changes in SCENARIOS.items():
         scenario = PAPER.replace(changes)
-        for number in ("float", "double"):
+        for number in get_args(Number):
             with tempfile.TemporaryDirectory() as folder:
                 cells = measure(scenario, number, Path(folder) / "out")
             lines.append(f"| {name} | {embedded.mode_count(scenario)} | {number} | {' | '.join(cells.values())} |")

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from embedded import SCALARS, Host, flags, make, need, plant_of, rmse
 from fracgyro import _core
-from fracgyro.export.firmware import SURFACES, export_firmware
+from fracgyro.export.firmware import SURFACES, Number, export_firmware
 
 ROOT = Path(__file__).resolve().parents[2]
 PAPER = fg.Scenario.paper()
@@ -58,10 +58,10 @@ def test_another_scenario_gives_another_key(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("number", SCALARS)
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_kind_of_controller_answers_as_the_simulator_does(kind: str, number: str, tmp_path: Path) -> None:
+def test_every_kind_of_controller_answers_as_the_simulator_does(kind: str, number: Number, tmp_path: Path) -> None:
     change = {"controller.kind": kind} if kind in SURFACES else {"controller.order": 1.0}
     scenario = PAPER.replace({**change, "run.duration": 0.5, "controller.terminal_exponent": 0.6})
-    export_firmware(scenario, tmp_path / "out", number)  # type: ignore[arg-type]
+    export_firmware(scenario, tmp_path / "out", number)
     host, ours = Host(tmp_path / "out", number), fg.Controller(scenario)
     run = fg.simulate(scenario)
     for n in range(run.sizes["time"]):
@@ -171,9 +171,9 @@ def test_at_the_limit_the_estimates_rest_where_they_would_wind_up(limited: Host)
 
 
 @pytest.mark.parametrize("number", SCALARS)
-def test_nothing_is_called_but_arithmetic(number: str, tmp_path: Path) -> None:
+def test_nothing_is_called_but_arithmetic(number: Number, tmp_path: Path) -> None:
     need("Cortex-M")
-    export_firmware(LIMITED.replace({"controller.terminal_exponent": 0.6}), tmp_path / "out", number)  # type: ignore[arg-type]
+    export_firmware(LIMITED.replace({"controller.terminal_exponent": 0.6}), tmp_path / "out", number)
     for target in ("m4f", "m7"):
         make(tmp_path / "out", f"build/{target}/fracgyro.o")
         command = ["arm-none-eabi-nm", "--undefined-only", "--format=just-symbols", f"build/{target}/fracgyro.o"]
@@ -221,13 +221,13 @@ def differences(target: str, got: np.ndarray, wanted: np.ndarray) -> str:
 
 
 @pytest.mark.parametrize("number", SCALARS)
-def test_every_processor_and_compiler_computes_the_same_bits(number: str, tmp_path: Path) -> None:
+def test_every_processor_and_compiler_computes_the_same_bits(number: Number, tmp_path: Path) -> None:
     need("Cortex-M")
     need("clang")
     steps = 3000
     scenario = LIMITED.replace({"controller.terminal_exponent": 0.6, "run.duration": steps * 1e-3})
     out = tmp_path / "out"
-    export_firmware(scenario, out, number)  # type: ignore[arg-type]
+    export_firmware(scenario, out, number)
     dtype = SCALARS[number][1]
     run = fg.simulate(scenario)
     motion = np.hstack([run["position"].values, run["velocity"].values])[:steps].astype(dtype)
