@@ -80,6 +80,7 @@ CHOICES = {
     "controller.rate_law": ["skew", "printed"],
     "disturbance.kind": ["none", "noise", "sine"],
 }
+TABLES = {name: type(table).model_fields for name, table in Scenario()}
 PLANT_SCALES = {"damping": "damping", "stiffness": "stiffness", "angular_rate": "rate"}
 
 
@@ -157,7 +158,7 @@ def _si(scenario: Scenario, name: str) -> float:
 
 def _table_field(path: str) -> Any:
     table, _, field = path.partition(".")
-    return Scenario.model_fields[table].annotation.model_fields.get(field)  # type: ignore[union-attr]
+    return TABLES[table].get(field)
 
 
 def describe(path: str) -> str:
