@@ -5,7 +5,6 @@ from __future__ import annotations
 import gzip
 import hashlib
 import json
-import runpy
 import statistics
 import subprocess
 import tempfile
@@ -13,10 +12,10 @@ from pathlib import Path
 
 import fracgyro as fg
 from fracgyro import _core
+from fracgyro.export.web import build
 from fracgyro.setup import core_setup
 from machine import machine, write
 
-BUILD = Path(__file__).resolve().parents[1] / "faces" / "web" / "build.py"
 RUN = """
 import { readFileSync } from "node:fs";
 import { createHash } from "node:crypto";
@@ -39,7 +38,7 @@ console.log(JSON.stringify({ loading, times, hash: createHash("sha256").update(r
 def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        runpy.run_path(str(BUILD))["build"](folder)
+        build(folder)
         command = ["node", "--input-type=module", "-e", RUN, name]
         ran = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
         sizes = [

@@ -3,7 +3,7 @@
 Two kinds of file, both read by faces/web/fracgyro.mjs and typed in fracgyro.d.ts. `export` writes one scenario with its
 own modes, so that a run equals `fracgyro.simulate` to the bit. `write_module_data` writes what goes with the module:
 the paper's two scenarios, what each setting means and may be, and modes for a grid of orders, so that the order can be
-changed in the browser.
+changed in the browser. `build` makes the module: `python -m fracgyro.export.web DIR`.
 """
 
 from __future__ import annotations
@@ -11,15 +11,21 @@ from __future__ import annotations
 import json
 import math
 import os
+import shutil
+import sys
+import tempfile
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 from .. import _core
 from ..files import whole_file
 from ..scenario import Scenario
+from .compilers import FLAGS, SOURCES, include, zig
 from .settings import CHOICES, core_modes, core_numbers, describe, limits, settings
 
 ORDERS = [hundredths / 100 for hundredths in range(1, 100)]
+TARGET = ["-target", "wasm32-wasi"]
 UNSCALED = ["run.duration", "run.step", "run.record_every", "controller.order"]  # said by a scenario as they are
 
 
@@ -29,7 +35,7 @@ def export(scenario: Scenario, path: str | os.PathLike[str]) -> None:
 
 
 def write_module_data(path: str | os.PathLike[str]) -> None:
-    """Writes what fracgyro.mjs loads beside the module; `make web` calls it."""
+    """Writes what fracgyro.mjs loads beside the module."""
     corrected = Scenario.paper("corrected")
     described: dict[str, Any] = {
         setting.name: {"unit": setting.unit, "description": setting.description, **_limits(setting.path)}
@@ -47,6 +53,24 @@ def write_module_data(path: str | os.PathLike[str]) -> None:
         "modes": [modes for scenario in by_order for modes in _modes(scenario)],
     }
     _write(module, path)
+
+
+def build(folder: Path) -> None:
+    """Leaves in the folder all that a page needs. Raises ValueError in one sentence when there is no zig, or it fails.
+
+    Nothing is linked in, neither a C nor a C++ library: what core/ and sim/ use of C++ is in its headers.
+    """
+    face, headers = SOURCES / "faces/web", include(SOURCES / "core", SOURCES / "sim")
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as scratch:
+        compiled = Path(scratch) / "web.o"
+        # 128-bit vectors are in every browser since 2023.
+        zig("c++", *TARGET, *FLAGS, "-Os", "-msimd128", *headers, "-c", face / "web.cpp", "-o", compiled)
+        link = ["-nostdlib", "-s", "-Wl,--no-entry", "-Wl,--export-dynamic", "-Wl,--export=__heap_base"]
+        zig("cc", *TARGET, *link, compiled, "-o", folder / "fracgyro.wasm")
+    write_module_data(folder / "fracgyro.json")
+    for name in ("fracgyro.mjs", "fracgyro.d.ts"):
+        shutil.copyfile(face / name, folder / name)
 
 
 def _document(scenario: Scenario) -> dict[str, Any]:
@@ -86,3 +110,7 @@ def _limits(path: str) -> dict[str, Any]:
 def _write(document: dict[str, Any], path: str | os.PathLike[str]) -> None:
     with whole_file(path) as scratch:
         scratch.write_text(json.dumps(document, allow_nan=False) + "\n", encoding="utf-8", newline="\n")
+
+
+if __name__ == "__main__":
+    build(Path(sys.argv[1]))
