@@ -3,7 +3,7 @@
 # make web         the WebAssembly module, into build/web
 # make bench       the measurements that the README quotes
 # make check-deep  what takes a minute longer: fuzzing the firmware, clang-tidy
-# make setup-embedded   compilers and emulator for the firmware's tests, from Debian's packages; without them those are skipped
+# make setup-embedded   compilers and emulator and node, from Debian's packages; without them the tests of firmware or browser are skipped
 # Parts of them: check, test-core, test-python, setup-test; and clean. ARGS="..." goes to reproduce.
 
 PYTHON ?= python3
@@ -36,7 +36,7 @@ test-python: .venv/installed-test
 	$(BIN)/pytest -n auto
 
 web: .venv/installed-export
-	$(BIN)/python faces/web/build.py build/web
+	$(BIN)/python -m fracgyro.export.web build/web
 
 bench: .venv/installed-bench .venv/installed-export
 	$(BIN)/python benchmarks/operator_accuracy.py
@@ -45,6 +45,7 @@ bench: .venv/installed-bench .venv/installed-export
 	$(BIN)/python benchmarks/reproduction.py
 	$(BIN)/python benchmarks/best_order.py
 	$(BIN)/python benchmarks/web.py
+	$(BIN)/python benchmarks/parity.py
 	$(BIN)/python benchmarks/firmware.py
 
 # The firmware of a scenario with a force limit, which the fuzzer relies on.
@@ -61,7 +62,7 @@ check-deep: .venv/installed-test
 	  found ../../tests/firmware/corpus
 
 EMBEDDED := gcc-arm-none-eabi libnewlib-arm-none-eabi libstdc++-arm-none-eabi-newlib qemu-system-arm clang clang-tidy \
-  libclang-rt-dev
+  libclang-rt-dev nodejs
 setup-embedded:
 	@{ dpkg -s $(EMBEDDED) >/dev/null 2>&1; } \
 	  || { $(SUDO) apt-get -qq update && $(SUDO) apt-get -qq install -y --no-install-recommends $(EMBEDDED); }

@@ -17,12 +17,12 @@ from typing import get_args
 
 import fracgyro as fg
 import numpy as np
-from fracgyro.export.firmware import Number, export_firmware
+from fracgyro.export.compilers import Number, make
+from fracgyro.export.firmware import export_firmware
+from fracgyro.export.host import Host, rmse
+from fracgyro.export.settings import core_modes
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "tests/python"))
-import embedded  # noqa: E402
-
 RESULTS = ROOT / "faces/firmware/measured.md"
 SEEDS = 10
 PAPER = fg.Scenario.paper()
@@ -57,8 +57,8 @@ step; code and constants added to an image. c = 1/2 where nothing is said.
 def measure(scenario: fg.Scenario, number: Number, folder: Path) -> dict[str, str]:
     """Cells by column."""
     export_firmware(scenario, folder, number)
-    counts = dict(re.findall(r"(Cortex-\w+): (\d+ \d+)", embedded.make(folder, "count")))
-    sizes = re.findall(r"^\s*(\d+)\s+(\d+).*?(\w+)/image", embedded.make(folder, "size"), re.MULTILINE)
+    counts = dict(re.findall(r"(Cortex-\w+): (\d+ \d+)", make(folder, "count")))
+    sizes = re.findall(r"^\s*(\d+)\s+(\d+).*?(\w+)/image", make(folder, "size"), re.MULTILINE)
     symbols = subprocess.run(
         ["arm-none-eabi-nm", "-S", "build/m7/fracgyro.o"], cwd=folder, capture_output=True, text=True, check=True
     ).stdout
@@ -75,6 +75,10 @@ def measure(scenario: fg.Scenario, number: Number, folder: Path) -> dict[str, st
     }
 
 
+def mode_count(scenario: fg.Scenario) -> int:
+    return len(core_modes(scenario)[0])
+
+
 def table() -> list[str]:
     lines = [
         "| controller | modes | scalar | Cortex-M4F: mean / most | Cortex-M7: mean / most "
@@ -86,7 +90,7 @@ def table() -> list[str]:
         for number in get_args(Number):
             with tempfile.TemporaryDirectory() as folder:
                 cells = measure(scenario, number, Path(folder) / "out")
-            lines.append(f"| {name} | {embedded.mode_count(scenario)} | {number} | {' | '.join(cells.values())} |")
+            lines.append(f"| {name} | {mode_count(scenario)} | {number} | {' | '.join(cells.values())} |")
     return lines
 
 
@@ -130,13 +134,10 @@ def errors() -> list[str]:
         with tempfile.TemporaryDirectory() as folder:
             scenario = PAPER.replace(changes)
             export_firmware(scenario, Path(folder) / "out")
-            found = [
-                [embedded.rmse(run, embedded.Host(Path(folder) / "out", "float"), start) for start in (0.0, 10.0)]
-                for run in runs
-            ]
+            found = [[rmse(run, Host(Path(folder) / "out", "float"), start) for start in (0.0, 10.0)] for run in runs]
         whole, late = 100 * (np.mean(found, axis=0) / np.mean(base, axis=0) - 1)
         cells = [f"{x:+.2f} %, {y:+.2f} %" for x, y in (whole, late)]
-        lines.append(f"| {name} | {embedded.mode_count(scenario)} | {' | '.join(cells)} |")
+        lines.append(f"| {name} | {mode_count(scenario)} | {' | '.join(cells)} |")
     return lines
 
 

@@ -13,31 +13,46 @@ namespace fracgyro::bindings {
 
 namespace {
 
-// A controller of whichever kind, one sample at a time.
+// A controller of whichever kind and precision, one sample at a time.
 class AnyController {
 public:
     virtual ~AnyController() = default;
-    virtual Signals<double> step(const Motion<double>& motion) = 0;
+    virtual Vec2<double> step(const Motion<double>& motion) = 0;  // the force
     virtual Estimates<double> estimates() const = 0;
     virtual std::uint64_t steps() const = 0;
     virtual nb::bytes state() const = 0;
     virtual void restore(const nb::bytes& saved) = 0;
 };
 
+template <class T>
+Estimates<double> in_double(const Estimates<T>& e) {
+    const auto number = [](T a) { return static_cast<double>(a); };
+    const auto sym2 = [&](const Sym2<T>& a) { return Sym2<double>{number(a.xx), number(a.xy), number(a.yy)}; };
+    return {.damping = sym2(e.damping),
+            .stiffness = sym2(e.stiffness),
+            .rate = number(e.rate),
+            .rate_symmetric = sym2(e.rate_symmetric),
+            .bound = {number(e.bound[0]), number(e.bound[1]), number(e.bound[2])}};
+}
+
 template <class Controller>
 class Holder final : public AnyController {
+    using T = typename Controller::Value;
     using State = typename Controller::State;
     static_assert(std::is_trivially_copyable_v<State>);
 
 public:
     explicit Holder(const ControllerParams& p) : coefficients_(Controller::prepare(p)) {}
 
-    Signals<double> step(const Motion<double>& motion) override {
-        return Controller::step(state_, coefficients_, motion);
+    Vec2<double> step(const Motion<double>& motion) override {
+        const auto number = [](const Vec2<double>& a) { return Vec2<T>{T(a.x), T(a.y)}; };
+        const Vec2<T> force =
+            Controller::step(state_, coefficients_,
+                             {.position = number(motion.position), .velocity = number(motion.velocity)})
+                .force;
+        return {static_cast<double>(force.x), static_cast<double>(force.y)};
     }
-    Estimates<double> estimates() const override {
-        return Adaptation<double>::estimates(state_.adaptation, coefficients_.adaptation);
-    }
+    Estimates<double> estimates() const override { return in_double(Controller::estimates(state_, coefficients_)); }
     std::uint64_t steps() const override { return state_.reference.steps; }
     nb::bytes state() const override { return nb::bytes(&state_, sizeof state_); }
     void restore(const nb::bytes& saved) override {
@@ -52,9 +67,10 @@ private:
     State state_{};
 };
 
-std::unique_ptr<AnyController> make_controller(const std::string& kind, const ControllerParams& p) {
+std::unique_ptr<AnyController> make_controller(const std::string& kind, const ControllerParams& p, bool single) {
     std::unique_ptr<AnyController> made;
-    if (!with_controller<double>(kind, [&]<class Controller>() { made = std::make_unique<Holder<Controller>>(p); })) {
+    const auto make = [&]<class Controller>() { made = std::make_unique<Holder<Controller>>(p); };
+    if (!(single ? with_controller<float>(kind, make) : with_controller<double>(kind, make))) {
         throw nb::value_error("there is no controller of that kind");
     }
     return made;
@@ -114,11 +130,11 @@ void bind_controller(nb::module_& m) {
         .def_rw("adaptation", &ControllerParams::adaptation);
 
     nb::class_<AnyController>(m, "Controller")
-        .def(nb::new_(&make_controller), nb::arg("kind"), nb::arg("params"))
+        .def(nb::new_(&make_controller), nb::arg("kind"), nb::arg("params"), nb::arg("single"))
         .def(
             "step",
             [](AnyController& self, const Array2& position, const Array2& velocity) {
-                return to_array(self.step({.position = to_vec2(position), .velocity = to_vec2(velocity)}).force);
+                return to_array(self.step({.position = to_vec2(position), .velocity = to_vec2(velocity)}));
             },
             nb::arg("position"), nb::arg("velocity"))
         .def_prop_ro("estimates", &AnyController::estimates)

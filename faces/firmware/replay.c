@@ -1,5 +1,6 @@
 /* Answers every motion in the file "motion" (x, y and their rates as fracgyro_number, one sample after another) with a row in
- * the file "answer": status, force x, y, the estimates: damping, stiffness, rate, bound. For comparing processors bit by bit. */
+ * the file "answer": status, force x, y, the estimates that it was computed with: damping, stiffness, rate, bound. For comparing
+ * processors bit by bit. */
 #include "fracgyro.h"
 
 #include <stdio.h>
@@ -23,8 +24,8 @@ int main(void) {
     size_t count;
     while ((count = fread(motions, sizeof motions[0], 64, in)) > 0) {
         for (size_t i = 0; i < count; ++i) {
-            answers[i].status = (fracgyro_number)fracgyro_step(&state, &motions[i], &answers[i].force);
             fracgyro_read_estimates(&state, &answers[i].estimates);
+            answers[i].status = (fracgyro_number)fracgyro_step(&state, &motions[i], &answers[i].force);
         }
         if (fwrite(answers, sizeof answers[0], count, out) != count) {
             return 1;

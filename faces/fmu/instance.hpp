@@ -18,7 +18,7 @@ namespace fracgyro {
 inline constexpr auto kind_place = std::find(controller_kinds.begin(), controller_kinds.end(), exported::kind);
 static_assert(kind_place != controller_kinds.end());
 using ExportedController =
-    typename std::tuple_element_t<kind_place - controller_kinds.begin(), Controllers<double>>::Type;
+    typename std::tuple_element_t<kind_place - controller_kinds.begin(), Controllers<exported::Number>>::Type;
 using Loop = Stepper<ExportedController>;
 
 class Instance {
@@ -166,12 +166,12 @@ private:
         prepared_ = true;
     }
 
-    Motion<double> measured() const {
-        std::array<double, 4> motion{};
+    Motion<exported::Number> measured() const {
+        std::array<exported::Number, 4> motion{};
         for (std::size_t i = 0; i < state_.values.size(); ++i) {
             const Variable& v = exported::variables[i];
             if (v.role == Role::input) {
-                motion[static_cast<std::size_t>(v.place)] = state_.values[i] / v.scale;
+                motion[static_cast<std::size_t>(v.place)] = static_cast<exported::Number>(state_.values[i] / v.scale);
             }
         }
         return {.position = {motion[0], motion[1]}, .velocity = {motion[2], motion[3]}};

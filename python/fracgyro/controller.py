@@ -32,11 +32,13 @@ class Controller:
 
     Call `step` once every `scenario.run.step`. Times, positions, velocities and forces are in the units that
     `scenario.run.units` names. `scenario.run.duration` is the longest time the fractional memory is accurate for.
+    With `single_precision` it computes in float, as firmware exported so does, to the same bits.
     Raises ValueError for an argument that is not finite, or a time that is not that of the next step.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, *, single_precision: bool = False) -> None:
         self.scenario = scenario
+        self._single = single_precision
         scales = scenario.plant.scales
         si = scenario.run.units == "SI"
         self._time = scales.time if si else 1.0
@@ -46,7 +48,7 @@ class Controller:
         self._damping = scales.damping if si else 1.0
         self._stiffness = scales.stiffness if si else 1.0
         self._rate = scales.rate if si else 1.0
-        self._core = _core.Controller(scenario.controller.kind, controller_params(scenario))
+        self._core = _core.Controller(scenario.controller.kind, controller_params(scenario), single_precision)
 
     def step(self, time: float, position: Sequence[float], velocity: Sequence[float]) -> Vector:
         """The force [x, y] to hold until the next step, from position and velocity [x, y] measured at `time`."""
@@ -80,11 +82,12 @@ class Controller:
     def state(self, saved: bytes) -> None:
         key = self._key()
         if saved[: len(key)] != key:
-            raise ValueError("state was saved by another version, or by a controller of another scenario")
+            raise ValueError("state was saved by another version, or by a controller of another scenario or precision")
         self._core.state = saved[len(key) :]
 
     def _key(self) -> bytes:
-        return f"fracgyro {version('fracgyro')} {self.scenario.content_hash()}\n".encode()
+        number = "float" if self._single else "double"
+        return f"fracgyro {version('fracgyro')} {self.scenario.content_hash()} {number}\n".encode()
 
     @staticmethod
     def _pair(name: str, values: Sequence[float], scale: float) -> tuple[float, float]:

@@ -7,7 +7,7 @@ import struct
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import fmpy
 import fracgyro as fg
@@ -17,7 +17,7 @@ from fmpy.simulation import instantiate_fmu
 from fmpy.validation import validate_fmu
 from fracgyro.cli import cli
 from fracgyro.export import compilers
-from fracgyro.export.fmu import FMI2_FOLDERS, export
+from fracgyro.export.fmu import FMI2_FOLDERS, Content, Fmi, export
 from fracgyro.simulate import CHANNELS
 
 SHORT = fg.Scenario.paper().replace({"run.duration": 2.0})
@@ -52,7 +52,7 @@ SCENARIOS = {
     "known parameters, sine": SINE,
     "undisturbed": SHORT.replace({"controller.kind": "linear", "disturbance.kind": "none"}),
 }
-VERSIONS = ["2.0", "3.0"]
+VERSIONS: tuple[Fmi, ...] = get_args(Fmi)
 
 
 @pytest.fixture(scope="session")
@@ -60,11 +60,11 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., str]:
     """Each FMU is made once."""
     folder, known = tmp_path_factory.mktemp("fmu"), {}
 
-    def make(scenario: fg.Scenario, fmi: str = "2.0", content: str = "loop") -> str:
+    def make(scenario: fg.Scenario, fmi: Fmi = "2.0", content: Content = "loop") -> str:
         key = (scenario.content_hash(), fmi, content)
         if key not in known:
             known[key] = str(folder / f"{len(known)}.fmu")
-            export(scenario, known[key], fmi=fmi, content=content)  # type: ignore[arg-type]
+            export(scenario, known[key], fmi=fmi, content=content)
         return known[key]
 
     return make
@@ -135,13 +135,13 @@ class Instance:
 @pytest.mark.parametrize("fmi", VERSIONS)
 @pytest.mark.parametrize("content", ["loop", "controller"])
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_the_fmu_is_valid(made: Callable[..., str], name: str, content: str, fmi: str) -> None:
+def test_the_fmu_is_valid(made: Callable[..., str], name: str, content: Content, fmi: Fmi) -> None:
     assert validate_fmu(made(SCENARIOS[name], fmi, content)) == []
 
 
 @pytest.mark.parametrize("fmi", VERSIONS)
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_the_closed_loop_has_the_bits_of_simulate(made: Callable[..., str], name: str, fmi: str) -> None:
+def test_the_closed_loop_has_the_bits_of_simulate(made: Callable[..., str], name: str, fmi: Fmi) -> None:
     run = fg.simulate(SCENARIOS[name])
     simulated = fmpy.simulate_fmu(made(SCENARIOS[name], fmi), output_interval=float(run.time[1]))
     expected = columns(run)
@@ -160,7 +160,7 @@ def test_one_step_of_the_importer_takes_many_of_the_loop(made: Callable[..., str
 @pytest.mark.parametrize("fmi", VERSIONS)
 @pytest.mark.parametrize("scenario", [SHORT, SI], ids=["nondimensional", "SI"])
 def test_the_controller_alone_answers_each_motion_with_the_force_of_the_loop(
-    made: Callable[..., str], tmp_path: Path, scenario: fg.Scenario, fmi: str
+    made: Callable[..., str], tmp_path: Path, scenario: fg.Scenario, fmi: Fmi
 ) -> None:
     expected = fg.simulate(scenario.replace({"run.units": "nondimensional"}))
     scales = scenario.plant.scales
@@ -195,7 +195,7 @@ def test_a_changed_parameter_is_that_of_a_changed_scenario(made: Callable[..., s
 
 
 @pytest.mark.parametrize("fmi", VERSIONS)
-def test_gains_can_be_tuned_while_it_runs_and_starts_cannot(made: Callable[..., str], tmp_path: Path, fmi: str) -> None:
+def test_gains_can_be_tuned_while_it_runs_and_starts_cannot(made: Callable[..., str], tmp_path: Path, fmi: Fmi) -> None:
     fmu = Instance(made(SHORT, fmi), tmp_path).start()
     fmu.step(0.0, 0.5)
     before = fmu.get("rate_estimate")
@@ -211,7 +211,7 @@ def test_gains_can_be_tuned_while_it_runs_and_starts_cannot(made: Callable[..., 
 
 
 @pytest.mark.parametrize("fmi", VERSIONS)
-def test_a_saved_state_resumes_bit_for_bit_even_elsewhere(made: Callable[..., str], tmp_path: Path, fmi: str) -> None:
+def test_a_saved_state_resumes_bit_for_bit_even_elsewhere(made: Callable[..., str], tmp_path: Path, fmi: Fmi) -> None:
     fmu = Instance(made(SHORT, fmi), tmp_path / "1").start()
     fmu.set("controller.layer_thickness", 0.1)
     fmu.step(0.0, 0.7)
@@ -231,7 +231,7 @@ def test_a_saved_state_resumes_bit_for_bit_even_elsewhere(made: Callable[..., st
 
 
 @pytest.mark.parametrize("fmi", VERSIONS)
-def test_reset_starts_anew(made: Callable[..., str], tmp_path: Path, fmi: str) -> None:
+def test_reset_starts_anew(made: Callable[..., str], tmp_path: Path, fmi: Fmi) -> None:
     fmu = Instance(made(SHORT, fmi), tmp_path).start()
     fmu.set("controller.layer_thickness", 0.1)
     fmu.step(0.0, 0.2)
@@ -255,7 +255,7 @@ def test_outputs_follow_the_parameters_during_the_initialization(made: Callable[
 
 
 @pytest.mark.parametrize("fmi", VERSIONS)
-def test_what_cannot_be_done_is_told_to_the_logger(made: Callable[..., str], tmp_path: Path, fmi: str) -> None:
+def test_what_cannot_be_done_is_told_to_the_logger(made: Callable[..., str], tmp_path: Path, fmi: Fmi) -> None:
     fmu = Instance(made(SHORT, fmi), tmp_path)
     assert "before the end of the initialization" in fmu.complaint(lambda: fmu.step(0.0, 0.001))
     fmu.start()
@@ -317,8 +317,8 @@ def test_the_description_says_what_may_be_changed_and_what_it_means(made: Callab
 
 
 @pytest.mark.parametrize("fmi", VERSIONS)
-def test_the_same_scenario_gives_the_same_bytes(made: Callable[..., str], tmp_path: Path, fmi: str) -> None:
-    export(SHORT, tmp_path / "again.fmu", fmi=fmi)  # type: ignore[arg-type]
+def test_the_same_scenario_gives_the_same_bytes(made: Callable[..., str], tmp_path: Path, fmi: Fmi) -> None:
+    export(SHORT, tmp_path / "again.fmu", fmi=fmi)
     assert (tmp_path / "again.fmu").read_bytes() == Path(made(SHORT, fmi)).read_bytes()
 
 
@@ -387,3 +387,19 @@ def test_the_command_writes_one(tmp_path: Path) -> None:
     assert ran.exit_code == 0
     assert ran.output == f"{tmp_path / 'my.fmu'}: controller, FMI 3.0, for linux\n"
     assert fmpy.read_model_description(tmp_path / "my.fmu").modelName == "fracgyro_controller"
+
+
+def test_in_float_it_follows_double_closely_and_is_another_fmu(made: Callable[..., str], tmp_path: Path) -> None:
+    from click.testing import CliRunner
+
+    path = tmp_path / "single.fmu"
+    SHORT.save(tmp_path / "my.toml")
+    words = ["export", "fmu", str(tmp_path / "my.toml"), "--out", str(path), "--number", "float"]
+    assert CliRunner().invoke(cli, words).output == f"{path}: closed loop, FMI 2.0, float, for linux\n"
+    assert validate_fmu(str(path)) == []
+    simulated = fmpy.simulate_fmu(str(path), output_interval=0.001)
+    position, expected = simulated["position.x"], columns(fg.simulate(SHORT))["position.x"]
+    np.testing.assert_array_equal(position, position.astype(np.float32))
+    assert 0 < np.abs(position - expected).max() < 1e-3
+    guids = {fmpy.read_model_description(p).guid for p in (str(path), made(SHORT))}
+    assert len(guids) == 2, "a saved state of one does not fit the other"

@@ -110,7 +110,7 @@ def test_the_bindings_include_what_is_below_and_nanobind(path: Path) -> None:
             assert (path.parent / header).is_file(), header
 
 
-@pytest.mark.parametrize("path", [*sources("faces/fmu"), *sources("faces/web")], ids=name)
+@pytest.mark.parametrize("path", [*sources("faces/fmu"), *sources("faces/web"), *sources("faces/lanes")], ids=name)
 def test_a_face_includes_what_is_below_itself_and_the_standard_it_speaks(path: Path) -> None:
     below = headers("core") | headers("sim")
     for bracket, header in includes(path):

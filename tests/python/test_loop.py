@@ -644,6 +644,7 @@ def test_a_foreign_state_is_refused_and_leaves_the_controller_as_it_was() -> Non
     foreign = [
         fg.Controller(PAPER.replace({"controller.order": 0.8})).state,
         fg.Controller(PAPER.replace({"controller.kind": "linear"})).state,
+        fg.Controller(PAPER, single_precision=True).state,
         before[:-1],
         before + b"\0",
         b"",

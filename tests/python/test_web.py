@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 import json
-import runpy
-import shutil
 import subprocess
 from pathlib import Path
 
 import fracgyro as fg
 import numpy as np
 import pytest
+from embedded import need
 from fracgyro import _core
-from fracgyro.export import compilers, web
+from fracgyro.export import web
 from fracgyro.setup import core_setup
-
-FACE = Path(__file__).resolve().parents[2] / "faces" / "web"
-MISSING = [word for word, found in (("node", shutil.which("node")), ("ziglang", compilers.has_zig())) if not found]
-if MISSING:
-    pytest.skip(f"the WebAssembly module is not tested: no {' and no '.join(MISSING)}", allow_module_level=True)
 
 SHORT = fg.Scenario.paper().replace({"run.duration": 3.0})
 
@@ -35,8 +29,9 @@ const own = JSON.parse(readFileSync(process.argv[2] + "/own.json"));
 
 @pytest.fixture(scope="session")
 def module(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    need("WebAssembly")
     folder = tmp_path_factory.mktemp("web")
-    runpy.run_path(str(FACE / "build.py"))["build"](folder)
+    web.build(folder)
     return folder
 
 

@@ -1,4 +1,4 @@
-"""The compilers of what is exported: the system's own for this machine, zig for all others."""
+"""The programs that exported things need: the system's compiler for this machine, zig for others, make, emulators."""
 
 from __future__ import annotations
 
@@ -10,16 +10,39 @@ import struct
 import subprocess
 import sys
 from pathlib import Path
+from typing import Literal
 
 from .. import _core
 
-# The sources are installed beside the compiled module.
+Number = Literal["float", "double"]  # what an exported controller computes with
+
+# The sources are installed beside the compiled module, whose coefficients fit these very headers.
 SOURCES = Path(_core.__file__).parent
 
 # As CMakeLists.txt has them: without contraction, every compiler and processor computes the same bits.
 FLAGS = ["-std=c++20", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"]
 FLAGS += ["-fno-exceptions", "-fno-rtti", "-fvisibility=hidden", "-Wno-psabi"]
 ZIG = "ziglang from PyPI, which comes with pip install 'fracgyro[export]'"
+# Programs by their names; what brings each is a package of Debian, and is called the same or alike elsewhere.
+PACKAGES = {
+    "make": "make",
+    "node": "nodejs",
+    "arm-none-eabi-g++": "gcc-arm-none-eabi, libnewlib-arm-none-eabi and libstdc++-arm-none-eabi-newlib",
+    "qemu-system-arm": "qemu-system-arm",
+}
+
+
+def need(*programs: str) -> None:
+    """Raises ValueError, in one sentence that says what to install, when one of PACKAGES is missing."""
+    for program in programs:
+        if shutil.which(program) is None:
+            raise ValueError(f"{program} is not found: install {PACKAGES[program]}, as they are called in Debian")
+
+
+def make(folder: Path, *words: str) -> str:
+    """What `make WORDS` prints in a folder of exported firmware. Raises ValueError in one sentence when it fails."""
+    need("make")
+    return run(["make", "--silent", *words], folder)
 
 
 def has_zig() -> bool:
@@ -30,28 +53,35 @@ def zig(*words: str | Path) -> None:
     """Runs `zig WORDS`. Raises ValueError in one sentence when there is none, or it fails."""
     if not has_zig():
         raise ValueError(f"a compiler for other systems is missing: install {ZIG}")
-    _run([sys.executable, "-m", "ziglang", *map(str, words)])
+    run([sys.executable, "-m", "ziglang", *map(str, words)])
 
 
 def system_compiler(*words: str | Path) -> None:
-    """The same with the system's C++ compiler, that which CXX names or c++."""
+    """The same with the system's C++ compiler."""
+    run([*compiler(), *map(str, words)])
+
+
+def compiler() -> list[str]:
+    """That which CXX names, or c++. Raises ValueError in one sentence when there is none."""
     command = shlex.split(os.environ.get("CXX", "c++"))
     if not command or shutil.which(command[0]) is None:
         raise ValueError(f"{' '.join(command) or 'CXX'} is not found: set CXX to a C++20 compiler")
-    _run([*command, *map(str, words)])
+    return command
 
 
 def include(*folders: Path) -> list[str]:
     return [word for folder in folders for word in ("-I", str(folder))]
 
 
-def _run(command: list[str]) -> None:
-    ran = subprocess.run(command, capture_output=True, text=True)
+def run(command: list[str], folder: Path | None = None) -> str:
+    """What the command prints. Raises ValueError in one sentence when it fails."""
+    ran = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     if ran.returncode:
         lines = (
             [line for line in ran.stderr.splitlines() if "error" in line] or ran.stderr.splitlines() or ["no reason"]
         )
         raise ValueError(f"{Path(command[0]).name} failed: {lines[0].strip()}")
+    return ran.stdout
 
 
 def join_macos(binaries: list[bytes]) -> bytes:

@@ -7,18 +7,13 @@ import os
 import shutil
 from dataclasses import asdict
 from importlib.metadata import version
-from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from .. import _core
 from ..files import whole_folder
 from ..scenario import Scenario
 from ..setup import controller_params
-
-Number = Literal["float", "double"]
-
-# The sources are installed beside the compiled module, whose coefficients fit these very headers.
-SOURCES = Path(_core.__file__).parent
+from .compilers import SOURCES, Number
 
 SURFACES = {
     "fractional_fast_terminal": "fracgyro::Surface<T, fracgyro::FractionalTerm<T, {capacity}>, true>",

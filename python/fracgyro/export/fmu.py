@@ -26,7 +26,7 @@ from .. import _core
 from ..files import whole_file
 from ..scenario import Scenario, ScenarioError
 from ..simulate import AXES, CHANNELS, ENTRIES
-from .compilers import FLAGS, SOURCES, include, join_macos, system_compiler, zig
+from .compilers import FLAGS, SOURCES, Number, include, join_macos, system_compiler, zig
 from .settings import Limits, core_modes, core_numbers, describe, settings
 from .units import base_unit, symbol
 
@@ -90,15 +90,16 @@ def export(
     content: Content = "loop",
     fmi: Fmi = "2.0",
     systems: Sequence[System] = ("linux",),
+    number: Number = "double",
 ) -> None:
-    """Writes the FMU, whole or not at all.
+    """Writes the FMU, whole or not at all. `number` is what it computes with; an importer sees doubles.
 
     Raises ValueError, in one sentence, when a compiler or FMPy is missing, the seed is too large for an FMU, or
     the file cannot be written.
     """
     variables = list(_variables(scenario, content, fmi))
-    token = _token(scenario, content, fmi)
-    header = _header(scenario, content, token, variables)
+    token = _token(scenario, content, fmi, number)
+    header = _header(scenario, content, number, token, variables)
     description = _description(scenario, content, fmi, token, variables)
     with whole_file(path) as scratch, tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -174,14 +175,14 @@ def _unit(scenario: Scenario, quantity: str) -> tuple[float, str]:
     return scale, symbol(quantity, _si(scenario))
 
 
-def _token(scenario: Scenario, content: Content, fmi: Fmi) -> str:
+def _token(scenario: Scenario, content: Content, fmi: Fmi, number: Number) -> str:
     """What binds binary and description: a GUID in form, and the same for the same FMU."""
-    made_from = f"fracgyro {version('fracgyro')} {content} {fmi}\n{scenario.to_toml()}"
+    made_from = f"fracgyro {version('fracgyro')} {content} {fmi} {number}\n{scenario.to_toml()}"
     digest = hashlib.sha256(made_from.encode()).hexdigest()
     return "{" + "-".join([digest[:8], digest[8:12], digest[12:16], digest[16:20], digest[20:32]]) + "}"
 
 
-def _header(scenario: Scenario, content: Content, token: str, variables: Sequence[Variable]) -> str:
+def _header(scenario: Scenario, content: Content, number: Number, token: str, variables: Sequence[Variable]) -> str:
     rates, weights = core_modes(scenario)
     step = scenario.run.step * _unit(scenario, "time")[0]
     rows = []
@@ -196,6 +197,7 @@ def _header(scenario: Scenario, content: Content, token: str, variables: Sequenc
         "#include <array>",
         "#include <string_view>",
         "namespace fracgyro::exported {",
+        f"using Number = {number};",
         f'inline constexpr std::string_view kind = "{scenario.controller.kind}";',
         f"inline constexpr bool closed_loop = {_cpp(content == 'loop')};",
         f'inline constexpr char token[] = "{token}";',

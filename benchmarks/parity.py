@@ -1,0 +1,87 @@
+"""One recorded run through every target, and the hash of what each answers; writes benchmarks/results/parity.md."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import tempfile
+import time
+from importlib.metadata import version
+from pathlib import Path
+from typing import get_args
+
+import fracgyro as fg
+from fracgyro import _core
+from fracgyro.export.compilers import Number, compiler
+from fracgyro.export.replay import Difference, first_difference, load, parity_hash
+from fracgyro.export.targets import Target, answers
+from fracgyro.paper.reproduce import write_run
+from machine import command, machine, write
+
+SCENARIO = fg.Scenario.paper().replace({"run.duration": 100.0})
+
+
+def first_line(*words: str) -> str:
+    return subprocess.run(words, capture_output=True, text=True, check=True).stdout.splitlines()[0]
+
+
+# Name: target, what compiles and runs it, environment.
+def targets() -> dict[str, tuple[Target, str, dict[str, str]]]:
+    gcc, clang = first_line("g++", "--version"), first_line("clang++", "--version")
+    ours = first_line(*compiler(), "--version")
+    arm = f"{first_line('arm-none-eabi-g++', '--version')}; {first_line('qemu-system-arm', '--version')}"
+    web = f"zig {version('ziglang')}; node {first_line('node', '--version')}"
+    return {
+        "Python Controller": ("python", ours, {}),
+        "SIMD lanes, without contraction": ("lanes", f"{ours}, -march=native: {8 * _core.lane_counts()[-1]} bytes", {}),
+        "firmware, this computer, gcc": ("host", gcc, {"CC": "gcc", "CXX": "g++"}),
+        "firmware, this computer, clang": ("host", clang, {"CC": "clang", "CXX": "clang++"}),
+        "firmware, Cortex-M4F": ("m4f", arm, {}),
+        "firmware, Cortex-M7": ("m7", arm, {}),
+        "WebAssembly": ("wasm", web, {}),
+        "FMU": ("fmu", f"{ours}; FMPy {version('fmpy')}", {}),
+    }
+
+
+def main() -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "run.nc"
+        write_run(fg.simulate(SCENARIO), path)
+        trace = load(path)
+    lines = [
+        "# The same bits on every target",
+        "",
+        f"Made by `{command()}`.",
+        "",
+        f"Machine: {machine()}.",
+        "",
+        f"The paper's corrected scenario, its noise included, over 100 units of time: {len(trace.motion):,} samples.",
+        "Each target is handed the recorded positions and velocities, in float rounded to float, and answers force and",
+        "estimates, 12 numbers a step. The parity hash is SHA-256 over their bits; seconds include compiling.",
+    ]
+    problems: list[Difference | None] = []
+    compiled_by = targets()
+    for number in reversed(get_args(Number)):
+        reference = trace.answers if number == "double" else answers("host", SCENARIO, number, trace.motion)
+        rows = []
+        for name, (target, made, environment) in compiled_by.items():
+            os.environ.update(environment)
+            start = time.perf_counter()
+            found = answers(target, SCENARIO, number, trace.motion)
+            seconds = time.perf_counter() - start
+            for variable in environment:
+                del os.environ[variable]
+            difference = first_difference(found, reference)
+            problems.append(difference)
+            seen = f"`{parity_hash(found)[:16]}…`" if difference is None else f"**{difference}**"
+            rows.append(f"| {name} | {made} | {seen} | {seconds:.1f} |")
+        recorded = ", that of the record" if number == "double" else ""
+        lines += ["", f"## {number}: `{parity_hash(reference)}`{recorded}", ""]
+        lines += ["| target | compiled and run by | parity hash | s |", "|---|---|---|---|", *rows]
+    write("parity", lines)
+    if any(problems):
+        raise SystemExit("targets differ")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,121 @@
+"""Exported firmware on this computer: compiled, called in this process, closed into a loop with the plant."""
+
+from __future__ import annotations
+
+import ctypes
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from .. import _core
+from ..scenario import Scenario
+from ..setup import disturbance_params
+from .compilers import Number, run
+
+SCALARS: dict[Number, Any] = {"float": ctypes.c_float, "double": ctypes.c_double}
+
+
+class Host:
+    """A folder of exported firmware, compiled as its Makefile does by `compiler`, which is gcc's or clang's.
+
+    Everything is nondimensional. Raises ValueError, in one sentence, when it does not compile.
+    """
+
+    def __init__(self, folder: Path, number: Number, compiler: str = "g++") -> None:
+        library = folder / f"{compiler}.so"
+        options = ["-std=c++20", "-shared", "-fPIC", *flags(folder, "OPTIMISE", "BITS", "LEAN", "WARNINGS")]
+        run([compiler, *options, "-I.", "-Icore", "fracgyro.cpp", "-o", library.name], folder)
+        self._library = ctypes.CDLL(str(library))
+        self._number = SCALARS[number]
+        header = (folder / "fracgyro_coefficients.h").read_text(encoding="utf-8")
+        size, alignment = (int(text) for text in re.findall(r"STATE_(?:SIZE|ALIGNMENT) (\d+)", header))
+        self._saved = alignment + size  # of key, checksum, padding, state
+        self._room = (ctypes.c_uint64 * (size // 8 + 16))()  # and room to align
+        self._state = _aligned(self._room)
+        self._force = (self._number * 2)()
+        self._motion = (self._number * 4)()
+        self._library.fracgyro_init(self._state)
+
+    def step(self, position: Sequence[float], velocity: Sequence[float]) -> int:
+        """The status; `force` has the force."""
+        self._motion[:] = (*position, *velocity)
+        return int(self._library.fracgyro_step(self._state, self._motion, self._force))
+
+    @property
+    def force(self) -> tuple[float, float]:
+        return self._force[0], self._force[1]
+
+    @property
+    def estimates(self) -> list[float]:
+        """Damping and stiffness as xx, xy, yy; the angular rate; b0, b1, b2."""
+        room = (self._number * 10)()
+        self._library.fracgyro_read_estimates(self._state, room)
+        return list(room)
+
+    def save(self) -> bytes:
+        room = (ctypes.c_uint64 * (self._saved // 8 + 16))()
+        self._library.fracgyro_save(self._state, _aligned(room))
+        return ctypes.string_at(_aligned(room), self._saved)
+
+    def restore(self, saved: bytes) -> int:
+        """The status."""
+        room = (ctypes.c_uint64 * (self._saved // 8 + 16))()
+        ctypes.memmove(_aligned(room), saved, self._saved)
+        return int(self._library.fracgyro_restore(self._state, _aligned(room)))
+
+
+def flags(folder: Path, *names: str) -> list[str]:
+    """Variables of the exported Makefile."""
+    text = (folder / "Makefile").read_text(encoding="utf-8")
+    return " ".join(re.findall(rf"^(?:{'|'.join(names)}) := (.*)$", text, re.MULTILINE)).split()
+
+
+def _aligned(room: ctypes.Array[ctypes.c_uint64]) -> ctypes.c_void_p:
+    return ctypes.c_void_p((ctypes.addressof(room) + 63) // 64 * 64)
+
+
+def plant_of(scenario: Scenario) -> list[list[float]]:
+    """Rows x, y and their rates at the next sample; columns the same at this one, and force x, y. Eq. (9), exact."""
+    damping, stiffness, rate, more_damping, more_stiffness = scenario.plant.nondimensional()
+
+    def matrix(entries: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.array([[entries[0], entries[1]], [entries[1], entries[2]]])
+
+    flow = np.zeros((6, 6))
+    flow[:2, 2:4] = flow[2:4, 4:] = np.eye(2)
+    flow[2:4, :2] = -matrix(stiffness + more_stiffness)
+    flow[2:4, 2:4] = -matrix(damping + more_damping) - 2 * np.array([[0.0, -rate], [rate, 0.0]])
+    return [list(map(float, row)) for row in expm(scenario.run.step * flow)[:4]]
+
+
+def closed_loop(scenario: Scenario, host: Host) -> Iterator[tuple[float, float, float, float]]:
+    """The motion at every sample, of a plant in double under a controller in whatever it computes with.
+
+    Raises ValueError when the firmware reports anything but success.
+    """
+    plant, samples = plant_of(scenario), scenario.run.steps + 1
+    noise = _core.disturbance(disturbance_params(scenario), scenario.run.step, 0, samples).tolist()
+    x, y = scenario.plant.initial_position
+    v, w = scenario.plant.initial_velocity
+    for d in noise:
+        yield x, y, v, w
+        if status := host.step((x, y), (v, w)):
+            raise ValueError(f"the firmware's status is {status} at {(x, y, v, w)}, with force {host.force}")
+        fx, fy = host.force
+        fx, fy = fx + d[0], fy + d[1]
+        x, y, v, w = (a * x + b * y + c * v + e * w + f * fx + g * fy for a, b, c, e, f, g in plant)
+
+
+def rmse(scenario: Scenario, host: Host, start: float = 0.0) -> NDArray[np.float64]:
+    """Of x and y in that loop, from `start` on."""
+    position = np.array(list(closed_loop(scenario, host)))[:, :2]
+    t = scenario.run.step * np.arange(len(position))
+    r = scenario.reference
+    error = position - np.array(r.amplitude) * np.sin(np.outer(t, r.frequency) + np.array(r.phase))
+    found: NDArray[np.float64] = np.sqrt(np.mean(error[t >= start] ** 2, axis=0))
+    return found

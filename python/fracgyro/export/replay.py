@@ -1,0 +1,101 @@
+"""A recorded run, answered anew by the controller on another target, and compared bit by bit: page one of `replay`."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ..scenario import Scenario
+from .compilers import Number
+from .targets import COLUMNS, MOTION, VARIABLES, Target, answers
+
+
+@dataclass(frozen=True)
+class Difference:
+    """The first: at which step, of which variable, and its bits there in hexadecimal."""
+
+    step: int
+    variable: str
+    found: str
+    expected: str
+
+
+@dataclass(frozen=True)
+class Replay:
+    """What `target` answered; `hash` is SHA-256 over the bits of all forces and estimates."""
+
+    target: Target
+    number: Number
+    steps: int
+    hash: str
+    difference: Difference | None
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A run as recorded: the motion, (steps, 4), and what was answered, (steps, COLUMNS)."""
+
+    scenario: Scenario
+    motion: NDArray[np.float64]
+    answers: NDArray[np.float64]
+
+
+def replay(path: str | os.PathLike[str], target: Target, number: Number = "double") -> Replay:
+    """Hands the motion recorded in `path` (by `fracgyro simulate --out`) to the controller on the target.
+
+    In double its answers are compared to those recorded; in float, to those of the Python Controller in single
+    precision. Raises ValueError, in one sentence, when the file is no such record or a program is missing.
+    """
+    trace = load(path)
+    expected = trace.answers if number == "double" else answers("python", trace.scenario, number, trace.motion)
+    found = answers(target, trace.scenario, number, trace.motion)
+    return Replay(target, number, len(found), parity_hash(found), first_difference(found, expected))
+
+
+def load(path: str | os.PathLike[str]) -> Trace:
+    """Raises ValueError, in one sentence, when it is not every step of one nondimensional run."""
+    try:
+        with xr.open_dataset(path, engine="h5netcdf") as run:
+            run.load()
+    except FileNotFoundError:
+        raise ValueError(f"{path} cannot be read: No such file or directory") from None
+    except (OSError, ValueError):
+        raise ValueError(f"{path} is no recorded run: it is not NetCDF") from None
+    missing = [name for name in ("time", *MOTION, *VARIABLES) if name not in run]
+    if "scenario" not in run.attrs or missing or "run" in run.dims:
+        raise ValueError(f"{path} is no recorded run: write one with `fracgyro simulate --out`")
+    scenario = Scenario.from_toml(run.attrs["scenario"])
+    if scenario.run.units != "nondimensional":
+        raise ValueError(
+            f"{path} is in units that rounded it: run.units is {scenario.run.units!r}, and must be 'nondimensional'"
+        )
+    if scenario.run.record_every != 1:
+        raise ValueError(f"{path} lacks steps: run.record_every is {scenario.run.record_every}, and must be 1")
+    if not np.allclose(run["time"], scenario.run.step * np.arange(run.sizes["time"]), rtol=1e-9, atol=0.0):
+        raise ValueError(f"{path} lacks steps: its times must be 0, {scenario.run.step}, and so on")
+
+    def columns(names: list[str]) -> NDArray[np.float64]:
+        return np.hstack([run[name].values.reshape(run.sizes["time"], -1) for name in names])
+
+    return Trace(scenario, columns(MOTION), columns(VARIABLES))
+
+
+def parity_hash(rows: NDArray[np.floating]) -> str:
+    """SHA-256 of the rows' bits, row after row."""
+    return hashlib.sha256(np.ascontiguousarray(rows).tobytes()).hexdigest()
+
+
+def first_difference(found: NDArray[np.floating], expected: NDArray[np.floating]) -> Difference | None:
+    """Of two tables of one type; the signs of zeros count."""
+    unsigned = np.dtype(f"<u{expected.itemsize}")
+    a, b = (np.ascontiguousarray(rows).view(unsigned) for rows in (found, expected))
+    if not (differing := np.argwhere(a != b)).size:
+        return None
+    step, column = map(int, differing[0])
+    bits = (f"0x{int(rows[step, column]):0{2 * unsigned.itemsize}x}" for rows in (a, b))
+    return Difference(step, COLUMNS[column], *bits)

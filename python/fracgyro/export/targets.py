@@ -1,0 +1,149 @@
+"""A scenario's controller on every target, answering a run of measured motions."""
+
+from __future__ import annotations
+
+import os
+import platform
+import shutil
+import tempfile
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..controller import Controller
+from ..scenario import Scenario
+from ..simulate import CHANNELS
+from . import fmu, web
+from .compilers import FLAGS, SOURCES, Number, compiler, include, make, need, run, system_compiler
+from .firmware import export_firmware
+from .settings import core_modes, core_numbers
+
+Target = Literal["python", "lanes", "host", "m4f", "m7", "wasm", "fmu"]
+
+# What a controller answers: the force, and the estimates that it was computed with.
+VARIABLES = ["control", "damping_estimate", "stiffness_estimate", "rate_estimate", "bound_estimate"]
+COLUMNS = [name + part for name in VARIABLES for part in fmu.PARTS.get(CHANNELS[name][0] or "", [""])]
+MOTION = ["position", "velocity"]
+DTYPES: dict[Number, np.dtype[np.floating]] = {"float": np.dtype("<f4"), "double": np.dtype("<f8")}
+FAULT = 2  # and more: what the firmware's status says of a motion that it does not take for one
+
+BOARDS = {"m4f": "mps2-an386", "m7": "mps2-an500"}
+EMULATOR = ["qemu-system-arm", "-nographic", "-monitor", "none", "-serial", "none", "-semihosting"]
+SYSTEMS: dict[str, fmu.System] = {"Linux": "linux", "Windows": "windows", "Darwin": "macos"}
+
+
+def answers(target: Target, scenario: Scenario, number: Number, motion: NDArray[np.float64]) -> NDArray[np.floating]:
+    """One row of COLUMNS for each motion (x, y and their rates, nondimensional), from t = 0 on.
+
+    The motion is rounded to `number`, and so typed are the rows. Raises ValueError, in one sentence, when a program is
+    missing or fails, or the target takes a motion for a fault of the sensor.
+    """
+    dtype = DTYPES[number]
+    with tempfile.TemporaryDirectory() as name:
+        rows = TARGETS[target](scenario, number, motion.astype(dtype), Path(name))
+    if rows.shape != (len(motion), len(COLUMNS)):
+        raise ValueError(f"{target} answered {len(rows)} of {len(motion)} motions")
+    return rows.astype(dtype, copy=False)
+
+
+def _python(scenario: Scenario, number: Number, motion: NDArray[np.floating], _: Path) -> NDArray[np.floating]:
+    controller, rows = Controller(scenario, single_precision=number == "float"), []
+    for n, (x, y, vx, vy) in enumerate(motion.tolist()):
+        e = controller.estimates
+        force = controller.step(n * scenario.run.step, (x, y), (vx, vy))
+        rows.append([*force, *e.damping, *e.stiffness, e.rate, *e.bound])
+    return np.array(rows)
+
+
+def _lanes(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
+    """Without contraction, in the widest registers that this processor has."""
+    source, headers = SOURCES / "faces/lanes/replay.cpp", include(SOURCES / "core", SOURCES / "sim")
+    system_compiler(*FLAGS, "-O2", "-march=native", *headers, source, "-o", folder / "replay")
+    np.array(list(core_numbers(scenario).values())).tofile(folder / "numbers")
+    for name, values in zip(("rates", "weights"), core_modes(scenario), strict=True):
+        np.array(values).tofile(folder / name)
+    motion.tofile(folder / "motion")
+    run([str(folder / "replay"), scenario.controller.kind, number], folder)
+    return _answer(folder, DTYPES[number], len(COLUMNS))
+
+
+def _firmware(
+    target: Literal["host", "m4f", "m7"],
+    scenario: Scenario,
+    number: Number,
+    motion: NDArray[np.floating],
+    folder: Path,
+) -> NDArray[np.floating]:
+    """As exported, compiled by the exported Makefile; on an emulated board where it is not this computer."""
+    exported, image = folder / "firmware", f"build/{target}/replay"
+    choice = []
+    if target == "host":
+        choice = [f"CC={os.environ.get('CC', 'cc')}", f"CXX={' '.join(compiler())}"]
+        command = [str(exported / image)]
+    else:
+        need("arm-none-eabi-g++", "qemu-system-arm")
+        command = [*EMULATOR, "-M", BOARDS[target], "-kernel", image]
+    export_firmware(scenario, exported, number)
+    motion.tofile(exported / "motion")
+    make(exported, image, *choice)
+    run(command, exported)
+    rows = _answer(exported, DTYPES[number], 1 + len(COLUMNS))
+    for n, status in enumerate(rows[:, 0].tolist()):
+        if status >= FAULT:
+            raise ValueError(f"{target} takes the motion at step {n} for a fault of the sensor: status {status:.0f}")
+    return rows[:, 1:]
+
+
+def _wasm(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
+    need("node")
+    web.build(folder)
+    web.export(scenario, folder / "own.json")
+    shutil.copyfile(SOURCES / "faces/web/replay.mjs", folder / "replay.mjs")
+    motion.astype(np.float64).tofile(folder / "motion")
+    run(["node", "replay.mjs", "own.json", number], folder)
+    return _answer(folder, DTYPES["double"], len(COLUMNS))
+
+
+def _fmu(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
+    """The controller alone, as FMPy imports it."""
+    path = folder / "replay.fmu"
+    fmu.export(scenario, path, content="controller", systems=[SYSTEMS[platform.system()]], number=number)
+    import fmpy
+    from fmpy.simulation import instantiate_fmu
+
+    description = fmpy.read_model_description(str(path))
+    place = {variable.name: variable.valueReference for variable in description.modelVariables}
+    inputs = [place[f"{name}.{axis}"] for name in MOTION for axis in "xy"]
+    outputs = [place[name] for name in COLUMNS]
+    instance = instantiate_fmu(fmpy.extract(str(path), unzipdir=str(folder / "unpacked")), description)
+    instance.setupExperiment(startTime=0.0)
+    instance.enterInitializationMode()
+    instance.exitInitializationMode()
+    rows, step = [], scenario.run.step
+    for n, measured in enumerate(motion.tolist()):
+        instance.setReal(inputs, measured)
+        instance.doStep(n * step, step)
+        rows.append(instance.getReal(outputs))
+    instance.terminate()
+    instance.freeInstance()
+    return np.array(rows)
+
+
+def _answer(folder: Path, dtype: np.dtype[np.floating], width: int) -> NDArray[np.floating]:
+    return np.fromfile(folder / "answer", dtype).reshape(-1, width)
+
+
+Run = Callable[[Scenario, Number, NDArray[np.floating], Path], NDArray[np.floating]]
+TARGETS: dict[Target, Run] = {
+    "python": _python,
+    "lanes": _lanes,
+    "host": partial(_firmware, "host"),
+    "m4f": partial(_firmware, "m4f"),
+    "m7": partial(_firmware, "m7"),
+    "wasm": _wasm,
+    "fmu": _fmu,
+}

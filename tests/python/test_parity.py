@@ -1,0 +1,220 @@
+"""One recorded run through every target: the same bits, and what is said where they are not."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import get_args
+
+import fracgyro as fg
+import numpy as np
+import pytest
+import xarray as xr
+from click.testing import CliRunner, Result
+from embedded import need
+from fracgyro.cli import cli
+from fracgyro.export import compilers, replay
+from fracgyro.export.compilers import Number
+from fracgyro.export.targets import Target, answers
+from fracgyro.paper.reproduce import write_run
+
+STEPS = 100_000
+PAPER = fg.Scenario.paper().replace({"run.duration": STEPS * 1e-3})
+GCC, CLANG = {"CC": "gcc", "CXX": "g++"}, {"CC": "clang", "CXX": "clang++"}
+NUMBERS: tuple[Number, ...] = get_args(Number)
+
+# How it is called here: target, what it needs beyond the Python package, compilers.
+TARGETS: dict[str, tuple[Target, str, dict[str, str]]] = {
+    "Python Controller": ("python", "", {}),
+    "lanes": ("lanes", "", {}),
+    "host, gcc": ("host", "", GCC),
+    "host, clang": ("host", "clang", CLANG),
+    "Cortex-M4F": ("m4f", "Cortex-M", {}),
+    "Cortex-M7": ("m7", "Cortex-M", {}),
+    "WebAssembly": ("wasm", "WebAssembly", {}),
+    "FMU": ("fmu", "", {}),
+}
+# Other ways through the law, on a short run: other surfaces, powers and orders, and what is off in the paper.
+SCENARIOS = {
+    "power, printed": fg.Scenario.paper("printed").replace({"controller.terminal_exponent": 0.6}),
+    "fractional of order zero, limited": fg.Scenario.paper().replace(
+        {
+            "controller.kind": "fractional",
+            "controller.order": 0.0,
+            "controller.force_limit": 400.0,
+            "adaptation.projection": 0.3,
+        }
+    ),
+    "fast terminal, sine": fg.Scenario.paper().replace(
+        {
+            "controller.kind": "fast_terminal",
+            "adaptation.dead_zone": 0.02,
+            "adaptation.leakage": 0.1,
+            "disturbance.kind": "sine",
+            "disturbance.amplitude": (0.7, -0.3),
+        }
+    ),
+}
+
+
+def record(scenario: fg.Scenario, path: Path) -> replay.Trace:
+    write_run(fg.simulate(scenario), path)
+    return replay.load(path)
+
+
+@pytest.fixture(scope="session")
+def trace(tmp_path_factory: pytest.TempPathFactory) -> replay.Trace:
+    return record(PAPER, tmp_path_factory.mktemp("parity") / "run.nc")
+
+
+@pytest.fixture(scope="session")
+def expected(trace: replay.Trace) -> dict[Number, np.ndarray]:
+    """In float one target has to be believed: firmware on this computer."""
+    return {"double": trace.answers, "float": answers("host", PAPER, "float", trace.motion)}
+
+
+def compare(name: str, number: Number, trace: replay.Trace, expected: np.ndarray) -> None:
+    target, _, _ = TARGETS[name]
+    found = answers(target, trace.scenario, number, trace.motion)
+    assert found.dtype.itemsize == {"float": 4, "double": 8}[number]
+    difference = replay.first_difference(found, expected)
+    assert difference is None, f"{name}, {number}: {difference}, hash {replay.parity_hash(found)}"
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+@pytest.mark.parametrize("name", TARGETS)
+def test_every_target_answers_a_recorded_run_with_the_same_bits(
+    name: str,
+    number: Number,
+    trace: replay.Trace,
+    expected: dict[Number, np.ndarray],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    _, face, choice = TARGETS[name]
+    need(face)
+    for variable, value in choice.items():
+        monkeypatch.setenv(variable, value)
+    assert len(trace.motion) == STEPS + 1
+    compare(name, number, trace, expected[number])
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_every_way_through_the_law_has_the_same_bits(scenario: str, number: Number, tmp_path: Path) -> None:
+    short = record(SCENARIOS[scenario].replace({"run.duration": 2.0}), tmp_path / "run.nc")
+    double = number == "double"
+    expected = short.answers if double else answers("python", short.scenario, number, short.motion)
+    for name in ("lanes", "host, gcc", "FMU"):
+        compare(name, number, short, expected)
+
+
+# -- What is said --------------------------------------------------------------------------------------------
+
+
+def command(*words: str | Path) -> Result:
+    return CliRunner().invoke(cli, ["replay", *map(str, words)])
+
+
+@pytest.fixture
+def short(tmp_path: Path) -> Path:
+    record(fg.Scenario.paper().replace({"run.duration": 0.2}), tmp_path / "run.nc")
+    return tmp_path / "run.nc"
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+def test_the_command_says_equal_and_the_hash(short: Path, number: Number) -> None:
+    said = command(short, "--target", "host", "--number", number)
+    assert said.exit_code == 0
+    against = {"double": "the trace", "float": "the Python Controller"}[number]
+    first, last = said.output.splitlines()
+    assert first == f"host, {number}: 201 steps, every bit of forces and estimates is that of {against}"
+    found = json.loads(command(short, "--target", "host", "--number", number, "--json").output)
+    assert last == f"parity hash (SHA-256): {found['hash']}"
+    assert (found["steps"], found["difference"]) == (201, None)
+    if number == "double":
+        assert found["hash"] == replay.parity_hash(replay.load(short).answers)
+
+
+def test_the_command_names_the_first_bit_that_differs_and_fails(short: Path, tmp_path: Path) -> None:
+    with xr.open_dataset(short, engine="h5netcdf") as run:
+        run.load()
+    run["stiffness_estimate"].values[17, 1] = 1.0
+    run["control"].values[100, 0] = 0.0  # comes later
+    write_run(run, tmp_path / "changed.nc")
+    is_really = int(replay.load(short).answers.view(np.uint64)[17, 6])
+    said = command(tmp_path / "changed.nc", "--target", "host")
+    assert said.exit_code == 1
+    bits = f"is 0x{is_really:016x}, in the trace 0x3ff0000000000000"
+    assert said.output == f"host, double: step 17, stiffness_estimate.xy {bits}\n"
+    found = json.loads(command(tmp_path / "changed.nc", "--target", "host", "--json").output)
+    assert found["difference"]["variable"] == "stiffness_estimate.xy"
+
+
+def test_a_last_bit_and_the_sign_of_zero_are_differences() -> None:
+    table = np.zeros((3, 12), np.float32)
+    other = table.copy()
+    assert replay.first_difference(table, other) is None
+    other[2, 11] = -0.0
+    found = replay.first_difference(other, table)
+    assert found == replay.Difference(2, "bound_estimate[2]", "0x80000000", "0x00000000")
+    other[1, 0] = np.nextafter(np.float32(0), np.float32(1))
+    found = replay.first_difference(other, table)
+    assert found == replay.Difference(1, "control.x", "0x00000001", "0x00000000")
+    assert replay.parity_hash(other) != replay.parity_hash(table)
+
+
+def refused(path: Path, *words: str) -> str:
+    """The sentence."""
+    with pytest.raises(ValueError, match=r".") as told:
+        CliRunner().invoke(cli, ["replay", str(path), "--target", "host", *words], catch_exceptions=False)
+    assert "\n" not in str(told.value)
+    return str(told.value).removeprefix(f"{path} ")
+
+
+def test_what_is_no_record_of_every_step_is_refused_in_one_sentence(short: Path, tmp_path: Path) -> None:
+    path = tmp_path / "other.nc"
+    assert refused(path) == "cannot be read: No such file or directory"
+    path.write_text("no NetCDF")
+    assert refused(path) == "is no recorded run: it is not NetCDF"
+    with xr.open_dataset(short, engine="h5netcdf") as run:
+        run.load()
+    write_run(run.drop_vars("control"), path)
+    assert refused(path) == "is no recorded run: write one with `fracgyro simulate --out`"
+    write_run(run.isel(time=slice(1, None)), path)
+    assert refused(path) == "lacks steps: its times must be 0, 0.001, and so on"
+    base = fg.Scenario.paper().replace({"run.duration": 0.2})
+    for change, told in {
+        "run.record_every": "lacks steps: run.record_every is 4, and must be 1",
+        "run.units": "is in units that rounded it: run.units is 'SI', and must be 'nondimensional'",
+    }.items():
+        write_run(fg.simulate(base.replace({change: 4 if change == "run.record_every" else "SI"})), path)
+        assert refused(path) == told
+
+
+def test_a_motion_that_firmware_takes_for_a_fault_is_no_difference_of_bits(short: Path, tmp_path: Path) -> None:
+    with xr.open_dataset(short, engine="h5netcdf") as run:
+        run.load()
+    run["velocity"].values[5, 0] = 1e7
+    write_run(run, tmp_path / "wild.nc")
+    told = refused(tmp_path / "wild.nc")
+    assert told == "host takes the motion at step 5 for a fault of the sensor: status 3"
+
+
+@pytest.mark.parametrize(
+    ("target", "absent", "package"),
+    [
+        ("m7", "arm-none-eabi-g++", "gcc-arm-none-eabi"),
+        ("m4f", "qemu-system-arm", "qemu-system-arm"),
+        ("wasm", "node", "nodejs"),
+        ("host", "make", "make"),
+    ],
+)
+def test_a_missing_program_is_named_with_what_installs_it(
+    short: Path, monkeypatch: pytest.MonkeyPatch, target: str, absent: str, package: str
+) -> None:
+    find = shutil.which
+    there = set(compilers.PACKAGES) - {absent}
+    monkeypatch.setattr(shutil, "which", lambda name: name if name in there else find(name) if name != absent else None)
+    told = refused(short, "--target", target)
+    assert told.startswith(f"{absent} is not found: install {package}")
