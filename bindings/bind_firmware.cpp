@@ -25,9 +25,9 @@ template <Scalar T>
 std::size_t state_size(std::size_t capacity) {
     return [&]<std::size_t... I>(std::index_sequence<I...>) {
         return (
-            (4 * (I + 1) == capacity ? sizeof(typename Sized<4 * (I + 1), true>::template GuardType<T>::State) : 0) +
+            (2 * (I + 1) == capacity ? sizeof(typename Sized<2 * (I + 1), true>::template GuardType<T>::State) : 0) +
             ...);
-    }(std::make_index_sequence<Modes::capacity / 4>());
+    }(std::make_index_sequence<Modes::capacity / 2>());
 }
 
 template <Scalar T>

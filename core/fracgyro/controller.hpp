@@ -63,19 +63,26 @@ struct SlidingModeController {
 
     // The force for the coming step, from the motion measured now. Called once every step.
     static Signals<T> step(State& state, const Coefficients& c, const Motion<T>& motion) {
-        return respond(state, c, motion, Reference<T>::update(state.reference, c.reference));  // 1
+        Signals<T> signals = prospect(state, c);  // 1
+        respond(state, c, motion, signals);
+        return signals;
     }
 
-    // Steps 2 to 5 alone; without learning the estimates rest.
-    static Signals<T> respond(State& state, const Coefficients& c, const Motion<T>& motion,
-                              const ReferencePoint<T>& reference, bool learning = true) {
-        const Sample<T> error = tracking_error(motion, reference);                               // 2
+    // Step 1 alone: the reference, and the estimates as they stand.
+    static Signals<T> prospect(State& state, const Coefficients& c) {
+        return {.reference = Reference<T>::update(state.reference, c.reference), .estimates = estimates(state, c)};
+    }
+
+    // Steps 2 to 5, which complete what step 1 began; without learning the estimates rest. In place: copies of so many
+    // numbers would go through memory.
+    static void respond(State& state, const Coefficients& c, const Motion<T>& motion, Signals<T>& signals,
+                        bool learning = true) {
+        const Sample<T>& error = signals.error = tracking_error(motion, signals.reference);      // 2
         const SurfacePoint<T> surface = SurfaceType::evaluate(state.surface, c.surface, error);  // 3
+        signals.surface = surface.s;
         Sizes<T> sizes = sizes_of(motion, surface.s);
-        // Made in place: the estimates are many numbers, and copies of them go through memory.
-        Signals<T> signals{
-            .reference = reference, .error = error, .surface = surface.s, .estimates = estimates(state, c)};
-        signals.force = Control<T>::force(c.control, signals.estimates, motion, reference, surface, sizes);  // 4
+        signals.force =
+            Control<T>::force(c.control, signals.estimates, motion, signals.reference, surface, sizes);  // 4
         Vec2<T> learnt_from = surface.s;
         if (c.control.limited) {
             const Vec2<T> wanted = signals.force;
@@ -91,7 +98,6 @@ struct SlidingModeController {
         if (learning) {
             Adaptation<T>::update(state.adaptation, c.adaptation, motion, learnt_from, sizes);  // 5
         }
-        return signals;
     }
 };
 

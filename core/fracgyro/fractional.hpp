@@ -65,7 +65,9 @@ struct TwoModes {
     static Memory both(const Vec2<T>& a) { return {a.x, a.y, a.x, a.y}; }
     static T& part(Memory& m, std::size_t mode, std::size_t axis) { return m[2 * mode + axis]; }
     static const T& part(const PerMode& c, std::size_t mode) { return c[mode]; }
+    static T& part(PerMode& c, std::size_t mode) { return c[mode]; }
     static void set(PerMode& c, std::size_t mode, double value) { c[mode] = T(value); }
+    static T sum(const PerMode& c) { return c[0] + c[1]; }
 };
 template <Scalar T>
     requires(std::floating_point<T> && FRACGYRO_PACKS)
@@ -77,22 +79,23 @@ struct TwoModes<T> {
     static Memory both(const Vec2<T>& a) { return Memory{a.x, a.y, a.x, a.y}; }
     static Memory& part(Memory& m, std::size_t /*mode*/, std::size_t /*axis*/) { return m; }
     static const Memory& part(const PerMode& c, std::size_t /*mode*/) { return c; }
+    static Memory& part(PerMode& c, std::size_t /*mode*/) { return c; }
     static void set(PerMode& c, std::size_t mode, double value) { c[2 * mode] = c[2 * mode + 1] = T(value); }
+    static T sum(const PerMode& c) { return c[0] + c[2]; }
 };
 
-// Capacity: room for modes; a multiple of 4.
+// Capacity: room for modes; even.
 template <Scalar T, std::size_t Capacity = Modes::capacity>
 struct Fractional {
-    static_assert(Capacity % 4 == 0);
+    static_assert(Capacity % 2 == 0);
     // Two modes at a time, which fixes the order of all additions. For a built-in number their memory, x, y of one and x, y
     // of the next, is one register, and so is a coefficient of both; any other number stands alone.
     using Two = TwoModes<T>;
     using Memory = typename Two::Memory;
     using PerMode = typename Two::PerMode;
     using Part = typename Two::Part;
-    using Quad = typename PackOf<T, 4>::Type;  // four modes
-    template <class Packed, std::size_t Modes>
-    using All = std::array<Packed, Capacity / Modes>;
+    template <class OfTwo>
+    using All = std::array<OfTwo, Capacity / 2>;
 
     // One output is  difference·(e - e_past) + rate·ė  of the newest sample, plus what was known before it came:
     // past_rate·ė_past + past_bump·κ_past + Σ over the modes.
@@ -107,7 +110,7 @@ struct Fractional {
         T integral_past_value{};  // of e_past
         // Without modes, α = 0 or 1: shares of e and ė themselves, and of the previous integral, which that of α = 0 continues.
         T integral_value{}, derivative_value{}, derivative_rate{}, carry{};
-        std::size_t pairs = 0, quads = 0;  // packs in use; padded with zero weights
+        std::size_t pairs = 0;  // in use; padded with zero weights
         // Of two modes.
         struct Pair {
             PerMode decay{};          // r - 1
@@ -115,24 +118,24 @@ struct Fractional {
             PerMode to_derivative{};  // w r (A + r B)
             PerMode to_integral{};    // w r (A + r B)/s
         };
-        All<Pair, 2> pair{};
-        All<PerMode, 2> initial_value{}, initial_rate{};  // 1/(A + r B) and B/(A + r B): g at the first sample
+        All<Pair> pair{};
+        All<PerMode> initial_value{}, initial_rate{};  // 1/(A + r B) and B/(A + r B): g at the first sample
         // What the jump e(0) adds to the derivative beyond E: w r (μ - 1), for Caputo -w r.
-        All<Quad, 4> initial_onset{}, onset_decay{};
-        std::array<T, Capacity / 4> onset_life{};  // steps after which this quad and the later ones are past
+        All<PerMode> initial_onset{};
+        All<T> onset_life{};  // steps after which this pair and the later ones are past
     };
 
     struct State {
         bool started = false;
-        std::size_t onset_quads = 0;
+        std::size_t onset_pairs = 0;
         T onset_age{};  // samples seen while there are any
         Vec2<T> initial_value{};
         Sample<T> past{};
         Vec2<T> past_bump{};
         FractionalOutput<T> known{};  // of the next sample's
         Vec2<T> integral{};           // the last one, where α = 0
-        All<Memory, 2> memory{};      // g
-        All<Quad, 4> onset{};
+        All<Memory> memory{};         // g
+        All<PerMode> onset{};
     };
 
     static Coefficients prepare(const Modes& modes, double step, bool riemann_liouville);
@@ -196,7 +199,7 @@ struct Fractional {
                  [&](auto j, auto m, const Part&, const Part&, const Part& value, const Part& rate, const Part&) {
                      return Two::part(c.initial_value[j], m) * value + Two::part(c.initial_rate[j], m) * rate;
                  });
-            state.onset_quads = c.quads;
+            state.onset_pairs = c.pairs;
             state.onset = c.initial_onset;
         } else {
             const Vec2<T> trace{T(vanishing), T(vanishing)};
@@ -211,7 +214,7 @@ struct Fractional {
         if (c.pairs == 0) {
             state.known.integral = state.known.integral + c.carry * state.integral;
         }
-        if (state.onset_quads > 0) {
+        if (state.onset_pairs > 0) {
             state.known.derivative = state.known.derivative + onset(state, c) * state.initial_value;
         }
         state.started = true;
@@ -232,19 +235,22 @@ private:
     static Vec2<T> sum(const Memory& m) { return {m[0] + m[2], m[1] + m[3]}; }
 
     static T onset(State& state, const Coefficients& c) {
-        Quad sum{}, trace{};
-        for (std::size_t k = 0; k < 4; ++k) {
-            trace[k] = T(vanishing);
-        }
-        for (std::size_t j = 0; j < state.onset_quads; ++j) {
-            sum = sum + state.onset[j];
-            state.onset[j] = moved(state.onset[j], c.onset_decay[j], trace);
+        const Part trace = Part{} + T(vanishing);
+        PerMode sum{};
+        for (std::size_t j = 0; j < state.onset_pairs; ++j) {
+#pragma GCC unroll 2
+            for (std::size_t m = 0; m < Two::modes; ++m) {
+                const Part onset = Two::part(state.onset[j], m), decay = Two::part(c.pair[j].decay, m);
+                Part& part = Two::part(sum, m);
+                part = part + onset;
+                Two::part(state.onset[j], m) = moved(onset, decay, trace);
+            }
         }
         state.onset_age = state.onset_age + T(1.0);
-        while (state.onset_quads > 0 && always_less(c.onset_life[state.onset_quads - 1], state.onset_age)) {
-            --state.onset_quads;
+        while (state.onset_pairs > 0 && always_less(c.onset_life[state.onset_pairs - 1], state.onset_age)) {
+            --state.onset_pairs;
         }
-        return (sum[0] + sum[2]) + (sum[1] + sum[3]);
+        return Two::sum(sum);
     }
 };
 
@@ -297,13 +303,12 @@ typename Fractional<T, Capacity>::Coefficients Fractional<T, Capacity>::prepare(
         Two::set(c.pair[i / 2].to_integral, i % 2, to_integral * unit);
         Two::set(c.initial_value[i / 2], i % 2, 1.0 / unit);
         Two::set(c.initial_rate[i / 2], i % 2, b / unit);
-        c.onset_decay[i / 4][i % 4] = T(decay);
-        c.initial_onset[i / 4][i % 4] = T(to_derivative * (riemann_liouville ? moments[0] - 1.0 : -1.0));
+        Two::set(c.initial_onset[i / 2], i % 2, to_derivative * (riemann_liouville ? moments[0] - 1.0 : -1.0));
         // Until exp(-s t) is 2^-60, below rounding; and not after the mean differs from the value, by α h/(2 t) of it, less
         // than the sum over the modes does.
         const bool bounded = riemann_liouville && modes.error > 0.0;
         const double end = bounded ? 0.5 * modes.order / modes.error : std::numeric_limits<double>::infinity();
-        for (std::size_t j = 0; j <= i / 4; ++j) {
+        for (std::size_t j = 0; j <= i / 2; ++j) {
             c.onset_life[j] = maximum(c.onset_life[j], T(minimum(41.6 / z, end)));
         }
         rate_to_derivative += to_derivative * b;
@@ -313,7 +318,6 @@ typename Fractional<T, Capacity>::Coefficients Fractional<T, Capacity>::prepare(
         value_to_integral += to_integral;
     }
     c.pairs = (modes.count + 1) / 2;
-    c.quads = (modes.count + 3) / 4;
     // The weight of κ is spread over the differences that make it up.
     const auto weights = [&](double rate, double bump, double past_rate, double past_bump) {
         return Weights{.difference = T(bump / step),

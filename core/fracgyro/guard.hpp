@@ -44,11 +44,11 @@ struct Guard {
         if (!good && !state.started) {
             return fault(size);
         }
-        const ReferencePoint<T> reference = Reference<T>::update(state.controller.reference, c.reference);
+        Signals<T> signals = Controller::prospect(state.controller, c);
         const Motion<T> motion = good ? measured
-                                      : Motion<T>{.position = reference.position + state.error.value,
-                                                  .velocity = reference.velocity + state.error.rate};
-        const Signals<T> signals = Controller::respond(state.controller, c, motion, reference, good);
+                                      : Motion<T>{.position = signals.reference.position + state.error.value,
+                                                  .velocity = signals.reference.velocity + state.error.rate};
+        Controller::respond(state.controller, c, motion, signals, good);
         if (!(sum(signals.force) + sum(signals.excess) < infinity)) {
             state.controller = {};
             state.started = false;

@@ -210,8 +210,6 @@ struct Bits<double> {
     using Unsigned = std::uint64_t;
     static constexpr int fraction = 52, bias = 1023, log_terms = 11, exp_terms = 14;
     static constexpr double round_to_integer = 6755399441055744.0;  // 1.5 * 2^52
-    static constexpr double subnormal_scale = 18014398509481984.0;  // 2^54
-    static constexpr double subnormal_shift = 54.0;
     // ln 2 in two parts: the first has trailing zeros, so that its product with a small integer is exact.
     static constexpr double ln2_high = 0x1.62e42feep-1, ln2_low = 0x1.a39ef35793c76p-33;
 };
@@ -222,8 +220,6 @@ struct Bits<float> {
     using Unsigned = std::uint32_t;
     static constexpr int fraction = 23, bias = 127, log_terms = 6, exp_terms = 8;
     static constexpr float round_to_integer = 12582912.0F;  // 1.5 * 2^23
-    static constexpr float subnormal_scale = 33554432.0F;   // 2^25
-    static constexpr float subnormal_shift = 25.0F;
     static constexpr float ln2_high = 0x1.62e4p-1F, ln2_low = 0x1.7f7d1cp-20F;
 };
 
@@ -274,7 +270,7 @@ T round_to_nearest(T x) {
     return (x + shift) - shift;
 }
 
-// x = 2^exponent * m with m in [sqrt(1/2), sqrt(2)); returns log2(m), whose error is below 2^-53 * 1.5 (double).
+// For a normal x = 2^exponent * m with m in [sqrt(1/2), sqrt(2)): log2(m), whose error is below 2^-53 * 1.5 (double).
 // With z = (m - 1)/(m + 1), |z| <= 0.1716: ln m = 2 artanh z = 2 (z + z³/3 + z⁵/5 + …).
 template <class T>
 T log2_split(T x, T& exponent) {
@@ -282,19 +278,16 @@ T log2_split(T x, T& exponent) {
     using Value = typename B::Value;
     using Integer = typename B::Integer;
     using Unsigned = typename B::Unsigned;
-    const T smallest = T(std::numeric_limits<Value>::min());
-    const auto bits = std::bit_cast<Integer>(if_less(x, smallest, x * T(B::subnormal_scale), x));
     // Shifting the origin to sqrt(1/2) makes the exponent field round at sqrt(2) instead of truncate at 2.
     constexpr auto origin = std::bit_cast<typename Bits<Value>::Integer>(static_cast<Value>(0.70710678118654752440));
     constexpr auto one = static_cast<typename Bits<Value>::Integer>(1);
-    const Integer shifted = bits - origin;
+    const Integer shifted = std::bit_cast<Integer>(x) - origin;
     // The exponent as a number: an integer added to the last places of a large one, which is then taken away.
     constexpr auto large = std::bit_cast<typename Bits<Value>::Integer>(B::round_to_integer);
     constexpr auto lift = (one << (sizeof(Value) * 8 - 2)) >> B::fraction;  // keeps what is shifted positive
     constexpr auto lift_bits = static_cast<typename Bits<Value>::Unsigned>(lift) << B::fraction;
     const auto lifted = (std::bit_cast<Unsigned>(shifted) + lift_bits) >> B::fraction;
-    const T whole = std::bit_cast<T>(std::bit_cast<Integer>(lifted) + (large - lift)) - T(B::round_to_integer);
-    exponent = if_less(x, smallest, whole - T(B::subnormal_shift), whole);
+    exponent = std::bit_cast<T>(std::bit_cast<Integer>(lifted) + (large - lift)) - T(B::round_to_integer);
     const T m = std::bit_cast<T>((shifted & ((one << B::fraction) - one)) + origin);
     const T z = (m - T(Value(1))) / (m + T(Value(1)));
     const T square = z * z;
@@ -303,15 +296,7 @@ T log2_split(T x, T& exponent) {
     return T(static_cast<Value>(2.88539008177792681472)) * (z * series);  // 2/ln 2
 }
 
-// 2^k for an integer k within the exponents of normal numbers.
-template <class T>
-T power_of_two(T k) {
-    using B = Bits<T>;
-    const T placed = k + T(B::round_to_integer + static_cast<typename B::Value>(B::bias));
-    return std::bit_cast<T>(std::bit_cast<typename B::Unsigned>(placed) << B::fraction);
-}
-
-// 2^(whole + part) for an integer `whole` and |part| <= ½: Taylor series of e^(part ln 2).
+// 2^(whole + part), a normal number, for an integer `whole` and |part| <= ½: Taylor series of e^(part ln 2).
 template <class T>
 T exp2_split(T whole, T part) {
     using B = Bits<T>;
@@ -320,14 +305,17 @@ T exp2_split(T whole, T part) {
     static constexpr auto inverse_factorials =
         table<Value, B::exp_terms - 1>([](int k) { return inverse_factorial(k + 1); });
     const T series = horner(inverse_factorials, x);
-    // In two factors: 2^whole itself may exceed the range at either end where the result does not.
-    const T half = round_to_nearest(whole * T(Value(0.5)));
-    return (T(Value(1)) + x * series) * power_of_two(half) * power_of_two(whole - half);
+    // `whole` as an integer in the last places, added to the exponent: 2^whole itself may exceed the range.
+    const T placed = whole + T(B::round_to_integer);
+    const T mantissa = T(Value(1)) + x * series;
+    return std::bit_cast<T>(std::bit_cast<typename B::Unsigned>(mantissa) +
+                            (std::bit_cast<typename B::Unsigned>(placed) << B::fraction));
 }
 
 }  // namespace detail
 
-// base^exponent for base >= 0 and 0 <= exponent <= 1, within 4 units in the last place over the whole range.
+// base^exponent for base >= 0 and 0 <= exponent <= 1, within 4 units in the last place over the range of normal numbers;
+// a subnormal base counts as the least normal one.
 // log2(base) = k + l is never added up: exponent*k is split exactly into an integer and a remainder, so that the
 // large part of the logarithm costs no accuracy.
 template <Scalar T>
@@ -336,7 +324,7 @@ T power(T base, T exponent) {
     using B = detail::Bits<T>;
     using Value = typename B::Value;
     T k{};
-    const T l = detail::log2_split(base, k);
+    const T l = detail::log2_split(maximum(base, T(std::numeric_limits<Value>::min())), k);
     const T product = exponent * k;
     const T whole = detail::round_to_nearest(product);
     // The rounding error of `product` is recovered by splitting `exponent` in halves whose products are exact.

@@ -173,8 +173,8 @@ TYPED_TEST(FractionalOperator, TheInitialValueIsForgottenWithoutSlowSubnormalNum
     using Number = std::conditional_t<std::is_same_v<TypeParam, float>, float, double>;
     const double least = static_cast<double>(std::numeric_limits<Number>::min());
     const auto expect_normal = [&](double a) { EXPECT_TRUE(a == 0.0 || std::abs(a) >= least) << a; };
-    for (std::size_t j = 0; j < op.state.onset_quads; ++j) {
-        for (std::size_t k = 0; k < 4; ++k) {
+    for (std::size_t j = 0; j < op.state.onset_pairs; ++j) {
+        for (std::size_t k = 0; k < sizeof(op.state.onset[j]) / sizeof(op.state.onset[j][0]); ++k) {
             expect_normal(number(op.state.onset[j][k]));
         }
     }

@@ -36,7 +36,7 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
     """What differs from one scenario to the next. The same scenario gives the same text."""
     kind = scenario.controller.kind
     params = controller_params(scenario)
-    capacity = -(-max(params.surface.modes.count, 1) // 4) * 4
+    capacity = -(-max(params.surface.modes.count, 1) // 2) * 2
     alignment = 8
     size = -(-_core.state_size(capacity, number == "float") // alignment) * alignment
     values = initializer(_core.coefficients(kind, params, number == "float"), number)
