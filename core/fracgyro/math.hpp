@@ -360,7 +360,8 @@ struct SineCosine {
 // wraps exactly, so a reference that runs for ever neither drifts nor loses precision, in any scalar type.
 template <Scalar T, std::unsigned_integral Phase>
 [[gnu::always_inline]] inline SineCosine<T> sine_cosine(Phase phase) {
-    if constexpr (sizeof(T) == sizeof(float) && sizeof(Phase) == 8) {
+    constexpr bool single = std::same_as<detail::Built<T>, float>;
+    if constexpr (single && sizeof(Phase) == 8) {
         return sine_cosine<T>(static_cast<std::uint32_t>(phase >> 32));
     } else {
         constexpr int bits = std::numeric_limits<Phase>::digits;
@@ -369,7 +370,7 @@ template <Scalar T, std::unsigned_integral Phase>
         constexpr double unit = 6.28318530717958647693 / (bits == 32 ? 0x1p32 : 0x1p64);
         const T x = T(static_cast<detail::Built<T>>(remainder) * static_cast<detail::Built<T>>(unit));
         // Taylor series on |x| <= π/4: x - x³/3! + … and 1 - x²/2! + …
-        constexpr int terms = sizeof(T) == sizeof(float) ? 6 : 9;
+        constexpr int terms = single ? 6 : 9;
         static constexpr auto of_sine =
             detail::table<detail::Built<T>, terms>([](int k) { return detail::series_term(2 * k + 1); });
         static constexpr auto of_cosine =

@@ -32,7 +32,7 @@ static uint32_t of_one_step(const fracgyro_motion* motion, int count) {
             fracgyro_step(&state, motion, &force);
         }
     }
-    const uint32_t spent = ticks() - start;
+    const uint32_t spent = (ticks() - start) & 0xFFFFFFU; /* the counter has 24 bits */
     state = before;
     return spent * per_tick / repeats;
 }

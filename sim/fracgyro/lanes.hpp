@@ -162,18 +162,4 @@ struct PhaseOf<Lanes<Number, Count>> {
     }
 };
 
-// The turn of the reference in one step, for all lanes: as a single run finds it, in single precision from half the phase.
-#define FRACGYRO_SINE_COSINE(COUNT)                                                                                \
-    template <>                                                                                                    \
-    [[gnu::always_inline]] inline SineCosine<Lanes<float, COUNT>> sine_cosine<Lanes<float, COUNT>, std::uint64_t>( \
-        std::uint64_t phase) {                                                                                     \
-        using T = Lanes<float, COUNT>;                                                                             \
-        const auto [sine, cosine] = sine_cosine<float>(phase);                                                     \
-        return {T(static_cast<double>(sine)), T(static_cast<double>(cosine))};                                     \
-    }
-FRACGYRO_SINE_COSINE(4)
-FRACGYRO_SINE_COSINE(8)
-FRACGYRO_SINE_COSINE(16)
-#undef FRACGYRO_SINE_COSINE
-
 }  // namespace fracgyro
