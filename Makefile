@@ -44,6 +44,7 @@ bench: .venv/installed-bench .venv/installed-export
 	$(BIN)/python benchmarks/scaling.py
 	$(BIN)/python benchmarks/reproduction.py
 	$(BIN)/python benchmarks/best_order.py
+	$(BIN)/python benchmarks/rate_estimation.py
 	$(BIN)/python benchmarks/web.py
 	$(BIN)/python benchmarks/parity.py
 	$(BIN)/python benchmarks/firmware.py

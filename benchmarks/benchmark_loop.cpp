@@ -58,7 +58,7 @@ Setup paper(const Modes& modes) {
 FRACGYRO_FOR_EACH_PROCESSOR
 double run_unkept(const Setup& setup, const std::vector<Vec2<double>>& noise) {
     double last = 0.0;
-    with_controller<double>(setup.kind, [&]<class Controller>() {
+    with_controller<double>(setup.kind, setup.controller.adaptation.composite, [&]<class Controller>() {
         run_loop<Controller>(
             setup, [&](std::int64_t n) { return noise[static_cast<std::size_t>(n)]; },
             [&](const Snapshot<double>& at) { last = at.signals.error.value.x; });
@@ -68,7 +68,7 @@ double run_unkept(const Setup& setup, const std::vector<Vec2<double>>& noise) {
 
 FRACGYRO_FOR_EACH_PROCESSOR
 void run_prepared(const Setup& setup, const std::vector<Vec2<double>>& noise, double* rows) {
-    with_controller<double>(setup.kind, [&]<class Controller>() {
+    with_controller<double>(setup.kind, setup.controller.adaptation.composite, [&]<class Controller>() {
         run_loop<Controller>(
             setup, [&](std::int64_t n) { return noise[static_cast<std::size_t>(n)]; },
             [&](const Snapshot<double>& at) {

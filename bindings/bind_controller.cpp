@@ -3,6 +3,7 @@
 
 #include "fracgyro/controllers.hpp"
 
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/string_view.h>
 #include <nanobind/stl/unique_ptr.h>
@@ -19,6 +20,7 @@ public:
     virtual ~AnyController() = default;
     virtual Vec2<double> step(const Motion<double>& motion) = 0;  // the force
     virtual Estimates<double> estimates() const = 0;
+    virtual RateQuality<double> rate_quality() const = 0;
     virtual std::uint64_t steps() const = 0;
     virtual nb::bytes state() const = 0;
     virtual void restore(const nb::bytes& saved) = 0;
@@ -53,6 +55,10 @@ public:
         return {static_cast<double>(force.x), static_cast<double>(force.y)};
     }
     Estimates<double> estimates() const override { return in_double(Controller::estimates(state_, coefficients_)); }
+    RateQuality<double> rate_quality() const override {
+        const RateQuality<T> quality = Controller::rate_quality(state_, coefficients_);
+        return {.deviation = static_cast<double>(quality.deviation), .trusted = static_cast<double>(quality.trusted)};
+    }
     std::uint64_t steps() const override { return state_.reference.steps; }
     nb::bytes state() const override { return nb::bytes(&state_, sizeof state_); }
     void restore(const nb::bytes& saved) override {
@@ -70,7 +76,8 @@ private:
 std::unique_ptr<AnyController> make_controller(const std::string& kind, const ControllerParams& p, bool single) {
     std::unique_ptr<AnyController> made;
     const auto make = [&]<class Controller>() { made = std::make_unique<Holder<Controller>>(p); };
-    if (!(single ? with_controller<float>(kind, make) : with_controller<double>(kind, make))) {
+    const bool composite = p.adaptation.composite;
+    if (!(single ? with_controller<float>(kind, composite, make) : with_controller<double>(kind, composite, make))) {
         throw nb::value_error("there is no controller of that kind");
     }
     return made;
@@ -119,7 +126,10 @@ void bind_controller(nb::module_& m) {
         .def_rw("initial", &AdaptationParams::initial)
         .def_rw("leakage", &AdaptationParams::leakage)
         .def_rw("dead_zone", &AdaptationParams::dead_zone)
-        .def_rw("projection", &AdaptationParams::projection);
+        .def_rw("projection", &AdaptationParams::projection)
+        .def_rw("composite", &AdaptationParams::composite)
+        .def_rw("forgetting", &AdaptationParams::forgetting)
+        .def_rw("rate_forgetting", &AdaptationParams::rate_forgetting);
 
     nb::class_<ControllerParams>(m, "ControllerParams")
         .def(nb::init<>())
@@ -138,6 +148,11 @@ void bind_controller(nb::module_& m) {
             },
             nb::arg("position"), nb::arg("velocity"))
         .def_prop_ro("estimates", &AnyController::estimates)
+        .def_prop_ro("rate_quality",
+                     [](const AnyController& self) {
+                         const RateQuality<double> quality = self.rate_quality();
+                         return std::pair(quality.deviation, quality.trusted != 0.0);
+                     })
         .def_prop_ro("steps", &AnyController::steps)
         .def_prop_rw("state", &AnyController::state, &AnyController::restore);
 

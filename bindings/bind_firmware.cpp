@@ -12,28 +12,32 @@ namespace fracgyro::bindings {
 namespace {
 
 // A controller with room for so many modes.
-template <std::size_t Capacity, bool with_terminal>
+template <std::size_t Capacity>
 struct Sized {
     template <Scalar T>
-    using SurfaceType = Surface<T, FractionalTerm<T, Capacity>, with_terminal>;
+    using SurfaceType = Surface<T, FractionalTerm<T, Capacity>, true>;
     template <Scalar T>
-    using GuardType = Guard<SlidingModeController<T, SurfaceType>>;
+    using ControllerType = SlidingModeController<T, SurfaceType>;
 };
 
 // Of the state here; processors with shorter integers need no more. 0 for a capacity that is none.
 template <Scalar T>
-std::size_t state_size(std::size_t capacity) {
+std::size_t state_size(std::size_t capacity, bool composite) {
+    const auto size = [&]<std::size_t Capacity>() {
+        using Controller = typename Sized<Capacity>::template ControllerType<T>;
+        return composite ? sizeof(typename Guard<Composite<Controller>>::State)
+                         : sizeof(typename Guard<Controller>::State);
+    };
     return [&]<std::size_t... I>(std::index_sequence<I...>) {
-        return (
-            (2 * (I + 1) == capacity ? sizeof(typename Sized<2 * (I + 1), true>::template GuardType<T>::State) : 0) +
-            ...);
+        return ((2 * (I + 1) == capacity ? size.template operator()<2 * (I + 1)>() : 0) + ...);
     }(std::make_index_sequence<Modes::capacity / 2>());
 }
 
 template <Scalar T>
 nb::object coefficients(const std::string& kind, const ControllerParams& p) {
     nb::object nested;
-    with_controller<T>(kind, [&]<class Controller>() { nested = nested_fields(Controller::prepare(p)); });
+    with_controller<T>(kind, p.adaptation.composite,
+                       [&]<class Controller>() { nested = nested_fields(Controller::prepare(p)); });
     return nested;
 }
 
@@ -49,10 +53,11 @@ void bind_firmware(nb::module_& m) {
         "The coefficients, nested as the structs are: a tuple for each struct, a list for each array.");
     m.def(
         "state_size",
-        [](std::size_t capacity, bool single) {
-            return single ? state_size<Alone<float>>(capacity) : state_size<Alone<double>>(capacity);
+        [](std::size_t capacity, bool composite, bool single) {
+            return single ? state_size<Alone<float>>(capacity, composite)
+                          : state_size<Alone<double>>(capacity, composite);
         },
-        nb::arg("capacity"), nb::arg("single"));
+        nb::arg("capacity"), nb::arg("composite"), nb::arg("single"));
 }
 
 }  // namespace fracgyro::bindings

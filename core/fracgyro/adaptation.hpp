@@ -37,6 +37,13 @@ struct Estimates {
     }
 };
 
+// How well the angular rate is known: both 0 where only the laws below move it, which do not say.
+template <Scalar T>
+struct RateQuality {
+    T deviation{};  // standard deviation of Ω̂z
+    T trusted{};    // 1 where the motion tells Ωz from the other parameters
+};
+
 // ‖q‖, ‖v‖ and ‖s‖, which the force and the laws share.
 template <Scalar T>
 struct Sizes {
@@ -56,6 +63,8 @@ struct AdaptationParams {
     double leakage = 0.0;     // 1/time: estimates return to their initial values at this rate; 0 off
     double dead_zone = 0.0;   // the laws rest while ‖s‖ is below it; 0 off
     double projection = 0.0;  // largest deviation, as a fraction of the family's largest initial entry; 0 off
+    bool composite = false;   // least squares beside the laws (composite.hpp), and what it forgets:
+    double forgetting = 0.0, rate_forgetting = 0.0;  // 1/time: all parameters; Ωz besides; 0 nothing
 };
 
 template <Scalar T>
@@ -100,11 +109,14 @@ struct Adaptation {
                 .bound_limit = T(p.projection * maximum(i.bound[0], maximum(i.bound[1], i.bound[2])))};
     }
 
+    // What is told, and what the force is computed with: the same.
     static Estimates<T> estimates(const State& state, const Coefficients& c) { return c.initial + state.deviation; }
+    static const Estimates<T>& believed(const State&, const Coefficients&, const Estimates<T>& told) { return told; }
+    static RateQuality<T> quality(const State&, const Coefficients&) { return {}; }
 
     // One Euler step of the laws.
     static void update(State& state, const Coefficients& c, const Motion<T>& motion, const Vec2<T>& surface,
-                       const Sizes<T>& sizes) {
+                       const Sizes<T>& sizes, const Vec2<T>& /*force*/ = {}) {
         const Vec2<T>& q = motion.position;
         const Vec2<T>& v = motion.velocity;
         Vec2<T> s = surface;
@@ -133,6 +145,8 @@ struct Adaptation {
             project(d, c);
         }
     }
+    // Nothing was measured.
+    static void rest(State&) {}
 
 private:
     static void project(Estimates<T>& d, const Coefficients& c) {

@@ -25,40 +25,47 @@ struct Signals {
     ReferencePoint<T> reference{};
     Sample<T> error{};
     Vec2<T> surface{};
-    Estimates<T> estimates{};  // those the force was computed with
+    Estimates<T> estimates{};  // as they stood when the force was computed
     Vec2<T> force{};
     Vec2<T> excess{};  // what the force limit took from it
+    RateQuality<T> rate_quality{};
 };
 
-template <Scalar T, template <class> class SurfaceOf>
+template <Scalar T, template <class> class SurfaceOf, template <class> class AdaptationOf = Adaptation>
 struct SlidingModeController {
     using Value = T;
     using SurfaceType = SurfaceOf<T>;
+    using AdaptationType = AdaptationOf<T>;
+    template <template <class> class Other>
+    using Adapted = SlidingModeController<T, SurfaceOf, Other>;
     using Params = ControllerParams;
 
     struct Coefficients {
         typename Reference<T>::Coefficients reference{};
         typename SurfaceType::Coefficients surface{};
         typename Control<T>::Coefficients control{};
-        typename Adaptation<T>::Coefficients adaptation{};
+        typename AdaptationType::Coefficients adaptation{};
     };
     // A plain value: copy it to save, assign it to resume, bit for bit.
     struct State {
         typename Reference<T>::State reference{};
         typename SurfaceType::State surface{};
-        typename Adaptation<T>::State adaptation{};
+        typename AdaptationType::State adaptation{};
     };
 
     static Coefficients prepare(const Params& p) {
         return {.reference = Reference<T>::prepare(p.reference, p.step),
                 .surface = SurfaceType::prepare(p.surface, p.step),
                 .control = Control<T>::prepare(p.control, p.adaptation.printed_rate_law),
-                .adaptation = Adaptation<T>::prepare(p.adaptation, p.step)};
+                .adaptation = AdaptationType::prepare(p.adaptation, p.step)};
     }
 
-    // What the force of the coming step will be computed with.
+    // What is known before the coming step.
     static Estimates<T> estimates(const State& state, const Coefficients& c) {
-        return Adaptation<T>::estimates(state.adaptation, c.adaptation);
+        return AdaptationType::estimates(state.adaptation, c.adaptation);
+    }
+    static RateQuality<T> rate_quality(const State& state, const Coefficients& c) {
+        return AdaptationType::quality(state.adaptation, c.adaptation);
     }
 
     // The force for the coming step, from the motion measured now. Called once every step.
@@ -70,7 +77,9 @@ struct SlidingModeController {
 
     // Step 1 alone: the reference, and the estimates as they stand.
     static Signals<T> prospect(State& state, const Coefficients& c) {
-        return {.reference = Reference<T>::update(state.reference, c.reference), .estimates = estimates(state, c)};
+        return {.reference = Reference<T>::update(state.reference, c.reference),
+                .estimates = estimates(state, c),
+                .rate_quality = rate_quality(state, c)};
     }
 
     // Steps 2 to 5, which complete what step 1 began; without learning the estimates rest. In place: copies of so many
@@ -81,8 +90,8 @@ struct SlidingModeController {
         const SurfacePoint<T> surface = SurfaceType::evaluate(state.surface, c.surface, error);  // 3
         signals.surface = surface.s;
         Sizes<T> sizes = sizes_of(motion, surface.s);
-        signals.force =
-            Control<T>::force(c.control, signals.estimates, motion, signals.reference, surface, sizes);  // 4
+        const auto& believed = AdaptationType::believed(state.adaptation, c.adaptation, signals.estimates);
+        signals.force = Control<T>::force(c.control, believed, motion, signals.reference, surface, sizes);  // 4
         Vec2<T> learnt_from = surface.s;
         if (c.control.limited) {
             const Vec2<T> wanted = signals.force;
@@ -96,7 +105,9 @@ struct SlidingModeController {
         }
         SurfaceType::advance(state.surface, c.surface, error);
         if (learning) {
-            Adaptation<T>::update(state.adaptation, c.adaptation, motion, learnt_from, sizes);  // 5
+            AdaptationType::update(state.adaptation, c.adaptation, motion, learnt_from, sizes, signals.force);  // 5
+        } else {
+            AdaptationType::rest(state.adaptation);
         }
     }
 };

@@ -57,10 +57,13 @@ void fracgyro_init(fracgyro_state* state) {
 
 void fracgyro_read_estimates(const fracgyro_state* state, fracgyro_estimates* estimates) {
     const auto e = Controller::estimates(in(state).controller, coefficients);
+    const auto quality = Controller::rate_quality(in(state).controller, coefficients);
     *estimates = {.damping = {e.damping.xx, e.damping.xy, e.damping.yy},
                   .stiffness = {e.stiffness.xx, e.stiffness.xy, e.stiffness.yy},
                   .rate = e.rate,
-                  .bound = {e.bound[0], e.bound[1], e.bound[2]}};
+                  .bound = {e.bound[0], e.bound[1], e.bound[2]},
+                  .rate_deviation = quality.deviation,
+                  .rate_trusted = quality.trusted};
 }
 
 void fracgyro_save(const fracgyro_state* state, fracgyro_saved* saved) {

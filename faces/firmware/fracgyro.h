@@ -34,9 +34,10 @@ typedef struct {
     fracgyro_vector position, velocity;
 } fracgyro_motion;
 
-/* Damping and stiffness as xx, xy, yy; the angular rate; b0, b1, b2. */
+/* Damping and stiffness as xx, xy, yy; the angular rate; b0, b1, b2. With composite adaptation also the standard deviation
+ * of the rate, and 1 where the motion tells it from the other parameters; else both are 0. */
 typedef struct {
-    fracgyro_number damping[3], stiffness[3], rate, bound[3];
+    fracgyro_number damping[3], stiffness[3], rate, bound[3], rate_deviation, rate_trusted;
 } fracgyro_estimates;
 
 typedef struct {

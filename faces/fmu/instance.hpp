@@ -17,8 +17,9 @@ namespace fracgyro {
 
 inline constexpr auto kind_place = std::find(controller_kinds.begin(), controller_kinds.end(), exported::kind);
 static_assert(kind_place != controller_kinds.end());
-using ExportedController =
+using ExportedKind =
     typename std::tuple_element_t<kind_place - controller_kinds.begin(), Controllers<exported::Number>>::Type;
+using ExportedController = std::conditional_t<exported::composite, Composite<ExportedKind>, ExportedKind>;
 using Loop = Stepper<ExportedController>;
 
 class Instance {
@@ -139,6 +140,8 @@ private:
             state_.loop = {};
             state_.loop.signals.estimates =
                 ExportedController::estimates(state_.loop.controller, coefficients_.controller);
+            state_.loop.signals.rate_quality =
+                ExportedController::rate_quality(state_.loop.controller, coefficients_.controller);
         }
         write_row(state_.loop.snapshot(), state_.row.data());
     }

@@ -72,7 +72,9 @@ std::vector<Answer<Number>> answers(const typename Controller::Coefficients& c, 
             return lanes;
         };
         const Motion<T> motion{.position = {in_lane(x), in_lane(y)}, .velocity = {in_lane(v), in_lane(w)}};
-        const auto [r, e, s, found, force, excess] = Controller::step(state, c, motion);
+        const Signals<T> signals = Controller::step(state, c, motion);
+        const Vec2<T>& force = signals.force;
+        const Estimates<T>& found = signals.estimates;
         const auto of_lane = [lane](const auto&... values) { return Answer<Number>{values.lane[lane]...}; };
         rows.push_back(of_lane(force.x, force.y, found.damping.xx, found.damping.xy, found.damping.yy,
                                found.stiffness.xx, found.stiffness.xy, found.stiffness.yy, found.rate, found.bound[0],
@@ -86,7 +88,7 @@ bool replay(const Setup& setup) {
     using T = Lanes<Number, register_bytes / sizeof(Number)>;
     const auto motions = read<std::array<Number, 4>>("motion");
     bool written = false;
-    with_controller<T>(setup.kind, [&]<class Controller>() {
+    with_controller<T>(setup.kind, setup.controller.adaptation.composite, [&]<class Controller>() {
         const auto coefficients = Controller::prepare(setup.controller);
         const auto first = answers<Controller>(coefficients, 0, motions);
         auto odd = first;

@@ -64,8 +64,18 @@ export interface Run {
 export interface Controller {
   /** The force [x, y] to hold for the coming step, from what is measured now. Call it once every run.step. */
   step(position: [number, number], velocity: [number, number]): [number, number];
-  /** After the last step: damping and stiffness as [xx, xy, yy], the angular rate, [b0, b1, b2]. */
-  readonly estimates: { damping: number[]; stiffness: number[]; rate: number; bound: number[] };
+  /**
+   * After the last step: damping and stiffness as [xx, xy, yy], the angular rate, [b0, b1, b2]. With adaptation.kind composite
+   * also the rate's standard deviation, and whether the motion tells it from the other parameters; else 0 and false.
+   */
+  readonly estimates: {
+    damping: number[];
+    stiffness: number[];
+    rate: number;
+    bound: number[];
+    rateDeviation: number;
+    rateTrusted: boolean;
+  };
   /** All that changes while running: assign it to a controller of the same scenario to resume, bit for bit. */
   state: Uint8Array;
 }
@@ -77,6 +87,7 @@ export interface Settings {
   "controller.order": number;
   "controller.kind": "fractional_fast_terminal" | "fractional" | "fast_terminal" | "linear";
   "controller.adaptive": boolean;
+  "adaptation.kind": "gradient" | "composite";
   "controller.derivative": "caputo" | "riemann_liouville";
   "controller.layer": "linear" | "quadratic";
   "controller.rate_law": "skew" | "printed";
@@ -105,6 +116,8 @@ export interface Settings {
   "adaptation.leakage": number;
   "adaptation.dead_zone": number;
   "adaptation.projection": number;
+  "adaptation.forgetting": number;
+  "adaptation.rate_forgetting": number;
   "adaptation.initial_damping.xx": number;
   "adaptation.initial_damping.xy": number;
   "adaptation.initial_damping.yy": number;

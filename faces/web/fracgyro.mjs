@@ -75,8 +75,9 @@ class Fracgyro {
         return [row[force], row[force + 1]];
       },
       get estimates() {
-        const all = [...core.doubles(core.controller_estimates(), 10)];
-        return { damping: all.slice(0, 3), stiffness: all.slice(3, 6), rate: all[6], bound: all.slice(7) };
+        const all = [...core.doubles(core.controller_estimates(), 12)];
+        const [rate, rateDeviation, rateTrusted] = [all[6], all[10], all[11] === 1];
+        return { damping: all.slice(0, 3), stiffness: all.slice(3, 6), rate, bound: all.slice(7, 10), rateDeviation, rateTrusted };
       },
       get state() {
         return state().slice();

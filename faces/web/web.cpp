@@ -10,7 +10,7 @@ Setup setup;
 std::array<double, setting_names.size()> values;  // in the order of setting_names
 bool single_precision = false;                    // of the controller alone
 std::array<double, row_width> row;                // what it found in its last step
-std::array<double, 10> estimates;
+std::array<double, 12> estimates;
 
 template <class Controller>
 struct Held {
@@ -21,9 +21,9 @@ struct Held {
 template <class Act>
 void with_held(Act&& act) {
     if (single_precision) {
-        with_controller<float>(setup.kind, act);
+        with_controller<float>(setup.kind, setup.controller.adaptation.composite, act);
     } else {
-        with_controller<double>(setup.kind, act);
+        with_controller<double>(setup.kind, setup.controller.adaptation.composite, act);
     }
 }
 
@@ -76,10 +76,12 @@ EXPORT const double* controller_step(double x, double y, double vx, double vy) {
 EXPORT const double* controller_estimates() {
     with_held([]<class C>() {
         const auto e = C::estimates(Held<C>::state, Held<C>::coefficients);
+        const auto quality = C::rate_quality(Held<C>::state, Held<C>::coefficients);
         const auto number = [](auto a) { return static_cast<double>(a); };
-        estimates = {number(e.damping.xx),   number(e.damping.xy),   number(e.damping.yy), number(e.stiffness.xx),
-                     number(e.stiffness.xy), number(e.stiffness.yy), number(e.rate),       number(e.bound[0]),
-                     number(e.bound[1]),     number(e.bound[2])};
+        estimates = {number(e.damping.xx),   number(e.damping.xy),      number(e.damping.yy),
+                     number(e.stiffness.xx), number(e.stiffness.xy),    number(e.stiffness.yy),
+                     number(e.rate),         number(e.bound[0]),        number(e.bound[1]),
+                     number(e.bound[2]),     number(quality.deviation), number(quality.trusted)};
     });
     return estimates.data();
 }

@@ -12,19 +12,25 @@ from numpy.typing import NDArray
 
 from . import _core
 from .scenario import Scenario
-from .setup import controller_params
+from .setup import composite, controller_params
 
 Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Estimates:
-    """What the controller believes: damping and stiffness as [xx, xy, yy], the angular rate, b0, b1, b2."""
+    """What the controller believes: damping and stiffness as [xx, xy, yy], the angular rate, b0, b1, b2.
+
+    With adaptation.kind composite also the standard deviation of the rate, and whether the motion tells it from the
+    other parameters; with gradient, which does not know, NaN and False.
+    """
 
     damping: Vector
     stiffness: Vector
     rate: float
     bound: Vector
+    rate_deviation: float
+    rate_trusted: bool
 
 
 class Controller:
@@ -66,11 +72,14 @@ class Controller:
     def estimates(self) -> Estimates:
         """The estimates as they stand after the last step."""
         e = self._core.estimates
+        deviation, trusted = self._core.rate_quality if composite(self.scenario) else (math.nan, False)
         return Estimates(
             damping=np.asarray(e.damping) * self._damping,
             stiffness=np.asarray(e.stiffness) * self._stiffness,
             rate=e.rate * self._rate,
             bound=np.asarray(e.bound) * [self._force, self._stiffness, self._damping],
+            rate_deviation=deviation * self._rate,
+            rate_trusted=trusted,
         )
 
     @property

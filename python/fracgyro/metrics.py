@@ -13,6 +13,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from .scenario import Scenario
+from .setup import composite
 
 Window = tuple[float | None, float | None]
 STEADY: Window = (10.0, None)  # nondimensional
@@ -107,6 +108,8 @@ def lyapunov(run: xr.Dataset, bounds: tuple[float, float, float]) -> xr.DataArra
         raise ValueError(f"units is {run.attrs.get('units')}: V of eq. (39) needs a nondimensional run")
     scenario = Scenario.from_toml(run.attrs["scenario"])
     gains = scenario.adaptation
+    if composite(scenario):
+        raise ValueError("adaptation.kind is composite: V of eq. (39) is that of gradient")
     damping, stiffness = _true_matrices(scenario)
     weights = xr.DataArray([1.0, 2.0, 1.0], dims="entry")  # xy stands twice in the matrix
     d = run["damping_estimate"] - xr.DataArray(damping, dims="entry")

@@ -28,6 +28,11 @@ def core_modes(order: float, step: float, duration: float, tolerance: float) -> 
     return _core.Modes(order, gamma, designed.rates, designed.weights, designed.error)
 
 
+def composite(scenario: Scenario) -> bool:
+    """Whether least squares run beside the laws (44)."""
+    return scenario.adaptation.kind == "composite" and scenario.controller.adaptive
+
+
 def controller_params(scenario: Scenario) -> _core.ControllerParams:
     """Parameters of eqs (16), (35), (44), (46)."""
     c, a, run = scenario.controller, scenario.adaptation, scenario.run
@@ -62,7 +67,7 @@ def controller_params(scenario: Scenario) -> _core.ControllerParams:
     initial = _core.Estimates()
     initial.damping = ratio * damping
     initial.stiffness = ratio * stiffness
-    initial.rate = ratio * rate
+    initial.rate = ratio * rate if a.initial_rate is None or not c.adaptive else a.initial_rate
     initial.bound = a.initial_bound
 
     adaptation = _core.AdaptationParams()
@@ -76,6 +81,9 @@ def controller_params(scenario: Scenario) -> _core.ControllerParams:
     adaptation.leakage = a.leakage
     adaptation.dead_zone = a.dead_zone
     adaptation.projection = a.projection
+    adaptation.composite = composite(scenario)
+    adaptation.forgetting = a.forgetting
+    adaptation.rate_forgetting = a.rate_forgetting
     params.adaptation = adaptation
     return params
 

@@ -13,7 +13,7 @@ import xarray as xr
 
 from . import _core
 from .scenario import Scenario
-from .setup import core_setup
+from .setup import composite, core_setup
 
 AXES = ["x", "y"]
 ENTRIES = ["xx", "xy", "yy"]
@@ -44,7 +44,10 @@ CHANNELS: dict[str, tuple[str | None, str, list[tuple[str, str]]]] = {
         "estimates of the bounds b0, b1, b2",
         [("force", "N"), ("stiffness", "N/m"), ("damping", "N s/m")],
     ),
+    "rate_deviation": (None, "standard deviation of the estimate of the angular rate", [("rate", "rad/s")]),
+    "rate_trusted": (None, "1 where the motion tells the angular rate from the other parameters", [("one", "1")]),
 }
+OF_COMPOSITE = ["rate_deviation", "rate_trusted"]  # channels that only composite adaptation has
 COORDINATES = {"axis": AXES, "entry": ENTRIES, "bound": [0, 1, 2]}
 
 
@@ -69,7 +72,9 @@ def simulate(scenario: Scenario) -> xr.Dataset:
     """One closed-loop run.
 
     Returns a Dataset with the variables of `CHANNELS` over `time` (and axis, entry or bound), sampled every
-    `scenario.run.record_every` steps, in the units that `scenario.run.units` names.
+    `scenario.run.record_every` steps, in the units that `scenario.run.units` names. With adaptation.kind composite the
+    estimates of D, K and Omega_z are those of its least squares, and rate_deviation and rate_trusted say how well
+    Omega_z is known; with gradient, which does not know, there are no such variables.
     Raises DivergedError, which carries the samples until then, when the motion leaves all bounds.
     """
     rows, lasted = _core.record_runs([core_setup(scenario)], scenario.run.record_every, 1)
@@ -77,8 +82,8 @@ def simulate(scenario: Scenario) -> xr.Dataset:
     if samples <= scenario.run.steps:
         kept = -(-samples // scenario.run.record_every)
         run = _dataset(rows[0, :kept], scenario)
-        raise DivergedError(scenario, samples * scenario.run.step, run)
-    return _dataset(rows[0], scenario)
+        raise DivergedError(scenario, samples * scenario.run.step, _known(run, [scenario]))
+    return _known(_dataset(rows[0], scenario), [scenario])
 
 
 def simulate_many(
@@ -159,6 +164,7 @@ def simulate_many(
     samples = np.concatenate(lasted)
     time = np.where(samples > first.run.steps, np.nan, samples * first.run.step)
     run["diverged_at"] = ("run", time * _time_scale(first), {"long_name": "time of divergence"})
+    run = _known(run, scenarios, 1 if seeds is None else len(seeds))
     del run.attrs["scenario"]
     texts = np.repeat([s.to_toml() for s in scenarios], 1 if seeds is None else len(seeds))
     return run.assign_coords(scenario=("run", texts), **label)
@@ -241,6 +247,17 @@ def _dataset(rows: np.ndarray, scenario: Scenario) -> xr.Dataset:
             "units": scenario.run.units,
         },
     )
+
+
+def _known(run: xr.Dataset, scenarios: Sequence[Scenario], times: int = 1) -> xr.Dataset:
+    """What the runs cannot tell is left out, or NaN where others can. `times`: runs of each scenario."""
+    knowing = np.repeat([composite(scenario) for scenario in scenarios], times)
+    if not knowing.any():
+        return run.drop_vars(OF_COMPOSITE)
+    if not knowing.all():
+        for name in OF_COMPOSITE:
+            run[name] = run[name].where(xr.DataArray(knowing, dims="run"))
+    return run
 
 
 def _metrics_dataset(values: np.ndarray, thresholds: dict[str, float]) -> xr.Dataset:

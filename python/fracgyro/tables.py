@@ -145,6 +145,7 @@ class Scales:
     damping: float  # N s/m, m omega0
     stiffness: float  # N/m, m omega0^2
     rate: float  # rad/s, omega0
+    one: float = 1.0  # of what has no unit
 
 
 class Plant(Table):
@@ -289,9 +290,13 @@ class Controller(Table):
 
 
 class Adaptation(Table):
-    """Adaptation laws (44), and what keeps the estimates bounded."""
+    """Adaptation laws (44), least squares beside them, and what keeps the estimates bounded."""
 
-    kind: Literal["gradient"] = _field("gradient", "The law: gradient, (44). controller.adaptive false: off.")
+    kind: Literal["gradient", "composite"] = _field(
+        "gradient",
+        "gradient: the laws (44); composite: least squares on the plant's equation beside them, which gives D, K, "
+        "Omega_z and its standard deviation. controller.adaptive false: off.",
+    )
     damping_gain: float = _field(150.0, "M, > 0: speed of the D estimate. Towards 0.0: off.", gt=0)
     stiffness_gain: float = _field(150.0, "N, > 0: speed of the K estimate. Towards 0.0: off.", gt=0)
     rate_gain: float = _field(150.0, "P, > 0: speed of the Omega_z estimate. Towards 0.0: off.", gt=0)
@@ -312,6 +317,18 @@ class Adaptation(Table):
         0.0,
         "Every estimate is kept within this fraction of its family's largest initial entry about its "
         "initial value. 0.0: off.",
+        ge=0,
+    )
+    initial_rate: float | None = _field(
+        None, "Unit omega0: estimate of Omega_z at t = 0. Not set: initial_ratio times the true value."
+    )
+    forgetting: float = _field(
+        0.0, "Unit omega0: rate at which composite's least squares forget, all parameters alike. 0.0: off.", ge=0
+    )
+    rate_forgetting: float = _field(
+        0.0,
+        "Unit omega0: rate at which they forget Omega_z besides, which is their bandwidth for it: a fast rate, "
+        "a noisy estimate. 0.0: off, Omega_z is taken for constant.",
         ge=0,
     )
 

@@ -96,7 +96,7 @@ inline auto alike(const Setup& s) {
     const ControllerParams& c = s.controller;
     return std::tuple(s.kind, s.steps, c.step, c.surface.modes.count > 0, c.surface.terminal_exponent == 0.5,
                       c.control.force_limit < std::numeric_limits<double>::infinity(), a.printed_rate_law,
-                      a.leakage > 0.0, a.dead_zone > 0.0, a.projection > 0.0);
+                      a.leakage > 0.0, a.dead_zone > 0.0, a.projection > 0.0, a.composite, a.forgetting > 0.0);
 }
 
 // What the disturbance depends on in runs that are alike.
@@ -295,10 +295,11 @@ std::vector<MetricValues> measure_all(const Kernels<Number, Count>& kernels, Fil
         for (std::size_t begin = 0; begin < all.size(); begin += Count) {
             const std::size_t size = std::min(Count, all.size() - begin);
             const auto block = std::span<const Setup* const>(all).subspan(begin, size);
-            with_controller<Lanes<Number, Count>>(block[0]->kind, [&]<class Controller>() {
-                measure_block<Controller>(std::get<Move<Controller>>(kernels), fill, block, drawn, params,
-                                          std::span<MetricValues* const>(out).subspan(begin, size));
-            });
+            with_controller<Lanes<Number, Count>>(
+                block[0]->kind, block[0]->controller.adaptation.composite, [&]<class Controller>() {
+                    measure_block<Controller>(std::get<Move<Controller>>(kernels), fill, block, drawn, params,
+                                              std::span<MetricValues* const>(out).subspan(begin, size));
+                });
         }
     });
     return values;

@@ -51,8 +51,10 @@ template <class List>
 struct KernelsOf;
 template <class... Entries>
 struct KernelsOf<std::tuple<Entries...>> {
-    using Type = std::tuple<Move<typename Entries::Type>...>;
-    static constexpr Type all() { return {&move<typename Entries::Type>...}; }
+    using Type = std::tuple<Move<typename Entries::Type>..., Move<Composite<typename Entries::Type>>...>;
+    static constexpr Type all() {
+        return {&move<typename Entries::Type>..., &move<Composite<typename Entries::Type>>...};
+    }
 };
 }  // namespace detail
 

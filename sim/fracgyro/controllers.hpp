@@ -1,6 +1,7 @@
 // The controllers by name. A new one is its own file plus one line here.
 #pragma once
 
+#include "fracgyro/composite.hpp"
 #include "fracgyro/controller.hpp"
 
 #include <algorithm>
@@ -29,11 +30,23 @@ using Controllers =
                Listed<"fast_terminal", SlidingModeController<T, FastTerminalSurface>>,
                Listed<"linear", SlidingModeController<T, LinearSurface>>>;
 
+// The same controller with composite adaptation.
+template <class Controller>
+using Composite = typename Controller::template Adapted<CompositeAdaptation>;
+
 // Calls visit.template operator()<Controller>() for the controller of that kind. Returns whether there is one.
 template <Scalar T, class Visit>
-bool with_controller(std::string_view kind, Visit&& visit) {
+bool with_controller(std::string_view kind, bool composite, Visit&& visit) {
+    const auto visit_one = [&]<class Controller>() {
+        if (composite) {
+            visit.template operator()<Composite<Controller>>();
+        } else {
+            visit.template operator()<Controller>();
+        }
+        return true;
+    };
     const auto try_all = [&]<class... Entries>(std::tuple<Entries...>*) {
-        return ((Entries::kind == kind ? (visit.template operator()<typename Entries::Type>(), true) : false) || ...);
+        return ((Entries::kind == kind && visit_one.template operator()<typename Entries::Type>()) || ...);
     };
     return try_all(static_cast<Controllers<T>*>(nullptr));
 }

@@ -11,7 +11,7 @@ struct Channel {
 };
 
 // In the order in which `write_row` writes them.
-inline constexpr std::array<Channel, 13> channels{{{"position", 2},
+inline constexpr std::array<Channel, 15> channels{{{"position", 2},
                                                    {"velocity", 2},
                                                    {"reference", 2},
                                                    {"error", 2},
@@ -23,7 +23,9 @@ inline constexpr std::array<Channel, 13> channels{{{"position", 2},
                                                    {"stiffness_estimate", 3},
                                                    {"rate_estimate", 1},
                                                    {"rate_symmetric_estimate", 3},
-                                                   {"bound_estimate", 3}}};
+                                                   {"bound_estimate", 3},
+                                                   {"rate_deviation", 1},
+                                                   {"rate_trusted", 1}}};
 
 inline constexpr std::size_t row_width = [] {
     std::size_t width = 0;
@@ -52,6 +54,7 @@ void write_row(const Snapshot<T>& at, double* row) {
     put(s.estimates.rate);
     put3(s.estimates.rate_symmetric);
     put(s.estimates.bound[0], s.estimates.bound[1], s.estimates.bound[2]);
+    put(s.rate_quality.deviation, s.rate_quality.trusted);
 }
 
 // Rows of row_width doubles at the samples 0, every, 2·every, …; room for setup.steps / every + 1 of them.
@@ -59,7 +62,7 @@ void write_row(const Snapshot<T>& at, double* row) {
 template <Scalar T>
 std::int64_t record(const Setup& setup, std::int64_t every, double* rows) {
     std::int64_t samples = 0;
-    with_controller<T>(setup.kind, [&]<class Controller>() {
+    with_controller<T>(setup.kind, setup.controller.adaptation.composite, [&]<class Controller>() {
         std::int64_t until_next = 0;
         samples = run_loop<Controller>(setup, [&](const Snapshot<T>& at) {
             if (until_next == 0) {

@@ -44,6 +44,7 @@ constexpr void for_each_setting(SetupLike& setup, Visit&& visit) {
     auto& adaptation = controller.adaptation;
     visit("controller.adaptive", adaptation.adaptive);
     visit("controller.rate_law", adaptation.printed_rate_law);
+    visit("adaptation.kind", adaptation.composite);
     visit("adaptation.damping_gain", adaptation.damping_gain);
     visit("adaptation.stiffness_gain", adaptation.stiffness_gain);
     visit("adaptation.rate_gain", adaptation.rate_gain);
@@ -53,6 +54,8 @@ constexpr void for_each_setting(SetupLike& setup, Visit&& visit) {
     visit("adaptation.leakage", adaptation.leakage);
     visit("adaptation.dead_zone", adaptation.dead_zone);
     visit("adaptation.projection", adaptation.projection);
+    visit("adaptation.forgetting", adaptation.forgetting);
+    visit("adaptation.rate_forgetting", adaptation.rate_forgetting);
     visit("adaptation.initial_damping.xx", adaptation.initial.damping.xx);
     visit("adaptation.initial_damping.xy", adaptation.initial.damping.xy);
     visit("adaptation.initial_damping.yy", adaptation.initial.damping.yy);

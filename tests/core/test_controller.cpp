@@ -394,7 +394,7 @@ template <Scalar T>
 std::vector<Sampled<T>> simulate(const Setup& setup) {
     std::vector<Sampled<T>> run;
     std::int64_t samples = 0;
-    with_controller<T>(setup.kind, [&]<class Controller>() {
+    with_controller<T>(setup.kind, setup.controller.adaptation.composite, [&]<class Controller>() {
         samples = run_loop<Controller>(setup, [&](const Snapshot<T>& at) { run.push_back({at.motion, at.signals}); });
     });
     EXPECT_EQ(samples, setup.steps + 1) << setup.kind << " diverged";

@@ -42,6 +42,9 @@ def simulate(scenario: Scenario, disturbance: np.ndarray) -> dict[str, np.ndarra
 
     ratio = a.initial_ratio if c.adaptive else 1.0
     damping, stiffness, omega = ratio * true_damping, ratio * true_stiffness, ratio * true_omega
+    if a.initial_rate is not None and c.adaptive:
+        omega = a.initial_rate * np.array([[0.0, -1.0], [1.0, 0.0]])
+    squares = LeastSquares(damping, stiffness, omega, scenario) if a.kind == "composite" and c.adaptive else None
     bound = np.array(a.initial_bound)
     reference = scenario.reference
     amplitude, frequency, phase = map(np.array, (reference.amplitude, reference.frequency, reference.phase))
@@ -52,7 +55,7 @@ def simulate(scenario: Scenario, disturbance: np.ndarray) -> dict[str, np.ndarra
     run = {name: np.empty((samples, 2)) for name in ("position", "velocity", "reference", "control")}
     run |= {name: np.empty((samples, 2)) for name in ("error", "error_rate", "surface")}
     run |= {name: np.empty((samples, 2, 2)) for name in ("damping", "stiffness", "omega")}
-    run |= {"bound": np.empty((samples, 3))}
+    run |= {"bound": np.empty((samples, 3)), "deviation": np.empty(samples), "trusted": np.empty(samples)}
     for n in range(samples):
         t = n * h
         angle = frequency * t + phase
@@ -71,6 +74,12 @@ def simulate(scenario: Scenario, disturbance: np.ndarray) -> dict[str, np.ndarra
 
         # Eqs (35), (36), (46); with known parameters (18), (19), (34).
         slope = exponent * np.maximum(np.abs(e), c.singularity_floor) ** (exponent - 1)
+        told = damping, stiffness, omega
+        if squares:  # beside which the laws move what they would move alone
+            run["deviation"][n], run["trusted"][n] = squares.quality()
+            told = squares.matrices(squares.start + squares.change)
+            more = squares.matrices(squares.change)
+            damping, stiffness, omega = damping + more[0], stiffness + more[1], omega + more[2]
         equivalent = (damping + 2 * omega) @ v + stiffness @ q + r_acceleration
         equivalent = equivalent - lambda1 * derivative - lambda2 * slope * e_rate
         rho = bound @ [1.0, norm(q), norm(v)]
@@ -78,8 +87,11 @@ def simulate(scenario: Scenario, disturbance: np.ndarray) -> dict[str, np.ndarra
 
         run["position"][n], run["velocity"][n], run["reference"][n] = q, v, r
         run["surface"][n], run["control"][n] = s, u
-        run["damping"][n], run["stiffness"][n], run["omega"][n] = damping, stiffness, omega
+        run["damping"][n], run["stiffness"][n], run["omega"][n] = told
         run["bound"][n] = bound
+        if squares:
+            damping, stiffness, omega = damping - more[0], stiffness - more[1], omega - more[2]
+            squares.sample(q, v, u)
 
         # Eq. (44), where it gives the rates of the transposes.
         if c.adaptive:
@@ -92,6 +104,71 @@ def simulate(scenario: Scenario, disturbance: np.ndarray) -> dict[str, np.ndarra
 
         q, v = np.split((advance @ np.concatenate([q, v, u + disturbance[n]]))[:4], 2)
     return run
+
+
+class LeastSquares:
+    """Composite adaptation's least squares, by inverting the whole information matrix at every step.
+
+    Eq. (9) over one step with the hold modelled: residuals a - u + (D + 2 Omega) v + K q of the mean acceleration,
+    velocity and position; rows of the mean velocity less the part of it that the disturbance made.
+    """
+
+    prior = 1e4
+
+    def __init__(self, damping: np.ndarray, stiffness: np.ndarray, omega: np.ndarray, scenario: Scenario) -> None:
+        upper = [0, 0, 1], [0, 1, 1]
+        self.start = np.array([omega[1, 0], *damping[upper], *stiffness[upper]])
+        self.change = np.zeros(7)
+        self.information = np.eye(7) / self.prior
+        self.squares = self.draws = 0.0
+        self.left = np.zeros(2)
+        self.h = scenario.run.step
+        self.forgetting = scenario.adaptation.forgetting
+        self.rate_forgetting = scenario.adaptation.rate_forgetting
+        self.largest_deviation = 0.01 * math.sqrt(np.trace(stiffness) / 2)
+        self.last: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+
+    @staticmethod
+    def matrices(entries: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return symmetric(entries[1:4]), symmetric(entries[4:]), entries[0] * np.array([[0.0, -1.0], [1.0, 0.0]])
+
+    def quality(self) -> tuple[float, bool]:
+        variance = np.linalg.inv(self.information)[0, 0]
+        deviation = math.sqrt(variance * self.squares / self.draws) if self.draws else 0.0
+        trusted = variance * self.information[0, 0] <= 10 and variance <= 0.01 * self.prior
+        return deviation, trusted and deviation <= self.largest_deviation
+
+    def sample(self, q: np.ndarray, v: np.ndarray, u: np.ndarray) -> None:
+        if self.last is not None:
+            self.forget()
+            self.learn(*self.last, q, v)
+        self.last = q, v, u
+
+    def forget(self) -> None:
+        covariance = np.linalg.inv(self.information)
+        growth = self.h * self.forgetting * max(0.0, 1 - np.trace(covariance) / (7 * self.prior))
+        covariance *= 1 + growth
+        self.squares /= 1 + growth
+        self.draws /= 1 + growth
+        p = covariance[0, 0]
+        covariance[0, 0] += self.h * self.rate_forgetting * max(0.0, 1 - p / self.prior) * p
+        self.information = np.linalg.inv(covariance)
+
+    def learn(self, q0: np.ndarray, v0: np.ndarray, u: np.ndarray, q1: np.ndarray, v1: np.ndarray) -> None:
+        h = self.h
+        mean_v, mean_q = (q1 - q0) / h, (q0 + q1) / 2 + h / 12 * (v0 - v1)
+        damping, stiffness, omega = self.matrices(self.start + self.change)
+        residual = (v1 - v0) / h - u + (damping + 2 * omega) @ mean_v + stiffness @ mean_q
+        x, y = mean_v - h / 2 * self.left * residual
+        rows = np.array([[-2 * y, x, y, 0, *mean_q, 0], [2 * x, 0, x, y, 0, *mean_q]])
+        found = self.change.copy()
+        for axis in (0, 1):
+            r = residual[axis] + rows[axis] @ (self.change - found)
+            self.left[axis] = 1 / (1 + rows[axis] @ np.linalg.solve(self.information, rows[axis]))
+            self.information = self.information + np.outer(rows[axis], rows[axis])
+            self.change = self.change - np.linalg.solve(self.information, rows[axis]) * r
+            self.draws += self.left[axis]
+            self.squares += (self.left[axis] * r) ** 2
 
 
 def symmetric(entries: np.ndarray) -> np.ndarray:

@@ -73,8 +73,7 @@ def test_the_equations_list_every_physical_parameter_and_every_switch() -> None:
         f"{table}.{name}"
         for table, model in fg.Scenario()
         for name in type(model).model_fields
-        # Bookkeeping, and a choice of one.
-        if f"{table}.{name}" not in {"run.record_every", "run.units", "adaptation.kind"}
+        if f"{table}.{name}" not in {"run.record_every", "run.units"}  # bookkeeping
     }
     assert {field for field, _ in parameters()} == fields
     errata = read("EQUATIONS.md").split("## Printed and corrected")[1]

@@ -17,12 +17,16 @@ from fracgyro.export.compilers import Number, make
 from fracgyro.export.firmware import SURFACES, export_firmware
 from fracgyro.export.host import SCALARS, Host, flags, plant_of, rmse
 from fracgyro.export.replay import first_difference
-from fracgyro.export.targets import BOARDS, COLUMNS, DTYPES, EMULATOR
+from fracgyro.export.targets import BOARDS, COLUMNS, DTYPES, EMULATOR, QUALITY
 
 ROOT = Path(__file__).resolve().parents[2]
 PAPER = fg.Scenario.paper()
 LIMITED = PAPER.replace({"controller.force_limit": 1000.0})
-KINDS = [*SURFACES, "fractional_of_order_one"]
+KINDS = {
+    **{kind: {"controller.kind": kind} for kind in SURFACES},
+    "fractional_of_order_one": {"controller.order": 1.0},
+    "composite": {"adaptation.kind": "composite", "adaptation.rate_forgetting": 2.0},
+}
 OK, SATURATED, NOT_FINITE, OUT_OF_RANGE, RESTARTED, REFUSED = range(6)
 NAN, INF = math.nan, math.inf
 
@@ -63,8 +67,7 @@ def test_another_scenario_gives_another_key(tmp_path: Path) -> None:
 @pytest.mark.parametrize("number", SCALARS)
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_kind_of_controller_answers_as_the_simulator_does(kind: str, number: Number, tmp_path: Path) -> None:
-    change = {"controller.kind": kind} if kind in SURFACES else {"controller.order": 1.0}
-    scenario = PAPER.replace({**change, "run.duration": 0.5, "controller.terminal_exponent": 0.6})
+    scenario = PAPER.replace({**KINDS[kind], "run.duration": 0.5, "controller.terminal_exponent": 0.6})
     export_firmware(scenario, tmp_path / "out", number)
     host, ours = Host(tmp_path / "out", number), fg.Controller(scenario)
     run = fg.simulate(scenario)
@@ -76,6 +79,12 @@ def test_every_kind_of_controller_answers_as_the_simulator_does(kind: str, numbe
             assert host.force == tuple(wanted)
         else:  # κ, a difference over a step, has some 1e-7/1e-3 of rounding error, which λ1 I^ν amplifies
             np.testing.assert_allclose(host.force, wanted, rtol=1e-2, atol=0.5)
+    if kind == "composite":
+        told = ours.estimates
+        expected = [told.rate, told.rate_deviation, told.rate_trusted]
+        atol = 0.0 if number == "double" else 0.1 * told.rate_deviation
+        np.testing.assert_allclose(np.array(host.estimates)[[6, 10, 11]], expected, rtol=0, atol=atol)
+        assert told.rate_trusted
 
 
 def test_the_header_is_clean_c99_and_the_example_runs(tmp_path: Path) -> None:
@@ -215,13 +224,17 @@ def test_no_bits_of_memory_are_misused_whatever_the_input(tmp_path: Path) -> Non
 # -- The same bits -------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("adaptation", ["gradient", "composite"])
 @pytest.mark.parametrize("number", SCALARS)
-def test_a_fault_on_the_way_changes_no_bit_between_processors_and_compilers(number: Number, tmp_path: Path) -> None:
+def test_a_fault_on_the_way_changes_no_bit_between_processors_and_compilers(
+    number: Number, adaptation: str, tmp_path: Path
+) -> None:
     """What test_parity.py has for motions alone, with statuses."""
     need("Cortex-M")
     need("clang")
     steps = 3000
-    scenario = LIMITED.replace({"controller.terminal_exponent": 0.6, "run.duration": steps * 1e-3})
+    change = {"controller.terminal_exponent": 0.6, "run.duration": steps * 1e-3, "adaptation.kind": adaptation}
+    scenario = LIMITED.replace(change)
     out = tmp_path / "out"
     export_firmware(scenario, out, number)
     run = fg.simulate(scenario)
@@ -241,12 +254,13 @@ def test_a_fault_on_the_way_changes_no_bit_between_processors_and_compilers(numb
         (out / "answer").unlink(missing_ok=True)
         command = [*EMULATOR, "-M", BOARDS[target], "-kernel", image] if target in BOARDS else [image]
         subprocess.run(command, cwd=out, check=True, timeout=300)
-        answers[target] = np.fromfile(out / "answer", DTYPES[number]).reshape(-1, 1 + len(COLUMNS))
+        answers[target] = np.fromfile(out / "answer", DTYPES[number]).reshape(-1, 1 + len(COLUMNS) + QUALITY)
         assert len(answers[target]) == steps
     assert set(answers["gcc"][1000:1010, 0]) == {NOT_FINITE}
     for target, answer in answers.items():
-        np.testing.assert_array_equal(answer[:, 0], answers["gcc"][:, 0], err_msg=target)
-        assert first_difference(answer[:, 1:], answers["gcc"][:, 1:]) is None, target
+        told = 1 + len(COLUMNS)  # then the rate's quality
+        assert first_difference(answer[:, 1:told], answers["gcc"][:, 1:told]) is None, target
+        assert answer.tobytes() == answers["gcc"].tobytes(), target
 
 
 # -- Single precision does not stall -------------------------------------------------------------------------

@@ -49,6 +49,7 @@ SCENARIOS = {
     "the paper's, whole": fg.Scenario.paper(),
     "as printed": fg.Scenario.paper("printed").replace({"run.duration": 2.0}),
     "in SI units": SI,
+    "composite adaptation": SHORT.replace({"adaptation.kind": "composite", "adaptation.rate_forgetting": 2.0}),
     "known parameters, sine": SINE,
     "undisturbed": SHORT.replace({"controller.kind": "linear", "disturbance.kind": "none"}),
 }
@@ -74,7 +75,8 @@ def columns(run: Any) -> dict[str, np.ndarray]:
     """A run of ours under the names of an FMU's outputs."""
     parts = {"axis": [".x", ".y"], "entry": [".xx", ".xy", ".yy"], "bound": ["[0]", "[1]", "[2]"], None: [""]}
     found = {}
-    for name, (dimension, _, _) in CHANNELS.items():
+    for name in run.data_vars:
+        dimension = CHANNELS[name][0]
         values = run[name].values.reshape(run.sizes["time"], -1)
         found.update({name + part: values[:, i] for i, part in enumerate(parts[dimension])})
     return found

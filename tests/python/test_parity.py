@@ -46,6 +46,9 @@ SCENARIOS = {
             "adaptation.projection": 0.3,
         }
     ),
+    "composite, forgetting": fg.Scenario.paper().replace(
+        {"adaptation.kind": "composite", "adaptation.forgetting": 0.1, "adaptation.rate_forgetting": 2.0}
+    ),
     "fast terminal, sine": fg.Scenario.paper().replace(
         {
             "controller.kind": "fast_terminal",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import fracgyro as fg
 import numpy as np
@@ -54,7 +55,7 @@ def assert_same_bits(got: np.ndarray, expected: np.ndarray) -> None:
 
 
 def test_the_module_is_small_and_imports_nothing(module: Path, tmp_path: Path) -> None:
-    assert (module / "fracgyro.wasm").stat().st_size < 60_000
+    assert (module / "fracgyro.wasm").stat().st_size < 80_000
     imports = 'console.log(WebAssembly.Module.imports(new WebAssembly.Module(read("fracgyro.wasm"))).length)'
     assert in_node(module, tmp_path, imports) == "0\n"
 
@@ -64,6 +65,7 @@ SCENARIOS = {
     "as printed": fg.Scenario.paper("printed").replace({"run.duration": 3.0}),
     "any c, held noise": SHORT.replace({"controller.terminal_exponent": 0.7, "disturbance.hold": 4e-3}),
     "fractional": SHORT.replace({"controller.kind": "fractional", "controller.order": 0.35}),
+    "composite adaptation": SHORT.replace({"adaptation.kind": "composite", "adaptation.rate_forgetting": 2.0}),
     "integer order": SHORT.replace({"controller.order": 1.0}),
     "order zero": SHORT.replace({"controller.order": 0.0}),
     "known parameters, sine": SHORT.replace(
@@ -124,8 +126,9 @@ def test_a_finer_step_rescales_the_modes(module: Path, tmp_path: Path) -> None:
     assert not np.allclose(expected[::2], fg.simulate(SHORT)["error"].sel(axis="x").values, atol=1e-4)
 
 
-def test_the_controller_alone_has_the_bits_of_the_python_one_and_resumes(module: Path, tmp_path: Path) -> None:
-    run = fg.simulate(SHORT)
+def check_controller_alone(module: Path, tmp_path: Path, scenario: fg.Scenario) -> tuple[dict[str, Any], fg.Controller]:
+    """Returns what the one in JavaScript tells in the end, and Python's."""
+    run = fg.simulate(scenario)
     motion = np.hstack([run["position"].values, run["velocity"].values])
     motion.tofile(tmp_path / "motion")
     code = """
@@ -147,18 +150,32 @@ def test_the_controller_alone_has_the_bits_of_the_python_one_and_resumes(module:
       console.log(JSON.stringify(controller.estimates));
     }
     """
-    double, single = map(json.loads, in_node(module, tmp_path, code).splitlines())
+    double, single = map(json.loads, in_node(module, tmp_path, code, scenario).splitlines())
     expected = run["control"].values.copy()
     assert_same_bits(np.fromfile(tmp_path / "double"), expected)
     difference = np.fromfile(tmp_path / "single").reshape(-1, 2) - expected
     assert 0 < np.abs(difference).max() < 1e-2 * np.abs(expected).max()
 
-    controller = fg.Controller(SHORT)
+    controller = fg.Controller(scenario)
     for n, (x, y, vx, vy) in enumerate(motion):
-        controller.step(n * SHORT.run.step, [x, y], [vx, vy])
+        controller.step(n * scenario.run.step, [x, y], [vx, vy])
     assert double["stiffness"] == list(controller.estimates.stiffness)
     assert double["bound"] == list(controller.estimates.bound)
-    assert single["rate"] == pytest.approx(controller.estimates.rate, rel=1e-3)
+    rel = 1e-3 if scenario.adaptation.kind == "gradient" else 1e-2  # a quarter of the estimate's own deviation
+    assert single["rate"] == pytest.approx(controller.estimates.rate, rel=rel)
+    return double, controller
+
+
+def test_the_controller_alone_has_the_bits_of_the_python_one_and_resumes(module: Path, tmp_path: Path) -> None:
+    double, _ = check_controller_alone(module, tmp_path, SHORT)
+    assert double["rateTrusted"] is False
+
+
+def test_so_has_the_controller_with_composite_adaptation(module: Path, tmp_path: Path) -> None:
+    scenario = SHORT.replace({"adaptation.kind": "composite"})
+    double, controller = check_controller_alone(module, tmp_path, scenario)
+    assert double["rateDeviation"] == controller.estimates.rate_deviation
+    assert double["rateTrusted"] is controller.estimates.rate_trusted is True
 
 
 WRONG = {

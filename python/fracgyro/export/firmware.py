@@ -12,7 +12,7 @@ from typing import Any
 from .. import _core
 from ..files import whole_folder
 from ..scenario import Scenario
-from ..setup import controller_params
+from ..setup import composite, controller_params
 from .compilers import SOURCES, Number
 
 SURFACES = {
@@ -38,12 +38,13 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
     params = controller_params(scenario)
     capacity = -(-max(params.surface.modes.count, 1) // 2) * 2
     alignment = 8
-    size = -(-_core.state_size(capacity, number == "float") // alignment) * alignment
+    size = -(-_core.state_size(capacity, composite(scenario), number == "float") // alignment) * alignment
     values = initializer(_core.coefficients(kind, params, number == "float"), number)
     scales = asdict(scenario.plant.scales)
     scales["step"] = scenario.run.step * scales["time"]
     units = {"step": "s", "length": "m", "velocity": "m/s", "force": "N", "damping": "N s/m", "stiffness": "N/m"}
     units["rate"] = "rad/s"
+    adaptation = "CompositeAdaptation" if composite(scenario) else "Adaptation"
     names = {"step": "STEP_SECONDS", **{name: f"{name.upper()}_UNIT" for name in units if name != "step"}}
     made = f"fracgyro {version('fracgyro')}, scenario {scenario.content_hash()}, {number}"
     lines = [
@@ -62,6 +63,7 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
         "",
         "#ifdef __cplusplus",
         "#define FRACGYRO_PACKS false",
+        '#include "fracgyro/composite.hpp"',
         '#include "fracgyro/guard.hpp"',
         "",
         "// Unnamed: two exported controllers in one process do not meet.",
@@ -70,7 +72,7 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
         "",
         "template <fracgyro::Scalar T>",
         f"using Surface = {SURFACES[kind].format(capacity=capacity)};",
-        f"using Controller = fracgyro::SlidingModeController<{number}, Surface>;",
+        f"using Controller = fracgyro::SlidingModeController<{number}, Surface, fracgyro::{adaptation}>;",
         "",
         "// In the order of the fields of Controller::Coefficients; what is left out is 0.",
         f"constexpr Controller::Coefficients coefficients = {values};",

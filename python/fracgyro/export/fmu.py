@@ -25,7 +25,8 @@ import jinja2
 from .. import _core
 from ..files import whole_file
 from ..scenario import Scenario, ScenarioError
-from ..simulate import AXES, CHANNELS, ENTRIES
+from ..setup import composite
+from ..simulate import AXES, CHANNELS, ENTRIES, OF_COMPOSITE
 from .compilers import FLAGS, SOURCES, Number, include, join_macos, system_compiler, zig
 from .settings import Limits, core_modes, core_numbers, describe, settings
 from .units import base_unit, symbol
@@ -155,11 +156,13 @@ def _inputs(scenario: Scenario) -> Iterator[Variable]:
 
 def _outputs(scenario: Scenario, content: Content) -> Iterator[Variable]:
     column = 0
+    left_out = set() if composite(scenario) else set(OF_COMPOSITE)
+    left_out |= NOT_OF_THE_CONTROLLER if content == "controller" else set()
     for name, width in _core.channels:
         dimension, meaning, units = CHANNELS[name]
         for part in range(width):
             scale, unit = _unit(scenario, units[part % len(units)][0])
-            if content == "loop" or name not in NOT_OF_THE_CONTROLLER:
+            if name not in left_out:
                 full = name + (PARTS[dimension][part] if dimension else "")
                 yield Variable(full, "output", column, scale=scale, unit=unit, description=meaning)
             column += 1
@@ -199,6 +202,7 @@ def _header(scenario: Scenario, content: Content, number: Number, token: str, va
         "namespace fracgyro::exported {",
         f"using Number = {number};",
         f'inline constexpr std::string_view kind = "{scenario.controller.kind}";',
+        f"inline constexpr bool composite = {_cpp(composite(scenario))};",
         f"inline constexpr bool closed_loop = {_cpp(content == 'loop')};",
         f'inline constexpr char token[] = "{token}";',
         f"inline constexpr double step = {_cpp(step)};",

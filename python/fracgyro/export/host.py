@@ -52,8 +52,8 @@ class Host:
 
     @property
     def estimates(self) -> list[float]:
-        """Damping and stiffness as xx, xy, yy; the angular rate; b0, b1, b2."""
-        room = (self._number * 10)()
+        """Damping and stiffness as xx, xy, yy; the angular rate; b0, b1, b2; the rate's deviation and whether to trust it."""
+        room = (self._number * 12)()
         self._library.fracgyro_read_estimates(self._state, room)
         return list(room)
 

@@ -37,6 +37,8 @@ UNITS: dict[str, str | tuple[str, ...]] = {
     "adaptation.leakage": "omega0",
     "adaptation.dead_zone": "q0*omega0",
     "adaptation.projection": "1",
+    "adaptation.forgetting": "omega0",
+    "adaptation.rate_forgetting": "omega0",
     "adaptation.initial_damping": "m*omega0",
     "adaptation.initial_stiffness": "m*omega0^2",
     "adaptation.initial_rate": "omega0",
@@ -71,10 +73,12 @@ FIXED = {
 INITIAL = {
     "adaptation.initial_damping": "D estimate at t = 0: in a scenario initial_ratio times plant.damping.",
     "adaptation.initial_stiffness": "K estimate at t = 0: in a scenario initial_ratio times plant.stiffness.",
-    "adaptation.initial_rate": "Omega_z estimate at t = 0: in a scenario initial_ratio times plant.angular_rate.",
+    "adaptation.initial_rate": "Omega_z estimate at t = 0: in a scenario initial_ratio times plant.angular_rate, or "
+    "initial_rate.",
 }
 # In the order of the core's numbers.
 CHOICES = {
+    "adaptation.kind": ["gradient", "composite"],
     "controller.derivative": ["caputo", "riemann_liouville"],
     "controller.layer": ["linear", "quadratic"],
     "controller.rate_law": ["skew", "printed"],

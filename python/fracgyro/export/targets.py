@@ -29,6 +29,7 @@ VARIABLES = ["control", "damping_estimate", "stiffness_estimate", "rate_estimate
 COLUMNS = [name + part for name in VARIABLES for part in fmu.PARTS.get(CHANNELS[name][0] or "", [""])]
 MOTION = ["position", "velocity"]
 DTYPES: dict[Number, np.dtype[np.floating]] = {"float": np.dtype("<f4"), "double": np.dtype("<f8")}
+QUALITY = 2  # numbers that the firmware adds: the rate's deviation, and whether to trust it
 FAULT = 2  # and more: what the firmware's status says of a motion that it does not take for one
 
 BOARDS = {"m4f": "mps2-an386", "m7": "mps2-an500"}
@@ -91,11 +92,11 @@ def _firmware(
     motion.tofile(exported / "motion")
     make(exported, image, *choice)
     run(command, exported)
-    rows = _answer(exported, DTYPES[number], 1 + len(COLUMNS))
+    rows = _answer(exported, DTYPES[number], 1 + len(COLUMNS) + QUALITY)
     for n, status in enumerate(rows[:, 0].tolist()):
         if status >= FAULT:
             raise ValueError(f"{target} takes the motion at step {n} for a fault of the sensor: status {status:.0f}")
-    return rows[:, 1:]
+    return rows[:, 1 : 1 + len(COLUMNS)]
 
 
 def _wasm(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:

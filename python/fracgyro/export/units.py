@@ -15,6 +15,7 @@ SYMBOLS = {
     "damping": ("m*omega0", "N.s/m"),
     "stiffness": ("m*omega0^2", "N/m"),
     "rate": ("omega0", "rad/s"),
+    "one": ("1", "1"),
 }
 SI = {
     "s": {"s": 1},

@@ -1,0 +1,161 @@
+// 5  Composite adaptation: beside the laws (44), which s drives, least squares on the plant's equation, driven by what was
+//    predicted wrongly over one step. No acceleration is measured.
+//
+//    Eq. (9) over one step of length h, with u and d held, ∫v dt = Δq exactly and ∫q dt by Hermite's rule, which errs by
+//    h⁵/720 q'''':
+//
+//        Δv = h (u + d) - (D + 2Ω) Δq - K ∫q dt,      ∫q dt = h/2 (q₀ + q₁) + h²/12 (v₀ - v₁)
+//
+//    Divided by h, with v̄ = Δq/h, q̄ = ∫q dt/h, and estimates in the place of the truth, there remains
+//
+//        r = Δv/h - u + (D̂ + 2Ω̂) v̄ + K̂ q̄ = d + row(v̄, q̄)·θ̃,      θ = (Ωz, Dxx, Dxy, Dyy, Kxx, Kxy, Kyy)
+//
+//    one residual on each axis. But v̄ contains h/2 d: in rows made of it, noise would explain noise, and D̂ would be off by
+//    h σ²/(2 v²). They are made of v̄ - h/2 E(d) instead, in effect the mean velocity predicted when the step began. Of r the
+//    part E(d) = r/α is noise, and the other, large in the beginning, the estimates' own error: α = 1 + row P rowᵀ, and
+//    that of the last step serves.
+//
+//    The force is computed with the sum of both parts, as the laws are the loop's integral action. What is told of D, K and
+//    Ωz is the part of least squares alone (docs/decisions/0016).
+#pragma once
+
+#include "adaptation.hpp"
+#include "least_squares.hpp"
+
+namespace fracgyro {
+
+template <Scalar T>
+struct CompositeAdaptation {
+    using Laws = Adaptation<T>;
+    using Squares = LeastSquares<T, 7>;
+    using Row = typename Squares::Row;
+
+    // Ωz is trusted while the other parameters inflate its variance at most so often, the prior's share of what is known of
+    // it is at most this, and its standard deviation is below this fraction of the natural frequency.
+    static constexpr double largest_inflation = 10.0, largest_share = 0.01, largest_deviation = 0.01;
+
+    struct Coefficients {
+        typename Laws::Coefficients laws{};
+        T step{}, inverse_step{};
+        T forgetting{}, rate_forgetting{};  // times the step
+        bool forgets = false;
+        T trusted_variance{};  // of Ω̂z
+    };
+    struct State {
+        typename Laws::State laws{};
+        typename Squares::State squares{};
+        T rate_information = T(1.0 / Squares::prior);  // 1/P_00 as it would be if all other parameters were known
+        T noise{}, draws{};                            // mean square of d on one axis, and of how many draws
+        Motion<T> motion{};                            // at the last sample, and the force from then on
+        Vec2<T> force{};
+        Vec2<T> left{};         // 1/α on either axis in the last step
+        bool measured = false;  // there is a last sample
+    };
+
+    static Coefficients prepare(const AdaptationParams& p, double step) {
+        const auto& k = p.initial.stiffness;
+        return {.laws = Laws::prepare(p, step),
+                .step = T(step),
+                .inverse_step = T(1.0 / step),
+                .forgetting = T(step * p.forgetting),
+                .rate_forgetting = T(step * p.rate_forgetting),
+                .forgets = p.forgetting > 0.0,
+                .trusted_variance = T(largest_deviation * largest_deviation * 0.5 * (k.xx + k.yy))};
+    }
+
+    // What is told: of the laws b̂ alone.
+    static Estimates<T> estimates(const State& state, const Coefficients& c) {
+        Estimates<T> told = c.laws.initial + as_estimates(state.squares.value);
+        for (std::size_t i = 0; i < told.bound.size(); ++i) {
+            told.bound[i] = told.bound[i] + state.laws.deviation.bound[i];
+        }
+        return told;
+    }
+    // What the force is computed with.
+    static Estimates<T> believed(const State& state, const Coefficients& c, const Estimates<T>& /*told*/) {
+        return Laws::estimates(state.laws, c.laws) + as_estimates(state.squares.value);
+    }
+    static RateQuality<T> quality(const State& state, const Coefficients& c) {
+        const T p = Squares::variance(state.squares, 0);
+        const T variance = state.noise * p;
+        const T yes = T(1.0), no = T(0.0);
+        T trusted = if_less(T(largest_inflation), p * state.rate_information, no, yes);
+        trusted = if_less(T(largest_share * Squares::prior), p, no, trusted);
+        trusted = if_less(c.trusted_variance, variance, no, trusted);
+        return {.deviation = square_root(variance), .trusted = trusted};
+    }
+
+    static void update(State& state, const Coefficients& c, const Motion<T>& motion, const Vec2<T>& surface,
+                       const Sizes<T>& sizes, const Vec2<T>& force) {
+        if (state.measured) {
+            forget(state, c);
+            compare(state, c, motion);
+        }
+        state.motion = motion;
+        state.force = force;
+        state.measured = true;
+        Laws::update(state.laws, c.laws, motion, surface, sizes, force);
+    }
+    // Nothing was measured: no step begins or ends here.
+    static void rest(State& state) { state.measured = false; }
+
+private:
+    static Estimates<T> as_estimates(const Row& x) {
+        return {.damping = {x[1], x[2], x[3]}, .stiffness = {x[4], x[5], x[6]}, .rate = x[0]};
+    }
+
+    // What the step from the last sample to this one tells.
+    static void compare(State& state, const Coefficients& c, const Motion<T>& now) {
+        const Motion<T>& last = state.motion;
+        const Vec2<T> v = c.inverse_step * (now.position - last.position);
+        const Vec2<T> q =
+            T(0.5) * (last.position + now.position) + (T(1.0 / 12.0) * c.step) * (last.velocity - now.velocity);
+        const Vec2<T> a = c.inverse_step * (now.velocity - last.velocity);
+        const Estimates<T> e = c.laws.initial + as_estimates(state.squares.value);
+        const Vec2<T> coriolis = T(2.0) * Vec2<T>{-(e.rate * v.y), e.rate * v.x};
+        const Vec2<T> r = (a - state.force) + (e.damping * v + coriolis) + e.stiffness * q;
+
+        const Vec2<T> w = v - (T(0.5) * c.step) * (state.left * r);
+        const T zero = T(0.0);
+        const Row x{T(-2.0) * w.y, w.x, w.y, zero, q.x, q.y, zero};
+        const Row y{T(2.0) * w.x, zero, w.x, w.y, zero, q.x, q.y};
+        const Row before = state.squares.value;
+        const T left_x = learn(state, x, r.x);
+        T second = r.y;  // with the estimates as the first row has left them
+        for (std::size_t j = 0; j < y.size(); ++j) {
+            second = second + y[j] * (state.squares.value[j] - before[j]);
+        }
+        const T left_y = learn(state, y, second);
+        state.left = {left_x, left_y};
+        state.rate_information = state.rate_information + T(4.0) * squared_norm(w);
+    }
+    static T learn(State& state, const Row& row, T residual) {
+        const T left = Squares::update(state.squares, row, residual);
+        // A mean with weights 1/α, which leave out the residuals that the estimates' own errors make.
+        state.draws = state.draws + left;
+        state.noise = state.noise + (left / state.draws) * (left * residual * residual - state.noise);
+        return left;
+    }
+
+    // With bounded gain (Slotine & Li 1991, 8.7.6): the more slowly the less is known, and never beyond the prior.
+    static void forget(State& state, const Coefficients& c) {
+        const T one = T(1.0), zero = T(0.0);
+        if (c.forgets) {
+            T trace = zero;
+            for (std::size_t i = 0; i < state.squares.value.size(); ++i) {
+                trace = trace + Squares::variance(state.squares, i);
+            }
+            const T ceiling = T(static_cast<double>(state.squares.value.size()) * Squares::prior);
+            const T growth = c.forgetting * maximum(zero, one - trace / ceiling);
+            Squares::spread(state.squares, one + growth);
+            state.rate_information = state.rate_information / (one + growth);
+            state.draws = state.draws / (one + growth);
+        }
+        const T p = Squares::variance(state.squares, 0);
+        const T moved = c.rate_forgetting * maximum(zero, one - p / T(Squares::prior)) * p;
+        Squares::spread_first(state.squares, moved);
+        state.rate_information = state.rate_information / (one + moved * state.rate_information);
+    }
+};
+
+}  // namespace fracgyro

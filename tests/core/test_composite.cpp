@@ -1,0 +1,356 @@
+#include "paper.hpp"
+#include "scalars.hpp"
+
+#include "fracgyro/guard.hpp"
+
+#include <cmath>
+#include <cstring>
+#include <random>
+
+namespace fracgyro::testing {
+namespace {
+
+template <class T>
+class Squares : public ::testing::Test {};
+TYPED_TEST_SUITE(Squares, Scalars, ScalarNames);
+
+template <std::size_t Count>
+using Matrix = std::array<std::array<double, Count>, Count>;
+
+template <std::size_t Count>
+Matrix<Count> inverse(Matrix<Count> a) {
+    Matrix<Count> b{};
+    for (std::size_t i = 0; i < Count; ++i) {
+        b[i][i] = 1.0;
+    }
+    for (std::size_t i = 0; i < Count; ++i) {  // positive definite: no pivots
+        const double pivot = a[i][i];
+        for (std::size_t j = 0; j < Count; ++j) {
+            a[i][j] /= pivot;
+            b[i][j] /= pivot;
+        }
+        for (std::size_t k = 0; k < Count; ++k) {
+            const double factor = k == i ? 0.0 : a[k][i];
+            for (std::size_t j = 0; j < Count; ++j) {
+                a[k][j] -= factor * a[i][j];
+                b[k][j] -= factor * b[i][j];
+            }
+        }
+    }
+    return b;
+}
+
+// U diag(d) Uᵀ
+template <Scalar T, std::size_t Count>
+Matrix<Count> covariance(const typename LeastSquares<T, Count>::State& state) {
+    Matrix<Count> u{}, p{};
+    for (std::size_t j = 0; j < Count; ++j) {
+        u[j][j] = 1.0;
+        for (std::size_t i = 0; i < j; ++i) {
+            u[i][j] = number(state.correlation[j * (j - 1) / 2 + i]);
+        }
+    }
+    for (std::size_t i = 0; i < Count; ++i) {
+        for (std::size_t k = 0; k < Count; ++k) {
+            for (std::size_t j = 0; j < Count; ++j) {
+                p[i][k] += u[i][j] * number(state.variance[j]) * u[k][j];
+            }
+        }
+    }
+    return p;
+}
+
+TYPED_TEST(Squares, OneRowMovesAndNarrowsItsOwnParameterAlone) {
+    using T = TypeParam;
+    using L = LeastSquares<T, 3>;
+    typename L::State state{};
+    // α = 1 + 2² prior. What is left of the residual is 1/α of it; the variance becomes 1/(1/prior + 2²).
+    const T left = L::update(state, {T(0.0), T(2.0), T(0.0)}, T(6.0));
+    const double alpha = 1.0 + 4.0 * L::prior;
+    EXPECT_NEAR(number(left), 1.0 / alpha, epsilon<T>);
+    EXPECT_EQ(number(state.value[0]), 0.0);
+    EXPECT_NEAR(number(state.value[1]), -3.0, 1e-4);  // 6 + 2 x = 0, but for the prior
+    EXPECT_NEAR(number(L::variance(state, 1)), L::prior / alpha, epsilon<T>);
+    EXPECT_EQ(number(L::variance(state, 2)), L::prior);
+}
+
+TYPED_TEST(Squares, RowByRowIsAllRowsAtOnce) {
+    using T = TypeParam;
+    using L = LeastSquares<T, 3>;
+    typename L::State state{};
+    Matrix<3> information{};
+    std::array<double, 3> right{};
+    for (std::size_t i = 0; i < 3; ++i) {
+        information[i][i] = 1.0 / L::prior;
+    }
+    std::mt19937 random(1);
+    std::normal_distribution<double> normal;
+    for (int n = 0; n < 200; ++n) {
+        const std::array row{number(T(normal(random))), number(T(normal(random))), number(T(normal(random)))};
+        const double y = number(T(row[0] - 2.0 * row[1] + 0.5 * row[2] + 0.1 * normal(random)));
+        typename L::Row typed{T(row[0]), T(row[1]), T(row[2])};
+        T residual = T(y);
+        for (std::size_t i = 0; i < 3; ++i) {
+            residual = residual + typed[i] * state.value[i];
+            right[i] -= row[i] * y;
+            for (std::size_t j = 0; j < 3; ++j) {
+                information[i][j] += row[i] * row[j];
+            }
+        }
+        L::update(state, typed, residual);
+    }
+    const Matrix<3> p = inverse(information);
+    for (std::size_t i = 0; i < 3; ++i) {
+        const double wanted = p[i][0] * right[0] + p[i][1] * right[1] + p[i][2] * right[2];
+        EXPECT_NEAR(number(state.value[i]), wanted, 100.0 * epsilon<T>);
+        EXPECT_NEAR(number(L::variance(state, i)), p[i][i], 100.0 * epsilon<T> * p[i][i]);
+    }
+}
+
+TYPED_TEST(Squares, VariancesStayPositiveAndRightOverAMillionRowsThatHardlyDiffer) {
+    using T = TypeParam;
+    using L = LeastSquares<T, 2>;
+    typename L::State state{};
+    constexpr int rows = 1'000'000;
+    constexpr double angle = 1.0 / 64.0;  // rows (1, ±angle): the second parameter is seen 4096 times worse
+    for (int n = 0; n < rows; ++n) {
+        L::update(state, {T(1.0), T(n % 2 == 0 ? angle : -angle)}, T(0.0));
+        ASSERT_LT(0.0, number(state.variance[0])) << n;
+        ASSERT_LT(0.0, number(state.variance[1])) << n;
+    }
+    const double tolerance = 5.0 * std::sqrt(rows) * epsilon<T> + 1e-6;  // roundings, and the prior
+    EXPECT_NEAR(number(L::variance(state, 0)) * rows, 1.0, tolerance);
+    EXPECT_NEAR(number(L::variance(state, 1)) * rows * angle * angle, 1.0, tolerance);
+}
+
+TYPED_TEST(Squares, SpreadingTheFirstParameterAddsToItsVarianceAlone) {
+    using T = TypeParam;
+    using L = LeastSquares<T, 2>;
+    typename L::State state{};
+    L::update(state, {T(1.0), T(0.5)}, T(1.0));
+    L::update(state, {T(0.25), T(1.0)}, T(1.0));
+    const Matrix<2> before = covariance<T, 2>(state);
+    L::spread_first(state, T(0.5));
+    const Matrix<2> after = covariance<T, 2>(state);
+    EXPECT_NEAR(after[0][0], before[0][0] + 0.5, 4.0 * epsilon<T>);
+    EXPECT_EQ(after[0][1], before[0][1]);
+    EXPECT_EQ(after[1][1], before[1][1]);
+}
+
+// A plant that is slow and damped enough to see its damping, pushed about by two sines and by noise.
+struct Pushed {
+    double step = 0.02;
+    double noise = 0.0;
+    Vec2<double> amplitude{1.0, 1.0};
+    AdaptationParams adaptation{};
+};
+PlantParams slow_plant() { return {.damping = {0.5, 0.1, 0.4}, .stiffness = {2.0, 0.5, 3.0}, .rate = 0.2}; }
+
+template <Scalar T>
+struct Sensed {
+    using Law = CompositeAdaptation<T>;
+    typename Law::Coefficients coefficients{};
+    typename Law::State state{};
+
+    Estimates<T> estimates() const { return Law::estimates(state, coefficients); }
+    RateQuality<T> quality() const { return Law::quality(state, coefficients); }
+};
+
+template <Scalar T>
+Sensed<T> sense(const Pushed& p, int steps) {
+    using Law = CompositeAdaptation<T>;
+    AdaptationParams adaptation = p.adaptation;
+    adaptation.damping_gain = adaptation.stiffness_gain = adaptation.rate_gain = 0.0;
+    Sensed<T> sensed{.coefficients = Law::prepare(adaptation, p.step)};
+    const auto plant = Plant<double>::prepare(slow_plant(), p.step);
+    Motion<double> motion{};
+    std::mt19937 random(3);
+    std::normal_distribution<double> normal(0.0, 1.0);
+    for (int n = 0; n < steps; ++n) {
+        const double t = n * p.step;
+        const Vec2<double> u{p.amplitude.x * std::sin(1.3 * t), p.amplitude.y * std::cos(2.1 * t)};
+        const Motion<T> measured{.position = vec2<T>(motion.position.x, motion.position.y),
+                                 .velocity = vec2<T>(motion.velocity.x, motion.velocity.y)};
+        Law::update(sensed.state, sensed.coefficients, measured, {}, {}, vec2<T>(u.x, u.y));
+        const Vec2<double> d = p.noise * Vec2<double>{normal(random), normal(random)};
+        Plant<double>::step(motion, plant, u, d);
+    }
+    return sensed;
+}
+
+template <class T>
+class Composed : public ::testing::Test {};
+TYPED_TEST_SUITE(Composed, Scalars, ScalarNames);
+
+TYPED_TEST(Composed, WithoutNoiseThePlantIsFoundFromNothing) {
+    const auto found = sense<TypeParam>({}, 5'000).estimates();
+    const double tolerance = 1e-6 + 1e5 * epsilon<TypeParam> * 0.02;  // velocities are divided by the step
+    expect_near(found.damping, {0.5, 0.1, 0.4}, tolerance);
+    expect_near(found.stiffness, {2.0, 0.5, 3.0}, tolerance);
+    EXPECT_NEAR(number(found.rate), 0.2, tolerance);
+}
+
+// Started at the truth, it is left by the error of the quadrature alone.
+TEST(ComposedOrder, TheHoldIsModelledToTheFourthOrder) {
+    const PlantParams truth = slow_plant();
+    const auto error = [&](double step, int steps) {
+        Pushed p{.step = step};
+        p.adaptation.initial = {.damping = truth.damping, .stiffness = truth.stiffness, .rate = truth.rate};
+        return norm(Vec2<double>{sense<double>(p, steps).estimates().stiffness.xx - truth.stiffness.xx,
+                                 sense<double>(p, steps).estimates().damping.xx - truth.damping.xx});
+    };
+    EXPECT_NEAR(std::log2(error(0.2, 500) / error(0.1, 1000)), 4.0, 0.2);
+}
+
+// With rows made of the measured mean velocity, D̂ is off by h σ²/(2 v²), here by some 0.1: ten standard deviations.
+TYPED_TEST(Composed, NoiseDoesNotBiasTheDamping) {
+    using Law = CompositeAdaptation<TypeParam>;
+    const auto sensed = sense<TypeParam>({.noise = 3.0}, 100'000);
+    const auto found = sensed.estimates();
+    const double sigma = std::sqrt(number(sensed.state.noise));
+    EXPECT_NEAR(sigma, 3.0, 0.03);
+    const auto deviation = [&](std::size_t i) {
+        return sigma * std::sqrt(number(Law::Squares::variance(sensed.state.squares, i)));
+    };
+    EXPECT_NEAR(number(found.damping.xx), 0.5, 4.0 * deviation(1));
+    EXPECT_NEAR(number(found.damping.yy), 0.4, 4.0 * deviation(3));
+    EXPECT_LT(deviation(1), 0.02);
+    EXPECT_NEAR(number(found.rate), 0.2, 4.0 * number(sensed.quality().deviation));
+}
+
+TYPED_TEST(Composed, TheRateIsTrustedOnceBothAxesMoveMoreThanNoiseMovesThem) {
+    using T = TypeParam;
+    Pushed p{.noise = 1e-3, .adaptation = {.initial = {.stiffness = {1, 0, 1}}}};  // 1 % of its frequency is 0.01
+    EXPECT_EQ(number(sense<T>(p, 1).quality().trusted), 0.0);
+    EXPECT_EQ(number(sense<T>(p, 2'000).quality().trusted), 1.0);
+    p.amplitude = {0.0, 0.0};
+    EXPECT_EQ(number(sense<T>(p, 2'000).quality().trusted), 0.0);
+    p.noise = 3.0;  // tells much, and too little beside it
+    EXPECT_EQ(number(sense<T>(p, 2'000).quality().trusted), 0.0);
+    p.noise = 0.0;
+    EXPECT_EQ(number(sense<T>(p, 2'000).quality().trusted), 0.0);
+}
+
+// A motion of size 1 on x and `other` on y, under the forces that it takes where K = 1, D = 0 and Ωz = 0.25.
+template <Scalar T>
+Sensed<T> sense_motion(double other) {
+    using Law = CompositeAdaptation<T>;
+    constexpr double h = 0.02, rate = 0.25;
+    Sensed<T> sensed{.coefficients = Law::prepare({.initial = {.stiffness = {1, 0, 1}, .rate = 0.3}}, h)};
+    const auto at = [&](double t) {
+        return Motion<double>{.position = {std::sin(t), other * std::sin(1.7 * t)},
+                              .velocity = {std::cos(t), 1.7 * other * std::cos(1.7 * t)}};
+    };
+    for (int n = 0; n < 2'000; ++n) {
+        const auto [q0, v0] = at(n * h);
+        const auto [q1, v1] = at((n + 1) * h);
+        const Vec2<double> v = (1.0 / h) * (q1 - q0);
+        const Vec2<double> coriolis = 2.0 * rate * Vec2<double>{-v.y, v.x};
+        const Vec2<double> u = (1.0 / h) * (v1 - v0) + coriolis + 0.5 * (q0 + q1) + (h / 12.0) * (v0 - v1);
+        Law::update(sensed.state, sensed.coefficients,
+                    {.position = vec2<T>(q0.x, q0.y), .velocity = vec2<T>(v0.x, v0.y)}, {}, {}, vec2<T>(u.x, u.y));
+    }
+    return sensed;
+}
+
+// Ωz and Dxy are felt by the axis at rest alone, and alike.
+TYPED_TEST(Composed, OneAxisInMotionDoesNotTellTheRateFromTheDampingBetweenTheAxes) {
+    using T = TypeParam;
+    EXPECT_EQ(number(sense_motion<T>(0.7).quality().trusted), 1.0);
+    EXPECT_NEAR(number(sense_motion<T>(0.7).estimates().rate), 0.25, 1e-3);
+    EXPECT_EQ(number(sense_motion<T>(0.02).quality().trusted), 0.0);
+    EXPECT_EQ(number(sense_motion<T>(0.0).quality().trusted), 0.0);
+    const auto e = sense_motion<T>(0.0).estimates();
+    EXPECT_NEAR(number(e.damping.xy) + 2.0 * number(e.rate), 0.5, 1e-3);  // their sum is known all the same
+}
+
+TYPED_TEST(Composed, TheInflationOfTheVarianceIsThatOfTheWholeMatrixWithForgettingToo) {
+    using T = TypeParam;
+    Pushed p{.noise = 0.1};
+    p.adaptation.forgetting = 0.05;
+    p.adaptation.rate_forgetting = 0.3;
+    for (const int steps : {2, 50, 3'000}) {
+        const auto sensed = sense<T>(p, steps);
+        const Matrix<7> information = inverse(covariance<T, 7>(sensed.state.squares));
+        EXPECT_NEAR(number(sensed.state.rate_information), information[0][0],
+                    (1e-9 + 1e4 * epsilon<T>)*information[0][0])
+            << steps;
+    }
+}
+
+TYPED_TEST(Composed, WhatIsForgottenIsNeverMoreThanThePrior) {
+    using T = TypeParam;
+    using L = typename CompositeAdaptation<T>::Squares;
+    Pushed p;
+    p.adaptation.forgetting = 1.0;
+    p.adaptation.rate_forgetting = 10.0;
+    p.amplitude = {0.0, 0.0};  // nothing is ever excited
+    const auto sensed = sense<T>(p, 100'000);
+    for (std::size_t i = 0; i < 7; ++i) {
+        EXPECT_LE(number(L::variance(sensed.state.squares, i)), 7.0 * L::prior);
+    }
+    // Of one axis alone nearly all is forgotten, and what is not known of the other does not grow without end.
+    p.amplitude = {1.0, 0.0};
+    const auto half = sense<T>(p, 100'000);
+    double trace = 0.0;
+    for (std::size_t i = 0; i < 7; ++i) {
+        trace += number(L::variance(half.state.squares, i));
+        EXPECT_LT(0.0, number(half.state.squares.variance[i]));
+    }
+    EXPECT_LE(trace, 7.0 * L::prior * (1.0 + 1e5 * epsilon<T>));
+}
+
+// The guard
+
+TYPED_TEST(Composed, AStepWithAMissedSampleIsNotLearntFrom) {
+    using T = TypeParam;
+    using Controller = SlidingModeController<T, LinearSurface, CompositeAdaptation>;
+    using Safe = Guard<Controller>;
+    ControllerParams p;
+    p.adaptation.initial.stiffness = {1, 0, 1};
+    const auto c = Controller::prepare(p);
+    typename Safe::State state{};
+    const auto learnt = [&] { return state.controller.adaptation.squares; };
+    const auto same = [&](const auto& before) {
+        const auto now = learnt();
+        return std::memcmp(&before, &now, sizeof now) == 0;
+    };
+    const auto at = [](double x) { return Motion<T>{.position = vec2<T>(x, 0), .velocity = vec2<T>(1, 1)}; };
+    Safe::step(state, c, at(0.5));
+    auto before = learnt();
+    Safe::step(state, c, at(0.501));
+    EXPECT_FALSE(same(before));
+    before = learnt();
+    EXPECT_EQ(Safe::step(state, c, at(std::nan(""))), Status::not_finite);
+    EXPECT_TRUE(same(before));
+    Safe::step(state, c, at(0.503));  // the step before it was not seen
+    EXPECT_TRUE(same(before));
+    Safe::step(state, c, at(0.504));
+    EXPECT_FALSE(same(before));
+}
+
+// The closed loop
+
+template <Scalar T>
+Estimates<T> last_estimates(const Setup& setup) {
+    Estimates<T> last{};
+    with_controller<T>(setup.kind, true, [&]<class Controller>() {
+        run_loop<Controller>(setup, [&](const Snapshot<T>& at) { last = at.signals.estimates; });
+    });
+    return last;
+}
+
+TEST(ComposedLoop, EverySurfaceSensesTheRateAndSinglePrecisionSensesTheSame) {
+    for (const char* kind : {"fractional_fast_terminal", "fractional", "fast_terminal", "linear"}) {
+        auto setup = paper(20'000);
+        setup.kind = kind;
+        const auto found = last_estimates<double>(setup);
+        const auto single = last_estimates<float>(setup);
+        EXPECT_NEAR(found.rate, 0.1, 4.0 * 0.0018) << kind;  // the Cramér-Rao bound
+        EXPECT_NEAR(number(single.rate), found.rate, 0.0002) << kind;
+        EXPECT_NEAR(found.stiffness.xx, 355.3, 0.5) << kind;
+    }
+}
+
+}  // namespace
+}  // namespace fracgyro::testing
