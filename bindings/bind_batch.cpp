@@ -2,6 +2,7 @@
 #include "bindings.hpp"
 
 #include "fracgyro/batch.hpp"
+#include "fracgyro/device_loop.hpp"
 #include "fracgyro/processor.hpp"
 
 #include <nanobind/stl/string_view.h>
@@ -35,46 +36,60 @@ std::vector<std::size_t> lane_counts() {
     return counts;
 }
 
-// Rows of all runs, (runs, samples, row_width), NaN where a run had diverged; and the samples each run lasted.
-nb::tuple record_runs(const std::vector<const Setup*>& setups, std::int64_t every, unsigned threads) {
+// Rows of all runs, (runs, samples, width), NaN where a run had diverged; and the samples each run lasted. `device`: by the
+// loop and in the channels of device_loop.hpp, which a run that is not ideal needs.
+nb::tuple record_runs(const std::vector<const DeviceSetup*>& setups, std::int64_t every, unsigned threads,
+                      bool device) {
     if (setups.empty()) {
         throw nb::value_error("there is nothing to run");
     }
     const std::int64_t steps = setups.front()->steps;
-    for (const Setup* s : setups) {
+    for (const DeviceSetup* s : setups) {
         if (s->steps != steps) {
             throw nb::value_error("all runs must have the same number of steps");
         }
     }
+    const std::size_t width = device ? device_row_width : row_width;
     const auto rows = static_cast<std::size_t>(steps / every + 1);
-    const std::size_t size = rows * row_width;
+    const std::size_t size = rows * width;
     std::unique_ptr<double[]> data(new double[setups.size() * size]);  // not zeroed: every page is written anyway
     auto lasted = std::make_unique<std::int64_t[]>(setups.size());
     {
         nb::gil_scoped_release unlocked;
         parallel_for(setups.size(), threads, [&](std::size_t i) {
             double* first = data.get() + i * size;
-            lasted[i] = record_run(*setups[i], every, first);
+            lasted[i] = device ? record_device(*setups[i], every, first) : record_run(*setups[i], every, first);
             const auto written = static_cast<std::size_t>((lasted[i] + every - 1) / every);
-            std::fill(first + written * row_width, first + size, std::numeric_limits<double>::quiet_NaN());
+            std::fill(first + written * width, first + size, std::numeric_limits<double>::quiet_NaN());
         });
     }
-    return nb::make_tuple(owned<double, 3>(std::move(data), {setups.size(), rows, row_width}),
+    return nb::make_tuple(owned<double, 3>(std::move(data), {setups.size(), rows, width}),
                           owned<std::int64_t, 1>(std::move(lasted), {setups.size()}));
 }
 
-// Metrics of all runs, (runs, metrics). `lanes`: one of lane_counts(), counted in doubles.
-nb::ndarray<nb::numpy, double> measure_runs(const std::vector<const Setup*>& setups, const MetricsParams& params,
+// Metrics of all runs, (runs, metrics). `lanes`: one of lane_counts(), counted in doubles. Runs that are not ideal go one by
+// one, in double precision.
+nb::ndarray<nb::numpy, double> measure_runs(const std::vector<const DeviceSetup*>& setups, const MetricsParams& params,
                                             unsigned threads, std::size_t lanes, bool single_precision) {
     const auto counts = lane_counts();
     if (std::find(counts.begin(), counts.end(), lanes) == counts.end()) {
         throw nb::value_error("this processor has no registers of that many lanes");
     }
+    std::vector<const Setup*> ideal;
+    std::vector<std::size_t> places, others;
+    for (std::size_t i = 0; i < setups.size(); ++i) {
+        if (is_ideal(*setups[i])) {
+            ideal.push_back(setups[i]);
+            places.push_back(i);
+        } else {
+            others.push_back(i);
+        }
+    }
     const auto measure = [&]<std::size_t Bytes>(const KernelsOfWidth<Bytes>& kernels) {
         if (single_precision) {
-            return measure_all<float, Bytes / 4>(kernels.floats, fill_disturbance, setups, params, threads);
+            return measure_all<float, Bytes / 4>(kernels.floats, fill_disturbance, ideal, params, threads);
         }
-        return measure_all<double, Bytes / 8>(kernels.doubles, fill_disturbance, setups, params, threads);
+        return measure_all<double, Bytes / 8>(kernels.doubles, fill_disturbance, ideal, params, threads);
     };
     auto data = std::make_unique<double[]>(setups.size() * metric_names.size());
     {
@@ -90,10 +105,14 @@ nb::ndarray<nb::numpy, double> measure_runs(const std::vector<const Setup*>& set
 #endif
             return measure(kernels_for_any_processor());
         }();
-        double* out = data.get();
-        for (const MetricValues& values : measured) {
-            out = std::copy(values.begin(), values.end(), out);
+        const auto keep = [&](std::size_t place, const MetricValues& values) {
+            std::copy(values.begin(), values.end(), data.get() + place * values.size());
+        };
+        for (std::size_t i = 0; i < places.size(); ++i) {
+            keep(places[i], measured[i]);
         }
+        parallel_for(others.size(), threads,
+                     [&](std::size_t i) { keep(others[i], measure_device(*setups[others[i]], params)); });
     }
     return owned<double, 2>(std::move(data), {setups.size(), metric_names.size()});
 }
@@ -107,16 +126,21 @@ void bind_batch(nb::module_& m) {
         .def_rw("error_bound", &MetricsParams::error_bound)
         .def_rw("surface_bound", &MetricsParams::surface_bound)
         .def_rw("rate_tolerance", &MetricsParams::rate_tolerance);
-    m.def("record_runs", &record_runs, nb::arg("setups"), nb::arg("every"), nb::arg("threads"));
+    m.def("record_runs", &record_runs, nb::arg("setups"), nb::arg("every"), nb::arg("threads"),
+          nb::arg("device") = false);
     m.def("lane_counts", &lane_counts);
     m.def("measure_runs", &measure_runs, nb::arg("setups"), nb::arg("params"), nb::arg("threads"), nb::arg("lanes"),
           nb::arg("single_precision") = false);
     m.attr("metric_names") = nb::cast(std::vector<std::string_view>(metric_names.begin(), metric_names.end()));
-    nb::list names;
-    for (const Channel& c : channels) {
-        names.append(nb::make_tuple(nb::cast(c.name), c.width));
-    }
-    m.attr("channels") = nb::tuple(names);
+    const auto named = [](const auto& all) {
+        nb::list names;
+        for (const Channel& c : all) {
+            names.append(nb::make_tuple(nb::cast(c.name), c.width));
+        }
+        return nb::tuple(names);
+    };
+    m.attr("channels") = named(channels);
+    m.attr("device_channels") = named(device_channels);
 }
 
 }  // namespace fracgyro::bindings

@@ -59,7 +59,7 @@ public:
         const RateQuality<T> quality = Controller::rate_quality(state_, coefficients_);
         return {.deviation = static_cast<double>(quality.deviation), .trusted = static_cast<double>(quality.trusted)};
     }
-    std::uint64_t steps() const override { return state_.reference.steps; }
+    std::uint64_t steps() const override { return Controller::steps(state_); }
     nb::bytes state() const override { return nb::bytes(&state_, sizeof state_); }
     void restore(const nb::bytes& saved) override {
         if (saved.size() != sizeof state_) {
@@ -76,8 +76,7 @@ private:
 std::unique_ptr<AnyController> make_controller(const std::string& kind, const ControllerParams& p, bool single) {
     std::unique_ptr<AnyController> made;
     const auto make = [&]<class Controller>() { made = std::make_unique<Holder<Controller>>(p); };
-    const bool composite = p.adaptation.composite;
-    if (!(single ? with_controller<float>(kind, composite, make) : with_controller<double>(kind, composite, make))) {
+    if (!(single ? with_controller<float>(kind, p, make) : with_controller<double>(kind, p, make))) {
         throw nb::value_error("there is no controller of that kind");
     }
     return made;
@@ -137,7 +136,8 @@ void bind_controller(nb::module_& m) {
         .def_rw("reference", &ControllerParams::reference)
         .def_rw("surface", &ControllerParams::surface)
         .def_rw("control", &ControllerParams::control)
-        .def_rw("adaptation", &ControllerParams::adaptation);
+        .def_rw("adaptation", &ControllerParams::adaptation)
+        .def_rw("observer_bandwidth", &ControllerParams::observer_bandwidth);
 
     nb::class_<AnyController>(m, "Controller")
         .def(nb::new_(&make_controller), nb::arg("kind"), nb::arg("params"), nb::arg("single"))

@@ -16,7 +16,8 @@ void bind_disturbance(nb::module_& m) {
                       .def_rw("kind", &DisturbanceParams::kind)
                       .def_rw("standard_deviation", &DisturbanceParams::standard_deviation)
                       .def_rw("hold", &DisturbanceParams::hold)
-                      .def_rw("seed", &DisturbanceParams::seed);
+                      .def_rw("seed", &DisturbanceParams::seed)
+                      .def_rw("stream", &DisturbanceParams::stream);
     def_vec2(params, "amplitude", &DisturbanceParams::amplitude);
     def_vec2(params, "frequency", &DisturbanceParams::frequency);
     def_vec2(params, "phase", &DisturbanceParams::phase);

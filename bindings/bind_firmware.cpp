@@ -20,13 +20,17 @@ struct Sized {
     using ControllerType = SlidingModeController<T, SurfaceType>;
 };
 
+template <class Controller>
+std::size_t guarded_size(bool observing) {
+    return observing ? sizeof(typename Guard<Observing<Controller>>::State) : sizeof(typename Guard<Controller>::State);
+}
+
 // Of the state here; processors with shorter integers need no more. 0 for a capacity that is none.
 template <Scalar T>
-std::size_t state_size(std::size_t capacity, bool composite) {
+std::size_t state_size(std::size_t capacity, bool composite, bool observing) {
     const auto size = [&]<std::size_t Capacity>() {
         using Controller = typename Sized<Capacity>::template ControllerType<T>;
-        return composite ? sizeof(typename Guard<Composite<Controller>>::State)
-                         : sizeof(typename Guard<Controller>::State);
+        return composite ? guarded_size<Composite<Controller>>(observing) : guarded_size<Controller>(observing);
     };
     return [&]<std::size_t... I>(std::index_sequence<I...>) {
         return ((2 * (I + 1) == capacity ? size.template operator()<2 * (I + 1)>() : 0) + ...);
@@ -36,8 +40,7 @@ std::size_t state_size(std::size_t capacity, bool composite) {
 template <Scalar T>
 nb::object coefficients(const std::string& kind, const ControllerParams& p) {
     nb::object nested;
-    with_controller<T>(kind, p.adaptation.composite,
-                       [&]<class Controller>() { nested = nested_fields(Controller::prepare(p)); });
+    with_controller<T>(kind, p, [&]<class Controller>() { nested = nested_fields(Controller::prepare(p)); });
     return nested;
 }
 
@@ -53,11 +56,11 @@ void bind_firmware(nb::module_& m) {
         "The coefficients, nested as the structs are: a tuple for each struct, a list for each array.");
     m.def(
         "state_size",
-        [](std::size_t capacity, bool composite, bool single) {
-            return single ? state_size<Alone<float>>(capacity, composite)
-                          : state_size<Alone<double>>(capacity, composite);
+        [](std::size_t capacity, bool composite, bool observing, bool single) {
+            return single ? state_size<Alone<float>>(capacity, composite, observing)
+                          : state_size<Alone<double>>(capacity, composite, observing);
         },
-        nb::arg("capacity"), nb::arg("composite"), nb::arg("single"));
+        nb::arg("capacity"), nb::arg("composite"), nb::arg("observing"), nb::arg("single"));
 }
 
 }  // namespace fracgyro::bindings

@@ -1,7 +1,7 @@
 #include "arrays.hpp"
 #include "bindings.hpp"
 
-#include "fracgyro/loop.hpp"
+#include "fracgyro/device_loop.hpp"
 
 #include <nanobind/stl/string_view.h>
 
@@ -53,6 +53,11 @@ void bind_loop(nb::module_& m) {
         .def_rw("plant", &Setup::plant)
         .def_rw("disturbance", &Setup::disturbance)
         .def_rw("steps", &Setup::steps);
+    nb::class_<DeviceSetup, Setup>(m, "DeviceSetup")
+        .def(nb::init<>())
+        .def(nb::init<const DeviceSetup&>())
+        .def_rw("rate", &DeviceSetup::rate)
+        .def_rw("device", &DeviceSetup::device);
 }
 
 }  // namespace fracgyro::bindings

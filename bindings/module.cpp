@@ -5,6 +5,7 @@ NB_MODULE(_core, m) {
     fracgyro::bindings::bind_fractional(m);
     fracgyro::bindings::bind_disturbance(m);
     fracgyro::bindings::bind_controller(m);
+    fracgyro::bindings::bind_device(m);
     fracgyro::bindings::bind_loop(m);
     fracgyro::bindings::bind_settings(m);
     fracgyro::bindings::bind_batch(m);

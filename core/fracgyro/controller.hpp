@@ -17,6 +17,7 @@ struct ControllerParams {
     SurfaceParams surface{};
     ControlParams control{};
     AdaptationParams adaptation{};
+    double observer_bandwidth = 0.0;  // of Observing (observer.hpp); 0: the velocity is measured
 };
 
 // What one step computes, for the plant and for the record.
@@ -39,6 +40,7 @@ struct SlidingModeController {
     template <template <class> class Other>
     using Adapted = SlidingModeController<T, SurfaceOf, Other>;
     using Params = ControllerParams;
+    static constexpr bool measures_velocity = true;
 
     struct Coefficients {
         typename Reference<T>::Coefficients reference{};
@@ -67,6 +69,8 @@ struct SlidingModeController {
     static RateQuality<T> rate_quality(const State& state, const Coefficients& c) {
         return AdaptationType::quality(state.adaptation, c.adaptation);
     }
+
+    static std::uint64_t steps(const State& state) { return state.reference.steps; }
 
     // The force for the coming step, from the motion measured now. Called once every step.
     static Signals<T> step(State& state, const Coefficients& c, const Motion<T>& motion) {

@@ -39,7 +39,10 @@ struct Guard {
     };
 
     static Status step(State& state, const typename Controller::Coefficients& c, const Motion<T>& measured) {
-        const T size = sum(measured.position) + sum(measured.velocity);
+        T size = sum(measured.position);
+        if constexpr (Controller::measures_velocity) {
+            size = size + sum(measured.velocity);
+        }
         const bool good = size < T(largest_motion);  // false for NaN
         if (!good && !state.started) {
             return fault(size);

@@ -42,6 +42,18 @@ struct Reference {
         SineCosine<T> x{}, y{};   // at the present step
     };
 
+    // An angle in 2^-64 turns, whole turns left out.
+    static std::uint64_t phase_of(double radians) {
+        constexpr double radians_per_turn = 6.28318530717958647693;
+        const double turns = radians / radians_per_turn;
+        const double fraction = turns - static_cast<double>(static_cast<std::int64_t>(turns));  // in (-1, 1)
+        // The low 2^-11 of the phase is below the precision of a double: scale in two exact steps.
+        const auto high = static_cast<std::int64_t>(fraction * 4503599627370496.0);  // 2^52
+        const double rest = fraction * 4503599627370496.0 - static_cast<double>(high);
+        return (static_cast<std::uint64_t>(high) << 12) +
+               static_cast<std::uint64_t>(static_cast<std::int64_t>(rest * 4096.0));
+    }
+
     static Coefficients prepare(const ReferenceParams& p, double step) {
         return {.x = axis(p.amplitude.x, p.frequency.x, p.phase.x, step),
                 .y = axis(p.amplitude.y, p.frequency.y, p.phase.y, step)};
@@ -72,16 +84,6 @@ struct Reference {
 private:
     static SineCosine<T> turned(const SineCosine<T>& a, const SineCosine<T>& by) {
         return {.sine = a.sine * by.cosine + a.cosine * by.sine, .cosine = a.cosine * by.cosine - a.sine * by.sine};
-    }
-    static std::uint64_t phase_of(double radians) {
-        constexpr double radians_per_turn = 6.28318530717958647693;
-        const double turns = radians / radians_per_turn;
-        const double fraction = turns - static_cast<double>(static_cast<std::int64_t>(turns));  // in (-1, 1)
-        // The low 2^-11 of the phase is below the precision of a double: scale in two exact steps.
-        const auto high = static_cast<std::int64_t>(fraction * 4503599627370496.0);  // 2^52
-        const double rest = fraction * 4503599627370496.0 - static_cast<double>(high);
-        return (static_cast<std::uint64_t>(high) << 12) +
-               static_cast<std::uint64_t>(static_cast<std::int64_t>(rest * 4096.0));
     }
     static Axis axis(double amplitude, double frequency, double phase, double step) {
         const std::uint64_t increment = phase_of(frequency * step);

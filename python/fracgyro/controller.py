@@ -56,8 +56,11 @@ class Controller:
         self._rate = scales.rate if si else 1.0
         self._core = _core.Controller(scenario.controller.kind, controller_params(scenario), single_precision)
 
-    def step(self, time: float, position: Sequence[float], velocity: Sequence[float]) -> Vector:
-        """The force [x, y] to hold until the next step, from position and velocity [x, y] measured at `time`."""
+    def step(self, time: float, position: Sequence[float], velocity: Sequence[float] | None = None) -> Vector:
+        """The force [x, y] to hold until the next step, from position and velocity [x, y] measured at `time`.
+
+        With device.sensing = "position" the velocity is observed and what is given for it not looked at.
+        """
         expected = self._core.steps * self.scenario.run.step
         if not abs(time / self._time - expected) < 0.5 * self.scenario.run.step:
             raise ValueError(
@@ -65,6 +68,10 @@ class Controller:
                 "and steps must be taken one after another"
             )
         q = self._pair("position", position, self._length)
+        if self.scenario.device.sensing == "position":
+            velocity = (0.0, 0.0)
+        elif velocity is None:
+            raise ValueError('velocity is missing: it must be given unless device.sensing is "position"')
         v = self._pair("velocity", velocity, self._velocity)
         return np.asarray(self._core.step(q, v)) * self._force
 

@@ -79,14 +79,24 @@ def effort(run: xr.Dataset, window: Window = (None, None)) -> xr.DataArray:
 
 def rate_error(run: xr.Dataset) -> xr.DataArray:
     """Estimate of the angular rate minus its true value, over `time`, in the unit of rate."""
-    truth = _truth(run, lambda s: _in_units(s, s.plant.nondimensional()[2], s.plant.scales.rate))
-    return run["rate_estimate"] - truth
+    return run["rate_estimate"] - true_rate(run)
+
+
+def true_rate(run: xr.Dataset) -> xr.DataArray:
+    """The angular rate in the unit of rate: over `time` where it was recorded, since it may move."""
+    if "angular_rate" in run:
+        return run["angular_rate"]
+    return _truth(run, lambda s: _in_units(s, s.plant.nondimensional()[2], s.plant.scales.rate))
 
 
 def rate_settling_time(run: xr.Dataset, tolerance: float = 0.1) -> xr.DataArray:
-    """Time after which the rate estimate stays within `tolerance` of the truth (relative); NaN if it never does."""
-    truth = _truth(run, lambda s: _in_units(s, s.plant.nondimensional()[2], s.plant.scales.rate))
-    return _settled(abs(rate_error(run)) <= tolerance * abs(truth), run["time"])
+    """Time after which the rate estimate stays within `tolerance` of the truth; NaN if it never does.
+
+    Relative to the truth, to the largest size that it has in the run where it moves.
+    """
+    size = abs(true_rate(run))
+    size = size.max("time") if "time" in size.dims else size
+    return _settled(abs(rate_error(run)) <= tolerance * size, run["time"])
 
 
 def damping_error(run: xr.Dataset) -> xr.DataArray:
@@ -96,7 +106,10 @@ def damping_error(run: xr.Dataset) -> xr.DataArray:
 
 def stiffness_error(run: xr.Dataset) -> xr.DataArray:
     """‖K̂ - K‖/‖K‖ over `time` (Frobenius norms); K includes what the controller does not know."""
-    return _relative(run["stiffness_estimate"], _truth(run, lambda s: _true_matrices(s)[1], "entry"))
+    truth = _truth(run, lambda s: _true_matrices(s)[1], "entry")
+    if "stiffness_drift" in run:
+        truth = truth * (1.0 + run["stiffness_drift"])
+    return _relative(run["stiffness_estimate"], truth)
 
 
 def lyapunov(run: xr.Dataset, bounds: tuple[float, float, float]) -> xr.DataArray:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import difflib
 import hashlib
+import math
 import os
 import textwrap
 import tomllib
@@ -19,6 +20,7 @@ import numpy as np
 from pydantic import BaseModel, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
+from .device import Device, Rate
 from .files import whole_file
 from .tables import (
     ERRATA_SWITCHES,
@@ -38,6 +40,7 @@ from .tables import (
 # The first words and the last line of a saved scenario: half a file may still be valid TOML.
 BEGIN = "# A fracgyro scenario."
 END = "# End of the scenario."
+FILES = [("rate", "file"), ("device", "temperature_file")]
 
 
 class ScenarioError(ValueError):
@@ -52,6 +55,8 @@ class Scenario(Table):
     controller: Controller = Controller()
     adaptation: Adaptation = Adaptation()
     disturbance: Disturbance = Disturbance()
+    rate: Rate = Rate()
+    device: Device = Device()
     run: Run = Run()
 
     def __init__(self, **tables: Any) -> None:
@@ -69,13 +74,43 @@ class Scenario(Table):
                 f"{toml_value(run.step)}, the range of the mode design, when controller.kind is {toml_value(kind)}"
             )
         if self.disturbance.kind == "noise" and hold is not None:
-            ratio = min(hold / run.step, 2.0**53)
-            if round(ratio) < 1 or abs(ratio - round(ratio)) > HOLD_TOLERANCE * ratio:
-                raise sentence(
-                    f"disturbance.hold is {toml_value(hold)}: it must be a whole number of run.step, "
-                    f"which is {toml_value(run.step)}; left out, it is one step"
-                )
+            self._check_whole_steps("disturbance.hold", hold, 1, "; left out, it is one step")
+        self._check_rate()
+        self._check_drift()
         return self
+
+    def _check_whole_steps(self, name: str, time: float, least: int, note: str = "") -> None:
+        ratio = min(time / self.run.step, 2.0**53)
+        if round(ratio) < least or abs(ratio - round(ratio)) > HOLD_TOLERANCE * ratio:
+            raise sentence(
+                f"{name} is {toml_value(time)}: it must be a whole number of run.step, "
+                f"which is {toml_value(self.run.step)}{note}"
+            )
+
+    def _check_rate(self) -> None:
+        rate = self.rate
+        if rate.kind not in ("constant", "table"):
+            self._check_whole_steps("rate.start", rate.start, 0)
+        if rate.kind == "staircase" and rate.hold is not None:
+            self._check_whole_steps("rate.hold", rate.hold, 1)
+        used = {"sine": ["frequency"], "noise": ["frequency"], "chirp": ["frequency", "final_frequency"]}
+        for name in used.get(rate.kind, []):
+            highest = math.pi / self.run.step
+            if getattr(rate, name) > highest:
+                raise sentence(
+                    f"rate.{name} is {toml_value(getattr(rate, name))}: it must be at most pi/run.step, "
+                    f"which is {highest:.6g}"
+                )
+
+    def _check_drift(self) -> None:
+        end = self.run.duration * self.plant.scales.time
+        for _, change in self.device.temperature(end):
+            factor = 1 + 1e-6 * self.device.stiffness_drift * change
+            if not 0 < factor < math.inf:
+                raise sentence(
+                    f"device.stiffness_drift is {toml_value(self.device.stiffness_drift)}: over {change:g} K it "
+                    f"multiplies the stiffness by {factor:g}, which must be greater than 0 and finite"
+                )
 
     @classmethod
     def paper(cls, variant: Literal["corrected", "printed"] = "corrected") -> Scenario:
@@ -88,7 +123,7 @@ class Scenario(Table):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Scenario:
-        return cls.from_toml(read_text(path), source=str(path))
+        return cls.from_toml(read_text(path), source=str(path), folder=Path(path).parent)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """All or nothing: neither a reader nor a crash meets half a file."""
@@ -99,16 +134,22 @@ class Scenario(Table):
             raise ScenarioError(str(error)) from None
 
     @classmethod
-    def from_toml(cls, text: str, *, source: str = "the text") -> Scenario:
-        """Missing tables and fields take the paper's corrected values; `source` names the text in errors."""
+    def from_toml(cls, text: str, *, source: str = "the text", folder: str | os.PathLike[str] = Path()) -> Scenario:
+        """Missing tables and fields take the paper's corrected values; `source` names the text in errors, and files
+        that it names are looked for in `folder`."""
         if text.startswith(BEGIN) and END not in text:
             raise ScenarioError(f"{source} is cut off: its last line, {END!r}, is missing")
-        return cls(**read_tables(text, source))
+        tables = read_tables(text, source)
+        for table, field in FILES:
+            named = tables.get(table)
+            if isinstance(named, dict) and isinstance(named.get(field), str):
+                named[field] = str(Path(folder) / named[field])
+        return cls(**tables)
 
     def to_toml(self) -> str:
         """Complete and commented; reading it gives this scenario back, and writing that the same text."""
         lines = [
-            f"{BEGIN} [plant] is in SI units, its initial state and all else nondimensional.",
+            f"{BEGIN} [plant] and [device] are in SI, the initial state and all else nondimensional.",
             "# A table or field that is left out takes the paper's value, in the corrected reading.",
         ]
         for name, table in self:

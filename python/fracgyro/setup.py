@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from . import _core, modes
+from .device import Device, Points
 from .scenario import Scenario
 
 # A design takes milliseconds, and studies ask for few different ones.
@@ -85,6 +86,7 @@ def controller_params(scenario: Scenario) -> _core.ControllerParams:
     adaptation.forgetting = a.forgetting
     adaptation.rate_forgetting = a.rate_forgetting
     params.adaptation = adaptation
+    params.observer_bandwidth = c.observer_bandwidth if scenario.device.sensing == "position" else 0.0
     return params
 
 
@@ -118,12 +120,70 @@ def disturbance_params(scenario: Scenario) -> _core.DisturbanceParams:
     return params
 
 
-def core_setup(scenario: Scenario) -> _core.Setup:
+def is_ideal(scenario: Scenario) -> bool:
+    """Whether the rate is constant and nothing is said of the device."""
+    return scenario.rate.kind == "constant" and scenario.device == Device()
+
+
+def rate_params(scenario: Scenario) -> _core.RateParams:
+    """Parameters of the angular rate over time."""
+    rate, step, scale = scenario.rate, scenario.run.step, scenario.plant.scales.rate
+    params = _core.RateParams()
+    params.kind = getattr(_core.RateKind, "staircase" if rate.kind == "step" else rate.kind)
+    params.amplitude = rate.amplitude / scale
+    params.start = round(rate.start / step)
+    if rate.kind == "staircase" and rate.hold is not None:
+        params.hold, params.levels = round(rate.hold / step), rate.levels
+    params.frequency, params.final_frequency = rate.frequency, rate.final_frequency
+    params.seed = rate.seed
+    if rate.points is not None:
+        params.table = _profile(scenario, rate.points, 1 / scale)
+    params.inertial = scenario.plant.centrifugal
+    return params
+
+
+def device_params(scenario: Scenario) -> _core.DeviceParams:
+    """Parameters of what the device is not ideal in."""
+    d, scales, step = scenario.device, scenario.plant.scales, scenario.run.step
+    # A one-sided density up to half the sampling frequency.
+    to_deviation = math.sqrt(0.5 / (step * scales.time))
+    params = _core.DeviceParams()
+    params.position_noise = (d.position_noise or d.position_noise_density * to_deviation) / scales.length
+    params.velocity_noise = (d.velocity_noise or d.velocity_noise_density * to_deviation) / scales.velocity
+    params.position = _quantiser(d.position_range / scales.length, d.position_bits)
+    params.velocity = _quantiser(d.velocity_range / scales.velocity, d.velocity_bits)
+    params.actuator = _quantiser(d.actuator_limit / scales.force, d.actuator_bits)
+    params.delay = d.delay
+    cubic = scales.length**2 / scales.stiffness
+    params.cubic_stiffness = (d.cubic_stiffness[0] * cubic, d.cubic_stiffness[1] * cubic)
+    params.stiffness_drift = 1e-6 * d.stiffness_drift
+    params.temperature = _profile(scenario, d.temperature(scenario.run.duration * scales.time), 1.0)
+    return params
+
+
+def _quantiser(span: float, bits: int) -> _core.Quantiser:
+    quantiser = _core.Quantiser()
+    quantiser.range, quantiser.bits = span, bits
+    return quantiser
+
+
+def _profile(scenario: Scenario, points: Points, scale: float) -> _core.Profile:
+    """In steps of the run, and values times `scale`."""
+    profile = _core.Profile()
+    step = scenario.run.step * scenario.plant.scales.time
+    profile.times = [time / step for time, _ in points]
+    profile.values = [value * scale for _, value in points]
+    return profile
+
+
+def core_setup(scenario: Scenario) -> _core.DeviceSetup:
     """One run for the compiled loop."""
-    setup = _core.Setup()
+    setup = _core.DeviceSetup()
     setup.kind = scenario.controller.kind
     setup.controller = controller_params(scenario)
     setup.plant = plant_params(scenario)
     setup.disturbance = disturbance_params(scenario)
+    if not is_ideal(scenario):
+        setup.rate, setup.device = rate_params(scenario), device_params(scenario)
     setup.steps = scenario.run.steps
     return setup

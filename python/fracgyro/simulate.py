@@ -13,7 +13,7 @@ import xarray as xr
 
 from . import _core
 from .scenario import Scenario
-from .setup import composite, core_setup
+from .setup import composite, core_setup, is_ideal
 
 AXES = ["x", "y"]
 ENTRIES = ["xx", "xy", "yy"]
@@ -48,6 +48,14 @@ CHANNELS: dict[str, tuple[str | None, str, list[tuple[str, str]]]] = {
     "rate_trusted": (None, "1 where the motion tells the angular rate from the other parameters", [("one", "1")]),
 }
 OF_COMPOSITE = ["rate_deviation", "rate_trusted"]  # channels that only composite adaptation has
+# Further ones of runs whose rate moves or whose device is not ideal
+DEVICE_CHANNELS: dict[str, tuple[str | None, str, list[tuple[str, str]]]] = {
+    "angular_rate": (None, "angular rate Omega_z", [("rate", "rad/s")]),
+    "stiffness_drift": (None, "what the stiffness has grown by, as a fraction", [("one", "1")]),
+    "measured_position": ("axis", "position as the controller has it", [("length", "m")]),
+    "measured_velocity": ("axis", "velocity as the controller has it, measured or observed", [("velocity", "m/s")]),
+    "applied_control": ("axis", "force that the actuator gives for u", [("force", "N")]),
+}
 COORDINATES = {"axis": AXES, "entry": ENTRIES, "bound": [0, 1, 2]}
 
 
@@ -72,12 +80,13 @@ def simulate(scenario: Scenario) -> xr.Dataset:
     """One closed-loop run.
 
     Returns a Dataset with the variables of `CHANNELS` over `time` (and axis, entry or bound), sampled every
-    `scenario.run.record_every` steps, in the units that `scenario.run.units` names. With adaptation.kind composite the
-    estimates of D, K and Omega_z are those of its least squares, and rate_deviation and rate_trusted say how well
-    Omega_z is known; with gradient, which does not know, there are no such variables.
+    `scenario.run.record_every` steps, in the units that `scenario.run.units` names. Position, velocity and error are
+    the true ones. With adaptation.kind composite the estimates of D, K and Omega_z are those of its least squares, and
+    rate_deviation and rate_trusted say how well Omega_z is known; with gradient, which does not know, there are no such
+    variables. Those of `DEVICE_CHANNELS` are there when [rate] moves or [device] is not the ideal one.
     Raises DivergedError, which carries the samples until then, when the motion leaves all bounds.
     """
-    rows, lasted = _core.record_runs([core_setup(scenario)], scenario.run.record_every, 1)
+    rows, lasted = _core.record_runs([core_setup(scenario)], scenario.run.record_every, 1, not is_ideal(scenario))
     samples = int(lasted[0])
     if samples <= scenario.run.steps:
         kept = -(-samples // scenario.run.record_every)
@@ -112,6 +121,7 @@ def simulate_many(
     two runs whose gains differ in the last place do: by percents.
     `single_precision`, with `metrics_only`: twice as many runs in a register. Metrics of a run then differ by some
     percent, their means over seeds by less (docs/decisions/0011 has figures).
+    Runs whose rate moves or whose device is not ideal go one by one, in double precision (docs/decisions/0017).
     In both, `diverged_at` says when a run diverged and is NaN for the others.
     `progress` is called with the number of runs finished since the last call.
     Raises TypeError when `scenarios` is no list of scenarios or `seeds` no list of integers; ValueError when one of
@@ -138,6 +148,7 @@ def simulate_many(
     }
     for name, value in thresholds.items():
         setattr(params, name, value)
+    device = not all(map(is_ideal, scenarios))
     threads, lanes = threads_available(), _core.lane_counts()[-1]
     parts, lasted = [], []
     places: list[int] = []
@@ -150,7 +161,7 @@ def simulate_many(
             places.extend(place for place, _ in taken)
             parts.append(_core.measure_runs(setups, params, threads, lanes, single_precision))
         else:
-            rows, samples = _core.record_runs(setups, first.run.record_every, threads)
+            rows, samples = _core.record_runs(setups, first.run.record_every, threads, device)
             parts.append(rows)
             lasted.append(samples)
         if progress:
@@ -172,7 +183,7 @@ def simulate_many(
 
 def _setups(
     scenarios: Sequence[Scenario], seeds: Sequence[int] | None, together: int
-) -> Iterator[tuple[int, _core.Setup]]:
+) -> Iterator[tuple[int, _core.DeviceSetup]]:
     """Every run and its place in the result. Of so many scenarios at a time, those with the same seed come together."""
     if seeds is None:
         yield from enumerate(map(core_setup, scenarios))
@@ -181,7 +192,7 @@ def _setups(
         setups = [core_setup(scenario) for scenario in scenarios[first : first + together]]
         for number, seed in enumerate(seeds):
             for i, setup in enumerate(setups, first):
-                seeded, disturbance = _core.Setup(setup), _core.DisturbanceParams(setup.disturbance)
+                seeded, disturbance = _core.DeviceSetup(setup), _core.DisturbanceParams(setup.disturbance)
                 disturbance.seed = int(seed)
                 seeded.disturbance = disturbance
                 yield i * len(seeds) + number, seeded
@@ -225,8 +236,10 @@ def _dataset(rows: np.ndarray, scenario: Scenario) -> xr.Dataset:
     leading = ["run"] * (rows.ndim - 2)
     variables = {}
     column = 0
-    for name, width in _core.channels:
-        dimension, meaning, units = CHANNELS[name]
+    narrow = sum(width for _, width in _core.channels) == rows.shape[-1]
+    recorded = _core.channels if narrow else _core.channels + _core.device_channels
+    for name, width in recorded:
+        dimension, meaning, units = (CHANNELS | DEVICE_CHANNELS)[name]
         values = rows[..., column : column + width] if dimension else rows[..., column]
         if si:
             factors = [getattr(scales, scale) for scale, _ in units]

@@ -108,7 +108,7 @@ class Table(BaseModel):
     def _one_zero(cls, value: Any) -> Any:
         """-0.0 becomes 0.0, so that equal scenarios have equal text and equal hashes."""
         if isinstance(value, tuple):
-            return tuple(entry + 0.0 for entry in value)
+            return tuple(cls._one_zero(entry) for entry in value)
         return value + 0.0 if isinstance(value, float) else value
 
 
@@ -282,6 +282,9 @@ class Controller(Table):
     )
     singularity_floor: float = _field(
         1e-6, "Unit q0, > 0: floor of |e| in |e|^(c-1). Towards 0.0: off; below 1e-9 rounding rules.", gt=0
+    )
+    observer_bandwidth: float = _field(
+        300.0, "Unit omega0, > 0: of the observer of velocity. device.sensing full: off, it is measured.", gt=0
     )
     adaptive: bool = _field(True, "Estimates replace true values, (35). false: off, all known, (20), (34).")
     force_limit: float = _field(

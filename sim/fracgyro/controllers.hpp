@@ -3,6 +3,7 @@
 
 #include "fracgyro/composite.hpp"
 #include "fracgyro/controller.hpp"
+#include "fracgyro/observer.hpp"
 
 #include <algorithm>
 #include <string_view>
@@ -49,6 +50,18 @@ bool with_controller(std::string_view kind, bool composite, Visit&& visit) {
         return ((Entries::kind == kind && visit_one.template operator()<typename Entries::Type>()) || ...);
     };
     return try_all(static_cast<Controllers<T>*>(nullptr));
+}
+
+// The same, behind an observer where the parameters have one.
+template <Scalar T, class Visit>
+bool with_controller(std::string_view kind, const ControllerParams& p, Visit&& visit) {
+    return with_controller<T>(kind, p.adaptation.composite, [&]<class Controller>() {
+        if (p.observer_bandwidth > 0.0) {
+            visit.template operator()<Observing<Controller>>();
+        } else {
+            visit.template operator()<Controller>();
+        }
+    });
 }
 
 // Their kinds, in the order of the list.

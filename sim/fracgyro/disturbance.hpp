@@ -1,6 +1,6 @@
 // The disturbance d of eq. (9): nothing, a sine, or Gaussian noise redrawn every `hold` steps.
 //
-// Noise is a function of (seed, index of the hold, axis) alone: counter-based (Philox4x32-10; Salmon et al., "Parallel
+// Noise is a function of (seed, stream, index of the hold, axis) alone: counter-based (Philox4x32-10; Salmon et al., "Parallel
 // random numbers: as easy as 1, 2, 3", 2011) with Box-Muller normals. Any part of any run can be drawn in any order.
 #pragma once
 
@@ -18,6 +18,7 @@ struct DisturbanceParams {
     double standard_deviation = 1.0;  // of each held value; white noise of density S held for h has variance S/h
     std::int64_t hold = 1;            // steps
     std::uint64_t seed = 0;
+    std::uint32_t stream = 0;  // of the seed's independent streams: 0 the force, others those of device.hpp
     Vec2<double> amplitude{}, frequency{}, phase{};  // sine: amplitude·sin(frequency·t + phase)
 
     friend bool operator==(const DisturbanceParams&, const DisturbanceParams&) = default;
@@ -46,12 +47,12 @@ template <std::size_t Holds>
 struct Normals {
     std::array<float, Holds> x{}, y{};
 
-    void draw(std::uint64_t seed, std::uint64_t first) {
+    void draw(std::uint64_t seed, std::uint64_t first, std::uint32_t stream) {
         std::array<std::uint32_t, Holds> radial{}, angular{};
         for (std::size_t i = 0; i < Holds / 2; ++i) {
             const std::uint64_t block = first / 2 + i;
             const PhiloxBlock words =
-                philox(seed, {static_cast<std::uint32_t>(block), static_cast<std::uint32_t>(block >> 32), 0, 0});
+                philox(seed, {static_cast<std::uint32_t>(block), static_cast<std::uint32_t>(block >> 32), stream, 0});
             radial[2 * i] = words[0];
             angular[2 * i] = words[1];
             radial[2 * i + 1] = words[2];
@@ -115,7 +116,7 @@ private:
     Vec2<double> at(std::int64_t hold) {
         const std::int64_t block = hold / holds;
         if (block != drawn_block_) {
-            drawn_.draw(params_.seed, static_cast<std::uint64_t>(block * holds));
+            drawn_.draw(params_.seed, static_cast<std::uint64_t>(block * holds), params_.stream);
             drawn_block_ = block;
         }
         const auto place = static_cast<std::size_t>(hold % holds);

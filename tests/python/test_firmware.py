@@ -87,6 +87,21 @@ def test_every_kind_of_controller_answers_as_the_simulator_does(kind: str, numbe
         assert told.rate_trusted
 
 
+@pytest.mark.parametrize("number", SCALARS)
+def test_without_a_sensor_of_velocity_it_observes_it_and_looks_at_none(number: Number, tmp_path: Path) -> None:
+    scenario = PAPER.replace({"device.sensing": "position", "run.duration": 0.5})
+    export_firmware(scenario, tmp_path / "out", number)
+    host = Host(tmp_path / "out", number)
+    run = fg.simulate(scenario)
+    for n, q in enumerate(run["position"].values):
+        assert host.step(tuple(q), (NAN, 1e30)) == OK
+        wanted = run["control"].values[n]
+        if number == "double":
+            assert host.force == tuple(wanted)
+        else:  # the observer's gains, 175/h⁰ and 2e4, amplify 1e-7 of rounding; λ1 and the layer what comes of it
+            np.testing.assert_allclose(host.force, wanted, rtol=1e-2, atol=0.5)
+
+
 def test_the_header_is_clean_c99_and_the_example_runs(tmp_path: Path) -> None:
     export_firmware(PAPER, tmp_path / "out")
     said = make(tmp_path / "out", "host", "CC=gcc", "CXX=g++")

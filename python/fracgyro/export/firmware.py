@@ -38,7 +38,9 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
     params = controller_params(scenario)
     capacity = -(-max(params.surface.modes.count, 1) // 2) * 2
     alignment = 8
-    size = -(-_core.state_size(capacity, composite(scenario), number == "float") // alignment) * alignment
+    observing = scenario.device.sensing == "position"
+    needed = _core.state_size(capacity, composite(scenario), observing, number == "float")
+    size = -(-needed // alignment) * alignment
     values = initializer(_core.coefficients(kind, params, number == "float"), number)
     scales = asdict(scenario.plant.scales)
     scales["step"] = scenario.run.step * scales["time"]
@@ -65,6 +67,7 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
         "#define FRACGYRO_PACKS false",
         '#include "fracgyro/composite.hpp"',
         '#include "fracgyro/guard.hpp"',
+        *(['#include "fracgyro/observer.hpp"'] if observing else []),
         "",
         "// Unnamed: two exported controllers in one process do not meet.",
         "namespace fracgyro_exported {",
@@ -72,7 +75,7 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
         "",
         "template <fracgyro::Scalar T>",
         f"using Surface = {SURFACES[kind].format(capacity=capacity)};",
-        f"using Controller = fracgyro::SlidingModeController<{number}, Surface, fracgyro::{adaptation}>;",
+        *_controller(number, adaptation, observing),
         "",
         "// In the order of the fields of Controller::Coefficients; what is left out is 0.",
         f"constexpr Controller::Coefficients coefficients = {values};",
@@ -86,6 +89,16 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
         "#endif",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _controller(number: Number, adaptation: str, observing: bool) -> list[str]:
+    controller = f"fracgyro::SlidingModeController<{number}, Surface, fracgyro::{adaptation}>"
+    if not observing:
+        return [f"using Controller = {controller};"]
+    return [
+        "// It has no sensor of velocity: what fracgyro_motion says of it is not looked at.",
+        f"using Controller = fracgyro::Observing<{controller}>;",
+    ]
 
 
 def initializer(value: Any, number: Number, indent: str = "") -> str:

@@ -13,8 +13,10 @@ from dataclasses import dataclass
 from typing import Any, get_args
 
 from .. import _core
+from ..device import Device, Rate
 from ..scenario import Scenario, ScenarioError
 from ..setup import core_setup
+from ..tables import toml_value
 
 LARGEST_EXACT = 2**53 - 1  # faces take their numbers as doubles
 
@@ -120,7 +122,18 @@ def path_of(name: str) -> str:
 
 
 def core_numbers(scenario: Scenario) -> dict[str, float]:
-    """Every number of a run as the core takes it, in its order (sim/fracgyro/settings.hpp)."""
+    """Every number of a run as the core takes it, in its order (sim/fracgyro/settings.hpp).
+
+    Raises ScenarioError for what the faces that take numbers do not simulate: a moving rate, a device not ideal.
+    """
+    for table, ideal in (("rate", Rate()), ("device", Device())):
+        for name, value in getattr(scenario, table):
+            wanted = getattr(ideal, name)
+            if value != wanted and (table, name) != ("rate", "seed"):
+                raise ScenarioError(
+                    f"{table}.{name} is {toml_value(value)[:80]}: it must be {toml_value(wanted)} to be exported, as "
+                    "FMU and browser know a constant rate and an ideal device alone"
+                )
     if scenario.disturbance.seed > LARGEST_EXACT:
         raise ScenarioError(f"disturbance.seed is {scenario.disturbance.seed}: it must be below 2^53 to be exported")
     return dict(_core.setup_settings(core_setup(scenario)))

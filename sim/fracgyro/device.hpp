@@ -1,0 +1,82 @@
+// What stands between the gyroscope and its controller in a device: each effect is off by default.
+//
+//    sensing     the motion, plus noise, in steps of a converter; without a sensor of velocity see observer.hpp
+//    actuation   the force, `delay` steps late, within the actuator's limit, in steps of its converter
+//    the springs may drift with temperature and stiffen with amplitude: varying_plant.hpp
+//
+// Noise is drawn as the disturbance is, from streams of their own of the same seed.
+#pragma once
+
+#include "rate.hpp"
+
+#include "fracgyro/error.hpp"
+
+namespace fracgyro {
+
+// A two's complement converter of 2^bits levels, `step` = 2 range/2^bits apart: -range, …, range - step. Beyond them it
+// clips. Without bits it only clips, at ±range.
+struct Quantiser {
+    double range = std::numeric_limits<double>::infinity();
+    int bits = 0;
+
+    double operator()(double a) const {
+        const double clipped = clamp(a, -range, range);
+        if (bits == 0) {
+            return clipped;
+        }
+        const double levels = static_cast<double>(std::int64_t{1} << (bits - 1));
+        const double step = range / levels;
+        return step * clamp(detail::round_to_nearest(clipped / step), -levels, levels - 1.0);
+    }
+    Vec2<double> operator()(const Vec2<double>& a) const { return {(*this)(a.x), (*this)(a.y)}; }
+    bool on() const { return bits != 0 || range < std::numeric_limits<double>::infinity(); }
+};
+
+struct DeviceParams {
+    double position_noise = 0.0, velocity_noise = 0.0;  // standard deviations, of every sample on each axis
+    Quantiser position{}, velocity{}, actuator{};
+    std::int64_t delay = 0;          // steps
+    Vec2<double> cubic_stiffness{};  // of each axis: the force is -that·q³
+    double stiffness_drift = 0.0;    // K grows by this fraction per kelvin
+    Profile temperature{};           // its change, K
+};
+
+class Device {
+public:
+    Device(const DeviceParams& p, std::uint64_t seed, double step)
+        : params_(p),
+          position_(noise(p.position_noise, seed, 1), step),
+          velocity_(noise(p.velocity_noise, seed, 2), step),
+          waiting_(static_cast<std::size_t>(p.delay)) {}
+
+    // What is measured of the motion at the sample n.
+    Motion<double> sense(const Motion<double>& motion, std::int64_t n) {
+        Vec2<double> in_position, in_velocity;
+        position_.fill(n, {&in_position, 1});
+        velocity_.fill(n, {&in_velocity, 1});
+        return {.position = params_.position(motion.position + in_position),
+                .velocity = params_.velocity(motion.velocity + in_velocity)};
+    }
+
+    // What acts over the step from the sample n on, of the force asked for there; called once every step. None at first.
+    Vec2<double> actuate(Vec2<double> asked, std::int64_t n) {
+        if (!waiting_.empty()) {
+            std::swap(asked, waiting_[static_cast<std::size_t>(n) % waiting_.size()]);
+        }
+        return params_.actuator(asked);
+    }
+
+private:
+    static DisturbanceParams noise(double standard_deviation, std::uint64_t seed, std::uint32_t stream) {
+        return {.kind = standard_deviation > 0.0 ? DisturbanceKind::noise : DisturbanceKind::none,
+                .standard_deviation = standard_deviation,
+                .seed = seed,
+                .stream = stream};
+    }
+
+    DeviceParams params_;
+    Disturbance position_, velocity_;
+    std::vector<Vec2<double>> waiting_;  // forces asked for and not yet given, in a ring
+};
+
+}  // namespace fracgyro

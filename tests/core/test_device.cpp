@@ -1,0 +1,313 @@
+// A moving rate, springs that are not constant, and what stands between the gyroscope and its controller.
+#include "paper.hpp"
+#include "scalars.hpp"
+
+#include "fracgyro/device_loop.hpp"
+#include "fracgyro/guard.hpp"
+
+#include <cmath>
+
+namespace fracgyro::testing {
+namespace {
+
+using Proposed = SlidingModeController<double, FractionalFastTerminalSurface>;
+
+// -- Rates ------------------------------------------------------------------------------------------------------------
+
+TEST(MovingRate, AStaircaseClimbsAtItsSamplesAndStaysOnTheLastLevel) {
+    const Rate rate({.kind = RateKind::staircase, .amplitude = 0.5, .start = 10, .hold = 4, .levels = 3}, 1.0, 0.1,
+                    100);
+    EXPECT_EQ(rate.at(9), 1.0);
+    EXPECT_EQ(rate.at(10), 1.5);
+    EXPECT_EQ(rate.before(10), 1.0);
+    EXPECT_EQ(rate.within(9, 2), 1.0);
+    EXPECT_EQ(rate.at(14), 2.0);
+    EXPECT_EQ(rate.at(18), 2.5);
+    EXPECT_EQ(rate.at(100), 2.5);
+}
+
+TEST(MovingRate, ASineAndAChirpAreThoseOfTheTimeSinceTheirStart) {
+    constexpr double step = 1e-3;
+    const Rate sine({.kind = RateKind::sine, .amplitude = 2.0, .start = 100, .frequency = 3.0}, 1.0, step, 10'000);
+    const Rate chirp(
+        {.kind = RateKind::chirp, .amplitude = 2.0, .start = 100, .frequency = 3.0, .final_frequency = 40.0}, 1.0, step,
+        10'100);
+    for (std::int64_t n = 0; n <= 10'000; n += 37) {
+        for (const int halves : {0, 1, 2}) {
+            const double t = n < 100 ? 0.0 : static_cast<double>(n - 100) * step + 0.5 * step * halves;
+            EXPECT_NEAR(sine.within(n, halves), 1.0 + 2.0 * std::sin(3.0 * t), 1e-12);
+            EXPECT_NEAR(chirp.within(n, halves), 1.0 + 2.0 * std::sin(3.0 * t + 0.5 * 37.0 * t * t / 10.0), 1e-9);
+        }
+    }
+}
+
+TEST(MovingRate, NoiseHasItsStandardDeviationAndNothingBeyondItsBand) {
+    constexpr std::int64_t count = 40'000;
+    constexpr double step = 0.05, band = 2.0;
+    double mean_square = 0.0, mean_square_slope = 0.0;
+    for (std::uint64_t seed = 0; seed < 20; ++seed) {
+        const Rate rate({.kind = RateKind::noise, .amplitude = 3.0, .frequency = band, .seed = seed}, 1.0, step, count);
+        for (std::int64_t n = 0; n < count; n += 10) {
+            const double slope = (rate.at(n + 1) - rate.at(n)) / step;
+            mean_square += (rate.at(n) - 1.0) * (rate.at(n) - 1.0) / (20.0 * count / 10.0);
+            mean_square_slope += slope * slope / (20.0 * count / 10.0);
+        }
+    }
+    EXPECT_NEAR(mean_square, 9.0, 0.1);
+    // Of a flat spectrum up to ω the slope has ω²/3 of the variance.
+    EXPECT_NEAR(mean_square_slope / mean_square, band * band / 3.0, 0.03);
+}
+
+TEST(MovingRate, AProfileIsLinearBetweenItsTimesAndConstantBeyondThem) {
+    const Profile profile{.times = {2.0, 4.0, 10.0}, .values = {1.0, 3.0, 0.0}};
+    EXPECT_EQ(profile.at(0), 1.0);
+    EXPECT_EQ(profile.at(3), 2.0);
+    EXPECT_EQ(profile.within(3, 1), 2.5);
+    EXPECT_EQ(profile.within(3, 2), 3.0);
+    EXPECT_EQ(profile.at(7), 1.5);
+    EXPECT_EQ(profile.at(11), 0.0);
+    EXPECT_EQ(Profile{}.at(3), 0.0);
+}
+
+// -- The plant that varies --------------------------------------------------------------------------------------------
+
+PlantParams gyroscope() {
+    return {.damping = {0.3, 0.1, 0.2},
+            .stiffness = {355.3, 70.99, 532.9},
+            .stiffness_deviation = {5.0, -3.0, 7.0},
+            .rate = 1.0,
+            .initial = {.position = {0.5, -0.3}, .velocity = {2.0, 1.0}}};
+}
+
+// Two units of time of a sine of the rate that is as large as the rate, with drifting and stiffening springs.
+Motion<double> driven(bool inertial, std::int64_t steps) {
+    const double step = 2.0 / static_cast<double>(steps);
+    const PlantParams p = gyroscope();
+    const Rate rate({.kind = RateKind::sine, .amplitude = 3.0, .frequency = 5.0}, p.rate, step, steps);
+    const Profile temperature{.times = {0.0, static_cast<double>(steps)}, .values = {0.0, 0.1}};
+    const auto c = VaryingPlant::prepare({p, {20.0, -10.0}, inertial}, step);
+    Motion<double> motion = p.initial;
+    for (std::int64_t n = 0; n < steps; ++n) {
+        VaryingPlant::Course course{.rate_before = rate.before(n) - p.rate};
+        for (int k = 0; k < 3; ++k) {
+            course.at[static_cast<std::size_t>(k)] = {rate.within(n, k) - p.rate, temperature.within(n, k)};
+        }
+        VaryingPlant::step(motion, c, {30.0, -50.0}, {}, course);
+    }
+    return motion;
+}
+
+double distance(const Motion<double>& a, const Motion<double>& b) {
+    return norm(a.position - b.position) + norm(a.velocity - b.velocity);
+}
+
+TEST(VaryingPlant, ItsStepIsOfFourthOrder) {
+    for (const bool inertial : {false, true}) {
+        const Motion<double> fine = driven(inertial, 12'800);
+        const double coarse = distance(driven(inertial, 200), fine);
+        const double half = distance(driven(inertial, 400), fine);
+        const double quarter = distance(driven(inertial, 800), fine);
+        EXPECT_LT(quarter, 1e-4);
+        EXPECT_NEAR(std::log2(coarse / half), 4.0, 0.2);
+        EXPECT_NEAR(std::log2(half / quarter), 4.0, 0.1);
+    }
+}
+
+TEST(VaryingPlant, WithNothingThatVariesItIsTheExactMap) {
+    const PlantParams p = gyroscope();
+    const auto c = VaryingPlant::prepare({p, {}, false}, 0.3);
+    const auto exact = Plant<double>::prepare(p, 0.3);
+    Motion<double> got = p.initial, wanted = p.initial;
+    for (int n = 0; n < 10; ++n) {
+        VaryingPlant::step(got, c, {30.0, -50.0}, {}, {});
+        Plant<double>::step(wanted, exact, {30.0, -50.0});
+    }
+    EXPECT_LT(distance(got, wanted), 1e-12);
+}
+
+TEST(VaryingPlant, AConstantDeviationOfTheRateIsThatRate) {
+    PlantParams p = gyroscope(), whole = p;
+    whole.rate += 0.5;
+    const auto c = VaryingPlant::prepare({p, {}, false}, 1e-3);
+    const auto exact = Plant<double>::prepare(whole, 1e-3);
+    Motion<double> got = p.initial, wanted = p.initial;
+    for (int n = 0; n < 1000; ++n) {
+        VaryingPlant::step(got, c, {}, {}, {0.5, {{{0.5, 0.0}, {0.5, 0.0}, {0.5, 0.0}}}});
+        Plant<double>::step(wanted, exact, {});
+    }
+    EXPECT_LT(distance(got, wanted), 1e-9);
+}
+
+TEST(VaryingPlant, SeenFromAFrameThatIsSpunUpAFreeMassGoesStraightOn) {
+    // No springs, no force; in inertial space q = (1, 0) + t (0, 2). The frame turns by t²/2: its rate is t, at once 0.5 more
+    // after one unit of time.
+    const PlantParams p{.initial = {.position = {1.0, 0.0}, .velocity = {0.0, 2.0}}};
+    constexpr std::int64_t steps = 400;
+    constexpr double h = 2.0 / steps;
+    const auto c = VaryingPlant::prepare({p, {}, true}, h);
+    const auto jump = [](std::int64_t n) { return n < steps / 2 ? 0.0 : 0.5; };
+    Motion<double> motion = p.initial;
+    for (std::int64_t n = 0; n < steps; ++n) {
+        const double t = static_cast<double>(n) * h;
+        VaryingPlant::step(motion, c, {}, {},
+                           {n > 0 ? t + jump(n - 1) : 0.0,
+                            {{{t + jump(n), 0.0}, {t + 0.5 * h + jump(n), 0.0}, {t + h + jump(n), 0.0}}}});
+    }
+    const double angle = 2.0 + 0.5;
+    const Vec2<double> q{1.0, 4.0};
+    expect_near(motion.position,
+                {std::cos(angle) * q.x + std::sin(angle) * q.y, std::cos(angle) * q.y - std::sin(angle) * q.x}, 1e-8);
+}
+
+TEST(VaryingPlant, AModeOfHighQualityKeepsItsAmplitude) {
+    // 10⁵ steps of a fifteenth of a period; what moves is the rate, by 1e-3.
+    const PlantParams p{.stiffness = {1.0, 0.0, 1.0}, .initial = {.position = {1.0, 0.0}}};
+    constexpr double h = 0.4;
+    const auto c = VaryingPlant::prepare({p, {}, false}, h);
+    const Rate rate({.kind = RateKind::sine, .amplitude = 1e-3, .frequency = 0.01}, 0.0, h, 100'000);
+    Motion<double> motion = p.initial;
+    for (std::int64_t n = 0; n < 100'000; ++n) {
+        VaryingPlant::step(motion, c, {}, {},
+                           {rate.before(n), {{{rate.at(n), 0.0}, {rate.within(n, 1), 0.0}, {rate.within(n, 2), 0.0}}}});
+    }
+    const double energy = squared_norm(motion.position) + squared_norm(motion.velocity);
+    EXPECT_NEAR(energy, 1.0, 1e-5);  // the Runge-Kutta method alone would leave 0.4 % of it
+}
+
+// -- The device -------------------------------------------------------------------------------------------------------
+
+TEST(Quantisation, ThreeBitsOverFourHaveEightLevelsOfOne) {
+    const Quantiser q{.range = 4.0, .bits = 3};
+    EXPECT_EQ(q(0.4), 0.0);
+    EXPECT_EQ(q(0.6), 1.0);
+    EXPECT_EQ(q(-2.7), -3.0);
+    EXPECT_EQ(q(100.0), 3.0);
+    EXPECT_EQ(q(-100.0), -4.0);
+    const Quantiser clip{.range = 4.0};
+    EXPECT_EQ(clip(0.4), 0.4);
+    EXPECT_EQ(clip(-7.0), -4.0);
+}
+
+TEST(Device, ADelayOfTwoStepsGivesEachForceTwoStepsLate) {
+    Device device({.delay = 2}, 0, 1.0);
+    const std::array<double, 5> given{0.0, 0.0, 1.0, 2.0, 3.0};
+    for (std::size_t n = 0; n < given.size(); ++n) {
+        EXPECT_EQ(device.actuate({static_cast<double>(n + 1), 0.0}, static_cast<std::int64_t>(n)).x, given[n]);
+    }
+}
+
+TEST(Device, NoiseOfTheSensorsIsNeitherThatOfTheForceNorOfEachOther) {
+    const auto draw = [](std::uint32_t stream) {
+        std::array<Vec2<double>, 4> d{};
+        Disturbance({.kind = DisturbanceKind::noise, .seed = 5, .stream = stream}, 1.0).fill(0, d);
+        return d;
+    };
+    EXPECT_NE(draw(0)[0].x, draw(1)[0].x);
+    EXPECT_NE(draw(1)[0].x, draw(2)[0].x);
+    Device device({.position_noise = 2.0, .velocity_noise = 3.0}, 5, 1.0);
+    const Motion<double> seen = device.sense({}, 3);
+    EXPECT_EQ(seen.position.y, 2.0 * draw(1)[3].y);
+    EXPECT_EQ(seen.velocity.x, 3.0 * draw(2)[3].x);
+}
+
+TEST(DeviceLoop, OfAnIdealDeviceItsSamplesAreThoseOfTheLoop) {
+    const DeviceSetup setup{{paper(2'000)}};
+    ASSERT_TRUE(is_ideal(setup));
+    std::vector<double> wanted(2'001 * row_width), got(2'001 * device_row_width);
+    record<double>(setup, 1, wanted.data());
+    record_device(setup, 1, got.data());
+    for (std::size_t n = 0; n <= 2'000; ++n) {
+        for (std::size_t k = 0; k < row_width; ++k) {
+            ASSERT_EQ(got[n * device_row_width + k], wanted[n * row_width + k]) << n << ' ' << k;
+        }
+    }
+}
+
+// -- The observer -----------------------------------------------------------------------------------------------------
+
+template <class T>
+class VelocityObserver : public ::testing::Test {};
+TYPED_TEST_SUITE(VelocityObserver, Scalars, ScalarNames);
+
+TYPED_TEST(VelocityObserver, ForgetsAnErrorAtItsBandwidthThreeTimesOver) {
+    // Of a free mass under a constant acceleration that nobody told it of, all errors are polynomials of degree 2 times θⁿ.
+    using T = TypeParam;
+    constexpr double h = 0.01, bandwidth = 20.0;
+    const auto c = Observer<T>::prepare({}, bandwidth, h);
+    typename Observer<T>::State state{};
+    double error = 0.0;
+    for (int n = 0; n <= 200; ++n) {
+        const double t = n * h;
+        Observer<T>::correct(state, c, vec2<T>(1.0 + 2.0 * t - 1.5 * t * t, 0.0));
+        error = number(state.motion.velocity.x) - (2.0 - 3.0 * t);
+        if (n == 50) {  // e^-10 (a + b n + c n²): still far from 0
+            EXPECT_LT(std::abs(error), 50.0 * 50.0 * std::exp(-10.0));
+            EXPECT_GT(std::abs(error), std::exp(-10.0));
+        }
+        Observer<T>::predict(state, c, vec2<T>(0.0, 0.0));
+    }
+    EXPECT_NEAR(error, 0.0, 1e-9 + 3e2 * epsilon<T>);
+    expect_near(state.acceleration, {-3.0, 0.0}, 1e-8 + 5e4 * epsilon<T>);
+}
+
+TYPED_TEST(VelocityObserver, OfTheNominalPlantUnderAKnownForceItFindsTheVelocity) {
+    using T = TypeParam;
+    PlantParams p{.damping = {0.3, 0.1, 0.2}, .stiffness = {35.0, 7.0, 53.0}, .rate = 0.5};
+    p.initial = {.position = {0.5, -0.3}, .velocity = {2.0, 1.0}};
+    constexpr double h = 1e-3;
+    const auto plant = Plant<double>::prepare(p, h);
+    const auto c = Observer<T>::prepare({.damping = p.damping, .stiffness = p.stiffness, .rate = p.rate}, 100.0, h);
+    typename Observer<T>::State state{};
+    Motion<double> motion = p.initial;
+    for (int n = 0; n < 3'000; ++n) {
+        Observer<T>::correct(state, c, vec2<T>(motion.position.x, motion.position.y));
+        if (n > 500) {  // 3 d/ω² with the prediction's own error for d: h/2 d²a/dt², some 500 here
+            expect_near(state.motion.velocity, motion.velocity, 2e-4 + 1e3 * epsilon<T>);
+        }
+        const Vec2<double> force{(n / 100) % 2 == 0 ? 5.0 : -5.0, 3.0};
+        Observer<T>::predict(state, c, vec2<T>(force.x, force.y));
+        Plant<double>::step(motion, plant, force);
+    }
+}
+
+TEST(Observing, TheVelocityThatItIsHandedChangesNothing) {
+    auto setup = paper(1'000);
+    setup.controller.observer_bandwidth = 300.0;
+    const auto c = Observing<Proposed>::prepare(setup.controller);
+    Observing<Proposed>::State one{}, other{};
+    for (int n = 0; n < 1'000; ++n) {
+        const Vec2<double> q{std::sin(1e-3 * n), 0.5};
+        const auto a = Observing<Proposed>::step(one, c, {.position = q});
+        const auto b = Observing<Proposed>::step(other, c, {.position = q, .velocity = {1e9 * n, -5.0}});
+        ASSERT_EQ(a.force, b.force);
+    }
+}
+
+TEST(Observing, ItsGuardHoldsTheForceThroughBadSamplesAndGoesOn) {
+    using Guarded = Guard<Observing<Proposed>>;
+    auto setup = paper(3'000);
+    setup.controller.observer_bandwidth = 300.0;
+    const auto c = Observing<Proposed>::prepare(setup.controller);
+    const auto plant = Plant<double>::prepare(setup.plant, setup.controller.step);
+    Guarded::State state{};
+    Motion<double> motion = Plant<double>::start(setup.plant);
+    constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+    for (int n = 0; n < 3'000; ++n) {
+        const bool bad = n >= 1'000 && n < 1'010;
+        const Vec2<double> before = state.force;
+        const Status status = Guarded::step(
+            state, c, {.position = {bad ? nan : motion.position.x, motion.position.y}, .velocity = {nan, nan}});
+        ASSERT_EQ(status, bad ? Status::not_finite : Status::ok) << n;
+        if (bad) {
+            ASSERT_EQ(state.force, before);
+        }
+        Plant<double>::step(motion, plant, state.force);
+        if (n == 1'009) {  // it has predicted with the force that was held: with the one not given it were off by .08
+            expect_near(state.controller.observer.motion.velocity, motion.velocity, 0.02);
+        }
+    }
+    expect_near(motion.position, {std::sin(std::numbers::pi * 3.0), std::cos(0.5 * std::numbers::pi * 3.0)}, 0.05);
+}
+
+}  // namespace
+}  // namespace fracgyro::testing

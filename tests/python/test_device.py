@@ -1,0 +1,420 @@
+"""A moving rate and a device that is not ideal: against the oracle, each effect alone, and what is refused.
+
+Reading order: agreement with the oracle, rates, effects of the device, many runs and metrics, files, other faces.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import device_oracle
+import fracgyro as fg
+import numpy as np
+import pytest
+import xarray as xr
+from fracgyro import _core
+from fracgyro.export import web
+from fracgyro.export.fmu import export as export_fmu
+from fracgyro.scenario import Scenario, ScenarioError
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.interpolate import CubicSpline
+
+PAPER = Scenario.paper()
+SHORT = PAPER.replace({"run.duration": 0.5})
+MEAN = 0.1  # the paper's rate, nondimensional; 1 is 1000 rad/s
+RATES: dict[str, dict[str, Any]] = {
+    "step": {"rate.kind": "step", "rate.amplitude": 700.0, "rate.start": 0.1},
+    "staircase": {
+        "rate.kind": "staircase",
+        "rate.amplitude": -300.0,
+        "rate.start": 0.1,
+        "rate.hold": 0.05,
+        "rate.levels": 3,
+    },
+    "sine": {"rate.kind": "sine", "rate.amplitude": 2000.0, "rate.start": 0.1, "rate.frequency": 30.0},
+    "chirp": {"rate.kind": "chirp", "rate.amplitude": 900.0, "rate.frequency": 5.0, "rate.final_frequency": 90.0},
+    "noise": {"rate.kind": "noise", "rate.amplitude": 900.0, "rate.frequency": 40.0, "rate.seed": 3},
+    "table": {"rate.kind": "table", "rate.points": [[0.0, 0.0], [2e-4, 800.0], [4e-4, -500.0]]},
+}
+EFFECTS: dict[str, dict[str, Any]] = {
+    "position alone": {"device.sensing": "position"},
+    "position alone, noisy": {
+        "device.sensing": "position",
+        "device.position_noise": 1e-9,
+        "controller.observer_bandwidth": 150.0,
+    },
+    "noise": {"device.position_noise": 1e-9, "device.velocity_noise": 1e-6},
+    "density": {"device.position_noise_density": 1e-12, "device.velocity_noise_density": 1e-9},
+    "converters": {
+        "device.position_range": 2e-6,
+        "device.position_bits": 14,
+        "device.velocity_range": 1e-2,
+        "device.velocity_bits": 14,
+    },
+    "clipping": {"device.position_range": 4e-7, "device.velocity_range": 3e-3},
+    "delay": {"device.delay": 1},
+    "actuator": {"device.actuator_limit": 6e-5, "device.actuator_bits": 10},
+    "drift": {"device.stiffness_drift": -60.0, "device.temperature_ramp": 1e6},
+    "drift of points": {
+        "device.stiffness_drift": 500.0,
+        "device.temperature_points": [[1e-4, 0.0], [2e-4, 80.0], [3e-4, 20.0]],
+    },
+    "cubic": {"device.cubic_stiffness": (2e13, -1e13)},
+}
+
+
+def true_rate(scenario: Scenario, recorded: np.ndarray) -> device_oracle.Rate:
+    """Omega_z and its slope by the words of the scenario; noise, of no closed form, through what was recorded."""
+    r, h = scenario.rate, scenario.run.step
+    amplitude = r.amplitude / scenario.plant.scales.rate
+    spline = CubicSpline(h * np.arange(len(recorded)), recorded)
+
+    def at(n: int, since: float) -> tuple[float, float]:
+        tau = n * h + since - r.start
+        if r.kind == "noise":
+            return float(spline(n * h + since)), float(spline(n * h + since, 1))
+        if r.kind == "table":
+            times, values = np.array(r.points).T
+            return float(np.interp((n * h + since) * 1e-3, times, values)) / 1000, math.nan
+        if r.kind == "constant" or n < round(r.start / h):
+            return MEAN, 0.0
+        if r.kind in ("step", "staircase"):
+            climbed = 1 if r.kind == "step" else min(1 + (n - round(r.start / h)) // round(r.hold / h), r.levels)
+            return MEAN + climbed * amplitude, 0.0
+        sweep = (r.final_frequency - r.frequency) / (scenario.run.duration - r.start) if r.kind == "chirp" else 0.0
+        angle, turning = r.frequency * tau + sweep * tau**2 / 2, r.frequency + sweep * tau
+        return MEAN + amplitude * math.sin(angle), amplitude * turning * math.cos(angle)
+
+    return at
+
+
+def expected(scenario: Scenario, run: xr.Dataset) -> dict[str, np.ndarray]:
+    draws = {}
+    for stream, name in ((1, "position"), (2, "velocity")):
+        device = scenario.device
+        density = getattr(device, f"{name}_noise_density")
+        params = _core.DisturbanceParams()
+        params.kind, params.seed, params.stream = _core.DisturbanceKind.noise, scenario.disturbance.seed, stream
+        # A one-sided density N up to half of f_s = 1 MHz has variance N² f_s/2.
+        deviation = getattr(device, f"{name}_noise") + density * math.sqrt(1e6 / 2)
+        params.standard_deviation = deviation / getattr(scenario.plant.scales, "length" if stream == 1 else "velocity")
+        draws[name] = _core.disturbance(params, scenario.run.step, 0, run.sizes["time"])
+    rate = true_rate(scenario, run["angular_rate"].values)
+    return device_oracle.simulate(scenario, run["disturbance"].values, draws["position"], draws["velocity"], rate)
+
+
+def assert_agrees(scenario: Scenario, tolerance: float = 1e-9) -> None:
+    """Positions to `tolerance`, forces, hundreds that answer velocities by hundreds, to a million times that."""
+    run = fg.simulate(scenario)
+    factors = {"position": 1, "velocity": 1e3, "control": 1e6, "applied_control": 1e6}
+    factors |= {"measured_position": 1, "measured_velocity": 1e3}
+    wanted = expected(scenario, run)
+    for name, factor in factors.items():
+        np.testing.assert_allclose(run[name].values, wanted[name], rtol=0, atol=factor * tolerance, err_msg=name)
+    ideal = fg.simulate(scenario.replace({"rate": {}, "device": {}}))
+    assert np.abs(run["position"].values - ideal["position"].values).max() > 1e3 * tolerance, "it has no effect"
+
+
+# -- Agreement with the oracle -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", RATES)
+def test_under_every_rate_the_loop_agrees_with_the_oracle(kind: str) -> None:
+    assert_agrees(SHORT.replace(RATES[kind]))
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_with_every_effect_alone_the_loop_agrees_with_the_oracle(effect: str) -> None:
+    assert_agrees(SHORT.replace(EFFECTS[effect]))
+
+
+@pytest.mark.parametrize("kind", ["sine", "chirp"])
+def test_the_centrifugal_and_euler_forces_follow_the_rate(kind: str) -> None:
+    assert_agrees(SHORT.replace({**RATES[kind], "plant.centrifugal": True}))
+
+
+def test_everything_at_once_agrees_with_the_oracle() -> None:
+    changes = {**RATES["sine"], "plant.centrifugal": True, "run.step": 5e-4, "disturbance.hold": None}
+    for effect in ("noise", "converters", "delay", "cubic"):
+        changes |= EFFECTS[effect]
+    scenario = SHORT.replace(changes)
+    run = fg.simulate(scenario)
+    wanted = expected(scenario, run)
+    np.testing.assert_allclose(run["position"].values, wanted["position"], rtol=0, atol=1e-9)
+
+
+# -- Rates ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["step", "staircase", "sine", "chirp", "table"])
+def test_the_recorded_rate_is_the_one_asked_for(kind: str) -> None:
+    scenario = SHORT.replace(RATES[kind])
+    run = fg.simulate(scenario)
+    at = true_rate(scenario, run["angular_rate"].values)
+    wanted = [at(n, 0.0)[0] for n in range(run.sizes["time"])]
+    np.testing.assert_allclose(run["angular_rate"].values, wanted, rtol=0, atol=1e-9)
+    assert np.ptp(wanted) > 0.1
+
+
+def test_in_si_units_the_rate_is_in_radians_per_second() -> None:
+    run = fg.simulate(SHORT.replace({**RATES["step"], "run.units": "SI"}))
+    assert float(run["angular_rate"][0]) == pytest.approx(100.0)
+    assert float(run["angular_rate"][-1]) == pytest.approx(800.0)
+    assert run["angular_rate"].attrs["units"] == "rad/s"
+    assert run["measured_position"].attrs["units"] == "m"
+
+
+def test_noise_of_the_rate_has_its_own_seed() -> None:
+    rates = [
+        fg.simulate(SHORT.replace({**RATES["noise"], "rate.seed": rate, "disturbance.seed": force}))["angular_rate"]
+        for rate, force in ((1, 1), (1, 2), (2, 1))
+    ]
+    assert (rates[0] == rates[1]).all()
+    assert not (rates[0] == rates[2]).any()
+
+
+# -- Effects of the device -----------------------------------------------------------------------------------
+
+
+def test_the_ideal_device_has_none_of_their_channels() -> None:
+    run = fg.simulate(SHORT)
+    assert not set(run) & {name for name, _ in _core.device_channels}
+
+
+def test_a_device_with_nothing_but_a_name_for_an_effect_has_the_bits_of_the_ideal_one() -> None:
+    run, ideal = fg.simulate(SHORT.replace({"device.temperature_ramp": 5.0})), fg.simulate(SHORT)
+    for name in ideal:
+        assert run[name].values.tobytes() == ideal[name].values.tobytes(), name
+    assert (run["measured_position"] == run["position"]).all()
+    assert (run["applied_control"] == run["control"]).all()
+
+
+def test_the_true_error_is_recorded_and_not_the_measured_one() -> None:
+    run = fg.simulate(SHORT.replace({"device.position_noise": 1e-8}))
+    np.testing.assert_array_equal(run["error"], run["position"] - run["reference"])
+    off = (run["measured_position"] - run["position"]).values
+    assert off.std() == pytest.approx(1e-2, rel=0.1)
+
+
+def test_seeds_draw_the_noise_of_the_sensors_anew() -> None:
+    runs = fg.simulate_many([SHORT.replace({**EFFECTS["noise"], "disturbance.kind": "none"})], seeds=[1, 2])
+    off = runs["measured_position"] - runs["position"]
+    assert np.abs(np.corrcoef(off[0, :, 0], off[1, :, 0])[0, 1]) < 0.2
+
+
+def test_a_delayed_force_is_the_one_asked_for_before() -> None:
+    run = fg.simulate(SHORT.replace({"device.delay": 2}))
+    np.testing.assert_array_equal(run["applied_control"][2:], run["control"].values[:-2])
+    assert (run["applied_control"][:2] == 0).all()
+
+
+def test_the_actuator_saturates_without_the_controller_knowing() -> None:
+    run = fg.simulate(SHORT.replace({"device.actuator_limit": 1.8e-5}))  # 100 units of force
+    asked, given_ = run["control"].values, run["applied_control"].values
+    assert np.abs(asked).max() > 200
+    np.testing.assert_array_equal(given_, np.clip(asked, -100.0, 100.0))
+
+
+def test_positions_alone_track_nearly_as_well_as_with_a_sensor_of_velocity() -> None:
+    rmse = {}
+    for sensing in ("full", "position"):
+        run = fg.simulate(PAPER.replace({"device.sensing": sensing, "run.duration": 20.0}))
+        rmse[sensing] = fg.metrics.rmse(run, (10.0, None)).values
+        assert (rmse[sensing] < 1e-4).all()
+    assert (rmse["position"] < 2 * rmse["full"]).all()
+
+
+def test_the_drift_is_parts_per_million_a_kelvin_of_the_temperature() -> None:
+    run = fg.simulate(SHORT.replace({"device.stiffness_drift": -30.0, "device.temperature_ramp": 1e5}))
+    np.testing.assert_allclose(run["stiffness_drift"], -30e-6 * 1e5 * run["time"].values * 1e-3, rtol=1e-9, atol=1e-18)
+
+
+@given(value=st.floats(-3.0, 3.0), other=st.floats(-3.0, 3.0), span=st.floats(1e-9, 1e3), bits=st.integers(1, 32))
+def test_a_quantiser_is_idempotent_monotone_and_within_half_a_step(
+    value: float, other: float, span: float, bits: int
+) -> None:
+    quantiser = _core.Quantiser()
+    quantiser.range, quantiser.bits = span, bits
+    step = 2 * span / 2**bits
+    a, b = value * span, other * span
+    assert quantiser(quantiser(a)) == quantiser(a)
+    assert quantiser(min(a, b)) <= quantiser(max(a, b))
+    if -span <= a <= span - step:
+        assert abs(quantiser(a) - a) <= step / 2 * (1 + 1e-9)
+    assert -span <= quantiser(a) <= span - step
+
+
+# -- Many runs and metrics -----------------------------------------------------------------------------------
+
+
+def mixed() -> list[Scenario]:
+    base = PAPER.replace({"run.duration": 3.0})
+    changes = [{}, RATES["sine"], {}, EFFECTS["drift"], EFFECTS["position alone"], EFFECTS["actuator"]]
+    return [base.replace({**change, "disturbance.seed": i}) for i, change in enumerate(changes)]
+
+
+def test_metrics_alone_are_those_of_the_recorded_runs_ideal_or_not() -> None:
+    found = fg.simulate_many(mixed(), metrics_only=True, transient=1.0)
+    for i, scenario in enumerate(mixed()):
+        wanted = fg.metrics.summary(fg.simulate(scenario), transient=1.0)
+        for name in wanted:
+            np.testing.assert_allclose(
+                found[name].isel(run=i), wanted[name], rtol=1e-8, atol=1e-12, err_msg=f"{name} of {i}"
+            )
+
+
+def test_recorded_side_by_side_they_have_the_bits_of_single_runs() -> None:
+    runs = fg.simulate_many(mixed())
+    for i, scenario in enumerate(mixed()):
+        alone = fg.simulate(scenario)
+        for name in alone:
+            assert runs[name].isel(run=i).values.tobytes() == alone[name].values.tobytes(), (name, i)
+    assert (runs["angular_rate"].isel(run=0) == MEAN).all()
+
+
+def test_a_rate_has_settled_within_a_tolerance_of_its_largest_size() -> None:
+    run = fg.simulate(SHORT.replace(RATES["step"]))
+    run["rate_estimate"] = run["angular_rate"] + xr.where(run["time"] < 0.3, 0.0805, 0.0795)  # of .8 at most
+    assert float(fg.metrics.rate_settling_time(run)) == pytest.approx(0.3)
+    np.testing.assert_allclose(fg.metrics.rate_error(run).values[-1], 0.0795)
+
+
+def test_a_stiffness_estimate_is_judged_by_the_drifting_truth() -> None:
+    run = fg.simulate(SHORT.replace(EFFECTS["drift"]))
+    truth = np.array([355.3, 70.99, 532.9]) * (1 - 60e-6 * 1e6 * 0.5e-3)
+    run["stiffness_estimate"] = run["stiffness_estimate"] * 0 + truth
+    assert float(fg.metrics.stiffness_error(run)[-1]) < 1e-4
+    assert float(fg.metrics.stiffness_error(run)[0]) == pytest.approx(0.03, rel=1e-2)
+
+
+# -- Files ---------------------------------------------------------------------------------------------------
+
+
+def test_a_file_is_read_beside_the_scenario_and_kept_in_it(tmp_path: Path) -> None:
+    (tmp_path / "rate.csv").write_text("time,rate\n0,1\n0.001, 2.5\n")
+    (tmp_path / "oven.csv").write_text("time,temperature\n0,0\n1,-40\n")
+    (tmp_path / "my.toml").write_text(
+        '[rate]\nkind = "table"\nfile = "rate.csv"\n[device]\nstiffness_drift = 30.0\ntemperature_file = "oven.csv"\n'
+    )
+    scenario = Scenario.load(tmp_path / "my.toml")
+    assert scenario.rate.points == ((0.0, 1.0), (0.001, 2.5))
+    assert scenario.device.temperature_points == ((0.0, 0.0), (1.0, -40.0))
+    assert scenario.rate.file is None
+    assert Scenario.from_toml(scenario.to_toml()) == scenario
+    (tmp_path / "rate.csv").unlink()
+    scenario.save(tmp_path / "copy.toml")
+    assert Scenario.load(tmp_path / "copy.toml").content_hash() == scenario.content_hash()
+    assert scenario == Scenario().replace({"rate.kind": "table", "rate.points": [[0, 1], [1e-3, 2.5]]}).replace(
+        {"device.stiffness_drift": 30.0, "device.temperature_file": str(tmp_path / "oven.csv")}
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (None, "it cannot be read: No such file or directory"),
+        ("", "its first line is '': it must be 'time,rate'"),
+        ("t,rate\n0,1\n", "its first line is 't,rate': it must be 'time,rate'"),
+        ("time,rate\n0,1\n0,2\n", "row 3 has time 0: times must rise, and 0 is before it"),
+        ("time,rate\n0,1,2\n", "row 2 is '0,1,2': it must be two numbers"),
+        ("time,rate\n0,fast\n", "row 2 is '0,fast': it must be two numbers"),
+        ("time,rate\n0,nan\n", "of finite numbers whose times rise"),
+        ("time,rate\n", "it must be a list of 1 to 100000 pairs"),
+    ],
+)
+def test_a_file_that_is_none_is_refused_in_one_sentence(tmp_path: Path, text: str | None, said: str) -> None:
+    path = tmp_path / "rate.csv"
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(ScenarioError) as caught:
+        PAPER.replace({"rate.kind": "table", "rate.file": str(path)})
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"rate.kind": "ramp"}, 'rate.kind is "ramp": it must be constant, step, staircase, sine'),
+        ({"rate.kind": "table"}, 'rate.kind is "table" and rate.points is missing: a table, and nothing else, must'),
+        ({"rate.points": [[0, 1]]}, 'rate.kind is "constant" and rate.points is given'),
+        ({"rate.kind": "table", "rate.points": [[0, 1], [0, 2]]}, "pairs [time, value] of finite numbers whose times"),
+        ({"rate.kind": "table", "rate.points": [[0, math.inf]]}, "pairs [time, value] of finite numbers whose times"),
+        ({"rate.kind": "table", "rate.points": 3}, "rate.points is 3: it must be a list of 1 to 100000 pairs"),
+        ({"rate.kind": "step", "rate.start": 1.5e-3}, "rate.start is 0.0015: it must be a whole number of run.step"),
+        ({"rate.start": -1.0}, "rate.start is -1.0: it must be at least 0"),
+        ({"rate.kind": "staircase"}, "rate.hold is missing: a staircase must have a time on each level"),
+        ({"rate.kind": "staircase", "rate.hold": 1e-4}, "rate.hold is 0.0001: it must be a whole number of run.step"),
+        ({"rate.levels": 0}, "rate.levels is 0: it must be at least 1"),
+        ({"rate.kind": "sine"}, 'rate.frequency is 0.0: it must be greater than 0 when rate.kind is "sine"'),
+        ({"rate.kind": "sine", "rate.frequency": 4e3}, "is 4000.0: it must be at most pi/run.step, which is 3141.59"),
+        ({"rate.kind": "chirp", "rate.final_frequency": 4e3}, "rate.final_frequency is 4000.0: it must be at most"),
+        ({"rate.amplitude": math.nan}, "rate.amplitude is nan: it must be a finite number"),
+        ({"device.sensing": "velocity"}, 'device.sensing is "velocity": it must be full or position'),
+        ({"device.position_noise": -1.0}, "device.position_noise is -1.0: it must be at least 0"),
+        (
+            {"device.position_noise": 1e-9, "device.position_noise_density": 1e-12},
+            "device.position_noise is 1e-09 and device.position_noise_density is 1e-12: at most one of the two",
+        ),
+        ({"device.velocity_bits": 12}, "device.velocity_bits is 12 and device.velocity_range is inf: a converter must"),
+        ({"device.actuator_bits": 12}, "device.actuator_bits is 12 and device.actuator_limit is inf: a converter must"),
+        ({"device.position_bits": 33}, "device.position_bits is 33: it must lie between 0 and 32"),
+        ({"device.position_range": 0.0}, "device.position_range is 0.0: it must be greater than 0"),
+        ({"device.delay": 1.5}, "device.delay is 1.5: it must be an integer"),
+        ({"device.delay": 1001}, "device.delay is 1001: it must lie between 0 and 1000"),
+        ({"device.cubic_stiffness": [1.0]}, "cubic_stiffness is [1.0]: it must be a list of 2 numbers [x, y] or one"),
+        (
+            {"device.temperature_ramp": 1.0, "device.temperature_points": [[0, 1]]},
+            "device.temperature_ramp is 1.0 and device.temperature_points is given: at most one of the two can be",
+        ),
+        (
+            {"device.stiffness_drift": -1e4, "device.temperature_points": [[0, 100]]},
+            "device.stiffness_drift is -10000.0: over 100 K it multiplies the stiffness by 0, which must be greater",
+        ),
+        ({"controller.observer_bandwidth": 0.0}, "controller.observer_bandwidth is 0.0: it must be greater than 0"),
+    ],
+)
+def test_bad_values_are_refused_in_one_sentence(changes: dict[str, Any], said: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        PAPER.replace(changes)
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+# -- Other faces ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (RATES["step"], 'rate.kind is "step": it must be "constant" to be exported, as FMU and browser know a'),
+        (EFFECTS["delay"], "device.delay is 1: it must be 0 to be exported"),
+        (EFFECTS["position alone"], 'device.sensing is "position": it must be "full" to be exported'),
+    ],
+)
+def test_fmu_and_browser_refuse_what_they_do_not_simulate(changes: dict[str, Any], said: str, tmp_path: Path) -> None:
+    for export in (web.export, export_fmu):
+        with pytest.raises(ScenarioError) as caught:
+            export(PAPER.replace(changes), tmp_path / "out")
+        assert said in str(caught.value)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_controller_alone_observes_the_velocity_and_resumes() -> None:
+    scenario = SHORT.replace({"device.sensing": "position"})
+    run = fg.simulate(scenario)
+    ours = fg.Controller(scenario)
+    for n, position in enumerate(run["position"].values):
+        if n == 100:
+            resumed = fg.Controller(scenario)
+            resumed.state = ours.state
+            ours = resumed
+        assert (ours.step(n * 1e-3, position) == run["control"].values[n]).all()
+
+
+def test_with_a_sensor_of_velocity_the_velocity_must_be_given() -> None:
+    with pytest.raises(ValueError, match=r"velocity is missing: it must be given unless device.sensing is"):
+        fg.Controller(PAPER).step(0.0, (0.5, 0.5))
