@@ -45,6 +45,9 @@ bench: .venv/installed-bench .venv/installed-export
 	$(BIN)/python benchmarks/reproduction.py
 	$(BIN)/python benchmarks/best_order.py
 	$(BIN)/python benchmarks/rate_estimation.py
+	$(BIN)/python benchmarks/rate_response.py
+	$(BIN)/python benchmarks/rate_sensor.py
+	$(BIN)/python benchmarks/resonance_gains.py
 	$(BIN)/python benchmarks/web.py
 	$(BIN)/python benchmarks/parity.py
 	$(BIN)/python benchmarks/firmware.py

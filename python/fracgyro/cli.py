@@ -16,6 +16,7 @@ import click
 
 from .files import reason
 from .scenario import Scenario
+from .shipped import SHIPPED, shipped_text
 from .simulate import DivergedError, simulate
 
 DIFFERENT = 1
@@ -143,18 +144,51 @@ def simulate_command(
     _print_table(figures)
 
 
+@cli.command()
+@click.argument("scenario", type=click.Path(path_type=Path))
+@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
+@click.option("--quick", is_flag=True, help="2 noise seeds instead of 8: a look in seconds.")
+@click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
+def rate(scenario: Path, out: Path, quick: bool, as_json: bool) -> None:
+    """Measure SCENARIO as the rate sensor that it is: scale factor, Allan deviation, bandwidth, grade and more."""
+    from .rate.characterise import characterise
+    from .rate.report import interval_of, value_of
+
+    with _progress("starting") as show:
+        found = characterise(Scenario.load(scenario), out, quick=quick, progress=show)
+    if as_json:
+        click.echo((out / "rate.json").read_text(encoding="utf-8"), nl=False)
+        return
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("figure", "value", "unit", "interval", "grade", box=None, header_style="bold", pad_edge=False)
+    for result in found:
+        table.add_row(result.name, value_of(result), result.unit, interval_of(result), result.grade or "")
+    Console(soft_wrap=True).print(table)
+    click.echo(f"\nThe report: {out / 'report.html'}")
+
+
 @cli.command(name="scenario")
-@click.argument("name", type=click.Choice(["paper"]), default="paper")
+@click.argument("name", type=click.Choice(["paper", *SHIPPED]), required=False)
 @click.option(
     "--variant",
     type=click.Choice(["corrected", "printed"]),
     default="corrected",
     show_default=True,
-    help="Reading.",
+    help="Reading of the paper's.",
 )
-def scenario_command(name: str, variant: str) -> None:
-    """Print the paper's scenario, complete and commented, to change and simulate."""
-    click.echo(Scenario.paper("printed" if variant == "printed" else "corrected").to_toml(), nl=False)
+@click.option("--list", "listed", is_flag=True, help="List the scenarios that there are.")
+def scenario_command(name: str | None, variant: str, listed: bool) -> None:
+    """Print a scenario, commented, to change and run: the paper's, with every field explained, or a device's."""
+    if listed:
+        width = max(map(len, SHIPPED))
+        for each, words in {"paper": "the paper's, every field explained", **SHIPPED}.items():
+            click.echo(f"{each:<{width}}  {words}")
+    elif name in SHIPPED:
+        click.echo(shipped_text(name), nl=False)
+    else:
+        click.echo(Scenario.paper("printed" if variant == "printed" else "corrected").to_toml(), nl=False)
 
 
 @cli.group()

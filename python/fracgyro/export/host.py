@@ -52,7 +52,7 @@ class Host:
 
     @property
     def estimates(self) -> list[float]:
-        """Damping and stiffness as xx, xy, yy; the angular rate; b0, b1, b2; the rate's deviation and whether to trust it."""
+        """Damping and stiffness as xx, xy, yy; the angular rate; b0, b1, b2; the rate's deviation, and its trust."""
         room = (self._number * 12)()
         self._library.fracgyro_read_estimates(self._state, room)
         return list(room)

@@ -1,0 +1,89 @@
+"""Which adaptation gains a gyroscope driven at resonance needs; writes benchmarks/results/resonance_gains.md."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import fracgyro as fg
+import numpy as np
+from fracgyro.rate.figures import start_up_time
+from fracgyro.rate.runs import Sensor
+from fracgyro.rate.units import DEG_PER_S
+from fracgyro.shipped import shipped
+from machine import command, machine, write
+
+NAME = "paper_resonance"
+RATE = DEG_PER_S.to_si(300.0)
+RATE_GAINS = [150.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.003]
+SWITCHING = [0.1, 0.3, 1.0, 3.0]  # rho/delta over omega0
+SEEDS = 4
+
+
+def changes(rate_gain: float, switching: float) -> dict[str, object]:
+    """The laws alone; M and N a third of P, as in the shipped scenario."""
+    layer = shipped(NAME).controller.layer_thickness
+    return {
+        "adaptation.kind": "gradient",
+        "adaptation.rate_gain": rate_gain,
+        "adaptation.damping_gain": rate_gain / 3,
+        "adaptation.stiffness_gain": rate_gain / 3,
+        "adaptation.initial_bound": (switching * layer, 1e-9, 1e-9),
+    }
+
+
+def cell(scenario: fg.Scenario) -> str:
+    """Steady error of the rate's mean and its spread, deg/s; time until within 1 % for good, ms."""
+    try:
+        output = Sensor.of(scenario, SEEDS).output(RATE)
+    except ValueError:
+        return "diverges"
+    steady = output.settled().rate
+    off = DEG_PER_S.of(float(steady.mean()) - RATE)
+    spread = DEG_PER_S.of(float(np.sqrt(steady.var(axis=1).mean())))
+    start = 1e3 * start_up_time(output.time, output.rate)
+    started = f"{start:.0f} ms" if math.isfinite(start) else "never"
+    return f"{off:+.3g} ± {spread:.2g}, {started}"
+
+
+def main() -> None:
+    begin = time.perf_counter()
+    base = shipped(NAME)
+    papers = {
+        "adaptation.kind": "gradient",
+        "adaptation.damping_gain": 150.0,
+        "adaptation.rate_gain": 150.0,
+        "adaptation.stiffness_gain": 150.0 / 18.177**2,
+        "controller.fractional_gain": 10.0 / 18.177**1.1,
+        "controller.terminal_gain": 0.5 / 18.177,
+        "controller.layer_thickness": 0.06 / 18.177,
+        "adaptation.initial_bound": (0.1 / 18.177**2, 0.2 / 18.177**2, 0.3 / 18.177),
+        "adaptation.bound_gain": (1 / 18.177**2, 1.6 / 18.177**2, 1.6),
+    }
+    lines = [
+        "# Adaptation gains at resonance",
+        "",
+        f"Made by `{command()}`, which is part of `make bench`. Machine: {machine()}.",
+        "",
+        f"Scenario {NAME}, the laws (44) alone, the rate 300 deg/s, the first estimate 0, {SEEDS} seeds. In each "
+        "place: the mean output of the steady half less the rate, ± its spread, deg/s; how long until every output is "
+        "within 1 % of the final one. P in 1/q0², M = N = P/3 in their units.",
+        "",
+        "The paper's gains in these units (M = P = 150, N = 150/18.2², λ1, λ2, δ, b̂(0) and x alike): "
+        f"{cell(base.replace(papers))}.",
+        "",
+        "| P | " + " | ".join(f"ρ/δ = {s:g} ω0" for s in SWITCHING) + " |",
+        "|---" * (1 + len(SWITCHING)) + "|",
+    ]
+    for gain in RATE_GAINS:
+        cells = [cell(base.replace(changes(gain, switching))) for switching in SWITCHING]
+        lines.append(f"| {gain:g} | {' | '.join(cells)} |")
+    finer = base.replace({"run.step": base.run.step / 2})
+    cells = [cell(finer.replace(changes(0.03, switching))) for switching in SWITCHING]
+    lines.append(f"| 0.03, half the step | {' | '.join(cells)} |")
+    lines += ["", f"{time.perf_counter() - begin:.0f} s."]
+    write("resonance_gains", lines)
+
+
+if __name__ == "__main__":
+    main()

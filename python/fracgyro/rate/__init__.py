@@ -1,0 +1,1 @@
+"""The gyroscope as a rate sensor: `fracgyro rate`, in the terms of IEEE Std 1431 and 952. Page one: characterise.py."""

@@ -1,0 +1,41 @@
+"""The Cramér-Rao bound of the rate estimate, as an angle random walk."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..scenario import Scenario
+from ..simulate import simulate
+
+SAMPLES = 200_000
+
+
+def bound_angle_random_walk(scenario: Scenario) -> float | None:
+    """N in rad/sqrt(s) of the best unbiased estimate of a constant Omega_z when D and K are unknown constants too.
+
+    From the regressors of the scenario's own steady motion: each step of length h adds phi phi^T h/S to the
+    information, phi^T theta being the force of D, K and Omega_z in eq. (9) and S the two-sided density of d. None where
+    the disturbance is no white noise or the motion does not tell the parameters apart.
+    """
+    d = scenario.disturbance
+    if d.kind != "noise":
+        return None
+    hold = scenario.run.step if d.hold is None else d.hold
+    density = d.density if d.density is not None else (d.standard_deviation or 0.0) ** 2 * hold
+    every = max(1, scenario.run.steps // SAMPLES)
+    run = simulate(scenario.replace({"run.record_every": every, "run.units": "nondimensional"}))
+    half = run.sizes["time"] // 2
+    (x, y), (vx, vy) = run["position"].values[half:].T, run["velocity"].values[half:].T
+    none = np.zeros_like(x)
+    # Rows of (9) by (Dxx, Dxy, Dyy, Kxx, Kxy, Kyy, Omega_z).
+    rows = np.concatenate(
+        [np.stack([vx, vy, none, x, y, none, -2 * vy], axis=1), np.stack([none, vx, vy, none, x, y, 2 * vx], axis=1)]
+    )
+    information = rows.T @ rows / len(x)
+    scale = np.sqrt(np.diag(information))
+    if not scale.all() or np.linalg.cond(information / np.outer(scale, scale)) > 1e10:
+        return None
+    variance = np.linalg.inv(information / np.outer(scale, scale))[-1, -1] / scale[-1] ** 2
+    return math.sqrt(density * variance) * scenario.plant.scales.rate * math.sqrt(scenario.plant.scales.time)

@@ -1,0 +1,26 @@
+"""Which grade of gyroscope a figure would fall in."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+Grade = Literal["navigation", "tactical", "consumer", "below consumer"]
+Quantity = Literal["bias", "angle_random_walk", "scale_factor", "full_scale", "bandwidth"]
+
+# What each grade asks for, best first, as engineers usually class gyroscopes; the unit each is stated in.
+GRADES: dict[Quantity, tuple[str, dict[Grade, float]]] = {
+    "bias": ("deg/h, at most", {"navigation": 0.01, "tactical": 10.0, "consumer": 1000.0}),
+    "angle_random_walk": ("deg/sqrt(h), at most", {"navigation": 0.001, "tactical": 0.5, "consumer": float("inf")}),
+    "scale_factor": ("ppm, at most", {"navigation": 10.0, "tactical": 1000.0, "consumer": 10000.0}),
+    "full_scale": ("deg/s, at least", {"navigation": 400.0, "tactical": 500.0, "consumer": 50.0}),
+    "bandwidth": ("Hz, at least", {"navigation": 100.0, "tactical": 100.0, "consumer": 70.0}),
+}
+
+
+def grade(quantity: Quantity, value: float) -> Grade:
+    """The best grade whose limit `value` keeps, in the unit of GRADES; its sign does not matter. NaN keeps none."""
+    rule, limits = GRADES[quantity]
+    for name, limit in limits.items():
+        if abs(value) >= limit if rule.endswith("at least") else abs(value) <= limit:
+            return name
+    return "below consumer"

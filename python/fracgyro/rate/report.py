@@ -1,0 +1,63 @@
+"""The report of a characterisation: one self-contained HTML file."""
+
+from __future__ import annotations
+
+import math
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from . import charts
+from .grades import GRADES
+from .results import Result, short
+
+if TYPE_CHECKING:
+    from .characterise import Characterisation
+
+
+def write_report(path: Path, measured: Characterisation, found: list[Result]) -> None:
+    """Writes `path`."""
+    environment = Environment(
+        loader=PackageLoader("fracgyro.rate", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    rest = measured.rest
+    page = environment.get_template("report.html.jinja").render(
+        version=version("fracgyro"),
+        measured=measured,
+        found=[(result, value_of(result), interval_of(result)) for result in found],
+        output_rate=f"{1 / rest.interval:.4g}",
+        record=f"{rest.rate.shape[1] * rest.interval:.3g}",
+        grades=GRADES,
+        limit=_limit,
+        scenario=measured.scenario.to_toml(),
+        allan=charts.allan_chart(measured),
+        ladder=charts.ladder_chart(measured),
+        start=charts.start_chart(measured),
+        response=charts.response_chart(measured),
+    )
+    path.write_text(page, encoding="utf-8", newline="\n")
+
+
+def value_of(result: Result) -> str:
+    """The value, or the side on which it lies."""
+    if math.isfinite(result.value):
+        return short(result.value)
+    if math.isfinite(result.high):
+        return f"< {short(result.high)}"
+    return f"> {short(result.low)}" if math.isfinite(result.low) else "–"
+
+
+def interval_of(result: Result) -> str:
+    """Of 95 %, where there is one."""
+    whole = all(map(math.isfinite, (result.value, result.low, result.high)))
+    return f"{short(result.low)} to {short(result.high)}" if whole else ""
+
+
+def _limit(value: float) -> str:
+    return "any" if math.isinf(value) else f"{value:g}"

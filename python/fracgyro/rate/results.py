@@ -1,0 +1,188 @@
+"""The figures of merit as a datasheet has them: name, definition, value with its interval, unit, grade."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ..paper.statistics import Mean
+from .allan import Estimate
+from .grades import Grade, Quantity, grade
+from .units import (
+    DEG_PER_H,
+    DEG_PER_H_PER_ROOT_H,
+    DEG_PER_ROOT_H,
+    DEG_PER_S,
+    DEGREE,
+    HERTZ,
+    MILLISECOND,
+    PERCENT,
+    PPM,
+    Unit,
+)
+
+if TYPE_CHECKING:
+    from .characterise import Characterisation
+
+
+@dataclass(frozen=True)
+class Result:
+    """One line of the datasheet; numbers in `unit`, NaN where there is none and `note` says why."""
+
+    key: str
+    name: str
+    definition: str
+    unit: str
+    value: float
+    low: float = math.nan
+    high: float = math.nan
+    note: str = ""
+    grade: Grade | None = None
+
+    def plain(self) -> dict[str, Any]:
+        """As JSON: null for what is not finite."""
+        numbers = {name: getattr(self, name) for name in ("value", "low", "high")}
+        finite = {name: number if math.isfinite(number) else None for name, number in numbers.items()}
+        rest = {"name": self.name, "unit": self.unit, "definition": self.definition, "note": self.note}
+        return {"key": self.key, **rest, **finite, "grade": self.grade}
+
+
+def results(m: Characterisation) -> list[Result]:
+    """Every figure of a characterisation."""
+    error = Mean(*(value - 1.0 for value in m.static.scale_factor))
+    stiffness, damping = (short(DEG_PER_S.of(leak.offered)) for leak in (m.quadrature, m.damping))
+    leaks = [
+        _mean(
+            "quadrature_residual",
+            "Quadrature residual",
+            f"change of the zero-rate output when kxy is wrong by 2 m ω · {stiffness} deg/s",
+            DEG_PER_S,
+            m.quadrature.residual,
+        ),
+        _mean(
+            "damping_residual",
+            "Damping coupling residual",
+            f"the same when dxy is wrong by 2 m · {damping} deg/s, 10 % of √(dxx dyy)",
+            DEG_PER_S,
+            m.damping.residual,
+        ),
+    ]
+    return [
+        _mean(
+            "scale_factor_error",
+            "Scale factor error",
+            "slope, less 1, of the line of least squares through the mean outputs from −300 to 300 deg/s",
+            PPM,
+            error,
+            "scale_factor",
+        ),
+        _mean(
+            "nonlinearity",
+            "Non-linearity",
+            "largest deviation of a mean output from that line, in % of 300 deg/s",
+            PERCENT,
+            m.static.nonlinearity,
+        ),
+        _mean(
+            "zero_rate_output", "Zero-rate output", "mean output at rest", DEG_PER_H, m.static.zero_rate_output, "bias"
+        ),
+        _angle_random_walk(m),
+        _estimate(
+            "bias_instability",
+            "Bias instability",
+            "least Allan deviation over 0.664",
+            DEG_PER_H,
+            m.allan.bias_instability,
+            "bias",
+        ),
+        _estimate(
+            "rate_random_walk",
+            "Rate random walk",
+            "the Allan deviation's line of slope +1/2 at 3 s",
+            DEG_PER_H_PER_ROOT_H,
+            m.allan.rate_random_walk,
+        ),
+        *_response(m),
+        _full_scale(m),
+        Result(
+            "start_up_time",
+            "Start-up time",
+            "at 300 deg/s, from an estimate of 0 until every output is within 1 % of the final one; median of the runs",
+            MILLISECOND.name,
+            MILLISECOND.of(m.start_up_time),
+            note="" if math.isfinite(m.start_up_time) else "the output does not stay within 1 %",
+        ),
+        *leaks,
+    ]
+
+
+def _mean(key: str, name: str, definition: str, unit: Unit, mean: Mean, graded: Quantity | None = None) -> Result:
+    value, low, high = (unit.of(number) for number in mean)
+    return Result(key, name, definition, unit.name, value, low, high, "", grade(graded, value) if graded else None)
+
+
+def _estimate(
+    key: str, name: str, definition: str, unit: Unit, found: Estimate, graded: Quantity | None = None
+) -> Result:
+    value, low, high = (unit.of(number) for number in (found.value, found.low, found.high))
+    of = grade(graded, high if found.limit else value) if graded else None
+    if found.limit:
+        return Result(
+            key,
+            name,
+            definition,
+            unit.name,
+            math.nan,
+            high=high,
+            note="not observed: the record is too short",
+            grade=of,
+        )
+    return Result(key, name, definition, unit.name, value, low, high, "", of)
+
+
+def _angle_random_walk(m: Characterisation) -> Result:
+    name, definition = "Angle random walk", "the Allan deviation's line of slope −1/2 at 1 s"
+    found, unit = m.allan.angle_random_walk, DEG_PER_ROOT_H
+    if found is None:
+        note = "not observed: nowhere does the Allan deviation fall as the root of the averaging time"
+        return Result("angle_random_walk", name, definition, unit.name, math.nan, note=note)
+    note = f"{found.value / m.bound:.2f} of the Cramér-Rao bound, {short(unit.of(m.bound))}" if m.bound else ""
+    value, low, high = (unit.of(number) for number in (found.value, found.low, found.high))
+    graded = grade("angle_random_walk", value)
+    return Result("angle_random_walk", name, definition, unit.name, value, low, high, note, graded)
+
+
+def _response(m: Characterisation) -> list[Result]:
+    wide, frequency = m.response.bandwidth, m.response.frequency
+    names = ("bandwidth", "Bandwidth", "where the gain for a sinusoidal rate has fallen by 3 dB")
+    lag = ("phase_lag", "Phase lag", "at that frequency")
+    if not math.isfinite(wide.mean):
+        least = f"at least {short(frequency[-1])} Hz, the highest frequency tried"
+        found = Result(
+            *names, HERTZ.name, math.nan, low=float(frequency[-1]), note=least, grade=grade("bandwidth", frequency[-1])
+        )
+        return [found, Result(*lag, DEGREE.name, math.nan, note="bandwidth not reached")]
+    if wide.mean == 0.0:
+        most = f"below {short(frequency[0])} Hz, the lowest frequency tried"
+        found = Result(*names, HERTZ.name, math.nan, high=float(frequency[0]), note=most, grade=grade("bandwidth", 0.0))
+        return [found, Result(*lag, DEGREE.name, math.nan, note="bandwidth below the frequencies tried")]
+    value = DEGREE.of(m.response.lag_at_bandwidth)
+    return [_mean(*names, HERTZ, wide, "bandwidth"), Result(*lag, DEGREE.name, value)]
+
+
+def _full_scale(m: Characterisation) -> Result:
+    value = DEG_PER_S.of(m.full_scale)
+    note = "the largest rate tried: it may go further" if m.full_scale_is_last else ""
+    if m.full_scale == 0:
+        note = "none: the mean output is further off at the smallest rate already"
+    definition = "largest rate tried up to which, both ways, the mean output keeps within 1 % of the rate of the line"
+    return Result(
+        "full_scale", "Full scale", definition, DEG_PER_S.name, value, note=note, grade=grade("full_scale", value)
+    )
+
+
+def short(number: float) -> str:
+    """Three digits; in powers of ten only where that is much shorter."""
+    text = f"{number:.3g}"
+    return f"{float(text):.0f}" if "e+0" in text and abs(number) < 1e7 else text

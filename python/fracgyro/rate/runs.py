@@ -1,0 +1,97 @@
+"""What is simulated to characterise a scenario, and the sensor's output: rad/s, averaged over one output interval."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..scenario import Scenario, ScenarioError
+from ..simulate import simulate_many
+from .units import DEG_PER_S
+
+Array = NDArray[np.float64]
+Progress = Callable[[int], object]
+
+KEPT = 100_000  # samples of a run that are looked at: many to a period of the drive
+TOGETHER = 8  # runs in memory at once
+OUTPUTS = 2_000  # of the sensor in run.duration
+
+
+@dataclass(frozen=True)
+class Output:
+    """The sensor's output in rad/s, (runs, samples), `interval` s apart; sample i is the mean over the interval i."""
+
+    rate: Array
+    interval: float
+
+    @property
+    def time(self) -> Array:
+        """Middle of each interval, s."""
+        return self.interval * (np.arange(self.rate.shape[-1], dtype=np.float64) + 0.5)
+
+    def settled(self) -> Output:
+        """The second half, which counts as steady: a scenario's run.duration is to be long enough for that."""
+        return Output(self.rate[:, self.rate.shape[-1] // 2 :], self.interval)
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A scenario as a rate sensor: what it puts out at rates that are set from outside."""
+
+    scenario: Scenario
+    seeds: Sequence[int]
+
+    @classmethod
+    def of(cls, scenario: Scenario, seeds: int) -> Sensor:
+        """Raises ScenarioError where the scenario leaves nothing to characterise."""
+        if not scenario.controller.adaptive:
+            raise ScenarioError("controller.adaptive is false: it must be true, as the sensor's output is an estimate")
+        if scenario.controller.rate_law == "printed" and scenario.adaptation.kind == "gradient":
+            raise ScenarioError(
+                'controller.rate_law is "printed": it must be "skew", as the printed law never moves the estimate'
+            )
+        if scenario.run.steps < 2 * OUTPUTS:
+            raise ScenarioError(
+                f"run.duration is {scenario.run.duration:g}: it must be at least {2 * OUTPUTS} steps of "
+                f"{scenario.run.step:g}, or no output is left to judge"
+            )
+        start = scenario.disturbance.seed
+        return cls(scenario.replace({"run.units": "nondimensional"}), range(start, start + seeds))
+
+    @property
+    def block(self) -> tuple[int, int]:
+        """Steps from one sample that is looked at to the next, and samples that an output is the mean of."""
+        steps = self.scenario.run.steps
+        every = max(1, steps // KEPT)
+        return every, steps // every // OUTPUTS
+
+    def output(self, rate: float, *, changes: dict[str, object] | None = None, steps: int | None = None) -> Output:
+        """At this angular rate in rad/s, one run per seed. The controller is not told the rate: its guess is 0.
+
+        Raises ValueError where a run diverges.
+        """
+        every, block = self.block
+        scenario = self.scenario.replace(
+            {
+                "plant.angular_rate": rate,
+                "adaptation.initial_rate": 0.0,
+                "run.record_every": every,
+                "run.duration": (steps or self.scenario.run.steps) * self.scenario.run.step,
+                **(changes or {}),
+            }
+        )
+        rows = []
+        for first in range(0, len(self.seeds), TOGETHER):
+            run = simulate_many([scenario], seeds=self.seeds[first : first + TOGETHER])
+            rows.append(run["rate_estimate"].values)
+        scales = scenario.plant.scales
+        values = np.concatenate(rows)[:, :-1] * scales.rate
+        if not np.isfinite(values).all():
+            step, at = scenario.run.step, DEG_PER_S.of(rate)
+            raise ValueError(f"run.step is {step:g}: it must be less, as the run at {at:g} deg/s diverges")
+        count = values.shape[1] // block
+        means = values[:, : count * block].reshape(len(values), count, block).mean(axis=2)
+        return Output(means, every * block * self.scenario.run.step * scales.time)

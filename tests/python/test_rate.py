@@ -1,0 +1,226 @@
+"""`fracgyro rate` and the shipped scenarios: what they are, and what a user of them meets."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+
+import fracgyro as fg
+import numpy as np
+import pytest
+from fracgyro.rate.characterise import measure
+from fracgyro.rate.results import results
+from fracgyro.rate.runs import Sensor
+from fracgyro.rate.units import thermal_force_density
+from fracgyro.scenario import ScenarioError
+from fracgyro.shipped import SHIPPED, shipped, shipped_text
+from fracgyro.tables import Plant
+from test_cli import run, sentence
+
+DEG = math.pi / 180
+
+# -- Shipped scenarios ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_a_shipped_scenario_tracks_and_senses_its_rate(name: str) -> None:
+    scenario = shipped(name)
+    assert scenario.plant.angular_rate == pytest.approx(300 * DEG, rel=1e-6)
+    for rate in (0.0, 300 * DEG):
+        steady = fg.simulate(scenario.replace({"plant.angular_rate": rate, "run.record_every": 10}))
+        steady = steady.isel(time=slice(steady.sizes["time"] // 2, None))
+        assert float(abs(steady["error"]).max()) < 1e-4
+        assert float(abs(steady["control"]).max()) < 0.9 * scenario.controller.force_limit
+        sensed = float(steady["rate_estimate"].mean()) * scenario.plant.reference_frequency
+        assert sensed == pytest.approx(rate, abs=0.02 * 300 * DEG)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_the_noise_of_a_shipped_scenario_is_thermal_at_300_kelvin(name: str) -> None:
+    scenario = shipped(name)
+    plant, scales = scenario.plant, scenario.plant.scales
+    force = thermal_force_density(max(plant.damping.xx, plant.damping.yy), 300.0)
+    # N^2 s over (m omega0^2 q0)^2 / omega0
+    assert scenario.disturbance.density is not None
+    assert scenario.disturbance.density * scales.force**2 * scales.time / force == pytest.approx(1.0, rel=1e-5)
+
+
+def natural_frequencies(name: str) -> list[float]:
+    """Hz"""
+    plant = shipped(name).plant
+    return [math.sqrt(k / plant.mass) / (2 * math.pi) for k in (plant.stiffness.xx, plant.stiffness.yy)]
+
+
+def quality_factors(name: str) -> list[float]:
+    plant = shipped(name).plant
+    (kx, _, ky), (cx, _, cy) = plant.stiffness.entries(), plant.damping.entries()
+    return [math.sqrt(k * plant.mass) / c for k, c in ((kx, cx), (ky, cy))]
+
+
+def test_the_devices_have_the_published_frequencies_and_quality_factors() -> None:
+    assert natural_frequencies("dual_mass") == pytest.approx([3925, 3978], rel=1e-6)
+    assert quality_factors("dual_mass") == pytest.approx([4673, 449], rel=1e-4)
+    assert natural_frequencies("tuned_in_air") == pytest.approx([3216, 3251], rel=1e-6)
+    assert shipped("tuned_in_air").plant.stiffness.xx == pytest.approx(242.3, rel=1e-4)
+    assert quality_factors("tuned_in_air") == pytest.approx([120, 10], rel=1e-4)
+    assert natural_frequencies("disc") == pytest.approx([10e3, 10e3], rel=1e-6)
+    assert quality_factors("disc") == pytest.approx([2e6, 2e6], rel=1e-4)
+
+
+def test_the_papers_gyroscope_at_resonance_is_the_papers_in_its_principal_axes() -> None:
+    """The same invariants: trace and determinant of K and D, and tr(K D)."""
+    paper, turned = fg.Scenario.paper().plant, shipped("paper_resonance").plant
+    assert turned.mass == paper.mass
+    assert turned.stiffness.xy == 0.0
+
+    def matrix(entries: np.ndarray) -> np.ndarray:
+        return entries[[0, 1, 1, 2]].reshape(2, 2)
+
+    def invariants(plant: Plant) -> list[float]:
+        k, d = matrix(plant.stiffness.entries()), matrix(plant.damping.entries())
+        return [float(x) for x in (np.trace(k), np.linalg.det(k), np.trace(d), np.linalg.det(d), np.trace(k @ d))]
+
+    assert invariants(turned) == pytest.approx(invariants(paper), rel=1e-5)
+    assert natural_frequencies("paper_resonance") == pytest.approx([2893, 3759], rel=2e-4)
+
+
+@pytest.mark.parametrize("name", ["paper_resonance", "dual_mass", "tuned_in_air", "disc"])
+def test_a_driven_device_starts_on_its_reference_with_x_at_resonance(name: str) -> None:
+    scenario = shipped(name)
+    plant, reference = scenario.plant, scenario.reference
+    assert plant.reference_frequency == pytest.approx(math.sqrt(plant.stiffness.xx / plant.mass), rel=1e-9)
+    assert reference.frequency[0] == 1.0
+    for i, phase in enumerate(reference.phase):
+        at_start = reference.amplitude[i] * complex(math.sin(phase), reference.frequency[i] * math.cos(phase))
+        start = complex(plant.initial_position[i], plant.initial_velocity[i])
+        assert start == pytest.approx(at_start, abs=1e-12)
+
+
+def test_a_shipped_scenario_is_printed_with_its_sources(tmp_path: Path) -> None:
+    printed = run("scenario", "dual_mass")
+    assert printed.stdout == shipped_text("dual_mass")
+    assert "Micromachines 2018" in printed.stdout
+    (tmp_path / "device.toml").write_text(printed.stdout, encoding="utf-8")
+    assert fg.Scenario.load(tmp_path / "device.toml") == shipped("dual_mass")
+    listed = run("scenario", "--list").stdout
+    assert re.findall(r"^(\w+)", listed, re.MULTILINE) == ["paper", *SHIPPED]
+
+
+def test_an_unknown_scenario_is_refused() -> None:
+    assert "'dual_mas' is not one of" in sentence(run("scenario", "dual_mas"))
+    with pytest.raises(ScenarioError, match="it must be one of paper_thermal, paper_resonance"):
+        shipped("dual_mas")
+
+
+# -- The command ---------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("rate")
+    shipped("dual_mass").replace({"run.duration": 8000.0}).save(folder / "device.toml")
+    done = run("rate", folder / "device.toml", "--out", folder / "out", "--quick", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout) == json.loads((folder / "out" / "rate.json").read_text(encoding="utf-8"))
+    return folder / "out"
+
+
+def test_the_folder_has_the_report_and_its_numbers(report: Path) -> None:
+    assert sorted(path.name for path in report.iterdir()) == ["rate.json", "report.html"]
+    content = json.loads((report / "rate.json").read_text(encoding="utf-8"))
+    keys = [figure["key"] for figure in content["figures"]]
+    assert keys == [
+        "scale_factor_error",
+        "nonlinearity",
+        "zero_rate_output",
+        "angle_random_walk",
+        "bias_instability",
+        "rate_random_walk",
+        "bandwidth",
+        "phase_lag",
+        "full_scale",
+        "start_up_time",
+        "quadrature_residual",
+        "damping_residual",
+    ]
+    assert all(figure["unit"] and figure["definition"] for figure in content["figures"])
+    assert fg.Scenario.from_toml(content["scenario"]).plant.mass == 1.42e-06
+
+
+def test_the_report_needs_nothing_but_itself(report: Path) -> None:
+    page = (report / "report.html").read_text(encoding="utf-8")
+    assert page.count("data:image/svg+xml;base64,") == 4
+    assert not re.findall(r"(?:src|href)=\"(?!data:|#)", page)
+    for figure in json.loads((report / "rate.json").read_text(encoding="utf-8"))["figures"]:
+        assert f"<td>{figure['name']}</td>" in page
+
+
+def test_a_folder_that_is_there_is_left_alone(report: Path, tmp_path: Path) -> None:
+    shipped("dual_mass").save(tmp_path / "device.toml")
+    before = (report / "rate.json").read_bytes()
+    assert "it is there already" in sentence(run("rate", tmp_path / "device.toml", "--out", report))
+    assert (report / "rate.json").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"controller.adaptive": False}, "controller.adaptive is false: it must be true"),
+        ({"controller.rate_law": "printed"}, 'controller.rate_law is "printed": it must be "skew"'),
+        ({"run.duration": 100.0}, "run.duration is 100: it must be at least 4000 steps"),
+    ],
+)
+def test_a_scenario_that_senses_nothing_is_refused(tmp_path: Path, change: dict[str, object], words: str) -> None:
+    base = {"adaptation.kind": "gradient"}
+    shipped("dual_mass").replace({**base, **change}).save(tmp_path / "bad.toml")
+    assert words in sentence(run("rate", tmp_path / "bad.toml", "--out", tmp_path / "out"))
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_run_that_diverges_within_the_range_leaves_nothing(tmp_path: Path) -> None:
+    scenario = fg.Scenario.paper().replace({"run.step": 1e-2, "disturbance.hold": None, "run.duration": 80.0})
+    scenario.save(tmp_path / "coarse.toml")
+    done = run("rate", tmp_path / "coarse.toml", "--out", tmp_path / "out")
+    assert done.returncode == 2
+    # After the progress bar, which had begun.
+    assert done.stderr.splitlines()[-1] == (
+        "fracgyro: run.step is 0.01: it must be less, as the run at -300 deg/s diverges"
+    )
+    assert [path.name for path in tmp_path.iterdir()] == ["coarse.toml"]
+
+
+# -- What is measured ----------------------------------------------------------------------------------------
+
+
+def test_the_controller_is_not_told_the_rate() -> None:
+    slow = shipped("dual_mass").replace({"run.duration": 2000.0, "adaptation.kind": "gradient"})
+    assert abs(Sensor.of(slow, 1).output(300 * DEG).rate[0, 0]) < 30 * DEG
+
+
+def test_an_output_is_the_mean_of_the_estimate_over_its_interval() -> None:
+    scenario = shipped("dual_mass").replace({"run.duration": 1000.0, "adaptation.initial_rate": 0.0})
+    sensor = Sensor.of(scenario, 1)
+    every, block = sensor.block
+    assert (every, block) == (1, 10)
+    output = sensor.output(scenario.plant.angular_rate)
+    estimate = fg.simulate(scenario)["rate_estimate"].values * scenario.plant.reference_frequency
+    assert output.rate[0, 7] == pytest.approx(estimate[70:80].mean(), rel=1e-12)
+    assert output.interval == pytest.approx(10 * 0.05 / scenario.plant.reference_frequency, rel=1e-12)
+
+
+def test_the_measured_noise_is_near_the_bound_and_its_figures_are_finite() -> None:
+    measured = measure(shipped("dual_mass").replace({"run.duration": 8000.0}), seeds=2)
+    found = {result.key: result for result in results(measured)}
+    walk = measured.allan.angle_random_walk
+    assert walk is not None
+    assert measured.bound is not None
+    assert 0.8 < walk.value / measured.bound < 1.3
+    assert abs(found["scale_factor_error"].value) < 10
+    assert found["zero_rate_output"].low < 0 < found["zero_rate_output"].high
+    # adaptation.rate_forgetting is 2 pi 100 Hz: a first-order answer with 45 degrees of lag at 100 Hz.
+    assert found["bandwidth"].value == pytest.approx(100, rel=0.03)
+    assert found["phase_lag"].value == pytest.approx(45, abs=2)
+    # In full it would be 300 deg/s.
+    assert abs(found["quadrature_residual"].value) < 0.01

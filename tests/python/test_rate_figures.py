@@ -1,0 +1,229 @@
+"""Figures of merit of a rate sensor: units by hand, and gyroscopes whose truth is known."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from fracgyro.rate.allan import Estimate, _bias_instability, allan
+from fracgyro.rate.figures import full_scale, gain_and_lag, response, start_up_time, static
+from fracgyro.rate.grades import grade
+from fracgyro.rate.units import (
+    DEG_PER_H,
+    DEG_PER_H_PER_ROOT_H,
+    DEG_PER_ROOT_H,
+    DEG_PER_S,
+    DEG_PER_S_PER_ROOT_HZ,
+    PERCENT,
+    PPM,
+    Unit,
+    angle_random_walk,
+    thermal_force_density,
+)
+from numpy.typing import NDArray
+
+DEG = math.pi / 180
+
+# -- Units, worked by hand -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("unit", "si", "worked"),
+    [
+        (DEG_PER_S, math.pi, 180.0),
+        (DEG_PER_S, 1.0, 57.29577951308232),
+        (DEG_PER_H, DEG, 3600.0),  # 1 deg/s
+        (DEG_PER_H, 7.2921159e-5, 15.04106865),  # the Earth, which turns 360.9856 deg a day
+        (DEG_PER_ROOT_H, DEG, 60.0),  # 1 deg/sqrt(s) = 60 deg/sqrt(h), as an hour has 60 squared seconds
+        (DEG_PER_ROOT_H, DEG / 60, 1.0),
+        (DEG_PER_H_PER_ROOT_H, DEG, 3600.0 * 60.0),
+        (PPM, 0.001, 1000.0),
+        (PERCENT, 0.25, 25.0),
+    ],
+)
+def test_a_unit_is_as_worked_by_hand(unit: Unit, si: float, worked: float) -> None:
+    assert unit.of(si) == pytest.approx(worked, rel=1e-7)
+    assert unit.to_si(worked) == pytest.approx(si, rel=1e-7)
+
+
+def test_one_degree_per_root_hour_is_a_sixtieth_of_a_degree_per_second_per_root_hertz_two_sided() -> None:
+    density = DEG_PER_S_PER_ROOT_HZ.to_si(1 / 60)
+    assert DEG_PER_ROOT_H.of(angle_random_walk(density, one_sided=False)) == pytest.approx(1.0, rel=1e-12)
+    # A datasheet's one-sided density holds twice the power for the same noise.
+    assert DEG_PER_ROOT_H.of(angle_random_walk(density, one_sided=True)) == pytest.approx(0.70710678, rel=1e-7)
+
+
+def test_the_thermal_force_on_a_milligram_resonator_is_that_of_nyquist() -> None:
+    # 2 * 1.380649e-23 * 300 * 1e-6 = 8.283894e-27
+    assert thermal_force_density(1e-6, 300.0) * 1e27 == pytest.approx(8.283894, rel=1e-12)
+
+
+# -- Allan deviation -----------------------------------------------------------------------------------------
+
+
+def white(density: float, interval: float, shape: tuple[int, int], seed: int) -> NDArray[np.float64]:
+    """Samples, each the mean over an interval, of white rate noise of this two-sided amplitude density."""
+    return np.random.default_rng(seed).normal(size=shape) * density / math.sqrt(interval)
+
+
+def test_the_angle_random_walk_of_white_noise_lies_in_its_interval_19_times_of_20() -> None:
+    density, interval, hits, trials = 0.02, 0.01, 0, 300
+    for seed in range(trials):
+        found = allan(white(density, interval, (2, 2000), seed), interval).angle_random_walk
+        assert found is not None
+        hits += found.low <= density <= found.high
+    assert 0.92 <= hits / trials <= 0.985  # 0.95, and 2.4 standard deviations of the count
+
+
+def test_more_records_make_the_interval_narrower() -> None:
+    one, four = (allan(white(1.0, 0.1, (n, 4000), 1), 0.1).angle_random_walk for n in (1, 4))
+    assert one is not None
+    assert four is not None
+    assert (four.high - four.low) / (one.high - one.low) == pytest.approx(0.5, rel=0.1)
+
+
+def test_of_white_noise_alone_neither_instability_nor_rate_walk_is_observed() -> None:
+    found = [allan(white(1.0, 1.0, (1, 400), seed), 1.0) for seed in range(200)]
+    assert sum(not one.bias_instability.limit for one in found) <= 10
+    assert sum(not one.rate_random_walk.limit for one in found) <= 10
+
+
+def test_a_last_deviation_that_rises_by_chance_is_no_floor() -> None:
+    tau = 2.0 ** np.arange(6)
+    deviation = 1 / np.sqrt(tau)
+    deviation[-1] = deviation[-2] * 1.01
+    walk = Estimate(1.0, 0.98, 1.02)
+    assert _bias_instability(tau, deviation, 0.8 * deviation, 1.3 * deviation, walk).limit
+    # With so narrow an interval that the white noise cannot have left it.
+    deviation[-2:] *= 1.2
+    assert not _bias_instability(tau, deviation, 0.99 * deviation, 1.01 * deviation, walk).limit
+
+
+def test_white_noise_and_a_walking_rate_are_told_apart() -> None:
+    interval, white_density, walk = 1.0, 1.0, 0.02
+    noise = white(white_density, interval, (4, 40_000), 5)
+    steps = np.random.default_rng(6).normal(size=noise.shape) * walk * math.sqrt(interval)
+    found = allan(noise + np.cumsum(steps, axis=1), interval)
+    assert found.angle_random_walk is not None
+    assert found.angle_random_walk.value == pytest.approx(white_density, rel=0.05)
+    assert not found.rate_random_walk.limit
+    assert found.rate_random_walk.value == pytest.approx(walk, rel=0.15)
+    # N^2/tau + K^2 tau/3 is least at tau = sqrt(3) N/K, and 2 N K/sqrt(3) there.
+    assert not found.bias_instability.limit
+    assert found.bias_instability.value == pytest.approx(
+        math.sqrt(2 * white_density * walk / math.sqrt(3)) / 0.664, rel=0.1
+    )
+
+
+def test_a_sensor_that_answers_slowly_shows_the_same_angle_random_walk() -> None:
+    density, interval, lag = 0.1, 0.01, 0.1  # s
+    noise = white(density, interval, (4, 50_000), 3)
+    keep = math.exp(-interval / lag)
+    slow = np.empty_like(noise)
+    value = np.zeros(len(noise))
+    for i in range(noise.shape[1]):
+        value = keep * value + (1 - keep) * noise[:, i]
+        slow[:, i] = value
+    found = allan(slow, interval).angle_random_walk
+    assert found is not None
+    assert found.value == pytest.approx(density, rel=0.08)
+
+
+@pytest.mark.parametrize("record", [np.ones(19), np.full(100, np.nan)])
+def test_a_record_too_short_or_not_finite_is_refused(record: NDArray[np.float64]) -> None:
+    with pytest.raises(ValueError, match="at least 20, all finite"):
+        allan(record, 1.0)
+
+
+# -- A gyroscope with known errors ---------------------------------------------------------------------------
+
+RATES = DEG * np.array([-300.0, -200.0, -100.0, -30.0, 0.0, 30.0, 100.0, 200.0, 300.0])
+
+
+def gyroscope(rates: NDArray[np.float64], runs: int, noise: float, seed: int) -> NDArray[np.float64]:
+    """Scale factor 1.002, bias 0.5 deg/s, and noise on each mean."""
+    outputs = 1.002 * rates[:, None] + 0.5 * DEG
+    return outputs + noise * np.random.default_rng(seed).normal(size=(len(rates), runs))
+
+
+def test_scale_factor_and_bias_come_back_within_their_intervals_19_times_of_20() -> None:
+    trials, factor_hits, bias_hits = 300, 0, 0
+    for seed in range(trials):
+        found = static(RATES, gyroscope(RATES, 8, 0.1 * DEG, seed))
+        factor_hits += found.scale_factor.low <= 1.002 <= found.scale_factor.high
+        bias_hits += found.zero_rate_output.low <= 0.5 * DEG <= found.zero_rate_output.high
+    assert 0.92 <= factor_hits / trials <= 0.985
+    assert 0.92 <= bias_hits / trials <= 0.985
+
+
+def test_nonlinearity_is_the_largest_deviation_from_the_line_over_the_full_scale() -> None:
+    # A cubic of 3 deg/s at 300: the line takes 3/5 of it up (for a continuum), the ends keep 2/5 = 0.4 %.
+    dense = DEG * np.linspace(-300, 300, 601)
+    found = static(dense, (dense + 3 * DEG * (dense / dense[-1]) ** 3)[:, None].repeat(2, axis=1))
+    assert abs(found.nonlinearity.mean) == pytest.approx(0.004, rel=0.02)
+    assert found.scale_factor.mean == pytest.approx(1.006, abs=1e-4)
+
+
+def test_full_scale_ends_where_one_percent_is_exceeded_and_at_divergence() -> None:
+    rates = DEG * np.array([-1200.0, -600.0, -300.0, 0.0, 300.0, 600.0, 1200.0])
+    outputs = rates.copy()[:, None].repeat(2, axis=1)
+    line = static(rates[2:5], outputs[2:5])
+    assert full_scale(rates, outputs, line) == (pytest.approx(1200 * DEG), True)
+    for bad in (1200 * DEG * 0.985, math.nan):
+        outputs[-1] = bad
+        assert full_scale(rates, outputs, line) == (pytest.approx(600 * DEG), False)
+
+
+def test_start_up_ends_at_the_last_output_that_is_one_percent_off() -> None:
+    time = np.arange(1000) * 1e-3
+    settling = 5.0 * (1 - np.exp(-time / 0.05))[None]
+    # exp(-t/0.05) = 0.01 at t = 0.05 ln 100 = 0.2303
+    assert start_up_time(time, settling) == pytest.approx(0.2303, abs=2e-3)
+    unsteady = settling.copy()
+    unsteady[0, 900] = 6.0
+    assert math.isnan(start_up_time(time, unsteady))
+
+
+def test_a_first_order_sensor_has_3_db_at_its_corner_and_45_degrees_of_lag_there() -> None:
+    corner, factor, interval = 40.0, 1.01, 1e-3
+    frequency = np.geomspace(5, 200, 12)
+    gains = []
+    for f in frequency:
+        start = np.arange(2000) * interval
+        answer = factor / (1 + 1j * f / corner)
+        # The mean over each interval of the answer to 2 sin(2 pi f t), with a drift that must not matter.
+        primitive = [-(np.exp(2j * np.pi * f * t) * answer).real / (2 * np.pi * f) for t in (start, start + interval)]
+        mean = 2 * (primitive[1] - primitive[0]) / interval
+        gains.append([gain_and_lag(start + interval / 2, mean + 0.3 + 0.1 * start, 2.0, float(f), interval)] * 2)
+    found = response(frequency, np.array(gains), factor)
+    assert found.bandwidth.mean == pytest.approx(corner, rel=0.02)
+    assert found.lag_at_bandwidth == pytest.approx(math.pi / 4, rel=0.02)
+    assert found.gain[0] == pytest.approx(1 / math.hypot(1, 5 / 40), rel=1e-6)
+
+
+def test_a_bandwidth_outside_the_frequencies_tried_is_said_to_be_so() -> None:
+    frequency = np.array([1.0, 2.0, 4.0])
+    assert response(frequency, np.ones((3, 2), complex), 1.0).bandwidth.mean == math.inf
+    assert response(frequency, np.full((3, 2), 0.1 + 0j), 1.0).bandwidth.mean == 0.0
+
+
+# -- Grades --------------------------------------------------------------------------------------------------
+
+
+def test_a_figure_has_the_best_grade_whose_limit_it_keeps() -> None:
+    assert [grade("bias", v) for v in (0.005, -5.0, 500.0, 2000.0)] == [
+        "navigation",
+        "tactical",
+        "consumer",
+        "below consumer",
+    ]
+    assert [grade("scale_factor", v) for v in (5.0, -500.0, 5000.0, 20000.0)] == [
+        "navigation",
+        "tactical",
+        "consumer",
+        "below consumer",
+    ]
+    assert [grade("angle_random_walk", v) for v in (0.0005, 0.1, 900.0)] == ["navigation", "tactical", "consumer"]
+    assert [grade("bandwidth", v) for v in (150.0, 80.0, 10.0)] == ["navigation", "consumer", "below consumer"]
+    assert grade("bias", math.nan) == "below consumer"
