@@ -3,6 +3,8 @@
 #include "fracgyro/settings.hpp"
 #include "fracgyro/record.hpp"
 
+#include <new>
+
 namespace fracgyro {
 namespace {
 
@@ -11,12 +13,39 @@ std::array<double, setting_names.size()> values;  // in the order of setting_nam
 bool single_precision = false;                    // of the controller alone
 std::array<double, row_width> row;                // what it found in its last step
 std::array<double, 12> estimates;
+void* state_at = nullptr;  // its state
+std::size_t state_size = 0;
 
 template <class Controller>
 struct Held {
-    static inline typename Controller::Coefficients coefficients{};
-    static inline typename Controller::State state{};
+    typename Controller::Coefficients coefficients{};
+    typename Controller::State state{};
 };
+// One at a time, in room for any: objects of each kind would lie in the module as they begin.
+template <Scalar T>
+constexpr std::size_t room_for_any = []<class... Entries>(std::tuple<Entries...>*) {
+    return std::max(
+        {std::max(sizeof(Held<typename Entries::Type>), sizeof(Held<Composite<typename Entries::Type>>))...});
+}(static_cast<Controllers<T>*>(nullptr));
+alignas(16) std::array<std::byte, std::max(room_for_any<double>, room_for_any<float>)> room;
+
+template <class Controller>
+Held<Controller>& held() {
+    static_assert(alignof(Held<Controller>) <= 16 && std::is_trivially_destructible_v<Held<Controller>>);
+    return *std::launder(reinterpret_cast<Held<Controller>*>(room.data()));
+}
+
+// Its own function, as it is the same for every surface.
+template <class Adaptation>
+[[gnu::noinline]] void tell(const typename Adaptation::State& state, const typename Adaptation::Coefficients& c) {
+    const auto e = Adaptation::estimates(state, c);
+    const auto quality = Adaptation::quality(state, c);
+    const auto number = [](auto a) { return static_cast<double>(a); };
+    estimates = {number(e.damping.xx),   number(e.damping.xy),      number(e.damping.yy),
+                 number(e.stiffness.xx), number(e.stiffness.xy),    number(e.stiffness.yy),
+                 number(e.rate),         number(e.bound[0]),        number(e.bound[1]),
+                 number(e.bound[2]),     number(quality.deviation), number(quality.trusted)};
+}
 
 template <class Act>
 void with_held(Act&& act) {
@@ -58,8 +87,9 @@ EXPORT int simulate(int every, double* rows) { return static_cast<int>(record<do
 EXPORT void controller_start(bool single) {
     single_precision = single;
     with_held([]<class C>() {
-        Held<C>::coefficients = C::prepare(setup.controller);
-        Held<C>::state = {};
+        auto* made = new (room.data()) Held<C>{.coefficients = C::prepare(setup.controller)};
+        state_at = &made->state;
+        state_size = sizeof made->state;
     });
 }
 // One step, from the motion measured now. Returns the row of what was found.
@@ -67,7 +97,7 @@ EXPORT const double* controller_step(double x, double y, double vx, double vy) {
     with_held([&]<class C>() {
         using T = typename C::Value;
         const Motion<T> motion{.position = {T(x), T(y)}, .velocity = {T(vx), T(vy)}};
-        const auto signals = C::step(Held<C>::state, Held<C>::coefficients, motion);
+        const auto signals = C::step(held<C>().state, held<C>().coefficients, motion);
         write_row<T>({.step = 0, .motion = motion, .signals = signals, .disturbance = {}}, row.data());
     });
     return row.data();
@@ -75,23 +105,9 @@ EXPORT const double* controller_step(double x, double y, double vx, double vy) {
 // As they stand after the last step.
 EXPORT const double* controller_estimates() {
     with_held([]<class C>() {
-        const auto e = C::estimates(Held<C>::state, Held<C>::coefficients);
-        const auto quality = C::rate_quality(Held<C>::state, Held<C>::coefficients);
-        const auto number = [](auto a) { return static_cast<double>(a); };
-        estimates = {number(e.damping.xx),   number(e.damping.xy),      number(e.damping.yy),
-                     number(e.stiffness.xx), number(e.stiffness.xy),    number(e.stiffness.yy),
-                     number(e.rate),         number(e.bound[0]),        number(e.bound[1]),
-                     number(e.bound[2]),     number(quality.deviation), number(quality.trusted)};
+        tell<typename C::AdaptationType>(held<C>().state.adaptation, held<C>().coefficients.adaptation);
     });
     return estimates.data();
 }
-EXPORT void* controller_state() {
-    void* state = nullptr;
-    with_held([&]<class C>() { state = &Held<C>::state; });
-    return state;
-}
-EXPORT std::size_t controller_state_size() {
-    std::size_t size = 0;
-    with_held([&]<class C>() { size = sizeof(typename C::State); });
-    return size;
-}
+EXPORT void* controller_state() { return state_at; }
+EXPORT std::size_t controller_state_size() { return state_size; }
