@@ -112,6 +112,15 @@ def test_every_way_through_the_law_has_the_same_bits(scenario: str, number: Numb
         compare(name, number, short, expected)
 
 
+def test_a_device_that_is_not_ideal_is_replayed_from_what_the_controller_measured(tmp_path: Path) -> None:
+    device = {"device.sensing": "position", "device.position_noise": 1e-12, "device.delay": 1, "run.duration": 0.5}
+    short = record(fg.Scenario.paper().replace({**device, "adaptation.kind": "composite"}), tmp_path / "run.nc")
+    for name in ("Python Controller", "host, gcc"):
+        compare(name, "double", short, short.answers)
+    with pytest.raises(ValueError, match=r"device\.sensing is"):
+        answers("lanes", short.scenario, "double", short.motion)
+
+
 # -- What is said --------------------------------------------------------------------------------------------
 
 

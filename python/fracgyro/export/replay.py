@@ -38,7 +38,7 @@ class Replay:
 
 @dataclass(frozen=True)
 class Trace:
-    """A run as recorded: the motion, (steps, 4), and what was answered, (steps, COLUMNS)."""
+    """A run as recorded: the motion as the controller had it, (steps, 4), and what was answered, (steps, COLUMNS)."""
 
     scenario: Scenario
     motion: NDArray[np.float64]
@@ -82,7 +82,8 @@ def load(path: str | os.PathLike[str]) -> Trace:
     def columns(names: list[str]) -> NDArray[np.float64]:
         return np.hstack([run[name].values.reshape(run.sizes["time"], -1) for name in names])
 
-    return Trace(scenario, columns(MOTION), columns(VARIABLES))
+    measured = [f"measured_{name}" for name in MOTION]  # where the device is not ideal
+    return Trace(scenario, columns(measured if measured[0] in run else MOTION), columns(VARIABLES))
 
 
 def parity_hash(rows: NDArray[np.floating]) -> str:

@@ -132,7 +132,7 @@ def core_numbers(scenario: Scenario) -> dict[str, float]:
             if value != wanted and (table, name) != ("rate", "seed"):
                 raise ScenarioError(
                     f"{table}.{name} is {toml_value(value)[:80]}: it must be {toml_value(wanted)} to be exported, as "
-                    "FMU and browser know a constant rate and an ideal device alone"
+                    "FMU, browser and lanes know a constant rate and an ideal device alone"
                 )
     if scenario.disturbance.seed > LARGEST_EXACT:
         raise ScenarioError(f"disturbance.seed is {scenario.disturbance.seed}: it must be below 2^53 to be exported")
