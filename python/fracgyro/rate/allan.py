@@ -111,7 +111,7 @@ def _along(tau: Array, deviation: Array, freedom: Array, slope: float) -> Estima
 def _angle_random_walk(tau: Array, deviation: Array, freedom: Array) -> Estimate | None:
     """N: the line of slope -1/2, read at tau = 1 s.
 
-    A sensor of finite bandwidth makes Markov noise of white noise (IEEE Std 952, annex C): its deviation rises to a
+    A sensor of finite bandwidth makes Markov noise of white noise (IEEE Std 952): its deviation rises to a
     peak and joins that line from below, as N/sqrt(tau) sqrt(1 - T/2tau (3 - 4 exp(-tau/T) + exp(-2tau/T))). With T
     from where the peak lies the root is divided out.
     """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,8 +13,20 @@ from ..simulate import simulate
 SAMPLES = 200_000
 
 
-def bound_angle_random_walk(scenario: Scenario) -> float | None:
-    """N in rad/sqrt(s) of the best unbiased estimate of a constant Omega_z when D and K are unknown constants too.
+@dataclass(frozen=True)
+class Bound:
+    """N in rad/sqrt(s) of the best unbiased estimate of a constant Omega_z: no angle random walk can be less.
+
+    `known`: D and K are known, as to an estimator that has long watched them and forgets Omega_z alone. `unknown`: they
+    are unknown constants, found from the same span of time as Omega_z.
+    """
+
+    known: float
+    unknown: float
+
+
+def bound_angle_random_walk(scenario: Scenario) -> Bound | None:
+    """From the noise and the motion of the scenario; both bounds.
 
     From the regressors of the scenario's own steady motion: each step of length h adds phi phi^T h/S to the
     information, phi^T theta being the force of D, K and Omega_z in eq. (9) and S the two-sided density of d. None where
@@ -37,5 +50,7 @@ def bound_angle_random_walk(scenario: Scenario) -> float | None:
     scale = np.sqrt(np.diag(information))
     if not scale.all() or np.linalg.cond(information / np.outer(scale, scale)) > 1e10:
         return None
-    variance = np.linalg.inv(information / np.outer(scale, scale))[-1, -1] / scale[-1] ** 2
-    return math.sqrt(density * variance) * scenario.plant.scales.rate * math.sqrt(scenario.plant.scales.time)
+    inflation = np.linalg.inv(information / np.outer(scale, scale))[-1, -1]
+    scales = scenario.plant.scales
+    known = math.sqrt(density) / scale[-1] * scales.rate * math.sqrt(scales.time)
+    return Bound(known, known * math.sqrt(inflation))

@@ -23,7 +23,7 @@ from ..files import whole_folder
 from ..paper.statistics import Mean, mean_interval
 from ..scenario import Scenario
 from .allan import Allan, allan
-from .bound import bound_angle_random_walk
+from .bound import Bound, bound_angle_random_walk
 from .figures import Response, Static, full_scale, gain_and_lag, response, start_up_time, static
 from .report import write_report
 from .results import Result, results
@@ -64,7 +64,7 @@ class Characterisation:
     start_up_time: float
     rest: Output
     allan: Allan
-    bound: float | None
+    bound: Bound | None
     response: Response
     quadrature: Leak
     damping: Leak
@@ -118,9 +118,8 @@ def measure(scenario: Scenario, *, seeds: int, progress: Progress | None = None)
     for rate in outer:
         next_one("full scale")
         further.append(_mean_or_nan(few, float(rate)))
-    reached, last = full_scale(
-        np.concatenate([inner, outer]), np.concatenate([means[:, : len(few.seeds)], further]), line
-    )
+    first = means[:, : len(few.seeds)]  # the same seeds at every rate, or their noise would look like an error
+    reached, last = full_scale(np.concatenate([inner, outer]), np.concatenate([first, further]), static(inner, first))
     next_one("record at rest")
     rest = sensor.output(0.0, steps=REST_STEPS).settled()
     frequencies = _frequencies(outputs[0])
@@ -179,7 +178,7 @@ def _gains(sensor: Sensor, frequency: float) -> NDArray[np.complex128]:
 
 
 def _couplings(scenario: Scenario) -> list[tuple[str, float, float]]:
-    """Field, deviation in SI, and the rate it would be taken for: k/(2 m omega), c/(2 m) (IEEE Std 1431, annex B).
+    """Field, deviation in SI, and the rate it would be taken for: k/(2 m omega), c/(2 m).
 
     The stiffness is wrong by as much as makes the quadrature force that of the whole range.
     """

@@ -45,7 +45,10 @@ def allan_chart(m: Characterisation) -> str:
             line = found.rate_random_walk.value * np.sqrt(tau / 3) * unit
             panel.loglog(tau, line, color="#CC79A7", linewidth=0.7, dashes=(4, 2), label="slope +1/2: rate random walk")
         if m.bound:
-            panel.loglog(tau, m.bound / np.sqrt(tau) * unit, color=COLOURS[1], linewidth=0.9, label="Cramér-Rao bound")
+            known, unknown = (n / np.sqrt(tau) * unit for n in (m.bound.known, m.bound.unknown))
+            panel.loglog(tau, known, color=COLOURS[1], linewidth=0.9, label="Cramér-Rao bound, D and K known")
+            label = "Cramér-Rao bound, D and K unknown"
+            panel.loglog(tau, unknown, color=COLOURS[1], linewidth=0.9, dashes=(2, 2), label=label)
         panel.set_ylim(bottom=float(np.min(found.deviation)) * unit / 3, top=float(np.max(found.deviation)) * unit * 3)
         panel.set_xlabel("averaging time (s)")
         panel.set_ylabel("Allan deviation (deg/h)")

@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 
 LINEAR_WITHIN = 0.01  # of the input: what the full scale keeps
 STARTED_WITHIN = 0.01  # of the final value
+LOST = 4.0  # once the ends of a bandwidth's interval are so many times apart, it is lost in the noise
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,8 @@ class Response:
     frequency: Array
     gain: Array
     lag: Array
-    bandwidth: Mean  # Hz, where the gain has fallen by 3 dB; infinite ends: beyond the frequencies tried
+    # Hz, where the gain has fallen by 3 dB. Infinite or 0: beyond or below the frequencies tried. NaN: lost in noise.
+    bandwidth: Mean
     lag_at_bandwidth: float  # rad
 
 
@@ -100,11 +102,24 @@ def response(frequency: Array, gains: NDArray[np.complex128], scale_factor: floa
     lag = -np.unwrap(np.angle(mean))
     crossings = np.array([_minus_three_db(frequency, abs(run) / abs(scale_factor)) for run in gains.T])
     size = abs(mean) / abs(scale_factor)
-    bandwidth = Mean(*(3 * [float(crossings[0])])) if np.isinf(crossings).any() else mean_interval(crossings)
-    if (crossings == 0).any():
-        bandwidth = Mean(0.0, 0.0, float(frequency[0]))
-    here = float(np.interp(math.log(max(bandwidth.mean, frequency[0])), np.log(frequency), lag))
-    return Response(frequency, size, lag, bandwidth, here if np.isfinite(bandwidth.mean) else math.nan)
+    bandwidth = _bandwidth(frequency, crossings)
+    here = math.nan
+    if 0 < bandwidth.mean < math.inf:
+        here = float(np.interp(math.log(bandwidth.mean), np.log(frequency), lag))
+    return Response(frequency, size, lag, bandwidth, here)
+
+
+def _bandwidth(frequency: Array, crossings: Array) -> Mean:
+    """Geometric mean over the runs, of those of _minus_three_db."""
+    if np.isinf(crossings).all():
+        return Mean(math.inf, math.inf, math.inf)
+    if (crossings == 0).all():
+        return Mean(0.0, 0.0, float(frequency[0]))
+    if (crossings > 0).all() and np.isfinite(crossings).all():
+        found = Mean(*(math.exp(number) for number in mean_interval(np.log(crossings))))
+        if found.high < LOST * found.low:
+            return found
+    return Mean(math.nan, math.nan, math.nan)
 
 
 def _minus_three_db(frequency: Array, gain: Array) -> float:

@@ -147,7 +147,13 @@ def _angle_random_walk(m: Characterisation) -> Result:
     if found is None:
         note = "not observed: nowhere does the Allan deviation fall as the root of the averaging time"
         return Result("angle_random_walk", name, definition, unit.name, math.nan, note=note)
-    note = f"{found.value / m.bound:.2f} of the Cramér-Rao bound, {short(unit.of(m.bound))}" if m.bound else ""
+    note = ""
+    if m.bound:
+        known, unknown = m.bound.known, m.bound.unknown
+        note = (
+            f"{found.value / known:.2f} of the Cramér-Rao bound if D and K are known, {short(unit.of(known))}; "
+            f"{found.value / unknown:.2f} of that if they are not, {short(unit.of(unknown))}"
+        )
     value, low, high = (unit.of(number) for number in (found.value, found.low, found.high))
     graded = grade("angle_random_walk", value)
     return Result("angle_random_walk", name, definition, unit.name, value, low, high, note, graded)
@@ -157,6 +163,12 @@ def _response(m: Characterisation) -> list[Result]:
     wide, frequency = m.response.bandwidth, m.response.frequency
     names = ("bandwidth", "Bandwidth", "where the gain for a sinusoidal rate has fallen by 3 dB")
     lag = ("phase_lag", "Phase lag", "at that frequency")
+    if math.isnan(wide.mean):
+        note = "not observed: the sinusoidal rates are lost in the noise"
+        return [
+            Result(*names, HERTZ.name, math.nan, note=note),
+            Result(*lag, DEGREE.name, math.nan, note="bandwidth not observed"),
+        ]
     if not math.isfinite(wide.mean):
         least = f"at least {short(frequency[-1])} Hz, the highest frequency tried"
         found = Result(

@@ -43,7 +43,7 @@ MILLISECOND = Unit("ms", "s", 1e3)
 def angle_random_walk(density: float, *, one_sided: bool) -> float:
     """N in rad/sqrt(s) of white rate noise with this amplitude density in rad/s/sqrt(Hz).
 
-    N squared is the two-sided power density (IEEE Std 952, annex C); datasheets and spectrum analysers mostly state the
+    N squared is the two-sided power density (IEEE Std 952); datasheets and spectrum analysers mostly state the
     one-sided density, whose power is twice as large.
     """
     return density / math.sqrt(2.0) if one_sided else density
