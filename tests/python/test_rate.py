@@ -10,6 +10,7 @@ from pathlib import Path
 import fracgyro as fg
 import numpy as np
 import pytest
+from fracgyro.rate.bound import bound_angle_random_walk
 from fracgyro.rate.characterise import measure
 from fracgyro.rate.results import results
 from fracgyro.rate.runs import Sensor
@@ -210,13 +211,29 @@ def test_an_output_is_the_mean_of_the_estimate_over_its_interval() -> None:
     assert output.interval == pytest.approx(10 * 0.05 / scenario.plant.reference_frequency, rel=1e-12)
 
 
+def test_knowing_damping_and_stiffness_lowers_the_bound_where_the_speeds_differ() -> None:
+    # N^2 = S/(4 (mean vx^2 + mean vy^2)), the speeds those of the reference: 1/sqrt(2) on x, half of that on y in air.
+    scenario = shipped("tuned_in_air")
+    scales = scenario.plant.scales
+    bound = bound_angle_random_walk(scenario)
+    assert bound is not None
+    assert scenario.disturbance.density is not None
+    speeds = 0.5 * (1.0 + (0.5 * 1.010883085) ** 2)
+    worked = math.sqrt(scenario.disturbance.density / (4 * speeds)) * scales.rate * math.sqrt(scales.time)
+    assert bound.known == pytest.approx(worked, rel=1e-3)
+    # With D unknown, y at w1 tells d + 2 W and x at w2 d - 2 W, of as many units of information as vx^2 and vy^2: the
+    # variance of half their difference.
+    a, b = 0.5, 0.5 * (0.5 * 1.010883085) ** 2
+    assert (bound.unknown / bound.known) ** 2 == pytest.approx((1 / a + 1 / b) / 4 * (a + b), rel=1e-2)
+
+
 def test_the_measured_noise_is_near_the_bound_and_its_figures_are_finite() -> None:
     measured = measure(shipped("dual_mass").replace({"run.duration": 8000.0}), seeds=2)
     found = {result.key: result for result in results(measured)}
     walk = measured.allan.angle_random_walk
     assert walk is not None
     assert measured.bound is not None
-    assert 0.8 < walk.value / measured.bound < 1.3
+    assert 0.8 < walk.value / measured.bound.known < 1.3
     assert abs(found["scale_factor_error"].value) < 10
     assert found["zero_rate_output"].low < 0 < found["zero_rate_output"].high
     # adaptation.rate_forgetting is 2 pi 100 Hz: a first-order answer with 45 degrees of lag at 100 Hz.

@@ -208,6 +208,14 @@ def test_a_bandwidth_outside_the_frequencies_tried_is_said_to_be_so() -> None:
     assert response(frequency, np.full((3, 2), 0.1 + 0j), 1.0).bandwidth.mean == 0.0
 
 
+def test_a_bandwidth_that_every_run_has_elsewhere_is_lost_in_the_noise() -> None:
+    frequency = np.geomspace(1.0, 100.0, 9)
+    gains = np.array([1 / (1 + 1j * frequency / corner) for corner in (3.0, 30.0, 10.0)]).T
+    assert math.isnan(response(frequency, gains, 1.0).bandwidth.mean)
+    gains[:, 0] = 1.0  # this one falls nowhere
+    assert math.isnan(response(frequency, gains, 1.0).bandwidth.mean)
+
+
 # -- Grades --------------------------------------------------------------------------------------------------
 
 

@@ -83,8 +83,11 @@ def start_chart(m: Characterisation) -> str:
             start = MILLISECOND.of(m.start_up_time)
             panel.axvline(start, color=COLOURS[1], linewidth=0.9, label="start-up time")
             panel.set_xlim(0, min(float(time[-1]), SHOWN * start))
-        if abs(m.start_up.rate).max() > FAR * m.rates[-1]:
+        largest = DEG_PER_S.of(float(abs(m.start_up.rate).max()))
+        if largest > FAR * DEG_PER_S.of(float(m.rates[-1])):
             panel.set_yscale("symlog", linthresh=1000)
+            powers = 10.0 ** np.arange(3, math.ceil(math.log10(largest)) + 1)
+            panel.set_yticks([*-powers[::-1], 0, *powers])
         panel.set_xlabel("time (ms)")
         panel.set_ylabel("output (deg/s)")
         _beside(panel)
