@@ -22,6 +22,7 @@ from fracgyro.rate.units import (
     thermal_force_density,
 )
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 DEG = math.pi / 180
 
@@ -116,18 +117,38 @@ def test_white_noise_and_a_walking_rate_are_told_apart() -> None:
     )
 
 
-def test_a_sensor_that_answers_slowly_shows_the_same_angle_random_walk() -> None:
-    density, interval, lag = 0.1, 0.01, 0.1  # s
-    noise = white(density, interval, (4, 50_000), 3)
+def slow(records: NDArray[np.float64], interval: float, lag: float) -> NDArray[np.float64]:
+    """As a sensor of first order tells it."""
     keep = math.exp(-interval / lag)
-    slow = np.empty_like(noise)
-    value = np.zeros(len(noise))
-    for i in range(noise.shape[1]):
-        value = keep * value + (1 - keep) * noise[:, i]
-        slow[:, i] = value
-    found = allan(slow, interval).angle_random_walk
+    return np.asarray(lfilter([1 - keep], [1, -keep], records, axis=1))
+
+
+def test_a_sensor_that_answers_slowly_shows_the_same_angle_random_walk() -> None:
+    density, interval = 0.1, 0.01
+    found = allan(slow(white(density, interval, (4, 50_000), 3), interval, 0.1), interval).angle_random_walk
     assert found is not None
     assert found.value == pytest.approx(density, rel=0.08)
+
+
+def test_the_rise_of_a_slow_answer_is_no_rate_random_walk_and_its_low_start_no_floor() -> None:
+    density, interval = 0.1, 0.01
+    # So short that the shortest average has the least deviation.
+    found = allan(slow(white(density, interval, (4, 1000), 3), interval, 0.1), interval)
+    assert found.deviation[0] == found.deviation.min()
+    assert found.rate_random_walk.limit
+    assert found.bias_instability.limit
+    assert found.bias_instability.high > found.deviation[-1] / 0.664
+
+
+def test_a_walking_rate_is_found_behind_a_slow_answer() -> None:
+    density, interval, walk = 0.1, 0.01, 0.05
+    noise = white(density, interval, (4, 50_000), 3)
+    steps = np.random.default_rng(6).normal(size=noise.shape) * walk * math.sqrt(interval)
+    found = allan(slow(noise + np.cumsum(steps, axis=1), interval, 0.1), interval)
+    assert not found.rate_random_walk.limit
+    assert found.rate_random_walk.value == pytest.approx(walk, rel=0.15)
+    assert found.angle_random_walk is not None
+    assert found.angle_random_walk.value == pytest.approx(density, rel=0.1)
 
 
 @pytest.mark.parametrize("record", [np.ones(19), np.full(100, np.nan)])

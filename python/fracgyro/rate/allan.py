@@ -60,15 +60,17 @@ def allan(records: Array, interval: float) -> Allan:
     deviation = np.sqrt(np.mean([np.asarray(one[1]) ** 2 for one in found], axis=0))
     freedom = count * np.array([_degrees_of_freedom(round(t / interval), samples) for t in tau])
     low, high = deviation[:, None].T * _factors(freedom)
-    walk = _angle_random_walk(tau, deviation, freedom)
+    peak = _peak_of_the_response(deviation, low, high)
+    walk = _angle_random_walk(tau, deviation, freedom, peak)
+    beyond = slice(peak, None)
     return Allan(
         tau,
         deviation,
         low,
         high,
         walk,
-        _bias_instability(tau, deviation, low, high, walk),
-        _rate_random_walk(tau, deviation, high, freedom),
+        _bias_instability(tau[beyond], deviation[beyond], low[beyond], high[beyond], walk),
+        _rate_random_walk(tau[beyond], deviation[beyond], high[beyond], freedom[beyond]),
     )
 
 
@@ -81,6 +83,16 @@ def _factors(freedom: Array) -> Array:
     """What a deviation is multiplied by to get the ends of its interval: rows low, high."""
     tail = (1 - CONFIDENCE) / 2
     return np.asarray(np.sqrt(freedom / chi2.ppf([[1 - tail], [tail]], freedom)), dtype=float)
+
+
+def _peak_of_the_response(deviation: Array, low: Array, high: Array) -> int:
+    """Where the deviation, having risen from the shortest average on, falls again by more than its noise; else 0.
+
+    Left of it a sensor of finite bandwidth cannot move: its rise is no rate random walk, its low start no floor.
+    """
+    falls = np.flatnonzero(np.diff(deviation) < 0)
+    peak = int(falls[0]) if len(falls) else 0
+    return peak if (high[peak:] < low[peak]).any() else 0
 
 
 def _stretch(tau: Array, deviation: Array, freedom: Array, slope: float) -> slice | None:
@@ -108,22 +120,21 @@ def _along(tau: Array, deviation: Array, freedom: Array, slope: float) -> Estima
     return Estimate(height, float(low), float(high))
 
 
-def _angle_random_walk(tau: Array, deviation: Array, freedom: Array) -> Estimate | None:
+def _angle_random_walk(tau: Array, deviation: Array, freedom: Array, peak: int) -> Estimate | None:
     """N: the line of slope -1/2, read at tau = 1 s.
 
     A sensor of finite bandwidth makes Markov noise of white noise (IEEE Std 952): its deviation rises to a
     peak and joins that line from below, as N/sqrt(tau) sqrt(1 - T/2tau (3 - 4 exp(-tau/T) + exp(-2tau/T))). With T
     from where the peak lies the root is divided out.
     """
-    peak = int(np.argmax(deviation))
-    if 0 < peak < len(tau) - 1:
-        left, top, right = np.log(deviation[peak - 1 : peak + 2])
-        place = 0.5 * (left - right) / (left - 2 * top + right)  # of the parabola through the three, in octaves
-        time = float(tau[peak]) * 2.0**place / PEAK
-        x = tau / time
-        whitened = deviation / np.sqrt(1 - (3 - 4 * np.exp(-x) + np.exp(-2 * x)) / (2 * x))
-        return _along(tau[peak:], whitened[peak:], freedom[peak:], -0.5)
-    return _along(tau[peak:], deviation[peak:], freedom[peak:], -0.5)
+    if peak == 0:
+        return _along(tau, deviation, freedom, -0.5)
+    left, top, right = np.log(deviation[peak - 1 : peak + 2])
+    place = 0.5 * (left - right) / (left - 2 * top + right)  # of the parabola through the three, in octaves
+    time = float(tau[peak]) * 2.0**place / PEAK
+    x = tau / time
+    whitened = deviation / np.sqrt(1 - (3 - 4 * np.exp(-x) + np.exp(-2 * x)) / (2 * x))
+    return _along(tau[peak:], whitened[peak:], freedom[peak:], -0.5)
 
 
 def _bias_instability(tau: Array, deviation: Array, low: Array, high: Array, walk: Estimate | None) -> Estimate:
@@ -137,7 +148,7 @@ def _bias_instability(tau: Array, deviation: Array, low: Array, high: Array, wal
 
 
 def _rate_random_walk(tau: Array, deviation: Array, high: Array, freedom: Array) -> Estimate:
-    """K: the line of slope +1/2, read at tau = 3 s, from the least deviation on."""
+    """K: the line of slope +1/2, read at tau = 3 s, beyond the least deviation."""
     least = int(np.argmin(deviation))
     rising = slice(least, None)
     found = _along(tau[rising], deviation[rising], freedom[rising], 0.5) if len(tau) - least > 1 else None
