@@ -10,16 +10,16 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import click
 
+from .export.commands import export, replay
 from .files import reason
 from .scenario import Scenario
 from .shipped import SHIPPED, shipped_text
 from .simulate import DivergedError, simulate
 
-DIFFERENT = 1
 BAD_INPUT = 2
 INTERRUPTED = 130
 
@@ -191,115 +191,8 @@ def scenario_command(name: str | None, variant: str, listed: bool) -> None:
         click.echo(Scenario.paper("printed" if variant == "printed" else "corrected").to_toml(), nl=False)
 
 
-@cli.group()
-def export() -> None:
-    """The controller of a scenario for other places."""
-
-
-@export.command(name="web")
-@click.argument("scenario", type=click.Path(path_type=Path))
-@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="The scenario as JSON.")
-def web_command(scenario: Path, out: Path) -> None:
-    """Write SCENARIO for the WebAssembly module that `make web` builds, modes included."""
-    from .export.web import export as write
-
-    write(Scenario.load(scenario), out)
-    click.echo(f"{out}: load it beside fracgyro.mjs, whose first lines show how")
-
-
-@export.command()
-@click.argument("scenario", type=click.Path(path_type=Path))
-@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="The FMU.")
-@click.option("--controller", is_flag=True, help="The controller alone, without the plant.")
-@click.option("--fmi", type=click.Choice(["2.0", "3.0"]), default="2.0", show_default=True, help="Version of FMI.")
-@click.option("--windows", is_flag=True, help="With a binary for Windows; needs ziglang.")
-@click.option("--macos", is_flag=True, help="With a binary for macOS; needs ziglang.")
-@click.option(
-    "--number",
-    type=click.Choice(["float", "double"]),
-    default="double",
-    show_default=True,
-    help="What it computes with.",
-)
-def fmu(
-    scenario: Path,
-    out: Path,
-    controller: bool,
-    fmi: Literal["2.0", "3.0"],
-    windows: bool,
-    macos: bool,
-    number: Literal["float", "double"],
-) -> None:
-    """Write SCENARIO as an FMU, for Simulink, OpenModelica and others: the closed loop, for co-simulation on Linux."""
-    from .export.fmu import System
-    from .export.fmu import export as write
-
-    wanted: dict[System, bool] = {"linux": True, "windows": windows, "macos": macos}
-    systems = [system for system, chosen in wanted.items() if chosen]
-    content: Literal["controller", "loop"] = "controller" if controller else "loop"
-    write(Scenario.load(scenario), out, content=content, fmi=fmi, systems=systems, number=number)
-    words = ["controller" if controller else "closed loop", f"FMI {fmi}", *(["float"] if number == "float" else [])]
-    click.echo(f"{out}: {', '.join(words)}, for {', '.join(systems)}")
-
-
-@export.command()
-@click.argument("scenario", type=click.Path(path_type=Path))
-@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
-@click.option(
-    "--number",
-    type=click.Choice(["float", "double"]),
-    default="float",
-    show_default=True,
-    help="What it computes with.",
-)
-def firmware(scenario: Path, out: Path, number: Literal["float", "double"]) -> None:
-    """Write the controller of SCENARIO as C++ with a C interface, for a microcontroller."""
-    from .export.firmware import export_firmware
-
-    export_firmware(Scenario.load(scenario), out, number)
-    click.echo(f"{out}: add it to your project, as its README.md says")
-
-
-@cli.command(name="replay")
-@click.argument("trace", type=click.Path(path_type=Path))
-@click.option(
-    "--target",
-    required=True,
-    type=click.Choice(["host", "m4f", "m7", "wasm", "fmu", "lanes"]),
-    help="Firmware on this computer, an emulated Cortex-M4F or M7; WebAssembly, FMU; lanes of a register.",
-)
-@click.option(
-    "--number",
-    type=click.Choice(["float", "double"]),
-    default="double",
-    show_default=True,
-    help="What the target computes with.",
-)
-@click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON.")
-def replay_command(
-    trace: Path,
-    target: Literal["host", "m4f", "m7", "wasm", "fmu", "lanes"],
-    number: Literal["float", "double"],
-    as_json: bool,
-) -> None:
-    """Let the controller on a target answer the motions of TRACE, a run that `simulate --out` wrote, and compare bits.
-
-    In double with what was recorded, in float with the Python Controller. Ends with 1 when a bit differs.
-    """
-    from .export.replay import replay
-
-    found = replay(trace, target, number)
-    against = "the trace" if number == "double" else "the Python Controller"
-    if as_json:
-        click.echo(json.dumps(asdict(found)))
-    elif found.difference:
-        d = found.difference
-        click.echo(f"{target}, {number}: step {d.step}, {d.variable} is {d.found}, in {against} {d.expected}")
-    else:
-        click.echo(f"{target}, {number}: {found.steps} steps, every bit of forces and estimates is that of {against}")
-        click.echo(f"parity hash (SHA-256): {found.hash}")
-    if found.difference:
-        raise click.exceptions.Exit(DIFFERENT)
+cli.add_command(export)
+cli.add_command(replay)
 
 
 @contextmanager

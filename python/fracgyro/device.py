@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, model_validator
 from pydantic_core import PydanticCustomError
 
-from .tables import NonNegative, Table, _field, _tuple, sentence, toml_value
+from .table import NonNegative, Table, as_tuple, field, sentence, toml_value
 
 MOST_POINTS = 100_000
 Points = tuple[tuple[float, float], ...]
@@ -37,7 +37,7 @@ def _points(value: Any) -> Points | None:
 
 
 OptionalPoints = Annotated[Points | None, BeforeValidator(_points)]
-Cubic = Annotated[tuple[float, float], _tuple("x y", expand=True)]
+Cubic = Annotated[tuple[float, float], as_tuple("x y", expand=True)]
 
 
 def _read_file(values: Any, table: str, field: str, points: str, column: str) -> Any:
@@ -75,27 +75,27 @@ def read_points(path: str, name: str, column: str) -> list[list[float]]:
 class Rate(Table):
     """The angular rate over time: in rad/s, times and frequencies nondimensional but for those of points."""
 
-    kind: Literal["constant", "step", "staircase", "sine", "chirp", "noise", "table"] = _field(
+    kind: Literal["constant", "step", "staircase", "sine", "chirp", "noise", "table"] = field(
         "constant",
         "plant.angular_rate, plus: a step or a staircase up; sine; chirp, a sine whose frequency rises linearly until "
         "the end of the run; Gaussian noise with a flat spectrum up to frequency. table: points alone. constant: off.",
     )
-    amplitude: float = _field(
+    amplitude: float = field(
         0.0, "rad/s: height of the step or of each level, peak of sine and chirp, standard deviation of the noise."
     )
-    start: NonNegative = _field(0.0, "Unit 1/omega0, whole steps: until then the rate is plant.angular_rate. 0.0: off.")
-    hold: float | None = _field(None, "Unit 1/omega0, whole steps: time on each level of the staircase.", gt=0)
-    levels: int = _field(1, "How many levels the staircase climbs; it stays on the last one.", ge=1)
-    frequency: NonNegative = _field(
+    start: NonNegative = field(0.0, "Unit 1/omega0, whole steps: until then the rate is plant.angular_rate. 0.0: off.")
+    hold: float | None = field(None, "Unit 1/omega0, whole steps: time on each level of the staircase.", gt=0)
+    levels: int = field(1, "How many levels the staircase climbs; it stays on the last one.", ge=1)
+    frequency: NonNegative = field(
         0.0, "Unit omega0: of the sine, where the chirp begins, where the band of the noise ends. At most pi/run.step."
     )
-    final_frequency: NonNegative = _field(0.0, "Unit omega0: where the chirp ends. At most pi/run.step.")
-    seed: int = _field(0, "Of the noise: same seed, same rate; 0 to 2^63 - 1.", ge=0, le=2**63 - 1)
-    file: str | None = _field(
+    final_frequency: NonNegative = field(0.0, "Unit omega0: where the chirp ends. At most pi/run.step.")
+    seed: int = field(0, "Of the noise: same seed, same rate; 0 to 2^63 - 1.", ge=0, le=2**63 - 1)
+    file: str | None = field(
         None,
         "A CSV file with the header time,rate, in s and rad/s, beside the scenario: read at once and kept as points.",
     )
-    points: OptionalPoints = _field(
+    points: OptionalPoints = field(
         None,
         "Of the table: [[time in s, rate in rad/s], ...], linear in between and constant beyond the ends. This is the "
         "rate itself: plant.angular_rate is then only what the estimate starts from.",
@@ -126,52 +126,52 @@ class Rate(Table):
 class Device(Table):
     """What the device is not ideal in. In SI units."""
 
-    sensing: Literal["full", "position"] = _field(
+    sensing: Literal["full", "position"] = field(
         "full",
         "What is measured: position and velocity, or the position alone, from which an observer of bandwidth "
         "controller.observer_bandwidth finds the velocity. full: off.",
     )
-    position_noise: NonNegative = _field(
+    position_noise: NonNegative = field(
         0.0, "m: standard deviation of the measured position, anew at every sample. 0.0: off."
     )
-    position_noise_density: NonNegative = _field(
+    position_noise_density: NonNegative = field(
         0.0, "m/sqrt(Hz), one-sided: instead, white noise up to half the sampling frequency. 0.0: off."
     )
-    velocity_noise: NonNegative = _field(0.0, "m/s: of the measured velocity. 0.0: off.")
-    velocity_noise_density: NonNegative = _field(0.0, "(m/s)/sqrt(Hz), one-sided: instead. 0.0: off.")
-    position_range: float = _field(
+    velocity_noise: NonNegative = field(0.0, "m/s: of the measured velocity. 0.0: off.")
+    velocity_noise_density: NonNegative = field(0.0, "(m/s)/sqrt(Hz), one-sided: instead. 0.0: off.")
+    position_range: float = field(
         math.inf, "m, > 0: the measured position clips at plus and minus this. inf: off.", gt=0, allow_inf_nan=True
     )
-    position_bits: int = _field(
+    position_bits: int = field(
         0, "Bits of the converter: it has 2^bits levels over the range, at most 32 bits. 0: off.", ge=0, le=32
     )
-    velocity_range: float = _field(
+    velocity_range: float = field(
         math.inf, "m/s, > 0: the measured velocity clips at plus and minus this. inf: off.", gt=0, allow_inf_nan=True
     )
-    velocity_bits: int = _field(0, "As position_bits. 0: off.", ge=0, le=32)
-    actuator_limit: float = _field(
+    velocity_bits: int = field(0, "As position_bits. 0: off.", ge=0, le=32)
+    actuator_limit: float = field(
         math.inf,
         "N, > 0: largest force of the actuator per axis; the controller does not know of it, as it does of "
         "controller.force_limit. inf: off.",
         gt=0,
         allow_inf_nan=True,
     )
-    actuator_bits: int = _field(0, "Of the force's converter, over plus and minus the limit. 0: off.", ge=0, le=32)
-    delay: int = _field(
+    actuator_bits: int = field(0, "Of the force's converter, over plus and minus the limit. 0: off.", ge=0, le=32)
+    delay: int = field(
         0,
         "Steps between a measurement and the force that answers it, beyond none, at most 1000. 0: off.",
         ge=0,
         le=1000,
     )
-    cubic_stiffness: Cubic = _field(
+    cubic_stiffness: Cubic = field(
         (0.0, 0.0), "kappa [x, y], N/m^3: each spring pulls with kappa q^3 more; negative softens. Zeros: off."
     )
-    stiffness_drift: float = _field(0.0, "ppm/K: of K and Delta K, by the temperature below. 0.0: off.")
-    temperature_ramp: float = _field(0.0, "K/s: the temperature rises at this rate from t = 0 on. 0.0: off.")
-    temperature_file: str | None = _field(
+    stiffness_drift: float = field(0.0, "ppm/K: of K and Delta K, by the temperature below. 0.0: off.")
+    temperature_ramp: float = field(0.0, "K/s: the temperature rises at this rate from t = 0 on. 0.0: off.")
+    temperature_file: str | None = field(
         None, "Instead: a CSV file with the header time,temperature, in s and K, read at once and kept as points."
     )
-    temperature_points: OptionalPoints = _field(
+    temperature_points: OptionalPoints = field(
         None, "[[time in s, change of temperature in K], ...], linear in between and constant beyond the ends."
     )
 

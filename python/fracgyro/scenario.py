@@ -22,6 +22,7 @@ from pydantic_core import ErrorDetails
 
 from .device import Device, Rate
 from .files import whole_file
+from .table import Table, sentence, toml_value
 from .tables import (
     ERRATA_SWITCHES,
     HOLD_TOLERANCE,
@@ -32,9 +33,6 @@ from .tables import (
     Plant,
     Reference,
     Run,
-    Table,
-    sentence,
-    toml_value,
 )
 
 # The first words and the last line of a saved scenario: half a file may still be valid TOML.

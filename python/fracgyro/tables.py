@@ -6,23 +6,27 @@ nondimensional. A field's description becomes its comment in the TOML.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import astuple, dataclass
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    field_validator,
-    model_validator,
+from pydantic import model_validator
+
+from .table import (
+    ZERO,
+    BoundGains,
+    Bounds,
+    Gains,
+    Pair,
+    Symmetric,
+    Table,
+    Vector,
+    field,
+    sentence,
+    toml_value,
 )
-from pydantic_core import PydanticCustomError
 
 HOLD_TOLERANCE = 1e-9  # relative: how far disturbance.hold may be from a whole number of steps
 MOST_STEPS = 10**8
@@ -52,88 +56,6 @@ ERRATA_SWITCHES = {
 }
 
 
-def toml_value(value: Any) -> str:
-    """A value as TOML writes it; floats in the fewest digits that read back the same."""
-    if value is None:
-        return "not set"  # for sentences alone: TOML has no such value
-    if isinstance(value, BaseModel):
-        value = dict(value)
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{key} = {toml_value(entry)}" for key, entry in value.items()) + "}"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(toml_value, value)) + "]"
-    return json.dumps(value, ensure_ascii=False) if isinstance(value, str | bool) else str(value)
-
-
-def sentence(text: str) -> PydanticCustomError:
-    """An error inside a validator, already worded in full; `_describe` passes it through."""
-    return PydanticCustomError("sentence", "{text}", {"text": text})
-
-
-def _field(default: Any, description: str, **limits: Any) -> Any:
-    """The description becomes the TOML comment: symbol, unit, effect, and the value that switches it off."""
-    return Field(default, description=description, **limits)
-
-
-def _tuple(names: str, *, expand: bool = False) -> BeforeValidator:
-    """TOML has lists, frozen models hold tuples; `expand`: one number stands for every entry."""
-    count = len(names.split())
-    rule = f"it must be a list of {count} numbers [{', '.join(names.split())}]"
-    rule += " or one number for all of them" if expand else ""
-
-    def convert(value: Any) -> tuple[Any, ...]:
-        if expand and isinstance(value, int | float) and not isinstance(value, bool):
-            return (value,) * count
-        if not isinstance(value, list | tuple) or len(value) != count:
-            raise PydanticCustomError("rule", "{rule}", {"rule": rule})
-        return tuple(value)
-
-    return BeforeValidator(convert)
-
-
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
-Pair = Annotated[tuple[float, float], _tuple("x y")]
-Gains = Annotated[tuple[Positive, Positive], _tuple("x y", expand=True)]
-BoundGains = Annotated[tuple[Positive, Positive, Positive], _tuple("x0 x1 x2")]
-Bounds = Annotated[tuple[NonNegative, NonNegative, NonNegative], _tuple("b0 b1 b2")]
-Vector = NDArray[np.float64]
-
-
-class Table(BaseModel):
-    model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
-
-    @field_validator("*", mode="after")
-    @classmethod
-    def _one_zero(cls, value: Any) -> Any:
-        """-0.0 becomes 0.0, so that equal scenarios have equal text and equal hashes."""
-        if isinstance(value, tuple):
-            return tuple(cls._one_zero(entry) for entry in value)
-        return value + 0.0 if isinstance(value, float) else value
-
-
-class Symmetric(Table):
-    """A symmetric 2x2 matrix."""
-
-    xx: float
-    xy: float
-    yy: float
-
-    def smallest_eigenvalue(self) -> float:
-        return self.xx / 2 + self.yy / 2 - math.hypot(self.xx / 2 - self.yy / 2, self.xy)
-
-    def entries(self) -> Vector:
-        """[xx, xy, yy]"""
-        return np.array([self.xx, self.xy, self.yy])
-
-    def plus(self, xx: float, xy: float, yy: float) -> Symmetric:
-        """The sum, not validated: an overflow is for the check of definiteness to report."""
-        return Symmetric.model_construct(xx=self.xx + xx, xy=self.xy + xy, yy=self.yy + yy)
-
-
-ZERO = Symmetric(xx=0.0, xy=0.0, yy=0.0)
-
-
 @dataclass(frozen=True)
 class Scales:
     """SI value = nondimensional value * scale: the map (3)-(4), which takes (47) to (48)."""
@@ -151,38 +73,38 @@ class Scales:
 class Plant(Table):
     """The gyroscope, eqs (1), (2), (9) and (47); SI units."""
 
-    mass: float = _field(1.8e-7, "m, kg: proof mass.", gt=0)
-    damping: Symmetric = _field(
+    mass: float = field(1.8e-7, "m, kg: proof mass.", gt=0)
+    damping: Symmetric = field(
         Symmetric(xx=1.8e-6, xy=3.6e-7, yy=1.8e-6),
         "D, N s/m: positive semidefinite; xy couples the axes. Zeros: undamped.",
     )
-    stiffness: Symmetric = _field(
+    stiffness: Symmetric = field(
         Symmetric(xx=63.955, xy=12.779, yy=95.92),
         "K, N/m: positive definite; xy couples the axes, and 0.0 uncouples them.",
     )
-    damping_deviation: Symmetric = _field(
+    damping_deviation: Symmetric = field(
         ZERO, "Delta D, N s/m, eq. (9): added to damping, unknown to the controller. Zeros: off."
     )
-    stiffness_deviation: Symmetric = _field(
+    stiffness_deviation: Symmetric = field(
         ZERO,
         "Delta K, N/m, eq. (9): added to stiffness, unknown to the controller; the sum stays positive "
         "definite. Zeros: off.",
     )
-    angular_rate: float = _field(100.0, "Omega_z, rad/s: the rate to be sensed; Coriolis force. 0.0: off.")
-    transverse_rate: Pair = _field(
+    angular_rate: float = field(100.0, "Omega_z, rad/s: the rate to be sensed; Coriolis force. 0.0: off.")
+    transverse_rate: Pair = field(
         (0.0, 0.0), "[Omega_x, Omega_y], rad/s: acts only when centrifugal is true. Zeros: off."
     )
-    centrifugal: bool = _field(
+    centrifugal: bool = field(
         False,
         "Eq. (1): stiffness xx loses m (Omega_y^2 + Omega_z^2), yy loses m (Omega_x^2 + Omega_z^2) and "
         "xy gains m Omega_x Omega_y. false: off, eq. (2).",
     )
-    reference_length: float = _field(1e-6, "q0, m: the unit of length of every other table.", gt=0)
-    reference_frequency: float = _field(
+    reference_length: float = field(1e-6, "q0, m: the unit of length of every other table.", gt=0)
+    reference_frequency: float = field(
         1000.0, "omega0, rad/s: 1/omega0 is the unit of time of every other table.", gt=0
     )
-    initial_position: Pair = _field((0.5, 0.5), "q(0) [x, y], unit q0, eq. (49). Zeros: starts centred.")
-    initial_velocity: Pair = _field((0.0, 0.0), "v(0) [x, y], unit q0 omega0, eq. (49). Zeros: at rest.")
+    initial_position: Pair = field((0.5, 0.5), "q(0) [x, y], unit q0, eq. (49). Zeros: starts centred.")
+    initial_velocity: Pair = field((0.0, 0.0), "v(0) [x, y], unit q0 omega0, eq. (49). Zeros: at rest.")
 
     @property
     def scales(self) -> Scales:
@@ -240,54 +162,54 @@ def _check_definite(name: str, matrix: Symmetric, *, semi: bool = False, unit: s
 class Reference(Table):
     """The motion to follow, r = amplitude*sin(frequency*t + phase)."""
 
-    amplitude: Pair = _field((1.0, 1.0), "[x, y], unit q0. Zeros: off, r = 0.")
-    frequency: Pair = _field((math.pi, math.pi / 2), "[x, y], unit omega0. Zeros: r is constant.")
-    phase: Pair = _field((0.0, math.pi / 2), "[x, y], rad: pi/2 makes a cosine. Zeros: off.")
+    amplitude: Pair = field((1.0, 1.0), "[x, y], unit q0. Zeros: off, r = 0.")
+    frequency: Pair = field((math.pi, math.pi / 2), "[x, y], unit omega0. Zeros: r is constant.")
+    phase: Pair = field((0.0, math.pi / 2), "[x, y], rad: pi/2 makes a cosine. Zeros: off.")
 
 
 class Controller(Table):
     """Sliding surface (16) and control law (35), (46)."""
 
-    kind: Literal["fractional_fast_terminal", "fractional", "fast_terminal", "linear"] = _field(
+    kind: Literal["fractional_fast_terminal", "fractional", "fast_terminal", "linear"] = field(
         "fractional_fast_terminal",
         "The surface: fractional_fast_terminal (16), the paper's; fractional: (16) with lambda2 = 0; "
         "fast_terminal (15): alpha = 1; linear: both.",
     )
-    order: float = _field(0.9, "alpha, 0 to 1, no unit: order of D^alpha e. 1.0: off, the integer surface.", ge=0, le=1)
-    fractional_gain: Gains = _field(
+    order: float = field(0.9, "alpha, 0 to 1, no unit: order of D^alpha e. 1.0: off, the integer surface.", ge=0, le=1)
+    fractional_gain: Gains = field(
         (10.0, 10.0), "lambda1 [x, y], unit omega0^(2-alpha), > 0: decay of e on the surface. Towards 0.0: off."
     )
-    terminal_gain: Gains = _field(
+    terminal_gain: Gains = field(
         (0.5, 0.5),
         "lambda2 [x, y], unit q0^(1-c) omega0, > 0: finite-time pull near e = 0. kind fractional, linear: off.",
     )
-    terminal_exponent: float = _field(
+    terminal_exponent: float = field(
         0.5, "c, strictly between 0 and 1, no unit: |e|^c sign(e). Towards 1.0: a linear term.", gt=0, lt=1
     )
-    layer_thickness: float = _field(
+    layer_thickness: float = field(
         0.06, "delta, unit of s, eq. (33): layer that smooths the switching. 0.0: off, pure sign.", ge=0
     )
-    layer: Literal["quadratic", "linear"] = _field(
+    layer: Literal["quadratic", "linear"] = field(
         ERRATA_SWITCHES["controller.layer"].corrected,
         "Inside the layer: quadratic, -(s/delta^2)||s|| rho, as printed in (46); linear, -(s/delta) rho. "
         "layer_thickness 0.0: off.",
     )
-    derivative: Literal["caputo", "riemann_liouville"] = _field(
+    derivative: Literal["caputo", "riemann_liouville"] = field(
         ERRATA_SWITCHES["controller.derivative"].corrected,
         "D^alpha of (18): caputo as printed; riemann_liouville cancels exactly. order 1.0: no difference.",
     )
-    rate_law: Literal["skew", "printed"] = _field(
+    rate_law: Literal["skew", "printed"] = field(
         ERRATA_SWITCHES["controller.rate_law"].corrected,
         "Law of the Omega_z estimate, (44): skew, P (s1 v2 - s2 v1); printed: off, it never moves.",
     )
-    singularity_floor: float = _field(
+    singularity_floor: float = field(
         1e-6, "Unit q0, > 0: floor of |e| in |e|^(c-1). Towards 0.0: off; below 1e-9 rounding rules.", gt=0
     )
-    observer_bandwidth: float = _field(
+    observer_bandwidth: float = field(
         300.0, "Unit omega0, > 0: of the observer of velocity. device.sensing full: off, it is measured.", gt=0
     )
-    adaptive: bool = _field(True, "Estimates replace true values, (35). false: off, all known, (20), (34).")
-    force_limit: float = _field(
+    adaptive: bool = field(True, "Estimates replace true values, (35). false: off, all known, (20), (34).")
+    force_limit: float = field(
         math.inf, "Largest |u| per axis, unit m omega0^2 q0, > 0. inf: off.", gt=0, allow_inf_nan=True
     )
 
@@ -295,40 +217,40 @@ class Controller(Table):
 class Adaptation(Table):
     """Adaptation laws (44), least squares beside them, and what keeps the estimates bounded."""
 
-    kind: Literal["gradient", "composite"] = _field(
+    kind: Literal["gradient", "composite"] = field(
         "gradient",
         "gradient: the laws (44); composite: least squares on the plant's equation beside them, which gives D, K, "
         "Omega_z and its standard deviation. controller.adaptive false: off.",
     )
-    damping_gain: float = _field(150.0, "M, > 0: speed of the D estimate. Towards 0.0: off.", gt=0)
-    stiffness_gain: float = _field(150.0, "N, > 0: speed of the K estimate. Towards 0.0: off.", gt=0)
-    rate_gain: float = _field(150.0, "P, > 0: speed of the Omega_z estimate. Towards 0.0: off.", gt=0)
-    bound_gain: BoundGains = _field(
+    damping_gain: float = field(150.0, "M, > 0: speed of the D estimate. Towards 0.0: off.", gt=0)
+    stiffness_gain: float = field(150.0, "N, > 0: speed of the K estimate. Towards 0.0: off.", gt=0)
+    rate_gain: float = field(150.0, "P, > 0: speed of the Omega_z estimate. Towards 0.0: off.", gt=0)
+    bound_gain: BoundGains = field(
         (1.0, 1.6, 1.6), "[x0, x1, x2], > 0: speed of the bound estimates (12). Towards 0.0: off."
     )
-    initial_bound: Bounds = _field(
+    initial_bound: Bounds = field(
         (0.1, 0.2, 0.3), "[b0, b1, b2] at t = 0, units of (12), >= 0: initial switching gain. Zeros: none."
     )
-    initial_ratio: float = _field(
+    initial_ratio: float = field(
         0.95, "Estimates of D, K, Omega_z at t = 0 over their true values, > 0. 1.0: off, no error.", gt=0
     )
-    leakage: float = _field(
+    leakage: float = field(
         0.0, "Unit omega0: rate at which estimates leak back to their initial values. 0.0: off.", ge=0
     )
-    dead_zone: float = _field(0.0, "Unit of s: adaptation is frozen while ||s|| is below. 0.0: off.", ge=0)
-    projection: float = _field(
+    dead_zone: float = field(0.0, "Unit of s: adaptation is frozen while ||s|| is below. 0.0: off.", ge=0)
+    projection: float = field(
         0.0,
         "Every estimate is kept within this fraction of its family's largest initial entry about its "
         "initial value. 0.0: off.",
         ge=0,
     )
-    initial_rate: float | None = _field(
+    initial_rate: float | None = field(
         None, "Unit omega0: estimate of Omega_z at t = 0. Not set: initial_ratio times the true value."
     )
-    forgetting: float = _field(
+    forgetting: float = field(
         0.0, "Unit omega0: rate at which composite's least squares forget, all parameters alike. 0.0: off.", ge=0
     )
-    rate_forgetting: float = _field(
+    rate_forgetting: float = field(
         0.0,
         "Unit omega0: rate at which they forget Omega_z besides, which is their bandwidth for it: a fast rate, "
         "a noisy estimate. 0.0: off, Omega_z is taken for constant.",
@@ -339,22 +261,22 @@ class Adaptation(Table):
 class Disturbance(Table):
     """The force d of (9), on each axis."""
 
-    kind: Literal["none", "noise", "sine"] = _field(
+    kind: Literal["none", "noise", "sine"] = field(
         "noise", "noise: Gaussian, piecewise constant; sine: amplitude*sin(frequency*t + phase). none: off."
     )
-    standard_deviation: float | None = _field(
+    standard_deviation: float | None = field(
         None, "Unit of force; noise needs this or density, and only one. 0.0: off.", ge=0
     )
-    density: float | None = _field(
+    density: float | None = field(
         None, "S, unit force^2 time: white noise of density S held for h has variance S/h. 0.0: off.", ge=0
     )
-    hold: float | None = _field(
+    hold: float | None = field(
         None, "h, unit 1/omega0: time between noise draws, whole steps. Not set: off, one step.", gt=0
     )
-    seed: int = _field(0, "Same seed, same noise; 0 to 2^63 - 1. Without effect on other kinds.", ge=0, le=2**63 - 1)
-    amplitude: Pair = _field((0.0, 0.0), "Of the sine, [x, y], unit of force. Zeros: off.")
-    frequency: Pair = _field((0.0, 0.0), "Of the sine, [x, y], unit omega0. Zeros: constant force.")
-    phase: Pair = _field((0.0, 0.0), "Of the sine, [x, y], rad. Zeros: off.")
+    seed: int = field(0, "Same seed, same noise; 0 to 2^63 - 1. Without effect on other kinds.", ge=0, le=2**63 - 1)
+    amplitude: Pair = field((0.0, 0.0), "Of the sine, [x, y], unit of force. Zeros: off.")
+    frequency: Pair = field((0.0, 0.0), "Of the sine, [x, y], unit omega0. Zeros: constant force.")
+    phase: Pair = field((0.0, 0.0), "Of the sine, [x, y], rad. Zeros: off.")
 
     @model_validator(mode="before")
     @classmethod
@@ -379,13 +301,13 @@ class Disturbance(Table):
 class Run(Table):
     """How long, how finely, and what is kept."""
 
-    duration: float = _field(80.0, "Unit 1/omega0: end of the run, at least one step.", gt=0)
-    step: float = _field(1e-3, "h, unit 1/omega0: period of control. The paper's loop diverges from about 5e-3.", gt=0)
-    record_every: int = _field(1, "Steps from one recorded sample to the next. 1: off, all are kept.", ge=1)
-    mode_tolerance: float = _field(
+    duration: float = field(80.0, "Unit 1/omega0: end of the run, at least one step.", gt=0)
+    step: float = field(1e-3, "h, unit 1/omega0: period of control. The paper's loop diverges from about 5e-3.", gt=0)
+    record_every: int = field(1, "Steps from one recorded sample to the next. 1: off, all are kept.", ge=1)
+    mode_tolerance: float = field(
         1e-6, "Largest relative error of the exponential modes; 1e-9 to 1e-1.", ge=1e-9, le=1e-1
     )
-    units: Literal["nondimensional", "SI"] = _field(
+    units: Literal["nondimensional", "SI"] = field(
         "nondimensional", "Units of the results alone: nondimensional, or SI (s, m, N). nondimensional: off."
     )
 

@@ -13,7 +13,8 @@ from urllib.parse import unquote
 
 import fracgyro as fg
 import pytest
-from fracgyro.tables import ERRATA_SWITCHES, toml_value
+from fracgyro.table import toml_value
+from fracgyro.tables import ERRATA_SWITCHES
 
 ROOT = Path(__file__).resolve().parents[2]
 GENERATED = {"build", "out", "node_modules"}

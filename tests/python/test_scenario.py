@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 import pytest
 from fracgyro.scenario import Scenario, ScenarioError, paths
-from fracgyro.tables import ERRATA_SWITCHES, Symmetric
+from fracgyro.table import Symmetric
+from fracgyro.tables import ERRATA_SWITCHES
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError

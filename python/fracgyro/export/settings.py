@@ -16,7 +16,7 @@ from .. import _core
 from ..device import Device, Rate
 from ..scenario import Scenario, ScenarioError
 from ..setup import core_setup
-from ..tables import toml_value
+from ..table import toml_value
 
 LARGEST_EXACT = 2**53 - 1  # faces take their numbers as doubles
 

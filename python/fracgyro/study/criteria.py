@@ -14,7 +14,7 @@ from pydantic import AfterValidator, model_validator
 
 from ..scenario import Scenario
 from ..simulate import simulate_many
-from ..tables import Table, sentence, toml_value
+from ..table import Table, sentence, toml_value
 from .metric_names import METRICS
 
 Values = NDArray[np.float64]

@@ -15,7 +15,7 @@ from pydantic import BeforeValidator, Field
 
 from ..metrics import ERROR_BOUND, RATE_TOLERANCE, SURFACE_BOUND, TRANSIENT
 from ..scenario import Scenario, ScenarioError, read_text
-from ..tables import Table, sentence, toml_value
+from ..table import Table, sentence, toml_value
 from .metric_names import METRICS
 from .space import Dimension, base_scenario, load_study, read_space, refuse_both
 

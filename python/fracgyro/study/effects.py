@@ -12,7 +12,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from ..paper.statistics import Mean, mean_interval
-from ..tables import toml_value
+from ..table import toml_value
 from .design import Plan
 from .space import Dimension
 

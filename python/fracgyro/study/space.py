@@ -14,7 +14,7 @@ from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
 from ..scenario import Scenario, ScenarioError, explained, paths, read_tables, read_text, unknown
-from ..tables import Table, toml_value
+from ..table import Table, toml_value
 
 Model = TypeVar("Model", bound=BaseModel)
 BASES: dict[str, Literal["corrected", "printed"]] = {"paper": "corrected", "paper-printed": "printed"}

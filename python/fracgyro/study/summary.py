@@ -14,7 +14,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from ..files import whole_file
 from ..paper.statistics import Mean
 from ..scenario import Scenario
-from ..tables import toml_value
+from ..table import toml_value
 from . import charts, effects
 from .design import Plan
 from .effects import QUANTILES, Rows

@@ -17,7 +17,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from ..files import whole_file
 from ..paper.drawing import DPI, RC
 from ..scenario import Scenario
-from ..tables import toml_value
+from ..table import toml_value
 from .criteria import Score
 from .hold_out import HoldOut
 from .optimiser import Trial

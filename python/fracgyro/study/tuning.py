@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 
 from ..scenario import Scenario, ScenarioError, read_text
-from ..tables import Table, toml_value
+from ..table import Table, toml_value
 from .criteria import Constraint, Objective
 from .design import Thresholds, seeds_of
 from .space import Dimension, base_scenario, load_study, read_space, refuse_both

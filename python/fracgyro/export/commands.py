@@ -1,0 +1,125 @@
+"""The part of the command line for other places: `fracgyro export` and `fracgyro replay`."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Literal
+
+import click
+
+from ..scenario import Scenario
+
+DIFFERENT = 1
+
+
+@click.group()
+def export() -> None:
+    """The controller of a scenario for other places."""
+
+
+@export.command(name="web")
+@click.argument("scenario", type=click.Path(path_type=Path))
+@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="The scenario as JSON.")
+def web_command(scenario: Path, out: Path) -> None:
+    """Write SCENARIO for the WebAssembly module that `make web` builds, modes included."""
+    from .web import export as write
+
+    write(Scenario.load(scenario), out)
+    click.echo(f"{out}: load it beside fracgyro.mjs, whose first lines show how")
+
+
+@export.command()
+@click.argument("scenario", type=click.Path(path_type=Path))
+@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="The FMU.")
+@click.option("--controller", is_flag=True, help="The controller alone, without the plant.")
+@click.option("--fmi", type=click.Choice(["2.0", "3.0"]), default="2.0", show_default=True, help="Version of FMI.")
+@click.option("--windows", is_flag=True, help="With a binary for Windows; needs ziglang.")
+@click.option("--macos", is_flag=True, help="With a binary for macOS; needs ziglang.")
+@click.option(
+    "--number",
+    type=click.Choice(["float", "double"]),
+    default="double",
+    show_default=True,
+    help="What it computes with.",
+)
+def fmu(
+    scenario: Path,
+    out: Path,
+    controller: bool,
+    fmi: Literal["2.0", "3.0"],
+    windows: bool,
+    macos: bool,
+    number: Literal["float", "double"],
+) -> None:
+    """Write SCENARIO as an FMU, for Simulink, OpenModelica and others: the closed loop, for co-simulation on Linux."""
+    from .fmu import System
+    from .fmu import export as write
+
+    wanted: dict[System, bool] = {"linux": True, "windows": windows, "macos": macos}
+    systems = [system for system, chosen in wanted.items() if chosen]
+    content: Literal["controller", "loop"] = "controller" if controller else "loop"
+    write(Scenario.load(scenario), out, content=content, fmi=fmi, systems=systems, number=number)
+    words = ["controller" if controller else "closed loop", f"FMI {fmi}", *(["float"] if number == "float" else [])]
+    click.echo(f"{out}: {', '.join(words)}, for {', '.join(systems)}")
+
+
+@export.command()
+@click.argument("scenario", type=click.Path(path_type=Path))
+@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
+@click.option(
+    "--number",
+    type=click.Choice(["float", "double"]),
+    default="float",
+    show_default=True,
+    help="What it computes with.",
+)
+def firmware(scenario: Path, out: Path, number: Literal["float", "double"]) -> None:
+    """Write the controller of SCENARIO as C++ with a C interface, for a microcontroller."""
+    from .firmware import export_firmware
+
+    export_firmware(Scenario.load(scenario), out, number)
+    click.echo(f"{out}: add it to your project, as its README.md says")
+
+
+@click.command()
+@click.argument("trace", type=click.Path(path_type=Path))
+@click.option(
+    "--target",
+    required=True,
+    type=click.Choice(["host", "m4f", "m7", "wasm", "fmu", "lanes"]),
+    help="Firmware on this computer, an emulated Cortex-M4F or M7; WebAssembly, FMU; lanes of a register.",
+)
+@click.option(
+    "--number",
+    type=click.Choice(["float", "double"]),
+    default="double",
+    show_default=True,
+    help="What the target computes with.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON.")
+def replay(
+    trace: Path,
+    target: Literal["host", "m4f", "m7", "wasm", "fmu", "lanes"],
+    number: Literal["float", "double"],
+    as_json: bool,
+) -> None:
+    """Let the controller on a target answer the motions of TRACE, a run that `simulate --out` wrote, and compare bits.
+
+    In double with what was recorded, in float with the Python Controller. Ends with 1 when a bit differs.
+    """
+    from .replay import replay as run
+
+    found = run(trace, target, number)
+    against = "the trace" if number == "double" else "the Python Controller"
+    if as_json:
+        click.echo(json.dumps(asdict(found)))
+    elif found.difference:
+        d = found.difference
+        click.echo(f"{target}, {number}: step {d.step}, {d.variable} is {d.found}, in {against} {d.expected}")
+    else:
+        click.echo(f"{target}, {number}: {found.steps} steps, every bit of forces and estimates is that of {against}")
+        click.echo(f"parity hash (SHA-256): {found.hash}")
+    if found.difference:
+        raise click.exceptions.Exit(DIFFERENT)
