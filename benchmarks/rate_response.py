@@ -251,7 +251,7 @@ def draw(measured: dict[str, list[tuple[Answer, Answer]]]) -> None:
                 linestyle="none",
                 label="composite" if first else None,
             )
-            trade.text(places[-1], 0.5 * level[-1], name, color=colour, fontsize=7, ha="right")
+            trade.text(places[-1], 0.38 * level[-1], name, color=colour, fontsize=7, ha="right")
         trade.set_xlabel("bandwidth, −3 dB (Hz)")
         trade.set_ylabel("noise, 1 σ (mdeg/s)")
         name, pairs = list(measured.items())[-1]
@@ -264,8 +264,8 @@ def draw(measured: dict[str, list[tuple[Answer, Answer]]]) -> None:
         steps.set_title(f"{name}; dashed: Kalman filter", fontsize=8)
         for panel in (trade, steps):
             panel.grid(True, linewidth=0.3)
-        trade.set_ylim(top=120.0)  # room for the legend
-        trade.legend(fontsize=7, loc="upper left", ncols=3)
+        trade.set_ylim(top=400.0)  # room for the legend
+        trade.legend(fontsize=7, loc="upper left")
         steps.legend(fontsize=7, loc="upper left", title="set to", title_fontsize=7)
         figure.savefig(DRAWING, metadata={"Date": None})
 
