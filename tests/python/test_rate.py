@@ -5,15 +5,16 @@ from __future__ import annotations
 import json
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import fracgyro as fg
 import numpy as np
 import pytest
-from fracgyro.rate.bound import bound_angle_random_walk
-from fracgyro.rate.characterise import measure
+from fracgyro.rate.bound import Bound, bound_angle_random_walk
+from fracgyro.rate.characterise import _couplings, measure
 from fracgyro.rate.results import results
-from fracgyro.rate.runs import Sensor
+from fracgyro.rate.runs import Output, Sensor
 from fracgyro.rate.units import thermal_force_density
 from fracgyro.scenario import ScenarioError
 from fracgyro.shipped import SHIPPED, shipped, shipped_text
@@ -239,5 +240,26 @@ def test_the_measured_noise_is_near_the_bound_and_its_figures_are_finite() -> No
     # adaptation.rate_forgetting is 2 pi 100 Hz: a first-order answer with 45 degrees of lag at 100 Hz.
     assert found["bandwidth"].value == pytest.approx(100, rel=0.03)
     assert found["phase_lag"].value == pytest.approx(45, abs=2)
-    # In full it would be 300 deg/s.
-    assert abs(found["quadrature_residual"].value) < 0.01
+    # In full it would be 300 deg/s. Noise drops out of the difference, which is far below what noise leaves at rest.
+    assert abs(found["quadrature_residual"].value * 3600) < 1e-2 * abs(found["zero_rate_output"].value)
+    assert abs(found["damping_residual"].value * 3600) < 1e-2 * abs(found["zero_rate_output"].value)
+    # Half the walk over one bound, a quarter over the other.
+    doubled = replace(measured, bound=Bound(2 * walk.value, 4 * walk.value))
+    note = next(result.note for result in results(doubled) if result.key == "angle_random_walk")
+    assert re.findall(r"\b0\.\d\d of", note) == ["0.50 of", "0.25 of"]
+
+
+def test_the_second_half_of_a_run_counts_as_steady() -> None:
+    output = Output(np.arange(16.0).reshape(2, 8), 0.5).settled()
+    np.testing.assert_array_equal(output.rate, [[4, 5, 6, 7], [12, 13, 14, 15]])
+    assert output.interval == 0.5
+
+
+def test_the_couplings_tried_are_as_worked_by_hand() -> None:
+    (quadrature, stiffness, rate), (damping, coupling, as_rate) = _couplings(shipped("dual_mass"))
+    assert (quadrature, damping) == ("plant.stiffness_deviation", "plant.damping_deviation")
+    # 2 m w 300 deg/s = 2 * 1.42e-6 * 24661.5 * 5.23599 N/m; a tenth of sqrt(7.49397e-6 * 7.90472e-5) N s/m, over 2 m.
+    assert stiffness == pytest.approx(0.366720, rel=1e-4)
+    assert rate == pytest.approx(300 * DEG)
+    assert coupling == pytest.approx(2.43388e-6, rel=1e-4)
+    assert as_rate == pytest.approx(0.857, rel=1e-3)
