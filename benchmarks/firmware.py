@@ -30,8 +30,14 @@ SCENARIOS = {
     "paper, c = 0.6": {"controller.terminal_exponent": 0.6},
     "paper": {},
     "16 modes, c = 0.6": {"controller.terminal_exponent": 0.6, "run.mode_tolerance": 5e-5},
+    "16 modes, c = 0.6, force limit": {
+        "controller.terminal_exponent": 0.6,
+        "run.mode_tolerance": 5e-5,
+        "controller.force_limit": 6000.0,
+    },
     "16 modes": {"run.mode_tolerance": 5e-5},
     "fast: 8 modes": {"run.mode_tolerance": 2e-2},
+    "6 modes": {"run.mode_tolerance": 0.1},
     "fast terminal, no modes": {"controller.kind": "fast_terminal"},
     "paper, composite": {"adaptation.kind": "composite"},
 }
@@ -53,7 +59,7 @@ Counted by `python benchmarks/firmware.py`, compiled with the flags of the expor
 These are **instructions, not cycles**, which QEMU does not know. Mean over 64 steps, two of which evaluate the
 reference anew, after 9,600 steps, when what only the start needs is past where it ends; and the most that any step
 took, those of the start and of a fault included. Bytes: coefficients and state; stack of a
-step; code and constants added to an image. c = 1/2 where nothing is said.
+step; code and constants added to an image. c = 1/2 and no force limit where nothing is said.
 """
 
 

@@ -187,6 +187,8 @@ def main() -> None:
         *table(["case", "transient x", "transient y", "steady x", "steady y"], tracked),
         f"## The gradient law alone as a sensor, {min(seeds, 100)} seeds",
         "",
+        "The bound is that of its own motion, which is another one at the start.",
+        "",
         *table(
             ["t", "bound, 1 σ", "RMS error", "error / bound"],
             [

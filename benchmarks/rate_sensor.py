@@ -174,17 +174,22 @@ def main() -> None:
         by_key = {result.key: result for result in results(found)}
         if len(measured) == 1:
             names = [f"{by_key[key].name} ({by_key[key].unit})" for key in KEYS]
-            lines.append("| where | law | " + " | ".join(names) + " | ARW over the bound, D and K known | … unknown |")
-            lines.append("|---" * (len(KEYS) + 4) + "|")
+            lines.append(
+                "| where | law | "
+                + " | ".join(names)
+                + " | the bound of ARW, D and K known | ARW over it | over that with D, K unknown |"
+            )
+            lines.append("|---" * (len(KEYS) + 5) + "|")
         walk = found.allan.angle_random_walk
-        ratios = ["–", "–"]
+        bounds = ["–", "–", "–"]
         if walk and found.bound:
-            ratios = [
+            bounds = [
+                short(DEG_PER_ROOT_H.of(found.bound.known)),
                 f"{walk.value / found.bound.known:.2f} ({walk.low / found.bound.known:.2f} to "
                 f"{walk.high / found.bound.known:.2f})",
                 f"{walk.value / found.bound.unknown:.2f}",
             ]
-        cells = [place, law, *(value_of(by_key[key]) for key in KEYS), *ratios]
+        cells = [place, law, *(value_of(by_key[key]) for key in KEYS), *bounds]
         lines.append(f"| {' | '.join(cells)} |")
         print(lines[-1], flush=True)
     draw(measured)

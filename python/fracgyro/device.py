@@ -64,8 +64,10 @@ def read_points(path: str, name: str, column: str) -> list[list[float]]:
     for line, row in enumerate(rows, start=2):
         try:
             time, number = map(float, row)
+            if not (math.isfinite(time) and math.isfinite(number)):
+                raise ValueError
         except ValueError:
-            raise sentence(f"{place}: row {line} is {','.join(row)!r}: it must be two numbers") from None
+            raise sentence(f"{place}: row {line} is {','.join(row)!r}: it must be two finite numbers") from None
         if found and not time > found[-1][0]:
             raise sentence(f"{place}: row {line} has time {time:g}: times must rise, and {found[-1][0]:g} is before it")
         found.append([time, number])

@@ -44,7 +44,11 @@ CHANNELS: dict[str, tuple[str | None, str, list[tuple[str, str]]]] = {
         "estimates of the bounds b0, b1, b2",
         [("force", "N"), ("stiffness", "N/m"), ("damping", "N s/m")],
     ),
-    "rate_deviation": (None, "standard deviation of the estimate of the angular rate", [("rate", "rad/s")]),
+    "rate_deviation": (
+        None,
+        "standard deviation of the estimate of the angular rate; 0 without data",
+        [("rate", "rad/s")],
+    ),
     "rate_trusted": (None, "1 where the motion tells the angular rate from the other parameters", [("one", "1")]),
 }
 OF_COMPOSITE = ["rate_deviation", "rate_trusted"]  # channels that only composite adaptation has

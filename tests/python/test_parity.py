@@ -113,12 +113,22 @@ def test_every_way_through_the_law_has_the_same_bits(scenario: str, number: Numb
 
 
 def test_a_device_that_is_not_ideal_is_replayed_from_what_the_controller_measured(tmp_path: Path) -> None:
-    device = {"device.sensing": "position", "device.position_noise": 1e-12, "device.delay": 1, "run.duration": 0.5}
-    short = record(fg.Scenario.paper().replace({**device, "adaptation.kind": "composite"}), tmp_path / "run.nc")
+    device = {"device.velocity_noise": 1e-9, "device.delay": 1, "rate.kind": "sine", "rate.amplitude": 10.0}
+    changes = {**device, "rate.frequency": 1.0, "run.duration": 0.5}
+    short = record(fg.Scenario.paper().replace(changes), tmp_path / "run.nc")
+    for name in ("Python Controller", "host, gcc", "lanes", "WebAssembly", "FMU"):
+        compare(name, "double", short, short.answers)
+
+
+def test_an_observer_of_the_velocity_is_in_firmware_alone(tmp_path: Path) -> None:
+    device = {"device.sensing": "position", "device.position_noise": 1e-12, "run.duration": 0.5}
+    short = record(fg.Scenario.paper().replace(device), tmp_path / "run.nc")
     for name in ("Python Controller", "host, gcc"):
         compare(name, "double", short, short.answers)
-    with pytest.raises(ValueError, match=r"device\.sensing is"):
-        answers("lanes", short.scenario, "double", short.motion)
+    others: tuple[Target, ...] = ("lanes", "wasm", "fmu")
+    for target in others:
+        with pytest.raises(ValueError, match=r"^device\.sensing is .position.: it must be .full. to be exported"):
+            answers(target, short.scenario, "double", short.motion)
 
 
 # -- What is said --------------------------------------------------------------------------------------------

@@ -254,5 +254,5 @@ def test_a_figure_has_the_best_grade_whose_limit_it_keeps() -> None:
         "below consumer",
     ]
     assert [grade("angle_random_walk", v) for v in (0.0005, 0.1, 900.0)] == ["navigation", "tactical", "consumer"]
-    assert [grade("bandwidth", v) for v in (150.0, 80.0, 10.0)] == ["navigation", "consumer", "below consumer"]
+    assert [grade("bandwidth", v) for v in (99.0, 80.0, 10.0)] == ["navigation", "consumer", "below consumer"]
     assert grade("bias", math.nan) == "below consumer"

@@ -28,7 +28,7 @@ from ..scenario import Scenario, ScenarioError
 from ..setup import composite
 from ..simulate import AXES, CHANNELS, ENTRIES, OF_COMPOSITE
 from .compilers import FLAGS, SOURCES, Number, include, join_macos, system_compiler, zig
-from .settings import Limits, core_modes, core_numbers, describe, settings
+from .settings import Limits, core_modes, core_numbers, describe, settings, without_plant
 from .units import base_unit, symbol
 
 Content = Literal["loop", "controller"]
@@ -98,6 +98,8 @@ def export(
     Raises ValueError, in one sentence, when a compiler or FMPy is missing, the seed is too large for an FMU, or
     the file cannot be written.
     """
+    if content == "controller":
+        scenario = without_plant(scenario)
     variables = list(_variables(scenario, content, fmi))
     token = _token(scenario, content, fmi, number)
     header = _header(scenario, content, number, token, variables)

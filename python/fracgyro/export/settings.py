@@ -121,6 +121,13 @@ def path_of(name: str) -> str:
     return re.sub(r"(\.[xy]{1,2}|\[\d\])$", "", name)
 
 
+def without_plant(scenario: Scenario) -> Scenario:
+    """For the controller alone, which knows neither the rate nor the device, unless it is to observe the velocity."""
+    if scenario.device.sensing != "full":
+        return scenario
+    return scenario.model_copy(update={"rate": Rate(), "device": Device()})
+
+
 def core_numbers(scenario: Scenario) -> dict[str, float]:
     """Every number of a run as the core takes it, in its order (sim/fracgyro/settings.hpp).
 

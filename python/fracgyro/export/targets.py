@@ -20,7 +20,7 @@ from ..simulate import CHANNELS
 from . import fmu, web
 from .compilers import FLAGS, SOURCES, Number, compiler, include, make, need, run, system_compiler
 from .firmware import export_firmware
-from .settings import core_modes, core_numbers
+from .settings import core_modes, core_numbers, without_plant
 
 Target = Literal["python", "lanes", "host", "m4f", "m7", "wasm", "fmu"]
 
@@ -64,7 +64,7 @@ def _lanes(scenario: Scenario, number: Number, motion: NDArray[np.floating], fol
     """Without contraction, in the widest registers that this processor has."""
     source, headers = SOURCES / "faces/lanes/replay.cpp", include(SOURCES / "core", SOURCES / "sim")
     system_compiler(*FLAGS, "-O2", "-march=native", *headers, source, "-o", folder / "replay")
-    np.array(list(core_numbers(scenario).values())).tofile(folder / "numbers")
+    np.array(list(core_numbers(without_plant(scenario)).values())).tofile(folder / "numbers")
     for name, values in zip(("rates", "weights"), core_modes(scenario), strict=True):
         np.array(values).tofile(folder / name)
     motion.tofile(folder / "motion")
@@ -102,7 +102,7 @@ def _firmware(
 def _wasm(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
     need("node")
     web.build(folder)
-    web.export(scenario, folder / "own.json")
+    web.export(without_plant(scenario), folder / "own.json")
     shutil.copyfile(SOURCES / "faces/web/replay.mjs", folder / "replay.mjs")
     motion.astype(np.float64).tofile(folder / "motion")
     run(["node", "replay.mjs", "own.json", number], folder)
