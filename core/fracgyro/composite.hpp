@@ -15,8 +15,8 @@
 //    part E(d) = r/α is noise, and the other, large in the beginning, the estimates' own error: α = 1 + row P rowᵀ, and
 //    that of the last step serves.
 //
-//    The force is computed with the sum of both parts, as the laws are the loop's integral action. What is told of D, K and
-//    Ωz is the part of least squares alone (docs/decisions/0016).
+//    The force is computed with the laws' part, which is the loop's integral action, and from when Ω̂z is first trusted with
+//    the sum of both parts. What is told of D, K and Ωz is the part of least squares alone (docs/decisions/0016).
 #pragma once
 
 #include "adaptation.hpp"
@@ -49,6 +49,7 @@ struct CompositeAdaptation {
         Motion<T> motion{};                            // at the last sample, and the force from then on
         Vec2<T> force{};
         Vec2<T> left{};         // 1/α on either axis in the last step
+        T believed{};           // 1 once Ω̂z has been trusted
         bool measured = false;  // there is a last sample
     };
 
@@ -73,7 +74,7 @@ struct CompositeAdaptation {
     }
     // What the force is computed with.
     static Estimates<T> believed(const State& state, const Coefficients& c, const Estimates<T>& /*told*/) {
-        return Laws::estimates(state.laws, c.laws) + as_estimates(state.squares.value);
+        return Laws::estimates(state.laws, c.laws) + state.believed * as_estimates(state.squares.value);
     }
     static RateQuality<T> quality(const State& state, const Coefficients& c) {
         const T p = Squares::variance(state.squares, 0);
@@ -90,6 +91,7 @@ struct CompositeAdaptation {
         if (state.measured) {
             forget(state, c);
             compare(state, c, motion);
+            state.believed = maximum(state.believed, quality(state, c).trusted);
         }
         state.motion = motion;
         state.force = force;
@@ -115,7 +117,8 @@ private:
         const Vec2<T> coriolis = T(2.0) * Vec2<T>{-(e.rate * v.y), e.rate * v.x};
         const Vec2<T> r = (a - state.force) + (e.damping * v + coriolis) + e.stiffness * q;
 
-        const Vec2<T> w = v - (T(0.5) * c.step) * (state.left * r);
+        // Before they are believed, r may be an error of the estimates a thousand times the noise, and would spoil the rows.
+        const Vec2<T> w = v - (T(0.5) * c.step * state.believed) * (state.left * r);
         const T zero = T(0.0);
         const Row x{T(-2.0) * w.y, w.x, w.y, zero, q.x, q.y, zero};
         const Row y{T(2.0) * w.x, zero, w.x, w.y, zero, q.x, q.y};

@@ -205,7 +205,9 @@ TEST(ComposedOrder, TheHoldIsModelledToTheFourthOrder) {
 // With rows made of the measured mean velocity, D̂ is off by h σ²/(2 v²), here by some 0.1: ten standard deviations.
 TYPED_TEST(Composed, NoiseDoesNotBiasTheDamping) {
     using Law = CompositeAdaptation<TypeParam>;
-    const auto sensed = sense<TypeParam>({.noise = 3.0}, 100'000);
+    // Such noise is told from the estimates' own errors only once they are trusted: early, with so wide a limit.
+    const auto sensed =
+        sense<TypeParam>({.noise = 3.0, .adaptation = {.initial = {.stiffness = {100, 0, 100}}}}, 100'000);
     const auto found = sensed.estimates();
     const double sigma = std::sqrt(number(sensed.state.noise));
     EXPECT_NEAR(sigma, 3.0, 0.03);
@@ -229,6 +231,25 @@ TYPED_TEST(Composed, TheRateIsTrustedOnceBothAxesMoveMoreThanNoiseMovesThem) {
     EXPECT_EQ(number(sense<T>(p, 2'000).quality().trusted), 0.0);
     p.noise = 0.0;
     EXPECT_EQ(number(sense<T>(p, 2'000).quality().trusted), 0.0);
+}
+
+TYPED_TEST(Composed, LeastSquaresAreBelievedOnceTrustedAndForGood) {
+    using T = TypeParam;
+    using Law = CompositeAdaptation<T>;
+    Pushed p{.noise = 1e-3, .adaptation = {.initial = {.stiffness = {1, 0, 1}}, .forgetting = 1.0}};
+    auto early = sense<T>(p, 3);
+    EXPECT_NE(number(early.estimates().stiffness.xx), 1.0);
+    EXPECT_EQ(number(Law::believed(early.state, early.coefficients, {}).stiffness.xx), 1.0);
+    auto late = sense<T>(p, 2'000);
+    ASSERT_EQ(number(late.quality().trusted), 1.0);
+    Law::rest(late.state);
+    for (int n = 0; n < 2'000; ++n) {
+        Law::update(late.state, late.coefficients, {}, {}, {}, {});  // at rest, where it is forgotten
+    }
+    EXPECT_EQ(number(late.quality().trusted), 0.0);
+    const Estimates<T> told = late.estimates(), believed = Law::believed(late.state, late.coefficients, {});
+    EXPECT_EQ(number(believed.stiffness.xx), number(told.stiffness.xx));
+    EXPECT_EQ(number(believed.rate), number(told.rate));
 }
 
 // A motion of size 1 on x and `other` on y, under the forces that it takes where K = 1, D = 0 and Ωz = 0.25.

@@ -78,7 +78,7 @@ def simulate(scenario: Scenario, disturbance: np.ndarray) -> dict[str, np.ndarra
         if squares:  # beside which the laws move what they would move alone
             run["deviation"][n], run["trusted"][n] = squares.quality()
             told = squares.matrices(squares.start + squares.change)
-            more = squares.matrices(squares.change)
+            more = squares.matrices(squares.believed * squares.change)
             damping, stiffness, omega = damping + more[0], stiffness + more[1], omega + more[2]
         equivalent = (damping + 2 * omega) @ v + stiffness @ q + r_acceleration
         equivalent = equivalent - lambda1 * derivative - lambda2 * slope * e_rate
@@ -122,6 +122,7 @@ class LeastSquares:
         self.information = np.eye(7) / self.prior
         self.squares = self.draws = 0.0
         self.left = np.zeros(2)
+        self.believed = False  # from when the rate is first trusted, for good
         self.h = scenario.run.step
         self.forgetting = scenario.adaptation.forgetting
         self.rate_forgetting = scenario.adaptation.rate_forgetting
@@ -142,6 +143,7 @@ class LeastSquares:
         if self.last is not None:
             self.forget()
             self.learn(*self.last, q, v)
+            self.believed = self.believed or self.quality()[1]
         self.last = q, v, u
 
     def forget(self) -> None:
@@ -159,7 +161,7 @@ class LeastSquares:
         mean_v, mean_q = (q1 - q0) / h, (q0 + q1) / 2 + h / 12 * (v0 - v1)
         damping, stiffness, omega = self.matrices(self.start + self.change)
         residual = (v1 - v0) / h - u + (damping + 2 * omega) @ mean_v + stiffness @ mean_q
-        x, y = mean_v - h / 2 * self.left * residual
+        x, y = mean_v - h / 2 * self.believed * self.left * residual
         rows = np.array([[-2 * y, x, y, 0, *mean_q, 0], [2 * x, 0, x, y, 0, *mean_q]])
         found = self.change.copy()
         for axis in (0, 1):

@@ -139,6 +139,25 @@ def test_with_one_axis_at_rest_the_rate_is_not_told_from_the_damping_between_the
     assert both[500:].all()
 
 
+def test_the_force_believes_least_squares_from_when_the_rate_is_first_trusted() -> None:
+    gradient, run = fg.simulate(SHORT.replace({"adaptation.kind": "gradient"})), fg.simulate(SHORT)
+    first = int(np.argmax(run["rate_trusted"].values))
+    assert first > 10
+    same = (run["control"] == gradient["control"]).all("axis").values
+    assert same[:first].all()
+    assert not same[first:].any()
+
+
+def test_a_force_one_step_late_throws_the_estimates_and_neither_the_loop_nor_them_for_long() -> None:
+    late = PAPER.replace({"device.delay": 1, "adaptation.forgetting": 0.1, "run.duration": 15.0})
+    runs = fg.simulate_many([late], seeds=range(8))
+    assert np.abs(runs["rate_estimate"].values).max() > 1000 * 0.1
+    end = runs.sel(time=slice(10.0, None))
+    assert end["rate_trusted"].all()
+    np.testing.assert_allclose(end["rate_estimate"], 0.1, atol=0.03)
+    assert np.abs(end["error"]).max() < 1e-3
+
+
 # -- One sample at a time ------------------------------------------------------------------------------------
 
 
