@@ -85,9 +85,10 @@ def simulate(scenario: Scenario) -> xr.Dataset:
 
     Returns a Dataset with the variables of `CHANNELS` over `time` (and axis, entry or bound), sampled every
     `scenario.run.record_every` steps, in the units that `scenario.run.units` names. Position, velocity and error are
-    the true ones. With adaptation.kind composite the estimates of D, K and Omega_z are those of its least squares, and
-    rate_deviation and rate_trusted say how well Omega_z is known; with gradient, which does not know, there are no such
-    variables. Those of `DEVICE_CHANNELS` are there when [rate] moves or [device] is not the ideal one.
+    the true ones. With adaptation.kind composite the estimates of D, K and Omega_z are those of its least squares,
+    which the force believes from when rate_trusted is first true; rate_deviation and rate_trusted say how well Omega_z
+    is known; with gradient, which does not know, there are no such variables. Those of `DEVICE_CHANNELS` are there when
+    [rate] moves or [device] is not the ideal one.
     Raises DivergedError, which carries the samples until then, when the motion leaves all bounds.
     """
     rows, lasted = _core.record_runs([core_setup(scenario)], scenario.run.record_every, 1, not is_ideal(scenario))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Literal
@@ -12,6 +13,17 @@ import click
 from ..scenario import Scenario
 
 DIFFERENT = 1
+Number = Literal["float", "double"]
+
+
+def _number(default: Number) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    return click.option(
+        "--number",
+        type=click.Choice(["float", "double"]),
+        default=default,
+        show_default=True,
+        help="What it computes with.",
+    )
 
 
 @click.group()
@@ -37,13 +49,7 @@ def web_command(scenario: Path, out: Path) -> None:
 @click.option("--fmi", type=click.Choice(["2.0", "3.0"]), default="2.0", show_default=True, help="Version of FMI.")
 @click.option("--windows", is_flag=True, help="With a binary for Windows; needs ziglang.")
 @click.option("--macos", is_flag=True, help="With a binary for macOS; needs ziglang.")
-@click.option(
-    "--number",
-    type=click.Choice(["float", "double"]),
-    default="double",
-    show_default=True,
-    help="What it computes with.",
-)
+@_number("double")
 def fmu(
     scenario: Path,
     out: Path,
@@ -51,7 +57,7 @@ def fmu(
     fmi: Literal["2.0", "3.0"],
     windows: bool,
     macos: bool,
-    number: Literal["float", "double"],
+    number: Number,
 ) -> None:
     """Write SCENARIO as an FMU, for Simulink, OpenModelica and others: the closed loop, for co-simulation on Linux."""
     from .fmu import System
@@ -68,14 +74,8 @@ def fmu(
 @export.command()
 @click.argument("scenario", type=click.Path(path_type=Path))
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
-@click.option(
-    "--number",
-    type=click.Choice(["float", "double"]),
-    default="float",
-    show_default=True,
-    help="What it computes with.",
-)
-def firmware(scenario: Path, out: Path, number: Literal["float", "double"]) -> None:
+@_number("float")
+def firmware(scenario: Path, out: Path, number: Number) -> None:
     """Write the controller of SCENARIO as C++ with a C interface, for a microcontroller."""
     from .firmware import export_firmware
 
@@ -91,18 +91,12 @@ def firmware(scenario: Path, out: Path, number: Literal["float", "double"]) -> N
     type=click.Choice(["host", "m4f", "m7", "wasm", "fmu", "lanes"]),
     help="Firmware on this computer, an emulated Cortex-M4F or M7; WebAssembly, FMU; lanes of a register.",
 )
-@click.option(
-    "--number",
-    type=click.Choice(["float", "double"]),
-    default="double",
-    show_default=True,
-    help="What the target computes with.",
-)
+@_number("double")
 @click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON.")
 def replay(
     trace: Path,
     target: Literal["host", "m4f", "m7", "wasm", "fmu", "lanes"],
-    number: Literal["float", "double"],
+    number: Number,
     as_json: bool,
 ) -> None:
     """Let the controller on a target answer the motions of TRACE, a run that `simulate --out` wrote, and compare bits.
