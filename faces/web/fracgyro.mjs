@@ -96,8 +96,8 @@ class Fracgyro {
     const settings = this.#checked({ ...scenario.settings, ...changes });
     const core = new Core(await WebAssembly.instantiate(this.#module));
     const steps = roundHalfToEven(settings["run.duration"] / settings["run.step"]);
-    if (!(settings["run.duration"] >= settings["run.step"] && steps <= 1e8)) {
-      throw new RangeError(`run.duration is ${settings["run.duration"]}: it must be 1 to 100000000 times run.step`);
+    if (!(settings["run.duration"] >= settings["run.step"] && steps <= 1e9)) {
+      throw new RangeError(`run.duration is ${settings["run.duration"]}: it must be 1 to 1000000000 times run.step`);
     }
     const modes = this.#modesFor(settings, steps, scenario.modes);
     const numbers = {

@@ -29,7 +29,7 @@ from scipy.special import ellipj, ellipkm1, gamma, gammaln, jv
 
 Vector = npt.NDArray[np.float64]
 
-LARGEST_RATIO = 1e8
+LARGEST_RATIO = 1e10
 SMALLEST_TOLERANCE = 1e-11
 LARGEST_TOLERANCE = 1e-1
 
@@ -63,7 +63,7 @@ def design(order: float, shortest: float, longest: float, tolerance: float) -> M
     """Fewest positive exponentials (to within one) for t^(-order)/Gamma(1-order) on [shortest, longest].
 
     order: order of the fractional derivative, in (0, 1), dimensionless.
-    shortest, longest: ends of the range of time lags, one common unit, longest/shortest in (1, 1e8].
+    shortest, longest: ends of the range of time lags, one common unit, longest/shortest in (1, 1e10].
     tolerance: largest relative error of the kernel, in [1e-11, 1e-1].
 
     Results are cached and deterministic.  The design depends on longest/shortest alone; the unit of time

@@ -26,7 +26,6 @@ from .table import Table, sentence, toml_value
 from .tables import (
     ERRATA_SWITCHES,
     HOLD_TOLERANCE,
-    MOST_FRACTIONAL_STEPS,
     Adaptation,
     Controller,
     Disturbance,
@@ -65,12 +64,7 @@ class Scenario(Table):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        run, hold, kind = self.run, self.disturbance.hold, self.controller.kind
-        if kind.startswith("fractional") and run.steps > MOST_FRACTIONAL_STEPS:
-            raise sentence(
-                f"run.duration is {toml_value(run.duration)}: it must be at most {MOST_FRACTIONAL_STEPS} steps of "
-                f"{toml_value(run.step)}, the range of the mode design, when controller.kind is {toml_value(kind)}"
-            )
+        hold = self.disturbance.hold
         if self.disturbance.kind == "noise" and hold is not None:
             self._check_whole_steps("disturbance.hold", hold, 1, "; left out, it is one step")
         self._check_rate()

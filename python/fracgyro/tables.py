@@ -29,8 +29,7 @@ from .table import (
 )
 
 HOLD_TOLERANCE = 1e-9  # relative: how far disturbance.hold may be from a whole number of steps
-MOST_STEPS = 10**8
-MOST_FRACTIONAL_STEPS = 10**6  # the exponential modes are designed from one step up to this many
+MOST_STEPS = 10**9
 RANK_TOLERANCE = 1e-12  # relative to the largest entry: an eigenvalue below this is rounding, i.e. zero
 
 

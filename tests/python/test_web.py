@@ -184,8 +184,8 @@ WRONG = {
     "or the scenario's own",
     '{ "controller.order": 1.5 }': "controller.order is 1.5: it must be at most 1",
     '{ "controller.order": 0.5, "run.duration": 81 }': "run.duration is 81: it must be at most 80000 times run.step",
-    '{ "controller.order": 1, "run.duration": 1e6 }': "run.duration is 1000000: "
-    "it must be 1 to 100000000 times run.step",
+    '{ "controller.order": 1, "run.duration": 1e7 }': "run.duration is 10000000: "
+    "it must be 1 to 1000000000 times run.step",
     '{ "controller.terminal_exponent": 1 }': "controller.terminal_exponent is 1: it must be less than 1",
     '{ "controller.kind": "sliding" }': "controller.kind is sliding: "
     "it must be one of fractional_fast_terminal, fractional, fast_terminal, linear",
