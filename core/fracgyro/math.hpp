@@ -132,6 +132,7 @@ struct Vec2 {
     }
 
     friend constexpr bool operator==(const Vec2&, const Vec2&) = default;
+    friend constexpr auto operator<=>(const Vec2&, const Vec2&) = default;
 
 private:
     // Built-in numbers go through one register as a pair, which halves the instructions.

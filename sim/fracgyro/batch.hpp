@@ -100,11 +100,7 @@ inline auto alike(const Setup& s) {
 }
 
 // What the disturbance depends on in runs that are alike.
-inline auto drawing(const Setup& s) {
-    const DisturbanceParams& d = s.disturbance;
-    return std::tuple(d.kind, d.seed, d.hold, d.standard_deviation, d.amplitude.x, d.amplitude.y, d.frequency.x,
-                      d.frequency.y, d.phase.x, d.phase.y);
-}
+inline const DisturbanceParams& drawing(const Setup& s) { return s.disturbance; }
 
 // Up to as many runs as there are lanes, alike in all that `alike` compares; values[k] receives the metrics of run k.
 // `drawn`: the disturbance of every sample, the same for all runs; empty to draw it on the way.

@@ -21,7 +21,7 @@ struct DisturbanceParams {
     std::uint32_t stream = 0;  // of the seed's independent streams: 0 the force, others those of device.hpp
     Vec2<double> amplitude{}, frequency{}, phase{};  // sine: amplitude·sin(frequency·t + phase)
 
-    friend bool operator==(const DisturbanceParams&, const DisturbanceParams&) = default;
+    friend auto operator<=>(const DisturbanceParams&, const DisturbanceParams&) = default;
 };
 
 using PhiloxBlock = std::array<std::uint32_t, 4>;

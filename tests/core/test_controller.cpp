@@ -369,6 +369,16 @@ TYPED_TEST(Law, ProjectionKeepsDeviationsWithinAShareOfTheLargestInitialEntry) {
     expect_bound(moved, {1 + 2, 2 + 2, 4 + 2});
 }
 
+TYPED_TEST(Law, ProjectionHoldsTheSymmetricPartOfThePrintedLawToTheShareOfTheRate) {
+    AdaptationParams p = adaptation_params();
+    p.printed_rate_law = true;
+    p.initial.rate = 24;
+    p.projection = 0.5;
+    const auto moved = adapted<TypeParam>(p);
+    expect_equal(moved.rate_symmetric, {0, -12, -12});  // of -15 and -40, within ±12
+    EXPECT_EQ(number(moved.rate), 24.0);
+}
+
 TYPED_TEST(Law, SmallIncrementsAreNotLostBesideALargeEstimate) {
     using T = TypeParam;
     AdaptationParams p{.stiffness_gain = 1.0, .initial = {.stiffness = {355.0, 0.0, 0.0}}};

@@ -58,6 +58,19 @@ TEST(MovingRate, NoiseHasItsStandardDeviationAndNothingBeyondItsBand) {
     EXPECT_NEAR(mean_square_slope / mean_square, band * band / 3.0, 0.03);
 }
 
+TEST(MovingRate, NoiseDoesNotComeBackWhenEvenlySpacedTonesWould) {
+    constexpr double step = 0.05, band = 2.0;
+    // The tones of even spacing band/32 would be as at the start, but for a sign, after 2π 32/band.
+    const auto period = static_cast<std::int64_t>(std::round(2.0 * 3.14159265358979 * 32.0 / band / step));
+    const Rate rate({.kind = RateKind::noise, .amplitude = 1.0, .frequency = band, .seed = 3}, 0.0, step, 8 * period);
+    double product = 0.0, square = 0.0;
+    for (std::int64_t n = 0; n < 4 * period; ++n) {
+        product += rate.at(n) * rate.at(n + period);
+        square += rate.at(n) * rate.at(n);
+    }
+    EXPECT_LT(std::abs(product / square), 0.5);
+}
+
 TEST(MovingRate, AProfileIsLinearBetweenItsTimesAndConstantBeyondThem) {
     const Profile profile{.times = {2.0, 4.0, 10.0}, .values = {1.0, 3.0, 0.0}};
     EXPECT_EQ(profile.at(0), 1.0);
@@ -80,9 +93,8 @@ PlantParams gyroscope() {
 }
 
 // Two units of time of a sine of the rate that is as large as the rate, with drifting and stiffening springs.
-Motion<double> driven(bool inertial, std::int64_t steps) {
+Motion<double> driven(const PlantParams& p, bool inertial, std::int64_t steps) {
     const double step = 2.0 / static_cast<double>(steps);
-    const PlantParams p = gyroscope();
     const Rate rate({.kind = RateKind::sine, .amplitude = 3.0, .frequency = 5.0}, p.rate, step, steps);
     const Profile temperature{.times = {0.0, static_cast<double>(steps)}, .values = {0.0, 0.1}};
     const auto c = VaryingPlant::prepare({p, {20.0, -10.0}, inertial}, step);
@@ -103,13 +115,26 @@ double distance(const Motion<double>& a, const Motion<double>& b) {
 
 TEST(VaryingPlant, ItsStepIsOfFourthOrder) {
     for (const bool inertial : {false, true}) {
-        const Motion<double> fine = driven(inertial, 12'800);
-        const double coarse = distance(driven(inertial, 200), fine);
-        const double half = distance(driven(inertial, 400), fine);
-        const double quarter = distance(driven(inertial, 800), fine);
+        const Motion<double> fine = driven(gyroscope(), inertial, 12'800);
+        const double coarse = distance(driven(gyroscope(), inertial, 200), fine);
+        const double half = distance(driven(gyroscope(), inertial, 400), fine);
+        const double quarter = distance(driven(gyroscope(), inertial, 800), fine);
         EXPECT_LT(quarter, 1e-4);
         EXPECT_NEAR(std::log2(coarse / half), 4.0, 0.2);
         EXPECT_NEAR(std::log2(half / quarter), 4.0, 0.1);
+    }
+}
+
+TEST(VaryingPlant, WhatTheControllerIsNotToldActsAsWhatItIs) {
+    for (const bool inertial : {false, true}) {
+        PlantParams told = gyroscope();
+        PlantParams untold = told;
+        told.stiffness = told.stiffness + told.stiffness_deviation;
+        told.stiffness_deviation = {};
+        untold.damping = {};
+        untold.damping_deviation = told.damping;
+        expect_equal(driven(told, inertial, 400).position, driven(untold, inertial, 400).position);
+        expect_equal(driven(told, inertial, 400).velocity, driven(untold, inertial, 400).velocity);
     }
 }
 

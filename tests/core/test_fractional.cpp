@@ -133,6 +133,24 @@ TYPED_TEST(FractionalOperator, RiemannLiouvilleDerivativeOfAConstantIsTheMeanOfI
     }
 }
 
+TYPED_TEST(FractionalOperator, TheOnsetIsDroppedWhereItsMeanIsTheValueToTheErrorOfTheModesAndNotBefore) {
+    constexpr double step = TestFixture::step, order = 0.5, error = 1e-3;
+    Modes modes = TestFixture::modes(order);
+    modes.error = error;
+    Operator<TypeParam> op(modes, step, true);
+    double worst = 0.0, changed = 0.0;  // relative
+    Operator<TypeParam> whole(TestFixture::modes(order), step, true);
+    for (int n = 0; n <= TestFixture::samples; ++n) {
+        const double mean =
+            (std::pow((n + 1) * step, order) - std::pow(n * step, order)) / (step * std::tgamma(1.0 + order));
+        const double derivative = number(op.at(monomial<0>, n).derivative.x);
+        worst = std::max(worst, std::abs(derivative / mean - 1.0));
+        changed = std::max(changed, std::abs(derivative - number(whole.at(monomial<0>, n).derivative.x)));
+    }
+    EXPECT_LE(worst, error);
+    EXPECT_GT(changed, 0.0);  // it was dropped within the samples
+}
+
 TYPED_TEST(FractionalOperator, RiemannLiouvilleAndCaputoAgreeWhenTheSignalStartsAtZero) {
     const Modes modes = TestFixture::modes(0.9);
     Operator<TypeParam> caputo(modes, TestFixture::step, false);

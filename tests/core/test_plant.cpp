@@ -1,5 +1,6 @@
 #include "scalars.hpp"
 
+#include "fracgyro/disturbance.hpp"
 #include "fracgyro/plant.hpp"
 
 #include <cmath>
@@ -116,6 +117,18 @@ TYPED_TEST(Gyroscope, TwoHalfStepsEqualOne) {
                                    {.position = {number(twice.position.x), number(twice.position.y)},
                                     .velocity = {number(twice.velocity.x), number(twice.velocity.y)}},
                                    4e2 * epsilon<TypeParam>);
+    }
+}
+
+TEST(SineDisturbance, IsItsFormulaOnEachAxis) {
+    constexpr double step = 1e-3;
+    Disturbance disturbance(
+        {.kind = DisturbanceKind::sine, .amplitude = {2.0, 3.0}, .frequency = {5.0, 7.0}, .phase = {0.5, -1.0}}, step);
+    std::array<Vec2<double>, 3000> drawn{};
+    disturbance.fill(0, drawn);
+    for (std::size_t n = 0; n < drawn.size(); ++n) {
+        const double t = static_cast<double>(n) * step;
+        expect_near(drawn[n], {2.0 * std::sin(5.0 * t + 0.5), 3.0 * std::sin(7.0 * t - 1.0)}, 1e-12);
     }
 }
 

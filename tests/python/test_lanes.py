@@ -3,6 +3,7 @@
 import fracgyro as fg
 import numpy as np
 import pytest
+import xarray as xr
 from fracgyro import _core
 from fracgyro.setup import core_setup
 
@@ -10,51 +11,56 @@ PAPER = fg.Scenario.paper().replace({"run.duration": 3.0})
 LANES = _core.lane_counts()
 
 
-def measure(scenarios: list[fg.Scenario], lanes: int, threads: int = 1, single: bool = False) -> np.ndarray:
+def measure(
+    scenarios: list[fg.Scenario], lanes: int, threads: int = 1, single: bool = False, transient: float = 1.0
+) -> np.ndarray:
     params = _core.MetricsParams()
-    params.transient = 1.0
+    params.transient = transient
     return _core.measure_runs([core_setup(s) for s in scenarios], params, threads, lanes, single)
 
 
-def varied(count: int) -> list[fg.Scenario]:
-    """Runs that differ in every way that the lanes of one block can, and in some that they cannot."""
+# What blocks have in common, and what may differ from lane to lane in them.
+SWITCHES = [
+    {},
+    {"controller.kind": "fast_terminal", "adaptation.leakage": 0.1, "disturbance.kind": "none"},
+    {"controller.rate_law": "printed", "controller.force_limit": 1e3, "disturbance.hold": 5e-3},
+    {"controller.terminal_exponent": 0.7, "adaptation.dead_zone": 0.02, "run.duration": 1.5},
+    {"controller.kind": "fractional", "adaptation.projection": 0.5, "run.step": 5e-4, "disturbance.hold": None},
+    {"adaptation.kind": "composite", "adaptation.forgetting": 0.01},
+]
+
+
+def varied(groups: int, together: int) -> list[fg.Scenario]:
+    """In each group as many runs as stand side by side, which differ in every way that the lanes of a block can."""
     random = np.random.default_rng(7)
-    scenarios = []
-    for i in range(count):
-        step = float(random.choice([1e-3, 5e-4]))
-        scenarios.append(
-            PAPER.replace(
-                {
-                    "controller.kind": str(random.choice(["fractional_fast_terminal", "fast_terminal", "fractional"])),
-                    "controller.order": float(random.choice([0.0, 1.0, *random.uniform(0.05, 0.95, 6)])),
-                    "controller.terminal_exponent": float(random.choice([0.5, random.uniform(0.3, 0.9)])),
-                    "controller.fractional_gain": tuple(random.uniform(5, 15, 2).tolist()),
-                    "controller.layer": str(random.choice(["linear", "quadratic"])),
-                    "controller.rate_law": str(random.choice(["skew", "printed"])),
-                    "controller.derivative": str(random.choice(["caputo", "riemann_liouville"])),
-                    "controller.force_limit": float(random.choice([1e3, np.inf])),
-                    "adaptation.leakage": float(random.choice([0.0, 0.1])),
-                    "adaptation.dead_zone": float(random.choice([0.0, 0.02])),
-                    "reference.frequency": tuple(random.uniform(1, 3, 2).tolist()),
-                    "plant.angular_rate": float(random.uniform(50, 150)),
-                    "disturbance.kind": str(random.choice(["noise", "none"])),
-                    "disturbance.hold": float(random.choice([1, 2, 5])) * step,
-                    "disturbance.seed": i,
-                    "run.step": step,
-                    "run.duration": float(random.choice([1.5, 3.0])),
-                }
-            )
+    return [
+        PAPER.replace(
+            {
+                **switches,
+                "controller.order": float(random.uniform(0.05, 0.95)),
+                "controller.fractional_gain": tuple(random.uniform(5, 15, 2).tolist()),
+                "controller.layer": str(random.choice(["linear", "quadratic"])),
+                "controller.derivative": str(random.choice(["caputo", "riemann_liouville"])),
+                "reference.frequency": tuple(random.uniform(1, 3, 2).tolist()),
+                "plant.angular_rate": float(random.uniform(50, 150)),
+                "disturbance.seed": 8 * group + i,
+            }
         )
-    return scenarios
+        for group, switches in enumerate(SWITCHES[:groups])
+        for i in range(together)
+    ]
+
+
+@pytest.fixture(scope="module")
+def singles() -> list[tuple[fg.Scenario, xr.Dataset]]:
+    return [(scenario, fg.metrics.summary(fg.simulate(scenario), transient=1.0)) for scenario in varied(6, 5)]
 
 
 @pytest.mark.parametrize("lanes", LANES)
-def test_runs_in_lanes_equal_single_runs_to_rounding(lanes: int) -> None:
-    scenarios = varied(24)
-    found = measure(scenarios, lanes)
+def test_runs_in_lanes_equal_single_runs_to_rounding(lanes: int, singles: list[tuple[fg.Scenario, xr.Dataset]]) -> None:
+    found = measure([scenario for scenario, _ in singles], lanes)
     names = list(_core.metric_names)
-    for scenario, row in zip(scenarios, found, strict=True):
-        full = fg.metrics.summary(fg.simulate(scenario), transient=1.0)
+    for (_, full), row in zip(singles, found, strict=True):
         for i, axis in enumerate("xy"):
             for window in ("whole", "transient", "steady"):
                 single = full["rmse"].sel(window=window).values[i]
@@ -66,7 +72,7 @@ def test_runs_in_lanes_equal_single_runs_to_rounding(lanes: int) -> None:
 
 @pytest.mark.parametrize("lanes", LANES)
 def test_the_number_of_threads_changes_no_bit(lanes: int) -> None:
-    scenarios = varied(17)
+    scenarios = varied(3, 9)
     np.testing.assert_array_equal(measure(scenarios, lanes, threads=1), measure(scenarios, lanes, threads=3))
 
 
@@ -93,9 +99,131 @@ def test_noise_drawn_once_for_many_runs_changes_no_bit(lanes: int) -> None:
 
 
 def test_all_widths_agree() -> None:
-    results = [measure(varied(9), lanes) for lanes in LANES]
+    results = [measure(varied(4, 8), lanes) for lanes in LANES]
     for other in results[1:]:
         np.testing.assert_allclose(other, results[0], rtol=1e-7, atol=1e-12)
+
+
+# -- Whatever two runs differ in, neither gets anything of the other -----------------------------------------
+
+SHORT = PAPER.replace({"run.duration": 0.2})
+SINE = {"disturbance.kind": "sine", "disturbance.amplitude": (50.0, 70.0), "disturbance.frequency": (30.0, 40.0)}
+COMPOSITE = {"adaptation.kind": "composite"}
+# By field: what both runs have besides, and the value of the second. A field that is not here fails a test.
+DIFFERENCES: dict[str, tuple[dict[str, object], object]] = {
+    "plant.mass": ({}, 2e-7),
+    "plant.damping": ({}, {"xx": 1e-4, "xy": 0.0, "yy": 2e-4}),
+    "plant.stiffness": ({}, {"xx": 60.0, "xy": 10.0, "yy": 90.0}),
+    "plant.damping_deviation": ({}, {"xx": 1e-4, "xy": 0.0, "yy": 2e-4}),
+    "plant.stiffness_deviation": ({}, {"xx": 5.0, "xy": 1.0, "yy": 9.0}),
+    "plant.angular_rate": ({}, -3000.0),
+    "plant.transverse_rate": ({"plant.centrifugal": True}, (1e4, 0.5e4)),
+    "plant.centrifugal": ({"plant.transverse_rate": (1e4, 0.5e4)}, True),
+    "plant.reference_frequency": ({}, 900.0),
+    "plant.initial_position": ({}, (0.5, -0.5)),
+    "plant.initial_velocity": ({}, (0.0, 1.0)),
+    "reference.amplitude": ({}, (1.0, 0.8)),
+    "reference.frequency": ({}, (3.0, 1.0)),
+    "reference.phase": ({}, (0.0, 1.0)),
+    "controller.kind": ({}, "fast_terminal"),
+    "controller.order": ({}, 1.0),
+    "controller.fractional_gain": ({}, (10.0, 12.0)),
+    "controller.terminal_gain": ({}, (0.5, 0.7)),
+    "controller.terminal_exponent": ({}, 0.7),
+    "controller.layer_thickness": ({}, 0.0),
+    "controller.layer": ({"controller.layer_thickness": 20.0}, "quadratic"),
+    "controller.derivative": ({}, "caputo"),
+    "controller.rate_law": ({}, "printed"),
+    "controller.singularity_floor": ({}, 0.6),
+    "controller.adaptive": ({}, False),
+    "controller.force_limit": ({}, 200.0),
+    "adaptation.kind": ({}, "composite"),
+    "adaptation.damping_gain": ({}, 100.0),
+    "adaptation.stiffness_gain": ({}, 100.0),
+    "adaptation.rate_gain": ({}, 100.0),
+    "adaptation.bound_gain": ({}, (1.0, 1.6, 1.7)),
+    "adaptation.initial_bound": ({}, (0.1, 0.2, 0.4)),
+    "adaptation.initial_ratio": ({}, 0.9),
+    "adaptation.leakage": ({}, 0.5),
+    "adaptation.dead_zone": ({}, 5.0),
+    "adaptation.projection": ({}, 0.1),
+    "adaptation.initial_rate": ({}, 0.05),
+    "adaptation.forgetting": (COMPOSITE, 1.0),
+    "adaptation.rate_forgetting": (COMPOSITE, 1.0),
+    "disturbance.kind": ({}, "none"),
+    "disturbance.standard_deviation": ({}, 2.0),
+    "disturbance.density": ({"disturbance.standard_deviation": None, "disturbance.density": 1e-3}, 2e-3),
+    "disturbance.hold": ({}, 5e-3),
+    "disturbance.seed": ({}, 1),
+    "disturbance.amplitude": (SINE, (50.0, 60.0)),
+    "disturbance.frequency": (SINE, (30.0, 50.0)),
+    "disturbance.phase": (SINE, (0.0, 1.0)),
+    "run.duration": ({}, 0.15),
+    "run.step": ({}, 5e-4),
+    "run.mode_tolerance": ({}, 1e-3),
+}
+# They change nothing that is measured in an ideal device, in the core's units.
+WITHOUT_EFFECT = {
+    "plant.reference_length": 2e-6,
+    "controller.observer_bandwidth": 200.0,
+    "run.record_every": 2,
+    "run.units": "SI",
+}
+
+
+def test_every_field_of_a_scenario_is_told_apart_below() -> None:
+    fields = {
+        f"{table}.{name}"
+        for table, entry in fg.Scenario.model_fields.items()
+        for name in entry.annotation.model_fields
+        if table not in ("rate", "device")  # runs of these are no lanes
+    }
+    assert fields == DIFFERENCES.keys() | WITHOUT_EFFECT.keys()
+
+
+@pytest.mark.parametrize("field", DIFFERENCES)
+def test_runs_that_differ_in_one_field_share_nothing_that_depends_on_it(field: str) -> None:
+    base, value = DIFFERENCES[field]
+    pair = [SHORT.replace(base), SHORT.replace({**base, field: value})]
+    for lanes in LANES:
+        alone = [measure([scenario], lanes, transient=0.1)[0] for scenario in pair]
+        assert (alone[0] != alone[1]).any()
+        np.testing.assert_array_equal(measure(pair * lanes, lanes, transient=0.1), alone * lanes)
+
+
+@pytest.mark.parametrize("field", WITHOUT_EFFECT)
+def test_fields_without_effect_on_what_is_measured_have_none(field: str) -> None:
+    pair = [SHORT, SHORT.replace({field: WITHOUT_EFFECT[field]})]
+    first, second = measure(pair, LANES[-1], transient=0.1)
+    np.testing.assert_allclose(second, first, rtol=1e-12)
+
+
+@pytest.mark.parametrize("lanes", LANES)
+def test_lanes_notice_a_divergence_on_y_alone_and_keep_the_bound_of_before(lanes: int) -> None:
+    """Uncoupled axes, with all known: x neither knows of y nor of its gain."""
+    stiffness, damping = {"xx": 63.955, "xy": 0.0, "yy": 95.92}, {"xx": 1.8e-6, "xy": 0.0, "yy": 1.8e-6}
+    uncoupled = PAPER.replace(
+        {
+            "plant.stiffness": stiffness,
+            "plant.damping": damping,
+            "plant.angular_rate": 0.0,
+            "controller.kind": "linear",
+            "controller.layer_thickness": 0.0,
+            "adaptation.initial_bound": (0.0, 0.0, 0.0),
+            "controller.fractional_gain": (10.0, 3000.0),
+        }
+    )
+    scenarios = [uncoupled.replace({"disturbance.seed": seed, "controller.adaptive": seed > 0}) for seed in range(3)]
+    found = dict(zip(_core.metric_names, measure(scenarios, lanes).T, strict=True))
+    for i, scenario in enumerate(scenarios):
+        with pytest.raises(fg.DivergedError) as caught:
+            fg.simulate(scenario)
+        np.testing.assert_allclose(found["diverged_at"][i], len(caught.value.run["time"]) * 1e-3)
+        if i == 0:
+            assert abs(caught.value.run["position"].values[-1, 0]) < 2.0
+    assert (found["diverged_at"] < 1.5).all()  # before half of the run
+    np.testing.assert_array_equal(found["bound_0_halfway"], found["bound_0"])
+    assert (found["bound_0"][1:] > 0).all()
 
 
 def test_runs_that_all_diverge_end_early() -> None:

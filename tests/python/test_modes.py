@@ -117,9 +117,8 @@ def test_a_tighter_tolerance_never_takes_fewer_modes() -> None:
     assert counts == sorted(counts)
 
 
-def test_a_repeated_design_is_the_same_object_and_a_recomputed_one_the_same_numbers() -> None:
+def test_a_recomputed_design_has_the_same_numbers() -> None:
     first = modes.design(0.3, 1e-2, 10.0, 1e-5)
-    assert modes.design(0.3, 1e-2, 10.0, 1e-5) is first
     modes.design.cache_clear()
     again = modes.design(0.3, 1e-2, 10.0, 1e-5)
     np.testing.assert_array_equal(again.rates, first.rates)

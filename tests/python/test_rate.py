@@ -228,6 +228,26 @@ def test_knowing_damping_and_stiffness_lowers_the_bound_where_the_speeds_differ(
     assert (bound.unknown / bound.known) ** 2 == pytest.approx((1 / a + 1 / b) / 4 * (a + b), rel=1e-2)
 
 
+def test_the_bound_is_of_the_density_that_held_noise_has_and_of_the_steady_motion() -> None:
+    scenario = shipped("tuned_in_air").replace({"run.duration": 2000.0})
+    density, hold = scenario.disturbance.density, 4 * scenario.run.step
+    assert density is not None
+    held = {"density": None, "standard_deviation": math.sqrt(density / hold), "hold": hold}
+    bound, of_held, from_rest = (
+        bound_angle_random_walk(scenario.replace(changes))
+        for changes in (
+            {},
+            {f"disturbance.{name}": value for name, value in held.items()},
+            {"plant.initial_position": (0.0, 0.0), "plant.initial_velocity": (0.0, 0.0)},
+        )
+    )
+    assert bound is not None
+    assert of_held is not None
+    assert from_rest is not None
+    assert of_held.known == pytest.approx(bound.known, rel=1e-3)
+    assert from_rest.known == pytest.approx(bound.known, rel=3e-4)  # on the reference after a tenth of the run
+
+
 def test_the_measured_noise_is_near_the_bound_and_its_figures_are_finite() -> None:
     measured = measure(shipped("dual_mass").replace({"run.duration": 8000.0}), seeds=2)
     found = {result.key: result for result in results(measured)}

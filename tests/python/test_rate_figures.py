@@ -15,6 +15,9 @@ from fracgyro.rate.units import (
     DEG_PER_ROOT_H,
     DEG_PER_S,
     DEG_PER_S_PER_ROOT_HZ,
+    DEGREE,
+    HERTZ,
+    MILLISECOND,
     PERCENT,
     PPM,
     Unit,
@@ -41,6 +44,9 @@ DEG = math.pi / 180
         (DEG_PER_H_PER_ROOT_H, DEG, 3600.0 * 60.0),
         (PPM, 0.001, 1000.0),
         (PERCENT, 0.25, 25.0),
+        (HERTZ, 100.0, 100.0),
+        (DEGREE, math.pi / 4, 45.0),
+        (MILLISECOND, 0.25, 250.0),
     ],
 )
 def test_a_unit_is_as_worked_by_hand(unit: Unit, si: float, worked: float) -> None:
@@ -196,6 +202,19 @@ def test_full_scale_ends_where_one_percent_is_exceeded_and_at_divergence() -> No
         assert full_scale(rates, outputs, line) == (pytest.approx(600 * DEG), False)
 
 
+def test_full_scale_is_about_the_output_at_rest_and_the_scale_factor_of_the_line() -> None:
+    rates = DEG * np.array([-600.0, -300.0, 0.0, 300.0, 600.0])
+    outputs = (1.05 * rates + 20 * DEG)[:, None].repeat(2, axis=1)
+    line = static(rates[1:4], outputs[1:4])
+    assert full_scale(rates, outputs, line) == (pytest.approx(600 * DEG), True)
+    outputs[0] -= 6.1 * DEG  # on one side alone, and more than 1 % of 600
+    assert full_scale(rates, outputs, line) == (pytest.approx(300 * DEG), False)
+    outputs[0] += 0.2 * DEG
+    assert full_scale(rates, outputs, line) == (pytest.approx(600 * DEG), True)
+    outputs[1] += 4 * DEG
+    assert full_scale(rates, outputs, line) == (0.0, False)
+
+
 def test_start_up_ends_at_the_last_output_that_is_one_percent_off() -> None:
     time = np.arange(1000) * 1e-3
     settling = 5.0 * (1 - np.exp(-time / 0.05))[None]
@@ -221,6 +240,15 @@ def test_a_first_order_sensor_has_3_db_at_its_corner_and_45_degrees_of_lag_there
     assert found.bandwidth.mean == pytest.approx(corner, rel=0.02)
     assert found.lag_at_bandwidth == pytest.approx(math.pi / 4, rel=0.02)
     assert found.gain[0] == pytest.approx(1 / math.hypot(1, 5 / 40), rel=1e-6)
+
+
+def test_the_lag_goes_on_beyond_half_a_turn() -> None:
+    frequency = np.geomspace(1.0, 100.0, 30)
+    # Three lags in a row, each of 45 degrees at 10 Hz: 252.9 at 100 Hz; the level of 3 dB where one has 1 dB.
+    found = response(frequency, np.repeat((1 / (1 + 1j * frequency / 10) ** 3)[:, None], 2, axis=1), 1.0)
+    assert found.lag == pytest.approx(3 * np.arctan(frequency / 10))
+    assert found.bandwidth.mean == pytest.approx(10 * math.sqrt(2 ** (1 / 3) - 1), rel=0.01)
+    assert found.lag_at_bandwidth == pytest.approx(3 * math.atan(math.sqrt(2 ** (1 / 3) - 1)), rel=0.01)
 
 
 def test_a_bandwidth_outside_the_frequencies_tried_is_said_to_be_so() -> None:

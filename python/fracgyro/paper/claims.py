@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from .. import _core, metrics
 from ..files import whole_file
@@ -33,7 +34,7 @@ class Claim:
     id: str
     claim: str
     variant: str
-    verdict: str  # reproduced | not reproduced | untestable
+    verdict: str  # reproduced | not reproduced
     criterion: str
     evidence: str
 
@@ -187,7 +188,12 @@ def _lyapunov_rise(variant: str, step: float) -> float:
         )
     )
     # Without a disturbance (45) holds for any bounds; with the initial ones their errors start at zero.
-    v = metrics.lyapunov(run, Scenario.from_toml(run.attrs["scenario"]).adaptation.initial_bound).values
+    bounds = Scenario.from_toml(run.attrs["scenario"]).adaptation.initial_bound
+    return _largest_rise(metrics.lyapunov(run, bounds).values)
+
+
+def _largest_rise(v: NDArray[np.float64]) -> float:
+    """Above the running minimum, over the first value."""
     return float((v - np.minimum.accumulate(v)).max() / v[0])
 
 

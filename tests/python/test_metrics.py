@@ -1,0 +1,142 @@
+"""Metrics against answers worked by hand: in recorded runs and without a record."""
+
+from __future__ import annotations
+
+import fracgyro as fg
+import numpy as np
+import pytest
+import xarray as xr
+from fracgyro import metrics
+
+PAPER = fg.Scenario.paper().replace({"run.duration": 2.0})
+KNOWN = {"controller.adaptive": False}  # the estimates are the truth but for what the controller is not told
+
+
+def both(scenario: fg.Scenario, **limits: float) -> list[xr.Dataset]:
+    """The metrics from a record, and without one."""
+    lean = fg.simulate_many([scenario], metrics_only=True, **limits)
+    return [metrics.summary(fg.simulate(scenario), **limits), lean.isel(run=0)]
+
+
+@pytest.mark.parametrize("units", ["nondimensional", "SI"])
+def test_what_the_controller_is_not_told_of_the_plant_is_missing_from_its_estimates(units: str) -> None:
+    # D is told and 3 D more are there: 3/4 are missing. Of K as much as is told is there once more: 1/2.
+    plant = PAPER.plant
+    damping, stiffness = ({e: getattr(m, e) for e in ("xx", "xy", "yy")} for m in (plant.damping, plant.stiffness))
+    scenario = PAPER.replace(
+        {
+            **KNOWN,
+            "plant.damping_deviation": {e: 3 * v for e, v in damping.items()},
+            "plant.stiffness_deviation": stiffness,
+            "run.units": units,
+        }
+    )
+    for found in both(scenario):
+        assert float(found["damping_error"]) == pytest.approx(0.75, rel=1e-9)
+        assert float(found["stiffness_error"]) == pytest.approx(0.5, rel=1e-9)
+
+
+def test_errors_of_matrices_count_the_entry_beside_the_diagonal_twice() -> None:
+    # K is told as diag(3, 4) and has 6 beside its diagonal: the square of the error is 2 * 36 of 9 + 16 + 2 * 36.
+    unit = PAPER.plant.scales.stiffness
+    scenario = PAPER.replace(
+        {
+            **KNOWN,
+            "plant.stiffness": {"xx": 30 * unit, "xy": 0.0, "yy": 40 * unit},
+            "plant.stiffness_deviation": {"xx": 0.0, "xy": 6 * unit, "yy": 0.0},
+        }
+    )
+    for found in both(scenario):
+        assert float(found["stiffness_error"]) == pytest.approx((72 / (900 + 1600 + 72)) ** 0.5, rel=1e-9)
+
+
+@pytest.mark.parametrize("rate", [100.0, -100.0])
+@pytest.mark.parametrize(("ratio", "settled"), [(0.91, True), (1.09, True), (0.89, False), (1.11, False)])
+def test_a_rate_has_settled_within_a_tenth_of_its_size_whatever_its_sign(
+    rate: float, ratio: float, settled: bool
+) -> None:
+    scenario = PAPER.replace(
+        {"plant.angular_rate": rate, "adaptation.rate_gain": 1e-9, "adaptation.initial_ratio": ratio}
+    )
+    for found in both(scenario):
+        assert float(found["rate_error"]) == pytest.approx((ratio - 1) * rate * 1e-3, rel=1e-6)
+        assert float(found["rate_error_peak"]) == pytest.approx(abs(ratio - 1) * 0.1, rel=1e-6)
+        assert float(found["rate_settling_time"]) == (0.0 if settled else pytest.approx(np.nan, nan_ok=True))
+
+
+def made_up() -> xr.Dataset:
+    """Ten samples, one a unit of time, as if recorded."""
+    t = np.arange(10.0)
+    error = np.stack([np.where(t < 4, 3.0, 0.003), np.where(t < 4, 4.0, 0.004)], axis=1)
+    surface = np.stack([np.where(t < 6, 0.06, 0.036), np.where(t < 6, 0.08, 0.048)], axis=1)
+    control = np.stack([(-1.0) ** t * 5.0, t**2], axis=1)
+    run = xr.Dataset(
+        {
+            "error": (["time", "axis"], error),
+            "surface": (["time", "axis"], surface),
+            "control": (["time", "axis"], control),
+            "rate_estimate": ("time", 0.1 + np.where(t < 3, -0.4, 0.005)),
+            "damping_estimate": (["time", "entry"], np.zeros((10, 3))),
+            "stiffness_estimate": (["time", "entry"], np.zeros((10, 3))),
+            "bound_estimate": (["time", "bound"], np.stack([t + 1, 10 * t, 20 * t], axis=1)),
+        },
+        coords={"time": t, "axis": ["x", "y"], "bound": [0, 1, 2]},
+    )
+    return run.assign_attrs(units="nondimensional", scenario=PAPER.to_toml())
+
+
+def test_the_metrics_of_ten_samples_are_those_worked_by_hand() -> None:
+    found = metrics.summary(made_up(), transient=4.0)
+    # Four samples of 3 and 4, then six of a thousandth of that.
+    whole = [(0.4 * 9 + 0.6 * 9e-6) ** 0.5, (0.4 * 16 + 0.6 * 16e-6) ** 0.5]
+    np.testing.assert_allclose(found["rmse"].values, [whole, [3.0, 4.0], [0.003, 0.004]], rtol=1e-12)
+    assert list(found["window"].values) == ["whole", "transient", "steady"]
+    assert float(found["error_settling_time"]) == 4.0  # the norm is 0.005 from there on
+    assert float(found["surface_settling_time"]) == 6.0  # 0.06 exactly counts as within
+    # From t = 4 on: a sign that flips has second differences of 4 times its size; of t^2 they are 2.
+    squares = np.mean(np.arange(4.0, 10.0) ** 4)
+    np.testing.assert_allclose(found["chattering"].values, [4.0, 2 / squares**0.5], rtol=1e-12)
+    np.testing.assert_allclose(found["effort"].values, [5.0, np.mean(np.arange(10.0) ** 4) ** 0.5], rtol=1e-12)
+    assert float(found["rate_error"]) == pytest.approx(0.005)
+    assert float(found["rate_error_rms"]) == pytest.approx(0.005)
+    assert float(found["rate_error_peak"]) == pytest.approx(0.4)
+    assert float(found["rate_settling_time"]) == 3.0
+    assert float(found["damping_error"]) == float(found["stiffness_error"]) == 1.0
+    assert found["bound_final"].values.tolist() == [10.0, 90.0, 180.0]
+    assert float(found["bound_0_halfway"]) == 5.0  # the last sample before 4.5
+    assert float(found["largest_force"]) == 81.0
+
+
+def test_limits_of_ones_own_and_windows_without_a_sample() -> None:
+    found = metrics.summary(made_up(), error_bound=0.0049, surface_bound=0.1, rate_tolerance=0.04)
+    assert np.isnan(float(found["error_settling_time"]))
+    assert float(found["surface_settling_time"]) == 0.0
+    assert np.isnan(float(found["rate_settling_time"]))
+    # The transient lasts 10, and so does the run.
+    assert np.isnan(found["rmse"].sel(window="steady")).all()
+    np.testing.assert_array_equal(found["rmse"].sel(window="transient"), found["rmse"].sel(window="whole"))
+    assert np.isnan(found["chattering"]).all()
+    assert np.isnan(found["rate_error_rms"])
+    with pytest.raises(ValueError, match=r"window is \(10\.0, None\): the run has no sample in it"):
+        metrics.cut(made_up(), metrics.STEADY)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"run.units": "SI"}, r"units is SI: V of eq\. \(39\) needs a nondimensional run"),
+        ({"adaptation.kind": "composite"}, r"adaptation\.kind is composite: V of eq\. \(39\) is that of gradient"),
+    ],
+)
+def test_v_is_refused_of_runs_that_it_is_not_defined_for(changes: dict[str, object], said: str) -> None:
+    run = fg.simulate(PAPER.replace({"run.duration": 0.01, **changes}))
+    with pytest.raises(ValueError, match=said):
+        metrics.lyapunov(run, (0.1, 0.2, 0.3))
+
+
+@pytest.mark.parametrize("kind", ["fractional_fast_terminal", "fractional"])
+def test_a_run_of_a_few_steps_is_the_beginning_of_one_of_ten(kind: str) -> None:
+    ten = fg.simulate(PAPER.replace({"controller.kind": kind, "run.duration": 10e-3}))
+    for steps in (1, 3, 9):
+        few = fg.simulate(PAPER.replace({"controller.kind": kind, "run.duration": steps * 1e-3}))
+        xr.testing.assert_identical(few.drop_attrs(), ten.isel(time=slice(steps + 1)).drop_attrs())
