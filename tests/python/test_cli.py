@@ -11,13 +11,14 @@ import fracgyro as fg
 import numpy as np
 import pytest
 import xarray as xr
+from children import PATIENCE
 
 SHORT = ("--set", "run.duration=2.0")
 
 
 def run(*words: str | Path, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "fracgyro", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=120)
+    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=PATIENCE)
 
 
 def sentence(result: subprocess.CompletedProcess[str]) -> str:
@@ -137,7 +138,7 @@ def test_help_lists_the_commands() -> None:
 def test_output_that_cannot_be_written_is_said_in_one_sentence() -> None:
     with open("/dev/full", "w") as full:
         command = [sys.executable, "-m", "fracgyro", "scenario", "paper"]
-        result = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
+        result = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=PATIENCE)
     assert result.returncode == 2
     assert result.stderr == "fracgyro: the output cannot be written: No space left on device\n"
 

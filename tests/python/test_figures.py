@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from fracgyro.paper import drawing, figures
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 KINDS = {"proposed": "fractional_fast_terminal", "fractional": "fractional", "conventional": "fast_terminal"}
@@ -129,7 +129,6 @@ finite = st.floats(-1e6, 1e6)
 signals = st.lists(finite, min_size=1, max_size=300).map(np.array)
 
 
-@settings(deadline=None)  # the machine may be busy
 @given(signals, st.integers(1, 60))
 def test_decimation_keeps_the_extremes_of_every_stretch_and_both_ends(values: drawing.Array, columns: int) -> None:
     time = np.arange(float(len(values)))
@@ -145,7 +144,6 @@ def test_decimation_keeps_the_extremes_of_every_stretch_and_both_ends(values: dr
         assert kept[inside].max() == values[begin : begin + stretch].max()
 
 
-@settings(deadline=None)  # the machine may be busy
 @given(signals, st.integers(1, 60))
 def test_an_envelope_is_above_every_sample_and_touches_one_in_each_stretch(values: drawing.Array, columns: int) -> None:
     time = np.arange(float(len(values)))
@@ -156,7 +154,6 @@ def test_an_envelope_is_above_every_sample_and_touches_one_in_each_stretch(value
     assert np.all(np.diff(middles) > 0)
 
 
-@settings(deadline=None)  # the machine may be busy
 @given(finite, st.floats(1e-3, 1e6), st.integers(2, 6))
 def test_ticks_are_inside_and_their_texts_are_their_values(low: float, width: float, count: int) -> None:
     values, written = drawing._ticks(low, low + width, count)

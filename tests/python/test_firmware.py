@@ -11,6 +11,7 @@ from pathlib import Path
 import fracgyro as fg
 import numpy as np
 import pytest
+from children import PATIENCE
 from embedded import need
 from fracgyro import _core
 from fracgyro.export.compilers import Number, make
@@ -125,7 +126,7 @@ def test_bad_input_ends_with_one_sentence_and_nothing_written(tmp_path: Path, wo
     (tmp_path / "full").mkdir()
     (tmp_path / "full/mine").touch()
     command = [sys.executable, "-m", "fracgyro", "export", "firmware", *words]
-    ran = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    ran = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE)
     assert (ran.returncode, ran.stdout) == (2, "")
     assert expected in ran.stderr
     assert len(ran.stderr.splitlines()) == 1
@@ -231,7 +232,7 @@ def test_no_bits_of_memory_are_misused_whatever_the_input(tmp_path: Path) -> Non
     ]
     subprocess.run(command, cwd=tmp_path / "out", check=True)
     corpus = sorted((ROOT / "tests/firmware/corpus").iterdir())
-    ran = subprocess.run(["./replay", *corpus], cwd=tmp_path / "out", capture_output=True, text=True, timeout=120)
+    ran = subprocess.run(["./replay", *corpus], cwd=tmp_path / "out", capture_output=True, text=True, timeout=PATIENCE)
     assert ran.returncode == 0, ran.stderr
     assert f"{len(corpus)} inputs" in ran.stdout
 
@@ -268,7 +269,7 @@ def test_a_fault_on_the_way_changes_no_bit_between_processors_and_compilers(
         make(out, image, *choice)
         (out / "answer").unlink(missing_ok=True)
         command = [*EMULATOR, "-M", BOARDS[target], "-kernel", image] if target in BOARDS else [image]
-        subprocess.run(command, cwd=out, check=True, timeout=300)
+        subprocess.run(command, cwd=out, check=True, timeout=PATIENCE)
         answers[target] = np.fromfile(out / "answer", DTYPES[number]).reshape(-1, 1 + len(COLUMNS) + QUALITY)
         assert len(answers[target]) == steps
     assert set(answers["gcc"][1000:1010, 0]) == {NOT_FINITE}
@@ -346,3 +347,5 @@ def test_the_committed_table_of_instructions_is_what_is_counted() -> None:
         [sys.executable, "benchmarks/firmware.py", "--check"], cwd=ROOT, capture_output=True, text=True
     )
     assert ran.returncode == 0, ran.stdout + ran.stderr
+    if ran.stdout:
+        pytest.skip(ran.stdout.strip())

@@ -847,7 +847,7 @@ SCENARIOS = st.fixed_dictionaries(
 )
 
 
-@settings(max_examples=100, deadline=None, derandomize=True, database=None)
+@settings(max_examples=100)
 @example({"run.step": 3e-2, "run.record_every": 7})  # diverges
 @given(SCENARIOS)
 def test_any_valid_scenario_runs_to_its_end_or_says_that_it_diverged(changes: dict[str, object]) -> None:

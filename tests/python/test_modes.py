@@ -73,7 +73,7 @@ def test_the_certified_error_bounds_forty_digit_arithmetic_closely(
     assert found.error <= 1.03 * float(exact)
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=60)
 @given(
     order=st.floats(1e-3, 0.999),
     decades=st.floats(1e-3, 6.0),

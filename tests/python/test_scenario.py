@@ -654,7 +654,7 @@ def scenarios(draw: st.DrawFn) -> Scenario:
     return Scenario(**tables)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(scenarios())
 def test_any_valid_scenario_survives_toml_unchanged(scenario: Scenario) -> None:
     text = scenario.to_toml()
@@ -666,7 +666,7 @@ def test_any_valid_scenario_survives_toml_unchanged(scenario: Scenario) -> None:
     tomllib.loads(text)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(scenarios())
 def test_the_scales_take_any_nondimensional_plant_back_to_si(scenario: Scenario) -> None:
     plant, scales = scenario.plant, scenario.plant.scales
@@ -678,14 +678,12 @@ def test_the_scales_take_any_nondimensional_plant_back_to_si(scenario: Scenario)
     assert scales.velocity * scales.time == pytest.approx(scales.length)
 
 
-@settings(max_examples=100, deadline=None)
 @given(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), st.floats(-1e3, 1e3))
 def test_the_smallest_eigenvalue_is_numpys(xx: float, xy: float, yy: float) -> None:
     expected = np.linalg.eigvalsh([[xx, xy], [xy, yy]])[0]
     assert Symmetric(xx=xx, xy=xy, yy=yy).smallest_eigenvalue() == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
-@settings(max_examples=100, deadline=None)
 @given(st.text(max_size=60) | st.text(alphabet='[]{}="\n.#01ab_- run step', max_size=60))
 def test_any_text_is_a_scenario_or_one_sentence(text: str) -> None:
     try:

@@ -6,19 +6,18 @@ import csv
 import hashlib
 import json
 import math
-import os
 import re
 import signal
 import sqlite3
 import subprocess
 import sys
-import time
 import tomllib
 from pathlib import Path
 
 import fracgyro as fg
 import numpy as np
 import pytest
+from children import PATIENCE, run_until
 from fracgyro.study.criteria import Constraint, Measured, Objective, Score, measure, score
 from fracgyro.study.hold_out import _gap
 from fracgyro.study.metric_names import METRICS
@@ -27,6 +26,8 @@ from fracgyro.study.tune import tune
 from fracgyro.study.tuning import read_tuning
 
 ROOT = Path(__file__).resolve().parents[2]
+TUNE = "fracgyro.study.tune", "tune"
+WITHIN_A_BATCH = "done > 3 + 5 * 3"  # after the base, in the first batch alone, and one of 4: each trial has 3 runs
 
 HEAD = """
 seeds = 3
@@ -79,7 +80,7 @@ def command(*words: str | Path) -> list[str]:
 
 
 def sentence(*words: str | Path) -> str:
-    ran = subprocess.run(command(*words), capture_output=True, text=True, timeout=120)
+    ran = subprocess.run(command(*words), capture_output=True, text=True, timeout=PATIENCE)
     assert ran.returncode == 2, ran
     (line,) = ran.stderr.splitlines()
     return line.removeprefix("fracgyro: ")
@@ -185,12 +186,9 @@ def test_the_same_study_finds_the_same_trials_killed_anywhere_or_not(tmp_path: P
 
 def test_a_study_killed_with_signal_9_is_finished_by_resume(tmp_path: Path) -> None:
     path, folder = study(tmp_path, trials=16, batch=4), tmp_path / "out"
-    process = subprocess.Popen(command(path, "--out", folder), stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
-    give_up = time.monotonic() + 60
-    while process.poll() is None and time.monotonic() < give_up and finished(folder / "study.db") < 5:
-        time.sleep(0.01)
-    process.send_signal(signal.SIGKILL)
-    assert process.wait() == -signal.SIGKILL
+    killed = run_until(WITHIN_A_BATCH, signal.SIGKILL, *TUNE, "tune", path, "--out", folder)
+    assert killed.returncode == -signal.SIGKILL
+    assert finished(folder / "study.db") == 5
     assert not (folder / "tuned.toml").exists()
     ran = subprocess.run(command(path, "--out", folder, "--resume", "--json"), capture_output=True, text=True)
     assert ran.returncode == 0, ran.stderr
@@ -222,19 +220,13 @@ def test_a_finished_study_can_be_given_more_trials(tmp_path: Path) -> None:
 
 
 def test_an_interrupt_is_one_sentence_and_loses_no_finished_trial(tmp_path: Path) -> None:
-    path, folder = study(tmp_path, trials=500), tmp_path / "out"
-    process = subprocess.Popen(
-        command(path, "--out", folder), stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
-    while process.poll() is None and finished(folder / "study.db") < 2:
-        time.sleep(0.02)
-    os.kill(process.pid, signal.SIGINT)
-    said, errors = process.communicate(timeout=60)
-    assert process.returncode == 130, errors
-    assert said == ""
-    assert "Traceback" not in errors
-    assert errors.endswith("fracgyro: interrupted; the files written so far are complete\n")
-    assert finished(folder / "study.db") >= 2
+    path, folder = study(tmp_path, batch=4), tmp_path / "out"
+    ran = run_until(WITHIN_A_BATCH, signal.SIGINT, *TUNE, "tune", path, "--out", folder)
+    assert ran.returncode == 130, ran.stderr
+    assert ran.stdout == ""
+    assert "Traceback" not in ran.stderr
+    assert ran.stderr.endswith("fracgyro: interrupted; the files written so far are complete\n")
+    assert finished(folder / "study.db") == 5
 
 
 # -- Constraints, divergence, the choice ---------------------------------------------------------------------

@@ -10,6 +10,7 @@ from typing import Any
 import fracgyro as fg
 import numpy as np
 import pytest
+from children import PATIENCE
 from embedded import need
 from fracgyro import _core
 from fracgyro.export import web
@@ -40,7 +41,7 @@ def in_node(module: Path, folder: Path, code: str, scenario: fg.Scenario = SHORT
     """What `code` prints."""
     web.export(scenario, folder / "own.json")
     command = ["node", "--input-type=module", "-e", PRELUDE + code, str(module), str(folder)]
-    ran = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    ran = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
     assert ran.returncode == 0, ran.stderr
     return ran.stdout
 

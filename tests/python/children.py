@@ -1,0 +1,51 @@
+"""Commands in processes of their own, stopped at a stated place of their work and not after a stated time."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+PATIENCE = 900  # s, for what takes seconds: a limit for what hangs, not for a slow machine
+
+# `fracgyro WORDS`, whose process group gets SIGNAL, as from Ctrl-C, when FUNCTION of MODULE first tells a progress of
+# which PLACE is true: an expression in `done` and `doing`.
+STOPPED = """
+import importlib, os, sys
+
+module, function, place, number, *words = sys.argv[1:]
+there = importlib.import_module(module)
+work = getattr(there, function)
+
+def stopped(*arguments, progress, **options):
+    def show(done, total, doing=None):
+        global place
+        if place and eval(place):
+            place = None
+            os.killpg(0, int(number))
+        progress(done, total, doing)
+
+    return work(*arguments, progress=show, **options)
+
+setattr(there, function, stopped)
+sys.argv[1:] = words
+
+from fracgyro.cli import main
+
+main()
+"""
+
+
+def run_until(
+    place: str, number: signal.Signals, module: str, function: str, *words: str | Path
+) -> subprocess.CompletedProcess[str]:
+    arguments = [module, function, place, str(int(number)), *map(str, words)]
+    # In a session of its own, or the signal would reach the tests, too.
+    return subprocess.run(
+        [sys.executable, "-c", STOPPED, *arguments],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        start_new_session=True,
+    )
