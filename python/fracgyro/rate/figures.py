@@ -101,7 +101,7 @@ def response(frequency: Array, gains: NDArray[np.complex128], scale_factor: floa
     mean = gains.mean(axis=1)
     lag = -np.unwrap(np.angle(mean))
     crossings = np.array([_minus_three_db(frequency, abs(run) / abs(scale_factor)) for run in gains.T])
-    size = abs(mean) / abs(scale_factor)
+    size = (abs(mean) / abs(scale_factor)).astype(np.float64, copy=False)
     bandwidth = _bandwidth(frequency, crossings)
     here = math.nan
     if 0 < bandwidth.mean < math.inf:
