@@ -104,7 +104,8 @@ void bind_controller(nb::module_& m) {
         .def(nb::init<>())
         .def_rw("layer_thickness", &ControlParams::layer_thickness)
         .def_rw("layer", &ControlParams::layer)
-        .def_rw("force_limit", &ControlParams::force_limit);
+        .def_rw("force_limit", &ControlParams::force_limit)
+        .def_rw("switching_limit", &ControlParams::switching_limit);
 
     auto estimates = nb::class_<Estimates<double>>(m, "Estimates")
                          .def(nb::init<>())

@@ -74,19 +74,23 @@ struct Adaptation {
         T damping_gain{}, stiffness_gain{}, rate_gain{};  // times the step
         std::array<T, 3> bound_gain{};
         T keep{}, dead_zone{};  // keep = 1 - step·leakage
-        bool printed = false, leaking = false, resting = false, projected = false;
+        bool printed = false, leaking = false, resting = false, projected = false, bounded = false;
         T damping_limit{}, stiffness_limit{}, rate_limit{}, bound_limit{};
+        std::array<T, 3> largest_growth{};  // of b̂: up to the largest ρ, where that is limited
     };
     struct State {
         Estimates<T> deviation{};
     };
 
-    static Coefficients prepare(const AdaptationParams& p, double step) {
+    // `largest_bound`: the largest ρ that the force is given, which no b̂ grows beyond; infinity: off.
+    static Coefficients prepare(const AdaptationParams& p, double step,
+                                double largest_bound = std::numeric_limits<double>::infinity()) {
         const double h = p.adaptive ? step : 0.0;
         const auto largest = [](const Sym2<double>& a) {
             return maximum(absolute(a.xx), maximum(absolute(a.xy), absolute(a.yy)));
         };
         const auto& i = p.initial;
+        const auto growth = [&](double from) { return T(maximum(largest_bound - from, 0.0)); };
         const auto sym2 = [](const Sym2<double>& a) { return Sym2<T>{T(a.xx), T(a.xy), T(a.yy)}; };
         return {.initial = {.damping = sym2(i.damping),
                             .stiffness = sym2(i.stiffness),
@@ -103,10 +107,12 @@ struct Adaptation {
                 .leaking = p.leakage > 0.0,
                 .resting = p.dead_zone > 0.0,
                 .projected = p.projection > 0.0,
+                .bounded = largest_bound < std::numeric_limits<double>::infinity(),
                 .damping_limit = T(p.projection * largest(i.damping)),
                 .stiffness_limit = T(p.projection * largest(i.stiffness)),
                 .rate_limit = T(p.projection * absolute(i.rate)),
-                .bound_limit = T(p.projection * maximum(i.bound[0], maximum(i.bound[1], i.bound[2])))};
+                .bound_limit = T(p.projection * maximum(i.bound[0], maximum(i.bound[1], i.bound[2]))),
+                .largest_growth = {growth(i.bound[0]), growth(i.bound[1]), growth(i.bound[2])}};
     }
 
     // What is told, and what the force is computed with: the same.
@@ -143,6 +149,11 @@ struct Adaptation {
                    d.bound[2] + c.bound_gain[2] * (size * sizes.velocity)};
         if (c.projected) {
             project(d, c);
+        }
+        if (c.bounded) {
+            for (std::size_t k = 0; k < d.bound.size(); ++k) {
+                d.bound[k] = minimum(d.bound[k], c.largest_growth[k]);
+            }
         }
     }
     // Nothing was measured.

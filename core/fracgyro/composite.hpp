@@ -53,9 +53,10 @@ struct CompositeAdaptation {
         bool measured = false;  // there is a last sample
     };
 
-    static Coefficients prepare(const AdaptationParams& p, double step) {
+    static Coefficients prepare(const AdaptationParams& p, double step,
+                                double largest_bound = std::numeric_limits<double>::infinity()) {
         const auto& k = p.initial.stiffness;
-        return {.laws = Laws::prepare(p, step),
+        return {.laws = Laws::prepare(p, step, largest_bound),
                 .step = T(step),
                 .inverse_step = T(1.0 / step),
                 .forgetting = T(step * p.forgetting),

@@ -6,6 +6,9 @@
 //        inside the layer the last term is   (s/δ) ρ              linear, the usual layer
 //                                            (s/δ²) ‖s‖ ρ         quadratic, as printed: no gain at s = 0
 //    With known parameters the estimates are the true values and the same formula is eqs. (20) and (34).
+//
+//    Near s = 0 the held force takes ρ h/δ of s back in one step, and from about 2 on the sampled loop is unstable. The
+//    switching limit (ours) keeps ρ h/δ at or below a number, and b̂₀, b̂₁, b̂₂ at or below the ρ that this allows.
 #pragma once
 
 #include "adaptation.hpp"
@@ -19,18 +22,25 @@ enum class Layer { linear, quadratic };
 struct ControlParams {
     double layer_thickness = 0.06;  // δ; 0: no layer, the force switches
     Layer layer = Layer::linear;
-    double force_limit = std::numeric_limits<double>::infinity();  // |u| on each axis; infinity: off
+    double force_limit = std::numeric_limits<double>::infinity();      // |u| on each axis; infinity: off
+    double switching_limit = std::numeric_limits<double>::infinity();  // of ρ h/δ; infinity: off
 };
+
+// The largest ρ that the switching limit allows; infinity where it is off.
+inline double largest_bound(const ControlParams& p, double step) {
+    const bool bounded = p.switching_limit < std::numeric_limits<double>::infinity();
+    return bounded ? p.switching_limit * p.layer_thickness / step : p.switching_limit;
+}
 
 template <Scalar T>
 struct Control {
     struct Coefficients {
         T thickness_squared{}, linear_gain{}, quadratic_gain{};  // inside: s (linear_gain + quadratic_gain ‖s‖) ρ
-        T force_limit{};
-        bool limited = false, printed = false;  // printed rate law: Ω̂ has a symmetric part
+        T force_limit{}, largest_bound{};
+        bool limited = false, bounded = false, printed = false;  // printed rate law: Ω̂ has a symmetric part
     };
 
-    static Coefficients prepare(const ControlParams& p, bool printed_rate_law = false) {
+    static Coefficients prepare(const ControlParams& p, bool printed_rate_law = false, double step = 1.0) {
         const bool layered = p.layer_thickness > 0.0;
         const bool linear = p.layer == Layer::linear;
         const double inverse = layered ? 1.0 / p.layer_thickness : 0.0;
@@ -38,7 +48,9 @@ struct Control {
                 .linear_gain = T(linear ? inverse : 0.0),
                 .quadratic_gain = T(linear ? 0.0 : inverse * inverse),
                 .force_limit = T(p.force_limit),
+                .largest_bound = T(fracgyro::largest_bound(p, step)),
                 .limited = p.force_limit < std::numeric_limits<double>::infinity(),
+                .bounded = p.switching_limit < std::numeric_limits<double>::infinity(),
                 .printed = printed_rate_law};
     }
 
@@ -53,7 +65,10 @@ struct Control {
         if (c.printed) {
             equivalent = equivalent + T(2.0) * (estimates.rate_symmetric * v);
         }
-        const T bound = estimates.bound[0] + estimates.bound[1] * sizes.position + estimates.bound[2] * sizes.velocity;
+        T bound = estimates.bound[0] + estimates.bound[1] * sizes.position + estimates.bound[2] * sizes.velocity;
+        if (c.bounded) {
+            bound = minimum(bound, c.largest_bound);
+        }
         // Inside and outside the layer alike the switching term is s (gain + slope ‖s‖) ρ, with 1/‖s‖ = ‖s‖/‖s‖²: only
         // the product with ‖s‖, a square root, is left to be waited for, and no division after it.
         const T square = squared_norm(surface.s);

@@ -58,8 +58,8 @@ struct SlidingModeController {
     static Coefficients prepare(const Params& p) {
         return {.reference = Reference<T>::prepare(p.reference, p.step),
                 .surface = SurfaceType::prepare(p.surface, p.step),
-                .control = Control<T>::prepare(p.control, p.adaptation.printed_rate_law),
-                .adaptation = AdaptationType::prepare(p.adaptation, p.step)};
+                .control = Control<T>::prepare(p.control, p.adaptation.printed_rate_law, p.step),
+                .adaptation = AdaptationType::prepare(p.adaptation, p.step, largest_bound(p.control, p.step))};
     }
 
     // What is known before the coming step.

@@ -40,6 +40,7 @@ public:
     void restore(const State& saved) {
         state_ = saved;
         prepared_ = false;  // it may have other parameters
+        gain_ = 0.0;
     }
     void reset() {
         state_ = State{};
@@ -47,6 +48,7 @@ public:
             state_.values[i] = exported::variables[i].start;
         }
         prepared_ = false;
+        gain_ = 0.0;
     }
     void start_at(double time) { state_.start_time = time; }
 
@@ -114,8 +116,10 @@ public:
         for (double n = 0.0; n < count; ++n) {
             if constexpr (exported::closed_loop) {
                 if (!Loop::advance(state_.loop, coefficients_, disturbance_)) {
-                    return fail("the motion diverged after %.9g: the step %.9g is too long for these gains", now(),
-                                exported::step);
+                    return diverged();
+                }
+                if (state_.loop.step % 256 == 0) {
+                    look_at_bounds();
                 }
             } else {
                 state_.loop.motion = measured();
@@ -129,6 +133,33 @@ public:
     }
 
 private:
+    // ρ h/δ and the bound estimates, from when s was within the layer: they tell what ended a loop that diverges.
+    void look_at_bounds() {
+        const auto number = [](auto a) { return static_cast<double>(a); };
+        const auto size = [&](const auto& a) { return std::hypot(number(a.x), number(a.y)); };
+        const ControlParams& control = setup_.controller.control;
+        if (!setup_.controller.adaptation.adaptive || !(size(state_.loop.signals.surface) < control.layer_thickness)) {
+            return;
+        }
+        for (std::size_t i = 0; i < bound_.size(); ++i) {
+            bound_[i] = number(state_.loop.signals.estimates.bound[i]);
+        }
+        const double rho =
+            bound_[0] + bound_[1] * size(state_.loop.motion.position) + bound_[2] * size(state_.loop.motion.velocity);
+        gain_ = std::min(rho * exported::step / control.layer_thickness, control.switching_limit);
+    }
+    bool diverged() {
+        if (gain_ > 1.0) {
+            return fail(
+                "the motion diverged after %.9g: the bound estimates had grown to [%.3g, %.3g, %.3g], so that rho "
+                "h/delta "
+                "was %.3g, and from about 2 on the sampled loop is unstable; controller.switching_limit = 0.5 bounds "
+                "them",
+                now(), bound_[0], bound_[1], bound_[2], gain_);
+        }
+        return fail("the motion diverged after %.9g: the step %.9g is too long for these gains", now(), exported::step);
+    }
+
     double now() const { return state_.start_time + static_cast<double>(state_.loop.step) * exported::step; }
 
     // The outputs before the first step, from the parameters as they stand.
@@ -213,7 +244,9 @@ private:
     Setup setup_{};
     typename Loop::Coefficients coefficients_{};
     Disturbance disturbance_{DisturbanceParams{}, 1.0};
-    char problem_[200] = "";
+    std::array<double, 3> bound_{};
+    double gain_ = 0.0;
+    char problem_[300] = "";
 };
 
 // malloc aligns for numbers, not for the registers of several that the modes are kept in.

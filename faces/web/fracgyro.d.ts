@@ -107,6 +107,7 @@ export interface Settings {
   "controller.singularity_floor": number;
   "controller.layer_thickness": number;
   "controller.force_limit": number | null;
+  "controller.switching_limit": number | null;
   "adaptation.damping_gain": number;
   "adaptation.stiffness_gain": number;
   "adaptation.rate_gain": number;

@@ -189,7 +189,7 @@ function wrong(name, value, field) {
   if (name === "controller.adaptive") {
     return typeof value === "boolean" ? "" : "true or false";
   }
-  if (name === "controller.force_limit" && (value === null || value === Infinity)) {
+  if (["controller.force_limit", "controller.switching_limit"].includes(name) && (value === null || value === Infinity)) {
     return "";
   }
   if (!Number.isFinite(value)) {

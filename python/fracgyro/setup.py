@@ -61,6 +61,7 @@ def controller_params(scenario: Scenario) -> _core.ControllerParams:
     control.layer_thickness = c.layer_thickness
     control.layer = _core.Layer.quadratic if c.layer == "quadratic" else _core.Layer.linear
     control.force_limit = c.force_limit
+    control.switching_limit = c.switching_limit
     params.control = control
 
     # With known parameters, eqs (20) and (34), the estimates start at the truth and stay there.

@@ -1,4 +1,7 @@
-"""The scenarios that come with the package: devices from the literature, each number with its source."""
+"""The scenarios that come with the package: devices from the literature, each number with its source.
+
+What all of them have in common, which is what hardware needs and the paper has not, stands in scenarios/common.toml alone.
+"""
 
 from __future__ import annotations
 
@@ -8,21 +11,34 @@ from .scenario import Scenario, ScenarioError
 
 # Name: what it is.
 SHIPPED = {
+    "hardware": "the paper's with what hardware needs: bounded for good, within a force limit",
     "paper_thermal": "the paper's gyroscope and reference, with thermal noise alone",
     "paper_resonance": "the paper's gyroscope driven at its resonances, with a realistic force limit",
     "dual_mass": "a dual-mass gyroscope in vacuum, 3925 and 3978 Hz",
     "tuned_in_air": "a gyroscope tuned to near-equal modes, in air",
     "disc": "a mode-matched disc with a quality factor of 2e6",
 }
+COMMON = "common"
 
 
 def shipped_text(name: str) -> str:
     """The TOML of a shipped scenario, with its sources. Raises ScenarioError when there is none of this name."""
     if name not in SHIPPED:
         raise ScenarioError(f"scenario is {name}: it must be one of {', '.join(SHIPPED)}")
-    return (files(__package__) / "scenarios" / f"{name}.toml").read_text(encoding="utf-8")
+    head, *tables = _parts(name)
+    added = {part.partition("\n")[0]: part for part in _parts(COMMON)[1:]}
+    own = {part.partition("\n")[0]: part for part in tables}
+    merged = [own.get(title, title) + added.get(title, title).removeprefix(title) for title in own | added]
+    return "\n\n".join([head, *merged]) + "\n"
 
 
 def shipped(name: str) -> Scenario:
     """A shipped scenario. Raises ScenarioError when there is none of this name."""
     return Scenario.from_toml(shipped_text(name), source=name)
+
+
+def _parts(name: str) -> list[str]:
+    """The head of a file and each of its tables, without the blank lines between them."""
+    lines = (files(__package__) / "scenarios" / f"{name}.toml").read_text(encoding="utf-8").splitlines()
+    starts = [number for number, line in enumerate(lines) if line.startswith("[")]
+    return ["\n".join(lines[a:b]).strip() for a, b in zip([0, *starts], [*starts, None], strict=True)]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from . import _core
+from . import _core, bounded
 from .scenario import Scenario
 from .setup import composite, core_setup, is_ideal
 
@@ -68,10 +68,16 @@ class DivergedError(ValueError):
 
     def __init__(self, scenario: Scenario, time: float, run: xr.Dataset) -> None:
         step = scenario.run.step
-        super().__init__(
-            f"the run diverged at t = {time:.6g}: run.step is {step:g}, which is too long for these gains; "
-            f"try run.step = {step / 2:g} or less, or smaller gains"
+        why = (
+            f"run.step is {step:g}, which is too long for these gains; try run.step = {step / 2:g} or less, or smaller gains"
         )
+        if grown := bounded.cause(scenario, run):
+            gain, b = grown
+            why = (
+                f"the bound estimates had grown to [{', '.join(f'{each:.3g}' for each in b)}], so that rho h/delta was "
+                f"{gain:.3g}, and from about 2 on the sampled loop is unstable; controller.switching_limit = 0.5 bounds them"
+            )
+        super().__init__(f"the run diverged at t = {time:.6g}: {why}")
         self.run = run
 
 

@@ -211,6 +211,22 @@ class Controller(Table):
     force_limit: float = field(
         math.inf, "Largest |u| per axis, unit m omega0^2 q0, > 0. inf: off.", gt=0, allow_inf_nan=True
     )
+    switching_limit: float = field(
+        math.inf,
+        "Largest rho h/delta, no unit, > 0: what one step takes back of s; the loop diverges from about 2 on, and "
+        "noise alone lets the bound estimates grow until then. 0.5 suits hardware. inf: off.",
+        gt=0,
+        allow_inf_nan=True,
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.layer_thickness == 0 and self.switching_limit < math.inf:
+            raise sentence(
+                f"controller.switching_limit is {toml_value(self.switching_limit)}: it must be inf when "
+                "controller.layer_thickness is 0.0, as rho h/delta is then infinite"
+            )
+        return self
 
 
 class Adaptation(Table):

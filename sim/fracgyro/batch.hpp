@@ -95,7 +95,8 @@ inline auto alike(const Setup& s) {
     const AdaptationParams& a = s.controller.adaptation;
     const ControllerParams& c = s.controller;
     return std::tuple(s.kind, s.steps, c.step, c.surface.modes.count > 0, c.surface.terminal_exponent == 0.5,
-                      c.control.force_limit < std::numeric_limits<double>::infinity(), a.printed_rate_law,
+                      c.control.force_limit < std::numeric_limits<double>::infinity(),
+                      c.control.switching_limit < std::numeric_limits<double>::infinity(), a.printed_rate_law,
                       a.leakage > 0.0, a.dead_zone > 0.0, a.projection > 0.0, a.composite, a.forgetting > 0.0);
 }
 

@@ -40,6 +40,7 @@ constexpr void for_each_setting(SetupLike& setup, Visit&& visit) {
     visit("controller.layer_thickness", control.layer_thickness);
     visit("controller.layer", control.layer);
     visit("controller.force_limit", control.force_limit);
+    visit("controller.switching_limit", control.switching_limit);
 
     auto& adaptation = controller.adaptation;
     visit("controller.adaptive", adaptation.adaptive);

@@ -11,6 +11,8 @@
 namespace fracgyro::testing {
 namespace {
 
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
 template <class T>
 class ReferenceSignal : public ::testing::Test {};
 TYPED_TEST_SUITE(ReferenceSignal, Scalars, ScalarNames);
@@ -214,6 +216,75 @@ TYPED_TEST(Law, TheForceSaturatesOnEachAxis) {
     const Vec2<TypeParam> force = switching_force<TypeParam>(p, 3, -4, 10.0);  // (-6, 8) unlimited
     expect_near(force, {-6, 7}, 10.0 * epsilon<TypeParam>);
     expect_near(switching_force<TypeParam>(p, 4, -3, 10.0), {-7, 6}, 10.0 * epsilon<TypeParam>);
+}
+
+TYPED_TEST(Law, TheSwitchingLimitBoundsRhoInTheForceAndNothingBelowIt) {
+    using T = TypeParam;
+    constexpr double close = 2.0 * epsilon<T>;
+    ControlParams p{.layer_thickness = 0.5, .switching_limit = 0.25};
+    EXPECT_EQ(largest_bound(p, 0.0625), 2.0);  // ¼ · ½ / 2⁻⁴
+    const auto force = [&](double s_x, double s_y, double bound) {
+        Estimates<T> estimates{};
+        estimates.bound[0] = T(bound);
+        const Vec2<T> s = vec2<T>(s_x, s_y);
+        return Control<T>::force(Control<T>::prepare(p, false, 0.0625), estimates, {}, {}, {.s = s},
+                                 sizes_of<T>({}, s));
+    };
+    expect_near(force(3, 4, 100.0), {-1.2, -1.6}, close);
+    expect_near(force(0.15, 0.2, 100.0), {-0.6, -0.8}, close);  // ‖s‖ = ½ δ
+    expect_near(force(3, 4, 1.0), {-0.6, -0.8}, close);
+    p.layer = Layer::quadratic;
+    expect_near(force(0.15, 0.2, 100.0), {-0.3, -0.4}, close);
+    p.layer_thickness = 0.0;  // a slope without end is not allowed any ρ
+    expect_equal(force(3, 4, 100.0), {0, 0});
+    p.switching_limit = infinity;
+    expect_near(force(3, 4, 100.0), {-60, -80}, 100 * close);
+}
+
+TYPED_TEST(Law, UnderTheSwitchingLimitNoBoundGrowsBeyondTheLargestRho) {
+    using T = TypeParam;
+    AdaptationParams p;
+    p.initial.bound = {0.25, 0.5, 3.0};
+    const Motion<T> motion{.position = vec2<T>(3, 4), .velocity = vec2<T>(6, 8)};
+    const Vec2<T> s = vec2<T>(0.6, 0.8);
+    const auto after = [&](double largest, int steps) {
+        const auto c = Adaptation<T>::prepare(p, 0.0625, largest);
+        typename Adaptation<T>::State state{};
+        for (int n = 0; n < steps; ++n) {
+            Adaptation<T>::update(state, c, motion, s, sizes_of(motion, s));
+        }
+        std::array<double, 3> found{};
+        for (std::size_t i = 0; i < found.size(); ++i) {
+            found[i] = number(Adaptation<T>::estimates(state, c).bound[i]);
+        }
+        return found;
+    };
+    // x₀ h ‖s‖ = 1/16; b̂₂ begins above, and rests there.
+    const auto bounded = after(1.0, 100), free = after(infinity, 100), early = after(1.0, 4);
+    EXPECT_EQ(bounded, (std::array<double, 3>{1.0, 1.0, 3.0}));
+    EXPECT_NEAR(free[0], 0.25 + 6.25, 1e-3);
+    EXPECT_GT(free[2], 90.0);
+    EXPECT_NEAR(early[0], 0.5, 1e-6) << "and up to there it grows as it would";
+}
+
+// The paper's linear surface in the loop with noise of 1 a step and bounds that grow 100 times as fast. Returns whether it is
+// bounded after 200,000 steps.
+template <class T, template <class> class AdaptationOf>
+bool lasts(double switching_limit) {
+    using Controller = SlidingModeController<T, LinearSurface, AdaptationOf>;
+    Setup setup = paper(200'000);
+    setup.controller.control.switching_limit = switching_limit;
+    setup.controller.adaptation.bound_gain = {100.0, 160.0, 160.0};
+    setup.disturbance = {.kind = DisturbanceKind::noise, .standard_deviation = 1.0};
+    return run_loop<Controller>(setup, [](const auto&) {}) == setup.steps + 1;
+}
+
+TEST(Soak, ASampledLoopWhoseBoundsGrowInNoiseDivergesAndALimitedOneDoesNot) {
+    EXPECT_FALSE((lasts<double, Adaptation>(infinity)));
+    EXPECT_FALSE((lasts<float, CompositeAdaptation>(infinity)));
+    EXPECT_TRUE((lasts<double, Adaptation>(0.5)));
+    EXPECT_TRUE((lasts<float, CompositeAdaptation>(0.5)));
+    EXPECT_TRUE((lasts<double, Adaptation>(1.0)));
 }
 
 // The controller as a whole, of a linear surface with λ1 = 10, holding (0, 0) from (1, 0), whose K̂ starts at `stiffness`.

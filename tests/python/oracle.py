@@ -82,7 +82,8 @@ def simulate(scenario: Scenario, disturbance: np.ndarray) -> dict[str, np.ndarra
             damping, stiffness, omega = damping + more[0], stiffness + more[1], omega + more[2]
         equivalent = (damping + 2 * omega) @ v + stiffness @ q + r_acceleration
         equivalent = equivalent - lambda1 * derivative - lambda2 * slope * e_rate
-        rho = bound @ [1.0, norm(q), norm(v)]
+        most = c.switching_limit * c.layer_thickness / h if c.switching_limit < math.inf else math.inf
+        rho = min(bound @ [1.0, norm(q), norm(v)], most)
         u = equivalent - rho * switching(s, c.layer_thickness, c.layer)
 
         run["position"][n], run["velocity"][n], run["reference"][n] = q, v, r
@@ -100,7 +101,8 @@ def simulate(scenario: Scenario, disturbance: np.ndarray) -> dict[str, np.ndarra
             damping = damping - h * 0.5 * a.damping_gain * (vs + vs.T).T
             stiffness = stiffness - h * 0.5 * a.stiffness_gain * (qs + qs.T).T
             omega = omega - h * a.rate_gain * swirl.T
-            bound = bound + h * np.array(a.bound_gain) * norm(s) * [1.0, norm(q), norm(v)]
+            grown = bound + h * np.array(a.bound_gain) * norm(s) * [1.0, norm(q), norm(v)]
+            bound = np.maximum(bound, np.minimum(grown, most))
 
         q, v = np.split((advance @ np.concatenate([q, v, u + disturbance[n]]))[:4], 2)
     return run

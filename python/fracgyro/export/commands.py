@@ -26,6 +26,13 @@ def _number(default: Number) -> Callable[[Callable[..., None]], Callable[..., No
     )
 
 
+_unbounded = click.option(
+    "--unbounded",
+    is_flag=True,
+    help="Export even a controller whose bound estimates may grow until the loop diverges.",
+)
+
+
 @click.group()
 def export() -> None:
     """The controller of a scenario for other places."""
@@ -34,11 +41,12 @@ def export() -> None:
 @export.command(name="web")
 @click.argument("scenario", type=click.Path(path_type=Path))
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="The scenario as JSON.")
-def web_command(scenario: Path, out: Path) -> None:
+@_unbounded
+def web_command(scenario: Path, out: Path, unbounded: bool) -> None:
     """Write SCENARIO for the WebAssembly module that `make web` builds, modes included."""
     from .web import export as write
 
-    write(Scenario.load(scenario), out)
+    write(Scenario.load(scenario), out, unbounded=unbounded)
     click.echo(f"{out}: load it beside fracgyro.mjs, whose first lines show how")
 
 
@@ -50,6 +58,7 @@ def web_command(scenario: Path, out: Path) -> None:
 @click.option("--windows", is_flag=True, help="With a binary for Windows; needs ziglang.")
 @click.option("--macos", is_flag=True, help="With a binary for macOS; needs ziglang.")
 @_number("double")
+@_unbounded
 def fmu(
     scenario: Path,
     out: Path,
@@ -58,6 +67,7 @@ def fmu(
     windows: bool,
     macos: bool,
     number: Number,
+    unbounded: bool,
 ) -> None:
     """Write SCENARIO as an FMU, for Simulink, OpenModelica and others: the closed loop, for co-simulation on Linux."""
     from .fmu import System
@@ -66,7 +76,8 @@ def fmu(
     wanted: dict[System, bool] = {"linux": True, "windows": windows, "macos": macos}
     systems = [system for system, chosen in wanted.items() if chosen]
     content: Literal["controller", "loop"] = "controller" if controller else "loop"
-    write(Scenario.load(scenario), out, content=content, fmi=fmi, systems=systems, number=number)
+    loaded = Scenario.load(scenario)
+    write(loaded, out, content=content, fmi=fmi, systems=systems, number=number, unbounded=unbounded)
     words = ["controller" if controller else "closed loop", f"FMI {fmi}", *(["float"] if number == "float" else [])]
     click.echo(f"{out}: {', '.join(words)}, for {', '.join(systems)}")
 
@@ -75,11 +86,12 @@ def fmu(
 @click.argument("scenario", type=click.Path(path_type=Path))
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
 @_number("float")
-def firmware(scenario: Path, out: Path, number: Number) -> None:
+@_unbounded
+def firmware(scenario: Path, out: Path, number: Number, unbounded: bool) -> None:
     """Write the controller of SCENARIO as C++ with a C interface, for a microcontroller."""
     from .firmware import export_firmware
 
-    export_firmware(Scenario.load(scenario), out, number)
+    export_firmware(Scenario.load(scenario), out, number, unbounded=unbounded)
     click.echo(f"{out}: add it to your project, as its README.md says")
 
 

@@ -10,6 +10,7 @@ from importlib.metadata import version
 from typing import Any
 
 from .. import _core
+from ..bounded import check_bounded
 from ..files import whole_folder
 from ..scenario import Scenario
 from ..setup import composite, controller_params
@@ -23,8 +24,15 @@ SURFACES = {
 }
 
 
-def export_firmware(scenario: Scenario, folder: str | os.PathLike[str], number: Number = "float") -> None:
-    """Writes the folder whole or not at all. Raises ValueError, in one sentence, when it cannot be written."""
+def export_firmware(
+    scenario: Scenario, folder: str | os.PathLike[str], number: Number = "float", *, unbounded: bool = False
+) -> None:
+    """Writes the folder whole or not at all.
+
+    Raises ValueError, in one sentence, when it cannot be written, or the controller would not stay bounded and `unbounded`
+    does not say that it need not (bounded.py).
+    """
+    check_bounded(scenario, unbounded)
     header = coefficients_header(scenario, number)
     with whole_folder(folder) as scratch:
         shutil.copytree(SOURCES / "faces/firmware", scratch, dirs_exist_ok=True)

@@ -23,6 +23,7 @@ from typing import Literal
 import jinja2
 
 from .. import _core
+from ..bounded import check_bounded
 from ..files import whole_file
 from ..scenario import Scenario, ScenarioError
 from ..setup import composite
@@ -92,12 +93,14 @@ def export(
     fmi: Fmi = "2.0",
     systems: Sequence[System] = ("linux",),
     number: Number = "double",
+    unbounded: bool = False,
 ) -> None:
     """Writes the FMU, whole or not at all. `number` is what it computes with; an importer sees doubles.
 
-    Raises ValueError, in one sentence, when a compiler or FMPy is missing, the seed is too large for an FMU, or
-    the file cannot be written.
+    Raises ValueError, in one sentence, when a compiler or FMPy is missing, the seed is too large for an FMU, the file
+    cannot be written, or the controller would not stay bounded and `unbounded` does not say that it need not (bounded.py).
     """
+    check_bounded(scenario, unbounded)
     if content == "controller":
         scenario = without_plant(scenario)
     variables = list(_variables(scenario, content, fmi))

@@ -32,6 +32,7 @@ UNITS: dict[str, str | tuple[str, ...]] = {
     "controller.singularity_floor": "q0",
     "controller.layer_thickness": "q0*omega0",
     "controller.force_limit": "m*omega0^2*q0",
+    "controller.switching_limit": "1",
     "adaptation.damping_gain": "m/q0^2",
     "adaptation.stiffness_gain": "m*omega0^2/q0^2",
     "adaptation.rate_gain": "1/q0^2",

@@ -88,7 +88,7 @@ def _firmware(
     else:
         need("arm-none-eabi-g++", "qemu-system-arm")
         command = [*EMULATOR, "-M", BOARDS[target], "-kernel", image]
-    export_firmware(scenario, exported, number)
+    export_firmware(scenario, exported, number, unbounded=True)
     motion.tofile(exported / "motion")
     make(exported, image, *choice)
     run(command, exported)
@@ -102,7 +102,7 @@ def _firmware(
 def _wasm(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
     need("node")
     web.build(folder)
-    web.export(without_plant(scenario), folder / "own.json")
+    web.export(without_plant(scenario), folder / "own.json", unbounded=True)
     shutil.copyfile(SOURCES / "faces/web/replay.mjs", folder / "replay.mjs")
     motion.astype(np.float64).tofile(folder / "motion")
     run(["node", "replay.mjs", "own.json", number], folder)
@@ -112,7 +112,8 @@ def _wasm(scenario: Scenario, number: Number, motion: NDArray[np.floating], fold
 def _fmu(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
     """The controller alone, as FMPy imports it."""
     path = folder / "replay.fmu"
-    fmu.export(scenario, path, content="controller", systems=[SYSTEMS[platform.system()]], number=number)
+    system = SYSTEMS[platform.system()]
+    fmu.export(scenario, path, content="controller", systems=[system], number=number, unbounded=True)
     import fmpy
     from fmpy.simulation import instantiate_fmu
 

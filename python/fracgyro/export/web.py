@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import _core
+from ..bounded import check_bounded
 from ..files import whole_file
 from ..scenario import Scenario
 from .compilers import FLAGS, SOURCES, include, zig
@@ -29,8 +30,13 @@ TARGET = ["-target", "wasm32-wasi"]
 UNSCALED = ["run.duration", "run.step", "run.record_every", "controller.order"]  # said by a scenario as they are
 
 
-def export(scenario: Scenario, path: str | os.PathLike[str]) -> None:
-    """Writes the scenario. Raises ValueError in one sentence when it cannot be written."""
+def export(scenario: Scenario, path: str | os.PathLike[str], *, unbounded: bool = False) -> None:
+    """Writes the scenario.
+
+    Raises ValueError, in one sentence, when it cannot be written, or the controller would not stay bounded and `unbounded`
+    does not say that it need not (bounded.py).
+    """
+    check_bounded(scenario, unbounded)
     _write({"version": version("fracgyro"), **_document(scenario)}, path)
 
 
