@@ -76,7 +76,8 @@ FUZZED := build/fuzz/firmware
 FUZZ_SECONDS := 60
 check-deep: .venv/installed-test
 	rm -rf $(FUZZED) && mkdir -p build/fuzz/found
-	$(BIN)/fracgyro scenario paper | sed 's/^force_limit = .*/force_limit = 1000.0/' > build/fuzz/limited.toml
+	$(BIN)/fracgyro scenario paper | sed -e 's/^force_limit = .*/force_limit = 1000.0/' \
+	  -e 's/^switching_limit = .*/switching_limit = 0.5/' > build/fuzz/limited.toml
 	$(BIN)/fracgyro export firmware build/fuzz/limited.toml --out $(FUZZED)
 	cd $(FUZZED) && clang-tidy --quiet fracgyro.cpp -- -std=c++20 -I. -Icore
 	clang++ -std=c++20 -O1 -g1 -fsanitize=fuzzer,address,undefined,float-cast-overflow -fno-sanitize-recover=all \

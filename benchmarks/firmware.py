@@ -36,6 +36,12 @@ SCENARIOS = {
         "run.mode_tolerance": 5e-5,
         "controller.force_limit": 6000.0,
     },
+    "16 modes, c = 0.6, force and switching limit": {
+        "controller.terminal_exponent": 0.6,
+        "run.mode_tolerance": 5e-5,
+        "controller.force_limit": 6000.0,
+        "controller.switching_limit": 0.5,
+    },
     "16 modes": {"run.mode_tolerance": 5e-5},
     "fast: 8 modes": {"run.mode_tolerance": 2e-2},
     "6 modes": {"run.mode_tolerance": 0.1},
@@ -65,7 +71,7 @@ step; code and constants added to an image. c = 1/2 and no force limit where not
 
 def measure(scenario: fg.Scenario, number: Number, folder: Path) -> dict[str, str]:
     """Cells by column."""
-    export_firmware(scenario, folder, number)
+    export_firmware(scenario, folder, number, unbounded=True)
     counts = dict(re.findall(r"(Cortex-\w+): (\d+ \d+)", make(folder, "count")))
     sizes = re.findall(r"^\s*(\d+)\s+(\d+).*?(\w+)/image", make(folder, "size"), re.MULTILINE)
     symbols = subprocess.run(
@@ -143,7 +149,7 @@ def errors() -> list[str]:
             continue
         with tempfile.TemporaryDirectory() as folder:
             scenario = PAPER.replace(changes)
-            export_firmware(scenario, Path(folder) / "out")
+            export_firmware(scenario, Path(folder) / "out", unbounded=True)
             found = [[rmse(run, Host(Path(folder) / "out", "float"), start) for start in (0.0, 10.0)] for run in runs]
         whole, late = 100 * (np.mean(found, axis=0) / np.mean(base, axis=0) - 1)
         cells = [f"{x:+.2f} %, {y:+.2f} %" for x, y in (whole, late)]

@@ -75,8 +75,8 @@ struct Adaptation {
         std::array<T, 3> bound_gain{};
         T keep{}, dead_zone{};  // keep = 1 - step·leakage
         bool printed = false, leaking = false, resting = false, projected = false, bounded = false;
-        T damping_limit{}, stiffness_limit{}, rate_limit{}, bound_limit{};
-        std::array<T, 3> largest_growth{};  // of b̂: up to the largest ρ, where that is limited
+        T damping_limit{}, stiffness_limit{}, rate_limit{};
+        std::array<T, 3> bound_limit{};  // b̂ only grows
     };
     struct State {
         Estimates<T> deviation{};
@@ -90,7 +90,12 @@ struct Adaptation {
             return maximum(absolute(a.xx), maximum(absolute(a.xy), absolute(a.yy)));
         };
         const auto& i = p.initial;
-        const auto growth = [&](double from) { return T(maximum(largest_bound - from, 0.0)); };
+        const bool projected = p.projection > 0.0, bounded = largest_bound < std::numeric_limits<double>::infinity();
+        const double most = p.projection * maximum(i.bound[0], maximum(i.bound[1], i.bound[2]));
+        const auto bound_limit = [&](double from) {
+            const double growth = maximum(largest_bound - from, 0.0);
+            return T(projected ? minimum(most, growth) : growth);
+        };
         const auto sym2 = [](const Sym2<double>& a) { return Sym2<T>{T(a.xx), T(a.xy), T(a.yy)}; };
         return {.initial = {.damping = sym2(i.damping),
                             .stiffness = sym2(i.stiffness),
@@ -106,13 +111,12 @@ struct Adaptation {
                 .printed = p.printed_rate_law,
                 .leaking = p.leakage > 0.0,
                 .resting = p.dead_zone > 0.0,
-                .projected = p.projection > 0.0,
-                .bounded = largest_bound < std::numeric_limits<double>::infinity(),
+                .projected = projected,
+                .bounded = projected || bounded,
                 .damping_limit = T(p.projection * largest(i.damping)),
                 .stiffness_limit = T(p.projection * largest(i.stiffness)),
                 .rate_limit = T(p.projection * absolute(i.rate)),
-                .bound_limit = T(p.projection * maximum(i.bound[0], maximum(i.bound[1], i.bound[2]))),
-                .largest_growth = {growth(i.bound[0]), growth(i.bound[1]), growth(i.bound[2])}};
+                .bound_limit = {bound_limit(i.bound[0]), bound_limit(i.bound[1]), bound_limit(i.bound[2])}};
     }
 
     // What is told, and what the force is computed with: the same.
@@ -152,7 +156,7 @@ struct Adaptation {
         }
         if (c.bounded) {
             for (std::size_t k = 0; k < d.bound.size(); ++k) {
-                d.bound[k] = minimum(d.bound[k], c.largest_growth[k]);
+                d.bound[k] = minimum(d.bound[k], c.bound_limit[k]);
             }
         }
     }
@@ -169,8 +173,6 @@ private:
         d.stiffness = all(d.stiffness, c.stiffness_limit);
         d.rate = within(d.rate, c.rate_limit);
         d.rate_symmetric = all(d.rate_symmetric, c.rate_limit);
-        d.bound = {within(d.bound[0], c.bound_limit), within(d.bound[1], c.bound_limit),
-                   within(d.bound[2], c.bound_limit)};
     }
 };
 

@@ -1,9 +1,9 @@
-"""Whether a controller stays bounded however long it runs, and what ended a run that did not (EQUATIONS.md, section 4)."""
+"""Whether a controller stays bounded however long it runs, and what ended a run that did not; EQUATIONS.md, 4."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 import numpy as np
 import xarray as xr
@@ -15,7 +15,7 @@ from .table import toml_value
 SAFE = 1.0  # of rho h/delta: half of where the loop diverges
 
 
-def gain(scenario: Scenario, bound: Sequence[float], position: float, speed: float) -> float:
+def gain(scenario: Scenario, bound: Iterable[float], position: float, speed: float) -> float:
     """rho h/delta, what one step takes back of s, at these bound estimates and sizes of q and v."""
     b0, b1, b2 = bound
     rho, c = b0 + b1 * position + b2 * speed, scenario.controller
@@ -24,8 +24,10 @@ def gain(scenario: Scenario, bound: Sequence[float], position: float, speed: flo
 
 
 def is_bounded(scenario: Scenario) -> bool:
-    """Whether the bound estimates cannot take rho h/delta beyond SAFE: they rest, or the switching limit keeps it there, or
-    adaptation.projection keeps them where it is so, on the reference."""
+    """Whether the bound estimates cannot take rho h/delta beyond SAFE.
+
+    They rest, or the switching limit keeps it there, or adaptation.projection does so on the reference.
+    """
     c, a, r = scenario.controller, scenario.adaptation, scenario.reference
     if not c.adaptive:
         return True
@@ -45,19 +47,21 @@ def check_bounded(scenario: Scenario, unbounded: bool) -> None:
     c = scenario.controller
     if c.layer_thickness == 0:
         raise ScenarioError(
-            "controller.layer_thickness is 0.0: it must be greater than 0 for a controller that runs on, as without a layer "
-            "the bound estimates grow until the loop diverges; --unbounded (unbounded=True) exports it all the same"
+            "controller.layer_thickness is 0.0: it must be greater than 0 for a controller that runs on, as without a "
+            "layer the bound estimates grow until the loop diverges; --unbounded (unbounded=True) exports it anyway"
         )
     raise ScenarioError(
-        f"controller.switching_limit is {toml_value(c.switching_limit)}: it must be at most {SAFE:g} for a controller that "
-        "runs on, as in noise the bound estimates grow until the loop diverges (0.5 suits hardware); --unbounded "
-        "(unbounded=True) exports it all the same"
+        f"controller.switching_limit is {toml_value(c.switching_limit)}: it must be at most {SAFE:g} for a controller "
+        "that runs on, as in noise the bound estimates grow until the loop diverges (0.5 suits hardware); --unbounded "
+        "(unbounded=True) exports it anyway"
     )
 
 
 def cause(scenario: Scenario, run: xr.Dataset) -> tuple[float, NDArray[np.float64]] | None:
-    """rho h/delta and the bound estimates, nondimensional, when the diverged run last was within the layer; None where it
-    was not they that ended it."""
+    """rho h/delta and the bound estimates, nondimensional, when the diverged run last was within the layer.
+
+    None where it was not they that ended it.
+    """
     c = scenario.controller
     if not c.adaptive or c.layer_thickness == 0:
         return None

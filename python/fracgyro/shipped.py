@@ -1,6 +1,6 @@
 """The scenarios that come with the package: devices from the literature, each number with its source.
 
-What all of them have in common, which is what hardware needs and the paper has not, stands in scenarios/common.toml alone.
+What hardware needs and the paper has not is common to all of them and stands in scenarios/common.toml alone.
 """
 
 from __future__ import annotations

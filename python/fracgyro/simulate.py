@@ -68,14 +68,14 @@ class DivergedError(ValueError):
 
     def __init__(self, scenario: Scenario, time: float, run: xr.Dataset) -> None:
         step = scenario.run.step
-        why = (
-            f"run.step is {step:g}, which is too long for these gains; try run.step = {step / 2:g} or less, or smaller gains"
-        )
+        shorter = f"try run.step = {step / 2:g} or less, or smaller gains"
+        why = f"run.step is {step:g}, which is too long for these gains; {shorter}"
         if grown := bounded.cause(scenario, run):
             gain, b = grown
             why = (
-                f"the bound estimates had grown to [{', '.join(f'{each:.3g}' for each in b)}], so that rho h/delta was "
-                f"{gain:.3g}, and from about 2 on the sampled loop is unstable; controller.switching_limit = 0.5 bounds them"
+                f"the bound estimates had grown to [{', '.join(f'{each:.3g}' for each in b)}], so that rho h/delta "
+                f"was {gain:.3g}, and from about 2 on the sampled loop is unstable; "
+                "controller.switching_limit = 0.5 bounds them"
             )
         super().__init__(f"the run diverged at t = {time:.6g}: {why}")
         self.run = run

@@ -219,6 +219,7 @@ def test_in_lanes_the_metrics_are_those_of_single_runs() -> None:
                 {"adaptation.forgetting": 0.3},
                 {"controller.kind": "linear", "plant.angular_rate": -50.0},
                 {"controller.kind": "fast_terminal", "controller.force_limit": 1e3},
+                {"controller.switching_limit": 0.02},
             ]
         )
     ]

@@ -21,7 +21,7 @@ from fracgyro.export.replay import first_difference
 from fracgyro.export.targets import BOARDS, COLUMNS, DTYPES, EMULATOR, QUALITY
 
 ROOT = Path(__file__).resolve().parents[2]
-PAPER = fg.Scenario.paper()
+PAPER = fg.Scenario.paper().replace({"controller.switching_limit": 0.5})
 LIMITED = PAPER.replace({"controller.force_limit": 1000.0})
 KINDS = {
     **{kind: {"controller.kind": kind} for kind in SURFACES},

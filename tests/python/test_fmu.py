@@ -20,7 +20,7 @@ from fracgyro.export import compilers
 from fracgyro.export.fmu import FMI2_FOLDERS, Content, Fmi, export
 from fracgyro.simulate import CHANNELS
 
-SHORT = fg.Scenario.paper().replace({"run.duration": 2.0})
+SHORT = fg.Scenario.paper().replace({"run.duration": 2.0, "controller.switching_limit": 0.5})
 SI = SHORT.replace(
     {
         "run.units": "SI",
@@ -28,6 +28,7 @@ SI = SHORT.replace(
         "plant.stiffness_deviation": {"xx": 1.0, "xy": 0.1, "yy": -1.0},
         "plant.centrifugal": True,
         "controller.force_limit": 900.0,
+        "controller.switching_limit": 0.02,
         "controller.terminal_exponent": 0.7,
         "adaptation.leakage": 0.1,
         "adaptation.dead_zone": 0.01,
@@ -65,7 +66,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., str]:
         key = (scenario.content_hash(), fmi, content)
         if key not in known:
             known[key] = str(folder / f"{len(known)}.fmu")
-            export(scenario, known[key], fmi=fmi, content=content)
+            export(scenario, known[key], fmi=fmi, content=content, unbounded=True)
         return known[key]
 
     return make

@@ -24,6 +24,7 @@ SWITCHES = [
     {},
     {"controller.kind": "fast_terminal", "adaptation.leakage": 0.1, "disturbance.kind": "none"},
     {"controller.rate_law": "printed", "controller.force_limit": 1e3, "disturbance.hold": 5e-3},
+    {"controller.switching_limit": 0.02, "disturbance.hold": 2e-3},
     {"controller.terminal_exponent": 0.7, "adaptation.dead_zone": 0.02, "run.duration": 1.5},
     {"controller.kind": "fractional", "adaptation.projection": 0.5, "run.step": 5e-4, "disturbance.hold": None},
     {"adaptation.kind": "composite", "adaptation.forgetting": 0.01},
@@ -53,7 +54,7 @@ def varied(groups: int, together: int) -> list[fg.Scenario]:
 
 @pytest.fixture(scope="module")
 def singles() -> list[tuple[fg.Scenario, xr.Dataset]]:
-    return [(scenario, fg.metrics.summary(fg.simulate(scenario), transient=1.0)) for scenario in varied(6, 5)]
+    return [(scenario, fg.metrics.summary(fg.simulate(scenario), transient=1.0)) for scenario in varied(7, 5)]
 
 
 @pytest.mark.parametrize("lanes", LANES)

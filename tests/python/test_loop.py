@@ -90,6 +90,12 @@ def test_twenty_time_units_of_the_paper_agree_with_the_oracle_to_nine_digits(var
 
 
 ORACLE_CASES = {
+    "bounds at the switching limit": {"controller.order": 0.5, "controller.switching_limit": 0.02},
+    "bounds at the switching limit, quadratic": {
+        "variant": "printed",
+        "controller.kind": "fast_terminal",
+        "controller.switching_limit": 0.02,
+    },
     "fractional_fast_terminal, alpha .3": {"controller.order": 0.3},
     "fractional_fast_terminal, alpha .5, printed": {"variant": "printed", "controller.order": 0.5},
     "fractional_fast_terminal, alpha 0": {"controller.order": 0.0},
@@ -835,6 +841,7 @@ SCENARIOS = st.fixed_dictionaries(
         "controller.singularity_floor": st.floats(1e-9, 1.0),
         "controller.adaptive": st.booleans(),
         "controller.force_limit": st.sampled_from([math.inf, 1e3, 10.0]),
+        "controller.switching_limit": st.sampled_from([math.inf, 0.5, 0.01]),
         "adaptation.damping_gain": st.floats(1e-3, 1e4),
         "adaptation.leakage": st.sampled_from([0.0, 0.1]),
         "adaptation.dead_zone": st.sampled_from([0.0, 0.01]),
@@ -852,6 +859,8 @@ SCENARIOS = st.fixed_dictionaries(
 @given(SCENARIOS)
 def test_any_valid_scenario_runs_to_its_end_or_says_that_it_diverged(changes: dict[str, object]) -> None:
     duration = 500 * float(str(changes["run.step"]))
+    if not changes.get("controller.layer_thickness", 1.0):  # nothing to limit
+        changes = {**changes, "controller.switching_limit": math.inf}
     scenario = PAPER.replace({"disturbance.hold": None, "run.duration": duration, **changes})
     try:
         run = fg.simulate(scenario)

@@ -43,6 +43,7 @@ SCENARIOS = {
             "controller.kind": "fractional",
             "controller.order": 0.0,
             "controller.force_limit": 400.0,
+            "controller.switching_limit": 0.02,
             "adaptation.projection": 0.3,
         }
     ),

@@ -599,6 +599,7 @@ def scenarios(draw: st.DrawFn) -> Scenario:
     step, steps = draw(st.floats(1e-6, 1.0)), draw(st.integers(1, 10**6))
     strength = draw(st.sampled_from(["standard_deviation", "density"]))
     hold = draw(st.none() | st.integers(1, 1000).map(lambda count: count * step))
+    layer_thickness = draw(not_negative)
     tables: dict[str, dict[str, Any]] = {
         "plant": {
             "mass": draw(positive),
@@ -620,13 +621,14 @@ def scenarios(draw: st.DrawFn) -> Scenario:
             "fractional_gain": draw(pairs(positive) | positive),
             "terminal_gain": draw(pairs(positive) | positive),
             "terminal_exponent": draw(st.floats(0, 1, exclude_min=True, exclude_max=True)),
-            "layer_thickness": draw(not_negative),
+            "layer_thickness": layer_thickness,
             "layer": draw(st.sampled_from(["quadratic", "linear"])),
             "derivative": draw(st.sampled_from(["caputo", "riemann_liouville"])),
             "rate_law": draw(st.sampled_from(["skew", "printed"])),
             "singularity_floor": draw(positive),
             "adaptive": draw(st.booleans()),
             "force_limit": draw(positive | st.just(math.inf)),
+            "switching_limit": draw(positive | st.just(math.inf)) if layer_thickness > 0 else math.inf,
         },
         "adaptation": {
             **{name: draw(positive) for name in ("damping_gain", "stiffness_gain", "rate_gain", "initial_ratio")},

@@ -416,5 +416,10 @@ def test_the_shipped_scenario_is_of_the_shipped_study() -> None:
     assert f"# sha256 of gains.toml: {hashlib.sha256(path.read_bytes()).hexdigest()}" in text
     changed = dict(re.findall(r"^#   (\w+\.\w+) = (.*), was ", text, re.MULTILINE))
     values = {name: tomllib.loads(f"value = {value}")["value"] for name, value in changed.items()}
-    assert fg.Scenario.from_toml(text) == fg.Scenario.paper().replace(values)
+    hardware = {
+        "controller.force_limit": 6000.0,
+        "controller.switching_limit": 0.5,
+    }  # said to be added, and to change nothing
+    assert fg.Scenario.from_toml(text) == fg.Scenario.paper().replace({**values, **hardware})
+    assert all(f"#   {field} = {value}\n" in text for field, value in hardware.items())
     assert set(values) == {dimension.field for dimension in read_tuning(path).dimensions}

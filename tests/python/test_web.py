@@ -39,7 +39,7 @@ def module(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def in_node(module: Path, folder: Path, code: str, scenario: fg.Scenario = SHORT) -> str:
     """What `code` prints."""
-    web.export(scenario, folder / "own.json")
+    web.export(scenario, folder / "own.json", unbounded=True)
     command = ["node", "--input-type=module", "-e", PRELUDE + code, str(module), str(folder)]
     ran = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
     assert ran.returncode == 0, ran.stderr
@@ -83,6 +83,7 @@ SCENARIOS = {
         {
             "controller.kind": "linear",
             "controller.force_limit": 900.0,
+            "controller.switching_limit": 0.02,
             "plant.mass": 2.3e-7,
             "plant.stiffness_deviation": {"xx": 1.0, "xy": 0.1, "yy": -1.0},
             "plant.centrifugal": True,

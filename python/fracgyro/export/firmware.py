@@ -29,8 +29,8 @@ def export_firmware(
 ) -> None:
     """Writes the folder whole or not at all.
 
-    Raises ValueError, in one sentence, when it cannot be written, or the controller would not stay bounded and `unbounded`
-    does not say that it need not (bounded.py).
+    Raises ValueError, in one sentence, when it cannot be written, or the controller would not stay bounded (bounded.py)
+    and `unbounded` does not say that it need not.
     """
     check_bounded(scenario, unbounded)
     header = coefficients_header(scenario, number)

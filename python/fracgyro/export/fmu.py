@@ -98,7 +98,7 @@ def export(
     """Writes the FMU, whole or not at all. `number` is what it computes with; an importer sees doubles.
 
     Raises ValueError, in one sentence, when a compiler or FMPy is missing, the seed is too large for an FMU, the file
-    cannot be written, or the controller would not stay bounded and `unbounded` does not say that it need not (bounded.py).
+    cannot be written, or the controller would not stay bounded (bounded.py) and `unbounded` does not allow that.
     """
     check_bounded(scenario, unbounded)
     if content == "controller":

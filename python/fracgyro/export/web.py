@@ -33,8 +33,8 @@ UNSCALED = ["run.duration", "run.step", "run.record_every", "controller.order"] 
 def export(scenario: Scenario, path: str | os.PathLike[str], *, unbounded: bool = False) -> None:
     """Writes the scenario.
 
-    Raises ValueError, in one sentence, when it cannot be written, or the controller would not stay bounded and `unbounded`
-    does not say that it need not (bounded.py).
+    Raises ValueError, in one sentence, when it cannot be written, or the controller would not stay bounded (bounded.py)
+    and `unbounded` does not say that it need not.
     """
     check_bounded(scenario, unbounded)
     _write({"version": version("fracgyro"), **_document(scenario)}, path)
