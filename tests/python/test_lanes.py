@@ -138,6 +138,7 @@ DIFFERENCES: dict[str, tuple[dict[str, object], object]] = {
     "controller.singularity_floor": ({}, 0.6),
     "controller.adaptive": ({}, False),
     "controller.force_limit": ({}, 200.0),
+    "controller.switching_limit": ({}, 0.001),
     "adaptation.kind": ({}, "composite"),
     "adaptation.damping_gain": ({}, 100.0),
     "adaptation.stiffness_gain": ({}, 100.0),
