@@ -4,6 +4,7 @@
 # make test-machines    every test as on other processors, with other compilers and Pythons: for a release
 # make web         the WebAssembly module, into build/web
 # make bench       the measurements that the README quotes
+# make mutants     edits of the code, and which of them the tests notice; into benchmarks/results/mutants.md
 # make check-deep  what takes a minute longer: fuzzing the firmware, clang-tidy
 # make setup-embedded   compilers, emulator and node, from Debian's packages; without them the tests of firmware or
 #                  browser are skipped
@@ -20,7 +21,7 @@ CPP := $(shell find core sim bindings faces tests benchmarks -name '*.[ch]pp' 2>
 BUILT_FROM := pyproject.toml CMakeLists.txt $(filter core/% sim/% bindings/%,$(CPP)) $(shell find faces -type f)
 SUDO = $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 
-.PHONY: reproduce test test-quick test-machines check check-deep test-core test-python web bench setup-test \
+.PHONY: reproduce test test-quick test-machines check check-deep mutants test-core test-python web bench setup-test \
   setup-embedded setup-machines clean
 .SECONDARY:
 .NOTPARALLEL:  # pip installs one thing at a time; compilers and tests use every processor by themselves
@@ -84,6 +85,10 @@ check-deep: .venv/installed-test
 	  -ffp-contract=off -I$(FUZZED) -I$(FUZZED)/core $(FUZZED)/fracgyro.cpp tests/firmware/fuzz.cpp -o build/fuzz/fuzz
 	cd build/fuzz && ./fuzz -max_total_time=$(FUZZ_SECONDS) -max_len=256 -verbosity=0 -print_final_stats=1 \
 	  found ../../tests/firmware/corpus
+
+# Takes under half an hour on two cores. Its parts: ARGS="cpp", ARGS="python", ARGS="log".
+mutants: .venv/installed-mutants setup-test
+	$(BIN)/python tests/mutants/run.py $(ARGS)
 
 EMBEDDED := gcc-arm-none-eabi libnewlib-arm-none-eabi libstdc++-arm-none-eabi-newlib qemu-system-arm clang clang-tidy \
   libclang-rt-dev nodejs

@@ -1,0 +1,58 @@
+"""The tables of mutants fit the code: what they change is there, once."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+HERE = Path(__file__).resolve().parents[1] / "mutants"
+sys.path.append(str(HERE))
+
+import compile_in  # noqa: E402
+import python_kills  # noqa: E402
+
+
+@pytest.mark.parametrize("entry", compile_in.listed(), ids=lambda entry: entry["id"])
+def test_a_listed_mutant_of_the_headers_is_there_once(entry: dict[str, str]) -> None:
+    compile_in.from_table(entry, (compile_in.ROOT / entry["file"]).read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("entry", python_kills.listed(), ids=lambda entry: entry["id"])
+def test_a_listed_mutant_of_the_package_is_there_once(entry: dict[str, Any]) -> None:
+    compile(python_kills.edited(entry), entry["file"], "exec")
+
+
+def test_the_rules_find_what_they_say_and_nothing_that_the_compiler_computes() -> None:
+    code = """#pragma once
+inline constexpr double limit = 2.0 * 3.0;
+inline double f(double a, int n) {  // a + b
+    double s = 0.0;
+    if (n < 4) {
+        s = a + 2.5 * a;
+    }
+    return s;
+}
+"""
+    found = compile_in.candidates("f.hpp", code)
+    assert [(m.rule, m.line) for m in sorted(found, key=lambda m: (m.line, m.rule))] == [
+        ("comparison", 5),
+        ("condition", 5),
+        ("constant", 5),
+        ("constant", 6),
+        ("product", 6),
+        ("statement", 6),
+        ("sum", 6),
+    ]
+    assert compile_in.mutated(code, list(enumerate(found))).splitlines()[5:7] == [
+        "    if (mutant::active(3) != bool(n < mutant::Than{2} < mutant::number(4, 4))) {",
+        "        if (!mutant::active(6)) { s = a + mutant::Sign{0} * mutant::number(5, 2.5) * mutant::Factor{1} * a; }",
+    ]
+
+
+def test_the_sample_is_large_and_each_mutant_has_a_number_of_its_own_in_every_file() -> None:
+    mutants = compile_in.sample()
+    assert 150 <= len(mutants) < 8192
+    assert len({m.key for m in mutants}) == len(mutants)
