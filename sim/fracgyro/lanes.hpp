@@ -37,7 +37,9 @@ struct alignas(Count * sizeof(OneNumber)) Lanes {
     Register lane{};
 
     constexpr Lanes() = default;
-    constexpr explicit Lanes(double a) : lane(Register{} + static_cast<Number>(a)) {}
+    template <class One>
+        requires std::is_arithmetic_v<One>
+    constexpr explicit Lanes(One a) : lane(Register{} + static_cast<Number>(a)) {}
     static constexpr Lanes of(Register a) {
         Lanes lanes;
         lanes.lane = a;
