@@ -125,7 +125,7 @@ def test_the_python_of_the_readme_runs(tmp_path: Path) -> None:
     code = "\n".join(blocks(read("README.md"), "python"))
     assert code, "README.md has no Python"
     ran = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code],
+        [sys.executable, "-W", "error", "-W", "default::DeprecationWarning", "-c", code],
         cwd=tmp_path,
         env={**os.environ, "MPLBACKEND": "Agg"},
         capture_output=True,

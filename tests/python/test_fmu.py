@@ -13,10 +13,10 @@ import fmpy
 import fracgyro as fg
 import numpy as np
 import pytest
+from embedded import need
 from fmpy.simulation import instantiate_fmu
 from fmpy.validation import validate_fmu
 from fracgyro.cli import cli
-from fracgyro.export import compilers
 from fracgyro.export.fmu import FMI2_FOLDERS, Content, Fmi, export
 from fracgyro.simulate import CHANNELS
 
@@ -325,8 +325,8 @@ def test_the_same_scenario_gives_the_same_bytes(made: Callable[..., str], tmp_pa
     assert (tmp_path / "again.fmu").read_bytes() == Path(made(SHORT, fmi)).read_bytes()
 
 
-@pytest.mark.skipif(not compilers.has_zig(), reason="ziglang missing: no FMUs for Windows and macOS")
 def test_zig_makes_the_binaries_of_other_systems(tmp_path: Path) -> None:
+    need("other systems")
     export(SHORT, tmp_path / "all.fmu", systems=["linux", "windows", "macos"])
     with zipfile.ZipFile(tmp_path / "all.fmu") as archive:
         binaries = {

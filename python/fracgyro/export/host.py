@@ -15,21 +15,21 @@ from scipy.linalg import expm
 from .. import _core
 from ..scenario import Scenario
 from ..setup import disturbance_params
-from .compilers import Number, run
+from .compilers import Number, compiler, run
 
 SCALARS: dict[Number, Any] = {"float": ctypes.c_float, "double": ctypes.c_double}
 
 
 class Host:
-    """A folder of exported firmware, compiled as its Makefile does by `compiler`, which is gcc's or clang's.
+    """A folder of exported firmware, compiled as its Makefile does, by the system's compiler.
 
     Everything is nondimensional. Raises ValueError, in one sentence, when it does not compile.
     """
 
-    def __init__(self, folder: Path, number: Number, compiler: str = "g++") -> None:
-        library = folder / f"{compiler}.so"
+    def __init__(self, folder: Path, number: Number) -> None:
+        library = folder / "host.so"
         options = ["-std=c++20", "-shared", "-fPIC", *flags(folder, "OPTIMISE", "BITS", "LEAN", "WARNINGS")]
-        run([compiler, *options, "-I.", "-Icore", "fracgyro.cpp", "-o", library.name], folder)
+        run([*compiler(), *options, "-I.", "-Icore", "fracgyro.cpp", "-o", library.name], folder)
         self._library = ctypes.CDLL(str(library))
         self._number = SCALARS[number]
         header = (folder / "fracgyro_coefficients.h").read_text(encoding="utf-8")
