@@ -59,7 +59,7 @@ nb::tuple record_runs(const std::vector<const DeviceSetup*>& setups, std::int64_
         parallel_for(setups.size(), threads, [&](std::size_t i) {
             double* first = data.get() + i * size;
             lasted[i] = device ? record_device(*setups[i], every, first) : record_run(*setups[i], every, first);
-            const auto written = static_cast<std::size_t>((lasted[i] + every - 1) / every);
+            const auto written = lasted[i] > 0 ? static_cast<std::size_t>((lasted[i] - 1) / every + 1) : 0;
             std::fill(first + written * width, first + size, std::numeric_limits<double>::quiet_NaN());
         });
     }
@@ -117,6 +117,17 @@ nb::ndarray<nb::numpy, double> measure_runs(const std::vector<const DeviceSetup*
     return owned<double, 2>(std::move(data), {setups.size(), metric_names.size()});
 }
 
+// The same of one run of any kind, in double precision.
+nb::ndarray<nb::numpy, double> measure_run(const DeviceSetup& setup, const MetricsParams& params) {
+    auto data = std::make_unique<double[]>(metric_names.size());
+    {
+        nb::gil_scoped_release unlocked;
+        const auto values = measure_device(setup, params);
+        std::copy(values.begin(), values.end(), data.get());
+    }
+    return owned<double, 1>(std::move(data), {metric_names.size()});
+}
+
 }  // namespace
 
 void bind_batch(nb::module_& m) {
@@ -131,6 +142,7 @@ void bind_batch(nb::module_& m) {
     m.def("lane_counts", &lane_counts);
     m.def("measure_runs", &measure_runs, nb::arg("setups"), nb::arg("params"), nb::arg("threads"), nb::arg("lanes"),
           nb::arg("single_precision") = false);
+    m.def("measure_run", &measure_run, nb::arg("setup"), nb::arg("params"));
     m.attr("metric_names") = nb::cast(std::vector<std::string_view>(metric_names.begin(), metric_names.end()));
     const auto named = [](const auto& all) {
         nb::list names;

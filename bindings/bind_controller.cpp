@@ -8,8 +8,6 @@
 #include <nanobind/stl/string_view.h>
 #include <nanobind/stl/unique_ptr.h>
 
-#include <cstring>
-
 namespace fracgyro::bindings {
 
 namespace {
@@ -41,7 +39,6 @@ template <class Controller>
 class Holder final : public AnyController {
     using T = typename Controller::Value;
     using State = typename Controller::State;
-    static_assert(std::is_trivially_copyable_v<State>);
 
 public:
     explicit Holder(const ControllerParams& p) : coefficients_(Controller::prepare(p)) {}
@@ -60,12 +57,18 @@ public:
         return {.deviation = static_cast<double>(quality.deviation), .trusted = static_cast<double>(quality.trusted)};
     }
     std::uint64_t steps() const override { return Controller::steps(state_); }
-    nb::bytes state() const override { return nb::bytes(&state_, sizeof state_); }
+    nb::bytes state() const override {
+        std::array<unsigned char, Saved<State>::size> bytes{};
+        Saved<State>::write(state_, bytes.data());
+        return nb::bytes(bytes.data(), bytes.size());
+    }
     void restore(const nb::bytes& saved) override {
-        if (saved.size() != sizeof state_) {
-            throw nb::value_error("the saved state belongs to another kind of controller");
+        State read;
+        const auto* bytes = static_cast<const unsigned char*>(saved.data());
+        if (!Saved<State>::read(bytes, saved.size(), read) || !Controller::sound(read, coefficients_)) {
+            throw nb::value_error("state is damaged: it is not as it was saved");
         }
-        std::memcpy(&state_, saved.data(), sizeof state_);
+        state_ = read;
     }
 
 private:

@@ -21,6 +21,7 @@
 
 #include "adaptation.hpp"
 #include "least_squares.hpp"
+#include "saved.hpp"
 
 namespace fracgyro {
 
@@ -64,6 +65,8 @@ struct CompositeAdaptation {
                 .forgets = p.forgetting > 0.0,
                 .trusted_variance = T(largest_deviation * largest_deviation * 0.5 * (k.xx + k.yy))};
     }
+
+    static bool sound(const State& state, const Coefficients& /*c*/) { return fracgyro::sound(state.measured); }
 
     // What is told: of the laws b̂ alone.
     static Estimates<T> estimates(const State& state, const Coefficients& c) {

@@ -62,6 +62,11 @@ struct SlidingModeController {
                 .adaptation = AdaptationType::prepare(p.adaptation, p.step, largest_bound(p.control, p.step))};
     }
 
+    static bool sound(const State& state, const Coefficients& c) {
+        return SurfaceType::sound(state.surface, c.surface) &&
+               sound_part<AdaptationType>(state.adaptation, c.adaptation);
+    }
+
     // What is known before the coming step.
     static Estimates<T> estimates(const State& state, const Coefficients& c) {
         return AdaptationType::estimates(state.adaptation, c.adaptation);

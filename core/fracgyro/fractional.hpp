@@ -29,6 +29,7 @@
 #pragma once
 
 #include "math.hpp"
+#include "saved.hpp"
 
 #include <array>
 
@@ -139,6 +140,10 @@ struct Fractional {
     };
 
     static Coefficients prepare(const Modes& modes, double step, bool riemann_liouville);
+
+    static bool sound(const State& state, const Coefficients& c) {
+        return fracgyro::sound(state.started) && state.onset_pairs <= c.pairs;
+    }
 
     // The outputs at the next sample; then on to the one after. Samples come at multiples of the step of `c`.
     static FractionalOutput<T> update(State& state, const Coefficients& c, const Sample<T>& now) {

@@ -38,6 +38,10 @@ struct Guard {
         bool started = false;
     };
 
+    static bool sound(const State& state, const typename Controller::Coefficients& c) {
+        return Controller::sound(state.controller, c) && fracgyro::sound(state.started);
+    }
+
     static Status step(State& state, const typename Controller::Coefficients& c, const Motion<T>& measured) {
         T size = sum(measured.position);
         if constexpr (Controller::measures_velocity) {

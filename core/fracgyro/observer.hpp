@@ -87,6 +87,9 @@ struct Observing {
         return {.controller = Controller::prepare(p),
                 .observer = Observer<T>::prepare(p.adaptation.initial, p.observer_bandwidth, p.step)};
     }
+    static bool sound(const State& state, const Coefficients& c) {
+        return Controller::sound(state.controller, c.controller) && fracgyro::sound(state.observer.started);
+    }
     static Estimates<T> estimates(const State& state, const Coefficients& c) {
         return Controller::estimates(state.controller, c.controller);
     }

@@ -42,14 +42,18 @@ struct Reference {
         SineCosine<T> x{}, y{};   // at the present step
     };
 
-    // An angle in 2^-64 turns, whole turns left out.
+    // An angle in 2^-64 turns, whole turns left out; 0 for one that is not finite.
     static std::uint64_t phase_of(double radians) {
         constexpr double radians_per_turn = 6.28318530717958647693;
+        constexpr double whole = 4503599627370496.0;  // 2^52: from here on a double has no fraction
         const double turns = radians / radians_per_turn;
+        if (!(absolute(turns) < whole)) {
+            return 0;
+        }
         const double fraction = turns - static_cast<double>(static_cast<std::int64_t>(turns));  // in (-1, 1)
         // The low 2^-11 of the phase is below the precision of a double: scale in two exact steps.
-        const auto high = static_cast<std::int64_t>(fraction * 4503599627370496.0);  // 2^52
-        const double rest = fraction * 4503599627370496.0 - static_cast<double>(high);
+        const auto high = static_cast<std::int64_t>(fraction * whole);
+        const double rest = fraction * whole - static_cast<double>(high);
         return (static_cast<std::uint64_t>(high) << 12) +
                static_cast<std::uint64_t>(static_cast<std::int64_t>(rest * 4096.0));
     }

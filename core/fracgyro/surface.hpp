@@ -63,6 +63,7 @@ struct FractionalTerm {
         return {.gain = {T(p.fractional_gain.x), T(p.fractional_gain.y)},
                 .fractional = Operator::prepare(p.modes, step, p.riemann_liouville)};
     }
+    static bool sound(const State& state, const Coefficients& c) { return Operator::sound(state, c.fractional); }
     static SurfacePoint<T> evaluate(State& state, const Coefficients& c, const Sample<T>& error) {
         const FractionalOutput<T> d = Operator::evaluate(state, c.fractional, error);
         return {.s = c.gain * d.integral, .drift = c.gain * d.derivative};
@@ -116,6 +117,7 @@ struct Surface {
     static Coefficients prepare(const SurfaceParams& p, double step) {
         return {.first = First::prepare(p, step), .terminal = TerminalTerm<T>::prepare(p, step)};
     }
+    static bool sound(const State& state, const Coefficients& c) { return sound_part<First>(state, c.first); }
     static SurfacePoint<T> evaluate(State& state, const Coefficients& c, const Sample<T>& error) {
         SurfacePoint<T> point = First::evaluate(state, c.first, error);
         point.s = error.rate + point.s;

@@ -24,17 +24,7 @@ static_assert(static_cast<int>(fracgyro::Status::restarted) == FRACGYRO_RESTARTE
 State& in(fracgyro_state* state) { return *std::launder(reinterpret_cast<State*>(state->bytes)); }
 const State& in(const fracgyro_state* state) { return *std::launder(reinterpret_cast<const State*>(state->bytes)); }
 
-// CRC-32, which notices every burst of up to 32 wrong bits.
-std::uint32_t checksum(const fracgyro_state& state) {
-    std::uint32_t sum = 0xFFFFFFFFU;
-    for (const unsigned char byte : state.bytes) {
-        sum ^= byte;
-        for (int bit = 0; bit < 8; ++bit) {
-            sum = (sum >> 1) ^ ((sum & 1U) != 0 ? 0xEDB88320U : 0U);
-        }
-    }
-    return ~sum;
-}
+std::uint32_t checksum(const fracgyro_state& state) { return fracgyro::checksum(state.bytes, sizeof state.bytes); }
 
 }  // namespace
 
@@ -73,7 +63,8 @@ void fracgyro_save(const fracgyro_state* state, fracgyro_saved* saved) {
 }
 
 fracgyro_status fracgyro_restore(fracgyro_state* state, const fracgyro_saved* saved) {
-    if (saved->key != FRACGYRO_KEY || saved->checksum != checksum(saved->state)) {
+    if (saved->key != FRACGYRO_KEY || saved->checksum != checksum(saved->state) ||
+        !Guard::sound(in(&saved->state), coefficients)) {
         return FRACGYRO_REFUSED;
     }
     std::memcpy(state, &saved->state, sizeof *state);

@@ -6,7 +6,6 @@
 namespace {
 
 using fracgyro::Instance;
-using fracgyro::Saved;
 
 struct Component {
     Instance instance{};
@@ -29,9 +28,12 @@ fmi2Status not_offered(fmi2Component c) { return of(c).failed("this FMU offers n
 
 template <class Value>
 fmi2Status get(fmi2Component c, const fmi2ValueReference* references, std::size_t count, Value* values) {
+    if (count > 0 && (references == nullptr || values == nullptr)) {
+        return of(c).failed("there are no references or no values");
+    }
     for (std::size_t i = 0; i < count; ++i) {
         double value = 0.0;
-        if (!of(c).instance.get(references[i], value)) {
+        if (!of(c).instance.get(references[i], std::is_integral_v<Value>, value)) {
             return of(c).status(false);
         }
         values[i] = static_cast<Value>(value);
@@ -41,8 +43,11 @@ fmi2Status get(fmi2Component c, const fmi2ValueReference* references, std::size_
 
 template <class Value>
 fmi2Status set(fmi2Component c, const fmi2ValueReference* references, std::size_t count, const Value* values) {
+    if (count > 0 && (references == nullptr || values == nullptr)) {
+        return of(c).failed("there are no references or no values");
+    }
     for (std::size_t i = 0; i < count; ++i) {
-        if (!of(c).instance.set(references[i], static_cast<double>(values[i]))) {
+        if (!of(c).instance.set(references[i], std::is_integral_v<Value>, static_cast<double>(values[i]))) {
             return of(c).status(false);
         }
     }
@@ -63,10 +68,12 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
     if (component == nullptr) {
         return nullptr;
     }
-    component->callbacks = *callbacks;
-    std::snprintf(component->name, sizeof component->name, "%s", name);
+    if (callbacks != nullptr) {
+        component->callbacks = *callbacks;
+    }
+    std::snprintf(component->name, sizeof component->name, "%s", name == nullptr ? "" : name);
     const char* const wrong = type != fmi2CoSimulation ? "this FMU is for co-simulation alone"
-                              : std::strcmp(guid, fracgyro::exported::token) != 0
+                              : guid == nullptr || std::strcmp(guid, fracgyro::exported::token) != 0
                                   ? "the GUID is not that of this FMU: its model description is of another one"
                                   : nullptr;
     if (wrong != nullptr) {
@@ -79,15 +86,11 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
 void fmi2FreeInstance(fmi2Component c) { fracgyro::destroy(static_cast<Component*>(c)); }
 
 fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean, fmi2Real, fmi2Real start_time, fmi2Boolean, fmi2Real) {
-    of(c).instance.start_at(start_time);
-    return fmi2OK;
+    return of(c).status(of(c).instance.start_at(start_time));
 }
-fmi2Status fmi2EnterInitializationMode(fmi2Component) { return fmi2OK; }
-fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
-    of(c).instance.start();
-    return fmi2OK;
-}
-fmi2Status fmi2Terminate(fmi2Component) { return fmi2OK; }
+fmi2Status fmi2EnterInitializationMode(fmi2Component c) { return of(c).status(of(c).instance.initialize()); }
+fmi2Status fmi2ExitInitializationMode(fmi2Component c) { return of(c).status(of(c).instance.start()); }
+fmi2Status fmi2Terminate(fmi2Component c) { return of(c).status(of(c).instance.terminate()); }
 fmi2Status fmi2Reset(fmi2Component c) {
     of(c).instance.reset();
     return fmi2OK;
@@ -127,30 +130,38 @@ fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate* state) {
     return *state == nullptr ? of(c).failed("there is no memory left for a state") : fmi2OK;
 }
 fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state) {
+    if (state == nullptr) {
+        return of(c).failed("there is no state to set");
+    }
     of(c).instance.restore(*static_cast<Instance::State*>(state));
     return fmi2OK;
 }
 fmi2Status fmi2FreeFMUstate(fmi2Component, fmi2FMUstate* state) {
-    fracgyro::destroy(static_cast<Instance::State*>(*state));
-    *state = nullptr;
+    if (state != nullptr) {
+        fracgyro::destroy(static_cast<Instance::State*>(*state));
+        *state = nullptr;
+    }
     return fmi2OK;
 }
 fmi2Status fmi2SerializedFMUstateSize(fmi2Component, fmi2FMUstate, size_t* size) {
-    *size = Saved::size;
+    *size = Instance::saved_size;
     return fmi2OK;
 }
 fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size) {
-    if (size < Saved::size) {
-        return of(c).failed("the room for the serialized state is too small");
+    if (state == nullptr || bytes == nullptr || size < Instance::saved_size) {
+        return of(c).failed("there is no state to serialize, or too little room for it");
     }
-    Saved::write(*static_cast<Instance::State*>(state), bytes);
+    Instance::write(*static_cast<Instance::State*>(state), reinterpret_cast<unsigned char*>(bytes));
     return fmi2OK;
 }
 fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate* state) {
     auto* const read = fracgyro::make<Instance::State>();
-    if (read == nullptr || !Saved::read(bytes, size, *read)) {
+    if (read == nullptr) {
+        return of(c).failed("there is no memory left for a state");
+    }
+    if (!of(c).instance.read(reinterpret_cast<const unsigned char*>(bytes), size, *read)) {
         fracgyro::destroy(read);
-        return of(c).failed("the serialized state is not of this FMU");
+        return of(c).status(false);
     }
     *state = read;
     return fmi2OK;

@@ -6,7 +6,6 @@
 namespace {
 
 using fracgyro::Instance;
-using fracgyro::Saved;
 
 struct Component {
     Instance instance{};
@@ -25,11 +24,16 @@ struct Component {
 
 Component& of(fmi3Instance c) { return *static_cast<Component*>(c); }
 
+fmi3Status not_scalar(fmi3Instance c) { return of(c).failed("all variables are scalars: each has one value"); }
+
 template <class Value>
 fmi3Status get(fmi3Instance c, const fmi3ValueReference* references, std::size_t count, Value* values) {
+    if (count > 0 && (references == nullptr || values == nullptr)) {
+        return of(c).failed("there are no references or no values");
+    }
     for (std::size_t i = 0; i < count; ++i) {
         double value = 0.0;
-        if (!of(c).instance.get(references[i], value)) {
+        if (!of(c).instance.get(references[i], std::is_integral_v<Value>, value)) {
             return of(c).status(false);
         }
         values[i] = static_cast<Value>(value);
@@ -39,8 +43,11 @@ fmi3Status get(fmi3Instance c, const fmi3ValueReference* references, std::size_t
 
 template <class Value>
 fmi3Status set(fmi3Instance c, const fmi3ValueReference* references, std::size_t count, const Value* values) {
+    if (count > 0 && (references == nullptr || values == nullptr)) {
+        return of(c).failed("there are no references or no values");
+    }
     for (std::size_t i = 0; i < count; ++i) {
-        if (!of(c).instance.set(references[i], static_cast<double>(values[i]))) {
+        if (!of(c).instance.set(references[i], std::is_integral_v<Value>, static_cast<double>(values[i]))) {
             return of(c).status(false);
         }
     }
@@ -64,7 +71,7 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String, fmi3String token, fmi3Strin
     }
     component->environment = environment;
     component->log = log;
-    if (std::strcmp(token, fracgyro::exported::token) != 0) {
+    if (token == nullptr || std::strcmp(token, fracgyro::exported::token) != 0) {
         component->failed("the instantiation token is not that of this FMU: its model description is of another one");
         fracgyro::destroy(component);
         return nullptr;
@@ -84,30 +91,27 @@ void fmi3FreeInstance(fmi3Instance c) { fracgyro::destroy(static_cast<Component*
 
 fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean, fmi3Float64, fmi3Float64 start_time, fmi3Boolean,
                                        fmi3Float64) {
-    of(c).instance.start_at(start_time);
-    return fmi3OK;
+    return of(c).status(of(c).instance.start_at(start_time) && of(c).instance.initialize());
 }
-fmi3Status fmi3ExitInitializationMode(fmi3Instance c) {
-    of(c).instance.start();
-    return fmi3OK;
-}
-fmi3Status fmi3Terminate(fmi3Instance) { return fmi3OK; }
+fmi3Status fmi3ExitInitializationMode(fmi3Instance c) { return of(c).status(of(c).instance.start()); }
+fmi3Status fmi3Terminate(fmi3Instance c) { return of(c).status(of(c).instance.terminate()); }
 fmi3Status fmi3Reset(fmi3Instance c) {
     of(c).instance.reset();
     return fmi3OK;
 }
 
-fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Float64 values[], size_t) {
-    return get(c, vr, n, values);
+fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Float64 values[], size_t m) {
+    return n == m ? get(c, vr, n, values) : not_scalar(c);
 }
-fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Float64 values[], size_t) {
-    return set(c, vr, n, values);
+fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Float64 values[],
+                          size_t m) {
+    return n == m ? set(c, vr, n, values) : not_scalar(c);
 }
-fmi3Status fmi3GetInt32(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Int32 values[], size_t) {
-    return get(c, vr, n, values);
+fmi3Status fmi3GetInt32(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Int32 values[], size_t m) {
+    return n == m ? get(c, vr, n, values) : not_scalar(c);
 }
-fmi3Status fmi3SetInt32(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Int32 values[], size_t) {
-    return set(c, vr, n, values);
+fmi3Status fmi3SetInt32(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Int32 values[], size_t m) {
+    return n == m ? set(c, vr, n, values) : not_scalar(c);
 }
 
 fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState* state) {
@@ -119,30 +123,38 @@ fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState* state) {
     return *state == nullptr ? of(c).failed("there is no memory left for a state") : fmi3OK;
 }
 fmi3Status fmi3SetFMUState(fmi3Instance c, fmi3FMUState state) {
+    if (state == nullptr) {
+        return of(c).failed("there is no state to set");
+    }
     of(c).instance.restore(*static_cast<Instance::State*>(state));
     return fmi3OK;
 }
 fmi3Status fmi3FreeFMUState(fmi3Instance, fmi3FMUState* state) {
-    fracgyro::destroy(static_cast<Instance::State*>(*state));
-    *state = nullptr;
+    if (state != nullptr) {
+        fracgyro::destroy(static_cast<Instance::State*>(*state));
+        *state = nullptr;
+    }
     return fmi3OK;
 }
 fmi3Status fmi3SerializedFMUStateSize(fmi3Instance, fmi3FMUState, size_t* size) {
-    *size = Saved::size;
+    *size = Instance::saved_size;
     return fmi3OK;
 }
 fmi3Status fmi3SerializeFMUState(fmi3Instance c, fmi3FMUState state, fmi3Byte bytes[], size_t size) {
-    if (size < Saved::size) {
-        return of(c).failed("the room for the serialized state is too small");
+    if (state == nullptr || bytes == nullptr || size < Instance::saved_size) {
+        return of(c).failed("there is no state to serialize, or too little room for it");
     }
-    Saved::write(*static_cast<Instance::State*>(state), bytes);
+    Instance::write(*static_cast<Instance::State*>(state), bytes);
     return fmi3OK;
 }
 fmi3Status fmi3DeserializeFMUState(fmi3Instance c, const fmi3Byte bytes[], size_t size, fmi3FMUState* state) {
     auto* const read = fracgyro::make<Instance::State>();
-    if (read == nullptr || !Saved::read(bytes, size, *read)) {
+    if (read == nullptr) {
+        return of(c).failed("there is no memory left for a state");
+    }
+    if (!of(c).instance.read(bytes, size, *read)) {
         fracgyro::destroy(read);
-        return of(c).failed("the serialized state is not of this FMU");
+        return of(c).status(false);
     }
     *state = read;
     return fmi3OK;

@@ -10,7 +10,6 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <cstring>
 #include <new>
 
 namespace fracgyro {
@@ -22,11 +21,16 @@ using ExportedKind =
 using ExportedController = std::conditional_t<exported::composite, Composite<ExportedKind>, ExportedKind>;
 using Loop = Stepper<ExportedController>;
 
+// Of the steps in one call of the importer: some seconds of work, after which it may think again.
+inline constexpr double most_steps = 1e7;
+
 class Instance {
 public:
+    enum class Phase : std::uint32_t { made, initializing, running, terminated };
+
     // All that changes. A plain value: copied, it resumes bit for bit.
     struct State {
-        bool started = false;  // the first sample has been taken
+        Phase phase = Phase::made;
         double start_time = 0.0;
         std::array<double, std::size(exported::variables)> values{};  // parameters and inputs, in the FMU's units
         typename Loop::State loop{};
@@ -42,6 +46,23 @@ public:
         prepared_ = false;  // it may have other parameters
         gain_ = 0.0;
     }
+    // A saved state of which only the size is known. Its numbers must be ones that could have been set: some become integers.
+    bool read(const unsigned char* bytes, std::size_t count, State& state) {
+        if (bytes == nullptr || count <= sizeof exported::token ||
+            std::memcmp(bytes, exported::token, sizeof exported::token) != 0) {
+            return fail("the serialized state is not of this FMU");
+        }
+        bytes += sizeof exported::token;
+        if (!Saved<State>::read(bytes, count - sizeof exported::token, state) || !sound(state)) {
+            return fail("the serialized state is damaged: it is not as it was saved");
+        }
+        return true;
+    }
+    static constexpr std::size_t saved_size = sizeof exported::token + Saved<State>::size;
+    static void write(const State& state, unsigned char* bytes) {
+        std::memcpy(bytes, exported::token, sizeof exported::token);
+        Saved<State>::write(state, bytes + sizeof exported::token);
+    }
     void reset() {
         state_ = State{};
         for (std::size_t i = 0; i < state_.values.size(); ++i) {
@@ -50,24 +71,40 @@ public:
         prepared_ = false;
         gain_ = 0.0;
     }
-    void start_at(double time) { state_.start_time = time; }
-
-    // Ends the initialization.
-    void start() {
-        look_ahead();
-        state_.started = true;
-    }
 
     // All of these return whether it worked; if not, `problem` says why.
-    bool get(std::size_t reference, double& value) {
-        if (!known(reference)) {
+    bool start_at(double time) {
+        if (!in(Phase::made, "the start time")) {
+            return false;
+        }
+        if (!std::isfinite(time)) {
+            return fail("the start time is %g: it must be a finite number", time);
+        }
+        state_.start_time = time;
+        return true;
+    }
+    bool initialize() { return in(Phase::made, "the initialization") && on_to(Phase::initializing); }
+    bool start() {
+        if (!in(Phase::initializing, "the end of the initialization")) {
+            return false;
+        }
+        look_ahead();
+        return on_to(Phase::running);
+    }
+    bool terminate() {
+        return (state_.phase == Phase::initializing || in(Phase::running, "the end")) && on_to(Phase::terminated);
+    }
+
+    // `integer`: by a function for integers.
+    bool get(std::size_t reference, bool integer, double& value) {
+        if (!known(reference, integer)) {
             return false;
         }
         const Variable& v = exported::variables[reference];
         if (v.role == Role::time) {
             value = now();
         } else if (v.role == Role::output) {
-            if (!state_.started) {
+            if (state_.phase < Phase::running) {
                 look_ahead();
             }
             value = state_.row[static_cast<std::size_t>(v.place)] * v.scale;
@@ -76,21 +113,24 @@ public:
         }
         return true;
     }
-    bool set(std::size_t reference, double value) {
-        if (!known(reference)) {
+    bool set(std::size_t reference, bool integer, double value) {
+        if (!known(reference, integer)) {
             return false;
         }
         const Variable& v = exported::variables[reference];
-        if (v.role == Role::time || v.role == Role::constant || v.role == Role::output) {
+        if (!settable(v)) {
             return fail("%s cannot be set", v.name);
         }
-        if (v.role == Role::fixed && state_.started) {
+        if (state_.phase == Phase::terminated) {
+            return fail("%s cannot be set: the simulation is terminated", v.name);
+        }
+        if (v.role == Role::fixed && state_.phase == Phase::running) {
             return fail("%s is fixed: it can be set until the end of the initialization", v.name);
         }
         if (!std::isfinite(value)) {
             return fail("%s is %g: it must be a finite number", v.name, value);
         }
-        if (v.strict ? !(v.low < value && value < v.high) : !(v.low <= value && value <= v.high)) {
+        if (!allowed(v, value)) {
             return outside(v, value);
         }
         state_.values[reference] = value;
@@ -100,11 +140,15 @@ public:
 
     // From `time` on by `length`, which takes as many internal steps as fit in exactly.
     bool advance(double time, double length) {
-        if (!state_.started) {
-            return fail("a step was asked for before the end of the initialization");
+        if (!in(Phase::running, "a step")) {
+            return false;
         }
         const double count = std::round(length / exported::step);
-        if (!(count >= 1.0 && std::fabs(length / exported::step - count) < 1e-6 && count < 1e15)) {
+        if (count > most_steps) {
+            return fail("the communication step is %.9g: it must be at most %.9g, ten million steps of the controller",
+                        length, most_steps * exported::step);
+        }
+        if (!(count >= 1.0 && std::fabs(length / exported::step - count) < 1e-6)) {
             return fail("the communication step is %.9g: it must be a whole number of %.9g, the step of the controller",
                         length, exported::step);
         }
@@ -160,6 +204,37 @@ private:
         return fail("the motion diverged after %.9g: the step %.9g is too long for these gains", now(), exported::step);
     }
 
+    // Whether the instance is where a call may come.
+    bool in(Phase phase, const char* what) {
+        static constexpr const char* names[] = {"before the initialization", "during the initialization",
+                                                "between initialization and end", "after the end"};
+        return state_.phase == phase || fail("%s can come only %s: this is %s", what, names[static_cast<int>(phase)],
+                                             names[static_cast<int>(state_.phase)]);
+    }
+    bool on_to(Phase phase) {
+        state_.phase = phase;
+        return true;
+    }
+
+    static bool settable(const Variable& v) {
+        return v.role == Role::fixed || v.role == Role::tunable || v.role == Role::input;
+    }
+    static bool allowed(const Variable& v, double value) {
+        return v.strict ? v.low < value && value < v.high : v.low <= value && value <= v.high;
+    }
+    bool sound(const State& state) {
+        bool good = state.phase <= Phase::terminated && std::isfinite(state.start_time) && state.loop.step >= 0 &&
+                    static_cast<double>(state.loop.step) < longest;
+        for (std::size_t i = 0; i < state.values.size(); ++i) {
+            const Variable& v = exported::variables[i];
+            good = good && (settable(v) ? std::isfinite(state.values[i]) && allowed(v, state.values[i])
+                                        : state.values[i] == v.start);
+        }
+        prepare();
+        return good && ExportedController::sound(state.loop.controller, coefficients_.controller);
+    }
+    static constexpr double longest = 9007199254740992.0;  // steps, 2^53: up to here time has each of them
+
     double now() const { return state_.start_time + static_cast<double>(state_.loop.step) * exported::step; }
 
     // The outputs before the first step, from the parameters as they stand.
@@ -211,8 +286,12 @@ private:
         return {.position = {motion[0], motion[1]}, .velocity = {motion[2], motion[3]}};
     }
 
-    bool known(std::size_t reference) {
-        return reference < state_.values.size() || fail("%.0f is no value reference", static_cast<double>(reference));
+    bool known(std::size_t reference, bool integer) {
+        if (reference >= state_.values.size()) {
+            return fail("%.0f is no value reference", static_cast<double>(reference));
+        }
+        const Variable& v = exported::variables[reference];
+        return v.integer == integer || fail("%s is %s integer", v.name, v.integer ? "an" : "no");
     }
     bool outside(const Variable& v, double value) {
         const char* const is = "%s is %.9g: it must ";
@@ -269,23 +348,5 @@ void destroy(T* made) {
         std::free(at - at[-1]);
     }
 }
-
-// A state as bytes: what it belongs to, then itself.
-struct Saved {
-    static constexpr std::size_t size = sizeof(exported::token) + sizeof(Instance::State);
-
-    static void write(const Instance::State& state, void* bytes) {
-        std::memcpy(bytes, exported::token, sizeof(exported::token));
-        std::memcpy(static_cast<char*>(bytes) + sizeof(exported::token), &state, sizeof state);
-    }
-    // Whether they are of this FMU.
-    static bool read(const void* bytes, std::size_t count, Instance::State& state) {
-        if (count != size || std::memcmp(bytes, exported::token, sizeof(exported::token)) != 0) {
-            return false;
-        }
-        std::memcpy(&state, static_cast<const char*>(bytes) + sizeof(exported::token), sizeof state);
-        return true;
-    }
-};
 
 }  // namespace fracgyro

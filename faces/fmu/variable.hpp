@@ -23,7 +23,8 @@ struct Variable {
     double start;  // in the FMU's unit
     double scale;  // of that unit: the core's number is value / scale
     double low = -infinity, high = infinity;
-    bool strict = false;  // low < value < high
+    bool strict = false;   // low < value < high
+    bool integer = false;  // of an integer's type
 };
 
 }  // namespace fracgyro

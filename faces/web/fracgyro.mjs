@@ -22,6 +22,8 @@ export async function load({ wasm, data } = {}) {
   return new Fracgyro(await WebAssembly.compile(wasm), data);
 }
 
+const LARGEST_RECORD = 2e9; // bytes
+
 class Fracgyro {
   #module;
   #modes;
@@ -40,7 +42,8 @@ class Fracgyro {
     const every = settings["run.record_every"];
     const columns = columnNames(core);
     const samples = Math.floor(steps / every) + 1;
-    const rows = core.reserve(columns.length * samples);
+    const fits = 8 * columns.length * samples <= LARGEST_RECORD;
+    const rows = fits && core.reserve(columns.length * samples);
     if (!rows) {
       throw new RangeError(`run.record_every is ${every}: it must be larger, as ${samples} samples do not fit into memory`);
     }
@@ -64,7 +67,9 @@ class Fracgyro {
     core.controller_start(single);
     const columns = columnNames(core);
     const force = columns.indexOf("control.x");
-    const state = () => new Uint8Array(core.memory.buffer, core.controller_state(), core.controller_state_size());
+    const number = single ? "float" : "double";
+    const key = new TextEncoder().encode(`fracgyro ${this.version} ${core.controller_key() >>> 0} ${number}\n`);
+    const saved = () => new Uint8Array(core.memory.buffer, core.controller_saved(), core.controller_saved_size());
     return {
       step(position, velocity) {
         const motion = [...position, ...velocity];
@@ -80,13 +85,23 @@ class Fracgyro {
         return { damping: all.slice(0, 3), stiffness: all.slice(3, 6), rate, bound: all.slice(7, 10), rateDeviation, rateTrusted };
       },
       get state() {
-        return state().slice();
+        core.controller_save();
+        return Uint8Array.of(...key, ...saved());
       },
-      set state(saved) {
-        if (saved.length !== state().length) {
-          throw new RangeError("state was saved by a controller of another kind or precision");
+      set state(bytes) {
+        if (!(bytes instanceof Uint8Array)) {
+          throw new TypeError("state must be a Uint8Array, as it was saved");
         }
-        state().set(saved);
+        if (bytes.length <= key.length || !key.every((byte, i) => bytes[i] === byte)) {
+          throw new RangeError("state was saved by another version, or by a controller of another scenario or precision");
+        }
+        const own = bytes.subarray(key.length);
+        if (own.length === saved().length) {
+          saved().set(own);
+        }
+        if (own.length !== saved().length || !core.controller_restore()) {
+          throw new RangeError("state is damaged: it is not as it was saved");
+        }
       },
     };
   }
@@ -100,6 +115,10 @@ class Fracgyro {
       throw new RangeError(`run.duration is ${settings["run.duration"]}: it must be 1 to 1000000000 times run.step`);
     }
     const modes = this.#modesFor(settings, steps, scenario.modes);
+    const known = [modes.rates, modes.weights].every((all) => all.length <= core.mode_capacity() && all.every(Number.isFinite));
+    if (!known || modes.rates.length !== modes.weights.length) {
+      throw new RangeError(`the scenario's modes must be at most ${core.mode_capacity()} finite rates, and as many weights`);
+    }
     const numbers = {
       "run.steps": steps,
       "controller.order_gamma": modes.gamma,
@@ -121,11 +140,15 @@ class Fracgyro {
   }
 
   #checked(settings) {
+    const missing = Object.keys(this.fields).find((name) => !Object.hasOwn(settings, name));
+    if (missing) {
+      throw new RangeError(`${missing} is missing: it must be given`);
+    }
     for (const [name, value] of Object.entries(settings)) {
-      const field = this.fields[name];
-      if (!field) {
+      if (!Object.hasOwn(this.fields, name)) {
         throw new RangeError(`${name} is not a known setting; see fracgyro.fields`);
       }
+      const field = this.fields[name];
       const problem = wrong(name, value, field);
       if (problem) {
         throw new RangeError(`${name} is ${value}: it must be ${problem}`);

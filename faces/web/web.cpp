@@ -28,6 +28,10 @@ constexpr std::size_t room_for_any = []<class... Entries>(std::tuple<Entries...>
         {std::max(sizeof(Held<typename Entries::Type>), sizeof(Held<Composite<typename Entries::Type>>))...});
 }(static_cast<Controllers<T>*>(nullptr));
 alignas(16) std::array<std::byte, std::max(room_for_any<double>, room_for_any<float>)> room;
+// Its state as it is saved, aligned as it is held.
+constexpr std::size_t saved_at = 16;
+alignas(16) std::array<unsigned char, saved_at + room.size()> saved;
+bool (*saved_is_sound)() = nullptr;
 
 template <class Controller>
 Held<Controller>& held() {
@@ -90,7 +94,19 @@ EXPORT void controller_start(bool single) {
         auto* made = new (room.data()) Held<C>{.coefficients = C::prepare(setup.controller)};
         state_at = &made->state;
         state_size = sizeof made->state;
+        saved_is_sound = [] {
+            const auto* state = reinterpret_cast<const typename C::State*>(saved.data() + saved_at);
+            return C::sound(*std::launder(state), held<C>().coefficients);
+        };
     });
+}
+// Of what the controller is made from.
+EXPORT std::uint32_t controller_key() {
+    const Modes& modes = setup.controller.surface.modes;
+    std::uint32_t sum = checksum(setup.kind.data(), setup.kind.size());
+    sum = checksum(values.data(), sizeof values, sum);
+    sum = checksum(modes.rates.data(), modes.count * sizeof modes.rates[0], sum);
+    return checksum(modes.weights.data(), modes.count * sizeof modes.weights[0], sum);
 }
 // One step, from the motion measured now. Returns the row of what was found.
 EXPORT const double* controller_step(double x, double y, double vx, double vy) {
@@ -109,5 +125,21 @@ EXPORT const double* controller_estimates() {
     });
     return estimates.data();
 }
-EXPORT void* controller_state() { return state_at; }
-EXPORT std::size_t controller_state_size() { return state_size; }
+// The saved state, a checksum and the state: where it is, and how long; written by controller_save, and to be filled in before
+// controller_restore, which returns whether it is as it was saved.
+EXPORT unsigned char* controller_saved() { return saved.data() + saved_at - sizeof(std::uint32_t); }
+EXPORT std::size_t controller_saved_size() { return sizeof(std::uint32_t) + state_size; }
+EXPORT void controller_save() {
+    std::memcpy(saved.data() + saved_at, state_at, state_size);
+    const std::uint32_t sum = checksum(saved.data() + saved_at, state_size);
+    std::memcpy(controller_saved(), &sum, sizeof sum);
+}
+EXPORT bool controller_restore() {
+    std::uint32_t sum = 0;
+    std::memcpy(&sum, controller_saved(), sizeof sum);
+    const bool good = sum == checksum(saved.data() + saved_at, state_size) && saved_is_sound();
+    if (good) {
+        std::memcpy(state_at, saved.data() + saved_at, state_size);
+    }
+    return good;
+}

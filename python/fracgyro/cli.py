@@ -116,18 +116,18 @@ def simulate_command(
     scenario: Path | None, changes: Sequence[str], out: Path | None, plot: Path | None, as_json: bool
 ) -> None:
     """Simulate SCENARIO (the paper's corrected one if left out) and print its metrics."""
-    from .metrics import summary
+    from .metrics import measured
     from .paper.reproduce import write_run
 
     chosen = Scenario.load(scenario) if scenario else Scenario.paper()
     chosen = chosen.replace(dict(map(_change, changes)))
     diverged = None
+    # The metrics are of every step, and gathered on the way: what is recorded is for a file or a picture.
+    recorded = chosen if out or plot else chosen.replace({"run.record_every": chosen.run.steps})
     try:
-        every_step = simulate(chosen.replace({"run.record_every": 1}))  # which the metrics need
+        run = simulate(recorded)
     except DivergedError as error:
-        every_step, diverged = error.run, error
-    run = every_step.isel(time=slice(None, None, chosen.run.record_every))
-    run.attrs["scenario"] = chosen.to_toml()
+        run, diverged = error.run, error
     if out:
         write_run(run, out)
     if plot:
@@ -137,7 +137,7 @@ def simulate_command(
     if diverged:
         kept = f"; the samples until then are in {out}" if out else ""
         raise click.UsageError(f"{diverged}{kept}")
-    figures = summary(every_step)
+    figures = measured(chosen).drop_vars("diverged_at")
     if as_json:
         click.echo(json.dumps({name: _plain(values) for name, values in figures.items()}))
         return
@@ -305,6 +305,9 @@ def main() -> None:
         code = INTERRUPTED
     except ValueError as error:
         click.echo(f"fracgyro: {error}", err=True)
+        code = BAD_INPUT
+    except MemoryError:
+        click.echo("fracgyro: there is not enough memory: make run.record_every larger, or record fewer runs", err=True)
         code = BAD_INPUT
     except OSError as error:
         click.echo(f"fracgyro: the output cannot be written: {reason(error)}", err=True)

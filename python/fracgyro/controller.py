@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from importlib.metadata import version
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
+from .arguments import check_scenario, number, pair, short
 from .scenario import Scenario
 from .setup import composite, controller_params
 
@@ -39,10 +42,12 @@ class Controller:
     Call `step` once every `scenario.run.step`. Times, positions, velocities and forces are in the units that
     `scenario.run.units` names. `scenario.run.duration` is the longest time the fractional memory is accurate for.
     With `single_precision` it computes in float, as firmware exported so does, to the same bits.
-    Raises ValueError for an argument that is not finite, or a time that is not that of the next step.
+    Raises TypeError for an argument that is no number, ValueError for one that is not finite, or a time that is not
+    that of the next step. It can be copied and pickled: the copy goes on by itself from where this one is.
     """
 
     def __init__(self, scenario: Scenario, *, single_precision: bool = False) -> None:
+        check_scenario(scenario)
         self.scenario = scenario
         self._single = single_precision
         scales = scenario.plant.scales
@@ -62,7 +67,7 @@ class Controller:
         With device.sensing = "position" the velocity is observed and what is given for it not looked at.
         """
         expected = self._core.steps * self.scenario.run.step
-        if not abs(time / self._time - expected) < 0.5 * self.scenario.run.step:
+        if not abs(number("time", time) / self._time - expected) < 0.5 * self.scenario.run.step:
             raise ValueError(
                 f"time is {time}: the next step is at {expected * self._time:.9g}, "
                 "and steps must be taken one after another"
@@ -92,21 +97,32 @@ class Controller:
     @property
     def state(self) -> bytes:
         """Everything that changes while running. Assign it to a controller of the same scenario to resume."""
-        return self._key() + bytes(self._core.state)
+        return self._key + bytes(self._core.state)
 
     @state.setter
     def state(self, saved: bytes) -> None:
-        key = self._key()
+        if not isinstance(saved, bytes):
+            raise TypeError(f"state is {short(saved)}: it must be bytes, as they were saved")
+        key = self._key
         if saved[: len(key)] != key:
             raise ValueError("state was saved by another version, or by a controller of another scenario or precision")
         self._core.state = saved[len(key) :]
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _resumed, (self.scenario, self._single, self.state)
+
+    @cached_property
     def _key(self) -> bytes:
         number = "float" if self._single else "double"
         return f"fracgyro {version('fracgyro')} {self.scenario.content_hash()} {number}\n".encode()
 
     @staticmethod
     def _pair(name: str, values: Sequence[float], scale: float) -> tuple[float, float]:
-        if len(values) != 2 or not all(math.isfinite(value) for value in values):
-            raise ValueError(f"{name} is {list(values)}: it must be two finite numbers")
-        return float(values[0]) / scale, float(values[1]) / scale
+        x, y = pair(name, values)
+        return x / scale, y / scale
+
+
+def _resumed(scenario: Scenario, single_precision: bool, state: bytes) -> Controller:
+    controller = Controller(scenario, single_precision=single_precision)
+    controller.state = state
+    return controller

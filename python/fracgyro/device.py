@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, model_validator
 from pydantic_core import PydanticCustomError
 
-from .table import NonNegative, Table, as_tuple, field, sentence, toml_value
+from .table import MOST_STEPS, NonNegative, Table, as_tuple, field, sentence, toml_value
 
 MOST_POINTS = 100_000
 Points = tuple[tuple[float, float], ...]
@@ -87,7 +87,7 @@ class Rate(Table):
     )
     start: NonNegative = field(0.0, "Unit 1/omega0, whole steps: until then the rate is plant.angular_rate. 0.0: off.")
     hold: float | None = field(None, "Unit 1/omega0, whole steps: time on each level of the staircase.", gt=0)
-    levels: int = field(1, "How many levels the staircase climbs; it stays on the last one.", ge=1)
+    levels: int = field(1, "How many levels the staircase climbs; it stays on the last one.", ge=1, le=MOST_STEPS)
     frequency: NonNegative = field(
         0.0, "Unit omega0: of the sine, where the chirp begins, where the band of the noise ends. At most pi/run.step."
     )

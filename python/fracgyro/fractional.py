@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core, full_history
+from .arguments import number, signal
 from .modes import Modes, design
 from .setup import core_modes
 
@@ -30,7 +31,7 @@ def caputo(
     single precision. Returns the same shape, in units of values per time^order. Order 0 returns the values, as
     eq. (7) says, and order 1 the rates; between them the derivative at t = 0 is 0, and the limit of order -> 0 is
     values - values[0].
-    Raises ValueError naming the argument that is not allowed.
+    Raises TypeError or ValueError naming the argument that is not allowed.
     """
     return _apply(values, rates, step, order, tolerance)[1]
 
@@ -69,7 +70,7 @@ def riemann_liouville(
 
 
 def _check_order(order: float) -> None:
-    if not 0 <= order <= 1:
+    if not 0 <= number("order", order) <= 1:
         raise ValueError(f"order is {order}: it must lie between 0 and 1")
 
 
@@ -77,19 +78,19 @@ def _apply(
     values: ArrayLike, rates: ArrayLike, step: float, order: float, tolerance: float
 ) -> tuple[NDArray[Any], NDArray[Any]]:
     """I^(1-order) of the signal and of its rate."""
-    given, slopes = np.asarray(values), np.asarray(rates)
+    given, slopes = signal("values", values), signal("rates", rates)
+    step = number("step", step, above=0.0)
     single = given.dtype == np.float32 and slopes.dtype == np.float32
     dtype = np.float32 if single else np.float64
-    if given.shape != slopes.shape or given.ndim not in (1, 2) or given.shape[0] == 0:
+    if given.shape != slopes.shape or given.ndim not in (1, 2) or given.size == 0:
         raise ValueError(
             f"values has shape {given.shape} and rates {slopes.shape}: both must be the same, "
-            "(samples,) or (samples, channels)"
+            "(samples,) or (samples, channels), and none of these 0"
         )
     if not (np.isfinite(given).all() and np.isfinite(slopes).all()):
         raise ValueError("values and rates must be finite")
-    if not (math.isfinite(step) and step > 0):
-        raise ValueError(f"step is {step}: it must be a positive number")
     _check_order(order)
+    tolerance = number("tolerance", tolerance)
     columns = (-1, 1) if given.ndim == 1 else given.shape
     modes = core_modes(order, step, len(given) * step, tolerance)
     operate = _core.apply_operator_single if single else _core.apply_operator

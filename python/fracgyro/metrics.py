@@ -12,8 +12,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from . import _core
+from .arguments import check_scenario, number
 from .scenario import Scenario
-from .setup import composite
+from .setup import composite, core_setup
+from .simulate import metrics_dataset
 
 Window = tuple[float | None, float | None]
 STEADY: Window = (10.0, None)  # nondimensional
@@ -32,7 +35,10 @@ UNITS = {
     "rate_settling_time": "time",
     "damping_error": "",
     "stiffness_error": "",
+    "bound_final": "",  # each its own
+    "bound_0_halfway": "force",
     "largest_force": "force",
+    "diverged_at": "time",
 }
 SI = {"length": "m", "time": "s", "velocity": "m/s", "force": "N", "rate": "rad/s"}
 
@@ -152,7 +158,11 @@ def summary(
     The first three in the units of the run; left out they are 10, 0.01 and 0.06, nondimensional. The run should be
     recorded at every step: a thinned record (run.record_every > 1) gives estimates, of chattering a wrong one.
     """
-    transient = TRANSIENT * _scale(run, "time") if transient is None else transient
+    transient = TRANSIENT * _scale(run, "time") if transient is None else number("transient", transient, least=0.0)
+    for threshold, bound in {"error_bound": error_bound, "surface_bound": surface_bound}.items():
+        if bound is not None:
+            number(threshold, bound, above=0.0)
+    number("rate_tolerance", rate_tolerance, above=0.0)
     early, late = (None, transient), (transient, None)
     windows: dict[str, Window] = {"whole": (None, None), "transient": early, "steady": late}
     off = rate_error(run)
@@ -183,7 +193,24 @@ def summary(
         values.attrs = {"units": SI[quantity] if quantity and run.attrs["units"] == "SI" else "1"}
     if run.attrs["units"] == "SI":
         figures["bound_final"].attrs["units"] = run["bound_estimate"].attrs["units"]
-        figures["bound_0_halfway"].attrs["units"] = SI["force"]
+    return figures
+
+
+def measured(scenario: Scenario) -> xr.Dataset:
+    """`summary` of a run of the scenario at every step, in memory that does not grow with its length.
+
+    Besides `diverged_at`, NaN unless the run diverged: what it was then is measured until there.
+    """
+    check_scenario(scenario)
+    values = _core.measure_run(core_setup(scenario), _core.MetricsParams())
+    figures = metrics_dataset(values[np.newaxis], {}).isel(run=0)[list(UNITS)]
+    if scenario.run.units == "SI":
+        scales = scenario.plant.scales
+        for figure, quantity in UNITS.items():
+            if quantity:
+                figures[figure] = (figures[figure] * getattr(scales, quantity)).assign_attrs(units=SI[quantity])
+        bounds = figures["bound_final"] * [scales.force, scales.stiffness, scales.damping]
+        figures["bound_final"] = bounds.assign_attrs(units="N, N/m, N s/m")
     return figures
 
 

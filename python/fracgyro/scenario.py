@@ -22,7 +22,7 @@ from pydantic_core import ErrorDetails
 
 from .device import Device, Rate
 from .files import whole_file
-from .table import Table, sentence, toml_value
+from .table import MOST_STEPS, Table, sentence, toml_value
 from .tables import (
     ERRATA_SWITCHES,
     HOLD_TOLERANCE,
@@ -72,7 +72,11 @@ class Scenario(Table):
         return self
 
     def _check_whole_steps(self, name: str, time: float, least: int, note: str = "") -> None:
-        ratio = min(time / self.run.step, 2.0**53)
+        ratio = min(time / self.run.step, 2.0 * MOST_STEPS)
+        if ratio > MOST_STEPS * (1 + HOLD_TOLERANCE):
+            raise sentence(
+                f"{name} is {toml_value(time)}: it must be at most {MOST_STEPS} steps of {toml_value(self.run.step)}"
+            )
         if round(ratio) < least or abs(ratio - round(ratio)) > HOLD_TOLERANCE * ratio:
             raise sentence(
                 f"{name} is {toml_value(time)}: it must be a whole number of run.step, "

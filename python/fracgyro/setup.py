@@ -132,7 +132,8 @@ def rate_params(scenario: Scenario) -> _core.RateParams:
     params = _core.RateParams()
     params.kind = getattr(_core.RateKind, "staircase" if rate.kind == "step" else rate.kind)
     params.amplitude = rate.amplitude / scale
-    params.start = round(rate.start / step)
+    if rate.kind not in ("constant", "table"):
+        params.start = round(rate.start / step)
     if rate.kind == "staircase" and rate.hold is not None:
         params.hold, params.levels = round(rate.hold / step), rate.levels
     params.frequency, params.final_frequency = rate.frequency, rate.final_frequency

@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 
 from . import _core, bounded
+from .arguments import check_scenario, number, short
 from .scenario import Scenario
 from .setup import composite, core_setup, is_ideal
 
@@ -19,6 +20,7 @@ AXES = ["x", "y"]
 ENTRIES = ["xx", "xy", "yy"]
 # Runs between two looks at the keyboard and the progress callback: recorded; measured, by their steps and at most.
 CHUNK, CHUNK_STEPS, CHUNK_RUNS = 32, 20_000_000, 4096
+LARGEST_RECORD = 2 * 10**9  # bytes; a limit that depends on no machine, as its memory does
 TOGETHER = 32  # scenarios whose runs with the same seed share its noise, which is then drawn once
 
 # channel: (dimension of its columns or None, symbol and meaning, scale and unit in SI)
@@ -97,6 +99,8 @@ def simulate(scenario: Scenario) -> xr.Dataset:
     [rate] moves or [device] is not the ideal one.
     Raises DivergedError, which carries the samples until then, when the motion leaves all bounds.
     """
+    check_scenario(scenario)
+    _check_size([scenario], 1)
     rows, lasted = _core.record_runs([core_setup(scenario)], scenario.run.record_every, 1, not is_ideal(scenario))
     samples = int(lasted[0])
     if samples <= scenario.run.steps:
@@ -139,8 +143,8 @@ def simulate_many(
     them is empty, a seed is given twice or outside 0 to 2^63 - 1, `single_precision` comes without `metrics_only` or,
     without `metrics_only`, the scenarios do not match.
     """
-    if isinstance(scenarios, Scenario | str) or not all(isinstance(s, Scenario) for s in scenarios):
-        raise TypeError(f"scenarios is {_short(scenarios)}: it must be a list of Scenario")
+    if not isinstance(scenarios, list | tuple) or not all(isinstance(s, Scenario) for s in scenarios):
+        raise TypeError(f"scenarios is {short(scenarios)}: it must be a list of Scenario")
     if not scenarios:
         raise ValueError("scenarios is empty: there is nothing to simulate")
     first = scenarios[0]
@@ -150,6 +154,7 @@ def simulate_many(
         if single_precision:
             raise ValueError("single_precision is True without metrics_only: recorded runs are in double precision")
         _check_alike(scenarios)
+        _check_size(scenarios, 1 if seeds is None else len(seeds))
     params = _core.MetricsParams()
     thresholds = {
         "transient": transient,
@@ -158,7 +163,8 @@ def simulate_many(
         "rate_tolerance": rate_tolerance,
     }
     for name, value in thresholds.items():
-        setattr(params, name, value)
+        limit = {"least": 0.0} if name == "transient" else {"above": 0.0}
+        setattr(params, name, number(name, value, **limit))
     device = not all(map(is_ideal, scenarios))
     threads, lanes = threads_available(), _core.lane_counts()[-1]
     parts, lasted = [], []
@@ -181,7 +187,7 @@ def simulate_many(
     label: dict[str, Any] = {} if seeds is None else {"seed": ("run", np.tile(np.array(seeds), len(scenarios)))}
     if metrics_only:
         whole = whole[np.argsort(places)]
-        return _metrics_dataset(whole, thresholds).assign_coords(label)
+        return metrics_dataset(whole, thresholds).assign_coords(label)
     run = _dataset(whole, first)
     samples = np.concatenate(lasted)
     time = np.where(samples > first.run.steps, np.nan, samples * first.run.step)
@@ -201,29 +207,24 @@ def _setups(
         return
     for first in range(0, len(scenarios), together):
         setups = [core_setup(scenario) for scenario in scenarios[first : first + together]]
-        for number, seed in enumerate(seeds):
+        for at, seed in enumerate(seeds):
             for i, setup in enumerate(setups, first):
                 seeded, disturbance = _core.DeviceSetup(setup), _core.DisturbanceParams(setup.disturbance)
                 disturbance.seed = int(seed)
                 seeded.disturbance = disturbance
-                yield i * len(seeds) + number, seeded
-
-
-def _short(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 80 else f"{text[:77]}..."
+                yield i * len(seeds) + at, seeded
 
 
 def _check_seeds(seeds: Sequence[int]) -> None:
-    if isinstance(seeds, int | np.integer | str):
-        raise TypeError(f"seeds is {seeds!r}: it must be a list of seeds, as range({seeds}) is")
+    if not isinstance(seeds, Sequence | np.ndarray) or isinstance(seeds, str | bytes | bytearray | memoryview):
+        raise TypeError(f"seeds is {short(seeds)}: it must be a list of seeds, as range(8) is")
     if not len(seeds):
         raise ValueError("seeds is empty: there is nothing to simulate")
     if len(set(seeds)) < len(seeds):
         raise ValueError("seeds holds a seed twice: they must be different")
     for seed in seeds:
-        if not (isinstance(seed, int | np.integer) and 0 <= seed < 2**63):
-            raise ValueError(f"seeds holds {seed!r}: every seed must be an integer from 0 to 2^63 - 1")
+        if isinstance(seed, bool) or not (isinstance(seed, int | np.integer) and 0 <= seed < 2**63):
+            raise ValueError(f"seeds holds {short(seed)}: every seed must be an integer from 0 to 2^63 - 1")
 
 
 def _check_alike(scenarios: Sequence[Scenario]) -> None:
@@ -234,6 +235,20 @@ def _check_alike(scenarios: Sequence[Scenario]) -> None:
                 f"run.{field} is {' and '.join(map(str, sorted(values)))}: "
                 "it must be the same in all scenarios unless metrics_only is true"
             )
+
+
+def _check_size(scenarios: Sequence[Scenario], times: int) -> None:
+    """Raises ValueError when the record of every scenario, so many times, would be larger than is allowed."""
+    run, runs = scenarios[0].run, len(scenarios) * times
+    ideal = all(map(is_ideal, scenarios))
+    columns = sum(width for _, width in _core.channels + (() if ideal else _core.device_channels))
+    samples = run.steps // run.record_every + 1
+    if (size := 8 * columns * samples * runs) > LARGEST_RECORD:
+        raise ValueError(
+            f"run.record_every is {run.record_every}: {runs} runs of {samples} samples of {columns} numbers are "
+            f"{size / 1e9:.3g} GB, and a record may be at most {LARGEST_RECORD / 1e9:g} GB; make it larger, take fewer "
+            "runs at a time, or have simulate_many with metrics_only measure them without a record"
+        )
 
 
 def _time_scale(scenario: Scenario) -> float:
@@ -284,7 +299,7 @@ def _known(run: xr.Dataset, scenarios: Sequence[Scenario], times: int = 1) -> xr
     return run
 
 
-def _metrics_dataset(values: np.ndarray, thresholds: dict[str, float]) -> xr.Dataset:
+def metrics_dataset(values: np.ndarray, thresholds: dict[str, float]) -> xr.Dataset:
     by_name = dict(zip(_core.metric_names, values.T, strict=True))
     windows = ["whole", "transient", "steady"]
     rmse = np.stack([[by_name.pop(f"rmse_{w}_{a}") for a in AXES] for w in windows])

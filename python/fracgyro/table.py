@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator
 from pydantic_core import PydanticCustomError
 
+MOST_STEPS = 10**9  # of a run, and of whatever is counted in its steps
+LARGEST_FREQUENCY = 1e6  # unit omega0: of a motion that is followed or a force that acts
+
 
 def toml_value(value: Any) -> str:
     """A value as TOML writes it; floats in the fewest digits that read back the same."""
@@ -55,6 +58,8 @@ def as_tuple(names: str, *, expand: bool = False) -> BeforeValidator:
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
 Pair = Annotated[tuple[float, float], as_tuple("x y")]
+Frequency = Annotated[float, Field(ge=-LARGEST_FREQUENCY, le=LARGEST_FREQUENCY)]
+Frequencies = Annotated[tuple[Frequency, Frequency], as_tuple("x y")]
 Gains = Annotated[tuple[Positive, Positive], as_tuple("x y", expand=True)]
 BoundGains = Annotated[tuple[Positive, Positive, Positive], as_tuple("x0 x1 x2")]
 Bounds = Annotated[tuple[NonNegative, NonNegative, NonNegative], as_tuple("b0 b1 b2")]

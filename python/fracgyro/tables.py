@@ -15,9 +15,11 @@ import numpy as np
 from pydantic import model_validator
 
 from .table import (
+    MOST_STEPS,
     ZERO,
     BoundGains,
     Bounds,
+    Frequencies,
     Gains,
     Pair,
     Symmetric,
@@ -29,7 +31,6 @@ from .table import (
 )
 
 HOLD_TOLERANCE = 1e-9  # relative: how far disturbance.hold may be from a whole number of steps
-MOST_STEPS = 10**9
 RANK_TOLERANCE = 1e-12  # relative to the largest entry: an eigenvalue below this is rounding, i.e. zero
 
 
@@ -162,7 +163,7 @@ class Reference(Table):
     """The motion to follow, r = amplitude*sin(frequency*t + phase)."""
 
     amplitude: Pair = field((1.0, 1.0), "[x, y], unit q0. Zeros: off, r = 0.")
-    frequency: Pair = field((math.pi, math.pi / 2), "[x, y], unit omega0. Zeros: r is constant.")
+    frequency: Frequencies = field((math.pi, math.pi / 2), "[x, y], unit omega0. Zeros: r is constant.")
     phase: Pair = field((0.0, math.pi / 2), "[x, y], rad: pi/2 makes a cosine. Zeros: off.")
 
 
@@ -290,7 +291,7 @@ class Disturbance(Table):
     )
     seed: int = field(0, "Same seed, same noise; 0 to 2^63 - 1. Without effect on other kinds.", ge=0, le=2**63 - 1)
     amplitude: Pair = field((0.0, 0.0), "Of the sine, [x, y], unit of force. Zeros: off.")
-    frequency: Pair = field((0.0, 0.0), "Of the sine, [x, y], unit omega0. Zeros: constant force.")
+    frequency: Frequencies = field((0.0, 0.0), "Of the sine, [x, y], unit omega0. Zeros: constant force.")
     phase: Pair = field((0.0, 0.0), "Of the sine, [x, y], rad. Zeros: off.")
 
     @model_validator(mode="before")
@@ -318,7 +319,9 @@ class Run(Table):
 
     duration: float = field(80.0, "Unit 1/omega0: end of the run, at least one step.", gt=0)
     step: float = field(1e-3, "h, unit 1/omega0: period of control. The paper's loop diverges from about 5e-3.", gt=0)
-    record_every: int = field(1, "Steps from one recorded sample to the next. 1: off, all are kept.", ge=1)
+    record_every: int = field(
+        1, "Steps from one recorded sample to the next. 1: off, all are kept.", ge=1, le=MOST_STEPS
+    )
     mode_tolerance: float = field(
         1e-6, "Largest relative error of the exponential modes; 1e-9 to 1e-1.", ge=1e-9, le=1e-1
     )

@@ -110,14 +110,16 @@ struct MetricsTotals {
     }
 };
 
-// The first sample that is not in the transient window.
+// The first sample that is not in the transient window; steps + 1 where all are.
 inline std::int64_t first_steady_sample(const MetricsParams& p, const Setup& setup) {
     const double h = setup.controller.step;
-    auto n = static_cast<std::int64_t>(std::clamp(p.transient / h, 0.0, 1e15));
+    const std::int64_t end = setup.steps + 1;
+    const double whole = minimum(maximum(p.transient / h, 0.0), static_cast<double>(end));  // 0 for NaN
+    auto n = static_cast<std::int64_t>(whole);
     while (n > 0 && !(static_cast<double>(n - 1) * h < p.transient)) {
         --n;
     }
-    while (static_cast<double>(n) * h < p.transient) {
+    while (n < end && static_cast<double>(n) * h < p.transient) {
         ++n;
     }
     return n;

@@ -39,6 +39,7 @@ Role = Literal["time", "constant", "fixed", "tunable", "input", "output"]
 
 LARGEST = sys.float_info.max  # stands for infinity, which some importers do not read
 LARGEST_SEED = 2**31 - 1  # of FMI's integers
+MOST_TOGETHER = 10**7  # steps in one call of the importer, as faces/fmu/instance.hpp has them
 FIRST_DATE = (1980, 1, 1, 0, 0, 0)  # of every file in the archive: no clock gets into it
 NO_LIMITS = Limits()
 PARTS = {
@@ -196,7 +197,8 @@ def _header(scenario: Scenario, content: Content, number: Number, token: str, va
     rows = []
     for v in variables:
         numbers = [v.start, v.scale, v.limits.low, v.limits.high]
-        values = ", ".join([f'"{v.name}"', f"Role::{v.role}", str(v.place), *map(_cpp, numbers), _cpp(v.limits.strict)])
+        flags = [_cpp(v.limits.strict), _cpp(v.integer)]
+        values = ", ".join([f'"{v.name}"', f"Role::{v.role}", str(v.place), *map(_cpp, numbers), *flags])
         rows.append(f"    {{{values}}},")
     lines = [
         "// Made by `fracgyro export fmu`.",
@@ -249,7 +251,7 @@ def _description(scenario: Scenario, content: Content, fmi: Fmi, token: str, var
         variables=variables,
         units={unit: base_unit(unit, scenario.plant) for unit in sorted({v.unit for v in variables} - {"1"})},
         step=run.step * scale,
-        communication_step=run.step * run.record_every * scale,
+        communication_step=run.step * min(run.record_every, run.steps, MOST_TOGETHER) * scale,
         stop=run.duration * scale,
         finite=math.isfinite,
     )

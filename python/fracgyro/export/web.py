@@ -22,11 +22,13 @@ from .. import _core
 from ..bounded import check_bounded
 from ..files import whole_file
 from ..scenario import Scenario
+from ..table import MOST_STEPS
 from .compilers import FLAGS, SOURCES, include, zig
 from .settings import CHOICES, core_modes, core_numbers, describe, limits, settings
 
 ORDERS = [hundredths / 100 for hundredths in range(1, 100)]
 TARGET = ["-target", "wasm32-wasi"]
+WHOLE_STEPS = {"minimum": 1, "maximum": MOST_STEPS}
 UNSCALED = ["run.duration", "run.step", "run.record_every", "controller.order"]  # said by a scenario as they are
 
 
@@ -50,7 +52,7 @@ def write_module_data(path: str | os.PathLike[str]) -> None:
     described |= {name: {"description": describe(name), **_limits(name)} for name in UNSCALED}
     described |= {name: {"description": describe(name), "choices": choices} for name, choices in _choices().items()}
     described |= {"controller.adaptive": {"description": describe("controller.adaptive")}}
-    described |= {"disturbance.hold_steps": {"description": "Steps from one noise draw to the next.", "minimum": 1}}
+    described |= {"disturbance.hold_steps": {"description": "Steps from one noise draw to the next."} | WHOLE_STEPS}
     by_order = (corrected.replace({"controller.order": order}) for order in ORDERS)
     module = {
         "version": version("fracgyro"),

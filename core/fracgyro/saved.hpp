@@ -1,0 +1,71 @@
+// A state as bytes, and whether bytes that come back are to be believed: whatever they are, none may do harm.
+//
+//    The checksum tells damage. Bytes whose checksum is right may still be no state, as of another program or an attacker:
+//    every type whose state holds an index or a switch has sound(state, coefficients), which says whether all of them are
+//    ones that it could have. Numbers may be any.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <type_traits>
+
+namespace fracgyro {
+
+// CRC-32, which notices every burst of up to 32 wrong bits. `sum`: of what is before these bytes.
+[[gnu::noinline]] inline std::uint32_t checksum(const void* bytes, std::size_t count, std::uint32_t sum = 0) {
+    const auto* at = static_cast<const unsigned char*>(bytes);
+    sum = ~sum;
+    for (const auto* end = at + count; at < end; ++at) {
+        sum ^= *at;
+        for (int bit = 0; bit < 8; ++bit) {
+            sum = (sum >> 1) ^ ((sum & 1U) != 0 ? 0xEDB88320U : 0U);
+        }
+    }
+    return ~sum;
+}
+
+// The checksum, then the state.
+template <class State>
+struct Saved {
+    static_assert(std::is_trivially_copyable_v<State>);
+    static constexpr std::size_t size = sizeof(std::uint32_t) + sizeof(State);
+
+    static void write(const State& state, unsigned char* bytes) {
+        std::memcpy(bytes + sizeof(std::uint32_t), &state, sizeof state);
+        const std::uint32_t sum = checksum(bytes + sizeof sum, sizeof state);
+        std::memcpy(bytes, &sum, sizeof sum);
+    }
+    // Whether they are as they were written; if not, `state` stays as it is.
+    static bool read(const unsigned char* bytes, std::size_t count, State& state) {
+        std::uint32_t sum = 0;
+        if (count != size) {
+            return false;
+        }
+        std::memcpy(&sum, bytes, sizeof sum);
+        if (sum != checksum(bytes + sizeof sum, sizeof state)) {
+            return false;
+        }
+        std::memcpy(&state, bytes + sizeof sum, sizeof state);
+        return true;
+    }
+};
+
+// Whether a switch is one: its byte may be any, and all but two are undefined to look at as a bool.
+inline bool sound(const bool& a) {
+    unsigned char byte = 0;
+    std::memcpy(&byte, &a, sizeof byte);
+    return byte <= 1;
+}
+
+// Of a part that may have nothing that can be wrong.
+template <class Part, class State, class Coefficients>
+bool sound_part(const State& state, const Coefficients& c) {
+    if constexpr (requires { Part::sound(state, c); }) {
+        return Part::sound(state, c);
+    } else {
+        return true;
+    }
+}
+
+}  // namespace fracgyro

@@ -1,0 +1,71 @@
+"""Arguments in Python that are no fields of a scenario: what they cannot be is refused in one sentence."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .scenario import Scenario
+
+NO_NUMBERS = (str, bytes, bytearray, memoryview, np.ma.MaskedArray)
+
+
+def short(value: object) -> str:
+    """A value for a sentence."""
+    try:
+        text = repr(value)
+    except ValueError:  # an integer of more digits than Python prints
+        return "too long a number"
+    return text if len(text) <= 80 else f"{text[:77]}..."
+
+
+def check_scenario(scenario: object) -> None:
+    """Raises TypeError unless it is one."""
+    if not isinstance(scenario, Scenario):
+        raise TypeError(f"scenario is {short(scenario)}: it must be a Scenario")
+
+
+def number(name: str, value: object, *, least: float = -math.inf, above: float = -math.inf) -> float:
+    """A finite float. Raises TypeError for what is no real number, ValueError for one that is not allowed."""
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        raise TypeError(f"{name} is {short(value)}: it must be a number")
+    try:
+        result = float(value)
+    except OverflowError:
+        result = math.inf
+    if not math.isfinite(result):
+        raise ValueError(f"{name} is {short(value)}: it must be a finite number")
+    if result < least or result <= above:
+        limit = f"at least {least:g}" if result < least else f"greater than {above:g}"
+        raise ValueError(f"{name} is {short(value)}: it must be {limit}")
+    return result
+
+
+def pair(name: str, values: object) -> tuple[float, float]:
+    """Two finite floats. Raises TypeError for what holds no numbers, ValueError for others than two finite ones."""
+    rule = f"{name} is {short(values)}: it must be two finite numbers"
+    if not isinstance(values, Sequence | np.ndarray) or isinstance(values, NO_NUMBERS):
+        raise TypeError(rule)
+    if len(values) != 2:
+        raise ValueError(rule)
+    try:
+        return number(name, values[0]), number(name, values[1])
+    except (TypeError, ValueError) as error:
+        raise type(error)(rule) from None
+
+
+def signal(name: str, values: object) -> NDArray[Any]:
+    """An array of real numbers. Raises TypeError for anything else."""
+    if isinstance(values, np.ma.MaskedArray):
+        raise TypeError(f"{name} is a masked array: it must hold a number in every place")
+    try:
+        array = np.asarray(values)
+    except (TypeError, ValueError, OverflowError):
+        raise TypeError(f"{name} is {short(values)}: it must be an array of real numbers") from None
+    if array.dtype.kind not in "iuf" and array.size:
+        raise TypeError(f"{name} holds {array.dtype}: it must hold real numbers")
+    return array
