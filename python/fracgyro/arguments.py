@@ -29,14 +29,19 @@ def check_scenario(scenario: object) -> None:
         raise TypeError(f"scenario is {short(scenario)}: it must be a Scenario")
 
 
-def number(name: str, value: object, *, least: float = -math.inf, above: float = -math.inf) -> float:
-    """A finite float. Raises TypeError for what is no real number, ValueError for one that is not allowed."""
+def real(name: str, value: object) -> float:
+    """A float. Raises TypeError for what is no real number."""
     if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
         raise TypeError(f"{name} is {short(value)}: it must be a number")
     try:
-        result = float(value)
+        return float(value)
     except OverflowError:
-        result = math.inf
+        return math.inf
+
+
+def number(name: str, value: object, *, least: float = -math.inf, above: float = -math.inf) -> float:
+    """A finite one. Raises ValueError besides for one that is not allowed."""
+    result = real(name, value)
     if not math.isfinite(result):
         raise ValueError(f"{name} is {short(value)}: it must be a finite number")
     if result < least or result <= above:

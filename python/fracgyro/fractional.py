@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core, full_history
-from .arguments import number, signal
+from .arguments import real, signal
 from .modes import Modes, design
 from .setup import core_modes
 
@@ -70,7 +70,7 @@ def riemann_liouville(
 
 
 def _check_order(order: float) -> None:
-    if not 0 <= number("order", order) <= 1:
+    if not 0 <= real("order", order) <= 1:
         raise ValueError(f"order is {order}: it must lie between 0 and 1")
 
 
@@ -79,7 +79,6 @@ def _apply(
 ) -> tuple[NDArray[Any], NDArray[Any]]:
     """I^(1-order) of the signal and of its rate."""
     given, slopes = signal("values", values), signal("rates", rates)
-    step = number("step", step, above=0.0)
     single = given.dtype == np.float32 and slopes.dtype == np.float32
     dtype = np.float32 if single else np.float64
     if given.shape != slopes.shape or given.ndim not in (1, 2) or given.size == 0:
@@ -89,8 +88,10 @@ def _apply(
         )
     if not (np.isfinite(given).all() and np.isfinite(slopes).all()):
         raise ValueError("values and rates must be finite")
+    step, tolerance = real("step", step), real("tolerance", tolerance)
+    if not 0 < step < math.inf:
+        raise ValueError(f"step is {step}: it must be a positive number")
     _check_order(order)
-    tolerance = number("tolerance", tolerance)
     columns = (-1, 1) if given.ndim == 1 else given.shape
     modes = core_modes(order, step, len(given) * step, tolerance)
     operate = _core.apply_operator_single if single else _core.apply_operator

@@ -114,7 +114,7 @@ struct MetricsTotals {
 inline std::int64_t first_steady_sample(const MetricsParams& p, const Setup& setup) {
     const double h = setup.controller.step;
     const std::int64_t end = setup.steps + 1;
-    const double whole = minimum(maximum(p.transient / h, 0.0), static_cast<double>(end));  // 0 for NaN
+    const double whole = minimum(maximum(0.0, p.transient / h), static_cast<double>(end));  // 0 for NaN
     auto n = static_cast<std::int64_t>(whole);
     while (n > 0 && !(static_cast<double>(n - 1) * h < p.transient)) {
         --n;

@@ -282,7 +282,7 @@ def attack(chosen: argparse.Namespace) -> None:
         while source:
             importer.act(source)
         importer.end()
-    print(f"{face}: {index} attempts")
+    print(f"{face}: {index + 1} attempts")
 
 
 def make(face: str, folder: Path) -> None:

@@ -16,6 +16,7 @@ import subprocess
 import sys
 import tempfile
 import zlib
+from itertools import chain
 from pathlib import Path
 
 import fracgyro as fg
@@ -82,7 +83,7 @@ def attack_python(chosen: argparse.Namespace) -> None:
             controller.step(controller._core.steps * controller.scenario.run.step, *MOTION)
         assert len(controller.state) == len(before)
         assert controller.estimates is not None
-    print(f"python: {index} attempts")
+    print(f"python: {index + 1} attempts")
 
 
 BROWSER = """
@@ -146,7 +147,6 @@ def attack_browser(chosen: argparse.Namespace) -> None:
 
     from fracgyro.export import web
 
-    batch = min(chosen.attempts, 5000)  # to one process of node
     with tempfile.TemporaryDirectory() as folder:
         web.build(Path(folder))
         names = [f"{i}.json" for i in range(IN_BROWSER)]
@@ -159,12 +159,13 @@ def attack_browser(chosen: argparse.Namespace) -> None:
         known = corpus("states", "browser")
         attempts: list[tuple[int, bytes]] = [(i, attempt) for attempt in known for i in range(len(states))]
         notebook, done = Notebook(chosen.note), 0
-        for index in indices(chosen):
-            number = index % len(states)
-            prefix = states[number][0].index(b"\n") + 1
-            attempts.append((number, payload(chosen.seed, index, prefix, states[number], everyone)))
-            if len(attempts) < batch:
-                continue
+        for index in chain(indices(chosen), [None]):
+            if index is not None:
+                number = index % len(states)
+                prefix = states[number][0].index(b"\n") + 1
+                attempts.append((number, payload(chosen.seed, index, prefix, states[number], everyone)))
+                if len(attempts) < 5000:  # to one process of node
+                    continue
             packed = b"".join(struct.pack("<II", i, len(attempt)) + attempt for i, attempt in attempts)
             (Path(folder) / "attempts").write_bytes(packed)
             ran = node(TRY, folder)

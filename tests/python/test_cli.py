@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -160,3 +161,27 @@ def test_a_scenario_cut_off_between_two_lines_is_noticed(tmp_path: Path) -> None
     text = fg.Scenario.paper().to_toml()
     (tmp_path / "half.toml").write_text("\n".join(text.splitlines()[:20]) + "\n", encoding="utf-8")
     assert "half.toml is cut off" in sentence(run("simulate", "half.toml", cwd=tmp_path))
+
+
+def test_a_run_too_long_to_record_is_refused_before_it_begins(tmp_path: Path) -> None:
+    long = ("--set", "controller.kind=linear", "--set", "run.duration=1e5")
+    told = sentence(run("simulate", *long, "--out", tmp_path / "run.nc"))
+    assert told.startswith("run.record_every is 1: 1 runs of 100000001 samples of 31 numbers are 24.8 GB")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_too_little_memory_is_said_in_one_sentence(tmp_path: Path) -> None:
+    """1.2 GB of memory in all, and a record of 1.9 GB."""
+    import resource
+
+    words = ["simulate", "--set", "controller.kind=linear", "--set", "run.step=1e-5", "--set", "run.duration=77.0"]
+    result = subprocess.run(
+        [sys.executable, "-m", "fracgyro", *words, "--out", tmp_path / "run.nc"],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (1_200_000_000, 1_200_000_000)),
+    )
+    assert sentence(result) == "there is not enough memory: make run.record_every larger, or record fewer runs"
+    assert list(tmp_path.iterdir()) == []

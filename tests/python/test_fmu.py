@@ -278,6 +278,51 @@ def test_what_cannot_be_done_is_told_to_the_logger(made: Callable[..., str], tmp
     assert fmu.complaint(lambda: fmu.step(0.1, 1.0)).startswith("the motion diverged after 0.1")
 
 
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_a_damaged_state_is_refused(made: Callable[..., str], tmp_path: Path, fmi: Fmi) -> None:
+    fmu = Instance(made(SHORT, fmi), tmp_path).start()
+    fmu.step(0.0, 0.1)
+    saved = bytearray(fmu.save())
+    saved[len(saved) // 2] ^= 1
+    damaged = "the serialized state is damaged: it is not as it was saved"
+    assert fmu.complaint(lambda: fmu.load(bytes(saved))) == damaged
+    assert fmu.complaint(lambda: fmu.load(bytes(saved[:-1]))) == damaged
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_a_step_comes_between_initialization_and_end_alone(made: Callable[..., str], tmp_path: Path, fmi: Fmi) -> None:
+    fmu = Instance(made(SHORT, fmi), tmp_path)
+    told = fmu.complaint(fmu.fmu.exitInitializationMode)
+    here = "this is before the initialization"
+    assert told == f"the end of the initialization can come only during the initialization: {here}"
+    fmu.start()
+    here = "this is between initialization and end"
+    assert fmu.complaint(fmu.fmu.enterInitializationMode).endswith(here)
+    fmu.fmu.terminate()
+    told = fmu.complaint(lambda: fmu.step(0.0, 0.001))
+    assert told == "a step can come only between initialization and end: this is after the end"
+    told = fmu.complaint(lambda: fmu.set("controller.layer_thickness", 0.1))
+    assert told == "controller.layer_thickness cannot be set: the simulation is terminated"
+    assert fmu.get("error.x") == 0.5, "what was found can still be read"
+    fmu.fmu.reset()
+    fmu.start().step(0.0, 0.001)
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_a_step_that_would_take_for_ever_is_refused(made: Callable[..., str], tmp_path: Path, fmi: Fmi) -> None:
+    fmu = Instance(made(SHORT, fmi, "controller"), tmp_path).start()
+    told = fmu.complaint(lambda: fmu.step(0.0, 1e9))
+    assert told == "the communication step is 1e+09: it must be at most 10000, ten million steps of the controller"
+
+
+def test_a_variable_is_read_and_set_by_the_functions_of_its_type(made: Callable[..., str], tmp_path: Path) -> None:
+    fmu = Instance(made(SHORT), tmp_path)
+    seed, exponent = (fmu.references[name] for name in ("disturbance.seed", "controller.terminal_exponent"))
+    assert fmu.fmu.getInteger([seed]) == [0]
+    assert fmu.complaint(lambda: fmu.fmu.getReal([seed])) == "disturbance.seed is an integer"
+    assert fmu.complaint(lambda: fmu.fmu.setInteger([exponent], [1])) == "controller.terminal_exponent is no integer"
+
+
 def test_a_binary_refuses_the_description_of_another(made: Callable[..., str], tmp_path: Path) -> None:
     path = made(SHORT)
     description = fmpy.read_model_description(path)

@@ -382,11 +382,41 @@ GOOD = {"values": np.zeros(5), "rates": np.zeros(5), "step": STEP, "order": 0.5}
         ({"order": math.nan}, r"^order is nan: it must lie between 0 and 1$"),
         ({"tolerance": 0.0}, r"tolerance .*0"),
         ({"tolerance": math.nan}, r"tolerance .*nan"),
+        ({"values": np.zeros((5, 0)), "rates": np.zeros((5, 0))}, r"^values has shape \(5, 0\).* none of these 0$"),
+        ({"step": 10**400}, r"^step is inf: it must be a positive number$"),
     ],
 )
 def test_bad_input_is_refused_in_a_sentence_that_names_it(
     operator: Callable[..., np.ndarray], bad: dict[str, object], message: str
 ) -> None:
     with pytest.raises(ValueError, match=message) as caught:
+        operator(**{**GOOD, **bad})
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("operator", OPERATORS)
+@pytest.mark.parametrize(
+    ("bad", "message"),
+    [
+        ({"values": np.zeros(5, complex)}, r"^values holds complex128: it must hold real numbers$"),
+        (
+            {"rates": np.ma.masked_array(np.zeros(5), [0, 0, 1, 0, 0])},
+            r"^rates is a masked array: it must hold a number",
+        ),
+        ({"values": np.zeros(5, "datetime64[s]")}, r"^values holds datetime64\[s\]: it must hold real numbers$"),
+        ({"values": np.zeros(5, bool)}, r"^values holds bool: "),
+        ({"values": b"12345"}, r"^values holds .*: it must hold real numbers$"),
+        ({"values": [1, 2, 3, 4, 10**400]}, r"^values holds object: it must hold real numbers$"),
+        ({"values": [[1.0], [1.0, 2.0]]}, r"^values is .*: it must be an array of real numbers$"),
+        ({"order": "half"}, r"^order is 'half': it must be a number$"),
+        ({"order": True}, r"^order is True: it must be a number$"),
+        ({"step": 1j}, r"^step is 1j: it must be a number$"),
+        ({"tolerance": None}, r"^tolerance is None: it must be a number$"),
+    ],
+)
+def test_what_is_no_real_number_is_refused(
+    operator: Callable[..., np.ndarray], bad: dict[str, object], message: str
+) -> None:
+    with pytest.raises(TypeError, match=message) as caught:
         operator(**{**GOOD, **bad})
     assert "\n" not in str(caught.value)

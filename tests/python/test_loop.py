@@ -10,6 +10,7 @@ import functools
 import itertools
 import math
 import sys
+from collections.abc import Callable
 from typing import Any
 
 import fracgyro as fg
@@ -643,6 +644,43 @@ def test_a_bad_sample_is_refused_and_leaves_the_controller_as_it_was(
     assert controller.state == before
 
 
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((0j, (0.5, 0.5), (0.0, 0.0)), r"^time is 0j: it must be a number$"),
+        ((None, (0.5, 0.5), (0.0, 0.0)), r"^time is None: it must be a number$"),
+        ((1e-3, b"ab", (0.0, 0.0)), r"^position is b'ab': it must be two finite numbers$"),
+        ((1e-3, {0: 0.5, 1: 0.5}, (0.0, 0.0)), r"^position is {0: 0.5, 1: 0.5}: it must be two"),
+        ((1e-3, (True, 0.5), (0.0, 0.0)), r"^position is \(True, 0.5\): it must be two"),
+        ((1e-3, (0.5, 0.5), "ab"), r"^velocity is 'ab': it must be two"),
+        ((1e-3, (0.5, 0.5), 0.0), r"^velocity is 0.0: it must be two"),
+        ((1e-3, np.ma.masked_array([0.5, 0.5], [1, 0]), (0.0, 0.0)), r"^position is masked_array"),
+    ],
+)
+def test_what_is_no_sample_is_refused(arguments: tuple[Any, ...], message: str) -> None:
+    controller = fg.Controller(PAPER)
+    controller.step(0.0, (0.5, 0.5), (0.0, 0.0))
+    with pytest.raises(TypeError, match=message):
+        controller.step(*arguments)
+    with pytest.raises(ValueError, match=r"^position is .*it must be two finite numbers$"):
+        controller.step(1e-3, (10**400, 0.5), (0.0, 0.0))
+    np.testing.assert_array_equal(controller.step(1e-3, np.array([0.5, 0.5]), [0, 0]), fresh_force())
+
+
+def fresh_force() -> np.ndarray:
+    """That of a second sample."""
+    controller = fg.Controller(PAPER)
+    controller.step(0.0, (0.5, 0.5), (0.0, 0.0))
+    return controller.step(1e-3, (0.5, 0.5), (0.0, 0.0))
+
+
+@pytest.mark.parametrize("take", [fg.simulate, fg.Controller, fg.metrics.measured])
+@pytest.mark.parametrize("what", [None, "paper", {}])
+def test_what_is_no_scenario_is_refused(take: Callable[[Any], object], what: Any) -> None:
+    with pytest.raises(TypeError, match=rf"^scenario is {what!r}: it must be a Scenario$"):
+        take(what)
+
+
 def test_a_foreign_state_is_refused_and_leaves_the_controller_as_it_was() -> None:
     controller = fg.Controller(PAPER)
     controller.step(0.0, (0.5, 0.5), (0.0, 0.0))
@@ -775,17 +813,74 @@ def test_seeds_stand_in_for_scenarios_that_differ_in_nothing_else() -> None:
 
 
 @pytest.mark.parametrize(
-    ("scenarios", "seeds"), [("paper", [1]), (fg.Scenario.paper(), [1]), ([fg.Scenario.paper()], 8)]
+    ("scenarios", "seeds"),
+    [("paper", [1]), (None, [1]), (fg.Scenario.paper(), [1]), ([fg.Scenario.paper()], 8), ([PAPER], b"12")],
 )
 def test_what_is_no_list_is_refused(scenarios: Any, seeds: Any) -> None:
     with pytest.raises(TypeError, match="it must be a list of"):
         fg.simulate_many(scenarios, seeds=seeds, metrics_only=True)
 
 
-@pytest.mark.parametrize("seeds", [[], [-1], [2**63], [0.5], [3, 3]])
+@pytest.mark.parametrize("seeds", [[], [-1], [2**63], [0.5], [3, 3], [True], [10**5000]])
 def test_seeds_that_cannot_be_are_refused(seeds: list[int]) -> None:
     with pytest.raises(ValueError, match="seeds"):
         fg.simulate_many([fg.Scenario.paper()], seeds=seeds)
+
+
+@pytest.mark.parametrize(
+    ("threshold", "error", "message"),
+    [
+        ({"transient": math.nan}, ValueError, "transient is nan: it must be a finite number"),
+        ({"transient": -1.0}, ValueError, "transient is -1.0: it must be at least 0"),
+        ({"transient": 1e400}, ValueError, "transient is inf: it must be a finite number"),
+        ({"surface_bound": 0}, ValueError, "surface_bound is 0: it must be greater than 0"),
+        ({"error_bound": 10**400}, ValueError, "error_bound is 1000"),
+        ({"rate_tolerance": "much"}, TypeError, "rate_tolerance is 'much': it must be a number"),
+    ],
+)
+def test_thresholds_that_cannot_be_are_refused(threshold: dict[str, Any], error: type, message: str) -> None:
+    with pytest.raises(error, match=f"^{message}"):
+        fg.simulate_many([PAPER], metrics_only=True, **threshold)
+    with pytest.raises(error, match=f"^{message}"):
+        fg.metrics.summary(fg.simulate(PAPER.replace({"run.duration": 0.1})), **threshold)
+
+
+def test_a_transient_far_beyond_the_run_is_all_of_it() -> None:
+    run = fg.simulate_many([PAPER.replace({"run.duration": 0.1})], metrics_only=True, transient=1e300)
+    np.testing.assert_array_equal(run["rmse"].sel(window="transient"), run["rmse"].sel(window="whole"))
+
+
+# A sample of an ideal run has 31 numbers, 248 bytes: 8,064,516 of them are 2 GB.
+
+
+def test_a_record_that_would_be_too_large_is_refused_and_a_thinner_one_is_not() -> None:
+    long = PAPER.replace({"controller.kind": "linear", "run.duration": 1e5})
+    with pytest.raises(
+        ValueError, match=r"^run.record_every is 1: 1 runs of 100000001 samples of 31 numbers are 24.8 GB"
+    ):
+        fg.simulate(long)
+    with pytest.raises(
+        ValueError, match=r"^run.record_every is 12: 1 runs of 8333334 samples of 31 numbers are 2.07 GB"
+    ):
+        fg.simulate(long.replace({"run.record_every": 12}))
+    with pytest.raises(ValueError, match=r"150 runs of 80001 samples .* have simulate_many with metrics_only measure"):
+        fg.simulate_many([PAPER], seeds=range(150))
+    thin = PAPER.replace({"run.duration": 1.0, "run.record_every": 10**9})
+    run = fg.simulate(thin)
+    assert len(run["time"]) == 1
+    assert np.isfinite(run["position"].values).all()
+
+
+@pytest.mark.parametrize("changes", [{}, {"run.units": "SI"}, {"device.position_noise": 1e-10}])
+def test_metrics_gathered_on_the_way_are_those_of_the_record(changes: dict[str, Any]) -> None:
+    scenario = PAPER.replace({"run.duration": 20.0, **changes})
+    measured = fg.metrics.measured(scenario)
+    assert np.isnan(measured["diverged_at"])
+    summary = fg.metrics.summary(fg.simulate(scenario))
+    assert list(measured.drop_vars("diverged_at")) == list(summary)
+    for name, values in summary.items():
+        assert measured[name].attrs["units"] == values.attrs["units"], name
+        np.testing.assert_allclose(measured[name], values, rtol=1e-9, atol=1e-300, err_msg=str(name))
 
 
 def test_among_many_runs_a_diverging_one_holds_nan_from_then_on() -> None:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from fracgyro.scenario import Scenario, ScenarioError, paths
+from fracgyro.simulate import simulate
 from fracgyro.table import Symmetric
 from fracgyro.tables import ERRATA_SWITCHES
 from hypothesis import given, settings
@@ -336,7 +337,24 @@ BAD = [
     ({"run.duration": 5e-4}, "run.duration is 0.0005: it must be at least run.step, which is 0.001"),
     ({"run.step": 5e-324}, "run.duration is 80.0: it must be at most 1000000000 steps of 5e-324"),
     ({"run.duration": 1.001e6}, "run.duration is 1001000.0: it must be at most 1000000000 steps of 0.001"),
-    ({"run.record_every": 0}, "run.record_every is 0: it must be at least 1"),
+    ({"run.record_every": 0}, "run.record_every is 0: it must lie between 1 and 1000000000"),
+    ({"run.record_every": 2**63 - 1}, "run.record_every is 9223372036854775807: it must lie between 1 and 1000000000"),
+    ({"run.record_every": 1e34}, "run.record_every is 1e+34: it must be an integer"),
+    ({"run.record_every": 10**34}, "it must lie between 1 and 1000000000"),
+    ({"disturbance.hold": 1e34}, "disturbance.hold is 1e+34: it must be at most 1000000000 steps of 0.001"),
+    ({"disturbance.hold": 1e308}, "disturbance.hold is 1e+308: it must be at most 1000000000 steps of 0.001"),
+    (
+        {"rate.kind": "staircase", "rate.hold": 1e300},
+        "rate.hold is 1e+300: it must be at most 1000000000 steps of 0.001",
+    ),
+    ({"rate.kind": "step", "rate.start": 1e16}, "rate.start is 1e+16: it must be at most 1000000000 steps of 0.001"),
+    ({"rate.levels": 2**63}, "rate.levels is 9223372036854775808: it must lie between 1 and 1000000000"),
+    (
+        {"reference.frequency": (1.0, 1e300)},
+        "reference.frequency[1] is 1e+300: it must lie between -1e+06 and 1e+06",
+    ),
+    ({"disturbance.frequency": (-2e6, 0.0)}, "disturbance.frequency[0] is -2000000.0: it must lie between"),
+    ({"run.duration": 10**400}, "run.duration is 1000"),
     ({"run.record_every": 1.5}, "run.record_every is 1.5: it must be an integer"),
     ({"run.mode_tolerance": 0.2}, "run.mode_tolerance is 0.2: it must lie between 1e-09 and 0.1"),
     ({"run.units": "si"}, 'run.units is "si": it must be nondimensional or SI'),
@@ -351,6 +369,12 @@ BAD = [
 @pytest.mark.parametrize(("changes", "sentence"), BAD, ids=[str(changes)[:60] for changes, _ in BAD])
 def test_bad_input_is_answered_with_one_sentence(changes: dict[str, Any], sentence: str) -> None:
     assert sentence in refusal(changes)
+
+
+def test_what_is_not_used_is_not_converted() -> None:
+    """A rate that does not move has no start; the device is not ideal, so that the core is told of the rate at all."""
+    late = PAPER.replace({"rate.start": 1e300, "device.delay": 1, "run.duration": 0.01})
+    assert len(simulate(late)["time"]) == 11
 
 
 @pytest.mark.parametrize(

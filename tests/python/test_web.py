@@ -192,6 +192,15 @@ WRONG = {
     '{ "controller.kind": "sliding" }': "controller.kind is sliding: "
     "it must be one of fractional_fast_terminal, fractional, fast_terminal, linear",
     '{ "plant.angular_rate": NaN }': "plant.angular_rate is NaN: it must be a finite number",
+    '{ "run.record_every": 2**32 + 1 }': "run.record_every is 4294967297: it must be at most 1000000000",
+    '{ "disturbance.hold_steps": 2**40 }': "disturbance.hold_steps is 1099511627776: it must be at most 1000000000",
+    '{ "reference.frequency.x": 1e19 }': "reference.frequency.x is 10000000000000000000: it must be at most 1000000",
+    "{ toString: 1 }": "toString is not a known setting; see fracgyro.fields",
+    "{ constructor: 1 }": "constructor is not a known setting; see fracgyro.fields",
+    "{ hasOwnProperty: 1 }": "hasOwnProperty is not a known setting; see fracgyro.fields",
+    "JSON.parse('{ \"__proto__\": 1 }')": "__proto__ is not a known setting; see fracgyro.fields",
+    '{ "controller.order": 1, "run.duration": 1e5 }': "run.record_every is 1: it must be larger, "
+    "as 100000001 samples do not fit into memory",
     '{ "disturbance.seed": 0.5 }': "disturbance.seed is 0.5: it must be a whole number below 2^53",
 }
 
@@ -200,6 +209,42 @@ def test_wrong_settings_are_refused_in_one_sentence(module: Path, tmp_path: Path
     tries = ", ".join(WRONG)
     code = f"for (const wrong of [{tries}]) await fracgyro.simulate(own, wrong).catch((e) => console.log(e.message));"
     assert in_node(module, tmp_path, code).splitlines() == list(WRONG.values())
+
+
+def test_a_scenario_that_is_none_is_refused_in_one_sentence(module: Path, tmp_path: Path) -> None:
+    code = """
+    const told = (scenario) => fracgyro.simulate(scenario).catch((e) => console.log(`${e.name}: ${e.message}`));
+    const { "disturbance.seed": seed, ...others } = own.settings;
+    await told({ ...own, settings: others });
+    const [modes] = own.modes;
+    const all = Array(100).fill(1);
+    await told({ ...own, modes: [{ ...modes, rates: all, weights: all }] });
+    await told({ ...own, modes: [{ ...modes, rates: modes.rates.slice(1) }] });
+    """
+    wrong = "RangeError: the scenario's modes must be at most 64 finite rates, and as many weights"
+    missing = "RangeError: disturbance.seed is missing: it must be given"
+    assert in_node(module, tmp_path, code).splitlines() == [missing, wrong, wrong]
+
+
+def test_a_state_of_another_controller_is_refused(module: Path, tmp_path: Path) -> None:
+    code = """
+    const make = (changes, single) => fracgyro.controller(own, changes, { single });
+    const controller = await make({}, false);
+    const told = (state) => {
+      try { controller.state = state; } catch (e) { console.log(`${e.name}: ${e.message}`); }
+    };
+    told((await make({ "controller.layer_thickness": 0.05 }, false)).state);
+    told((await make({}, true)).state);
+    const { state } = controller;
+    told("state");
+    told(state.slice(0, -1));
+    state[state.length - 9] ^= 1;
+    told(state);
+    """
+    other = "RangeError: state was saved by another version, or by a controller of another scenario or precision"
+    damaged = "RangeError: state is damaged: it is not as it was saved"
+    none = "TypeError: state must be a Uint8Array, as it was saved"
+    assert in_node(module, tmp_path, code).splitlines() == [other, other, none, damaged, damaged]
 
 
 def test_divergence_is_told_and_the_samples_until_then_are_kept(module: Path, tmp_path: Path) -> None:
