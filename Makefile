@@ -8,6 +8,7 @@
 # make check-deep  what takes a minute longer: fuzzing the firmware, clang-tidy
 # make setup-embedded   compilers, emulator and node, from Debian's packages; without them the tests of firmware or
 #                  browser are skipped
+# make check-sanitized  FMUs, the Python module and many runs at once under the sanitizers
 # Parts of them: check, test-core, test-python, setup-test; and clean. ARGS="..." goes to reproduce.
 
 PYTHON ?= python3
@@ -22,7 +23,7 @@ CPP := $(shell find core sim bindings faces tests benchmarks -name '*.[ch]pp' 2>
 BUILT_FROM := pyproject.toml CMakeLists.txt $(filter core/% sim/% bindings/%,$(CPP)) $(shell find faces -type f)
 SUDO = $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 
-.PHONY: reproduce test test-quick test-machines check check-deep mutants test-core test-python web bench setup-test \
+.PHONY: reproduce test test-quick test-machines check check-deep check-sanitized mutants test-core test-python web bench setup-test \
   setup-embedded setup-machines clean
 .SECONDARY:
 .NOTPARALLEL:  # pip installs one thing at a time; compilers and tests use every processor by themselves
@@ -87,6 +88,27 @@ check-deep: .venv/installed-test
 	cd build/fuzz && ./fuzz -max_total_time=$(FUZZ_SECONDS) -max_len=256 -verbosity=0 -print_final_stats=1 \
 	  found ../../tests/firmware/corpus
 
+# The Python module and FMUs under the sanitizers of addresses and of undefined behaviour, many runs under that of threads.
+# The module is found before the editable one, as -S leaves out what would lead there.
+SANITIZE := -fsanitize=address,undefined,float-cast-overflow -fno-sanitize-recover=all
+SANITIZED := build/sanitized
+SANITIZED_SECONDS := 20
+UNDER_SANITIZERS = ASAN_OPTIONS=detect_leaks=0 LD_PRELOAD="$$($(CXX) -print-file-name=libasan.so)" \
+  PYTHONPATH=$(SANITIZED)/python:$$($(BIN)/python -c "import sysconfig; print(sysconfig.get_path('purelib'))")
+check-sanitized: .venv/installed-test $(SANITIZED)/built build/tests-threads/built
+	$(BIN)/ctest --test-dir build/tests-threads --tests-regex batch --output-on-failure
+	$(UNDER_SANITIZERS) $(BIN)/python -S -m pytest -p no:cacheprovider tests/python/test_state.py -k "not no_bytes"
+	$(UNDER_SANITIZERS) $(BIN)/python -S tests/fuzz/fuzz_states.py --face python --seconds $(SANITIZED_SECONDS)
+	$(UNDER_SANITIZERS) CXX="$(CXX) $(SANITIZE)" $(BIN)/python -S tests/fuzz/fuzz_fmu.py \
+	  --seconds $(SANITIZED_SECONDS)
+
+$(SANITIZED)/built: $(BUILT_FROM) | .venv/installed-test
+	rm -rf $(SANITIZED)/python
+	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --target $(SANITIZED)/python \
+	  -C build-dir=$(SANITIZED)/cmake -C cmake.build-type=None \
+	  -C cmake.define.CMAKE_CXX_FLAGS="$(SANITIZE) -O1 -g1" .
+	@touch $@
+
 # Takes under half an hour on two cores. Its parts: ARGS="cpp", ARGS="python", ARGS="log".
 mutants: .venv/installed-mutants setup-test
 	$(BIN)/python tests/mutants/run.py $(ARGS)
@@ -138,10 +160,12 @@ export NEEDED
 	@touch .venv/installed $@
 
 # The C++ tests: once as shipped, once under the sanitizers. Warnings are shown; in .ci/run they are errors.
-build/tests-sanitized/built: OPTIONS := -DFRACGYRO_SANITIZE=ON
+build/tests-sanitized/built: OPTIONS := -DFRACGYRO_SANITIZE=address,undefined,float-cast-overflow,float-divide-by-zero
+build/tests-threads/built: OPTIONS := -DFRACGYRO_SANITIZE=thread
+build/tests-threads/built: BUILD := --target test_batch
 build/tests-%/built: $(CPP) CMakeLists.txt tests/core/CMakeLists.txt | .venv/installed-test setup-test
 	$(BIN)/cmake -S . -B $(@D) -G Ninja -DCMAKE_MAKE_PROGRAM="$(CURDIR)/$(BIN)/ninja" \
 	  -DFRACGYRO_PYTHON=OFF -DFRACGYRO_TESTS=ON $(OPTIONS) \
 	  -DFRACGYRO_WARNINGS_AS_ERRORS=$(if $(FRACGYRO_SKIP_NOTHING),ON,OFF) >/dev/null
-	$(BIN)/cmake --build $(@D) -- --quiet
-	@[ ! -e $(@D)/tests/core/test_math ] || touch $@
+	$(BIN)/cmake --build $(@D) $(BUILD) -- --quiet
+	@[ ! -e $(@D)/tests/core/test_batch ] || touch $@

@@ -7,7 +7,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
 #include <type_traits>
 
 namespace fracgyro {
@@ -25,6 +24,14 @@ namespace fracgyro {
     return ~sum;
 }
 
+inline void copy_bytes(void* to, const void* from, std::size_t count) {
+    auto* out = static_cast<unsigned char*>(to);
+    const auto* in = static_cast<const unsigned char*>(from);
+    for (std::size_t i = 0; i < count; ++i) {
+        out[i] = in[i];
+    }
+}
+
 // The checksum, then the state.
 template <class State>
 struct Saved {
@@ -32,9 +39,9 @@ struct Saved {
     static constexpr std::size_t size = sizeof(std::uint32_t) + sizeof(State);
 
     static void write(const State& state, unsigned char* bytes) {
-        std::memcpy(bytes + sizeof(std::uint32_t), &state, sizeof state);
+        copy_bytes(bytes + sizeof(std::uint32_t), &state, sizeof state);
         const std::uint32_t sum = checksum(bytes + sizeof sum, sizeof state);
-        std::memcpy(bytes, &sum, sizeof sum);
+        copy_bytes(bytes, &sum, sizeof sum);
     }
     // Whether they are as they were written; if not, `state` stays as it is.
     static bool read(const unsigned char* bytes, std::size_t count, State& state) {
@@ -42,21 +49,17 @@ struct Saved {
         if (count != size) {
             return false;
         }
-        std::memcpy(&sum, bytes, sizeof sum);
+        copy_bytes(&sum, bytes, sizeof sum);
         if (sum != checksum(bytes + sizeof sum, sizeof state)) {
             return false;
         }
-        std::memcpy(&state, bytes + sizeof sum, sizeof state);
+        copy_bytes(&state, bytes + sizeof sum, sizeof state);
         return true;
     }
 };
 
 // Whether a switch is one: its byte may be any, and all but two are undefined to look at as a bool.
-inline bool sound(const bool& a) {
-    unsigned char byte = 0;
-    std::memcpy(&byte, &a, sizeof byte);
-    return byte <= 1;
-}
+inline bool sound(const bool& a) { return reinterpret_cast<const unsigned char&>(a) <= 1; }
 
 // Of a part that may have nothing that can be wrong.
 template <class Part, class State, class Coefficients>

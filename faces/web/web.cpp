@@ -3,6 +3,7 @@
 #include "fracgyro/settings.hpp"
 #include "fracgyro/record.hpp"
 
+#include <cstring>
 #include <new>
 
 namespace fracgyro {

@@ -52,9 +52,10 @@ def number(name: str, value: object, *, least: float = -math.inf, above: float =
 
 def pair(name: str, values: object) -> tuple[float, float]:
     """Two finite floats. Raises TypeError for what holds no numbers, ValueError for others than two finite ones."""
-    rule = f"{name} is {short(values)}: it must be two finite numbers"
+    rule = "it must be two finite numbers"
     if not isinstance(values, Sequence | np.ndarray) or isinstance(values, NO_NUMBERS):
-        raise TypeError(rule)
+        raise TypeError(f"{name} is {short(values)}: {rule}")
+    rule = f"{name} is {short(list(values))}: {rule}"
     if len(values) != 2:
         raise ValueError(rule)
     try:

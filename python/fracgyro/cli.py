@@ -21,6 +21,7 @@ from .shipped import SHIPPED, shipped_text
 from .simulate import DivergedError, simulate
 
 BAD_INPUT = 2
+UNASKED = 100_000  # samples of a record that is kept nowhere, at most
 INTERRUPTED = 130
 
 
@@ -122,10 +123,10 @@ def simulate_command(
     chosen = Scenario.load(scenario) if scenario else Scenario.paper()
     chosen = chosen.replace(dict(map(_change, changes)))
     diverged = None
-    # The metrics are of every step, and gathered on the way: what is recorded is for a file or a picture.
-    recorded = chosen if out or plot else chosen.replace({"run.record_every": chosen.run.steps})
+    # The metrics are of every step, and gathered on the way. A record that nobody asked for tells why a run diverged.
+    unasked = {} if out or plot else {"run.record_every": max(1, chosen.run.steps // UNASKED)}
     try:
-        run = simulate(recorded)
+        run = simulate(chosen.replace(unasked))
     except DivergedError as error:
         run, diverged = error.run, error
     if out:

@@ -44,5 +44,28 @@ TEST(Metrics, TheSteadyWindowBeginsAtTheFirstSampleThatIsNotBeforeIt) {
     EXPECT_EQ(first_steady_sample({.transient = 0.0}, setup), 0);
 }
 
+// Twenty runs of 2,000 steps, two of which go together, by any number of threads: also for the sanitizer of threads.
+TEST(MeasureAll, GivesTheSameWhateverTheNumberOfThreads) {
+    std::vector<fracgyro::Setup> setups;
+    for (std::uint64_t i = 0; i < 20; ++i) {
+        setups.push_back(paper(2000));
+        setups.back().kind = controller_kinds[i / 2 % controller_kinds.size()];
+        setups.back().disturbance.seed = i / 4;
+    }
+    std::vector<const fracgyro::Setup*> all;
+    for (const auto& setup : setups) {
+        all.push_back(&setup);
+    }
+    const auto fill = [](Disturbance& d, std::int64_t first, std::span<Vec2<double>> out) { d.fill(first, out); };
+    const auto kernels = detail::KernelsOf<Controllers<Lanes<double, 2>>>::all();
+    const auto measured = [&](unsigned threads) {
+        return measure_all<double, 2>(kernels, fill, all, MetricsParams{.transient = 1.0}, threads);
+    };
+    const auto one = measured(1);
+    const std::size_t size = one.size() * sizeof one[0];
+    EXPECT_EQ(std::memcmp(measured(2).data(), one.data(), size), 0);
+    EXPECT_EQ(std::memcmp(measured(7).data(), one.data(), size), 0);
+}
+
 }  // namespace
 }  // namespace fracgyro::testing

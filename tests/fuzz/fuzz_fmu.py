@@ -292,7 +292,8 @@ def make(face: str, folder: Path) -> None:
     from fracgyro.export.fmu import export
 
     fmi, content = FACES[face]
-    scenario = fg.Scenario.paper().replace({"run.duration": 2.0, "adaptation.kind": "composite"})
+    changes = {"run.duration": 2.0, "adaptation.kind": "composite", "controller.switching_limit": 0.5}
+    scenario = fg.Scenario.paper().replace(changes)
     export(scenario, folder / f"{face}.fmu", fmi=fmi, content=content)  # type: ignore[arg-type]
     unpacked = Path(fmpy.extract(str(folder / f"{face}.fmu"), str(folder / face)))
     (library,) = unpacked.glob("binaries/*/*.so")

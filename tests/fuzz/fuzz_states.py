@@ -25,7 +25,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from apart import Notebook, arguments, corpus, indices, watched
 from payloads import payload
 
-PAPER = fg.Scenario.paper().replace({"run.duration": 2.0})
+PAPER = fg.Scenario.paper().replace({"run.duration": 2.0, "controller.switching_limit": 0.5})
 SCENARIOS = [
     PAPER,
     PAPER.replace({"adaptation.kind": "composite", "controller.order": 0.5}),

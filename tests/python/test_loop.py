@@ -651,7 +651,7 @@ def test_a_bad_sample_is_refused_and_leaves_the_controller_as_it_was(
         ((None, (0.5, 0.5), (0.0, 0.0)), r"^time is None: it must be a number$"),
         ((1e-3, b"ab", (0.0, 0.0)), r"^position is b'ab': it must be two finite numbers$"),
         ((1e-3, {0: 0.5, 1: 0.5}, (0.0, 0.0)), r"^position is {0: 0.5, 1: 0.5}: it must be two"),
-        ((1e-3, (True, 0.5), (0.0, 0.0)), r"^position is \(True, 0.5\): it must be two"),
+        ((1e-3, (True, 0.5), (0.0, 0.0)), r"^position is \[True, 0.5\]: it must be two"),
         ((1e-3, (0.5, 0.5), "ab"), r"^velocity is 'ab': it must be two"),
         ((1e-3, (0.5, 0.5), 0.0), r"^velocity is 0.0: it must be two"),
         ((1e-3, np.ma.masked_array([0.5, 0.5], [1, 0]), (0.0, 0.0)), r"^position is masked_array"),

@@ -351,9 +351,9 @@ BAD = [
     ({"rate.levels": 2**63}, "rate.levels is 9223372036854775808: it must lie between 1 and 1000000000"),
     (
         {"reference.frequency": (1.0, 1e300)},
-        "reference.frequency[1] is 1e+300: it must lie between -1e+06 and 1e+06",
+        "reference.frequency[1] is 1e+300: it must be at most 1e+06",
     ),
-    ({"disturbance.frequency": (-2e6, 0.0)}, "disturbance.frequency[0] is -2000000.0: it must lie between"),
+    ({"disturbance.frequency": (-2e6, 0.0)}, "disturbance.frequency[0] is -2000000.0: it must be at least -1e+06"),
     ({"run.duration": 10**400}, "run.duration is 1000"),
     ({"run.record_every": 1.5}, "run.record_every is 1.5: it must be an integer"),
     ({"run.mode_tolerance": 0.2}, "run.mode_tolerance is 0.2: it must lie between 1e-09 and 0.1"),
