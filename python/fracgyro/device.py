@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 from collections.abc import Mapping
 from itertools import pairwise
@@ -11,6 +12,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, model_validator
 from pydantic_core import PydanticCustomError
 
+from .files import read_input, reason
 from .table import MOST_STEPS, NonNegative, Table, as_tuple, field, sentence, toml_value
 
 MOST_POINTS = 100_000
@@ -51,15 +53,22 @@ def _read_file(values: Any, table: str, field: str, points: str, column: str) ->
 
 
 def read_points(path: str, name: str, column: str) -> list[list[float]]:
-    """Rows of a CSV file whose header is `time,<column>`. Raises, in one sentence, when it is not one."""
+    """Rows of a CSV file whose header is `time,<column>`. Raises, in one sentence, when it is not one.
+
+    The sentence shows nothing of the file: a scenario from elsewhere may name any.
+    """
     place = f"{name} is {toml_value(path)}"
     try:
-        with open(path, encoding="utf-8-sig", newline="") as file:
-            header, *rows = [[cell.strip() for cell in row] for row in csv.reader(file) if row] or [[]]
-    except (OSError, ValueError, csv.Error) as error:
-        raise sentence(f"{place}: it cannot be read: {getattr(error, 'strerror', None) or error}") from None
+        text = io.StringIO(read_input(path).decode("utf-8-sig"), newline="")
+        header, *rows = [[cell.strip() for cell in row] for row in csv.reader(text) if row] or [[]]
+    except UnicodeDecodeError:
+        raise sentence(f"{place}: it cannot be read: it is not UTF-8") from None
+    except OSError as error:
+        raise sentence(f"{place}: it cannot be read: {reason(error)}") from None
+    except (ValueError, csv.Error) as error:
+        raise sentence(f"{place}: it cannot be read: {error}") from None
     if header != ["time", column]:
-        raise sentence(f"{place}: its first line is {','.join(header)!r}: it must be 'time,{column}'")
+        raise sentence(f"{place}: its first line must be 'time,{column}'")
     found: list[list[float]] = []
     for line, row in enumerate(rows, start=2):
         try:
@@ -67,9 +76,9 @@ def read_points(path: str, name: str, column: str) -> list[list[float]]:
             if not (math.isfinite(time) and math.isfinite(number)):
                 raise ValueError
         except ValueError:
-            raise sentence(f"{place}: row {line} is {','.join(row)!r}: it must be two finite numbers") from None
+            raise sentence(f"{place}: row {line} must be two finite numbers") from None
         if found and not time > found[-1][0]:
-            raise sentence(f"{place}: row {line} has time {time:g}: times must rise, and {found[-1][0]:g} is before it")
+            raise sentence(f"{place}: row {line}: times must rise from row to row")
         found.append([time, number])
     return found
 

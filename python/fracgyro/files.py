@@ -1,38 +1,92 @@
-"""Writing files whole: a reader, a crash or an interrupt never meets half a file."""
+"""Reading files that may be anything; writing files whole: nobody ever meets half a file."""
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import shutil
+import stat
 import uuid
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+
+LARGEST_INPUT = 16 * 2**20  # bytes; a scenario with two tables of 100,000 points has about 10 million
+
+
+def one_line(text: str) -> str:
+    """The text with line breaks and other characters that do not print as escapes."""
+    return text if text.isprintable() else "".join(map(_printable, text))
+
+
+def _printable(character: str) -> str:
+    return character if character.isprintable() else character.encode("unicode_escape").decode("ascii")
 
 
 def reason(error: OSError) -> str:
-    """In the system's few words; libraries put whole paragraphs into strerror."""
-    return os.strerror(error.errno) if error.errno else str(error)
+    """The error in the system's few words; libraries put whole paragraphs into strerror, shutil a list of errors."""
+    if error.errno:
+        return os.strerror(error.errno)
+    first = re.search(r"\[Errno (\d+)\]", str(error))
+    return os.strerror(int(first[1])) if first else str(error)
+
+
+def check_regular(path: str | os.PathLike[str]) -> None:
+    """Raises OSError, also for a device or a pipe, which may never end."""
+    mode = os.stat(path).st_mode
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if not stat.S_ISREG(mode):
+        raise OSError("it is not a regular file")
+
+
+def read_input(path: str | os.PathLike[str]) -> bytes:
+    """The contents of a regular file of at most LARGEST_INPUT bytes. Raises OSError, or ValueError for an odd path."""
+    check_regular(path)
+    with open(path, "rb") as file:
+        data = file.read(LARGEST_INPUT + 1)
+    if len(data) > LARGEST_INPUT:
+        raise OSError(f"it is larger than {LARGEST_INPUT // 2**20} MiB")
+    return data
 
 
 @contextmanager
-def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
+def whole_file(path: str | os.PathLike[str], *, replaces_any: bool = True) -> Iterator[Path]:
     """A scratch path beside `path`, moved there when the block ends without an error and removed otherwise.
 
+    `replaces_any`: whatever file is there; otherwise only one that begins with the same bytes, as files of one kind do.
     Raises ValueError in one sentence when it cannot be written.
     """
     target = Path(os.path.realpath(path))
-    if target.exists() and not target.is_file():
-        raise ValueError(f"{path} cannot be written: it is not a regular file")
-    scratch = target.with_name(f".{uuid.uuid4().hex}{target.suffix}")
+    scratch = target.parent / f".{uuid.uuid4().hex}{target.suffix}"
     try:
+        there = _exists(path)
+        if there and not target.is_file():
+            raise ValueError(f"{path} cannot be written: it is not a regular file")
         yield scratch
+        if there and not replaces_any and _beginning(target) not in (b"", _beginning(scratch)):
+            raise ValueError(f"{path} cannot be written: it is a file of another kind; choose another name")
         os.replace(scratch, target)
     except OSError as error:
         raise ValueError(f"{path} cannot be written: {reason(error)}") from None
     finally:
-        scratch.unlink(missing_ok=True)
+        with suppress(OSError):
+            scratch.unlink()
+
+
+def _exists(path: str | os.PathLike[str]) -> bool:
+    """Whether the path leads to something. Raises OSError when nobody can tell, as in a loop of links."""
+    try:
+        os.stat(path)
+    except FileNotFoundError:
+        return False
+    return True
+
+
+def _beginning(path: Path) -> bytes:
+    with open(path, "rb") as file:
+        return file.read(4)
 
 
 def remove_scratch(folder: Path) -> None:
@@ -64,7 +118,7 @@ def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     target = Path(os.path.realpath(path))
     scratch = target.with_name(f".{uuid.uuid4().hex}")
     try:
-        if target.exists() and (not target.is_dir() or any(target.iterdir())):
+        if _exists(path) and (not target.is_dir() or any(target.iterdir())):
             raise ValueError(f"{path} cannot be written: it is there already; name an empty or a new folder")
         target.parent.mkdir(parents=True, exist_ok=True)
         scratch.mkdir()

@@ -10,7 +10,6 @@ import hashlib
 import math
 import os
 import textwrap
-import tomllib
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -22,7 +21,7 @@ from pydantic_core import ErrorDetails
 
 from .device import Device, Rate
 from .files import whole_file
-from .table import MOST_STEPS, Table, sentence, toml_value
+from .table import MOST_STEPS, Table, sentence, shown, toml_value
 from .tables import (
     ERRATA_SWITCHES,
     HOLD_TOLERANCE,
@@ -33,15 +32,13 @@ from .tables import (
     Reference,
     Run,
 )
+from .toml import ScenarioError as ScenarioError
+from .toml import read_tables, read_text
 
 # The first words and the last line of a saved scenario: half a file may still be valid TOML.
 BEGIN = "# A fracgyro scenario."
 END = "# End of the scenario."
 FILES = [("rate", "file"), ("device", "temperature_file")]
-
-
-class ScenarioError(ValueError):
-    """Bad input, in one sentence that names the field, the value and what is allowed."""
 
 
 class Scenario(Table):
@@ -112,7 +109,7 @@ class Scenario(Table):
     def paper(cls, variant: Literal["corrected", "printed"] = "corrected") -> Scenario:
         """Eqs (47)-(53), with every row of ERRATA_SWITCHES in the reading asked for."""
         if variant not in ("corrected", "printed"):
-            raise ScenarioError(f"variant is {toml_value(variant)}: it must be corrected or printed")
+            raise ScenarioError(f"variant is {shown(variant)}: it must be corrected or printed")
         switches = {path: getattr(erratum, variant) for path, erratum in ERRATA_SWITCHES.items()}
         # The hold is stated, so that a finer step leaves the noise as it is.
         return cls().replace({**switches, "disturbance.hold": 1e-3})
@@ -152,7 +149,7 @@ class Scenario(Table):
             lines += ["", f"# {type(table).__doc__}", f"[{name}]"]
             for field, info in type(table).model_fields.items():
                 value = getattr(table, field)
-                lines += [f"# {line}" for line in textwrap.wrap(info.description or "", 106)]
+                lines += _comment(info.description or "")
                 lines += [f"# {field} is not set" if value is None else f"{field} = {toml_value(value)}"]
         return "\n".join([*lines, "", END]) + "\n"
 
@@ -172,7 +169,7 @@ class Scenario(Table):
                 node = node.setdefault(parent, {})
                 if not isinstance(node, dict):
                     table = ".".join(parents[:depth])
-                    raise ScenarioError(f"{table} is {toml_value(node)}: it must be a table")
+                    raise ScenarioError(f"{table} is {shown(node)}: it must be a table")
             node[leaf] = value
         return Scenario(**tables)
 
@@ -180,24 +177,9 @@ class Scenario(Table):
         return hashlib.sha256(self.to_toml().encode()).hexdigest()
 
 
-def read_text(path: str | os.PathLike[str]) -> str:
-    """The text of a TOML file. Raises ScenarioError when it cannot be read."""
-    try:
-        return Path(path).read_bytes().decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise ScenarioError(f"{path} is not valid TOML: byte {error.start} is not UTF-8") from None
-    except (OSError, ValueError) as error:
-        raise ScenarioError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from None
-
-
-def read_tables(text: str, source: str) -> dict[str, Any]:
-    """The tables of a TOML text; `source` names it in the ScenarioError raised when it is not valid."""
-    try:
-        return tomllib.loads(text)
-    except ValueError as error:
-        raise ScenarioError(f"{source} is not valid TOML: {error}") from None
-    except RecursionError:
-        raise ScenarioError(f"{source} is not valid TOML: it is nested too deeply") from None
+@cache
+def _comment(text: str) -> list[str]:
+    return [f"# {line}" for line in textwrap.wrap(text, 106)]
 
 
 @cache
@@ -259,8 +241,7 @@ def _describe(problem: ErrorDetails, model: type[BaseModel]) -> str:
     allowed = _allowed(problem, info.metadata if info else [])
     if problem["type"] == "missing":
         return f"{path} is missing: it must be {'a number' if info and info.annotation is float else 'given'}"
-    value = toml_value(problem["input"])
-    return f"{path} is {value if len(value) <= 80 else value[:77] + '...'}: {allowed}"
+    return f"{path} is {shown(problem['input'])}: {allowed}"
 
 
 def _allowed(problem: ErrorDetails, metadata: list[Any]) -> str:

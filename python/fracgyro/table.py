@@ -14,19 +14,31 @@ from pydantic_core import PydanticCustomError
 
 MOST_STEPS = 10**9  # of a run, and of whatever is counted in its steps
 LARGEST_FREQUENCY = 1e6  # unit omega0: of a motion that is followed or a force that acts
+DEEPEST = 16  # lists and tables in one another; a scenario needs 4
+LONGEST = 80  # characters of a value in a sentence
 
 
-def toml_value(value: Any) -> str:
+def toml_value(value: Any, depth: int = 0) -> str:
     """A value as TOML writes it; floats in the fewest digits that read back the same."""
     if value is None:
         return "not set"  # for sentences alone: TOML has no such value
     if isinstance(value, BaseModel):
         value = dict(value)
+    if depth > DEEPEST and isinstance(value, Mapping | list | tuple):
+        return "..."  # for sentences alone: no valid value is nested so deeply
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{key} = {toml_value(entry)}" for key, entry in value.items()) + "}"
+        return "{" + ", ".join(f"{key} = {toml_value(entry, depth + 1)}" for key, entry in value.items()) + "}"
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(toml_value, value)) + "]"
+        return "[" + ", ".join(toml_value(entry, depth + 1) for entry in value) + "]"
+    if isinstance(value, int) and value.bit_length() > 1024:
+        return f"an integer of {value.bit_length()} bits"  # for sentences alone: Python refuses to print it
     return json.dumps(value, ensure_ascii=False) if isinstance(value, str | bool) else str(value)
+
+
+def shown(value: Any) -> str:
+    """A value in a sentence, cut to LONGEST characters."""
+    text = toml_value(value)
+    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
 
 
 def sentence(text: str) -> PydanticCustomError:

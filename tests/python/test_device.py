@@ -316,12 +316,12 @@ def test_a_file_is_read_beside_the_scenario_and_kept_in_it(tmp_path: Path) -> No
     ("text", "said"),
     [
         (None, "it cannot be read: No such file or directory"),
-        ("", "its first line is '': it must be 'time,rate'"),
-        ("t,rate\n0,1\n", "its first line is 't,rate': it must be 'time,rate'"),
-        ("time,rate\n0,1\n0,2\n", "row 3 has time 0: times must rise, and 0 is before it"),
-        ("time,rate\n0,1,2\n", "row 2 is '0,1,2': it must be two finite numbers"),
-        ("time,rate\n0,nan\n", "row 2 is '0,nan': it must be two finite numbers"),
-        ("time,rate\n0,fast\n", "row 2 is '0,fast': it must be two finite numbers"),
+        ("", "its first line must be 'time,rate'"),
+        ("t,rate\n0,1\n", "its first line must be 'time,rate'"),
+        ("time,rate\n0,1\n0,2\n", "row 3: times must rise from row to row"),
+        ("time,rate\n0,1,2\n", "row 2 must be two finite numbers"),
+        ("time,rate\n0,nan\n", "row 2 must be two finite numbers"),
+        ("time,rate\n0,fast\n", "row 2 must be two finite numbers"),
         ("time,rate\n", "it must be a list of 1 to 100000 pairs"),
     ],
 )

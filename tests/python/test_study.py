@@ -137,6 +137,13 @@ def test_blocks_cover_every_run_once_in_order(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
+        ("show = [[1.0]]", "show has [1.0], which is not a known metric"),
+        ("show = [{}]", "show has {}, which is not a known metric"),
+        ("show = [1979-05-27]", "show has 1979-05-27, which is not a known metric"),
+        ("[vary]\nrun.record_every = [99999999999999999999]", "vary.run.record_every[0] is an integer of more than 64"),
+        ("seeds = [" + "9" * 5000 + "]", "line 1 has an integer of more than 64 bits"),
+        ("fixed = " + "[" * 40 + "]" * 40, "is nested too deeply"),
+        ("fixed = " + "{a = " * 400 + "}" * 400, "nested too deeply"),
         ("[vary", "is not valid TOML"),
         ("[varry]", "varry is not a known field; did you mean vary?"),
         ("seeds = 0", "seeds is 0: it must be their number, from 1 to 1000000, or a list of different integers"),
@@ -184,6 +191,13 @@ def test_a_bad_study_is_refused_in_one_sentence(tmp_path: Path, text: str, expec
         plan(tmp_path, text)
     assert expected in str(refusal.value)
     assert "\n" not in str(refusal.value).removeprefix(str(tmp_path))
+
+
+def test_a_value_in_a_sentence_is_cut_short(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError) as refusal:
+        plan(tmp_path, 'seeds = 1000000\n[fixed]\ndisturbance.kind = "none"\n')
+    assert "seeds is [0, 1, 2, " in str(refusal.value)
+    assert len(str(refusal.value)) < 300
 
 
 def test_a_point_that_cannot_run_is_named_before_anything_runs(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from ..files import check_regular, reason
 from ..scenario import Scenario
 from .compilers import Number
 from .targets import COLUMNS, MOTION, VARIABLES, Target, answers
@@ -60,12 +61,14 @@ def replay(path: str | os.PathLike[str], target: Target, number: Number = "doubl
 def load(path: str | os.PathLike[str]) -> Trace:
     """Raises ValueError, in one sentence, when it is not every step of one nondimensional run."""
     try:
+        check_regular(path)
+    except OSError as error:
+        raise ValueError(f"{path} cannot be read: {reason(error)}") from None
+    try:
         with xr.open_dataset(path, engine="h5netcdf") as run:
             run.load()
-    except FileNotFoundError:
-        raise ValueError(f"{path} cannot be read: No such file or directory") from None
-    except (OSError, ValueError):
-        raise ValueError(f"{path} is no recorded run: it is not NetCDF") from None
+    except Exception:  # of any kind: of what a file has that is not NetCDF, or damaged
+        raise ValueError(f"{path} is no recorded run: it is not NetCDF, or damaged") from None
     missing = [name for name in ("time", *MOTION, *VARIABLES) if name not in run]
     if "scenario" not in run.attrs or missing or "run" in run.dims:
         raise ValueError(f"{path} is no recorded run: write one with `fracgyro simulate --out`")

@@ -14,7 +14,7 @@ from pydantic import AfterValidator, model_validator
 
 from ..scenario import Scenario
 from ..simulate import simulate_many
-from ..table import Table, sentence, toml_value
+from ..table import Table, sentence, shown
 from .metric_names import METRICS
 
 Values = NDArray[np.float64]
@@ -25,14 +25,14 @@ def _metric(name: str) -> str:
     if name not in METRICS:
         near = difflib.get_close_matches(name, METRICS)
         hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(METRICS)}"
-        raise sentence(f"metric is {toml_value(name)}, which is not a known metric; {hint}")
+        raise sentence(f"metric is {shown(name)}, which is not a known metric; {hint}")
     return name
 
 
 def _statistic(text: str) -> str:
     if text not in STATISTICS and _quantile(text) is None:
         raise sentence(
-            f"statistic is {toml_value(text)}: it must be mean, median, max, or quantile and a number between 0 and 1, "
+            f"statistic is {shown(text)}: it must be mean, median, max, or quantile and a number between 0 and 1, "
             'as "quantile 0.95"'
         )
     return text

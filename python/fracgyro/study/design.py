@@ -14,8 +14,9 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 
 from ..metrics import ERROR_BOUND, RATE_TOLERANCE, SURFACE_BOUND, TRANSIENT
-from ..scenario import Scenario, ScenarioError, read_text
-from ..table import Table, sentence, toml_value
+from ..scenario import Scenario, ScenarioError
+from ..table import Table, sentence, shown
+from ..toml import read_text
 from .metric_names import METRICS
 from .space import Dimension, base_scenario, load_study, read_space, refuse_both
 
@@ -30,7 +31,7 @@ def seeds_of(value: Any) -> Any:
     listed = isinstance(value, list) and all(type(seed) is int and 0 <= seed < 2**63 for seed in value)
     if not listed or not value or len(set(value)) < len(value):
         raise sentence(
-            f"seeds is {toml_value(value)}: it must be their number, from 1 to {MOST_POINTS}, "
+            f"seeds is {shown(value)}: it must be their number, from 1 to {MOST_POINTS}, "
             "or a list of different integers from 0 to 2^63 - 1"
         )
     return value
@@ -38,10 +39,10 @@ def seeds_of(value: Any) -> Any:
 
 def _show(value: Any) -> Any:
     for name in value if isinstance(value, list) else []:
-        if name not in METRICS:
-            near = difflib.get_close_matches(str(name), METRICS)
+        if not isinstance(name, str) or name not in METRICS:
+            near = difflib.get_close_matches(shown(name), METRICS)
             hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(METRICS)}"
-            raise sentence(f"show has {toml_value(name)}, which is not a known metric; {hint}")
+            raise sentence(f"show has {shown(name)}, which is not a known metric; {hint}")
     return value
 
 
@@ -110,8 +111,8 @@ def read_plan(path: str | os.PathLike[str]) -> Plan:
     seeds = [base.disturbance.seed] if study.seeds is None else study.seeds
     if len(seeds) > 1 and all(s.disturbance.kind != "noise" for s in scenarios):
         raise ScenarioError(
-            f"seeds is {toml_value(seeds)}: it must be one, as disturbance.kind is "
-            f"{toml_value(scenarios[0].disturbance.kind)} and nothing depends on it"
+            f"seeds is {shown(seeds)}: it must be one, as disturbance.kind is "
+            f"{shown(scenarios[0].disturbance.kind)} and nothing depends on it"
         )
     return Plan(study, read_text(path), base, dimensions, points, scenarios, seeds)
 
@@ -120,7 +121,7 @@ def _scenario(base: Scenario, number: int, values: Mapping[str, Any]) -> Scenari
     try:
         return base.replace(values)
     except ScenarioError as error:
-        where = ", ".join(f"{field} = {toml_value(value)}" for field, value in values.items())
+        where = ", ".join(f"{field} = {shown(value)}" for field, value in values.items())
         raise ScenarioError(f"point {number} ({where}) cannot run: {error}") from None
 
 
@@ -147,14 +148,14 @@ def _list(design: Design, dimensions: tuple[Dimension, ...]) -> list[tuple[Any, 
 def _axes(design: Design, dimensions: tuple[Dimension, ...]) -> list[tuple[Any, ...]]:
     if design.points is not None:
         raise ScenarioError(
-            f"design.points is {design.points}: it must be left out when design.kind is {toml_value(design.kind)}"
+            f"design.points is {design.points}: it must be left out when design.kind is {shown(design.kind)}"
         )
     axes = []
     for dimension in dimensions:
         axis = dimension.grid()
         if axis is None:
             raise ScenarioError(
-                f"{dimension.field}: steps is missing: it must be given when design.kind is {toml_value(design.kind)}"
+                f"{dimension.field}: steps is missing: it must be given when design.kind is {shown(design.kind)}"
             )
         axes.append(axis)
     return axes
@@ -186,12 +187,12 @@ def _sampled(
 ) -> list[tuple[Any, ...]]:
     _some(design, dimensions)
     if design.points is None:
-        raise ScenarioError(f"design.points is missing: {toml_value(design.kind)} must have a number of points")
+        raise ScenarioError(f"design.points is missing: {shown(design.kind)} must have a number of points")
     for dimension in dimensions:
         if dimension.steps is not None:
             raise ScenarioError(
                 f"{dimension.field}: steps is {dimension.steps}: it must be left out when design.kind is "
-                f"{toml_value(design.kind)}"
+                f"{shown(design.kind)}"
             )
     samples = unit_cube(design.points, len(dimensions), np.random.default_rng(design.seed))
     return [tuple(d.at(float(u)) for d, u in zip(dimensions, row, strict=True)) for row in samples]

@@ -13,8 +13,9 @@ import numpy as np
 from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
-from ..scenario import Scenario, ScenarioError, explained, paths, read_tables, read_text, unknown
-from ..table import Table, toml_value
+from ..scenario import Scenario, ScenarioError, explained, paths, unknown
+from ..table import Table, shown
+from ..toml import read_tables, read_text
 
 Model = TypeVar("Model", bound=BaseModel)
 BASES: dict[str, Literal["corrected", "printed"]] = {"paper": "corrected", "paper-printed": "printed"}
@@ -102,7 +103,7 @@ def flat(entries: Mapping[str, Any], table: str = "") -> dict[str, Any]:
             raise ScenarioError(unknown(field, Scenario))
         deeper = any(path.startswith(f"{field}.") for path in paths(Scenario))
         if deeper and not isinstance(entry, Mapping):
-            raise ScenarioError(f"{field} is {toml_value(entry)}: it must be a table")
+            raise ScenarioError(f"{field} is {shown(entry)}: it must be a table")
         for key, value in (flat(entry, field) if deeper else {field: entry}).items():
             if key in found:
                 raise ScenarioError(f"{key} is given twice: it must be given once")
@@ -117,7 +118,7 @@ def _dimension(field: str, entry: Any, base: Scenario) -> Dimension:
         return Dimension(field, 0.0, 0.0, choices=tuple(_valid(field, value) for value in entry))
     if not isinstance(entry, Mapping):
         raise ScenarioError(
-            f"{field} is {toml_value(entry)}: it must be a list of values or "
+            f"{field} is {shown(entry)}: it must be a list of values or "
             "{ low, high } or { relative }; a single value belongs to [fixed]"
         )
     try:
@@ -126,11 +127,9 @@ def _dimension(field: str, entry: Any, base: Scenario) -> Dimension:
         raise ScenarioError(f"{field}: {explained(error, Range)}") from None
     low, high = _ends(field, asked, base)
     if not low < high:
-        raise ScenarioError(
-            f"{field}: low is {toml_value(low)}: it must be less than high, which is {toml_value(high)}"
-        )
+        raise ScenarioError(f"{field}: low is {shown(low)}: it must be less than high, which is {shown(high)}")
     if asked.scale == "log" and not low > 0:
-        raise ScenarioError(f'{field}: low is {toml_value(low)}: it must be greater than 0 when scale is "log"')
+        raise ScenarioError(f'{field}: low is {shown(low)}: it must be greater than 0 when scale is "log"')
     integer = _info(field).annotation is int
     for end in (low, high):
         _valid(field, int(end) if integer and end == int(end) else end)
@@ -149,15 +148,15 @@ def _ends(field: str, asked: Range, base: Scenario) -> tuple[float, float]:
         value = getattr(value, name)
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < abs(value) < math.inf:
         raise ScenarioError(
-            f"{field}: relative is {toml_value(asked.relative)}: the base value must be a number other than 0, "
-            f"but it is {toml_value(value)}"
+            f"{field}: relative is {shown(asked.relative)}: the base value must be a number other than 0, "
+            f"but it is {shown(value)}"
         )
     ends = value * (1 - asked.relative), value * (1 + asked.relative)
     return min(ends), max(ends)
 
 
 def _given(asked: Range) -> str:
-    return toml_value({name: getattr(asked, name) for name in asked.model_fields_set})
+    return shown({name: getattr(asked, name) for name in asked.model_fields_set})
 
 
 def _info(field: str) -> FieldInfo:

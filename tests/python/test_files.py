@@ -1,0 +1,150 @@
+"""Files that a user may name: pipes, devices, links, huge ones, others' files. And those that are written."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import fracgyro as fg
+import pytest
+from fracgyro.export.firmware import export_firmware
+from fracgyro.files import LARGEST_INPUT, one_line, reason, whole_file
+
+PAPER = fg.Scenario.paper()
+
+# Every reader of a file that a user names, in a process that may hang or fill its memory.
+READ_ALL = """
+import json, resource, sys
+from pathlib import Path
+resource.setrlimit(resource.RLIMIT_AS, (4 * 2**30,) * 2)
+import fracgyro as fg
+from fracgyro.export.replay import load
+from fracgyro.study.design import read_plan
+from fracgyro.study.tuning import read_tuning
+
+named = sys.argv[1]
+for read in (read_plan, read_tuning):
+    Path(f"{read.__name__}.toml").write_text(f"scenario = {json.dumps(named)}\\n[[objective]]\\nmetric = 'effort_x'\\n"
+        if read is read_tuning else f"scenario = {json.dumps(named)}\\n")
+rate = {"rate.kind": "table", "rate.file": named}
+readers = {
+    "scenario": lambda: fg.Scenario.load(named),
+    "rate.file": lambda: fg.Scenario().replace(rate),
+    "temperature_file": lambda: fg.Scenario().replace({"device.temperature_file": named}),
+    "study": lambda: read_plan(named),
+    "tuning": lambda: read_tuning(named),
+    "scenario of a study": lambda: read_plan("read_plan.toml"),
+    "scenario of a tuning": lambda: read_tuning("read_tuning.toml"),
+    "trace": lambda: load(named),
+}
+for name, read in readers.items():
+    try:
+        read()
+        print(json.dumps([name, "read"]))
+    except ValueError as error:
+        print(json.dumps([name, str(error)]))
+"""
+
+
+def sentences(named: str, folder: Path) -> dict[str, str]:
+    """What every reader says of the file."""
+    command = [sys.executable, "-c", READ_ALL, named]
+    ran = subprocess.run(command, capture_output=True, text=True, cwd=folder, timeout=300)
+    assert ran.returncode == 0, ran.stderr[-2000:]
+    said = dict(json.loads(line) for line in ran.stdout.splitlines())
+    assert len(said) == 8
+    assert all(len(sentence.splitlines()) == 1 for sentence in said.values())
+    return said
+
+
+@pytest.mark.parametrize("kind", ["pipe", "device", "loop", "folder"])
+def test_what_is_no_regular_file_is_refused_at_once_by_every_reader(tmp_path: Path, kind: str) -> None:
+    named = {"pipe": "pipe", "device": "/dev/zero", "loop": "loop", "folder": "folder"}[kind]
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "loop").symlink_to("loop")
+    (tmp_path / "folder").mkdir()
+    why = {"loop": "Too many levels of symbolic links", "folder": "Is a directory"}.get(
+        kind, "it is not a regular file"
+    )
+    for name, said in sentences(named, tmp_path).items():
+        assert f"cannot be read: {why}" in said, name
+
+
+def test_a_huge_file_is_refused_by_its_size(tmp_path: Path) -> None:
+    with open(tmp_path / "huge", "wb") as file:
+        file.truncate(LARGEST_INPUT + 1)
+    for name, said in sentences("huge", tmp_path).items():
+        assert ("it is not NetCDF" if name == "trace" else "it is larger than 16 MiB") in said, name
+
+
+def test_no_sentence_shows_what_is_in_a_file_that_a_scenario_names(tmp_path: Path) -> None:
+    (tmp_path / "shadow").write_text("root:hunter2:19000\nhunter2\n", encoding="utf-8")
+    (tmp_path / "rows").write_text("time,rate\n0,hunter2\n", encoding="utf-8")
+    (tmp_path / "oven").write_text("time,temperature\n0,1\n0,hunter2\n", encoding="utf-8")
+    for name in ("shadow", "rows", "oven"):
+        said = sentences(name, tmp_path)
+        assert "read" not in said.values()
+        assert "hunter2" not in "".join(said.values())
+
+
+# -- Written -------------------------------------------------------------------------------------------------
+
+
+def test_a_file_of_another_kind_is_not_replaced_where_that_is_asked_for(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    PAPER.save(path)
+    with (
+        pytest.raises(ValueError, match=r"mine\.toml cannot be written: it is a file of another kind"),
+        whole_file(path, replaces_any=False) as scratch,
+    ):
+        scratch.write_bytes(b"\x89HDF...")
+    assert fg.Scenario.load(path) == PAPER
+    assert [entry.name for entry in tmp_path.iterdir()] == ["mine.toml"]
+
+
+@pytest.mark.parametrize("before", [b"", b"\x89HDF of an older run"])
+def test_an_empty_file_and_one_of_the_same_kind_are_replaced(tmp_path: Path, before: bytes) -> None:
+    (tmp_path / "run.nc").write_bytes(before)
+    with whole_file(tmp_path / "run.nc", replaces_any=False) as scratch:
+        scratch.write_bytes(b"\x89HDF...")
+    assert (tmp_path / "run.nc").read_bytes() == b"\x89HDF..."
+
+
+@pytest.mark.parametrize("name", ["loop", "loop/run.nc", "file/run.nc", "/", ".", "x" * 300])
+def test_a_place_where_nothing_can_be_written_is_one_sentence_and_kept(tmp_path: Path, name: str) -> None:
+    (tmp_path / "loop").symlink_to("loop")
+    (tmp_path / "file").write_bytes(b"precious")
+    with pytest.raises(ValueError, match=r"cannot be written: ") as caught, whole_file(tmp_path / name) as scratch:
+        scratch.write_bytes(b"new")
+    assert len(str(caught.value).splitlines()) == 1
+    assert (tmp_path / "loop").is_symlink()
+    assert (tmp_path / "file").read_bytes() == b"precious"
+    assert {entry.name for entry in tmp_path.iterdir()} == {"loop", "file"}
+
+
+def test_a_full_disk_while_firmware_is_written_is_the_systems_few_words(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(source: object, target: object, *more: object, **others: object) -> None:
+        raise OSError(28, "No space left on device", str(target))
+
+    monkeypatch.setattr("shutil._fastcopy_sendfile", full)
+    with pytest.raises(ValueError, match=r"firmware cannot be written: No space left on device$"):
+        export_firmware(PAPER, tmp_path / "firmware")
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_error_is_worded_by_its_number_wherever_that_stands() -> None:
+    assert reason(OSError(28, "a whole paragraph")) == "No space left on device"
+    assert reason(OSError([("a", "b", "[Errno 13] Permission denied: 'b'")])) == "Permission denied"  # type: ignore[arg-type]
+    assert reason(OSError("it is not a regular file")) == "it is not a regular file"
+
+
+def test_a_sentence_is_one_line_whatever_names_are_in_it() -> None:
+    assert one_line("α ≤ 1") == "α ≤ 1"
+    assert one_line("a\nb\r\u2028\x1b[0m\udcff") == r"a\nb\r\u2028\x1b[0m\udcff"
+    with pytest.raises(fg.ScenarioError, match=r"^my\\nfile\.toml cannot be read: No such file or directory$"):
+        fg.Scenario.load("my\nfile.toml")
