@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import io
 import json
+import logging
+import os
 import signal
 import sys
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -15,7 +18,7 @@ from typing import Any
 import click
 
 from .export.commands import export, replay
-from .files import reason
+from .files import one_line, reason
 from .scenario import Scenario
 from .shipped import SHIPPED, shipped_text
 from .simulate import DivergedError, simulate
@@ -23,6 +26,7 @@ from .simulate import DivergedError, simulate
 BAD_INPUT = 2
 UNASKED = 100_000  # samples of a record that is kept nowhere, at most
 INTERRUPTED = 130
+WIDEST = 10_000  # columns of a table, whatever the terminal's: it may break lines, but nothing is cut off
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -166,7 +170,7 @@ def rate(scenario: Path, out: Path, quick: bool, as_json: bool) -> None:
     table = Table("figure", "value", "unit", "interval", "grade", box=None, header_style="bold", pad_edge=False)
     for result in found:
         table.add_row(result.name, value_of(result), result.unit, interval_of(result), result.grade or "")
-    Console(soft_wrap=True).print(table)
+    Console(soft_wrap=True, width=WIDEST).print(table)
     click.echo(f"\nThe report: {out / 'report.html'}")
 
 
@@ -236,20 +240,24 @@ def _progress(doing: str, rate: str = "") -> Iterator[Callable[..., None]]:
     finally:
         signal.signal(signal.SIGINT, before)
         if bar.live.is_started:  # stopped unstarted, it would print itself
-            bar.stop()
+            with suppress(OSError):  # no work is lost because nobody can see the bar
+                bar.stop()
 
 
 def _change(text: str) -> tuple[str, Any]:
     """FIELD=VALUE with VALUE in TOML; a bare word is a string, and nothing at all unsets."""
-    field, equals, value = text.partition("=")
+    field, equals, value = (part.strip() for part in text.partition("="))
     if not equals:
         raise click.UsageError(f"--set {text} has no '=': write --set field=value")
-    if not value.strip():
-        return field.strip(), None
+    if not value:
+        return field, None
     try:
-        return field.strip(), tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
-        return field.strip(), value.strip()
+        tables = tomllib.loads(f"value = {value}")
+    except ValueError:
+        return field, value
+    except RecursionError:
+        raise click.UsageError(f"--set {field}: its value is nested too deeply") from None
+    return field, tables["value"] if len(tables) == 1 else value  # more: it had lines of its own
 
 
 def _finite(value: Any) -> Any:
@@ -278,7 +286,7 @@ def _print_table(figures: Any) -> None:
         text = json.dumps(_plain(values), default=str)
         cells = json.loads(text, parse_float=lambda number: f"{float(number):.6g}")
         table.add_row(str(name), _words(cells))
-    Console(soft_wrap=True).print(table)
+    Console(soft_wrap=True, width=WIDEST).print(table)
 
 
 def _words(cells: Any) -> str:
@@ -293,25 +301,44 @@ def _words(cells: Any) -> str:
 
 def main() -> None:
     """Entry point: turns every foreseen failure into one sentence."""
+    _prepare()
     try:
         code = cli(standalone_mode=False)
         sys.stdout.flush()
     except click.exceptions.Exit as stop:
         code = stop.exit_code
     except click.ClickException as error:
-        click.echo(f"fracgyro: {error.format_message()}", err=True)
-        code = BAD_INPUT
+        code = _refused(error.format_message())
     except (KeyboardInterrupt, click.Abort):
-        click.echo("fracgyro: interrupted; the files written so far are complete", err=True)
+        _refused("interrupted; the files written so far are complete")
         code = INTERRUPTED
     except ValueError as error:
-        click.echo(f"fracgyro: {error}", err=True)
-        code = BAD_INPUT
+        code = _refused(str(error))
     except MemoryError:
-        click.echo("fracgyro: there is not enough memory: make run.record_every larger, or record fewer runs", err=True)
-        code = BAD_INPUT
+        code = _refused("there is not enough memory: make run.record_every larger, or record fewer runs")
     except OSError as error:
-        click.echo(f"fracgyro: the output cannot be written: {reason(error)}", err=True)
+        code = _refused(f"the output cannot be written: {reason(error)}")
         sys.stdout = None  # or Python would try once more, and fail aloud
-        code = BAD_INPUT
     sys.exit(code)
+
+
+def _prepare() -> None:
+    """What the surroundings may not change: closed streams, names that are not UTF-8, Matplotlib's settings."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed: nobody wants to hear
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="surrogateescape" if stream is sys.stdout else "backslashreplace")
+    os.environ |= {"MPLBACKEND": "agg", "MATPLOTLIBRC": os.devnull}
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
+
+
+def _refused(words: str) -> int:
+    """Says it in one line, if anybody listens."""
+    try:
+        click.echo(f"fracgyro: {one_line(words)}", err=True)
+        sys.stderr.flush()
+    except OSError:
+        sys.stderr = None  # or Python would try once more, and end with another code
+    return BAD_INPUT

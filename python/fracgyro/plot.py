@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from . import metrics
 from .files import whole_file
+from .style import own_style
 
 COLOURS = ("#0072B2", "#D55E00")
 
@@ -20,6 +21,11 @@ def plot_run(run: xr.Dataset, path: Path) -> None:
 
     Raises ValueError when the suffix is not a format that Matplotlib writes, or the file cannot be written.
     """
+    with own_style({}):
+        _plot_run(run, path)
+
+
+def _plot_run(run: xr.Dataset, path: Path) -> None:
     figure = Figure(figsize=(6.7, 7.5))
     canvas = FigureCanvasAgg(figure)
     formats = canvas.get_supported_filetypes()
@@ -47,5 +53,5 @@ def plot_run(run: xr.Dataset, path: Path) -> None:
     panels[-1].set_xlabel("time (s)" if si else "time (nondimensional)", fontsize=9)
     figure.align_ylabels()
     figure.subplots_adjust(left=0.12, right=0.91, top=0.98, bottom=0.07, hspace=0.12)
-    with whole_file(path) as scratch:
+    with whole_file(path, replaces_any=False) as scratch:
         figure.savefig(scratch, dpi=150)

@@ -86,6 +86,20 @@ def test_a_table_of_metrics_is_printed_for_people() -> None:
         (["simulate", "--set", "controller.order"], "has no '='"),
         (["simulate", "--set", "controller.order=high"], 'controller.order is "high": it must be a number'),
         (["simulate", "--set", "plant.mass=nan"], "plant.mass is nan"),
+        (["simulate", "--set", f"run.duration={'[' * 20000}"], "--set run.duration: its value is nested too deeply"),
+        (["simulate", "--set", f"run.duration={'[' * 90}{']' * 90}"], "run.duration is [[[[[[[[[[[[[[[[[...]]]]]"),
+        (["simulate", "--set", f"run.duration={'9' * 5000}"], 'run.duration is "99999'),
+        (
+            ["simulate", "--set", "controller.order=0.8\nx = 1"],
+            'controller.order is "0.8\\nx = 1": it must be a number',
+        ),
+        (["simulate", "my\nfile.toml"], "my\\nfile.toml cannot be read: No such file or directory"),
+        (["simulate", "half.toml\n"], "half.toml\\n cannot be read"),
+        (
+            ["export", "web", "whole.toml", "--out", "whole.toml"],
+            "whole.toml cannot be written: it is a file of another",
+        ),
+        (["simulate", "whole.toml", *SHORT, "--out", "whole.toml"], "whole.toml cannot be written: it is a file of"),
         (["simulate", "nowhere.toml"], "nowhere.toml cannot be read: No such file or directory"),
         (["simulate", "half.toml"], "half.toml is not valid TOML"),
         (["simulate", *SHORT, "--out", "nowhere/run.nc"], "nowhere/run.nc cannot be written: No such file"),
@@ -99,8 +113,10 @@ def test_a_table_of_metrics_is_printed_for_people() -> None:
 )
 def test_bad_input_ends_with_one_sentence(tmp_path: Path, words: list[str], expected: str) -> None:
     (tmp_path / "half.toml").write_text("[controller]\norder = ", encoding="utf-8")
+    fg.Scenario.paper().save(tmp_path / "whole.toml")
     assert expected in sentence(run(*words, cwd=tmp_path))
-    assert [p.name for p in tmp_path.iterdir()] == ["half.toml"], "nothing may be left behind"
+    assert {p.name for p in tmp_path.iterdir()} == {"half.toml", "whole.toml"}, "nothing may be left behind"
+    assert fg.Scenario.load(tmp_path / "whole.toml") == fg.Scenario.paper()
 
 
 def test_a_diverging_run_says_when_and_what_to_change_and_keeps_what_was_computed(tmp_path: Path) -> None:
@@ -142,6 +158,55 @@ def test_output_that_cannot_be_written_is_said_in_one_sentence() -> None:
         result = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=PATIENCE)
     assert result.returncode == 2
     assert result.stderr == "fracgyro: the output cannot be written: No space left on device\n"
+
+
+def through_shell(words: str, cwd: Path, **changes: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        ["sh", "-c", f'"{sys.executable}" -m fracgyro {words}'],
+        capture_output=True,
+        text=True,
+        cwd=cwd,
+        env={**os.environ, **changes},
+        timeout=120,
+    )
+
+
+def test_closed_streams_cost_nothing_but_what_they_would_have_said(tmp_path: Path) -> None:
+    silent = through_shell("simulate --set run.duration=2.0 --out run.nc >&-", tmp_path)
+    assert (silent.returncode, silent.stdout, silent.stderr) == (0, "", "")
+    with xr.open_dataset(tmp_path / "run.nc", engine="h5netcdf") as saved:
+        assert saved.sizes["time"] > 100
+    assert through_shell("simulate nowhere.toml 2>&-", tmp_path).returncode == 2
+    assert through_shell("simulate nowhere.toml 2>/dev/full", tmp_path).returncode == 2
+    assert through_shell("simulate nowhere.toml >&- 2>&- <&-", tmp_path).returncode == 2
+
+
+def test_a_picture_is_the_same_whatever_matplotlib_has_been_told(tmp_path: Path) -> None:
+    draw = "simulate --set run.duration=2.0 --plot"
+    assert through_shell(f"{draw} plain.png", tmp_path).returncode == 0
+    settings = "text.usetex: True\nfont.size: 30\nlines.linewidth: 9\nnonsense: 1\nsavefig.bbox: tight\n"
+    for place in ("matplotlibrc", "other"):  # the first one is found where the command runs
+        (tmp_path / place).write_text(settings, encoding="utf-8")
+        drawn = through_shell(f"{draw} told.png", tmp_path, MPLBACKEND="nonsense", MATPLOTLIBRC=str(tmp_path / "other"))
+        assert (drawn.returncode, drawn.stderr) == (0, "")
+        assert (tmp_path / "told.png").read_bytes() == (tmp_path / "plain.png").read_bytes()
+
+
+@pytest.mark.parametrize("columns", ["1", "20"])
+def test_a_narrow_terminal_cuts_nothing_off(tmp_path: Path, columns: str) -> None:
+    wide, narrow = (through_shell("simulate --set run.duration=2.0", tmp_path, COLUMNS=c) for c in ("200", columns))
+    assert narrow.stdout == wide.stdout
+    assert "surface_settling_time" in narrow.stdout
+
+
+def test_a_file_whose_name_is_not_text_is_read_and_named_by_its_bytes(tmp_path: Path) -> None:
+    name = os.fsencode(tmp_path) + b"/my\xff.toml"
+    with open(name, "wb") as file:
+        file.write(fg.Scenario.paper().to_toml().encode())
+    command = [sys.executable.encode(), b"-m", b"fracgyro", b"export", b"web", name, b"--out", name + b".json"]
+    done = subprocess.run(command, capture_output=True, timeout=120, env={**os.environ, "LC_ALL": "C.UTF-8"})
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith(name + b".json: ")
 
 
 def test_a_device_is_not_replaced_by_a_file() -> None:

@@ -116,7 +116,7 @@ def _limits(path: str) -> dict[str, Any]:
 
 
 def _write(document: dict[str, Any], path: str | os.PathLike[str]) -> None:
-    with whole_file(path) as scratch:
+    with whole_file(path, replaces_any=False) as scratch:
         scratch.write_text(json.dumps(document, allow_nan=False) + "\n", encoding="utf-8", newline="\n")
 
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -18,6 +17,7 @@ from matplotlib.transforms import Affine2D, Bbox, Transform, TransformedBbox
 from numpy.typing import NDArray
 
 from ..files import whole_file
+from ..style import own_style
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]  # left, top, width, height
@@ -38,15 +38,6 @@ STYLES: dict[str, dict[str, Any]] = {
     "element": {"color": "#E69F00", "linewidth": 0.6},
     "reference": {"color": "black", "linewidth": 0.7, "dashes": (3, 2)},
     "truth": {"color": "black", "linewidth": 0.9, "dashes": (4, 2.5)},
-}
-RC: dict[Any, Any] = {
-    "font.family": "DejaVu Sans",  # comes with matplotlib: the same letters on every machine
-    "font.size": 8,
-    "mathtext.fontset": "dejavusans",
-    "legend.fontsize": 7,
-    "legend.frameon": False,
-    "svg.fonttype": "path",
-    "svg.hashsalt": "fracgyro",
 }
 
 
@@ -181,7 +172,7 @@ def _add_panel(figure: Figure, mm: Transform, panel: Panel) -> None:
 
 def render(plan: Plan, folder: Path) -> list[Path]:
     """Writes the plan as SVG and PNG into `folder`."""
-    with mpl.rc_context(RC):
+    with own_style():
         figure = Figure(figsize=(WIDTH / 25.4, plan.height / 25.4))
         mm = Affine2D().translate(0.0, plan.height).scale(1.0 / WIDTH, 1.0 / plan.height) + figure.transFigure
         for panel in plan.panels:

@@ -103,5 +103,5 @@ def reproduce(
 
 def write_run(run: xr.Dataset, path: Path) -> None:
     """As NetCDF-4."""
-    with whole_file(path) as scratch:
+    with whole_file(path, replaces_any=False) as scratch:
         run.to_netcdf(scratch, engine="h5netcdf")

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from ..files import whole_file
+from ..style import own_style
 from .runs import ORDERS, VARIANTS, Study
 from .statistics import mean_interval
 
@@ -54,6 +55,11 @@ def write_table(rows: list[Row], path: Path) -> None:
 
 def draw_table(rows: list[Row], path: Path) -> None:
     """RMSE against order, as SVG: one panel per window, logarithmic, with confidence intervals."""
+    with own_style({}):
+        _draw_table(rows, path)
+
+
+def _draw_table(rows: list[Row], path: Path) -> None:
     figure = Figure(figsize=(6.7, 2.6))
     FigureCanvasSVG(figure)
     panels = figure.subplots(1, len(WINDOWS))

@@ -7,13 +7,13 @@ import io
 import math
 from typing import TYPE_CHECKING
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..paper.drawing import RC, WIDTH
+from ..paper.drawing import WIDTH
 from ..plot import COLOURS
+from ..style import own_style
 from .allan import FLICKER
 from .units import DEG_PER_H, DEG_PER_S, DEGREE, MILLISECOND
 
@@ -27,7 +27,7 @@ FAR = 10.0  # times the range: from here on a start-up is drawn on a logarithmic
 
 def allan_chart(m: Characterisation) -> str:
     """The deviation with its interval, the lines that the terms are read from, and the Cramér-Rao bound."""
-    with mpl.rc_context(RC):
+    with own_style():
         figure, panel = _one_panel(78)
         found, unit = m.allan, DEG_PER_H.per_si
         tau = found.tau
@@ -58,7 +58,7 @@ def allan_chart(m: Characterisation) -> str:
 
 def ladder_chart(m: Characterisation) -> str:
     """What the mean output has beyond the line, over the rate."""
-    with mpl.rc_context(RC):
+    with own_style():
         figure, panel = _one_panel(62)
         rate = DEG_PER_S.per_si * m.rates
         panel.axhline(0, color="black", linewidth=0.5)
@@ -72,7 +72,7 @@ def ladder_chart(m: Characterisation) -> str:
 
 def start_chart(m: Characterisation) -> str:
     """The output of every run from its start, at the end of the range."""
-    with mpl.rc_context(RC):
+    with own_style():
         figure, panel = _one_panel(62)
         time = MILLISECOND.per_si * m.start_up.time
         for i, run in enumerate(m.start_up.rate):
@@ -96,7 +96,7 @@ def start_chart(m: Characterisation) -> str:
 
 def response_chart(m: Characterisation) -> str:
     """Gain and lag over the frequency of the rate."""
-    with mpl.rc_context(RC):
+    with own_style():
         figure = Figure(figsize=(WIDTH * MM, 82 * MM), layout="constrained")
         gain, lag = figure.subplots(2, 1, sharex=True)
         style = {"color": COLOURS[0], "marker": "o", "markersize": 3, "linewidth": 0.8}

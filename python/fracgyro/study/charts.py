@@ -7,7 +7,6 @@ import io
 from collections.abc import Sequence
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
@@ -16,7 +15,8 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator
 from numpy.typing import NDArray
 
-from ..paper.drawing import RC, WIDTH
+from ..paper.drawing import WIDTH
+from ..style import own_style
 from .effects import Axis, Cells, Effect
 from .metric_names import METRICS
 
@@ -49,7 +49,7 @@ def effects_chart(metric: str, effects: Sequence[Effect]) -> str:
     values = np.concatenate([_finite(effect) for effect in effects])
     log = len(values) > 0 and values.min() > 0 and values.max() > WIDE_RANGE * values.min()
     power = 0 if log else power_of(values)
-    with mpl.rc_context(RC):
+    with own_style():
         wide, high = (0.5 * WIDTH, 68) if columns == 2 else (WIDTH, 48 * rows)
         figure = Figure(figsize=(wide * MM, high * MM), layout="constrained")
         panels = figure.subplots(rows, columns, sharey=True, squeeze=False).ravel()
@@ -70,7 +70,7 @@ def heat_map(metric: str, cells: Cells, limits: tuple[float, float]) -> str:
     power = power_of(np.array([low] if log else limits))
     low, high, values = low / 10.0**power, high / 10.0**power, cells.values / 10.0**power
     norm = LogNorm(low, high) if log else Normalize(low, high)
-    with mpl.rc_context(RC):
+    with own_style():
         figure = Figure(figsize=(0.5 * WIDTH * MM, 68 * MM), layout="constrained")
         panel = figure.add_subplot()
         drawn = panel.pcolormesh(values, norm=norm, cmap="viridis")
@@ -98,7 +98,7 @@ def heat_map(metric: str, cells: Cells, limits: tuple[float, float]) -> str:
 
 def correlation_chart(metrics: Sequence[str], fields: Sequence[str], values: NDArray[np.float64]) -> str:
     """Rank correlations, (metric, field)."""
-    with mpl.rc_context(RC):
+    with own_style():
         figure = Figure(figsize=(WIDTH * MM, (24 + 7 * len(metrics)) * MM), layout="constrained")
         panel = figure.add_subplot()
         drawn = panel.pcolormesh(values, vmin=-1, vmax=1, cmap="RdBu_r")
