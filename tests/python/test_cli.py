@@ -167,7 +167,7 @@ def through_shell(words: str, cwd: Path, **changes: str) -> subprocess.Completed
         text=True,
         cwd=cwd,
         env={**os.environ, **changes},
-        timeout=120,
+        timeout=PATIENCE,
     )
 
 
@@ -204,7 +204,7 @@ def test_a_file_whose_name_is_not_text_is_read_and_named_by_its_bytes(tmp_path: 
     with open(name, "wb") as file:
         file.write(fg.Scenario.paper().to_toml().encode())
     command = [sys.executable.encode(), b"-m", b"fracgyro", b"export", b"web", name, b"--out", name + b".json"]
-    done = subprocess.run(command, capture_output=True, timeout=120, env={**os.environ, "LC_ALL": "C.UTF-8"})
+    done = subprocess.run(command, capture_output=True, timeout=PATIENCE, env={**os.environ, "LC_ALL": "C.UTF-8"})
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith(name + b".json: ")
 

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
+import http.server
 import json
 import os
 import re
+import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -24,6 +28,7 @@ from fracgyro import _core
 from fracgyro.scenario import ScenarioError
 from fracgyro.study import blocks, effects
 from fracgyro.study.design import read_plan
+from fracgyro.study.folder import Folder
 from fracgyro.study.metric_names import METRICS
 from fracgyro.study.sweep import sweep
 
@@ -197,6 +202,75 @@ def test_a_damaged_block_is_run_again_and_no_other(whole: Path, tmp_path: Path) 
     assert {name: (whole / "out" / "runs" / name).stat().st_mtime_ns for name in others} == times
 
 
+def test_any_change_of_a_block_is_noticed(small: Path, tmp_path: Path) -> None:
+    plan = read_plan(small / "study.toml")
+    work = blocks.blocks(plan)
+    shutil.copytree(small / "out", tmp_path / "out")
+    (path,) = (tmp_path / "out" / "runs").iterdir()
+    data, folder = path.read_bytes(), Folder(tmp_path / "out", plan, work, resume=True)
+    assert folder.finished(work[0])
+    for bit in range(0, 8 * len(data), 37):  # the footer too, which has no checksum of its own
+        changed = bytearray(data)
+        changed[bit // 8] ^= 1 << bit % 8
+        path.write_bytes(changed)
+        assert not folder.finished(work[0]), bit
+    path.write_bytes(data)
+    assert folder.finished(work[0])
+
+
+def test_rows_with_other_columns_are_not_the_study_even_with_its_label(small: Path, tmp_path: Path) -> None:
+    plan = read_plan(small / "study.toml")
+    work = blocks.blocks(plan)
+    folder = Folder(tmp_path / "out", plan, work, resume=False)
+    rows = pq.read_table(small / "out" / "runs")
+    renamed = [name.replace("largest_force", "largesu_force") for name in rows.column_names]
+    texts = rows.set_column(rows.num_columns - 1, rows.column_names[-1], pa.array(["x"] * rows.num_rows))
+    for wrong in (rows.rename_columns(renamed), rows.drop_columns(["point"]), rows.slice(1), texts):
+        folder.write(work[0], wrong)
+        assert not folder.finished(work[0])
+    folder.write(work[0], rows)
+    assert folder.finished(work[0])
+
+
+def test_the_hashes_are_those_of_sha256sum_and_losing_them_costs_time_only(whole: Path) -> None:
+    good, sums = contents(whole / "out"), whole / "out" / "runs.sha256"
+    text = sums.read_text(encoding="ascii")
+    lines = [f"{hashlib.sha256(data).hexdigest()}  runs/{name}\n" for name, data in good.items()]
+    assert text == "".join(lines)
+    sums.write_text(
+        text[: len(lines[0]) + 70] + "".join(lines[3:]), encoding="ascii"
+    )  # one cut off and run into another, one lost
+    result = sweep(whole / "study.toml", whole / "out", resume=True)
+    assert result.runs - result.resumed == 60
+    assert contents(whole / "out") == good
+    assert sums.read_text(encoding="ascii") == text
+
+
+def test_a_file_of_anybody_elses_among_the_blocks_is_named(small: Path, tmp_path: Path) -> None:
+    shutil.copytree(small / "out", tmp_path / "out")
+    runs = tmp_path / "out" / "runs"
+    (runs / "block-000099.parquet").write_bytes((runs / "block-000000.parquet").read_bytes())
+    with pytest.raises(ScenarioError, match=r"runs holds block-000099\.parquet, which is no part of the study"):
+        sweep(small / "study.toml", tmp_path / "out", resume=True)
+
+
+@pytest.mark.parametrize(
+    "text", ['{"parts": []}', "null", '"abc"', "[" * 100000, '{"parts": null}', "\udcff", "1" * 5000]
+)
+def test_a_damaged_manifest_is_one_sentence(small: Path, tmp_path: Path, text: str) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "study.json").write_bytes(text.encode(errors="surrogateescape"))
+    with pytest.raises(ScenarioError, match=r"study\.json is damaged: the study must start again in another folder$"):
+        sweep(small / "study.toml", tmp_path / "out", resume=True)
+
+
+def test_a_study_that_cannot_run_leaves_no_folder(tmp_path: Path) -> None:
+    for entry in ("run.record_every = [9223372036854775808]", "rate.levels = [9223372036854775808]"):
+        with pytest.raises(ScenarioError, match="integer of more than 64 bits"):
+            sweep(study(tmp_path, f"[vary]\n{entry}\n"), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_finished_study_says_so_and_runs_nothing(small: Path) -> None:
     again = subprocess.run(
         command(small / "study.toml", "--out", small / "out", "--resume"), capture_output=True, text=True
@@ -244,7 +318,9 @@ def test_a_study_that_only_reads_differently_resumes(small: Path, tmp_path: Path
         (["study.toml", "--out", "full", "--resume"], "full is not empty and holds no study"),
         (["study.toml", "--out", "done"], "done holds a study already: --out must name another folder, or --resume"),
         (["study.toml", "--out", "broken", "--resume"], "study.json is damaged"),
-        (["study.toml", "--out", "new", "--scheduler", "nonsense://x"], "scheduler is nonsense://x: it cannot be"),
+        (["study.toml", "--out", "new", "--scheduler", "nonsense://x"], 'scheduler is "nonsense://x": it cannot be'),
+        (["study.toml", "--out", "new", "--scheduler", "garbage"], 'scheduler is "garbage": it cannot be reached'),
+        (["study.toml", "--out", "new", "--scheduler", ""], 'scheduler is "": it cannot be reached'),
     ],
 )
 def test_bad_use_ends_with_one_sentence(tmp_path: Path, words: list[str], expected: str) -> None:
@@ -282,6 +358,27 @@ def linger(inside: str) -> None:
         time.sleep(PATIENCE)
 
     blocks.Block.measure = measure  # type: ignore[method-assign, assignment]
+
+
+def test_what_listens_but_is_no_scheduler_is_told_in_one_sentence(tmp_path: Path) -> None:
+    """A web server answers anything with a page; another says nothing at all."""
+
+    class Pages(http.server.BaseHTTPRequestHandler):
+        def handle_one_request(self) -> None:
+            self.wfile.write(b"HTTP/1.0 400 Bad request\r\n\r\n")
+            self.close_connection = True
+
+    with http.server.HTTPServer(("127.0.0.1", 0), Pages) as server, socket.create_server(("127.0.0.1", 0)) as silent:
+        Thread(target=server.serve_forever, daemon=True).start()
+        for port in (server.server_port, silent.getsockname()[1]):
+            address = f"tcp://127.0.0.1:{port}"
+            words = command(study(tmp_path), "--out", tmp_path / "out", "--scheduler", address)
+            result = subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE)
+            assert result.returncode == 2
+            assert result.stderr.startswith(f'fracgyro: scheduler is "{address}": it cannot be reached: ')
+            assert len(result.stderr.splitlines()) == 1
+        server.shutdown()
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning:distributed", "ignore::ResourceWarning")

@@ -7,6 +7,7 @@ import hashlib
 import json
 import math
 import re
+import shutil
 import signal
 import sqlite3
 import subprocess
@@ -370,6 +371,72 @@ def test_a_folder_in_use_and_a_changed_study_are_refused(tmp_path: Path) -> None
     assert "holds a study already" in sentence(path, "--out", folder)
     study(tmp_path, trials=3, tail=ONE)
     assert "differs in objective and constraint" in sentence(path, "--out", folder, "--resume")
+
+
+def test_a_title_with_line_breaks_stays_a_comment(tmp_path: Path) -> None:
+    title = "x\n[plant]\nmass = 1.0\r\x0c\x01\u2028end"
+    path = study(tmp_path, head=f"title = {json.dumps(title)}\n{HEAD}", trials=2)
+    named = path.rename(tmp_path / "my\nstudy.toml")
+    tune(named, tmp_path / "out")
+    text = (tmp_path / "out" / "tuned.toml").read_text(encoding="utf-8")
+    assert "# x\n# [plant]\n# mass = 1.0\n" in text
+    assert r"`fracgyro tune my\nstudy.toml`" in text
+    assert fg.Scenario.load(tmp_path / "out" / "tuned.toml").plant.mass == fg.Scenario.paper().plant.mass
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        "DELETE FROM trial_user_attributes",
+        "UPDATE trial_user_attributes SET value_json = '{\"objectives\": 1}' WHERE key = 'score'",
+        "UPDATE trial_user_attributes SET value_json = 'null' WHERE key = 'score'",
+        "UPDATE trial_user_attributes SET value_json = '[1' WHERE key = 'score'",
+        "UPDATE trial_user_attributes SET value_json = '{}' WHERE key = 'values'",
+        "UPDATE trial_user_attributes SET value_json = replace(value_json, '0.9', '0.1') WHERE key = 'values'",
+        "UPDATE trial_params SET param_value = 'x'",
+        "UPDATE trial_params SET distribution_json = '{}'",
+        "DELETE FROM trial_params",
+    ],
+)
+def test_a_damaged_database_is_one_sentence(out: Path, tmp_path: Path, edit: str) -> None:
+    shutil.copytree(out, tmp_path / "out")
+    with sqlite3.connect(tmp_path / "out" / "study.db") as database:
+        assert database.execute(edit).rowcount > 0
+    database.close()
+    with pytest.raises(fg.ScenarioError, match=r"damaged: the study must start again|cannot be used: ") as caught:
+        tune(out.parent / "study.toml", tmp_path / "out", resume=True)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("text", ['{"parts": []}', "null", '"abc"', "[" * 100000])
+def test_a_damaged_manifest_is_one_sentence(tmp_path: Path, text: str) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "study.json").write_text(text, encoding="utf-8")
+    with pytest.raises(
+        fg.ScenarioError, match=r"study\.json is damaged: the study must start again in another folder$"
+    ):
+        tune(study(tmp_path), tmp_path / "out", resume=True)
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        "postgresql://host/name?password=hunter2",
+        "postgresql://me:hunter2@host/name",
+        "postgresql://me:hun?ter2@host/name?options=-c+hunter2",
+        "postgresql://host/name?password=a@hunter2",
+        "sqlite:////nowhere/trials.db?password=hunter2",
+        "sqlite:///:memory:?password=hunter2",
+        "hunter2",
+        "postgresql://me:hunter2@host:port/name",
+    ],
+)
+def test_no_sentence_shows_a_password(tmp_path: Path, address: str) -> None:
+    with pytest.raises(ValueError, match=r"cannot be opened as a database|cannot be used") as caught:
+        tune(study(tmp_path, storage=address), tmp_path / "out")
+    assert "hunter2" not in str(caught.value)
+    assert "ter2" not in str(caught.value)
+    assert len(str(caught.value).splitlines()) == 1
 
 
 def test_a_storage_of_ones_own_holds_the_trials(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ import pyarrow as pa
 from ..scenario import Scenario
 from ..simulate import simulate_many
 from .design import Plan
+from .metric_names import METRICS
 
 # What a kill may cost: about a second of one processor, or this many runs.
 STEPS_PER_BLOCK, RUNS_PER_BLOCK = 2 * 10**7, 4096
@@ -44,6 +45,15 @@ class Block:
             for column, field in zip(parameters, list(self.columns)[2:], strict=True)
         ]
         return pa.Table.from_arrays(arrays, schema=self.columns)
+
+    def complete(self, table: pa.Table) -> bool:
+        """Whether these are the rows that `measure` makes: the keys, then every metric, all numbers."""
+        keys = self.keys()
+        mine, others = table.column_names[: keys.num_columns], table.column_names[keys.num_columns :]
+        if mine != keys.column_names or sorted(others) != sorted({*METRICS, "diverged_at"}):
+            return False
+        numbers = {table.schema.field(name).type for name in others} == {pa.float64()}
+        return numbers and bool(table.select(mine).equals(keys))
 
     def measure(self, progress: Callable[[int], object] | None = None) -> pa.Table:
         """The keys with the metrics beside them. What never happens is null. Runs on all processors."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from importlib.metadata import version
 from itertools import islice
@@ -10,11 +12,13 @@ from typing import Any
 
 import pyarrow as pa
 
+from ..files import reason
+from ..table import shown
 from .blocks import Block
 
 RETRIES = 3  # of a block that raises; one whose worker dies goes to another by itself
 PER_THREAD = 2  # blocks under way for each thread of the cluster: one runs, one waits
-PATIENCE = 10  # s, for the scheduler and for a first worker
+PATIENCE = 6  # s, for an answer, for the scheduler and for a first worker
 
 
 @contextmanager
@@ -22,21 +26,38 @@ def connected(address: str) -> Iterator[Any]:
     """A Dask client. Raises ValueError in one sentence when the cluster cannot be reached or has no worker."""
     try:
         from distributed import Client
-        from distributed.comm.addressing import parse_address
-        from distributed.comm.registry import get_backend
     except ImportError:
         raise ValueError("--scheduler needs Dask: install it with pip install 'fracgyro[cluster]'") from None
+    place = f"scheduler is {shown(address)}"
     try:
-        get_backend(parse_address(address)[0])  # asked at once: a client with such an address takes a minute to give up
+        with ThreadPoolExecutor(1) as thread:  # where no event loop runs
+            answer = thread.submit(asyncio.run, _asked(address)).result()
+        if answer != "Scheduler":
+            raise ValueError("no scheduler of Dask answers")
         client = Client(address, timeout=PATIENCE, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise ValueError(f"scheduler is {address}: it cannot be reached: {error}") from None
+    except Exception as error:  # of any kind, from what listens at the address
+        why = reason(error) if isinstance(error, OSError) else str(error)
+        raise ValueError(f"{place}: it cannot be reached: {why.partition(chr(10))[0] or 'no answer'}") from None
     with client:
         try:
             client.wait_for_workers(1, timeout=PATIENCE)
         except TimeoutError:
-            raise ValueError(f"scheduler is {address}: it must have a worker, but has none") from None
+            raise ValueError(f"{place}: it must have a worker, but has none") from None
         yield client
+
+
+async def _asked(address: str) -> Any:
+    """What the address says that it is. A Client would wait for minutes, in silence, for what is no scheduler."""
+    from distributed import Security
+    from distributed.comm import connect
+
+    async with asyncio.timeout(PATIENCE):
+        comm = await connect(address, timeout=PATIENCE, **Security().get_connection_args("client"))
+        try:
+            await comm.write({"op": "identity", "reply": True})
+            return (await comm.read()).get("type")
+        finally:
+            comm.abort()
 
 
 def measured_there(

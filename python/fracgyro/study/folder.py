@@ -1,10 +1,14 @@
-"""A study's folder: study.json says what it is, runs/block-*.parquet hold the rows. Files are complete or absent."""
+"""A study's folder: study.json says what it is, runs/block-*.parquet hold the rows, runs.sha256 their hashes.
+
+Files are complete or absent. Other files in runs/ are refused, as whoever reads runs/*.parquet would read them too.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import os
+import re
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -12,12 +16,14 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from ..files import reason, remove_scratch, whole_file, writable_folder
-from ..scenario import ScenarioError
+from ..files import remove_scratch, whole_file, writable_folder
+from ..toml import ScenarioError
 from .blocks import Block
 from .design import Plan
+from .manifest import claim, digest
 
-MANIFEST, RUNS = "study.json", "runs"
+RUNS = "runs"
+SUMS = "runs.sha256"  # `sha256sum --check` reads it
 LABEL = b"fracgyro.study"  # in the metadata of every block: the hash of its study
 
 
@@ -25,66 +31,66 @@ class Folder:
     """Opened for one study, the blocks of which it takes and gives back."""
 
     def __init__(self, path: str | os.PathLike[str], plan: Plan, work: list[Block], *, resume: bool) -> None:
-        """Raises ScenarioError in one sentence when the folder is not free, or holds another study."""
-        self.path, parts = Path(path), _parts(plan, work)
-        self.hash = hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
-        if self._in_use():
-            self._check(parts, resume)
-        self.runs = writable_folder(writable_folder(path) / RUNS)
-        remove_scratch(self.path)
+        """Raises ValueError in one sentence when the folder is not free, or holds another study."""
+        parts = _parts(plan, work)
+        self.hash = digest(parts)
+        about = {"runs": plan.runs, "blocks": len(work), "study": plan.text}
+        self.path = claim(Path(path), parts, about, resume=resume)
+        self.runs = writable_folder(self.path / RUNS)
         remove_scratch(self.runs)
-        manifest = {"hash": self.hash, "runs": plan.runs, "blocks": len(work), "parts": parts, "study": plan.text}
-        with whole_file(self.path / MANIFEST) as scratch:
-            scratch.write_text(json.dumps(manifest, indent=1), encoding="utf-8")
+        there = {entry.name for entry in self.runs.iterdir() if not entry.name.startswith(".")}
+        if foreign := there - {_name(block) for block in work}:
+            raise ScenarioError(f"{self.runs} holds {min(foreign)}, which is no part of the study: it must be removed")
+        self._sums = self._recorded()
+        self._record()
 
     def finished(self, block: Block) -> bool:
-        """Whether the block lies here, whole and of this study."""
+        """Whether the block lies here, byte for byte as it was written, and is of this study."""
         try:
-            table = pq.read_table(self._file(block), page_checksum_verification=True, partitioning=None)
+            data = (self.runs / _name(block)).read_bytes()
+            if hashlib.sha256(data).hexdigest() != self._sums.get(_name(block)):
+                return False
+            table = pq.read_table(pa.BufferReader(data))
         except (OSError, pa.ArrowException):
             return False
-        keys = block.keys()
         mine = (table.schema.metadata or {}).get(LABEL) == self.hash.encode()
-        return mine and table.num_rows == block.runs and table.select(keys.column_names).equals(keys)
+        return mine and block.complete(table)
 
     def write(self, block: Block, table: pa.Table) -> None:
-        with whole_file(self._file(block)) as scratch:
+        with whole_file(self.runs / _name(block)) as scratch:
             labelled = table.replace_schema_metadata({LABEL: self.hash.encode()})
             pq.write_table(labelled, scratch, compression="zstd", write_page_checksum=True)
+            self._sums[_name(block)] = hashlib.sha256(scratch.read_bytes()).hexdigest()
+            # Before the block is there: wherever a kill strikes, a block that is there has its hash.
+            with open(self.path / SUMS, "a", encoding="ascii") as sums:
+                sums.write(_line(_name(block), self._sums[_name(block)]))
 
     def read(self, work: list[Block]) -> pa.Table:
-        """The rows of these blocks, in order."""
-        return pa.concat_tables([pq.read_table(self._file(block), partitioning=None) for block in work])
+        """The rows of these blocks, in order. All are finished: their hashes are put into order, too."""
+        self._record()
+        return pa.concat_tables([pq.read_table(self.runs / _name(block), partitioning=None) for block in work])
 
-    def _file(self, block: Block) -> Path:
-        return self.runs / f"block-{block.number:06d}.parquet"
-
-    def _in_use(self) -> bool:
+    def _recorded(self) -> dict[str, str]:
+        """{name of a block: hash}; of two lines for one block the last, and no line that is damaged."""
         try:
-            return any(not entry.name.startswith(".") for entry in self.path.iterdir())
-        except FileNotFoundError:
-            return False
-        except OSError as error:
-            raise ScenarioError(f"{self.path} cannot be read: {reason(error)}") from None
+            text = (self.path / SUMS).read_text(encoding="ascii", errors="replace")
+        except OSError:
+            return {}
+        lines = re.findall(rf"^([0-9a-f]{{64}})  {RUNS}/(block-\d{{6,}}\.parquet)$", text, re.MULTILINE)
+        return {name: found for found, name in lines}
 
-    def _check(self, parts: dict[str, Any], resume: bool) -> None:
-        manifest = self.path / MANIFEST
-        if not manifest.is_file():
-            raise ScenarioError(f"{self.path} is not empty and holds no study: --out must name an empty or new folder")
-        if not resume:
-            raise ScenarioError(
-                f"{self.path} holds a study already: --out must name another folder, or --resume be given to finish it"
-            )
-        try:
-            there = json.loads(manifest.read_text(encoding="utf-8"))["parts"]
-        except (OSError, ValueError, KeyError, TypeError):
-            raise ScenarioError(f"{manifest} is damaged: the study must start anew in another folder") from None
-        changed = [name for name, part in parts.items() if there.get(name) != part]
-        if changed:
-            raise ScenarioError(
-                f"{self.path} holds another study, which differs in {' and '.join(changed)}: "
-                "a changed study must have a folder of its own"
-            )
+    def _record(self) -> None:
+        with whole_file(self.path / SUMS) as scratch:
+            text = "".join(_line(name, found) for name, found in sorted(self._sums.items()))
+            scratch.write_text(text, encoding="ascii", newline="\n")
+
+
+def _name(block: Block) -> str:
+    return f"block-{block.number:06d}.parquet"
+
+
+def _line(name: str, found: str) -> str:
+    return f"{found}  {RUNS}/{name}\n"
 
 
 def _parts(plan: Plan, work: list[Block]) -> dict[str, Any]:

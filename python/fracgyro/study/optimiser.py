@@ -6,9 +6,11 @@ killed anywhere goes on as if it had not been: what was proposed but not measure
 
 from __future__ import annotations
 
+import json
 import math
+import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -16,10 +18,13 @@ import numpy as np
 import optuna
 from optuna.samplers import BaseSampler, CmaEsSampler, NSGAIISampler, TPESampler
 from optuna.trial import TrialState
-from sqlalchemy.exc import SQLAlchemyError
+from pydantic import TypeAdapter
+from sqlalchemy import URL, make_url
+from sqlalchemy.exc import SAWarning, SQLAlchemyError
 
 from ..scenario import ScenarioError
 from .criteria import Measured, Score, measure, score
+from .space import Dimension
 from .tuning import Plan, rounded
 
 WORST = 1e3  # told to Optuna for an objective without a value, and from here on for cmaes' infeasible trials
@@ -37,8 +42,8 @@ class Trial:
 class Search:
     """A study in its database, opened to be continued up to the plan's number of trials."""
 
-    def __init__(self, plan: Plan, study: optuna.Study, base: Measured) -> None:
-        self._plan, self._study = plan, study
+    def __init__(self, plan: Plan, study: optuna.Study, base: Measured, *, resume: bool) -> None:
+        self._plan, self._study, self._resumed = plan, study, resume
         file = plan.file
         self.limits = [constraint.limit(base) for constraint in file.constraint]
         for constraint, limit in zip(file.constraint, self.limits, strict=True):
@@ -50,9 +55,22 @@ class Search:
         self.base = score(base, file.objective, file.constraint, self.limits)
 
     def finished(self) -> list[Trial]:
-        """In order."""
-        trials = self._study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
-        return [Trial(t.number, t.user_attrs["values"], _score(t.user_attrs["score"])) for t in trials]
+        """In order. Raises ScenarioError when one of them is not what `run` left."""
+        with _undamaged(self._resumed):
+            trials = self._study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
+            return [self._finished(trial) for trial in trials]
+
+    def _finished(self, stored: optuna.trial.FrozenTrial) -> Trial:
+        values, file = stored.user_attrs["values"], self._plan.file
+        found = TypeAdapter(Score).validate_python(stored.user_attrs["score"])
+        sizes = len(found.objectives), len(found.constraints), len(found.excess)
+        numbers = (*found.objectives, *found.constraints, *found.excess, found.diverged)
+        point = {d.field: _value(d, stored.params[d.field]) for d in self._plan.dimensions}
+        same = json.loads(json.dumps(point)) == values  # which has lists for tuples
+        wanted = len(file.objective), len(file.constraint), len(file.constraint)
+        if not same or sizes != wanted or any(map(math.isnan, numbers)):
+            raise ValueError(f"trial {stored.number}")
+        return Trial(stored.number, values, found)
 
     def run(self, progress: Callable[[int], object]) -> None:
         """Trials, batch by batch, until there are as many as the plan asks for; `progress` counts runs."""
@@ -62,11 +80,16 @@ class Search:
             seeds = self._plan.file.seeds
             measured = iter(measure(valid, seeds, self._plan.thresholds, progress) if valid else [])
             progress((len(batch) - len(valid)) * len(seeds))
-            for (trial, point), scenario in zip(batch, scenarios, strict=True):
-                self._tell(trial, point, None if scenario is None else next(measured))
+            with _undamaged(self._resumed):
+                for (trial, point), scenario in zip(batch, scenarios, strict=True):
+                    self._tell(trial, point, None if scenario is None else next(measured))
 
     def _next_batch(self) -> list[tuple[optuna.Trial, dict[str, Any]]]:
         """Trials and their points: what was proposed before a kill and not measured, then new ones up to a batch."""
+        with _undamaged(self._resumed):
+            return self._batch()
+
+    def _batch(self) -> list[tuple[optuna.Trial, dict[str, Any]]]:
         study = self._study
         trials = study.get_trials(deepcopy=False)
         if not trials and (base := self._plan.base_values()):
@@ -102,12 +125,14 @@ class Search:
         for part, d in enumerate(self._plan.dimensions, start=1):
             self._study.sampler = self._sampler(trial.number, part)
             log = d.scale == "log"
+            suggested: float
             if d.choices is not None:
-                point[d.field] = d.choices[trial.suggest_categorical(d.field, range(len(d.choices)))]
+                suggested = trial.suggest_categorical(d.field, range(len(d.choices)))
             elif d.integer:
-                point[d.field] = trial.suggest_int(d.field, int(d.low), int(d.high), log=log)
+                suggested = trial.suggest_int(d.field, int(d.low), int(d.high), log=log)
             else:
-                point[d.field] = rounded(d, trial.suggest_float(d.field, d.low, d.high, log=log))
+                suggested = trial.suggest_float(d.field, d.low, d.high, log=log)
+            point[d.field] = _value(d, suggested)
         return point
 
     def _suggested(self, values: dict[str, Any]) -> dict[str, Any]:
@@ -155,17 +180,18 @@ def opened(plan: Plan, address: str, base: Measured, *, resume: bool) -> Iterato
     storage = None
     try:
         storage = _storage(address)
-        study = optuna.create_study(
-            storage=storage,
-            study_name=f"fracgyro-{plan.hash}",
-            directions=["minimize"] * len(plan.file.objective),
-            load_if_exists=resume,
-        )
-        yield Search(plan, study, base)
+        with _undamaged(resume):
+            study = optuna.create_study(
+                storage=storage,
+                study_name=f"fracgyro-{plan.hash}",
+                directions=["minimize"] * len(plan.file.objective),
+                load_if_exists=resume,
+            )
+        yield Search(plan, study, base, resume=resume)
     except optuna.exceptions.DuplicatedStudyError:
         raise ScenarioError(f"{_safe(address)} holds this study already: --resume must be given to finish it") from None
     except (SQLAlchemyError, optuna.exceptions.StorageInternalError) as error:
-        raise ScenarioError(f"{_safe(address)} cannot be used: {_first_line(error.__cause__ or error)}") from None
+        raise ScenarioError(f"{_safe(address)} cannot be used: {_words(error.__cause__ or error, address)}") from None
     finally:
         optuna.logging.set_verbosity(level)
         if storage is not None:
@@ -175,23 +201,53 @@ def opened(plan: Plan, address: str, base: Measured, *, resume: bool) -> Iterato
 
 def _storage(address: str) -> optuna.storages.RDBStorage:
     try:
-        return optuna.storages.RDBStorage(address)
-    except (SQLAlchemyError, ImportError, ValueError) as error:
-        raise ScenarioError(f"{_safe(address)} cannot be opened as a database: {_first_line(error)}") from None
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", SAWarning)  # of options that the driver does not have
+            return optuna.storages.RDBStorage(address)
+    except (SQLAlchemyError, SAWarning, ImportError, TypeError, ValueError) as error:
+        raise ScenarioError(f"{_safe(address)} cannot be opened as a database: {_words(error, address)}") from None
 
 
 def _safe(address: str) -> str:
-    """Without a password."""
-    scheme, separator, rest = address.partition("://")
-    return scheme + separator + rest.rpartition("@")[2]
+    """Without user, password and options, which may hold a password too."""
+    try:
+        url = make_url(address)
+    except (SQLAlchemyError, ValueError):
+        return "tune.storage"  # what is no address may still hold a password
+    return URL.create(url.drivername, None, None, url.host, url.port, url.database).render_as_string()
 
 
-def _first_line(error: BaseException) -> str:
-    return str(error).partition("\n")[0]
+def _words(error: BaseException, address: str) -> str:
+    """The first line of the error, without what `_safe` leaves out."""
+    words = str(error).partition("\n")[0].replace(address, _safe(address))
+    with suppress(SQLAlchemyError, ValueError):
+        url = make_url(address)
+        values = [value for found in url.query.values() for value in ((found,) if isinstance(found, str) else found)]
+        for secret in filter(None, [url.password, *values]):
+            words = words.replace(str(secret), "***")
+    return words
 
 
-def _score(stored: dict[str, Any]) -> Score:
-    return Score(tuple(stored["objectives"]), tuple(stored["constraints"]), tuple(stored["excess"]), stored["diverged"])
+@contextmanager
+def _undamaged(resume: bool) -> Iterator[None]:
+    """Anything may be damaged in a database that is resumed, and Optuna may fail on it in any way."""
+    try:
+        yield
+    except (SQLAlchemyError, optuna.exceptions.StorageInternalError, optuna.exceptions.DuplicatedStudyError):
+        raise
+    except Exception as error:
+        if not resume:
+            raise
+        raise ScenarioError(
+            "the trials in the study's database are damaged: the study must start again in another folder"
+        ) from error
+
+
+def _value(dimension: Dimension, suggested: float) -> Any:
+    """What Optuna suggests, as the field has it."""
+    if dimension.choices is not None:
+        return dimension.choices[int(suggested)]
+    return int(suggested) if dimension.integer else rounded(dimension, suggested)
 
 
 def front(trials: Sequence[Trial]) -> list[Trial]:

@@ -49,7 +49,7 @@ def sweep(
     begin = time.perf_counter()
     plan = read_plan(study)
     work = blocks(plan)
-    with connected(scheduler) if scheduler else nullcontext() as cluster:
+    with nullcontext() if scheduler is None else connected(scheduler) as cluster:
         folder = Folder(out, plan, work, resume=resume)
         waiting = [block for block in work if not folder.finished(block)]
         done = resumed = plan.runs - sum(block.runs for block in waiting)

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import csv
-import json
 import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..files import reason, remove_scratch, whole_file, writable_folder
+from ..files import whole_file
 from ..scenario import ScenarioError
 from .criteria import Score, measure
 from .hold_out import HoldOut, hold_out
+from .manifest import claim
 from .optimiser import Trial, choose, front, opened, ratios
 from .tune_report import Result, tuned_toml, write_report
 from .tuning import Plan, read_tuning
 
-MANIFEST, DATABASE = "study.json", "study.db"
+DATABASE = "study.db"
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def tune(
     """
     begin = time.perf_counter()
     plan = read_tuning(study)
-    folder = _folder(plan, Path(out), resume=resume)
+    folder = claim(Path(out), plan.parts(), {"study": plan.text}, resume=resume)
     seeds = plan.file.seeds
     total = (plan.file.tune.trials + 1) * len(seeds) + 2 * len(plan.held_out)
     done = 0
@@ -88,39 +88,6 @@ def tune(
     feasible = sum(trial.score.feasible for trial in trials)
     seconds = time.perf_counter() - begin
     return Tuned(folder / "tuned.toml", folder / "tune.html", len(trials), feasible, chosen.number, held, seconds)
-
-
-def _folder(plan: Plan, path: Path, *, resume: bool) -> Path:
-    """The folder, free for this study or holding it."""
-    manifest = path / MANIFEST
-    try:
-        used = path.exists() and any(not entry.name.startswith(".") for entry in path.iterdir())
-    except OSError as error:
-        raise ScenarioError(f"{path} cannot be read: {reason(error)}") from None
-    if used and not manifest.is_file():
-        raise ScenarioError(f"{path} is not empty and holds no study: --out must name an empty or new folder")
-    if used and not resume:
-        raise ScenarioError(
-            f"{path} holds a study already: --out must name another folder, or --resume be given to finish it"
-        )
-    parts = json.loads(json.dumps(plan.parts()))
-    if used:
-        try:
-            there = json.loads(manifest.read_text(encoding="utf-8"))["parts"]
-            changed = [name for name, part in parts.items() if there.get(name) != part]
-        except (OSError, ValueError, KeyError, TypeError, AttributeError):
-            raise ScenarioError(f"{manifest} is damaged: the study must start anew in another folder") from None
-        if changed:
-            raise ScenarioError(
-                f"{path} holds another study, which differs in {' and '.join(changed)}: "
-                "a changed study must have a folder of its own"
-            )
-    folder = writable_folder(path)
-    remove_scratch(folder)
-    with whole_file(manifest) as scratch:
-        text = json.dumps({"hash": plan.hash, "parts": parts, "study": plan.text}, indent=1)
-        scratch.write_text(text, encoding="utf-8")
-    return folder
 
 
 def _nearest(plan: Plan, trials: list[Trial]) -> str:

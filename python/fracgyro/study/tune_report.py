@@ -11,12 +11,12 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from ..files import whole_file
-from ..paper.drawing import DPI, RC
+from ..files import one_line, whole_file
+from ..paper.drawing import DPI
 from ..scenario import Scenario
+from ..style import own_style
 from ..table import toml_value
 from .criteria import Score
 from .hold_out import HoldOut
@@ -46,7 +46,9 @@ class Result:
 def tuned_toml(result: Result) -> str:
     """The tuned scenario, its provenance in comments below its first line."""
     first, rest = result.tuned.to_toml().split("\n", 1)
-    return "\n".join([first, *(f"# {line}".rstrip() for line in _provenance(result)), "#", rest])
+    # A title may have line breaks, and TOML allows no control characters even in comments.
+    lines = (line for item in _provenance(result) for line in item.splitlines() or [""])
+    return "\n".join([first, *(f"# {one_line(line)}".rstrip() for line in lines), "#", rest])
 
 
 def _provenance(result: Result) -> list[str]:
@@ -105,7 +107,7 @@ def _value(scenario: Scenario, field: str) -> Any:
 def write_report(result: Result, folder: Path) -> None:
     """tune.html, which needs nothing but itself, and with several objectives pareto.svg and pareto.png."""
     plan, file = result.plan, result.plan.file
-    with mpl.rc_context(RC):
+    with own_style():
         history = history_figure(file.objective, result.base, result.trials, result.chosen)
         pareto = None
         if len(file.objective) > 1:

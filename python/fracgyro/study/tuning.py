@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 import os
 from dataclasses import dataclass
@@ -14,10 +12,13 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field
 
-from ..scenario import Scenario, ScenarioError, read_text
-from ..table import Table, toml_value
+from ..files import one_line
+from ..scenario import Scenario, ScenarioError
+from ..table import Table, shown
+from ..toml import read_text
 from .criteria import Constraint, Objective
 from .design import Thresholds, seeds_of
+from .manifest import digest
 from .space import Dimension, base_scenario, load_study, read_space, refuse_both
 
 DIGITS = 4  # significant ones of a tuned value: nobody sets a gain more finely
@@ -111,7 +112,7 @@ class Plan:
     @property
     def hash(self) -> str:
         """Of `parts`: more trials or held-out seeds, or another storage, leave it as it is."""
-        return hashlib.sha256(json.dumps(self.parts(), sort_keys=True).encode()).hexdigest()
+        return digest(self.parts())
 
 
 def rounded(dimension: Dimension, value: float) -> float:
@@ -142,7 +143,7 @@ def read_tuning(path: str | os.PathLike[str]) -> Plan:
         )
     if base.disturbance.kind != "noise":
         raise ScenarioError(
-            f"disturbance.kind is {toml_value(base.disturbance.kind)}: it must be noise, or no seed can be held out"
+            f"disturbance.kind is {shown(base.disturbance.kind)}: it must be noise, or no seed can be held out"
         )
     first = max(file.seeds) + 1
     if first + file.tune.held_out_seeds > 2**63:
@@ -150,4 +151,4 @@ def read_tuning(path: str | os.PathLike[str]) -> Plan:
             f"seeds has {max(file.seeds)}: {file.tune.held_out_seeds} seeds must follow it to be held out"
         )
     held_out = list(range(first, first + file.tune.held_out_seeds))
-    return Plan(Path(path).name, read_text(path), file, base, dimensions, held_out)
+    return Plan(one_line(Path(path).name), read_text(path), file, base, dimensions, held_out)

@@ -1,0 +1,66 @@
+"""The folder of a study: its own, by what study.json says; never one that holds anything else."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+from ..files import reason, remove_scratch, whole_file, writable_folder
+from ..toml import ScenarioError
+
+MANIFEST = "study.json"
+
+
+def digest(parts: dict[str, Any]) -> str:
+    """The hash of a study, by everything that its results depend on."""
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+
+def claim(path: Path, parts: dict[str, Any], about: dict[str, Any], *, resume: bool) -> Path:
+    """The folder: new, empty or, with `resume`, of the study of the same `parts`. Its study.json also says `about`.
+
+    Raises ValueError in one sentence when it is another's or cannot be written to.
+    """
+    manifest = path / MANIFEST
+    parts = json.loads(json.dumps(parts))
+    if _in_use(path):
+        if not manifest.is_file():
+            raise ScenarioError(f"{path} is not empty and holds no study: --out must name an empty or new folder")
+        if not resume:
+            raise ScenarioError(
+                f"{path} holds a study already: --out must name another folder, or --resume be given to finish it"
+            )
+        there = _parts(manifest)
+        changed = [name for name, part in parts.items() if name not in there or there[name] != part]
+        if changed:
+            raise ScenarioError(
+                f"{path} holds another study, which differs in {' and '.join(changed)}: "
+                "a changed study must have a folder of its own"
+            )
+    folder = writable_folder(path)
+    remove_scratch(folder)
+    with whole_file(manifest) as scratch:
+        text = json.dumps({"hash": digest(parts), **about, "parts": parts}, indent=1)
+        scratch.write_text(text, encoding="utf-8")
+    return folder
+
+
+def _in_use(path: Path) -> bool:
+    try:
+        return any(not entry.name.startswith(".") for entry in path.iterdir())
+    except FileNotFoundError:
+        return False
+    except OSError as error:
+        raise ScenarioError(f"{path} cannot be read: {reason(error)}") from None
+
+
+def _parts(manifest: Path) -> dict[str, Any]:
+    try:
+        parts = json.loads(manifest.read_text(encoding="utf-8"))["parts"]
+        if isinstance(parts, dict):
+            return parts
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        pass
+    raise ScenarioError(f"{manifest} is damaged: the study must start again in another folder")
