@@ -5,7 +5,7 @@
 # make web         the WebAssembly module, into build/web
 # make bench       the measurements that the README quotes
 # make mutants     edits of the code, and which of them the tests notice; into benchmarks/results/mutants.md
-# make check-deep  what takes a minute longer: fuzzing the firmware, clang-tidy
+# make check-deep  what takes ten minutes: fuzzing files, folders, the command line, states, FMUs, firmware; clang-tidy
 # make setup-embedded   compilers, emulator and node, from Debian's packages; without them the tests of firmware or
 #                  browser are skipped
 # make check-sanitized  FMUs, the Python module and many runs at once under the sanitizers
@@ -23,8 +23,8 @@ CPP := $(shell find core sim bindings faces tests benchmarks -name '*.[ch]pp' 2>
 BUILT_FROM := pyproject.toml CMakeLists.txt $(filter core/% sim/% bindings/%,$(CPP)) $(shell find faces -type f)
 SUDO = $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 
-.PHONY: reproduce test test-quick test-machines check check-deep check-sanitized mutants test-core test-python web bench setup-test \
-  setup-embedded setup-machines clean
+.PHONY: reproduce test test-quick test-machines check check-deep check-sanitized fuzz-firmware mutants test-core \
+  test-python web bench setup-test setup-embedded setup-machines clean
 .SECONDARY:
 .NOTPARALLEL:  # pip installs one thing at a time; compilers and tests use every processor by themselves
 
@@ -74,10 +74,18 @@ bench: .venv/installed-bench .venv/installed-export
 	$(BIN)/python benchmarks/parity.py
 	$(BIN)/python benchmarks/firmware.py
 
+# Inputs made at random: every one works or is refused in one sentence. One line for each fuzzer.
+FUZZ_SECONDS := 40
+FUZZ_SEED := 1
+FUZZERS = $(wildcard tests/fuzz/fuzz_*.py)
+check-deep: .venv/installed-test fuzz-firmware
+	@failed=; for fuzzer in $(FUZZERS); do \
+	  $(BIN)/python $$fuzzer --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED) || failed="$$failed $$fuzzer"; done; \
+	  [ -z "$$failed" ] || { echo "Failed:$$failed"; exit 1; }
+
 # The firmware of a scenario with a force limit, which the fuzzer relies on.
 FUZZED := build/fuzz/firmware
-FUZZ_SECONDS := 60
-check-deep: .venv/installed-test
+fuzz-firmware: .venv/installed-test
 	rm -rf $(FUZZED) && mkdir -p build/fuzz/found
 	$(BIN)/fracgyro scenario paper | sed -e 's/^force_limit = .*/force_limit = 1000.0/' \
 	  -e 's/^switching_limit = .*/switching_limit = 0.5/' > build/fuzz/limited.toml

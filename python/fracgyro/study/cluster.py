@@ -49,7 +49,7 @@ def connected(address: str) -> Iterator[Any]:
 async def _asked(address: str) -> Any:
     """What the address says that it is. A Client would wait for minutes, in silence, for what is no scheduler."""
     from distributed import Security
-    from distributed.comm import connect
+    from distributed.comm.core import connect
 
     async with asyncio.timeout(PATIENCE):
         comm = await connect(address, timeout=PATIENCE, **Security().get_connection_args("client"))

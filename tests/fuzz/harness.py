@@ -1,0 +1,167 @@
+"""Many inputs through one property, each in a process that may crash or hang without ending the run.
+
+A fuzzer is a script with `make`, which makes the bytes of an input from a random generator, and `check`, which tries
+them in an empty folder and returns "worked" or "refused", or raises. Input n depends on the seed and n only.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import io
+import itertools
+import multiprocessing
+import os
+import random
+import resource
+import shutil
+import sys
+import tempfile
+import time
+import traceback
+import warnings
+from collections import Counter
+from collections.abc import Callable, Iterator
+from hashlib import sha256
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+import fracgyro
+
+Make = Callable[[random.Random], bytes]
+Check = Callable[[bytes, Path], str]
+
+HANG = 20.0  # s for one input, of the processor or of waiting: a busy machine makes no hang
+MEMORY = 6 * 2**30  # bytes of address space
+LONGEST_SENTENCE = 1000
+PACKAGE = str(Path(fracgyro.__file__).parent)
+CORPUS = Path(__file__).resolve().parent / "corpus"
+
+
+def refused(error: Exception) -> str:
+    """ "refused", when the error is one sentence of the package's own; otherwise raises it."""
+    frames = traceback.extract_tb(error.__traceback__)
+    own = isinstance(error, ValueError) and frames[-1].filename.startswith(PACKAGE)
+    if not own or not is_sentence(str(error)):
+        raise error
+    return "refused"
+
+
+def is_sentence(text: str) -> bool:
+    return len(text.splitlines()) == 1 and text.isprintable() and len(text) <= LONGEST_SENTENCE
+
+
+@contextlib.contextmanager
+def quiet() -> Iterator[None]:
+    """Warnings are errors, and so is whatever is printed."""
+    said = io.StringIO()
+    with warnings.catch_warnings(), contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        warnings.simplefilter("error")
+        yield
+    assert not said.getvalue(), said.getvalue()
+
+
+def attempt(check: Check, case: bytes) -> str:
+    """One input in a folder of its own, which is also the current one."""
+    here = os.getcwd()
+    folder = Path(tempfile.mkdtemp(prefix="fuzz-", dir="/dev/shm" if os.access("/dev/shm", os.W_OK) else None))
+    try:
+        os.chdir(folder)
+        return check(case, folder)
+    finally:
+        os.chdir(here)
+        shutil.rmtree(folder)
+
+
+def _outcome(check: Check, case: bytes) -> str:
+    try:
+        return attempt(check, case)
+    except BaseException:
+        return traceback.format_exc()
+
+
+def case_of(make: Make, seed: int, number: int) -> bytes:
+    return make(random.Random(f"{seed}/{number}"))
+
+
+def _work(pipe: Connection, make: Make, check: Check, seed: int, first: int) -> None:
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    for number in itertools.count(first):
+        pipe.send(_outcome(check, case_of(make, seed, number)))
+
+
+def run(name: str, make: Make, check: Check, seconds: float, seed: int) -> tuple[Counter[str], float]:
+    """Counts of worked, refused, tracebacks, crashes and hangs. What failed is kept in corpus/."""
+    context = multiprocessing.get_context("spawn")
+    counts: Counter[str] = Counter()
+    number, begin = 0, time.monotonic()
+    while time.monotonic() - begin < seconds:
+        ours, theirs = context.Pipe(duplex=False)
+        worker = context.Process(target=_work, args=(theirs, make, check, seed, number), daemon=True)
+        worker.start()
+        theirs.close()
+        failure = ""
+        while not failure and time.monotonic() - begin < seconds:
+            try:
+                outcome = ours.recv() if _answers(ours, worker.pid) else "hang"
+            except EOFError:
+                worker.join()
+                outcome = f"crash: exit code {worker.exitcode}"
+            kind = outcome.partition(":")[0]
+            kind = kind if kind in ("worked", "refused", "hang", "crash") else "traceback"
+            counts[kind] += 1
+            if kind not in ("worked", "refused"):
+                _keep(name, case_of(make, seed, number), f"seed {seed}, input {number}: {outcome}")
+                failure = kind if kind != "traceback" else ""
+            number += 1
+        worker.kill()
+        worker.join()
+    return counts, time.monotonic() - begin
+
+
+def _answers(pipe: Connection, process: int | None) -> bool:
+    """Whether an answer, or the end of the process, comes before it has used HANG s, or done nothing for so long."""
+    begin = before = _used(process)
+    while not pipe.poll(HANG):
+        now = _used(process)
+        if now - begin > HANG or now - before < 0.01 * HANG:
+            return False
+        before = now
+    return True
+
+
+def _used(process: int | None) -> float:
+    """Seconds of the processor."""
+    user, system = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[11:13]
+    return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
+
+
+def _keep(name: str, case: bytes, outcome: str) -> None:
+    path = CORPUS / name.removeprefix("fuzz_") / sha256(case).hexdigest()[:16]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(case)
+    print(f"{outcome.rstrip()}\nThe input is in {path}", file=sys.stderr)
+
+
+def main(make: Make, check: Check) -> None:
+    """`fuzz_x.py --seconds N --seed S`, or `fuzz_x.py FILE ...` to try inputs again. Ends with 1 if one failed."""
+    name = Path(sys.argv[0]).stem
+    options = argparse.ArgumentParser()
+    options.add_argument("--seconds", type=float, default=60.0)
+    options.add_argument("--seed", type=int, default=1)
+    options.add_argument("cases", nargs="*", type=Path)
+    given = options.parse_args()
+    if given.cases:
+        cases = {path: path.read_bytes() for path in given.cases}
+        outcomes = {path: _outcome(check, case) for path, case in cases.items()}
+        for path, outcome in outcomes.items():
+            print(f"{path.name}: {outcome}")
+        sys.exit(0 if {*outcomes.values()} <= {"worked", "refused"} else 1)
+    counts, took = run(name, make, check, given.seconds, given.seed)
+    bad = {kind: counts[kind] for kind in ("traceback", "crash", "hang")}
+    failed = ", ".join(f"{count} {kind}{'es' if kind == 'crash' else 's'}" for kind, count in bad.items())
+    print(
+        f"{name}: {counts.total()} inputs in {took:.0f} s, seed {given.seed}: "
+        f"{counts['worked']} worked, {counts['refused']} refused; {failed}"
+    )
+    sys.exit(1 if any(bad.values()) else 0)

@@ -1,0 +1,22 @@
+"""What fuzzers found once stays fixed: every input of tests/fuzz/corpus works, or is refused in one sentence."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from children import PATIENCE
+
+FUZZ = Path(__file__).resolve().parents[1] / "fuzz"
+
+
+@pytest.mark.parametrize("kind", ["scenarios", "studies", "cli"])
+def test_every_input_that_failed_once_works_or_is_refused_in_one_sentence(kind: str) -> None:
+    cases = sorted((FUZZ / "corpus" / kind).iterdir())
+    assert cases
+    command = [sys.executable, "-B", FUZZ / f"fuzz_{kind}.py", *cases]  # it changes what no other test expects
+    ran = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    assert len(ran.stdout.splitlines()) == len(cases)
