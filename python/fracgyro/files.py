@@ -15,6 +15,11 @@ from pathlib import Path
 LARGEST_INPUT = 16 * 2**20  # bytes; a scenario with two tables of 100,000 points has about 10 million
 
 
+def cut(text: str, most: int = 80) -> str:
+    """The text, or its beginning and three dots."""
+    return text if len(text) <= most else text[: most - 3] + "..."
+
+
 def one_line(text: str) -> str:
     """The text with line breaks and other characters that do not print as escapes."""
     return text if text.isprintable() else "".join(map(_printable, text))

@@ -230,7 +230,9 @@ def _size(values: xr.DataArray) -> xr.DataArray:
 
 
 def _rms(values: xr.DataArray) -> xr.DataArray:
-    return (values**2).mean("time", skipna=False) ** 0.5
+    """NaN of no samples, as of the second differences of two."""
+    squares = values**2
+    return (squares.mean("time", skipna=False) if values.sizes["time"] else squares.sum("time") * np.nan) ** 0.5
 
 
 def _settled(inside: xr.DataArray, time: xr.DataArray) -> xr.DataArray:

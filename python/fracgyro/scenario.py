@@ -20,7 +20,7 @@ from pydantic import BaseModel, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
 from .device import Device, Rate
-from .files import whole_file
+from .files import cut, whole_file
 from .table import MOST_STEPS, Table, sentence, shown, toml_value
 from .tables import (
     ERRATA_SWITCHES,
@@ -208,7 +208,7 @@ def unknown(path: str, model: type[BaseModel]) -> str:
         [name.rpartition(".")[2] for name in near.values()] if "[" in parent else near.values() or model.model_fields
     )
     hint = f"did you mean {guesses[0]}?" if guesses else f"known are {', '.join(choice)}"
-    return f"{path if path.isprintable() else repr(path)} is not a known field; {hint}"
+    return f"{cut(path if path.isprintable() else repr(path))} is not a known field; {hint}"
 
 
 def _item(path: str, model: type[BaseModel]) -> type[BaseModel] | None:

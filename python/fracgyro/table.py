@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator
 from pydantic_core import PydanticCustomError
 
+from .files import cut
+
 MOST_STEPS = 10**9  # of a run, and of whatever is counted in its steps
 LARGEST_FREQUENCY = 1e6  # unit omega0: of a motion that is followed or a force that acts
 DEEPEST = 16  # lists and tables in one another; a scenario needs 4
-LONGEST = 80  # characters of a value in a sentence
 
 
 def toml_value(value: Any, depth: int = 0) -> str:
@@ -36,9 +37,8 @@ def toml_value(value: Any, depth: int = 0) -> str:
 
 
 def shown(value: Any) -> str:
-    """A value in a sentence, cut to LONGEST characters."""
-    text = toml_value(value)
-    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
+    """A value in a sentence: of a long one the beginning."""
+    return cut(toml_value(value))
 
 
 def sentence(text: str) -> PydanticCustomError:

@@ -8,7 +8,7 @@ import tomllib
 from collections.abc import Iterable
 from typing import Any
 
-from .files import one_line, read_input, reason
+from .files import cut, one_line, read_input, reason
 from .table import DEEPEST
 
 
@@ -43,7 +43,7 @@ def read_tables(text: str, source: str) -> dict[str, Any]:
     except RecursionError:
         problem = "it is nested too deeply"
     if problem:
-        raise ScenarioError(f"{source} is not valid TOML: {problem}")
+        raise ScenarioError(f"{source} is not valid TOML: {cut(problem, 200)}")
     return tables
 
 

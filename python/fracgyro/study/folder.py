@@ -38,10 +38,10 @@ class Folder:
         self.path = claim(Path(path), parts, about, resume=resume)
         self.runs = writable_folder(self.path / RUNS)
         remove_scratch(self.runs)
-        there = {entry.name for entry in self.runs.iterdir() if not entry.name.startswith(".")}
-        if foreign := there - {_name(block) for block in work}:
+        names = {_name(block) for block in work}
+        if foreign := {path.name for path in self.runs.iterdir() if not path.name.startswith(".")} - names:
             raise ScenarioError(f"{self.runs} holds {min(foreign)}, which is no part of the study: it must be removed")
-        self._sums = self._recorded()
+        self._sums = {name: found for name, found in self._recorded().items() if name in names}
         self._record()
 
     def finished(self, block: Block) -> bool:
