@@ -110,7 +110,8 @@ COMMANDS: dict[str, Any] = {
 
 
 def _furnish(folder: Path) -> None:
-    fg.Scenario.paper().replace({"run.duration": 0.02}).save(folder / "good.toml")
+    scenario = fg.Scenario.paper().replace({"run.duration": 0.02, "controller.switching_limit": 0.5})
+    scenario.save(folder / "good.toml")
     for name in ("line\nbreak.toml", "\udcff.toml"):
         (folder / name).write_bytes((folder / "good.toml").read_bytes())
     os.mkfifo(folder / "pipe")
