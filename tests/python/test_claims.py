@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import itertools
+import json
 import math
 import time
+from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -321,11 +324,11 @@ def test_the_evidence_of_i_is_the_time_of_a_step_of_each() -> None:
 
 
 def test_a_step_costs_what_the_clock_says_of_the_proposed_controller(monkeypatch: pytest.MonkeyPatch) -> None:
-    # In turn 3 seconds for the proposed controller and 1 for the conventional one.
-    clock = itertools.accumulate(itertools.cycle([10.0, 3.0, 10.0, 1.0]))
+    # In turn 3 seconds for the proposed controller and 2 for the conventional one.
+    clock = itertools.accumulate(itertools.cycle([10.0, 3.0, 10.0, 2.0]))
     monkeypatch.setattr(time, "perf_counter", lambda: next(clock))
     cost = claims.time_steps("corrected")
-    assert cost.ratios == pytest.approx([3.0] * 7)
+    assert cost.ratios == pytest.approx([1.5] * 7)
     assert cost.seconds == pytest.approx([3.0 / 20_001] * 7)
     assert (
         cost.modes
@@ -346,6 +349,14 @@ def test_a_verdict_is_what_the_criterion_says_of_each_variant(monkeypatch: pytes
         claims.Claim("x", "claim x", "printed", "reproduced", "criterion x", "printed"),
         claims.Claim("x", "claim x", "corrected", "not reproduced", "criterion x", "corrected"),
     ]
+
+
+def test_claims_are_written_as_they_are_worded(tmp_path: Path) -> None:
+    claim = claims.Claim("a", "‖e‖ → 0", "printed", "reproduced", "‖e‖ < 1", "Ω̂z")
+    claims.write_claims([claim], tmp_path / "claims.json")
+    text = (tmp_path / "claims.json").read_text(encoding="utf-8")
+    assert json.loads(text) == [asdict(claim)]
+    assert '  "claim": "‖e‖ → 0",\n' in text
 
 
 def test_the_criteria_state_the_thresholds_that_are_judged_by() -> None:

@@ -29,6 +29,7 @@ def test_the_interval_of_a_sample_is_that_of_its_points_which_are_drawn_and_not_
     rows = sample(tmp_path, [-9.0, 11.0, -7.0, 13.0, -5.0, 15.0, -3.0, 17.0])
     assert rows.units().tolist() == [0, 0, 1, 1, 2, 2, 3, 3]
     found = one_bin(rows)
+    assert len(found.means) == 2  # the fewest bins
     low = found.axis.index[::2] == 0
     for place, here in enumerate((low, ~low)):
         assert found.means[place] == mean_interval(np.array([1.0, 3.0, 5.0, 7.0])[here])
@@ -82,6 +83,8 @@ def test_bins_of_a_range_are_even_or_even_in_their_logarithm(tmp_path: Path) -> 
     assert gain.edges == pytest.approx([1.0, 10.0, 100.0, 1e3, 1e4])
     assert gain.places == pytest.approx([10**0.5, 10**1.5, 10**2.5, 10**3.5])
     assert (order.log, gain.log) == (False, True)
+    assert order.numeric
+    assert gain.numeric
     for axis, place in ((order, 0), (gain, 1)):
         values = np.array([float(point[place]) for point in rows.plan.points])
         assert axis.edges is not None
@@ -102,12 +105,21 @@ def test_levels_rise_where_they_are_numbers_and_keep_their_order_where_not(tmp_p
     assert not kind.log
     even = rows_of(tmp_path, "[vary]\ncontroller.order = [0.2, 0.4, 0.6]\n", [1.0, 2.0, 3.0], [None] * 3)
     assert not effects.axis(even, even.plan.dimensions[0], 4).log
+    zero = rows_of(tmp_path, "[vary]\ncontroller.order = [0.0, 0.25, 1.0]\n", [1.0, 2.0, 3.0], [None] * 3)
+    assert not effects.axis(zero, zero.plan.dimensions[0], 4).log
+
+
+def test_values_are_even_to_a_millionth_of_their_gaps() -> None:
+    for size in (1e-4, 1.0, 1e4):
+        assert effects._even(size * np.array([0.0, 1.0, 2.0 + 5e-7]))
+        assert not effects._even(size * np.array([0.0, 1.0, 2.0 + 5e-6]))
 
 
 def test_a_rank_correlation_is_spearmans(tmp_path: Path) -> None:
     text = "seeds = 2\n[vary]\ncontroller.order = [0.2, 0.4, 0.6, 0.8, 1.0]\n"
     # Means of the points 2, 1, 4, 3, 3: ranks 2, 1, 5, 3.5, 3.5 against 1 to 5.
     rows = rows_of(tmp_path, text, [1.0, 3.0, 0.0, 2.0, 4.0, 4.0, 3.0, 3.0, 3.0, 3.0], [None] * 10)
+    assert effects._ranks(np.array([2.0, 1.0, 4.0, 3.0, 3.0])).tolist() == [2.0, 1.0, 5.0, 3.5, 3.5]
     ranks = np.array([2.0, 1.0, 5.0, 3.5, 3.5]) - 3
     expected = float(ranks @ np.arange(-2, 3) / math.sqrt(ranks @ ranks * 10))
     assert effects.rank_correlation(rows, "effort_x", rows.plan.dimensions[0]) == pytest.approx(expected)

@@ -105,6 +105,7 @@ def test_the_metrics_of_ten_samples_are_those_worked_by_hand() -> None:
     assert found["bound_final"].values.tolist() == [10.0, 90.0, 180.0]
     assert float(found["bound_0_halfway"]) == 5.0  # the last sample before 4.5
     assert float(found["largest_force"]) == 81.0
+    assert set(found.coords) == {"window", "axis", "bound"}
 
 
 def test_limits_of_ones_own_and_windows_without_a_sample() -> None:

@@ -251,6 +251,18 @@ def test_the_bound_is_of_the_density_that_held_noise_has_and_of_the_steady_motio
     assert from_rest.known == pytest.approx(bound.known, rel=3e-4)  # on the reference after a tenth of the run
 
 
+def test_without_noise_the_bound_is_0_and_a_motion_that_tells_nothing_apart_has_none() -> None:
+    still = {"disturbance.density": None, "disturbance.standard_deviation": 0.0, "run.duration": 200.0}
+    scenario = shipped("tuned_in_air").replace(still)
+    bound = bound_angle_random_walk(scenario)
+    assert bound is not None
+    assert (bound.known, bound.unknown) == (0.0, 0.0)
+    assert bound_angle_random_walk(scenario.replace({"disturbance.kind": "none"})) is None
+    line = {"reference.amplitude": (1.0, 0.0), "reference.phase": (0.0, 0.0)}  # y rests
+    start = {"plant.initial_position": (0.0, 0.0), "plant.initial_velocity": (1.0, 0.0)}
+    assert bound_angle_random_walk(scenario.replace({**line, **start})) is None
+
+
 def test_the_measured_noise_is_near_the_bound_and_its_figures_are_finite() -> None:
     measured = measure(shipped("dual_mass").replace({"run.duration": 8000.0}), seeds=2)
     found = {result.key: result for result in results(measured)}

@@ -270,6 +270,28 @@ def test_what_never_comes_about_is_infinite() -> None:
     assert Objective(metric="rate_error", statistic="median").of(values) == 2.5
     assert Objective(metric="rate_error", statistic="max").of(values[:3]) == 3.0
     assert Objective(metric="rate_error", statistic="quantile 0.25").of(values[:3]) == 1.5
+    # Between two that are infinite.
+    assert Objective(metric="rate_error", statistic="quantile 0.9").of(np.array([1.0, np.nan, np.nan])) == math.inf
+    assert Objective(metric="rate_error", statistic="quantile 0").of(values[:3]) == 1.0
+    assert Objective(metric="rate_error", statistic="quantile 1").of(values[:3]) == 3.0
+
+
+@pytest.mark.parametrize(
+    ("entry", "said"),
+    [
+        ({"metric": "rmse_stedy_x"}, "not a known metric; did you mean rmse_steady_x?"),
+        ({"metric": "zzzzzz"}, "not a known metric; known are rmse_whole_x, rmse_whole_y"),
+        ({"metric": "effort_x", "statistic": "mean 0.5"}, "it must be mean, median, max, or quantile and a number"),
+        (
+            {"metric": "effort_x", "statistic": "quantile 1.01"},
+            "it must be mean, median, max, or quantile and a number",
+        ),
+        ({"metric": "effort_x", "statistic": "quantile"}, "it must be mean, median, max, or quantile and a number"),
+    ],
+)
+def test_an_objective_that_is_none_is_refused_with_what_is_near(entry: dict[str, str], said: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(said)):
+        Objective(**entry)
 
 
 def test_a_diverged_run_counts_for_nothing_but_its_divergence() -> None:
