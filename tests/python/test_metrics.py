@@ -122,6 +122,37 @@ def test_limits_of_ones_own_and_windows_without_a_sample() -> None:
         metrics.cut(made_up(), metrics.STEADY)
 
 
+def test_an_error_of_exactly_the_bound_is_within_it_and_one_that_is_no_number_is_none() -> None:
+    assert float(metrics.settling_time(made_up(), 5.0)) == 0.0
+    lost = made_up()
+    lost["damping_estimate"][-1, 1] = np.nan
+    assert np.isnan(float(metrics.damping_error(lost)[-1]))
+
+
+def test_a_rate_that_moves_is_judged_by_its_largest_size() -> None:
+    truth = xr.DataArray(np.where(np.arange(10) < 5, 1.0, 0.0), dims="time")
+    run = made_up().assign(angular_rate=truth, rate_estimate=truth + 0.09)
+    assert float(metrics.rate_settling_time(run)) == 0.0
+    assert np.isnan(float(metrics.rate_settling_time(run, tolerance=0.08)))
+
+
+def test_the_limits_of_an_si_run_are_scaled_to_its_units() -> None:
+    scenario = PAPER.replace({"run.duration": 11.0, "controller.kind": "linear", "adaptation.rate_gain": 1e-9})
+    plain = fg.simulate(scenario)
+    inside = scenario.replace({"run.units": "SI"})
+    for si in (fg.simulate(inside), fg.simulate_many([inside]).isel(run=[0])):
+        for metric, unit in (
+            (metrics.settling_time, 1e-3),
+            (metrics.surface_settling_time, 1e-3),
+            (metrics.chattering, 1.0),
+            (metrics.rate_settling_time, 1e-3),
+        ):
+            found = np.squeeze(metric(si).values)
+            assert np.isfinite(found).all()
+            np.testing.assert_allclose(found, unit * metric(plain).values, rtol=1e-9)
+        np.testing.assert_allclose(np.squeeze(metrics.true_rate(si).values), 100.0, rtol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
