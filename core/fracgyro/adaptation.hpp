@@ -119,6 +119,8 @@ struct Adaptation {
                 .bound_limit = {bound_limit(i.bound[0]), bound_limit(i.bound[1]), bound_limit(i.bound[2])}};
     }
 
+    static bool sound(const State&, const Coefficients&) { return true; }  // all of it is numbers
+
     // What is told, and what the force is computed with: the same.
     static Estimates<T> estimates(const State& state, const Coefficients& c) { return c.initial + state.deviation; }
     static const Estimates<T>& believed(const State&, const Coefficients&, const Estimates<T>& told) { return told; }

@@ -63,8 +63,7 @@ struct SlidingModeController {
     }
 
     static bool sound(const State& state, const Coefficients& c) {
-        return SurfaceType::sound(state.surface, c.surface) &&
-               sound_part<AdaptationType>(state.adaptation, c.adaptation);
+        return SurfaceType::sound(state.surface, c.surface) && AdaptationType::sound(state.adaptation, c.adaptation);
     }
 
     // What is known before the coming step.

@@ -1,8 +1,8 @@
 // A state as bytes, and whether bytes that come back are to be believed: whatever they are, none may do harm.
 //
 //    The checksum tells damage. Bytes whose checksum is right may still be no state, as of another program or an attacker:
-//    every type whose state holds an index or a switch has sound(state, coefficients), which says whether all of them are
-//    ones that it could have. Numbers may be any.
+//    sound(state, coefficients), which every type with a state has, says whether all indices and switches in it are ones
+//    that it could have. Numbers may be any.
 #pragma once
 
 #include <cstddef>
@@ -60,15 +60,5 @@ struct Saved {
 
 // Whether a switch is one: its byte may be any, and all but two are undefined to look at as a bool.
 inline bool sound(const bool& a) { return reinterpret_cast<const unsigned char&>(a) <= 1; }
-
-// Of a part that may have nothing that can be wrong.
-template <class Part, class State, class Coefficients>
-bool sound_part(const State& state, const Coefficients& c) {
-    if constexpr (requires { Part::sound(state, c); }) {
-        return Part::sound(state, c);
-    } else {
-        return true;
-    }
-}
 
 }  // namespace fracgyro

@@ -11,8 +11,8 @@
 //
 //    Their drifts are λ1 ė or λ1 D^α e, and λ2 c |e|^(c-1) ė (eq. (17)).
 //
-//    To add a surface: a type with Coefficients, State, prepare() and evaluate() as below, advance() if it has memory to
-//    move when the force is on its way, and one line in sim/fracgyro/controllers.hpp.
+//    To add a surface: a type with Coefficients, State, prepare() and evaluate() as below, sound() if the state is not empty,
+//    advance() if it has memory to move when the force is on its way, and one line in sim/fracgyro/controllers.hpp.
 #pragma once
 
 #include "error.hpp"
@@ -117,7 +117,13 @@ struct Surface {
     static Coefficients prepare(const SurfaceParams& p, double step) {
         return {.first = First::prepare(p, step), .terminal = TerminalTerm<T>::prepare(p, step)};
     }
-    static bool sound(const State& state, const Coefficients& c) { return sound_part<First>(state, c.first); }
+    static bool sound(const State& state, const Coefficients& c) {
+        if constexpr (std::is_empty_v<State>) {
+            return true;
+        } else {
+            return First::sound(state, c.first);
+        }
+    }
     static SurfacePoint<T> evaluate(State& state, const Coefficients& c, const Sample<T>& error) {
         SurfacePoint<T> point = First::evaluate(state, c.first, error);
         point.s = error.rate + point.s;
