@@ -244,7 +244,7 @@ def test_too_little_memory_is_said_in_one_sentence(tmp_path: Path) -> None:
         [sys.executable, "-m", "fracgyro", *words, "--out", tmp_path / "run.nc"],
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=PATIENCE,
         env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (1_200_000_000, 1_200_000_000)),
     )

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import fracgyro as fg
 import pytest
+from children import PATIENCE
 from fracgyro.export.firmware import export_firmware
 from fracgyro.files import LARGEST_INPUT, one_line, reason, whole_file
 
@@ -18,8 +19,9 @@ BOUNDED = PAPER.replace({"controller.switching_limit": 0.5})
 
 # Every reader of a file that a user names, in a process that may hang or fill its memory.
 READ_ALL = """
-import json, resource, sys
+import json, os, resource, sys
 from pathlib import Path
+os.environ["OPENBLAS_NUM_THREADS"] = "1"  # of many cores it would reserve the room for each
 resource.setrlimit(resource.RLIMIT_AS, (4 * 2**30,) * 2)
 import fracgyro as fg
 from fracgyro.export.replay import load
@@ -53,7 +55,7 @@ for name, read in readers.items():
 def sentences(named: str, folder: Path) -> dict[str, str]:
     """What every reader says of the file."""
     command = [sys.executable, "-c", READ_ALL, named]
-    ran = subprocess.run(command, capture_output=True, text=True, cwd=folder, timeout=300)
+    ran = subprocess.run(command, capture_output=True, text=True, cwd=folder, timeout=PATIENCE)
     assert ran.returncode == 0, ran.stderr[-2000:]
     said = dict(json.loads(line) for line in ran.stdout.splitlines())
     assert len(said) == 8
@@ -132,7 +134,7 @@ def test_a_full_disk_while_firmware_is_written_is_the_systems_few_words(
     def full(source: object, target: object, *more: object, **others: object) -> None:
         raise OSError(28, "No space left on device", str(target))
 
-    monkeypatch.setattr("shutil._fastcopy_sendfile", full)
+    monkeypatch.setattr("shutil.copyfile", full)
     with pytest.raises(ValueError, match=r"firmware cannot be written: No space left on device$"):
         export_firmware(BOUNDED, tmp_path / "firmware")
     assert not list(tmp_path.iterdir())

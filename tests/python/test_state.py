@@ -14,6 +14,7 @@ from pathlib import Path
 import fracgyro as fg
 import numpy as np
 import pytest
+from children import PATIENCE
 from embedded import need
 
 ROOT = Path(__file__).parents[2]
@@ -48,7 +49,8 @@ def test_no_bytes_do_harm(script: str, face: str, attempts: int) -> None:
     if face == "browser":
         need("WebAssembly")
     command = [sys.executable, ROOT / "tests/fuzz" / script, "--face", face, "--attempts", str(attempts)]
-    ran = subprocess.run([*command, "--seconds", "200"], capture_output=True, text=True, timeout=300)
+    command += ["--seconds", str(PATIENCE)]  # the number of attempts is what ends them
+    ran = subprocess.run(command, capture_output=True, text=True, timeout=2 * PATIENCE)
     assert ran.returncode == 0, ran.stdout + ran.stderr
     assert f"{face}: {attempts}" in ran.stdout
 
