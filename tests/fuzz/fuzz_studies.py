@@ -36,7 +36,7 @@ from fracgyro.study.tuning import read_tuning
 design.MOST_POINTS = 500
 blocks.RUNS_PER_BLOCK = 2
 FEW, SHORT = 8, 20_000  # runs and steps that are indeed run
-OFTEN = 30  # one study in so many is run to its report
+OFTEN = 100  # one study in so many is run to its report
 
 SWEEP = """
 title = "Small"
@@ -92,7 +92,7 @@ NAMES = (
 
 
 def make(rng: random.Random) -> bytes:
-    kind = rng.choices(["sweep", "tune", "sweep-folder", "tune-folder"], [50, 35, 10, 5])[0]
+    kind = rng.choices(["sweep", "tune", "sweep-folder", "tune-folder"], [56, 36, 6, 2])[0]
     if kind.endswith("folder"):
         edits = [_edit(rng, kind) for _ in range(rng.choice([1, 1, 1, 2, 4]))]
         return f"#{kind}\n{json.dumps(edits)}".encode()
@@ -217,7 +217,7 @@ def _apply(edits: list[dict[str, Any]], folder: Path) -> None:
                 database.commit()
             continue
         path, other = folder / edit["file"], folder / edit["to"]
-        if not path.is_file() or other.is_dir() or not other.parent.is_dir():
+        if not path.is_file() or other.is_dir() or other.is_symlink() or not other.parent.is_dir():
             continue
         data = bytearray(path.read_bytes())
         place = int(edit["at"] * len(data))

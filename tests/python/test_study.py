@@ -137,6 +137,10 @@ def test_blocks_cover_every_run_once_in_order(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
+        (
+            "[vary]\ncontroller.order = { low = 0.1, high = 0.9, steps = 2147483648 }",
+            "steps is 2147483648: it must lie between 2 and 1000000",
+        ),
         ("show = [[1.0]]", "show has [1.0], which is not a known metric"),
         ("show = [{}]", "show has {}, which is not a known metric"),
         ("show = [1979-05-27]", "show has 1979-05-27, which is not a known metric"),

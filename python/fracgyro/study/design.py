@@ -18,9 +18,8 @@ from ..scenario import Scenario, ScenarioError
 from ..table import Table, sentence, shown
 from ..toml import read_text
 from .metric_names import METRICS
-from .space import Dimension, base_scenario, load_study, read_space, refuse_both
+from .space import MOST_POINTS, Dimension, base_scenario, load_study, read_space, refuse_both
 
-MOST_POINTS = 10**6
 SHOWN = ("rmse_steady_x", "rmse_steady_y", "error_settling_time", "rate_error_rms")
 
 

@@ -18,6 +18,7 @@ from ..table import Table, shown
 from ..toml import read_tables, read_text
 
 Model = TypeVar("Model", bound=BaseModel)
+MOST_POINTS = 10**6  # of a study; also runs for one of them, and trials
 BASES: dict[str, Literal["corrected", "printed"]] = {"paper": "corrected", "paper-printed": "printed"}
 
 
@@ -61,7 +62,7 @@ class Range(Table):
     high: float | None = None
     relative: float | None = Field(None, gt=0)
     scale: Literal["linear", "log"] = "linear"
-    steps: int | None = Field(None, ge=2)
+    steps: int | None = Field(None, ge=2, le=MOST_POINTS)
 
 
 def read_space(entries: Mapping[str, Any], base: Scenario) -> tuple[Dimension, ...]:

@@ -19,7 +19,7 @@ from ..toml import read_text
 from .criteria import Constraint, Objective
 from .design import Thresholds, seeds_of
 from .manifest import digest
-from .space import Dimension, base_scenario, load_study, read_space, refuse_both
+from .space import MOST_POINTS, Dimension, base_scenario, load_study, read_space, refuse_both
 
 DIGITS = 4  # significant ones of a tuned value: nobody sets a gain more finely
 
@@ -28,10 +28,12 @@ class Tune(Table):
     """How the search goes."""
 
     sampler: Literal["tpe", "cmaes", "nsga2"] = "tpe"
-    trials: int = Field(default=400, ge=1)
+    trials: int = Field(default=400, ge=1, le=MOST_POINTS)
     seed: int = Field(default=1, ge=0)
-    batch: int | None = Field(default=None, ge=2)  # trials proposed together; the population of cmaes and nsga2
-    held_out_seeds: int = Field(default=200, ge=2)
+    batch: int | None = Field(
+        default=None, ge=2, le=MOST_POINTS
+    )  # trials proposed together; the population of cmaes and nsga2
+    held_out_seeds: int = Field(default=200, ge=2, le=MOST_POINTS)
     storage: str | None = None  # address for SQLAlchemy
 
 
