@@ -26,7 +26,7 @@ void fill_disturbance(Disturbance& disturbance, std::int64_t first, std::span<Ve
 std::vector<std::size_t> lane_counts() {
     std::vector<std::size_t> counts{2};
 #ifdef FRACGYRO_LANES_X86
-    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) {
+    if (__builtin_cpu_supports("avx2")) {
         counts.push_back(4);
     }
     if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl")) {

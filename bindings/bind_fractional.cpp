@@ -1,7 +1,7 @@
 #include "arrays.hpp"
 #include "bindings.hpp"
 
-#include "fracgyro/fractional.hpp"
+#include "fracgyro/kernel_design.hpp"
 #include "fracgyro/processor.hpp"
 
 namespace fracgyro::bindings {
@@ -67,6 +67,27 @@ nb::ndarray<nb::numpy, T> apply_operator(const Input<T>& values, const Input<T>&
 
 using Doubles = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
+// Rates, weights and certified error of a design; no rates where it has none.
+nb::tuple design_kernel(double order, double shortest, double longest, double tolerance) {
+    const auto found = std::make_unique<KernelDesign>();
+    found->design(order, shortest, longest, tolerance);
+    const auto copied = [&](const auto& all) {
+        auto some = std::make_unique<double[]>(found->count);
+        std::copy_n(all.begin(), found->count, some.get());
+        return owned<double, 1>(std::move(some), {found->count});
+    };
+    return nb::make_tuple(copied(found->rates), copied(found->weights), found->error);
+}
+
+// t^(-order)/Γ(1-order), 0 < order < 1.
+nb::ndarray<nb::numpy, double> kernel(const Doubles& times, double order) {
+    auto values = std::make_unique<double[]>(times.shape(0));
+    for (std::size_t i = 0; i < times.shape(0); ++i) {
+        values[i] = (1.0 - order) / (gamma_from_one_to_two(2.0 - order) * power(times.data()[i], order));
+    }
+    return owned<double, 1>(std::move(values), {times.shape(0)});
+}
+
 }  // namespace
 
 void bind_fractional(nb::module_& m) {
@@ -85,6 +106,20 @@ void bind_fractional(nb::module_& m) {
         .def_ro("count", &Modes::count)
         .def_ro("order", &Modes::order);
     m.attr("mode_capacity") = Modes::capacity;
+    m.attr("earliest") = KernelDesign::earliest;
+    m.attr("latest") = KernelDesign::latest;
+    m.attr("largest_ratio") = KernelDesign::largest_ratio;
+    m.attr("smallest_tolerance") = KernelDesign::smallest_tolerance;
+    m.attr("largest_tolerance") = KernelDesign::largest_tolerance;
+    m.def("design_kernel", &design_kernel, nb::arg("order"), nb::arg("shortest"), nb::arg("longest"),
+          nb::arg("tolerance"));
+    m.def(
+        "designed_modes",
+        [](double order, double step, double duration, double tolerance) {
+            return designed_modes(*std::make_unique<KernelDesign>(), order, step, duration, tolerance);
+        },
+        nb::arg("order"), nb::arg("step"), nb::arg("duration"), nb::arg("tolerance"));
+    m.def("kernel", &kernel, nb::arg("times"), nb::arg("order"));
     m.def("apply_operator", &apply_operator<double>, nb::arg("values"), nb::arg("rates"), nb::arg("modes"),
           nb::arg("step"));
     m.def("apply_operator_single", &apply_operator<float>, nb::arg("values"), nb::arg("rates"), nb::arg("modes"),

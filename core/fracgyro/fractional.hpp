@@ -35,7 +35,7 @@
 
 namespace fracgyro {
 
-// Σ weights·exp(-rates·t) ≈ t^(-order)/Γ(1-order) on [step, longest time]; designed in python/fracgyro/modes.py.
+// Σ weights·exp(-rates·t) ≈ t^(-order)/Γ(1-order) on [step, longest time]; designed by kernel_design.hpp.
 struct Modes {
     static constexpr std::size_t capacity = 64;
     std::size_t count = 0;  // 0 when order is 0 or 1

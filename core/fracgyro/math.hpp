@@ -341,15 +341,43 @@ T power(T base, T exponent) {
     return if_less(zero, base, result, if_less(zero, exponent, zero, T(Value(1))));
 }
 
-// e^x for x <= 0, within a few units in the last place; 0 for x below some -708 (double) or -86 (float), where the result
-// would leave the normal range.
+// e^x, within a few units in the last place; 0 for x below some -708 (double) or -86 (float), where the result would leave
+// the normal range, and the largest normal power of two for x above some 709 or 88.
 template <std::floating_point T>
 T exponential(T x) {
     constexpr T high = detail::Bits<T>::ln2_high, low = detail::Bits<T>::ln2_low;
     constexpr T smallest = static_cast<T>(-0.6931 * (detail::Bits<T>::bias - 2));
-    const T k = detail::round_to_nearest(maximum(x, smallest) * static_cast<T>(1.44269504088896340736));
-    const T part = ((maximum(x, smallest) - k * high) - k * low) * static_cast<T>(1.44269504088896340736);
+    constexpr T largest = static_cast<T>(0.6931 * detail::Bits<T>::bias);
+    const T within = minimum(maximum(x, smallest), largest);
+    const T k = detail::round_to_nearest(within * static_cast<T>(1.44269504088896340736));
+    const T part = ((within - k * high) - k * low) * static_cast<T>(1.44269504088896340736);
     return x < smallest ? T(0) : detail::exp2_split(k, part);
+}
+
+// ln x for a normal x > 0, within a few units in the last place, near x = 1 too.
+template <std::floating_point T>
+T logarithm(T x) {
+    T k{};
+    const T l = detail::log2_split(x, k);
+    return k * detail::Bits<T>::ln2_high + (k * detail::Bits<T>::ln2_low + l * static_cast<T>(0.69314718055994530942));
+}
+
+// ln(1 + x) for x > -1. The rounding of 1 + x is made good by a factor (Kahan).
+template <std::floating_point T>
+T logarithm_of_one_plus(T x) {
+    const T sum = T(1) + x;
+    return sum == T(1) ? x : logarithm(sum) * (x / (sum - T(1)));
+}
+
+// Γ(x) for 1 <= x <= 2, within a few units in the last place: Taylor series of 1/Γ about 3/2.
+inline double gamma_from_one_to_two(double x) {
+    static constexpr std::array<double, 20> terms{
+        1.1283791670955125739,      -0.04117452644528310145,    -0.52665443552554447926,    0.1751020260439345615,
+        0.050966860247706076775,    -0.042155169368535600993,   0.0066128978268241272766,   0.002120731442572938336,
+        -0.0011107302545948907171,  0.00015235762076747687217,  0.000025355204923814165278, -0.000013896805717913756022,
+        2.1562032905141724535e-6,   5.7942640540526725042e-8,   -8.9135511183111160541e-8,  1.7103469415915373749e-8,
+        -9.3136864452419015685e-10, -2.6804741033496625565e-10, 7.4589322333163260507e-11,  -8.0128070614147183709e-12};
+    return 1.0 / detail::horner(terms, x - 1.5);
 }
 
 template <Scalar T>

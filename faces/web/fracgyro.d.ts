@@ -23,8 +23,6 @@ export interface Scenario {
   readonly settings: Settings;
   /** Nondimensional = setting / scale, for those in SI units. */
   readonly scales: Partial<Record<keyof Settings, number>>;
-  /** Modes designed for this very scenario. For other orders there is a table, in steps of 0.01, for up to 80,000 steps. */
-  readonly modes: readonly Modes[];
 }
 
 export interface Field {
@@ -35,17 +33,6 @@ export interface Field {
   maximum?: number;
   exclusiveMinimum?: number;
   exclusiveMaximum?: number;
-}
-
-export interface Modes {
-  order: number;
-  gamma: number;
-  /** Largest relative error of the sum of exponentials. */
-  error: number;
-  step: number;
-  steps: number;
-  rates: number[];
-  weights: number[];
 }
 
 /** All of it nondimensional. */
@@ -87,6 +74,8 @@ export interface Settings {
   "run.duration": number;
   "run.step": number;
   "run.record_every": number;
+  /** Of the exponential modes, which the module designs. */
+  "run.mode_tolerance": number;
   "controller.order": number;
   "controller.kind": "fractional_fast_terminal" | "fractional" | "fast_terminal" | "linear";
   "controller.adaptive": boolean;

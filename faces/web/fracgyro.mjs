@@ -26,11 +26,9 @@ const LARGEST_RECORD = 2e9; // bytes
 
 class Fracgyro {
   #module;
-  #modes;
 
   constructor(module, data) {
     this.#module = module;
-    this.#modes = data.modes;
     this.version = data.version;
     this.fields = data.fields;
     this.paper = data.paper;
@@ -114,17 +112,8 @@ class Fracgyro {
     if (!(settings["run.duration"] >= settings["run.step"] && steps <= 1e9)) {
       throw new RangeError(`run.duration is ${settings["run.duration"]}: it must be 1 to 1000000000 times run.step`);
     }
-    const modes = this.#modesFor(settings, steps, scenario.modes);
-    const known = [modes.rates, modes.weights].every((all) => all.length <= core.mode_capacity() && all.every(Number.isFinite));
-    if (!known || modes.rates.length !== modes.weights.length) {
-      throw new RangeError(`the scenario's modes must be at most ${core.mode_capacity()} finite rates, and as many weights`);
-    }
-    const numbers = {
-      "run.steps": steps,
-      "controller.order_gamma": modes.gamma,
-      "controller.mode_count": modes.rates.length,
-      "controller.mode_error": modes.error,
-    };
+    // The module finds the last three itself.
+    const numbers = { "run.steps": steps, "controller.order_gamma": 1, "controller.mode_count": 0, "controller.mode_error": 0 };
     const values = core.names.map((name) => {
       const choices = this.fields[name]?.choices;
       if (choices) {
@@ -133,9 +122,12 @@ class Fracgyro {
       return (numbers[name] ?? Number(settings[name] ?? Infinity)) / (scenario.scales[name] ?? 1);
     });
     core.doubles(core.setting_values(), values.length).set(values);
-    core.doubles(core.mode_rates(), modes.rates.length).set(modes.rates);
-    core.doubles(core.mode_weights(), modes.weights.length).set(modes.weights);
-    core.setup_done(this.fields["controller.kind"].choices.indexOf(settings["controller.kind"]));
+    const kind = settings["controller.kind"];
+    const place = this.fields["controller.kind"].choices.indexOf(kind);
+    const withMemory = kind.startsWith("fractional");
+    if (!core.setup_done(place, withMemory, settings["run.duration"], settings["run.mode_tolerance"])) {
+      throw new RangeError(`run.step is ${settings["run.step"]}: it must lie between 1e-200 and 1e200`);
+    }
     return { core, settings, steps };
   }
 
@@ -155,27 +147,6 @@ class Fracgyro {
       }
     }
     return settings;
-  }
-
-  // Modes for the order and at least as many steps; rates scale with 1/step and weights with step^-order.
-  #modesFor(settings, steps, own) {
-    const order = settings["controller.order"];
-    if (order === 0 || order === 1 || !settings["controller.kind"].startsWith("fractional")) {
-      return { gamma: 1, error: 0, rates: [], weights: [] };
-    }
-    const sameOrder = [...own, ...this.#modes].filter((modes) => Math.abs(modes.order - order) < 1e-9);
-    if (!sameOrder.length) {
-      throw new RangeError(`controller.order is ${order}: it must be a whole number of hundredths, or the scenario's own`);
-    }
-    const found = sameOrder.find((modes) => modes.steps >= steps);
-    if (!found) {
-      const most = Math.max(...sameOrder.map((modes) => modes.steps));
-      throw new RangeError(`run.duration is ${settings["run.duration"]}: it must be at most ${most} times run.step`);
-    }
-    const finer = found.step / settings["run.step"];
-    const rates = found.rates.map((rate) => rate * finer);
-    const weights = found.weights.map((weight) => weight * finer ** order);
-    return { gamma: found.gamma, error: found.error, rates, weights };
   }
 }
 

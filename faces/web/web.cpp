@@ -1,5 +1,6 @@
 // What fracgyro.mjs calls: the simulator, and the controller alone. One instance of the module holds one of them, in these
 // globals, and JavaScript owns the memory behind them: nothing is allocated here and nothing is imported.
+#include "fracgyro/kernel_design.hpp"
 #include "fracgyro/settings.hpp"
 #include "fracgyro/record.hpp"
 
@@ -11,6 +12,7 @@ namespace {
 
 Setup setup;
 std::array<double, setting_names.size()> values;  // in the order of setting_names
+KernelDesign kernel_design;                       // room to design the modes in
 bool single_precision = false;                    // of the controller alone
 std::array<double, row_width> row;                // what it found in its last step
 std::array<double, 12> estimates;
@@ -78,12 +80,17 @@ EXPORT int channel_width(std::size_t i) { return channels[i].width; }
 
 // To be filled in before `setup_done`.
 EXPORT double* setting_values() { return values.data(); }
-EXPORT double* mode_rates() { return setup.controller.surface.modes.rates.data(); }
-EXPORT double* mode_weights() { return setup.controller.surface.modes.weights.data(); }
-EXPORT std::size_t mode_capacity() { return Modes::capacity; }
-EXPORT void setup_done(std::size_t kind) {
+// Designs the modes of a controller with memory. Returns whether there are such.
+EXPORT bool setup_done(std::size_t kind, bool with_memory, double duration, double tolerance) {
     setup.kind = controller_kinds[kind];
     take_settings(setup, values.data());
+    Modes& modes = setup.controller.surface.modes;
+    if (!with_memory) {
+        modes = {};
+        return true;
+    }
+    modes = designed_modes(kernel_design, modes.order, setup.controller.step, duration, tolerance);
+    return modes.count > 0 || modes.order == 0.0 || modes.order == 1.0;
 }
 
 // A run into `rows`, with room for steps / every + 1 of them. Returns the number of samples before divergence.

@@ -61,8 +61,7 @@ def riemann_liouville(
     if order in (0.0, 1.0):
         return derivative
     time = np.arange(len(derivative)) * step
-    with np.errstate(divide="ignore"):
-        singular = time ** (-order) / math.gamma(1.0 - order)
+    singular = np.asarray(_core.kernel(time, order))
     start = np.asarray(values)[:1].astype(derivative.dtype)
     singular = singular.astype(derivative.dtype).reshape((-1,) + (1,) * (derivative.ndim - 1))
     with np.errstate(invalid="ignore"):

@@ -5,28 +5,29 @@ from __future__ import annotations
 import math
 from functools import lru_cache
 
-import numpy as np
-
 from . import _core, modes
 from .device import Device, Points
 from .scenario import Scenario
 
-# A design takes milliseconds, and studies ask for few different ones.
-_design = lru_cache(maxsize=1024)(modes.design)
-
 SHORTEST_RANGE = 10.0  # the modes cover at least this many steps, however short the run
 
 
+@lru_cache(maxsize=1024)  # a design takes milliseconds, and studies ask for few different ones
 def core_modes(order: float, step: float, duration: float, tolerance: float) -> _core.Modes:
     """Modes of I^(1-order) for samples `step` apart over `duration`; none for order 0 and 1, which need none.
 
-    Raises ValueError when order, step, duration or tolerance are outside what `modes.design` allows.
+    Raises ValueError when order, step, duration or tolerance are outside what `modes.design` allows, or the core has no
+    room for as many modes as they take.
     """
-    gamma = math.gamma(2.0 - order)
-    if order in (0.0, 1.0):
-        return _core.Modes(order, gamma, np.empty(0), np.empty(0))
-    designed = _design(order, step, max(duration, SHORTEST_RANGE * step), tolerance)
-    return _core.Modes(order, gamma, designed.rates, designed.weights, designed.error)
+    if order not in (0.0, 1.0):
+        modes.check(order, step, max(duration, SHORTEST_RANGE * step), tolerance)
+    found = _core.designed_modes(order, step, duration, tolerance)
+    if order not in (0.0, 1.0) and not found.count:
+        raise ValueError(
+            f"tolerance is {tolerance}: it must be larger for order {order} and {duration / step:.3g} steps, which "
+            f"would take more than {_core.mode_capacity} modes"
+        )
+    return found
 
 
 def composite(scenario: Scenario) -> bool:
@@ -156,7 +157,7 @@ def device_params(scenario: Scenario) -> _core.DeviceParams:
     params.velocity = _quantiser(d.velocity_range / scales.velocity, d.velocity_bits)
     params.actuator = _quantiser(d.actuator_limit / scales.force, d.actuator_bits)
     params.delay = d.delay
-    cubic = scales.length**2 / scales.stiffness
+    cubic = scales.length * scales.length / scales.stiffness
     params.cubic_stiffness = (d.cubic_stiffness[0] * cubic, d.cubic_stiffness[1] * cubic)
     params.stiffness_drift = 1e-6 * d.stiffness_drift
     params.temperature = _profile(scenario, d.temperature(scenario.run.duration * scales.time), 1.0)

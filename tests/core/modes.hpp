@@ -1,4 +1,4 @@
-// Exponential modes without the design in python/fracgyro/modes.py: the trapezoidal rule, with s = exp(x), for
+// Exponential modes without the design in kernel_design.hpp: the trapezoidal rule, with s = exp(x), for
 //
 //     t^(-α)/Γ(1-α) = 1/(Γ(α) Γ(1-α)) ∫ s^(α-1) exp(-s t) ds = 1/(Γ(α) Γ(1-α)) ∫ exp(α x) exp(-t exp(x)) dx.
 //

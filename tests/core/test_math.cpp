@@ -80,6 +80,58 @@ TYPED_TEST(Accuracy, ExponentialOfANegativeNumberIsWithin4UnitsInTheLastPlace) {
     EXPECT_EQ(exponential(-std::numeric_limits<T>::max()), T(0));
 }
 
+TYPED_TEST(Accuracy, ExponentialOfAPositiveNumberIsWithin4UnitsToo) {
+    using T = TypeParam;
+    const double highest = 0.693 * (std::numeric_limits<T>::max_exponent - 1);
+    long double worst = 0.0L;
+    for (int i = 0; i <= 100'000; ++i) {
+        const auto x = static_cast<T>(highest * i / 100'000);
+        const long double wanted = std::exp(static_cast<long double>(x));
+        worst = std::max(worst, std::abs(static_cast<long double>(exponential(x)) - wanted) / spacing<T>(wanted));
+    }
+    EXPECT_LE(worst, 4.0L);
+    EXPECT_LT(exponential(std::numeric_limits<T>::max()), std::numeric_limits<T>::infinity());
+}
+
+TYPED_TEST(Accuracy, LogarithmIsWithin4UnitsInTheLastPlaceNearOneToo) {
+    using T = TypeParam;
+    using Limits = std::numeric_limits<T>;
+    long double worst = 0.0L, worst_of_one_plus = 0.0L;
+    const auto error = [](T found, long double wanted) {
+        return std::abs(static_cast<long double>(found) - wanted) / spacing<T>(wanted);
+    };
+    for (int i = 1; i <= 100'000; ++i) {
+        const auto near_one = static_cast<T>(1.0 + (i - 50'000) * 1e-5 * (i % 3 == 0 ? 1e-3 : 0.9));
+        const T anywhere = std::ldexp(near_one, i % (Limits::max_exponent - 2) * (i % 2 == 0 ? 1 : -1));
+        for (const T x : {near_one, anywhere}) {
+            if (x >= Limits::min() && x != T(1)) {
+                worst = std::max(worst, error(logarithm(x), std::log(static_cast<long double>(x))));
+            }
+        }
+        const T small = std::ldexp(near_one, -(i % 60));
+        for (const T x : {small, -small, T(1e8) * near_one}) {
+            if (x > T(-1)) {
+                worst_of_one_plus = std::max(worst_of_one_plus,
+                                             error(logarithm_of_one_plus(x), std::log1p(static_cast<long double>(x))));
+            }
+        }
+    }
+    EXPECT_LE(worst, 4.0L);
+    EXPECT_LE(worst_of_one_plus, 5.0L);
+    EXPECT_EQ(logarithm(T(1)), T(0));
+    EXPECT_EQ(logarithm_of_one_plus(T(0)), T(0));
+}
+
+TEST(Gamma, IsWithin4UnitsInTheLastPlaceFromOneToTwo) {
+    long double worst = 0.0L;
+    for (int i = 0; i <= 100'000; ++i) {
+        const double x = 1.0 + i * 1e-5;
+        const long double wanted = std::tgamma(static_cast<long double>(x));
+        worst = std::max(worst, std::abs(static_cast<long double>(gamma_from_one_to_two(x)) - wanted) / 0x1p-53L);
+    }
+    EXPECT_LE(worst, 4.0L);
+}
+
 template <class T>
 class Math : public ::testing::Test {};
 TYPED_TEST_SUITE(Math, Scalars, ScalarNames);

@@ -43,7 +43,7 @@ def export() -> None:
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="The scenario as JSON.")
 @_unbounded
 def web_command(scenario: Path, out: Path, unbounded: bool) -> None:
-    """Write SCENARIO for the WebAssembly module that `make web` builds, modes included."""
+    """Write SCENARIO for the WebAssembly module that `make web` builds."""
     from .web import export as write
 
     write(Scenario.load(scenario), out, unbounded=unbounded)

@@ -10,11 +10,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from .. import _core
 from ..scenario import Scenario
-from ..setup import disturbance_params
+from ..setup import disturbance_params, plant_params
 from .compilers import Number, compiler, run
 
 SCALARS: dict[Number, Any] = {"float": ctypes.c_float, "double": ctypes.c_double}
@@ -81,16 +80,7 @@ def _aligned(room: ctypes.Array[ctypes.c_uint64]) -> ctypes.c_void_p:
 
 def plant_of(scenario: Scenario) -> list[list[float]]:
     """Rows x, y and their rates at the next sample; columns the same at this one, and force x, y. Eq. (9), exact."""
-    damping, stiffness, rate, more_damping, more_stiffness = scenario.plant.nondimensional()
-
-    def matrix(entries: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.array([[entries[0], entries[1]], [entries[1], entries[2]]])
-
-    flow = np.zeros((6, 6))
-    flow[:2, 2:4] = flow[2:4, 4:] = np.eye(2)
-    flow[2:4, :2] = -matrix(stiffness + more_stiffness)
-    flow[2:4, 2:4] = -matrix(damping + more_damping) - 2 * np.array([[0.0, -rate], [rate, 0.0]])
-    return [list(map(float, row)) for row in expm(scenario.run.step * flow)[:4]]
+    return [list(map(float, row)) for row in _core.plant_map(plant_params(scenario), scenario.run.step)]
 
 
 def closed_loop(scenario: Scenario, host: Host) -> Iterator[tuple[float, float, float, float]]:

@@ -49,6 +49,7 @@ def base_unit(unit: str, plant: Plant) -> dict[str, float] | None:
     scales = {"m": plant.mass, "q0": plant.reference_length, "omega0": plant.reference_frequency}
     factor = 1.0
     for name, power in powers.items():
-        factor *= scales[name] ** power
+        for _ in range(abs(power)):
+            factor = factor * scales[name] if power > 0 else factor / scales[name]
     exponents = {"kg": powers["m"], "m": powers["q0"], "s": -powers["omega0"]}
     return {**{name: power for name, power in exponents.items() if power}, "factor": factor}

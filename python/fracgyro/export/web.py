@@ -1,9 +1,8 @@
-"""Scenarios for the WebAssembly module (faces/web), as JSON with the exponential modes, which a browser cannot design.
+"""Scenarios for the WebAssembly module (faces/web), as JSON.
 
-Two kinds of file, both read by faces/web/fracgyro.mjs and typed in fracgyro.d.ts. `export` writes one scenario with its
-own modes, so that a run equals `fracgyro.simulate` to the bit. `write_module_data` writes what goes with the module:
-the paper's two scenarios, what each setting means and may be, and modes for a grid of orders, so that the order can be
-changed in the browser. `build` makes the module: `python -m fracgyro.export.web DIR`.
+Two kinds of file, both read by faces/web/fracgyro.mjs and typed in fracgyro.d.ts. `export` writes one scenario,
+whose run equals `fracgyro.simulate` to the bit. `write_module_data` writes what goes with the module: the paper's two
+scenarios, and what each setting means and may be. `build` makes the module: `python -m fracgyro.export.web DIR`.
 """
 
 from __future__ import annotations
@@ -24,12 +23,12 @@ from ..files import whole_file
 from ..scenario import Scenario
 from ..table import MOST_STEPS
 from .compilers import FLAGS, SOURCES, include, zig
-from .settings import CHOICES, core_modes, core_numbers, describe, limits, settings
+from .settings import CHOICES, core_numbers, describe, limits, settings
 
-ORDERS = [hundredths / 100 for hundredths in range(1, 100)]
 TARGET = ["-target", "wasm32-wasi"]
 WHOLE_STEPS = {"minimum": 1, "maximum": MOST_STEPS}
-UNSCALED = ["run.duration", "run.step", "run.record_every", "controller.order"]  # said by a scenario as they are
+# Said by a scenario as they are.
+UNSCALED = ["run.duration", "run.step", "run.record_every", "run.mode_tolerance", "controller.order"]
 
 
 def export(scenario: Scenario, path: str | os.PathLike[str], *, unbounded: bool = False) -> None:
@@ -53,12 +52,10 @@ def write_module_data(path: str | os.PathLike[str]) -> None:
     described |= {name: {"description": describe(name), "choices": choices} for name, choices in _choices().items()}
     described |= {"controller.adaptive": {"description": describe("controller.adaptive")}}
     described |= {"disturbance.hold_steps": {"description": "Steps from one noise draw to the next."} | WHOLE_STEPS}
-    by_order = (corrected.replace({"controller.order": order}) for order in ORDERS)
     module = {
         "version": version("fracgyro"),
         "fields": described,
         "paper": {"corrected": _document(corrected), "printed": _document(Scenario.paper("printed"))},
-        "modes": [modes for scenario in by_order for modes in _modes(scenario)],
     }
     _write(module, path)
 
@@ -90,18 +87,7 @@ def _document(scenario: Scenario) -> dict[str, Any]:
     # JSON has no infinity: null is none.
     said |= {setting.name: setting.value if math.isfinite(setting.value) else None for setting in settings(scenario)}
     scales = {setting.name: setting.scale for setting in settings(scenario) if setting.scale != 1.0}
-    return {"settings": said, "scales": scales, "modes": _modes(scenario)}
-
-
-def _modes(scenario: Scenario) -> list[dict[str, Any]]:
-    """The modes of the scenario, if it has any."""
-    rates, weights = core_modes(scenario)
-    numbers, run = core_numbers(scenario), scenario.run
-    if not rates:
-        return []
-    names = {"order": "order", "gamma": "order_gamma", "error": "mode_error"}
-    found = {key: numbers[f"controller.{name}"] for key, name in names.items()}
-    return [{**found, "step": run.step, "steps": run.steps, "rates": rates, "weights": weights}]
+    return {"settings": said, "scales": scales}
 
 
 def _choices() -> dict[str, list[str]]:

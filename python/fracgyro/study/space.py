@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
+from .. import _core
 from ..scenario import Scenario, ScenarioError, explained, paths, unknown
 from ..table import Table, shown
 from ..toml import read_tables, read_text
@@ -39,7 +40,7 @@ class Dimension:
         if self.choices is not None:
             return self.choices[int(u * len(self.choices))]
         low, high = self.low, self.high + (1 if self.integer else 0)
-        value = low * (high / low) ** u if self.scale == "log" else low + (high - low) * u
+        value = low * _core.power(high / low, u) if self.scale == "log" else low + (high - low) * u
         value = min(math.floor(value) if self.integer else value, self.high)
         return int(value) if self.integer else max(value, self.low)
 
@@ -47,9 +48,10 @@ class Dimension:
         """The choices, or `steps` values from low to high; None without either."""
         if self.choices is not None or self.steps is None:
             return self.choices
-        spaced = np.geomspace if self.scale == "log" else np.linspace
+        low, high, parts = self.low, self.high, np.linspace(0.0, 1.0, self.steps).tolist()
+        spaced = [low * _core.power(high / low, u) if self.scale == "log" else low + (high - low) * u for u in parts]
         # To 12 digits: 0.3 is then 0.3, and can be asked for.
-        values = [float(f"{v:.12g}") for v in spaced(self.low, self.high, self.steps)]
+        values = [float(f"{v:.12g}") for v in spaced]
         if self.integer:
             return tuple(dict.fromkeys(round(v) for v in values))
         return tuple(min(max(v, self.low), self.high) for v in values)
