@@ -22,8 +22,6 @@ from machine import command, machine, on_one_core, write
 from peers import operators
 
 STEP, SAMPLES, ORDER = 1e-3, 80_000, 0.9
-MINIMAX = {0.1: (8, 17, 26), 0.5: (11, 20, 29), 0.9: (12, 22, 31)}  # counts of minimax designs on [1e-3, 100]
-TOLERANCES = (1e-3, 1e-6, 1e-9)
 CHECKED = 400  # samples compared with the exact derivative
 LATE = 0.1  # the start apart: methods of first order are worst there
 
@@ -151,22 +149,6 @@ def main() -> None:
         "Grünwald and Letnikov, of value minus first value. differint's GL does not pad its FFT, so that the record's",
         "end leaks into its beginning.",
     ]
-    lines += [
-        "",
-        "Design of the modes on [1e-3, 100]: how many, beside minimax sets computed separately; certified error.",
-        "",
-        "| α | tolerance | modes | minimax | certified error | time |",
-        "|---|---|---|---|---|---|",
-    ]
-    for order, least in MINIMAX.items():
-        for tolerance, count in zip(TOLERANCES, least, strict=True):
-            fg.fractional.design.cache_clear()
-            start = time.perf_counter()
-            modes = fg.fractional.design(order, 1e-3, 100.0, tolerance)
-            took = time.perf_counter() - start
-            lines.append(
-                f"| {order:g} | {tolerance:.0e} | {modes.count} | {count} | {modes.error:.2e} | {took * 1e3:.0f} ms |"
-            )
     write("operator_accuracy", lines, keep=not options.quick)
 
 

@@ -1,7 +1,17 @@
 #include "bindings.hpp"
 
+// What compiled this.
+#if defined(__clang__)
+static constexpr const char* compiler = "clang " __clang_version__;
+#elif defined(__GNUC__)
+static constexpr const char* compiler = "gcc " __VERSION__;
+#else
+static constexpr const char* compiler = "unknown";
+#endif
+
 NB_MODULE(_core, m) {
     m.doc() = "The compiled part of fracgyro: core/ and sim/. Use it through the Python package.";
+    m.attr("compiler") = compiler;
     fracgyro::bindings::bind_fractional(m);
     fracgyro::bindings::bind_disturbance(m);
     fracgyro::bindings::bind_controller(m);

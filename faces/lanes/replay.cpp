@@ -1,6 +1,5 @@
 // Answers every motion in the file "motion" (x, y and their rates) with a row in the file "answer": the force, and the estimates
-// that it was computed with. The controller is that of studies, in the lanes of the widest register of this processor, but
-// compiled without contraction: then a lane computes the bits of a single run.
+// that it was computed with. The controller is that of studies, in the lanes of the widest register of this processor.
 //
 //     replay KIND float|double      also read: "numbers", in the order of settings.hpp, "rates" and "weights" of the modes
 //

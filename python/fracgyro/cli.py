@@ -196,6 +196,28 @@ def scenario_command(name: str | None, variant: str, listed: bool) -> None:
         click.echo(Scenario.paper("printed" if variant == "printed" else "corrected").to_toml(), nl=False)
 
 
+@cli.command()
+@click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON.")
+def selfcheck(as_json: bool) -> None:
+    """Compute the published parity hashes anew: what to add to a report of a problem. Ends with 1 when they differ."""
+    from .selfcheck import selfcheck as check
+
+    found = check()
+    if as_json:
+        click.echo(json.dumps({**asdict(found), "sound": found.sound}))
+    else:
+        click.echo(
+            f"fracgyro {found.version}, Python {found.python}, NumPy {found.numpy}, compiled by {found.compiler}"
+        )
+        click.echo(f"processor: {found.processor}; lanes of {found.lanes}")
+        for number, hashed in found.hashes.items():
+            expected = found.published[number]
+            verdict = "as published" if hashed == expected else f"NOT the published {expected}"
+            click.echo(f"parity hash, {number}: {hashed}, {verdict}")
+    if not found.sound:
+        raise click.exceptions.Exit(1)
+
+
 cli.add_command(export)
 cli.add_command(replay)
 

@@ -16,7 +16,7 @@ template <std::size_t Bytes>
 bool processor_has_registers() {
 #ifdef FRACGYRO_LANES_X86
     if constexpr (Bytes == 32) {
-        return __builtin_cpu_supports("avx2") != 0 && __builtin_cpu_supports("fma") != 0;
+        return __builtin_cpu_supports("avx2") != 0;
     }
     if constexpr (Bytes == 64) {
         return __builtin_cpu_supports("avx512f") != 0 && __builtin_cpu_supports("avx512dq") != 0 &&

@@ -61,7 +61,7 @@ def _python(scenario: Scenario, number: Number, motion: NDArray[np.floating], _:
 
 
 def _lanes(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
-    """Without contraction, in the widest registers that this processor has."""
+    """In the widest registers that this processor has."""
     source, headers = SOURCES / "faces/lanes/replay.cpp", include(SOURCES / "core", SOURCES / "sim")
     system_compiler(*FLAGS, "-O2", "-march=native", *headers, source, "-o", folder / "replay")
     np.array(list(core_numbers(without_plant(scenario)).values())).tofile(folder / "numbers")

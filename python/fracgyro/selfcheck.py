@@ -1,0 +1,88 @@
+"""Whether this installation computes the bits that it should: the published parity hashes, found anew.
+
+The paper's corrected scenario, its noise included, over 100 units of time. Run in double, its answers (forces and
+estimates) are hashed; then the controller in single precision answers the same motion. The modes' design, the noise,
+the plant and the controller all enter, so one bit of difference anywhere shows. benchmarks/parity.py has every other
+target answer too.
+"""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _core
+from .export.compilers import Number
+from .export.replay import parity_hash
+from .export.targets import MOTION, VARIABLES, answers
+from .scenario import Scenario
+from .simulate import simulate
+
+SCENARIO = Scenario.paper().replace({"run.duration": 100.0})
+PUBLISHED: Mapping[Number, str] = {
+    "double": "021d40cdc51cbafe58e2db6220680ec03aecc9ad889723f4bfc2d1d61703e8d1",
+    "float": "fd945001713bba924ddf575e7291b506bf8d43e30ea0b81ed12502b0675e0082",
+}
+
+
+@dataclass(frozen=True)
+class SelfCheck:
+    """`hashes` are what this installation found."""
+
+    version: str
+    python: str
+    numpy: str
+    compiler: str
+    processor: str
+    lanes: str
+    hashes: Mapping[Number, str]
+    published: Mapping[Number, str] = field(default_factory=lambda: PUBLISHED)
+
+    @property
+    def sound(self) -> bool:
+        return self.hashes == self.published
+
+
+def selfcheck() -> SelfCheck:
+    """Takes a few seconds."""
+    motion, found = parity_run()
+    hashes: dict[Number, str] = {
+        "double": parity_hash(found),
+        "float": parity_hash(answers("python", SCENARIO, "float", motion)),
+    }
+    return SelfCheck(
+        version=version("fracgyro"),
+        python=platform.python_version(),
+        numpy=np.__version__,
+        compiler=_core.compiler,
+        processor=processor(),
+        lanes=", ".join(f"{8 * count} bytes" for count in _core.lane_counts()),
+        hashes=hashes,
+    )
+
+
+def parity_run() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The run of SCENARIO: its motion and its answers, one row for each step."""
+    run = simulate(SCENARIO)
+    steps = run.sizes["time"]
+
+    def columns(names: list[str]) -> NDArray[np.float64]:
+        return np.hstack([run[name].values.reshape(steps, -1) for name in names])
+
+    return columns(MOTION), columns(VARIABLES)
+
+
+def processor() -> str:
+    """Its name, as the system has it."""
+    info = Path("/proc/cpuinfo")
+    if info.is_file():
+        for line in info.read_text(encoding="utf-8", errors="replace").splitlines():
+            if line.startswith("model name"):
+                return f"{line.partition(':')[2].strip()}, {platform.machine()}"
+    return platform.processor() or platform.machine()
