@@ -72,6 +72,8 @@ bench: .venv/installed-bench .venv/installed-export
 	$(BIN)/python benchmarks/rate_response.py
 	$(BIN)/python benchmarks/rate_sensor.py
 	$(BIN)/python benchmarks/resonance_gains.py
+	$(BIN)/python benchmarks/boundedness.py
+	$(BIN)/python benchmarks/soak.py
 	$(BIN)/python benchmarks/web.py
 	$(BIN)/python benchmarks/parity.py
 	$(BIN)/python benchmarks/firmware.py

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import struct
+import sys
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -321,6 +322,18 @@ def test_a_variable_is_read_and_set_by_the_functions_of_its_type(made: Callable[
     assert fmu.fmu.getInteger([seed]) == [0]
     assert fmu.complaint(lambda: fmu.fmu.getReal([seed])) == "disturbance.seed is an integer"
     assert fmu.complaint(lambda: fmu.fmu.setInteger([exponent], [1])) == "controller.terminal_exponent is no integer"
+
+
+def test_a_motion_that_its_bounds_ended_is_told_so_to_the_logger(made: Callable[..., str], tmp_path: Path) -> None:
+    fmu = Instance(made(SHORT), tmp_path)
+    for i, gain in enumerate((100.0, 160.0, 160.0)):
+        fmu.set(f"adaptation.bound_gain[{i}]", gain)
+    fmu.set("controller.switching_limit", sys.float_info.max)
+    fmu.start()
+    told = fmu.complaint(lambda: fmu.step(0.0, 400.0))
+    assert "the bound estimates had grown to [" in told
+    assert told.endswith("controller.switching_limit = 0.5 bounds them")
+    assert float(told.partition("rho h/delta was ")[2].partition(",")[0]) > 1.5
 
 
 def test_a_binary_refuses_the_description_of_another(made: Callable[..., str], tmp_path: Path) -> None:

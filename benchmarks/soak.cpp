@@ -1,0 +1,153 @@
+// The closed loop of soak.py: up to eight runs side by side in the lanes of a register, without contraction, so that each has
+// the bits of its single run. Standard input: number of runs and of steps; then of each run its kind, whether it is composite,
+// its settings (settings.hpp), and its modes. Standard output: one line for each run at each mark.
+#include "fracgyro/batch.hpp"
+#include "fracgyro/settings.hpp"
+
+#include <cmath>
+#include <iostream>
+#include <string>
+
+namespace fracgyro {
+namespace {
+
+constexpr std::size_t lanes = 8;
+constexpr std::int64_t window = 1'000'000;  // steps before a mark over which is averaged
+constexpr std::int64_t stretch = 500;
+
+struct Run {
+    std::string kind;
+    Setup setup;
+};
+
+struct Sums {
+    double error_x = 0.0, error_y = 0.0, rate = 0.0, rate_squared = 0.0, gain = 0.0;
+};
+
+template <class Controller>
+void soak(const std::vector<Run>& runs, std::int64_t steps) {
+    using T = typename Controller::Value;
+    using Number = typename T::Number;
+    typename Controller::Coefficients controller{};
+    typename Plant<T>::Coefficients plant{};
+    typename Controller::State state{};
+    Motion<T> motion{};
+    std::size_t modes = 0;
+    for (const Run& run : runs) {
+        modes = std::max(modes, run.setup.controller.surface.modes.count);
+    }
+    std::vector<Disturbance> disturbances;
+    T slope{};  // h/δ
+    for (std::size_t k = 0; k < lanes; ++k) {
+        const Setup& setup = runs[std::min(k, runs.size() - 1)].setup;
+        ControllerParams params = setup.controller;
+        for (Modes& own = params.surface.modes; own.count < modes; ++own.count) {
+            own.rates[own.count] = own.rates[own.count - 1];
+            own.weights[own.count] = 0.0;
+        }
+        const auto coefficients = Controller::prepare(params);
+        if (k == 0) {
+            controller = coefficients;
+        }
+        detail::take_lane<T>(controller, coefficients, k);
+        detail::take_lane<T>(plant, Plant<T>::prepare(setup.plant, params.step), k);
+        detail::take_lane<T>(motion, Plant<T>::start(setup.plant), k);
+        slope.lane[k] = static_cast<Number>(params.step / params.control.layer_thickness);
+        disturbances.emplace_back(setup.disturbance, params.step);
+    }
+    std::array<Sums, lanes> sums{};
+    std::array<bool, lanes> alive{};
+    alive.fill(true);
+    std::array<std::array<Vec2<double>, stretch>, lanes> coming{};
+    for (std::int64_t n = 0; n < steps;) {
+        for (std::size_t k = 0; k < lanes; ++k) {
+            disturbances[k].fill(n, coming[k]);
+        }
+        std::int64_t mark = 10 * window;
+        while (mark <= n) {
+            mark = mark < steps / 2 ? std::min(mark * 10, steps / 2) : steps;
+        }
+        mark = n < window ? window : mark;
+        const bool counting = n >= mark - window;
+        T x{}, y{}, rate{}, squared{}, gain{};
+        Signals<T> signals;
+        for (std::int64_t i = 0; i < stretch; ++i, ++n) {
+            signals = Controller::step(state, controller, motion);
+            if (counting) {
+                const Vec2<T> e = signals.error.value;
+                x = x + e.x * e.x;
+                y = y + e.y * e.y;
+                rate = rate + signals.estimates.rate;
+                squared = squared + signals.estimates.rate * signals.estimates.rate;
+                const auto& b = signals.estimates.bound;
+                const T rho = b[0] + b[1] * norm(motion.position) + b[2] * norm(motion.velocity);
+                gain = maximum(gain, rho * slope);
+            }
+            Vec2<T> d;
+            for (std::size_t k = 0; k < lanes; ++k) {
+                d.x.lane[k] = static_cast<Number>(coming[k][static_cast<std::size_t>(i)].x);
+                d.y.lane[k] = static_cast<Number>(coming[k][static_cast<std::size_t>(i)].y);
+            }
+            Plant<T>::step(motion, plant, signals.force, d);
+        }
+        for (std::size_t k = 0; k < runs.size(); ++k) {
+            const Setup& setup = runs[k].setup;
+            const double size = std::abs(double{motion.position.x.lane[k]}) + std::abs(double{motion.position.y.lane[k]});
+            if (alive[k] && !(size < divergence_limit)) {
+                alive[k] = false;
+                std::cout << k << ' ' << n << " diverged\n";
+            }
+            if (!counting || !alive[k]) {
+                continue;
+            }
+            Sums& s = sums[k];
+            s.error_x += x.lane[k];
+            s.error_y += y.lane[k];
+            s.rate += rate.lane[k];
+            s.rate_squared += squared.lane[k];
+            s.gain = std::max(s.gain, std::min(double{gain.lane[k]}, setup.controller.control.switching_limit));
+            if (n == mark) {
+                const double count = static_cast<double>(window), mean = s.rate / count;
+                const auto& b = signals.estimates.bound;
+                std::cout << k << ' ' << n << ' ' << std::sqrt(s.error_x / count) << ' ' << std::sqrt(s.error_y / count)
+                          << ' ' << mean - setup.plant.rate << ' '
+                          << std::sqrt(std::max(0.0, s.rate_squared / count - mean * mean)) << ' ' << b[0].lane[k] << ' '
+                          << b[1].lane[k] << ' ' << b[2].lane[k] << ' ' << s.gain << std::endl;
+                s = {};
+            }
+        }
+    }
+}
+
+template <class Number>
+int run() {
+    std::size_t count = 0;
+    std::int64_t steps = 0;
+    std::cin >> count >> steps;
+    std::vector<Run> runs(count);
+    for (Run& run : runs) {
+        std::array<double, setting_names.size()> values{};
+        std::cin >> run.kind;
+        for (double& value : values) {
+            std::cin >> value;
+        }
+        take_settings(run.setup, values.data());
+        Modes& modes = run.setup.controller.surface.modes;
+        for (std::size_t i = 0; i < modes.count; ++i) {
+            std::cin >> modes.rates[i] >> modes.weights[i];
+        }
+    }
+    if (!std::cin || runs.empty() || runs.size() > lanes) {
+        return 1;
+    }
+    std::cout.precision(6);
+    return with_controller<Lanes<Number, lanes>>(runs[0].kind, runs[0].setup.controller.adaptation.composite,
+                                                 [&]<class Controller>() { soak<Controller>(runs, steps); })
+               ? 0
+               : 1;
+}
+
+}  // namespace
+}  // namespace fracgyro
+
+int main() { return fracgyro::run<NUMBER>(); }
