@@ -105,7 +105,8 @@ fuzz-firmware: .venv/installed-test
 SANITIZE := -fsanitize=address,undefined,float-cast-overflow -fno-sanitize-recover=all
 SANITIZED := build/sanitized
 SANITIZED_SECONDS := 20
-UNDER_SANITIZERS = ASAN_OPTIONS=detect_leaks=0 LD_PRELOAD="$$($(CXX) -print-file-name=libasan.so)" \
+UNDER_SANITIZERS = ASAN_OPTIONS=detect_leaks=0 \
+  LD_PRELOAD="$$($(CXX) -print-file-name=libasan.so) $$($(CXX) -print-file-name=libstdc++.so)" \
   PYTHONPATH=$(SANITIZED)/python:$$($(BIN)/python -c "import sysconfig; print(sysconfig.get_path('purelib'))")
 check-sanitized: .venv/installed-test $(SANITIZED)/built build/tests-threads/built
 	$(BIN)/ctest --test-dir build/tests-threads --tests-regex batch --output-on-failure
