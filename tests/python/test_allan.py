@@ -80,6 +80,10 @@ def test_the_line_is_the_longest_and_its_height_is_read_at_one_second() -> None:
     line = allan._along(TAU, deviation, np.full(12, 1e6), -0.5)
     assert line is not None
     assert line.value == pytest.approx(2.0, rel=1e-9)
+    # The same the other way round: what follows the longest does not count.
+    line = allan._along(TAU, np.concatenate([2.0 / np.sqrt(TAU[:8]), 5.0 / np.sqrt(TAU[8:])]), np.full(12, 1e6), -0.5)
+    assert line is not None
+    assert line.value == pytest.approx(2.0, rel=1e-9)
 
 
 def test_the_bias_instability_is_the_least_deviation_over_0_664() -> None:
@@ -91,7 +95,7 @@ def test_the_bias_instability_is_the_least_deviation_over_0_664() -> None:
     assert not found.limit
     walk = allan.Estimate(0.2, 0.15, 0.26)  # 1.84 > 1.8
     assert allan._bias_instability(tau, deviation, 0.9 * deviation, 1.2 * deviation, walk).limit
-    assert not allan._bias_instability(tau, deviation, deviation, deviation, None).limit
+    assert not allan._bias_instability(tau, 0.1 * deviation, 0.1 * deviation, 0.1 * deviation, None).limit
     # At the longest average nothing is seen beyond.
     assert allan._bias_instability(tau[:2], deviation[:2], deviation[:2], deviation[:2], None).limit
 

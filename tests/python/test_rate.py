@@ -258,6 +258,9 @@ def test_without_noise_the_bound_is_0_and_a_motion_that_tells_nothing_apart_has_
     assert bound is not None
     assert (bound.known, bound.unknown) == (0.0, 0.0)
     assert bound_angle_random_walk(scenario.replace({"disturbance.kind": "none"})) is None
+    # Motions of very different sizes tell as much apart as others.
+    small = {"reference.amplitude": (1.0, 5e-4), "plant.initial_position": (0.0, 5e-4)}
+    assert bound_angle_random_walk(scenario.replace(small)) is not None
     line = {"reference.amplitude": (1.0, 0.0), "reference.phase": (0.0, 0.0)}  # y rests
     start = {"plant.initial_position": (0.0, 0.0), "plant.initial_velocity": (1.0, 0.0)}
     assert bound_angle_random_walk(scenario.replace({**line, **start})) is None
