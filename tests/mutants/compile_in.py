@@ -68,9 +68,12 @@ def computed_by_the_compiler(code: str) -> list[tuple[int, int]]:
         r"\[\[.*?\]\]|\btemplate <.*?>(?=\s)|\bcase\b[^\n]*?:|\bconcept\b[^;]*;|\bif constexpr\b[^\n]*", code
     ):
         spans.append(found.span())
-    for found in re.finditer(r"^ {4,8}(?:const )?[\w:<>, ]+ \w+ = [\w.+-]+(?:, \w+ = [\w.+-]+)*;$", code, re.MULTILINE):
+    defaults = r"^ {4,8}(?:const )?[\w:<>, ]+ \w+(?: = [\w.+-]+|\{[\w.+, -]*\})(?:, \w+ = [\w.+-]+)*;[ ]*$"
+    for found in re.finditer(defaults, code, re.MULTILINE):
         if not re.match(r"\s*(?:const|auto|return)\b", found[0]) and not found[0].startswith(" " * 8):
             spans.append(found.span())
+    for found in re.finditer(r"\{ [^{}\n]* \} -> [^\n]*|^[ ]+\w+<[^\n;()]*> \w+;[ ]*$", code, re.MULTILINE):
+        spans.append(found.span())
     return spans
 
 

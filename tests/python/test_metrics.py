@@ -172,3 +172,20 @@ def test_a_run_of_a_few_steps_is_the_beginning_of_one_of_ten(kind: str) -> None:
     for steps in (1, 3, 9):
         few = fg.simulate(PAPER.replace({"controller.kind": kind, "run.duration": steps * 1e-3}))
         xr.testing.assert_identical(few.drop_attrs(), ten.isel(time=slice(steps + 1)).drop_attrs())
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        {"device.position_noise": 1e-9},
+        {"device.velocity_noise": 1e-6},
+        {"device.delay": 1},
+        {"device.cubic_stiffness": (1e12, 0.0)},
+    ],
+)
+def test_each_effect_of_a_device_alone_is_in_the_metrics_without_a_record(effect: dict[str, object]) -> None:
+    scenario = PAPER.replace({"run.duration": 0.2, **effect})
+    recorded, lean = both(scenario)
+    np.testing.assert_allclose(lean["rmse"].sel(window="whole"), recorded["rmse"].sel(window="whole"), rtol=1e-9)
+    (ideal,) = fg.simulate_many([PAPER.replace({"run.duration": 0.2})], metrics_only=True)["rmse"].sel(window="whole")
+    assert (abs(lean["rmse"].sel(window="whole") / ideal - 1) > 1e-8).any()
