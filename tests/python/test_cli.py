@@ -15,6 +15,7 @@ import xarray as xr
 from children import PATIENCE
 
 SHORT = ("--set", "run.duration=2.0")
+BOUNDED = fg.Scenario.paper().replace({"controller.switching_limit": 0.5})
 
 
 def run(*words: str | Path, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
@@ -113,10 +114,10 @@ def test_a_table_of_metrics_is_printed_for_people() -> None:
 )
 def test_bad_input_ends_with_one_sentence(tmp_path: Path, words: list[str], expected: str) -> None:
     (tmp_path / "half.toml").write_text("[controller]\norder = ", encoding="utf-8")
-    fg.Scenario.paper().save(tmp_path / "whole.toml")
+    BOUNDED.save(tmp_path / "whole.toml")
     assert expected in sentence(run(*words, cwd=tmp_path))
     assert {p.name for p in tmp_path.iterdir()} == {"half.toml", "whole.toml"}, "nothing may be left behind"
-    assert fg.Scenario.load(tmp_path / "whole.toml") == fg.Scenario.paper()
+    assert fg.Scenario.load(tmp_path / "whole.toml") == BOUNDED
 
 
 def test_a_diverging_run_says_when_and_what_to_change_and_keeps_what_was_computed(tmp_path: Path) -> None:
@@ -202,7 +203,7 @@ def test_a_narrow_terminal_cuts_nothing_off(tmp_path: Path, columns: str) -> Non
 def test_a_file_whose_name_is_not_text_is_read_and_named_by_its_bytes(tmp_path: Path) -> None:
     name = os.fsencode(tmp_path) + b"/my\xff.toml"
     with open(name, "wb") as file:
-        file.write(fg.Scenario.paper().to_toml().encode())
+        file.write(BOUNDED.to_toml().encode())
     command = [sys.executable.encode(), b"-m", b"fracgyro", b"export", b"web", name, b"--out", name + b".json"]
     done = subprocess.run(command, capture_output=True, timeout=PATIENCE, env={**os.environ, "LC_ALL": "C.UTF-8"})
     assert done.returncode == 0, done.stderr
