@@ -87,12 +87,12 @@ check-deep: .venv/installed-test fuzz-firmware
 	  $(BIN)/python $$fuzzer --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED) || failed="$$failed $$fuzzer"; done; \
 	  [ -z "$$failed" ] || { echo "Failed:$$failed"; exit 1; }
 
-# The firmware of a scenario with a force limit, which the fuzzer relies on.
+# The firmware of a scenario with a force limit, which the fuzzer relies on, and with samples checked.
 FUZZED := build/fuzz/firmware
 fuzz-firmware: .venv/installed-test
 	rm -rf $(FUZZED) && mkdir -p build/fuzz/found
 	$(BIN)/fracgyro scenario paper | sed -e 's/^force_limit = .*/force_limit = 1000.0/' \
-	  -e 's/^switching_limit = .*/switching_limit = 0.5/' > build/fuzz/limited.toml
+	  -e 's/^switching_limit = .*/switching_limit = 0.5/' -e 's/^checked = .*/checked = true/' > build/fuzz/limited.toml
 	$(BIN)/fracgyro export firmware build/fuzz/limited.toml --out $(FUZZED)
 	cd $(FUZZED) && clang-tidy --quiet fracgyro.cpp -- -std=c++20 -I. -Icore
 	clang++ -std=c++20 -O1 -g1 -fsanitize=fuzzer,address,undefined,float-cast-overflow -fno-sanitize-recover=all \

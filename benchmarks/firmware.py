@@ -42,6 +42,12 @@ SCENARIOS = {
         "controller.force_limit": 6000.0,
         "controller.switching_limit": 0.5,
     },
+    "16 modes, c = 0.6, force limit, samples checked": {
+        "controller.terminal_exponent": 0.6,
+        "run.mode_tolerance": 5e-5,
+        "controller.force_limit": 6000.0,
+        "guard.checked": True,
+    },
     "16 modes": {"run.mode_tolerance": 5e-5},
     "fast: 8 modes": {"run.mode_tolerance": 2e-2},
     "6 modes": {"run.mode_tolerance": 0.1},

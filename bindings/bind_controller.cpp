@@ -2,6 +2,7 @@
 #include "bindings.hpp"
 
 #include "fracgyro/controllers.hpp"
+#include "fracgyro/guard.hpp"
 
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
@@ -20,6 +21,7 @@ public:
     virtual Estimates<double> estimates() const = 0;
     virtual RateQuality<double> rate_quality() const = 0;
     virtual std::uint64_t steps() const = 0;
+    virtual Status status() const = 0;
     virtual nb::bytes state() const = 0;
     virtual void restore(const nb::bytes& saved) = 0;
 };
@@ -57,6 +59,7 @@ public:
         return {.deviation = static_cast<double>(quality.deviation), .trusted = static_cast<double>(quality.trusted)};
     }
     std::uint64_t steps() const override { return Controller::steps(state_); }
+    Status status() const override { return state_.status; }
     nb::bytes state() const override {
         std::array<unsigned char, Saved<State>::size> bytes{};
         Saved<State>::write(state_, bytes.data());
@@ -78,7 +81,7 @@ private:
 
 std::unique_ptr<AnyController> make_controller(const std::string& kind, const ControllerParams& p, bool single) {
     std::unique_ptr<AnyController> made;
-    const auto make = [&]<class Controller>() { made = std::make_unique<Holder<Controller>>(p); };
+    const auto make = [&]<class Controller>() { made = std::make_unique<Holder<Guard<Controller>>>(p); };
     if (!(single ? with_controller<float>(kind, p, make) : with_controller<double>(kind, p, make))) {
         throw nb::value_error("there is no controller of that kind");
     }
@@ -134,6 +137,24 @@ void bind_controller(nb::module_& m) {
         .def_rw("forgetting", &AdaptationParams::forgetting)
         .def_rw("rate_forgetting", &AdaptationParams::rate_forgetting);
 
+    nb::class_<GuardParams>(m, "GuardParams")
+        .def(nb::init<>())
+        .def_rw("checked", &GuardParams::checked)
+        .def_rw("plant_tolerance", &GuardParams::plant_tolerance)
+        .def_rw("force_tolerance", &GuardParams::force_tolerance)
+        .def_rw("position_tolerance", &GuardParams::position_tolerance)
+        .def_rw("velocity_tolerance", &GuardParams::velocity_tolerance)
+        .def_rw("patience", &GuardParams::patience)
+        .def_rw("saturation_patience", &GuardParams::saturation_patience);
+    nb::enum_<Status>(m, "Status")
+        .value("ok", Status::ok)
+        .value("saturated", Status::saturated)
+        .value("not_finite", Status::not_finite)
+        .value("out_of_range", Status::out_of_range)
+        .value("restarted", Status::restarted)
+        .value("implausible", Status::implausible)
+        .value("lost", Status::lost);
+
     nb::class_<ControllerParams>(m, "ControllerParams")
         .def(nb::init<>())
         .def_rw("step", &ControllerParams::step)
@@ -141,6 +162,7 @@ void bind_controller(nb::module_& m) {
         .def_rw("surface", &ControllerParams::surface)
         .def_rw("control", &ControllerParams::control)
         .def_rw("adaptation", &ControllerParams::adaptation)
+        .def_rw("guard", &ControllerParams::guard)
         .def_rw("observer_bandwidth", &ControllerParams::observer_bandwidth);
 
     nb::class_<AnyController>(m, "Controller")
@@ -158,6 +180,7 @@ void bind_controller(nb::module_& m) {
                          return std::pair(quality.deviation, quality.trusted != 0.0);
                      })
         .def_prop_ro("steps", &AnyController::steps)
+        .def_prop_ro("status", &AnyController::status)
         .def_prop_rw("state", &AnyController::state, &AnyController::restore);
 
     m.attr("controller_kinds") = nb::cast(controller_kinds);

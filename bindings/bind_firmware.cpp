@@ -40,7 +40,7 @@ std::size_t state_size(std::size_t capacity, bool composite, bool observing) {
 template <Scalar T>
 nb::object coefficients(const std::string& kind, const ControllerParams& p) {
     nb::object nested;
-    with_controller<T>(kind, p, [&]<class Controller>() { nested = nested_fields(Controller::prepare(p)); });
+    with_controller<T>(kind, p, [&]<class Controller>() { nested = nested_fields(Guard<Controller>::prepare(p)); });
     return nested;
 }
 

@@ -15,6 +15,10 @@
 //    part E(d) = r/α is noise, and the other, large in the beginning, the estimates' own error: α = 1 + row P rowᵀ, and
 //    that of the last step serves.
 //
+//    What one sample may add is bounded: from when they are trusted, a residual beyond `largest_innovation` times what it should
+//    be, σ̂ √α, is not learnt from, on both axes. One bad sample spoils two steps; a third residual in a row that is beyond is
+//    no accident but a plant that moved, and is learnt from. Ω̂z is not trusted meanwhile.
+//
 //    The force is computed with the laws' part, which is the loop's integral action, and from when Ω̂z is first trusted with
 //    the sum of both parts. What is told of D, K and Ωz is the part of least squares alone (docs/decisions/0016).
 #pragma once
@@ -34,6 +38,9 @@ struct CompositeAdaptation {
     // Ωz is trusted while the other parameters inflate its variance at most so often, the prior's share of what is known of
     // it is at most this, and its standard deviation is below this fraction of the natural frequency.
     static constexpr double largest_inflation = 10.0, largest_share = 0.01, largest_deviation = 0.01;
+    // In standard deviations: noise is never so far off.
+    static constexpr double largest_innovation = 8.0;
+    static constexpr double most_refused = 2.0;  // in a row
 
     struct Coefficients {
         typename Laws::Coefficients laws{};
@@ -51,6 +58,7 @@ struct CompositeAdaptation {
         Vec2<T> force{};
         Vec2<T> left{};         // 1/α on either axis in the last step
         T believed{};           // 1 once Ω̂z has been trusted
+        T surprises{};          // residuals beyond the bound, in a row, as many as matter
         bool measured = false;  // there is a last sample
     };
 
@@ -87,6 +95,8 @@ struct CompositeAdaptation {
         T trusted = if_less(T(largest_inflation), p * state.rate_information, no, yes);
         trusted = if_less(T(largest_share * Squares::prior), p, no, trusted);
         trusted = if_less(c.trusted_variance, variance, no, trusted);
+        trusted = if_less(no, state.surprises, no, trusted);
+        trusted = state.measured ? trusted : no;
         return {.deviation = square_root(variance), .trusted = trusted};
     }
 
@@ -95,7 +105,9 @@ struct CompositeAdaptation {
         if (state.measured) {
             forget(state, c);
             compare(state, c, motion);
-            state.believed = maximum(state.believed, quality(state, c).trusted);
+            if (!always_less(T(0.5), state.believed)) {
+                state.believed = maximum(state.believed, quality(state, c).trusted);
+            }
         }
         state.motion = motion;
         state.force = force;
@@ -121,26 +133,36 @@ private:
         const Vec2<T> coriolis = T(2.0) * Vec2<T>{-(e.rate * v.y), e.rate * v.x};
         const Vec2<T> r = (a - state.force) + (e.damping * v + coriolis) + e.stiffness * q;
 
+        const T zero = T(0.0), one = T(1.0);
+        const T surprise = maximum(state.left.x * (r.x * r.x), state.left.y * (r.y * r.y));
+        const T bound = T(largest_innovation * largest_innovation) * state.noise;
+        const T beyond = if_less(state.believed * bound, state.believed * surprise, one, zero);
+        const T learns = if_less(state.surprises, T(most_refused), one - beyond, one);
+        state.surprises = beyond * minimum(state.surprises + one, T(most_refused + 1.0));
+        if (always_less(learns, one)) {
+            return;  // below, one run of several may still rest: rows of zeros tell nothing
+        }
+
         // Before they are believed, r may be an error of the estimates a thousand times the noise, and would spoil the rows.
-        const Vec2<T> w = v - (T(0.5) * c.step * state.believed) * (state.left * r);
-        const T zero = T(0.0);
-        const Row x{T(-2.0) * w.y, w.x, w.y, zero, q.x, q.y, zero};
-        const Row y{T(2.0) * w.x, zero, w.x, w.y, zero, q.x, q.y};
+        const Vec2<T> w = learns * (v - (T(0.5) * c.step * state.believed) * (state.left * r));
+        const Vec2<T> p = learns * q;
+        const Row x{T(-2.0) * w.y, w.x, w.y, zero, p.x, p.y, zero};
+        const Row y{T(2.0) * w.x, zero, w.x, w.y, zero, p.x, p.y};
         const Row before = state.squares.value;
-        const T left_x = learn(state, x, r.x);
-        T second = r.y;  // with the estimates as the first row has left them
+        const T left_x = learn(state, x, learns * r.x, learns);
+        T second = learns * r.y;  // with the estimates as the first row has left them
         for (std::size_t j = 0; j < y.size(); ++j) {
             second = second + y[j] * (state.squares.value[j] - before[j]);
         }
-        const T left_y = learn(state, y, second);
-        state.left = {left_x, left_y};
+        const T left_y = learn(state, y, second, learns);
+        state.left = {if_less(zero, learns, left_x, state.left.x), if_less(zero, learns, left_y, state.left.y)};
         state.rate_information = state.rate_information + T(4.0) * squared_norm(w);
     }
-    static T learn(State& state, const Row& row, T residual) {
+    static T learn(State& state, const Row& row, T residual, T learns) {
         const T left = Squares::update(state.squares, row, residual);
         // A mean with weights 1/α, which leave out the residuals that the estimates' own errors make.
-        state.draws = state.draws + left;
-        state.noise = state.noise + (left / state.draws) * (left * residual * residual - state.noise);
+        state.draws = state.draws + learns * left;
+        state.noise = state.noise + learns * ((left / state.draws) * (left * residual * residual - state.noise));
         return left;
     }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "adaptation.hpp"
+#include "belief.hpp"
 #include "control.hpp"
 #include "error.hpp"
 #include "reference.hpp"
@@ -17,6 +18,7 @@ struct ControllerParams {
     SurfaceParams surface{};
     ControlParams control{};
     AdaptationParams adaptation{};
+    GuardParams guard{};
     double observer_bandwidth = 0.0;  // of Observing (observer.hpp); 0: the velocity is measured
 };
 
@@ -76,24 +78,30 @@ struct SlidingModeController {
 
     static std::uint64_t steps(const State& state) { return state.reference.steps; }
 
-    // The force for the coming step, from the motion measured now. Called once every step.
-    static Signals<T> step(State& state, const Coefficients& c, const Motion<T>& motion) {
-        Signals<T> signals = prospect(state, c);  // 1
-        respond(state, c, motion, signals);
-        return signals;
+    // Forgets what was measured, and what was learnt from it unless it is kept. Time goes on.
+    static void start_over(State& state, bool keep_estimates) {
+        // Constants: they are copied as they are, and not put together on the stack.
+        static constexpr typename SurfaceType::State no_motion{};
+        state.surface = no_motion;
+        if (keep_estimates) {
+            AdaptationType::rest(state.adaptation);
+        } else {
+            static constexpr typename AdaptationType::State nothing_learnt{};
+            state.adaptation = nothing_learnt;
+        }
     }
 
-    // Step 1 alone: the reference, and the estimates as they stand.
-    static Signals<T> prospect(State& state, const Coefficients& c) {
-        return {.reference = Reference<T>::update(state.reference, c.reference),
-                .estimates = estimates(state, c),
-                .rate_quality = rate_quality(state, c)};
-    }
-
-    // Steps 2 to 5, which complete what step 1 began; without learning the estimates rest. In place: copies of so many
-    // numbers would go through memory.
-    static void respond(State& state, const Coefficients& c, const Motion<T>& motion, Signals<T>& signals,
-                        bool learning = true) {
+    // The force for the coming step, from the motion measured now. Called once every step. Where nothing was measured the
+    // error is taken to be `missing`, and the estimates rest.
+    static Signals<T> step(State& state, const Coefficients& c, const Motion<T>& measured,
+                           const Sample<T>* missing = nullptr) {
+        Signals<T> signals{.reference = Reference<T>::update(state.reference, c.reference),  // 1
+                           .estimates = estimates(state, c),
+                           .rate_quality = rate_quality(state, c)};
+        const ReferencePoint<T>& r = signals.reference;
+        const Motion<T> motion = missing == nullptr ? measured
+                                                    : Motion<T>{.position = r.position + missing->value,
+                                                                .velocity = r.velocity + missing->rate};
         const Sample<T>& error = signals.error = tracking_error(motion, signals.reference);      // 2
         const SurfacePoint<T> surface = SurfaceType::evaluate(state.surface, c.surface, error);  // 3
         signals.surface = surface.s;
@@ -112,11 +120,12 @@ struct SlidingModeController {
             sizes.surface = active * sizes.surface;
         }
         SurfaceType::advance(state.surface, c.surface, error);
-        if (learning) {
+        if (missing == nullptr) {
             AdaptationType::update(state.adaptation, c.adaptation, motion, learnt_from, sizes, signals.force);  // 5
         } else {
             AdaptationType::rest(state.adaptation);
         }
+        return signals;
     }
 };
 

@@ -1,80 +1,120 @@
-// The controller made total, for hardware: whatever the sensors deliver, step() answers with a force within the limit, in
-// bounded time, and works on when they do.
+// The controller made total, for hardware: whatever the sensors deliver, step() answers with a finite force within the
+// limit, in bounded time, and works on when they deliver motion again. Whether that force is the right one, only as much as
+// the samples that it believed were right (belief.hpp).
 //
-//    A sample that is not finite or beyond any motion was not measured. The last force is held, the estimates rest, and
-//    the error is taken to be the last one, so that the reference and the fractional memory stay in time. Before the
-//    first good sample there is no last one: the force is 0 and time does not start.
+//    Without a sample the last force is held, the estimates rest, and the error is taken to be the last one, so that the
+//    reference and the fractional memory stay in time. Before the first good sample the force is 0 and time does not start.
 //
-//    A force that is not finite means that the memory is lost, as by gains beyond reason: the last force is held and the
-//    controller starts anew with the next sample.
+//    Where no sample is to be believed for long, the memory of motions is dropped, the estimates are kept, and the force is
+//    that of a motion on the reference. After `saturation_patience` samples at the force limit, or if the force is not
+//    finite, the estimates are dropped too and the controller starts anew with the next sample. Time goes on.
 #pragma once
 
+#include "belief.hpp"
 #include "controller.hpp"
-
-#if defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__
-#error "fracgyro must see NaN and infinity: compile without -ffast-math and -ffinite-math-only"
-#endif
+#include "saved.hpp"
 
 namespace fracgyro {
-
-enum class Status {
-    ok,
-    saturated,     // the force is at its limit
-    not_finite,    // an input is NaN or infinite
-    out_of_range,  // the input is no motion of a gyroscope
-    restarted      // the memory was lost
-};
 
 template <class Controller>
 struct Guard {
     using T = typename Controller::Value;
-    // In reference lengths, and those per unit of time; the sum over both axes. A tracked reference is of order 1.
-    static constexpr double largest_motion = 1e6;
+    using Value = T;
+    static constexpr bool measures_velocity = Controller::measures_velocity;
+    using Sensed = Belief<T, measures_velocity>;
 
+    struct Coefficients {
+        typename Controller::Coefficients controller{};
+        typename Sensed::Coefficients belief{};
+        std::uint32_t saturation_patience = 0;
+    };
     struct State {
         typename Controller::State controller{};
-        Sample<T> error{};  // the last that was measured, and the force that answered it
+        typename Sensed::State belief{};
+        Sample<T> error{};  // the last that was measured, and the force that acts
         Vec2<T> force{};
-        bool started = false;
+        std::uint32_t saturated = 0;  // samples in a row
+        bool going = false;           // there is an error to go on from
+        Status status = Status::ok;
     };
 
-    static bool sound(const State& state, const typename Controller::Coefficients& c) {
-        return Controller::sound(state.controller, c) && fracgyro::sound(state.started);
+    static Coefficients prepare(const ControllerParams& p) {
+        return {.controller = Controller::prepare(p),
+                .belief = Sensed::prepare(p.guard, p.adaptation.initial, p.step),
+                .saturation_patience = static_cast<std::uint32_t>(p.guard.saturation_patience)};
     }
 
-    static Status step(State& state, const typename Controller::Coefficients& c, const Motion<T>& measured) {
-        T size = sum(measured.position);
-        if constexpr (Controller::measures_velocity) {
-            size = size + sum(measured.velocity);
+    static bool sound(const State& state, const Coefficients& c) {
+        return Controller::sound(state.controller, c.controller) && fracgyro::sound(state.belief.settled) &&
+               fracgyro::sound(state.belief.doubted) && fracgyro::sound(state.going);
+    }
+
+    static Estimates<T> estimates(const State& state, const Coefficients& c) {
+        return Controller::estimates(state.controller, c.controller);
+    }
+    static RateQuality<T> rate_quality(const State& state, const Coefficients& c) {
+        return Controller::rate_quality(state.controller, c.controller);
+    }
+    static std::uint64_t steps(const State& state) { return Controller::steps(state.controller); }
+
+    // The force is state.force too; what was thought of the sample, state.status.
+    static Signals<T> step(State& state, const Coefficients& c, const Motion<T>& measured) {
+        using Answer = typename Sensed::Answer;
+        const Answer answer = Sensed::judge(state.belief, c.belief, measured, state.force, state.going, state.status);
+        const bool believed = answer == Answer::believed;
+        if (answer == Answer::none) {
+            if (steps(state) == 0) {  // time has not started
+                return {.estimates = estimates(state, c), .rate_quality = rate_quality(state, c)};
+            }
+            let_go(state);
         }
-        const bool good = size < T(largest_motion);  // false for NaN
-        if (!good && !state.started) {
-            return fault(size);
+        Signals<T> signals =
+            Controller::step(state.controller, c.controller, measured, believed ? nullptr : &state.error);
+        bool failed = !(sum(signals.force) + sum(signals.excess) < T(std::numeric_limits<double>::infinity()));
+        if (believed && !failed) {
+            state.error = signals.error;
+            state.going = true;
+            failed = saturates_for_long(state, c, signals);
         }
-        Signals<T> signals = Controller::prospect(state.controller, c);
-        const Motion<T> motion = good ? measured
-                                      : Motion<T>{.position = signals.reference.position + state.error.value,
-                                                  .velocity = signals.reference.velocity + state.error.rate};
-        Controller::respond(state.controller, c, motion, signals, good);
-        if (!(sum(signals.force) + sum(signals.excess) < infinity)) {
-            state.controller = {};
-            state.started = false;
-            return Status::restarted;
+        if (failed) {
+            Controller::start_over(state.controller, false);
+            state.going = false;
+            state.status = Status::restarted;
+        } else if (answer != Answer::missed) {
+            state.force = signals.force;
         }
-        if (!good) {
-            return fault(size);
-        }
-        state.error = signals.error;
-        state.force = signals.force;
-        state.started = true;
-        return T(0.0) < sum(signals.excess) ? Status::saturated : Status::ok;
+        signals.force = state.force;
+        return signals;
     }
 
 private:
-    static constexpr T infinity = T(std::numeric_limits<double>::infinity());
-
     static T sum(const Vec2<T>& a) { return absolute(a.x) + absolute(a.y); }
-    static Status fault(T size) { return size < infinity ? Status::out_of_range : Status::not_finite; }
+
+    static void let_go(State& state) {
+        if (state.going) {
+            Controller::start_over(state.controller, true);
+        }
+        state.going = false;
+        state.error = {};
+        state.belief.doubted = true;
+        state.status = Status::lost;
+    }
+
+    static bool saturates_for_long(State& state, const Coefficients& c, const Signals<T>& signals) {
+        const bool saturated = T(0.0) < sum(signals.excess);
+        if (saturated) {
+            state.status = Status::saturated;
+        }
+        if (c.saturation_patience == 0) {
+            return false;
+        }
+        state.saturated = saturated ? state.saturated + 1 : 0;
+        if (state.saturated < c.saturation_patience) {
+            return false;
+        }
+        state.saturated = 0;
+        return true;
+    }
 };
 
 }  // namespace fracgyro

@@ -97,28 +97,26 @@ struct Observing {
         return Controller::rate_quality(state.controller, c.controller);
     }
     static std::uint64_t steps(const State& state) { return Controller::steps(state.controller); }
+    static void start_over(State& state, bool keep_estimates) {
+        Controller::start_over(state.controller, keep_estimates);
+        state.observer = {};
+        state.force = {};
+    }
 
-    static Signals<T> step(State& state, const Coefficients& c, const Motion<T>& motion) {
-        Signals<T> signals = prospect(state, c);
-        respond(state, c, motion, signals);
-        return signals;
-    }
-    static Signals<T> prospect(State& state, const Coefficients& c) {
-        return Controller::prospect(state.controller, c.controller);
-    }
-    // Without learning nothing was measured: `motion` is a guess, the last force is held, and the observer predicts.
-    static void respond(State& state, const Coefficients& c, const Motion<T>& motion, Signals<T>& signals,
-                        bool learning = true) {
-        Motion<T> seen = motion;
-        if (learning) {
-            Observer<T>::correct(state.observer, c.observer, motion.position);
+    // Where nothing was measured the last force is held, and the observer predicts.
+    static Signals<T> step(State& state, const Coefficients& c, const Motion<T>& measured,
+                           const Sample<T>* missing = nullptr) {
+        Motion<T> seen = measured;
+        if (missing == nullptr) {
+            Observer<T>::correct(state.observer, c.observer, measured.position);
             seen.velocity = state.observer.motion.velocity;
         }
-        Controller::respond(state.controller, c.controller, seen, signals, learning);
-        if (learning) {
+        const Signals<T> signals = Controller::step(state.controller, c.controller, seen, missing);
+        if (missing == nullptr) {
             state.force = signals.force;
         }
         Observer<T>::predict(state.observer, c.observer, state.force);
+        return signals;
     }
 };
 

@@ -14,12 +14,16 @@ static fracgyro_vector force;
 
 static uint32_t ticks(void) { return 0xFFFFFFU - SYSTICK[2]; }
 
-/* Somewhere near the reference, different at every sample; every 64 of them alike. */
-static fracgyro_motion motion_at(uint32_t n) {
-    const uint32_t a = (n % 64 + 1) * 2654435761U;
-    const fracgyro_number x = (fracgyro_number)(int32_t)a / 2147483648U, y = (fracgyro_number)(int32_t)(a << 8) / 2147483648U;
-    const fracgyro_motion motion = {{x, y}, {y, x}};
-    return motion;
+/* The springs that the controller begins with, moved by its force: x and y, then their rates. */
+static fracgyro_number springs[3];
+static fracgyro_motion moved(fracgyro_motion m) {
+    const fracgyro_number h = (fracgyro_number)(FRACGYRO_STEP_SECONDS * FRACGYRO_VELOCITY_UNIT / FRACGYRO_LENGTH_UNIT);
+    const fracgyro_vector q = m.position, v = m.velocity;
+    m.velocity.x += h * (force.x - springs[0] * (q.x + h / 2 * v.x) - springs[1] * (q.y + h / 2 * v.y));
+    m.velocity.y += h * (force.y - springs[1] * (q.x + h / 2 * v.x) - springs[2] * (q.y + h / 2 * v.y));
+    m.position.x += h / 2 * (v.x + m.velocity.x);
+    m.position.y += h / 2 * (v.y + m.velocity.y);
+    return m;
 }
 
 /* Of one step from the present state, which is left as it was. */
@@ -36,27 +40,43 @@ static uint32_t of_one_step(const fracgyro_motion* motion, int count) {
     state = before;
     return spent * per_tick / repeats;
 }
+static uint32_t most, total;
+static void count(const fracgyro_motion* motion) {
+    const fracgyro_vector held = force;
+    const uint32_t spent = of_one_step(motion, 1) - of_one_step(motion, 0);
+    most = spent > most ? spent : most;
+    total += spent;
+    force = held;
+}
 
 int main(void) {
     SYSTICK[1] = 0xFFFFFF;
     SYSTICK[2] = 0;
     SYSTICK[0] = 5;
     fracgyro_init(&state);
+    fracgyro_estimates estimates;
+    fracgyro_read_estimates(&state, &estimates);
+    for (int i = 0; i < 3; ++i) {
+        springs[i] = estimates.stiffness[i];
+    }
     /* Of the first 64 steps, and of 64 once what only the start needs is past, two in each evaluating the reference anew: the
-     * mean of the later, and the most of any, those of a fault included. */
-    uint32_t most = 0, total = 0;
+     * mean of the later, and the most of any, those of faults included. */
+    fracgyro_motion motion = {{(fracgyro_number)0.5, (fracgyro_number)0.5}, {0, 0}};
     for (uint32_t n = 0; n < settled + period; ++n) {
-        const fracgyro_motion motion = motion_at(n);
+        total = n < settled ? 0 : total;
         if (n < period || n >= settled) {
-            const uint32_t spent = of_one_step(&motion, 1) - of_one_step(&motion, 0);
-            most = spent > most ? spent : most;
-            total += n < settled ? 0 : spent;
+            count(&motion);
         }
         fracgyro_step(&state, &motion, &force);
+        motion = moved(motion);
     }
-    const fracgyro_motion lost = {{0, 0}, {0, (fracgyro_number)1e30}};
-    const uint32_t spent = of_one_step(&lost, 1) - of_one_step(&lost, 0);
-    most = spent > most ? spent : most;
-    printf("%lu %lu\n", (unsigned long)(total / period), (unsigned long)most);
+    const uint32_t mean = total / period;
+    const fracgyro_motion wild = {{(fracgyro_number)1e4, 0}, {0, 0}}, lost = {{0, 0}, {0, (fracgyro_number)1e30}};
+    count(&wild);
+    for (int n = 0; n < period; ++n) { /* until it lets go, and beyond */
+        count(&lost);
+        fracgyro_step(&state, &lost, &force);
+    }
+    printf("%lu %lu\n", (unsigned long)mean, (unsigned long)most);
     return 0;
 }

@@ -20,6 +20,8 @@ static_assert(static_cast<int>(fracgyro::Status::saturated) == FRACGYRO_SATURATE
 static_assert(static_cast<int>(fracgyro::Status::not_finite) == FRACGYRO_NOT_FINITE);
 static_assert(static_cast<int>(fracgyro::Status::out_of_range) == FRACGYRO_OUT_OF_RANGE);
 static_assert(static_cast<int>(fracgyro::Status::restarted) == FRACGYRO_RESTARTED);
+static_assert(static_cast<int>(fracgyro::Status::implausible) == FRACGYRO_IMPLAUSIBLE);
+static_assert(static_cast<int>(fracgyro::Status::lost) == FRACGYRO_LOST);
 
 State& in(fracgyro_state* state) { return *std::launder(reinterpret_cast<State*>(state->bytes)); }
 const State& in(const fracgyro_state* state) { return *std::launder(reinterpret_cast<const State*>(state->bytes)); }
@@ -37,17 +39,17 @@ void fracgyro_init(fracgyro_state* state) {
 [[gnu::flatten]] fracgyro_status fracgyro_step(fracgyro_state* state, const fracgyro_motion* motion,
                                                fracgyro_vector* force) {
     State& s = in(state);
-    const auto status = Guard::step(
+    Guard::step(
         s, coefficients,
         {.position = {motion->position.x, motion->position.y}, .velocity = {motion->velocity.x, motion->velocity.y}});
     force->x = s.force.x;
     force->y = s.force.y;
-    return static_cast<fracgyro_status>(status);
+    return static_cast<fracgyro_status>(s.status);
 }
 
 void fracgyro_read_estimates(const fracgyro_state* state, fracgyro_estimates* estimates) {
-    const auto e = Controller::estimates(in(state).controller, coefficients);
-    const auto quality = Controller::rate_quality(in(state).controller, coefficients);
+    const auto e = Guard::estimates(in(state), coefficients);
+    const auto quality = Guard::rate_quality(in(state), coefficients);
     *estimates = {.damping = {e.damping.xx, e.damping.xy, e.damping.yy},
                   .stiffness = {e.stiffness.xx, e.stiffness.xy, e.stiffness.yy},
                   .rate = e.rate,

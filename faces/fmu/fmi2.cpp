@@ -14,6 +14,16 @@ struct Component {
 
     // The reason of a failure goes to the importer's logger.
     fmi2Status status(bool worked) { return worked ? fmi2OK : failed(instance.problem()); }
+    fmi2Status stepped(bool worked) {
+        const char* const warning = instance.warning();
+        if (!worked || warning == nullptr) {
+            return status(worked);
+        }
+        if (callbacks.logger != nullptr) {
+            callbacks.logger(callbacks.componentEnvironment, name, fmi2Warning, "logStatusWarning", warning);
+        }
+        return fmi2Warning;
+    }
     fmi2Status failed(const char* why) {
         if (callbacks.logger != nullptr) {
             callbacks.logger(callbacks.componentEnvironment, name, fmi2Error, "logStatusError", why);
@@ -181,7 +191,7 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReferenc
 }
 
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real length, fmi2Boolean) {
-    return of(c).status(of(c).instance.advance(time, length));
+    return of(c).stepped(of(c).instance.advance(time, length));
 }
 fmi2Status fmi2CancelStep(fmi2Component c) { return not_offered(c); }
 fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind, fmi2Status*) { return not_offered(c); }

@@ -14,6 +14,16 @@ struct Component {
 
     // The reason of a failure goes to the importer's logger.
     fmi3Status status(bool worked) { return worked ? fmi3OK : failed(instance.problem()); }
+    fmi3Status stepped(bool worked) {
+        const char* const warning = instance.warning();
+        if (!worked || warning == nullptr) {
+            return status(worked);
+        }
+        if (log != nullptr) {
+            log(environment, fmi3Warning, "logStatusWarning", warning);
+        }
+        return fmi3Warning;
+    }
     fmi3Status failed(const char* why) {
         if (log != nullptr) {
             log(environment, fmi3Error, "logStatusError", why);
@@ -165,7 +175,7 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time, fmi3Float64 length, fmi3
     *event = *terminate = *early = false;
     const bool worked = of(c).instance.advance(time, length);
     *reached = worked ? time + length : time;
-    return of(c).status(worked);
+    return of(c).stepped(worked);
 }
 
 // What an importer may look for all the same: other types, events, clocks, derivatives, model exchange. The description of

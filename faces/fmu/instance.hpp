@@ -3,6 +3,7 @@
 
 #include "exported.hpp"  // made by `fracgyro export fmu`: this FMU's variables, numbers and modes
 
+#include "fracgyro/guard.hpp"
 #include "fracgyro/record.hpp"
 #include "fracgyro/settings.hpp"
 #include "fracgyro/stepper.hpp"
@@ -19,7 +20,9 @@ inline constexpr auto kind_place = std::find(controller_kinds.begin(), controlle
 static_assert(kind_place != controller_kinds.end());
 using ExportedKind =
     typename std::tuple_element_t<kind_place - controller_kinds.begin(), Controllers<exported::Number>>::Type;
-using ExportedController = std::conditional_t<exported::composite, Composite<ExportedKind>, ExportedKind>;
+using AdaptedKind = std::conditional_t<exported::composite, Composite<ExportedKind>, ExportedKind>;
+// What is measured in the FMU itself has no faults.
+using ExportedController = std::conditional_t<exported::closed_loop, AdaptedKind, Guard<AdaptedKind>>;
 using Loop = Stepper<ExportedController>;
 
 // Of the steps in one call of the importer: some seconds of work, after which it may think again.
@@ -41,6 +44,8 @@ public:
     Instance() { reset(); }
 
     const char* problem() const { return problem_; }
+    // Of the last step, why a sample was not believed; nullptr: all were.
+    const char* warning() const { return warning_[0] == '\0' ? nullptr : warning_; }
     const State& state() const { return state_; }
     void restore(const State& saved) {
         state_ = saved;
@@ -158,6 +163,7 @@ public:
                         now());
         }
         prepare();
+        warning_[0] = '\0';
         for (double n = 0.0; n < count; ++n) {
             if constexpr (exported::closed_loop) {
                 if (!Loop::advance(state_.loop, coefficients_, disturbance_)) {
@@ -170,6 +176,7 @@ public:
                 state_.loop.motion = measured();
                 state_.loop.signals =
                     ExportedController::step(state_.loop.controller, coefficients_.controller, state_.loop.motion);
+                warn(state_.loop.controller);
                 ++state_.loop.step;
             }
         }
@@ -237,6 +244,25 @@ private:
     static constexpr double longest = 9007199254740992.0;  // steps, 2^53: up to here time has each of them
 
     double now() const { return state_.start_time + static_cast<double>(state_.loop.step) * exported::step; }
+
+    // Of a controller behind its guard, which one in its own loop is not.
+    template <class Controlled>
+    void warn(const Controlled& controller) {
+        if constexpr (requires { controller.status; }) {
+            warn(controller.status);
+        }
+    }
+    void warn(Status status) {
+        const char* const what = status == Status::not_finite     ? "is not finite: the last force is held"
+                                 : status == Status::out_of_range ? "is out of range: the last force is held"
+                                 : status == Status::implausible  ? "is no motion of this plant: the last force is held"
+                                 : status == Status::lost      ? "is not believed: the force is that of the reference"
+                                 : status == Status::restarted ? "ends what was learnt: the controller starts anew"
+                                                               : nullptr;
+        if (what != nullptr) {
+            std::snprintf(warning_, sizeof warning_, "the sample at %.9g %s", now(), what);
+        }
+    }
 
     // The outputs before the first step, from the parameters as they stand.
     void look_ahead() {
@@ -326,7 +352,7 @@ private:
     Disturbance disturbance_{DisturbanceParams{}, 1.0};
     std::array<double, 3> bound_{};
     double gain_ = 0.0;
-    char problem_[300] = "";
+    char problem_[300] = "", warning_[120] = "";
 };
 
 // malloc aligns for numbers, not for the registers of several that the modes are kept in.

@@ -51,6 +51,8 @@ export interface Run {
 export interface Controller {
   /** The force [x, y] to hold for the coming step, from what is measured now. Call it once every run.step. */
   step(position: [number, number], velocity: [number, number]): [number, number];
+  /** What was thought of the last sample; anything but ok and saturated says that it was not believed. */
+  readonly status: "ok" | "saturated" | "not_finite" | "out_of_range" | "restarted" | "implausible" | "lost";
   /**
    * After the last step: damping and stiffness as [xx, xy, yy], the angular rate, [b0, b1, b2]. With adaptation.kind composite
    * also the rate's standard deviation, and whether the motion tells it from the other parameters; else 0 and false.
@@ -79,6 +81,7 @@ export interface Settings {
   "controller.order": number;
   "controller.kind": "fractional_fast_terminal" | "fractional" | "fast_terminal" | "linear";
   "controller.adaptive": boolean;
+  "guard.checked": boolean;
   "adaptation.kind": "gradient" | "composite";
   "controller.derivative": "caputo" | "riemann_liouville";
   "controller.layer": "linear" | "quadratic";
@@ -121,6 +124,12 @@ export interface Settings {
   "adaptation.initial_bound[0]": number;
   "adaptation.initial_bound[1]": number;
   "adaptation.initial_bound[2]": number;
+  "guard.plant_tolerance": number;
+  "guard.force_tolerance": number;
+  "guard.position_tolerance": number;
+  "guard.velocity_tolerance": number;
+  "guard.patience": number;
+  "guard.saturation_patience": number;
   "plant.damping.xx": number;
   "plant.damping.xy": number;
   "plant.damping.yy": number;

@@ -23,6 +23,8 @@ export async function load({ wasm, data } = {}) {
 }
 
 const LARGEST_RECORD = 2e9; // bytes
+// What the guard thinks of a sample, by number; 5 is a saved state refused.
+const STATUSES = ["ok", "saturated", "not_finite", "out_of_range", "restarted", "", "implausible", "lost"];
 
 class Fracgyro {
   #module;
@@ -76,6 +78,9 @@ class Fracgyro {
         }
         const row = core.doubles(core.controller_step(...motion), columns.length);
         return [row[force], row[force + 1]];
+      },
+      get status() {
+        return STATUSES[core.controller_status()];
       },
       get estimates() {
         const all = [...core.doubles(core.controller_estimates(), 12)];
@@ -180,7 +185,7 @@ function wrong(name, value, field) {
   if (field.choices) {
     return field.choices.includes(value) ? "" : `one of ${field.choices.join(", ")}`;
   }
-  if (name === "controller.adaptive") {
+  if (["controller.adaptive", "guard.checked"].includes(name)) {
     return typeof value === "boolean" ? "" : "true or false";
   }
   if (["controller.force_limit", "controller.switching_limit"].includes(name) && (value === null || value === Infinity)) {
@@ -189,7 +194,7 @@ function wrong(name, value, field) {
   if (!Number.isFinite(value)) {
     return "a finite number";
   }
-  if (["disturbance.seed", "disturbance.hold_steps", "run.record_every"].includes(name) && !Number.isSafeInteger(value)) {
+  if (["disturbance.seed", "disturbance.hold_steps", "run.record_every", "guard.patience", "guard.saturation_patience"].includes(name) && !Number.isSafeInteger(value)) {
     return "a whole number below 2^53";
   }
   const { minimum, maximum, exclusiveMinimum, exclusiveMaximum } = field;

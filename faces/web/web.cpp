@@ -1,5 +1,6 @@
 // What fracgyro.mjs calls: the simulator, and the controller alone. One instance of the module holds one of them, in these
 // globals, and JavaScript owns the memory behind them: nothing is allocated here and nothing is imported.
+#include "fracgyro/guard.hpp"
 #include "fracgyro/kernel_design.hpp"
 #include "fracgyro/settings.hpp"
 #include "fracgyro/record.hpp"
@@ -18,11 +19,13 @@ std::array<double, row_width> row;                // what it found in its last s
 std::array<double, 12> estimates;
 void* state_at = nullptr;  // its state
 std::size_t state_size = 0;
+const Status* status_at = nullptr;
 
+// A controller behind its guard.
 template <class Controller>
 struct Held {
-    typename Controller::Coefficients coefficients{};
-    typename Controller::State state{};
+    typename Guard<Controller>::Coefficients coefficients{};
+    typename Guard<Controller>::State state{};
 };
 // One at a time, in room for any: objects of each kind would lie in the module as they begin.
 template <Scalar T>
@@ -99,13 +102,14 @@ EXPORT int simulate(int every, double* rows) { return static_cast<int>(record<do
 EXPORT void controller_start(bool single) {
     single_precision = single;
     with_held([]<class C>() {
-        auto* made = new (room.data()) Held<C>{.coefficients = C::prepare(setup.controller)};
+        auto* made = new (room.data()) Held<C>{.coefficients = Guard<C>::prepare(setup.controller)};
         state_at = &made->state;
         state_size = sizeof made->state;
         saved_is_sound = [] {
-            const auto* state = reinterpret_cast<const typename C::State*>(saved.data() + saved_at);
-            return C::sound(*std::launder(state), held<C>().coefficients);
+            const auto* state = reinterpret_cast<const typename Guard<C>::State*>(saved.data() + saved_at);
+            return Guard<C>::sound(*std::launder(state), held<C>().coefficients);
         };
+        status_at = &made->state.status;
     });
 }
 // Of what the controller is made from.
@@ -121,7 +125,7 @@ EXPORT const double* controller_step(double x, double y, double vx, double vy) {
     with_held([&]<class C>() {
         using T = typename C::Value;
         const Motion<T> motion{.position = {T(x), T(y)}, .velocity = {T(vx), T(vy)}};
-        const auto signals = C::step(held<C>().state, held<C>().coefficients, motion);
+        const auto signals = Guard<C>::step(held<C>().state, held<C>().coefficients, motion);
         write_row<T>({.step = 0, .motion = motion, .signals = signals, .disturbance = {}}, row.data());
     });
     return row.data();
@@ -129,10 +133,13 @@ EXPORT const double* controller_step(double x, double y, double vx, double vy) {
 // As they stand after the last step.
 EXPORT const double* controller_estimates() {
     with_held([]<class C>() {
-        tell<typename C::AdaptationType>(held<C>().state.adaptation, held<C>().coefficients.adaptation);
+        tell<typename C::AdaptationType>(held<C>().state.controller.adaptation,
+                                         held<C>().coefficients.controller.adaptation);
     });
     return estimates.data();
 }
+// What was thought of the last sample.
+EXPORT int controller_status() { return static_cast<int>(*status_at); }
 // The saved state, a checksum and the state: where it is, and how long; written by controller_save, and to be filled in before
 // controller_restore, which returns whether it is as it was saved.
 EXPORT unsigned char* controller_saved() { return saved.data() + saved_at - sizeof(std::uint32_t); }

@@ -64,7 +64,9 @@ class Controller:
     def step(self, time: float, position: Sequence[float], velocity: Sequence[float] | None = None) -> Vector:
         """The force [x, y] to hold until the next step, from position and velocity [x, y] measured at `time`.
 
-        With device.sensing = "position" the velocity is observed and what is given for it not looked at.
+        Whatever finite numbers are measured, the force is finite and within the limit; `status` says whether they were
+        believed. Until the first that are, time does not start. With device.sensing = "position" the velocity is
+        observed and what is given for it not looked at.
         """
         expected = self._core.steps * self.scenario.run.step
         if not abs(number("time", time) / self._time - expected) < 0.5 * self.scenario.run.step:
@@ -79,6 +81,15 @@ class Controller:
             raise ValueError('velocity is missing: it must be given unless device.sensing is "position"')
         v = self._pair("velocity", velocity, self._velocity)
         return np.asarray(self._core.step(q, v)) * self._force
+
+    @property
+    def status(self) -> str:
+        """What was thought of the last sample: ok, or saturated, the force being at its limit.
+
+        Not believed: not_finite, out_of_range, implausible, the last force being held; lost, the force being that of
+        the reference until samples agree again; restarted, nothing being remembered.
+        """
+        return str(self._core.status.name)
 
     @property
     def estimates(self) -> Estimates:

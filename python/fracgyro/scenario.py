@@ -28,6 +28,7 @@ from .tables import (
     Adaptation,
     Controller,
     Disturbance,
+    Guard,
     Plant,
     Reference,
     Run,
@@ -48,6 +49,7 @@ class Scenario(Table):
     reference: Reference = Reference()
     controller: Controller = Controller()
     adaptation: Adaptation = Adaptation()
+    guard: Guard = Guard()
     disturbance: Disturbance = Disturbance()
     rate: Rate = Rate()
     device: Device = Device()

@@ -5,10 +5,15 @@ from __future__ import annotations
 import math
 from functools import lru_cache
 
+import numpy as np
+
 from . import _core, modes
 from .device import Device, Points
 from .scenario import Scenario
+from .tables import Guard
 
+FARTHEST = 8.0  # standard deviations: noise is never so far off
+LEAST_TOLERANCE = 1e-5  # of sensors and disturbance, nondimensional: rounding, and what is ideal only on paper
 SHORTEST_RANGE = 10.0  # the modes cover at least this many steps, however short the run
 
 
@@ -88,8 +93,66 @@ def controller_params(scenario: Scenario) -> _core.ControllerParams:
     adaptation.forgetting = a.forgetting
     adaptation.rate_forgetting = a.rate_forgetting
     params.adaptation = adaptation
+    params.guard = _core.GuardParams()
+    for name, value in guard(scenario):
+        setattr(params.guard, name, value)
     params.observer_bandwidth = c.observer_bandwidth if scenario.device.sensing == "position" else 0.0
     return params
+
+
+def guard(scenario: Scenario) -> Guard:
+    """The guard with every field set: what was not follows from the rest of the scenario (EQUATIONS.md)."""
+    g, device, run = scenario.guard, device_params(scenario), scenario.run
+    found = {
+        "plant_tolerance": _plant_tolerance(scenario),
+        "force_tolerance": _force_tolerance(scenario),
+        "position_tolerance": LEAST_TOLERANCE + FARTHEST * device.position_noise + _resolution(device.position),
+        "velocity_tolerance": LEAST_TOLERANCE + FARTHEST * device.velocity_noise + _resolution(device.velocity),
+        "patience": 0,
+        "saturation_patience": 0,
+    }
+    if g.checked:
+        slowest, fastest = natural_frequencies(scenario)
+        period = 2 * math.pi / run.step
+        found["patience"] = max(4, round(period / fastest / 32))
+        limit = scenario.controller.force_limit
+        if math.isfinite(limit):
+            largest = max(map(abs, scenario.reference.amplitude))
+            swing_up = 8 * fastest * largest / limit / run.step
+            found["saturation_patience"] = min(10**9, round(max(20 * period / slowest, swing_up)))
+    return g.model_copy(update={name: value for name, value in found.items() if getattr(g, name) is None})
+
+
+def natural_frequencies(scenario: Scenario) -> tuple[float, float]:
+    """The lower and the higher."""
+    xx, xy, yy = (float(entry) for entry in scenario.plant.nondimensional()[1])
+    mean, half = (xx + yy) / 2, math.hypot((xx - yy) / 2, xy)
+    return math.sqrt(mean - half), math.sqrt(mean + half)
+
+
+def _plant_tolerance(scenario: Scenario) -> float:
+    """Twice what the scenario says of it, and a tenth if that is less."""
+    plant, drift = scenario.plant, scenario.device
+    ratio = scenario.adaptation.initial_ratio if scenario.controller.adaptive else 1.0
+    unknown = np.abs(plant.stiffness_deviation.entries()).max() / np.abs(plant.stiffness.entries()).max()
+    warmest = max(abs(change) for _, change in drift.temperature(scenario.run.duration * plant.scales.time))
+    known = abs(1 / ratio - 1) + float(unknown) + 1e-6 * abs(drift.stiffness_drift) * warmest
+    return max(0.1, 2 * known)
+
+
+def _force_tolerance(scenario: Scenario) -> float:
+    """The disturbance, what the converter and the limit of the actuator make of the force, and a force that is late."""
+    d, device, limit = disturbance_params(scenario), device_params(scenario), scenario.controller.force_limit
+    kind = scenario.disturbance.kind
+    disturbed = {"none": 0.0, "noise": FARTHEST * d.standard_deviation, "sine": max(map(abs, d.amplitude))}[kind]
+    reach = float(device.actuator.range)
+    clipped = max(0.0, limit - reach) if reach < math.inf else 0.0
+    late = 2 * limit if device.delay else 0.0
+    return min(1e9, LEAST_TOLERANCE + float(disturbed) + _resolution(device.actuator) + clipped + late)
+
+
+def _resolution(quantiser: _core.Quantiser) -> float:
+    return float(2 * quantiser.range / 2**quantiser.bits) if quantiser.bits else 0.0
 
 
 def plant_params(scenario: Scenario) -> _core.PlantParams:

@@ -274,6 +274,32 @@ class Adaptation(Table):
     )
 
 
+class Guard(Table):
+    """Which samples the controller alone believes, in Python, FMU, browser, firmware; `simulate` believes all."""
+
+    checked: bool = field(
+        False,
+        "Samples are refused that the plant cannot have moved to since the last one, beside those that are not finite. "
+        "The fields below say what it can; not set, they follow from the other tables. false: off.",
+    )
+    plant_tolerance: float | None = field(
+        None, "Share by which stiffness, actuator and the sensors' scales may be other than nominal.", ge=0
+    )
+    force_tolerance: float | None = field(None, "Unit of force: largest disturbance on one axis.", ge=0)
+    position_tolerance: float | None = field(None, "Unit q0: the sensor's largest error on one axis.", ge=0)
+    velocity_tolerance: float | None = field(None, "Unit q0 omega0: the same of the velocity.", ge=0)
+    patience: int | None = field(
+        None,
+        "Samples: after so many refused in a row the force is that of the reference alone, and no sample is believed "
+        "until four times as many agree. 0: off, the last force is held.",
+        ge=0,
+        le=10**9,
+    )
+    saturation_patience: int | None = field(
+        None, "Samples: after so many in a row at the force limit everything learnt is dropped. 0: off.", ge=0, le=10**9
+    )
+
+
 class Disturbance(Table):
     """The force d of (9), on each axis."""
 

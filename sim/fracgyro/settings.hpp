@@ -68,6 +68,15 @@ constexpr void for_each_setting(SetupLike& setup, Visit&& visit) {
     visit("adaptation.initial_bound[1]", adaptation.initial.bound[1]);
     visit("adaptation.initial_bound[2]", adaptation.initial.bound[2]);
 
+    auto& guard = controller.guard;
+    visit("guard.checked", guard.checked);
+    visit("guard.plant_tolerance", guard.plant_tolerance);
+    visit("guard.force_tolerance", guard.force_tolerance);
+    visit("guard.position_tolerance", guard.position_tolerance);
+    visit("guard.velocity_tolerance", guard.velocity_tolerance);
+    visit("guard.patience", guard.patience);
+    visit("guard.saturation_patience", guard.saturation_patience);
+
     visit("plant.damping.xx", plant.damping.xx);
     visit("plant.damping.xy", plant.damping.xy);
     visit("plant.damping.yy", plant.damping.yy);

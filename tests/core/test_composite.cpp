@@ -1,11 +1,12 @@
 #include "paper.hpp"
 #include "scalars.hpp"
 
-#include "fracgyro/guard.hpp"
+#include "fracgyro/composite.hpp"
 
 #include <cmath>
 #include <cstring>
 #include <random>
+#include <vector>
 
 namespace fracgyro::testing {
 namespace {
@@ -252,6 +253,93 @@ TYPED_TEST(Composed, LeastSquaresAreBelievedOnceTrustedAndForGood) {
     EXPECT_EQ(number(believed.rate), number(told.rate));
 }
 
+// The deviation may be 1 % of the natural frequency, of which the mean of kxx and kyy is the square.
+TYPED_TEST(Composed, BothStiffnessesDecideOnTrust) {
+    using T = TypeParam;
+    using Law = CompositeAdaptation<T>;
+    const auto sensed = sense<T>({.noise = 1e-3, .adaptation = {.initial = {.stiffness = {1, 0, 1}}}}, 2'000);
+    const double deviation = number(sensed.quality().deviation), square = 1e4 * deviation * deviation;
+    const auto trusted = [&](double kxx, double kyy) {
+        const auto c = Law::prepare({.initial = {.stiffness = {kxx * square, 0, kyy * square}}}, 0.02);
+        return number(Law::quality(sensed.state, c).trusted);
+    };
+    EXPECT_EQ(trusted(1.8, 0.4), 1.0);
+    EXPECT_EQ(trusted(0.4, 1.8), 1.0);
+    EXPECT_EQ(trusted(1.4, 0.4), 0.0);
+    EXPECT_EQ(trusted(0.4, 1.4), 0.0);
+}
+
+// The slow plant as above, sensed through `fault(n, motion)`, with what was known after each step.
+template <Scalar T, class Fault>
+std::vector<Sensed<T>> sense_faulty(int steps, double later_rate, Fault&& fault) {
+    using Law = CompositeAdaptation<T>;
+    const AdaptationParams adaptation{
+        .damping_gain = 0, .stiffness_gain = 0, .rate_gain = 0, .initial = {.stiffness = {1, 0, 1}}};
+    constexpr double h = 0.02;
+    Sensed<T> sensed{.coefficients = Law::prepare(adaptation, h)};
+    std::vector<Sensed<T>> all;
+    PlantParams params = slow_plant();
+    auto plant = Plant<double>::prepare(params, h);
+    Motion<double> motion{};
+    std::mt19937 random(3);
+    std::normal_distribution<double> normal(0.0, 1e-3);
+    for (int n = 0; n < steps; ++n) {
+        const Vec2<double> u{std::sin(1.3 * h * n), std::cos(2.1 * h * n)};
+        Motion<double> m = motion;
+        fault(n, m);
+        Law::update(sensed.state, sensed.coefficients,
+                    {.position = vec2<T>(m.position.x, m.position.y), .velocity = vec2<T>(m.velocity.x, m.velocity.y)},
+                    {}, {}, vec2<T>(u.x, u.y));
+        all.push_back(sensed);
+        if (n == 2'000) {
+            params.rate = later_rate;
+            plant = Plant<double>::prepare(params, h);
+        }
+        Plant<double>::step(motion, plant, u, {normal(random), normal(random)});
+    }
+    return all;
+}
+
+template <Scalar T>
+bool learnt_between(const Sensed<T>& a, const Sensed<T>& b) {
+    return std::memcmp(&a.state.squares, &b.state.squares, sizeof a.state.squares) != 0;
+}
+
+TYPED_TEST(Composed, OneBadSampleOfAnySizeIsNotLearntFromAndTheRateNotTrustedUntilItIsPast) {
+    using T = TypeParam;
+    for (const double size : {-0.01, 1.0, 1e6, 1e18}) {
+        for (int place = 0; place < 4; ++place) {
+            const auto sensed = sense_faulty<T>(2'010, 0.2, [&](int n, Motion<double>& m) {
+                double* const numbers[] = {&m.position.x, &m.position.y, &m.velocity.x, &m.velocity.y};
+                *numbers[place] += n == 2'004 ? size : 0.0;
+            });
+            for (std::size_t n = 2'002; n < 2'010; ++n) {
+                const bool spoilt = n == 2'004 || n == 2'005;  // the step to it and the step from it
+                EXPECT_EQ(learnt_between(sensed[n - 1], sensed[n]), !spoilt) << size << " at " << place << ", " << n;
+                EXPECT_EQ(number(sensed[n].quality().trusted), spoilt ? 0.0 : 1.0) << size << " at " << place;
+            }
+        }
+    }
+}
+
+TYPED_TEST(Composed, AThirdResidualInARowThatIsFarOffIsThatOfAPlantThatMoved) {
+    using T = TypeParam;
+    const auto sensed = sense_faulty<T>(12'000, 2.0, [](int, Motion<double>&) {});
+    EXPECT_EQ(number(sensed[2'000].quality().trusted), 1.0);
+    for (std::size_t n = 2'001; n < 2'008; ++n) {
+        EXPECT_EQ(learnt_between(sensed[n - 1], sensed[n]), 2'002 < n) << n;
+        EXPECT_EQ(number(sensed[n].quality().trusted), 0.0) << "the residuals are not those of noise";
+    }
+}
+
+TYPED_TEST(Composed, WhatIsFarOffBeforeTheRateIsTrustedIsLearntFrom) {
+    using T = TypeParam;
+    const auto sensed = sense_faulty<T>(10, 0.2, [](int n, Motion<double>& m) { m.velocity.x += n == 4 ? 1.0 : 0.0; });
+    for (std::size_t n = 1; n < 10; ++n) {
+        EXPECT_TRUE(learnt_between(sensed[n - 1], sensed[n])) << n;
+    }
+}
+
 // A motion of size 1 on x and `other` on y, under the forces that it takes where K = 1, D = 0 and Ωz = 0.25.
 template <Scalar T>
 Sensed<T> sense_motion(double other) {
@@ -319,35 +407,6 @@ TYPED_TEST(Composed, WhatIsForgottenIsNeverMoreThanThePrior) {
         EXPECT_LT(0.0, number(half.state.squares.variance[i]));
     }
     EXPECT_LE(trace, 7.0 * L::prior * (1.0 + 1e5 * epsilon<T>));
-}
-
-// The guard
-
-TYPED_TEST(Composed, AStepWithAMissedSampleIsNotLearntFrom) {
-    using T = TypeParam;
-    using Controller = SlidingModeController<T, LinearSurface, CompositeAdaptation>;
-    using Safe = Guard<Controller>;
-    ControllerParams p;
-    p.adaptation.initial.stiffness = {1, 0, 1};
-    const auto c = Controller::prepare(p);
-    typename Safe::State state{};
-    const auto learnt = [&] { return state.controller.adaptation.squares; };
-    const auto same = [&](const auto& before) {
-        const auto now = learnt();
-        return std::memcmp(&before, &now, sizeof now) == 0;
-    };
-    const auto at = [](double x) { return Motion<T>{.position = vec2<T>(x, 0), .velocity = vec2<T>(1, 1)}; };
-    Safe::step(state, c, at(0.5));
-    auto before = learnt();
-    Safe::step(state, c, at(0.501));
-    EXPECT_FALSE(same(before));
-    before = learnt();
-    EXPECT_EQ(Safe::step(state, c, at(std::nan(""))), Status::not_finite);
-    EXPECT_TRUE(same(before));
-    Safe::step(state, c, at(0.503));  // the step before it was not seen
-    EXPECT_TRUE(same(before));
-    Safe::step(state, c, at(0.504));
-    EXPECT_FALSE(same(before));
 }
 
 // The closed loop

@@ -1,7 +1,6 @@
 #include "paper.hpp"
 #include "scalars.hpp"
 
-#include "fracgyro/guard.hpp"
 #include "fracgyro/record.hpp"
 
 #include <cmath>
@@ -313,44 +312,6 @@ TYPED_TEST(Law, AtTheForceLimitTheEstimatesRestOnlyWhereMoreOfTheirLawsWouldWind
             EXPECT_NEAR(learnt, -1e-3 * 150.0 * 10.0, 1e-6);
         }
     }
-}
-
-TYPED_TEST(Law, TheGuardHoldsTheForceAndTheEstimatesWhileNothingIsMeasured) {
-    using T = TypeParam;
-    using Controller = SlidingModeController<T, FractionalFastTerminalSurface>;
-    using Safe = Guard<Controller>;
-    ControllerParams p = paper(1000).controller;
-    const auto c = Controller::prepare(p);
-    typename Safe::State state{};
-    const Motion<T> good{.position = vec2<T>(0.5, 0.25)};
-    const double nan = std::numeric_limits<double>::quiet_NaN();
-    EXPECT_EQ(Safe::step(state, c, {.position = vec2<T>(nan, 0)}), Status::not_finite);
-    EXPECT_EQ(state.controller.reference.steps, 0U) << "time has not started";
-    EXPECT_EQ(Safe::step(state, c, good), Status::ok);
-    const Vec2<T> force = state.force;
-    const double rate = number(Controller::estimates(state.controller, c).rate);
-    EXPECT_EQ(Safe::step(state, c, {.position = vec2<T>(nan, 0)}), Status::not_finite);
-    EXPECT_EQ(Safe::step(state, c, {.velocity = vec2<T>(0, -2e6)}), Status::out_of_range);
-    expect_equal(state.force - force, {0, 0});
-    EXPECT_EQ(number(Controller::estimates(state.controller, c).rate), rate);
-    EXPECT_EQ(state.controller.reference.steps, 3U) << "time goes on";
-    EXPECT_EQ(Safe::step(state, c, good), Status::ok);
-}
-
-TYPED_TEST(Law, AMemoryThatIsLostIsStartedAnewUnderTheLastForce) {
-    using T = TypeParam;
-    using Controller = SlidingModeController<T, LinearSurface>;
-    using Safe = Guard<Controller>;
-    const auto c = Controller::prepare(held_at_zero(0.0));
-    typename Safe::State state{};
-    const Motion<T> good{.position = vec2<T>(1, 0), .velocity = vec2<T>(1, 0)};
-    EXPECT_EQ(Safe::step(state, c, good), Status::ok);
-    const Vec2<T> force = state.force;
-    state.controller.adaptation.deviation.rate = T(std::numeric_limits<double>::infinity());
-    EXPECT_EQ(Safe::step(state, c, good), Status::restarted);
-    expect_equal(state.force - force, {0, 0});
-    EXPECT_EQ(Safe::step(state, c, good), Status::ok);
-    EXPECT_EQ(state.controller.reference.steps, 1U);
 }
 
 // Adaptation

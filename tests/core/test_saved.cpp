@@ -62,11 +62,11 @@ TEST(ASoundState, HasNoMorePairsThanThereAreAndSwitchesThatAreOnOrOff) {
     params.observer_bandwidth = 300.0;
     using Observed = Observing<Composite<Paper>>;
     using Guarded = Guard<Observed>;
-    const auto c = Observed::prepare(params);
-    Guarded::State state{.controller = after_ten_samples<Observed>(c)};
+    const auto c = Guarded::prepare(params);
+    Guarded::State state{.controller = after_ten_samples<Observed>(c.controller)};
     const auto is_sound = [&] { return Guarded::sound(state, c); };
     auto& surface = state.controller.controller.surface;
-    const std::size_t pairs = c.controller.surface.first.fractional.pairs;
+    const std::size_t pairs = c.controller.controller.surface.first.fractional.pairs;
     ASSERT_GT(surface.onset_pairs, 0U);
     EXPECT_TRUE(is_sound());
     surface.onset_pairs = pairs + 1;
@@ -76,7 +76,9 @@ TEST(ASoundState, HasNoMorePairsThanThereAreAndSwitchesThatAreOnOrOff) {
     surface.onset_pairs = 0;
     EXPECT_TRUE(is_sound());
     expect_sound_but_for(surface.started, is_sound);
-    expect_sound_but_for(state.started, is_sound);
+    expect_sound_but_for(state.going, is_sound);
+    expect_sound_but_for(state.belief.settled, is_sound);
+    expect_sound_but_for(state.belief.doubted, is_sound);
     expect_sound_but_for(state.controller.observer.started, is_sound);
     expect_sound_but_for(state.controller.controller.adaptation.measured, is_sound);
 }

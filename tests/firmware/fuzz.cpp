@@ -1,8 +1,9 @@
 // For libFuzzer: any bytes are motions, saves and damage, and the C interface must keep its promises through them. The
-// firmware is exported with controller.force_limit = 1000.
+// firmware is exported with controller.force_limit = 1000, and with guard.checked or without.
 #include "fracgyro.h"
 
 #include <cmath>
+#include <cstddef>
 #include <cstring>
 #include <initializer_list>
 
@@ -68,19 +69,26 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         }
         for (int repeat = 0; repeat <= (what & 6) * 8; ++repeat) {
             const Answer now = answer(state, motion);
-            must(std::fabs(now.force.x) <= 1000 && std::fabs(now.force.y) <= 1000);
+            must(std::fabs(now.force.x) <= 1000 && std::fabs(now.force.y) <= 1000);  // false for NaN
             const fracgyro_number size = std::fabs(motion.position.x) + std::fabs(motion.position.y) +
                                          std::fabs(motion.velocity.x) + std::fabs(motion.velocity.y);
+            const bool answered = now.status == FRACGYRO_OK || now.status == FRACGYRO_SATURATED;
+            const bool lost = now.status == FRACGYRO_LOST || now.status == FRACGYRO_RESTARTED;
+            const bool held = now.status == FRACGYRO_NOT_FINITE || now.status == FRACGYRO_OUT_OF_RANGE ||
+                              now.status == FRACGYRO_IMPLAUSIBLE;
+            must(answered || lost || held);
             if (!std::isfinite(size)) {
-                must(now.status == FRACGYRO_NOT_FINITE);
+                must(now.status == FRACGYRO_NOT_FINITE || now.status == FRACGYRO_LOST);
             } else if (size < 0.99e6F) {
-                must(now.status == FRACGYRO_OK || now.status == FRACGYRO_SATURATED);
+                must(now.status != FRACGYRO_NOT_FINITE && now.status != FRACGYRO_OUT_OF_RANGE);
             } else if (size > 1.01e6F) {
-                must(now.status == FRACGYRO_OUT_OF_RANGE);
+                must(now.status == FRACGYRO_OUT_OF_RANGE || now.status == FRACGYRO_LOST);
             }
-            if (now.status == FRACGYRO_NOT_FINITE || now.status == FRACGYRO_OUT_OF_RANGE) {
+            if (held) {
                 must(same(&now.force, &last.force, sizeof now.force));
-                must(same(&now.estimates, &last.estimates, sizeof now.estimates));
+            }
+            if (held || now.status == FRACGYRO_LOST) {  // estimates rest: all but whether the rate is trusted
+                must(same(&now.estimates, &last.estimates, offsetof(fracgyro_estimates, rate_trusted)));
             }
             last = now;
         }

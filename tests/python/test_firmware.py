@@ -20,16 +20,18 @@ from fracgyro.export.firmware import SURFACES, export_firmware
 from fracgyro.export.host import SCALARS, Host, flags, plant_of, rmse
 from fracgyro.export.replay import first_difference
 from fracgyro.export.targets import BOARDS, COLUMNS, DTYPES, EMULATOR, QUALITY
+from fracgyro.setup import guard
 
 ROOT = Path(__file__).resolve().parents[2]
 PAPER = fg.Scenario.paper().replace({"controller.switching_limit": 0.5})
 LIMITED = PAPER.replace({"controller.force_limit": 1000.0})
+CHECKED = LIMITED.replace({"guard.checked": True})
 KINDS = {
     **{kind: {"controller.kind": kind} for kind in SURFACES},
     "fractional_of_order_one": {"controller.order": 1.0},
     "composite": {"adaptation.kind": "composite", "adaptation.rate_forgetting": 2.0},
 }
-OK, SATURATED, NOT_FINITE, OUT_OF_RANGE, RESTARTED, REFUSED = range(6)
+OK, SATURATED, NOT_FINITE, OUT_OF_RANGE, RESTARTED, REFUSED, IMPLAUSIBLE, LOST = range(8)
 NAN, INF = math.nan, math.inf
 
 
@@ -202,6 +204,51 @@ def test_at_the_limit_the_estimates_rest_where_they_would_wind_up(limited: Host)
     assert limited.estimates != wound
 
 
+@pytest.mark.parametrize("place", range(4))
+def test_a_sample_that_the_plant_cannot_have_moved_to_is_held_through(place: int, tmp_path: Path) -> None:
+    export_firmware(CHECKED, tmp_path / "out")
+    host, run = Host(tmp_path / "out", "float"), fg.simulate(CHECKED.replace({"run.duration": 0.2}))
+    motion = np.hstack([run["position"].values, run["velocity"].values])
+    for n, (x, y, v, w) in enumerate(motion.tolist()):
+        broken = [x, y, v, w]
+        force, estimates = host.force, host.estimates
+        if n == 100:
+            broken[place] += 1.0
+        status = host.step(broken[:2], broken[2:])
+        if n == 100:
+            assert status == IMPLAUSIBLE
+            assert (host.force, host.estimates) == (force, estimates)
+        else:
+            assert status in (OK, SATURATED)
+
+
+def test_sensors_that_are_lost_leave_the_force_of_the_reference_until_enough_samples_agree(tmp_path: Path) -> None:
+    export_firmware(CHECKED, tmp_path / "out")
+    host, run = Host(tmp_path / "out", "float"), fg.simulate(CHECKED.replace({"run.duration": 1.0}))
+    motion, stiffness = np.hstack([run["position"].values, run["velocity"].values]), CHECKED.plant.nondimensional()[1]
+    patience = guard(CHECKED).patience
+    assert patience == 8
+    told = [host.step((NAN, 0.0) if 500 <= n < 600 else m[:2], m[2:]) for n, m in enumerate(motion.tolist())]
+    assert told[500:507] == [NOT_FINITE] * 7
+    assert told[507 : 600 + 4 * patience - 1] == [LOST] * (600 + 31 - 507)
+    assert {*told[:500], told[631]} <= {OK, SATURATED}
+    fresh, wanted = Host(tmp_path / "out", "float"), []
+    for n, m in enumerate(motion[:560].tolist()):
+        fresh.step((NAN, 0.0) if n >= 500 else m[:2], m[2:])
+        r = np.array([math.sin(math.pi * n * 1e-3), math.cos(math.pi / 2 * n * 1e-3)])
+        wanted = [stiffness[0] * r[0] + stiffness[1] * r[1], stiffness[1] * r[0] + stiffness[2] * r[1]]
+    np.testing.assert_allclose(fresh.force, wanted, rtol=0.2)  # the estimates are off, and r'' counts
+
+
+def test_long_at_the_limit_the_controller_starts_anew_in_time(tmp_path: Path) -> None:
+    export_firmware(LIMITED.replace({"guard.saturation_patience": 100}), tmp_path / "out")
+    host = Host(tmp_path / "out", "float")
+    before = host.estimates
+    told = [host.step((20.0, 0.0), (0.0, 0.0)) for _ in range(200)]
+    assert told == ([SATURATED] * 99 + [RESTARTED]) * 2
+    assert host.estimates == before
+
+
 @pytest.mark.parametrize("number", SCALARS)
 def test_nothing_is_called_but_arithmetic(number: Number, tmp_path: Path) -> None:
     need("Cortex-M")
@@ -218,9 +265,10 @@ def test_nothing_is_called_but_arithmetic(number: Number, tmp_path: Path) -> Non
         assert set(re.findall(r"\t(\w+)$", frames, re.MULTILINE)) == {"static"}, "a stack of fixed size"
 
 
-def test_no_bits_of_memory_are_misused_whatever_the_input(tmp_path: Path) -> None:
+@pytest.mark.parametrize("scenario", [LIMITED, CHECKED, CHECKED.replace(KINDS["composite"])])
+def test_no_bits_of_memory_are_misused_whatever_the_input(scenario: fg.Scenario, tmp_path: Path) -> None:
     """The corpus of the fuzzer, under the sanitizers."""
-    export_firmware(LIMITED, tmp_path / "out")
+    export_firmware(scenario, tmp_path / "out")
     sanitize = ["-O1", "-g1", "-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all"]
     sources = ["fracgyro.cpp", ROOT / "tests/firmware/fuzz.cpp", ROOT / "tests/firmware/replay_corpus.cpp"]
     command = [

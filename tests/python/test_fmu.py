@@ -336,6 +336,29 @@ def test_a_motion_that_its_bounds_ended_is_told_so_to_the_logger(made: Callable[
     assert float(told.partition("rho h/delta was ")[2].partition(",")[0]) > 1.5
 
 
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_a_sample_that_is_not_believed_is_warned_of_and_leaves_no_force_without_end(
+    made: Callable[..., str], tmp_path: Path, fmi: Fmi
+) -> None:
+    scenario = SHORT.replace({"controller.force_limit": 6000.0, "guard.checked": True})
+    expected, ours = fg.simulate(scenario), fg.Controller(scenario)
+    fmu = Instance(made(scenario, fmi, "controller"), tmp_path).start()
+    for n in range(200):
+        position, velocity = expected["position"].values[n].copy(), expected["velocity"].values[n].copy()
+        position[0] += {100: 1e300, 101: 3.0}.get(n, 0.0)
+        for name, values in (("position", position), ("velocity", velocity)):
+            for axis, value in zip("xy", values, strict=True):
+                fmu.set(f"{name}.{axis}", float(value))
+        fmu.step(n * 1e-3, 1e-3)
+        force = [fmu.get("control.x"), fmu.get("control.y")]
+        np.testing.assert_array_equal(force, ours.step(n * 1e-3, position, velocity))
+        assert np.abs(force).max() <= 6000.0
+    assert fmu.messages == [
+        "the sample at 0.1 is out of range: the last force is held",
+        "the sample at 0.101 is no motion of this plant: the last force is held",
+    ]
+
+
 def test_a_binary_refuses_the_description_of_another(made: Callable[..., str], tmp_path: Path) -> None:
     path = made(SHORT)
     description = fmpy.read_model_description(path)

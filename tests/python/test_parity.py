@@ -16,7 +16,9 @@ from embedded import need
 from fracgyro.cli import cli
 from fracgyro.export import compilers, replay
 from fracgyro.export.compilers import Number
-from fracgyro.export.targets import Target, answers
+from fracgyro.export.firmware import export_firmware
+from fracgyro.export.host import Host
+from fracgyro.export.targets import DTYPES, Target, answers
 from fracgyro.paper.reproduce import write_run
 
 STEPS = 100_000
@@ -112,6 +114,33 @@ def test_every_way_through_the_law_has_the_same_bits(scenario: str, number: Numb
     expected = short.answers if double else answers("python", short.scenario, number, short.motion)
     for name in ("lanes", "host", "FMU"):
         compare(name, number, short, expected)
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+@pytest.mark.parametrize("adaptation", ["gradient", "composite"])
+def test_a_run_with_faults_has_the_same_bits_on_every_face(number: Number, adaptation: str, tmp_path: Path) -> None:
+    need("WebAssembly")
+    checked = {"guard.checked": True, "controller.force_limit": 6000.0, "run.duration": 2.0}
+    scenario = fg.Scenario.paper().replace({**checked, "adaptation.kind": adaptation})
+    motion = record(scenario, tmp_path / "run.nc").motion.astype(DTYPES[number])
+    motion[500, 0] += 1e3
+    motion[600, 3] = 1e30
+    motion[700:740] = motion[699]
+    motion[900, 2] += 0.5
+    motion[1200:1400, :2] *= -1.0
+    export_firmware(scenario, tmp_path / "firmware", number, unbounded=True)
+    host, rows, statuses = Host(tmp_path / "firmware", number), [], set()
+    for x, y, vx, vy in motion.tolist():
+        told = host.estimates[:10]
+        statuses.add(host.step((x, y), (vx, vy)))
+        rows.append([*host.force, *told])
+    assert statuses >= {0, 3, 6, 7}
+    expected = np.array(rows).astype(DTYPES[number])
+    assert np.isfinite(expected).all()
+    targets: tuple[Target, ...] = ("python", "fmu", "wasm")
+    for target in targets:
+        difference = replay.first_difference(answers(target, scenario, number, motion), expected)
+        assert difference is None, f"{target}, {number}: {difference}"
 
 
 def test_a_device_that_is_not_ideal_is_replayed_from_what_the_controller_measured(tmp_path: Path) -> None:

@@ -56,8 +56,8 @@ def assert_same_bits(got: np.ndarray, expected: np.ndarray) -> None:
 
 
 def test_the_module_is_small_and_imports_nothing(module: Path, tmp_path: Path) -> None:
-    assert (module / "fracgyro.wasm").stat().st_size < 78_000
-    assert sum(file.stat().st_size for file in module.iterdir()) < 110_000
+    assert (module / "fracgyro.wasm").stat().st_size < 92_000
+    assert sum(file.stat().st_size for file in module.iterdir()) < 124_000
     imports = 'console.log(WebAssembly.Module.imports(new WebAssembly.Module(read("fracgyro.wasm"))).length)'
     assert in_node(module, tmp_path, imports) == "0\n"
 
@@ -181,6 +181,21 @@ def test_so_has_the_controller_with_composite_adaptation(module: Path, tmp_path:
     double, controller = check_controller_alone(module, tmp_path, scenario)
     assert double["rateDeviation"] == controller.estimates.rate_deviation
     assert double["rateTrusted"] is controller.estimates.rate_trusted is True
+
+
+def test_an_absurd_sample_is_not_believed_and_leaves_no_force_without_end(module: Path, tmp_path: Path) -> None:
+    code = """
+    const controller = await fracgyro.controller(own);
+    for (const x of [0.5, 1e300, 0.5, 7, 0.5]) {
+      const force = controller.step([x, 0.5], [0, 0]);
+      console.log(controller.status, force.every((f) => Math.abs(f) <= 6000));
+    }
+    """
+    scenario = SHORT.replace({"controller.force_limit": 6000.0})
+    told = ["ok true", "out_of_range true", "ok true", "saturated true", "saturated true"]
+    assert in_node(module, tmp_path, code, scenario).splitlines() == told
+    told = ["ok true", "out_of_range true", "lost true", "lost true", "lost true"]
+    assert in_node(module, tmp_path, code, scenario.replace({"guard.checked": True})).splitlines() == told
 
 
 WRONG = {

@@ -15,7 +15,7 @@ from typing import Any, get_args
 from .. import _core
 from ..device import Device, Rate
 from ..scenario import Scenario, ScenarioError
-from ..setup import core_setup
+from ..setup import core_setup, guard
 from ..table import toml_value
 
 LARGEST_EXACT = 2**53 - 1  # faces take their numbers as doubles
@@ -46,6 +46,12 @@ UNITS: dict[str, str | tuple[str, ...]] = {
     "adaptation.initial_stiffness": "m*omega0^2",
     "adaptation.initial_rate": "omega0",
     "adaptation.initial_bound": ("m*omega0^2*q0", "m*omega0^2", "m*omega0"),
+    "guard.plant_tolerance": "1",
+    "guard.force_tolerance": "m*omega0^2*q0",
+    "guard.position_tolerance": "q0",
+    "guard.velocity_tolerance": "q0*omega0",
+    "guard.patience": "1",
+    "guard.saturation_patience": "1",
     "plant.damping": "N.s/m",
     "plant.stiffness": "N/m",
     "plant.damping_deviation": "N.s/m",
@@ -126,7 +132,7 @@ def without_plant(scenario: Scenario) -> Scenario:
     """For the controller alone, which knows neither the rate nor the device, unless it is to observe the velocity."""
     if scenario.device.sensing != "full":
         return scenario
-    return scenario.model_copy(update={"rate": Rate(), "device": Device()})
+    return scenario.model_copy(update={"rate": Rate(), "device": Device(), "guard": guard(scenario)})
 
 
 def core_numbers(scenario: Scenario) -> dict[str, float]:

@@ -30,6 +30,8 @@ WHOLE_STEPS = {"minimum": 1, "maximum": MOST_STEPS}
 # Said by a scenario as they are.
 UNSCALED = ["run.duration", "run.step", "run.record_every", "run.mode_tolerance", "controller.order"]
 
+SWITCHES = ["controller.adaptive", "guard.checked"]
+
 
 def export(scenario: Scenario, path: str | os.PathLike[str], *, unbounded: bool = False) -> None:
     """Writes the scenario.
@@ -50,7 +52,7 @@ def write_module_data(path: str | os.PathLike[str]) -> None:
     }
     described |= {name: {"description": describe(name), **_limits(name)} for name in UNSCALED}
     described |= {name: {"description": describe(name), "choices": choices} for name, choices in _choices().items()}
-    described |= {"controller.adaptive": {"description": describe("controller.adaptive")}}
+    described |= {name: {"description": describe(name)} for name in SWITCHES}
     described |= {"disturbance.hold_steps": {"description": "Steps from one noise draw to the next."} | WHOLE_STEPS}
     module = {
         "version": version("fracgyro"),
@@ -81,7 +83,8 @@ def build(folder: Path) -> None:
 def _document(scenario: Scenario) -> dict[str, Any]:
     numbers = core_numbers(scenario)
     said = {name: getattr(getattr(scenario, name.split(".")[0]), name.split(".")[1]) for name in UNSCALED}
-    said |= {"controller.kind": scenario.controller.kind, "controller.adaptive": scenario.controller.adaptive}
+    said |= {"controller.kind": scenario.controller.kind}
+    said |= {name: bool(numbers[name]) for name in SWITCHES}
     said |= {name: choices[int(numbers[name])] for name, choices in CHOICES.items()}
     said |= {"disturbance.hold_steps": int(numbers["disturbance.hold_steps"])}
     # JSON has no infinity: null is none.

@@ -1,0 +1,239 @@
+// The guarded controller in a closed loop with the exact plant, under faults of its sensors. Reads "numbers" (in the order of
+// settings.hpp), "rates" and "weights" of the modes, and prints JSON.
+//
+//     faults KIND float|double alarms STEPS                how often a sample is refused without any fault
+//     faults KIND float|double run FROM UNTIL              what each fault of standard input does: WHAT SIZE SAMPLES EVERY
+//     faults KIND float|double notice FROM UNTIL           how many samples each of them goes unnoticed
+#include "fracgyro/guard.hpp"
+#include "fracgyro/settings.hpp"
+
+#include <cmath>
+#include <cstdio>
+#include <iostream>
+#include <string>
+#include <vector>
+
+using namespace fracgyro;
+
+namespace {
+
+std::vector<double> read(const char* name) {
+    std::vector<double> numbers;
+    if (std::FILE* const file = std::fopen(name, "rb")) {
+        for (double number; std::fread(&number, sizeof number, 1, file) == 1;) {
+            numbers.push_back(number);
+        }
+        std::fclose(file);
+    }
+    return numbers;
+}
+
+struct Fault {
+    std::string what = "none";
+    double size = 0.0;
+    std::int64_t samples = 0, every = 0;  // every: again and again
+
+    bool acts(std::int64_t since) const { return since >= 0 && (every > 0 ? since % every : since) < samples; }
+    // `held`: the last sample before it.
+    void apply(Motion<double>& m, const Motion<double>& held) const {
+        const auto is = [&](const char* name) { return what == name; };
+        constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+        m.position.x += is("x") ? size : 0.0;
+        m.position.y += is("y") ? size : 0.0;
+        m.velocity.x += is("vx") ? size : 0.0;
+        m.velocity.y += is("vy") ? size : 0.0;
+        if (is("nan")) {
+            m.position.x = nan;
+        }
+        if (is("stuck") || is("stuck x")) {
+            m.position.x = held.position.x;
+        }
+        if (is("stuck") || is("stuck vx")) {
+            m.velocity.x = held.velocity.x;
+        }
+        if (is("zero") || is("flip")) {
+            const double factor = is("zero") ? 0.0 : -1.0;
+            m.position.x *= factor, m.velocity.x *= factor;
+        }
+        if (is("zero y") || is("flip both")) {
+            const double factor = is("zero y") ? 0.0 : -1.0;
+            m.position.y *= factor, m.velocity.y *= factor;
+        }
+        if (is("flip both")) {
+            m.position.x *= -1.0, m.velocity.x *= -1.0;
+        }
+        if (is("gain")) {
+            m.position.x *= size, m.velocity.x *= size;
+        }
+    }
+};
+
+template <class Controller>
+class Loop {
+    using Safe = Guard<Controller>;
+    using T = typename Controller::Value;
+
+public:
+    explicit Loop(const Setup& setup)
+        : setup_(setup),
+          coefficients_(Safe::prepare(setup.controller)),
+          plant_(Plant<double>::prepare(setup.plant, setup.controller.step)),
+          motion_(Plant<double>::start(setup.plant)),
+          disturbance_(setup.disturbance, setup.controller.step) {}
+
+    Status step(const Fault& fault, std::int64_t since) {
+        Vec2<double> d;
+        disturbance_.fill(n_, {&d, 1});
+        held_ = since < 0 ? motion_ : held_;
+        Motion<double> m = motion_;
+        if (fault.acts(since)) {
+            fault.apply(m, held_);
+        }
+        signals_ = Safe::step(
+            state_, coefficients_,
+            {.position = {T(m.position.x), T(m.position.y)}, .velocity = {T(m.velocity.x), T(m.velocity.y)}});
+        const double t = static_cast<double>(n_++) * setup_.controller.step;
+        const ReferenceParams& r = setup_.controller.reference;
+        error = std::hypot(motion_.position.x - r.amplitude.x * std::sin(r.frequency.x * t + r.phase.x),
+                           motion_.position.y - r.amplitude.y * std::sin(r.frequency.y * t + r.phase.y));
+        off = std::abs(static_cast<double>(signals_.estimates.rate) - setup_.plant.rate) / std::abs(setup_.plant.rate);
+        const Vec2<double> force{static_cast<double>(state_.force.x), static_cast<double>(state_.force.y)};
+        Plant<double>::step(motion_, plant_, force, d);
+        return state_.status;
+    }
+
+    double error = 0.0, off = 0.0;  // the true ones; that of the rate over the rate
+
+private:
+    Setup setup_;
+    typename Safe::Coefficients coefficients_;
+    typename Safe::State state_{};
+    Signals<T> signals_{};
+    Plant<double>::Coefficients plant_;
+    Motion<double> motion_, held_{};
+    Disturbance disturbance_;
+    std::int64_t n_ = 0;
+};
+
+bool refused(Status s) { return s != Status::ok && s != Status::saturated; }
+
+template <class Controller>
+void alarms(const Setup& setup, std::int64_t steps) {
+    Loop<Controller> loop(setup);
+    std::int64_t count = 0, saturated = 0;
+    double late = 0.0;
+    for (std::int64_t n = 0; n < steps; ++n) {
+        const Status status = loop.step({}, -1);
+        count += refused(status);
+        saturated += status == Status::saturated;
+        late = n < steps / 2 ? 0.0 : std::max(late, loop.error);
+    }
+    std::printf("{\"refused\": %lld, \"saturated\": %lld, \"error\": %.9g, \"off\": %.9g}\n",
+                static_cast<long long>(count), static_cast<long long>(saturated), late, loop.off);
+}
+
+// Within 1.25 times the largest of the fault-free runs of eight seeds while it is watched, a run is as if there had been no
+// fault: the largest of finitely many is itself a matter of luck.
+template <class Controller>
+void run(Setup setup, std::int64_t from, std::int64_t until, const std::vector<Fault>& faults) {
+    double error = 0.0, off = 0.0;
+    const Setup first = setup;
+    for (int seed = 0; seed < 8; ++seed, ++setup.disturbance.seed) {
+        Loop<Controller> loop(setup);
+        for (std::int64_t n = 0; n < until; ++n) {
+            loop.step({}, -1);
+            error = n < from ? error : std::max(error, loop.error);
+            off = n < from ? off : std::max(off, loop.off);
+        }
+    }
+    std::printf("{\"error\": %.9g, \"off\": %.9g}\n", error, off);
+    error *= 1.25, off *= 1.25;
+    for (const Fault& fault : faults) {
+        Loop<Controller> loop(first);
+        double most_error = 0.0, most_off = 0.0;
+        std::int64_t error_back = 0, off_back = 0, count = 0, noticed = -1;
+        for (std::int64_t n = 0; n < until; ++n) {
+            const Status status = loop.step(fault, n - from);
+            if (n < from) {
+                continue;
+            }
+            count += refused(status);
+            noticed = noticed < 0 && refused(status) ? n - from : noticed;
+            most_error = std::max(most_error, loop.error);
+            most_off = std::max(most_off, loop.off);
+            error_back = loop.error <= error ? error_back : n - from + 1;  // also where it is NaN
+            off_back = loop.off <= off ? off_back : n - from + 1;
+        }
+        std::printf(
+            "{\"most_error\": %.9g, \"error_back\": %lld, \"most_off\": %.9g, \"off_back\": %lld, "
+            "\"refused\": %lld, \"noticed\": %lld}\n",
+            most_error, static_cast<long long>(error_back), most_off, static_cast<long long>(off_back),
+            static_cast<long long>(count), static_cast<long long>(noticed));
+    }
+}
+
+// Begun at 200 moments evenly spread; -1: not within `samples`.
+template <class Controller>
+void notice(const Setup& setup, std::int64_t from, std::int64_t until, const std::vector<Fault>& faults) {
+    Loop<Controller> loop(setup);
+    std::vector<std::vector<std::int64_t>> after(faults.size());
+    for (std::int64_t n = 0; n < until; ++n) {
+        if (n >= from && (n - from) % ((until - from) / 200) == 0) {
+            for (std::size_t i = 0; i < faults.size(); ++i) {
+                Loop<Controller> faulty = loop;
+                std::int64_t found = -1;
+                for (std::int64_t k = 0; k < faults[i].samples && found < 0; ++k) {
+                    found = refused(faulty.step(faults[i], k)) ? k : -1;
+                }
+                after[i].push_back(found);
+            }
+        }
+        loop.step({}, -1);
+    }
+    for (const auto& counts : after) {
+        for (std::size_t k = 0; k < counts.size(); ++k) {
+            std::printf("%s%lld", k == 0 ? "[" : ", ", static_cast<long long>(counts[k]));
+        }
+        std::printf("]\n");
+    }
+}
+
+}  // namespace
+
+int main(int count, char** words) {
+    const auto numbers = read("numbers"), rates = read("rates"), weights = read("weights");
+    if (count < 5 || numbers.size() != setting_names.size()) {
+        return 2;
+    }
+    Setup setup;
+    take_settings(setup, numbers.data());
+    setup.kind = words[1];
+    std::copy(rates.begin(), rates.end(), setup.controller.surface.modes.rates.begin());
+    std::copy(weights.begin(), weights.end(), setup.controller.surface.modes.weights.begin());
+    const std::string number = words[2], mode = words[3];
+    const auto steps = [&](int i) { return std::int64_t{std::llround(std::stod(words[i]) / setup.controller.step)}; };
+    std::vector<Fault> faults;
+    for (std::string line; mode != "alarms" && std::getline(std::cin, line);) {
+        Fault fault;
+        char what[40];
+        long long samples = 0, every = 0;
+        if (std::sscanf(line.c_str(), "%39[^,],%lf,%lld,%lld", what, &fault.size, &samples, &every) == 4) {
+            fault.what = what, fault.samples = samples, fault.every = every;
+            faults.push_back(fault);
+        }
+    }
+    const auto act = [&]<class Controller>() {
+        if (mode == "alarms") {
+            alarms<Controller>(setup, std::stoll(words[4]));
+        } else if (mode == "run") {
+            run<Controller>(setup, steps(4), steps(5), faults);
+        } else {
+            notice<Controller>(setup, steps(4), steps(5), faults);
+        }
+    };
+    const bool composite = setup.controller.adaptation.composite;
+    return (number == "float" ? with_controller<float>(setup.kind, composite, act)
+                              : with_controller<double>(setup.kind, composite, act))
+               ? 0
+               : 2;
+}
