@@ -109,7 +109,7 @@ def test_a_table_of_metrics_is_printed_for_people() -> None:
         (["reproduce", "--seeds", "some"], "'some' is not a valid integer"),
         (["reproduce", "--out", "half.toml"], "half.toml cannot be made: File exists"),
         (["reprodce"], "No such command 'reprodce'"),
-        (["scenario", "rocket"], "'rocket' is not one of 'paper', 'paper_thermal'"),
+        (["scenario", "rocket"], "'rocket' is not one of 'paper', 'hardware'"),
     ],
 )
 def test_bad_input_ends_with_one_sentence(tmp_path: Path, words: list[str], expected: str) -> None:
