@@ -20,6 +20,7 @@ from fracgyro.cli import cli
 from fracgyro.export import fmu, web
 from fracgyro.export.firmware import coefficients_header, export_firmware
 from fracgyro.shipped import COMMON, SHIPPED, shipped, shipped_text
+from fracgyro.table import toml_value
 
 ROOT = Path(__file__).resolve().parents[2]
 PAPER = fg.Scenario.paper()
@@ -223,12 +224,13 @@ def test_every_shipped_scenario_has_what_hardware_needs(name: str) -> None:
         assert text.count(f"[{table}]") == 1
         for field, value in fields.items():
             assert getattr(getattr(scenario, table), field) == value
-            assert f"\n{field} = {value}\n" in text
+            assert f"\n{field} = {toml_value(value)}\n" in text
     assert "switching_limit" in common.controller.model_fields_set
 
 
 def test_the_preset_for_hardware_is_the_papers_with_limits() -> None:
-    assert shipped("hardware") == PAPER.replace({"controller.force_limit": 6000.0, "controller.switching_limit": 0.5})
+    limits = {"controller.force_limit": 6000.0, "controller.switching_limit": 0.5}
+    assert shipped("hardware") == PAPER.replace({**limits, "guard.checked": True})
     for variant in ("printed", "corrected"):
         assert fg.Scenario.paper(variant).controller.switching_limit == INF  # type: ignore[arg-type]
 
