@@ -102,7 +102,7 @@ fuzz-firmware: .venv/installed-test
 
 # The Python module and FMUs under the sanitizers of addresses and of undefined behaviour, many runs under that of threads.
 # The module is found before the editable one, as -S leaves out what would lead there.
-SANITIZE := -fsanitize=address,undefined,float-cast-overflow -fno-sanitize-recover=all
+SANITIZERS := address,undefined,float-cast-overflow
 SANITIZED := build/sanitized
 SANITIZED_SECONDS := 20
 UNDER_SANITIZERS = ASAN_OPTIONS=detect_leaks=0 \
@@ -112,14 +112,14 @@ check-sanitized: .venv/installed-test $(SANITIZED)/built build/tests-threads/bui
 	$(BIN)/ctest --test-dir build/tests-threads --tests-regex batch --output-on-failure
 	$(UNDER_SANITIZERS) $(BIN)/python -S -m pytest -p no:cacheprovider tests/python/test_state.py -k "not no_bytes"
 	$(UNDER_SANITIZERS) $(BIN)/python -S tests/fuzz/fuzz_states.py --face python --seconds $(SANITIZED_SECONDS)
-	$(UNDER_SANITIZERS) CXX="$(CXX) $(SANITIZE)" $(BIN)/python -S tests/fuzz/fuzz_fmu.py \
-	  --seconds $(SANITIZED_SECONDS)
+	$(UNDER_SANITIZERS) CXX="$(CXX) -fsanitize=$(SANITIZERS) -fno-sanitize-recover=all" \
+	  $(BIN)/python -S tests/fuzz/fuzz_fmu.py --seconds $(SANITIZED_SECONDS)
 
 $(SANITIZED)/built: $(BUILT_FROM) | .venv/installed-test
 	rm -rf $(SANITIZED)/python
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --target $(SANITIZED)/python \
-	  -C build-dir=$(SANITIZED)/cmake -C cmake.build-type=None \
-	  -C cmake.define.CMAKE_CXX_FLAGS="$(SANITIZE) -O1 -g1" .
+	  -C build-dir=$(SANITIZED)/cmake -C cmake.define.CMAKE_CXX_FLAGS_RELEASE="-O1 -g1" \
+	  -C cmake.define.FRACGYRO_SANITIZE=$(SANITIZERS) .
 	@touch $@
 
 # Takes under half an hour on two cores. Its parts: ARGS="cpp", ARGS="python", ARGS="log".
@@ -173,7 +173,7 @@ export NEEDED
 	@touch .venv/installed $@
 
 # The C++ tests: once as shipped, once under the sanitizers. Warnings are shown; in .ci/run they are errors.
-build/tests-sanitized/built: OPTIONS := -DFRACGYRO_SANITIZE=address,undefined,float-cast-overflow,float-divide-by-zero
+build/tests-sanitized/built: OPTIONS := -DFRACGYRO_SANITIZE=$(SANITIZERS),float-divide-by-zero
 build/tests-threads/built: OPTIONS := -DFRACGYRO_SANITIZE=thread
 build/tests-threads/built: BUILD := --target test_batch
 build/tests-%/built: $(CPP) CMakeLists.txt tests/core/CMakeLists.txt | .venv/installed-test setup-test

@@ -43,40 +43,46 @@ class Holder final : public AnyController {
     using State = typename Controller::State;
 
 public:
-    explicit Holder(const ControllerParams& p) : coefficients_(Controller::prepare(p)) {}
+    explicit Holder(const ControllerParams& p) : held_(new Held{.coefficients = Controller::prepare(p)}) {}
 
     Vec2<double> step(const Motion<double>& motion) override {
         const auto number = [](const Vec2<double>& a) { return Vec2<T>{T(a.x), T(a.y)}; };
         const Vec2<T> force =
-            Controller::step(state_, coefficients_,
+            Controller::step(held_->state, held_->coefficients,
                              {.position = number(motion.position), .velocity = number(motion.velocity)})
                 .force;
         return {static_cast<double>(force.x), static_cast<double>(force.y)};
     }
-    Estimates<double> estimates() const override { return in_double(Controller::estimates(state_, coefficients_)); }
+    Estimates<double> estimates() const override {
+        return in_double(Controller::estimates(held_->state, held_->coefficients));
+    }
     RateQuality<double> rate_quality() const override {
-        const RateQuality<T> quality = Controller::rate_quality(state_, coefficients_);
+        const RateQuality<T> quality = Controller::rate_quality(held_->state, held_->coefficients);
         return {.deviation = static_cast<double>(quality.deviation), .trusted = static_cast<double>(quality.trusted)};
     }
-    std::uint64_t steps() const override { return Controller::steps(state_); }
-    Status status() const override { return state_.status; }
+    std::uint64_t steps() const override { return Controller::steps(held_->state); }
+    Status status() const override { return held_->state.status; }
     nb::bytes state() const override {
         std::array<unsigned char, Saved<State>::size> bytes{};
-        Saved<State>::write(state_, bytes.data());
+        Saved<State>::write(held_->state, bytes.data());
         return nb::bytes(bytes.data(), bytes.size());
     }
     void restore(const nb::bytes& saved) override {
         State read;
         const auto* bytes = static_cast<const unsigned char*>(saved.data());
-        if (!Saved<State>::read(bytes, saved.size(), read) || !Controller::sound(read, coefficients_)) {
+        if (!Saved<State>::read(bytes, saved.size(), read) || !Controller::sound(read, held_->coefficients)) {
             throw nb::value_error("state is damaged: it is not as it was saved");
         }
-        state_ = read;
+        held_->state = read;
     }
 
 private:
-    typename Controller::Coefficients coefficients_;
-    State state_{};
+    struct Held {
+        typename Controller::Coefficients coefficients;
+        State state{};
+    };
+    // Apart: its alignment is that of wide registers, and Python frees a controller as one of any kind.
+    std::unique_ptr<Held> held_;
 };
 
 std::unique_ptr<AnyController> make_controller(const std::string& kind, const ControllerParams& p, bool single) {
