@@ -83,6 +83,7 @@ def attack_python(chosen: argparse.Namespace) -> None:
             controller.step(controller._core.steps * controller.scenario.run.step, *MOTION)
         assert len(controller.state) == len(before)
         assert controller.estimates is not None
+        assert controller.status
     print(f"python: {index + 1} attempts")
 
 
