@@ -34,6 +34,9 @@ enum class Status : std::uint8_t {
     lost = 7  // the sensors are not believed until samples agree
 };
 
+// Whether it is one of these.
+constexpr bool sound(Status status) { return status <= Status::lost && status != Status{5}; }
+
 // Of the guard: which samples it believes, and for how long it goes on without one.
 struct GuardParams {
     bool checked = false;                                       // held against the plant

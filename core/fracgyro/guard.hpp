@@ -46,7 +46,7 @@ struct Guard {
 
     static bool sound(const State& state, const Coefficients& c) {
         return Controller::sound(state.controller, c.controller) && fracgyro::sound(state.belief.settled) &&
-               fracgyro::sound(state.belief.doubted) && fracgyro::sound(state.going) && state.status <= Status::lost;
+               fracgyro::sound(state.belief.doubted) && fracgyro::sound(state.going) && fracgyro::sound(state.status);
     }
 
     static Estimates<T> estimates(const State& state, const Coefficients& c) {
