@@ -92,7 +92,8 @@ void soak(const std::vector<Run>& runs, std::int64_t steps) {
         }
         for (std::size_t k = 0; k < runs.size(); ++k) {
             const Setup& setup = runs[k].setup;
-            const double size = std::abs(double{motion.position.x.lane[k]}) + std::abs(double{motion.position.y.lane[k]});
+            const double size =
+                std::abs(double{motion.position.x.lane[k]}) + std::abs(double{motion.position.y.lane[k]});
             if (alive[k] && !(size < divergence_limit)) {
                 alive[k] = false;
                 std::cout << k << ' ' << n << " diverged\n";
@@ -111,8 +112,8 @@ void soak(const std::vector<Run>& runs, std::int64_t steps) {
                 const auto& b = signals.estimates.bound;
                 std::cout << k << ' ' << n << ' ' << std::sqrt(s.error_x / count) << ' ' << std::sqrt(s.error_y / count)
                           << ' ' << mean - setup.plant.rate << ' '
-                          << std::sqrt(std::max(0.0, s.rate_squared / count - mean * mean)) << ' ' << b[0].lane[k] << ' '
-                          << b[1].lane[k] << ' ' << b[2].lane[k] << ' ' << s.gain << std::endl;
+                          << std::sqrt(std::max(0.0, s.rate_squared / count - mean * mean)) << ' ' << b[0].lane[k]
+                          << ' ' << b[1].lane[k] << ' ' << b[2].lane[k] << ' ' << s.gain << std::endl;
                 s = {};
             }
         }
