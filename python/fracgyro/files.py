@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+LONGEST_SENTENCE = 900  # characters, of which names of files may have any number
 LARGEST_INPUT = 16 * 2**20  # bytes; a scenario with two tables of 100,000 points has about 10 million
 
 
@@ -21,8 +22,9 @@ def cut(text: str, most: int = 80) -> str:
 
 
 def one_line(text: str) -> str:
-    """The text with line breaks and other characters that do not print as escapes."""
-    return text if text.isprintable() else "".join(map(_printable, text))
+    """A sentence with line breaks and other characters that do not print as escapes, and not too long."""
+    text = text if text.isprintable() else "".join(map(_printable, text))
+    return text if len(text) <= LONGEST_SENTENCE else f"{text[:400]} ... {text[-400:]}"
 
 
 def _printable(character: str) -> str:

@@ -148,6 +148,8 @@ def test_an_error_is_worded_by_its_number_wherever_that_stands() -> None:
 
 def test_a_sentence_is_one_line_whatever_names_are_in_it() -> None:
     assert one_line("α ≤ 1") == "α ≤ 1"
+    assert one_line("x" * 5000 + ": it must be 1").endswith("xxx: it must be 1")
+    assert len(one_line("x" * 5000)) < 900
     assert one_line("a\nb\r\u2028\x1b[0m\udcff") == r"a\nb\r\u2028\x1b[0m\udcff"
     with pytest.raises(fg.ScenarioError, match=r"^my\\nfile\.toml cannot be read: No such file or directory$"):
         fg.Scenario.load("my\nfile.toml")

@@ -59,7 +59,8 @@ class Folder:
     def write(self, block: Block, table: pa.Table) -> None:
         with whole_file(self.runs / _name(block)) as scratch:
             labelled = table.replace_schema_metadata({LABEL: self.hash.encode()})
-            pq.write_table(labelled, scratch, compression="zstd", write_page_checksum=True)
+            with open(scratch, "wb") as file:  # of any name: pyarrow knows only those in UTF-8
+                pq.write_table(labelled, file, compression="zstd", write_page_checksum=True)
             self._sums[_name(block)] = hashlib.sha256(scratch.read_bytes()).hexdigest()
             # Before the block is there: wherever a kill strikes, a block that is there has its hash.
             with open(self.path / SUMS, "a", encoding="ascii") as sums:
@@ -68,7 +69,8 @@ class Folder:
     def read(self, work: list[Block]) -> pa.Table:
         """The rows of these blocks, in order. All are finished: their hashes are put into order, too."""
         self._record()
-        return pa.concat_tables([pq.read_table(self.runs / _name(block), partitioning=None) for block in work])
+        files = ((self.runs / _name(block)).read_bytes() for block in work)
+        return pa.concat_tables([pq.read_table(pa.BufferReader(data)) for data in files])
 
     def _recorded(self) -> dict[str, str]:
         """{name of a block: hash}; of two lines for one block the last, and no line that is damaged."""

@@ -204,7 +204,7 @@ def _storage(address: str) -> optuna.storages.RDBStorage:
         with warnings.catch_warnings():
             warnings.simplefilter("error", SAWarning)  # of options that the driver does not have
             return optuna.storages.RDBStorage(address)
-    except (SQLAlchemyError, SAWarning, ImportError, TypeError, ValueError) as error:
+    except (SQLAlchemyError, SAWarning, ImportError, RuntimeError, TypeError, ValueError) as error:
         raise ScenarioError(f"{_safe(address)} cannot be opened as a database: {_words(error, address)}") from None
 
 
