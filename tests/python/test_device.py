@@ -348,7 +348,7 @@ def test_a_file_that_is_none_is_refused_in_one_sentence(tmp_path: Path, text: st
         ({"rate.start": -1.0}, "rate.start is -1.0: it must be at least 0"),
         ({"rate.kind": "staircase"}, "rate.hold is missing: a staircase must have a time on each level"),
         ({"rate.kind": "staircase", "rate.hold": 1e-4}, "rate.hold is 0.0001: it must be a whole number of run.step"),
-        ({"rate.levels": 0}, "rate.levels is 0: it must be at least 1"),
+        ({"rate.levels": 0}, "rate.levels is 0: it must lie between 1 and 1000000000"),
         ({"rate.kind": "sine"}, 'rate.frequency is 0.0: it must be greater than 0 when rate.kind is "sine"'),
         ({"rate.kind": "sine", "rate.frequency": 4e3}, "is 4000.0: it must be at most pi/run.step, which is 3141.59"),
         ({"rate.kind": "chirp", "rate.final_frequency": 4e3}, "rate.final_frequency is 4000.0: it must be at most"),

@@ -170,6 +170,13 @@ WITHOUT_EFFECT = {
     "controller.observer_bandwidth": 200.0,
     "run.record_every": 2,
     "run.units": "SI",
+    "guard.checked": True,
+    "guard.plant_tolerance": 0.2,
+    "guard.force_tolerance": 1.0,
+    "guard.position_tolerance": 0.01,
+    "guard.velocity_tolerance": 0.01,
+    "guard.patience": 40,
+    "guard.saturation_patience": 40,
 }
 
 
