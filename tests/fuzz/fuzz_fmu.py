@@ -19,7 +19,7 @@ import tempfile
 from collections.abc import Callable
 from ctypes import byref, c_char, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 sys.path.insert(0, str(Path(__file__).parent))
 from apart import Notebook, arguments, corpus, indices, watched
@@ -30,7 +30,11 @@ MADE, INITIALIZING, RUNNING, TERMINATED = range(4)
 STEP = 1e-3
 TOKEN = 39  # a GUID in braces and the zero that ends it
 NUMBERS = [0.0, 1.0, -1.0, 0.5, 1e-3, 1e9, -1e300, 1.7976931348623157e308, float("nan"), float("inf"), 5e-324]
-FACES = {"fmi2-loop": ("2.0", "loop"), "fmi2-controller": ("2.0", "controller"), "fmi3-loop": ("3.0", "loop")}
+FACES: dict[str, tuple[Literal["2.0", "3.0"], Literal["loop", "controller"]]] = {
+    "fmi2-loop": ("2.0", "loop"),
+    "fmi2-controller": ("2.0", "controller"),
+    "fmi3-loop": ("3.0", "loop"),
+}
 Log2 = ctypes.CFUNCTYPE(None, c_void_p, c_char_p, c_int, c_char_p, c_char_p)
 Log3 = ctypes.CFUNCTYPE(None, c_void_p, c_int, c_char_p, c_char_p)
 
@@ -294,7 +298,7 @@ def make(face: str, folder: Path) -> None:
     fmi, content = FACES[face]
     changes = {"run.duration": 2.0, "adaptation.kind": "composite", "controller.switching_limit": 0.5}
     scenario = fg.Scenario.paper().replace(changes)
-    export(scenario, folder / f"{face}.fmu", fmi=fmi, content=content)  # type: ignore[arg-type]
+    export(scenario, folder / f"{face}.fmu", fmi=fmi, content=content)
     unpacked = Path(fmpy.extract(str(folder / f"{face}.fmu"), str(folder / face)))
     (library,) = unpacked.glob("binaries/*/*.so")
     library.rename(folder / f"{face}.so")

@@ -18,6 +18,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from importlib.abc import MetaPathFinder
 from pathlib import Path
 from typing import Any
@@ -55,8 +56,7 @@ def killed_by_cpp_tests(mutants: Iterable[int], jobs: int) -> set[int]:
                 command = [program, "--gtest_brief=1", "--gtest_fail_fast"]
                 env = {**os.environ, "FRACGYRO_MUTANT": str(number)}
                 try:
-                    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-                    done = subprocess.run(command, env=env, timeout=10 + 10 * seconds, **quiet)  # type: ignore[call-overload]
+                    done = subprocess.run(command, env=env, timeout=10 + 10 * seconds, capture_output=True)
                 except subprocess.TimeoutExpired:
                     return True
                 if done.returncode:
@@ -163,7 +163,7 @@ def killed_by_python_tests(mutants: set[int], jobs: int) -> tuple[set[int], set[
         if by_mutant[number]:
             if len(running) >= jobs:
                 wait()
-            running[forked(lambda number=number: run(number), 30 + 10 * spent[number])] = number  # type: ignore[misc]
+            running[forked(partial(run, number), 30 + 10 * spent[number])] = number
     while running:
         wait()
     return killed, {number for number in mutants if not by_mutant[number]}

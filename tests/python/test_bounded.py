@@ -14,6 +14,7 @@ from pathlib import Path
 import fracgyro as fg
 import numpy as np
 import pytest
+import xarray as xr
 from click.testing import CliRunner
 from fracgyro.bounded import check_bounded, gain, is_bounded
 from fracgyro.cli import cli
@@ -31,10 +32,11 @@ ADAPTATIONS = ["gradient", "composite"]
 INF = math.inf
 
 
-def gains(scenario: fg.Scenario, run: object) -> np.ndarray:
+def gains(scenario: fg.Scenario, run: xr.Dataset) -> np.ndarray:
     """rho h/delta at every sample, from the record."""
-    sizes = [np.hypot(*run[name].values.T) for name in ("position", "velocity")]  # type: ignore[index]
-    return np.array([gain(scenario, b, q, v) for b, q, v in zip(run["bound_estimate"].values, *sizes, strict=True)])  # type: ignore[index]
+    sizes = [np.hypot(*run[name].values.T) for name in ("position", "velocity")]
+    samples = zip(run["bound_estimate"].values, *sizes, strict=True)
+    return np.array([gain(scenario, b, q, v) for b, q, v in samples])
 
 
 # -- The loop ------------------------------------------------------------------------------------------------

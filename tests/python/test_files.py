@@ -142,7 +142,7 @@ def test_a_full_disk_while_firmware_is_written_is_the_systems_few_words(
 
 def test_an_error_is_worded_by_its_number_wherever_that_stands() -> None:
     assert reason(OSError(28, "a whole paragraph")) == "No space left on device"
-    assert reason(OSError([("a", "b", "[Errno 13] Permission denied: 'b'")])) == "Permission denied"  # type: ignore[arg-type]
+    assert reason(OSError([("a", "b", "[Errno 13] Permission denied: 'b'")])) == "Permission denied"
     assert reason(OSError("it is not a regular file")) == "it is not a regular file"
 
 
