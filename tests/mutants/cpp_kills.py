@@ -53,7 +53,7 @@ def killed_by_cpp_tests(mutants: Iterable[int], jobs: int) -> set[int]:
     def dies(number: int) -> bool:
         for seconds, program, numbers in reached:
             if number in numbers:
-                command = [program, "--gtest_brief=1", "--gtest_fail_fast"]
+                command = [str(program), "--gtest_brief=1", "--gtest_fail_fast"]
                 env = {**os.environ, "FRACGYRO_MUTANT": str(number)}
                 try:
                     done = subprocess.run(command, env=env, timeout=10 + 10 * seconds, capture_output=True)

@@ -234,7 +234,7 @@ def test_the_preset_for_hardware_is_the_papers_with_limits() -> None:
     limits = {"controller.force_limit": 6000.0, "controller.switching_limit": 0.5}
     assert shipped("hardware") == PAPER.replace({**limits, "guard.checked": True})
     for variant in ("printed", "corrected"):
-        assert fg.Scenario.paper(variant).controller.switching_limit == INF  # type: ignore[arg-type]
+        assert fg.Scenario.paper(variant).controller.switching_limit == INF
 
 
 def test_the_tuned_scenario_is_bounded_and_over_the_papers_time_runs_as_it_was_tuned() -> None:
