@@ -1,5 +1,5 @@
-// The guarded controller in a closed loop with the exact plant, under faults of its sensors. Reads "numbers" (in the order of
-// settings.hpp), "rates" and "weights" of the modes, and prints JSON.
+// The guarded controller in a closed loop with the exact plant, under faults of its sensors. Reads "numbers" (in the
+// order of settings.hpp), "rates" and "weights" of the modes, and prints JSON.
 //
 //     faults KIND float|double alarms STEPS                how often a sample is refused without any fault
 //     faults KIND float|double run FROM UNTIL              what each fault of standard input does: WHAT SIZE SAMPLES EVERY
@@ -132,8 +132,8 @@ void alarms(const Setup& setup, std::int64_t steps) {
                 static_cast<long long>(count), static_cast<long long>(saturated), late, loop.off);
 }
 
-// Within 1.25 times the largest of the fault-free runs of eight seeds while it is watched, a run is as if there had been no
-// fault: the largest of finitely many is itself a matter of luck.
+// Within 1.25 times the largest of the fault-free runs of eight seeds while it is watched, a run is as if there had
+// been no fault: the largest of finitely many is itself a matter of luck.
 template <class Controller>
 void run(Setup setup, std::int64_t from, std::int64_t until, const std::vector<Fault>& faults) {
     double error = 0.0, off = 0.0;

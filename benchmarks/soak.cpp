@@ -1,6 +1,6 @@
-// The closed loop of soak.py: up to eight runs side by side in the lanes of a register, without contraction, so that each has
-// the bits of its single run. Standard input: number of runs and of steps; then of each run its kind, whether it is composite,
-// its settings (settings.hpp), and its modes. Standard output: one line for each run at each mark.
+// The closed loop of soak.py: up to eight runs side by side in the lanes of a register, without contraction, so that
+// each has the bits of its single run. Standard input: number of runs and of steps; then of each run its kind, whether
+// it is composite, its settings (settings.hpp), and its modes. Standard output: one line for each run at each mark.
 #include "fracgyro/batch.hpp"
 #include "fracgyro/settings.hpp"
 

@@ -1,7 +1,7 @@
 // Which samples are believed.
 //
-//    Refused is a sample that is not finite, beyond any motion or, with `checked`, none that the plant can have moved to
-//    under the force that acted. With (q₀, v₀) the last sample, (q₁, v₁) this one and 1-norms over both axes:
+//    Refused is a sample that is not finite, beyond any motion or, with `checked`, none that the plant can have moved
+//    to under the force that acted. With (q₀, v₀) the last sample, (q₁, v₁) this one and 1-norms over both axes:
 //
 //        ‖q₁ - q₀ - h/2 (v₀ + v₁)‖ <= τ h ‖v₁‖ + 4 Q + 2 h V
 //        ‖v₁ - v₀ - h u + h/2 K̂ (q₀ + q₁)‖ <= h (τ ‖K̂‖ ‖q₁‖ + ‖D̂ + 2Ω̂‖ ‖v₁‖ + 2 F) + 4 V + 2 h ‖K̂‖ Q
@@ -10,8 +10,8 @@
 //    scales of the sensors may be other than nominal. Damping and the Coriolis force are left out, thus bounded. From
 //    positions alone v₀ is their last difference, and the second difference is held against the force.
 //
-//    In the place of a refused sample the plant is predicted, and with it how wrong that may be. After `patience` of them
-//    in a row, or where one contradicts a few, none is believed until four times as many agree with each other.
+//    In the place of a refused sample the plant is predicted, and with it how wrong that may be. After `patience` of
+//    them in a row, or where one contradicts a few, none is believed until four times as many agree with each other.
 #pragma once
 
 #include "adaptation.hpp"
@@ -94,7 +94,8 @@ struct Belief {
                 .agreeing = maximum(4 * patience, needed + 1)};
     }
 
-    // `force`: that acted since the last sample. `going`: there is a last one that was believed. `status` tells why not.
+    // `force`: that acted since the last sample. `going`: there is a last one that was believed. `status` tells why
+    // not.
     static Answer judge(State& state, const Coefficients& c, const Motion<T>& measured, const Vec2<T>& force,
                         bool going, Status& status) {
         status = problem(state, c, measured, force);

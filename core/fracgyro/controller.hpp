@@ -91,8 +91,8 @@ struct SlidingModeController {
         }
     }
 
-    // The force for the coming step, from the motion measured now. Called once every step. Where nothing was measured the
-    // error is taken to be `missing`, and the estimates rest.
+    // The force for the coming step, from the motion measured now. Called once every step. Where nothing was measured
+    // the error is taken to be `missing`, and the estimates rest.
     static Signals<T> step(State& state, const Coefficients& c, const Motion<T>& measured,
                            const Sample<T>* missing = nullptr) {
         Signals<T> signals{.reference = Reference<T>::update(state.reference, c.reference),  // 1

@@ -1,13 +1,15 @@
 // The controller made total, for hardware: whatever the sensors deliver, step() answers with a finite force within the
-// limit, in bounded time, and works on when they deliver motion again. Whether that force is the right one, only as much as
-// the samples that it believed were right (belief.hpp).
+// limit, in bounded time, and works on when they deliver motion again. Whether that force is the right one, only as
+// much as the samples that it believed were right (belief.hpp).
 //
-//    Without a sample the last force is held, the estimates rest, and the error is taken to be the last one, so that the
-//    reference and the fractional memory stay in time. Before the first good sample the force is 0 and time does not start.
+//    Without a sample the last force is held, the estimates rest, and the error is taken to be the last one, so that
+//    the reference and the fractional memory stay in time. Before the first good sample the force is 0 and time does
+//    not start.
 //
-//    Where no sample is to be believed for long, the memory of motions is dropped, the estimates are kept, and the force is
-//    that of a motion on the reference. After `saturation_patience` samples at the force limit, or if the force is not
-//    finite, the estimates are dropped too and the controller starts anew with the next sample. Time goes on.
+//    Where no sample is to be believed for long, the memory of motions is dropped, the estimates are kept, and the
+//    force is that of a motion on the reference. After `saturation_patience` samples at the force limit, or if the
+//    force is not finite, the estimates are dropped too and the controller starts anew with the next sample. Time goes
+//    on.
 #pragma once
 
 #include "belief.hpp"

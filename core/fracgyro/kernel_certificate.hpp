@@ -5,9 +5,10 @@
 
 namespace fracgyro {
 
-// The relative error e(x) = e^(αx) Σ w_j exp(-s_j e^x) - 1 is analytic in x = log t. Cut [0, span] into intervals of half-width
-// d around c and take the ellipse with foci c ∓ d and imaginary semi-axis ψ < π/2. Its real semi-axis is A = sqrt(ψ² + d²), the
-// sum of the two in units of d is ρ = (ψ + A)/d, and on it |e^(αx)| <= e^(α(c+A)) and Re e^x >= e^(c-A) cos ψ, so that
+// The relative error e(x) = e^(αx) Σ w_j exp(-s_j e^x) - 1 is analytic in x = log t. Cut [0, span] into intervals of
+// half-width d around c and take the ellipse with foci c ∓ d and imaginary semi-axis ψ < π/2. Its real semi-axis is A =
+// sqrt(ψ² + d²), the sum of the two in units of d is ρ = (ψ + A)/d, and on it |e^(αx)| <= e^(α(c+A)) and Re e^x >=
+// e^(c-A) cos ψ, so that
 //     |e| <= M = 1 + e^(α(c+A)) Σ w_j exp(-s_j e^(c-A) cos ψ).
 // The Chebyshev series of e cut after degree m is a polynomial p with
 //     |e - p| <= δ = 2 M ρ^-m/(ρ - 1)                                (Trefethen, ATAP, theorem 8.2).
@@ -15,10 +16,10 @@ namespace fracgyro {
 //     max |p| <= max |p(x_k)| / cos(mπ/2N).
 // With |p(x_k)| <= |e(x_k)| + δ, the maximum of |e| on the interval is at most (max |e(x_k)| + δ)/cos(mπ/2N) + δ.
 //
-// Rounding, in units of 2^-52: a sample time is off by at most 40 relatively (its logarithm, at most 23.1, by 32 in three
-// roundings, and the exponential by 4), which changes a term by 40 (α + s_j t). The power (4), the exponential (4, and s_j t for
-// its argument's rounding), three products, the sum over the modes (n) and the final scaling of a rate and a weight by whoever
-// takes them (16, of a rate again times s_j t) come to less than n + 80 + 80 s_j t in all.
+// Rounding, in units of 2^-52: a sample time is off by at most 40 relatively (its logarithm, at most 23.1, by 32 in
+// three roundings, and the exponential by 4), which changes a term by 40 (α + s_j t). The power (4), the exponential
+// (4, and s_j t for its argument's rounding), three products, the sum over the modes (n) and the final scaling of a
+// rate and a weight by whoever takes them (16, of a rate again times s_j t) come to less than n + 80 + 80 s_j t in all.
 inline double certified_error(double order, double span, std::size_t count, const double* rates,
                               const double* weights) {
     constexpr int degree = 16;

@@ -4,9 +4,9 @@
 //
 //     k(t) = t^(-α)/Γ(1-α) = sin(πα)/π ∫ s^(α-1) exp(-s t) ds over [0, ∞).
 //
-// `design` replaces it on [shortest, longest] by Σ weights·exp(-rates·t), all weights and rates positive (each mode is a
-// stable first-order lag), with nearly the fewest modes that hold the relative error below a tolerance. The best sum of n
-// modes is the one whose relative error takes its maximum with alternating sign at 2n+1 times (Braess, "Nonlinear
+// `design` replaces it on [shortest, longest] by Σ weights·exp(-rates·t), all weights and rates positive (each mode is
+// a stable first-order lag), with nearly the fewest modes that hold the relative error below a tolerance. The best sum
+// of n modes is the one whose relative error takes its maximum with alternating sign at 2n+1 times (Braess, "Nonlinear
 // approximation theory", 1986), and is found as follows.
 //
 //     1. start: an analytic estimate of the optimal rates and weights, and of the times.
@@ -14,8 +14,8 @@
 //     3. exchange: the times become the extrema of the error (Remez), until the error is level to 2 %.
 //     4. certify: a bound on the error over the continuous range, not only at samples.
 //
-// A design takes milliseconds and is made once, beforehand. It calls the functions of math.hpp alone, and all sums are in a
-// fixed order: the same arguments give the same bits on every processor.
+// A design takes milliseconds and is made once, beforehand. It calls the functions of math.hpp alone, and all sums are
+// in a fixed order: the same arguments give the same bits on every processor.
 //
 // Inside, time runs over [1, R]; x = log t in [0, log R]; the kernel is t^(-α).
 #pragma once
@@ -48,12 +48,12 @@ public:
         order_ = order;
         excess_ = (longest - shortest) / shortest;
         span_ = logarithm_of_one_plus(excess_);
-        // An order far below the tolerance gets the modes of a larger one, a hundredth of the tolerance away: its own rates
-        // would be so slow that the integral, a difference divided by the rate, drowns in rounding. The certified error is
-        // still that against the order itself.
+        // An order far below the tolerance gets the modes of a larger one, a hundredth of the tolerance away: its own
+        // rates would be so slow that the integral, a difference divided by the rate, drowns in rounding. The certified
+        // error is still that against the order itself.
         shape_ = maximum(order, 0.01 * tolerance / (1.0 + span_));
-        // Minimax errors are log(error) = log(α) + 0.65 + 1.5 α - decay·count, to within 0.5 or so (a fit); the decay is
-        // Zolotarev's for wide ranges, that of polynomial interpolation for narrow ones.
+        // Minimax errors are log(error) = log(α) + 0.65 + 1.5 α - decay·count, to within 0.5 or so (a fit); the decay
+        // is Zolotarev's for wide ranges, that of polynomial interpolation for narrow ones.
         const double decay =
             maximum(9.86960440108935861883 / (quarter_period(excess_) + 0.25), 2.0 * logarithm(8.0 / span_));
         const double estimate = (logarithm(shape_ / tolerance) + 0.65 + 1.5 * shape_) / decay;
@@ -126,7 +126,8 @@ private:
         }
     }
 
-    // w_j t^α exp(-s_j t) and s_j t of each mode; the relative error is the sum of the first, less 1, which is returned.
+    // w_j t^α exp(-s_j t) and s_j t of each mode; the relative error is the sum of the first, less 1, which is
+    // returned.
     double terms(double log_time, double* term, double* decay) const {
         const double time = exponential(log_time), grown = exponential(shape_ * log_time);
         for (std::size_t j = 0; j < n_; ++j) {
@@ -140,9 +141,9 @@ private:
         return total - 1.0;
     }
 
-    // Solves error(t_i) = (-1)^i level at 2n+1 times for weights, rates and level, with damping proportional to the residual:
-    // quadratic convergence, and no motion along the directions that the data cannot see. (Their singular values fall to
-    // level²; a plain Newton step along them is rounding error divided by nearly nothing.)
+    // Solves error(t_i) = (-1)^i level at 2n+1 times for weights, rates and level, with damping proportional to the
+    // residual: quadratic convergence, and no motion along the directions that the data cannot see. (Their singular
+    // values fall to level²; a plain Newton step along them is rounding error divided by nearly nothing.)
     void level() {
         const std::size_t unknowns = 2 * n_ + 1;
         PerMode decay;
@@ -183,9 +184,9 @@ private:
         take_exponentials();
     }
 
-    // Least squares by QR of [triangle; jacobian] with Householder's reflections: not normal equations, which square the
-    // condition. Each reflection leaves the rows of the triangle below its own as they are. The solution is left in the
-    // triangle's last column.
+    // Least squares by QR of [triangle; jacobian] with Householder's reflections: not normal equations, which square
+    // the condition. Each reflection leaves the rows of the triangle below its own as they are. The solution is left in
+    // the triangle's last column.
     void solve_least_squares(std::size_t unknowns) {
         Row projection;
         for (std::size_t k = 0; k < unknowns; ++k) {
@@ -266,8 +267,8 @@ private:
         }
     }
 
-    // Moves the times to the 2n+1 extrema of the error, and finds the greatest and the least of its levels there. Where the
-    // error has not exactly 2n-1 interior extrema the least is 0 and the times stay.
+    // Moves the times to the 2n+1 extrema of the error, and finds the greatest and the least of its levels there. Where
+    // the error has not exactly 2n-1 interior extrema the least is 0 and the times stay.
     void to_extrema(double& highest, double& lowest) {
         const std::size_t intervals = 2 * n_, last = intervals * pieces;
         PerMode term, decay;
@@ -309,8 +310,8 @@ private:
     }
 };
 
-// The modes of I^(1-order) for samples `step` apart over `duration`, at least 10 steps; none for orders 0 and 1, which need
-// none. For other orders a count of 0 says that there are none within the tolerance and the ranges above.
+// The modes of I^(1-order) for samples `step` apart over `duration`, at least 10 steps; none for orders 0 and 1, which
+// need none. For other orders a count of 0 says that there are none within the tolerance and the ranges above.
 inline Modes designed_modes(KernelDesign& workspace, double order, double step, double duration, double tolerance) {
     Modes modes{.order = order, .gamma = gamma_from_one_to_two(2.0 - order)};
     if (order == 0.0 || order == 1.0) {

@@ -44,8 +44,9 @@ inline double quarter_period(double excess) {
     return detail::half_pi / a;
 }
 
-// Logs of Zolotarev's 2n+1 alternation points R dn(i K/2n) on [1, R]: close to those of the optimum. Only the half nearer
-// to R is computed; dn(K - u) = 1/(R dn(u)) mirrors it in log t. sn comes from a sine by Landen's transformations.
+// Logs of Zolotarev's 2n+1 alternation points R dn(i K/2n) on [1, R]: close to those of the optimum. Only the half
+// nearer to R is computed; dn(K - u) = 1/(R dn(u)) mirrors it in log t. sn comes from a sine by Landen's
+// transformations.
 inline void start_times(double excess, double span, std::size_t n, double* log_times) {
     constexpr std::size_t landen = 8;
     std::array<double, landen> k{};
@@ -70,10 +71,10 @@ inline void start_times(double excess, double span, std::size_t n, double* log_t
 }
 
 // Estimate of the optimal modes, within about 0.02 of them. In the interior the rates are uniform in log s with spacing
-// h = (span + log 4)/n, the trapezoidal rule. Near s = 0 they follow Gauss quadrature of s^(α-1) ds, i.e. squared zeros z
-// of J_(α-1) with weight factors 2/(π z J_α(z)²). A smooth map of u = z h/π joins the two: log u² for small u, u for large.
-// At the fast end the spacing widens slightly. The constants were fitted to minimax sets for order .05 to .99, errors
-// 1e-2 to 1e-11, ranges 1e5 and 1e8 (rms residual 0.003).
+// h = (span + log 4)/n, the trapezoidal rule. Near s = 0 they follow Gauss quadrature of s^(α-1) ds, i.e. squared zeros
+// z of J_(α-1) with weight factors 2/(π z J_α(z)²). A smooth map of u = z h/π joins the two: log u² for small u, u for
+// large. At the fast end the spacing widens slightly. The constants were fitted to minimax sets for order .05 to .99,
+// errors 1e-2 to 1e-11, ranges 1e5 and 1e8 (rms residual 0.003).
 inline void start_modes(double order, double span, std::size_t n, double* log_weights, double* log_rates) {
     const double h = (span + 1.38629436111989061883) / static_cast<double>(n);
     const double mu = 4.0 * (order - 1.0) * (order - 1.0);

@@ -341,8 +341,8 @@ T power(T base, T exponent) {
     return if_less(zero, base, result, if_less(zero, exponent, zero, T(Value(1))));
 }
 
-// e^x, within a few units in the last place; 0 for x below some -708 (double) or -86 (float), where the result would leave
-// the normal range, and the largest normal power of two for x above some 709 or 88.
+// e^x, within a few units in the last place; 0 for x below some -708 (double) or -86 (float), where the result would
+// leave the normal range, and the largest normal power of two for x above some 709 or 88.
 template <std::floating_point T>
 T exponential(T x) {
     constexpr T high = detail::Bits<T>::ln2_high, low = detail::Bits<T>::ln2_low;

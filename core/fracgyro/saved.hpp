@@ -1,8 +1,8 @@
 // A state as bytes, and whether bytes that come back are to be believed: whatever they are, none may do harm.
 //
-//    The checksum tells damage. Bytes whose checksum is right may still be no state, as of another program or an attacker:
-//    sound(state, coefficients), which every type with a state has, says whether all indices and switches in it are ones
-//    that it could have. Numbers may be any.
+//    The checksum tells damage. Bytes whose checksum is right may still be no state, as of another program or an
+//    attacker: sound(state, coefficients), which every type with a state has, says whether all indices and switches in
+//    it are ones that it could have. Numbers may be any.
 #pragma once
 
 #include <cstddef>

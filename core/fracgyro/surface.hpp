@@ -11,8 +11,9 @@
 //
 //    Their drifts are λ1 ė or λ1 D^α e, and λ2 c |e|^(c-1) ė (eq. (17)).
 //
-//    To add a surface: a type with Coefficients, State, prepare() and evaluate() as below, sound() if the state is not empty,
-//    advance() if it has memory to move when the force is on its way, and one line in sim/fracgyro/controllers.hpp.
+//    To add a surface: a type with Coefficients, State, prepare() and evaluate() as below, sound() if the state is not
+//    empty, advance() if it has memory to move when the force is on its way, and one line in
+//    sim/fracgyro/controllers.hpp.
 #pragma once
 
 #include "error.hpp"

@@ -52,7 +52,8 @@ public:
         prepared_ = false;  // it may have other parameters
         gain_ = 0.0;
     }
-    // A saved state of which only the size is known. Its numbers must be ones that could have been set: some become integers.
+    // A saved state of which only the size is known. Its numbers must be ones that could have been set: some become
+    // integers.
     bool read(const unsigned char* bytes, std::size_t count, State& state) {
         if (bytes == nullptr || count <= sizeof exported::token ||
             std::memcmp(bytes, exported::token, sizeof exported::token) != 0) {

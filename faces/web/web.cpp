@@ -140,8 +140,8 @@ EXPORT const double* controller_estimates() {
 }
 // What was thought of the last sample.
 EXPORT int controller_status() { return static_cast<int>(*status_at); }
-// The saved state, a checksum and the state: where it is, and how long; written by controller_save, and to be filled in before
-// controller_restore, which returns whether it is as it was saved.
+// The saved state, a checksum and the state: where it is, and how long; written by controller_save, and to be filled in
+// before controller_restore, which returns whether it is as it was saved.
 EXPORT unsigned char* controller_saved() { return saved.data() + saved_at - sizeof(std::uint32_t); }
 EXPORT std::size_t controller_saved_size() { return sizeof(std::uint32_t) + state_size; }
 EXPORT void controller_save() {

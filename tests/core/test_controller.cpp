@@ -266,8 +266,8 @@ TYPED_TEST(Law, UnderTheSwitchingLimitNoBoundGrowsBeyondTheLargestRho) {
     EXPECT_NEAR(early[0], 0.5, 1e-6) << "and up to there it grows as it would";
 }
 
-// The paper's linear surface in the loop with noise of 1 a step and bounds that grow 100 times as fast. Returns whether it is
-// bounded after 200,000 steps.
+// The paper's linear surface in the loop with noise of 1 a step and bounds that grow 100 times as fast. Returns whether
+// it is bounded after 200,000 steps.
 template <class T, template <class> class AdaptationOf>
 bool lasts(double switching_limit) {
     using Controller = SlidingModeController<T, LinearSurface, AdaptationOf>;

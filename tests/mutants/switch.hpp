@@ -59,7 +59,8 @@ struct Sign {
     }
 };
 
-// a * Factor{id} * b: divided, or where that is not defined with the other sign, or doubled. a / Factor{id} / b: multiplied.
+// a * Factor{id} * b: divided, or where that is not defined with the other sign, or doubled. a / Factor{id} / b:
+// multiplied.
 template <class T>
 struct Pending {
     const T& a;
