@@ -100,7 +100,7 @@ fuzz-firmware: .venv/installed-test
 	cd build/fuzz && ./fuzz -max_total_time=$(FUZZ_SECONDS) -max_len=256 -verbosity=0 -print_final_stats=1 \
 	  found ../../tests/firmware/corpus
 
-# The Python module and FMUs under the sanitizers of addresses and of undefined behaviour, many runs under that of threads.
+# The Python module and FMUs under AddressSanitizer and UndefinedBehaviorSanitizer, many runs under ThreadSanitizer.
 # The module is found before the editable one, as -S leaves out what would lead there.
 SANITIZERS := address,undefined,float-cast-overflow
 SANITIZED := build/sanitized

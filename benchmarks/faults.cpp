@@ -2,8 +2,10 @@
 // order of settings.hpp), "rates" and "weights" of the modes, and prints JSON.
 //
 //     faults KIND float|double alarms STEPS                how often a sample is refused without any fault
-//     faults KIND float|double run FROM UNTIL              what each fault of standard input does: WHAT SIZE SAMPLES EVERY
+//     faults KIND float|double run FROM UNTIL              what each fault on standard input does
 //     faults KIND float|double notice FROM UNTIL           how many samples each of them goes unnoticed
+//
+// A fault is a line WHAT SIZE SAMPLES EVERY.
 #include "fracgyro/guard.hpp"
 #include "fracgyro/settings.hpp"
 

@@ -66,8 +66,9 @@ export interface Controller {
     rateTrusted: boolean;
   };
   /**
-   * All that changes while running: assign it to a controller of the same scenario to resume, bit for bit. Throws RangeError
-   * for a state that is damaged, or was saved by another version or a controller of another scenario or precision.
+   * All that changes while running: assign it to a controller of the same scenario to resume, bit for bit. Throws
+   * RangeError for a state that is damaged, or was saved by another version or a controller of another scenario or
+   * precision.
    */
   state: Uint8Array;
 }

@@ -96,7 +96,8 @@ class Fracgyro {
           throw new TypeError("state must be a Uint8Array, as it was saved");
         }
         if (bytes.length <= key.length || !key.every((byte, i) => bytes[i] === byte)) {
-          throw new RangeError("state was saved by another version, or by a controller of another scenario or precision");
+          const other = "another version, or by a controller of another scenario or precision";
+          throw new RangeError(`state was saved by ${other}`);
         }
         const own = bytes.subarray(key.length);
         if (own.length === saved().length) {
@@ -118,7 +119,8 @@ class Fracgyro {
       throw new RangeError(`run.duration is ${settings["run.duration"]}: it must be 1 to 1000000000 times run.step`);
     }
     // The module finds the last three itself.
-    const numbers = { "run.steps": steps, "controller.order_gamma": 1, "controller.mode_count": 0, "controller.mode_error": 0 };
+    const unset = { "controller.order_gamma": 1, "controller.mode_count": 0, "controller.mode_error": 0 };
+    const numbers = { "run.steps": steps, ...unset };
     const values = core.names.map((name) => {
       const choices = this.fields[name]?.choices;
       if (choices) {
@@ -181,6 +183,16 @@ class Core {
   }
 }
 
+// Limits that may be off, as infinity or null.
+const UNLIMITED = new Set(["controller.force_limit", "controller.switching_limit"]);
+const COUNTS = new Set([
+  "disturbance.seed",
+  "disturbance.hold_steps",
+  "run.record_every",
+  "guard.patience",
+  "guard.saturation_patience",
+]);
+
 function wrong(name, value, field) {
   if (field.choices) {
     return field.choices.includes(value) ? "" : `one of ${field.choices.join(", ")}`;
@@ -188,13 +200,13 @@ function wrong(name, value, field) {
   if (["controller.adaptive", "guard.checked"].includes(name)) {
     return typeof value === "boolean" ? "" : "true or false";
   }
-  if (["controller.force_limit", "controller.switching_limit"].includes(name) && (value === null || value === Infinity)) {
+  if (UNLIMITED.has(name) && (value === null || value === Infinity)) {
     return "";
   }
   if (!Number.isFinite(value)) {
     return "a finite number";
   }
-  if (["disturbance.seed", "disturbance.hold_steps", "run.record_every", "guard.patience", "guard.saturation_patience"].includes(name) && !Number.isSafeInteger(value)) {
+  if (COUNTS.has(name) && !Number.isSafeInteger(value)) {
     return "a whole number below 2^53";
   }
   const { minimum, maximum, exclusiveMinimum, exclusiveMaximum } = field;
