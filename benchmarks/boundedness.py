@@ -127,7 +127,7 @@ def thresholds() -> list[str]:
     lines = [
         "## The threshold",
         "",
-        "Known parameters, b̂0 alone and frozen, no noise, started 1e-6 off the reference (quadratic layer: outside the "
+        "Known parameters, only b̂0, frozen, no noise, started 1e-6 off the reference (quadratic layer: outside the "
         "layer). Predicted: the ρ h/δ at which s alternates for ever about e = 0, by EQUATIONS.md. Measured, by "
         "bisection: from where s is outside the layer at the end.",
         "",
@@ -185,7 +185,7 @@ def ends() -> list[str]:
         s = np.hypot(*run["surface"].values.T)
         blocks = s[: len(s) // every * every].reshape(-1, every).mean(axis=1)
         calm = np.flatnonzero(blocks < 0.5 * base.controller.layer_thickness)
-        cells = ["never", "–"]  # the start alone takes the bounds beyond it
+        cells = ["never", "–"]  # the start itself takes the bounds beyond it
         if calm.size:
             last = slice(calm[-1] * every, (calm[-1] + 1) * every)
             q, v = (np.hypot(*run[each].values[last].T) for each in ("position", "velocity"))

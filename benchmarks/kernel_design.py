@@ -49,7 +49,7 @@ def main() -> None:
         "",
         f"Machine: {machine()}.",
         "",
-        "On [1e-3, 100]: how many modes, beside minimax sets computed separately; certified error; processor time,",
+        "On [1e-3, 100]: how many modes, and how many minimax sets have; certified error; processor time,",
         "median of 9.",
         "",
         "| α | tolerance | modes | minimax | certified error | time |",

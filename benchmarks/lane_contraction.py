@@ -69,7 +69,7 @@ def main() -> None:
         "",
         "Processor time of a run's step, ns, in lanes as they are shipped (a product and a sum are two operations, so",
         "that all processors and single runs have the same bits) and with contraction. 32 runs of 20,000 steps with",
-        f"the same noise, metrics alone, on one thread; medians of {ROUNDS} runs of each program in turn, the ratio",
+        f"the same noise, metrics only, on one thread; medians of {ROUNDS} runs of each program in turn, the ratio",
         "that of neighbours.",
         "",
         "| registers | number | controller | shipped | fused | ratio |",

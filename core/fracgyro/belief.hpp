@@ -7,8 +7,8 @@
 //        ‖v₁ - v₀ - h u + h/2 K̂ (q₀ + q₁)‖ <= h (τ ‖K̂‖ ‖q₁‖ + ‖D̂ + 2Ω̂‖ ‖v₁‖ + 2 F) + 4 V + 2 h ‖K̂‖ Q
 //
 //    Q, V, F: the sensors' largest errors and the largest disturbance, on one axis; τ: by which share the plant and the
-//    scales of the sensors may be other than nominal. Damping and the Coriolis force are left out, thus bounded. From
-//    positions alone v₀ is their last difference, and the second difference is held against the force.
+//    scales of the sensors may be other than nominal. Damping and the Coriolis force are left out, thus bounded. With
+//    positions only, v₀ is their last difference, and the second difference is held against the force.
 //
 //    In the place of a refused sample the plant is predicted, and with it how wrong that may be. After `patience` of
 //    them in a row, or where one contradicts a few, none is believed until four times as many agree with each other.
@@ -27,10 +27,10 @@ enum class Status : std::uint8_t {
     ok = 0,
     saturated = 1,     // the force is at its limit
     not_finite = 2,    // an input is NaN or infinite
-    out_of_range = 3,  // the input is no motion of a gyroscope
+    out_of_range = 3,  // the input is not a motion of a gyroscope
     restarted = 4,     // the memory was lost
     implausible =
-        6,    // the input is no motion that this plant can have made since the last (5 is a saved state refused)
+        6,    // the input is not a motion that this plant can have made since the last (5 is a saved state refused)
     lost = 7  // the sensors are not believed until samples agree
 };
 

@@ -17,7 +17,7 @@
 //
 //    What one sample may add is bounded: from when they are trusted, a residual beyond `largest_innovation` times what
 //    it should be, σ̂ √α, is not learnt from, on both axes. One bad sample spoils two steps; a third residual in a row
-//    that is beyond is no accident but a plant that moved, and is learnt from. Ω̂z is not trusted meanwhile.
+//    that is beyond means that the plant moved, and is learnt from. Ω̂z is not trusted meanwhile.
 //
 //    The force is computed with the laws' part, which is the loop's integral action, and from when Ω̂z is first trusted with
 //    the sum of both parts. What is told of D, K and Ωz is the part of least squares alone (docs/decisions/0016).

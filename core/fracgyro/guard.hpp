@@ -8,7 +8,7 @@
 //
 //    Where no sample is to be believed for long, the memory of motions is dropped, the estimates are kept, and the
 //    force is that of a motion on the reference. After `saturation_patience` samples at the force limit, or if the
-//    force is not finite, the estimates are dropped too and the controller starts anew with the next sample. Time goes
+//    force is not finite, the estimates are dropped too and the controller starts again with the next sample. Time goes
 //    on.
 #pragma once
 

@@ -22,7 +22,7 @@ typedef enum {
     FRACGYRO_SATURATED = 1,    /* the force is at its limit, and the estimates rest rather than wind up */
     FRACGYRO_NOT_FINITE = 2,   /* NaN or infinity was measured: the last force is held, the estimates rest */
     FRACGYRO_OUT_OF_RANGE = 3, /* what was measured is no motion of a gyroscope: as above */
-    FRACGYRO_RESTARTED = 4,    /* the force was not finite, or at its limit for too long: the next sample starts anew */
+    FRACGYRO_RESTARTED = 4,    /* the force was not finite, or at its limit for too long: the next sample starts again */
     FRACGYRO_REFUSED = 5,      /* nothing was restored: saved by another controller, or damaged since */
     FRACGYRO_IMPLAUSIBLE = 6,  /* the plant cannot have moved so since the last sample: as FRACGYRO_NOT_FINITE */
     FRACGYRO_LOST = 7          /* no samples to believe: the force is that of the reference, until enough agree */

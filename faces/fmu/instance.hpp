@@ -256,9 +256,10 @@ private:
     void warn(Status status) {
         const char* const what = status == Status::not_finite     ? "is not finite: the last force is held"
                                  : status == Status::out_of_range ? "is out of range: the last force is held"
-                                 : status == Status::implausible  ? "is no motion of this plant: the last force is held"
+                                 : status == Status::implausible
+                                     ? "is not a motion of this plant: the last force is held"
                                  : status == Status::lost      ? "is not believed: the force is that of the reference"
-                                 : status == Status::restarted ? "ends what was learnt: the controller starts anew"
+                                 : status == Status::restarted ? "ends what was learnt: the controller starts again"
                                                                : nullptr;
         if (what != nullptr) {
             std::snprintf(warning_, sizeof warning_, "the sample at %.9g %s", now(), what);
@@ -316,7 +317,7 @@ private:
 
     bool known(std::size_t reference, bool integer) {
         if (reference >= state_.values.size()) {
-            return fail("%.0f is no value reference", static_cast<double>(reference));
+            return fail("%.0f is not a value reference", static_cast<double>(reference));
         }
         const Variable& v = exported::variables[reference];
         return v.integer == integer || fail("%s is %s integer", v.name, v.integer ? "an" : "no");

@@ -30,7 +30,7 @@ def check_scenario(scenario: object) -> None:
 
 
 def real(name: str, value: object) -> float:
-    """A float. Raises TypeError for what is no real number."""
+    """A float. Raises TypeError for anything that is not a real number."""
     if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
         raise TypeError(f"{name} is {short(value)}: it must be a number")
     try:

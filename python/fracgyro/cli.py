@@ -199,7 +199,7 @@ def scenario_command(name: str | None, variant: str, listed: bool) -> None:
 @cli.command()
 @click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON.")
 def selfcheck(as_json: bool) -> None:
-    """Compute the published parity hashes anew: what to add to a report of a problem. Ends with 1 when they differ."""
+    """Compute the published parity hashes again, for a problem report. Ends with 1 when they differ."""
     from .selfcheck import selfcheck as check
 
     found = check()

@@ -42,7 +42,7 @@ class Controller:
     Call `step` once every `scenario.run.step`. Times, positions, velocities and forces are in the units that
     `scenario.run.units` names. `scenario.run.duration` is the longest time the fractional memory is accurate for.
     With `single_precision` it computes in float, as firmware exported so does, to the same bits.
-    Raises TypeError for an argument that is no number, ValueError for one that is not finite, or a time that is not
+    Raises TypeError for an argument that is not a number, ValueError for one that is not finite, or a time that is not
     that of the next step. It can be copied and pickled: the copy goes on by itself from where this one is.
     """
 

@@ -1,4 +1,4 @@
-"""Whether this installation computes the bits that it should: the published parity hashes, found anew.
+"""Whether this installation computes the bits that it should: the published parity hashes, computed again.
 
 The paper's corrected scenario, its noise included, over 100 units of time. Run in double, its answers (forces and
 estimates) are hashed; then the controller in single precision answers the same motion. The modes' design, the noise,

@@ -1,6 +1,6 @@
 """The scenarios that come with the package: devices from the literature, each number with its source.
 
-What hardware needs and the paper has not is common to all of them and stands in scenarios/common.toml alone.
+What hardware needs and the paper has not is common to all of them and stands only in scenarios/common.toml.
 """
 
 from __future__ import annotations

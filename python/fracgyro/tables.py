@@ -275,11 +275,11 @@ class Adaptation(Table):
 
 
 class Guard(Table):
-    """Which samples the controller alone believes, in Python, FMU, browser, firmware; `simulate` believes all."""
+    """Which samples the controller believes, in Python, FMU, browser, firmware; `simulate` believes all."""
 
     checked: bool = field(
         False,
-        "Samples are refused that the plant cannot have moved to since the last one, beside those that are not finite. "
+        "Samples are refused that the plant cannot have moved to since the last one, and those that are not finite. "
         "The fields below say what it can; not set, they follow from the other tables. false: off.",
     )
     plant_tolerance: float | None = field(
@@ -290,7 +290,7 @@ class Guard(Table):
     velocity_tolerance: float | None = field(None, "Unit q0 omega0: the same of the velocity.", ge=0)
     patience: int | None = field(
         None,
-        "Samples: after so many refused in a row the force is that of the reference alone, and no sample is believed "
+        "Samples: after so many refused in a row the force is only that of the reference, and no sample is believed "
         "until four times as many agree. 0: off, the last force is held.",
         ge=0,
         le=10**9,

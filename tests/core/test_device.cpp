@@ -127,14 +127,14 @@ TEST(VaryingPlant, ItsStepIsOfFourthOrder) {
 
 TEST(VaryingPlant, WhatTheControllerIsNotToldActsAsWhatItIs) {
     for (const bool inertial : {false, true}) {
-        PlantParams told = gyroscope();
-        PlantParams untold = told;
-        told.stiffness = told.stiffness + told.stiffness_deviation;
-        told.stiffness_deviation = {};
-        untold.damping = {};
-        untold.damping_deviation = told.damping;
-        expect_equal(driven(told, inertial, 400).position, driven(untold, inertial, 400).position);
-        expect_equal(driven(told, inertial, 400).velocity, driven(untold, inertial, 400).velocity);
+        PlantParams modeled = gyroscope();
+        PlantParams unmodeled = modeled;
+        modeled.stiffness = modeled.stiffness + modeled.stiffness_deviation;
+        modeled.stiffness_deviation = {};
+        unmodeled.damping = {};
+        unmodeled.damping_deviation = modeled.damping;
+        expect_equal(driven(modeled, inertial, 400).position, driven(unmodeled, inertial, 400).position);
+        expect_equal(driven(modeled, inertial, 400).velocity, driven(unmodeled, inertial, 400).velocity);
     }
 }
 
@@ -255,7 +255,7 @@ class VelocityObserver : public ::testing::Test {};
 TYPED_TEST_SUITE(VelocityObserver, Scalars, ScalarNames);
 
 TYPED_TEST(VelocityObserver, ForgetsAnErrorAtItsBandwidthThreeTimesOver) {
-    // Of a free mass under a constant acceleration that nobody told it of, all errors are polynomials of degree 2 times θⁿ.
+    // Of a free mass under an unmodeled constant acceleration, all errors are polynomials of degree 2 times θⁿ.
     using T = TypeParam;
     constexpr double h = 0.01, bandwidth = 20.0;
     const auto c = Observer<T>::prepare({}, bandwidth, h);

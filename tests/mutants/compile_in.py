@@ -84,14 +84,14 @@ def candidates(file: str, text: str) -> list[Mutant]:
     starts = [0, *(m.end() for m in re.finditer("\n", text))]
     seen: Counter[tuple[str, str]] = Counter()
 
-    def add(rule: str, begin: int, end: int, before: str, after: str, told: str) -> None:
+    def add(rule: str, begin: int, end: int, before: str, after: str, reported: str) -> None:
         if any(a <= begin < b for a, b in fixed):
             return
         number = next(i for i in range(len(starts), 0, -1) if starts[i - 1] <= begin)
         line = text[starts[number - 1] :].split("\n", 1)[0].strip()
-        seen[line, told] += 1
-        nth = f" ({seen[line, told]})" if seen[line, told] > 1 else ""
-        found.append(Mutant(file, begin, end, before, after, rule, number, f"{told}{nth} in `{line}`"))
+        seen[line, reported] += 1
+        nth = f" ({seen[line, reported]})" if seen[line, reported] > 1 else ""
+        found.append(Mutant(file, begin, end, before, after, rule, number, f"{reported}{nth} in `{line}`"))
 
     for m in re.finditer(r"(?<=[\w)\]}]) ([+-]) (?=[\w(:-])", code):
         other = {"+": "-", "-": "+"}[m[1]]

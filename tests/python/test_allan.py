@@ -116,8 +116,8 @@ def test_the_averaging_times_go_by_octaves_up_to_a_tenth_of_the_record() -> None
 def test_the_degrees_of_freedom_are_those_of_white_noise() -> None:
     # NIST SP 1065 has (3 (N - 1)/2m - 2 (N - 2)/N) 4 m^2/(4 m^2 + 5), to a tenth or so.
     for m in (10, 50):
-        told = (3 * 999 / (2 * m) - 2 * 998 / 1000) * 4 * m**2 / (4 * m**2 + 5)
-        assert allan._degrees_of_freedom(m, 1000) == pytest.approx(told, rel=0.1)
+        reported = (3 * 999 / (2 * m) - 2 * 998 / 1000) * 4 * m**2 / (4 * m**2 + 5)
+        assert allan._degrees_of_freedom(m, 1000) == pytest.approx(reported, rel=0.1)
 
 
 def test_intervals_are_those_of_chi_square() -> None:

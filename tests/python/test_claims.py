@@ -22,12 +22,12 @@ AXES = {"window": ["whole", "transient", "steady"], "axis": ["x", "y"]}
 
 
 def by_seed(most: float, *others: float) -> np.ndarray:
-    """A value for every seed: the last ones as told, the rest `most`."""
+    """A value for every seed: the last ones as reported, the rest `most`."""
     return np.array([most] * (SEEDS - len(others)) + list(others))
 
 
 def rmse(size: float = 1.0, **cells: np.ndarray) -> xr.DataArray:
-    """An RMSE that is the same everywhere but in the cells told, as steady_x."""
+    """An RMSE that is the same everywhere but in the cells reported, as steady_x."""
     values = xr.DataArray(np.full((SEEDS, 3, 2), size), dims=["run", "window", "axis"], coords=AXES)
     for name, value in cells.items():
         window, axis = name.split("_")
@@ -188,8 +188,8 @@ def test_d_does_not_hold_where_the_first_halving_leaves_more_than_half_the_rise(
 
 
 def test_the_evidence_of_d_is_the_rms_on_the_surface_and_the_rises(rises: dict[float, float]) -> None:
-    told = claims.surface_converges(surfaces(by_seed(5.0, math.nan)))[1]
-    assert told == (
+    reported = claims.surface_converges(surfaces(by_seed(5.0, math.nan)))[1]
+    assert reported == (
         "‖s‖ stays within the layer δ = 0.06 from t = 5.00 (range 5.00 to 5.00) over 19 seeds, never in 1; "
         "conventional: 8.00 (range 8.00 to 8.00) over 20 seeds. After t = 10 the RMS of s is 0.3, 0.4 (seed 0): an "
         "ultimate bound set by the noise, not zero in finite time. Without noise and layer V rises above its lowest "
@@ -263,9 +263,10 @@ def test_f_holds_where_each_estimate_is_within_5_percent_in_19_of_20_seeds(
 
 
 def test_the_evidence_of_f_is_how_far_off_each_estimate_is_and_under_which_controller() -> None:
-    told = claims.estimates_converge(material(proposed=estimates(damping_error=by_seed(0.04, 2.0, 2.0)), **OTHERS))[1]
+    proposed = estimates(damping_error=by_seed(0.04, 2.0, 2.0))
+    reported = claims.estimates_converge(material(proposed=proposed, **OTHERS))[1]
     # K h/2 is 355.3, 70.99 and 532.9 times 0.0005.
-    assert told == (
+    assert reported == (
         "at t = 80: Ω̂z off by 0.049 of the truth (median; 100% of seeds within 5 %); D̂ off by 0.04 of the truth "
         "(median; 90% of seeds within 5 %); K̂ off by 0.05 of the truth (median; 100% of seeds within 5 %). Holding "
         "the force for a step h makes the plant look as if damped by K h/2 = 0.18, 0.04, 0.27 (xx, xy, yy) more, many "
@@ -295,8 +296,8 @@ def test_g_holds_where_the_bound_grows_by_less_than_1_percent_in_every_seed(
 
 
 def test_the_evidence_of_g_is_the_growth() -> None:
-    told = claims.bounds_settle(bounds(by_seed(2.0), by_seed(2.2)))[1]
-    assert told == (
+    reported = claims.bounds_settle(bounds(by_seed(2.0), by_seed(2.2)))[1]
+    assert reported == (
         "b̂0 grows from 2.000 at t = 40 to 2.200 at t = 80, by 10 [10, 10] %, 5.0e-03 per unit of time. ‖s‖ ≥ 0 under "
         "(44), so under noise b̂ can only grow."
     )

@@ -84,11 +84,11 @@ def test_every_kind_of_controller_answers_as_the_simulator_does(kind: str, numbe
         else:  # κ, a difference over a step, has some 1e-7/1e-3 of rounding error, which λ1 I^ν amplifies
             np.testing.assert_allclose(host.force, wanted, rtol=1e-2, atol=0.5)
     if kind == "composite":
-        told = ours.estimates
-        expected = [told.rate, told.rate_deviation, told.rate_trusted]
-        atol = 0.0 if number == "double" else 0.1 * told.rate_deviation
+        reported = ours.estimates
+        expected = [reported.rate, reported.rate_deviation, reported.rate_trusted]
+        atol = 0.0 if number == "double" else 0.1 * reported.rate_deviation
         np.testing.assert_allclose(np.array(host.estimates)[[6, 10, 11]], expected, rtol=0, atol=atol)
-        assert told.rate_trusted
+        assert reported.rate_trusted
 
 
 @pytest.mark.parametrize("number", SCALARS)
@@ -228,10 +228,10 @@ def test_sensors_that_are_lost_leave_the_force_of_the_reference_until_enough_sam
     motion, stiffness = np.hstack([run["position"].values, run["velocity"].values]), CHECKED.plant.nondimensional()[1]
     patience = guard(CHECKED).patience
     assert patience == 8
-    told = [host.step((NAN, 0.0) if 500 <= n < 600 else m[:2], m[2:]) for n, m in enumerate(motion.tolist())]
-    assert told[500:507] == [NOT_FINITE] * 7
-    assert told[507 : 600 + 4 * patience - 1] == [LOST] * (600 + 31 - 507)
-    assert {*told[:500], told[631]} <= {OK, SATURATED}
+    reported = [host.step((NAN, 0.0) if 500 <= n < 600 else m[:2], m[2:]) for n, m in enumerate(motion.tolist())]
+    assert reported[500:507] == [NOT_FINITE] * 7
+    assert reported[507 : 600 + 4 * patience - 1] == [LOST] * (600 + 31 - 507)
+    assert {*reported[:500], reported[631]} <= {OK, SATURATED}
     fresh, wanted = Host(tmp_path / "out", "float"), []
     for n, m in enumerate(motion[:560].tolist()):
         fresh.step((NAN, 0.0) if n >= 500 else m[:2], m[2:])
@@ -244,8 +244,8 @@ def test_long_at_the_limit_the_controller_starts_anew_in_time(tmp_path: Path) ->
     export_firmware(LIMITED.replace({"guard.saturation_patience": 100}), tmp_path / "out")
     host = Host(tmp_path / "out", "float")
     before = host.estimates
-    told = [host.step((20.0, 0.0), (0.0, 0.0)) for _ in range(200)]
-    assert told == ([SATURATED] * 99 + [RESTARTED]) * 2
+    reported = [host.step((20.0, 0.0), (0.0, 0.0)) for _ in range(200)]
+    assert reported == ([SATURATED] * 99 + [RESTARTED]) * 2
     assert host.estimates == before
 
 
@@ -327,8 +327,8 @@ def test_a_fault_on_the_way_changes_no_bit_between_processors_and_compilers(
         assert len(answers[target]) == steps
     assert set(answers["gcc"][1000:1010, 0]) == {NOT_FINITE}
     for target, answer in answers.items():
-        told = 1 + len(COLUMNS)  # then the rate's quality
-        assert first_difference(answer[:, 1:told], answers["gcc"][:, 1:told]) is None, target
+        reported = 1 + len(COLUMNS)  # then the rate's quality
+        assert first_difference(answer[:, 1:reported], answers["gcc"][:, 1:reported]) is None, target
         assert answer.tobytes() == answers["gcc"].tobytes(), target
 
 

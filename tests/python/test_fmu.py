@@ -130,7 +130,7 @@ class Instance:
             self.fmu.setFMUState(self.fmu.deserializeFMUState(saved))
 
     def complaint(self, act: Callable[[], object]) -> str:
-        """What the logger is told when `act` fails."""
+        """What the logger receives when `act` fails."""
         with pytest.raises(Exception, match=r"status 3|fmi\dError|error"):
             act()
         return self.messages[-1]
@@ -209,8 +209,8 @@ def test_gains_can_be_tuned_while_it_runs_and_starts_cannot(made: Callable[..., 
     fmu.step(0.501, 0.1)
     assert resting != before
     assert fmu.get("rate_estimate") == pytest.approx(resting, abs=1e-9)
-    told = fmu.complaint(lambda: fmu.set("plant.initial_position.x", 0.1))
-    assert told == "plant.initial_position.x is fixed: it can be set until the end of the initialization"
+    said = fmu.complaint(lambda: fmu.set("plant.initial_position.x", 0.1))
+    assert said == "plant.initial_position.x is fixed: it can be set until the end of the initialization"
     assert fmu.complaint(lambda: fmu.set("controller.order", 0.8)) == "controller.order cannot be set"
 
 
@@ -261,20 +261,20 @@ def test_outputs_follow_the_parameters_during_the_initialization(made: Callable[
 @pytest.mark.parametrize("fmi", VERSIONS)
 def test_what_cannot_be_done_is_told_to_the_logger(made: Callable[..., str], tmp_path: Path, fmi: Fmi) -> None:
     fmu = Instance(made(SHORT, fmi), tmp_path)
-    told = fmu.complaint(lambda: fmu.step(0.0, 0.001))
-    assert told == "a step can come only between initialization and end: this is before the initialization"
+    said = fmu.complaint(lambda: fmu.step(0.0, 0.001))
+    assert said == "a step can come only between initialization and end: this is before the initialization"
     fmu.start()
-    told = fmu.complaint(lambda: fmu.step(0.0, 0.0015))
-    assert told == "the communication step is 0.0015: it must be a whole number of 0.001, the step of the controller"
+    said = fmu.complaint(lambda: fmu.step(0.0, 0.0015))
+    assert said == "the communication step is 0.0015: it must be a whole number of 0.001, the step of the controller"
     fmu.step(0.0, 0.1)
-    told = fmu.complaint(lambda: fmu.step(0.0, 0.1))
-    assert told == "the communication point is 0: the next one is 0.1, and steps follow each other"
-    told = fmu.complaint(lambda: fmu.set("controller.terminal_exponent", 1.0))
-    assert told == "controller.terminal_exponent is 1: it must lie strictly between 0 and 1"
-    told = fmu.complaint(lambda: fmu.set("adaptation.leakage", -1.0))
-    assert told == "adaptation.leakage is -1: it must be at least 0"
-    told = fmu.complaint(lambda: fmu.set("plant.angular_rate", float("nan")))
-    assert told == "plant.angular_rate is nan: it must be a finite number"
+    said = fmu.complaint(lambda: fmu.step(0.0, 0.1))
+    assert said == "the communication point is 0: the next one is 0.1, and steps follow each other"
+    said = fmu.complaint(lambda: fmu.set("controller.terminal_exponent", 1.0))
+    assert said == "controller.terminal_exponent is 1: it must lie strictly between 0 and 1"
+    said = fmu.complaint(lambda: fmu.set("adaptation.leakage", -1.0))
+    assert said == "adaptation.leakage is -1: it must be at least 0"
+    said = fmu.complaint(lambda: fmu.set("plant.angular_rate", float("nan")))
+    assert said == "plant.angular_rate is nan: it must be a finite number"
     fmu.set("adaptation.stiffness_gain", 1e9)
     assert fmu.complaint(lambda: fmu.step(0.1, 1.0)).startswith("the motion diverged after 0.1")
 
@@ -293,17 +293,17 @@ def test_a_damaged_state_is_refused(made: Callable[..., str], tmp_path: Path, fm
 @pytest.mark.parametrize("fmi", VERSIONS)
 def test_a_step_comes_between_initialization_and_end_alone(made: Callable[..., str], tmp_path: Path, fmi: Fmi) -> None:
     fmu = Instance(made(SHORT, fmi), tmp_path)
-    told = fmu.complaint(fmu.fmu.exitInitializationMode)
+    said = fmu.complaint(fmu.fmu.exitInitializationMode)
     here = "this is before the initialization"
-    assert told == f"the end of the initialization can come only during the initialization: {here}"
+    assert said == f"the end of the initialization can come only during the initialization: {here}"
     fmu.start()
     here = "this is between initialization and end"
     assert fmu.complaint(fmu.fmu.enterInitializationMode).endswith(here)
     fmu.fmu.terminate()
-    told = fmu.complaint(lambda: fmu.step(0.0, 0.001))
-    assert told == "a step can come only between initialization and end: this is after the end"
-    told = fmu.complaint(lambda: fmu.set("controller.layer_thickness", 0.1))
-    assert told == "controller.layer_thickness cannot be set: the simulation is terminated"
+    said = fmu.complaint(lambda: fmu.step(0.0, 0.001))
+    assert said == "a step can come only between initialization and end: this is after the end"
+    said = fmu.complaint(lambda: fmu.set("controller.layer_thickness", 0.1))
+    assert said == "controller.layer_thickness cannot be set: the simulation is terminated"
     assert fmu.get("error.x") == 0.5, "what was found can still be read"
     fmu.fmu.reset()
     fmu.start().step(0.0, 0.001)
@@ -312,8 +312,8 @@ def test_a_step_comes_between_initialization_and_end_alone(made: Callable[..., s
 @pytest.mark.parametrize("fmi", VERSIONS)
 def test_a_step_that_would_take_for_ever_is_refused(made: Callable[..., str], tmp_path: Path, fmi: Fmi) -> None:
     fmu = Instance(made(SHORT, fmi, "controller"), tmp_path).start()
-    told = fmu.complaint(lambda: fmu.step(0.0, 1e9))
-    assert told == "the communication step is 1e+09: it must be at most 10000, ten million steps of the controller"
+    said = fmu.complaint(lambda: fmu.step(0.0, 1e9))
+    assert said == "the communication step is 1e+09: it must be at most 10000, ten million steps of the controller"
 
 
 def test_a_variable_is_read_and_set_by_the_functions_of_its_type(made: Callable[..., str], tmp_path: Path) -> None:
@@ -330,10 +330,10 @@ def test_a_motion_that_its_bounds_ended_is_told_so_to_the_logger(made: Callable[
         fmu.set(f"adaptation.bound_gain[{i}]", gain)
     fmu.set("controller.switching_limit", sys.float_info.max)
     fmu.start()
-    told = fmu.complaint(lambda: fmu.step(0.0, 400.0))
-    assert "the bound estimates had grown to [" in told
-    assert told.endswith("controller.switching_limit = 0.5 bounds them")
-    assert float(told.partition("rho h/delta was ")[2].partition(",")[0]) > 1.5
+    said = fmu.complaint(lambda: fmu.step(0.0, 400.0))
+    assert "the bound estimates had grown to [" in said
+    assert said.endswith("controller.switching_limit = 0.5 bounds them")
+    assert float(said.partition("rho h/delta was ")[2].partition(",")[0]) > 1.5
 
 
 @pytest.mark.parametrize("fmi", VERSIONS)
@@ -355,7 +355,7 @@ def test_a_sample_that_is_not_believed_is_warned_of_and_leaves_no_force_without_
         assert np.abs(force).max() <= 6000.0
     assert fmu.messages == [
         "the sample at 0.1 is out of range: the last force is held",
-        "the sample at 0.101 is no motion of this plant: the last force is held",
+        "the sample at 0.101 is not a motion of this plant: the last force is held",
     ]
 
 
@@ -363,10 +363,10 @@ def test_a_binary_refuses_the_description_of_another(made: Callable[..., str], t
     path = made(SHORT)
     description = fmpy.read_model_description(path)
     description.guid = "{00000000-0000-0000-0000-000000000000}"
-    told: list[str] = []
+    said: list[str] = []
     with pytest.raises(Exception, match="instantiate"):
-        instantiate_fmu(fmpy.extract(path, str(tmp_path)), description, logger=lambda *a: told.append(a[-1].decode()))
-    assert told == ["the GUID is not that of this FMU: its model description is of another one"]
+        instantiate_fmu(fmpy.extract(path, str(tmp_path)), description, logger=lambda *a: said.append(a[-1].decode()))
+    assert said == ["the GUID is not that of this FMU: its model description is of another one"]
 
 
 def test_units_convert_to_si(made: Callable[..., str]) -> None:
@@ -434,14 +434,14 @@ def test_a_seed_that_fmi_cannot_hold_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("compiler", "told"),
+    ("compiler", "said"),
     [("no-such-compiler", "no-such-compiler is not found: set CXX"), ("false", "false failed: no reason")],
 )
 def test_without_a_compiler_nothing_is_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, compiler: str, told: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, compiler: str, said: str
 ) -> None:
     monkeypatch.setenv("CXX", compiler)
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=said):
         export(SHORT, tmp_path / "x.fmu")
     assert list(tmp_path.iterdir()) == []
 

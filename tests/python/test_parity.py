@@ -229,12 +229,12 @@ def test_what_is_no_record_of_every_step_is_refused_in_one_sentence(short: Path,
     path = tmp_path / "other.nc"
     assert refused(path) == "cannot be read: No such file or directory"
     path.write_text("no NetCDF")
-    assert refused(path) == "is no recorded run: it is not NetCDF, or damaged"
+    assert refused(path) == "is not a recorded run: it is not NetCDF, or damaged"
     path.unlink()
     with xr.open_dataset(short, engine="h5netcdf") as run:
         run.load()
     write_run(run.drop_vars("control"), path)
-    assert refused(path) == "is no recorded run: write one with `fracgyro simulate --out`"
+    assert refused(path) == "is not a recorded run: write one with `fracgyro simulate --out`"
     write_run(run.isel(time=slice(1, None)), path)
     assert refused(path) == "lacks steps: its times must be 0, 0.001, and so on"
     base = fg.Scenario.paper().replace({"run.duration": 0.2})

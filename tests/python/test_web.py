@@ -192,10 +192,10 @@ def test_an_absurd_sample_is_not_believed_and_leaves_no_force_without_end(module
     }
     """
     scenario = SHORT.replace({"controller.force_limit": 6000.0})
-    told = ["ok true", "out_of_range true", "ok true", "saturated true", "saturated true"]
-    assert in_node(module, tmp_path, code, scenario).splitlines() == told
-    told = ["ok true", "out_of_range true", "lost true", "lost true", "lost true"]
-    assert in_node(module, tmp_path, code, scenario.replace({"guard.checked": True})).splitlines() == told
+    reported = ["ok true", "out_of_range true", "ok true", "saturated true", "saturated true"]
+    assert in_node(module, tmp_path, code, scenario).splitlines() == reported
+    reported = ["ok true", "out_of_range true", "lost true", "lost true", "lost true"]
+    assert in_node(module, tmp_path, code, scenario.replace({"guard.checked": True})).splitlines() == reported
 
 
 WRONG = {
@@ -229,9 +229,9 @@ def test_wrong_settings_are_refused_in_one_sentence(module: Path, tmp_path: Path
 
 def test_a_scenario_that_is_none_is_refused_in_one_sentence(module: Path, tmp_path: Path) -> None:
     code = """
-    const told = (scenario) => fracgyro.simulate(scenario).catch((e) => console.log(`${e.name}: ${e.message}`));
+    const reported = (scenario) => fracgyro.simulate(scenario).catch((e) => console.log(`${e.name}: ${e.message}`));
     const { "disturbance.seed": seed, ...others } = own.settings;
-    await told({ ...own, settings: others });
+    await reported({ ...own, settings: others });
     """
     missing = "RangeError: disturbance.seed is missing: it must be given"
     assert in_node(module, tmp_path, code).splitlines() == [missing]
@@ -241,16 +241,16 @@ def test_a_state_of_another_controller_is_refused(module: Path, tmp_path: Path) 
     code = """
     const make = (changes, single) => fracgyro.controller(own, changes, { single });
     const controller = await make({}, false);
-    const told = (state) => {
+    const reported = (state) => {
       try { controller.state = state; } catch (e) { console.log(`${e.name}: ${e.message}`); }
     };
-    told((await make({ "controller.layer_thickness": 0.05 }, false)).state);
-    told((await make({}, true)).state);
+    reported((await make({ "controller.layer_thickness": 0.05 }, false)).state);
+    reported((await make({}, true)).state);
     const { state } = controller;
-    told("state");
-    told(state.slice(0, -1));
+    reported("state");
+    reported(state.slice(0, -1));
     state[state.length - 9] ^= 1;
-    told(state);
+    reported(state);
     """
     other = "RangeError: state was saved by another version, or by a controller of another scenario or precision"
     damaged = "RangeError: state is damaged: it is not as it was saved"
@@ -261,8 +261,8 @@ def test_a_state_of_another_controller_is_refused(module: Path, tmp_path: Path) 
 def test_divergence_is_told_and_the_samples_until_then_are_kept(module: Path, tmp_path: Path) -> None:
     coarse = SHORT.replace({"run.step": 1e-2, "disturbance.hold": None, "run.duration": 20.0})
     code = 'const run = await fracgyro.simulate(own); console.log(run.diverged); write("rows", run.rows);'
-    told = float(in_node(module, tmp_path, code, coarse))
-    with pytest.raises(fg.DivergedError, match=f"t = {told:.6g}"):
+    reported = float(in_node(module, tmp_path, code, coarse))
+    with pytest.raises(fg.DivergedError, match=f"t = {reported:.6g}"):
         fg.simulate(coarse)
     rows = recorded(coarse)
     assert_same_bits(np.fromfile(tmp_path / "rows"), rows[~np.isnan(rows[:, 0])].copy())

@@ -68,10 +68,10 @@ def load(path: str | os.PathLike[str]) -> Trace:
         with xr.open_dataset(path, engine="h5netcdf") as run:
             run.load()
     except Exception:  # of any kind: of what a file has that is not NetCDF, or damaged
-        raise ValueError(f"{path} is no recorded run: it is not NetCDF, or damaged") from None
+        raise ValueError(f"{path} is not a recorded run: it is not NetCDF, or damaged") from None
     missing = [name for name in ("time", *MOTION, *VARIABLES) if name not in run]
     if "scenario" not in run.attrs or missing or "run" in run.dims:
-        raise ValueError(f"{path} is no recorded run: write one with `fracgyro simulate --out`")
+        raise ValueError(f"{path} is not a recorded run: write one with `fracgyro simulate --out`")
     scenario = Scenario.from_toml(run.attrs["scenario"])
     if scenario.run.units != "nondimensional":
         raise ValueError(

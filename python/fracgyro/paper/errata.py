@@ -234,7 +234,7 @@ TABLE: list[tuple[Erratum, Evidence | None]] = [
             "(44), (46), sampled",
             "the closed loop is stable",
             "with a step h and the usual layer it is unstable from ρh/δ = 2 − λ₁h on, which b̂ reaches in noise",
-            "A held force takes ρh/δ of s back in one step. No switch mends the law (44) in either variant; "
+            "A held force takes ρh/δ of s back in one step. No switch fixes the law (44) in either variant; "
             "controller.switching_limit, a field of ours, bounds ρh/δ.",
         ),
         end_seen,

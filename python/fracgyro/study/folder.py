@@ -40,7 +40,7 @@ class Folder:
         remove_scratch(self.runs)
         names = {_name(block) for block in work}
         if foreign := {path.name for path in self.runs.iterdir() if not path.name.startswith(".")} - names:
-            raise ScenarioError(f"{self.runs} holds {min(foreign)}, which is no part of the study: it must be removed")
+            raise ScenarioError(f"{self.runs} holds {min(foreign)}, which is not part of the study: it must be removed")
         self._sums = {name: found for name, found in self._recorded().items() if name in names}
         self._record()
 
