@@ -19,7 +19,7 @@ WORKERS := $(shell n=$$(nproc 2>/dev/null || echo 2); echo $$((n < 8 ? n : 8)))
 FIXED := $(shell setarch -R true 2>/dev/null && echo setarch -R)
 CTEST := $(FIXED) $(BIN)/ctest --output-on-failure -j $(WORKERS) --test-dir build
 PYTEST := $(BIN)/pytest -n $(WORKERS) --dist worksteal
-CPP := $(shell find core sim bindings faces tests benchmarks -name '*.[ch]pp' 2>/dev/null)
+CPP := $(shell find core sim bindings faces examples tests benchmarks -name '*.[ch]pp' 2>/dev/null)
 BUILT_FROM := pyproject.toml CMakeLists.txt $(filter core/% sim/% bindings/%,$(CPP)) $(shell find faces -type f)
 SUDO = $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 

@@ -1,0 +1,46 @@
+// The paper's corrected controller in a closed loop with the gyroscope, in noise; prints the tracking error of x and y.
+// Everything is nondimensional: lengths in q0, times in 1/ω0. `fracgyro simulate` makes the same run.
+#include <fracgyro/controller.hpp>
+#include <fracgyro/disturbance.hpp>
+#include <fracgyro/kernel_design.hpp>
+#include <fracgyro/plant.hpp>
+
+#include <cmath>
+#include <cstdio>
+#include <numbers>
+
+using namespace fracgyro;
+using Controller = SlidingModeController<double, FractionalFastTerminalSurface>;
+
+int main() {
+    constexpr double pi = std::numbers::pi, step = 1e-3;
+    constexpr int steps = 80'000;
+
+    const PlantParams gyroscope{.damping = {0.01, 0.002, 0.01},                             // D: xx, xy, yy
+                                .stiffness = {63.955 / 0.18, 12.779 / 0.18, 95.92 / 0.18},  // K = k/(m ω0²)
+                                .rate = 0.1,                                                // Ωz
+                                .initial = {.position = {0.5, 0.5}}};
+    static KernelDesign design;
+    ControllerParams params{.step = step};
+    params.reference = {.frequency = {pi, pi / 2}, .phase = {0.0, pi / 2}};
+    params.surface.modes = designed_modes(design, 0.9, step, steps * step, 1e-6);  // order α, tolerance of the kernel
+    params.adaptation.initial = {.damping = 0.95 * gyroscope.damping,
+                                 .stiffness = 0.95 * gyroscope.stiffness,
+                                 .rate = 0.95 * gyroscope.rate,
+                                 .bound = {0.1, 0.2, 0.3}};
+
+    const auto controller = Controller::prepare(params);
+    const auto plant = Plant<double>::prepare(gyroscope, step);
+    Disturbance noise({.kind = DisturbanceKind::noise}, step);
+    Controller::State state{};
+    Motion<double> motion = Plant<double>::start(gyroscope);
+    Vec2<double> sum{};
+    for (int n = 0; n <= steps; ++n) {
+        const auto signals = Controller::step(state, controller, motion);
+        Vec2<double> disturbance;
+        noise.fill(n, {&disturbance, 1});
+        Plant<double>::step(motion, plant, signals.force, disturbance);
+        sum = sum + signals.error.value * signals.error.value;
+    }
+    std::printf("RMSE: x %.9g, y %.9g\n", std::sqrt(sum.x / (steps + 1)), std::sqrt(sum.y / (steps + 1)));
+}
