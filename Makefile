@@ -3,7 +3,7 @@
 # make test-quick  what a change breaks most often, in less than a minute
 # make test-machines    every test as on other processors, with other compilers and Pythons: for a release
 # make web         the WebAssembly module, into build/web
-# make bench       the measurements that the README quotes
+# make bench       the measurements that docs/performance.md and others quote
 # make mutants     edits of the code, and which of them the tests notice; into benchmarks/results/mutants.md
 # make check-deep  what takes ten minutes: fuzzing files, folders, the command line, states, FMUs, firmware; clang-tidy
 # make setup-embedded   compilers, emulator and node, from Debian's packages; without them the tests of firmware or
@@ -77,6 +77,7 @@ bench: .venv/installed-bench .venv/installed-export
 	$(BIN)/python benchmarks/web.py
 	$(BIN)/python benchmarks/parity.py
 	$(BIN)/python benchmarks/firmware.py
+	$(BIN)/python benchmarks/readme_picture.py
 
 # Inputs made at random: every one works or is refused in one sentence. One line for each fuzzer.
 FUZZ_SECONDS := 40

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -60,6 +61,14 @@ def test_the_example_finds_the_installed_package(package: Path, simulated: str, 
     program = built(EXAMPLE, tmp_path, f"-DCMAKE_PREFIX_PATH={package}")
     assert not (tmp_path / "_deps").exists(), "it was built from source"
     assert output(program) == simulated
+
+
+def test_the_project_of_the_readme_finds_the_installed_package(package: Path, simulated: str, tmp_path: Path) -> None:
+    (block,) = re.findall(r"^```cmake\n(.*?)^```$", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL | re.M)
+    head = "cmake_minimum_required(VERSION 3.20)\nproject(readme LANGUAGES CXX)\n"
+    (tmp_path / "CMakeLists.txt").write_text(head + block, encoding="utf-8")
+    shutil.copy(EXAMPLE / "main.cpp", tmp_path)
+    assert output(built(tmp_path, tmp_path / "build", f"-DCMAKE_PREFIX_PATH={package}")) == simulated
 
 
 def test_the_example_builds_from_source(from_source: Path, simulated: str) -> None:

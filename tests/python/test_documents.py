@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 import tomllib
@@ -11,8 +12,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import unquote
 
+import click
 import fracgyro as fg
+import matplotlib
 import pytest
+from fracgyro.cli import cli
 from fracgyro.table import toml_value
 from fracgyro.tables import ERRATA_SWITCHES
 
@@ -23,6 +27,10 @@ DOCUMENTS = sorted(
     for path in ROOT.rglob("*.md")
     if not any(part.startswith(".") or part in GENERATED for part in path.relative_to(ROOT).parts)
 )
+
+
+def relative(path: Path) -> str:
+    return str(path.relative_to(ROOT))
 
 
 def read(name: str) -> str:
@@ -103,7 +111,7 @@ def anchors(path: Path) -> set[str]:
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
-@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
+@pytest.mark.parametrize("path", DOCUMENTS, ids=relative)
 def test_every_relative_link_resolves(path: Path) -> None:
     text = re.sub(r"`[^`\n]*`", "", unfenced(path.read_text(encoding="utf-8")))
     links = re.findall(r"\]\(\s*<?([^)\s>]+)", text) + re.findall(r"^\[[^\]]+\]:\s*(\S+)", text, re.MULTILINE)
@@ -121,9 +129,12 @@ def test_every_relative_link_resolves(path: Path) -> None:
 # -- Examples ------------------------------------------------------------------------------------------------
 
 
-def test_the_python_of_the_readme_runs(tmp_path: Path) -> None:
-    code = "\n".join(blocks(read("README.md"), "python"))
-    assert code, "README.md has no Python"
+GUIDES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+@pytest.mark.parametrize("path", [p for p in GUIDES if "```python" in p.read_text(encoding="utf-8")], ids=relative)
+def test_the_python_of_a_guide_runs(path: Path, tmp_path: Path) -> None:
+    code = "\n".join(blocks(path.read_text(encoding="utf-8"), "python"))
     ran = subprocess.run(
         [sys.executable, "-W", "error", "-W", "default::DeprecationWarning", "-c", code],
         cwd=tmp_path,
@@ -132,6 +143,48 @@ def test_the_python_of_the_readme_runs(tmp_path: Path) -> None:
         text=True,
     )
     assert ran.returncode == 0, ran.stderr
+
+
+def commands() -> list[str]:
+    """Every line of a shell block that starts with `fracgyro`."""
+    texts = (path.read_text(encoding="utf-8") for path in DOCUMENTS)
+    lines = (line for text in texts for block in blocks(text, "sh") for line in block.splitlines())
+    return sorted({line for line in lines if line.startswith("fracgyro ")})
+
+
+@pytest.mark.parametrize("line", commands())
+def test_every_command_of_the_documents_is_one(line: str) -> None:
+    words = shlex.split(line, comments=True)[1:]
+    words = words[: words.index(">")] if ">" in words else words
+    group: click.Command = cli
+    while isinstance(group, click.Group):
+        name, command, words = group.resolve_command(click.Context(group), words)
+        assert command is not None, name
+        group = command
+    group.make_context(line, words)
+
+
+def test_the_readme_is_short_and_shows_python() -> None:
+    assert len(read("README.md").split()) < 900
+    assert blocks(read("README.md"), "python")
+
+
+def test_the_picture_of_the_readme_is_that_of_a_run(tmp_path: Path) -> None:
+    """The same elements with the same numbers, but for rounding; another Matplotlib may draw it otherwise."""
+    committed = read("docs/run.svg")
+    if f"Matplotlib v{matplotlib.__version__}," not in committed:
+        pytest.skip(f"docs/run.svg was drawn by another Matplotlib than {matplotlib.__version__}")
+    script = "import sys; from pathlib import Path; import readme_picture; readme_picture.draw(Path(sys.argv[1]))"
+    again = tmp_path / "run.svg"
+    environment = {**os.environ, "PYTHONPATH": str(ROOT / "benchmarks")}
+    subprocess.run([sys.executable, "-c", script, again], env=environment, check=True)
+    number = r"(?<![\w#.])-?\d+\.\d+"
+    drawn, committed = (
+        re.sub(r"[mp][0-9a-f]{10}", "", text) for text in (again.read_text(encoding="utf-8"), committed)
+    )
+    assert re.sub(number, "0", drawn) == re.sub(number, "0", committed)
+    of_committed = [float(each) for each in re.findall(number, committed)]
+    assert [float(each) for each in re.findall(number, drawn)] == pytest.approx(of_committed, abs=0.01)
 
 
 @pytest.mark.parametrize("diff", blocks(read("CONTRIBUTING.md"), "diff"))
