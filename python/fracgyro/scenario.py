@@ -68,6 +68,7 @@ class Scenario(Table):
             self._check_whole_steps("disturbance.hold", hold, 1, "; left out, it is one step")
         self._check_rate()
         self._check_drift()
+        self._check_estimates()
         return self
 
     def _check_whole_steps(self, name: str, time: float, least: int, note: str = "") -> None:
@@ -106,6 +107,15 @@ class Scenario(Table):
                     f"device.stiffness_drift is {toml_value(self.device.stiffness_drift)}: over {change:g} K it "
                     f"multiplies the stiffness by {factor:g}, which must be greater than 0 and finite"
                 )
+
+    def _check_estimates(self) -> None:
+        damping, stiffness, rate, _, _ = self.plant.nondimensional()
+        largest = max(abs(float(number)) for number in (*damping, *stiffness, rate))
+        if self.controller.adaptive and self.adaptation.initial_ratio * largest == math.inf:
+            raise sentence(
+                f"adaptation.initial_ratio is {toml_value(self.adaptation.initial_ratio)}: times D, K and Omega_z, of "
+                f"which the largest is {largest:.6g}, it must be finite"
+            )
 
     @classmethod
     def paper(cls, variant: Literal["corrected", "printed"] = "corrected") -> Scenario:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from functools import lru_cache
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from . import _core, modes
 from .device import Device, Points
 from .scenario import Scenario
+from .table import MOST_STEPS
 from .tables import Guard
 
 FARTHEST = 8.0  # standard deviations: noise is never so far off
@@ -114,20 +116,21 @@ def guard(scenario: Scenario) -> Guard:
     if g.checked:
         slowest, fastest = natural_frequencies(scenario)
         period = 2 * math.pi / run.step
-        found["patience"] = max(4, round(period / fastest / 32))
+        found["patience"] = round(min(max(4, period / fastest / 32), MOST_STEPS))
         limit = scenario.controller.force_limit
         if math.isfinite(limit):
             largest = max(map(abs, scenario.reference.amplitude))
             swing_up = 8 * fastest * largest / limit / run.step
-            found["saturation_patience"] = min(10**9, round(max(20 * period / slowest, swing_up)))
+            found["saturation_patience"] = round(min(max(20 * period / slowest, swing_up), MOST_STEPS))
     return g.model_copy(update={name: value for name, value in found.items() if getattr(g, name) is None})
 
 
 def natural_frequencies(scenario: Scenario) -> tuple[float, float]:
     """The lower and the higher."""
     xx, xy, yy = (float(entry) for entry in scenario.plant.nondimensional()[1])
-    mean, half = (xx + yy) / 2, math.hypot((xx - yy) / 2, xy)
-    return math.sqrt(mean - half), math.sqrt(mean + half)
+    mean, half = xx / 2 + yy / 2, math.hypot(xx / 2 - yy / 2, xy)
+    least, most = sys.float_info.min, sys.float_info.max  # what rounding leaves of them is still a frequency
+    return math.sqrt(max(mean - half, least)), math.sqrt(min(max(mean + half, least), most))
 
 
 def _plant_tolerance(scenario: Scenario) -> float:

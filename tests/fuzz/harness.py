@@ -41,10 +41,15 @@ CORPUS = Path(__file__).resolve().parent / "corpus"
 def refused(error: Exception) -> str:
     """ "refused", when the error is one sentence of the package's own; otherwise raises it."""
     frames = traceback.extract_tb(error.__traceback__)
-    own = isinstance(error, ValueError) and frames[-1].filename.startswith(PACKAGE)
+    own = isinstance(error, ValueError) and frames[-1].filename.startswith(PACKAGE) and raised(frames[-1])
     if not own or not is_sentence(str(error)):
         raise error
     return "refused"
+
+
+def raised(frame: traceback.FrameSummary) -> bool:
+    """Whether by a statement there, rather than by a function of Python's own."""
+    return (frame.line or "").startswith("raise ")
 
 
 def is_sentence(text: str) -> bool:

@@ -270,6 +270,10 @@ BAD = [
     ({"adaptation.bound_gain": 1.0}, "adaptation.bound_gain is 1.0: it must be a list of 3 numbers"),
     ({"adaptation.initial_bound": [0.1, 0.2, -0.3]}, "initial_bound[2] is -0.3: it must be at least 0"),
     ({"adaptation.initial_ratio": 0.0}, "adaptation.initial_ratio is 0.0: it must be greater than 0"),
+    (
+        {"adaptation.initial_ratio": 1e308},
+        "initial_ratio is 1e+308: times D, K and Omega_z, of which the largest is 532.889, it must be finite",
+    ),
     ({"adaptation.leakage": -1e-9}, "adaptation.leakage is -1e-09: it must be at least 0"),
     ({"adaptation.dead_zone": -1.0}, "adaptation.dead_zone is -1.0: it must be at least 0"),
     ({"adaptation.projection": -1.0}, "adaptation.projection is -1.0: it must be at least 0"),
