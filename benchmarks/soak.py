@@ -1,12 +1,12 @@
-"""Every shipped scenario for 1e8 steps: errors, rate, bounds and rho h/delta, in each kind, adaptation and precision.
+"""Every shipped scenario for 1e8 steps: errors, rate, bounds and rho h/delta, in each kind, adaptation and precision;
+the paper's kind for 1e9 steps, which are 1,000 s of its device.
 
-Writes benchmarks/results/soak.md. python benchmarks/soak.py [--steps N] compiles benchmarks/soak.cpp and runs it, in
-some 20 minutes of a processor. Killed, it goes on with the blocks that build/soak does not hold.
+Writes benchmarks/results/soak.md. python benchmarks/soak.py compiles benchmarks/soak.cpp and runs it, which takes a
+processor an hour. Killed, it goes on with the blocks that build/soak does not hold.
 """
 
 from __future__ import annotations
 
-import argparse
 import os
 import subprocess
 import tempfile
@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import product
 from pathlib import Path
-from typing import get_args
+from typing import NamedTuple, get_args
 
 import fracgyro as fg
 import numpy as np
@@ -26,29 +26,42 @@ from fracgyro.shipped import SHIPPED, shipped
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results" / "soak.md"
-STEPS = 10**8
+STEPS, MOST_STEPS = 10**8, 10**9
 KINDS = ["fractional_fast_terminal", "fractional", "fast_terminal", "linear"]
 ADAPTATIONS = ["gradient", "composite"]
 NUMBERS: tuple[Number, ...] = get_args(Number)
 # So large that it limits nothing: the lanes of a block are all limited or none.
 NO_LIMIT = 1e30
 
-CASES = list(product(KINDS, ADAPTATIONS, NUMBERS))
 KEPT = HERE.parent / "build" / "soak"
 
-Row = tuple[str, str, str, str, list[str]]
+
+class Block(NamedTuple):
+    kind: str
+    adaptation: str
+    number: Number
+    steps: int
+
+    @property
+    def kept(self) -> Path:
+        return KEPT / f"{self.kind}-{self.adaptation}-{self.number}-{self.steps}.txt"
 
 
-def scenarios(kind: str, adaptation: str, steps: int) -> Iterator[fg.Scenario]:
+BLOCKS = [Block(*chosen, STEPS) for chosen in product(KINDS, ADAPTATIONS, NUMBERS)]
+BLOCKS += [Block(KINDS[0], *chosen, MOST_STEPS) for chosen in product(ADAPTATIONS, NUMBERS)]
+Row = tuple[str, Block, list[str]]
+
+
+def scenarios(block: Block) -> Iterator[fg.Scenario]:
     for name in SHIPPED:
         base = shipped(name)
         limit = min(base.controller.force_limit, NO_LIMIT)
         yield base.replace(
             {
-                "controller.kind": kind,
+                "controller.kind": block.kind,
                 "controller.force_limit": limit,
-                "adaptation.kind": adaptation,
-                "run.duration": steps * base.run.step,
+                "adaptation.kind": block.adaptation,
+                "run.duration": block.steps * base.run.step,
             }
         )
 
@@ -63,26 +76,24 @@ def as_input(runs: list[fg.Scenario], steps: int) -> str:
     return "\n".join(lines)
 
 
-def soak(program: Path, kind: str, adaptation: str, number: Number, steps: int) -> None:
+def soak(program: Path, block: Block) -> None:
     """The lines of one block into its file, whole or not at all."""
-    kept = KEPT / f"{kind}-{adaptation}-{number}-{steps}.txt"
-    if kept.exists():
+    if block.kept.exists():
         return
-    runs = as_input(list(scenarios(kind, adaptation, steps)), steps)
+    runs = as_input(list(scenarios(block)), block.steps)
     ran = subprocess.run([str(program)], input=runs, capture_output=True, text=True, check=True)
-    with whole_file(kept) as scratch:
+    with whole_file(block.kept) as scratch:
         scratch.write_text(ran.stdout, encoding="utf-8")
-    print(kept.name, flush=True)
+    print(block.kept.name, flush=True)
 
 
-def rows(steps: int) -> Iterator[Row]:
+def rows() -> Iterator[Row]:
     """Of the blocks that have been run."""
     names = list(SHIPPED)
-    for kind, adaptation, number in CASES:
-        kept = KEPT / f"{kind}-{adaptation}-{number}-{steps}.txt"
-        for line in kept.read_text(encoding="utf-8").splitlines() if kept.exists() else []:
+    for block in BLOCKS:
+        for line in block.kept.read_text(encoding="utf-8").splitlines() if block.kept.exists() else []:
             place, *cells = line.split()
-            yield names[int(place)], kind, adaptation, number, cells
+            yield names[int(place)], block, cells
 
 
 def power(count: float) -> str:
@@ -90,44 +101,50 @@ def power(count: float) -> str:
     return f"{mantissa}e{int(exponent)}"
 
 
-def report(found: list[Row], steps: int) -> str:
-    ends = [f"{shipped(name).run.step * steps * shipped(name).plant.scales.time:.3g} ({name})" for name in SHIPPED]
-    missing = [", ".join(case) for case in CASES if not any(row[1:4] == case for row in found)]
+def seconds(steps: int) -> str:
+    """Of each device."""
+    found = {name: shipped(name) for name in SHIPPED}
+    return ", ".join(f"{s.run.step * steps * s.plant.scales.time:.3g} ({name})" for name, s in found.items())
+
+
+def report(found: list[Row]) -> str:
+    run = {block for _, block, _ in found}
+    missing = [", ".join(map(str, block)) for block in BLOCKS if block not in run]
     lines = [
         "# Soak",
         "",
-        f"`python benchmarks/soak.py`: every shipped scenario for {power(steps)} steps, in lanes without contraction, "
-        "which have the bits of single runs; in double or in float, plant included.",
+        f"`python benchmarks/soak.py`: every shipped scenario for {power(STEPS)} steps, in lanes without contraction, "
+        f"which have the bits of single runs; in double or in float, plant included. {KINDS[0]} also for "
+        f"{power(MOST_STEPS)} steps.",
         "",
         "Over the million steps before each mark: RMS error of x and y; Ω̂z less Ωz, mean and standard deviation (which "
         "float resolves to 1e-3 of Ωz); at the mark the bound estimates; and the largest ρ h/δ of these steps, limited "
-        f"as the force has it. Nondimensional. In seconds of each device the last mark is at {', '.join(ends)}.",
+        f"as the force has it. Nondimensional. In seconds of each device the last mark of {power(STEPS)} steps is at "
+        f"{seconds(STEPS)}.",
         *(["", f"Not run: {'; '.join(missing)}."] if missing else []),
     ]
-    for kind, adaptation in product(KINDS, ADAPTATIONS):
-        lines += ["", f"## {kind}, {adaptation}", ""]
+    for kind, adaptation, steps in dict.fromkeys((block.kind, block.adaptation, block.steps) for block in BLOCKS):
+        lines += ["", f"## {kind}, {adaptation}" + (f", {power(steps)} steps" if steps == MOST_STEPS else ""), ""]
         lines += ["| scenario | scalar | steps | error x, y | Ω̂z − Ωz: mean ± deviation | b̂0, b̂1, b̂2 | ρ h/δ |"]
         lines += ["|---|---|---|---|---|---|---|"]
         for name, number in product(SHIPPED, NUMBERS):
-            for row in found:
-                if row[:4] != (name, kind, adaptation, number):
-                    continue
-                at, *cells = row[4]
-                if cells == ["diverged"]:
-                    lines.append(f"| {name} | {number} | {at} | **diverged** | | | |")
-                    continue
-                ex, ey, mean, deviation, b0, b1, b2, gain = map(float, cells)
-                lines.append(
-                    f"| {name} | {number} | {power(float(at))} | {ex:.2e}, {ey:.2e} | {mean:+.2e} ± {deviation:.1e} "
-                    f"| {b0:.3g}, {b1:.3g}, {b2:.3g} | {gain:.3g} |"
-                )
+            block = Block(kind, adaptation, number, steps)
+            lines += [line(name, number, cells) for of, by, cells in found if (of, by) == (name, block)]
     return "\n".join(lines) + "\n"
 
 
+def line(name: str, number: str, cells: list[str]) -> str:
+    at, *numbers = cells
+    if numbers == ["diverged"]:
+        return f"| {name} | {number} | {at} | **diverged** | | | |"
+    ex, ey, mean, deviation, b0, b1, b2, gain = map(float, numbers)
+    return (
+        f"| {name} | {number} | {power(float(at))} | {ex:.2e}, {ey:.2e} | {mean:+.2e} ± {deviation:.1e} "
+        f"| {b0:.3g}, {b1:.3g}, {b2:.3g} | {gain:.3g} |"
+    )
+
+
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--steps", type=lambda text: int(float(text)), default=STEPS)
-    steps = parser.parse_args().steps
     KEPT.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         programs = {number: Path(folder) / number for number in NUMBERS}
@@ -136,14 +153,14 @@ def main() -> None:
             options = [*FLAGS, "-O2", "-march=native", "-Wno-psabi", f"-DNUMBER={number}"]
             system_compiler(*options, *headers, HERE / "soak.cpp", "-o", program)
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            list(pool.map(lambda case: soak(programs[case[2]], *case, steps), CASES))
-    write(steps)
+            list(pool.map(lambda block: soak(programs[block.number], block), BLOCKS))
+    write()
 
 
-def write(steps: int) -> None:
-    found = list(rows(steps))
-    RESULTS.write_text(report(found, steps), encoding="utf-8")
-    print(f"{len(found)} marks, {sum('diverged' in row[4] for row in found)} runs diverged: {RESULTS}")
+def write() -> None:
+    found = list(rows())
+    RESULTS.write_text(report(found), encoding="utf-8")
+    print(f"{len(found)} marks, {sum('diverged' in cells for _, _, cells in found)} runs diverged: {RESULTS}")
 
 
 if __name__ == "__main__":
