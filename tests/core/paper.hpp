@@ -1,4 +1,4 @@
-// The paper's simulation study, eqs. (48)-(53), in the corrected reading: noise of variance 1, redrawn every step.
+// What the controllers are tested on.
 #pragma once
 
 #include "modes.hpp"
@@ -9,6 +9,7 @@
 
 namespace fracgyro::testing {
 
+// The paper's simulation study, eqs. (48)-(53), in the corrected reading: noise of variance 1, redrawn every step.
 inline Setup paper(std::int64_t steps) {
     constexpr double pi = std::numbers::pi;
     constexpr double step = 1e-3;
@@ -27,6 +28,15 @@ inline Setup paper(std::int64_t steps) {
                                            .bound = {0.1, 0.2, 0.3}};
     setup.disturbance = {.kind = DisturbanceKind::noise, .seed = 1};
     return setup;
+}
+
+// For a linear surface with λ1 = 10: holding (0, 0) by a force of at most 100, K̂ at first `stiffness` on both axes.
+inline ControllerParams held_at_zero(double stiffness) {
+    ControllerParams p;
+    p.reference.amplitude = {0.0, 0.0};
+    p.control.force_limit = 100.0;
+    p.adaptation.initial.stiffness = {stiffness, 0.0, stiffness};
+    return p;
 }
 
 }  // namespace fracgyro::testing

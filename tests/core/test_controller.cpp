@@ -286,14 +286,7 @@ TEST(Soak, ASampledLoopWhoseBoundsGrowInNoiseDivergesAndALimitedOneDoesNot) {
     EXPECT_TRUE((lasts<double, Adaptation>(1.0)));
 }
 
-// The controller as a whole, of a linear surface with λ1 = 10, holding (0, 0) from (1, 0), whose K̂ starts at `stiffness`.
-ControllerParams held_at_zero(double stiffness) {
-    ControllerParams p;
-    p.reference.amplitude = {0.0, 0.0};
-    p.control.force_limit = 100.0;
-    p.adaptation.initial.stiffness = {stiffness, 0.0, stiffness};
-    return p;
-}
+// The controller as a whole
 
 TYPED_TEST(Law, AtTheForceLimitTheEstimatesRestOnlyWhereMoreOfTheirLawsWouldWindUp) {
     using T = TypeParam;

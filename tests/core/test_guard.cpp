@@ -42,15 +42,6 @@ struct Guarded {
     Estimates<T> estimates() const { return Safe::estimates(state, c); }
 };
 
-// A linear surface with λ1 = 10, holding (0, 0), whose K̂ starts at `stiffness`.
-ControllerParams held_at_zero(double stiffness) {
-    ControllerParams p;
-    p.reference.amplitude = {0.0, 0.0};
-    p.control.force_limit = 100.0;
-    p.adaptation.initial.stiffness = {stiffness, 0.0, stiffness};
-    return p;
-}
-
 ControllerParams checked_paper() {
     ControllerParams p = paper(20'000).controller;
     p.control.force_limit = 6000.0;
@@ -76,7 +67,7 @@ TYPED_TEST(Guards, ForceAndEstimatesAreHeldWhileNothingIsMeasured) {
     EXPECT_EQ(guarded.step(motion<T>(nan, 0)), Status::not_finite);
     EXPECT_EQ(guarded.state.controller.reference.steps, 0U) << "time has not started";
     expect_equal(guarded.state.force, {0, 0});
-    EXPECT_EQ(number(guarded.signals.estimates.stiffness.xx), number(T(0.95 * 355.3))) << "what is told, all the same";
+    EXPECT_EQ(number(guarded.signals.estimates.stiffness.xx), number(T(0.95 * 355.3))) << "reported all the same";
     EXPECT_EQ(guarded.step(good), Status::ok);
     const Vec2<T> force = guarded.state.force;
     const double rate = number(guarded.estimates().rate);
