@@ -224,7 +224,7 @@ cli.add_command(replay)
 
 @contextmanager
 def _progress(doing: str, rate: str = "") -> Iterator[Callable[..., None]]:
-    """A bar, told (done, total, what is being done); with `rate`, the unit of what is done per second."""
+    """A bar, given (done, total, what is being done); with `rate`, the unit of what is done per second."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskProgressColumn, TextColumn
     from rich.progress import TimeRemainingColumn as Remaining

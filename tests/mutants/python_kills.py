@@ -102,11 +102,11 @@ def by_mutmut(jobs: int) -> dict[str, tuple[str, str]]:
     subprocess.run(
         [base, "-m", "python_kills", "run", "--max-children", str(jobs)], cwd=FOLDER, env=environment, check=True
     )
-    told = subprocess.run(
-        [base, "-m", "python_kills", "told"], cwd=FOLDER, env=environment, check=True, capture_output=True, text=True
+    reported = subprocess.run(
+        [base, "-m", "python_kills", "report"], cwd=FOLDER, env=environment, check=True, capture_output=True, text=True
     ).stdout
     found = {}
-    for block in told.split("\f")[1:]:
+    for block in reported.split("\f")[1:]:
         name, status, diff = block.split("\n", 2)
         found[name] = (status, diff)
     return found
@@ -127,7 +127,7 @@ def of_a_kind_kept(module: Any, file: str, mutation: Any) -> bool:
 
 
 def mutmut() -> None:
-    """mutmut's own command on fewer of its mutants; `told`: their status and diffs."""
+    """mutmut's own command on fewer of its mutants; `report` prints their status and diffs."""
     import mutmut.mutation.file_mutation as files
 
     create = files.create_mutations
@@ -142,7 +142,7 @@ def mutmut() -> None:
     from mutmut.mutation.diff_apply import get_diff_for_mutant
     from mutmut.stats import status_by_exit_code
 
-    if sys.argv[1] != "told":
+    if sys.argv[1] != "report":
         cli()
     for name in MODULES:
         data = SourceFileMutationData(path=Path("fracgyro") / name)

@@ -74,10 +74,10 @@ def simulate(scenario: Scenario, disturbance: np.ndarray) -> dict[str, np.ndarra
 
         # Eqs (35), (36), (46); with known parameters (18), (19), (34).
         slope = exponent * np.maximum(np.abs(e), c.singularity_floor) ** (exponent - 1)
-        told = damping, stiffness, omega
+        reported = damping, stiffness, omega
         if squares:  # beside which the laws move what they would move alone
             run["deviation"][n], run["trusted"][n] = squares.quality()
-            told = squares.matrices(squares.start + squares.change)
+            reported = squares.matrices(squares.start + squares.change)
             more = squares.matrices(squares.believed * squares.change)
             damping, stiffness, omega = damping + more[0], stiffness + more[1], omega + more[2]
         equivalent = (damping + 2 * omega) @ v + stiffness @ q + r_acceleration
@@ -88,7 +88,7 @@ def simulate(scenario: Scenario, disturbance: np.ndarray) -> dict[str, np.ndarra
 
         run["position"][n], run["velocity"][n], run["reference"][n] = q, v, r
         run["surface"][n], run["control"][n] = s, u
-        run["damping"][n], run["stiffness"][n], run["omega"][n] = told
+        run["damping"][n], run["stiffness"][n], run["omega"][n] = reported
         run["bound"][n] = bound
         if squares:
             damping, stiffness, omega = damping - more[0], stiffness - more[1], omega - more[2]

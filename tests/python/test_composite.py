@@ -67,8 +67,8 @@ def test_the_estimates_reach_the_cramer_rao_bound_and_say_so() -> None:
     damping, stiffness, rate = scenario.plant.nondimensional()[:3]
     for until in (2.0, 10.0):
         at = runs.sel(time=until, method="nearest")
-        told = np.column_stack([at["rate_estimate"], at["damping_estimate"], at["stiffness_estimate"]])
-        off = np.sqrt(np.mean((told - [rate, *damping, *stiffness]) ** 2, axis=0))
+        found = np.column_stack([at["rate_estimate"], at["damping_estimate"], at["stiffness_estimate"]])
+        off = np.sqrt(np.mean((found - [rate, *damping, *stiffness]) ** 2, axis=0))
         ratio = off / bounds(runs.isel(run=0), until)
         assert ((ratio > 0.67) & (ratio < 1.33)).all(), ratio
         np.testing.assert_allclose(at["rate_deviation"], bounds(runs.isel(run=0), until)[0], rtol=0.1)
@@ -107,17 +107,17 @@ def test_forgetting_at_a_rate_follows_a_step_at_that_rate() -> None:
     params = plant_params(scenario)
     controller = fg.Controller(scenario)
     state = np.array([0.5, 0.5, 0.0, 0.0])
-    told = []
+    rates = []
     for n in range(5500):
         params.rate = 0.1 if n < 4000 else 0.2
         force = controller.step(n * 1e-3, state[:2].tolist(), state[2:].tolist())
-        told.append(controller.estimates.rate)
+        rates.append(controller.estimates.rate)
         if n in (0, 4000):
             advance = np.array(_core.plant_map(params, 1e-3))
         state = advance @ [*state, *force]
-    assert told[3999] == pytest.approx(0.1, abs=1e-6)
+    assert rates[3999] == pytest.approx(0.1, abs=1e-6)
     for later in (0.5, 1.0, 1.499):
-        left = (0.2 - told[round(1000 * (4 + later))]) / 0.1
+        left = (0.2 - rates[round(1000 * (4 + later))]) / 0.1
         assert left == pytest.approx(math.exp(-2.0 * later), abs=0.08)
 
 
@@ -166,10 +166,10 @@ def test_a_saved_controller_resumes_bit_for_bit_and_tells_what_the_run_tells() -
     controller = fg.Controller(SHORT)
     inputs = list(zip(run["time"].values, run["position"].values, run["velocity"].values, strict=True))
     for n, (time, position, velocity) in enumerate(inputs):
-        told = controller.estimates
-        assert told.rate == run["rate_estimate"].values[n]
-        assert told.rate_deviation == run["rate_deviation"].values[n]
-        assert told.rate_trusted == bool(run["rate_trusted"].values[n])
+        reported = controller.estimates
+        assert reported.rate == run["rate_estimate"].values[n]
+        assert reported.rate_deviation == run["rate_deviation"].values[n]
+        assert reported.rate_trusted == bool(run["rate_trusted"].values[n])
         if n == 1000:
             saved = controller.state
             controller = fg.Controller(SHORT)
@@ -182,9 +182,9 @@ def test_the_gradient_law_does_not_claim_to_know() -> None:
     run = fg.simulate(gradient)
     assert "rate_deviation" not in run
     assert "rate_trusted" not in run
-    told = fg.Controller(gradient).estimates
-    assert math.isnan(told.rate_deviation)
-    assert not told.rate_trusted
+    reported = fg.Controller(gradient).estimates
+    assert math.isnan(reported.rate_deviation)
+    assert not reported.rate_trusted
     both = fg.simulate_many([SHORT, gradient])
     assert both["rate_deviation"][0].notnull().all()
     assert both["rate_deviation"][1].isnull().all()
