@@ -8,8 +8,7 @@
 //   seconds_own_noise  the same, each run with its own noise
 //   seconds_single     as seconds_lanes, in single precision
 //   flops_peak         operations per second of one core that does fused multiply-adds of doubles only; 0 without AVX2
-#include "fracgyro/batch.hpp"
-#include "fracgyro/processor.hpp"
+#include "benchmark_setup.hpp"
 
 #include <chrono>
 #include <cstdio>
@@ -37,22 +36,6 @@ Modes read_modes() {
         }
     }
     return modes;
-}
-
-Setup paper(const Modes& modes) {
-    constexpr double pi = 3.14159265358979323846;
-    Setup s;
-    s.steps = 80000;
-    s.controller.reference = {.frequency = {pi, pi / 2}, .phase = {0.0, pi / 2}};
-    s.controller.surface.modes = modes;
-    s.plant = {.damping = {0.01, 0.002, 0.01}, .stiffness = {63.955 / 0.18, 12.779 / 0.18, 95.92 / 0.18}, .rate = 0.1};
-    s.plant.initial.position = {0.5, 0.5};
-    s.controller.adaptation.initial = {.damping = 0.95 * s.plant.damping,
-                                       .stiffness = 0.95 * s.plant.stiffness,
-                                       .rate = 0.95 * s.plant.rate,
-                                       .bound = {0.1, 0.2, 0.3}};
-    s.disturbance.kind = DisturbanceKind::noise;
-    return s;
 }
 
 FRACGYRO_FOR_EACH_PROCESSOR
@@ -118,21 +101,14 @@ constexpr int accumulators = 1;
 double multiply_add(std::int64_t) { return 0.0; }
 #endif
 
-FRACGYRO_FOR_EACH_PROCESSOR
-void fill(Disturbance& disturbance, std::int64_t first, std::span<Vec2<double>> out) { disturbance.fill(first, out); }
-
-// Runs side by side as the processor does most of them; the first metric of the first.
+// As the processor does most of them side by side.
 double run_lanes(std::span<const Setup* const> runs, bool single) {
-    const auto measure = [&]<std::size_t Bytes>(const KernelsOfWidth<Bytes>& kernels) {
-        return (single ? measure_all<float, Bytes / 4>(kernels.floats, fill, runs, MetricsParams{}, 1)
-                       : measure_all<double, Bytes / 8>(kernels.doubles, fill, runs, MetricsParams{}, 1))[0][0];
-    };
 #ifdef FRACGYRO_LANES_X86
     if (wide()) {
-        return measure(kernels_for_avx2());
+        return fracgyro::run_lanes(kernels_for_avx2(), runs, single);
     }
 #endif
-    return measure(kernels_for_any_processor());
+    return fracgyro::run_lanes(kernels_for_any_processor(), runs, single);
 }
 
 struct Timed {
@@ -150,7 +126,7 @@ struct Timed {
 }  // namespace
 
 int main() {
-    const Setup setup = paper(read_modes());
+    const Setup setup = paper(80'000, read_modes());
     std::vector<double> rows(static_cast<std::size_t>(setup.steps + 1) * row_width);
     std::vector<Vec2<double>> noise(static_cast<std::size_t>(setup.steps + 1));
     Disturbance(setup.disturbance, setup.controller.step).fill(0, noise);

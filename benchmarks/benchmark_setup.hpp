@@ -1,0 +1,37 @@
+// What the programs that time the loop share: the paper's scenario, and its runs in the lanes of a register.
+#pragma once
+
+#include "fracgyro/batch.hpp"
+#include "fracgyro/processor.hpp"
+
+namespace fracgyro {
+
+inline Setup paper(std::int64_t steps, const Modes& modes) {
+    constexpr double pi = 3.14159265358979323846;
+    Setup s;
+    s.steps = steps;
+    s.controller.reference = {.frequency = {pi, pi / 2}, .phase = {0.0, pi / 2}};
+    s.controller.surface.modes = modes;
+    s.plant = {.damping = {0.01, 0.002, 0.01}, .stiffness = {63.955 / 0.18, 12.779 / 0.18, 95.92 / 0.18}, .rate = 0.1};
+    s.plant.initial.position = {0.5, 0.5};
+    s.controller.adaptation.initial = {.damping = 0.95 * s.plant.damping,
+                                       .stiffness = 0.95 * s.plant.stiffness,
+                                       .rate = 0.95 * s.plant.rate,
+                                       .bound = {0.1, 0.2, 0.3}};
+    s.disturbance.kind = DisturbanceKind::noise;
+    return s;
+}
+
+FRACGYRO_FOR_EACH_PROCESSOR
+static void fill(Disturbance& disturbance, std::int64_t first, std::span<Vec2<double>> out) {
+    disturbance.fill(first, out);
+}
+
+// The first metric of the first of these runs, side by side in registers of so many bytes.
+template <std::size_t Bytes>
+double run_lanes(const KernelsOfWidth<Bytes>& kernels, std::span<const Setup* const> runs, bool single) {
+    return (single ? measure_all<float, Bytes / 4>(kernels.floats, fill, runs, MetricsParams{}, 1)
+                   : measure_all<double, Bytes / 8>(kernels.doubles, fill, runs, MetricsParams{}, 1))[0][0];
+}
+
+}  // namespace fracgyro
