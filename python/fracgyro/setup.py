@@ -149,7 +149,7 @@ def _force_tolerance(scenario: Scenario) -> float:
     kind = scenario.disturbance.kind
     disturbed = {"none": 0.0, "noise": FARTHEST * d.standard_deviation, "sine": max(map(abs, d.amplitude))}[kind]
     reach = float(device.actuator.range)
-    clipped = max(0.0, limit - reach) if reach < math.inf else 0.0
+    clipped = limit - reach if limit > reach else 0.0
     late = 2 * limit if device.delay else 0.0
     return min(1e9, LEAST_TOLERANCE + float(disturbed) + _resolution(device.actuator) + clipped + late)
 

@@ -44,6 +44,12 @@ TEST(Metrics, TheSteadyWindowBeginsAtTheFirstSampleThatIsNotBeforeIt) {
     EXPECT_EQ(first_steady_sample({.transient = 0.0}, setup), 0);
 }
 
+std::vector<MetricValues> measured(const std::vector<const fracgyro::Setup*>& runs, unsigned threads) {
+    const auto fill = [](Disturbance& d, std::int64_t first, std::span<Vec2<double>> out) { d.fill(first, out); };
+    const auto kernels = detail::KernelsOf<Controllers<Lanes<double, 2>>>::all();
+    return measure_all<double, 2>(kernels, fill, runs, MetricsParams{.transient = 1.0}, threads);
+}
+
 // Twenty runs of 2,000 steps, two of which go together, by any number of threads: also for the sanitizer of threads.
 TEST(MeasureAll, GivesTheSameWhateverTheNumberOfThreads) {
     std::vector<fracgyro::Setup> setups;
@@ -56,15 +62,20 @@ TEST(MeasureAll, GivesTheSameWhateverTheNumberOfThreads) {
     for (const auto& setup : setups) {
         all.push_back(&setup);
     }
-    const auto fill = [](Disturbance& d, std::int64_t first, std::span<Vec2<double>> out) { d.fill(first, out); };
-    const auto kernels = detail::KernelsOf<Controllers<Lanes<double, 2>>>::all();
-    const auto measured = [&](unsigned threads) {
-        return measure_all<double, 2>(kernels, fill, all, MetricsParams{.transient = 1.0}, threads);
-    };
-    const auto one = measured(1);
+    const auto one = measured(all, 1);
     const std::size_t size = one.size() * sizeof one[0];
-    EXPECT_EQ(std::memcmp(measured(2).data(), one.data(), size), 0);
-    EXPECT_EQ(std::memcmp(measured(7).data(), one.data(), size), 0);
+    EXPECT_EQ(std::memcmp(measured(all, 2).data(), one.data(), size), 0);
+    EXPECT_EQ(std::memcmp(measured(all, 7).data(), one.data(), size), 0);
+}
+
+TEST(MeasureAll, ARunThatStartsBeyondTheLimitHasNoSample) {
+    auto wild = paper(100);
+    wild.plant.initial.position = {0.0, -2.0 * divergence_limit};
+    const auto calm = paper(100);
+    const auto found = measured({&wild, &calm}, 1);
+    const auto place = std::find(metric_names.begin(), metric_names.end(), "diverged_at") - metric_names.begin();
+    EXPECT_EQ(found[0][static_cast<std::size_t>(place)], 0.0);
+    EXPECT_TRUE(std::isnan(found[1][static_cast<std::size_t>(place)]));
 }
 
 }  // namespace

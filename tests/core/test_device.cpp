@@ -71,6 +71,20 @@ TEST(MovingRate, NoiseDoesNotComeBackWhenEvenlySpacedTonesWould) {
     EXPECT_LT(std::abs(product / square), 0.5);
 }
 
+TEST(MovingRate, NoiseIsTheSumOfToneAfterToneOfItsSeed) {
+    constexpr double step = 0.05, band = 2.0, pi = std::numbers::pi;
+    const Rate rate({.kind = RateKind::noise, .amplitude = 3.0, .frequency = band, .seed = 5}, 1.0, step, 1000);
+    for (const std::int64_t n : {0, 1, 999}) {
+        double sum = 0.0;
+        for (std::uint32_t k = 0; k < 32; ++k) {
+            const PhiloxBlock words = philox(5, {k, 0, 3, 0});
+            const double frequency = band * (k + words[0] * 0x1p-32) / 32.0, phase = 2.0 * pi * words[1] * 0x1p-32;
+            sum += std::sin(frequency * static_cast<double>(n) * step + phase);
+        }
+        EXPECT_NEAR(rate.at(n), 1.0 + 3.0 * std::sqrt(2.0 / 32.0) * sum, 1e-9) << n;
+    }
+}
+
 TEST(MovingRate, AProfileIsLinearBetweenItsTimesAndConstantBeyondThem) {
     const Profile profile{.times = {2.0, 4.0, 10.0}, .values = {1.0, 3.0, 0.0}};
     EXPECT_EQ(profile.at(0), 1.0);

@@ -108,7 +108,7 @@ def candidates(file: str, text: str) -> list[Mutant]:
             at += 1
         if not re.search(r"[^<>=!]=[^=]|;", code[m.end() : at - 1]):
             add("condition", m.end(), at - 1, "mutant::active(%d) != bool(", ")", "condition negated")
-    literal = r"(?<![\w.<\[])(?:0x[\da-fA-F.]+p[+-]?\d+|\d+\.\d*(?:e[+-]?\d+)?|\d+)[FU]?(?![\w.>\]])"
+    literal = r"(?<![\w.'<\[])(?<!\de[+-])(?:0x[\da-fA-F.]+p[+-]?\d+|\d+\.?\d*(?:e[+-]?\d+)?)[FU]?(?![\w.'>\]])"
     for m in re.finditer(literal, code):
         add(
             "constant",

@@ -28,7 +28,7 @@ MODULES = [
 # The tests that may kill: of the last files those alone that run in this process, where a mutant is active.
 TESTS: dict[str, list[str]] = {
     "metrics": [], "claims": [], "allan": [], "effects": [], "hold_out": [], "rate_figures": [], "lanes": [],
-    "device": [],
+    "device": [], "setup": [],
     "loop": [
         "test_metrics_of_an_si_run_are_those_of_the_nondimensional_one_in_si",
         "test_lyapunov_function_loses_exactly_what_equation_45_says",

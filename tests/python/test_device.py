@@ -218,6 +218,31 @@ def test_the_actuator_saturates_without_the_controller_knowing() -> None:
     np.testing.assert_array_equal(given_, np.clip(asked, -100.0, 100.0))
 
 
+def test_a_device_that_diverges_on_y_alone_ends_where_an_ideal_one_does() -> None:
+    """Uncoupled axes, with all known: x neither knows of y nor of its gain."""
+    diagonal = {"xx": 64.0, "xy": 0.0, "yy": 96.0}
+    uncoupled = SHORT.replace(
+        {
+            "plant.stiffness": diagonal,
+            "plant.damping": {name: 2e-8 * value for name, value in diagonal.items()},
+            "plant.angular_rate": 0.0,
+            "controller.kind": "linear",
+            "controller.adaptive": False,
+            "controller.fractional_gain": (10.0, 3000.0),
+            "run.duration": 2.0,
+        }
+    )
+    ends = []
+    for limit in (math.inf, 1e300):  # of the actuator: the second makes it a device, and never acts
+        with pytest.raises(fg.DivergedError) as caught:
+            fg.simulate(uncoupled.replace({"device.actuator_limit": limit}))
+        position = caught.value.run["position"].values
+        assert np.abs(position[:, 0]).max() < 2.0
+        assert np.isfinite(position).all()
+        ends.append(len(position))
+    assert ends[0] == ends[1]
+
+
 def test_positions_alone_track_nearly_as_well_as_with_a_sensor_of_velocity() -> None:
     rmse = {}
     for sensing in ("full", "position"):

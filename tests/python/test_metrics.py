@@ -153,6 +153,29 @@ def test_the_limits_of_an_si_run_are_scaled_to_its_units() -> None:
         np.testing.assert_allclose(np.squeeze(metrics.true_rate(si).values), 100.0, rtol=1e-12)
 
 
+def test_v_of_one_sample_is_that_worked_by_hand() -> None:
+    damping, stiffness = PAPER.plant.scales.damping, PAPER.plant.scales.stiffness
+    scenario = PAPER.replace(
+        {
+            "plant.damping": {"xx": 3 * damping, "xy": 1 * damping, "yy": 2 * damping},
+            "plant.stiffness": {"xx": 30 * stiffness, "xy": 10 * stiffness, "yy": 20 * stiffness},
+            "adaptation.damping_gain": 7.0,
+            "adaptation.stiffness_gain": 9.0,
+            "adaptation.rate_gain": 5.32,
+            "adaptation.bound_gain": (1.0, 2.0, 3.0),
+        }
+    )
+    parts = {
+        "damping_estimate": [1.0, 0.0, 1.0],  # off by (2, 1, 1): 4 + 2 + 1 = 7
+        "stiffness_estimate": [31.0, 8.0, 17.0],  # by (1, 2, 3): 1 + 8 + 9 = 18
+        "rate_symmetric_estimate": [1.0, 0.0, 2.0],  # 5, and 2 (0.4)^2 of the rate
+    }
+    run = made_up().assign({name: (["time", "entry"], np.tile(value, (10, 1))) for name, value in parts.items()})
+    found = metrics.lyapunov(run.assign_attrs(scenario=scenario.to_toml()), (0.0, 2.0, 3.0))
+    # s = (0.06, 0.08); the bounds' estimates are (1, 0, 0), off by (1, 2, 3).
+    assert float(found[0]) == pytest.approx(0.5 * (0.01 + 1 + 2 + 1 + (1 + 2 + 3)), rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("changes", "said"),
     [

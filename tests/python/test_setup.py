@@ -1,0 +1,191 @@
+"""A scenario in the core's terms, in round numbers: what is divided by which unit, and the guard that follows."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import fracgyro as fg
+import pytest
+from fracgyro import setup
+
+# Units: 1/16 s, 1/4 m, 4 m/s, 128 N, 512 N/m, 16 rad/s. Natural frequencies 3 and 5.
+ROUND = fg.Scenario.paper().replace(
+    {
+        "plant.mass": 2.0,
+        "plant.reference_frequency": 16.0,
+        "plant.reference_length": 0.25,
+        "plant.stiffness": {"xx": 512 * 21.8, "xy": 512 * 6.4, "yy": 512 * 12.2},
+        "plant.angular_rate": 32.0,
+        "plant.damping": {"xx": 16.0, "xy": 4.0, "yy": 8.0},
+        "disturbance.kind": "none",
+        "disturbance.standard_deviation": None,
+        "disturbance.hold": None,
+        "run.step": 0.125,
+        "run.duration": 8.0,
+    }
+)
+QUIET = setup.LEAST_TOLERANCE
+
+
+def device(**fields: Any) -> Any:
+    return setup.device_params(ROUND.replace({f"device.{name}": value for name, value in fields.items()}))
+
+
+def guard(changes: dict[str, Any]) -> Any:
+    return setup.guard(ROUND.replace({"guard.checked": True, **changes}))
+
+
+# -- Units
+
+
+def test_noise_is_in_units_of_the_plant_and_a_density_reaches_half_the_sampling_frequency() -> None:
+    assert device(position_noise=1.0).position_noise == 4.0
+    assert device(velocity_noise=1.0).velocity_noise == 0.25
+    # 128 samples a second: of a density of 1, 64 Hz make a variance of 64.
+    assert device(position_noise_density=1.0).position_noise == 8.0 * 4.0
+    assert device(velocity_noise_density=1.0).velocity_noise == 8.0 * 0.25
+
+
+def test_ranges_springs_and_temperatures_are_in_units_of_the_plant() -> None:
+    for name, field, value in (("position", "range", 0.5), ("velocity", "range", 8.0), ("actuator", "limit", 256.0)):
+        found = getattr(device(**{f"{name}_{field}": value, f"{name}_bits": 3}), name)
+        assert (found.range, found.bits) == (2.0, 3), name
+    assert tuple(device(cubic_stiffness=(8192.0, 3 * 8192.0)).cubic_stiffness) == (1.0, 3.0)
+    warm = device(stiffness_drift=-30.0, temperature_ramp=4.0)
+    assert warm.stiffness_drift == pytest.approx(-3e-5, rel=1e-15)
+    assert (warm.temperature.times, warm.temperature.values) == ([0.0, 64.0], [0.0, 2.0])  # half a second
+    assert device(delay=3).delay == 3
+
+
+def test_rates_are_in_units_of_the_plant_and_their_times_in_steps() -> None:
+    def rate(**fields: Any) -> Any:
+        return setup.rate_params(ROUND.replace({f"rate.{name}": value for name, value in fields.items()}))
+
+    step = rate(kind="step", amplitude=8.0, start=0.5)
+    assert (step.kind.name, step.amplitude, step.start) == ("staircase", 0.5, 4)
+    climb = rate(kind="staircase", amplitude=8.0, hold=0.75, levels=3)
+    assert (climb.kind.name, climb.start, climb.hold, climb.levels) == ("staircase", 0, 6, 3)
+    sine = rate(kind="sine", amplitude=8.0, start=0.5, frequency=2.0)
+    assert (sine.kind.name, sine.start, sine.frequency) == ("sine", 4, 2.0)
+    points = rate(kind="table", points=[[0.0, 16.0], [0.5, 32.0]]).table
+    assert (points.times, points.values) == ([0.0, 64.0], [1.0, 2.0])
+
+
+def test_noise_of_a_density_has_that_over_the_time_that_it_is_held() -> None:
+    def disturbance(**fields: Any) -> Any:
+        return setup.disturbance_params(ROUND.replace({f"disturbance.{name}": value for name, value in fields.items()}))
+
+    held = disturbance(kind="noise", density=8.0, hold=0.5)
+    assert (held.hold, held.standard_deviation) == (4, 4.0)
+    assert disturbance(kind="noise", density=8.0).standard_deviation == 8.0
+    assert disturbance(kind="noise", standard_deviation=3.0, hold=0.5).standard_deviation == 3.0
+    sine = disturbance(kind="sine", amplitude=(1.0, 2.0), density=8.0, hold=0.5)
+    assert (sine.hold, tuple(sine.amplitude)) == (1, (1.0, 2.0))
+
+
+def test_a_run_is_ideal_only_without_a_rate_that_moves_and_without_a_device() -> None:
+    moving, noisy = {"rate.kind": "step", "rate.amplitude": 1.0}, {"device.position_noise": 1.0}
+    assert setup.is_ideal(ROUND)
+    for changes in (moving, noisy, {**moving, **noisy}):
+        assert not setup.is_ideal(ROUND.replace(changes))
+
+
+def test_estimates_start_at_a_share_of_the_truth_or_at_it_where_it_is_known() -> None:
+    def initial(changes: dict[str, Any]) -> list[float]:
+        found = setup.controller_params(ROUND.replace({"adaptation.initial_ratio": 0.5, **changes})).adaptation.initial
+        return [*found.damping, found.stiffness[0], found.rate]
+
+    assert initial({}) == pytest.approx([0.25, 0.0625, 0.125, 10.9, 1.0])
+    assert initial({"controller.adaptive": False}) == pytest.approx([0.5, 0.125, 0.25, 21.8, 2.0])
+    assert initial({"adaptation.initial_rate": 7.0})[-1] == 7.0
+    assert initial({"adaptation.initial_rate": 7.0, "controller.adaptive": False})[-1] == 2.0
+
+
+def test_the_boundary_layer_is_the_one_that_is_named() -> None:
+    for layer in ("linear", "quadratic"):
+        assert setup.controller_params(ROUND.replace({"controller.layer": layer})).control.layer.name == layer
+
+
+# -- The guard
+
+
+def test_patience_is_a_32nd_of_the_shortest_period_and_at_least_4() -> None:
+    assert guard({"run.step": 1e-3}).patience == 39  # 2π/5/32 = 0.03927
+    assert guard({}).patience == 4
+    assert guard({"run.step": 1e-3, "guard.checked": False}).patience == 0
+    assert guard({"run.step": 1e-3, "guard.patience": 7}).patience == 7
+
+
+def test_saturation_is_borne_for_20_of_the_longest_periods_or_4_times_what_swinging_up_takes() -> None:
+    def bears(limit: float, amplitude: tuple[float, float] = (-1.0, 0.5)) -> int:
+        changes = {"run.step": 1e-3, "controller.force_limit": limit, "reference.amplitude": amplitude}
+        return int(guard(changes).saturation_patience)
+
+    assert bears(8.0) == 41_888  # 20 · 2π/3 = 41.888
+    assert bears(0.5) == 80_000  # 8 · 5 · 1 / 0.5
+    assert bears(0.5, (2.0, -3.0)) == 240_000
+    assert bears(1e-9) == 10**9
+    assert bears(math.inf) == 0
+    assert setup.guard(ROUND.replace({"controller.force_limit": 8.0})).saturation_patience == 0
+
+
+@pytest.mark.parametrize(
+    ("changes", "tolerance"),
+    [
+        ({"adaptation.initial_ratio": 1.0}, 0.1),
+        ({"adaptation.initial_ratio": 0.96}, 0.1),
+        ({"adaptation.initial_ratio": 0.8}, 2 * 0.25),
+        ({"adaptation.initial_ratio": 0.8, "controller.adaptive": False}, 0.1),
+        ({"adaptation.initial_ratio": 0.8, "guard.plant_tolerance": 0.3}, 0.3),
+        ({"plant.stiffness_deviation": {"xx": 0.0, "xy": -5.45 * 512, "yy": 0.0}}, 2 * 0.25),
+        ({"device.stiffness_drift": -1e5, "device.temperature_ramp": 4.0}, 2 * 0.1 * 2),  # half a second of it
+        ({"device.stiffness_drift": -1e5, "device.temperature_points": [[0.0, -3.0], [1.0, 2.0]]}, 2 * 0.1 * 3),
+    ],
+)
+def test_the_plant_may_be_off_by_twice_what_the_scenario_says_and_by_a_tenth(
+    changes: dict[str, Any], tolerance: float
+) -> None:
+    assert guard({"adaptation.initial_ratio": 1.0, **changes}).plant_tolerance == pytest.approx(tolerance, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("changes", "tolerance"),
+    [
+        ({}, 0.0),
+        ({"disturbance.kind": "noise", "disturbance.standard_deviation": 0.5}, 8 * 0.5),
+        ({"disturbance.kind": "sine", "disturbance.amplitude": (1.0, -3.0)}, 3.0),
+        ({"device.actuator_limit": 512.0, "device.actuator_bits": 4, "controller.force_limit": 4.0}, 2 * 4 / 16),
+        ({"device.actuator_limit": 512.0, "controller.force_limit": 10.0}, 10.0 - 4.0),
+        ({"device.actuator_limit": 512.0, "controller.force_limit": 3.0}, 0.0),
+        ({"device.delay": 1, "controller.force_limit": 10.0}, 2 * 10.0),
+        ({"controller.force_limit": 10.0}, 0.0),
+    ],
+)
+def test_the_force_may_be_off_by_disturbance_converter_clipping_and_delay(
+    changes: dict[str, Any], tolerance: float
+) -> None:
+    assert guard({"controller.force_limit": math.inf, **changes}).force_tolerance == pytest.approx(
+        QUIET + tolerance, rel=1e-12
+    )
+
+
+def test_a_force_without_limit_that_is_late_or_clipped_has_a_bound_all_the_same() -> None:
+    for changes in ({"device.delay": 1}, {"device.actuator_limit": 512.0}):
+        assert guard({**changes, "controller.force_limit": math.inf}).force_tolerance == 1e9
+
+
+def test_sensors_may_be_off_by_eight_deviations_and_a_level() -> None:
+    found = guard({"device.position_noise": 0.25, "device.position_range": 0.5, "device.position_bits": 3})
+    assert found.position_tolerance == pytest.approx(QUIET + 8 * 1.0 + 0.5, rel=1e-12)
+    assert found.velocity_tolerance == QUIET
+    found = guard({"device.velocity_noise": 4.0, "device.velocity_range": 8.0, "device.velocity_bits": 3})
+    assert found.velocity_tolerance == pytest.approx(QUIET + 8 * 1.0 + 0.5, rel=1e-12)
+    assert found.position_tolerance == QUIET
+
+
+def test_what_is_set_stays_as_it_is() -> None:
+    fields = {"plant_tolerance": 0.0, "force_tolerance": 0.0, "position_tolerance": 0.0, "velocity_tolerance": 0.0}
+    fields |= {"patience": 0, "saturation_patience": 0}
+    found = guard({"controller.force_limit": 8.0, **{f"guard.{name}": value for name, value in fields.items()}})
+    assert {name: getattr(found, name) for name in fields} == fields
