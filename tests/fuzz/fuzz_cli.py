@@ -163,4 +163,4 @@ def check(case: bytes, folder: Path) -> str:
 
 
 if __name__ == "__main__":
-    harness.main(make, check)
+    harness.main(harness.Face(make, check))

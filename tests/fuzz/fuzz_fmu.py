@@ -1,28 +1,27 @@
-"""Fuzzes FMUs of both versions as an importer that makes every mistake: calls in any order, wrong references, wrong
-sizes, NULL where FMI allows it or a careless importer has it, any bytes as a state.
+"""FMUs of both versions under an importer that makes every mistake: calls in any order, wrong references, wrong sizes,
+NULL where FMI allows it or a careless importer has it, any bytes as a state.
 
-    python tests/fuzz/fuzz_fmu.py --seconds 60 --seed 1
-
-An attempt is a string of bytes that says which calls to make. Every call ends in OK or in an error with one sentence
-for the logger; what may come when is what FMI says. What finds something is left in tests/fuzz/corpus/fmu, which every
-run begins with. Ends with exit code 1 on a finding. With sanitizers: CXX="c++ -fsanitize=address,undefined" and libasan
+An input is a string of bytes that says which calls to make. Every call ends in OK or in an error with one sentence for
+the logger; what may come when is what FMI says. With sanitizers: CXX="c++ -fsanitize=address,undefined" and libasan
 preloaded.
 """
 
 from __future__ import annotations
 
-import argparse
 import ctypes
 import random
-import sys
+import resource
 import tempfile
 from collections.abc import Callable
 from ctypes import byref, c_char, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, Literal
 
-sys.path.insert(0, str(Path(__file__).parent))
-from apart import Notebook, arguments, corpus, indices, watched
+import fmpy
+import fracgyro as fg
+import harness
+from fracgyro.export.fmu import export
 from payloads import payload
 
 OK, ERROR = 0, 3
@@ -169,9 +168,9 @@ class Importer:
         if self.two:
             worked = self.call("DoStep", c_double(time), c_double(length), c_int(1))
         else:
-            told, reached = [ctypes.c_bool() for _ in range(3)], c_double()
+            answers, reached = [ctypes.c_bool() for _ in range(3)], c_double()
             worked = self.call(
-                "DoStep", c_double(time), c_double(length), ctypes.c_bool(True), *map(byref, told), byref(reached)
+                "DoStep", c_double(time), c_double(length), ctypes.c_bool(True), *map(byref, answers), byref(reached)
             )
         assert self.phase == RUNNING or not worked
         self.time += length if worked else 0.0
@@ -253,7 +252,7 @@ class Importer:
         seed = source.below(256) * 256 + source.below(256)
         attempt = self.bytes[-1]
         if source.below(4):
-            attempt = payload(seed, 0, TOKEN, self.bytes[-3:], self.bytes[:2])
+            attempt = payload(random.Random(f"{seed} 0"), TOKEN, self.bytes[-3:], self.bytes[:2])
         state = c_void_p()
         name = "DeSerializeFMUstate" if self.two else "DeserializeFMUState"
         worked = self.call(name, attempt, c_size_t(len(attempt)), byref(state))
@@ -273,52 +272,39 @@ class Importer:
             assert not self.call("GetString", None, count, None, count)
 
 
-def attack(chosen: argparse.Namespace) -> None:
-    face, folder = chosen.face[0], Path(chosen.made)
-    token, variables = (folder / f"{face}.txt").read_text().split()
-    importer = Importer(folder / f"{face}.so", token.encode(), int(variables))
-    notebook, known = Notebook(chosen.note), corpus("fmu", face)
-    for index in indices(chosen):
-        attempt = known[index] if index < len(known) else random.Random(f"{chosen.seed} {index}").randbytes(300)
-        notebook.note(attempt)
-        source = Bytes(attempt)
-        importer.bytes.clear()
-        while source:
-            importer.act(source)
-        importer.end()
-    print(f"{face}: {index + 1} attempts")
-
-
-def make(face: str, folder: Path) -> None:
-    """Leaves the library, and what an importer reads in the model description."""
-    import fmpy
-    import fracgyro as fg
-    from fracgyro.export.fmu import export
-
+@cache
+def importer(face: str) -> Importer:
+    """With the library, and what it reads in the model description."""
     fmi, content = FACES[face]
+    folder = Path(tempfile.mkdtemp())
     changes = {"run.duration": 2.0, "adaptation.kind": "composite", "controller.switching_limit": 0.5}
-    scenario = fg.Scenario.paper().replace(changes)
-    export(scenario, folder / f"{face}.fmu", fmi=fmi, content=content)
-    unpacked = Path(fmpy.extract(str(folder / f"{face}.fmu"), str(folder / face)))
+    export(fg.Scenario.paper().replace(changes), folder / "made.fmu", fmi=fmi, content=content)
+    unpacked = Path(fmpy.extract(str(folder / "made.fmu"), str(folder / "made")))
     (library,) = unpacked.glob("binaries/*/*.so")
-    library.rename(folder / f"{face}.so")
     description = fmpy.read_model_description(str(unpacked))
     token = description.guid if fmi == "2.0" else description.instantiationToken
-    (folder / f"{face}.txt").write_text(f"{token} {len(description.modelVariables)}")
+    return Importer(library, token.encode(), len(description.modelVariables))
 
 
-def main() -> int:
-    chosen = arguments(list(FACES))
-    if chosen.note:
-        attack(chosen)
-        return 0
-    with tempfile.TemporaryDirectory() as folder:
-        good = True
-        for face in chosen.face or FACES:
-            make(face, Path(folder))
-            good &= watched("fmu", face, chosen, folder, folder)
-    return 0 if good else 1
+def make(rng: random.Random) -> bytes:
+    return rng.randbytes(300)
+
+
+def check(face: str, case: bytes, _: Path) -> str:
+    trying = importer(face)
+    trying.end()  # what an input that failed has left
+    trying.bytes.clear()
+    source = Bytes(case)
+    while source:
+        trying.act(source)
+    trying.end()
+    return "worked"
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    harness.main(
+        {
+            face: harness.Face(make, partial(check, face), partial(importer, face), resource.RLIM_INFINITY)
+            for face in FACES
+        }
+    )

@@ -92,4 +92,4 @@ USES: tuple[Callable[[fg.Scenario], object], ...] = (
 
 
 if __name__ == "__main__":
-    harness.main(make, check)
+    harness.main(harness.Face(make, check))

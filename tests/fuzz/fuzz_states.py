@@ -1,28 +1,26 @@
-"""Fuzzes what restores a saved state, in Python and in the browser's module; fuzz_fmu.py does so in FMUs.
-
-    python tests/fuzz/fuzz_states.py --seconds 60 --seed 1
+"""Saved states, in Python and in the browser's module; fuzz_fmu.py has them in FMUs.
 
 Whatever the bytes, they are refused in one sentence or the controller goes on from them: it dies of none, and none that
-are damaged are taken. What finds something is left in tests/fuzz/corpus/states, which every run begins with. Ends with
-exit code 1 on a finding.
+are damaged are taken. The first byte of an input says of which controller it is to be a state.
 """
 
 from __future__ import annotations
 
-import argparse
+import base64
+import json
+import random
 import re
+import resource
 import struct
 import subprocess
-import sys
 import tempfile
 import zlib
-from itertools import chain
+from functools import cache
 from pathlib import Path
 
 import fracgyro as fg
-
-sys.path.insert(0, str(Path(__file__).parent))
-from apart import Notebook, arguments, corpus, indices, watched
+import harness
+from fracgyro.export import web
 from payloads import payload
 
 PAPER = fg.Scenario.paper().replace({"run.duration": 2.0, "controller.switching_limit": 0.5})
@@ -36,59 +34,68 @@ MOTION = ([0.5, 0.25], [0.0, 0.1])
 IN_BROWSER = 3  # of the scenarios: it has no observer
 
 
-def damaged(attempt: bytes, prefix: int) -> bool:
-    """Whether the checksum shows it."""
-    return attempt[prefix : prefix + 4] != struct.pack("<I", zlib.crc32(attempt[prefix + 4 :]))
+def made(rng: random.Random, states: list[list[bytes]]) -> bytes:
+    number = rng.randrange(len(states))
+    prefix = states[number][0].index(b"\n") + 1
+    return bytes([number]) + payload(rng, prefix, states[number], [state for one in states for state in one])
 
 
-def states_of(controller: fg.Controller) -> list[bytes]:
-    """At the start, after one sample and after many."""
-    found = [controller.state]
-    for n in range(60):
-        controller.step(n * controller.scenario.run.step, *MOTION)
-        if n in (0, 59):
-            found.append(controller.state)
+# -- Python
+
+
+@cache
+def controllers() -> list[fg.Controller]:
+    return [fg.Controller(s, single_precision=single) for s in SCENARIOS for single in (False, True)]
+
+
+@cache
+def states() -> list[list[bytes]]:
+    """Of each at the start, after one sample and after many."""
+    found = []
+    for controller in controllers():
+        saved = [controller.state]
+        for n in range(60):
+            controller.step(n * controller.scenario.run.step, *MOTION)
+            if n in (0, 59):
+                saved.append(controller.state)
+        found.append(saved)
     return found
 
 
-def attack_python(chosen: argparse.Namespace) -> None:
-    controllers = [fg.Controller(s, single_precision=single) for s in SCENARIOS for single in (False, True)]
-    states = [states_of(controller) for controller in controllers]
-    everyone = [state for all_of_one in states for state in all_of_one]
-    notebook = Notebook(chosen.note)
-    known = [(i, attempt) for attempt in corpus("states", "python") for i in range(len(controllers))]
-    for index in indices(chosen):
-        number = index % len(controllers)
-        controller, prefix = controllers[number], states[number][0].index(b"\n") + 1
-        if index < len(known):
-            number, attempt = known[index]
-            controller = controllers[number]
-        else:
-            attempt = payload(chosen.seed, index, prefix, states[number], everyone)
-        notebook.note(attempt)
-        before = controller.state
-        try:
-            controller.state = attempt
-        except ValueError as error:
-            refusal = str(error)
-        else:
-            refusal = ""
-        if refusal:
-            assert re.fullmatch("state .*", refusal), refusal
-            assert controller.state == before
-            assert attempt not in states[number], "what was saved was refused"
-            continue
-        assert not damaged(attempt, prefix), "damage was not noticed"
-        for _ in range(3):
-            controller.step(controller._core.steps * controller.scenario.run.step, *MOTION)
-        assert len(controller.state) == len(before)
-        assert controller.estimates is not None
-        assert controller.status
-    print(f"python: {index + 1} attempts")
+def make_python(rng: random.Random) -> bytes:
+    return made(rng, states())
 
+
+def check_python(case: bytes, _: Path) -> str:
+    number, attempt = case[0], case[1:]
+    controller, saved = controllers()[number], states()[number]
+    controller.state = before = saved[-1]
+    refusal = ""
+    try:
+        controller.state = attempt
+    except ValueError as error:
+        refusal = str(error)
+    if refusal:
+        assert re.fullmatch("state .*", refusal), refusal
+        assert controller.state == before
+        assert attempt not in saved, "what was saved was refused"
+        return "refused"
+    prefix = saved[0].index(b"\n") + 1
+    checksum = struct.pack("<I", zlib.crc32(attempt[prefix + 4 :]))
+    assert attempt[prefix : prefix + 4] == checksum, "damage was not noticed"
+    for _ in range(3):
+        controller.step(controller._core.steps * controller.scenario.run.step, *MOTION)
+    assert len(controller.state) == len(before)
+    assert controller.estimates is not None
+    assert controller.status
+    return "worked"
+
+
+# -- The browser's module, in node: prints the states, then what comes of each line, `number base64`.
 
 BROWSER = """
 import { readFileSync } from "node:fs";
+import { createInterface } from "node:readline";
 const [folder] = process.argv.slice(1);
 const { load } = await import(folder + "/fracgyro.mjs");
 const json = (name) => JSON.parse(readFileSync(`${folder}/${name}`));
@@ -97,100 +104,81 @@ const controllers = [];
 for (const name of json("scenarios.json")) {
   for (const single of [false, true]) controllers.push(await fracgyro.controller(json(name), {}, { single }));
 }
-"""
-SAVE = """
+const all = [];
 for (const controller of controllers) {
   const states = [controller.state];
   for (let n = 0; n < 60; ++n) {
     controller.step([0.5, 0.25], [0, 0.1]);
     if (n === 0 || n === 59) states.push(controller.state);
   }
-  console.log(JSON.stringify(states.map((state) => Buffer.from(state).toString("base64"))));
+  all.push(states.map((state) => Buffer.from(state).toString("base64")));
 }
-"""
-TRY = """
-const all = readFileSync(folder + "/attempts");
-let at = 0, index = 0;
-const fail = (why) => { console.log(`${index}: ${why}`); process.exit(1); };
-while (at < all.length) {
-  const [number, size] = [all.readUInt32LE(at), all.readUInt32LE(at + 4)];
-  const attempt = new Uint8Array(all.subarray(at + 8, at + 8 + size)), controller = controllers[number];
-  at += 8 + size;
+console.log(JSON.stringify(all));
+const tried = (controller, attempt) => {
   const before = controller.state;
   try {
     controller.state = attempt;
   } catch (refusal) {
-    if (!(refusal instanceof RangeError) || !/^state /.test(refusal.message)) fail(refusal.stack);
-    if (Buffer.compare(before, controller.state)) fail("a refused state has changed something");
-    ++index;
-    continue;
+    if (!(refusal instanceof RangeError) || !/^state /.test(refusal.message)) throw refusal;
+    if (Buffer.compare(before, controller.state)) throw new Error("a refused state has changed something");
+    return "refused";
   }
+  if (controller.state.length !== before.length) throw new Error("it has another size");
+  for (let n = 0; n < 3; ++n) controller.step([0.5, 0.25], [0, 0.1]);
+  controller.estimates;
+  return "worked";
+};
+for await (const line of createInterface({ input: process.stdin })) {
+  const [number, text] = line.split(" ");
   try {
-    if (controller.state.length !== before.length) fail("it has another size");
-    for (let n = 0; n < 3; ++n) controller.step([0.5, 0.25], [0, 0.1]);
-    controller.estimates;
+    console.log(tried(controllers[number], new Uint8Array(Buffer.from(text, "base64"))));
   } catch (error) {
-    fail(error.stack);
+    console.log(JSON.stringify(error.stack));
   }
-  ++index;
 }
 """
 
 
-def node(code: str, folder: str) -> subprocess.CompletedProcess[str]:
-    command = ["node", "--input-type=module", "-e", BROWSER + code, folder]
-    return subprocess.run(command, capture_output=True, text=True)
-
-
-def attack_browser(chosen: argparse.Namespace) -> None:
-    import base64
-    import json
-
-    from fracgyro.export import web
-
-    with tempfile.TemporaryDirectory() as folder:
-        web.build(Path(folder))
+class Browser:
+    def __init__(self) -> None:
+        folder = Path(tempfile.mkdtemp())
+        web.build(folder)
         names = [f"{i}.json" for i in range(IN_BROWSER)]
         for name, scenario in zip(names, SCENARIOS, strict=False):
-            web.export(scenario, Path(folder) / name)
-        (Path(folder) / "scenarios.json").write_text(json.dumps(names))
-        lines = node(SAVE, folder).stdout.splitlines()
-        states = [[base64.b64decode(state) for state in json.loads(line)] for line in lines]
-        everyone = [state for all_of_one in states for state in all_of_one]
-        known = corpus("states", "browser")
-        attempts: list[tuple[int, bytes]] = [(i, attempt) for attempt in known for i in range(len(states))]
-        notebook, done = Notebook(chosen.note), 0
-        for index in chain(indices(chosen), [None]):
-            if index is not None:
-                number = index % len(states)
-                prefix = states[number][0].index(b"\n") + 1
-                attempts.append((number, payload(chosen.seed, index, prefix, states[number], everyone)))
-                if len(attempts) < 5000:  # to one process of node
-                    continue
-            packed = b"".join(struct.pack("<II", i, len(attempt)) + attempt for i, attempt in attempts)
-            (Path(folder) / "attempts").write_bytes(packed)
-            ran = node(TRY, folder)
-            if ran.returncode:
-                failed, _, why = ran.stdout.partition(":")
-                notebook.note(attempts[int(failed)][1])
-                raise AssertionError(why + ran.stderr)
-            done += len(attempts)
-            attempts.clear()
-    print(f"browser: {done} attempts")
+            web.export(scenario, folder / name)
+        (folder / "scenarios.json").write_text(json.dumps(names))
+        command = ["node", "--input-type=module", "-e", BROWSER, str(folder)]
+        self._node = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        self.states = [[base64.b64decode(state) for state in one] for one in json.loads(self._line())]
+
+    def _line(self) -> str:
+        assert self._node.stdout
+        return self._node.stdout.readline().strip()
+
+    def tried(self, number: int, attempt: bytes) -> str:
+        print(number, base64.b64encode(attempt).decode(), file=self._node.stdin, flush=True)
+        return self._line()
 
 
-ATTACKS = {"python": attack_python, "browser": attack_browser}
+@cache
+def browser() -> Browser:
+    return Browser()
 
 
-def main() -> int:
-    chosen = arguments(list(ATTACKS))
-    if chosen.note:
-        ATTACKS[chosen.face[0]](chosen)
-        return 0
-    with tempfile.TemporaryDirectory() as folder:
-        ends = [watched("states", face, chosen, folder) for face in chosen.face or ATTACKS]
-    return 0 if all(ends) else 1
+def make_browser(rng: random.Random) -> bytes:
+    return made(rng, browser().states)
+
+
+def check_browser(case: bytes, _: Path) -> str:
+    outcome = browser().tried(case[0], case[1:])
+    assert outcome in ("worked", "refused"), outcome
+    return outcome
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    harness.main(
+        {
+            "python": harness.Face(make_python, check_python, states, resource.RLIM_INFINITY),
+            "browser": harness.Face(make_browser, check_browser, browser, resource.RLIM_INFINITY),
+        }
+    )

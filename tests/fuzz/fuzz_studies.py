@@ -266,4 +266,4 @@ def _tune_folder(body: bytes, folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    harness.main(make, check)
+    harness.main(harness.Face(make, check))

@@ -1,7 +1,11 @@
 """Many inputs through one property, each in a process that may crash or hang without ending the run.
 
-A fuzzer is a script with `make`, which makes the bytes of an input from a random generator, and `check`, which tries
-them in an empty folder and returns "worked" or "refused", or raises. Input n depends on the seed and n only.
+    python tests/fuzz/fuzz_x.py --seconds 60 --seed 1      as often as time allows
+    python tests/fuzz/fuzz_x.py FILE ...                   some inputs again, in this process
+
+A fuzzer is a script with one face or more. Each has `make`, which makes the bytes of an input from a random generator,
+and `check`, which tries them in an empty folder and returns "worked" or "refused", or raises. Input n depends on the
+seed and n only. What fails is left in tests/fuzz/corpus, which every run begins with.
 """
 
 from __future__ import annotations
@@ -21,7 +25,8 @@ import time
 import traceback
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from hashlib import sha256
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -36,6 +41,14 @@ MEMORY = 6 * 2**30  # bytes of address space
 LONGEST_SENTENCE = 1000
 PACKAGE = str(Path(fracgyro.__file__).parent)
 CORPUS = Path(__file__).resolve().parent / "corpus"
+
+
+@dataclass(frozen=True)
+class Face:
+    make: Make
+    check: Check
+    prepare: Callable[[], object] | None = None  # before the first input, however long it takes
+    memory: int = MEMORY  # sanitizers and virtual machines want resource.RLIM_INFINITY
 
 
 def refused(error: Exception) -> str:
@@ -85,42 +98,52 @@ def _outcome(check: Check, case: bytes) -> str:
         return traceback.format_exc()
 
 
-def case_of(make: Make, seed: int, number: int) -> bytes:
-    return make(random.Random(f"{seed}/{number}"))
-
-
-def _work(pipe: Connection, make: Make, check: Check, seed: int, first: int) -> None:
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+def _work(pipe: Connection, face: Face, known: Sequence[bytes], seed: int, first: int, folder: str) -> None:
+    """Sends every input before it is tried, and then what came of it."""
+    tempfile.tempdir = folder
+    resource.setrlimit(resource.RLIMIT_AS, (face.memory, face.memory))
+    if face.prepare:
+        face.prepare()
     for number in itertools.count(first):
-        pipe.send(_outcome(check, case_of(make, seed, number)))
+        made = number - len(known)
+        case = known[number] if made < 0 else face.make(random.Random(f"{seed}/{made}"))
+        pipe.send(case)
+        pipe.send(_outcome(face.check, case))
 
 
-def run(name: str, make: Make, check: Check, seconds: float, seed: int) -> tuple[Counter[str], float]:
-    """Counts of worked, refused, tracebacks, crashes and hangs. What failed is kept in corpus/."""
+def run(face: Face, corpus: Path, prefix: str, seconds: float, attempts: int, seed: int) -> tuple[Counter[str], float]:
+    """Counts of worked, refused, tracebacks, crashes and hangs. What failed is kept in `corpus`."""
     context = multiprocessing.get_context("spawn")
+    known = [path.read_bytes() for path in sorted(corpus.glob(f"{prefix}*"))]
     counts: Counter[str] = Counter()
     number, begin = 0, time.monotonic()
-    while time.monotonic() - begin < seconds:
-        ours, theirs = context.Pipe(duplex=False)
-        worker = context.Process(target=_work, args=(theirs, make, check, seed, number), daemon=True)
-        worker.start()
-        theirs.close()
-        failure = ""
-        while not failure and time.monotonic() - begin < seconds:
-            try:
-                outcome = ours.recv() if _answers(ours, worker.pid) else "hang"
-            except EOFError:
-                worker.join()
-                outcome = f"crash: exit code {worker.exitcode}"
-            kind = outcome.partition(":")[0]
-            kind = kind if kind in ("worked", "refused", "hang", "crash") else "traceback"
-            counts[kind] += 1
-            if kind not in ("worked", "refused"):
-                _keep(name, case_of(make, seed, number), f"seed {seed}, input {number}: {outcome}")
-                failure = kind if kind != "traceback" else ""
-            number += 1
-        worker.kill()
-        worker.join()
+
+    def going() -> bool:
+        return number < attempts and time.monotonic() - begin < seconds
+
+    with tempfile.TemporaryDirectory() as folder:
+        while going():
+            ours, theirs = context.Pipe(duplex=False)
+            worker = context.Process(target=_work, args=(theirs, face, known, seed, number, folder), daemon=True)
+            worker.start()
+            theirs.close()
+            failure = ""
+            while not failure and going():
+                case = ours.recv()
+                try:
+                    outcome = ours.recv() if _answers(ours, worker.pid) else "hang"
+                except EOFError:
+                    worker.join()
+                    outcome = f"crash: exit code {worker.exitcode}"
+                kind = outcome.partition(":")[0]
+                kind = kind if kind in ("worked", "refused", "hang", "crash") else "traceback"
+                counts[kind] += 1
+                if kind not in ("worked", "refused"):
+                    _keep(corpus / (prefix + sha256(case).hexdigest()[:16]), case, f"seed {seed}: {outcome}")
+                    failure = kind if kind != "traceback" else ""
+                number += 1
+            worker.kill()
+            worker.join()
     return counts, time.monotonic() - begin
 
 
@@ -141,32 +164,40 @@ def _used(process: int | None) -> float:
     return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
 
 
-def _keep(name: str, case: bytes, outcome: str) -> None:
-    path = CORPUS / name.removeprefix("fuzz_") / sha256(case).hexdigest()[:16]
+def _keep(path: Path, case: bytes, outcome: str) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(case)
     print(f"{outcome.rstrip()}\nThe input is in {path}", file=sys.stderr)
 
 
-def main(make: Make, check: Check) -> None:
-    """`fuzz_x.py --seconds N --seed S`, or `fuzz_x.py FILE ...` to try inputs again. Ends with 1 if one failed."""
-    name = Path(sys.argv[0]).stem
+def main(faces: Mapping[str, Face] | Face) -> None:
+    """Ends with 1 if an input failed. Inputs of a face that has a name have it before theirs."""
+    script = Path(sys.argv[0]).stem
+    named = {"": faces} if isinstance(faces, Face) else faces
     options = argparse.ArgumentParser()
-    options.add_argument("--seconds", type=float, default=60.0)
+    options.add_argument("--seconds", type=float, default=60.0, help="for each face")
+    options.add_argument("--attempts", type=int, default=sys.maxsize, help="for each face, at most")
     options.add_argument("--seed", type=int, default=1)
+    options.add_argument("--face", choices=named, action="append", help="repeatable; all if left out")
     options.add_argument("cases", nargs="*", type=Path)
     given = options.parse_args()
     if given.cases:
-        cases = {path: path.read_bytes() for path in given.cases}
-        outcomes = {path: _outcome(check, case) for path, case in cases.items()}
+        checks = {
+            path: next(f.check for name, f in named.items() if path.name.startswith(name)) for path in given.cases
+        }
+        outcomes = {path: _outcome(check, path.read_bytes()) for path, check in checks.items()}
         for path, outcome in outcomes.items():
             print(f"{path.name}: {outcome}")
         sys.exit(0 if {*outcomes.values()} <= {"worked", "refused"} else 1)
-    counts, took = run(name, make, check, given.seconds, given.seed)
-    bad = {kind: counts[kind] for kind in ("traceback", "crash", "hang")}
-    failed = ", ".join(f"{count} {kind}{'es' if kind == 'crash' else 's'}" for kind, count in bad.items())
-    print(
-        f"{name}: {counts.total()} inputs in {took:.0f} s, seed {given.seed}: "
-        f"{counts['worked']} worked, {counts['refused']} refused; {failed}"
-    )
-    sys.exit(1 if any(bad.values()) else 0)
+    failures = 0
+    for name in given.face or named:
+        corpus, prefix = CORPUS / script.removeprefix("fuzz_"), f"{name}-" if name else ""
+        counts, took = run(named[name], corpus, prefix, given.seconds, given.attempts, given.seed)
+        bad = {kind: counts[kind] for kind in ("traceback", "crash", "hang")}
+        failed = ", ".join(f"{count} {kind}{'es' if kind == 'crash' else 's'}" for kind, count in bad.items())
+        print(
+            f"{name or script}: {counts.total()} inputs in {took:.0f} s, seed {given.seed}: "
+            f"{counts['worked']} worked, {counts['refused']} refused; {failed}"
+        )
+        failures += sum(bad.values())
+    sys.exit(1 if failures else 0)

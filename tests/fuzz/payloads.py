@@ -16,9 +16,8 @@ def sealed(prefix: bytes, body: bytes) -> bytes:
     return prefix + struct.pack("<I", zlib.crc32(body)) + body
 
 
-def payload(seed: int, index: int, prefix: int, states: list[bytes], others: list[bytes]) -> bytes:
-    """The same for the same numbers. `prefix`: its length; `others`: states of other controllers."""
-    rng = random.Random(f"{seed} {index}")
+def payload(rng: random.Random, prefix: int, states: list[bytes], others: list[bytes]) -> bytes:
+    """`prefix`: its length; `others`: states of other controllers."""
     saved = rng.choice(states)
     name, body = saved[:prefix], bytearray(saved[prefix + 4 :])
     match rng.randrange(9):
