@@ -291,18 +291,18 @@ TEST(Soak, ASampledLoopWhoseBoundsGrowInNoiseDivergesAndALimitedOneDoesNot) {
 TYPED_TEST(Law, AtTheForceLimitTheEstimatesRestOnlyWhereMoreOfTheirLawsWouldWindUp) {
     using T = TypeParam;
     using Controller = SlidingModeController<T, LinearSurface>;
-    const Motion<T> motion{.position = vec2<T>(1, 0)};  // s = (10, 0): the laws lower K̂xx, and the force with it
-    for (const double stiffness : {-1000.0, 0.0, 1000.0}) {
-        const auto c = Controller::prepare(held_at_zero(stiffness));
-        typename Controller::State state{};
-        const Signals<T> signals = Controller::step(state, c, motion);
-        expect_near(signals.force + signals.excess, {stiffness, 0}, 1e-5 * (1.0 + std::abs(stiffness)));
-        expect_equal(signals.force, {std::clamp(stiffness, -100.0, 100.0), 0});
-        const double learnt = number(state.adaptation.deviation.stiffness.xx);
-        if (stiffness < 0.0) {
-            EXPECT_EQ(learnt, 0.0);
-        } else {
-            EXPECT_NEAR(learnt, -1e-3 * 150.0 * 10.0, 1e-6);
+    for (const bool on_x : {true, false}) {
+        // s = (10, 0): the laws lower K̂xx, and the force with it. The same on y.
+        const Motion<T> motion{.position = on_x ? vec2<T>(1, 0) : vec2<T>(0, 1)};
+        const auto along = [&](double a) { return on_x ? Vec2<double>{a, 0.0} : Vec2<double>{0.0, a}; };
+        for (const double stiffness : {-1000.0, 0.0, 1000.0}) {
+            const auto c = Controller::prepare(held_at_zero(stiffness));
+            typename Controller::State state{};
+            const Signals<T> signals = Controller::step(state, c, motion);
+            expect_near(signals.force + signals.excess, along(stiffness), 1e-5 * (1.0 + std::abs(stiffness)));
+            expect_equal(signals.force, along(std::clamp(stiffness, -100.0, 100.0)));
+            const auto& learnt = state.adaptation.deviation.stiffness;
+            EXPECT_NEAR(number(on_x ? learnt.xx : learnt.yy), stiffness < 0.0 ? 0.0 : -1e-3 * 150.0 * 10.0, 1e-6);
         }
     }
 }

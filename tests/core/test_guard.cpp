@@ -142,6 +142,31 @@ TYPED_TEST(Guards, AfterARestartABadSampleIsNotHeldThroughButAnsweredWithoutAny)
     EXPECT_EQ(guarded.step(good), Status::ok);
 }
 
+TYPED_TEST(Guards, WhereNothingIsBelievedForLongTheMemoryOfMotionsIsDropped) {
+    using T = TypeParam;
+    ControllerParams p = held_at_zero(0.0);
+    p.control.force_limit = infinity;
+    p.adaptation.adaptive = false;
+    p.surface.modes = log_trapezoid(0.9, p.step, 1.0);
+    p.guard.patience = 3.0;
+    Guarded<Paper<T>> guarded(p);
+    const auto good = motion<T>(0.5, -0.25);
+    for (int n = 0; n < 100; ++n) {
+        EXPECT_EQ(guarded.step(good), Status::ok);
+    }
+    for (int n = 1; n <= 3; ++n) {
+        EXPECT_EQ(guarded.step(motion<T>(nan, 0)), n < 3 ? Status::not_finite : Status::lost);
+    }
+    EXPECT_EQ(guarded.step(good), Status::ok);
+    const auto c = Paper<T>::prepare(p);
+    typename Paper<T>::State fresh{};
+    const Sample<T> on_the_reference{};
+    Paper<T>::step(fresh, c, good, &on_the_reference);
+    const Vec2<T> wanted = Paper<T>::step(fresh, c, good).surface;
+    EXPECT_EQ(number(guarded.signals.surface.x), number(wanted.x));
+    EXPECT_EQ(number(guarded.signals.surface.y), number(wanted.y));
+}
+
 TYPED_TEST(Guards, AfterTooManySamplesAtTheLimitEverythingLearntIsDropped) {
     using T = TypeParam;
     ControllerParams p = held_at_zero(1000.0);  // wanted is K̂ x = 1000 and more
@@ -213,6 +238,52 @@ TYPED_TEST(Guards, AStepMayBeOffByWhatDisturbanceSensorsAndPlantExplainAndNoMore
     EXPECT_FALSE(takes(p, motion<T>(0.25 + 0.15, 0, 4, 0)));
 }
 
+TYPED_TEST(Guards, DampingAndRotationMayChangeTheVelocityAndTheRuleOfTheTrapezoidIsNotExact) {
+    using T = TypeParam;
+    const auto takes = [](const ControllerParams& p, double x, double vx) {
+        return judged<Linear<T>>(p, {motion<T>(0, 0, 4, 0), motion<T>(0.5, 0, 4, 0), motion<T>(x, 0, vx, 0)}) !=
+               Status::implausible;
+    };
+    ControllerParams p = free_mass();
+    p.guard.force_tolerance = 1e-5;  // the force is 1e-6
+    EXPECT_TRUE(takes(p, 1.0, 4.0));
+    EXPECT_FALSE(takes(p, 0.96875, 3.5));
+    p.adaptation.initial.damping = {1, 0, 1};
+    p.adaptation.initial.rate = -0.5;  // h (‖D‖ + 2 |Ω|) v = v/4: 0.875 of 3.5, 0.75 of 3
+    EXPECT_TRUE(takes(p, 0.96875, 3.5));
+    EXPECT_FALSE(takes(p, 0.9375, 3.0));
+    p.guard.force_tolerance = 100.0;
+    p.adaptation.initial.stiffness = {48, 0, 48};  // h² ‖K‖/12 = 1/16: of h v, that is of 0.5, 1/32
+    EXPECT_TRUE(takes(p, 1.03, 4.0));
+    EXPECT_FALSE(takes(p, 1.0325, 4.0));
+}
+
+TYPED_TEST(Guards, OfASampleThatIsMissedTheNextTwoMayBeOffByWhatThePredictionMayBeAndNoMore) {
+    using T = TypeParam;
+    // At the speed 4, by 0.5 a step, of which each may be off by a quarter: 0.125 beside what the prediction may be.
+    const auto status_after = [](const ControllerParams& p, std::initializer_list<Motion<T>> samples) {
+        Guarded<Linear<T>> guarded(p);
+        guarded.step(motion<T>(-0.5, 0, 4, 0));
+        guarded.step(motion<T>(0, 0, 4, 0));
+        EXPECT_EQ(guarded.step(motion<T>(nan, 0)), Status::not_finite);
+        Status status = Status::ok;
+        for (const auto& sample : samples) {
+            EXPECT_NE(status, Status::implausible);
+            status = guarded.step(sample);
+        }
+        return status;
+    };
+    ControllerParams p = free_mass();
+    p.guard.plant_tolerance = 0.25;
+    p.guard.force_tolerance = 1e-5;
+    EXPECT_NE(status_after(p, {motion<T>(1.24, 0, 4, 0)}), Status::implausible);
+    EXPECT_EQ(status_after(p, {motion<T>(1.26, 0, 4, 0)}), Status::implausible);
+    const auto right = motion<T>(1, 0, 4, 0), right_too = motion<T>(1.5, 0, 4, 0);
+    EXPECT_NE(status_after(p, {right, motion<T>(1.74, 0, 4, 0)}), Status::implausible);
+    EXPECT_EQ(status_after(p, {right, right_too, motion<T>(2.24, 0, 4, 0)}), Status::implausible);
+    EXPECT_NE(status_after(p, {right, right_too, motion<T>(2.12, 0, 4, 0)}), Status::implausible);
+}
+
 TYPED_TEST(Guards, TheSpringsAndTheForceThatActedAreReckonedWith) {
     using T = TypeParam;
     // h/2 K (q0 + q1) = 1/16 · [[8, 4], [4, 16]] (2, 0) = (1, 0.5), less what the force adds.
@@ -228,6 +299,7 @@ TYPED_TEST(Guards, TheSpringsAndTheForceThatActedAreReckonedWith) {
     p.guard.velocity_tolerance = 0.0;       // 2 h ‖K‖ Q = 5/16
     EXPECT_TRUE(falls(-1, -0.5));
     EXPECT_TRUE(falls(-1.25, -0.5));
+    EXPECT_TRUE(falls(-1.28125, -0.5));
     EXPECT_FALSE(falls(-1.25, -0.875));
     EXPECT_FALSE(falls(-0.5, -0.5));
     EXPECT_FALSE(falls(0, 0));
@@ -404,6 +476,18 @@ TYPED_TEST(Guards, WhateverIsMeasuredTheForceIsFiniteAndWithinTheLimit) {
 }
 
 // -- From positions alone
+
+TYPED_TEST(Guards, APositionMayBeOffByEightErrorsOfItsSensorAgainstThreeBefore) {
+    using T = TypeParam;
+    ControllerParams p = free_mass();
+    p.observer_bandwidth = 1.0;
+    p.guard.position_tolerance = 0.0625;
+    const auto rest = motion<T>(0, 0);
+    for (const double off : {0.49, 0.51}) {
+        EXPECT_EQ(judged<Observing<Linear<T>>>(p, {rest, rest, rest, motion<T>(off, 0)}) == Status::implausible,
+                  off > 0.5);
+    }
+}
 
 TYPED_TEST(Guards, FromPositionsAloneTheSecondDifferenceIsHeldAgainstTheForce) {
     using T = TypeParam;

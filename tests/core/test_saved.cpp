@@ -81,12 +81,17 @@ TEST(ASoundState, HasNoMorePairsThanThereAreAndSwitchesThatAreOnOrOff) {
     expect_sound_but_for(state.belief.doubted, is_sound);
     expect_sound_but_for(state.controller.observer.started, is_sound);
     expect_sound_but_for(state.controller.controller.adaptation.measured, is_sound);
+    for (int status = 0; status < 256; ++status) {
+        state.status = static_cast<Status>(status);
+        EXPECT_EQ(is_sound(), status <= 7 && status != 5) << status;
+    }
 }
 
 TEST(APhase, IsDefinedForEveryAngle) {
     const auto phase = [](double radians) { return Reference<double>::phase_of(radians); };
     constexpr double turn = 6.28318530717958647693;
     EXPECT_EQ(phase(0.25 * turn), std::uint64_t{1} << 62);
+    EXPECT_EQ(phase(0.75 * turn), std::uint64_t{3} << 62);
     EXPECT_EQ(phase(-0.25 * turn), std::uint64_t{3} << 62);
     EXPECT_EQ(phase(1024.25 * turn), std::uint64_t{1} << 62);
     for (const double far : {1e18, 1e19, 1e300, std::numeric_limits<double>::max()}) {
