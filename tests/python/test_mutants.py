@@ -48,7 +48,8 @@ inline double f(double a, int n) {  // a + b
     ]
     assert compile_in.mutated(code, list(enumerate(found))).splitlines()[5:7] == [
         "    if (mutant::active(3) != bool(n < mutant::Than{2} < mutant::number(4, 4))) {",
-        "        if (!mutant::active(6)) { s = a + mutant::Sign{0} * mutant::number(5, 1e-2) * mutant::Factor{1} * a; }",
+        "        if (!mutant::active(6)) { "
+        "s = a + mutant::Sign{0} * mutant::number(5, 1e-2) * mutant::Factor{1} * a; }",
     ]
 
 
