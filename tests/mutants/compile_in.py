@@ -72,7 +72,8 @@ def computed_by_the_compiler(code: str) -> list[tuple[int, int]]:
     for found in re.finditer(defaults, code, re.MULTILINE):
         if not re.match(r"\s*(?:const|auto|return)\b", found[0]) and not found[0].startswith(" " * 8):
             spans.append(found.span())
-    for found in re.finditer(r"\{ [^{}\n]* \} -> [^\n]*|^[ ]+\w+<[^\n;()]*> \w+;[ ]*$", code, re.MULTILINE):
+    members = r"^[ ]+[\w:]+<[^\n;]*> \w+(?:\{\})?(?:, \w+(?:\{\})?)*;[ ]*$"
+    for found in re.finditer(r"\{ [^{}\n]* \} -> [^\n]*|" + members, code, re.MULTILINE):
         spans.append(found.span())
     return spans
 

@@ -134,6 +134,8 @@ def test_a_rate_that_moves_is_judged_by_its_largest_size() -> None:
     run = made_up().assign(angular_rate=truth, rate_estimate=truth + 0.09)
     assert float(metrics.rate_settling_time(run)) == 0.0
     assert np.isnan(float(metrics.rate_settling_time(run, tolerance=0.08)))
+    exact = made_up().assign(angular_rate=truth, rate_estimate=truth + 0.25)
+    assert float(metrics.rate_settling_time(exact, tolerance=0.25)) == 0.0
 
 
 def test_the_limits_of_an_si_run_are_scaled_to_its_units() -> None:

@@ -151,7 +151,7 @@ def _rate_random_walk(tau: Array, deviation: Array, high: Array, freedom: Array)
     """K: the line of slope +1/2, read at tau = 3 s, beyond the least deviation."""
     least = int(np.argmin(deviation))
     rising = slice(least, None)
-    found = _along(tau[rising], deviation[rising], freedom[rising], 0.5) if len(tau) - least > 1 else None
+    found = _along(tau[rising], deviation[rising], freedom[rising], 0.5)
     root3 = math.sqrt(3.0)
     if found:
         return Estimate(found.value * root3, found.low * root3, found.high * root3)
