@@ -18,7 +18,7 @@ import fracgyro as fg
 import matplotlib
 import numpy as np
 from fracgyro.simulate import threads_available
-from machine import command, machine
+from machine import command, machine, wrapped
 from scipy.special import betaincinv, stdtr, stdtrit
 
 matplotlib.use("Agg")
@@ -327,7 +327,7 @@ def move_lines(samples: dict[str, Sample], first: str, columns: Sequence[tuple[s
 
 
 def fine_lines(study: Study) -> list[str]:
-    lines = ["| law | window | of | best α | may be best | least RMSE | best of a single seed, 2.5 to 97.5 % |"]
+    lines = ["| law | window | of | best α | may be best | min RMSE | best of a single seed, 2.5 to 97.5 % |"]
     lines.append("|---|---|---|---|---|---|---|")
 
     def line(law: str, sample: Sample, window: str, axis: str) -> str:
@@ -476,7 +476,7 @@ def moved(samples: dict[str, Sample]) -> str:
 
 
 def answer(study: Study) -> list[str]:
-    """The paragraph on top, from the numbers."""
+    """The summary on top, from the numbers."""
     sample, printed = study.table["corrected"], study.table["printed"]
     best = {c: sample.orders[winner(sample.of(*c))] for c in COLUMNS}
     best_printed = {c: printed.orders[winner(printed.of(*c))] for c in COLUMNS}
@@ -498,25 +498,27 @@ def answer(study: Study) -> list[str]:
     at, push = END.index(PAPER), study.end["corrected"].force
     claim = [f"{w} {SIGN[a]}" for w, a in COLUMNS if a != "both" and best_printed[w, a] != PAPER]
     return [
-        f"**Among tenths there is a best order for each question, and not one for all.** Over "
-        f"{sample.values.shape[1]:,} paired seeds of the corrected law at h = 1e-3 the RMSE of the whole run is least "
-        f"at α = {best['whole', 'x']:g} on x, {best['whole', 'y']:g} on y and {best['whole', 'both']:g} for ‖e‖; from "
-        f"t = 10 on at {best['steady', 'x']:g}, {best['steady', 'y']:g} and {best['steady', 'both']:g}. In {alone} of "
-        f"the 9 columns the best is alone in its 95 % confidence set, and it wins in {sure:.4g} % of seeds or more. "
-        f"That is sureness about a deterministic transient, not about noise: at α = {PAPER:g} the RMSE of ‖e‖ over the "
-        f"whole run is {silent:.5f} without noise, {noisy:.5f} with it on average, and {late:.1g} % of its square "
-        f"arises from t = 10 on; even there the RMSE without noise is {100 * quiet:.0f} % of that with it. The start "
-        "decides: with four others the best order on x over the whole run is "
-        f"{listed(winners(study.starts, 'whole', 'x')[1:])}. **And the tenths hide what happens near 1:** the RMSE of "
-        f"‖e‖ is {near[at]:.1f}e-3 at 0.9, {near[m]:.1f}e-3 at {END[m]:g} (the least of those tried) and "
-        f"{near[-1]:.1f}e-3 at 1. The corrected law leaps there, because a first push, by which the force reaches "
-        f"{push[m]:.0f} at {END[m]:g} and {push[-1]:.0f} at 1, drops out. Without that push (Caputo's derivative) the "
-        f"best is {END[c]:g} with {caputo[c]:.2f}e-3, against {caputo[-1]:.2f}e-3 at 1: the push is "
-        f"{100 * (1 - (caputo[-1] - caputo[c]) / (near[-1] - near[m])):.3g} % of what a fractional order saves here. "
-        f"Among tenths the step {moved(study.steps)}; the noise hold "
-        f"{moved(study.holds)}; the window {moved(study.transients)}. **Claim h of the paper,** least at α = "
-        f"{PAPER:g}, holds in {held(best)} under the corrected law and in {held(best_printed)} under the printed one"
-        + (f" (not for {listed(claim)})." if claim else "."),
+        "**Among tenths, each question has its own best order; none is best for all.**",
+        "",
+        f"- **Table 1.** Over {sample.values.shape[1]:,} paired seeds of the corrected law at h = 1e-3 the RMSE of the "
+        f"whole run is minimal at α = {best['whole', 'x']:g} on x, {best['whole', 'y']:g} on y and "
+        f"{best['whole', 'both']:g} for ‖e‖; from t = 10 on at {best['steady', 'x']:g}, {best['steady', 'y']:g} and "
+        f"{best['steady', 'both']:g}. In {alone} of the 9 columns the 95 % confidence set has only the best order, "
+        f"which wins in at least {sure:.4g} % of seeds.",
+        f"- **The start decides, not the noise.** At α = {PAPER:g} the RMSE of ‖e‖ over the whole run is {silent:.5f} "
+        f"without noise and {noisy:.5f} with it on average, and {late:.1g} % of its square arises from t = 10 on. Even "
+        f"there the RMSE without noise is {100 * quiet:.0f} % of that with it. With four other starts the best order "
+        f"on x over the whole run is {listed(winners(study.starts, 'whole', 'x')[1:])}.",
+        f"- **Tenths hide what happens near 1.** The RMSE of ‖e‖ is {near[at]:.1f}e-3 at 0.9, {near[m]:.1f}e-3 at "
+        f"{END[m]:g} (the minimum of those tried) and {near[-1]:.1f}e-3 at 1. The corrected law jumps there: an "
+        f"initial push, with which the force reaches {push[m]:.0f} at {END[m]:g} and {push[-1]:.0f} at 1, drops out. "
+        f"Without that push (Caputo's derivative) the best is {END[c]:g} with {caputo[c]:.2f}e-3, against "
+        f"{caputo[-1]:.2f}e-3 at 1. The push accounts for "
+        f"{100 * (1 - (caputo[-1] - caputo[c]) / (near[-1] - near[m])):.3g} % of what a fractional order saves here.",
+        f"- **What moves the best tenth.** The step {moved(study.steps)}; the noise hold {moved(study.holds)}; the "
+        f"window {moved(study.transients)}.",
+        f"- **Claim h of the paper**, minimal at α = {PAPER:g}, holds in {held(best)} under the corrected law and in "
+        f"{held(best_printed)} under the printed one" + (f" (not for {listed(claim)})." if claim else "."),
     ]
 
 
@@ -536,9 +538,9 @@ def page(study: Study) -> list[str]:
         "",
         "![RMSE against order](best_order.svg)",
         "",
-        "Marks: the table below, with 95 % intervals (mostly smaller than the marks); rings: the least of them; lines: "
+        "Marks: the table below, with 95 % intervals (mostly smaller than the marks); rings: their minimum; lines: "
         f"finer orders, {finer} seeds; "
-        "dotted: the corrected law with Caputo's derivative instead of Riemann and Liouville's.",
+        "dotted: the corrected law with Caputo's derivative instead of Riemann-Liouville's.",
         "",
         f"## Table 1, corrected law, {seeds:,} seeds",
         "",
@@ -550,12 +552,12 @@ def page(study: Study) -> list[str]:
         "",
         "### Which is best, and how surely",
         "",
-        "*May be best*: a 95 % confidence set of orders; an order is out when a paired t test finds another better at "
-        "5 %/9, so the true best is in with 95 % at least, without having been chosen beforehand. *% more*: paired "
-        f"difference from the best, in % of the best's mean, intervals for all {comparisons(corrected)} pairs and "
-        "columns at once (Bonferroni), so good for a best that was picked by the same data. *Best in … of seeds*: "
-        "exact 95 % interval (Clopper, Pearson) of the probability that this order beats the nine others under fresh "
-        "noise.",
+        "*May be best*: a 95 % confidence set of orders; an order is out when a paired t test finds another one better "
+        "at 5 %/9, so the true best is in it with at least 95 % probability, although it was not chosen beforehand. "
+        f"*% more*: paired difference from the best, in % of the best's mean, with intervals for all "
+        f"{comparisons(corrected)} pairs and columns at once (Bonferroni), so they hold for a best that was picked "
+        "from the same data. *Best in … of seeds*: exact 95 % interval (Clopper, Pearson) of the probability that this "
+        "order beats the nine others under fresh noise.",
         "",
         *best_lines(corrected),
         "",
@@ -572,26 +574,26 @@ def page(study: Study) -> list[str]:
         "## Between the tenths",
         "",
         f"Orders from 0.1 to 1 in steps of 0.02; then 0.9 to 1 in steps of 0.005, with 0.997 and 0.999; {finer} seeds. "
-        "The set of what may be best is the interval that noise leaves; the grid adds its spacing. The curves have "
-        "several dips, so the best of a coarse grid says little about the orders between. Where 0.999 is best, it is "
+        "*May be best* is the interval that noise leaves; the spacing of the grid adds to it. The curves have "
+        "several minima, so the best of a coarse grid says little about the orders between. Where 0.999 is best, it is "
         "the largest order tried below 1, not an optimum: the next section says why.",
         "",
         *fine_lines(study),
         "",
         "### Towards order 1",
         "",
-        "With the Riemann-Liouville derivative the law holds λ₁ e(0) t^(−α)/Γ(1−α), a push at the start that, as "
-        "α → 1, falls into the first step whole: a force of λ₁ |e(0)|/h = 5000 for e(0) = [0.5, −0.5]. It changes the "
-        "velocity by λ₁ |e(0)| within one step and so throws the motion towards the surface. At α = 1 the term is "
-        "absent, so the corrected law leaps there; with Caputo's derivative there is no push at any order. The push "
+        "With the Riemann-Liouville derivative the law contains λ₁ e(0) t^(−α)/Γ(1−α), a push at the start. As "
+        "α → 1, all of it falls into the first step: a force of λ₁ |e(0)|/h = 5000 for e(0) = [0.5, −0.5]. It changes "
+        "the velocity by λ₁ |e(0)| within one step and so drives the motion towards the surface. At α = 1 the term is "
+        "absent, so the corrected law jumps there; with Caputo's derivative there is no push at any order. The push "
         "grows as h^(−α), and a force limit clips it. Largest |u|: mean over seeds.",
         "",
         *end_lines(study),
         "",
         "## What moves it",
         "",
-        f"Corrected law, {few} seeds each, orders in tenths. Best α, in brackets all that may be best where they are "
-        "several.",
+        f"Corrected law, {few} seeds each, orders in tenths. Best α; in parentheses all that may be best, where "
+        "there are several.",
         "",
         "![What moves the best order](best_order_moves.svg)",
         "",
@@ -637,17 +639,17 @@ def page(study: Study) -> list[str]:
         "",
         "## What this does not say",
         "",
-        "Intervals are over noise seeds alone. Plant, gains, reference and initial estimates are the paper's; each "
-        "could move the best order as the start does, and seeds know nothing of that. Gains were not tuned again for "
-        "each order: at another order the same λ₁ is another stiffness of the surface. Table 1's own values are not "
+        "Intervals are over noise seeds only. Plant, gains, reference and initial estimates are the paper's; each "
+        "could move the best order as the start does, which seeds do not show. Gains were not tuned again for "
+        "each order: at another order the same λ₁ means another stiffness of the surface. Table 1's own values are not "
         "available, so nothing here is compared with them.",
         "",
         "## Time",
         "",
-        "*Processors*: processor time over wall-clock time; below the number available, others had the machine. "
-        f"Table 1 of the corrected law took {first.seconds * first.processors:.0f} processor seconds, so "
-        f"{first.seconds * first.processors / threads_available():.0f} s at the very least on all of them. Figures and "
-        "page are not in it.",
+        "*Processors*: processor time over wall-clock time; below the number available, other programs used the "
+        f"machine. Table 1 of the corrected law took {first.seconds * first.processors:.0f} processor seconds, so "
+        f"{first.seconds * first.processors / threads_available():.0f} s at least on all of them. Figures and "
+        "the page are not included.",
         "",
         "| part | runs | steps | seconds | processors | ns a step |",
         "|---|---|---|---|---|---|",
@@ -664,7 +666,7 @@ def report(study: Study) -> None:
     plt.rcParams["svg.hashsalt"] = "fracgyro"
     draw_table(study)
     draw_moves(study)
-    (DOCS / "best_order.md").write_text("\n".join(page(study)) + "\n", encoding="utf-8")
+    (DOCS / "best_order.md").write_text("\n".join(wrapped(page(study))) + "\n", encoding="utf-8")
 
 
 def main() -> None:

@@ -6,14 +6,13 @@ Writes benchmarks/results/boundedness.md.
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import fracgyro as fg
 import numpy as np
 from fracgyro.bounded import gain
 from fracgyro.shipped import shipped
+from machine import write
 
-RESULTS = Path(__file__).parent / "results" / "boundedness.md"
 PAPER = fg.Scenario.paper()
 SEEDS = range(24)
 LIMITS = [0.05, 0.1, 0.25, 0.5, 0.75, 1.0]
@@ -239,7 +238,7 @@ def costs() -> list[str]:
 def main() -> None:
     head = ["# Bounded for good", "", "`python benchmarks/boundedness.py`"]
     text = "\n\n".join("\n".join(part) for part in (head, thresholds(), ends(), costs()))
-    RESULTS.write_text(text + "\n", encoding="utf-8")
+    write("boundedness", [text])
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 import os
 import platform
+import re
 import shlex
 import subprocess
 import sys
@@ -9,6 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 RESULTS = Path(__file__).parent / "results"
+COLUMNS = 120
 
 
 def on_one_core() -> None:
@@ -34,9 +36,26 @@ def command() -> str:
     return shlex.join(["python", f"benchmarks/{Path(sys.argv[0]).name}", *sys.argv[1:]])
 
 
+def wrapped(lines: list[str]) -> list[str]:
+    """Markdown in at most 120 columns, except rows of tables. No line begins with what Markdown takes for a list."""
+    found: list[str] = []
+    for line in "\n".join(lines).split("\n"):
+        rest = line
+        while len(rest) > COLUMNS and not line.startswith("|"):
+            breaks = (m.start() for m in re.finditer(r" (?!([-+*>#|]|\d+[.)])( |$))", rest))
+            place = max((each for each in breaks if each <= COLUMNS), default=0)
+            if not rest[:place].strip():
+                break
+            found.append(rest[:place])
+            indent = re.match(r"\s*(?:[-*] )?", line)
+            rest = " " * (len(indent[0]) if indent else 0) + rest[place + 1 :]
+        found.append(rest)
+    return found
+
+
 def write(name: str, lines: list[str], keep: bool = True) -> None:
     """Prints the log and keeps it as benchmarks/results/<name>.md."""
-    text = "\n".join(lines) + "\n"
+    text = "\n".join(wrapped(lines)) + "\n"
     if keep:
         (RESULTS / f"{name}.md").write_text(text, encoding="utf-8")
     print(text)

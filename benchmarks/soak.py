@@ -23,6 +23,7 @@ from fracgyro.export.compilers import FLAGS, SOURCES, Number, include, system_co
 from fracgyro.files import whole_file
 from fracgyro.setup import core_setup
 from fracgyro.shipped import SHIPPED, shipped
+from machine import wrapped
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results" / "soak.md"
@@ -130,7 +131,7 @@ def report(found: list[Row]) -> str:
         for name, number in product(SHIPPED, NUMBERS):
             block = Block(kind, adaptation, number, steps)
             lines += [line(name, number, cells) for of, by, cells in found if (of, by) == (name, block)]
-    return "\n".join(lines) + "\n"
+    return "\n".join(wrapped(lines)) + "\n"
 
 
 def line(name: str, number: str, cells: list[str]) -> str:

@@ -1,5 +1,5 @@
-/* Counts the instructions of a step, under QEMU with -icount shift=0, where the 25 MHz SysTick moves once in 40 of them. They
- * are instructions, not cycles, which QEMU does not know. Prints mean and most. */
+/* Counts the instructions of a step, under QEMU with -icount shift=0, where the 25 MHz SysTick moves once in 40 of
+   them. They are instructions, not cycles, which QEMU does not know. Prints mean and most. */
 #include "fracgyro.h"
 
 #include <stdint.h>
@@ -59,8 +59,8 @@ int main(void) {
     for (int i = 0; i < 3; ++i) {
         springs[i] = estimates.stiffness[i];
     }
-    /* Of the first 64 steps, and of 64 once what only the start needs is past, two in each evaluating the reference anew: the
-     * mean of the later, and the most of any, those of faults included. */
+    /* Of the first 64 steps, and of 64 once what only the start needs is past, two in each evaluating the reference
+       anew: the mean of the later, and the most of any, those of faults included. */
     fracgyro_motion motion = {{(fracgyro_number)0.5, (fracgyro_number)0.5}, {0, 0}};
     for (uint32_t n = 0; n < settled + period; ++n) {
         total = n < settled ? 0 : total;

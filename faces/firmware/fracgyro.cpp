@@ -35,7 +35,8 @@ void fracgyro_init(fracgyro_state* state) {
     new (state->bytes) State{};
 }
 
-// Flattened, the coefficients meet the law as constants: branches that they decide vanish, and one stack frame serves all.
+// Flattened, the coefficients meet the law as constants: branches that they decide vanish, and one stack frame serves
+// all.
 [[gnu::flatten]] fracgyro_status fracgyro_step(fracgyro_state* state, const fracgyro_motion* motion,
                                                fracgyro_vector* force) {
     State& s = in(state);

@@ -4,8 +4,8 @@
  *     fracgyro_init(&state);
  *     every FRACGYRO_STEP_SECONDS:  status = fracgyro_step(&state, &motion, &force);
  *
- * Nothing here allocates, blocks, recurses or fails; every function ends in bounded time. A state belongs to one caller at
- * a time; any number of states may be in use. */
+ * Nothing here allocates, blocks, recurses or fails; every function ends in bounded time. A state belongs to one caller
+ * at a time; any number of states may be in use. */
 #ifndef FRACGYRO_H
 #define FRACGYRO_H
 
@@ -22,7 +22,7 @@ typedef enum {
     FRACGYRO_SATURATED = 1,    /* the force is at its limit, and the estimates rest rather than wind up */
     FRACGYRO_NOT_FINITE = 2,   /* NaN or infinity was measured: the last force is held, the estimates rest */
     FRACGYRO_OUT_OF_RANGE = 3, /* what was measured is no motion of a gyroscope: as above */
-    FRACGYRO_RESTARTED = 4,    /* the force was not finite, or at its limit for too long: the next sample starts again */
+    FRACGYRO_RESTARTED = 4,    /* the force was not finite, or at its limit too long: the next sample starts again */
     FRACGYRO_REFUSED = 5,      /* nothing was restored: saved by another controller, or damaged since */
     FRACGYRO_IMPLAUSIBLE = 6,  /* the plant cannot have moved so since the last sample: as FRACGYRO_NOT_FINITE */
     FRACGYRO_LOST = 7          /* no samples to believe: the force is that of the reference, until enough agree */
@@ -36,8 +36,8 @@ typedef struct {
     fracgyro_vector position, velocity;
 } fracgyro_motion;
 
-/* Damping and stiffness as xx, xy, yy; the angular rate; b0, b1, b2. With composite adaptation also the standard deviation
- * of the rate, and 1 where the motion tells it from the other parameters; else both are 0. */
+/* Damping and stiffness as xx, xy, yy; the angular rate; b0, b1, b2. With composite adaptation also the standard
+   deviation of the rate, and 1 where the motion tells it from the other parameters; else both are 0. */
 typedef struct {
     fracgyro_number damping[3], stiffness[3], rate, bound[3], rate_deviation, rate_trusted;
 } fracgyro_estimates;
@@ -55,7 +55,7 @@ typedef struct {
 /* To t = 0. */
 void fracgyro_init(fracgyro_state* state);
 
-/* The force to hold until the next step, from the motion measured now. `force` is always set, and always within the limit. */
+/* The force to hold until the next step, from the motion measured now. `force` is always set and within the limit. */
 fracgyro_status fracgyro_step(fracgyro_state* state, const fracgyro_motion* motion, fracgyro_vector* force);
 
 void fracgyro_read_estimates(const fracgyro_state* state, fracgyro_estimates* estimates);

@@ -1,6 +1,6 @@
-/* Answers every motion in the file "motion" (x, y and their rates as fracgyro_number, one sample after another) with a row in
- * the file "answer": status, force x, y, the estimates that it was computed with: damping, stiffness, rate, bound, the rate's
- * deviation and whether to trust it. For comparing processors bit by bit. */
+/* Answers every motion in the file "motion" (x, y and their rates as fracgyro_number, one sample after another) with a
+   row in the file "answer": status, force x, y, the estimates that it was computed with: damping, stiffness, rate,
+   bound, the rate's deviation and whether to trust it. For comparing processors bit by bit. */
 #include "fracgyro.h"
 
 #include <stdio.h>

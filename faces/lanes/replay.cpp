@@ -1,10 +1,11 @@
-// Answers every motion in the file "motion" (x, y and their rates) with a row in the file "answer": the force, and the estimates
-// that it was computed with. The controller is that of studies, in the lanes of the widest register of this processor.
+// Answers every motion in the file "motion" (x, y and their rates) with a row in the file "answer": the force, and the
+// estimates that it was computed with. The controller is that of studies, in the lanes of the widest register of this
+// processor.
 //
-//     replay KIND float|double      also read: "numbers", in the order of settings.hpp, "rates" and "weights" of the modes
+//     replay KIND float|double      also reads "numbers", in the order of settings.hpp, "rates" and "weights" of modes
 //
-// The motions go through each lane in turn, beside runs of half their size in the others. The answer is that of the first
-// lane or, where another lane's is not the same, that one's.
+// The motions go through each lane in turn, beside runs of half their size in the others. The answer is that of the
+// first lane or, where another lane's is not the same, that one's.
 #include "fracgyro/block.hpp"
 #include "fracgyro/settings.hpp"
 

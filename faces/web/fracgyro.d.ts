@@ -1,17 +1,17 @@
-// Types of fracgyro.mjs. Settings bear the names of a scenario's fields; `Fracgyro.fields` tells unit, meaning and range.
+// Types of fracgyro.mjs. Settings bear the names of a scenario's fields; `Fracgyro.fields` has unit, meaning and range.
 
-/** Loads the module and its data, by default from beside fracgyro.mjs. In node, which fetches no files, hand both over. */
+/** Loads the module and its data, by default from the folder of fracgyro.mjs. Node fetches no files: pass both. */
 export function load(files?: { wasm?: BufferSource; data?: object }): Promise<Fracgyro>;
 
 export interface Fracgyro {
   readonly version: string;
   /** What each setting means and may be: enough to build a form from. */
   readonly fields: Readonly<Record<keyof Settings, Field>>;
-  /** The paper's study, eqs (47)-(53), with its errors mended and as printed. */
+  /** The paper's study, eqs (47)-(53), corrected and as printed. */
   readonly paper: { readonly corrected: Scenario; readonly printed: Scenario };
   /**
-   * The closed loop from t = 0 to run.duration. With a scenario's own settings it equals Python's fracgyro.simulate to the bit.
-   * Throws RangeError, in one sentence, for a setting that is unknown or out of range.
+   * The closed loop from t = 0 to run.duration. With a scenario's own settings it equals Python's fracgyro.simulate to
+   * the bit. Throws RangeError, in one sentence, for a setting that is unknown or out of range.
    */
   simulate(scenario: Scenario, changes?: Partial<Settings>): Promise<Run>;
   /** The controller alone, for a loop of your own; in double precision unless `single`. */
@@ -54,8 +54,9 @@ export interface Controller {
   /** What was thought of the last sample; anything but ok and saturated says that it was not believed. */
   readonly status: "ok" | "saturated" | "not_finite" | "out_of_range" | "restarted" | "implausible" | "lost";
   /**
-   * After the last step: damping and stiffness as [xx, xy, yy], the angular rate, [b0, b1, b2]. With adaptation.kind composite
-   * also the rate's standard deviation, and whether the motion tells it from the other parameters; else 0 and false.
+   * After the last step: damping and stiffness as [xx, xy, yy], the angular rate, [b0, b1, b2]. With adaptation.kind
+   * composite also the rate's standard deviation, and whether the motion tells it from the other parameters; else 0 and
+   * false.
    */
   readonly estimates: {
     damping: number[];

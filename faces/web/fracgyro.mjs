@@ -5,8 +5,9 @@
 //     const run = await fracgyro.simulate(fracgyro.paper.corrected, { "controller.order": 0.8, "run.duration": 20 });
 //     run.time, run.column("error.x");
 //
-// Settings bear the names and units of a scenario's fields, with [0], .x or .xx for parts; `fracgyro.fields` tells what each
-// means and may be. `fracgyro export web my.toml --out my.json` makes a scenario of your own. Types: fracgyro.d.ts.
+// Settings bear the names and units of a scenario's fields, with [0], .x or .xx for parts; `fracgyro.fields` has
+// their meanings and ranges. `fracgyro export web my.toml --out my.json` makes a scenario of your own. Types are in
+// fracgyro.d.ts.
 
 // The module and its data, by default from beside this file. In node, which fetches no files, hand both over.
 export async function load({ wasm, data } = {}) {
@@ -45,7 +46,8 @@ class Fracgyro {
     const fits = 8 * columns.length * samples <= LARGEST_RECORD;
     const rows = fits && core.reserve(columns.length * samples);
     if (!rows) {
-      throw new RangeError(`run.record_every is ${every}: it must be larger, as ${samples} samples do not fit into memory`);
+      const why = `as ${samples} samples do not fit into memory`;
+      throw new RangeError(`run.record_every is ${every}: it must be larger, ${why}`);
     }
     const lasted = core.simulate(every, rows.byteOffset);
     const length = Math.ceil(lasted / every);
@@ -85,7 +87,8 @@ class Fracgyro {
       get estimates() {
         const all = [...core.doubles(core.controller_estimates(), 12)];
         const [rate, rateDeviation, rateTrusted] = [all[6], all[10], all[11] === 1];
-        return { damping: all.slice(0, 3), stiffness: all.slice(3, 6), rate, bound: all.slice(7, 10), rateDeviation, rateTrusted };
+        const [damping, stiffness, bound] = [all.slice(0, 3), all.slice(3, 6), all.slice(7, 10)];
+        return { damping, stiffness, rate, bound, rateDeviation, rateTrusted };
       },
       get state() {
         core.controller_save();
@@ -223,7 +226,8 @@ function columnNames(core) {
   const parts = { 1: [""], 2: [".x", ".y"], 3: [".xx", ".xy", ".yy"] };
   return listed(core.channel_count(), (i) => {
     const name = core.text(core.channel_name(i));
-    return (name === "bound_estimate" ? ["[0]", "[1]", "[2]"] : parts[core.channel_width(i)]).map((part) => name + part);
+    const suffixes = name === "bound_estimate" ? ["[0]", "[1]", "[2]"] : parts[core.channel_width(i)];
+    return suffixes.map((part) => name + part);
   }).flat();
 }
 

@@ -1,5 +1,6 @@
-// Answers every motion in the file "motion" (doubles: x, y and their rates) with a row in the file "answer": the force, and the
-// estimates that it was computed with. For comparing targets bit by bit. Run in a folder with what `make web` builds:
+// Answers every motion in the file "motion" (doubles: x, y and their rates) with a row in the file "answer": the force,
+// and the estimates that it was computed with. For comparing targets bit by bit. Run in a folder with what `make web`
+// builds:
 //
 //     node replay.mjs SCENARIO.json float|double
 import { readFileSync, writeFileSync } from "node:fs";

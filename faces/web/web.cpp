@@ -1,5 +1,5 @@
-// What fracgyro.mjs calls: the simulator, and the controller alone. One instance of the module holds one of them, in these
-// globals, and JavaScript owns the memory behind them: nothing is allocated here and nothing is imported.
+// What fracgyro.mjs calls: the simulator, and the controller alone. One instance of the module holds one of them, in
+// these globals, and JavaScript owns the memory behind them: nothing is allocated here and nothing is imported.
 #include "fracgyro/guard.hpp"
 #include "fracgyro/kernel_design.hpp"
 #include "fracgyro/settings.hpp"

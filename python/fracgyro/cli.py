@@ -32,16 +32,16 @@ WIDEST = 10_000  # columns of a table, whatever the terminal's: it may break lin
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="fracgyro")
 def cli() -> None:
-    """A published sliding mode controller for MEMS gyroscopes: reproduced, mended, made usable."""
+    """Simulate, study and export a fractional sliding-mode controller for MEMS gyroscopes."""
 
 
 @cli.command()
 @click.option("--out", default="out", show_default=True, metavar="DIR", help="Folder for the results.")
 @click.option("--seeds", type=int, metavar="N", help="Noise seeds for Table 1 and the claims.  [default: 100]")
-@click.option("--quick", is_flag=True, help="8 seeds: a look in seconds.")
+@click.option("--quick", is_flag=True, help="Use 8 seeds: takes seconds.")
 @click.option("--json", "as_json", is_flag=True, help="Print the verdicts as JSON.")
 def reproduce(out: str, seeds: int | None, quick: bool, as_json: bool) -> None:
-    """Turn the paper into a report: every figure, Table 1, a verdict on every claim."""
+    """Rerun the paper and write a report. It has every figure, Table 1 and a verdict on every claim."""
     from .paper.reproduce import reproduce as run_all
 
     with _progress("starting") as show:
@@ -62,10 +62,10 @@ def reproduce(out: str, seeds: int | None, quick: bool, as_json: bool) -> None:
 @click.argument("study", type=click.Path(path_type=Path))
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="Folder for the results.")
 @click.option("--resume", is_flag=True, help="Finish the study that DIR holds.")
-@click.option("--scheduler", metavar="ADDRESS", help="Run on this Dask cluster, as tcp://host:8786.")
-@click.option("--json", "as_json", is_flag=True, help="Print what was done as JSON.")
+@click.option("--scheduler", metavar="ADDRESS", help="Run on this Dask cluster, for example tcp://host:8786.")
+@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def sweep(study: Path, out: Path, resume: bool, scheduler: str | None, as_json: bool) -> None:
-    """Run every scenario that STUDY asks for: one row of metrics per run, and a summary page."""
+    """Run every scenario of STUDY. Write one row of metrics per run, and a summary page."""
     from .study.sweep import sweep as run_all
 
     with _progress("simulating", rate="runs/s") as show:
@@ -84,10 +84,10 @@ def sweep(study: Path, out: Path, resume: bool, scheduler: str | None, as_json: 
 @cli.command()
 @click.argument("study", type=click.Path(path_type=Path))
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="Folder for the results.")
-@click.option("--resume", is_flag=True, help="Go on with the study that DIR holds, up to its number of trials.")
-@click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON.")
+@click.option("--resume", is_flag=True, help="Continue the study that DIR holds, up to its number of trials.")
+@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def tune(study: Path, out: Path, resume: bool, as_json: bool) -> None:
-    """Search for the parameters that STUDY asks for: a scenario, and what unseen noise seeds say of it."""
+    """Search for the best parameters of STUDY. Write the scenario, tested on unseen noise seeds."""
     from .study.tune import tune as run_all
 
     with _progress("starting") as show:
@@ -112,15 +112,15 @@ def tune(study: Path, out: Path, resume: bool, as_json: bool) -> None:
     "changes",
     multiple=True,
     metavar="FIELD=VALUE",
-    help="As controller.order=0.8; nothing after = leaves the field out. Repeatable.",
+    help="Change a field, for example controller.order=0.8; nothing after = unsets it. Repeatable.",
 )
-@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="The run as NetCDF.")
-@click.option("--plot", type=click.Path(path_type=Path), metavar="FILE", help="A picture: .svg, .png or .pdf.")
+@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Write the run as NetCDF.")
+@click.option("--plot", type=click.Path(path_type=Path), metavar="FILE", help="Draw the run: .svg, .png or .pdf.")
 @click.option("--json", "as_json", is_flag=True, help="Print the metrics as JSON.")
 def simulate_command(
     scenario: Path | None, changes: Sequence[str], out: Path | None, plot: Path | None, as_json: bool
 ) -> None:
-    """Simulate SCENARIO (the paper's corrected one if left out) and print its metrics."""
+    """Simulate SCENARIO and print its metrics. Without SCENARIO: the paper, corrected."""
     from .metrics import measured
     from .paper.reproduce import write_run
 
@@ -152,10 +152,10 @@ def simulate_command(
 @cli.command()
 @click.argument("scenario", type=click.Path(path_type=Path))
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
-@click.option("--quick", is_flag=True, help="2 noise seeds instead of 8: a look in seconds.")
+@click.option("--quick", is_flag=True, help="Use 2 noise seeds instead of 8: takes seconds.")
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
 def rate(scenario: Path, out: Path, quick: bool, as_json: bool) -> None:
-    """Measure SCENARIO as the rate sensor that it is: scale factor, Allan deviation, bandwidth, grade and more."""
+    """Measure SCENARIO as a rate sensor. Report scale factor, Allan deviation, bandwidth, grade and more."""
     from .rate.characterise import characterise
     from .rate.report import interval_of, value_of
 
@@ -181,11 +181,11 @@ def rate(scenario: Path, out: Path, quick: bool, as_json: bool) -> None:
     type=click.Choice(["corrected", "printed"]),
     default="corrected",
     show_default=True,
-    help="Reading of the paper's.",
+    help="Paper scenario: as printed or corrected.",
 )
-@click.option("--list", "listed", is_flag=True, help="List the scenarios that there are.")
+@click.option("--list", "listed", is_flag=True, help="List the available scenarios.")
 def scenario_command(name: str | None, variant: str, listed: bool) -> None:
-    """Print a scenario, commented, to change and run: the paper's, with every field explained, or a device's."""
+    """Print a scenario to edit and run. The paper's has every field explained; others are devices."""
     if listed:
         width = max(map(len, SHIPPED))
         for each, words in {"paper": "the paper's, every field explained", **SHIPPED}.items():
@@ -197,9 +197,9 @@ def scenario_command(name: str | None, variant: str, listed: bool) -> None:
 
 
 @cli.command()
-@click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def selfcheck(as_json: bool) -> None:
-    """Compute the published parity hashes again, for a problem report. Ends with 1 when they differ."""
+    """Compute the published parity hashes again. Exit with 1 if they differ. For problem reports."""
     from .selfcheck import selfcheck as check
 
     found = check()

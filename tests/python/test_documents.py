@@ -8,6 +8,7 @@ import shlex
 import subprocess
 import sys
 import tomllib
+import unicodedata
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import unquote
@@ -124,6 +125,36 @@ def test_every_relative_link_resolves(path: Path) -> None:
         assert found.exists(), link
         if anchor and found.suffix == ".md":
             assert anchor in anchors(found), link
+
+
+# -- Width ---------------------------------------------------------------------------------------------------
+
+TEXT = {".md", ".py", ".cpp", ".hpp", ".c", ".h", ".mjs", ".ts", ".toml", ".txt", ".sh", ".cff", ""}
+WIDE = ("tests/fuzz/corpus", "tests/firmware/corpus")  # data
+# Still to be wrapped.
+WIDE += ("CHANGELOG.md", "benchmarks/results/mutants.md", "bindings/", "core/", "sim/", "tests/core/", "tests/mutants/")
+COLUMNS = 120
+
+
+def texts() -> Iterator[Path]:
+    for path in sorted(ROOT.rglob("*")):
+        parts = path.relative_to(ROOT).parts
+        skipped = relative(path).startswith(WIDE) or any(part.startswith(".") or part in GENERATED for part in parts)
+        if path.suffix in TEXT and path.is_file() and not skipped:
+            yield path
+
+
+def test_no_line_is_wider_than_120_columns() -> None:
+    """Except what cannot be broken: a row of a table in Markdown, and one word, as a link or a hash."""
+    wide = [
+        f"{relative(path)}:{number} has {columns} columns"
+        for path in texts()
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if (columns := sum(not unicodedata.combining(letter) for letter in line)) > COLUMNS
+        and not (path.suffix == ".md" and line.lstrip().startswith("|"))
+        and len(line.split()) > 1
+    ]
+    assert not wide, "\n".join(wide)
 
 
 # -- Examples ------------------------------------------------------------------------------------------------

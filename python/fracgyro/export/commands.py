@@ -1,4 +1,4 @@
-"""The part of the command line for other places: `fracgyro export` and `fracgyro replay`."""
+"""`fracgyro export` and `fracgyro replay` on the command line."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ def _number(default: Number) -> Callable[[Callable[..., None]], Callable[..., No
         type=click.Choice(["float", "double"]),
         default=default,
         show_default=True,
-        help="What it computes with.",
+        help="Number type of the controller.",
     )
 
 
 _unbounded = click.option(
     "--unbounded",
     is_flag=True,
-    help="Export even a controller whose bound estimates may grow until the loop diverges.",
+    help="Export even if the bound estimates may grow until the loop diverges.",
 )
 
 
 @click.group()
 def export() -> None:
-    """The controller of a scenario for other places."""
+    """Export a scenario: FMU, firmware or WebAssembly."""
 
 
 @export.command(name="web")
 @click.argument("scenario", type=click.Path(path_type=Path))
-@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="The scenario as JSON.")
+@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="JSON file to write.")
 @_unbounded
 def web_command(scenario: Path, out: Path, unbounded: bool) -> None:
-    """Write SCENARIO for the WebAssembly module that `make web` builds."""
+    """Write SCENARIO as JSON for the browser. The WebAssembly module is built by `make web`."""
     from .web import export as write
 
     write(Scenario.load(scenario), out, unbounded=unbounded)
@@ -52,11 +52,11 @@ def web_command(scenario: Path, out: Path, unbounded: bool) -> None:
 
 @export.command()
 @click.argument("scenario", type=click.Path(path_type=Path))
-@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="The FMU.")
-@click.option("--controller", is_flag=True, help="The controller alone, without the plant.")
-@click.option("--fmi", type=click.Choice(["2.0", "3.0"]), default="2.0", show_default=True, help="Version of FMI.")
-@click.option("--windows", is_flag=True, help="With a binary for Windows; needs ziglang.")
-@click.option("--macos", is_flag=True, help="With a binary for macOS; needs ziglang.")
+@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="FMU to write.")
+@click.option("--controller", is_flag=True, help="Export the controller only, without the plant.")
+@click.option("--fmi", type=click.Choice(["2.0", "3.0"]), default="2.0", show_default=True, help="FMI version.")
+@click.option("--windows", is_flag=True, help="Add a binary for Windows to that for Linux; needs ziglang.")
+@click.option("--macos", is_flag=True, help="Add a binary for macOS to that for Linux; needs ziglang.")
 @_number("double")
 @_unbounded
 def fmu(
@@ -69,7 +69,7 @@ def fmu(
     number: Number,
     unbounded: bool,
 ) -> None:
-    """Write SCENARIO as an FMU, for Simulink, OpenModelica and others: the closed loop, for co-simulation on Linux."""
+    """Write SCENARIO as an FMU. It has the closed loop, for co-simulation in Simulink, OpenModelica and others."""
     from .fmu import System
     from .fmu import export as write
 
@@ -88,7 +88,7 @@ def fmu(
 @_number("float")
 @_unbounded
 def firmware(scenario: Path, out: Path, number: Number, unbounded: bool) -> None:
-    """Write the controller of SCENARIO as C++ with a C interface, for a microcontroller."""
+    """Write SCENARIO as firmware. The controller is C++ with a C interface, for a microcontroller."""
     from .firmware import export_firmware
 
     export_firmware(Scenario.load(scenario), out, number, unbounded=unbounded)
@@ -101,19 +101,19 @@ def firmware(scenario: Path, out: Path, number: Number, unbounded: bool) -> None
     "--target",
     required=True,
     type=click.Choice(["host", "m4f", "m7", "wasm", "fmu", "lanes"]),
-    help="Firmware on this computer, an emulated Cortex-M4F or M7; WebAssembly, FMU; lanes of a register.",
+    help="Firmware on this computer, an emulated Cortex-M4F or M7; WebAssembly; FMU; SIMD lanes.",
 )
 @_number("double")
-@click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def replay(
     trace: Path,
     target: Literal["host", "m4f", "m7", "wasm", "fmu", "lanes"],
     number: Number,
     as_json: bool,
 ) -> None:
-    """Let the controller on a target answer the motions of TRACE, a run that `simulate --out` wrote, and compare bits.
+    """Run a recorded motion on a target and compare bits. TRACE is a run that `simulate --out` wrote.
 
-    In double with what was recorded, in float with the Python Controller. Ends with 1 when a bit differs.
+    Double is compared with the record, float with the Python Controller. Exit with 1 if a bit differs.
     """
     from .replay import replay as run
 
