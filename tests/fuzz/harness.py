@@ -14,6 +14,7 @@ import argparse
 import contextlib
 import io
 import itertools
+import math
 import multiprocessing
 import os
 import random
@@ -116,7 +117,7 @@ def run(face: Face, corpus: Path, prefix: str, seconds: float, attempts: int, se
     context = multiprocessing.get_context("spawn")
     known = [path.read_bytes() for path in sorted(corpus.glob(f"{prefix}*"))]
     counts: Counter[str] = Counter()
-    number, begin = 0, time.monotonic()
+    number, begin = 0, math.inf  # when the first input is there: what was prepared for it does not count
 
     def going() -> bool:
         return number < attempts and time.monotonic() - begin < seconds
@@ -130,6 +131,7 @@ def run(face: Face, corpus: Path, prefix: str, seconds: float, attempts: int, se
             failure = ""
             while not failure and going():
                 case = ours.recv()
+                begin = min(begin, time.monotonic())
                 try:
                     outcome = ours.recv() if _answers(ours, worker.pid) else "hang"
                 except EOFError:
