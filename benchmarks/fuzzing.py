@@ -1,4 +1,7 @@
-"""Files, folders and commands made at random: `fuzzing.py SECONDS SEED`; writes benchmarks/results/fuzzing.md."""
+"""Files, folders and commands made at random for SECONDS, then states and the calls of FMUs: `fuzzing.py SECONDS SEED`.
+
+Writes benchmarks/results/fuzzing.md.
+"""
 
 from __future__ import annotations
 
@@ -9,20 +12,23 @@ from pathlib import Path
 from machine import command, machine, write
 
 FUZZ = Path(__file__).resolve().parents[1] / "tests" / "fuzz"
-FUZZERS = ("fuzz_scenarios", "fuzz_studies", "fuzz_cli")
+FILES = ("fuzz_scenarios", "fuzz_studies", "fuzz_cli")
+STATES = {  # of each face
+    "fuzz_states": ["--seconds", "60"],
+    "fuzz_fmu": ["--seconds", "3600", "--attempts", "34000"],
+}
+
+
+def start(name: str, seed: str, options: list[str]) -> subprocess.Popen[str]:
+    words = [sys.executable, FUZZ / f"{name}.py", "--seed", seed, *options]
+    return subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
 
 
 def main() -> None:
     seconds, seed = sys.argv[1:3]
-    fuzzers = [
-        subprocess.Popen(
-            [sys.executable, FUZZ / f"{name}.py", "--seconds", seconds, "--seed", seed],
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        for name in FUZZERS
-    ]
-    found = [fuzzer.communicate()[0].strip() for fuzzer in fuzzers]
+    side_by_side = [start(name, seed, ["--seconds", seconds]) for name in FILES]
+    files = [fuzzer.communicate()[0].strip() for fuzzer in side_by_side]
+    states = [line for name in STATES for line in start(name, seed, STATES[name]).communicate()[0].splitlines()]
     lines = [
         "# Fuzzing",
         "",
@@ -31,9 +37,14 @@ def main() -> None:
         f"Machine: {machine('pydantic', 'optuna', 'pyarrow')}.",
         "",
         "Every input works, or is refused in one sentence. A traceback, a warning, a crash or 20 s without an answer",
-        "is a failure. Input n depends on seed and n only; the fuzzers run side by side.",
+        "is a failure. Input n depends on seed and n only; the fuzzers of files run side by side.",
         "",
-        *(f"- {line}" for line in found),
+        *(f"- {line}" for line in files),
+        "",
+        "Saved states in Python and in the browser's module, any bytes: refused, or the controller goes on from them.",
+        "An input of an FMU is 300 bytes that say which calls to make, some of which restore a state of any bytes.",
+        "",
+        *(f"- {line}" for line in states),
     ]
     write("fuzzing", lines)
 

@@ -24,6 +24,7 @@ FUZZED = [
     ("fuzz_states.py", "python", 8000),
     ("fuzz_states.py", "browser", 6000),
     ("fuzz_fmu.py", "fmi2-loop", 1000),
+    ("fuzz_fmu.py", "fmi2-controller", 200),
     ("fuzz_fmu.py", "fmi3-loop", 1000),
 ]
 
