@@ -28,6 +28,7 @@ def build() -> list[Mutant]:
     listed = SOURCE / "CMakeLists.txt"
     if not listed.is_file() or listed.read_text(encoding="utf-8") != text:
         listed.write_text(text, encoding="utf-8")
+    shutil.copyfile(ROOT / "pyproject.toml", SOURCE / "pyproject.toml")  # whose version the build reads
     write(mutants, SOURCE)
     bin = Path(sys.executable).parent
     nanobind = subprocess.run(
