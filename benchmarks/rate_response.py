@@ -11,13 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import fracgyro as fg
-import matplotlib as mpl
 import numpy as np
 import xarray as xr
-from fracgyro.paper.drawing import RC
 from fracgyro.rate.figures import gain_and_lag, response
 from fracgyro.rate.units import DEG_PER_S
 from fracgyro.shipped import shipped
+from fracgyro.style import own_style
 from machine import command, machine, write
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -225,7 +224,7 @@ def main() -> None:
 
 def draw(measured: dict[str, list[tuple[Answer, Answer]]]) -> None:
     """Noise over bandwidth, of either scenario, and beside them the steps of the last one."""
-    with mpl.rc_context(RC):
+    with own_style():
         figure = Figure(figsize=(170 / 25.4, 72 / 25.4), layout="constrained")
         trade, steps = figure.subplots(1, 2)
         for (name, pairs), colour in zip(measured.items(), COLOURS[1:], strict=False):

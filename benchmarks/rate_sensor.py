@@ -10,9 +10,7 @@ import time
 from pathlib import Path
 
 import fracgyro as fg
-import matplotlib as mpl
 import numpy as np
-from fracgyro.paper.drawing import RC
 from fracgyro.rate.allan import allan
 from fracgyro.rate.characterise import WITHIN, Characterisation, measure
 from fracgyro.rate.figures import static
@@ -21,6 +19,7 @@ from fracgyro.rate.results import results, short
 from fracgyro.rate.runs import Sensor
 from fracgyro.rate.units import DEG_PER_H, DEG_PER_ROOT_H, PERCENT, PPM
 from fracgyro.shipped import shipped
+from fracgyro.style import own_style
 from machine import command, machine, write
 from matplotlib.figure import Figure
 
@@ -202,7 +201,7 @@ def draw(measured: list[tuple[str, str, Characterisation]]) -> None:
     """Allan deviations of the paper's gyroscope, off and on resonance, with the bounds."""
     titles = ["paper, its noise, off resonance", "paper, thermal noise, off resonance", "paper_resonance"]
     heads = ["off resonance, the paper's noise", "off resonance, thermal noise", "at resonance, thermal noise"]
-    with mpl.rc_context(RC):
+    with own_style():
         figure = Figure(figsize=(170 / 25.4, 70 / 25.4), layout="constrained")
         panels = figure.subplots(1, 3, sharex=True)
         for panel, title, head in zip(panels, titles, heads, strict=True):

@@ -50,8 +50,8 @@ emulated() {
 }
 
 python() {
-  local found
-  found=$(command -v "python$1" || compgen -G "$HOME/.pyenv/versions/$1.*/bin/python" | tail -1)
+  local found=python$1  # which may be there and start nothing
+  "$found" -c "" 2>/dev/null || found=$(compgen -G "$HOME/.pyenv/versions/$1.*/bin/python" | tail -1)
   [ -n "$found" ] || lacking "Python $1"
   copy "python$1" && make PYTHON="$found" test
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import re
 from pathlib import Path
 
@@ -153,6 +154,15 @@ def imported(path: Path) -> set[str]:
 @pytest.mark.parametrize("path", sorted((ROOT / "python").rglob("*.py")), ids=name)
 def test_the_package_imports_nothing_that_is_not_installed_with_it(path: Path) -> None:
     assert not imported(path) & {"tests", "benchmarks", "pytest", "hypothesis", "mpmath", "numba", "conftest"}
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "benchmarks").glob("*.py")), ids=name)
+def test_a_benchmark_imports_what_the_package_has(path: Path) -> None:
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and str(node.module).partition(".")[0] == "fracgyro":
+            module = importlib.import_module(str(node.module))
+            for alias in node.names:
+                assert hasattr(module, alias.name), f"{node.module} has no {alias.name}"
 
 
 def test_the_version_is_typed_once() -> None:
