@@ -19,6 +19,16 @@ def both(scenario: fg.Scenario, **limits: float) -> list[xr.Dataset]:
 
 
 @pytest.mark.parametrize("units", ["nondimensional", "SI"])
+def test_a_run_measured_without_a_record_has_the_figures_of_its_record(units: str) -> None:
+    scenario = PAPER.replace({"run.duration": 11.0, "run.units": units})
+    found, wanted = metrics.measured(scenario), metrics.summary(fg.simulate(scenario))
+    for name, figure in wanted.data_vars.items():
+        np.testing.assert_allclose(found[name], figure, rtol=1e-9, err_msg=str(name))
+        if units == "SI":
+            assert found[name].attrs.get("units", "1") == figure.attrs["units"], name
+
+
+@pytest.mark.parametrize("units", ["nondimensional", "SI"])
 def test_what_the_controller_is_not_told_of_the_plant_is_missing_from_its_estimates(units: str) -> None:
     # D is told and 3 D more are there: 3/4 are missing. Of K as much as is told is there once more: 1/2.
     plant = PAPER.plant
@@ -109,6 +119,8 @@ def test_the_metrics_of_ten_samples_are_those_worked_by_hand() -> None:
 
 
 def test_limits_of_ones_own_and_windows_without_a_sample() -> None:
+    brief = metrics.summary(made_up(), transient=0.5)  # one sample
+    np.testing.assert_allclose(brief["rmse"].sel(window="transient"), [3.0, 4.0], rtol=1e-12)
     found = metrics.summary(made_up(), error_bound=0.0049, surface_bound=0.1, rate_tolerance=0.04)
     assert np.isnan(float(found["error_settling_time"]))
     assert float(found["surface_settling_time"]) == 0.0

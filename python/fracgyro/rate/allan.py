@@ -52,7 +52,7 @@ def allan(records: Array, interval: float) -> Allan:
     count, samples = records.shape
     if samples < 2 * LONGEST or not np.isfinite(records).all():
         raise ValueError(f"the record has {samples} samples: it must have at least {2 * LONGEST}, all finite")
-    octaves = 2 ** np.arange(int(math.log2(samples // LONGEST)) + 1)
+    octaves = 2 ** np.arange((samples // LONGEST).bit_length())
     found = [
         allantools.oadev(record, rate=1 / interval, data_type="freq", taus=octaves * interval) for record in records
     ]
@@ -90,8 +90,7 @@ def _peak_of_the_response(deviation: Array, low: Array, high: Array) -> int:
 
     Left of it a sensor of finite bandwidth cannot move: its rise is no rate random walk, its low start no floor.
     """
-    falls = np.flatnonzero(np.diff(deviation) < 0)
-    peak = int(falls[0]) if len(falls) else 0
+    peak = int(np.argmax(np.diff(deviation) < 0))  # 0 too where nothing falls
     return peak if (high[peak:] < low[peak]).any() else 0
 
 

@@ -105,12 +105,12 @@ def measure(
 ) -> list[Measured]:
     """Every scenario with every seed, all in one call of `simulate_many`."""
     runs = simulate_many(scenarios, seeds=seeds, metrics_only=True, progress=progress, **thresholds)
-    diverged = np.isfinite(runs["diverged_at"].values).reshape(len(scenarios), -1)
+    diverged = np.isfinite(runs["diverged_at"].values).reshape(len(scenarios), len(seeds))
     columns = {}
     for name, variable in runs.drop_vars("diverged_at").data_vars.items():
         inner = [dimension for dimension in variable.dims if dimension != "run"]
-        labels = product(*(variable[dimension].values for dimension in inner))
-        parts = variable.transpose("run", *inner).values.reshape(runs.sizes["run"], -1)
+        labels = [*product(*(variable[dimension].values for dimension in inner))]
+        parts = variable.transpose("run", *inner).values.reshape(runs.sizes["run"], len(labels))
         for label, column in zip(labels, parts.T, strict=True):
             whole = np.where(diverged, np.nan, column.reshape(diverged.shape))
             columns["_".join(map(str, (name, *label)))] = whole
