@@ -282,6 +282,9 @@ TYPED_TEST(Guards, OfASampleThatIsMissedTheNextTwoMayBeOffByWhatThePredictionMay
     EXPECT_NE(status_after(p, {right, motion<T>(1.74, 0, 4, 0)}), Status::implausible);
     EXPECT_EQ(status_after(p, {right, right_too, motion<T>(2.24, 0, 4, 0)}), Status::implausible);
     EXPECT_NE(status_after(p, {right, right_too, motion<T>(2.12, 0, 4, 0)}), Status::implausible);
+    const auto missed = motion<T>(nan, 0);  // once more: the first time is forgotten
+    EXPECT_NE(status_after(p, {right, right_too, missed, motion<T>(2.74, 0, 4, 0)}), Status::implausible);
+    EXPECT_EQ(status_after(p, {right, right_too, missed, motion<T>(2.76, 0, 4, 0)}), Status::implausible);
 }
 
 TYPED_TEST(Guards, TheSpringsAndTheForceThatActedAreReckonedWith) {
@@ -299,7 +302,7 @@ TYPED_TEST(Guards, TheSpringsAndTheForceThatActedAreReckonedWith) {
     p.guard.velocity_tolerance = 0.0;       // 2 h ‖K‖ Q = 5/16
     EXPECT_TRUE(falls(-1, -0.5));
     EXPECT_TRUE(falls(-1.25, -0.5));
-    EXPECT_TRUE(falls(-1.28125, -0.5));
+    EXPECT_TRUE(falls(-1.34375, -0.5));  // and 1/8 · τ · 20 = 0.065 of the rule of the trapezoid, τ = 20/64/12
     EXPECT_FALSE(falls(-1.25, -0.875));
     EXPECT_FALSE(falls(-0.5, -0.5));
     EXPECT_FALSE(falls(0, 0));
