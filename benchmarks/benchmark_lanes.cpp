@@ -16,8 +16,9 @@ namespace {
 
 Setup of_case(int which) {
     Setup s = paper(20'000, designed_modes(*std::make_unique<KernelDesign>(), 0.9, 1e-3, 80.0, 1e-6));
-    s.controller.surface.terminal_exponent = which == 0 ? 0.5 : 0.7;
-    s.controller.adaptation.composite = which == 2;
+    SlidingModeParams& p = *std::get_if<0>(&s.controller);
+    p.surface.terminal_exponent = which == 0 ? 0.5 : 0.7;
+    p.adaptation.kind = which == 2 ? AdaptationKind::composite : AdaptationKind::gradient;
     return s;
 }
 

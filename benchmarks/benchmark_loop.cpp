@@ -41,22 +41,22 @@ Modes read_modes() {
 FRACGYRO_FOR_EACH_PROCESSOR
 double run_unkept(const Setup& setup, const std::vector<Vec2<double>>& noise) {
     double last = 0.0;
-    with_controller<double>(setup.kind, setup.controller.adaptation.composite, [&]<class Controller>() {
+    with_controller<double>(setup.controller, [&]<class Controller>() {
         run_loop<Controller>(
             setup, [&](std::int64_t n) { return noise[static_cast<std::size_t>(n)]; },
-            [&](const Snapshot<double>& at) { last = at.signals.error.value.x; });
+            [&](const auto& at) { last = at.signals.error.value.x; });
     });
     return last;
 }
 
 FRACGYRO_FOR_EACH_PROCESSOR
 void run_prepared(const Setup& setup, const std::vector<Vec2<double>>& noise, double* rows) {
-    with_controller<double>(setup.kind, setup.controller.adaptation.composite, [&]<class Controller>() {
+    with_controller<double>(setup.controller, [&]<class Controller>() {
         run_loop<Controller>(
             setup, [&](std::int64_t n) { return noise[static_cast<std::size_t>(n)]; },
-            [&](const Snapshot<double>& at) {
+            [&](const auto& at) {
                 write_row(at, rows);
-                rows += row_width;
+                rows += row_width<typename Controller::Report>;
             });
     });
 }
@@ -127,9 +127,10 @@ struct Timed {
 
 int main() {
     const Setup setup = paper(80'000, read_modes());
-    std::vector<double> rows(static_cast<std::size_t>(setup.steps + 1) * row_width);
+    const std::size_t width = row_width_of(setup.controller);
+    std::vector<double> rows(static_cast<std::size_t>(setup.steps + 1) * width);
     std::vector<Vec2<double>> noise(static_cast<std::size_t>(setup.steps + 1));
-    Disturbance(setup.disturbance, setup.controller.step).fill(0, noise);
+    Disturbance(setup.disturbance, setup.common.step).fill(0, noise);
     constexpr std::size_t runs = 16;
     const std::vector<const Setup*> shared(runs, &setup);
     std::vector<Setup> seeded(runs, setup);
@@ -164,7 +165,6 @@ int main() {
     }
     std::printf("\"flops_peak\": %.4g, \"samples\": %lld, \"modes\": %zu, \"last_x\": %.17g, \"kept\": %.3g}\n",
                 wide() ? 8.0 * accumulators * static_cast<double>(times) / all.back().median() : 0.0,
-                static_cast<long long>(samples), setup.controller.surface.modes.count, rows[rows.size() - row_width],
-                kept);
+                static_cast<long long>(samples), mode_count(setup), rows[rows.size() - width], kept);
     return samples == setup.steps + 1 ? 0 : 1;
 }

@@ -10,14 +10,12 @@ inline Setup paper(std::int64_t steps, const Modes& modes) {
     constexpr double pi = 3.14159265358979323846;
     Setup s;
     s.steps = steps;
-    s.controller.reference = {.frequency = {pi, pi / 2}, .phase = {0.0, pi / 2}};
-    s.controller.surface.modes = modes;
+    s.common.reference = {.frequency = {pi, pi / 2}, .phase = {0.0, pi / 2}};
+    *modes_of(s.controller) = modes;
     s.plant = {.damping = {0.01, 0.002, 0.01}, .stiffness = {63.955 / 0.18, 12.779 / 0.18, 95.92 / 0.18}, .rate = 0.1};
-    s.plant.initial.position = {0.5, 0.5};
-    s.controller.adaptation.initial = {.damping = 0.95 * s.plant.damping,
-                                       .stiffness = 0.95 * s.plant.stiffness,
-                                       .rate = 0.95 * s.plant.rate,
-                                       .bound = {0.1, 0.2, 0.3}};
+    s.plant.initial_position = {0.5, 0.5};
+    s.common.nominal = {
+        .damping = 0.95 * s.plant.damping, .stiffness = 0.95 * s.plant.stiffness, .rate = 0.95 * s.plant.rate};
     s.disturbance.kind = DisturbanceKind::noise;
     return s;
 }

@@ -1,5 +1,5 @@
 // The guarded controller in a closed loop with the exact plant, under faults of its sensors. Reads "numbers" (in the
-// order of settings.hpp), "rates" and "weights" of the modes, and prints JSON.
+// order of settings.hpp), "rates" and "weights" of the modes, and prints JSON. KIND: its place in controller_kinds.
 //
 //     faults KIND float|double alarms STEPS                how often a sample is refused without any fault
 //     faults KIND float|double run FROM UNTIL              what each fault on standard input does
@@ -70,7 +70,7 @@ struct Fault {
     }
 };
 
-template <class Controller>
+template <SensesRate Controller>
 class Loop {
     using Safe = Guard<Controller>;
     using T = typename Controller::Value;
@@ -78,10 +78,10 @@ class Loop {
 public:
     explicit Loop(const Setup& setup)
         : setup_(setup),
-          coefficients_(Safe::prepare(setup.controller)),
-          plant_(Plant<double>::prepare(setup.plant, setup.controller.step)),
+          coefficients_(prepare<Safe>(setup.controller, setup.common)),
+          plant_(Plant<double>::prepare(setup.plant, setup.common.step)),
           motion_(Plant<double>::start(setup.plant)),
-          disturbance_(setup.disturbance, setup.controller.step) {}
+          disturbance_(setup.disturbance, setup.common.step) {}
 
     Status step(const Fault& fault, std::int64_t since) {
         Vec2<double> d;
@@ -91,14 +91,14 @@ public:
         if (fault.acts(since)) {
             fault.apply(m, held_);
         }
-        signals_ = Safe::step(
+        const auto signals = Safe::step(
             state_, coefficients_,
             {.position = {T(m.position.x), T(m.position.y)}, .velocity = {T(m.velocity.x), T(m.velocity.y)}});
-        const double t = static_cast<double>(n_++) * setup_.controller.step;
-        const ReferenceParams& r = setup_.controller.reference;
+        const double t = static_cast<double>(n_++) * setup_.common.step;
+        const ReferenceParams& r = setup_.common.reference;
         error = std::hypot(motion_.position.x - r.amplitude.x * std::sin(r.frequency.x * t + r.phase.x),
                            motion_.position.y - r.amplitude.y * std::sin(r.frequency.y * t + r.phase.y));
-        off = std::abs(static_cast<double>(signals_.estimates.rate) - setup_.plant.rate) / std::abs(setup_.plant.rate);
+        off = std::abs(static_cast<double>(signals.report.rate) - setup_.plant.rate) / std::abs(setup_.plant.rate);
         const Vec2<double> force{static_cast<double>(state_.force.x), static_cast<double>(state_.force.y)};
         Plant<double>::step(motion_, plant_, force, d);
         return state_.status;
@@ -110,7 +110,6 @@ private:
     Setup setup_;
     typename Safe::Coefficients coefficients_;
     typename Safe::State state_{};
-    Signals<T> signals_{};
     Plant<double>::Coefficients plant_;
     Motion<double> motion_, held_{};
     Disturbance disturbance_;
@@ -204,16 +203,17 @@ void notice(const Setup& setup, std::int64_t from, std::int64_t until, const std
 
 int main(int count, char** words) {
     const auto numbers = read("numbers"), rates = read("rates"), weights = read("weights");
-    if (count < 5 || numbers.size() != setting_names.size()) {
+    Setup setup{.controller = params_of_kind(count < 5 ? 0 : std::stoul(words[1]))};
+    if (count < 5 || numbers.size() != setting_count(setup)) {
         return 2;
     }
-    Setup setup;
     take_settings(setup, numbers.data());
-    setup.kind = words[1];
-    std::copy(rates.begin(), rates.end(), setup.controller.surface.modes.rates.begin());
-    std::copy(weights.begin(), weights.end(), setup.controller.surface.modes.weights.begin());
+    if (Modes* const modes = modes_of(setup.controller); modes != nullptr) {
+        std::copy(rates.begin(), rates.end(), modes->rates.begin());
+        std::copy(weights.begin(), weights.end(), modes->weights.begin());
+    }
     const std::string number = words[2], mode = words[3];
-    const auto steps = [&](int i) { return std::int64_t{std::llround(std::stod(words[i]) / setup.controller.step)}; };
+    const auto steps = [&](int i) { return std::int64_t{std::llround(std::stod(words[i]) / setup.common.step)}; };
     std::vector<Fault> faults;
     for (std::string line; mode != "alarms" && std::getline(std::cin, line);) {
         Fault fault;
@@ -225,7 +225,9 @@ int main(int count, char** words) {
         }
     }
     const auto act = [&]<class Controller>() {
-        if (mode == "alarms") {
+        if constexpr (!SensesRate<Controller>) {
+            std::fputs("this kind senses no rate\n", stderr);
+        } else if (mode == "alarms") {
             alarms<Controller>(setup, std::stoll(words[4]));
         } else if (mode == "run") {
             run<Controller>(setup, steps(4), steps(5), faults);
@@ -233,9 +235,6 @@ int main(int count, char** words) {
             notice<Controller>(setup, steps(4), steps(5), faults);
         }
     };
-    const bool composite = setup.controller.adaptation.composite;
-    return (number == "float" ? with_controller<float>(setup.kind, composite, act)
-                              : with_controller<double>(setup.kind, composite, act))
-               ? 0
-               : 2;
+    number == "float" ? with_controller<float>(setup.controller, act) : with_controller<double>(setup.controller, act);
+    return 0;
 }

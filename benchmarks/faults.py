@@ -19,8 +19,10 @@ from typing import Any
 
 import fracgyro as fg
 import numpy as np
+from fracgyro import _core
 from fracgyro.export.compilers import FLAGS, SOURCES, Number, include, system_compiler
-from fracgyro.export.settings import core_modes, core_numbers, without_plant
+from fracgyro.kinds import KINDS
+from fracgyro.setup import core_setup
 from fracgyro.shipped import SHIPPED, shipped
 from machine import command, machine, write
 
@@ -100,11 +102,12 @@ class Program:
     def __call__(
         self, scenario: fg.Scenario, number: Number, mode: str, *words: float, faults: Sequence[Fault] = ()
     ) -> list[Any]:
-        np.array(list(core_numbers(without_plant(scenario)).values())).tofile(self._folder / "numbers")
-        for name, values in zip(("rates", "weights"), core_modes(scenario), strict=True):
+        setup = core_setup(scenario)
+        np.array(_core.setup_settings(setup)).tofile(self._folder / "numbers")
+        for name, values in zip(("rates", "weights"), _core.setup_modes(setup), strict=True):
             np.array(values).tofile(self._folder / name)
         ran = subprocess.run(
-            [self._folder / "faults", scenario.controller.kind, number, mode, *map(str, words)],
+            [self._folder / "faults", str(KINDS.index(scenario.controller.kind)), number, mode, *map(str, words)],
             cwd=self._folder,
             input="".join(",".join(map(str, fault)) + "\n" for fault in faults),
             capture_output=True,

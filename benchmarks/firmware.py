@@ -18,10 +18,11 @@ from typing import get_args
 
 import fracgyro as fg
 import numpy as np
+from fracgyro import _core
 from fracgyro.export.compilers import Number, make
 from fracgyro.export.firmware import export_firmware
 from fracgyro.export.host import Host, rmse
-from fracgyro.export.settings import core_modes
+from fracgyro.setup import core_setup
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "faces/firmware/measured.md"
@@ -97,7 +98,7 @@ def measure(scenario: fg.Scenario, number: Number, folder: Path) -> dict[str, st
 
 
 def mode_count(scenario: fg.Scenario) -> int:
-    return len(core_modes(scenario)[0])
+    return len(_core.setup_modes(core_setup(scenario))[0])
 
 
 def table() -> list[str]:

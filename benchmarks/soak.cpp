@@ -1,12 +1,11 @@
 // The closed loop of soak.py: up to eight runs side by side in the lanes of a register, without contraction, so that
-// each has the bits of its single run. Standard input: number of runs and of steps; then of each run its kind, whether
-// it is composite, its settings (settings.hpp), and its modes. Standard output: one line for each run at each mark.
+// each has the bits of its single run. Standard input: number of runs and of steps; then of each run the place of its
+// kind, its settings (settings.hpp), and its modes. Standard output: one line for each run at each mark.
 #include "fracgyro/batch.hpp"
 #include "fracgyro/settings.hpp"
 
 #include <cmath>
 #include <iostream>
-#include <string>
 
 namespace fracgyro {
 namespace {
@@ -15,45 +14,49 @@ constexpr std::size_t lanes = 8;
 constexpr std::int64_t window = 1'000'000;  // steps before a mark over which is averaged
 constexpr std::int64_t stretch = 500;
 
-struct Run {
-    std::string kind;
-    Setup setup;
-};
+ControlParams control_of(const Setup& setup) {
+    ControlParams control;
+    with_params(setup.controller, [&](const auto& params, auto) {
+        if constexpr (requires { params.control; }) {
+            control = params.control;
+        }
+    });
+    return control;
+}
 
 struct Sums {
     double error_x = 0.0, error_y = 0.0, rate = 0.0, rate_squared = 0.0, gain = 0.0;
 };
 
-template <class Controller>
-void soak(const std::vector<Run>& runs, std::int64_t steps) {
-    using T = typename Controller::Value;
+template <Controller C>
+void soak(const std::vector<Setup>& runs, std::int64_t steps) {
+    using T = typename C::Value;
     using Number = typename T::Number;
-    typename Controller::Coefficients controller{};
+    typename C::Coefficients controller{};
     typename Plant<T>::Coefficients plant{};
-    typename Controller::State state{};
+    typename C::State state{};
     Motion<T> motion{};
     std::size_t modes = 0;
-    for (const Run& run : runs) {
-        modes = std::max(modes, run.setup.controller.surface.modes.count);
+    for (const Setup& run : runs) {
+        modes = std::max(modes, mode_count(run));
     }
     std::vector<Disturbance> disturbances;
     T slope{};  // h/δ
     for (std::size_t k = 0; k < lanes; ++k) {
-        const Setup& setup = runs[std::min(k, runs.size() - 1)].setup;
+        const Setup& setup = runs[std::min(k, runs.size() - 1)];
         ControllerParams params = setup.controller;
-        for (Modes& own = params.surface.modes; own.count < modes; ++own.count) {
-            own.rates[own.count] = own.rates[own.count - 1];
-            own.weights[own.count] = 0.0;
+        if (mode_count(setup) < modes) {
+            fill_up(*modes_of(params), modes);
         }
-        const auto coefficients = Controller::prepare(params);
+        const auto coefficients = prepare<C>(params, setup.common);
         if (k == 0) {
             controller = coefficients;
         }
-        detail::take_lane<T>(controller, coefficients, k);
-        detail::take_lane<T>(plant, Plant<T>::prepare(setup.plant, params.step), k);
-        detail::take_lane<T>(motion, Plant<T>::start(setup.plant), k);
-        slope.lane[k] = static_cast<Number>(params.step / params.control.layer_thickness);
-        disturbances.emplace_back(setup.disturbance, params.step);
+        detail::set_lane<T>(controller, coefficients, k);
+        detail::set_lane<T>(plant, Plant<T>::prepare(setup.plant, setup.common.step), k);
+        detail::set_lane<T>(motion, Plant<T>::start(setup.plant), k);
+        slope.lane[k] = static_cast<Number>(setup.common.step / control_of(setup).layer_thickness);
+        disturbances.emplace_back(setup.disturbance, setup.common.step);
     }
     std::array<Sums, lanes> sums{};
     std::array<bool, lanes> alive{};
@@ -70,16 +73,16 @@ void soak(const std::vector<Run>& runs, std::int64_t steps) {
         mark = n < window ? window : mark;
         const bool counting = n >= mark - window;
         T x{}, y{}, rate{}, squared{}, gain{};
-        Signals<T> signals;
+        Signals<T, typename C::Report> signals;
         for (std::int64_t i = 0; i < stretch; ++i, ++n) {
-            signals = Controller::step(state, controller, motion);
+            signals = C::step(state, controller, motion);
             if (counting) {
                 const Vec2<T> e = signals.error.value;
                 x = x + e.x * e.x;
                 y = y + e.y * e.y;
-                rate = rate + signals.estimates.rate;
-                squared = squared + signals.estimates.rate * signals.estimates.rate;
-                const auto& b = signals.estimates.bound;
+                rate = rate + signals.report.rate;
+                squared = squared + signals.report.rate * signals.report.rate;
+                const auto& b = signals.report.bound;
                 const T rho = b[0] + b[1] * norm(motion.position) + b[2] * norm(motion.velocity);
                 gain = maximum(gain, rho * slope);
             }
@@ -91,7 +94,7 @@ void soak(const std::vector<Run>& runs, std::int64_t steps) {
             Plant<T>::step(motion, plant, signals.force, d);
         }
         for (std::size_t k = 0; k < runs.size(); ++k) {
-            const Setup& setup = runs[k].setup;
+            const Setup& setup = runs[k];
             const double size =
                 std::abs(double{motion.position.x.lane[k]}) + std::abs(double{motion.position.y.lane[k]});
             if (alive[k] && !(size < divergence_limit)) {
@@ -106,10 +109,10 @@ void soak(const std::vector<Run>& runs, std::int64_t steps) {
             s.error_y += y.lane[k];
             s.rate += rate.lane[k];
             s.rate_squared += squared.lane[k];
-            s.gain = std::max(s.gain, std::min(double{gain.lane[k]}, setup.controller.control.switching_limit));
+            s.gain = std::max(s.gain, std::min(double{gain.lane[k]}, control_of(setup).switching_limit));
             if (n == mark) {
                 const double count = static_cast<double>(window), mean = s.rate / count;
-                const auto& b = signals.estimates.bound;
+                const auto& b = signals.report.bound;
                 std::cout << k << ' ' << n << ' ' << std::sqrt(s.error_x / count) << ' ' << std::sqrt(s.error_y / count)
                           << ' ' << mean - setup.plant.rate << ' '
                           << std::sqrt(std::max(0.0, s.rate_squared / count - mean * mean)) << ' ' << b[0].lane[k]
@@ -125,27 +128,33 @@ int run() {
     std::size_t count = 0;
     std::int64_t steps = 0;
     std::cin >> count >> steps;
-    std::vector<Run> runs(count);
-    for (Run& run : runs) {
-        std::array<double, setting_names.size()> values{};
-        std::cin >> run.kind;
+    std::vector<Setup> runs(count);
+    for (Setup& run : runs) {
+        std::size_t kind = 0;
+        std::cin >> kind;
+        run.controller = params_of_kind(kind);
+        std::vector<double> values(setting_count(run));
         for (double& value : values) {
             std::cin >> value;
         }
-        take_settings(run.setup, values.data());
-        Modes& modes = run.setup.controller.surface.modes;
-        for (std::size_t i = 0; i < modes.count; ++i) {
-            std::cin >> modes.rates[i] >> modes.weights[i];
+        take_settings(run, values.data());
+        Modes* const modes = modes_of(run.controller);
+        for (std::size_t i = 0; i < mode_count(run); ++i) {
+            std::cin >> modes->rates[i] >> modes->weights[i];
         }
     }
     if (!std::cin || runs.empty() || runs.size() > lanes) {
         return 1;
     }
     std::cout.precision(6);
-    return with_controller<Lanes<Number, lanes>>(runs[0].kind, runs[0].setup.controller.adaptation.composite,
-                                                 [&]<class Controller>() { soak<Controller>(runs, steps); })
-               ? 0
-               : 1;
+    bool soaked = false;
+    with_controller<Lanes<Number, lanes>>(runs[0].controller, [&]<class C>() {
+        if constexpr (requires(typename C::Report report) { report.rate, report.bound; }) {
+            soak<C>(runs, steps);
+            soaked = true;
+        }
+    });
+    return soaked ? 0 : 1;
 }
 
 }  // namespace

@@ -18,7 +18,7 @@ from typing import NamedTuple, get_args
 
 import fracgyro as fg
 import numpy as np
-from fracgyro import _core
+from fracgyro import _core, kinds
 from fracgyro.export.compilers import FLAGS, SOURCES, Number, include, system_compiler
 from fracgyro.files import whole_file
 from fracgyro.setup import core_setup
@@ -71,9 +71,9 @@ def as_input(runs: list[fg.Scenario], steps: int) -> str:
     lines = [f"{len(runs)} {steps}"]
     for run in runs:
         setup = core_setup(run)
-        numbers = list(_core.setup_settings(setup).values())
         modes = np.column_stack(_core.setup_modes(setup)).ravel()
-        lines.append(" ".join([run.controller.kind, *map(repr, map(float, [*numbers, *modes]))]))
+        numbers = map(float, [*_core.setup_settings(setup), *modes])
+        lines.append(f"{kinds.KINDS.index(run.controller.kind)} {' '.join(map(repr, numbers))}")
     return "\n".join(lines)
 
 

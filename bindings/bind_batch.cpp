@@ -48,8 +48,11 @@ nb::tuple record_runs(const std::vector<const DeviceSetup*>& setups, std::int64_
         if (s->steps != steps) {
             throw nb::value_error("all runs must have the same number of steps");
         }
+        if (row_width_of(s->controller) != row_width_of(setups.front()->controller)) {
+            throw nb::value_error("the controllers of all runs must report the same");
+        }
     }
-    const std::size_t width = device ? device_row_width : row_width;
+    const std::size_t width = row_width_of(setups.front()->controller) + (device ? device_width : 0);
     const auto rows = static_cast<std::size_t>(steps / every + 1);
     const std::size_t size = rows * width;
     std::unique_ptr<double[]> data(new double[setups.size() * size]);  // not zeroed: every page is written anyway
@@ -144,15 +147,15 @@ void bind_batch(nb::module_& m) {
           nb::arg("single_precision") = false);
     m.def("measure_run", &measure_run, nb::arg("setup"), nb::arg("params"));
     m.attr("metric_names") = nb::cast(std::vector<std::string_view>(metric_names.begin(), metric_names.end()));
-    const auto named = [](const auto& all) {
-        nb::list names;
+    const auto all_described = [](const auto& all) {
+        nb::list found;
         for (const Channel& c : all) {
-            names.append(nb::make_tuple(nb::cast(c.name), c.width));
+            found.append(described(c));
         }
-        return nb::tuple(names);
+        return nb::tuple(found);
     };
-    m.attr("channels") = named(channels);
-    m.attr("device_channels") = named(device_channels);
+    m.attr("loop_channels") = all_described(loop_channels);
+    m.attr("device_channels") = all_described(device_channels);
 }
 
 }  // namespace fracgyro::bindings

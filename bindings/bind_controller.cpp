@@ -1,13 +1,14 @@
 #include "arrays.hpp"
 #include "bindings.hpp"
 
-#include "fracgyro/controllers.hpp"
 #include "fracgyro/guard.hpp"
+#include "fracgyro/record.hpp"
+#include "fracgyro/settings.hpp"
 
-#include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/string_view.h>
 #include <nanobind/stl/unique_ptr.h>
+#include <nanobind/stl/vector.h>
 
 namespace fracgyro::bindings {
 
@@ -18,24 +19,12 @@ class AnyController {
 public:
     virtual ~AnyController() = default;
     virtual Vec2<double> step(const Motion<double>& motion) = 0;  // the force
-    virtual Estimates<double> estimates() const = 0;
-    virtual RateQuality<double> rate_quality() const = 0;
+    virtual std::vector<double> report() const = 0;
     virtual std::uint64_t steps() const = 0;
     virtual Status status() const = 0;
     virtual nb::bytes state() const = 0;
     virtual void restore(const nb::bytes& saved) = 0;
 };
-
-template <class T>
-Estimates<double> in_double(const Estimates<T>& e) {
-    const auto number = [](T a) { return static_cast<double>(a); };
-    const auto sym2 = [&](const Sym2<T>& a) { return Sym2<double>{number(a.xx), number(a.xy), number(a.yy)}; };
-    return {.damping = sym2(e.damping),
-            .stiffness = sym2(e.stiffness),
-            .rate = number(e.rate),
-            .rate_symmetric = sym2(e.rate_symmetric),
-            .bound = {number(e.bound[0]), number(e.bound[1]), number(e.bound[2])}};
-}
 
 template <class Controller>
 class Holder final : public AnyController {
@@ -43,7 +32,7 @@ class Holder final : public AnyController {
     using State = typename Controller::State;
 
 public:
-    explicit Holder(const ControllerParams& p) : held_(new Held{.coefficients = Controller::prepare(p)}) {}
+    explicit Holder(const Setup& s) : held_(new Held{.coefficients = prepare<Controller>(s.controller, s.common)}) {}
 
     Vec2<double> step(const Motion<double>& motion) override {
         const auto number = [](const Vec2<double>& a) { return Vec2<T>{T(a.x), T(a.y)}; };
@@ -53,12 +42,11 @@ public:
                 .force;
         return {static_cast<double>(force.x), static_cast<double>(force.y)};
     }
-    Estimates<double> estimates() const override {
-        return in_double(Controller::estimates(held_->state, held_->coefficients));
-    }
-    RateQuality<double> rate_quality() const override {
-        const RateQuality<T> quality = Controller::rate_quality(held_->state, held_->coefficients);
-        return {.deviation = static_cast<double>(quality.deviation), .trusted = static_cast<double>(quality.trusted)};
+    std::vector<double> report() const override {
+        std::vector<double> numbers;
+        for_each_number(Controller::report(held_->state, held_->coefficients),
+                        [&](const T& number) { numbers.push_back(static_cast<double>(number)); });
+        return numbers;
     }
     std::uint64_t steps() const override { return Controller::steps(held_->state); }
     Status status() const override { return held_->state.status; }
@@ -85,73 +73,65 @@ private:
     std::unique_ptr<Held> held_;
 };
 
-std::unique_ptr<AnyController> make_controller(const std::string& kind, const ControllerParams& p, bool single) {
+std::unique_ptr<AnyController> make_controller(const Setup& s, bool single) {
     std::unique_ptr<AnyController> made;
-    const auto make = [&]<class Controller>() { made = std::make_unique<Holder<Guard<Controller>>>(p); };
-    if (!(single ? with_controller<float>(kind, p, make) : with_controller<double>(kind, p, make))) {
-        throw nb::value_error("there is no controller of that kind");
+    const auto make = [&]<class Controller>() { made = std::make_unique<Holder<Guard<Controller>>>(s); };
+    const bool observed = s.common.observer_bandwidth > 0.0;
+    if (single) {
+        with_controller<float>(s.controller, observed, make);
+    } else {
+        with_controller<double>(s.controller, observed, make);
     }
     return made;
 }
 
+nb::str text(std::string_view a) { return nb::str(a.data(), a.size()); }
+
+// What a kind's numbers are, in the order of settings.hpp.
+nb::list fields_of_kind(std::size_t kind) {
+    nb::list all;
+    Setup setup{.controller = params_of_kind(kind)};
+    for_each_setting(setup, [&](std::string_view table, const auto& field, std::string_view part, const auto& number) {
+        nb::dict one;
+        one["table"] = text(table);
+        one["field"] = text(field.name);
+        one["part"] = text(part);
+        one["unit"] = text(field.unit);
+        one["meaning"] = text(field.meaning);
+        one["low"] = field.range.low;
+        one["high"] = field.range.high;
+        one["strict"] = field.range.strict;
+        one["infinite"] = field.range.infinite;
+        one["whole"] = field.range.whole;
+        one["fixed"] = field.fixed;
+        one["default"] = static_cast<double>(number);
+        nb::list choices;
+        for (const std::string_view choice : field.choices) {
+            choices.append(text(choice));
+        }
+        one["choices"] = nb::tuple(choices);
+        all.append(one);
+    });
+    return all;
+}
+
+template <class... Types>
+void report_of_each(List<Types...>, nb::list& all) {
+    const auto append = [&]<class C>(std::type_identity<C>) {
+        nb::list channels;
+        for_each_reported<typename C::Report>([&](const Channel& c) { channels.append(described(c)); });
+        all.append(nb::tuple(channels));
+    };
+    (append(std::type_identity<Types>{}), ...);
+}
+
 }  // namespace
 
+nb::tuple described(const Channel& c) {
+    return nb::make_tuple(text(c.name), c.width, text(c.unit), text(c.meaning), text(c.part));
+}
+
 void bind_controller(nb::module_& m) {
-    auto reference = nb::class_<ReferenceParams>(m, "ReferenceParams").def(nb::init<>());
-    def_vec2(reference, "amplitude", &ReferenceParams::amplitude);
-    def_vec2(reference, "frequency", &ReferenceParams::frequency);
-    def_vec2(reference, "phase", &ReferenceParams::phase);
-
-    auto surface = nb::class_<SurfaceParams>(m, "SurfaceParams")
-                       .def(nb::init<>())
-                       .def_rw("terminal_exponent", &SurfaceParams::terminal_exponent)
-                       .def_rw("singularity_floor", &SurfaceParams::singularity_floor)
-                       .def_rw("riemann_liouville", &SurfaceParams::riemann_liouville)
-                       .def_rw("modes", &SurfaceParams::modes);
-    def_vec2(surface, "fractional_gain", &SurfaceParams::fractional_gain);
-    def_vec2(surface, "terminal_gain", &SurfaceParams::terminal_gain);
-
-    nb::enum_<Layer>(m, "Layer").value("linear", Layer::linear).value("quadratic", Layer::quadratic);
-    nb::class_<ControlParams>(m, "ControlParams")
-        .def(nb::init<>())
-        .def_rw("layer_thickness", &ControlParams::layer_thickness)
-        .def_rw("layer", &ControlParams::layer)
-        .def_rw("force_limit", &ControlParams::force_limit)
-        .def_rw("switching_limit", &ControlParams::switching_limit);
-
-    auto estimates = nb::class_<Estimates<double>>(m, "Estimates")
-                         .def(nb::init<>())
-                         .def_rw("rate", &Estimates<double>::rate)
-                         .def_rw("bound", &Estimates<double>::bound);
-    def_sym2(estimates, "damping", &Estimates<double>::damping);
-    def_sym2(estimates, "stiffness", &Estimates<double>::stiffness);
-    def_sym2(estimates, "rate_symmetric", &Estimates<double>::rate_symmetric);
-
-    nb::class_<AdaptationParams>(m, "AdaptationParams")
-        .def(nb::init<>())
-        .def_rw("adaptive", &AdaptationParams::adaptive)
-        .def_rw("printed_rate_law", &AdaptationParams::printed_rate_law)
-        .def_rw("damping_gain", &AdaptationParams::damping_gain)
-        .def_rw("stiffness_gain", &AdaptationParams::stiffness_gain)
-        .def_rw("rate_gain", &AdaptationParams::rate_gain)
-        .def_rw("bound_gain", &AdaptationParams::bound_gain)
-        .def_rw("initial", &AdaptationParams::initial)
-        .def_rw("leakage", &AdaptationParams::leakage)
-        .def_rw("dead_zone", &AdaptationParams::dead_zone)
-        .def_rw("projection", &AdaptationParams::projection)
-        .def_rw("composite", &AdaptationParams::composite)
-        .def_rw("forgetting", &AdaptationParams::forgetting)
-        .def_rw("rate_forgetting", &AdaptationParams::rate_forgetting);
-
-    nb::class_<GuardParams>(m, "GuardParams")
-        .def(nb::init<>())
-        .def_rw("checked", &GuardParams::checked)
-        .def_rw("plant_tolerance", &GuardParams::plant_tolerance)
-        .def_rw("force_tolerance", &GuardParams::force_tolerance)
-        .def_rw("position_tolerance", &GuardParams::position_tolerance)
-        .def_rw("velocity_tolerance", &GuardParams::velocity_tolerance)
-        .def_rw("patience", &GuardParams::patience)
-        .def_rw("saturation_patience", &GuardParams::saturation_patience);
     nb::enum_<Status>(m, "Status")
         .value("ok", Status::ok)
         .value("saturated", Status::saturated)
@@ -161,35 +141,32 @@ void bind_controller(nb::module_& m) {
         .value("implausible", Status::implausible)
         .value("lost", Status::lost);
 
-    nb::class_<ControllerParams>(m, "ControllerParams")
-        .def(nb::init<>())
-        .def_rw("step", &ControllerParams::step)
-        .def_rw("reference", &ControllerParams::reference)
-        .def_rw("surface", &ControllerParams::surface)
-        .def_rw("control", &ControllerParams::control)
-        .def_rw("adaptation", &ControllerParams::adaptation)
-        .def_rw("guard", &ControllerParams::guard)
-        .def_rw("observer_bandwidth", &ControllerParams::observer_bandwidth);
-
     nb::class_<AnyController>(m, "Controller")
-        .def(nb::new_(&make_controller), nb::arg("kind"), nb::arg("params"), nb::arg("single"))
+        .def(nb::new_(&make_controller), nb::arg("setup"), nb::arg("single"))
         .def(
             "step",
             [](AnyController& self, const Array2& position, const Array2& velocity) {
                 return to_array(self.step({.position = to_vec2(position), .velocity = to_vec2(velocity)}));
             },
             nb::arg("position"), nb::arg("velocity"))
-        .def_prop_ro("estimates", &AnyController::estimates)
-        .def_prop_ro("rate_quality",
-                     [](const AnyController& self) {
-                         const RateQuality<double> quality = self.rate_quality();
-                         return std::pair(quality.deviation, quality.trusted != 0.0);
-                     })
+        .def_prop_ro("report", &AnyController::report)
         .def_prop_ro("steps", &AnyController::steps)
         .def_prop_ro("status", &AnyController::status)
         .def_prop_rw("state", &AnyController::state, &AnyController::restore);
 
     m.attr("controller_kinds") = nb::cast(controller_kinds);
+    m.attr("controller_meanings") = nb::cast(controller_meanings);
+    m.def("fields_of_kind", &fields_of_kind, nb::arg("kind"), "What each number of a run of this kind is, in order.");
+    m.def(
+        "reports_of_kind",
+        [](std::size_t kind) {
+            nb::list all;
+            with_params(params_of_kind(kind), [&]<class Family>(const auto&, Family) {
+                report_of_each(typename Family::template Types<double>{}, all);
+            });
+            return all;
+        },
+        nb::arg("kind"), "The channels that each of its types reports, as `chosen_type` counts them.");
 }
 
 }  // namespace fracgyro::bindings

@@ -1,9 +1,10 @@
-#include "alone.hpp"
+#include "arrays.hpp"
 #include "bindings.hpp"
-#include "fields.hpp"
 
-#include "fracgyro/controllers.hpp"
+#include "fracgyro/aggregate.hpp"
+#include "fracgyro/alone.hpp"
 #include "fracgyro/guard.hpp"
+#include "fracgyro/loop.hpp"
 
 #include <nanobind/stl/string.h>
 
@@ -11,37 +12,54 @@ namespace fracgyro::bindings {
 
 namespace {
 
-// A controller with room for so many modes.
-template <std::size_t Capacity>
-struct Sized {
-    template <Scalar T>
-    using SurfaceType = Surface<T, FractionalTerm<T, Capacity>, true>;
-    template <Scalar T>
-    using ControllerType = SlidingModeController<T, SurfaceType>;
-};
-
-template <class Controller>
-std::size_t guarded_size(bool observing) {
-    return observing ? sizeof(typename Guard<Observing<Controller>>::State) : sizeof(typename Guard<Controller>::State);
+// The numbers in a struct, in the order of its members, nested as its braces would be.
+template <class Value>
+nb::object nested(const Value& value) {
+    if constexpr (std::is_arithmetic_v<Value>) {
+        return nb::cast(value);
+    } else if constexpr (requires { Value::is_alone; }) {
+        return nb::cast(value.value);
+    } else if constexpr (requires { value.begin(); }) {
+        nb::list all;
+        for (const auto& each : value) {
+            all.append(nested(each));
+        }
+        return all;
+    } else if constexpr (!std::is_class_v<Value>) {  // a pack
+        nb::list entries;
+        for (std::size_t k = 0; k < sizeof(Value) / sizeof(value[0]); ++k) {
+            entries.append(nb::cast(value[k]));
+        }
+        return nb::tuple(entries);
+    } else {
+        return with_members(value,
+                            [](const auto&... members) { return nb::object(nb::make_tuple(nested(members)...)); });
+    }
 }
 
-// Of the state here; processors with shorter integers need no more. 0 for a capacity that is none.
+// Of the guarded state here; processors with shorter integers need no more. 0 for a capacity that is none.
 template <Scalar T>
-std::size_t state_size(std::size_t capacity, bool composite, bool observing) {
-    const auto size = [&]<std::size_t Capacity>() {
-        using Controller = typename Sized<Capacity>::template ControllerType<T>;
-        return composite ? guarded_size<Composite<Controller>>(observing) : guarded_size<Controller>(observing);
-    };
-    return [&]<std::size_t... I>(std::index_sequence<I...>) {
-        return ((2 * (I + 1) == capacity ? size.template operator()<2 * (I + 1)>() : 0) + ...);
-    }(std::make_index_sequence<Modes::capacity / 2>());
+std::size_t state_size(const Setup& s, std::size_t capacity) {
+    std::size_t found = 0;
+    with_controller<T>(s.controller, [&]<class C>() {
+        const auto size = [&]<std::size_t Capacity>() {
+            using Sized = typename SizedController<C, Capacity>::Type;
+            return s.common.observer_bandwidth > 0.0 ? sizeof(typename Guard<Observing<Sized>>::State)
+                                                     : sizeof(typename Guard<Sized>::State);
+        };
+        [&]<std::size_t... I>(std::index_sequence<I...>) {
+            found = ((2 * (I + 1) == capacity ? size.template operator()<2 * (I + 1)>() : 0) + ...);
+        }(std::make_index_sequence<Modes::capacity / 2>());
+    });
+    return found;
 }
 
 template <Scalar T>
-nb::object coefficients(const std::string& kind, const ControllerParams& p) {
-    nb::object nested;
-    with_controller<T>(kind, p, [&]<class Controller>() { nested = nested_fields(Guard<Controller>::prepare(p)); });
-    return nested;
+nb::object coefficients(const Setup& s) {
+    nb::object found;
+    with_controller<T>(s.controller, s.common.observer_bandwidth > 0.0,
+                       [&]<class C>() { found = nested(prepare<Guard<C>>(s.controller, s.common)); });
+    return found;
 }
 
 }  // namespace
@@ -49,18 +67,25 @@ nb::object coefficients(const std::string& kind, const ControllerParams& p) {
 void bind_firmware(nb::module_& m) {
     m.def(
         "coefficients",
-        [](const std::string& kind, const ControllerParams& p, bool single) {
-            return single ? coefficients<Alone<float>>(kind, p) : coefficients<Alone<double>>(kind, p);
+        [](const Setup& s, bool single) {
+            return single ? coefficients<Alone<float>>(s) : coefficients<Alone<double>>(s);
         },
-        nb::arg("kind"), nb::arg("params"), nb::arg("single"),
+        nb::arg("setup"), nb::arg("single"),
         "The coefficients, nested as the structs are: a tuple for each struct, a list for each array.");
     m.def(
         "state_size",
-        [](std::size_t capacity, bool composite, bool observing, bool single) {
-            return single ? state_size<Alone<float>>(capacity, composite, observing)
-                          : state_size<Alone<double>>(capacity, composite, observing);
+        [](const Setup& s, std::size_t capacity, bool single) {
+            return single ? state_size<Alone<float>>(s, capacity) : state_size<Alone<double>>(s, capacity);
         },
-        nb::arg("capacity"), nb::arg("composite"), nb::arg("observing"), nb::arg("single"));
+        nb::arg("setup"), nb::arg("capacity"), nb::arg("single"));
+    m.def(
+        "chosen_type",
+        [](const Setup& s) {
+            std::size_t chosen = 0;
+            with_params(s.controller, [&](const auto& p, auto family) { chosen = family.chosen(p); });
+            return nb::make_tuple(s.controller.index(), chosen);
+        },
+        nb::arg("setup"), "The line of the registry, and which of its types; as RegisteredController takes them.");
 }
 
 }  // namespace fracgyro::bindings

@@ -2,30 +2,17 @@
 #include "bindings.hpp"
 
 #include "fracgyro/device_loop.hpp"
+#include "fracgyro/settings.hpp"
 
-#include <nanobind/stl/string_view.h>
+#include <nanobind/stl/vector.h>
 
 namespace fracgyro::bindings {
 
 void bind_loop(nb::module_& m) {
-    auto plant = nb::class_<PlantParams>(m, "PlantParams")
-                     .def(nb::init<>())
-                     .def_rw("rate", &PlantParams::rate)
-                     .def_prop_rw(
-                         "initial_position", [](const PlantParams& p) { return to_array(p.initial.position); },
-                         [](PlantParams& p, const Array2& a) { p.initial.position = to_vec2(a); })
-                     .def_prop_rw(
-                         "initial_velocity", [](const PlantParams& p) { return to_array(p.initial.velocity); },
-                         [](PlantParams& p, const Array2& a) { p.initial.velocity = to_vec2(a); });
-    def_sym2(plant, "damping", &PlantParams::damping);
-    def_sym2(plant, "stiffness", &PlantParams::stiffness);
-    def_sym2(plant, "damping_deviation", &PlantParams::damping_deviation);
-    def_sym2(plant, "stiffness_deviation", &PlantParams::stiffness_deviation);
-
     m.def(
         "plant_map",
-        [](const PlantParams& p, double step) {
-            const auto columns = Plant<double>::prepare(p, step).map;
+        [](const Setup& s) {
+            const auto columns = Plant<double>::prepare(s.plant, s.common.step).map;
             std::array<std::array<double, 6>, 4> rows{};
             for (std::size_t i = 0; i < 4; ++i) {
                 for (std::size_t j = 0; j < 6; ++j) {
@@ -34,27 +21,44 @@ void bind_loop(nb::module_& m) {
             }
             return rows;
         },
-        nb::arg("params"), nb::arg("step"),
-        "Rows x, y, vx, vy after one step; columns x, y, vx, vy, force x, force y before it.");
+        nb::arg("setup"), "Rows x, y, vx, vy after one step; columns x, y, vx, vy, force x, force y before it.");
 
     nb::class_<Setup>(m, "Setup")
-        .def(nb::init<>())
-        .def(nb::init<const Setup&>())
+        .def_prop_ro("kind", [](const Setup& s) { return s.controller.index(); })
+        .def_ro("steps", &Setup::steps)
+        .def_prop_ro("has_memory", [](const Setup& s) { return has_memory(s.controller); })
         .def_prop_rw(
-            "kind", [](const Setup& s) { return s.kind; },
-            [](Setup& s, std::string_view kind) {
-                const auto* const listed = std::find(controller_kinds.begin(), controller_kinds.end(), kind);
-                if (listed == controller_kinds.end()) {
+            "modes",
+            [](const Setup& s) {
+                const Modes* const modes = modes_of(s.controller);
+                return modes == nullptr ? Modes{} : *modes;
+            },
+            [](Setup& s, const Modes& designed) {
+                if (Modes* const modes = modes_of(s.controller)) {
+                    *modes = designed;
+                }
+            })
+        .def_prop_rw(
+            "observer_bandwidth", [](const Setup& s) { return s.common.observer_bandwidth; },
+            [](Setup& s, double bandwidth) { s.common.observer_bandwidth = bandwidth; })
+        .def_prop_rw(
+            "seed", [](const Setup& s) { return s.disturbance.seed; },
+            [](Setup& s, std::uint64_t seed) { s.disturbance.seed = seed; });
+    nb::class_<DeviceSetup, Setup>(m, "DeviceSetup")
+        .def(
+            "__init__",
+            [](DeviceSetup* setup, std::size_t kind, const std::vector<double>& settings) {
+                if (kind >= controller_kinds.size()) {
                     throw nb::value_error("there is no controller of that kind");
                 }
-                s.kind = *listed;  // Python's string does not last
-            })
-        .def_rw("controller", &Setup::controller)
-        .def_rw("plant", &Setup::plant)
-        .def_rw("disturbance", &Setup::disturbance)
-        .def_rw("steps", &Setup::steps);
-    nb::class_<DeviceSetup, Setup>(m, "DeviceSetup")
-        .def(nb::init<>())
+                new (setup) DeviceSetup{};
+                setup->controller = params_of_kind(kind);
+                if (settings.size() != setting_count(*setup)) {
+                    throw nb::value_error("there must be one number for each field of the kind");
+                }
+                take_settings(*setup, settings.data());
+            },
+            nb::arg("kind"), nb::arg("settings"), "The kind's place in controller_kinds; numbers in its fields' order.")
         .def(nb::init<const DeviceSetup&>())
         .def_rw("rate", &DeviceSetup::rate)
         .def_rw("device", &DeviceSetup::device);

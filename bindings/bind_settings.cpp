@@ -12,23 +12,24 @@ void bind_settings(nb::module_& m) {
     m.def(
         "setup_settings",
         [](const Setup& setup) {
-            nb::dict settings;
-            for_each_setting(setup, [&](std::string_view name, const auto& number) {
-                settings[nb::str(name.data(), name.size())] = static_cast<double>(number);
+            std::vector<double> settings;
+            for_each_setting(setup, [&](std::string_view, const auto&, std::string_view, const auto& number) {
+                settings.push_back(static_cast<double>(number));
             });
             return settings;
         },
-        nb::arg("setup"), "The numbers of a run by name, in order; see settings.hpp.");
+        nb::arg("setup"), "The numbers of a run, in the order of fields_of_kind.");
     m.def(
         "setup_modes",
         [](const Setup& setup) {
-            const Modes& modes = setup.controller.surface.modes;
+            const Modes* const modes = modes_of(setup.controller);
             const auto used = [&](const auto& all) {
-                return std::vector<double>(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(modes.count));
+                return std::vector<double>(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(modes->count));
             };
-            return std::pair(used(modes.rates), used(modes.weights));
+            return modes == nullptr ? std::pair<std::vector<double>, std::vector<double>>()
+                                    : std::pair(used(modes->rates), used(modes->weights));
         },
-        nb::arg("setup"), "The modes' rates and weights.");
+        nb::arg("setup"), "The modes' rates and weights; none where the controller has no memory.");
 }
 
 }  // namespace fracgyro::bindings

@@ -1,5 +1,7 @@
 #pragma once
 
+#include "fracgyro/record.hpp"
+
 #include <nanobind/nanobind.h>
 
 namespace fracgyro::bindings {
@@ -13,5 +15,8 @@ void bind_settings(nanobind::module_& m);
 void bind_batch(nanobind::module_& m);
 void bind_disturbance(nanobind::module_& m);
 void bind_firmware(nanobind::module_& m);
+
+// Name, width, unit and meaning.
+nanobind::tuple described(const Channel& c);
 
 }  // namespace fracgyro::bindings

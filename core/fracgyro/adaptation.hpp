@@ -9,7 +9,8 @@
 //    What is stored is the deviation from the initial value, so that single precision does not lose small increments.
 #pragma once
 
-#include "error.hpp"
+#include "fields.hpp"
+#include "signals.hpp"
 
 namespace fracgyro {
 
@@ -37,13 +38,6 @@ struct Estimates {
     }
 };
 
-// How well the angular rate is known: both 0 where only the laws below move it, which do not say.
-template <Scalar T>
-struct RateQuality {
-    T deviation{};  // standard deviation of Ω̂z
-    T trusted{};    // 1 where the motion tells Ωz from the other parameters
-};
-
 // ‖q‖, ‖v‖ and ‖s‖, which the force and the laws share.
 template <Scalar T>
 struct Sizes {
@@ -54,17 +48,104 @@ Sizes<T> sizes_of(const Motion<T>& motion, const Vec2<T>& surface) {
     return {.position = norm(motion.position), .velocity = norm(motion.velocity), .surface = norm(surface)};
 }
 
+enum class AdaptationKind { gradient, composite };
+enum class RateLaw { skew, printed };
+
 struct AdaptationParams {
-    bool adaptive = true;  // false: the initial estimates are kept
-    bool printed_rate_law = false;
+    AdaptationKind kind = AdaptationKind::gradient;  // composite: with least squares beside the laws (composite.hpp)
+    bool adaptive = true;                            // false: the initial estimates are kept
+    RateLaw rate_law = RateLaw::skew;
     double damping_gain = 150.0, stiffness_gain = 150.0, rate_gain = 150.0;  // M, N, P
     std::array<double, 3> bound_gain{1.0, 1.6, 1.6};                         // x₀, x₁, x₂
-    Estimates<double> initial{};
+    std::array<double, 3> initial_bound{0.1, 0.2, 0.3};                      // b̂₀, b̂₁, b̂₂
     double leakage = 0.0;     // 1/time: estimates return to their initial values at this rate; 0 off
     double dead_zone = 0.0;   // the laws rest while ‖s‖ is below it; 0 off
     double projection = 0.0;  // largest deviation, as a fraction of the family's largest initial entry; 0 off
-    bool composite = false;   // least squares beside the laws (composite.hpp), and what it forgets:
-    double forgetting = 0.0, rate_forgetting = 0.0;  // 1/time: all parameters; Ωz besides; 0 nothing
+    double forgetting = 0.0, rate_forgetting = 0.0;  // of least squares, 1/time: all parameters; Ωz besides; 0 nothing
+
+    // Which of the adaptations runs.
+    constexpr AdaptationKind runs() const { return adaptive ? kind : AdaptationKind::gradient; }
+
+    static constexpr std::string_view kinds[] = {"gradient", "composite"}, switches[] = {"false", "true"},
+                                      rate_laws[] = {"skew", "printed"};
+    static constexpr auto adaptive_field() {
+        return in_table("controller",
+                        choice("adaptive", &AdaptationParams::adaptive, switches,
+                               "Estimates replace true values, (35). false: off, all known, (20), (34)."));
+    }
+    // Of the laws for D, K and Ωz.
+    static constexpr auto law_fields() {
+        using P = AdaptationParams;
+        return std::tuple{
+            field("damping_gain", &P::damping_gain, "m/q0^2", above_0,
+                  "M, > 0: speed of the D estimate. Towards 0.0: off."),
+            field("stiffness_gain", &P::stiffness_gain, "m*omega0^2/q0^2", above_0,
+                  "N, > 0: speed of the K estimate. Towards 0.0: off."),
+            field("rate_gain", &P::rate_gain, "1/q0^2", above_0,
+                  "P, > 0: speed of the Omega_z estimate. Towards 0.0: off."),
+        };
+    }
+    static constexpr auto robustness_fields() {
+        using P = AdaptationParams;
+        return std::tuple{
+            field("leakage", &P::leakage, "omega0", at_least_0,
+                  "Unit omega0: rate at which estimates leak back to their initial values. 0.0: off."),
+            field("dead_zone", &P::dead_zone, "q0*omega0", at_least_0,
+                  "Unit of s: adaptation is frozen while ||s|| is below. 0.0: off."),
+            field("projection", &P::projection, "1", at_least_0,
+                  "Every estimate is kept within this fraction of its family's largest initial entry about its initial "
+                  "value. 0.0: off."),
+        };
+    }
+    static constexpr auto fields() {
+        using P = AdaptationParams;
+        return std::tuple_cat(
+            std::tuple{
+                adaptive_field(),
+                in_table("controller",
+                         choice("rate_law", &P::rate_law, rate_laws,
+                                "Law of the Omega_z estimate, (44): skew, P (s1 v2 - s2 v1); printed: off, it never "
+                                "moves.")),
+                choice("kind", &P::kind, kinds,
+                       "gradient: the laws (44); composite: least squares on the plant's equation beside them, which "
+                       "gives D, K, Omega_z and its standard deviation. controller.adaptive false: off."),
+            },
+            law_fields(),
+            std::tuple{
+                field("bound_gain", &P::bound_gain, "m*omega0^2, m*omega0^2/q0^2, m/q0^2", above_0,
+                      "[x0, x1, x2], > 0: speed of the bound estimates (12). Towards 0.0: off."),
+                fixed(field("initial_bound", &P::initial_bound, "m*omega0^2*q0, m*omega0^2, m*omega0", at_least_0,
+                            "[b0, b1, b2] at t = 0, units of (12), >= 0: initial switching gain. Zeros: none.")),
+            },
+            robustness_fields(),
+            std::tuple{
+                field("forgetting", &P::forgetting, "omega0", at_least_0,
+                      "Unit omega0: rate at which composite's least squares forget, all parameters alike. 0.0: off."),
+                field("rate_forgetting", &P::rate_forgetting, "omega0", at_least_0,
+                      "Unit omega0: rate at which they forget Omega_z besides, which is their bandwidth for it: a fast "
+                      "rate, a noisy estimate. 0.0: off, Omega_z is taken for constant."),
+            });
+    }
+};
+
+// What a controller with adaptation reports. Estimates are those known when the force was computed.
+template <Scalar T>
+struct AdaptiveReport : Estimates<T> {
+    Vec2<T> surface{};
+
+    static constexpr auto fields() {
+        using R = AdaptiveReport;
+        return std::tuple{
+            channel("surface", &R::surface, "q0*omega0", "sliding surface s"),
+            channel("damping_estimate", &R::damping, "m*omega0", "estimate of the damping D"),
+            channel("stiffness_estimate", &R::stiffness, "m*omega0^2", "estimate of the stiffness K"),
+            channel("rate_estimate", &R::rate, "omega0", "estimate of the angular rate: skew part of Omega"),
+            channel("rate_symmetric_estimate", &R::rate_symmetric, "omega0",
+                    "symmetric part of the estimate of Omega; not zero under the printed law only"),
+            channel("bound_estimate", &R::bound, "m*omega0^2*q0, m*omega0^2, m*omega0",
+                    "estimates of the bounds b0, b1, b2"),
+        };
+    }
 };
 
 template <Scalar T>
@@ -82,49 +163,53 @@ struct Adaptation {
         Estimates<T> deviation{};
     };
 
-    // `largest_bound`: the largest ρ that the force is given, which no b̂ grows beyond; infinity: off.
-    static Coefficients prepare(const AdaptationParams& p, double step,
+    using Report = AdaptiveReport<T>;
+
+    // From the nominal plant the estimates start. `largest_bound`: the largest ρ that the force is given, which no b̂
+    // grows beyond; infinity: off.
+    static Coefficients prepare(const AdaptationParams& p, const PlantModel<double>& nominal, double step,
                                 double largest_bound = std::numeric_limits<double>::infinity()) {
         const double h = p.adaptive ? step : 0.0;
         const auto largest = [](const Sym2<double>& a) {
             return maximum(absolute(a.xx), maximum(absolute(a.xy), absolute(a.yy)));
         };
-        const auto& i = p.initial;
+        const std::array<double, 3>& from = p.initial_bound;
         const bool projected = p.projection > 0.0, bounded = largest_bound < std::numeric_limits<double>::infinity();
-        const double most = p.projection * maximum(i.bound[0], maximum(i.bound[1], i.bound[2]));
-        const auto bound_limit = [&](double from) {
-            const double growth = maximum(largest_bound - from, 0.0);
+        const double most = p.projection * maximum(from[0], maximum(from[1], from[2]));
+        const auto bound_limit = [&](double start) {
+            const double growth = maximum(largest_bound - start, 0.0);
             return T(projected ? minimum(most, growth) : growth);
         };
         const auto sym2 = [](const Sym2<double>& a) { return Sym2<T>{T(a.xx), T(a.xy), T(a.yy)}; };
-        return {.initial = {.damping = sym2(i.damping),
-                            .stiffness = sym2(i.stiffness),
-                            .rate = T(i.rate),
-                            .rate_symmetric = sym2(i.rate_symmetric),
-                            .bound = {T(i.bound[0]), T(i.bound[1]), T(i.bound[2])}},
+        return {.initial = {.damping = sym2(nominal.damping),
+                            .stiffness = sym2(nominal.stiffness),
+                            .rate = T(nominal.rate),
+                            .bound = {T(from[0]), T(from[1]), T(from[2])}},
                 .damping_gain = T(h * p.damping_gain),
                 .stiffness_gain = T(h * p.stiffness_gain),
                 .rate_gain = T(h * p.rate_gain),
                 .bound_gain = {T(h * p.bound_gain[0]), T(h * p.bound_gain[1]), T(h * p.bound_gain[2])},
                 .keep = T(1.0 - h * p.leakage),
                 .dead_zone = T(p.dead_zone),
-                .printed = p.printed_rate_law,
+                .printed = p.rate_law == RateLaw::printed,
                 .leaking = p.leakage > 0.0,
                 .resting = p.dead_zone > 0.0,
                 .projected = projected,
                 .bounded = projected || bounded,
-                .damping_limit = T(p.projection * largest(i.damping)),
-                .stiffness_limit = T(p.projection * largest(i.stiffness)),
-                .rate_limit = T(p.projection * absolute(i.rate)),
-                .bound_limit = {bound_limit(i.bound[0]), bound_limit(i.bound[1]), bound_limit(i.bound[2])}};
+                .damping_limit = T(p.projection * largest(nominal.damping)),
+                .stiffness_limit = T(p.projection * largest(nominal.stiffness)),
+                .rate_limit = T(p.projection * absolute(nominal.rate)),
+                .bound_limit = {bound_limit(from[0]), bound_limit(from[1]), bound_limit(from[2])}};
     }
 
     static bool sound(const State&, const Coefficients&) { return true; }  // all of it is numbers
 
-    // What is told, and what the force is computed with: the same.
     static Estimates<T> estimates(const State& state, const Coefficients& c) { return c.initial + state.deviation; }
-    static const Estimates<T>& believed(const State&, const Coefficients&, const Estimates<T>& told) { return told; }
-    static RateQuality<T> quality(const State&, const Coefficients&) { return {}; }
+    // What is reported, and what the force is computed with: the same.
+    static Report report(const State& state, const Coefficients& c) { return {estimates(state, c)}; }
+    static const Estimates<T>& control_estimates(const State&, const Coefficients&, const Report& reported) {
+        return reported;
+    }
 
     // One Euler step of the laws.
     static void update(State& state, const Coefficients& c, const Motion<T>& motion, const Vec2<T>& surface,

@@ -14,8 +14,8 @@
 //    them in a row, or where one contradicts a few, none is believed until four times as many agree with each other.
 #pragma once
 
-#include "adaptation.hpp"
-#include "error.hpp"
+#include "fields.hpp"
+#include "signals.hpp"
 
 #if defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__
 #error "fracgyro must see NaN and infinity: compile without -ffast-math and -ffinite-math-only"
@@ -44,6 +44,30 @@ struct GuardParams {
     double force_tolerance = 0.0;                               // largest disturbance, on one axis
     double position_tolerance = 0.0, velocity_tolerance = 0.0;  // the sensors' largest errors, on one axis
     double patience = 0.0, saturation_patience = 0.0;           // samples; 0: without end
+
+    static constexpr std::string_view switches[] = {"false", "true"};
+    static constexpr auto fields() {
+        using P = GuardParams;
+        constexpr Range samples{.low = 0.0, .high = 1e9, .whole = true};
+        return std::tuple{
+            choice("checked", &P::checked, switches,
+                   "Samples are refused that the plant cannot have moved to since the last one, and those that are not "
+                   "finite. The fields below say what it can; not set, they follow from the other tables. false: off."),
+            field("plant_tolerance", &P::plant_tolerance, "1", at_least_0,
+                  "Share by which stiffness, actuator and the sensors' scales may be other than nominal."),
+            field("force_tolerance", &P::force_tolerance, "m*omega0^2*q0", at_least_0,
+                  "Unit of force: largest disturbance on one axis."),
+            field("position_tolerance", &P::position_tolerance, "q0", at_least_0,
+                  "Unit q0: the sensor's largest error on one axis."),
+            field("velocity_tolerance", &P::velocity_tolerance, "q0*omega0", at_least_0,
+                  "Unit q0 omega0: the same of the velocity."),
+            field("patience", &P::patience, "1", samples,
+                  "Samples: after so many refused in a row the force is only that of the reference, and no sample is "
+                  "believed until four times as many agree. 0: off, the last force is held."),
+            field("saturation_patience", &P::saturation_patience, "1", samples,
+                  "Samples: after so many in a row at the force limit everything learnt is dropped. 0: off."),
+        };
+    }
 };
 
 template <Scalar T, bool measures_velocity>
@@ -72,7 +96,7 @@ struct Belief {
     };
     enum class Answer { believed, missed, none };  // none: nor is there a last one to go on from
 
-    static Coefficients prepare(const GuardParams& g, const Estimates<double>& nominal, double h) {
+    static Coefficients prepare(const GuardParams& g, const PlantModel<double>& nominal, double h) {
         const double stiffness = norm1(nominal.stiffness);
         // What the trapezoid rule leaves out counts as a plant that is another.
         const double tolerance = g.plant_tolerance + stiffness * h * h / 12.0;

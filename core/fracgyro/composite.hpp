@@ -20,7 +20,7 @@
 //    that is beyond means that the plant moved, and is learnt from. Ω̂z is not trusted meanwhile.
 //
 //    The force is computed with the laws' part, which is the loop's integral action, and from when Ω̂z is first trusted with
-//    the sum of both parts. What is told of D, K and Ωz is the part of least squares alone (docs/decisions/0016).
+//    the sum of both parts. What is reported of D, K and Ωz is the part of least squares only (docs/decisions/0016).
 #pragma once
 
 #include "adaptation.hpp"
@@ -28,6 +28,23 @@
 #include "saved.hpp"
 
 namespace fracgyro {
+
+// How well the angular rate is known, too.
+template <Scalar T>
+struct CompositeReport : AdaptiveReport<T> {
+    T rate_deviation{};
+    T rate_trusted{};
+
+    static constexpr auto fields() {
+        using R = CompositeReport;
+        return std::tuple_cat(
+            AdaptiveReport<T>::fields(),
+            std::tuple{channel("rate_deviation", &R::rate_deviation, "omega0",
+                               "standard deviation of the estimate of the angular rate; 0 without data"),
+                       channel("rate_trusted", &R::rate_trusted, "1",
+                               "1 where the motion tells the angular rate from the other parameters")});
+    }
+};
 
 template <Scalar T>
 struct CompositeAdaptation {
@@ -62,10 +79,12 @@ struct CompositeAdaptation {
         bool measured = false;  // there is a last sample
     };
 
-    static Coefficients prepare(const AdaptationParams& p, double step,
+    using Report = CompositeReport<T>;
+
+    static Coefficients prepare(const AdaptationParams& p, const PlantModel<double>& nominal, double step,
                                 double largest_bound = std::numeric_limits<double>::infinity()) {
-        const auto& k = p.initial.stiffness;
-        return {.laws = Laws::prepare(p, step, largest_bound),
+        const auto& k = nominal.stiffness;
+        return {.laws = Laws::prepare(p, nominal, step, largest_bound),
                 .step = T(step),
                 .inverse_step = T(1.0 / step),
                 .forgetting = T(step * p.forgetting),
@@ -76,28 +95,32 @@ struct CompositeAdaptation {
 
     static bool sound(const State& state, const Coefficients& /*c*/) { return fracgyro::sound(state.measured); }
 
-    // What is told: of the laws b̂ alone.
+    // Only b̂ is from the laws.
     static Estimates<T> estimates(const State& state, const Coefficients& c) {
-        Estimates<T> told = c.laws.initial + as_estimates(state.squares.value);
-        for (std::size_t i = 0; i < told.bound.size(); ++i) {
-            told.bound[i] = told.bound[i] + state.laws.deviation.bound[i];
+        Estimates<T> found = c.laws.initial + as_estimates(state.squares.value);
+        for (std::size_t i = 0; i < found.bound.size(); ++i) {
+            found.bound[i] = found.bound[i] + state.laws.deviation.bound[i];
         }
-        return told;
+        return found;
+    }
+    static Report report(const State& state, const Coefficients& c) {
+        const T variance = state.noise * Squares::variance(state.squares, 0);
+        return {{estimates(state, c)}, square_root(variance), trusted(state, c)};
     }
     // What the force is computed with.
-    static Estimates<T> believed(const State& state, const Coefficients& c, const Estimates<T>& /*told*/) {
+    static Estimates<T> control_estimates(const State& state, const Coefficients& c, const Report& /*reported*/) {
         return Laws::estimates(state.laws, c.laws) + state.believed * as_estimates(state.squares.value);
     }
-    static RateQuality<T> quality(const State& state, const Coefficients& c) {
+    // 1 where Ω̂z is trusted.
+    static T trusted(const State& state, const Coefficients& c) {
         const T p = Squares::variance(state.squares, 0);
         const T variance = state.noise * p;
         const T yes = T(1.0), no = T(0.0);
-        T trusted = if_less(T(largest_inflation), p * state.rate_information, no, yes);
-        trusted = if_less(T(largest_share * Squares::prior), p, no, trusted);
-        trusted = if_less(c.trusted_variance, variance, no, trusted);
-        trusted = if_less(no, state.surprises, no, trusted);
-        trusted = state.measured ? trusted : no;
-        return {.deviation = square_root(variance), .trusted = trusted};
+        T good = if_less(T(largest_inflation), p * state.rate_information, no, yes);
+        good = if_less(T(largest_share * Squares::prior), p, no, good);
+        good = if_less(c.trusted_variance, variance, no, good);
+        good = if_less(no, state.surprises, no, good);
+        return state.measured ? good : no;
     }
 
     static void update(State& state, const Coefficients& c, const Motion<T>& motion, const Vec2<T>& surface,
@@ -106,7 +129,7 @@ struct CompositeAdaptation {
             forget(state, c);
             compare(state, c, motion);
             if (!always_less(T(0.5), state.believed)) {
-                state.believed = maximum(state.believed, quality(state, c).trusted);
+                state.believed = maximum(state.believed, trusted(state, c));
             }
         }
         state.motion = motion;

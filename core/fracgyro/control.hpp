@@ -22,8 +22,23 @@ enum class Layer { linear, quadratic };
 struct ControlParams {
     double layer_thickness = 0.06;  // δ; 0: no layer, the force switches
     Layer layer = Layer::linear;
-    double force_limit = std::numeric_limits<double>::infinity();      // |u| on each axis; infinity: off
     double switching_limit = std::numeric_limits<double>::infinity();  // of ρ h/δ; infinity: off
+
+    static constexpr std::string_view layers[] = {"linear", "quadratic"};
+    static constexpr auto fields() {
+        using P = ControlParams;
+        return std::tuple{
+            field("layer_thickness", &P::layer_thickness, "q0*omega0", at_least_0,
+                  "delta, unit of s, eq. (33): layer that smooths the switching. 0.0: off, pure sign."),
+            choice("layer", &P::layer, layers,
+                   "Inside the layer: quadratic, -(s/delta^2)||s|| rho, as printed in (46); linear, -(s/delta) rho. "
+                   "layer_thickness 0.0: off."),
+            field(
+                "switching_limit", &P::switching_limit, "1", limit,
+                "Largest rho h/delta, no unit, > 0: what one step takes back of s; the loop diverges from about 2 on, "
+                "and noise alone lets the bound estimates grow until then. 0.5 suits hardware. inf: off."),
+        };
+    }
 };
 
 // The largest ρ that the switching limit allows; infinity where it is off.
@@ -36,22 +51,20 @@ template <Scalar T>
 struct Control {
     struct Coefficients {
         T thickness_squared{}, linear_gain{}, quadratic_gain{};  // inside: s (linear_gain + quadratic_gain ‖s‖) ρ
-        T force_limit{}, largest_bound{};
-        bool limited = false, bounded = false, printed = false;  // printed rate law: Ω̂ has a symmetric part
+        T largest_bound{};
+        bool bounded = false, printed = false;  // printed rate law: Ω̂ has a symmetric part
     };
 
-    static Coefficients prepare(const ControlParams& p, bool printed_rate_law = false, double step = 1.0) {
+    static Coefficients prepare(const ControlParams& p, RateLaw rate_law = RateLaw::skew, double step = 1.0) {
         const bool layered = p.layer_thickness > 0.0;
         const bool linear = p.layer == Layer::linear;
         const double inverse = layered ? 1.0 / p.layer_thickness : 0.0;
         return {.thickness_squared = T(p.layer_thickness * p.layer_thickness),
                 .linear_gain = T(linear ? inverse : 0.0),
                 .quadratic_gain = T(linear ? 0.0 : inverse * inverse),
-                .force_limit = T(p.force_limit),
                 .largest_bound = T(fracgyro::largest_bound(p, step)),
-                .limited = p.force_limit < std::numeric_limits<double>::infinity(),
                 .bounded = p.switching_limit < std::numeric_limits<double>::infinity(),
-                .printed = printed_rate_law};
+                .printed = rate_law == RateLaw::printed};
     }
 
     static Vec2<T> force(const Coefficients& c, const Estimates<T>& estimates, const Motion<T>& motion,
@@ -78,11 +91,6 @@ struct Control {
                                            {c.linear_gain, c.quadratic_gain}, Vec2<T>{T(0.0), outside});
         const Vec2<T> drive = bound * surface.s;
         return (equivalent - gain * drive) - sizes.surface * (slope * drive);
-    }
-
-    // What the actuator can do of it.
-    static Vec2<T> within_limit(const Coefficients& c, const Vec2<T>& force) {
-        return {clamp(force.x, -c.force_limit, c.force_limit), clamp(force.y, -c.force_limit, c.force_limit)};
     }
 };
 

@@ -1,132 +1,97 @@
-// The adaptive sliding mode controller: steps 1 to 5 of the paper's Figure 2. Step 6, the plant, is in
-// sim/fracgyro/plant.hpp.
+// What a controller is. Nothing else is asked of one: the loop, the record, the metrics, FMU, firmware and browser take any
+// type that fits. It is a set of functions over plain values: Params is what a person sets, Coefficients what follows
+// from it once, State what changes while running.
 #pragma once
 
-#include "adaptation.hpp"
 #include "belief.hpp"
-#include "control.hpp"
-#include "error.hpp"
-#include "reference.hpp"
-#include "surface.hpp"
+#include "fields.hpp"
+#include "signals.hpp"
 
 namespace fracgyro {
 
-// What a person sets. Nondimensional.
-struct ControllerParams {
+// What all controllers of a loop have in common. Nondimensional.
+struct Common {
     double step = 1e-3;
     ReferenceParams reference{};
-    SurfaceParams surface{};
-    ControlParams control{};
-    AdaptationParams adaptation{};
+    PlantModel<double> nominal{};                                  // what is known of the plant beforehand
+    double force_limit = std::numeric_limits<double>::infinity();  // |u| on each axis; infinity: off
     GuardParams guard{};
     double observer_bandwidth = 0.0;  // of Observing (observer.hpp); 0: the velocity is measured
+
+    static constexpr auto fields() {
+        using C = Common;
+        return std::tuple{
+            Inner{"reference", &C::reference},
+            Inner{"adaptation", &C::nominal},
+            field("force_limit", &C::force_limit, "m*omega0^2*q0", limit,
+                  "Largest |u| per axis, unit m omega0^2 q0, > 0. inf: off."),
+            Inner{"guard", &C::guard},
+        };
+    }
 };
 
-// What one step computes, for the plant and for the record.
+// Of a controller that reports nothing besides its force.
+struct EmptyReport {
+    static constexpr std::tuple<> fields() { return {}; }
+};
+
+// The force that keeps the nominal plant on the reference: (D̂₀ + 2Ω̂₀) ṙ + K̂₀ r + r̈.
 template <Scalar T>
-struct Signals {
-    ReferencePoint<T> reference{};
-    Sample<T> error{};
-    Vec2<T> surface{};
-    Estimates<T> estimates{};  // as they stood when the force was computed
-    Vec2<T> force{};
-    Vec2<T> excess{};  // what the force limit took from it
-    RateQuality<T> rate_quality{};
-};
-
-template <Scalar T, template <class> class SurfaceOf, template <class> class AdaptationOf = Adaptation>
-struct SlidingModeController {
-    using Value = T;
-    using SurfaceType = SurfaceOf<T>;
-    using AdaptationType = AdaptationOf<T>;
-    template <template <class> class Other>
-    using Adapted = SlidingModeController<T, SurfaceOf, Other>;
-    using Params = ControllerParams;
-    static constexpr bool measures_velocity = true;
-
+struct Feedforward {
     struct Coefficients {
-        typename Reference<T>::Coefficients reference{};
-        typename SurfaceType::Coefficients surface{};
-        typename Control<T>::Coefficients control{};
-        typename AdaptationType::Coefficients adaptation{};
+        Sym2<T> damping{}, stiffness{};
+        T twice_rate{};
     };
-    // A plain value: copy it to save, assign it to resume, bit for bit.
-    struct State {
-        typename Reference<T>::State reference{};
-        typename SurfaceType::State surface{};
-        typename AdaptationType::State adaptation{};
-    };
-
-    static Coefficients prepare(const Params& p) {
-        return {.reference = Reference<T>::prepare(p.reference, p.step),
-                .surface = SurfaceType::prepare(p.surface, p.step),
-                .control = Control<T>::prepare(p.control, p.adaptation.printed_rate_law, p.step),
-                .adaptation = AdaptationType::prepare(p.adaptation, p.step, largest_bound(p.control, p.step))};
+    static Coefficients prepare(const PlantModel<double>& nominal) {
+        const auto sym2 = [](const Sym2<double>& a) { return Sym2<T>{T(a.xx), T(a.xy), T(a.yy)}; };
+        return {.damping = sym2(nominal.damping),
+                .stiffness = sym2(nominal.stiffness),
+                .twice_rate = T(2.0 * nominal.rate)};
     }
-
-    static bool sound(const State& state, const Coefficients& c) {
-        return SurfaceType::sound(state.surface, c.surface) && AdaptationType::sound(state.adaptation, c.adaptation);
-    }
-
-    // What is known before the coming step.
-    static Estimates<T> estimates(const State& state, const Coefficients& c) {
-        return AdaptationType::estimates(state.adaptation, c.adaptation);
-    }
-    static RateQuality<T> rate_quality(const State& state, const Coefficients& c) {
-        return AdaptationType::quality(state.adaptation, c.adaptation);
-    }
-
-    static std::uint64_t steps(const State& state) { return state.reference.steps; }
-
-    // Forgets what was measured, and what was learnt from it unless it is kept. Time goes on.
-    static void start_over(State& state, bool keep_estimates) {
-        // Constants: they are copied as they are, and not put together on the stack.
-        static constexpr typename SurfaceType::State no_motion{};
-        state.surface = no_motion;
-        if (keep_estimates) {
-            AdaptationType::rest(state.adaptation);
-        } else {
-            static constexpr typename AdaptationType::State nothing_learnt{};
-            state.adaptation = nothing_learnt;
-        }
-    }
-
-    // The force for the coming step, from the motion measured now. Called once every step. Where nothing was measured
-    // the error is taken to be `missing`, and the estimates rest.
-    static Signals<T> step(State& state, const Coefficients& c, const Motion<T>& measured,
-                           const Sample<T>* missing = nullptr) {
-        Signals<T> signals{.reference = Reference<T>::update(state.reference, c.reference),  // 1
-                           .estimates = estimates(state, c),
-                           .rate_quality = rate_quality(state, c)};
-        const ReferencePoint<T>& r = signals.reference;
-        const Motion<T> motion = missing == nullptr ? measured
-                                                    : Motion<T>{.position = r.position + missing->value,
-                                                                .velocity = r.velocity + missing->rate};
-        const Sample<T>& error = signals.error = tracking_error(motion, signals.reference);      // 2
-        const SurfacePoint<T> surface = SurfaceType::evaluate(state.surface, c.surface, error);  // 3
-        signals.surface = surface.s;
-        Sizes<T> sizes = sizes_of(motion, surface.s);
-        const auto& believed = AdaptationType::believed(state.adaptation, c.adaptation, signals.estimates);
-        signals.force = Control<T>::force(c.control, believed, motion, signals.reference, surface, sizes);  // 4
-        Vec2<T> learnt_from = surface.s;
-        if (c.control.limited) {
-            const Vec2<T> wanted = signals.force;
-            signals.force = Control<T>::within_limit(c.control, wanted);
-            signals.excess = wanted - signals.force;
-            // The laws move the force against s: s·Δu <= 0. Where it is beyond the limit that way, they would wind up.
-            const T unwinding = signals.excess.x * surface.s.x + signals.excess.y * surface.s.y;
-            const T active = if_less(unwinding, T(0.0), T(0.0), T(1.0));
-            learnt_from = active * surface.s;
-            sizes.surface = active * sizes.surface;
-        }
-        SurfaceType::advance(state.surface, c.surface, error);
-        if (missing == nullptr) {
-            AdaptationType::update(state.adaptation, c.adaptation, motion, learnt_from, sizes, signals.force);  // 5
-        } else {
-            AdaptationType::rest(state.adaptation);
-        }
-        return signals;
+    static Vec2<T> force(const Coefficients& c, const ReferencePoint<T>& r) {
+        const Vec2<T> coriolis = c.twice_rate * Vec2<T>{-r.velocity.y, r.velocity.x};
+        return c.damping * r.velocity + coriolis + c.stiffness * r.position + r.acceleration;
     }
 };
+
+template <class C>
+concept Controller =
+    std::is_trivially_copyable_v<typename C::State> &&
+    requires(typename C::State& state, const typename C::State& known, const typename C::Coefficients& c,
+             const typename C::Params& p, const Common& common, const Motion<typename C::Value>& measured) {
+        // Once, in double whatever the scalar.
+        { C::prepare(p, common) } -> std::same_as<typename C::Coefficients>;
+        // The force for the coming step, from the motion measured now. Called once every step.
+        { C::step(state, c, measured) } -> std::same_as<Signals<typename C::Value, typename C::Report>>;
+        // What it reports besides, as it stands before the coming step.
+        { C::report(known, c) } -> std::same_as<typename C::Report>;
+        C::Report::fields();
+    };
+
+// All that a rate sensor needs.
+template <class C>
+concept SensesRate = Controller<C> && requires(typename C::Report r) { r.rate; };
+
+// A controller that can do without a sample, forget and be restored: what a guard and an observer need, and only they.
+template <class C>
+concept Resumable =
+    Controller<C> &&
+    requires(typename C::State& state, const typename C::State& known, const typename C::Coefficients& c,
+             const Motion<typename C::Value>& measured, const Sample<typename C::Value>* missing) {
+        // `missing`: the error that is assumed as nothing was measured; what is learnt rests.
+        { C::step(state, c, measured, missing) } -> std::same_as<Signals<typename C::Value, typename C::Report>>;
+        // Forgets what was measured, and what was learnt from it unless it is kept. Time goes on.
+        C::start_over(state, /*keep_estimates=*/true);
+        { C::steps(known) } -> std::same_as<std::uint64_t>;
+        // Whether all indices and switches in a state are ones that it could have.
+        { C::sound(known, c) } -> std::same_as<bool>;
+    };
+
+// Unless it says that it does not, as one behind an observer.
+template <class C>
+inline constexpr bool measures_velocity = true;
+template <class C>
+    requires requires { C::measures_velocity; }
+inline constexpr bool measures_velocity<C> = C::measures_velocity;
 
 }  // namespace fracgyro

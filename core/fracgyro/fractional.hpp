@@ -28,6 +28,7 @@
 // α = 1 and α = 0 use no modes and are exact: D^1 e = ė, I^0 e = e; D^0 e = e (eq. (7)), I^1 e the Hermite quadrature.
 #pragma once
 
+#include "fields.hpp"
 #include "math.hpp"
 #include "saved.hpp"
 
@@ -43,7 +44,25 @@ struct Modes {
     double gamma = 1.0;  // Γ(2-order)
     double error = 0.0;  // largest relative one of the sum; 0: unknown
     std::array<double, capacity> rates{}, weights{};
+
+    static constexpr auto fields() {
+        return std::tuple{
+            field("order", &Modes::order, "1", {.low = 0.0, .high = 1.0},
+                  "alpha, 0 to 1, no unit: order of D^alpha e. 1.0: off, the integer surface."),
+            field("order_gamma", &Modes::gamma, "1", any_number, "Gamma(2 - alpha)."),
+            field("mode_count", &Modes::count, "1", at_least_0, "Exponential modes in use."),
+            field("mode_error", &Modes::error, "1", at_least_0, "Their largest relative error."),
+        };
+    }
 };
+
+// Modes of weight 0 until there are so many: the sum is the same.
+inline void fill_up(Modes& modes, std::size_t count) {
+    for (; modes.count < count; ++modes.count) {
+        modes.rates[modes.count] = modes.rates[modes.count - 1];
+        modes.weights[modes.count] = 0.0;
+    }
+}
 
 // A signal at one sample.
 template <Scalar T>

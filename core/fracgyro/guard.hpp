@@ -18,11 +18,13 @@
 
 namespace fracgyro {
 
-template <class Controller>
+template <Resumable Controller>
 struct Guard {
     using T = typename Controller::Value;
     using Value = T;
-    static constexpr bool measures_velocity = Controller::measures_velocity;
+    using Params = typename Controller::Params;
+    using Report = typename Controller::Report;
+    static constexpr bool measures_velocity = fracgyro::measures_velocity<Controller>;
     using Sensed = Belief<T, measures_velocity>;
 
     struct Coefficients {
@@ -40,10 +42,10 @@ struct Guard {
         Status status = Status::ok;
     };
 
-    static Coefficients prepare(const ControllerParams& p) {
-        return {.controller = Controller::prepare(p),
-                .belief = Sensed::prepare(p.guard, p.adaptation.initial, p.step),
-                .saturation_patience = static_cast<std::uint32_t>(p.guard.saturation_patience)};
+    static Coefficients prepare(const Params& p, const Common& common) {
+        return {.controller = Controller::prepare(p, common),
+                .belief = Sensed::prepare(common.guard, common.nominal, common.step),
+                .saturation_patience = static_cast<std::uint32_t>(common.guard.saturation_patience)};
     }
 
     static bool sound(const State& state, const Coefficients& c) {
@@ -51,26 +53,23 @@ struct Guard {
                fracgyro::sound(state.belief.doubted) && fracgyro::sound(state.going) && fracgyro::sound(state.status);
     }
 
-    static Estimates<T> estimates(const State& state, const Coefficients& c) {
-        return Controller::estimates(state.controller, c.controller);
-    }
-    static RateQuality<T> rate_quality(const State& state, const Coefficients& c) {
-        return Controller::rate_quality(state.controller, c.controller);
+    static Report report(const State& state, const Coefficients& c) {
+        return Controller::report(state.controller, c.controller);
     }
     static std::uint64_t steps(const State& state) { return Controller::steps(state.controller); }
 
     // The force is state.force too; what was thought of the sample, state.status.
-    static Signals<T> step(State& state, const Coefficients& c, const Motion<T>& measured) {
+    static Signals<T, Report> step(State& state, const Coefficients& c, const Motion<T>& measured) {
         using Answer = typename Sensed::Answer;
         const Answer answer = Sensed::judge(state.belief, c.belief, measured, state.force, state.going, state.status);
         const bool believed = answer == Answer::believed;
         if (answer == Answer::none) {
             if (steps(state) == 0) {  // time has not started
-                return {.estimates = estimates(state, c), .rate_quality = rate_quality(state, c)};
+                return {.report = report(state, c)};
             }
             let_go(state);
         }
-        Signals<T> signals =
+        Signals<T, Report> signals =
             Controller::step(state.controller, c.controller, measured, believed ? nullptr : &state.error);
         bool failed = !(sum(signals.force) + sum(signals.excess) < T(std::numeric_limits<double>::infinity()));
         if (believed && !failed) {
@@ -102,7 +101,7 @@ private:
         state.status = Status::lost;
     }
 
-    static bool saturates_for_long(State& state, const Coefficients& c, const Signals<T>& signals) {
+    static bool saturates_for_long(State& state, const Coefficients& c, const Signals<T, Report>& signals) {
         const bool saturated = T(0.0) < sum(signals.excess);
         if (saturated) {
             state.status = Status::saturated;

@@ -30,7 +30,7 @@ struct Observer {
         bool started = false;
     };
 
-    static Coefficients prepare(const Estimates<double>& nominal, double bandwidth, double step) {
+    static Coefficients prepare(const PlantModel<double>& nominal, double bandwidth, double step) {
         const double forgets = exponential(-bandwidth * step);
         const double new_part = 1.0 - forgets;
         const auto sym2 = [](const Sym2<double>& a) { return Sym2<T>{T(a.xx), T(a.xy), T(a.yy)}; };
@@ -67,10 +67,12 @@ struct Observer {
 };
 
 // A controller that is given positions alone: the velocity that it is handed is not looked at.
-template <class Controller>
+template <Resumable Controller>
 struct Observing {
     using Value = typename Controller::Value;
     using T = Value;
+    using Params = typename Controller::Params;
+    using Report = typename Controller::Report;
     static constexpr bool measures_velocity = false;
 
     struct Coefficients {
@@ -83,18 +85,15 @@ struct Observing {
         Vec2<T> force{};  // that acts
     };
 
-    static Coefficients prepare(const ControllerParams& p) {
-        return {.controller = Controller::prepare(p),
-                .observer = Observer<T>::prepare(p.adaptation.initial, p.observer_bandwidth, p.step)};
+    static Coefficients prepare(const Params& p, const Common& common) {
+        return {.controller = Controller::prepare(p, common),
+                .observer = Observer<T>::prepare(common.nominal, common.observer_bandwidth, common.step)};
     }
     static bool sound(const State& state, const Coefficients& c) {
         return Controller::sound(state.controller, c.controller) && fracgyro::sound(state.observer.started);
     }
-    static Estimates<T> estimates(const State& state, const Coefficients& c) {
-        return Controller::estimates(state.controller, c.controller);
-    }
-    static RateQuality<T> rate_quality(const State& state, const Coefficients& c) {
-        return Controller::rate_quality(state.controller, c.controller);
+    static Report report(const State& state, const Coefficients& c) {
+        return Controller::report(state.controller, c.controller);
     }
     static std::uint64_t steps(const State& state) { return Controller::steps(state.controller); }
     static void start_over(State& state, bool keep_estimates) {
@@ -104,14 +103,14 @@ struct Observing {
     }
 
     // Where nothing was measured the last force is held, and the observer predicts.
-    static Signals<T> step(State& state, const Coefficients& c, const Motion<T>& measured,
-                           const Sample<T>* missing = nullptr) {
+    static Signals<T, Report> step(State& state, const Coefficients& c, const Motion<T>& measured,
+                                   const Sample<T>* missing = nullptr) {
         Motion<T> seen = measured;
         if (missing == nullptr) {
             Observer<T>::correct(state.observer, c.observer, measured.position);
             seen.velocity = state.observer.motion.velocity;
         }
-        const Signals<T> signals = Controller::step(state.controller, c.controller, seen, missing);
+        const Signals<T, Report> signals = Controller::step(state.controller, c.controller, seen, missing);
         if (missing == nullptr) {
             state.force = signals.force;
         }

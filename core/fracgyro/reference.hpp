@@ -1,6 +1,7 @@
 // 1  The reference r and its first two derivatives: amplitude·sin(frequency·t + phase) on each axis, eq. (49).
 #pragma once
 
+#include "fields.hpp"
 #include "math.hpp"
 
 namespace fracgyro {
@@ -9,6 +10,17 @@ struct ReferenceParams {
     Vec2<double> amplitude{1.0, 1.0};
     Vec2<double> frequency{};  // rad per unit of time
     Vec2<double> phase{};      // rad
+
+    static constexpr auto fields() {
+        using P = ReferenceParams;
+        constexpr Range frequencies{.low = -1e6, .high = 1e6};
+        return std::tuple{
+            field("amplitude", &P::amplitude, "q0", any_number, "[x, y], unit q0. Zeros: off, r = 0."),
+            fixed(
+                field("frequency", &P::frequency, "omega0", frequencies, "[x, y], unit omega0. Zeros: r is constant.")),
+            fixed(field("phase", &P::phase, "rad", any_number, "[x, y], rad: pi/2 makes a cosine. Zeros: off.")),
+        };
+    }
 };
 
 template <Scalar T>

@@ -13,7 +13,7 @@
 //
 //    To add a surface: a type with Coefficients, State, prepare() and evaluate() as below, sound() if the state is not
 //    empty, advance() if it has memory to move when the force is on its way, and one line in
-//    sim/fracgyro/controllers.hpp.
+//    registry.hpp.
 #pragma once
 
 #include "error.hpp"
@@ -27,6 +27,25 @@ struct SurfaceParams {
     double singularity_floor = 1e-6;           // |e| below which |e|^(c-1) no longer grows
     bool riemann_liouville = true;             // which D^α: d/dt of D^(α-1) e is the Riemann-Liouville one
     Modes modes{};
+
+    static constexpr std::string_view derivatives[] = {"caputo", "riemann_liouville"};
+    static constexpr auto fields() {
+        using P = SurfaceParams;
+        return std::tuple{
+            Inner{"controller", &P::modes},
+            field("fractional_gain", &P::fractional_gain, "omega0^(2-alpha)", above_0,
+                  "lambda1 [x, y], unit omega0^(2-alpha), > 0: decay of e on the surface. Towards 0.0: off."),
+            field("terminal_gain", &P::terminal_gain, "q0^(1-c)*omega0", above_0,
+                  "lambda2 [x, y], unit q0^(1-c) omega0, > 0: finite-time pull near e = 0. kind fractional, linear: "
+                  "off."),
+            field("terminal_exponent", &P::terminal_exponent, "1", strictly_between_0_and_1,
+                  "c, strictly between 0 and 1, no unit: |e|^c sign(e). Towards 1.0: a linear term."),
+            field("singularity_floor", &P::singularity_floor, "q0", above_0,
+                  "Unit q0, > 0: floor of |e| in |e|^(c-1). Towards 0.0: off; below 1e-9 rounding rules."),
+            choice("derivative", &P::riemann_liouville, derivatives,
+                   "D^alpha of (18): caputo as printed; riemann_liouville cancels exactly. order 1.0: no difference."),
+        };
+    }
 };
 
 template <Scalar T>
@@ -106,6 +125,17 @@ struct TerminalTerm {
     }
 };
 
+namespace detail {
+template <class First, std::size_t Capacity>
+struct SizedTerm {
+    using Type = First;
+};
+template <Scalar T, std::size_t Most, std::size_t Capacity>
+struct SizedTerm<FractionalTerm<T, Most>, Capacity> {
+    using Type = FractionalTerm<T, Capacity>;
+};
+}  // namespace detail
+
 // ė + First, and the terminal term if it has one.
 template <Scalar T, class First, bool with_terminal>
 struct Surface {
@@ -114,6 +144,10 @@ struct Surface {
         typename TerminalTerm<T>::Coefficients terminal{};
     };
     using State = typename First::State;
+    static constexpr bool has_memory = !std::is_same_v<typename detail::SizedTerm<First, 2>::Type, First>;
+    // With room for so many modes.
+    template <std::size_t Capacity>
+    using Sized = Surface<T, typename detail::SizedTerm<First, Capacity>::Type, with_terminal>;
 
     static Coefficients prepare(const SurfaceParams& p, double step) {
         return {.first = First::prepare(p, step), .terminal = TerminalTerm<T>::prepare(p, step)};

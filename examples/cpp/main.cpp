@@ -1,9 +1,9 @@
 // The paper's corrected controller in a closed loop with the gyroscope, in noise; prints the tracking error of x and y.
 // Everything is nondimensional: lengths in q0, times in 1/ω0. `fracgyro simulate` makes the same run.
-#include <fracgyro/controller.hpp>
 #include <fracgyro/disturbance.hpp>
 #include <fracgyro/kernel_design.hpp>
 #include <fracgyro/plant.hpp>
+#include <fracgyro/sliding_mode.hpp>
 
 #include <cmath>
 #include <cstdio>
@@ -19,17 +19,17 @@ int main() {
     const PlantParams gyroscope{.damping = {0.01, 0.002, 0.01},                             // D: xx, xy, yy
                                 .stiffness = {63.955 / 0.18, 12.779 / 0.18, 95.92 / 0.18},  // K = k/(m ω0²)
                                 .rate = 0.1,                                                // Ωz
-                                .initial = {.position = {0.5, 0.5}}};
+                                .initial_position = {0.5, 0.5}};
     static KernelDesign design;
-    ControllerParams params{.step = step};
-    params.reference = {.frequency = {pi, pi / 2}, .phase = {0.0, pi / 2}};
+    const Common common{.step = step,
+                        .reference = {.frequency = {pi, pi / 2}, .phase = {0.0, pi / 2}},
+                        .nominal = {.damping = 0.95 * gyroscope.damping,
+                                    .stiffness = 0.95 * gyroscope.stiffness,
+                                    .rate = 0.95 * gyroscope.rate}};
+    SlidingModeParams params;
     params.surface.modes = designed_modes(design, 0.9, step, steps * step, 1e-6);  // order α, tolerance of the kernel
-    params.adaptation.initial = {.damping = 0.95 * gyroscope.damping,
-                                 .stiffness = 0.95 * gyroscope.stiffness,
-                                 .rate = 0.95 * gyroscope.rate,
-                                 .bound = {0.1, 0.2, 0.3}};
 
-    const auto controller = Controller::prepare(params);
+    const auto controller = Controller::prepare(params, common);
     const auto plant = Plant<double>::prepare(gyroscope, step);
     Disturbance noise({.kind = DisturbanceKind::noise}, step);
     Controller::State state{};

@@ -14,8 +14,8 @@ static fracgyro_vector force;
 
 static uint32_t ticks(void) { return 0xFFFFFFU - SYSTICK[2]; }
 
-/* The springs that the controller begins with, moved by its force: x and y, then their rates. */
-static fracgyro_number springs[3];
+/* The nominal springs, moved by the controller's force: x and y, then their rates. */
+static const fracgyro_number springs[3] = FRACGYRO_NOMINAL_STIFFNESS;
 static fracgyro_motion moved(fracgyro_motion m) {
     const fracgyro_number h = (fracgyro_number)(FRACGYRO_STEP_SECONDS * FRACGYRO_VELOCITY_UNIT / FRACGYRO_LENGTH_UNIT);
     const fracgyro_vector q = m.position, v = m.velocity;
@@ -54,11 +54,6 @@ int main(void) {
     SYSTICK[2] = 0;
     SYSTICK[0] = 5;
     fracgyro_init(&state);
-    fracgyro_estimates estimates;
-    fracgyro_read_estimates(&state, &estimates);
-    for (int i = 0; i < 3; ++i) {
-        springs[i] = estimates.stiffness[i];
-    }
     /* Of the first 64 steps, and of 64 once what only the start needs is past, two in each evaluating the reference
        anew: the mean of the later, and the most of any, those of faults included. */
     fracgyro_motion motion = {{(fracgyro_number)0.5, (fracgyro_number)0.5}, {0, 0}};

@@ -15,6 +15,8 @@ using State = Guard::State;
 
 static_assert(sizeof(State) <= FRACGYRO_STATE_SIZE && alignof(State) <= FRACGYRO_STATE_ALIGNMENT);
 static_assert(std::is_trivially_copyable_v<State> && std::is_same_v<Number, fracgyro_number>);
+static_assert(fracgyro::width_of<Guard::Report>() == FRACGYRO_REPORTED);
+static_assert(FRACGYRO_REPORTED == 0 || sizeof(fracgyro_report) == FRACGYRO_REPORTED * sizeof(fracgyro_number));
 static_assert(static_cast<int>(fracgyro::Status::ok) == FRACGYRO_OK);
 static_assert(static_cast<int>(fracgyro::Status::saturated) == FRACGYRO_SATURATED);
 static_assert(static_cast<int>(fracgyro::Status::not_finite) == FRACGYRO_NOT_FINITE);
@@ -48,15 +50,9 @@ void fracgyro_init(fracgyro_state* state) {
     return static_cast<fracgyro_status>(s.status);
 }
 
-void fracgyro_read_estimates(const fracgyro_state* state, fracgyro_estimates* estimates) {
-    const auto e = Guard::estimates(in(state), coefficients);
-    const auto quality = Guard::rate_quality(in(state), coefficients);
-    *estimates = {.damping = {e.damping.xx, e.damping.xy, e.damping.yy},
-                  .stiffness = {e.stiffness.xx, e.stiffness.xy, e.stiffness.yy},
-                  .rate = e.rate,
-                  .bound = {e.bound[0], e.bound[1], e.bound[2]},
-                  .rate_deviation = quality.deviation,
-                  .rate_trusted = quality.trusted};
+[[gnu::flatten]] void fracgyro_read_report(const fracgyro_state* state, fracgyro_report* report) {
+    auto* number = reinterpret_cast<fracgyro_number*>(report);
+    fracgyro::for_each_number(Guard::report(in(state), coefficients), [&](Number found) { *number++ = found; });
 }
 
 void fracgyro_save(const fracgyro_state* state, fracgyro_saved* saved) {

@@ -9,7 +9,7 @@
 #ifndef FRACGYRO_H
 #define FRACGYRO_H
 
-#include "fracgyro_coefficients.h" /* fracgyro_number; FRACGYRO_STATE_SIZE and _ALIGNMENT; units; the scenario */
+#include "fracgyro_coefficients.h" /* fracgyro_number, fracgyro_report; the state's size; units; the scenario */
 
 #include <stdint.h>
 
@@ -36,12 +36,6 @@ typedef struct {
     fracgyro_vector position, velocity;
 } fracgyro_motion;
 
-/* Damping and stiffness as xx, xy, yy; the angular rate; b0, b1, b2. With composite adaptation also the standard
-   deviation of the rate, and 1 where the motion tells it from the other parameters; else both are 0. */
-typedef struct {
-    fracgyro_number damping[3], stiffness[3], rate, bound[3], rate_deviation, rate_trusted;
-} fracgyro_estimates;
-
 typedef struct {
     unsigned char bytes[FRACGYRO_STATE_SIZE];
 } __attribute__((aligned(FRACGYRO_STATE_ALIGNMENT))) fracgyro_state;
@@ -58,7 +52,9 @@ void fracgyro_init(fracgyro_state* state);
 /* The force to hold until the next step, from the motion measured now. `force` is always set and within the limit. */
 fracgyro_status fracgyro_step(fracgyro_state* state, const fracgyro_motion* motion, fracgyro_vector* force);
 
-void fracgyro_read_estimates(const fracgyro_state* state, fracgyro_estimates* estimates);
+/* What the controller reports, as it stands before the coming step. What only a step finds, as a sliding surface, is 0;
+   with nothing to report nothing is done. */
+void fracgyro_read_report(const fracgyro_state* state, fracgyro_report* report);
 
 /* A restored state continues as the saved one would have, bit for bit. */
 void fracgyro_save(const fracgyro_state* state, fracgyro_saved* saved);

@@ -30,9 +30,9 @@ int main(void) {
         apply_force(tick, status, force);
     }
 
-    fracgyro_estimates estimates;
-    fracgyro_read_estimates(&state, &estimates);
-    printf("angular rate %.6f\n", (double)estimates.rate);
+    fracgyro_report report; /* fracgyro_coefficients.h names its members */
+    fracgyro_read_report(&state, &report);
+    printf("%d numbers reported\n", FRACGYRO_REPORTED);
 
     fracgyro_saved saved; /* to flash, say */
     fracgyro_save(&state, &saved);

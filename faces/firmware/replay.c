@@ -1,6 +1,6 @@
 /* Answers every motion in the file "motion" (x, y and their rates as fracgyro_number, one sample after another) with a
-   row in the file "answer": status, force x, y, the estimates that it was computed with: damping, stiffness, rate,
-   bound, the rate's deviation and whether to trust it. For comparing processors bit by bit. */
+   row in the file "answer": status, force x, y, and what the controller reported before it. For comparing processors
+   bit by bit. */
 #include "fracgyro.h"
 
 #include <stdio.h>
@@ -8,7 +8,7 @@
 typedef struct {
     fracgyro_number status;
     fracgyro_vector force;
-    fracgyro_estimates estimates;
+    fracgyro_report report;
 } answer;
 
 int main(void) {
@@ -24,7 +24,7 @@ int main(void) {
     size_t count;
     while ((count = fread(motions, sizeof motions[0], 64, in)) > 0) {
         for (size_t i = 0; i < count; ++i) {
-            fracgyro_read_estimates(&state, &answers[i].estimates);
+            fracgyro_read_report(&state, &answers[i].report);
             answers[i].status = (fracgyro_number)fracgyro_step(&state, &motions[i], &answers[i].force);
         }
         if (fwrite(answers, sizeof answers[0], count, out) != count) {

@@ -16,13 +16,9 @@
 
 namespace fracgyro {
 
-inline constexpr auto kind_place = std::find(controller_kinds.begin(), controller_kinds.end(), exported::kind);
-static_assert(kind_place != controller_kinds.end());
-using ExportedKind =
-    typename std::tuple_element_t<kind_place - controller_kinds.begin(), Controllers<exported::Number>>::Type;
-using AdaptedKind = std::conditional_t<exported::composite, Composite<ExportedKind>, ExportedKind>;
+using Registered = RegisteredController<exported::Number, exported::kind, exported::chosen>;
 // What is measured in the FMU itself has no faults.
-using ExportedController = std::conditional_t<exported::closed_loop, AdaptedKind, Guard<AdaptedKind>>;
+using ExportedController = std::conditional_t<exported::closed_loop, Registered, Guard<Registered>>;
 using Loop = Stepper<ExportedController>;
 
 // Of the steps in one call of the importer: some seconds of work, after which it may think again.
@@ -38,7 +34,7 @@ public:
         double start_time = 0.0;
         std::array<double, std::size(exported::variables)> values{};  // parameters and inputs, in the FMU's units
         typename Loop::State loop{};
-        std::array<double, row_width> row{};
+        std::array<double, row_width<ExportedController::Report>> row{};
     };
 
     Instance() { reset(); }
@@ -171,7 +167,7 @@ public:
                     return diverged();
                 }
                 if (state_.loop.step % 256 == 0) {
-                    look_at_bounds();
+                    look_at_bounds(*std::get_if<exported::kind>(&setup_.controller), state_.loop.signals.report);
                 }
             } else {
                 state_.loop.motion = measured();
@@ -186,20 +182,29 @@ public:
     }
 
 private:
-    // ρ h/δ and the bound estimates, from when s was within the layer: they tell what ended a loop that diverges.
-    void look_at_bounds() {
-        const auto number = [](auto a) { return static_cast<double>(a); };
-        const auto size = [&](const auto& a) { return std::hypot(number(a.x), number(a.y)); };
-        const ControlParams& control = setup_.controller.control;
-        if (!setup_.controller.adaptation.adaptive || !(size(state_.loop.signals.surface) < control.layer_thickness)) {
-            return;
+    // ρ h/δ and the bound estimates, from when s was within the layer: they tell what ended a loop that diverges. Only
+    // of a controller that has such.
+    template <class Params, class Report>
+    void look_at_bounds([[maybe_unused]] const Params& params, [[maybe_unused]] const Report& report) {
+        if constexpr (requires {
+                          params.adaptation.adaptive;
+                          params.control;
+                          report.surface;
+                          report.bound;
+                      }) {
+            const auto number = [](auto a) { return static_cast<double>(a); };
+            const auto size = [&](const auto& a) { return std::hypot(number(a.x), number(a.y)); };
+            const ControlParams& control = params.control;
+            if (!params.adaptation.adaptive || !(size(report.surface) < control.layer_thickness)) {
+                return;
+            }
+            for (std::size_t i = 0; i < bound_.size(); ++i) {
+                bound_[i] = number(report.bound[i]);
+            }
+            const Motion<exported::Number>& motion = state_.loop.motion;
+            const double rho = bound_[0] + bound_[1] * size(motion.position) + bound_[2] * size(motion.velocity);
+            gain_ = std::min(rho * exported::step / control.layer_thickness, control.switching_limit);
         }
-        for (std::size_t i = 0; i < bound_.size(); ++i) {
-            bound_[i] = number(state_.loop.signals.estimates.bound[i]);
-        }
-        const double rho =
-            bound_[0] + bound_[1] * size(state_.loop.motion.position) + bound_[2] * size(state_.loop.motion.velocity);
-        gain_ = std::min(rho * exported::step / control.layer_thickness, control.switching_limit);
     }
     bool diverged() {
         if (gain_ > 1.0) {
@@ -273,10 +278,7 @@ private:
             state_.loop = Loop::start(setup_, coefficients_, disturbance_);
         } else {
             state_.loop = {};
-            state_.loop.signals.estimates =
-                ExportedController::estimates(state_.loop.controller, coefficients_.controller);
-            state_.loop.signals.rate_quality =
-                ExportedController::rate_quality(state_.loop.controller, coefficients_.controller);
+            state_.loop.signals.report = ExportedController::report(state_.loop.controller, coefficients_.controller);
         }
         write_row(state_.loop.snapshot(), state_.row.data());
     }
@@ -286,7 +288,7 @@ private:
         if (prepared_) {
             return;
         }
-        std::array<double, setting_names.size()> numbers = exported::numbers;
+        auto numbers = exported::numbers;
         for (std::size_t i = 0; i < state_.values.size(); ++i) {
             const Variable& v = exported::variables[i];
             if (v.role == Role::fixed || v.role == Role::tunable) {
@@ -296,11 +298,12 @@ private:
             }
         }
         take_settings(setup_, numbers.data());
-        Modes& modes = setup_.controller.surface.modes;
-        std::copy(exported::rates.begin(), exported::rates.end(), modes.rates.begin());
-        std::copy(exported::weights.begin(), exported::weights.end(), modes.weights.begin());
+        if (Modes* const modes = modes_of(setup_.controller)) {
+            std::copy(exported::rates.begin(), exported::rates.end(), modes->rates.begin());
+            std::copy(exported::weights.begin(), exported::weights.end(), modes->weights.begin());
+        }
         coefficients_ = Loop::prepare(setup_);
-        disturbance_ = Disturbance(setup_.disturbance, setup_.controller.step);
+        disturbance_ = Disturbance(setup_.disturbance, setup_.common.step);
         prepared_ = true;
     }
 
@@ -349,7 +352,7 @@ private:
 
     State state_{};
     bool prepared_ = false;  // what follows is that of state_.values
-    Setup setup_{};
+    Setup setup_{.controller = params_of_kind(exported::kind)};
     typename Loop::Coefficients coefficients_{};
     Disturbance disturbance_{DisturbanceParams{}, 1.0};
     std::array<double, 3> bound_{};

@@ -1,15 +1,18 @@
-// Answers every motion in the file "motion" (x, y and their rates) with a row in the file "answer": the force, and the
-// estimates that it was computed with. The controller is that of studies, in the lanes of the widest register of this
+// Answers every motion in the file "motion" (x, y and their rates) with a row in the file "answer": the force, and what
+// the controller reported with it. The controller is that of studies, in the lanes of the widest register of this
 // processor.
 //
-//     replay KIND float|double      also reads "numbers", in the order of settings.hpp, "rates" and "weights" of modes
+//     replay KIND float|double      the kind by its place in the registry; also reads "numbers", in the order of
+//                                   settings.hpp, "rates" and "weights" of modes
 //
 // The motions go through each lane in turn, beside runs of half their size in the others. The answer is that of the
 // first lane or, where another lane's is not the same, that one's.
-#include "fracgyro/block.hpp"
+#include "fracgyro/lanes.hpp"
+#include "fracgyro/record.hpp"
 #include "fracgyro/settings.hpp"
 
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <vector>
 
@@ -46,25 +49,24 @@ bool write(const char* name, const std::vector<Row>& rows) {
     return std::fclose(file) == 0 && whole;
 }
 
-Setup stored_setup(std::string_view kind) {
-    Setup setup{.kind = kind};
+Setup stored_setup(std::size_t kind) {
+    Setup setup{.controller = params_of_kind(kind)};
     const auto numbers = read<double>("numbers"), rates = read<double>("rates"), weights = read<double>("weights");
     take_settings(setup, numbers.data());
-    Modes& modes = setup.controller.surface.modes;
-    std::copy(rates.begin(), rates.end(), modes.rates.begin());
-    std::copy(weights.begin(), weights.end(), modes.weights.begin());
+    if (Modes* const modes = modes_of(setup.controller)) {
+        std::copy(rates.begin(), rates.end(), modes->rates.begin());
+        std::copy(weights.begin(), weights.end(), modes->weights.begin());
+    }
     return setup;
 }
 
-template <class Number>
-using Answer = std::array<Number, 12>;
-
+// One row after another.
 template <class Controller, class Number>
-std::vector<Answer<Number>> answers(const typename Controller::Coefficients& c, std::size_t lane,
-                                    const std::vector<std::array<Number, 4>>& motions) {
+std::vector<Number> answers(const typename Controller::Coefficients& c, std::size_t lane,
+                            const std::vector<std::array<Number, 4>>& motions) {
     using T = typename Controller::Value;
     typename Controller::State state{};
-    std::vector<Answer<Number>> rows;
+    std::vector<Number> rows;
     for (const auto& [x, y, v, w] : motions) {
         const auto in_lane = [lane](Number a) {
             T lanes(0.5 * static_cast<double>(a));
@@ -72,13 +74,11 @@ std::vector<Answer<Number>> answers(const typename Controller::Coefficients& c, 
             return lanes;
         };
         const Motion<T> motion{.position = {in_lane(x), in_lane(y)}, .velocity = {in_lane(v), in_lane(w)}};
-        const Signals<T> signals = Controller::step(state, c, motion);
-        const Vec2<T>& force = signals.force;
-        const Estimates<T>& found = signals.estimates;
-        const auto of_lane = [lane](const auto&... values) { return Answer<Number>{values.lane[lane]...}; };
-        rows.push_back(of_lane(force.x, force.y, found.damping.xx, found.damping.xy, found.damping.yy,
-                               found.stiffness.xx, found.stiffness.xy, found.stiffness.yy, found.rate, found.bound[0],
-                               found.bound[1], found.bound[2]));
+        const auto signals = Controller::step(state, c, motion);
+        const auto put = [&](const T& number) { rows.push_back(number.lane[lane]); };
+        put(signals.force.x);
+        put(signals.force.y);
+        for_each_number(signals.report, put);
     }
     return rows;
 }
@@ -88,8 +88,8 @@ bool replay(const Setup& setup) {
     using T = Lanes<Number, register_bytes / sizeof(Number)>;
     const auto motions = read<std::array<Number, 4>>("motion");
     bool written = false;
-    with_controller<T>(setup.kind, setup.controller.adaptation.composite, [&]<class Controller>() {
-        const auto coefficients = Controller::prepare(setup.controller);
+    with_controller<T>(setup.controller, [&]<class Controller>() {
+        const auto coefficients = prepare<Controller>(setup.controller, setup.common);
         const auto first = answers<Controller>(coefficients, 0, motions);
         auto odd = first;
         for (std::size_t lane = 1;
@@ -108,7 +108,7 @@ int main(int count, char** words) {
     if (count != 3) {
         return 1;
     }
-    const fracgyro::Setup setup = fracgyro::stored_setup(words[1]);
+    const fracgyro::Setup setup = fracgyro::stored_setup(std::strtoul(words[1], nullptr, 10));
     return (std::strcmp(words[2], "float") == 0 ? fracgyro::replay<float>(setup) : fracgyro::replay<double>(setup)) ? 0
                                                                                                                     : 1;
 }

@@ -29,9 +29,11 @@ const STATUSES = ["ok", "saturated", "not_finite", "out_of_range", "restarted", 
 
 class Fracgyro {
   #module;
+  #data;
 
   constructor(module, data) {
     this.#module = module;
+    this.#data = data;
     this.version = data.version;
     this.fields = data.fields;
     this.paper = data.paper;
@@ -39,9 +41,9 @@ class Fracgyro {
 
   // The closed loop from t = 0 to run.duration.
   async simulate(scenario, changes = {}) {
-    const { core, settings, steps } = await this.#prepare(scenario, changes);
+    const { core, settings, steps, reported } = await this.#prepare(scenario, changes);
     const every = settings["run.record_every"];
-    const columns = columnNames(core);
+    const columns = [...this.#data.loop, ...reported];
     const samples = Math.floor(steps / every) + 1;
     const fits = 8 * columns.length * samples <= LARGEST_RECORD;
     const rows = fits && core.reserve(columns.length * samples);
@@ -65,10 +67,8 @@ class Fracgyro {
 
   // The controller alone, in double or in single precision. Call `step` once every run.step.
   async controller(scenario, changes = {}, { single = false } = {}) {
-    const { core } = await this.#prepare(scenario, changes);
+    const { core, reported } = await this.#prepare(scenario, changes);
     core.controller_start(single);
-    const columns = columnNames(core);
-    const force = columns.indexOf("control.x");
     const number = single ? "float" : "double";
     const key = new TextEncoder().encode(`fracgyro ${this.version} ${core.controller_key() >>> 0} ${number}\n`);
     const saved = () => new Uint8Array(core.memory.buffer, core.controller_saved(), core.controller_saved_size());
@@ -78,17 +78,19 @@ class Fracgyro {
         if (motion.length !== 4 || !motion.every(Number.isFinite)) {
           throw new RangeError(`position and velocity are ${motion}: each must be two finite numbers`);
         }
-        const row = core.doubles(core.controller_step(...motion), columns.length);
-        return [row[force], row[force + 1]];
+        return [...core.doubles(core.controller_step(...motion), 2)];
       },
       get status() {
         return STATUSES[core.controller_status()];
       },
-      get estimates() {
-        const all = [...core.doubles(core.controller_estimates(), 12)];
-        const [rate, rateDeviation, rateTrusted] = [all[6], all[10], all[11] === 1];
-        const [damping, stiffness, bound] = [all.slice(0, 3), all.slice(3, 6), all.slice(7, 10)];
-        return { damping, stiffness, rate, bound, rateDeviation, rateTrusted };
+      get report() {
+        const numbers = core.doubles(core.controller_report(), reported.length);
+        const found = {};
+        reported.forEach((column, i) => {
+          const [channel] = column.split(/[.[]/);
+          found[channel] = channel === column ? numbers[i] : [...(found[channel] ?? []), numbers[i]];
+        });
+        return found;
       },
       get state() {
         core.controller_save();
@@ -115,48 +117,61 @@ class Fracgyro {
 
   // An instance of its own for each run and each controller: whatever it holds goes with it.
   async #prepare(scenario, changes) {
-    const settings = this.#checked({ ...scenario.settings, ...changes });
+    const settings = this.#checked(scenario.settings, changes);
     const core = new Core(await WebAssembly.instantiate(this.#module));
     const steps = roundHalfToEven(settings["run.duration"] / settings["run.step"]);
     if (!(settings["run.duration"] >= settings["run.step"] && steps <= 1e9)) {
       throw new RangeError(`run.duration is ${settings["run.duration"]}: it must be 1 to 1000000000 times run.step`);
     }
-    // The module finds the last three itself.
-    const unset = { "controller.order_gamma": 1, "controller.mode_count": 0, "controller.mode_error": 0 };
-    const numbers = { "run.steps": steps, ...unset };
-    const values = core.names.map((name) => {
-      const choices = this.fields[name]?.choices;
-      if (choices) {
-        return choices.indexOf(settings[name]);
+    const kind = settings["controller.kind"];
+    const { numbers, reported } = this.#data.kinds[kind];
+    // A number stands for one that the module finds itself.
+    const values = numbers.map((name) => {
+      if (typeof name === "number") {
+        return name;
       }
-      return (numbers[name] ?? Number(settings[name] ?? Infinity)) / (scenario.scales[name] ?? 1);
+      if (name === "run.steps") {
+        return steps;
+      }
+      const { choices } = this.fields[name];
+      return choices ? choices.indexOf(settings[name]) : (settings[name] ?? Infinity) / (scenario.scales[name] ?? 1);
     });
     core.doubles(core.setting_values(), values.length).set(values);
-    const kind = settings["controller.kind"];
     const place = this.fields["controller.kind"].choices.indexOf(kind);
-    const withMemory = kind.startsWith("fractional");
-    if (!core.setup_done(place, withMemory, settings["run.duration"], settings["run.mode_tolerance"])) {
+    if (!core.setup_done(place, settings["run.duration"], settings["run.mode_tolerance"])) {
       throw new RangeError(`run.step is ${settings["run.step"]}: it must lie between 1e-200 and 1e200`);
     }
-    return { core, settings, steps };
+    return { core, settings, steps, reported: reported[core.chosen_type()] };
   }
 
-  #checked(settings) {
-    const missing = Object.keys(this.fields).find((name) => !Object.hasOwn(settings, name));
-    if (missing) {
-      throw new RangeError(`${missing} is missing: it must be given`);
+  // The settings of the kind. What a scenario says of another one's is left out.
+  #checked(stated, changes) {
+    const all = { ...stated, ...changes };
+    const kind = all["controller.kind"];
+    this.#check("controller.kind", kind);
+    const { kinds } = this.#data;
+    const foreign = new Set(Object.values(kinds).flatMap(({ numbers }) => numbers));
+    kinds[kind].numbers.forEach((name) => foreign.delete(name));
+    const misplaced = Object.keys(changes).find((name) => foreign.has(name));
+    if (misplaced) {
+      throw new RangeError(`${misplaced} is no setting of the controller ${kind}`);
     }
-    for (const [name, value] of Object.entries(settings)) {
-      if (!Object.hasOwn(this.fields, name)) {
-        throw new RangeError(`${name} is not a known setting; see fracgyro.fields`);
-      }
-      const field = this.fields[name];
-      const problem = wrong(name, value, field);
-      if (problem) {
-        throw new RangeError(`${name} is ${value}: it must be ${problem}`);
-      }
+    const names = new Set([...Object.keys(this.fields), ...Object.keys(all)].filter((name) => !foreign.has(name)));
+    names.forEach((name) => this.#check(name, all[name]));
+    return all;
+  }
+
+  #check(name, value) {
+    if (!Object.hasOwn(this.fields, name)) {
+      throw new RangeError(`${name} is not a known setting; see fracgyro.fields`);
     }
-    return settings;
+    if (value === undefined) {
+      throw new RangeError(`${name} is missing: it must be given`);
+    }
+    const problem = wrong(value, this.fields[name]);
+    if (problem) {
+      throw new RangeError(`${name} is ${value}: it must be ${problem}`);
+    }
   }
 }
 
@@ -164,14 +179,9 @@ class Fracgyro {
 class Core {
   constructor(instance) {
     Object.assign(this, instance.exports);
-    this.names = listed(this.setting_count(), (i) => this.text(this.setting_name(i)));
   }
   doubles(at, count) {
     return new Float64Array(this.memory.buffer, at, count);
-  }
-  text(at) {
-    const bytes = new Uint8Array(this.memory.buffer, at);
-    return String.fromCharCode(...bytes.subarray(0, bytes.indexOf(0)));
   }
   // Room behind everything that the module has of its own; null where there is none.
   reserve(count) {
@@ -186,30 +196,17 @@ class Core {
   }
 }
 
-// Limits that may be off, as infinity or null.
-const UNLIMITED = new Set(["controller.force_limit", "controller.switching_limit"]);
-const COUNTS = new Set([
-  "disturbance.seed",
-  "disturbance.hold_steps",
-  "run.record_every",
-  "guard.patience",
-  "guard.saturation_patience",
-]);
-
-function wrong(name, value, field) {
+function wrong(value, field) {
   if (field.choices) {
     return field.choices.includes(value) ? "" : `one of ${field.choices.join(", ")}`;
   }
-  if (["controller.adaptive", "guard.checked"].includes(name)) {
-    return typeof value === "boolean" ? "" : "true or false";
-  }
-  if (UNLIMITED.has(name) && (value === null || value === Infinity)) {
+  if (field.infinite && (value === null || value === Infinity)) {
     return "";
   }
   if (!Number.isFinite(value)) {
     return "a finite number";
   }
-  if (COUNTS.has(name) && !Number.isSafeInteger(value)) {
+  if (field.whole && !Number.isSafeInteger(value)) {
     return "a whole number below 2^53";
   }
   const { minimum, maximum, exclusiveMinimum, exclusiveMaximum } = field;
@@ -220,19 +217,6 @@ function wrong(name, value, field) {
     [value >= exclusiveMaximum, `less than ${exclusiveMaximum}`],
   ];
   return rules.find(([broken]) => broken)?.[1] ?? "";
-}
-
-function columnNames(core) {
-  const parts = { 1: [""], 2: [".x", ".y"], 3: [".xx", ".xy", ".yy"] };
-  return listed(core.channel_count(), (i) => {
-    const name = core.text(core.channel_name(i));
-    const suffixes = name === "bound_estimate" ? ["[0]", "[1]", "[2]"] : parts[core.channel_width(i)];
-    return suffixes.map((part) => name + part);
-  }).flat();
-}
-
-function listed(count, make) {
-  return Array.from({ length: count }, (_, i) => make(i));
 }
 
 // As Python rounds.

@@ -1,5 +1,5 @@
 // Answers every motion in the file "motion" (doubles: x, y and their rates) with a row in the file "answer": the force,
-// and the estimates that it was computed with. For comparing targets bit by bit. Run in a folder with what `make web`
+// and what the controller reported before it. For comparing targets bit by bit. Run in a folder with what `make web`
 // builds:
 //
 //     node replay.mjs SCENARIO.json float|double
@@ -11,11 +11,10 @@ const json = (file) => JSON.parse(readFileSync(file));
 const fracgyro = await load({ wasm: readFileSync("fracgyro.wasm"), data: json("fracgyro.json") });
 const controller = await fracgyro.controller(json(name), {}, { single: number === "float" });
 const motions = new Float64Array(new Uint8Array(readFileSync("motion")).buffer);
-const width = 12;
-const answers = new Float64Array((motions.length / 4) * width);
+const answers = [];
 for (let n = 0; n < motions.length / 4; ++n) {
-  const { damping, stiffness, rate, bound } = controller.estimates;
+  const reported = Object.values(controller.report).flat();
   const [x, y, vx, vy] = motions.subarray(4 * n, 4 * n + 4);
-  answers.set([...controller.step([x, y], [vx, vy]), ...damping, ...stiffness, rate, ...bound], width * n);
+  answers.push(...controller.step([x, y], [vx, vy]), ...reported);
 }
-writeFileSync("answer", answers);
+writeFileSync("answer", Float64Array.from(answers));

@@ -2,8 +2,8 @@
 // these globals, and JavaScript owns the memory behind them: nothing is allocated here and nothing is imported.
 #include "fracgyro/guard.hpp"
 #include "fracgyro/kernel_design.hpp"
-#include "fracgyro/settings.hpp"
 #include "fracgyro/record.hpp"
+#include "fracgyro/settings.hpp"
 
 #include <cstring>
 #include <new>
@@ -11,13 +11,22 @@
 namespace fracgyro {
 namespace {
 
+// As many as any kind has.
+constexpr std::size_t most_settings = []<std::size_t... I>(std::index_sequence<I...>) {
+    const auto count = [](const Setup& of_kind) {
+        std::size_t found = 0;
+        for_each_setting(of_kind, [&](std::string_view, const auto&, std::string_view, const auto&) { ++found; });
+        return found;
+    };
+    return std::max({count({.controller = ControllerParams(std::in_place_index<I>)})...});
+}(std::make_index_sequence<controller_kinds.size()>{});
+
 Setup setup;
-std::array<double, setting_names.size()> values;  // in the order of setting_names
-KernelDesign kernel_design;                       // room to design the modes in
-bool single_precision = false;                    // of the controller alone
-std::array<double, row_width> row;                // what it found in its last step
-std::array<double, 12> estimates;
-void* state_at = nullptr;  // its state
+std::array<double, most_settings> values;  // those of the kind, in the order of settings.hpp
+KernelDesign kernel_design;                // room to design the modes in
+bool single_precision = false;             // of the controller alone
+std::array<double, 2> force;               // that of its last step
+void* state_at = nullptr;                  // its state
 std::size_t state_size = 0;
 const Status* status_at = nullptr;
 
@@ -27,13 +36,22 @@ struct Held {
     typename Guard<Controller>::Coefficients coefficients{};
     typename Guard<Controller>::State state{};
 };
+// The most that measure(list of a line's types) gives for any line of the registry.
+template <Scalar T>
+constexpr std::size_t most_of(auto measure) {
+    return [&]<class... Entries>(std::tuple<Entries...>*) {
+        return std::max({measure(typename Entries::Type::template Types<T>{})...});
+    }(static_cast<Registry*>(nullptr));
+}
 // One at a time, in room for any: objects of each kind would lie in the module as they begin.
 template <Scalar T>
-constexpr std::size_t room_for_any = []<class... Entries>(std::tuple<Entries...>*) {
-    return std::max(
-        {std::max(sizeof(Held<typename Entries::Type>), sizeof(Held<Composite<typename Entries::Type>>))...});
-}(static_cast<Controllers<T>*>(nullptr));
+constexpr std::size_t room_for_any =
+    most_of<T>([]<class... Types>(List<Types...>) { return std::max({sizeof(Held<Types>)...}); });
 alignas(16) std::array<std::byte, std::max(room_for_any<double>, room_for_any<float>)> room;
+std::array<double, most_of<double>([]<class... Types>(List<Types...>) {
+               return std::max({width_of<typename Types::Report>()...});
+           })>
+    report;
 // Its state as it is saved, aligned as it is held.
 constexpr std::size_t saved_at = 16;
 alignas(16) std::array<unsigned char, saved_at + room.size()> saved;
@@ -45,24 +63,12 @@ Held<Controller>& held() {
     return *std::launder(reinterpret_cast<Held<Controller>*>(room.data()));
 }
 
-// Its own function, as it is the same for every surface.
-template <class Adaptation>
-[[gnu::noinline]] void tell(const typename Adaptation::State& state, const typename Adaptation::Coefficients& c) {
-    const auto e = Adaptation::estimates(state, c);
-    const auto quality = Adaptation::quality(state, c);
-    const auto number = [](auto a) { return static_cast<double>(a); };
-    estimates = {number(e.damping.xx),   number(e.damping.xy),      number(e.damping.yy),
-                 number(e.stiffness.xx), number(e.stiffness.xy),    number(e.stiffness.yy),
-                 number(e.rate),         number(e.bound[0]),        number(e.bound[1]),
-                 number(e.bound[2]),     number(quality.deviation), number(quality.trusted)};
-}
-
 template <class Act>
 void with_held(Act&& act) {
     if (single_precision) {
-        with_controller<float>(setup.kind, setup.controller.adaptation.composite, act);
+        with_controller<float>(setup.controller, act);
     } else {
-        with_controller<double>(setup.kind, setup.controller.adaptation.composite, act);
+        with_controller<double>(setup.controller, act);
     }
 }
 
@@ -73,27 +79,24 @@ using namespace fracgyro;
 
 #define EXPORT extern "C" [[gnu::visibility("default")]]
 
-EXPORT std::size_t setting_count() { return setting_names.size(); }
-EXPORT const char* setting_name(std::size_t i) { return setting_names[i].data(); }
-EXPORT std::size_t kind_count() { return controller_kinds.size(); }
-EXPORT const char* kind_name(std::size_t i) { return controller_kinds[i].data(); }
-EXPORT std::size_t channel_count() { return channels.size(); }
-EXPORT const char* channel_name(std::size_t i) { return channels[i].name.data(); }
-EXPORT int channel_width(std::size_t i) { return channels[i].width; }
-
 // To be filled in before `setup_done`.
 EXPORT double* setting_values() { return values.data(); }
-// Designs the modes of a controller with memory. Returns whether there are such.
-EXPORT bool setup_done(std::size_t kind, bool with_memory, double duration, double tolerance) {
-    setup.kind = controller_kinds[kind];
+// The kind is a place in the registry. Designs the modes of a controller with memory. Returns whether there are such.
+EXPORT bool setup_done(std::size_t kind, double duration, double tolerance) {
+    setup.controller = params_of_kind(kind);
     take_settings(setup, values.data());
-    Modes& modes = setup.controller.surface.modes;
-    if (!with_memory) {
-        modes = {};
+    Modes* const modes = modes_of(setup.controller);
+    if (modes == nullptr || !has_memory(setup.controller)) {
         return true;
     }
-    modes = designed_modes(kernel_design, modes.order, setup.controller.step, duration, tolerance);
-    return modes.count > 0 || modes.order == 0.0 || modes.order == 1.0;
+    *modes = designed_modes(kernel_design, modes->order, setup.common.step, duration, tolerance);
+    return modes->count > 0 || modes->order == 0.0 || modes->order == 1.0;
+}
+// Which of the kind's types it is: what it reports depends on that.
+EXPORT std::size_t chosen_type() {
+    std::size_t chosen = 0;
+    with_params(setup.controller, [&](const auto& params, auto family) { chosen = family.chosen(params); });
+    return chosen;
 }
 
 // A run into `rows`, with room for steps / every + 1 of them. Returns the number of samples before divergence.
@@ -102,7 +105,7 @@ EXPORT int simulate(int every, double* rows) { return static_cast<int>(record<do
 EXPORT void controller_start(bool single) {
     single_precision = single;
     with_held([]<class C>() {
-        auto* made = new (room.data()) Held<C>{.coefficients = Guard<C>::prepare(setup.controller)};
+        auto* made = new (room.data()) Held<C>{.coefficients = prepare<Guard<C>>(setup.controller, setup.common)};
         state_at = &made->state;
         state_size = sizeof made->state;
         saved_is_sound = [] {
@@ -114,29 +117,33 @@ EXPORT void controller_start(bool single) {
 }
 // Of what the controller is made from.
 EXPORT std::uint32_t controller_key() {
-    const Modes& modes = setup.controller.surface.modes;
-    std::uint32_t sum = checksum(setup.kind.data(), setup.kind.size());
+    const std::size_t kind = setup.controller.index();
+    std::uint32_t sum = checksum(&kind, sizeof kind);
     sum = checksum(values.data(), sizeof values, sum);
-    sum = checksum(modes.rates.data(), modes.count * sizeof modes.rates[0], sum);
-    return checksum(modes.weights.data(), modes.count * sizeof modes.weights[0], sum);
+    if (const Modes* const modes = modes_of(setup.controller)) {
+        sum = checksum(modes->rates.data(), modes->count * sizeof modes->rates[0], sum);
+        sum = checksum(modes->weights.data(), modes->count * sizeof modes->weights[0], sum);
+    }
+    return sum;
 }
-// One step, from the motion measured now. Returns the row of what was found.
+// One step, from the motion measured now. Returns the force.
 EXPORT const double* controller_step(double x, double y, double vx, double vy) {
     with_held([&]<class C>() {
         using T = typename C::Value;
         const Motion<T> motion{.position = {T(x), T(y)}, .velocity = {T(vx), T(vy)}};
-        const auto signals = Guard<C>::step(held<C>().state, held<C>().coefficients, motion);
-        write_row<T>({.step = 0, .motion = motion, .signals = signals, .disturbance = {}}, row.data());
+        const Vec2<T> found = Guard<C>::step(held<C>().state, held<C>().coefficients, motion).force;
+        force = {static_cast<double>(found.x), static_cast<double>(found.y)};
     });
-    return row.data();
+    return force.data();
 }
-// As they stand after the last step.
-EXPORT const double* controller_estimates() {
+// What it reports, as it stands after the last step.
+EXPORT const double* controller_report() {
     with_held([]<class C>() {
-        tell<typename C::AdaptationType>(held<C>().state.controller.adaptation,
-                                         held<C>().coefficients.controller.adaptation);
+        double* next = report.data();
+        for_each_number(Guard<C>::report(held<C>().state, held<C>().coefficients),
+                        [&](auto number) { *next++ = static_cast<double>(number); });
     });
-    return estimates.data();
+    return report.data();
 }
 // What was thought of the last sample.
 EXPORT int controller_status() { return static_cast<int>(*status_at); }

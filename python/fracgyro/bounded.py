@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from .kinds import having
 from .scenario import Scenario, ScenarioError
 from .table import toml_value
 
@@ -20,7 +21,7 @@ def gain(scenario: Scenario, bound: Iterable[float], position: float, speed: flo
     b0, b1, b2 = bound
     rho, c = b0 + b1 * position + b2 * speed, scenario.controller
     slope = rho * scenario.run.step / c.layer_thickness if c.layer_thickness > 0 else math.inf
-    return min(slope, c.switching_limit)
+    return float(min(slope, c.switching_limit))
 
 
 def is_bounded(scenario: Scenario) -> bool:
@@ -29,7 +30,7 @@ def is_bounded(scenario: Scenario) -> bool:
     They rest, or the switching limit keeps it there, or adaptation.projection does so on the reference.
     """
     c, a, r = scenario.controller, scenario.adaptation, scenario.reference
-    if not c.adaptive:
+    if not c.adaptive or c.kind not in having("adaptation.bound_gain"):
         return True
     if c.layer_thickness == 0:
         return False
@@ -63,7 +64,7 @@ def cause(scenario: Scenario, run: xr.Dataset) -> tuple[float, NDArray[np.float6
     None where it was not they that ended it.
     """
     c = scenario.controller
-    if not c.adaptive or c.layer_thickness == 0:
+    if not c.adaptive or c.layer_thickness == 0 or "bound_estimate" not in run:
         return None
     scales = scenario.plant.scales
     si = run.attrs["units"] == "SI"

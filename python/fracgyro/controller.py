@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from . import _core
 from .arguments import check_scenario, number, pair, short
+from .kinds import QUANTITIES, reported
 from .scenario import Scenario
-from .setup import composite, controller_params
+from .setup import core_setup
 
 Vector = NDArray[np.float64]
 
@@ -56,10 +57,13 @@ class Controller:
         self._length = scales.length if si else 1.0
         self._velocity = scales.velocity if si else 1.0
         self._force = scales.force if si else 1.0
-        self._damping = scales.damping if si else 1.0
-        self._stiffness = scales.stiffness if si else 1.0
-        self._rate = scales.rate if si else 1.0
-        self._core = _core.Controller(scenario.controller.kind, controller_params(scenario), single_precision)
+        setup = core_setup(scenario)
+        self._core = _core.Controller(setup, single_precision)
+        self._reported = reported(setup)
+        self._scales = [
+            [getattr(scales, QUANTITIES[unit][0]) if si else 1.0 for unit in channel.units]
+            for channel in self._reported
+        ]
 
     def step(self, time: float, position: Sequence[float], velocity: Sequence[float] | None = None) -> Vector:
         """The force [x, y] to hold until the next step, from position and velocity [x, y] measured at `time`.
@@ -93,17 +97,27 @@ class Controller:
 
     @property
     def estimates(self) -> Estimates:
-        """The estimates as they stand after the last step."""
-        e = self._core.estimates
-        deviation, trusted = self._core.rate_quality if composite(self.scenario) else (math.nan, False)
+        """The estimates as they stand after the last step; NaN where the controller has none."""
+        found = self.report
+        nothing = np.full(3, math.nan)
         return Estimates(
-            damping=np.asarray(e.damping) * self._damping,
-            stiffness=np.asarray(e.stiffness) * self._stiffness,
-            rate=e.rate * self._rate,
-            bound=np.asarray(e.bound) * [self._force, self._stiffness, self._damping],
-            rate_deviation=deviation * self._rate,
-            rate_trusted=trusted,
+            damping=found.get("damping_estimate", nothing),
+            stiffness=found.get("stiffness_estimate", nothing),
+            rate=float(found.get("rate_estimate", math.nan)),
+            bound=found.get("bound_estimate", nothing),
+            rate_deviation=float(found.get("rate_deviation", math.nan)),
+            rate_trusted=bool(found.get("rate_trusted", False)),
         )
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """What the controller reports besides the force, by channel, as it stands after the last step."""
+        numbers, found, column = np.asarray(self._core.report), {}, 0
+        for channel, scales in zip(self._reported, self._scales, strict=True):
+            values = numbers[column : column + channel.width] * (scales if len(scales) > 1 else scales[0])
+            found[channel.name] = values if channel.dimension else values[0]
+            column += channel.width
+        return found
 
     @property
     def state(self) -> bytes:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from .arguments import check_scenario, number
+from .kinds import AXES, ENTRIES
 from .scenario import Scenario
 from .setup import composite, core_setup
 from .simulate import metrics_dataset
@@ -137,13 +138,14 @@ def lyapunov(run: xr.Dataset, bounds: tuple[float, float, float]) -> xr.DataArra
     rate = 2.0 * rate_error(run) ** 2 + (weights * symmetric**2).sum("entry")
     b = run["bound_estimate"] - xr.DataArray(list(bounds), dims="bound")
     x = xr.DataArray(list(gains.bound_gain), dims="bound")
-    return 0.5 * (
+    found: xr.DataArray = 0.5 * (
         (run["surface"] ** 2).sum("axis")
         + (weights * d**2).sum("entry") / gains.damping_gain
         + (weights * k**2).sum("entry") / gains.stiffness_gain
         + rate / gains.rate_gain
         + (b**2 / x).sum("bound")
     )
+    return found
 
 
 def summary(
@@ -155,6 +157,8 @@ def summary(
 ) -> xr.Dataset:
     """All of the above as one row, under the names that `simulate_many(..., metrics_only=True)` uses.
 
+    Metrics of what the controller does not report are NaN.
+
     The first three in the units of the run; left out they are 10, 0.01 and 0.06, nondimensional. The run should be
     recorded at every step: a thinned record (run.record_every > 1) gives estimates, of chattering a wrong one.
     """
@@ -165,6 +169,7 @@ def summary(
     number("rate_tolerance", rate_tolerance, above=0.0)
     early, late = (None, transient), (transient, None)
     windows: dict[str, Window] = {"whole": (None, None), "transient": early, "steady": late}
+    run = run.assign({name: _nothing(run, name) for name in NOT_OF_ALL if name not in run})
     off = rate_error(run)
     run = run.assign(off=off)
     half = 0.5 * float(run["time"][-1])
@@ -194,6 +199,25 @@ def summary(
     if run.attrs["units"] == "SI":
         figures["bound_final"].attrs["units"] = run["bound_estimate"].attrs["units"]
     return figures
+
+
+# What metrics are of and not every controller reports, with the dimension and labels of its columns.
+NOT_OF_ALL: dict[str, tuple[str, list[str] | list[int]] | None] = {
+    "surface": ("axis", AXES),
+    "damping_estimate": ("entry", ENTRIES),
+    "stiffness_estimate": ("entry", ENTRIES),
+    "rate_estimate": None,
+    "bound_estimate": ("bound", [0, 1, 2]),
+}
+
+
+def _nothing(run: xr.Dataset, name: str) -> xr.DataArray:
+    columns = NOT_OF_ALL[name]
+    nothing = xr.full_like(run["error"].isel(axis=0, drop=True), np.nan).assign_attrs(units="1")
+    if columns is None:
+        return nothing
+    dimension, labels = columns
+    return nothing.expand_dims({dimension: labels}, axis=-1)
 
 
 def measured(scenario: Scenario) -> xr.Dataset:

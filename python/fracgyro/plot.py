@@ -34,17 +34,19 @@ def _plot_run(run: xr.Dataset, path: Path) -> None:
     si = run.attrs["units"] == "SI"
     time = run["time"]
     stride = slice(None, None, max(1, time.size // 8000))
-    panels = figure.subplots(4, 1, sharex=True)
+    senses = "rate_estimate" in run
+    panels = figure.subplots(4 if senses else 3, 1, sharex=True)
     for i, axis in enumerate(("x", "y")):
         panels[0].plot(time[stride], run["position"][stride, i], color=COLOURS[i], label=f"{axis}")
         panels[0].plot(time[stride], run["reference"][stride, i], color="black", linestyle=":", linewidth=0.8)
         size = np.maximum(abs(run["error"][stride, i]), 1e-300)
         panels[1].semilogy(time[stride], size, color=COLOURS[i], linewidth=0.7, label=axis)
         panels[2].plot(time[stride], run["control"][stride, i], color=COLOURS[i], linewidth=0.7, label=axis)
-    off = np.maximum(abs(metrics.rate_error(run)), 1e-300)
-    panels[3].semilogy(time[stride], off[stride], color=COLOURS[0], linewidth=0.9, label="Ωz")
+    if senses:
+        off = np.maximum(abs(metrics.rate_error(run)), 1e-300)
+        panels[3].semilogy(time[stride], off[stride], color=COLOURS[0], linewidth=0.9, label="Ωz")
     names = ("position q, reference (dotted)", "error |e|", "control force u", "error of rate estimate")
-    for panel, name, variable in zip(panels, names, ("position", "error", "control", "rate_estimate"), strict=True):
+    for panel, name, variable in zip(panels, names, ("position", "error", "control", "rate_estimate"), strict=False):
         unit = f" ({run[variable].attrs['units']})" if si else ""
         panel.set_ylabel(name + unit, fontsize=8)
         panel.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)

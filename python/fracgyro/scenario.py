@@ -13,7 +13,7 @@ import textwrap
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal, Self, get_args
+from typing import Any, Literal, Self, cast, get_args
 
 import numpy as np
 from pydantic import BaseModel, ValidationError, model_validator
@@ -21,6 +21,7 @@ from pydantic_core import ErrorDetails
 
 from .device import Device, Rate
 from .files import cut, whole_file
+from .kinds import KINDS, fields_of, having
 from .table import MOST_STEPS, Table, sentence, shown, toml_value
 from .tables import (
     ERRATA_SWITCHES,
@@ -39,6 +40,7 @@ from .toml import read_tables, read_text
 # The first words and the last line of a saved scenario: half a file may still be valid TOML.
 BEGIN = "# A fracgyro scenario."
 END = "# End of the scenario."
+BY_KIND = ("controller", "adaptation")  # tables whose fields belong to kinds of controllers
 FILES = [("rate", "file"), ("device", "temperature_file")]
 
 
@@ -68,8 +70,21 @@ class Scenario(Table):
             self._check_whole_steps("disturbance.hold", hold, 1, "; left out, it is one step")
         self._check_rate()
         self._check_drift()
+        self._check_kind()
         self._check_estimates()
         return self
+
+    def _check_kind(self) -> None:
+        """A field that is given must be one that the kind of controller has."""
+        kind = self.controller.kind
+        for name in BY_KIND:
+            table = getattr(self, name)
+            for field in sorted(table.model_fields_set - set(_fields(name, kind))):
+                path = f"{name}.{field}"
+                raise sentence(
+                    f"{path} is {shown(getattr(table, field))}: it must be left out, as controller.kind {kind} has no "
+                    f"such field; it is one of {', '.join(having(path))}"
+                )
 
     def _check_whole_steps(self, name: str, time: float, least: int, note: str = "") -> None:
         ratio = min(time / self.run.step, 2.0 * MOST_STEPS)
@@ -159,7 +174,8 @@ class Scenario(Table):
         ]
         for name, table in self:
             lines += ["", f"# {type(table).__doc__}", f"[{name}]"]
-            for field, info in type(table).model_fields.items():
+            for field in _fields(name, self.controller.kind):
+                info = type(table).model_fields[field]
                 value = getattr(table, field)
                 lines += _comment(info.description or "")
                 lines += [f"# {field} is not set" if value is None else f"{field} = {toml_value(value)}"]
@@ -168,6 +184,10 @@ class Scenario(Table):
     def replace(self, changes: Mapping[str, Any]) -> Scenario:
         """A copy with {"controller.order": 0.8, ...} changed, validated as a whole; None unsets."""
         tables = self.model_dump()
+        kind = changes.get("controller.kind", self.controller.kind)
+        for name in BY_KIND:  # what another kind does not have is not taken along
+            known = _fields(name, kind) if kind in KINDS else tables[name]
+            tables[name] = {field: value for field, value in tables[name].items() if field in known}
         for path, value in changes.items():
             if path not in paths(Scenario):
                 raise ScenarioError(unknown(str(path), Scenario))
@@ -187,6 +207,15 @@ class Scenario(Table):
 
     def content_hash(self) -> str:
         return hashlib.sha256(self.to_toml().encode()).hexdigest()
+
+
+@cache
+def _fields(table: str, kind: str) -> tuple[str, ...]:
+    """The fields of a table that a scenario with this kind of controller has, in their order."""
+    known = cast(type[BaseModel], Scenario.model_fields[table].annotation).model_fields
+    if table not in BY_KIND:
+        return tuple(known)
+    return tuple(field for field in known if field in fields_of(kind, table) or not having(f"{table}.{field}"))
 
 
 @cache

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from . import _core
 from .export.compilers import Number
 from .export.replay import parity_hash
-from .export.targets import MOTION, VARIABLES, answers
+from .export.targets import MOTION, answered, answers
 from .scenario import Scenario
 from .simulate import simulate
 
@@ -75,7 +75,7 @@ def parity_run() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     def columns(names: list[str]) -> NDArray[np.float64]:
         return np.hstack([run[name].values.reshape(steps, -1) for name in names])
 
-    return columns(MOTION), columns(VARIABLES)
+    return columns(MOTION), columns([channel.name for channel in answered(SCENARIO)])
 
 
 def processor() -> str:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Mapping
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
 from . import _core, modes
 from .device import Device, Points
+from .kinds import KINDS, numbers
 from .scenario import Scenario
 from .table import MOST_STEPS
 from .tables import Guard
@@ -17,6 +20,7 @@ from .tables import Guard
 FARTHEST = 8.0  # standard deviations: noise is never so far off
 LEAST_TOLERANCE = 1e-5  # of sensors and disturbance, nondimensional: rounding, and what is ideal only on paper
 SHORTEST_RANGE = 10.0  # the modes cover at least this many steps, however short the run
+PARTS = {".x": 0, ".y": 1, ".xx": 0, ".xy": 1, ".yy": 2}
 
 
 @lru_cache(maxsize=1024)  # a design takes milliseconds, and studies ask for few different ones
@@ -39,67 +43,39 @@ def core_modes(order: float, step: float, duration: float, tolerance: float) -> 
 
 def composite(scenario: Scenario) -> bool:
     """Whether least squares run beside the laws (44)."""
-    return scenario.adaptation.kind == "composite" and scenario.controller.adaptive
+    return bool(scenario.adaptation.kind == "composite" and scenario.controller.adaptive)
 
 
-def controller_params(scenario: Scenario) -> _core.ControllerParams:
-    """Parameters of eqs (16), (35), (44), (46)."""
-    c, a, run = scenario.controller, scenario.adaptation, scenario.run
+def core_numbers(scenario: Scenario) -> dict[str, float]:
+    """Every number of a run by name, nondimensional, as the core takes it: a choice is its place, a switch 0 or 1."""
+    tables = {name: dict(table) for name, table in scenario}
+    tables["guard"] = dict(guard(scenario))
+    tables["plant"] = _plant(scenario)
+    tables["disturbance"] = _disturbance(scenario)
+    tables["adaptation"] |= _nominal(scenario)
+    tables["run"]["steps"] = scenario.run.steps
+    found = {}
+    for number in numbers(scenario.controller.kind):
+        value = tables[number.table].get(number.field, number.default)
+        if number.part.startswith("["):
+            value = value[int(number.part[1:-1])]
+        elif number.part:
+            value = value[PARTS[number.part]]
+        found[number.name] = float(number.choices.index(value) if isinstance(value, str) else value)
+    return found
+
+
+def _nominal(scenario: Scenario) -> dict[str, Any]:
+    """What the controller knows of the plant. With known parameters, eqs (20) and (34), the truth."""
+    c, a = scenario.controller, scenario.adaptation
+    adaptive = getattr(c, "adaptive", True)
     damping, stiffness, rate, _, _ = scenario.plant.nondimensional()
-    params = _core.ControllerParams()
-    params.step = run.step
-
-    reference = _core.ReferenceParams()
-    reference.amplitude = scenario.reference.amplitude
-    reference.frequency = scenario.reference.frequency
-    reference.phase = scenario.reference.phase
-    params.reference = reference
-
-    surface = _core.SurfaceParams()
-    surface.fractional_gain = c.fractional_gain
-    surface.terminal_gain = c.terminal_gain
-    surface.terminal_exponent = c.terminal_exponent
-    surface.singularity_floor = c.singularity_floor
-    surface.riemann_liouville = c.derivative == "riemann_liouville"
-    if c.kind.startswith("fractional"):
-        surface.modes = core_modes(c.order, run.step, run.duration, run.mode_tolerance)
-    params.surface = surface
-
-    control = _core.ControlParams()
-    control.layer_thickness = c.layer_thickness
-    control.layer = _core.Layer.quadratic if c.layer == "quadratic" else _core.Layer.linear
-    control.force_limit = c.force_limit
-    control.switching_limit = c.switching_limit
-    params.control = control
-
-    # With known parameters, eqs (20) and (34), the estimates start at the truth and stay there.
-    ratio = a.initial_ratio if c.adaptive else 1.0
-    initial = _core.Estimates()
-    initial.damping = ratio * damping
-    initial.stiffness = ratio * stiffness
-    initial.rate = ratio * rate if a.initial_rate is None or not c.adaptive else a.initial_rate
-    initial.bound = a.initial_bound
-
-    adaptation = _core.AdaptationParams()
-    adaptation.adaptive = c.adaptive
-    adaptation.printed_rate_law = c.rate_law == "printed"
-    adaptation.damping_gain = a.damping_gain
-    adaptation.stiffness_gain = a.stiffness_gain
-    adaptation.rate_gain = a.rate_gain
-    adaptation.bound_gain = a.bound_gain
-    adaptation.initial = initial
-    adaptation.leakage = a.leakage
-    adaptation.dead_zone = a.dead_zone
-    adaptation.projection = a.projection
-    adaptation.composite = composite(scenario)
-    adaptation.forgetting = a.forgetting
-    adaptation.rate_forgetting = a.rate_forgetting
-    params.adaptation = adaptation
-    params.guard = _core.GuardParams()
-    for name, value in guard(scenario):
-        setattr(params.guard, name, value)
-    params.observer_bandwidth = c.observer_bandwidth if scenario.device.sensing == "position" else 0.0
-    return params
+    ratio = a.initial_ratio if adaptive else 1.0
+    return {
+        "initial_damping": ratio * damping,
+        "initial_stiffness": ratio * stiffness,
+        "initial_rate": ratio * rate if a.initial_rate is None or not adaptive else a.initial_rate,
+    }
 
 
 def guard(scenario: Scenario) -> Guard:
@@ -145,9 +121,10 @@ def _plant_tolerance(scenario: Scenario) -> float:
 
 def _force_tolerance(scenario: Scenario) -> float:
     """The disturbance, what the converter and the limit of the actuator make of the force, and a force that is late."""
-    d, device, limit = disturbance_params(scenario), device_params(scenario), scenario.controller.force_limit
-    kind = scenario.disturbance.kind
-    disturbed = {"none": 0.0, "noise": FARTHEST * d.standard_deviation, "sine": max(map(abs, d.amplitude))}[kind]
+    d, device, limit = _disturbance(scenario), device_params(scenario), scenario.controller.force_limit
+    disturbed = {"none": 0.0, "noise": FARTHEST * d["standard_deviation"], "sine": max(map(abs, d["amplitude"]))}[
+        d["kind"]
+    ]
     reach = float(device.actuator.range)
     clipped = limit - reach if limit > reach else 0.0
     late = 2 * limit if device.delay else 0.0
@@ -158,34 +135,23 @@ def _resolution(quantiser: _core.Quantiser) -> float:
     return float(2 * quantiser.range / 2**quantiser.bits) if quantiser.bits else 0.0
 
 
-def plant_params(scenario: Scenario) -> _core.PlantParams:
-    """Parameters of eqs (9) and (13)."""
-    params = _core.PlantParams()
-    (
-        params.damping,
-        params.stiffness,
-        params.rate,
-        params.damping_deviation,
-        params.stiffness_deviation,
-    ) = scenario.plant.nondimensional()
-    params.initial_position = scenario.plant.initial_position
-    params.initial_velocity = scenario.plant.initial_velocity
-    return params
+def _plant(scenario: Scenario) -> dict[str, Any]:
+    """Numbers of eqs (9) and (13)."""
+    names = ("damping", "stiffness", "angular_rate", "damping_deviation", "stiffness_deviation")
+    initial = {name: getattr(scenario.plant, name) for name in ("initial_position", "initial_velocity")}
+    return dict(zip(names, scenario.plant.nondimensional(), strict=True)) | initial
 
 
-def disturbance_params(scenario: Scenario) -> _core.DisturbanceParams:
-    """Parameters of the force d of eq. (9)."""
+def _disturbance(scenario: Scenario) -> dict[str, Any]:
+    """Numbers of the force d of eq. (9)."""
     d = scenario.disturbance
-    params = _core.DisturbanceParams()
-    params.kind = getattr(_core.DisturbanceKind, d.kind)
-    hold = scenario.run.step if d.hold is None else d.hold
+    found = dict(d) | {"hold_steps": 1, "standard_deviation": 1.0}
     if d.kind == "noise":
-        params.hold = round(hold / scenario.run.step)
+        hold = scenario.run.step if d.hold is None else d.hold
+        found["hold_steps"] = round(hold / scenario.run.step)
         # White noise of density S, held for h, has variance S/h.
-        params.standard_deviation = math.sqrt(d.density / hold) if d.density is not None else d.standard_deviation
-    params.seed = d.seed
-    params.amplitude, params.frequency, params.phase = d.amplitude, d.frequency, d.phase
-    return params
+        found["standard_deviation"] = math.sqrt(d.density / hold) if d.density is not None else d.standard_deviation
+    return found
 
 
 def is_ideal(scenario: Scenario) -> bool:
@@ -245,14 +211,18 @@ def _profile(scenario: Scenario, points: Points, scale: float) -> _core.Profile:
     return profile
 
 
-def core_setup(scenario: Scenario) -> _core.DeviceSetup:
-    """One run for the compiled loop."""
-    setup = _core.DeviceSetup()
-    setup.kind = scenario.controller.kind
-    setup.controller = controller_params(scenario)
-    setup.plant = plant_params(scenario)
-    setup.disturbance = disturbance_params(scenario)
+def core_setup(scenario: Scenario, changes: Mapping[str, float] | None = None) -> _core.DeviceSetup:
+    """One run for the compiled loop; `changes`: numbers of `core_numbers` that are others."""
+    kind, run = scenario.controller.kind, scenario.run
+    found = core_numbers(scenario)
+    if unknown := set(changes or {}) - set(found):
+        raise KeyError(f"{min(unknown)} is not a number of this run")
+    setup = _core.DeviceSetup(KINDS.index(kind), list((found | dict(changes or {})).values()))
+    if setup.has_memory:
+        setup.modes = core_modes(scenario.controller.order, run.step, run.duration, run.mode_tolerance)
+    setup.seed = scenario.disturbance.seed  # a double does not hold all
+    if scenario.device.sensing == "position":
+        setup.observer_bandwidth = scenario.controller.observer_bandwidth
     if not is_ideal(scenario):
         setup.rate, setup.device = rate_params(scenario), device_params(scenario)
-    setup.steps = scenario.run.steps
     return setup

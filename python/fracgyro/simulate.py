@@ -13,56 +13,14 @@ import xarray as xr
 
 from . import _core, bounded
 from .arguments import check_scenario, number, short
+from .kinds import AXES, DEVICE_CHANNELS, LOOP_CHANNELS, QUANTITIES, Channel, reported
 from .scenario import Scenario
-from .setup import composite, core_setup, is_ideal
+from .setup import core_setup, is_ideal
 
-AXES = ["x", "y"]
-ENTRIES = ["xx", "xy", "yy"]
 # Runs between two looks at the keyboard and the progress callback: recorded; measured, by their steps and at most.
 CHUNK, CHUNK_STEPS, CHUNK_RUNS = 32, 20_000_000, 4096
 LARGEST_RECORD = 2 * 10**9  # bytes; a limit that depends on no machine, as its memory does
 TOGETHER = 32  # scenarios whose runs with the same seed share its noise, which is then drawn once
-
-# channel: (dimension of its columns or None, symbol and meaning, scale and unit in SI)
-CHANNELS: dict[str, tuple[str | None, str, list[tuple[str, str]]]] = {
-    "position": ("axis", "position q", [("length", "m")]),
-    "velocity": ("axis", "velocity v", [("velocity", "m/s")]),
-    "reference": ("axis", "reference r", [("length", "m")]),
-    "error": ("axis", "tracking error e = q - r", [("length", "m")]),
-    "error_rate": ("axis", "rate of the tracking error", [("velocity", "m/s")]),
-    "surface": ("axis", "sliding surface s", [("velocity", "m/s")]),
-    "control": ("axis", "control force u", [("force", "N")]),
-    "disturbance": ("axis", "disturbance force d", [("force", "N")]),
-    "damping_estimate": ("entry", "estimate of the damping D", [("damping", "N s/m")]),
-    "stiffness_estimate": ("entry", "estimate of the stiffness K", [("stiffness", "N/m")]),
-    "rate_estimate": (None, "estimate of the angular rate: skew part of Omega", [("rate", "rad/s")]),
-    "rate_symmetric_estimate": (
-        "entry",
-        "symmetric part of the estimate of Omega; not zero under the printed law only",
-        [("rate", "rad/s")],
-    ),
-    "bound_estimate": (
-        "bound",
-        "estimates of the bounds b0, b1, b2",
-        [("force", "N"), ("stiffness", "N/m"), ("damping", "N s/m")],
-    ),
-    "rate_deviation": (
-        None,
-        "standard deviation of the estimate of the angular rate; 0 without data",
-        [("rate", "rad/s")],
-    ),
-    "rate_trusted": (None, "1 where the motion tells the angular rate from the other parameters", [("one", "1")]),
-}
-OF_COMPOSITE = ["rate_deviation", "rate_trusted"]  # channels that only composite adaptation has
-# Further ones of runs whose rate moves or whose device is not ideal
-DEVICE_CHANNELS: dict[str, tuple[str | None, str, list[tuple[str, str]]]] = {
-    "angular_rate": (None, "angular rate Omega_z", [("rate", "rad/s")]),
-    "stiffness_drift": (None, "what the stiffness has grown by, as a fraction", [("one", "1")]),
-    "measured_position": ("axis", "position as the controller has it", [("length", "m")]),
-    "measured_velocity": ("axis", "velocity as the controller has it, measured or observed", [("velocity", "m/s")]),
-    "applied_control": ("axis", "force that the actuator gives for u", [("force", "N")]),
-}
-COORDINATES = {"axis": AXES, "entry": ENTRIES, "bound": [0, 1, 2]}
 
 
 class DivergedError(ValueError):
@@ -91,23 +49,25 @@ def threads_available() -> int:
 def simulate(scenario: Scenario) -> xr.Dataset:
     """One closed-loop run.
 
-    Returns a Dataset with the variables of `CHANNELS` over `time` (and axis, entry or bound), sampled every
-    `scenario.run.record_every` steps, in the units that `scenario.run.units` names. Position, velocity and error are
-    the true ones. With adaptation.kind composite the estimates of D, K and Omega_z are those of its least squares,
-    which the force believes from when rate_trusted is first true; rate_deviation and rate_trusted say how well Omega_z
-    is known; with gradient, which does not know, there are no such variables. Those of `DEVICE_CHANNELS` are there when
-    [rate] moves or [device] is not the ideal one.
+    Returns a Dataset with position, velocity, reference, error, error_rate, control, disturbance and what the
+    controller reports over `time` (and axis, entry or bound), sampled every `scenario.run.record_every` steps, in the
+    units that `scenario.run.units` names. Position, velocity and error are the true ones. With adaptation.kind
+    composite the estimates of D, K and Omega_z are those of its least squares, which the force believes from when
+    rate_trusted is first true; rate_deviation and rate_trusted say how well Omega_z is known; gradient, which does not
+    know, reports neither. `kinds.DEVICE_CHANNELS` are there when [rate] moves or [device] is not the ideal one.
     Raises DivergedError, which carries the samples until then, when the motion leaves all bounds.
     """
     check_scenario(scenario)
-    _check_size([scenario], 1)
-    rows, lasted = _core.record_runs([core_setup(scenario)], scenario.run.record_every, 1, not is_ideal(scenario))
+    setup, device = core_setup(scenario), not is_ideal(scenario)
+    channels = _channels([setup], device)
+    _check_size(scenario, channels, 1)
+    rows, lasted = _core.record_runs([setup], scenario.run.record_every, 1, device)
     samples = int(lasted[0])
     if samples <= scenario.run.steps:
         kept = -(-samples // scenario.run.record_every)
-        run = _dataset(rows[0, :kept], scenario)
-        raise DivergedError(scenario, samples * scenario.run.step, _known(run, [scenario]))
-    return _known(_dataset(rows[0], scenario), [scenario])
+        run = _dataset(rows[0, :kept], scenario, channels)
+        raise DivergedError(scenario, samples * scenario.run.step, run)
+    return _dataset(rows[0], scenario, channels)
 
 
 def simulate_many(
@@ -154,7 +114,6 @@ def simulate_many(
         if single_precision:
             raise ValueError("single_precision is True without metrics_only: recorded runs are in double precision")
         _check_alike(scenarios)
-        _check_size(scenarios, 1 if seeds is None else len(seeds))
     params = _core.MetricsParams()
     thresholds = {
         "transient": transient,
@@ -166,6 +125,10 @@ def simulate_many(
         limit = {"least": 0.0} if name == "transient" else {"above": 0.0}
         setattr(params, name, number(name, value, **limit))
     device = not all(map(is_ideal, scenarios))
+    channels: tuple[Channel, ...] = ()
+    if not metrics_only:
+        channels = _channels(list(map(core_setup, scenarios)), device)
+        _check_size(first, channels, len(scenarios) * (1 if seeds is None else len(seeds)))
     threads, lanes = threads_available(), _core.lane_counts()[-1]
     parts, lasted = [], []
     places: list[int] = []
@@ -178,7 +141,7 @@ def simulate_many(
             places.extend(place for place, _ in taken)
             parts.append(_core.measure_runs(setups, params, threads, lanes, single_precision))
         else:
-            rows, samples = _core.record_runs(setups, first.run.record_every, threads, device)
+            rows, samples = _record(setups, first.run.record_every, threads, device, channels)
             parts.append(rows)
             lasted.append(samples)
         if progress:
@@ -188,11 +151,10 @@ def simulate_many(
     if metrics_only:
         whole = whole[np.argsort(places)]
         return metrics_dataset(whole, thresholds).assign_coords(label)
-    run = _dataset(whole, first)
+    run = _dataset(whole, first, channels)
     samples = np.concatenate(lasted)
     time = np.where(samples > first.run.steps, np.nan, samples * first.run.step)
     run["diverged_at"] = ("run", time * _time_scale(first), {"long_name": "time of divergence"})
-    run = _known(run, scenarios, 1 if seeds is None else len(seeds))
     del run.attrs["scenario"]
     texts = np.repeat([s.to_toml() for s in scenarios], 1 if seeds is None else len(seeds))
     return run.assign_coords(scenario=("run", texts), **label)
@@ -209,9 +171,8 @@ def _setups(
         setups = [core_setup(scenario) for scenario in scenarios[first : first + together]]
         for at, seed in enumerate(seeds):
             for i, setup in enumerate(setups, first):
-                seeded, disturbance = _core.DeviceSetup(setup), _core.DisturbanceParams(setup.disturbance)
-                disturbance.seed = int(seed)
-                seeded.disturbance = disturbance
+                seeded = _core.DeviceSetup(setup)
+                seeded.seed = int(seed)
                 yield i * len(seeds) + at, seeded
 
 
@@ -237,11 +198,37 @@ def _check_alike(scenarios: Sequence[Scenario]) -> None:
             )
 
 
-def _check_size(scenarios: Sequence[Scenario], times: int) -> None:
-    """Raises ValueError when the record of every scenario, so many times, would be larger than is allowed."""
-    run, runs = scenarios[0].run, len(scenarios) * times
-    ideal = all(map(is_ideal, scenarios))
-    columns = sum(width for _, width in _core.channels + (() if ideal else _core.device_channels))
+def _channels(setups: Sequence[_core.DeviceSetup], device: bool) -> tuple[Channel, ...]:
+    """What is recorded of runs together: what each controller reports is there, NaN for those that do not."""
+    found = dict.fromkeys(channel for setup in setups for channel in reported(setup))
+    return (*LOOP_CHANNELS, *found, *(DEVICE_CHANNELS if device else ()))
+
+
+def _record(
+    setups: Sequence[_core.DeviceSetup], every: int, threads: int, device: bool, channels: tuple[Channel, ...]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of these channels, (run, sample, column), and the samples that each run lasted."""
+    groups: dict[tuple[Channel, ...], list[int]] = {}
+    for i, setup in enumerate(setups):
+        groups.setdefault(_channels([setup], device), []).append(i)
+    if list(groups) == [channels]:
+        rows, lasted = _core.record_runs(setups, every, threads, device)
+        return rows, lasted
+    starts = dict(zip(channels, np.cumsum([0, *(channel.width for channel in channels)]).tolist(), strict=False))
+    width = sum(channel.width for channel in channels)
+    whole = np.full((len(setups), setups[0].steps // every + 1, width), np.nan)
+    lasted = np.zeros(len(setups), dtype=np.int64)
+    for own, places in groups.items():
+        rows, lasted[places] = _core.record_runs([setups[i] for i in places], every, threads, device)
+        columns = [column for channel in own for column in range(starts[channel], starts[channel] + channel.width)]
+        whole[np.ix_(places, range(rows.shape[1]), columns)] = rows
+    return whole, lasted
+
+
+def _check_size(scenario: Scenario, channels: tuple[Channel, ...], runs: int) -> None:
+    """Raises ValueError when the record of so many runs would be larger than is allowed."""
+    run = scenario.run
+    columns = sum(channel.width for channel in channels)
     samples = run.steps // run.record_every + 1
     if (size := 8 * columns * samples * runs) > LARGEST_RECORD:
         raise ValueError(
@@ -255,48 +242,38 @@ def _time_scale(scenario: Scenario) -> float:
     return scenario.plant.scales.time if scenario.run.units == "SI" else 1.0
 
 
-def _dataset(rows: np.ndarray, scenario: Scenario) -> xr.Dataset:
+def _dataset(rows: np.ndarray, scenario: Scenario, channels: tuple[Channel, ...]) -> xr.Dataset:
     """Rows (..., sample, column) as a Dataset; every variable is a view of them unless units must change."""
     si = scenario.run.units == "SI"
     scales = scenario.plant.scales
     leading = ["run"] * (rows.ndim - 2)
-    variables = {}
+    variables: dict[str, Any] = {}
+    coordinates: dict[str, Any] = {}
     column = 0
-    narrow = sum(width for _, width in _core.channels) == rows.shape[-1]
-    recorded = _core.channels if narrow else _core.channels + _core.device_channels
-    for name, width in recorded:
-        dimension, meaning, units = (CHANNELS | DEVICE_CHANNELS)[name]
-        values = rows[..., column : column + width] if dimension else rows[..., column]
+    for channel in channels:
+        values = rows[..., column : column + channel.width] if channel.dimension else rows[..., column]
+        units = [QUANTITIES[unit] for unit in channel.units]
         if si:
             factors = [getattr(scales, scale) for scale, _ in units]
             values = values * (factors if len(factors) > 1 else factors[0])
         unit = ", ".join(u for _, u in units) if si else "1"
-        dimensions = [*leading, "time", *([dimension] if dimension else [])]
-        variables[name] = (dimensions, values, {"long_name": meaning, "units": unit})
-        column += width
+        if channel.dimension:
+            coordinates[channel.dimension] = channel.labels
+        dimensions = [*leading, "time", *([channel.dimension] if channel.dimension else [])]
+        variables[channel.name] = (dimensions, values, {"long_name": channel.meaning, "units": unit})
+        column += channel.width
     step = scenario.run.step * scenario.run.record_every
     time = np.arange(rows.shape[-2]) * step * _time_scale(scenario)
     attributes = {"long_name": "time", "units": "s" if si else "1"}
     return xr.Dataset(
         variables,
-        coords={"time": ("time", time, attributes), **COORDINATES},
+        coords={"time": ("time", time, attributes), **coordinates},
         attrs={
             "scenario": scenario.to_toml(),
             "version": version("fracgyro"),
             "units": scenario.run.units,
         },
     )
-
-
-def _known(run: xr.Dataset, scenarios: Sequence[Scenario], times: int = 1) -> xr.Dataset:
-    """What the runs cannot tell is left out, or NaN where others can. `times`: runs of each scenario."""
-    knowing = np.repeat([composite(scenario) for scenario in scenarios], times)
-    if not knowing.any():
-        return run.drop_vars(OF_COMPOSITE)
-    if not knowing.all():
-        for name in OF_COMPOSITE:
-            run[name] = run[name].where(xr.DataArray(knowing, dims="run"))
-    return run
 
 
 def metrics_dataset(values: np.ndarray, thresholds: dict[str, float]) -> xr.Dataset:
@@ -310,7 +287,7 @@ def metrics_dataset(values: np.ndarray, thresholds: dict[str, float]) -> xr.Data
     grouped["bound_final"] = (["run", "bound"], bounds)
     figures = xr.Dataset(
         {**grouped, **{name: ("run", column) for name, column in by_name.items()}},
-        coords={"window": windows, "axis": AXES, "bound": COORDINATES["bound"]},
+        coords={"window": windows, "axis": AXES, "bound": [0, 1, 2]},
         attrs={"version": version("fracgyro"), "units": "nondimensional", **thresholds},
     )
     for variable in figures.data_vars.values():

@@ -67,14 +67,10 @@ def as_tuple(names: str, *, expand: bool = False) -> BeforeValidator:
     return BeforeValidator(convert)
 
 
-Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
 Pair = Annotated[tuple[float, float], as_tuple("x y")]
 Frequency = Annotated[float, Field(ge=-LARGEST_FREQUENCY, le=LARGEST_FREQUENCY)]
 Frequencies = Annotated[tuple[Frequency, Frequency], as_tuple("x y")]
-Gains = Annotated[tuple[Positive, Positive], as_tuple("x y", expand=True)]
-BoundGains = Annotated[tuple[Positive, Positive, Positive], as_tuple("x0 x1 x2")]
-Bounds = Annotated[tuple[NonNegative, NonNegative, NonNegative], as_tuple("b0 b1 b2")]
 Vector = NDArray[np.float64]
 
 

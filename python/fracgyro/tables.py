@@ -9,18 +9,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import astuple, dataclass
-from typing import Any, Literal, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import create_model, model_validator
 
+from .kinds import KINDS, MEANINGS, table_fields
 from .table import (
     MOST_STEPS,
     ZERO,
-    BoundGains,
-    Bounds,
     Frequencies,
-    Gains,
     Pair,
     Symmetric,
     Table,
@@ -159,65 +157,44 @@ def _check_definite(name: str, matrix: Symmetric, *, semi: bool = False, unit: s
         raise sentence(f"{name} is {toml_value(matrix)}: it must be {wanted}, but {smallest}")
 
 
-class Reference(Table):
+if TYPE_CHECKING:
+
+    class _OfCore(Table):
+        """Fields that the core lists beside the numbers that they are (kinds.py)."""
+
+        def __getattr__(self, name: str) -> Any: ...
+
+    class _Reference(_OfCore): ...
+
+    class _Controller(_OfCore): ...
+
+    class _Adaptation(_OfCore): ...
+
+    class _Guard(_OfCore): ...
+
+else:
+    PAPER = {"frequency": (math.pi, math.pi / 2), "phase": (0.0, math.pi / 2)}
+    SAID = [f"{kind}: {meaning}" for kind, meaning in zip(KINDS, MEANINGS, strict=True)]
+    _Reference = create_model("_Reference", __base__=Table, **table_fields("reference", **PAPER))
+    _Controller = create_model(
+        "_Controller",
+        __base__=Table,
+        kind=(Literal[KINDS], field(KINDS[0], "; ".join(SAID) + ".")),
+        **table_fields("controller", order=0.9),
+    )
+    _Adaptation = create_model("_Adaptation", __base__=Table, **table_fields("adaptation"))
+    _Guard = create_model("_Guard", __base__=Table, **table_fields("guard", derived=True))
+
+
+class Reference(_Reference):
     """The motion to follow, r = amplitude*sin(frequency*t + phase)."""
 
-    amplitude: Pair = field((1.0, 1.0), "[x, y], unit q0. Zeros: off, r = 0.")
-    frequency: Frequencies = field((math.pi, math.pi / 2), "[x, y], unit omega0. Zeros: r is constant.")
-    phase: Pair = field((0.0, math.pi / 2), "[x, y], rad: pi/2 makes a cosine. Zeros: off.")
 
+class Controller(_Controller):
+    """The controller: its kind, and the fields that this kind has."""
 
-class Controller(Table):
-    """Sliding surface (16) and control law (35), (46)."""
-
-    kind: Literal["fractional_fast_terminal", "fractional", "fast_terminal", "linear"] = field(
-        "fractional_fast_terminal",
-        "The surface: fractional_fast_terminal (16), the paper's; fractional: (16) with lambda2 = 0; "
-        "fast_terminal (15): alpha = 1; linear: both.",
-    )
-    order: float = field(0.9, "alpha, 0 to 1, no unit: order of D^alpha e. 1.0: off, the integer surface.", ge=0, le=1)
-    fractional_gain: Gains = field(
-        (10.0, 10.0), "lambda1 [x, y], unit omega0^(2-alpha), > 0: decay of e on the surface. Towards 0.0: off."
-    )
-    terminal_gain: Gains = field(
-        (0.5, 0.5),
-        "lambda2 [x, y], unit q0^(1-c) omega0, > 0: finite-time pull near e = 0. kind fractional, linear: off.",
-    )
-    terminal_exponent: float = field(
-        0.5, "c, strictly between 0 and 1, no unit: |e|^c sign(e). Towards 1.0: a linear term.", gt=0, lt=1
-    )
-    layer_thickness: float = field(
-        0.06, "delta, unit of s, eq. (33): layer that smooths the switching. 0.0: off, pure sign.", ge=0
-    )
-    layer: Literal["quadratic", "linear"] = field(
-        ERRATA_SWITCHES["controller.layer"].corrected,
-        "Inside the layer: quadratic, -(s/delta^2)||s|| rho, as printed in (46); linear, -(s/delta) rho. "
-        "layer_thickness 0.0: off.",
-    )
-    derivative: Literal["caputo", "riemann_liouville"] = field(
-        ERRATA_SWITCHES["controller.derivative"].corrected,
-        "D^alpha of (18): caputo as printed; riemann_liouville cancels exactly. order 1.0: no difference.",
-    )
-    rate_law: Literal["skew", "printed"] = field(
-        ERRATA_SWITCHES["controller.rate_law"].corrected,
-        "Law of the Omega_z estimate, (44): skew, P (s1 v2 - s2 v1); printed: off, it never moves.",
-    )
-    singularity_floor: float = field(
-        1e-6, "Unit q0, > 0: floor of |e| in |e|^(c-1). Towards 0.0: off; below 1e-9 rounding rules.", gt=0
-    )
     observer_bandwidth: float = field(
         300.0, "Unit omega0, > 0: of the observer of velocity. device.sensing full: off, it is measured.", gt=0
-    )
-    adaptive: bool = field(True, "Estimates replace true values, (35). false: off, all known, (20), (34).")
-    force_limit: float = field(
-        math.inf, "Largest |u| per axis, unit m omega0^2 q0, > 0. inf: off.", gt=0, allow_inf_nan=True
-    )
-    switching_limit: float = field(
-        math.inf,
-        "Largest rho h/delta, no unit, > 0: what one step takes back of s; the loop diverges from about 2 on, and "
-        "noise alone lets the bound estimates grow until then. 0.5 suits hardware. inf: off.",
-        gt=0,
-        allow_inf_nan=True,
     )
 
     @model_validator(mode="after")
@@ -230,74 +207,19 @@ class Controller(Table):
         return self
 
 
-class Adaptation(Table):
-    """Adaptation laws (44), least squares beside them, and what keeps the estimates bounded."""
+class Adaptation(_Adaptation):
+    """What the controller knows of the plant at first, and how it learns: the fields that its kind has."""
 
-    kind: Literal["gradient", "composite"] = field(
-        "gradient",
-        "gradient: the laws (44); composite: least squares on the plant's equation beside them, which gives D, K, "
-        "Omega_z and its standard deviation. controller.adaptive false: off.",
-    )
-    damping_gain: float = field(150.0, "M, > 0: speed of the D estimate. Towards 0.0: off.", gt=0)
-    stiffness_gain: float = field(150.0, "N, > 0: speed of the K estimate. Towards 0.0: off.", gt=0)
-    rate_gain: float = field(150.0, "P, > 0: speed of the Omega_z estimate. Towards 0.0: off.", gt=0)
-    bound_gain: BoundGains = field(
-        (1.0, 1.6, 1.6), "[x0, x1, x2], > 0: speed of the bound estimates (12). Towards 0.0: off."
-    )
-    initial_bound: Bounds = field(
-        (0.1, 0.2, 0.3), "[b0, b1, b2] at t = 0, units of (12), >= 0: initial switching gain. Zeros: none."
-    )
     initial_ratio: float = field(
         0.95, "Estimates of D, K, Omega_z at t = 0 over their true values, > 0. 1.0: off, no error.", gt=0
-    )
-    leakage: float = field(
-        0.0, "Unit omega0: rate at which estimates leak back to their initial values. 0.0: off.", ge=0
-    )
-    dead_zone: float = field(0.0, "Unit of s: adaptation is frozen while ||s|| is below. 0.0: off.", ge=0)
-    projection: float = field(
-        0.0,
-        "Every estimate is kept within this fraction of its family's largest initial entry about its "
-        "initial value. 0.0: off.",
-        ge=0,
     )
     initial_rate: float | None = field(
         None, "Unit omega0: estimate of Omega_z at t = 0. Not set: initial_ratio times the true value."
     )
-    forgetting: float = field(
-        0.0, "Unit omega0: rate at which composite's least squares forget, all parameters alike. 0.0: off.", ge=0
-    )
-    rate_forgetting: float = field(
-        0.0,
-        "Unit omega0: rate at which they forget Omega_z besides, which is their bandwidth for it: a fast rate, "
-        "a noisy estimate. 0.0: off, Omega_z is taken for constant.",
-        ge=0,
-    )
 
 
-class Guard(Table):
+class Guard(_Guard):
     """Which samples the controller believes, in Python, FMU, browser, firmware; `simulate` believes all."""
-
-    checked: bool = field(
-        False,
-        "Samples are refused that the plant cannot have moved to since the last one, and those that are not finite. "
-        "The fields below say what it can; not set, they follow from the other tables. false: off.",
-    )
-    plant_tolerance: float | None = field(
-        None, "Share by which stiffness, actuator and the sensors' scales may be other than nominal.", ge=0
-    )
-    force_tolerance: float | None = field(None, "Unit of force: largest disturbance on one axis.", ge=0)
-    position_tolerance: float | None = field(None, "Unit q0: the sensor's largest error on one axis.", ge=0)
-    velocity_tolerance: float | None = field(None, "Unit q0 omega0: the same of the velocity.", ge=0)
-    patience: int | None = field(
-        None,
-        "Samples: after so many refused in a row the force is only that of the reference, and no sample is believed "
-        "until four times as many agree. 0: off, the last force is held.",
-        ge=0,
-        le=10**9,
-    )
-    saturation_patience: int | None = field(
-        None, "Samples: after so many in a row at the force limit everything learnt is dropped. 0: off.", ge=0, le=10**9
-    )
 
 
 class Disturbance(Table):

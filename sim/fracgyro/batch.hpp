@@ -3,6 +3,7 @@
 #pragma once
 
 #include "block.hpp"
+#include "lane_key.hpp"
 #include "record.hpp"
 
 #include <algorithm>
@@ -50,7 +51,7 @@ namespace detail {
 
 // `to` becomes `from` in one lane. Whatever is no number in lanes, counts and switches, must be the same in both.
 template <class T, class Struct>
-void take_lane(Struct& to, const Struct& from, std::size_t lane) {
+void set_lane(Struct& to, const Struct& from, std::size_t lane) {
     static_assert(std::is_trivially_copyable_v<Struct>);
     static_assert(alignof(Struct) == sizeof(T));
     auto* out = reinterpret_cast<unsigned char*>(&to);
@@ -59,17 +60,6 @@ void take_lane(Struct& to, const Struct& from, std::size_t lane) {
     for (std::size_t at = lane * size; at < sizeof(Struct); at += sizeof(T)) {
         std::memcpy(out + at, in + at, size);
     }
-}
-
-template <class T>
-Estimates<double> one_lane(const Estimates<T>& e, std::size_t k) {
-    const auto one = [k](const T& a) { return static_cast<double>(a.lane[k]); };
-    const auto sym2 = [&](const Sym2<T>& a) { return Sym2<double>{one(a.xx), one(a.xy), one(a.yy)}; };
-    return {.damping = sym2(e.damping),
-            .stiffness = sym2(e.stiffness),
-            .rate = one(e.rate),
-            .rate_symmetric = sym2(e.rate_symmetric),
-            .bound = {one(e.bound[0]), one(e.bound[1]), one(e.bound[2])}};
 }
 
 template <class T>
@@ -90,55 +80,49 @@ typename MetricsSums<double>::Stretch one_lane(const typename MetricsSums<T>::St
 
 }  // namespace detail
 
-// What runs in one block must agree in: all that the core decides once and not lane by lane.
-inline auto alike(const Setup& s) {
-    const AdaptationParams& a = s.controller.adaptation;
-    const ControllerParams& c = s.controller;
-    return std::tuple(s.kind, s.steps, c.step, c.surface.modes.count > 0, c.surface.terminal_exponent == 0.5,
-                      c.control.force_limit < std::numeric_limits<double>::infinity(),
-                      c.control.switching_limit < std::numeric_limits<double>::infinity(), a.printed_rate_law,
-                      a.leakage > 0.0, a.dead_zone > 0.0, a.projection > 0.0, a.composite, a.forgetting > 0.0);
+// What the disturbance depends on in runs with the same lane key.
+inline const DisturbanceParams& noise_key(const Setup& s) { return s.disturbance; }
+
+inline std::size_t mode_count(const Setup& s) {
+    const Modes* const modes = modes_of(s.controller);
+    return modes == nullptr ? 0 : modes->count;
 }
 
-// What the disturbance depends on in runs that are alike.
-inline const DisturbanceParams& drawing(const Setup& s) { return s.disturbance; }
-
-// Up to as many runs as there are lanes, alike in all that `alike` compares; values[k] receives the metrics of run k.
+// Up to as many runs as there are lanes, of the same lane key; values[k] receives the metrics of run k.
 // `drawn`: the disturbance of every sample, the same for all runs; empty to draw it on the way.
-template <class Controller>
-void measure_block(Move<Controller> move, FillDisturbance fill, std::span<const Setup* const> runs,
+template <Controller C>
+void measure_block(AdvanceBlock<C> advance, FillDisturbance fill, std::span<const Setup* const> runs,
                    std::span<const Vec2<double>> drawn, const MetricsParams& params,
                    std::span<MetricValues* const> values) {
-    using T = typename Controller::Value;
+    using T = typename C::Value;
     using Number = typename T::Number;
     constexpr std::size_t count = T::count;
-    const auto block = std::make_unique<Block<Controller>>();
+    const auto block = std::make_unique<Block<C>>();
     auto& sums = block->sums;
     std::size_t modes = 0;
     for (const Setup* run : runs) {
-        modes = std::max(modes, run->controller.surface.modes.count);
+        modes = std::max(modes, mode_count(*run));
     }
     std::array<bool, count> alive{};
     std::vector<Disturbance> disturbances;
     for (std::size_t k = 0; k < count; ++k) {
-        const Setup& run = *runs[std::min(k, runs.size() - 1)];  // lanes to spare repeat the last run, unheard
+        const Setup& run =
+            *runs[std::min(k, runs.size() - 1)];  // unused lanes repeat the last run; their results are discarded
         alive[k] = k < runs.size();
-        disturbances.emplace_back(run.disturbance, run.controller.step);
+        disturbances.emplace_back(run.disturbance, run.common.step);
         ControllerParams controller = run.controller;
-        Modes& own = controller.surface.modes;
-        for (; own.count < modes; ++own.count) {  // modes of weight 0, to be as many as in the other lanes
-            own.rates[own.count] = own.rates[own.count - 1];
-            own.weights[own.count] = 0.0;
+        if (mode_count(run) < modes) {  // as many as in the other lanes
+            fill_up(*modes_of(controller), modes);
         }
-        const auto coefficients = Controller::prepare(controller);
-        const auto plant = Plant<T>::prepare(run.plant, controller.step);
+        const auto coefficients = prepare<C>(controller, run.common);
+        const auto plant = Plant<T>::prepare(run.plant, run.common.step);
         const auto motion = Plant<T>::start(run.plant);
         if (k == 0) {
             block->controller = coefficients;
         }
-        detail::take_lane<T>(block->controller, coefficients, k);
-        detail::take_lane<T>(block->plant, plant, k);
-        detail::take_lane<T>(block->motion, motion, k);
+        detail::set_lane<T>(block->controller, coefficients, k);
+        detail::set_lane<T>(block->plant, plant, k);
+        detail::set_lane<T>(block->motion, motion, k);
         block->alive.lane[k] = alive[k] ? Number(1) : Number(0);
         sums.rate.lane[k] = static_cast<Number>(run.plant.rate);
         sums.rate_bound.lane[k] = static_cast<Number>(params.rate_tolerance * absolute(run.plant.rate));
@@ -146,24 +130,24 @@ void measure_block(Move<Controller> move, FillDisturbance fill, std::span<const 
     sums.error_bound_squared = T(params.error_bound * params.error_bound);
     sums.surface_bound_squared = T(params.surface_bound * params.surface_bound);
     const bool shared =
-        std::all_of(runs.begin(), runs.end(), [&](const Setup* run) { return drawing(*run) == drawing(*runs[0]); });
+        std::all_of(runs.begin(), runs.end(), [&](const Setup* run) { return noise_key(*run) == noise_key(*runs[0]); });
 
     const std::int64_t samples = runs[0]->steps + 1;
     const std::int64_t half = runs[0]->steps / 2;
     const std::int64_t steady_from = first_steady_sample(params, *runs[0]);
     std::array<MetricsTotals, count> totals{};
     std::array<double, count> bound_halfway{};
-    Estimates<T> estimates{};       // of the last sample; where a run has diverged, of the one after
+    typename C::Report report{};    // of the last sample; where a run has diverged, of the one after
     std::int64_t first = 0, n = 0;  // of the stretch; samples done
     const auto gather = [&](std::size_t k) { totals[k].add(detail::one_lane<T>(sums.stretch, k), first, steady_from); };
     const auto end_lane = [&](std::size_t k) {
-        const Estimates<double> last = detail::one_lane<T>(estimates, k);
+        const auto last = LastReport::of(report, [k](const T& a) { return static_cast<double>(a.lane[k]); });
         *values[k] = metric_values(params, *runs[k], totals[k], last, n <= half ? last.bound[0] : bound_halfway[k], n);
         alive[k] = false;
         block->alive.lane[k] = Number(0);
     };
     const auto end_diverged = [&] {
-        estimates = Controller::estimates(block->state, block->controller);
+        report = C::report(block->state, block->controller);
         for (std::size_t k = 0; k < count; ++k) {
             const auto& q = block->motion.position;
             const double size = std::abs(double{q.x.lane[k]}) + std::abs(double{q.y.lane[k]});
@@ -187,10 +171,10 @@ void measure_block(Move<Controller> move, FillDisturbance fill, std::span<const 
             end = first < stop ? std::min(end, stop) : end;
         }
         if (first == half || first == samples - 1) {
-            estimates = Controller::estimates(block->state, block->controller);
+            report = C::report(block->state, block->controller);
         }
         for (std::size_t k = 0; first == half && k < count; ++k) {
-            bound_halfway[k] = double{estimates.bound[0].lane[k]};
+            bound_halfway[k] = LastReport::of(report, [k](const T& a) { return double{a.lane[k]}; }).bound[0];
         }
         const auto stretch = std::span(coming).first(static_cast<std::size_t>(end - first));
         for (std::size_t k = 0; k < count && !shared; ++k) {
@@ -214,7 +198,7 @@ void measure_block(Move<Controller> move, FillDisturbance fill, std::span<const 
             }
         }
         while (n < end && any_alive()) {
-            n = first + move(*block, n - first, end - first);
+            n = first + advance(*block, n - first, end - first);
             if (n < samples && diverged(*block)) {
                 end_diverged();
             }
@@ -231,7 +215,7 @@ void measure_block(Move<Controller> move, FillDisturbance fill, std::span<const 
     }
 }
 
-// The metrics of every run, in order. Runs that are alike share blocks: first those with the same disturbance, which is
+// The metrics of every run, in order. Runs with the same lane key share blocks: first those with the same disturbance, which is
 // then drawn once for all of them, then what is left, those with equally many modes side by side.
 template <class Number, std::size_t Count>
 std::vector<MetricValues> measure_all(const Kernels<Number, Count>& kernels, FillDisturbance fill,
@@ -240,11 +224,14 @@ std::vector<MetricValues> measure_all(const Kernels<Number, Count>& kernels, Fil
     using Index = std::vector<std::size_t>;
     constexpr std::size_t most_together = 16 * Count;              // runs on one thread
     constexpr std::int64_t longest_drawn = std::int64_t{1} << 20;  // samples kept: 16 MB
-    const auto sort = [](Index& order, auto&& key) {
-        std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return key(a) < key(b); });
+    const auto sort = [](Index& order, auto&& by) {
+        std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return by(a) < by(b); });
     };
-    const auto modes = [&](std::size_t i) { return runs[i]->controller.surface.modes.count; };
-    const auto together = [&](std::size_t i) { return std::tuple(alike(*runs[i]), drawing(*runs[i])); };
+    std::vector<std::string> keys(runs.size());
+    parallel_for(runs.size(), threads, [&](std::size_t i) { keys[i] = lane_key(*runs[i]); });
+    const auto modes = [&](std::size_t i) { return mode_count(*runs[i]); };
+    const auto key = [&](std::size_t i) { return std::string_view(keys[i]); };
+    const auto together = [&](std::size_t i) { return std::tuple(key(i), noise_key(*runs[i])); };
     Index order(runs.size());
     for (std::size_t i = 0; i < order.size(); ++i) {
         order[i] = i;
@@ -265,11 +252,11 @@ std::vector<MetricValues> measure_all(const Kernels<Number, Count>& kernels, Fil
             left.push_back(order[begin]);
         }
     }
-    sort(left, [&](std::size_t i) { return std::tuple(alike(*runs[i]), modes(i)); });
+    sort(left, [&](std::size_t i) { return std::tuple(key(i), modes(i)); });
     for (std::size_t begin = 0; begin < left.size(); begin += tasks.back().size()) {
         tasks.emplace_back();
         for (std::size_t i = begin; i < left.size() && i < begin + Count; ++i) {
-            if (alike(*runs[left[i]]) == alike(*runs[left[begin]])) {
+            if (key(left[i]) == key(left[begin])) {
                 tasks.back().push_back(left[i]);
             }
         }
@@ -286,17 +273,16 @@ std::vector<MetricValues> measure_all(const Kernels<Number, Count>& kernels, Fil
         std::vector<Vec2<double>> drawn;
         if (all.size() > Count && all[0]->steps < longest_drawn) {
             drawn.resize(static_cast<std::size_t>(all[0]->steps + 1));
-            Disturbance disturbance(all[0]->disturbance, all[0]->controller.step);
+            Disturbance disturbance(all[0]->disturbance, all[0]->common.step);
             fill(disturbance, 0, drawn);
         }
         for (std::size_t begin = 0; begin < all.size(); begin += Count) {
             const std::size_t size = std::min(Count, all.size() - begin);
             const auto block = std::span<const Setup* const>(all).subspan(begin, size);
-            with_controller<Lanes<Number, Count>>(
-                block[0]->kind, block[0]->controller.adaptation.composite, [&]<class Controller>() {
-                    measure_block<Controller>(std::get<Move<Controller>>(kernels), fill, block, drawn, params,
-                                              std::span<MetricValues* const>(out).subspan(begin, size));
-                });
+            with_controller<Lanes<Number, Count>>(block[0]->controller, [&]<class C>() {
+                measure_block<C>(std::get<AdvanceBlock<C>>(kernels), fill, block, drawn, params,
+                                 std::span<MetricValues* const>(out).subspan(begin, size));
+            });
         }
     });
     return values;

@@ -24,11 +24,12 @@ inline bool plant_varies(const DeviceSetup& s) {
 inline bool is_ideal(const DeviceSetup& s) {
     const DeviceParams& d = s.device;
     return !plant_varies(s) && !(d.position_noise > 0.0) && !(d.velocity_noise > 0.0) && !d.position.on() &&
-           !d.velocity.on() && !d.actuator.on() && d.delay == 0 && s.controller.observer_bandwidth == 0.0;
+           !d.velocity.on() && !d.actuator.on() && d.delay == 0 && s.common.observer_bandwidth == 0.0;
 }
 
 // As a Snapshot; position, velocity and error are the true ones, `signals.force` is what the controller asks for.
-struct DeviceSnapshot : Snapshot<double> {
+template <class Report>
+struct DeviceSnapshot : Snapshot<double, Report> {
     double rate;                     // Ωz, after a jump
     double stiffness_drift;          // what K has grown by, as a fraction
     const Motion<double>& measured;  // what the controller goes by
@@ -36,11 +37,11 @@ struct DeviceSnapshot : Snapshot<double> {
 };
 
 // Calls observe(DeviceSnapshot) at every sample; as run_loop.
-template <class Controller, class Observe>
+template <Controller C, class Observe>
 std::int64_t run_device_loop(const DeviceSetup& setup, Observe&& observe) {
-    const double step = setup.controller.step;
-    const auto controller = Controller::prepare(setup.controller);
-    typename Controller::State state{};
+    const double step = setup.common.step;
+    const auto controller = prepare<C>(setup.controller, setup.common);
+    typename C::State state{};
     const bool varies = plant_varies(setup);
     const auto plant = Plant<double>::prepare(setup.plant, step);
     const auto varying = VaryingPlant::prepare({setup.plant, setup.device.cubic_stiffness, setup.rate.inertial}, step);
@@ -58,17 +59,18 @@ std::int64_t run_device_loop(const DeviceSetup& setup, Observe&& observe) {
         Vec2<double> force;
         disturbance.fill(n, {&force, 1});
         Motion<double> measured = device.sense(motion, n);
-        Signals<double> signals = Controller::step(state, controller, measured);  // 1 to 5
-        if constexpr (!Controller::measures_velocity) {
+        auto signals = C::step(state, controller, measured);  // 1 to 5
+        if constexpr (!measures_velocity<C>) {
             measured.velocity = signals.reference.velocity + signals.error.rate;  // the observer's
         }
         signals.error = tracking_error(motion, signals.reference);
         const Vec2<double> applied = device.actuate(signals.force, n);
-        observe(DeviceSnapshot{{.step = n, .motion = motion, .signals = signals, .disturbance = force},
-                               rate.at(n),
-                               drift(n, 0),
-                               measured,
-                               applied});
+        observe(
+            DeviceSnapshot<typename C::Report>{{.step = n, .motion = motion, .signals = signals, .disturbance = force},
+                                               rate.at(n),
+                                               drift(n, 0),
+                                               measured,
+                                               applied});
         if (varies) {  // 6
             VaryingPlant::Course course{.rate_before = rate.before(n) - setup.plant.rate};
             for (int halves = 0; halves < 3; ++halves) {
@@ -84,25 +86,27 @@ std::int64_t run_device_loop(const DeviceSetup& setup, Observe&& observe) {
 }
 
 // What is recorded of these runs behind the channels of record.hpp.
-inline constexpr std::array<Channel, 5> device_channels{{{"angular_rate", 1},
-                                                         {"stiffness_drift", 1},
-                                                         {"measured_position", 2},
-                                                         {"measured_velocity", 2},
-                                                         {"applied_control", 2}}};
-inline constexpr std::size_t device_row_width = row_width + 8;
+inline constexpr std::array<Channel, 5> device_channels{
+    {{"angular_rate", 1, "omega0", "angular rate Omega_z", ""},
+     {"stiffness_drift", 1, "1", "what the stiffness has grown by, as a fraction", ""},
+     {"measured_position", 2, "q0", "position as the controller has it"},
+     {"measured_velocity", 2, "q0*omega0", "velocity as the controller has it, measured or observed"},
+     {"applied_control", 2, "m*omega0^2*q0", "force that the actuator gives for u"}}};
+inline constexpr std::size_t device_width = 8;
 
-// As record(), with rows of device_row_width.
+// As record(), with rows longer by device_width.
 inline std::int64_t record_device(const DeviceSetup& setup, std::int64_t every, double* rows) {
     std::int64_t samples = 0;
-    with_controller<double>(setup.kind, setup.controller, [&]<class Controller>() {
-        samples = run_device_loop<Controller>(setup, [&](const DeviceSnapshot& at) {
+    with_controller<double>(setup.controller, setup.common.observer_bandwidth > 0.0, [&]<class C>() {
+        using Report = typename C::Report;
+        samples = run_device_loop<C>(setup, [&](const DeviceSnapshot<Report>& at) {
             if (at.step % every == 0) {
-                write_row<double>(at, rows);
+                write_row<double, Report>(at, rows);
                 const Motion<double>& m = at.measured;
                 const std::array<double, 8> more{at.rate,      at.stiffness_drift, m.position.x, m.position.y,
                                                  m.velocity.x, m.velocity.y,       at.applied.x, at.applied.y};
-                std::copy(more.begin(), more.end(), rows + row_width);
-                rows += device_row_width;
+                std::copy(more.begin(), more.end(), rows + row_width<Report>);
+                rows += row_width<Report> + device_width;
             }
         });
     });
@@ -113,7 +117,7 @@ inline std::int64_t record_device(const DeviceSetup& setup, std::int64_t every, 
 // tolerance of its largest size.
 inline std::array<double, metric_names.size()> measure_device(const DeviceSetup& setup, const MetricsParams& params) {
     const std::int64_t steady_from = first_steady_sample(params, setup);
-    const Rate rate(setup.rate, setup.plant.rate, setup.controller.step, setup.steps);
+    const Rate rate(setup.rate, setup.plant.rate, setup.common.step, setup.steps);
     double largest = 0.0;
     for (std::int64_t n = 0; n <= setup.steps; ++n) {
         largest = std::max(largest, absolute(rate.at(n)));
@@ -122,17 +126,17 @@ inline std::array<double, metric_names.size()> measure_device(const DeviceSetup&
                              .surface_bound_squared = params.surface_bound * params.surface_bound,
                              .rate_bound = params.rate_tolerance * largest};
     MetricsTotals totals{};
-    Estimates<double> last{};
+    LastReport last{};
     double bound_halfway = 0.0;
     DeviceSetup at_end = setup;  // what is true at the last sample
     std::int64_t samples = 0;
-    with_controller<double>(setup.kind, setup.controller, [&]<class Controller>() {
-        samples = run_device_loop<Controller>(setup, [&](const DeviceSnapshot& at) {
+    with_controller<double>(setup.controller, setup.common.observer_bandwidth > 0.0, [&]<class C>() {
+        samples = run_device_loop<C>(setup, [&](const DeviceSnapshot<typename C::Report>& at) {
             sums.rate = at.rate;
             sums.add(at.signals);
             totals.add(sums.stretch, at.step, steady_from);
             sums.stretch = {};
-            last = at.signals.estimates;
+            last = LastReport::of(at.signals.report, [](double a) { return a; });
             bound_halfway = at.step <= setup.steps / 2 ? last.bound[0] : bound_halfway;
             at_end.plant.rate = at.rate;
             at_end.plant.stiffness =

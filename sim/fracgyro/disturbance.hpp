@@ -21,6 +21,21 @@ struct DisturbanceParams {
     std::uint32_t stream = 0;  // of the seed's independent streams: 0 the force, others those of device.hpp
     Vec2<double> amplitude{}, frequency{}, phase{};  // sine: amplitude·sin(frequency·t + phase)
 
+    static constexpr std::string_view kinds[] = {"none", "noise", "sine"};
+    static constexpr auto fields() {
+        using P = DisturbanceParams;
+        return std::tuple{
+            choice("kind", &P::kind, kinds, "noise: Gaussian; sine: amplitude*sin(frequency*t + phase)."),
+            field("standard_deviation", &P::standard_deviation, "m*omega0^2*q0", at_least_0, "Of each held value."),
+            field("hold_steps", &P::hold, "1", {.low = 1.0, .high = 1e9, .whole = true},
+                  "Steps from one noise draw to the next."),
+            fixed(field("seed", &P::seed, "1", {.low = 0.0, .whole = true}, "Same seed, same noise.")),
+            field("amplitude", &P::amplitude, "m*omega0^2*q0", any_number, "Of the sine."),
+            fixed(field("frequency", &P::frequency, "omega0", any_number, "Of the sine.")),
+            fixed(field("phase", &P::phase, "rad", any_number, "Of the sine.")),
+        };
+    }
+
     friend auto operator<=>(const DisturbanceParams&, const DisturbanceParams&) = default;
 };
 

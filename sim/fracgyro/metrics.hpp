@@ -55,17 +55,24 @@ struct MetricsSums {
         T peak_rate_error{}, largest_force{};
     } stretch{};
 
-    void add(const Signals<T>& at) {
+    // What the controller does not report is left at rest, and its metrics are NaN.
+    template <class Report>
+    void add(const Signals<T, Report>& at) {
         Stretch& s = stretch;
         const Vec2<T> u = at.force;
         const Vec2<T> squares = at.error.value * at.error.value;
         s.squares = s.squares + squares;
         s.error_outside = if_less(error_bound_squared, squares.x + squares.y, s.step, s.error_outside);
-        s.surface_outside = if_less(surface_bound_squared, squared_norm(at.surface), s.step, s.surface_outside);
-        const T off = absolute(at.estimates.rate - rate);
-        s.rate_outside = if_less(rate_bound, off, s.step, s.rate_outside);
-        s.peak_rate_error = maximum(s.peak_rate_error, off);
-        s.rate_squares = s.rate_squares + off * off;
+        if constexpr (requires { at.report.surface; }) {
+            s.surface_outside =
+                if_less(surface_bound_squared, squared_norm(at.report.surface), s.step, s.surface_outside);
+        }
+        if constexpr (requires { at.report.rate; }) {
+            const T off = absolute(at.report.rate - rate);
+            s.rate_outside = if_less(rate_bound, off, s.step, s.rate_outside);
+            s.peak_rate_error = maximum(s.peak_rate_error, off);
+            s.rate_squares = s.rate_squares + off * off;
+        }
         // Second differences see what flips from sample to sample and not what is smooth.
         const Vec2<T> difference = (u - past[0]) - (past[0] - past[1]);
         s.bend = s.bend + difference * difference;
@@ -111,8 +118,9 @@ struct MetricsTotals {
 };
 
 // The first sample that is not in the transient window; steps + 1 where all are.
-inline std::int64_t first_steady_sample(const MetricsParams& p, const Setup& setup) {
-    const double h = setup.controller.step;
+template <class Params>
+std::int64_t first_steady_sample(const MetricsParams& p, const SetupOf<Params>& setup) {
+    const double h = setup.common.step;
     const std::int64_t end = setup.steps + 1;
     const double whole = minimum(maximum(0.0, p.transient / h), static_cast<double>(end));  // 0 for NaN
     auto n = static_cast<std::int64_t>(whole);
@@ -125,12 +133,43 @@ inline std::int64_t first_steady_sample(const MetricsParams& p, const Setup& set
     return n;
 }
 
-// In the order of metric_names; NaN: never settled, or an empty window. Of a run of which `samples` were seen; bound_halfway is b̂₀ at half of the run or at its last sample before.
-inline std::array<double, metric_names.size()> metric_values(const MetricsParams& params, const Setup& setup,
-                                                             const MetricsTotals& totals, const Estimates<double>& last,
-                                                             double bound_halfway, std::int64_t samples) {
+// What a run ended with, of what controllers report; NaN: this one does not.
+struct LastReport {
+    static constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+    Sym2<double> damping{nan, nan, nan}, stiffness{nan, nan, nan};
+    double rate = nan;
+    std::array<double, 3> bound{nan, nan, nan};
+    bool has_rate = false, has_surface = false;
+
+    // `number`: one of a scalar of the report.
+    template <class Report, class Number>
+    static LastReport of(const Report& r, Number&& number) {
+        LastReport last;
+        const auto sym2 = [&](const auto& a) { return Sym2<double>{number(a.xx), number(a.xy), number(a.yy)}; };
+        if constexpr (requires { r.damping, r.stiffness; }) {
+            last.damping = sym2(r.damping);
+            last.stiffness = sym2(r.stiffness);
+        }
+        if constexpr (requires { r.rate; }) {
+            last.rate = number(r.rate);
+            last.has_rate = true;
+        }
+        if constexpr (requires { r.bound; }) {
+            last.bound = {number(r.bound[0]), number(r.bound[1]), number(r.bound[2])};
+        }
+        last.has_surface = requires { r.surface; };
+        return last;
+    }
+};
+
+// In the order of metric_names; NaN: never settled, an empty window, or not reported. Of a run of which `samples` were
+// seen; bound_halfway is b̂₀ at half of the run or at its last sample before.
+template <class Params>
+std::array<double, metric_names.size()> metric_values(const MetricsParams& params, const SetupOf<Params>& setup,
+                                                      const MetricsTotals& totals, const LastReport& last,
+                                                      double bound_halfway, std::int64_t samples) {
     constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-    const double h = setup.controller.step;
+    const double h = setup.common.step;
     const std::int64_t early = std::min(samples, first_steady_sample(params, setup));
     const auto count = [](std::int64_t n) { return static_cast<double>(n); };
     const auto rms = [](const Vec2<double>& sum, double n) {  // 0/0 is NaN: an empty window has no RMS
@@ -158,15 +197,15 @@ inline std::array<double, metric_names.size()> metric_values(const MetricsParams
             steady.x,
             steady.y,
             settled(totals.error_outside),
-            settled(totals.surface_outside),
+            last.has_surface ? settled(totals.surface_outside) : nan,
             chattering(totals.bend.x, totals.steady.force.x),
             chattering(totals.bend.y, totals.steady.force.y),
             effort.x,
             effort.y,
             last.rate - p.rate,
-            std::sqrt(totals.rate_squares / late),
-            totals.peak_rate_error,
-            settled(totals.rate_outside),
+            last.has_rate ? std::sqrt(totals.rate_squares / late) : nan,
+            last.has_rate ? totals.peak_rate_error : nan,
+            last.has_rate ? settled(totals.rate_outside) : nan,
             relative(last.damping, p.damping + p.damping_deviation),
             relative(last.stiffness, p.stiffness + p.stiffness_deviation),
             last.bound[0],

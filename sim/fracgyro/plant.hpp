@@ -16,7 +16,20 @@ struct PlantParams {
     Sym2<double> damping{}, stiffness{};                      // D, K: what the controller may know
     Sym2<double> damping_deviation{}, stiffness_deviation{};  // ΔD, ΔK: what it may not
     double rate = 0.0;                                        // Ωz
-    Motion<double> initial{};
+    Vec2<double> initial_position{}, initial_velocity{};
+
+    static constexpr auto fields() {
+        using P = PlantParams;
+        return std::tuple{
+            field("damping", &P::damping, "m*omega0", any_number, "D"),
+            field("stiffness", &P::stiffness, "m*omega0^2", any_number, "K"),
+            field("damping_deviation", &P::damping_deviation, "m*omega0", any_number, "Delta D"),
+            field("stiffness_deviation", &P::stiffness_deviation, "m*omega0^2", any_number, "Delta K"),
+            field("angular_rate", &P::rate, "omega0", any_number, "Omega_z"),
+            fixed(field("initial_position", &P::initial_position, "q0", any_number, "q(0)")),
+            fixed(field("initial_velocity", &P::initial_velocity, "q0*omega0", any_number, "v(0)")),
+        };
+    }
 };
 
 template <Scalar T>
@@ -87,8 +100,8 @@ struct Plant {
     }
 
     static State start(const PlantParams& p) {
-        return {.position = {T(p.initial.position.x), T(p.initial.position.y)},
-                .velocity = {T(p.initial.velocity.x), T(p.initial.velocity.y)}};
+        return {.position = {T(p.initial_position.x), T(p.initial_position.y)},
+                .velocity = {T(p.initial_velocity.x), T(p.initial_velocity.y)}};
     }
 
     // Grouped so that the force, which comes last, meets as few additions as possible.

@@ -3,71 +3,74 @@
 
 #include "loop.hpp"
 
+#include "fracgyro/fields.hpp"
+
 namespace fracgyro {
 
 struct Channel {
     std::string_view name;
     int width = 0;
+    std::string_view unit, meaning;  // nondimensional
+    std::string_view part = ".x";    // of its first column, as for_each_part names it
 };
 
-// In the order in which `write_row` writes them.
-inline constexpr std::array<Channel, 15> channels{{{"position", 2},
-                                                   {"velocity", 2},
-                                                   {"reference", 2},
-                                                   {"error", 2},
-                                                   {"error_rate", 2},
-                                                   {"surface", 2},
-                                                   {"control", 2},
-                                                   {"disturbance", 2},
-                                                   {"damping_estimate", 3},
-                                                   {"stiffness_estimate", 3},
-                                                   {"rate_estimate", 1},
-                                                   {"rate_symmetric_estimate", 3},
-                                                   {"bound_estimate", 3},
-                                                   {"rate_deviation", 1},
-                                                   {"rate_trusted", 1}}};
+// What every run has, in the order in which `write_row` writes it; what the controller reports comes after it.
+inline constexpr std::array<Channel, 7> loop_channels{{{"position", 2, "q0", "position q"},
+                                                       {"velocity", 2, "q0*omega0", "velocity v"},
+                                                       {"reference", 2, "q0", "reference r"},
+                                                       {"error", 2, "q0", "tracking error e = q - r"},
+                                                       {"error_rate", 2, "q0*omega0", "rate of the tracking error"},
+                                                       {"control", 2, "m*omega0^2*q0", "control force u"},
+                                                       {"disturbance", 2, "m*omega0^2*q0", "disturbance force d"}}};
+inline constexpr std::size_t loop_width = 14;
 
-inline constexpr std::size_t row_width = [] {
-    std::size_t width = 0;
-    for (const Channel& c : channels) {
-        width += static_cast<std::size_t>(c.width);
-    }
-    return width;
-}();
+template <class Report>
+inline constexpr std::size_t row_width = loop_width + width_of<Report>();
 
-template <Scalar T>
-void write_row(const Snapshot<T>& at, double* row) {
-    const auto put = [&row](auto... values) { ((*row++ = static_cast<double>(values)), ...); };
-    const auto put2 = [&](const Vec2<T>& a) { put(a.x, a.y); };
-    const auto put3 = [&](const Sym2<T>& a) { put(a.xx, a.xy, a.yy); };
-    const Signals<T>& s = at.signals;
-    put2(at.motion.position);
-    put2(at.motion.velocity);
-    put2(s.reference.position);
-    put2(s.error.value);
-    put2(s.error.rate);
-    put2(s.surface);
-    put2(s.force);
-    put2(at.disturbance);
-    put3(s.estimates.damping);
-    put3(s.estimates.stiffness);
-    put(s.estimates.rate);
-    put3(s.estimates.rate_symmetric);
-    put(s.estimates.bound[0], s.estimates.bound[1], s.estimates.bound[2]);
-    put(s.rate_quality.deviation, s.rate_quality.trusted);
+// Calls visit(channel) for each that the report has, in order.
+template <class Report, class Visit>
+constexpr void for_each_reported(Visit&& visit) {
+    const Report report{};
+    for_each_field("", report, [&](std::string_view, const auto& field, const auto& value) {
+        int width = 0;
+        std::string_view first;
+        for_each_part(value, [&](std::string_view part, const auto&) { first = width++ == 0 ? part : first; });
+        visit(Channel{field.name, width, field.unit, field.meaning, first});
+    });
 }
 
-// Rows of row_width doubles at the samples 0, every, 2·every, …; room for setup.steps / every + 1 of them.
-// Returns the number of samples before divergence.
+template <Scalar T, class Report>
+void write_row(const Snapshot<T, Report>& at, double* row) {
+    const auto put = [&row](auto value) { *row++ = static_cast<double>(value); };
+    const auto put2 = [&](const Vec2<T>& a) { put(a.x), put(a.y); };
+    put2(at.motion.position);
+    put2(at.motion.velocity);
+    put2(at.signals.reference.position);
+    put2(at.signals.error.value);
+    put2(at.signals.error.rate);
+    put2(at.signals.force);
+    put2(at.disturbance);
+    for_each_number(at.signals.report, put);
+}
+
+// How many doubles a row of these runs has.
+inline std::size_t row_width_of(const ControllerParams& controller) {
+    std::size_t width = 0;
+    with_controller<double>(controller, [&]<class C>() { width = row_width<typename C::Report>; });
+    return width;
+}
+
+// Rows at the samples 0, every, 2·every, …; room for setup.steps / every + 1 of them. Returns the number of samples
+// before divergence.
 template <Scalar T>
 std::int64_t record(const Setup& setup, std::int64_t every, double* rows) {
     std::int64_t samples = 0;
-    with_controller<T>(setup.kind, setup.controller.adaptation.composite, [&]<class Controller>() {
+    with_controller<T>(setup.controller, [&]<class C>() {
         std::int64_t until_next = 0;
-        samples = run_loop<Controller>(setup, [&](const Snapshot<T>& at) {
+        samples = run_loop<C>(setup, [&](const Snapshot<T, typename C::Report>& at) {
             if (until_next == 0) {
                 write_row(at, rows);
-                rows += row_width;
+                rows += row_width<typename C::Report>;
                 until_next = every;
             }
             --until_next;

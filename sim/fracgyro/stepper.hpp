@@ -5,31 +5,34 @@
 
 namespace fracgyro {
 
-template <class Controller>
+template <Controller C>
 struct Stepper {
-    using T = typename Controller::Value;
+    using T = typename C::Value;
+    using Report = typename C::Report;
     struct Coefficients {
-        typename Controller::Coefficients controller{};
+        typename C::Coefficients controller{};
         typename Plant<T>::Coefficients plant{};
     };
     // At one sample: what is known there, and what the next ones need. A plain value: a copy resumes bit for bit.
     struct State {
         std::int64_t step = 0;
-        typename Controller::State controller{};
+        typename C::State controller{};
         Motion<T> motion{};
-        Signals<T> signals{};
+        Signals<T, Report> signals{};
         Vec2<T> disturbance{};
 
-        Snapshot<T> snapshot() const { return {step, motion, signals, disturbance}; }
+        Snapshot<T, Report> snapshot() const { return {step, motion, signals, disturbance}; }
     };
 
-    static Coefficients prepare(const Setup& setup) {
-        return {.controller = Controller::prepare(setup.controller),
-                .plant = Plant<T>::prepare(setup.plant, setup.controller.step)};
+    template <class Params>
+    static Coefficients prepare(const SetupOf<Params>& setup) {
+        return {.controller = fracgyro::prepare<C>(setup.controller, setup.common),
+                .plant = Plant<T>::prepare(setup.plant, setup.common.step)};
     }
 
     // The sample at t = 0.
-    static State start(const Setup& setup, const Coefficients& c, Disturbance& disturbance) {
+    template <class Params>
+    static State start(const SetupOf<Params>& setup, const Coefficients& c, Disturbance& disturbance) {
         State state{.motion = Plant<T>::start(setup.plant)};
         look(state, c, disturbance);
         return state;
@@ -51,7 +54,7 @@ private:
         Vec2<double> drawn;
         disturbance.fill(state.step, {&drawn, 1});
         state.disturbance = {T(drawn.x), T(drawn.y)};
-        state.signals = Controller::step(state.controller, c.controller, state.motion);  // 1 to 5
+        state.signals = C::step(state.controller, c.controller, state.motion);  // 1 to 5
     }
 };
 

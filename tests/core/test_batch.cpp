@@ -36,7 +36,7 @@ TEST(ParallelFor, HandsOnWhatIsThrownInAnyThread) {
 
 TEST(Metrics, TheSteadyWindowBeginsAtTheFirstSampleThatIsNotBeforeIt) {
     auto setup = paper(1000);
-    setup.controller.step = 0.1;
+    setup.common.step = 0.1;
     EXPECT_EQ(first_steady_sample({.transient = 1.0}, setup), 10);
     EXPECT_EQ(first_steady_sample({.transient = 0.95}, setup), 10);
     EXPECT_EQ(first_steady_sample({.transient = 1.01}, setup), 11);
@@ -46,7 +46,7 @@ TEST(Metrics, TheSteadyWindowBeginsAtTheFirstSampleThatIsNotBeforeIt) {
 
 std::vector<MetricValues> measured(const std::vector<const fracgyro::Setup*>& runs, unsigned threads) {
     const auto fill = [](Disturbance& d, std::int64_t first, std::span<Vec2<double>> out) { d.fill(first, out); };
-    const auto kernels = detail::KernelsOf<Controllers<Lanes<double, 2>>>::all();
+    const auto kernels = detail::KernelsFor<Lanes<double, 2>, Registry>::all();
     return measure_all<double, 2>(kernels, fill, runs, MetricsParams{.transient = 1.0}, threads);
 }
 
@@ -54,8 +54,7 @@ std::vector<MetricValues> measured(const std::vector<const fracgyro::Setup*>& ru
 TEST(MeasureAll, GivesTheSameWhateverTheNumberOfThreads) {
     std::vector<fracgyro::Setup> setups;
     for (std::uint64_t i = 0; i < 20; ++i) {
-        setups.push_back(paper(2000));
-        setups.back().kind = controller_kinds[i / 2 % controller_kinds.size()];
+        setups.push_back(paper(2000, controller_kinds[i / 2 % controller_kinds.size()]));
         setups.back().disturbance.seed = i / 4;
     }
     std::vector<const fracgyro::Setup*> all;
@@ -70,7 +69,7 @@ TEST(MeasureAll, GivesTheSameWhateverTheNumberOfThreads) {
 
 TEST(MeasureAll, ARunThatStartsBeyondTheLimitHasNoSample) {
     auto wild = paper(100);
-    wild.plant.initial.position = {0.0, -2.0 * divergence_limit};
+    wild.plant.initial_position = {0.0, -2.0 * divergence_limit};
     const auto calm = paper(100);
     const auto found = measured({&wild, &calm}, 1);
     const auto place = std::find(metric_names.begin(), metric_names.end(), "diverged_at") - metric_names.begin();

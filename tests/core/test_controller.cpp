@@ -150,8 +150,7 @@ Vec2<T> switching_force(const ControlParams& p, double s_x, double s_y, double b
     Estimates<T> estimates{};
     estimates.bound[0] = T(bound);
     const Vec2<T> s = vec2<T>(s_x, s_y);
-    const auto c = Control<T>::prepare(p);
-    return Control<T>::within_limit(c, Control<T>::force(c, estimates, {}, {}, {.s = s}, sizes_of<T>({}, s)));
+    return Control<T>::force(Control<T>::prepare(p), estimates, {}, {}, {.s = s}, sizes_of<T>({}, s));
 }
 
 TYPED_TEST(Law, TheEquivalentControlCancelsThePlantAndTheDriftOfTheSurface) {
@@ -164,12 +163,12 @@ TYPED_TEST(Law, TheEquivalentControlCancelsThePlantAndTheDriftOfTheSurface) {
     const ReferencePoint<T> reference{.acceleration = vec2<T>(10, 20)};
     const SurfacePoint<T> surface{.drift = vec2<T>(7, 8)};
     const Sizes<T> sizes = sizes_of(motion, {});
-    const auto force = [&](bool printed) {
-        return Control<T>::force(Control<T>::prepare({}, printed), estimates, motion, reference, surface, sizes);
+    const auto force = [&](RateLaw law) {
+        return Control<T>::force(Control<T>::prepare({}, law), estimates, motion, reference, surface, sizes);
     };
     // D v = (5, 8), 2Ω v = (-2, 1), K q = (32, 39); the printed rate law adds 2 (1, 4)
-    expect_equal(force(false), {5 - 2 + 32 + 10 - 7, 8 + 1 + 39 + 20 - 8});
-    expect_equal(force(true), {5 - 2 + 2 + 32 + 10 - 7, 8 + 1 + 8 + 39 + 20 - 8});
+    expect_equal(force(RateLaw::skew), {5 - 2 + 32 + 10 - 7, 8 + 1 + 39 + 20 - 8});
+    expect_equal(force(RateLaw::printed), {5 - 2 + 2 + 32 + 10 - 7, 8 + 1 + 8 + 39 + 20 - 8});
 }
 
 TYPED_TEST(Law, TheSwitchingForceGrowsWithPositionAndVelocity) {
@@ -211,10 +210,13 @@ TYPED_TEST(Law, TheForceIsContinuousAtTheEdgeOfTheLayer) {
 }
 
 TYPED_TEST(Law, TheForceSaturatesOnEachAxis) {
-    const ControlParams p{.layer_thickness = 0.0, .force_limit = 7.0};
-    const Vec2<TypeParam> force = switching_force<TypeParam>(p, 3, -4, 10.0);  // (-6, 8) unlimited
-    expect_near(force, {-6, 7}, 10.0 * epsilon<TypeParam>);
-    expect_near(switching_force<TypeParam>(p, 4, -3, 10.0), {-7, 6}, 10.0 * epsilon<TypeParam>);
+    using T = TypeParam;
+    const auto limited = [](double s_x, double s_y) {
+        const Vec2<T> force = switching_force<T>({.layer_thickness = 0.0}, s_x, s_y, 10.0);
+        return Saturation<T>::within(Saturation<T>::prepare(7.0), force);
+    };
+    expect_near(limited(3, -4), {-6, 7}, 10.0 * epsilon<T>);  // (-6, 8) unlimited
+    expect_near(limited(4, -3), {-7, 6}, 10.0 * epsilon<T>);
 }
 
 TYPED_TEST(Law, TheSwitchingLimitBoundsRhoInTheForceAndNothingBelowIt) {
@@ -226,7 +228,7 @@ TYPED_TEST(Law, TheSwitchingLimitBoundsRhoInTheForceAndNothingBelowIt) {
         Estimates<T> estimates{};
         estimates.bound[0] = T(bound);
         const Vec2<T> s = vec2<T>(s_x, s_y);
-        return Control<T>::force(Control<T>::prepare(p, false, 0.0625), estimates, {}, {}, {.s = s},
+        return Control<T>::force(Control<T>::prepare(p, RateLaw::skew, 0.0625), estimates, {}, {}, {.s = s},
                                  sizes_of<T>({}, s));
     };
     expect_near(force(3, 4, 100.0), {-1.2, -1.6}, close);
@@ -243,11 +245,11 @@ TYPED_TEST(Law, TheSwitchingLimitBoundsRhoInTheForceAndNothingBelowIt) {
 TYPED_TEST(Law, UnderTheSwitchingLimitNoBoundGrowsBeyondTheLargestRho) {
     using T = TypeParam;
     AdaptationParams p;
-    p.initial.bound = {0.25, 0.5, 3.0};
+    p.initial_bound = {0.25, 0.5, 3.0};
     const Motion<T> motion{.position = vec2<T>(3, 4), .velocity = vec2<T>(6, 8)};
     const Vec2<T> s = vec2<T>(0.6, 0.8);
     const auto after = [&](double largest, int steps) {
-        const auto c = Adaptation<T>::prepare(p, 0.0625, largest);
+        const auto c = Adaptation<T>::prepare(p, {}, 0.0625, largest);
         typename Adaptation<T>::State state{};
         for (int n = 0; n < steps; ++n) {
             Adaptation<T>::update(state, c, motion, s, sizes_of(motion, s));
@@ -272,8 +274,8 @@ template <class T, template <class> class AdaptationOf>
 bool lasts(double switching_limit) {
     using Controller = SlidingModeController<T, LinearSurface, AdaptationOf>;
     Setup setup = paper(200'000);
-    setup.controller.control.switching_limit = switching_limit;
-    setup.controller.adaptation.bound_gain = {100.0, 160.0, 160.0};
+    law(setup).control.switching_limit = switching_limit;
+    law(setup).adaptation.bound_gain = {100.0, 160.0, 160.0};
     setup.disturbance = {.kind = DisturbanceKind::noise, .standard_deviation = 1.0};
     return run_loop<Controller>(setup, [](const auto&) {}) == setup.steps + 1;
 }
@@ -296,9 +298,10 @@ TYPED_TEST(Law, AtTheForceLimitTheEstimatesRestOnlyWhereMoreOfTheirLawsWouldWind
         const Motion<T> motion{.position = on_x ? vec2<T>(1, 0) : vec2<T>(0, 1)};
         const auto along = [&](double a) { return on_x ? Vec2<double>{a, 0.0} : Vec2<double>{0.0, a}; };
         for (const double stiffness : {-1000.0, 0.0, 1000.0}) {
-            const auto c = Controller::prepare(held_at_zero(stiffness));
+            const Tuning p = held_at_zero(stiffness);
+            const auto c = Controller::prepare(p, p);
             typename Controller::State state{};
-            const Signals<T> signals = Controller::step(state, c, motion);
+            const auto signals = Controller::step(state, c, motion);
             expect_near(signals.force + signals.excess, along(stiffness), 1e-5 * (1.0 + std::abs(stiffness)));
             expect_equal(signals.force, along(std::clamp(stiffness, -100.0, 100.0)));
             const auto& learnt = state.adaptation.deviation.stiffness;
@@ -310,14 +313,19 @@ TYPED_TEST(Law, AtTheForceLimitTheEstimatesRestOnlyWhereMoreOfTheirLawsWouldWind
 // Adaptation
 
 AdaptationParams adaptation_params() {
-    return {.damping_gain = 2.0, .stiffness_gain = 3.0, .rate_gain = 5.0, .bound_gain = {1.0, 2.0, 4.0}};
+    return {.damping_gain = 2.0,
+            .stiffness_gain = 3.0,
+            .rate_gain = 5.0,
+            .bound_gain = {1.0, 2.0, 4.0},
+            .initial_bound = {0.0, 0.0, 0.0}};
 }
 
 // One step of ½ at q = (3, 4), v = (0, 2), s = (3, 4), where ½(v sᵀ + s vᵀ) = [[0, 3], [3, 8]] and the same of q is
 // [[9, 12], [12, 16]].
 template <Scalar T>
-Estimates<T> adapted(const AdaptationParams& p, typename Adaptation<T>::State state = {}) {
-    const auto c = Adaptation<T>::prepare(p, 0.5);
+Estimates<T> adapted(const AdaptationParams& p, const PlantModel<double>& nominal = {},
+                     typename Adaptation<T>::State state = {}) {
+    const auto c = Adaptation<T>::prepare(p, nominal, 0.5);
     const Motion<T> motion{.position = vec2<T>(3, 4), .velocity = vec2<T>(0, 2)};
     const Vec2<T> s = vec2<T>(3, 4);
     Adaptation<T>::update(state, c, motion, s, sizes_of(motion, s));
@@ -342,9 +350,8 @@ TYPED_TEST(Law, OneStepMovesEachEstimateByItsGainTimesItsProduct) {
 
 TYPED_TEST(Law, ThePrintedRateLawMovesTheSymmetricPartOnly) {
     AdaptationParams p = adaptation_params();
-    p.printed_rate_law = true;
-    p.initial.rate = 0.5;
-    const auto moved = adapted<TypeParam>(p);
+    p.rate_law = RateLaw::printed;
+    const auto moved = adapted<TypeParam>(p, {.rate = 0.5});
     EXPECT_EQ(number(moved.rate), 0.5);
     expect_equal(moved.rate_symmetric, {0, -15, -40});  // -½·5·2·[0, 3, 8]
     expect_equal(moved.damping, {0, -3, -8});
@@ -352,10 +359,11 @@ TYPED_TEST(Law, ThePrintedRateLawMovesTheSymmetricPartOnly) {
 
 TYPED_TEST(Law, EstimatesStartAtTheirInitialValuesAndStayThereWhenNotAdaptive) {
     AdaptationParams p = adaptation_params();
-    p.initial = {.damping = {1, 2, 3}, .stiffness = {4, 5, 6}, .rate = 7, .bound = {1, 2, 3}};
-    expect_equal(adapted<TypeParam>(p).damping, {1, -1, -5});
+    p.initial_bound = {1, 2, 3};
+    const PlantModel<double> nominal{.damping = {1, 2, 3}, .stiffness = {4, 5, 6}, .rate = 7};
+    expect_equal(adapted<TypeParam>(p, nominal).damping, {1, -1, -5});
     p.adaptive = false;
-    const auto kept = adapted<TypeParam>(p);
+    const auto kept = adapted<TypeParam>(p, nominal);
     expect_equal(kept.damping, {1, 2, 3});
     expect_equal(kept.stiffness, {4, 5, 6});
     EXPECT_EQ(number(kept.rate), 7.0);
@@ -374,20 +382,19 @@ TYPED_TEST(Law, InTheDeadZoneNothingMoves) {
 TYPED_TEST(Law, LeakageReturnsEstimatesToTheirInitialValues) {
     using T = TypeParam;
     AdaptationParams p = adaptation_params();
-    p.initial.damping = {1, 1, 1};
     p.leakage = 1.0;     // half of the deviation a step
     p.dead_zone = 10.0;  // and nothing else
     const typename Adaptation<T>::State away{.deviation = {.damping = {T(2.0), T(4.0), T(-8.0)}, .rate = T(1.0)}};
-    const auto moved = adapted<T>(p, away);
+    const auto moved = adapted<T>(p, {.damping = {1, 1, 1}}, away);
     expect_equal(moved.damping, {1 + 1, 1 + 2, 1 - 4});
     EXPECT_EQ(number(moved.rate), 0.5);
 }
 
 TYPED_TEST(Law, ProjectionKeepsDeviationsWithinAShareOfTheLargestInitialEntry) {
     AdaptationParams p = adaptation_params();
-    p.initial = {.damping = {1, 2, 8}, .stiffness = {16, 0, 100}, .rate = 2, .bound = {1, 2, 4}};
+    p.initial_bound = {1, 2, 4};
     p.projection = 0.5;
-    const auto moved = adapted<TypeParam>(p);
+    const auto moved = adapted<TypeParam>(p, {.damping = {1, 2, 8}, .stiffness = {16, 0, 100}, .rate = 2});
     expect_equal(moved.damping, {1, 2 - 3, 8 - 4});             // within ±4
     expect_equal(moved.stiffness, {16 - 13.5, -18, 100 - 24});  // within ±50
     EXPECT_EQ(number(moved.rate), 2.0 + 1.0);
@@ -396,18 +403,16 @@ TYPED_TEST(Law, ProjectionKeepsDeviationsWithinAShareOfTheLargestInitialEntry) {
 
 TYPED_TEST(Law, ProjectionHoldsTheSymmetricPartOfThePrintedLawToTheShareOfTheRate) {
     AdaptationParams p = adaptation_params();
-    p.printed_rate_law = true;
-    p.initial.rate = 24;
+    p.rate_law = RateLaw::printed;
     p.projection = 0.5;
-    const auto moved = adapted<TypeParam>(p);
+    const auto moved = adapted<TypeParam>(p, {.rate = 24});
     expect_equal(moved.rate_symmetric, {0, -12, -12});  // of -15 and -40, within ±12
     EXPECT_EQ(number(moved.rate), 24.0);
 }
 
 TYPED_TEST(Law, SmallIncrementsAreNotLostBesideALargeEstimate) {
     using T = TypeParam;
-    AdaptationParams p{.stiffness_gain = 1.0, .initial = {.stiffness = {355.0, 0.0, 0.0}}};
-    const auto c = Adaptation<T>::prepare(p, 1e-3);
+    const auto c = Adaptation<T>::prepare({.stiffness_gain = 1.0}, {.stiffness = {355.0, 0.0, 0.0}}, 1e-3);
     typename Adaptation<T>::State state{};
     const Motion<T> motion{.position = vec2<T>(1, 0)};
     const Vec2<T> s = vec2<T>(1e-3, 0);
@@ -422,38 +427,39 @@ TYPED_TEST(Law, SmallIncrementsAreNotLostBesideALargeEstimate) {
 template <class T>
 struct Sampled {
     Motion<T> motion{};
-    Signals<T> signals{};
+    Sample<T> error{};
+    Vec2<T> force{};
+    std::vector<double> reported;
 };
 
 template <Scalar T>
 std::vector<Sampled<T>> simulate(const Setup& setup) {
     std::vector<Sampled<T>> run;
     std::int64_t samples = 0;
-    with_controller<T>(setup.kind, setup.controller.adaptation.composite, [&]<class Controller>() {
-        samples = run_loop<Controller>(setup, [&](const Snapshot<T>& at) { run.push_back({at.motion, at.signals}); });
+    with_controller<T>(setup.controller, [&]<class Controller>() {
+        samples = run_loop<Controller>(setup, [&](const auto& at) {
+            run.push_back({at.motion, at.signals.error, at.signals.force, {}});
+            for_each_number(at.signals.report, [&](T a) { run.back().reported.push_back(number(a)); });
+        });
     });
-    EXPECT_EQ(samples, setup.steps + 1) << setup.kind << " diverged";
+    EXPECT_EQ(samples, setup.steps + 1) << controller_kinds[setup.controller.index()] << " diverged";
     return run;
 }
 
-constexpr std::array kinds{"fractional_fast_terminal", "fractional", "fast_terminal", "linear"};
-
 TEST(ClosedLoop, EveryControllerTracksThePapersReference) {
-    for (const char* kind : kinds) {
-        auto setup = paper(20'000);
-        setup.kind = kind;
+    for (const std::string_view kind : controller_kinds) {
+        const auto setup = paper(20'000, kind);
         const auto run = simulate<double>(setup);
         for (std::size_t n = 10'000; n < run.size(); ++n) {
-            ASSERT_LT(norm(run[n].signals.error.value), 5e-3) << kind << " at step " << n;
+            ASSERT_LT(norm(run[n].error.value), 5e-3) << kind << " at step " << n;
         }
     }
 }
 
 // While the estimates are far off the loop amplifies any difference some thousandfold; then it forgets it.
 TEST(ClosedLoop, SinglePrecisionFollowsDoublePrecision) {
-    for (const char* kind : kinds) {
-        auto setup = paper(20'000);
-        setup.kind = kind;
+    for (const std::string_view kind : controller_kinds) {
+        const auto setup = paper(20'000, kind);
         const auto wide = simulate<double>(setup);
         const auto narrow = simulate<float>(setup);
         ASSERT_EQ(wide.size(), narrow.size());
@@ -465,34 +471,36 @@ TEST(ClosedLoop, SinglePrecisionFollowsDoublePrecision) {
             finally_apart = std::max(finally_apart, n < 12'000 ? 0.0 : distance);
         }
         EXPECT_LT(apart, 1e-2) << kind;
-        EXPECT_LT(finally_apart, 5e-5) << kind;
+        // Of one the integral switches with the sign of s, and of a rounding.
+        EXPECT_LT(finally_apart, kind == "super_twisting" ? 1e-4 : 5e-5) << kind;
     }
 }
 
 TEST(ClosedLoop, AnExplicitScalarComputesTheBitsOfTheDoubleItWraps) {
-    for (const char* kind : kinds) {
-        auto setup = paper(20'000);
-        setup.kind = kind;
-        setup.controller.surface.terminal_exponent = 0.6;  // the power path
+    for (const std::string_view kind : controller_kinds) {
+        auto setup = paper(20'000, kind);
+        with_params(setup.controller, [](auto& params, auto) {
+            if constexpr (requires { params.surface; }) {
+                params.surface.terminal_exponent = 0.6;  // the power path
+            }
+        });
         const auto expected = simulate<double>(setup);
         const auto got = simulate<Explicit>(setup);
         ASSERT_EQ(got.size(), expected.size());
         for (std::size_t n = 0; n < got.size(); ++n) {
-            const auto& a = got[n].signals;
-            const auto& b = expected[n].signals;
-            ASSERT_EQ(number(got[n].motion.position.x), expected[n].motion.position.x) << kind << " at step " << n;
-            ASSERT_EQ(number(got[n].motion.velocity.y), expected[n].motion.velocity.y) << kind << " at step " << n;
+            const auto& a = got[n];
+            const auto& b = expected[n];
+            ASSERT_EQ(number(a.motion.position.x), b.motion.position.x) << kind << " at step " << n;
+            ASSERT_EQ(number(a.motion.velocity.y), b.motion.velocity.y) << kind << " at step " << n;
             ASSERT_EQ(number(a.force.x), b.force.x) << kind << " at step " << n;
-            ASSERT_EQ(number(a.estimates.rate), b.estimates.rate) << kind << " at step " << n;
-            ASSERT_EQ(number(a.estimates.bound[2]), b.estimates.bound[2]) << kind << " at step " << n;
+            ASSERT_EQ(a.reported, b.reported) << kind << " at step " << n;
         }
     }
 }
 
 TEST(ClosedLoop, ACopiedControllerResumesBitForBit) {
     using Controller = SlidingModeController<double, FractionalFastTerminalSurface>;
-    const auto setup = paper(2000);
-    const auto c = Controller::prepare(setup.controller);
+    const auto c = prepared<Controller>(paper(2000));
     const auto motion_at = [](int n) {
         return Motion<double>{.position = {std::cos(0.01 * n), 0.5}, .velocity = {-std::sin(0.01 * n), 0.1}};
     };
@@ -524,7 +532,8 @@ TEST(ClosedLoop, AProcessorWithAvx2ComputesTheSameBits) {
         GTEST_SKIP() << "this processor has no AVX2";
     }
     const auto setup = paper(5000);
-    std::vector<double> with(5001 * row_width), without(5001 * row_width);
+    const std::size_t count = 5001 * row_width_of(setup.controller);
+    std::vector<double> with(count), without(count);
     record_with_avx2(setup, with.data());
     record_without(setup, without.data());
     EXPECT_EQ(std::memcmp(with.data(), without.data(), with.size() * sizeof(double)), 0);

@@ -103,7 +103,8 @@ PlantParams gyroscope() {
             .stiffness = {355.3, 70.99, 532.9},
             .stiffness_deviation = {5.0, -3.0, 7.0},
             .rate = 1.0,
-            .initial = {.position = {0.5, -0.3}, .velocity = {2.0, 1.0}}};
+            .initial_position = {0.5, -0.3},
+            .initial_velocity = {2.0, 1.0}};
 }
 
 // Two units of time of a sine of the rate that is as large as the rate, with drifting and stiffening springs.
@@ -112,7 +113,7 @@ Motion<double> driven(const PlantParams& p, bool inertial, std::int64_t steps) {
     const Rate rate({.kind = RateKind::sine, .amplitude = 3.0, .frequency = 5.0}, p.rate, step, steps);
     const Profile temperature{.times = {0.0, static_cast<double>(steps)}, .values = {0.0, 0.1}};
     const auto c = VaryingPlant::prepare({p, {20.0, -10.0}, inertial}, step);
-    Motion<double> motion = p.initial;
+    Motion<double> motion = Plant<double>::start(p);
     for (std::int64_t n = 0; n < steps; ++n) {
         VaryingPlant::Course course{.rate_before = rate.before(n) - p.rate};
         for (int k = 0; k < 3; ++k) {
@@ -156,7 +157,7 @@ TEST(VaryingPlant, WithNothingThatVariesItIsTheExactMap) {
     const PlantParams p = gyroscope();
     const auto c = VaryingPlant::prepare({p, {}, false}, 0.3);
     const auto exact = Plant<double>::prepare(p, 0.3);
-    Motion<double> got = p.initial, wanted = p.initial;
+    Motion<double> got = Plant<double>::start(p), wanted = got;
     for (int n = 0; n < 10; ++n) {
         VaryingPlant::step(got, c, {30.0, -50.0}, {}, {});
         Plant<double>::step(wanted, exact, {30.0, -50.0});
@@ -169,7 +170,7 @@ TEST(VaryingPlant, AConstantDeviationOfTheRateIsThatRate) {
     whole.rate += 0.5;
     const auto c = VaryingPlant::prepare({p, {}, false}, 1e-3);
     const auto exact = Plant<double>::prepare(whole, 1e-3);
-    Motion<double> got = p.initial, wanted = p.initial;
+    Motion<double> got = Plant<double>::start(p), wanted = got;
     for (int n = 0; n < 1000; ++n) {
         VaryingPlant::step(got, c, {}, {}, {0.5, {{{0.5, 0.0}, {0.5, 0.0}, {0.5, 0.0}}}});
         Plant<double>::step(wanted, exact, {});
@@ -180,12 +181,12 @@ TEST(VaryingPlant, AConstantDeviationOfTheRateIsThatRate) {
 TEST(VaryingPlant, SeenFromAFrameThatIsSpunUpAFreeMassGoesStraightOn) {
     // No springs, no force; in inertial space q = (1, 0) + t (0, 2). The frame turns by t²/2: its rate is t, at once 0.5 more
     // after one unit of time.
-    const PlantParams p{.initial = {.position = {1.0, 0.0}, .velocity = {0.0, 2.0}}};
+    const PlantParams p{.initial_position = {1.0, 0.0}, .initial_velocity = {0.0, 2.0}};
     constexpr std::int64_t steps = 400;
     constexpr double h = 2.0 / steps;
     const auto c = VaryingPlant::prepare({p, {}, true}, h);
     const auto jump = [](std::int64_t n) { return n < steps / 2 ? 0.0 : 0.5; };
-    Motion<double> motion = p.initial;
+    Motion<double> motion = Plant<double>::start(p);
     for (std::int64_t n = 0; n < steps; ++n) {
         const double t = static_cast<double>(n) * h;
         VaryingPlant::step(motion, c, {}, {},
@@ -200,11 +201,11 @@ TEST(VaryingPlant, SeenFromAFrameThatIsSpunUpAFreeMassGoesStraightOn) {
 
 TEST(VaryingPlant, AModeOfHighQualityKeepsItsAmplitude) {
     // 10⁵ steps of a fifteenth of a period; what moves is the rate, by 1e-3.
-    const PlantParams p{.stiffness = {1.0, 0.0, 1.0}, .initial = {.position = {1.0, 0.0}}};
+    const PlantParams p{.stiffness = {1.0, 0.0, 1.0}, .initial_position = {1.0, 0.0}};
     constexpr double h = 0.4;
     const auto c = VaryingPlant::prepare({p, {}, false}, h);
     const Rate rate({.kind = RateKind::sine, .amplitude = 1e-3, .frequency = 0.01}, 0.0, h, 100'000);
-    Motion<double> motion = p.initial;
+    Motion<double> motion = Plant<double>::start(p);
     for (std::int64_t n = 0; n < 100'000; ++n) {
         VaryingPlant::step(motion, c, {}, {},
                            {rate.before(n), {{{rate.at(n), 0.0}, {rate.within(n, 1), 0.0}, {rate.within(n, 2), 0.0}}}});
@@ -252,12 +253,13 @@ TEST(Device, NoiseOfTheSensorsIsNeitherThatOfTheForceNorOfEachOther) {
 TEST(DeviceLoop, OfAnIdealDeviceItsSamplesAreThoseOfTheLoop) {
     const DeviceSetup setup{{paper(2'000)}};
     ASSERT_TRUE(is_ideal(setup));
-    std::vector<double> wanted(2'001 * row_width), got(2'001 * device_row_width);
+    const std::size_t width = row_width_of(setup.controller), device_row = width + device_width;
+    std::vector<double> wanted(2'001 * width), got(2'001 * device_row);
     record<double>(setup, 1, wanted.data());
     record_device(setup, 1, got.data());
     for (std::size_t n = 0; n <= 2'000; ++n) {
-        for (std::size_t k = 0; k < row_width; ++k) {
-            ASSERT_EQ(got[n * device_row_width + k], wanted[n * row_width + k]) << n << ' ' << k;
+        for (std::size_t k = 0; k < width; ++k) {
+            ASSERT_EQ(got[n * device_row + k], wanted[n * width + k]) << n << ' ' << k;
         }
     }
 }
@@ -292,12 +294,13 @@ TYPED_TEST(VelocityObserver, ForgetsAnErrorAtItsBandwidthThreeTimesOver) {
 TYPED_TEST(VelocityObserver, OfTheNominalPlantUnderAKnownForceItFindsTheVelocity) {
     using T = TypeParam;
     PlantParams p{.damping = {0.3, 0.1, 0.2}, .stiffness = {35.0, 7.0, 53.0}, .rate = 0.5};
-    p.initial = {.position = {0.5, -0.3}, .velocity = {2.0, 1.0}};
+    p.initial_position = {0.5, -0.3};
+    p.initial_velocity = {2.0, 1.0};
     constexpr double h = 1e-3;
     const auto plant = Plant<double>::prepare(p, h);
     const auto c = Observer<T>::prepare({.damping = p.damping, .stiffness = p.stiffness, .rate = p.rate}, 100.0, h);
     typename Observer<T>::State state{};
-    Motion<double> motion = p.initial;
+    Motion<double> motion = Plant<double>::start(p);
     for (int n = 0; n < 3'000; ++n) {
         Observer<T>::correct(state, c, vec2<T>(motion.position.x, motion.position.y));
         if (n > 500) {  // 3 d/ω² with the prediction's own error for d: h/2 d²a/dt², some 500 here
@@ -311,8 +314,8 @@ TYPED_TEST(VelocityObserver, OfTheNominalPlantUnderAKnownForceItFindsTheVelocity
 
 TEST(Observing, TheVelocityThatItIsHandedChangesNothing) {
     auto setup = paper(1'000);
-    setup.controller.observer_bandwidth = 300.0;
-    const auto c = Observing<Proposed>::prepare(setup.controller);
+    setup.common.observer_bandwidth = 300.0;
+    const auto c = prepared<Observing<Proposed>>(setup);
     Observing<Proposed>::State one{}, other{};
     for (int n = 0; n < 1'000; ++n) {
         const Vec2<double> q{std::sin(1e-3 * n), 0.5};
@@ -325,9 +328,9 @@ TEST(Observing, TheVelocityThatItIsHandedChangesNothing) {
 TEST(Observing, ItsGuardHoldsTheForceThroughBadSamplesAndGoesOn) {
     using Guarded = Guard<Observing<Proposed>>;
     auto setup = paper(3'000);
-    setup.controller.observer_bandwidth = 300.0;
-    const auto c = Guarded::prepare(setup.controller);
-    const auto plant = Plant<double>::prepare(setup.plant, setup.controller.step);
+    setup.common.observer_bandwidth = 300.0;
+    const auto c = prepared<Guarded>(setup);
+    const auto plant = Plant<double>::prepare(setup.plant, setup.common.step);
     Guarded::State state{};
     Motion<double> motion = Plant<double>::start(setup.plant);
     constexpr double nan = std::numeric_limits<double>::quiet_NaN();

@@ -31,20 +31,20 @@ struct Guarded {
     using Safe = Guard<Controller>;
     typename Safe::Coefficients c;
     typename Safe::State state{};
-    Signals<T> signals{};
+    Signals<T, typename Safe::Report> signals{};
 
-    explicit Guarded(const ControllerParams& p) : c(Safe::prepare(p)) {}
+    explicit Guarded(const Tuning& p) : c(Safe::prepare(p, p)) {}
     Status step(const Motion<T>& measured) {
         signals = Safe::step(state, c, measured);
         EXPECT_EQ(number(signals.force.x), number(state.force.x));
         return state.status;
     }
-    Estimates<T> estimates() const { return Safe::estimates(state, c); }
+    Estimates<T> estimates() const { return Safe::report(state, c); }
 };
 
-ControllerParams checked_paper() {
-    ControllerParams p = paper(20'000).controller;
-    p.control.force_limit = 6000.0;
+Tuning checked_paper() {
+    Tuning p = tuning(paper(20'000));
+    p.force_limit = 6000.0;
     p.guard = {.checked = true,
                .force_tolerance = 8.0,
                .position_tolerance = 1e-5,
@@ -62,12 +62,12 @@ TYPED_TEST_SUITE(Guards, Scalars, ScalarNames);
 
 TYPED_TEST(Guards, ForceAndEstimatesAreHeldWhileNothingIsMeasured) {
     using T = TypeParam;
-    Guarded<Paper<T>> guarded(paper(1000).controller);
+    Guarded<Paper<T>> guarded(tuning(paper(1000)));
     const auto good = motion<T>(0.5, 0.25);
     EXPECT_EQ(guarded.step(motion<T>(nan, 0)), Status::not_finite);
     EXPECT_EQ(guarded.state.controller.reference.steps, 0U) << "time has not started";
     expect_equal(guarded.state.force, {0, 0});
-    EXPECT_EQ(number(guarded.signals.estimates.stiffness.xx), number(T(0.95 * 355.3))) << "reported all the same";
+    EXPECT_EQ(number(guarded.signals.report.stiffness.xx), number(T(0.95 * 355.3))) << "reported all the same";
     EXPECT_EQ(guarded.step(good), Status::ok);
     const Vec2<T> force = guarded.state.force;
     const double rate = number(guarded.estimates().rate);
@@ -82,7 +82,7 @@ TYPED_TEST(Guards, ForceAndEstimatesAreHeldWhileNothingIsMeasured) {
 
 TYPED_TEST(Guards, InAnOutageTheErrorIsTakenToBeTheLastOne) {
     using T = TypeParam;
-    ControllerParams p = held_at_zero(0.0);
+    Tuning p = held_at_zero(0.0);
     p.reference = {.amplitude = {1.0, 1.0}, .frequency = {1.0, 2.0}};
     p.step = 0.125;
     Guarded<Linear<T>> guarded(p);
@@ -111,8 +111,8 @@ TYPED_TEST(Guards, AForceBeyondTheLimitByLessThanOneIsSaturatedToo) {
 TYPED_TEST(Guards, AMemoryThatIsLostIsStartedAnewUnderTheLastForceAndInTime) {
     using T = TypeParam;
     for (const double limit : {100.0, infinity}) {
-        ControllerParams p = held_at_zero(0.0);
-        p.control.force_limit = limit;
+        Tuning p = held_at_zero(0.0);
+        p.force_limit = limit;
         Guarded<Linear<T>> guarded(p);
         const auto good = motion<T>(1, 0, 1, 0);
         EXPECT_EQ(guarded.step(good), Status::ok);
@@ -130,7 +130,7 @@ TYPED_TEST(Guards, AMemoryThatIsLostIsStartedAnewUnderTheLastForceAndInTime) {
 
 TYPED_TEST(Guards, AfterARestartABadSampleIsNotHeldThroughButAnsweredWithoutAny) {
     using T = TypeParam;
-    ControllerParams p = held_at_zero(8.0);
+    Tuning p = held_at_zero(8.0);
     p.reference = {.amplitude = {0.0, 2.0}, .phase = {0.0, 1.5707963267948966}};  // r = (0, 2)
     Guarded<Linear<T>> guarded(p);
     const auto good = motion<T>(1, 2, 1, 0);
@@ -144,8 +144,8 @@ TYPED_TEST(Guards, AfterARestartABadSampleIsNotHeldThroughButAnsweredWithoutAny)
 
 TYPED_TEST(Guards, WhereNothingIsBelievedForLongTheMemoryOfMotionsIsDropped) {
     using T = TypeParam;
-    ControllerParams p = held_at_zero(0.0);
-    p.control.force_limit = infinity;
+    Tuning p = held_at_zero(0.0);
+    p.force_limit = infinity;
     p.adaptation.adaptive = false;
     p.surface.modes = log_trapezoid(0.9, p.step, 1.0);
     p.guard.patience = 3.0;
@@ -158,18 +158,18 @@ TYPED_TEST(Guards, WhereNothingIsBelievedForLongTheMemoryOfMotionsIsDropped) {
         EXPECT_EQ(guarded.step(motion<T>(nan, 0)), n < 3 ? Status::not_finite : Status::lost);
     }
     EXPECT_EQ(guarded.step(good), Status::ok);
-    const auto c = Paper<T>::prepare(p);
+    const auto c = Paper<T>::prepare(p, p);
     typename Paper<T>::State fresh{};
     const Sample<T> on_the_reference{};
     Paper<T>::step(fresh, c, good, &on_the_reference);
-    const Vec2<T> wanted = Paper<T>::step(fresh, c, good).surface;
-    EXPECT_EQ(number(guarded.signals.surface.x), number(wanted.x));
-    EXPECT_EQ(number(guarded.signals.surface.y), number(wanted.y));
+    const Vec2<T> wanted = Paper<T>::step(fresh, c, good).report.surface;
+    EXPECT_EQ(number(guarded.signals.report.surface.x), number(wanted.x));
+    EXPECT_EQ(number(guarded.signals.report.surface.y), number(wanted.y));
 }
 
 TYPED_TEST(Guards, AfterTooManySamplesAtTheLimitEverythingLearntIsDropped) {
     using T = TypeParam;
-    ControllerParams p = held_at_zero(1000.0);  // wanted is K̂ x = 1000 and more
+    Tuning p = held_at_zero(1000.0);  // wanted is K̂ x = 1000 and more
     p.guard.saturation_patience = 5.0;
     Guarded<Linear<T>> guarded(p);
     for (int round = 0; round < 2; ++round) {
@@ -189,17 +189,17 @@ TYPED_TEST(Guards, AfterTooManySamplesAtTheLimitEverythingLearntIsDropped) {
 // -- What the plant cannot have moved to
 
 // Without forces of the plant's own, and with a controller whose force is known: K̂ = 0, so that v⁻ = v + h u.
-ControllerParams free_mass() {
-    ControllerParams p = held_at_zero(0.0);
+Tuning free_mass() {
+    Tuning p = held_at_zero(0.0);
     p.step = 0.125;
-    p.control.force_limit = 1e-6;
+    p.force_limit = 1e-6;
     p.guard = {.checked = true, .plant_tolerance = 0.0};
     return p;
 }
 
 // What is said of the last of these samples.
 template <class Controller>
-Status judged(const ControllerParams& p, std::initializer_list<Motion<typename Controller::Value>> samples) {
+Status judged(const Tuning& p, std::initializer_list<Motion<typename Controller::Value>> samples) {
     Guarded<Controller> guarded(p);
     for (const auto& sample : samples) {
         guarded.step(sample);
@@ -209,13 +209,13 @@ Status judged(const ControllerParams& p, std::initializer_list<Motion<typename C
 
 TYPED_TEST(Guards, AStepMayBeOffByWhatDisturbanceSensorsAndPlantExplainAndNoMore) {
     using T = TypeParam;
-    const auto takes = [](const ControllerParams& p, const Motion<T>& third) {
+    const auto takes = [](const Tuning& p, const Motion<T>& third) {
         // At rest twice, so that the second has confirmed the first.
         const Status status = judged<Linear<T>>(p, {motion<T>(0, 0), motion<T>(0, 0), third});
         EXPECT_TRUE(status == Status::saturated || status == Status::ok || status == Status::implausible);
         return status != Status::implausible;
     };
-    ControllerParams p = free_mass();
+    Tuning p = free_mass();
     p.guard.force_tolerance = 2.0;  // 2 h F = 0.5 of velocity, over both axes
     EXPECT_TRUE(takes(p, motion<T>(0.4375 / 16, 0, 0.4375, 0)));
     EXPECT_FALSE(takes(p, motion<T>(0.5625 / 16, 0, 0.5625, 0)));
@@ -240,20 +240,20 @@ TYPED_TEST(Guards, AStepMayBeOffByWhatDisturbanceSensorsAndPlantExplainAndNoMore
 
 TYPED_TEST(Guards, DampingAndRotationMayChangeTheVelocityAndTheRuleOfTheTrapezoidIsNotExact) {
     using T = TypeParam;
-    const auto takes = [](const ControllerParams& p, double x, double vx) {
+    const auto takes = [](const Tuning& p, double x, double vx) {
         return judged<Linear<T>>(p, {motion<T>(0, 0, 4, 0), motion<T>(0.5, 0, 4, 0), motion<T>(x, 0, vx, 0)}) !=
                Status::implausible;
     };
-    ControllerParams p = free_mass();
+    Tuning p = free_mass();
     p.guard.force_tolerance = 1e-5;  // the force is 1e-6
     EXPECT_TRUE(takes(p, 1.0, 4.0));
     EXPECT_FALSE(takes(p, 0.96875, 3.5));
-    p.adaptation.initial.damping = {1, 0, 1};
-    p.adaptation.initial.rate = -0.5;  // h (‖D‖ + 2 |Ω|) v = v/4: 0.875 of 3.5, 0.75 of 3
+    p.nominal.damping = {1, 0, 1};
+    p.nominal.rate = -0.5;  // h (‖D‖ + 2 |Ω|) v = v/4: 0.875 of 3.5, 0.75 of 3
     EXPECT_TRUE(takes(p, 0.96875, 3.5));
     EXPECT_FALSE(takes(p, 0.9375, 3.0));
     p.guard.force_tolerance = 100.0;
-    p.adaptation.initial.stiffness = {48, 0, 48};  // h² ‖K‖/12 = 1/16: of h v, that is of 0.5, 1/32
+    p.nominal.stiffness = {48, 0, 48};  // h² ‖K‖/12 = 1/16: of h v, that is of 0.5, 1/32
     EXPECT_TRUE(takes(p, 1.03, 4.0));
     EXPECT_FALSE(takes(p, 1.0325, 4.0));
 }
@@ -261,7 +261,7 @@ TYPED_TEST(Guards, DampingAndRotationMayChangeTheVelocityAndTheRuleOfTheTrapezoi
 TYPED_TEST(Guards, OfASampleThatIsMissedTheNextTwoMayBeOffByWhatThePredictionMayBeAndNoMore) {
     using T = TypeParam;
     // At the speed 4, by 0.5 a step, of which each may be off by a quarter: 0.125 beside what the prediction may be.
-    const auto status_after = [](const ControllerParams& p, std::initializer_list<Motion<T>> samples) {
+    const auto status_after = [](const Tuning& p, std::initializer_list<Motion<T>> samples) {
         Guarded<Linear<T>> guarded(p);
         guarded.step(motion<T>(-0.5, 0, 4, 0));
         guarded.step(motion<T>(0, 0, 4, 0));
@@ -273,7 +273,7 @@ TYPED_TEST(Guards, OfASampleThatIsMissedTheNextTwoMayBeOffByWhatThePredictionMay
         }
         return status;
     };
-    ControllerParams p = free_mass();
+    Tuning p = free_mass();
     p.guard.plant_tolerance = 0.25;
     p.guard.force_tolerance = 1e-5;
     EXPECT_NE(status_after(p, {motion<T>(1.24, 0, 4, 0)}), Status::implausible);
@@ -290,9 +290,9 @@ TYPED_TEST(Guards, OfASampleThatIsMissedTheNextTwoMayBeOffByWhatThePredictionMay
 TYPED_TEST(Guards, TheSpringsAndTheForceThatActedAreReckonedWith) {
     using T = TypeParam;
     // h/2 K (q0 + q1) = 1/16 · [[8, 4], [4, 16]] (2, 0) = (1, 0.5), less what the force adds.
-    ControllerParams p = free_mass();
+    Tuning p = free_mass();
     p.adaptation.adaptive = false;
-    p.adaptation.initial.stiffness = {8, 4, 16};
+    p.nominal.stiffness = {8, 4, 16};
     const auto falls = [&](double vx, double vy) {
         Guarded<Linear<T>> guarded(p);
         guarded.step(motion<T>(1, 0));
@@ -306,7 +306,7 @@ TYPED_TEST(Guards, TheSpringsAndTheForceThatActedAreReckonedWith) {
     EXPECT_FALSE(falls(-1.25, -0.875));
     EXPECT_FALSE(falls(-0.5, -0.5));
     EXPECT_FALSE(falls(0, 0));
-    p.control.force_limit = 8.0;  // h u = (1, 0.5): the force is what holds it there, ρ apart, which is 0
+    p.force_limit = 8.0;  // h u = (1, 0.5): the force is what holds it there, ρ apart, which is 0
     p.surface.fractional_gain = {1e-9, 1e-9};
     EXPECT_TRUE(falls(0, 0));
     EXPECT_FALSE(falls(-1, -0.5));
@@ -325,7 +325,7 @@ struct Watched {
     int count(Status status) const { return static_cast<int>(std::count(statuses.begin(), statuses.end(), status)); }
 };
 template <class Controller, class Fault>
-Watched<Controller> watch(const ControllerParams& p, int steps, Fault&& fault) {
+Watched<Controller> watch(const Tuning& p, int steps, Fault&& fault) {
     using T = typename Controller::Value;
     const Setup setup = paper(20'000);
     Guarded<Controller> guarded(p);
@@ -340,13 +340,15 @@ Watched<Controller> watch(const ControllerParams& p, int steps, Fault&& fault) {
         fault(n, m);
         watched.statuses.push_back(guarded.step(motion<T>(m.position.x, m.position.y, m.velocity.x, m.velocity.y)));
         const Vec2<double> force{number(guarded.state.force.x), number(guarded.state.force.y)};
-        EXPECT_LE(std::abs(force.x), p.control.force_limit);
-        EXPECT_LE(std::abs(force.y), p.control.force_limit);
+        EXPECT_LE(std::abs(force.x), p.force_limit);
+        EXPECT_LE(std::abs(force.y), p.force_limit);
         const double t = n * p.step, pi = std::numbers::pi;
         watched.errors.push_back(std::hypot(at.position.x - std::sin(pi * t), at.position.y - std::cos(0.5 * pi * t)));
         watched.forces.push_back(guarded.state.force);
-        watched.estimates.push_back(guarded.signals.estimates);
-        watched.trusted.push_back(number(guarded.signals.rate_quality.trusted) > 0.0);
+        watched.estimates.push_back(guarded.signals.report);
+        if constexpr (requires { guarded.signals.report.rate_trusted; }) {
+            watched.trusted.push_back(number(guarded.signals.report.rate_trusted) > 0.0);
+        }
         Plant<double>::step(at, plant, force, d);
     }
     return watched;
@@ -356,9 +358,9 @@ constexpr auto no_fault = [](int, Motion<double>&) {};
 TYPED_TEST(Guards, WithoutFaultsEveryForceIsThatOfTheControllerToTheBit) {
     using T = TypeParam;
     for (const bool checked : {false, true}) {
-        ControllerParams p = checked_paper();
+        Tuning p = checked_paper();
         p.guard.checked = checked;
-        const auto c = Paper<T>::prepare(p);
+        const auto c = Paper<T>::prepare(p, p);
         typename Paper<T>::State state{};
         std::vector<Vec2<T>> wanted;
         const auto guarded = watch<Paper<T>>(p, 3000, [&](int, const Motion<double>& m) {
@@ -407,8 +409,8 @@ TYPED_TEST(Guards, AfterAnOutageWithinItsPatienceTheNextSampleIsBelieved) {
 // The nominal plant is off by a tenth, and so is what is predicted, more so with every sample that is missed.
 TYPED_TEST(Guards, AfterAnOutageTheNextSampleMayBeOffByWhatThePredictionMayBe) {
     using T = TypeParam;
-    ControllerParams p = checked_paper();
-    p.adaptation.initial.stiffness = (0.9 / 0.95) * p.adaptation.initial.stiffness;
+    Tuning p = checked_paper();
+    p.nominal.stiffness = (0.9 / 0.95) * p.nominal.stiffness;
     p.guard.plant_tolerance = 0.125;
     p.guard.force_tolerance = 4.0;
     for (const int missed : {1, 3, 7}) {
@@ -442,7 +444,7 @@ TYPED_TEST(Guards, WhereSensorsFailForLongItLetsGoAndBelievesThemOnceFourTimesIt
 
 TYPED_TEST(Guards, WithoutAnyPatienceTheForceIsHeldForGood) {
     using T = TypeParam;
-    ControllerParams p = checked_paper();
+    Tuning p = checked_paper();
     p.guard.patience = 0.0;
     const auto hit =
         watch<Paper<T>>(p, 2000, [](int n, Motion<double>& m) { m.position.x = n < 1000 ? m.position.x : nan; });
@@ -464,7 +466,7 @@ TYPED_TEST(Guards, WhateverIsMeasuredTheForceIsFiniteAndWithinTheLimit) {
     using T = TypeParam;
     std::mt19937_64 random(7);
     for (const bool checked : {false, true}) {
-        ControllerParams p = checked_paper();
+        Tuning p = checked_paper();
         p.guard.checked = checked;
         p.guard.patience = 3.0;
         p.guard.saturation_patience = 9.0;
@@ -482,7 +484,7 @@ TYPED_TEST(Guards, WhateverIsMeasuredTheForceIsFiniteAndWithinTheLimit) {
 
 TYPED_TEST(Guards, APositionMayBeOffByEightErrorsOfItsSensorAgainstThreeBefore) {
     using T = TypeParam;
-    ControllerParams p = free_mass();
+    Tuning p = free_mass();
     p.observer_bandwidth = 1.0;
     p.guard.position_tolerance = 0.0625;
     const auto rest = motion<T>(0, 0);
@@ -494,7 +496,7 @@ TYPED_TEST(Guards, APositionMayBeOffByEightErrorsOfItsSensorAgainstThreeBefore) 
 
 TYPED_TEST(Guards, FromPositionsAloneTheSecondDifferenceIsHeldAgainstTheForce) {
     using T = TypeParam;
-    ControllerParams p = checked_paper();
+    Tuning p = checked_paper();
     p.observer_bandwidth = 300.0;
     const auto calm = watch<Observing<Paper<T>>>(p, 6000, no_fault);
     EXPECT_EQ(calm.count(Status::ok), 6000);
@@ -523,8 +525,9 @@ TYPED_TEST(Guards, FromPositionsAloneTheSecondDifferenceIsHeldAgainstTheForce) {
 TYPED_TEST(Guards, AStepWithAMissedSampleIsNotLearntFromAndNotTrusted) {
     using T = TypeParam;
     using Controller = SlidingModeController<T, LinearSurface, CompositeAdaptation>;
-    ControllerParams p;
-    p.adaptation.initial.stiffness = {1, 0, 1};
+    Tuning p;
+    p.adaptation.initial_bound = {0.0, 0.0, 0.0};
+    p.nominal.stiffness = {1, 0, 1};
     Guarded<Controller> guarded(p);
     const auto learnt = [&] { return guarded.state.controller.adaptation.squares; };
     const auto same = [&](const auto& before) {

@@ -32,7 +32,7 @@ typename Controller::State after_ten_samples(const typename Controller::Coeffici
 }
 
 TEST(ASavedState, ComesBackAndNotWhenABitOfItIsFlippedOrAByteIsMissing) {
-    const auto c = Paper::prepare(paper(100).controller);
+    const auto c = prepared<Paper>(paper(100));
     const Paper::State state = after_ten_samples<Paper>(c);
     std::vector<unsigned char> bytes(Saved<Paper::State>::size);
     Saved<Paper::State>::write(state, bytes.data());
@@ -58,11 +58,11 @@ void expect_sound_but_for(Switch& a, const auto& is_sound) {
 }
 
 TEST(ASoundState, HasNoMorePairsThanThereAreAndSwitchesThatAreOnOrOff) {
-    auto params = paper(100).controller;
-    params.observer_bandwidth = 300.0;
-    using Observed = Observing<Composite<Paper>>;
+    auto setup = paper(100);
+    setup.common.observer_bandwidth = 300.0;
+    using Observed = Observing<SlidingModeController<double, FractionalFastTerminalSurface, CompositeAdaptation>>;
     using Guarded = Guard<Observed>;
-    const auto c = Guarded::prepare(params);
+    const auto c = prepared<Guarded>(setup);
     Guarded::State state{.controller = after_ten_samples<Observed>(c.controller)};
     const auto is_sound = [&] { return Guarded::sound(state, c); };
     auto& surface = state.controller.controller.surface;
@@ -104,7 +104,7 @@ TEST(APhase, IsDefinedForEveryAngle) {
 
 TEST(TheSteadyWindow, BeginsWithinTheRunOrRightAfterItWhateverTheTransient) {
     fracgyro::Setup setup;
-    setup.controller.step = 0.25;
+    setup.common.step = 0.25;
     setup.steps = 40;
     const auto first = [&](double transient) { return first_steady_sample({.transient = transient}, setup); };
     EXPECT_EQ(first(0.0), 0);

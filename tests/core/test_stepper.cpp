@@ -6,6 +6,8 @@
 #include <gtest/gtest.h>
 
 #include <set>
+#include <string>
+#include <vector>
 
 namespace fracgyro::testing {
 namespace {
@@ -15,9 +17,9 @@ using Proposed = SlidingModeController<double, FractionalFastTerminalSurface>;
 TEST(Stepper, ItsSamplesAreThoseOfTheLoopEvenAfterACopy) {
     const auto setup = paper(2'000);
     const auto c = Stepper<Proposed>::prepare(setup);
-    Disturbance disturbance(setup.disturbance, setup.controller.step);
+    Disturbance disturbance(setup.disturbance, setup.common.step);
     auto state = Stepper<Proposed>::start(setup, c, disturbance);
-    run_loop<Proposed>(setup, [&](const Snapshot<double>& at) {
+    run_loop<Proposed>(setup, [&](const auto& at) {
         ASSERT_EQ(state.step, at.step);
         ASSERT_EQ(state.motion.position, at.motion.position);
         ASSERT_EQ(state.motion.velocity, at.motion.velocity);
@@ -25,7 +27,7 @@ TEST(Stepper, ItsSamplesAreThoseOfTheLoopEvenAfterACopy) {
         ASSERT_EQ(state.disturbance, at.disturbance);
         if (at.step == 1'000) {
             const auto copy = state;
-            disturbance = Disturbance(setup.disturbance, setup.controller.step);
+            disturbance = Disturbance(setup.disturbance, setup.common.step);
             state = copy;
         }
         ASSERT_TRUE(Stepper<Proposed>::advance(state, c, disturbance));
@@ -35,33 +37,43 @@ TEST(Stepper, ItsSamplesAreThoseOfTheLoopEvenAfterACopy) {
 
 TEST(Stepper, ItSaysWhenTheMotionDiverges) {
     auto setup = paper(2'000);
-    setup.controller.step = 0.05;
+    setup.common.step = 0.05;
     const auto c = Stepper<Proposed>::prepare(setup);
-    Disturbance disturbance(setup.disturbance, setup.controller.step);
+    Disturbance disturbance(setup.disturbance, setup.common.step);
     auto state = Stepper<Proposed>::start(setup, c, disturbance);
-    const std::int64_t lasted = run_loop<Proposed>(setup, [](const Snapshot<double>&) {});
+    const std::int64_t lasted = run_loop<Proposed>(setup, [](const auto&) {});
     ASSERT_LT(lasted, setup.steps);
     while (Stepper<Proposed>::advance(state, c, disturbance)) {
     }
     EXPECT_EQ(state.step + 1, lasted);
 }
 
-TEST(Settings, EachHasANameOfItsOwn) {
-    EXPECT_EQ(std::set(setting_names.begin(), setting_names.end()).size(), setting_names.size());
+TEST(Settings, OfEveryKindEachHasANameOfItsOwn) {
+    for (std::size_t kind = 0; kind < controller_kinds.size(); ++kind) {
+        const fracgyro::Setup setup{.controller = params_of_kind(kind)};
+        std::set<std::string> names;
+        for_each_setting(setup, [&](std::string_view table, const auto& field, std::string_view part, const auto&) {
+            names.insert(std::string(table) + '.' + std::string(field.name) + std::string(part));
+        });
+        EXPECT_EQ(names.size(), setting_count(setup)) << controller_kinds[kind];
+        EXPECT_TRUE(names.contains("run.step") && names.contains("plant.stiffness.xy"));
+    }
 }
 
 TEST(Settings, TakenFromNumbersTheyMakeTheSameRun) {
     const auto setup = paper(100);
-    std::array<double, setting_names.size()> numbers{};
-    std::size_t at = 0;
-    for_each_setting(setup, [&](std::string_view, const auto& number) { numbers[at++] = static_cast<double>(number); });
-    fracgyro::Setup taken;
+    std::vector<double> numbers;
+    for_each_setting(setup, [&](std::string_view, const auto&, std::string_view, const auto& number) {
+        numbers.push_back(static_cast<double>(number));
+    });
+    ASSERT_EQ(numbers.size(), setting_count(setup));
+    fracgyro::Setup taken{.controller = params_of_kind(setup.controller.index())};
     take_settings(taken, numbers.data());
-    taken.controller.surface.modes.rates = setup.controller.surface.modes.rates;
-    taken.controller.surface.modes.weights = setup.controller.surface.modes.weights;
+    modes_of(taken.controller)->rates = modes_of(setup.controller)->rates;
+    modes_of(taken.controller)->weights = modes_of(setup.controller)->weights;
     std::array<Vec2<double>, 2> last{};
     const auto run = [](const fracgyro::Setup& s, Vec2<double>& force) {
-        run_loop<Proposed>(s, [&](const Snapshot<double>& snapshot) { force = snapshot.signals.force; });
+        run_loop<Proposed>(s, [&](const auto& snapshot) { force = snapshot.signals.force; });
     };
     run(setup, last[0]);
     run(taken, last[1]);

@@ -18,15 +18,22 @@ void must(bool promise) {
 struct Answer {
     fracgyro_status status;
     fracgyro_vector force;
-    fracgyro_estimates estimates;
+    fracgyro_report report;
 };
 
 Answer answer(fracgyro_state& state, const fracgyro_motion& motion) {
     Answer a{};
     a.status = fracgyro_step(&state, &motion, &a.force);
-    fracgyro_read_estimates(&state, &a.estimates);
+    fracgyro_read_report(&state, &a.report);
     return a;
 }
+
+// How much of a report rests while no sample is believed: all but whether the rate is trusted, where that is told.
+template <class Report>
+constexpr std::size_t resting = sizeof(Report);
+template <class Report>
+    requires requires(Report r) { r.rate_trusted; }
+constexpr std::size_t resting<Report> = offsetof(Report, rate_trusted);
 
 bool same(const void* a, const void* b, std::size_t size) { return std::memcmp(a, b, size) == 0; }
 
@@ -36,7 +43,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     fracgyro_state state;
     fracgyro_init(&state);
     Answer last{};
-    fracgyro_read_estimates(&state, &last.estimates);
+    fracgyro_read_report(&state, &last.report);
     fracgyro_motion motion{};
     for (const std::uint8_t* end = data + size; data < end;) {
         const std::uint8_t what = *data++;
@@ -87,8 +94,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
             if (held) {
                 must(same(&now.force, &last.force, sizeof now.force));
             }
-            if (held || now.status == FRACGYRO_LOST) {  // estimates rest: all but whether the rate is trusted
-                must(same(&now.estimates, &last.estimates, offsetof(fracgyro_estimates, rate_trusted)));
+            if (held || now.status == FRACGYRO_LOST) {  // what was learnt rests
+                must(same(&now.report, &last.report, resting<fracgyro_report>));
             }
             last = now;
         }

@@ -333,9 +333,7 @@ def test_a_step_costs_what_the_clock_says_of_the_proposed_controller(monkeypatch
     assert cost.seconds == pytest.approx([3.0 / 20_001] * 7)
     assert (
         cost.modes
-        == claims.core_setup(
-            runs.scenario("corrected", "proposed").replace({"run.duration": 20.0})
-        ).controller.surface.modes.count
+        == claims.core_setup(runs.scenario("corrected", "proposed").replace({"run.duration": 20.0})).modes.count
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from fracgyro import _core
-from fracgyro.setup import plant_params
+from fracgyro.setup import core_setup
 from test_loop import QUIET, assert_agrees, sharp
 
 COMPOSITE = {"adaptation.kind": "composite"}
@@ -104,16 +104,15 @@ def test_four_times_the_forgetting_of_the_rate_is_twice_the_deviation_which_erro
 
 def test_forgetting_at_a_rate_follows_a_step_at_that_rate() -> None:
     scenario = PAPER.replace({**QUIET, "run.duration": 6.0, "adaptation.rate_forgetting": 2.0})
-    params = plant_params(scenario)
     controller = fg.Controller(scenario)
     state = np.array([0.5, 0.5, 0.0, 0.0])
     rates = []
     for n in range(5500):
-        params.rate = 0.1 if n < 4000 else 0.2
+        rate = 0.1 if n < 4000 else 0.2
         force = controller.step(n * 1e-3, state[:2].tolist(), state[2:].tolist())
         rates.append(controller.estimates.rate)
         if n in (0, 4000):
-            advance = np.array(_core.plant_map(params, 1e-3))
+            advance = np.array(_core.plant_map(core_setup(scenario, {"plant.angular_rate": rate})))
         state = advance @ [*state, *force]
     assert rates[3999] == pytest.approx(0.1, abs=1e-6)
     for later in (0.5, 1.0, 1.499):

@@ -17,7 +17,9 @@ import xarray as xr
 from fracgyro import _core
 from fracgyro.export import web
 from fracgyro.export.fmu import export as export_fmu
+from fracgyro.kinds import DEVICE_CHANNELS
 from fracgyro.scenario import Scenario, ScenarioError
+from fracgyro.setup import core_setup
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
@@ -96,12 +98,11 @@ def expected(scenario: Scenario, run: xr.Dataset) -> dict[str, np.ndarray]:
     for stream, name in ((1, "position"), (2, "velocity")):
         device = scenario.device
         density = getattr(device, f"{name}_noise_density")
-        params = _core.DisturbanceParams()
-        params.kind, params.seed, params.stream = _core.DisturbanceKind.noise, scenario.disturbance.seed, stream
         # A one-sided density N up to half of f_s = 1 MHz has variance N² f_s/2.
         deviation = getattr(device, f"{name}_noise") + density * math.sqrt(1e6 / 2)
-        params.standard_deviation = deviation / getattr(scenario.plant.scales, "length" if stream == 1 else "velocity")
-        draws[name] = _core.disturbance(params, scenario.run.step, 0, run.sizes["time"])
+        deviation /= getattr(scenario.plant.scales, "length" if stream == 1 else "velocity")
+        changes = {"disturbance.kind": 1.0, "disturbance.standard_deviation": deviation, "disturbance.hold_steps": 1.0}
+        draws[name] = _core.disturbance(core_setup(scenario, changes), 0, run.sizes["time"], stream)
     rate = true_rate(scenario, run["angular_rate"].values)
     return device_oracle.simulate(scenario, run["disturbance"].values, draws["position"], draws["velocity"], rate)
 
@@ -181,7 +182,7 @@ def test_noise_of_the_rate_has_its_own_seed() -> None:
 
 def test_the_ideal_device_has_none_of_their_channels() -> None:
     run = fg.simulate(SHORT)
-    assert not set(run) & {name for name, _ in _core.device_channels}
+    assert not set(run) & {channel.name for channel in DEVICE_CHANNELS}
 
 
 def test_a_device_with_nothing_but_a_name_for_an_effect_has_the_bits_of_the_ideal_one() -> None:

@@ -18,8 +18,9 @@ from embedded import need
 from fmpy.simulation import instantiate_fmu
 from fmpy.validation import validate_fmu
 from fracgyro.cli import cli
+from fracgyro.export import settings
 from fracgyro.export.fmu import FMI2_FOLDERS, Content, Fmi, export
-from fracgyro.simulate import CHANNELS
+from fracgyro.kinds import KINDS, LOOP_CHANNELS, reports
 
 SHORT = fg.Scenario.paper().replace({"run.duration": 2.0, "controller.switching_limit": 0.5})
 SI = SHORT.replace(
@@ -53,6 +54,8 @@ SCENARIOS = {
     "in SI units": SI,
     "composite adaptation": SHORT.replace({"adaptation.kind": "composite", "adaptation.rate_forgetting": 2.0}),
     "known parameters, sine": SINE,
+    "PID, which reports nothing": SHORT.replace({"controller.kind": "pid"}),
+    "super-twisting": SHORT.replace({"controller.kind": "super_twisting"}),
     "undisturbed": SHORT.replace({"controller.kind": "linear", "disturbance.kind": "none"}),
 }
 VERSIONS: tuple[Fmi, ...] = get_args(Fmi)
@@ -75,12 +78,12 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., str]:
 
 def columns(run: Any) -> dict[str, np.ndarray]:
     """A run of ours under the names of an FMU's outputs."""
-    parts = {"axis": [".x", ".y"], "entry": [".xx", ".xy", ".yy"], "bound": ["[0]", "[1]", "[2]"], None: [""]}
+    channels = (*LOOP_CHANNELS, *(c for kind in KINDS for channels in reports(kind) for c in channels))
     found = {}
-    for name in run.data_vars:
-        dimension = CHANNELS[name][0]
-        values = run[name].values.reshape(run.sizes["time"], -1)
-        found.update({name + part: values[:, i] for i, part in enumerate(parts[dimension])})
+    for channel in channels:
+        if channel.name in run:
+            values = run[channel.name].values.reshape(run.sizes["time"], -1)
+            found.update({name: values[:, i] for i, name in enumerate(settings.columns(channel))})
     return found
 
 

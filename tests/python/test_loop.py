@@ -19,7 +19,8 @@ import numpy as np
 import oracle
 import pytest
 import xarray as xr
-from fracgyro.setup import core_setup, disturbance_params, plant_params
+from fracgyro.kinds import ENTRIES
+from fracgyro.setup import core_setup
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
@@ -347,7 +348,7 @@ def plant(**changes: object) -> fg.Scenario:
 
 
 def plant_map(scenario: fg.Scenario, step: float) -> np.ndarray:
-    return np.array(fg._core.plant_map(plant_params(scenario), step))
+    return np.array(fg._core.plant_map(core_setup(scenario, {"run.step": step})))
 
 
 def test_equation_47_in_SI_units_is_equation_48_without_them() -> None:
@@ -363,19 +364,20 @@ def test_equation_47_in_SI_units_is_equation_48_without_them() -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_a_step_of_the_plant_is_the_matrix_exponential(seed: int, step: float) -> None:
     random = np.random.default_rng(seed)
-    params = fg._core.PlantParams()
-    params.damping = random.uniform(0, 1, 3)
-    params.stiffness = np.array([200.0, 30.0, 100.0]) + random.uniform(0, 9, 3)
-    params.damping_deviation, params.stiffness_deviation = random.uniform(0, 0.3, 3), random.uniform(-5, 5, 3)
-    params.rate = random.uniform(-2, 2)
-    d = np.asarray(params.damping) + params.damping_deviation
-    k = np.asarray(params.stiffness) + params.stiffness_deviation
+    damping, stiffness = random.uniform(0, 1, 3), np.array([200.0, 30.0, 100.0]) + random.uniform(0, 9, 3)
+    more_damping, more_stiffness = random.uniform(0, 0.3, 3), random.uniform(-5, 5, 3)
+    rate = random.uniform(-2, 2)
+    matrices = {"damping": damping, "stiffness": stiffness}
+    matrices |= {"damping_deviation": more_damping, "stiffness_deviation": more_stiffness}
+    changes = {f"plant.{name}.{part}": a[i] for name, a in matrices.items() for i, part in enumerate(ENTRIES)}
+    setup = core_setup(PAPER, {**changes, "plant.angular_rate": rate, "run.step": step})
+    d, k = damping + more_damping, stiffness + more_stiffness
     flow = np.zeros((6, 6))
     flow[0, 2] = flow[1, 3] = flow[2, 4] = flow[3, 5] = 1.0
-    flow[2, :4] = -k[0], -k[1], -d[0], -d[1] + 2 * params.rate
-    flow[3, :4] = -k[1], -k[2], -d[1] - 2 * params.rate, -d[2]
+    flow[2, :4] = -k[0], -k[1], -d[0], -d[1] + 2 * rate
+    flow[3, :4] = -k[1], -k[2], -d[1] - 2 * rate, -d[2]
     expected = expm(step * flow)[:4]
-    np.testing.assert_allclose(fg._core.plant_map(params, step), expected, rtol=0, atol=1e-13 * abs(expected).max())
+    np.testing.assert_allclose(fg._core.plant_map(setup), expected, rtol=0, atol=1e-13 * abs(expected).max())
 
 
 @pytest.mark.parametrize("rate", [0.0, 3000.0])
@@ -416,7 +418,7 @@ def test_a_constant_force_is_balanced_by_the_spring() -> None:
 def noise(count: int, first: int = 0, **changes: object) -> np.ndarray:
     fields = {"kind": "noise", "standard_deviation": 1.0, "hold": None, **changes}
     scenario = PAPER.replace({f"disturbance.{name}": value for name, value in fields.items()})
-    return fg._core.disturbance(disturbance_params(scenario), scenario.run.step, first, count)
+    return fg._core.disturbance(core_setup(scenario), first, count)
 
 
 @pytest.mark.parametrize(
@@ -547,9 +549,9 @@ def test_the_force_limit_clips_each_axis_and_changes_nothing_below_it() -> None:
 def step_by_hand(scenario: fg.Scenario, swap_at: int | None = None) -> dict[str, np.ndarray]:
     """The loop in Python: `Controller`, the plant's map in the order of its sum, its own disturbance."""
     controller = fg.Controller(scenario)
-    advance = fg._core.plant_map(plant_params(scenario), scenario.run.step)
+    advance = fg._core.plant_map(core_setup(scenario))
     count = scenario.run.steps + 1
-    disturbance = fg._core.disturbance(disturbance_params(scenario), scenario.run.step, 0, count)
+    disturbance = fg._core.disturbance(core_setup(scenario), 0, count)
     x, y = scenario.plant.initial_position
     vx, vy = scenario.plant.initial_velocity
     history: dict[str, list[object]] = {name: [] for name in ("position", "velocity", "control", *ESTIMATES)}
@@ -850,19 +852,19 @@ def test_a_transient_far_beyond_the_run_is_all_of_it() -> None:
     np.testing.assert_array_equal(run["rmse"].sel(window="transient"), run["rmse"].sel(window="whole"))
 
 
-# A sample of an ideal run has 31 numbers, 248 bytes: 8,064,516 of them are 2 GB.
+# A sample of an ideal run has 29 numbers, 232 bytes: 8,620,689 of them are 2 GB.
 
 
 def test_a_record_that_would_be_too_large_is_refused_and_a_thinner_one_is_not() -> None:
     long = PAPER.replace({"controller.kind": "linear", "run.duration": 1e5})
     with pytest.raises(
-        ValueError, match=r"^run.record_every is 1: 1 runs of 100000001 samples of 31 numbers are 24.8 GB"
+        ValueError, match=r"^run.record_every is 1: 1 runs of 100000001 samples of 29 numbers are 23.2 GB"
     ):
         fg.simulate(long)
     with pytest.raises(
-        ValueError, match=r"^run.record_every is 12: 1 runs of 8333334 samples of 31 numbers are 2.07 GB"
+        ValueError, match=r"^run.record_every is 11: 1 runs of 9090910 samples of 29 numbers are 2.11 GB"
     ):
-        fg.simulate(long.replace({"run.record_every": 12}))
+        fg.simulate(long.replace({"run.record_every": 11}))
     with pytest.raises(ValueError, match=r"150 runs of 80001 samples .* have simulate_many with metrics_only measure"):
         fg.simulate_many([PAPER], seeds=range(150))
     thin = PAPER.replace({"run.duration": 1.0, "run.record_every": 10**9})

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from fracgyro import _core, modes
 from fracgyro.scenario import Scenario
-from fracgyro.setup import controller_params
+from fracgyro.setup import core_setup
 from fracgyro.tables import MOST_STEPS
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -165,4 +165,4 @@ def test_bad_arguments_are_named_with_their_value_and_what_is_allowed(
 def test_the_longest_run_at_the_smallest_tolerance_fits_into_the_controllers_memory(order: float) -> None:
     longest = Scenario.paper().replace({"controller.order": order, "run.duration": 1e6, "run.mode_tolerance": 1e-9})
     assert longest.run.steps == MOST_STEPS
-    assert 0 < controller_params(longest).surface.modes.count <= _core.mode_capacity
+    assert 0 < core_setup(longest).modes.count <= _core.mode_capacity

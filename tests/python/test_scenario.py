@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fracgyro.kinds import KINDS, having
 from fracgyro.scenario import Scenario, ScenarioError, paths
 from fracgyro.simulate import simulate
 from fracgyro.table import Symmetric
@@ -251,8 +252,11 @@ BAD = [
         {"controller.terminal_gain": 0},
         "controller.terminal_gain[0] is 0: it must be greater than 0 (and 1 more)",
     ),
-    ({"controller.kind": "pid"}, 'controller.kind is "pid": it must be fractional_fast_terminal, fractional'),
-    ({"controller.layer": None}, "controller.layer is not set: it must be quadratic or linear"),
+    (
+        {"controller.kind": "bang_bang"},
+        'controller.kind is "bang_bang": it must be fractional_fast_terminal, fractional',
+    ),
+    ({"controller.layer": None}, "controller.layer is not set: it must be linear or quadratic"),
     ({"controller.layer_thickness": -0.06}, "layer_thickness is -0.06: it must be at least 0"),
     ({"controller.singularity_floor": 0.0}, "singularity_floor is 0.0: it must be greater than 0"),
     ({"controller.force_limit": math.nan}, "controller.force_limit is nan: it must be greater than 0"),
@@ -472,6 +476,9 @@ def test_the_text_is_complete_commented_and_fits_the_line() -> None:
         assert table is not None
         for field, field_info in table.model_fields.items():
             assert field_info.description, f"{name}.{field} has no description"
+            if PAPER.controller.kind not in (having(f"{name}.{field}") or KINDS):
+                assert field not in tables[name], "of other controllers"
+                continue
             assert field in tables[name] or f"# {field} is not set" in lines
     for previous, line in pairwise(lines):
         if "=" in line and not line.startswith("#"):

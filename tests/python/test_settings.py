@@ -11,8 +11,10 @@ from typing import Any
 import fracgyro as fg
 import pytest
 from fracgyro.export import compilers, web
-from fracgyro.export.settings import UNITS, core_numbers, path_of, settings
+from fracgyro.export.settings import core_numbers, offered, settings, unit
+from fracgyro.kinds import KINDS, numbers, reports
 
+RUN = {"run.duration", "run.record_every", "run.mode_tolerance"}
 ROOT = Path(__file__).resolve().parents[2]
 SHORT = fg.Scenario.paper()
 OTHER = SHORT.replace(
@@ -25,51 +27,92 @@ OTHER = SHORT.replace(
 )
 
 
-def module_fields(tmp_path: Path) -> dict[str, Any]:
+def module_data(tmp_path: Path) -> dict[str, Any]:
     web.write_module_data(tmp_path / "fracgyro.json")
-    data = json.loads((tmp_path / "fracgyro.json").read_text())
-    assert data["fields"].keys() == data["paper"]["corrected"]["settings"].keys()
-    fields: dict[str, Any] = data["fields"]
-    return fields
+    data: dict[str, Any] = json.loads((tmp_path / "fracgyro.json").read_text())
+    return data
 
 
-def test_every_setting_has_its_type(tmp_path: Path) -> None:
-    types = (ROOT / "faces/web/fracgyro.d.ts").read_text(encoding="utf-8").split("export interface Settings {")[1]
-    typed = dict(re.findall(r'^  "([^"]+)": (.+);$', types, re.MULTILINE))
-    fields = module_fields(tmp_path)
-    assert list(typed) == list(json.loads((tmp_path / "fracgyro.json").read_text())["paper"]["corrected"]["settings"])
-    for name, field in fields.items():
-        if "choices" in field:
-            assert typed[name] == " | ".join(f'"{choice}"' for choice in field["choices"])
+def types_of(kind: str) -> dict[str, str]:
+    """TypeScript's types of the settings of one kind, by name."""
+    found: dict[str, str] = {}
+    for head, body in re.findall(
+        r"^export interface ([\w ]+) {\n(.*?)^}", web.settings_types(), re.MULTILINE | re.DOTALL
+    ):
+        members = dict(re.findall(r'^  "([^"]+)": (.+);$', body, re.MULTILINE))
+        if head == "CommonSettings" or f'"{kind}"' in members["controller.kind"]:
+            found |= members
+    return found
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_setting_of_every_kind_has_its_type_and_meaning(kind: str, tmp_path: Path) -> None:
+    fields, typed = module_data(tmp_path)["fields"], types_of(kind)
+    web.export(SHORT.replace({"controller.kind": kind}), tmp_path / "own.json", unbounded=True)
+    said = json.loads((tmp_path / "own.json").read_text())["settings"]
+    assert set(typed) == set(said) == {"controller.kind", *(n.name for n in offered(kind)), *RUN}
+    words = {True: "boolean", False: "boolean"}
+    for name, value in said.items():
+        field = fields[name]
+        assert field["description"]
+        if name == "controller.kind":
+            assert kind in field["choices"]
+        elif "choices" in field:
+            assert value in field["choices"]
+            assert typed[name] == " | ".join(dict.fromkeys(words.get(c, f'"{c}"') for c in field["choices"])), name
+        else:
+            assert typed[name] == ("number | null" if field.get("infinite") else "number"), name
+
+
+def test_the_types_that_are_written_are_those_and_every_name_in_them_is_known(tmp_path: Path) -> None:
+    text = web.settings_types()
+    interfaces = re.findall(r"^export interface (\w+)", text, re.MULTILINE)
+    union = text.splitlines()[-1]
+    assert union == f"export type Settings = {' | '.join(interfaces[1:])};"
+    head = (ROOT / "faces/web/fracgyro.d.ts").read_text(encoding="utf-8")
+    assert "Settings {" not in head
+    assert "NameOf<Settings>" in head
 
 
 def test_no_number_of_the_core_is_left_out(tmp_path: Path) -> None:
-    derived = {"run.steps", "controller.order_gamma", "controller.mode_count", "controller.mode_error"}
-    assert set(core_numbers(SHORT)) - set(module_fields(tmp_path)) == derived
+    data = module_data(tmp_path)
+    assert list(data["kinds"]) == list(KINDS)
+    found_by_the_module = {"run.steps", "controller.order_gamma", "controller.mode_count", "controller.mode_error"}
+    for kind, told in data["kinds"].items():
+        names = [number.name for number in numbers(kind)]
+        assert len(told["numbers"]) == len(names)
+        left_out = {name for name, said in zip(names, told["numbers"], strict=True) if said != name}
+        assert left_out <= found_by_the_module
+        assert set(names) - set(data["fields"]) == left_out | {"run.steps"}
+        assert [len(columns) for columns in told["reported"]] == [sum(c.width for c in cs) for cs in reports(kind)]
 
 
 def test_units_are_those_of_the_equations() -> None:
     text = (ROOT / "EQUATIONS.md").read_text(encoding="utf-8")
     rows = [[cell.strip() for cell in row.split("|")] for row in text.splitlines() if row.startswith("|")]
     listed = {row[4].strip("`"): row[2] for row in rows if len(row) == 8}
-    signs = {"ω": "omega", "α": "alpha", "−": "-", "²": "^2", " ": "*", "–": "1"}
-    for path, unit in UNITS.items():
-        if path not in listed:
-            assert path.startswith("adaptation.initial_")
-            continue
+    signs = {"ω": "omega", "α": "alpha", "−": "-", "²": "^2", "³": "^3", " ": "*", "–": "1"}
+    units: dict[str, list[str]] = {}
+    for number in (number for kind in KINDS for number in offered(kind) if not number.choices):
+        said = units.setdefault(number.path, [])
+        if unit(number) not in said:
+            said.append(unit(number))
+    compared = {path: "|".join(said) for path, said in units.items() if path in listed}
+    assert len(compared) > 40
+    for path, said in compared.items():
         words = listed[path].removeprefix("unit ").replace(", ", "|").replace("N s/m", "N.s/m")
         for sign, word in signs.items():
             words = words.replace(sign, word)
-        assert words == (unit if isinstance(unit, str) else "|".join(unit)), path
+        assert words == said, path
 
 
 def test_a_setting_over_its_scale_is_the_cores_number_to_the_bit() -> None:
     scenario = OTHER
-    numbers = core_numbers(scenario)
+    of_core = core_numbers(scenario)
     found = settings(scenario)
-    assert {path_of(setting.name) for setting in found} == set(UNITS)
+    assert {setting.name for setting in found if setting.scale != 1.0} > {"plant.damping.xx", "plant.angular_rate"}
     for setting in found:
-        assert setting.value / setting.scale == numbers[setting.name], setting.name
+        assert setting.value / setting.scale == of_core[setting.name], setting.name
 
 
 def test_a_seed_that_no_double_holds_is_refused() -> None:

@@ -14,6 +14,7 @@ from children import PATIENCE
 from embedded import need
 from fracgyro import _core
 from fracgyro.export import web
+from fracgyro.kinds import KINDS
 from fracgyro.setup import core_setup
 
 SHORT = fg.Scenario.paper().replace({"run.duration": 3.0})
@@ -56,8 +57,8 @@ def assert_same_bits(got: np.ndarray, expected: np.ndarray) -> None:
 
 
 def test_the_module_is_small_and_imports_nothing(module: Path, tmp_path: Path) -> None:
-    assert (module / "fracgyro.wasm").stat().st_size < 92_000
-    assert sum(file.stat().st_size for file in module.iterdir()) < 124_000
+    assert (module / "fracgyro.wasm").stat().st_size < 128_000
+    assert sum(file.stat().st_size for file in module.iterdir()) < 182_000
     imports = 'console.log(WebAssembly.Module.imports(new WebAssembly.Module(read("fracgyro.wasm"))).length)'
     assert in_node(module, tmp_path, imports) == "0\n"
 
@@ -68,6 +69,8 @@ SCENARIOS = {
     "any c, held noise": SHORT.replace({"controller.terminal_exponent": 0.7, "disturbance.hold": 4e-3}),
     "fractional": SHORT.replace({"controller.kind": "fractional", "controller.order": 0.35}),
     "composite adaptation": SHORT.replace({"adaptation.kind": "composite", "adaptation.rate_forgetting": 2.0}),
+    "PID, which reports nothing": SHORT.replace({"controller.kind": "pid", "controller.force_limit": 6000.0}),
+    "super-twisting": SHORT.replace({"controller.kind": "super_twisting"}),
     "integer order": SHORT.replace({"controller.order": 1.0}),
     "order zero": SHORT.replace({"controller.order": 0.0}),
     "known parameters, sine": SHORT.replace(
@@ -152,7 +155,7 @@ def check_controller_alone(module: Path, tmp_path: Path, scenario: fg.Scenario) 
         forces.set(controller.step([x, y], [vx, vy]), 2 * n);
       }
       write(single ? "single" : "double", forces);
-      console.log(JSON.stringify(controller.estimates));
+      console.log(JSON.stringify(controller.report));
     }
     """
     double, single = map(json.loads, in_node(module, tmp_path, code, scenario).splitlines())
@@ -164,23 +167,24 @@ def check_controller_alone(module: Path, tmp_path: Path, scenario: fg.Scenario) 
     controller = fg.Controller(scenario)
     for n, (x, y, vx, vy) in enumerate(motion):
         controller.step(n * scenario.run.step, [x, y], [vx, vy])
-    assert double["stiffness"] == list(controller.estimates.stiffness)
-    assert double["bound"] == list(controller.estimates.bound)
+    assert double["stiffness_estimate"] == list(controller.estimates.stiffness)
+    assert double["bound_estimate"] == list(controller.estimates.bound)
     rel = 1e-3 if scenario.adaptation.kind == "gradient" else 1e-2  # a quarter of the estimate's own deviation
-    assert single["rate"] == pytest.approx(controller.estimates.rate, rel=rel)
+    assert single["rate_estimate"] == pytest.approx(controller.estimates.rate, rel=rel)
     return double, controller
 
 
 def test_the_controller_alone_has_the_bits_of_the_python_one_and_resumes(module: Path, tmp_path: Path) -> None:
     double, _ = check_controller_alone(module, tmp_path, SHORT)
-    assert double["rateTrusted"] is False
+    assert "rate_trusted" not in double
 
 
 def test_so_has_the_controller_with_composite_adaptation(module: Path, tmp_path: Path) -> None:
     scenario = SHORT.replace({"adaptation.kind": "composite"})
     double, controller = check_controller_alone(module, tmp_path, scenario)
-    assert double["rateDeviation"] == controller.estimates.rate_deviation
-    assert double["rateTrusted"] is controller.estimates.rate_trusted is True
+    assert double["rate_deviation"] == controller.estimates.rate_deviation
+    assert double["rate_trusted"] == 1
+    assert controller.estimates.rate_trusted
 
 
 def test_an_absurd_sample_is_not_believed_and_leaves_no_force_without_end(module: Path, tmp_path: Path) -> None:
@@ -205,8 +209,11 @@ WRONG = {
     '{ "controller.order": 1, "run.duration": 1e7 }': "run.duration is 10000000: "
     "it must be 1 to 1000000000 times run.step",
     '{ "controller.terminal_exponent": 1 }': "controller.terminal_exponent is 1: it must be less than 1",
-    '{ "controller.kind": "sliding" }': "controller.kind is sliding: "
-    "it must be one of fractional_fast_terminal, fractional, fast_terminal, linear",
+    '{ "controller.kind": "sliding" }': f"controller.kind is sliding: it must be one of {', '.join(KINDS)}",
+    '{ "controller.natural_frequency": 1 }': "controller.natural_frequency is no setting of the controller "
+    "fractional_fast_terminal",
+    '{ "controller.kind": "pid" }': "controller.natural_frequency is missing: it must be given",
+    '{ "controller.adaptive": 1 }': "controller.adaptive is 1: it must be one of false, true",
     '{ "plant.angular_rate": NaN }': "plant.angular_rate is NaN: it must be a finite number",
     '{ "run.record_every": 2**32 + 1 }': "run.record_every is 4294967297: it must be at most 1000000000",
     '{ "disturbance.hold_steps": 2**40 }': "disturbance.hold_steps is 1099511627776: it must be at most 1000000000",
@@ -266,3 +273,23 @@ def test_divergence_is_told_and_the_samples_until_then_are_kept(module: Path, tm
         fg.simulate(coarse)
     rows = recorded(coarse)
     assert_same_bits(np.fromfile(tmp_path / "rows"), rows[~np.isnan(rows[:, 0])].copy())
+
+
+def test_a_page_can_change_the_kind_and_gives_the_settings_that_it_has(module: Path, tmp_path: Path) -> None:
+    changes = {"controller.natural_frequency": 150.0, "controller.damping_ratio": 0.9}
+    scenario = SHORT.replace({"controller.kind": "pid", **changes})
+    given = {
+        "controller.kind": "pid",
+        "controller.integral_frequency": scenario.controller.integral_frequency,
+        **changes,
+    }
+    code = f"""
+    const run = await fracgyro.simulate(own, {json.dumps(given)});
+    write("rows", run.rows);
+    const controller = await fracgyro.controller(own, {json.dumps(given)});
+    console.log(JSON.stringify(controller.step([0.5, 0.5], [0, 0])), JSON.stringify(controller.report));
+    """
+    force, report = in_node(module, tmp_path, code).split()
+    assert_same_bits(np.fromfile(tmp_path / "rows"), recorded(scenario))
+    assert json.loads(force) == list(fg.Controller(scenario).step(0.0, [0.5, 0.5], [0.0, 0.0]))
+    assert report == "{}"

@@ -12,16 +12,10 @@ from typing import Any
 from .. import _core
 from ..bounded import check_bounded
 from ..files import whole_folder
+from ..kinds import ENTRIES, KINDS, Channel, reported
 from ..scenario import Scenario
-from ..setup import composite, controller_params
+from ..setup import core_numbers, core_setup
 from .compilers import SOURCES, Number
-
-SURFACES = {
-    "fractional_fast_terminal": "fracgyro::Surface<T, fracgyro::FractionalTerm<T, {capacity}>, true>",
-    "fractional": "fracgyro::Surface<T, fracgyro::FractionalTerm<T, {capacity}>, false>",
-    "fast_terminal": "fracgyro::FastTerminalSurface<T>",
-    "linear": "fracgyro::LinearSurface<T>",
-}
 
 
 def export_firmware(
@@ -42,19 +36,17 @@ def export_firmware(
 
 def coefficients_header(scenario: Scenario, number: Number) -> str:
     """What differs from one scenario to the next. The same scenario gives the same text."""
-    kind = scenario.controller.kind
-    params = controller_params(scenario)
-    capacity = -(-max(params.surface.modes.count, 1) // 2) * 2
+    setup, single = core_setup(scenario), number == "float"
+    capacity = -(-max(setup.modes.count, 1) // 2) * 2
     alignment = 8
-    observing = scenario.device.sensing == "position"
-    needed = _core.state_size(capacity, composite(scenario), observing, number == "float")
-    size = -(-needed // alignment) * alignment
-    values = initializer(_core.coefficients(kind, params, number == "float"), number)
+    size = -(-_core.state_size(setup, capacity, single) // alignment) * alignment
+    values = initializer(_core.coefficients(setup, single), number)
+    channels, numbers = reported(setup), core_numbers(scenario)
+    stiffness = [numbers[f"adaptation.initial_stiffness.{entry}"] for entry in ENTRIES]
     scales = asdict(scenario.plant.scales)
     scales["step"] = scenario.run.step * scales["time"]
     units = {"step": "s", "length": "m", "velocity": "m/s", "force": "N", "damping": "N s/m", "stiffness": "N/m"}
     units["rate"] = "rad/s"
-    adaptation = "CompositeAdaptation" if composite(scenario) else "Adaptation"
     names = {"step": "STEP_SECONDS", **{name: f"{name.upper()}_UNIT" for name in units if name != "step"}}
     made = f"fracgyro {version('fracgyro')}, scenario {scenario.content_hash()}, {number}"
     lines = [
@@ -71,19 +63,21 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
         "/* SI value = nondimensional value * unit. */",
         *(f"#define FRACGYRO_{names[n]} {scales[n].hex()} /* {scales[n]:.9g} {unit} */" for n, unit in units.items()),
         "",
+        *_report(channels),
+        "",
+        "/* Of the plant as it is taken to be: xx, xy, yy, nondimensional. */",
+        f"#define FRACGYRO_NOMINAL_STIFFNESS {{{', '.join(_float(entry, number) for entry in stiffness)}}}",
+        "",
         "#ifdef __cplusplus",
         "#define FRACGYRO_PACKS false",
-        '#include "fracgyro/composite.hpp"',
         '#include "fracgyro/guard.hpp"',
-        *(['#include "fracgyro/observer.hpp"'] if observing else []),
+        '#include "fracgyro/registry.hpp"',
         "",
         "// Unnamed: two exported controllers in one process do not meet.",
         "namespace fracgyro_exported {",
         "namespace {",
         "",
-        "template <fracgyro::Scalar T>",
-        f"using Surface = {SURFACES[kind].format(capacity=capacity)};",
-        *_controller(number, adaptation, observing),
+        *_controller(setup, number, capacity),
         "",
         "// In the order of the fields of Coefficients; what is left out is 0.",
         f"constexpr fracgyro::Guard<Controller>::Coefficients coefficients = {values};",
@@ -99,14 +93,31 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _controller(number: Number, adaptation: str, observing: bool) -> list[str]:
-    controller = f"fracgyro::SlidingModeController<{number}, Surface, fracgyro::{adaptation}>"
-    if not observing:
-        return [f"using Controller = {controller};"]
+def _report(channels: tuple[Channel, ...]) -> list[str]:
+    """The struct of what the controller reports; C has no empty one."""
+    members = []
+    for channel in channels:
+        size = f"[{channel.width}]" if channel.dimension else ""
+        members.append(f"    fracgyro_number {channel.name}{size}; /* {channel.meaning} */")
     return [
-        "// It has no sensor of velocity: what fracgyro_motion says of it is not looked at.",
-        f"using Controller = fracgyro::Observing<{controller}>;",
+        "/* What the controller reports: vectors as x, y, symmetric matrices as xx, xy, yy. */",
+        f"#define FRACGYRO_REPORTED {sum(channel.width for channel in channels)} /* numbers */",
+        "typedef struct {",
+        *(members or ["    fracgyro_number unused; /* there is nothing to report */"]),
+        "} fracgyro_report;",
     ]
+
+
+def _controller(setup: _core.DeviceSetup, number: Number, capacity: int) -> list[str]:
+    """A type of its own, and not another name of one: what it is made of is in this file alone."""
+    kind, chosen = _core.chosen_type(setup)
+    registered = f"fracgyro::RegisteredController<{number}, {kind}, {chosen}>"
+    controller = f"fracgyro::SizedController<{registered}, {capacity}>::Type"
+    lines = [f"// {KINDS[kind]}"]
+    if setup.observer_bandwidth > 0.0:
+        lines.append("// It has no sensor of velocity: what fracgyro_motion says of it is not looked at.")
+        controller = f"fracgyro::Observing<{controller}>"
+    return [*lines, f"struct Controller : {controller} {{}};"]
 
 
 def initializer(value: Any, number: Number, indent: str = "") -> str:

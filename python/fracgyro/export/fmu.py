@@ -25,12 +25,12 @@ import jinja2
 from .. import _core
 from ..bounded import check_bounded
 from ..files import whole_file
+from ..kinds import LOOP_CHANNELS, reported
 from ..scenario import Scenario, ScenarioError
-from ..setup import composite
-from ..simulate import AXES, CHANNELS, ENTRIES, OF_COMPOSITE
+from ..setup import core_setup
 from .compilers import FLAGS, SOURCES, Number, include, join_macos, system_compiler, zig
-from .settings import Limits, core_modes, core_numbers, describe, settings, without_plant
-from .units import base_unit, symbol
+from .settings import columns, core_modes, core_numbers, meaning, settings, unit, without_plant
+from .units import base_unit, shown
 
 Content = Literal["loop", "controller"]
 Fmi = Literal["2.0", "3.0"]
@@ -41,14 +41,10 @@ LARGEST = sys.float_info.max  # stands for infinity, which some importers do not
 LARGEST_SEED = 2**31 - 1  # of FMI's integers
 MOST_TOGETHER = 10**7  # steps in one call of the importer, as faces/fmu/instance.hpp has them
 FIRST_DATE = (1980, 1, 1, 0, 0, 0)  # of every file in the archive: no clock gets into it
-NO_LIMITS = Limits()
-PARTS = {
-    "axis": [f".{axis}" for axis in AXES],
-    "entry": [f".{entry}" for entry in ENTRIES],
-    "bound": ["[0]", "[1]", "[2]"],
-}
-INPUTS = {"position": ("length", "position q, measured"), "velocity": ("velocity", "velocity v, measured")}
+INPUTS = ("position", "velocity")
 NOT_OF_THE_CONTROLLER = {"position", "velocity", "disturbance"}
+# What steps, modes and noise were designed for.
+DESIGNED_FOR = {"run.step", "controller.order", "disturbance.hold_steps"}
 OF_DISTURBANCE = {"none": (), "noise": ("standard_deviation", "seed"), "sine": ("amplitude", "frequency", "phase")}
 # zig's name, FMI 3.0's name, ending
 TARGETS = {
@@ -70,7 +66,9 @@ class Variable:
     scale: float = 1.0
     unit: str = "1"
     description: str = ""
-    limits: Limits = NO_LIMITS
+    low: float = -math.inf
+    high: float = math.inf
+    strict: bool = False  # low < value < high
 
     @property
     def integer(self) -> bool:
@@ -124,12 +122,11 @@ def export(
 def _variables(scenario: Scenario, content: Content, fmi: Fmi) -> Iterator[Variable]:
     """In the order of their value references."""
     if fmi == "3.0":  # which demands it; in FMI 2.0 some importers take it for a variable without a start value
-        yield Variable("time", "time", unit=symbol("time", _si(scenario)), description="Time.")
-    order = describe("controller.order")
-    if core_modes(scenario)[0]:
-        yield Variable("controller.order", "constant", start=scenario.controller.order, description=order)
-    step = describe("run.step")
-    yield Variable("run.step", "constant", start=scenario.run.step, unit="1/omega0", description=step)
+        yield Variable("time", "time", unit=_shown("1/omega0", scenario)[1], description="Time.")
+    known = {s.name: s for s in settings(scenario)}
+    for name in ("controller.order", "run.step") if core_modes(scenario)[0] else ("run.step",):
+        s = known[name]
+        yield Variable(name, "constant", start=s.value, unit=unit(s.number), description=meaning(s.number))
     yield from _parameters(scenario, content)
     if content == "controller":
         yield from _inputs(scenario)
@@ -139,49 +136,43 @@ def _variables(scenario: Scenario, content: Content, fmi: Fmi) -> Iterator[Varia
 def _parameters(scenario: Scenario, content: Content) -> Iterator[Variable]:
     places = {name: place for place, name in enumerate(core_numbers(scenario))}
     for s in settings(scenario):
-        table, _, field = s.path.partition(".")
+        n, table, field = s.number, s.number.table, s.number.field
+        if n.choices or n.path in DESIGNED_FOR:
+            continue
         if content == "controller" and table in ("plant", "disturbance"):
             continue
         if table == "disturbance" and field not in OF_DISTURBANCE[scenario.disturbance.kind]:
             continue
-        limits = Limits(0.0, LARGEST_SEED) if field == "seed" else s.limits
-        if not limits.low <= s.value <= limits.high:
-            raise ScenarioError(f"{s.path} is {s.value:.0f}: it must be at most {LARGEST_SEED} in an FMU")
+        high = LARGEST_SEED if field == "seed" else n.high
+        if s.value > high:
+            raise ScenarioError(f"{n.path} is {s.value:.0f}: it must be at most {LARGEST_SEED} in an FMU")
         start, note = (LARGEST, f" Here {LARGEST} is off.") if math.isinf(s.value) else (s.value, "")
-        role: Role = "tunable" if s.tunable else "fixed"
-        yield Variable(s.name, role, places[s.name], start, s.scale, s.unit, s.description + note, limits)
+        role: Role = "fixed" if n.fixed else "tunable"
+        limits = (n.low, high, n.strict)
+        yield Variable(s.name, role, places[s.name], start, s.scale, unit(n), meaning(n) + note, *limits)
 
 
 def _inputs(scenario: Scenario) -> Iterator[Variable]:
-    names = [(name, axis) for name in INPUTS for axis in AXES]
-    for place, (name, axis) in enumerate(names):
-        quantity, meaning = INPUTS[name]
-        scale, unit = _unit(scenario, quantity)
-        yield Variable(f"{name}.{axis}", "input", place, scale=scale, unit=unit, description=meaning)
+    measured = [(name, c) for c in LOOP_CHANNELS if c.name in INPUTS for name in columns(c)]
+    for place, (name, channel) in enumerate(measured):
+        scale, symbol = _shown(channel.units[0], scenario)
+        said = f"{channel.meaning}, measured"
+        yield Variable(name, "input", place, scale=scale, unit=symbol, description=said)
 
 
 def _outputs(scenario: Scenario, content: Content) -> Iterator[Variable]:
-    column = 0
-    left_out = set() if composite(scenario) else set(OF_COMPOSITE)
-    left_out |= NOT_OF_THE_CONTROLLER if content == "controller" else set()
-    for name, width in _core.channels:
-        dimension, meaning, units = CHANNELS[name]
-        for part in range(width):
-            scale, unit = _unit(scenario, units[part % len(units)][0])
-            if name not in left_out:
-                full = name + (PARTS[dimension][part] if dimension else "")
-                yield Variable(full, "output", column, scale=scale, unit=unit, description=meaning)
-            column += 1
+    place = 0
+    for channel in (*LOOP_CHANNELS, *reported(core_setup(scenario))):
+        for part, name in enumerate(columns(channel)):
+            scale, symbol = _shown(channel.units[part % len(channel.units)], scenario)
+            if content == "loop" or channel.name not in NOT_OF_THE_CONTROLLER:
+                yield Variable(name, "output", place, scale=scale, unit=symbol, description=channel.meaning)
+            place += 1
 
 
-def _si(scenario: Scenario) -> bool:
-    return scenario.run.units == "SI"
-
-
-def _unit(scenario: Scenario, quantity: str) -> tuple[float, str]:
+def _shown(unit: str, scenario: Scenario) -> tuple[float, str]:
     """Of signals, in the units that run.units names: factor and symbol."""
-    scale = getattr(scenario.plant.scales, quantity) if _si(scenario) else 1.0
-    return scale, symbol(quantity, _si(scenario))
+    return shown(unit, scenario.plant.scales, scenario.run.units == "SI")
 
 
 def _token(scenario: Scenario, content: Content, fmi: Fmi, number: Number) -> str:
@@ -193,23 +184,23 @@ def _token(scenario: Scenario, content: Content, fmi: Fmi, number: Number) -> st
 
 def _header(scenario: Scenario, content: Content, number: Number, token: str, variables: Sequence[Variable]) -> str:
     rates, weights = core_modes(scenario)
-    step = scenario.run.step * _unit(scenario, "time")[0]
+    kind, chosen = _core.chosen_type(core_setup(scenario))
+    step = scenario.run.step * _shown("1/omega0", scenario)[0]
     rows = []
     for v in variables:
-        numbers = [v.start, v.scale, v.limits.low, v.limits.high]
-        flags = [_cpp(v.limits.strict), _cpp(v.integer)]
-        values = ", ".join([f'"{v.name}"', f"Role::{v.role}", str(v.place), *map(_cpp, numbers), *flags])
+        flags = [_cpp(v.strict), _cpp(v.integer)]
+        given = map(_cpp, (v.start, v.scale, v.low, v.high))
+        values = ", ".join([f'"{v.name}"', f"Role::{v.role}", str(v.place), *given, *flags])
         rows.append(f"    {{{values}}},")
     lines = [
         "// Made by `fracgyro export fmu`.",
         "#pragma once",
         '#include "variable.hpp"',
         "#include <array>",
-        "#include <string_view>",
+        "#include <cstddef>",
         "namespace fracgyro::exported {",
         f"using Number = {number};",
-        f'inline constexpr std::string_view kind = "{scenario.controller.kind}";',
-        f"inline constexpr bool composite = {_cpp(composite(scenario))};",
+        f"inline constexpr std::size_t kind = {kind}, chosen = {chosen};",
         f"inline constexpr bool closed_loop = {_cpp(content == 'loop')};",
         f'inline constexpr char token[] = "{token}";',
         f"inline constexpr double step = {_cpp(step)};",
@@ -237,7 +228,7 @@ def _cpp(value: float | bool) -> str:
 
 def _description(scenario: Scenario, content: Content, fmi: Fmi, token: str, variables: Sequence[Variable]) -> str:
     run = scenario.run
-    scale, _ = _unit(scenario, "time")
+    scale, second = _shown("1/omega0", scenario)
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("fracgyro", "export"), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
@@ -246,7 +237,7 @@ def _description(scenario: Scenario, content: Content, fmi: Fmi, token: str, var
         identifier=_identifier(content),
         token=token,
         version=version("fracgyro"),
-        description=f"{what} controller of Complexity 2020, 8542961; time in {symbol('time', _si(scenario))}; "
+        description=f"{what} controller of Complexity 2020, 8542961; time in {second}; "
         f"scenario {scenario.content_hash()[:16]}",
         variables=variables,
         units={unit: base_unit(unit, scenario.plant) for unit in sorted({v.unit for v in variables} - {"1"})},

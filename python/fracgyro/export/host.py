@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import re
 from collections.abc import Iterator, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from .. import _core
 from ..scenario import Scenario
-from ..setup import disturbance_params, plant_params
+from ..setup import core_setup
 from .compilers import Number, compiler, run
 
 SCALARS: dict[Number, Any] = {"float": ctypes.c_float, "double": ctypes.c_double}
@@ -36,6 +37,10 @@ class Host:
         self._saved = alignment + size  # of key, checksum, padding, state
         self._room = (ctypes.c_uint64 * (size // 8 + 16))()  # and room to align
         self._state = _aligned(self._room)
+        members = header.partition("#define FRACGYRO_REPORTED")[2].partition("} fracgyro_report;")[0]
+        widths = re.findall(r"^    fracgyro_number (\w+)(?:\[(\d+)\])?;", members, re.MULTILINE)
+        empty = "FRACGYRO_REPORTED 0 " in header
+        self._reported = {} if empty else {name: int(width or 1) for name, width in widths}
         self._force = (self._number * 2)()
         self._motion = (self._number * 4)()
         self._library.fracgyro_init(self._state)
@@ -50,11 +55,12 @@ class Host:
         return self._force[0], self._force[1]
 
     @property
-    def estimates(self) -> list[float]:
-        """Damping and stiffness as xx, xy, yy; the angular rate; b0, b1, b2; the rate's deviation, and its trust."""
-        room = (self._number * 12)()
-        self._library.fracgyro_read_estimates(self._state, room)
-        return list(room)
+    def report(self) -> dict[str, list[float]]:
+        """By the members of fracgyro_report."""
+        room = (self._number * sum(self._reported.values()))()
+        self._library.fracgyro_read_report(self._state, room)
+        numbers = iter(room)
+        return {name: list(islice(numbers, width)) for name, width in self._reported.items()}
 
     def save(self) -> bytes:
         room = (ctypes.c_uint64 * (self._saved // 8 + 16))()
@@ -80,7 +86,7 @@ def _aligned(room: ctypes.Array[ctypes.c_uint64]) -> ctypes.c_void_p:
 
 def plant_of(scenario: Scenario) -> list[list[float]]:
     """Rows x, y and their rates at the next sample; columns the same at this one, and force x, y. Eq. (9), exact."""
-    return [list(map(float, row)) for row in _core.plant_map(plant_params(scenario), scenario.run.step)]
+    return [list(map(float, row)) for row in _core.plant_map(core_setup(scenario))]
 
 
 def closed_loop(scenario: Scenario, host: Host) -> Iterator[tuple[float, float, float, float]]:
@@ -89,7 +95,7 @@ def closed_loop(scenario: Scenario, host: Host) -> Iterator[tuple[float, float, 
     Raises ValueError when the firmware reports anything but success.
     """
     plant, samples = plant_of(scenario), scenario.run.steps + 1
-    noise = _core.disturbance(disturbance_params(scenario), scenario.run.step, 0, samples).tolist()
+    noise = _core.disturbance(core_setup(scenario), 0, samples).tolist()
     x, y = scenario.plant.initial_position
     v, w = scenario.plant.initial_velocity
     for d in noise:

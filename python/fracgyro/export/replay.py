@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..files import check_regular, reason
 from ..scenario import Scenario
 from .compilers import Number
-from .targets import COLUMNS, MOTION, VARIABLES, Target, answers
+from .targets import MOTION, Target, answer_columns, answered, answers
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Replay:
 
 @dataclass(frozen=True)
 class Trace:
-    """A run as recorded: the motion as the controller had it, (steps, 4), and what was answered, (steps, COLUMNS)."""
+    """A run as recorded: the motion as the controller had it, (steps, 4), and the answers, (steps, answer_columns)."""
 
     scenario: Scenario
     motion: NDArray[np.float64]
@@ -55,7 +55,8 @@ def replay(path: str | os.PathLike[str], target: Target, number: Number = "doubl
     trace = load(path)
     expected = trace.answers if number == "double" else answers("python", trace.scenario, number, trace.motion)
     found = answers(target, trace.scenario, number, trace.motion)
-    return Replay(target, number, len(found), parity_hash(found), first_difference(found, expected))
+    difference = first_difference(found, expected, answer_columns(trace.scenario))
+    return Replay(target, number, len(found), parity_hash(found), difference)
 
 
 def load(path: str | os.PathLike[str]) -> Trace:
@@ -69,10 +70,10 @@ def load(path: str | os.PathLike[str]) -> Trace:
             run.load()
     except Exception:  # of any kind: of what a file has that is not NetCDF, or damaged
         raise ValueError(f"{path} is not a recorded run: it is not NetCDF, or damaged") from None
-    missing = [name for name in ("time", *MOTION, *VARIABLES) if name not in run]
-    if "scenario" not in run.attrs or missing or "run" in run.dims:
+    scenario = Scenario.from_toml(run.attrs["scenario"]) if "scenario" in run.attrs else None
+    variables = [channel.name for channel in answered(scenario)] if scenario else []
+    if scenario is None or any(name not in run for name in ("time", *MOTION, *variables)) or "run" in run.dims:
         raise ValueError(f"{path} is not a recorded run: write one with `fracgyro simulate --out`")
-    scenario = Scenario.from_toml(run.attrs["scenario"])
     if scenario.run.units != "nondimensional":
         raise ValueError(
             f"{path} is in units that rounded it: run.units is {scenario.run.units!r}, and must be 'nondimensional'"
@@ -86,7 +87,7 @@ def load(path: str | os.PathLike[str]) -> Trace:
         return np.hstack([run[name].values.reshape(run.sizes["time"], -1) for name in names])
 
     measured = [f"measured_{name}" for name in MOTION]  # where the device is not ideal
-    return Trace(scenario, columns(measured if measured[0] in run else MOTION), columns(VARIABLES))
+    return Trace(scenario, columns(measured if measured[0] in run else MOTION), columns(variables))
 
 
 def parity_hash(rows: NDArray[np.floating]) -> str:
@@ -94,12 +95,14 @@ def parity_hash(rows: NDArray[np.floating]) -> str:
     return hashlib.sha256(np.ascontiguousarray(rows).tobytes()).hexdigest()
 
 
-def first_difference(found: NDArray[np.floating], expected: NDArray[np.floating]) -> Difference | None:
-    """Of two tables of one type; the signs of zeros count."""
+def first_difference(
+    found: NDArray[np.floating], expected: NDArray[np.floating], names: list[str]
+) -> Difference | None:
+    """Of two tables of one type, with these columns; the signs of zeros count."""
     unsigned = np.dtype(f"<u{expected.itemsize}")
     a, b = (np.ascontiguousarray(rows).view(unsigned) for rows in (found, expected))
     if not (differing := np.argwhere(a != b)).size:
         return None
     step, column = map(int, differing[0])
     bits = (f"0x{int(rows[step, column]):0{2 * unsigned.itemsize}x}" for rows in (a, b))
-    return Difference(step, COLUMNS[column], *bits)
+    return Difference(step, names[column], *bits)

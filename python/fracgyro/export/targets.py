@@ -15,21 +15,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..controller import Controller
+from ..kinds import KINDS, LOOP_CHANNELS, Channel, reported
 from ..scenario import Scenario
-from ..simulate import CHANNELS
+from ..setup import core_setup
 from . import fmu, web
 from .compilers import FLAGS, SOURCES, Number, compiler, include, make, need, run, system_compiler
 from .firmware import export_firmware
-from .settings import core_modes, core_numbers, without_plant
+from .settings import columns, core_modes, core_numbers, without_plant
 
 Target = Literal["python", "lanes", "host", "m4f", "m7", "wasm", "fmu"]
 
-# What a controller answers: the force, and the estimates that it was computed with.
-VARIABLES = ["control", "damping_estimate", "stiffness_estimate", "rate_estimate", "bound_estimate"]
-COLUMNS = [name + part for name in VARIABLES for part in fmu.PARTS.get(CHANNELS[name][0] or "", [""])]
+# Reported, but not of what is compared, so that published hashes stay: the first is known only once the force is.
+LEFT_OUT = {"surface", "rate_symmetric_estimate", "rate_deviation", "rate_trusted"}
 MOTION = ["position", "velocity"]
 DTYPES: dict[Number, np.dtype[np.floating]] = {"float": np.dtype("<f4"), "double": np.dtype("<f8")}
-QUALITY = 2  # numbers that the firmware adds: the rate's deviation, and whether to trust it
 FAULT = 2  # and more: what the firmware's status says of a motion that it does not take for one
 
 BOARDS = {"m4f": "mps2-an386", "m7": "mps2-an500"}
@@ -37,8 +36,18 @@ EMULATOR = ["qemu-system-arm", "-nographic", "-monitor", "none", "-serial", "non
 SYSTEMS: dict[str, fmu.System] = {"Linux": "linux", "Windows": "windows", "Darwin": "macos"}
 
 
+def answered(scenario: Scenario) -> list[Channel]:
+    """What a controller answers a motion with: the force, and what it reported before it."""
+    force = [channel for channel in LOOP_CHANNELS if channel.name == "control"]
+    return force + [channel for channel in reported(core_setup(scenario)) if channel.name not in LEFT_OUT]
+
+
+def answer_columns(scenario: Scenario) -> list[str]:
+    return [name for channel in answered(scenario) for name in columns(channel)]
+
+
 def answers(target: Target, scenario: Scenario, number: Number, motion: NDArray[np.float64]) -> NDArray[np.floating]:
-    """One row of COLUMNS for each motion (x, y and their rates, nondimensional), from t = 0 on.
+    """One row of answer_columns for each motion (x, y and their rates, nondimensional), from t = 0 on.
 
     The motion is rounded to `number`, and so typed are the rows. Raises ValueError, in one sentence, when a program is
     missing or fails, or the target takes a motion for a fault of the sensor.
@@ -46,7 +55,7 @@ def answers(target: Target, scenario: Scenario, number: Number, motion: NDArray[
     dtype = DTYPES[number]
     with tempfile.TemporaryDirectory() as name:
         rows = TARGETS[target](scenario, number, motion.astype(dtype), Path(name))
-    if rows.shape != (len(motion), len(COLUMNS)):
+    if rows.shape != (len(motion), len(answer_columns(scenario))):
         raise ValueError(f"{target} answered {len(rows)} of {len(motion)} motions")
     return rows.astype(dtype, copy=False)
 
@@ -54,10 +63,10 @@ def answers(target: Target, scenario: Scenario, number: Number, motion: NDArray[
 def _python(scenario: Scenario, number: Number, motion: NDArray[np.floating], _: Path) -> NDArray[np.floating]:
     controller, rows = Controller(scenario, single_precision=number == "float"), []
     for n, (x, y, vx, vy) in enumerate(motion.tolist()):
-        e = controller.estimates
+        report = controller.report
         force = controller.step(n * scenario.run.step, (x, y), (vx, vy))
-        rows.append([*force, *e.damping, *e.stiffness, e.rate, *e.bound])
-    return np.array(rows)
+        rows.append(np.hstack([force, *report.values()]))
+    return _compared(scenario, np.array(rows))
 
 
 def _lanes(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
@@ -68,8 +77,8 @@ def _lanes(scenario: Scenario, number: Number, motion: NDArray[np.floating], fol
     for name, values in zip(("rates", "weights"), core_modes(scenario), strict=True):
         np.array(values).tofile(folder / name)
     motion.tofile(folder / "motion")
-    run([str(folder / "replay"), scenario.controller.kind, number], folder)
-    return _answer(folder, DTYPES[number], len(COLUMNS))
+    run([str(folder / "replay"), str(KINDS.index(scenario.controller.kind)), number], folder)
+    return _compared(scenario, np.fromfile(folder / "answer", DTYPES[number]).reshape(len(motion), -1))
 
 
 def _firmware(
@@ -92,11 +101,11 @@ def _firmware(
     motion.tofile(exported / "motion")
     make(exported, image, *choice)
     run(command, exported)
-    rows = _answer(exported, DTYPES[number], 1 + len(COLUMNS) + QUALITY)
+    rows = np.fromfile(exported / "answer", DTYPES[number]).reshape(len(motion), -1)
     for n, status in enumerate(rows[:, 0].tolist()):
         if status >= FAULT:
             raise ValueError(f"{target} takes the motion at step {n} for a fault of the sensor: status {status:.0f}")
-    return rows[:, 1 : 1 + len(COLUMNS)]
+    return _compared(scenario, rows[:, 1:])
 
 
 def _wasm(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
@@ -106,7 +115,7 @@ def _wasm(scenario: Scenario, number: Number, motion: NDArray[np.floating], fold
     shutil.copyfile(SOURCES / "faces/web/replay.mjs", folder / "replay.mjs")
     motion.astype(np.float64).tofile(folder / "motion")
     run(["node", "replay.mjs", "own.json", number], folder)
-    return _answer(folder, DTYPES["double"], len(COLUMNS))
+    return _compared(scenario, np.fromfile(folder / "answer").reshape(len(motion), -1))
 
 
 def _fmu(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
@@ -120,7 +129,7 @@ def _fmu(scenario: Scenario, number: Number, motion: NDArray[np.floating], folde
     description = fmpy.read_model_description(str(path))
     place = {variable.name: variable.valueReference for variable in description.modelVariables}
     inputs = [place[f"{name}.{axis}"] for name in MOTION for axis in "xy"]
-    outputs = [place[name] for name in COLUMNS]
+    outputs = [place[name] for name in answer_columns(scenario)]
     instance = instantiate_fmu(fmpy.extract(str(path), unzipdir=str(folder / "unpacked")), description)
     instance.setupExperiment(startTime=0.0)
     instance.enterInitializationMode()
@@ -135,8 +144,10 @@ def _fmu(scenario: Scenario, number: Number, motion: NDArray[np.floating], folde
     return np.array(rows)
 
 
-def _answer(folder: Path, dtype: np.dtype[np.floating], width: int) -> NDArray[np.floating]:
-    return np.fromfile(folder / "answer", dtype).reshape(-1, width)
+def _compared(scenario: Scenario, rows: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Of rows of the force and all that is reported."""
+    names = ["control.x", "control.y", *(name for c in reported(core_setup(scenario)) for name in columns(c))]
+    return rows[:, [names.index(name) for name in answer_columns(scenario)]]
 
 
 Run = Callable[[Scenario, Number, NDArray[np.floating], Path], NDArray[np.floating]]

@@ -1,22 +1,13 @@
-"""The units of an FMU: those such as m*omega0^2*q0 as multiples of SI units, which importers convert by."""
+"""Units as faces name them: nondimensional or SI, and those such as m*omega0^2*q0 as multiples of SI units."""
 
 from __future__ import annotations
 
 import re
 
-from ..tables import Plant
+from ..kinds import QUANTITIES
+from ..tables import Plant, Scales
 
-# Kinds of quantity, as in tables.py's Scales: nondimensional unit, SI unit.
-SYMBOLS = {
-    "time": ("1/omega0", "s"),
-    "length": ("q0", "m"),
-    "velocity": ("q0*omega0", "m/s"),
-    "force": ("m*omega0^2*q0", "N"),
-    "damping": ("m*omega0", "N.s/m"),
-    "stiffness": ("m*omega0^2", "N/m"),
-    "rate": ("omega0", "rad/s"),
-    "one": ("1", "1"),
-}
+KNOWN = {"1/omega0": ("time", "s"), **QUANTITIES}
 SI = {
     "s": {"s": 1},
     "m": {"m": 1},
@@ -29,8 +20,12 @@ SI = {
 }
 
 
-def symbol(quantity: str, si: bool) -> str:
-    return SYMBOLS[quantity][si]
+def shown(unit: str, scales: Scales, si: bool) -> tuple[float, str]:
+    """Of a number in this nondimensional unit: the factor and the unit that it is shown in."""
+    if not si or unit not in KNOWN:
+        return 1.0, unit
+    quantity, symbol = KNOWN[unit]
+    return float(getattr(scales, quantity)), symbol.replace(" ", ".")
 
 
 def base_unit(unit: str, plant: Plant) -> dict[str, float] | None:

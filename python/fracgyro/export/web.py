@@ -13,24 +13,24 @@ import os
 import shutil
 import sys
 import tempfile
+from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from .. import _core
 from ..bounded import check_bounded
 from ..files import whole_file
+from ..kinds import KINDS, LOOP_CHANNELS, Channel, Number, numbers, reports
 from ..scenario import Scenario
-from ..table import MOST_STEPS
+from ..tables import Run
 from .compilers import FLAGS, SOURCES, include, zig
-from .settings import CHOICES, core_numbers, describe, limits, settings
+from .settings import columns, meaning, offered, settings, unit
 
 TARGET = ["-target", "wasm32-wasi"]
-WHOLE_STEPS = {"minimum": 1, "maximum": MOST_STEPS}
-# Said by a scenario as they are.
-UNSCALED = ["run.duration", "run.step", "run.record_every", "run.mode_tolerance", "controller.order"]
-
-SWITCHES = ["controller.adaptive", "guard.checked"]
+# What a run says besides the core's numbers.
+RUN = Run.model_json_schema()["properties"]
+OF_RUN = ["duration", "record_every", "mode_tolerance"]
+SWITCH = ("false", "true")
 
 
 def export(scenario: Scenario, path: str | os.PathLike[str], *, unbounded: bool = False) -> None:
@@ -45,19 +45,12 @@ def export(scenario: Scenario, path: str | os.PathLike[str], *, unbounded: bool 
 
 def write_module_data(path: str | os.PathLike[str]) -> None:
     """Writes what fracgyro.mjs loads beside the module."""
-    corrected = Scenario.paper("corrected")
-    described: dict[str, Any] = {
-        setting.name: {"unit": setting.unit, "description": setting.description, **_limits(setting.path)}
-        for setting in settings(corrected)
-    }
-    described |= {name: {"description": describe(name), **_limits(name)} for name in UNSCALED}
-    described |= {name: {"description": describe(name), "choices": choices} for name, choices in _choices().items()}
-    described |= {name: {"description": describe(name)} for name in SWITCHES}
-    described |= {"disturbance.hold_steps": {"description": "Steps from one noise draw to the next."} | WHOLE_STEPS}
     module = {
         "version": version("fracgyro"),
-        "fields": described,
-        "paper": {"corrected": _document(corrected), "printed": _document(Scenario.paper("printed"))},
+        "fields": _fields(),
+        "loop": _columns(LOOP_CHANNELS),
+        "kinds": {kind: _kind(kind) for kind in KINDS},
+        "paper": {name: _document(Scenario.paper(name)) for name in ("corrected", "printed")},
     }
     _write(module, path)
 
@@ -76,32 +69,96 @@ def build(folder: Path) -> None:
         link = ["-nostdlib", "-s", "-Wl,--no-entry", "-Wl,--export-dynamic", "-Wl,--export=__heap_base"]
         zig("cc", *TARGET, *link, compiled, "-o", folder / "fracgyro.wasm")
     write_module_data(folder / "fracgyro.json")
-    for name in ("fracgyro.mjs", "fracgyro.d.ts"):
-        shutil.copyfile(face / name, folder / name)
+    shutil.copyfile(face / "fracgyro.mjs", folder / "fracgyro.mjs")
+    types = (face / "fracgyro.d.ts").read_text(encoding="utf-8") + settings_types()
+    (folder / "fracgyro.d.ts").write_text(types, encoding="utf-8", newline="\n")
+
+
+def settings_types() -> str:
+    """TypeScript's types of the settings: of those of every kind, and of those of kinds that have the same."""
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for kind in KINDS:
+        groups.setdefault(tuple(number.name for number in offered(kind)), []).append(kind)
+    of_all = set.intersection(*map(set, groups))
+    typed = {f"run.{name}": "number" for name in OF_RUN}
+    typed |= {number.name: _type(number) for kind in KINDS for number in offered(kind)}
+    shared = {name: said for name, said in typed.items() if name in of_all or name.partition(".")[2] in OF_RUN}
+    blocks = ["/** Of every kind of controller. */", *_interface("CommonSettings", shared)]
+    names = []
+    for group, kinds in groups.items():
+        names.append("".join(map(str.capitalize, kinds[0].split("_"))) + "Settings")
+        own = {"controller.kind": _union(kinds)} | {name: typed[name] for name in group if name not in of_all}
+        blocks += ["", *_interface(f"{names[-1]} extends CommonSettings", own)]
+    return "\n".join([*blocks, "", f"export type Settings = {' | '.join(names)};", ""])
+
+
+def _interface(head: str, members: dict[str, str]) -> list[str]:
+    return [f"export interface {head} {{", *(f'  "{name}": {said};' for name, said in members.items()), "}"]
+
+
+def _type(number: Number) -> str:
+    if number.choices:
+        return "boolean" if number.choices == SWITCH else _union(number.choices)
+    return "number | null" if number.infinite else "number"
+
+
+def _union(words: Sequence[str]) -> str:
+    return " | ".join(f'"{word}"' for word in words)
 
 
 def _document(scenario: Scenario) -> dict[str, Any]:
-    numbers = core_numbers(scenario)
-    said = {name: getattr(getattr(scenario, name.split(".")[0]), name.split(".")[1]) for name in UNSCALED}
-    said |= {"controller.kind": scenario.controller.kind}
-    said |= {name: bool(numbers[name]) for name in SWITCHES}
-    said |= {name: choices[int(numbers[name])] for name, choices in CHOICES.items()}
-    said |= {"disturbance.hold_steps": int(numbers["disturbance.hold_steps"])}
-    # JSON has no infinity: null is none.
-    said |= {setting.name: setting.value if math.isfinite(setting.value) else None for setting in settings(scenario)}
-    scales = {setting.name: setting.scale for setting in settings(scenario) if setting.scale != 1.0}
-    return {"settings": said, "scales": scales}
+    said: dict[str, Any] = {f"run.{name}": getattr(scenario.run, name) for name in OF_RUN}
+    said["controller.kind"] = scenario.controller.kind
+    found = settings(scenario)
+    for setting in found:
+        value, choices = setting.value, _choices(setting.number)
+        # JSON has no infinity: null is none.
+        said[setting.name] = choices[int(value)] if choices else value if math.isfinite(value) else None
+    return {"settings": said, "scales": {setting.name: setting.scale for setting in found if setting.scale != 1.0}}
 
 
-def _choices() -> dict[str, list[str]]:
-    return {"controller.kind": list(_core.controller_kinds), **CHOICES}
+def _fields() -> dict[str, Any]:
+    """What every setting of any kind means and may be."""
+    found: dict[str, Any] = {f"run.{name}": _of_run(RUN[name]) for name in OF_RUN}
+    kind = type(Scenario().controller).model_fields["kind"]
+    found["controller.kind"] = {"description": kind.description, "choices": KINDS}
+    for number in (number for kind in KINDS for number in offered(kind)):
+        if choices := _choices(number):
+            found[number.name] = {"description": meaning(number), "choices": choices}
+        else:
+            words = {"whole": number.whole, "infinite": number.infinite}
+            said = {word: True for word, said in words.items() if said}
+            found[number.name] = {"unit": unit(number), "description": meaning(number), **_limits(number), **said}
+    return found
 
 
-def _limits(path: str) -> dict[str, Any]:
+def _of_run(schema: dict[str, Any]) -> dict[str, Any]:
+    words = ("description", "minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum")
+    found = {word: schema[word] for word in words if word in schema}
+    return found | ({"whole": True} if schema["type"] == "integer" else {})
+
+
+def _kind(kind: str) -> dict[str, Any]:
+    """Its numbers in the core's order, by name or, where they follow from others, as they are; what each of its types
+    reports."""
+    given = {number.name for number in offered(kind)} | {"run.steps"}
+    listed = [number.name if number.name in given else number.default for number in numbers(kind)]
+    return {"numbers": listed, "reported": [_columns(channels) for channels in reports(kind)]}
+
+
+def _columns(channels: Sequence[Channel]) -> list[str]:
+    return [name for channel in channels for name in columns(channel)]
+
+
+def _choices(number: Number) -> list[str | bool]:
+    return [False, True] if number.choices == SWITCH else list(number.choices)
+
+
+def _limits(number: Number) -> dict[str, Any]:
     """As JSON Schema words them."""
-    low, high, strict = (found := limits(path)).low, found.high, found.strict
-    words = ("exclusiveMinimum", "exclusiveMaximum") if strict else ("minimum", "maximum")
-    return {word: limit for word, limit in zip(words, (low, high), strict=True) if math.isfinite(limit)}
+    words = ("exclusiveMinimum", "exclusiveMaximum") if number.strict else ("minimum", "maximum")
+    limits = zip(words, (number.low, number.high), strict=True)
+    return {word: limit for word, limit in limits if math.isfinite(limit)}
 
 
 def _write(document: dict[str, Any], path: str | os.PathLike[str]) -> None:

@@ -61,7 +61,7 @@ def time_steps(variant: str) -> StepCost:
             seconds[controller] = time.perf_counter() - start
         ratios.append(seconds["proposed"] / seconds["conventional"])
         costs.append(seconds["proposed"] / (setups["proposed"].steps + 1))
-    return StepCost(tuple(ratios), tuple(costs), setups["proposed"].controller.surface.modes.count)
+    return StepCost(tuple(ratios), tuple(costs), setups["proposed"].modes.count)
 
 
 @dataclass(frozen=True)

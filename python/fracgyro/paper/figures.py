@@ -25,8 +25,9 @@ from typing import Any, Literal
 import numpy as np
 import xarray as xr
 
+from ..kinds import LOOP_CHANNELS, reported
 from ..scenario import Scenario
-from ..simulate import CHANNELS, COORDINATES
+from ..setup import core_setup
 from .drawing import (
     BLOCK,
     BLOCKS,
@@ -89,10 +90,11 @@ class FigureSpec:
 
 
 def _specs() -> Iterator[FigureSpec]:
+    channels = {channel.name: channel for channel in (*LOOP_CHANNELS, *reported(core_setup(Scenario.paper())))}
     for first, controllers, what, layout, variable, symbol, units in CONTENTS:
-        dimension = CHANNELS[variable][0]
-        names: Any = COORDINATES[dimension] if dimension else [""]
-        styles = names if dimension == "axis" else ["estimate"] * len(names)
+        channel = channels[variable]
+        names: Any = channel.labels if channel.dimension else [""]
+        styles = names if channel.dimension == "axis" else ["estimate"] * len(names)
         columns = zip(range(len(names)), names, units, styles, strict=True)
         rows = tuple(Row(variable, i, symbol.replace("?", str(name)), *rest) for i, name, *rest in columns)
         for number, controller in enumerate(controllers, start=first):

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..kinds import reported
 from ..scenario import Scenario, ScenarioError
+from ..setup import core_setup
 from ..simulate import simulate_many
 from .units import DEG_PER_S
 
@@ -47,6 +49,11 @@ class Sensor:
     @classmethod
     def of(cls, scenario: Scenario, seeds: int) -> Sensor:
         """Raises ScenarioError where the scenario leaves nothing to characterise."""
+        if "rate_estimate" not in {channel.name for channel in reported(core_setup(scenario))}:
+            raise ScenarioError(
+                f"controller.kind is {scenario.controller.kind}: it must be one that estimates the angular rate, as "
+                "the sensor's output is this estimate"
+            )
         if not scenario.controller.adaptive:
             raise ScenarioError("controller.adaptive is false: it must be true, as the sensor's output is an estimate")
         if scenario.controller.rate_law == "printed" and scenario.adaptation.kind == "gradient":

@@ -3,10 +3,11 @@
 
 #include "fracgyro/math.hpp"
 
-namespace fracgyro::bindings {
+namespace fracgyro {
 
 template <std::floating_point Number>
 struct Alone {
+    static constexpr bool is_alone = true;
     Number value{};
 
     constexpr Alone() = default;
@@ -27,7 +28,7 @@ private:
     }
 };
 
-}  // namespace fracgyro::bindings
+}  // namespace fracgyro
 
 template <class Number>
-struct fracgyro::detail::Bits<fracgyro::bindings::Alone<Number>> : fracgyro::detail::Bits<Number> {};
+struct fracgyro::detail::Bits<fracgyro::Alone<Number>> : fracgyro::detail::Bits<Number> {};

@@ -1,0 +1,106 @@
+"""Controllers of every kind: what a scenario lets them have, and what a run of one says."""
+
+from __future__ import annotations
+
+import fracgyro as fg
+import numpy as np
+import pytest
+from fracgyro.kinds import KINDS, fields_of, numbers
+from fracgyro.scenario import Scenario, ScenarioError
+
+PAPER = Scenario.paper()
+QUIET = {"disturbance.kind": "none", "disturbance.hold": None, "disturbance.standard_deviation": None}
+KNOWN = {"adaptation.initial_ratio": 1.0, "plant.initial_position": (0.0, 1.0)}
+KNOWN["plant.initial_velocity"] = (float(np.pi), 0.0)
+
+
+def of_kind(kind: str) -> Scenario:
+    return PAPER.replace({"controller.kind": kind, "run.duration": 4.0})
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_scenario_of_any_kind_survives_toml_and_states_the_fields_of_its_kind_only(kind: str) -> None:
+    scenario = of_kind(kind)
+    text = scenario.to_toml()
+    assert Scenario.from_toml(text) == scenario
+    table = text.split("[controller]")[1].split("\n[")[0]
+    others = {name for other in KINDS for name in fields_of(other, "controller")} - set(fields_of(kind, "controller"))
+    assert not [name for name in others if f"\n{name} = " in table]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_number_of_a_kind_has_a_unit_and_a_meaning_and_its_default_is_allowed(kind: str) -> None:
+    assert numbers(kind)
+    for number in numbers(kind):
+        assert number.unit, number.name
+        assert number.meaning.endswith(".") or number.table in ("plant", "run"), number.name
+        assert number.low <= number.default <= number.high, number.name
+
+
+def test_a_field_of_another_kind_is_refused_and_left_behind_when_the_kind_changes() -> None:
+    with pytest.raises(ScenarioError) as caught:
+        of_kind("pid").replace({"controller.order": 0.8})
+    assert str(caught.value) == (
+        "controller.order is 0.8: it must be left out, as controller.kind pid has no such field; it is one of "
+        "fractional_fast_terminal, fractional, fast_terminal, linear"
+    )
+    back = PAPER.replace({"controller.order": 0.8, "adaptation.leakage": 0.5}).replace({"controller.kind": "pid"})
+    assert back.replace({"controller.kind": "linear"}).controller.order == 0.9
+    assert back.replace({"controller.kind": "linear"}).adaptation.leakage == 0.0
+
+
+def test_pid_tracks_to_what_the_held_force_leaves() -> None:
+    # Half a step of feedforward, h/2 K r', over the loop's stiffness: the integral follows too slowly to remove it.
+    run = fg.simulate(of_kind("pid").replace({**QUIET, **KNOWN, "controller.integral_frequency": 0.0}))
+    assert "rate_estimate" not in run
+    late = run.isel(time=slice(2000, None))
+    stiffness = np.array([[355.3, 70.99], [70.99, 532.9]])
+    velocity = np.gradient(late["reference"].values, 1e-3, axis=0)
+    held = 0.5e-3 * (velocity @ stiffness) / (200.0**2 + np.diag(stiffness))
+    assert np.abs(late["error"].values).max() == pytest.approx(np.abs(held).max(), rel=0.2)
+
+
+def test_super_twisting_beats_pid_under_a_disturbance_and_its_rate_wanders() -> None:
+    pushed = {"disturbance.kind": "sine", "disturbance.hold": None, "disturbance.standard_deviation": None}
+    pushed |= {"disturbance.amplitude": (5.0, 5.0), "disturbance.frequency": (8.0, 8.0), "run.duration": 20.0}
+    runs = {kind: fg.simulate(of_kind(kind).replace(pushed)) for kind in ("pid", "super_twisting")}
+    late = {kind: float(fg.metrics.rmse(run, (10.0, None)).max()) for kind, run in runs.items()}
+    assert late["super_twisting"] < 0.5 * late["pid"]
+    off = np.abs(runs["super_twisting"]["rate_estimate"].values - 0.1)
+    assert off.max() > 0.1, "k2 and the laws compete for the same signal"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_metrics_on_the_way_are_those_of_the_record(kind: str) -> None:
+    scenario = of_kind(kind).replace({"run.duration": 12.0})
+    recorded = fg.metrics.summary(fg.simulate(scenario))
+    measured = fg.simulate_many([scenario], metrics_only=True).isel(run=0)
+    for name, value in recorded.items():
+        np.testing.assert_allclose(measured[name].values, value.values, rtol=1e-6, atol=1e-12, err_msg=str(name))
+
+
+def test_runs_of_kinds_that_report_different_things_are_recorded_together() -> None:
+    scenarios = [of_kind("pid"), of_kind("linear"), of_kind("super_twisting")]
+    runs = fg.simulate_many(scenarios)
+    assert np.isnan(runs["bound_estimate"].values[[0, 2]]).all()
+    assert np.isnan(runs["twisting_integral"].values[:2]).all()
+    for i, scenario in enumerate(scenarios):
+        alone = fg.simulate(scenario)
+        for name, values in alone.data_vars.items():
+            np.testing.assert_array_equal(runs[name].values[i], values.values, err_msg=str(name))
+
+
+def test_a_rate_sensor_must_estimate_the_rate() -> None:
+    from fracgyro.rate.runs import Sensor
+
+    with pytest.raises(ScenarioError, match=r"controller\.kind is pid: it must be one that estimates"):
+        Sensor.of(of_kind("pid"), 2)
+
+
+@pytest.mark.parametrize("kind", ["pid", "super_twisting"])
+def test_at_the_force_limit_the_integral_does_not_wind_up(kind: str) -> None:
+    # From far off, under a limit of four times what tracking takes: without anti-windup the error would overshoot.
+    limited = of_kind(kind).replace({**QUIET, "controller.force_limit": 2000.0, "run.duration": 10.0})
+    error = fg.simulate(limited)["error"].values
+    assert np.abs(error[5000:]).max() < 0.01
+    assert fg.simulate(limited)["control"].values.max() <= 2000.0
