@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <vector>
 
 namespace fracgyro::bindings {
 
@@ -42,6 +43,15 @@ nb::ndarray<nb::numpy, T> owned(std::unique_ptr<T[]> data, const std::array<std:
     T* pointer = data.get();
     nb::capsule owner(data.release(), [](void* p) noexcept { delete[] static_cast<T*>(p); });
     return nb::ndarray<nb::numpy, T>(pointer, Dimensions, shape.data(), owner);
+}
+
+// Rows one after another as a NumPy array (count, width).
+inline nb::ndarray<nb::numpy, double> owned_rows(std::vector<double> rows, std::size_t count, std::size_t width) {
+    auto kept = std::make_unique<std::vector<double>>(std::move(rows));
+    const std::array<std::size_t, 2> shape{count, width};
+    double* const first = kept->data();
+    nb::capsule owner(kept.release(), [](void* p) noexcept { delete static_cast<std::vector<double>*>(p); });
+    return nb::ndarray<nb::numpy, double>(first, 2, shape.data(), owner);
 }
 
 }  // namespace fracgyro::bindings

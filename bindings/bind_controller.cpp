@@ -1,9 +1,11 @@
 #include "arrays.hpp"
 #include "bindings.hpp"
+#include "numbers.hpp"
 
 #include "fracgyro/guard.hpp"
 #include "fracgyro/record.hpp"
 #include "fracgyro/settings.hpp"
+#include "fracgyro/units.hpp"
 
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/string_view.h>
@@ -85,6 +87,21 @@ std::unique_ptr<AnyController> make_controller(const Setup& s, bool single) {
     return made;
 }
 
+// The force, in the units of the run, or None where an argument is no plain finite number or the time is not that of the next
+// step, and nothing happened. `velocity`: None where it is not measured.
+nb::object checked_step(AnyController& self, double step, const Units& units, nb::handle time, nb::handle position,
+                        nb::handle velocity) {
+    double t = 0.0;
+    Vec2<double> q, v;
+    if (!take(time.ptr(), t) || !take(position.ptr(), q) || !(velocity.is_none() || take(velocity.ptr(), v)) ||
+        !(absolute(t / units.time - static_cast<double>(self.steps()) * step) < 0.5 * step)) {
+        return nb::none();
+    }
+    const Vec2<double> force = self.step({.position = {q.x / units.length, q.y / units.length},
+                                          .velocity = {v.x / units.velocity, v.y / units.velocity}});
+    return new_vector({force.x * units.force, force.y * units.force});
+}
+
 nb::str text(std::string_view a) { return nb::str(a.data(), a.size()); }
 
 // What a kind's numbers are, in the order of settings.hpp.
@@ -149,6 +166,8 @@ void bind_controller(nb::module_& m) {
                 return to_array(self.step({.position = to_vec2(position), .velocity = to_vec2(velocity)}));
             },
             nb::arg("position"), nb::arg("velocity"))
+        .def("checked_step", &checked_step, nb::arg("step"), nb::arg("units"), nb::arg("time").none(),
+             nb::arg("position").none(), nb::arg("velocity").none())
         .def_prop_ro("report", &AnyController::report)
         .def_prop_ro("steps", &AnyController::steps)
         .def_prop_ro("status", &AnyController::status)

@@ -15,6 +15,8 @@ void bind_settings(nanobind::module_& m);
 void bind_batch(nanobind::module_& m);
 void bind_disturbance(nanobind::module_& m);
 void bind_firmware(nanobind::module_& m);
+void bind_outside(nanobind::module_& m);
+void bind_stepper(nanobind::module_& m);
 
 // Name, width, unit and meaning.
 nanobind::tuple described(const Channel& c);

@@ -17,6 +17,8 @@ NB_MODULE(_core, m) {
     fracgyro::bindings::bind_controller(m);
     fracgyro::bindings::bind_device(m);
     fracgyro::bindings::bind_loop(m);
+    fracgyro::bindings::bind_outside(m);
+    fracgyro::bindings::bind_stepper(m);
     fracgyro::bindings::bind_settings(m);
     fracgyro::bindings::bind_batch(m);
     fracgyro::bindings::bind_firmware(m);

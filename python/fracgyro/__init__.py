@@ -9,20 +9,29 @@ Equation numbers throughout are those of Complexity 2020, article 8542961; EQUAT
 
 from importlib.metadata import version
 
-from . import fractional, metrics
+from . import fractional, metrics, native
+from ._core import Motion, Sample
 from .controller import Controller
+from .outside import ControllerError
+from .plant import Loop, Plant
 from .scenario import Scenario, ScenarioError
 from .simulate import DivergedError, simulate, simulate_many
 
 __version__ = version("fracgyro")
 __all__ = [
     "Controller",
+    "ControllerError",
     "DivergedError",
+    "Loop",
+    "Motion",
+    "Plant",
+    "Sample",
     "Scenario",
     "ScenarioError",
     "__version__",
     "fractional",
     "metrics",
+    "native",
     "simulate",
     "simulate_many",
 ]

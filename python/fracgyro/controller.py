@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from . import _core
 from .arguments import check_scenario, number, pair, short
 from .kinds import QUANTITIES, reported
+from .outside import units
 from .scenario import Scenario
 from .setup import core_setup
 
@@ -53,10 +54,9 @@ class Controller:
         self._single = single_precision
         scales = scenario.plant.scales
         si = scenario.run.units == "SI"
-        self._time = scales.time if si else 1.0
-        self._length = scales.length if si else 1.0
-        self._velocity = scales.velocity if si else 1.0
-        self._force = scales.force if si else 1.0
+        self._step = scenario.run.step
+        self._units = units(scenario)
+        self._observes = scenario.device.sensing == "position"
         setup = core_setup(scenario)
         self._core = _core.Controller(setup, single_precision)
         self._reported = reported(setup)
@@ -72,19 +72,29 @@ class Controller:
         believed. Until the first that are, time does not start. With device.sensing = "position" the velocity is
         observed and what is given for it not looked at.
         """
-        expected = self._core.steps * self.scenario.run.step
-        if not abs(number("time", time) / self._time - expected) < 0.5 * self.scenario.run.step:
+        if self._observes:
+            velocity = None
+        elif velocity is None:
+            return self._checked(time, position, velocity)
+        # None: something is no plain finite number, though it may be one of NumPy's.
+        force: Vector | None = self._core.checked_step(self._step, self._units, time, position, velocity)
+        return self._checked(time, position, velocity) if force is None else force
+
+    def _checked(self, time: object, position: object, velocity: object) -> Vector:
+        """As `step`, whatever the arguments are."""
+        expected = self._core.steps * self._step
+        plain = number("time", time)
+        if not abs(plain / self._units.time - expected) < 0.5 * self._step:
             raise ValueError(
-                f"time is {time}: the next step is at {expected * self._time:.9g}, "
+                f"time is {time}: the next step is at {expected * self._units.time:.9g}, "
                 "and steps must be taken one after another"
             )
-        q = self._pair("position", position, self._length)
-        if self.scenario.device.sensing == "position":
-            velocity = (0.0, 0.0)
-        elif velocity is None:
+        q = pair("position", position)
+        if velocity is None and not self._observes:
             raise ValueError('velocity is missing: it must be given unless device.sensing is "position"')
-        v = self._pair("velocity", velocity, self._velocity)
-        return np.asarray(self._core.step(q, v)) * self._force
+        v = None if velocity is None else pair("velocity", velocity)
+        force: Vector = self._core.checked_step(self._step, self._units, plain, q, v)
+        return force
 
     @property
     def status(self) -> str:
@@ -140,11 +150,6 @@ class Controller:
     def _key(self) -> bytes:
         number = "float" if self._single else "double"
         return f"fracgyro {version('fracgyro')} {self.scenario.content_hash()} {number}\n".encode()
-
-    @staticmethod
-    def _pair(name: str, values: Sequence[float], scale: float) -> tuple[float, float]:
-        x, y = pair(name, values)
-        return x / scale, y / scale
 
 
 def _resumed(scenario: Scenario, single_precision: bool, state: bytes) -> Controller:

@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from .arguments import check_scenario, number
+from .dataset import metrics_dataset
 from .kinds import AXES, ENTRIES
 from .scenario import Scenario
 from .setup import composite, core_setup
-from .simulate import metrics_dataset
 
 Window = tuple[float | None, float | None]
 STEADY: Window = (10.0, None)  # nondimensional

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from importlib.metadata import version
 from itertools import islice
 from typing import Any
 
@@ -13,7 +12,9 @@ import xarray as xr
 
 from . import _core, bounded
 from .arguments import check_scenario, number, short
-from .kinds import AXES, DEVICE_CHANNELS, LOOP_CHANNELS, QUANTITIES, Channel, reported
+from .dataset import dataset, metrics_dataset, time_scale
+from .kinds import DEVICE_CHANNELS, LOOP_CHANNELS, Channel, reported
+from .outside import ControllerLike, Outside
 from .scenario import Scenario
 from .setup import core_setup, is_ideal
 
@@ -30,7 +31,7 @@ class DivergedError(ValueError):
         step = scenario.run.step
         shorter = f"try run.step = {step / 2:g} or less, or smaller gains"
         why = f"run.step is {step:g}, which is too long for these gains; {shorter}"
-        if grown := bounded.cause(scenario, run):
+        if grown := None if "controller" in run.attrs else bounded.cause(scenario, run):
             gain, b = grown
             why = (
                 f"the bound estimates had grown to [{', '.join(f'{each:.3g}' for each in b)}], so that rho h/delta "
@@ -46,7 +47,7 @@ def threads_available() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def simulate(scenario: Scenario) -> xr.Dataset:
+def simulate(scenario: Scenario, controller: ControllerLike | None = None) -> xr.Dataset:
     """One closed-loop run.
 
     Returns a Dataset with position, velocity, reference, error, error_rate, control, disturbance and what the
@@ -55,25 +56,41 @@ def simulate(scenario: Scenario) -> xr.Dataset:
     composite the estimates of D, K and Omega_z are those of its least squares, which the force believes from when
     rate_trusted is first true; rate_deviation and rate_trusted say how well Omega_z is known; gradient, which does not
     know, reports neither. `kinds.DEVICE_CHANNELS` are there when [rate] moves or [device] is not the ideal one.
-    Raises DivergedError, which carries the samples until then, when the motion leaves all bounds.
+    `controller`, in the place of the scenario's: a `native.Law`, or a callable that takes a `Sample` and returns the
+    force (ux, uy), two floats. The Sample has time, and the pairs (x, y) position and velocity, as measured (with
+    device.sensing = "position" the velocity is observed), reference, reference_velocity and reference_acceleration; in
+    SI units if run.units is SI. Two methods are optional: reset(scenario), called before a run, and report(), called
+    after each recorded sample, which returns a dict of names to numbers or pairs of numbers. These become variables,
+    in the units of the run; rate_estimate makes the controller a rate sensor. Of the scenario's controller only the
+    force limit and the observer's bandwidth count.
+    Raises DivergedError, which carries the samples until then, when the motion leaves all bounds; ControllerError,
+    which names the time, from the exception that a callable raised; ValueError where the controller returns anything
+    but two finite numbers or reports other names than before; TypeError where it is neither callable nor a Law.
     """
     check_scenario(scenario)
     setup, device = core_setup(scenario), not is_ideal(scenario)
-    channels = _channels([setup], device)
+    outside = None if controller is None else Outside(controller)
+    channels = outside.channels(device) if outside else _channels([setup], device)
     _check_size(scenario, channels, 1)
-    rows, lasted = _core.record_runs([setup], scenario.run.record_every, 1, device)
+    every = scenario.run.record_every
+    if outside:
+        rows, lasted = outside.record([scenario], [setup], every, device, 1)
+        channels = outside.channels(device)
+    else:
+        rows, lasted = _core.record_runs([setup], every, 1, device)
     samples = int(lasted[0])
-    if samples <= scenario.run.steps:
-        kept = -(-samples // scenario.run.record_every)
-        run = _dataset(rows[0, :kept], scenario, channels)
+    diverged = samples <= scenario.run.steps
+    run = dataset(rows[0, : -(-samples // every)] if diverged else rows[0], scenario, channels, outside)
+    if diverged:
         raise DivergedError(scenario, samples * scenario.run.step, run)
-    return _dataset(rows[0], scenario, channels)
+    return run
 
 
 def simulate_many(
     scenarios: Sequence[Scenario],
     *,
     seeds: Sequence[int] | None = None,
+    controller: ControllerLike | None = None,
     metrics_only: bool = False,
     single_precision: bool = False,
     transient: float = 10.0,
@@ -96,12 +113,16 @@ def simulate_many(
     two runs whose gains differ in the last place do: by percents.
     `single_precision`, with `metrics_only`: twice as many runs in a register. Metrics of a run then differ by some
     percent, their means over seeds by less (docs/decisions/0011 has figures).
+    `controller`, in the place of the scenarios' own: as in `simulate`. A `native.Law` runs on all processors, a
+    callable on one, one run after another, each after reset(scenario) if it has that. Both go one by one, in double
+    precision, and metrics look at no report of theirs but rate_estimate.
     Runs whose rate moves or whose device is not ideal go one by one, in double precision (docs/decisions/0017).
     In both, `diverged_at` says when a run diverged and is NaN for the others.
     `progress` is called with the number of runs finished since the last call.
     Raises TypeError when `scenarios` is no list of scenarios or `seeds` no list of integers; ValueError when one of
-    them is empty, a seed is given twice or outside 0 to 2^63 - 1, `single_precision` comes without `metrics_only` or,
-    without `metrics_only`, the scenarios do not match.
+    them is empty, a seed is given twice or outside 0 to 2^63 - 1, `single_precision` comes without `metrics_only` or
+    with a `controller`, or, without `metrics_only`, the scenarios do not match; and what `simulate` raises of a
+    controller.
     """
     if not isinstance(scenarios, list | tuple) or not all(isinstance(s, Scenario) for s in scenarios):
         raise TypeError(f"scenarios is {short(scenarios)}: it must be a list of Scenario")
@@ -114,6 +135,9 @@ def simulate_many(
         if single_precision:
             raise ValueError("single_precision is True without metrics_only: recorded runs are in double precision")
         _check_alike(scenarios)
+    outside = None if controller is None else Outside(controller)
+    if outside and single_precision:
+        raise ValueError("single_precision is True with a controller: those from outside are in double precision")
     params = _core.MetricsParams()
     thresholds = {
         "transient": transient,
@@ -127,7 +151,7 @@ def simulate_many(
     device = not all(map(is_ideal, scenarios))
     channels: tuple[Channel, ...] = ()
     if not metrics_only:
-        channels = _channels(list(map(core_setup, scenarios)), device)
+        channels = outside.channels(device) if outside else _channels(list(map(core_setup, scenarios)), device)
         _check_size(first, channels, len(scenarios) * (1 if seeds is None else len(seeds)))
     threads, lanes = threads_available(), _core.lane_counts()[-1]
     parts, lasted = [], []
@@ -137,8 +161,15 @@ def simulate_many(
     chunk = min(max(CHUNK, CHUNK_STEPS // first.run.steps), CHUNK_RUNS) if metrics_only else CHUNK
     while taken := list(islice(waiting, chunk)):
         setups = [setup for _, setup in taken]
-        if metrics_only:
-            places.extend(place for place, _ in taken)
+        places.extend(place for place, _ in taken)
+        own = [scenarios[place // (1 if seeds is None else len(seeds))] for place, _ in taken] if outside else []
+        if outside and metrics_only:
+            parts.append(outside.measure(own, setups, params, threads))
+        elif outside:
+            rows, samples = outside.record(own, setups, first.run.record_every, device, threads)
+            parts.append(rows)
+            lasted.append(samples)
+        elif metrics_only:
             parts.append(_core.measure_runs(setups, params, threads, lanes, single_precision))
         else:
             rows, samples = _record(setups, first.run.record_every, threads, device, channels)
@@ -151,10 +182,10 @@ def simulate_many(
     if metrics_only:
         whole = whole[np.argsort(places)]
         return metrics_dataset(whole, thresholds).assign_coords(label)
-    run = _dataset(whole, first, channels)
+    run = dataset(whole, first, outside.channels(device) if outside else channels, outside)
     samples = np.concatenate(lasted)
     time = np.where(samples > first.run.steps, np.nan, samples * first.run.step)
-    run["diverged_at"] = ("run", time * _time_scale(first), {"long_name": "time of divergence"})
+    run["diverged_at"] = ("run", time * time_scale(first), {"long_name": "time of divergence"})
     del run.attrs["scenario"]
     texts = np.repeat([s.to_toml() for s in scenarios], 1 if seeds is None else len(seeds))
     return run.assign_coords(scenario=("run", texts), **label)
@@ -236,60 +267,3 @@ def _check_size(scenario: Scenario, channels: tuple[Channel, ...], runs: int) ->
             f"{size / 1e9:.3g} GB, and a record may be at most {LARGEST_RECORD / 1e9:g} GB; make it larger, take fewer "
             "runs at a time, or have simulate_many with metrics_only measure them without a record"
         )
-
-
-def _time_scale(scenario: Scenario) -> float:
-    return scenario.plant.scales.time if scenario.run.units == "SI" else 1.0
-
-
-def _dataset(rows: np.ndarray, scenario: Scenario, channels: tuple[Channel, ...]) -> xr.Dataset:
-    """Rows (..., sample, column) as a Dataset; every variable is a view of them unless units must change."""
-    si = scenario.run.units == "SI"
-    scales = scenario.plant.scales
-    leading = ["run"] * (rows.ndim - 2)
-    variables: dict[str, Any] = {}
-    coordinates: dict[str, Any] = {}
-    column = 0
-    for channel in channels:
-        values = rows[..., column : column + channel.width] if channel.dimension else rows[..., column]
-        units = [QUANTITIES[unit] for unit in channel.units]
-        if si:
-            factors = [getattr(scales, scale) for scale, _ in units]
-            values = values * (factors if len(factors) > 1 else factors[0])
-        unit = ", ".join(u for _, u in units) if si else "1"
-        if channel.dimension:
-            coordinates[channel.dimension] = channel.labels
-        dimensions = [*leading, "time", *([channel.dimension] if channel.dimension else [])]
-        variables[channel.name] = (dimensions, values, {"long_name": channel.meaning, "units": unit})
-        column += channel.width
-    step = scenario.run.step * scenario.run.record_every
-    time = np.arange(rows.shape[-2]) * step * _time_scale(scenario)
-    attributes = {"long_name": "time", "units": "s" if si else "1"}
-    return xr.Dataset(
-        variables,
-        coords={"time": ("time", time, attributes), **coordinates},
-        attrs={
-            "scenario": scenario.to_toml(),
-            "version": version("fracgyro"),
-            "units": scenario.run.units,
-        },
-    )
-
-
-def metrics_dataset(values: np.ndarray, thresholds: dict[str, float]) -> xr.Dataset:
-    by_name = dict(zip(_core.metric_names, values.T, strict=True))
-    windows = ["whole", "transient", "steady"]
-    rmse = np.stack([[by_name.pop(f"rmse_{w}_{a}") for a in AXES] for w in windows])
-    grouped = {"rmse": (["run", "window", "axis"], np.moveaxis(rmse, -1, 0))}
-    for name in ("chattering", "effort"):
-        grouped[name] = (["run", "axis"], np.stack([by_name.pop(f"{name}_{a}") for a in AXES], axis=-1))
-    bounds = np.stack([by_name.pop(f"bound_{i}") for i in range(3)], axis=-1)
-    grouped["bound_final"] = (["run", "bound"], bounds)
-    figures = xr.Dataset(
-        {**grouped, **{name: ("run", column) for name, column in by_name.items()}},
-        coords={"window": windows, "axis": AXES, "bound": [0, 1, 2]},
-        attrs={"version": version("fracgyro"), "units": "nondimensional", **thresholds},
-    )
-    for variable in figures.data_vars.values():
-        variable.attrs["units"] = "1"
-    return figures

@@ -41,30 +41,36 @@ struct DeviceParams {
     Profile temperature{};           // its change, K
 };
 
-class Device {
-public:
-    Device(const DeviceParams& p, std::uint64_t seed, double step)
-        : params_(p),
-          position_(noise(p.position_noise, seed, 1), step),
-          velocity_(noise(p.velocity_noise, seed, 2), step),
-          waiting_(static_cast<std::size_t>(p.delay)) {}
+// The noise is apart: it is a function of seed and sample, and nothing that is remembered.
+struct Device {
+    static constexpr std::size_t longest_delay = 1000;  // steps
+    using Coefficients = DeviceParams;
+    struct State {
+        std::array<Vec2<double>, longest_delay> waiting{};  // forces asked for and not yet given, in a ring
+    };
 
-    // What is measured of the motion at the sample n.
-    Motion<double> sense(const Motion<double>& motion, std::int64_t n) {
-        Vec2<double> in_position, in_velocity;
-        position_.fill(n, {&in_position, 1});
-        velocity_.fill(n, {&in_velocity, 1});
-        return {.position = params_.position(motion.position + in_position),
-                .velocity = params_.velocity(motion.velocity + in_velocity)};
+    // What is measured of the motion, where this noise was drawn.
+    static Motion<double> sense(const Coefficients& c, const Motion<double>& motion, const Motion<double>& noise) {
+        return {.position = c.position(motion.position + noise.position),
+                .velocity = c.velocity(motion.velocity + noise.velocity)};
     }
 
     // What acts over the step from the sample n on, of the force asked for there; called once every step. None at first.
-    Vec2<double> actuate(Vec2<double> asked, std::int64_t n) {
-        if (!waiting_.empty()) {
-            std::swap(asked, waiting_[static_cast<std::size_t>(n) % waiting_.size()]);
+    static Vec2<double> actuate(State& state, const Coefficients& c, Vec2<double> asked, std::int64_t n) {
+        if (c.delay > 0) {
+            std::swap(asked, state.waiting[static_cast<std::size_t>(n % c.delay)]);
         }
-        return params_.actuator(asked);
+        return c.actuator(asked);
     }
+};
+
+// The noise of both sensors.
+class SensorNoise {
+public:
+    SensorNoise(const DeviceParams& p, std::uint64_t seed, double step)
+        : position_(noise(p.position_noise, seed, 1), step), velocity_(noise(p.velocity_noise, seed, 2), step) {}
+
+    Motion<double> operator()(std::int64_t n) { return {.position = position_(n), .velocity = velocity_(n)}; }
 
 private:
     static DisturbanceParams noise(double standard_deviation, std::uint64_t seed, std::uint32_t stream) {
@@ -74,9 +80,7 @@ private:
                 .stream = stream};
     }
 
-    DeviceParams params_;
     Disturbance position_, velocity_;
-    std::vector<Vec2<double>> waiting_;  // forces asked for and not yet given, in a ring
 };
 
 }  // namespace fracgyro

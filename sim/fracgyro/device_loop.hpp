@@ -1,9 +1,8 @@
-// The loop of loop.hpp for runs whose rate moves or whose device is not ideal: slower, and in double precision alone. Where
+// The gyroscope whose rate moves or whose device is not ideal, and runs with it: slower, and in double precision alone. Where
 // nothing of that is so, its samples are those of loop.hpp, bit for bit.
 #pragma once
 
 #include "device.hpp"
-#include "loop.hpp"
 #include "metrics.hpp"
 #include "record.hpp"
 #include "varying_plant.hpp"
@@ -11,17 +10,21 @@
 namespace fracgyro {
 
 // One run whose rate may move and whose device may not be ideal.
-struct DeviceSetup : Setup {
+template <class Params>
+struct DeviceSetupOf : SetupOf<Params> {
     RateParams rate{};
     DeviceParams device{};
 };
+using DeviceSetup = DeviceSetupOf<ControllerParams>;
 
-inline bool plant_varies(const DeviceSetup& s) {
+template <class Params>
+bool plant_varies(const DeviceSetupOf<Params>& s) {
     const Vec2<double>& cubic = s.device.cubic_stiffness;
     return s.rate.kind != RateKind::constant || s.device.stiffness_drift != 0.0 || cubic.x != 0.0 || cubic.y != 0.0;
 }
 
-inline bool is_ideal(const DeviceSetup& s) {
+template <class Params>
+bool is_ideal(const DeviceSetupOf<Params>& s) {
     const DeviceParams& d = s.device;
     return !plant_varies(s) && !(d.position_noise > 0.0) && !(d.velocity_noise > 0.0) && !d.position.on() &&
            !d.velocity.on() && !d.actuator.on() && d.delay == 0 && s.common.observer_bandwidth == 0.0;
@@ -36,54 +39,101 @@ struct DeviceSnapshot : Snapshot<double, Report> {
     const Vec2<double>& applied;     // the force that acts
 };
 
-// Calls observe(DeviceSnapshot) at every sample; as run_loop.
-template <Controller C, class Observe>
-std::int64_t run_device_loop(const DeviceSetup& setup, Observe&& observe) {
-    const double step = setup.common.step;
-    const auto controller = prepare<C>(setup.controller, setup.common);
-    typename C::State state{};
-    const bool varies = plant_varies(setup);
-    const auto plant = Plant<double>::prepare(setup.plant, step);
-    const auto varying = VaryingPlant::prepare({setup.plant, setup.device.cubic_stiffness, setup.rate.inertial}, step);
-    const Rate rate(setup.rate, setup.plant.rate, step, setup.steps);
-    const auto drift = [&](std::int64_t n, int halves) {
-        return setup.device.stiffness_drift * setup.device.temperature.within(n, halves);
+// 6  As IdealGyroscope of stepper.hpp.
+struct DeviceGyroscope {
+    struct Coefficients {
+        Plant<double>::Coefficients plant{};
+        VaryingPlant::Coefficients varying{};
+        bool varies = false;
+        double mean_rate = 0.0;
+        Rate rate{{}, 0.0, 1.0, 0};
+        DeviceParams device{};
+
+        double drift(std::int64_t n, int halves) const {
+            return device.stiffness_drift * device.temperature.within(n, halves);
+        }
     };
-    Device device(setup.device, setup.disturbance.seed, step);
-    Disturbance disturbance(setup.disturbance, step);
-    Motion<double> motion = Plant<double>::start(setup.plant);
-    for (std::int64_t n = 0; n <= setup.steps; ++n) {
-        if (!(absolute(motion.position.x) + absolute(motion.position.y) < divergence_limit)) {
-            return n;
-        }
-        Vec2<double> force;
-        disturbance.fill(n, {&force, 1});
-        Motion<double> measured = device.sense(motion, n);
-        auto signals = C::step(state, controller, measured);  // 1 to 5
-        if constexpr (!measures_velocity<C>) {
-            measured.velocity = signals.reference.velocity + signals.error.rate;  // the observer's
-        }
-        signals.error = tracking_error(motion, signals.reference);
-        const Vec2<double> applied = device.actuate(signals.force, n);
-        observe(
-            DeviceSnapshot<typename C::Report>{{.step = n, .motion = motion, .signals = signals, .disturbance = force},
-                                               rate.at(n),
-                                               drift(n, 0),
-                                               measured,
-                                               applied});
-        if (varies) {  // 6
-            VaryingPlant::Course course{.rate_before = rate.before(n) - setup.plant.rate};
-            for (int halves = 0; halves < 3; ++halves) {
-                course.at[static_cast<std::size_t>(halves)] = {.rate = rate.within(n, halves) - setup.plant.rate,
-                                                               .stiffness = drift(n, halves)};
-            }
-            VaryingPlant::step(motion, varying, applied, force, course);
-        } else {
-            Plant<double>::step(motion, plant, applied, force);
-        }
+    struct Drawn {
+        Vec2<double> disturbance;
+        Motion<double> noise;
+    };
+    // All that is drawn in a run.
+    class Draw {
+    public:
+        template <class Params>
+        explicit Draw(const DeviceSetupOf<Params>& s)
+            : disturbance_(s.disturbance, s.common.step), noise_(s.device, s.disturbance.seed, s.common.step) {}
+        Drawn operator()(std::int64_t n) { return {disturbance_(n), noise_(n)}; }
+
+    private:
+        Disturbance disturbance_;
+        SensorNoise noise_;
+    };
+    struct State {
+        Motion<double> motion{}, measured{};
+        Vec2<double> disturbance{}, applied{};
+        Device::State device{};
+    };
+
+    template <class Params>
+    static Coefficients prepare(const DeviceSetupOf<Params>& s) {
+        const double step = s.common.step;
+        return {.plant = Plant<double>::prepare(s.plant, step),
+                .varying = VaryingPlant::prepare({s.plant, s.device.cubic_stiffness, s.rate.inertial}, step),
+                .varies = plant_varies(s),
+                .mean_rate = s.plant.rate,
+                .rate = Rate(s.rate, s.plant.rate, step, s.steps),
+                .device = s.device};
     }
-    return setup.steps + 1;
-}
+    template <class Params>
+    static State start(const DeviceSetupOf<Params>& s) {
+        State state{};
+        state.motion = Plant<double>::start(s.plant);
+        return state;
+    }
+    static const Motion<double>& sense(State& state, const Coefficients& c, const Drawn& drawn) {
+        state.disturbance = drawn.disturbance;
+        state.measured = Device::sense(c.device, state.motion, drawn.noise);
+        return state.measured;
+    }
+    template <class C, class Report>
+    static void actuate(State& state, const Coefficients& c, Signals<double, Report>& signals, std::int64_t n) {
+        if constexpr (!measures_velocity<C>) {
+            state.measured.velocity = signals.reference.velocity + signals.error.rate;  // the observer's
+        }
+        signals.error = tracking_error(state.motion, signals.reference);
+        act(state, c, signals.force, n);
+    }
+    static void act(State& state, const Coefficients& c, const Vec2<double>& asked, std::int64_t n) {
+        state.applied = Device::actuate(state.device, c.device, asked, n);
+    }
+    // Under the force that acts.
+    static void step(State& state, const Coefficients& c, std::int64_t n) {
+        if (!c.varies) {
+            Plant<double>::step(state.motion, c.plant, state.applied, state.disturbance);
+            return;
+        }
+        VaryingPlant::Course course{.rate_before = c.rate.before(n) - c.mean_rate};
+        for (int halves = 0; halves < 3; ++halves) {
+            course.at[static_cast<std::size_t>(halves)] = {.rate = c.rate.within(n, halves) - c.mean_rate,
+                                                           .stiffness = c.drift(n, halves)};
+        }
+        VaryingPlant::step(state.motion, c.varying, state.applied, state.disturbance, course);
+    }
+    template <class Report>
+    static void step(State& state, const Coefficients& c, const Signals<double, Report>&, std::int64_t n) {
+        step(state, c, n);
+    }
+    template <class LoopState, class Report>
+    static DeviceSnapshot<Report> snapshot(const LoopState& state, const Coefficients& c,
+                                           const Signals<double, Report>& signals) {
+        return {{.step = state.step, .motion = state.motion, .signals = signals, .disturbance = state.disturbance},
+                c.rate.at(state.step),
+                c.drift(state.step, 0),
+                state.measured,
+                state.applied};
+    }
+};
 
 // What is recorded of these runs behind the channels of record.hpp.
 inline constexpr std::array<Channel, 5> device_channels{
@@ -94,6 +144,29 @@ inline constexpr std::array<Channel, 5> device_channels{
      {"applied_control", 2, "m*omega0^2*q0", "force that the actuator gives for u"}}};
 inline constexpr std::size_t device_width = 8;
 
+template <class Report>
+std::array<double, device_width> device_row(const DeviceSnapshot<Report>& at) {
+    const Motion<double>& m = at.measured;
+    return {at.rate,      at.stiffness_drift, m.position.x, m.position.y,
+            m.velocity.x, m.velocity.y,       at.applied.x, at.applied.y};
+}
+template <class Report>
+void write_device_row(const DeviceSnapshot<Report>& at, double* row) {
+    write_row<double, Report>(at, row);
+    const auto more = device_row(at);
+    std::copy(more.begin(), more.end(), row + row_width<Report>);
+}
+
+// Calls observe(DeviceSnapshot) at every sample; as run_loop.
+template <Controller C, class Params, class Observe>
+std::int64_t run_device_loop(const DeviceSetupOf<Params>& setup, Observe&& observe) {
+    using Loop = Stepper<C, DeviceGyroscope>;
+    const auto coefficients = Loop::prepare(setup);
+    auto state = Loop::begin(setup);
+    Loop::run(state, coefficients, setup.steps + 1, DeviceGyroscope::Draw(setup), observe);
+    return state.step;
+}
+
 // As record(), with rows longer by device_width.
 inline std::int64_t record_device(const DeviceSetup& setup, std::int64_t every, double* rows) {
     std::int64_t samples = 0;
@@ -101,11 +174,7 @@ inline std::int64_t record_device(const DeviceSetup& setup, std::int64_t every, 
         using Report = typename C::Report;
         samples = run_device_loop<C>(setup, [&](const DeviceSnapshot<Report>& at) {
             if (at.step % every == 0) {
-                write_row<double, Report>(at, rows);
-                const Motion<double>& m = at.measured;
-                const std::array<double, 8> more{at.rate,      at.stiffness_drift, m.position.x, m.position.y,
-                                                 m.velocity.x, m.velocity.y,       at.applied.x, at.applied.y};
-                std::copy(more.begin(), more.end(), rows + row_width<Report>);
+                write_device_row(at, rows);
                 rows += row_width<Report> + device_width;
             }
         });
@@ -115,7 +184,9 @@ inline std::int64_t record_device(const DeviceSetup& setup, std::int64_t every, 
 
 // The metrics of one such run. Errors of estimates are against what is true at that sample; the rate has settled within a
 // tolerance of its largest size.
-inline std::array<double, metric_names.size()> measure_device(const DeviceSetup& setup, const MetricsParams& params) {
+template <Controller C, class Params>
+std::array<double, metric_names.size()> measure_device(const DeviceSetupOf<Params>& setup,
+                                                       const MetricsParams& params) {
     const std::int64_t steady_from = first_steady_sample(params, setup);
     const Rate rate(setup.rate, setup.plant.rate, setup.common.step, setup.steps);
     double largest = 0.0;
@@ -128,22 +199,27 @@ inline std::array<double, metric_names.size()> measure_device(const DeviceSetup&
     MetricsTotals totals{};
     LastReport last{};
     double bound_halfway = 0.0;
-    DeviceSetup at_end = setup;  // what is true at the last sample
-    std::int64_t samples = 0;
-    with_controller<double>(setup.controller, setup.common.observer_bandwidth > 0.0, [&]<class C>() {
-        samples = run_device_loop<C>(setup, [&](const DeviceSnapshot<typename C::Report>& at) {
-            sums.rate = at.rate;
-            sums.add(at.signals);
-            totals.add(sums.stretch, at.step, steady_from);
-            sums.stretch = {};
-            last = LastReport::of(at.signals.report, [](double a) { return a; });
-            bound_halfway = at.step <= setup.steps / 2 ? last.bound[0] : bound_halfway;
-            at_end.plant.rate = at.rate;
-            at_end.plant.stiffness =
-                setup.plant.stiffness + at.stiffness_drift * (setup.plant.stiffness + setup.plant.stiffness_deviation);
-        });
+    auto at_end = setup;  // what is true at the last sample
+    const std::int64_t samples = run_device_loop<C>(setup, [&](const DeviceSnapshot<typename C::Report>& at) {
+        sums.rate = at.rate;
+        sums.add(at.signals);
+        totals.add(sums.stretch, at.step, steady_from);
+        sums.stretch = {};
+        last = LastReport::of(at.signals.report, [](double a) { return a; });
+        bound_halfway = at.step <= setup.steps / 2 ? last.bound[0] : bound_halfway;
+        at_end.plant.rate = at.rate;
+        at_end.plant.stiffness =
+            setup.plant.stiffness + at.stiffness_drift * (setup.plant.stiffness + setup.plant.stiffness_deviation);
     });
     return metric_values(params, at_end, totals, last, bound_halfway, samples);
+}
+
+// Of a run of any kind.
+inline std::array<double, metric_names.size()> measure_device(const DeviceSetup& setup, const MetricsParams& params) {
+    std::array<double, metric_names.size()> values{};
+    with_controller<double>(setup.controller, setup.common.observer_bandwidth > 0.0,
+                            [&]<class C>() { values = measure_device<C>(setup, params); });
+    return values;
 }
 
 }  // namespace fracgyro

@@ -95,6 +95,12 @@ public:
           sine_(Reference<double>::prepare(
               {.amplitude = params.amplitude, .frequency = params.frequency, .phase = params.phase}, step)) {}
 
+    Vec2<double> operator()(std::int64_t n) {
+        Vec2<double> drawn;
+        fill(n, {&drawn, 1});
+        return drawn;
+    }
+
     // Writes d for the steps first, first+1, … .
     void fill(std::int64_t first, std::span<Vec2<double>> out) {
         switch (params_.kind) {

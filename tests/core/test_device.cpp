@@ -229,10 +229,12 @@ TEST(Quantisation, ThreeBitsOverFourHaveEightLevelsOfOne) {
 }
 
 TEST(Device, ADelayOfTwoStepsGivesEachForceTwoStepsLate) {
-    Device device({.delay = 2}, 0, 1.0);
+    Device::State state{};
     const std::array<double, 5> given{0.0, 0.0, 1.0, 2.0, 3.0};
     for (std::size_t n = 0; n < given.size(); ++n) {
-        EXPECT_EQ(device.actuate({static_cast<double>(n + 1), 0.0}, static_cast<std::int64_t>(n)).x, given[n]);
+        EXPECT_EQ(
+            Device::actuate(state, {.delay = 2}, {static_cast<double>(n + 1), 0.0}, static_cast<std::int64_t>(n)).x,
+            given[n]);
     }
 }
 
@@ -244,8 +246,8 @@ TEST(Device, NoiseOfTheSensorsIsNeitherThatOfTheForceNorOfEachOther) {
     };
     EXPECT_NE(draw(0)[0].x, draw(1)[0].x);
     EXPECT_NE(draw(1)[0].x, draw(2)[0].x);
-    Device device({.position_noise = 2.0, .velocity_noise = 3.0}, 5, 1.0);
-    const Motion<double> seen = device.sense({}, 3);
+    const DeviceParams device{.position_noise = 2.0, .velocity_noise = 3.0};
+    const Motion<double> seen = Device::sense(device, {}, SensorNoise(device, 5, 1.0)(3));
     EXPECT_EQ(seen.position.y, 2.0 * draw(1)[3].y);
     EXPECT_EQ(seen.velocity.x, 3.0 * draw(2)[3].x);
 }

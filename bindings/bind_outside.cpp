@@ -1,0 +1,309 @@
+#include "arrays.hpp"
+#include "bindings.hpp"
+#include "numbers.hpp"
+
+#include "fracgyro/batch.hpp"
+#include "fracgyro/outside.hpp"
+
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <optional>
+
+namespace fracgyro::bindings {
+
+namespace {
+
+// What a callable is given: tuples are made of it only where they are asked for.
+struct SampleObject {
+    PyObject_HEAD LawInput in;
+};
+
+const LawInput& input(PyObject* sample) { return reinterpret_cast<SampleObject*>(sample)->in; }
+
+PyObject* get_time(PyObject* self, void*) { return PyFloat_FromDouble(input(self).time); }
+template <Vec2<double> LawInput::* member>
+PyObject* get_pair(PyObject* self, void*) {
+    return new_pair(input(self).*member);
+}
+PyObject* sample_text(PyObject* self) {
+    const LawInput& in = input(self);
+    std::array<char, 512> text{};
+    std::snprintf(text.data(), text.size(),
+                  "Sample(time=%.9g, position=(%.9g, %.9g), velocity=(%.9g, %.9g), reference=(%.9g, %.9g), "
+                  "reference_velocity=(%.9g, %.9g), reference_acceleration=(%.9g, %.9g))",
+                  in.time, in.position.x, in.position.y, in.velocity.x, in.velocity.y, in.reference.x, in.reference.y,
+                  in.reference_velocity.x, in.reference_velocity.y, in.reference_acceleration.x,
+                  in.reference_acceleration.y);
+    return PyUnicode_FromString(text.data());
+}
+void free_sample(PyObject* self) {
+    PyTypeObject* const type = Py_TYPE(self);
+    type->tp_free(self);
+    Py_DECREF(type);
+}
+
+PyTypeObject* sample_type() {
+    static PyGetSetDef members[] = {
+        {"time", get_time, nullptr, "t", nullptr},
+        {"position", get_pair<&LawInput::position>, nullptr, "q as measured, (x, y)", nullptr},
+        {"velocity", get_pair<&LawInput::velocity>, nullptr, "v as measured or observed, (x, y)", nullptr},
+        {"reference", get_pair<&LawInput::reference>, nullptr, "r, (x, y)", nullptr},
+        {"reference_velocity", get_pair<&LawInput::reference_velocity>, nullptr, "dr/dt, (x, y)", nullptr},
+        {"reference_acceleration", get_pair<&LawInput::reference_acceleration>, nullptr, "d2r/dt2, (x, y)", nullptr},
+        {nullptr, nullptr, nullptr, nullptr, nullptr}};
+    static PyType_Slot slots[] = {
+        {Py_tp_doc,
+         const_cast<char*>("What a controller is given at one sample: floats and pairs of floats, in SI units "
+                           "if run.units is SI.")},
+        {Py_tp_getset, members},
+        {Py_tp_repr, reinterpret_cast<void*>(&sample_text)},
+        {Py_tp_dealloc, reinterpret_cast<void*>(&free_sample)},
+        {0, nullptr}};
+    static PyType_Spec spec{"fracgyro.Sample", sizeof(SampleObject), 0,
+                            Py_TPFLAGS_DEFAULT | Py_TPFLAGS_DISALLOW_INSTANTIATION, slots};
+    static auto* const type = reinterpret_cast<PyTypeObject*>(PyType_FromSpec(&spec));
+    return type;
+}
+
+// Any finite or other number, of any type; false with no Python error where it is none.
+bool take_number(PyObject* from, double& to) {
+    if (PyBool_Check(from) || !PyNumber_Check(from)) {
+        return false;
+    }
+    to = PyFloat_AsDouble(from);
+    if (to == -1.0 && PyErr_Occurred() != nullptr) {
+        PyErr_Clear();
+        return false;
+    }
+    return true;
+}
+bool take_pair(PyObject* from, Vec2<double>& to) {
+    if (PyTuple_CheckExact(from) && PyTuple_GET_SIZE(from) == 2 && PyFloat_CheckExact(PyTuple_GET_ITEM(from, 0)) &&
+        PyFloat_CheckExact(PyTuple_GET_ITEM(from, 1))) {
+        to = {PyFloat_AS_DOUBLE(PyTuple_GET_ITEM(from, 0)), PyFloat_AS_DOUBLE(PyTuple_GET_ITEM(from, 1))};
+        return true;
+    }
+    if (!PySequence_Check(from)) {
+        return false;
+    }
+    nb::object items = nb::steal(PySequence_Fast(from, ""));
+    if (!items.is_valid()) {
+        PyErr_Clear();
+        return false;
+    }
+    PyObject** const item = PySequence_Fast_ITEMS(items.ptr());
+    return PySequence_Fast_GET_SIZE(items.ptr()) == 2 && take_number(item[0], to.x) && take_number(item[1], to.y);
+}
+
+// A Python callable as a law. Whoever calls it holds the GIL.
+class PythonLaw final : public Law {
+public:
+    explicit PythonLaw(nb::object controller)
+        : call_(std::move(controller)), report_(nb::getattr(call_, "report", nb::none())) {
+        // A method that is bound already is called faster than an object.
+        if ((Py_TYPE(call_.ptr())->tp_flags & Py_TPFLAGS_HAVE_VECTORCALL) == 0) {
+            call_ = call_.attr("__call__");
+        }
+    }
+
+    Vec2<double> force(const LawInput& in) override {
+        if (!sample_.is_valid() || Py_REFCNT(sample_.ptr()) > 1) {  // somebody keeps the last one
+            sample_ = nb::steal(PyType_GenericAlloc(sample_type(), 0));
+            if (!sample_.is_valid()) {
+                nb::raise_python_error();
+            }
+        }
+        reinterpret_cast<SampleObject*>(sample_.ptr())->in = in;
+        time_ = in.time;
+        const nb::object returned = nb::steal(PyObject_CallOneArg(call_.ptr(), sample_.ptr()));
+        Vec2<double> force;
+        if (!returned.is_valid()) {
+            fail();
+        }
+        if (!take_pair(returned.ptr(), force)) {
+            refuse("the controller returned", returned, "two finite numbers");
+        }
+        return force;
+    }
+
+    const std::vector<double>& report() override {
+        if (report_.is_none()) {
+            return numbers_;
+        }
+        const nb::object found = nb::steal(PyObject_CallNoArgs(report_.ptr()));
+        if (!found.is_valid()) {
+            fail();
+        }
+        if (!PyDict_Check(found.ptr())) {
+            refuse("report() of the controller returned", found, "a dict of names to numbers or pairs of numbers");
+        }
+        if (!named_) {
+            name(found);
+        }
+        bool same = static_cast<std::size_t>(PyDict_GET_SIZE(found.ptr())) == names_.size();
+        std::size_t at = 0;
+        for (const auto& [name, width] : names_) {
+            PyObject* const value = PyDict_GetItemWithError(found.ptr(), name.ptr());
+            Vec2<double> pair;
+            const bool one = value != nullptr && width == 1 && take_number(value, pair.x);
+            same = same && (one || (value != nullptr && width == 2 && take_pair(value, pair)));
+            if (!same) {
+                break;
+            }
+            numbers_[at++] = pair.x;
+            if (width == 2) {
+                numbers_[at++] = pair.y;
+            }
+        }
+        if (!same) {
+            refuse("report() of the controller returned", found,
+                   "the same names at every sample, of numbers or pairs of numbers as at the first");
+        }
+        return numbers_;
+    }
+    std::ptrdiff_t rate_place() const override { return rate_place_; }
+    bool may_report_rate() const override { return !report_.is_none(); }
+
+    // The time at which it raised; None: it did not.
+    std::optional<double> failed_at() const { return failed_ ? std::optional(time_) : std::nullopt; }
+    nb::list names() const {
+        nb::list all;
+        for (const auto& [name, width] : names_) {
+            all.append(nb::make_tuple(name, width));
+        }
+        return all;
+    }
+
+private:
+    [[noreturn]] void fail() {
+        failed_ = true;
+        nb::raise_python_error();
+    }
+    [[noreturn]] void refuse(const char* what, const nb::object& returned, const char* wanted) {
+        std::array<char, 32> time{};
+        std::snprintf(time.data(), time.size(), "%.9g", time_);
+        PyErr_Format(PyExc_ValueError, "%s %.80R at t = %s: it must return %s", what, returned.ptr(), time.data(),
+                     wanted);
+        nb::raise_python_error();
+    }
+    void name(const nb::object& found) {
+        PyObject *key = nullptr, *value = nullptr;
+        Py_ssize_t place = 0;
+        while (PyDict_Next(found.ptr(), &place, &key, &value) != 0) {
+            double number = 0.0;
+            const std::size_t width = take_number(value, number) ? 1 : 2;
+            if (!PyUnicode_Check(key)) {
+                refuse("report() of the controller returned", found, "a dict of names to numbers or pairs of numbers");
+            }
+            if (width == 1 && PyUnicode_CompareWithASCIIString(key, "rate_estimate") == 0) {
+                rate_place_ = static_cast<std::ptrdiff_t>(numbers_.size());
+            }
+            names_.emplace_back(nb::borrow(key), width);
+            numbers_.resize(numbers_.size() + width);
+        }
+        named_ = true;
+    }
+
+    nb::object call_, report_, sample_;
+    std::vector<std::pair<nb::object, std::size_t>> names_;
+    std::vector<double> numbers_;
+    std::ptrdiff_t rate_place_ = -1;
+    double time_ = 0.0;
+    bool named_ = false, failed_ = false;
+};
+
+std::vector<OutsideSetup> with_laws(const std::vector<const DeviceSetup*>& setups, const std::vector<Law*>& laws,
+                                    const std::vector<const Units*>& units) {
+    if (setups.size() != laws.size() || setups.size() != units.size()) {
+        throw nb::value_error("there must be one law and one set of units for each run");
+    }
+    std::vector<OutsideSetup> all;
+    for (std::size_t i = 0; i < setups.size(); ++i) {
+        all.push_back(outside_setup(*setups[i], laws[i], *units[i]));
+    }
+    return all;
+}
+
+// `native`: no law needs the GIL, and they run on several threads.
+template <class Task>
+void run_all(std::size_t count, bool native, unsigned threads, Task&& task) {
+    std::optional<nb::gil_scoped_release> unlocked;
+    if (native) {
+        unlocked.emplace();
+    }
+    parallel_for(count, native ? threads : 1, task);
+}
+
+nb::list record_laws(const std::vector<const DeviceSetup*>& setups, const std::vector<Law*>& laws,
+                     const std::vector<const Units*>& units, std::int64_t every, bool device, bool native,
+                     unsigned threads) {
+    const auto all = with_laws(setups, laws, units);
+    std::vector<OutsideRecord> records(all.size());
+    run_all(all.size(), native, threads, [&](std::size_t i) { records[i] = record_outside(all[i], every, device); });
+    nb::list found;
+    for (OutsideRecord& record : records) {
+        const std::size_t width = record.width, count = width == 0 ? 0 : record.rows.size() / width;
+        found.append(nb::make_tuple(owned_rows(std::move(record.rows), count, width), record.samples));
+    }
+    return found;
+}
+
+nb::ndarray<nb::numpy, double> measure_laws(const std::vector<const DeviceSetup*>& setups,
+                                            const std::vector<Law*>& laws, const std::vector<const Units*>& units,
+                                            const MetricsParams& params, bool native, unsigned threads) {
+    const auto all = with_laws(setups, laws, units);
+    auto data = std::make_unique<double[]>(all.size() * metric_names.size());
+    run_all(all.size(), native, threads, [&](std::size_t i) {
+        const auto values = measure_outside(all[i], params);
+        std::copy(values.begin(), values.end(), data.get() + i * values.size());
+    });
+    return owned<double, 2>(std::move(data), {all.size(), metric_names.size()});
+}
+
+}  // namespace
+
+void bind_outside(nb::module_& m) {
+    m.attr("Sample") = nb::borrow(reinterpret_cast<PyObject*>(sample_type()));
+    nb::class_<Units>(m, "Units")
+        .def(nb::init<>())
+        .def_rw("time", &Units::time)
+        .def_rw("length", &Units::length)
+        .def_rw("velocity", &Units::velocity)
+        .def_rw("acceleration", &Units::acceleration)
+        .def_rw("force", &Units::force)
+        .def_rw("rate", &Units::rate);
+    nb::class_<Law>(m, "Law");
+    nb::class_<PythonLaw, Law>(m, "PythonLaw")
+        .def(nb::init<nb::object>(), nb::arg("controller"))
+        .def_prop_ro("failed_at",
+                     [](const PythonLaw& law) -> nb::object {
+                         const auto time = law.failed_at();
+                         return time ? nb::object(nb::float_(*time)) : nb::none();
+                     })
+        .def_prop_ro("names", &PythonLaw::names);
+    nb::class_<NativeLaw, Law>(m, "NativeLaw")
+        .def(
+            "__init__",
+            [](NativeLaw* law, std::uintptr_t address, std::size_t state_size, std::vector<double> parameters,
+               std::size_t reports, std::ptrdiff_t rate_place) {
+                new (law) NativeLaw(reinterpret_cast<LawFunction>(address), state_size, std::move(parameters), reports,
+                                    rate_place);
+            },
+            nb::arg("address"), nb::arg("state_size"), nb::arg("parameters"), nb::arg("reports"), nb::arg("rate_place"))
+        .def_prop_rw(
+            "state", [](NativeLaw& law) { return law.state(); },
+            [](NativeLaw& law, const std::vector<double>& state) {
+                if (state.size() != law.state().size()) {
+                    throw nb::value_error("state is damaged: it is not as it was saved");
+                }
+                law.state() = state;
+            });
+    m.def("record_laws", &record_laws, nb::arg("setups"), nb::arg("laws"), nb::arg("units"), nb::arg("every"),
+          nb::arg("device"), nb::arg("native"), nb::arg("threads"), "(rows, samples before divergence) of each run.");
+    m.def("measure_laws", &measure_laws, nb::arg("setups"), nb::arg("laws"), nb::arg("units"), nb::arg("params"),
+          nb::arg("native"), nb::arg("threads"), "Metrics of all runs, (runs, metrics).");
+}
+
+}  // namespace fracgyro::bindings

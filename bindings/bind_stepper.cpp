@@ -1,0 +1,214 @@
+#include "arrays.hpp"
+#include "bindings.hpp"
+#include "numbers.hpp"
+
+#include "fracgyro/outside.hpp"
+#include "fracgyro/saved.hpp"
+
+#include <nanobind/stl/unique_ptr.h>
+#include <nanobind/stl/vector.h>
+
+namespace fracgyro::bindings {
+
+namespace {
+
+// What is measured, as Python has it: (time, position, velocity).
+PyTypeObject* motion_type() {
+    static PyStructSequence_Field fields[] = {{"time", "of the sample"},
+                                              {"position", "as measured, (x, y)"},
+                                              {"velocity", "as measured, (x, y); NaN where there is no sensor of it"},
+                                              {nullptr, nullptr}};
+    static PyStructSequence_Desc about{"fracgyro.Motion", "The motion that is measured at a sample.", fields, 3};
+    static PyTypeObject* const type = PyStructSequence_NewType(&about);
+    return type;
+}
+
+// The gyroscope and its device, one sample at a time.
+class GyroscopeHolder {
+public:
+    GyroscopeHolder(const DeviceSetup& s, const Units& units)
+        : coefficients_(DeviceGyroscope::prepare(s)),
+          draw_(s),
+          state_(DeviceGyroscope::start(s)),
+          units_(units),
+          step_(s.common.step),
+          senses_velocity_(!(s.common.observer_bandwidth > 0.0)) {
+        sense();
+    }
+
+    nb::object motion() const {
+        const auto pair = [](double unit, const Vec2<double>& a) { return new_pair(unit * a); };
+        constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+        const Motion<double>& m = state_.measured;
+        nb::object made = nb::steal(PyStructSequence_New(motion_type()));
+        const std::array<PyObject*, 3> parts{
+            PyFloat_FromDouble(time()), pair(units_.length, m.position),
+            pair(units_.velocity, senses_velocity_ ? m.velocity : Vec2<double>{nan, nan})};
+        for (std::size_t i = 0; i < parts.size(); ++i) {
+            if (!made.is_valid() || parts[i] == nullptr) {
+                nb::raise_python_error();
+            }
+            PyStructSequence_SetItem(made.ptr(), static_cast<Py_ssize_t>(i), parts[i]);
+        }
+        return made;
+    }
+    // None: the force is not two plain finite numbers, and nothing happened.
+    nb::object step(nb::handle force) {
+        Vec2<double> asked;
+        if (!take(force.ptr(), asked)) {
+            return nb::none();
+        }
+        if (!bounded(state_.motion)) {
+            throw nb::value_error("the motion has diverged: the plant can go on no longer");
+        }
+        DeviceGyroscope::act(state_, coefficients_, {asked.x / units_.force, asked.y / units_.force}, n_);
+        DeviceGyroscope::step(state_, coefficients_, n_);
+        ++n_;
+        sense();
+        return motion();
+    }
+
+private:
+    double time() const { return static_cast<double>(n_) * step_ * units_.time; }
+    void sense() { DeviceGyroscope::sense(state_, coefficients_, draw_(n_)); }
+
+    DeviceGyroscope::Coefficients coefficients_;
+    DeviceGyroscope::Draw draw_;
+    DeviceGyroscope::State state_;
+    Units units_;
+    double step_;
+    std::int64_t n_ = 0;  // the sample
+    bool senses_velocity_;
+};
+
+// A closed loop of any controller that is run in parts.
+class AnyLoop {
+public:
+    virtual ~AnyLoop() = default;
+    // Rows of the next samples, fewer where the motion diverges.
+    virtual nb::object run(std::int64_t samples, bool device) = 0;
+    virtual std::int64_t step() const = 0;
+    virtual nb::bytes state() const = 0;
+    virtual void restore(const nb::bytes& saved) = 0;
+    // Other numbers from the next sample on. Whether they can be: the controller is the same, with the same memory.
+    virtual bool set(const DeviceSetup& setup) = 0;
+};
+
+template <class C, class Setup>
+class HeldLoop final : public AnyLoop {
+    using Loop = Stepper<C, DeviceGyroscope>;
+    using Pending = typename Loop::Pending;
+
+public:
+    explicit HeldLoop(const Setup& s) : held_(new Held{s, Loop::prepare(s), Loop::begin(s)}), draw_(s) {}
+
+    nb::object run(std::int64_t samples, bool device) override {
+        using Report = typename C::Report;
+        std::vector<double> rows;
+        std::size_t width = 0;
+        const std::int64_t first = held_->state.step;
+        Loop::run(held_->state, held_->coefficients, first + samples, draw_, [&](const DeviceSnapshot<Report>& at) {
+            std::array<double, row_width<Report>> row;
+            write_row<double, Report>(at, row.data());
+            rows.insert(rows.end(), row.begin(), row.end());
+            if constexpr (of_law) {
+                const auto& reported = held_->setup.controller.law->report();
+                rows.insert(rows.end(), reported.begin(), reported.end());
+            }
+            if (device) {
+                const auto more = device_row(at);
+                rows.insert(rows.end(), more.begin(), more.end());
+            }
+            if (width == 0) {
+                width = rows.size();
+                rows.reserve(width * static_cast<std::size_t>(samples));
+            }
+        });
+        const std::size_t count = width == 0 ? 0 : rows.size() / width;
+        return nb::cast(owned_rows(std::move(rows), count, width));
+    }
+    std::int64_t step() const override { return held_->state.step; }
+    nb::bytes state() const override {
+        std::vector<unsigned char> bytes(Saved<Pending>::size);
+        Saved<Pending>::write(held_->state, bytes.data());
+        return nb::bytes(bytes.data(), bytes.size());
+    }
+    void restore(const nb::bytes& saved) override {
+        const auto* bytes = static_cast<const unsigned char*>(saved.data());
+        auto read = std::make_unique<Pending>();
+        if (!Saved<Pending>::read(bytes, saved.size(), *read) || read->step < 0 ||
+            !C::sound(read->controller, held_->coefficients.controller) ||
+            C::steps(read->controller) != static_cast<std::uint64_t>(read->step)) {
+            throw nb::value_error("state is damaged: it is not as it was saved");
+        }
+        held_->state = *read;
+    }
+    bool set(const DeviceSetup& other) override {
+        Setup setup = held_->setup;
+        if constexpr (of_law) {
+            setup = outside_setup(other, setup.controller.law, setup.controller.units);
+        } else {
+            if (!same_controller(setup.controller, other.controller)) {
+                return false;
+            }
+            setup = other;
+        }
+        held_->coefficients = Loop::prepare(setup);
+        held_->setup = std::move(setup);
+        draw_ = DeviceGyroscope::Draw(held_->setup);
+        return true;
+    }
+
+private:
+    static constexpr bool of_law = std::is_same_v<typename C::Params, LawParams>;
+
+    static bool same_controller(const ControllerParams& a, const ControllerParams& b) {
+        std::size_t chosen[2] = {};
+        with_params(a, [&](const auto& p, auto family) { chosen[0] = family.chosen(p); });
+        with_params(b, [&](const auto& p, auto family) { chosen[1] = family.chosen(p); });
+        const Modes *const one = modes_of(a), *const other = modes_of(b);
+        return a.index() == b.index() && chosen[0] == chosen[1] &&
+               (one == nullptr || (one->count == other->count && one->rates == other->rates));
+    }
+
+    // Apart: its alignment is that of wide registers, and Python frees a loop as one of any controller.
+    struct Held {
+        Setup setup;
+        typename Loop::Coefficients coefficients;
+        Pending state;
+    };
+    std::unique_ptr<Held> held_;
+    DeviceGyroscope::Draw draw_;
+};
+
+std::unique_ptr<AnyLoop> make_loop(const DeviceSetup& s) {
+    std::unique_ptr<AnyLoop> made;
+    with_controller<double>(s.controller, s.common.observer_bandwidth > 0.0,
+                            [&]<class C>() { made = std::make_unique<HeldLoop<C, DeviceSetup>>(s); });
+    return made;
+}
+std::unique_ptr<AnyLoop> make_law_loop(const DeviceSetup& s, Law* law, const Units& units) {
+    std::unique_ptr<AnyLoop> made;
+    const OutsideSetup setup = outside_setup(s, law, units);
+    with_law<NothingReported>(setup, [&]<class C>() { made = std::make_unique<HeldLoop<C, OutsideSetup>>(setup); });
+    return made;
+}
+
+}  // namespace
+
+void bind_stepper(nb::module_& m) {
+    m.attr("Motion") = nb::borrow(reinterpret_cast<PyObject*>(motion_type()));
+    nb::class_<GyroscopeHolder>(m, "Gyroscope")
+        .def(nb::init<const DeviceSetup&, const Units&>(), nb::arg("setup"), nb::arg("units"))
+        .def_prop_ro("motion", &GyroscopeHolder::motion)
+        .def("step", &GyroscopeHolder::step, nb::arg("force").none());
+    nb::class_<AnyLoop>(m, "Loop")
+        .def(nb::new_(&make_loop), nb::arg("setup"))
+        .def("run", &AnyLoop::run, nb::arg("samples"), nb::arg("device"))
+        .def("set", &AnyLoop::set, nb::arg("setup"))
+        .def_prop_ro("steps", &AnyLoop::step)
+        .def_prop_rw("state", &AnyLoop::state, &AnyLoop::restore);
+    m.def("law_loop", &make_law_loop, nb::arg("setup"), nb::arg("law"), nb::arg("units"), nb::keep_alive<0, 2>());
+}
+
+}  // namespace fracgyro::bindings

@@ -1,0 +1,449 @@
+"""Controllers from outside: Python callables and C functions in the closed loop."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import pickle
+import shutil
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import fracgyro as fg
+import numpy as np
+import pytest
+import xarray as xr
+
+SHORT = fg.Scenario.paper().replace({"run.duration": 2.0})
+KP, KD = 1600.0, 56.0
+GAINS = {"kp": KP, "kd": KD}
+
+
+def pd(s: fg.Sample) -> tuple[float, float]:
+    (x, y), (vx, vy), (rx, ry), (rvx, rvy) = s.position, s.velocity, s.reference, s.reference_velocity
+    return -KP * (x - rx) - KD * (vx - rvx), -KP * (y - ry) - KD * (vy - rvy)
+
+
+PD_IN_C = """
+void pd(const double* in, double* state, const double* p, double* out) {
+    state[0] += 1.0;
+    for (int i = 0; i < 2; ++i)
+        out[i] = -p[0] * (in[1 + i] - in[5 + i]) - p[1] * (in[3 + i] - in[7 + i]);
+    out[2] = state[0];
+}
+void rate(const double* in, double* state, const double* p, double* out) {
+    pd(in, state, p, out);
+    out[2] = in[0];
+}
+void nothing(const double* in, double* state, const double* p, double* out) {
+    out[0] = in[0] < 0.5 ? 0.0 : 0.0 / p[0];
+    out[1] = 0.0;
+}
+"""
+
+
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
+    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+    if compiler is None:
+        pytest.skip("there is no C compiler")
+    folder: Path = tmp_path_factory.mktemp("law")
+    (folder / "law.c").write_text(PD_IN_C)
+    command = [compiler, "-O1", "-ffp-contract=off", "-shared", "-fPIC", "law.c", "-o", "law.so"]
+    subprocess.run(command, cwd=folder, check=True)
+    return ctypes.CDLL(str(folder / "law.so"))
+
+
+def same_run(one: xr.Dataset, other: xr.Dataset) -> None:
+    for name in ("position", "velocity", "control", "error"):
+        scale = np.abs(other[name].values).max()
+        np.testing.assert_allclose(one[name].values, other[name].values, rtol=0, atol=1e-9 * scale)
+
+
+# -- The same law in every form
+
+
+def test_a_callable_has_the_samples_of_its_scenario_and_its_force_acts() -> None:
+    seen = []
+
+    def law(s: fg.Sample) -> tuple[float, float]:
+        seen.append(s)
+        return pd(s)
+
+    run = fg.simulate(SHORT, law)
+    assert len(seen) == SHORT.run.steps + 1
+    for name, of in {"position": "position", "velocity": "velocity", "reference": "reference"}.items():
+        np.testing.assert_array_equal([getattr(s, of) for s in seen], run[name].values)
+    np.testing.assert_array_equal([s.time for s in seen], run["time"].values)
+    np.testing.assert_array_equal([pd(s) for s in seen], run["control"].values)
+    frequency = np.array(SHORT.reference.frequency)
+    np.testing.assert_allclose([s.reference_acceleration for s in seen], -(frequency**2) * run["reference"].values)
+    np.testing.assert_allclose(
+        [s.reference_velocity for s in seen], run["velocity"].values - run["error_rate"].values, atol=1e-12
+    )
+    assert "surface" not in run
+    assert run.attrs["controller"] == "law"
+    assert repr(seen[0]).startswith("Sample(time=0, position=(0.5, 0.5)")
+
+
+def test_a_c_function_gives_the_run_of_the_callable(compiled: ctypes.CDLL) -> None:
+    expected = fg.simulate(SHORT, pd)
+    law = fg.native.Law(compiled.pd, state_size=1, parameters=GAINS, reports=["count"])
+    run = fg.simulate(SHORT, law)
+    same_run(run, expected)
+    np.testing.assert_array_equal(run["count"].values, np.arange(SHORT.run.steps + 1) + 1.0)
+    address = ctypes.cast(compiled.pd, ctypes.c_void_p).value
+    xr.testing.assert_identical(run, fg.simulate(SHORT, fg.native.Law(address, 1, GAINS, ["count"])))
+
+
+def test_a_numba_function_gives_the_run_of_the_callable() -> None:
+    numba = pytest.importorskip("numba", reason="numba is not installed: pip install 'fracgyro[bench]'")
+    pointer = numba.types.CPointer(numba.types.double)
+
+    @numba.cfunc(numba.types.void(pointer, pointer, pointer, pointer))  # type: ignore[untyped-decorator]
+    def law(given: Any, state: Any, p: Any, out: Any) -> None:
+        for i in range(2):
+            out[i] = -p[0] * (given[1 + i] - given[5 + i]) - p[1] * (given[3 + i] - given[7 + i])
+
+    same_run(fg.simulate(SHORT, fg.native.Law(law, parameters=GAINS)), fg.simulate(SHORT, pd))
+
+
+def test_a_cffi_function_gives_the_run_of_the_callable(compiled: ctypes.CDLL) -> None:
+    cffi = pytest.importorskip("cffi", reason="cffi is not installed")
+    ffi = cffi.FFI()
+    ffi.cdef("void pd(const double*, double*, const double*, double*);")
+    library = ffi.dlopen(compiled._name)
+    pointer = ffi.addressof(library, "pd")
+    same_run(fg.simulate(SHORT, fg.native.Law(pointer, 1, GAINS, ["count"])), fg.simulate(SHORT, pd))
+
+
+class Pid:
+    """The built-in controller.kind = "pid", from its equation."""
+
+    def reset(self, scenario: fg.Scenario) -> None:
+        c = scenario.controller
+        self.square = c.natural_frequency**2
+        self.velocity_gain = 2 * c.damping_ratio * c.natural_frequency
+        self.step = scenario.run.step * c.integral_frequency * self.square
+        damping, stiffness, rate, _, _ = scenario.plant.nondimensional()
+        ratio = scenario.adaptation.initial_ratio
+        self.damping = ratio * np.array([[damping[0], damping[1]], [damping[1], damping[2]]])
+        self.damping += 2 * ratio * rate * np.array([[0, -1], [1, 0]])
+        self.stiffness = ratio * np.array([[stiffness[0], stiffness[1]], [stiffness[1], stiffness[2]]])
+        self.integral = np.zeros(2)
+
+    def __call__(self, s: fg.Sample) -> np.ndarray:
+        r, v = np.array(s.reference), np.array(s.reference_velocity)
+        e = np.array(s.position) - r
+        feedforward = self.damping @ v + self.stiffness @ r + np.array(s.reference_acceleration)
+        rate = np.array(s.velocity) - v
+        force: np.ndarray = feedforward - self.square * e - self.velocity_gain * rate - self.integral
+        self.integral = self.integral + self.step * e
+        return force
+
+
+def test_a_callable_pid_is_the_built_in_one() -> None:
+    scenario = SHORT.replace({"controller.kind": "pid"})
+    same_run(fg.simulate(scenario, Pid()), fg.simulate(scenario))
+
+
+def test_many_runs_are_those_one_by_one_and_reset_before_each(compiled: ctypes.CDLL) -> None:
+    scenario = SHORT.replace({"controller.kind": "pid"})
+    pid, law = Pid(), fg.native.Law(compiled.pd, 1, GAINS, ["count"])
+    for controller in (pid, law):
+        runs = fg.simulate_many([scenario], seeds=range(3), controller=controller)
+        for seed in range(3):
+            one = fg.simulate(scenario.replace({"disturbance.seed": seed}), controller)
+            np.testing.assert_array_equal(runs["control"].values[seed], one["control"].values)
+    assert np.isnan(runs["diverged_at"]).all()
+
+
+class Counting:
+    def __init__(self) -> None:
+        self.seeds: list[int] = []
+
+    def reset(self, scenario: fg.Scenario) -> None:
+        self.seeds.append(scenario.disturbance.seed)
+
+    def __call__(self, s: fg.Sample) -> tuple[float, float]:
+        return pd(s)
+
+
+def test_reset_is_given_the_scenario_of_each_run() -> None:
+    counting = Counting()
+    fg.simulate_many([SHORT, SHORT], seeds=[3, 5], controller=counting)
+    assert counting.seeds == [3, 5, 3, 5]
+
+
+# -- What applies to every controller
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"controller.force_limit": 300.0},
+        {"disturbance.kind": "sine", "disturbance.amplitude": (3.0, 2.0), "disturbance.frequency": (5.0, 6.0)},
+        {"rate.kind": "sine", "rate.amplitude": 50.0, "rate.frequency": 3.0},
+        {"device.delay": 1, "device.position_noise": 1e-11, "device.actuator_limit": 1e-4},
+        {"device.sensing": "position"},
+        {"run.units": "SI", "controller.force_limit": 300.0},
+        {"run.record_every": 7},
+    ],
+    ids=str,
+)
+def test_limit_disturbance_device_rate_and_units_apply_as_to_the_built_in_pid(changes: dict[str, Any]) -> None:
+    scenario = SHORT.replace({"controller.kind": "pid", "controller.integral_frequency": 0.0, **changes})
+    mine = Pid() if scenario.run.units != "SI" else InSi(Pid())
+    run, expected = fg.simulate(scenario, mine), fg.simulate(scenario)
+    assert set(run.data_vars) == set(expected.data_vars)
+    for name in expected.data_vars:
+        scale = np.abs(expected[name].values).max() or 1.0
+        np.testing.assert_allclose(run[name].values, expected[name].values, rtol=0, atol=1e-9 * scale)
+        assert run[name].attrs == expected[name].attrs
+
+
+class InSi:
+    """A nondimensional law in SI units."""
+
+    def __init__(self, law: Any) -> None:
+        self.law = law
+
+    def reset(self, scenario: fg.Scenario) -> None:
+        self.law.reset(scenario)
+        self.scales, self.time, self.step = scenario.plant.scales, 0.0, scenario.run.step
+
+    def __call__(self, s: fg.Sample) -> tuple[float, float]:
+        scales = self.scales
+        assert s.time == pytest.approx(self.time * scales.time)
+        self.time += self.step
+        force = self.law(
+            SimpleNamespace(
+                position=np.array(s.position) / scales.length,
+                velocity=np.array(s.velocity) / scales.velocity,
+                reference=np.array(s.reference) / scales.length,
+                reference_velocity=np.array(s.reference_velocity) / scales.velocity,
+                reference_acceleration=np.array(s.reference_acceleration) * scales.time / scales.velocity,
+            )
+        )
+        return float(force[0] * scales.force), float(force[1] * scales.force)
+
+
+def test_an_unstable_law_diverges_as_any_other() -> None:
+    with pytest.raises(
+        fg.DivergedError, match=r"^the run diverged at t = \S+: run.step is 0.001, which is too long"
+    ) as at:
+        fg.simulate(SHORT, lambda s: (1e4 * s.position[0], 1e4 * s.position[1]))
+    assert 0 < at.value.run.sizes["time"] < SHORT.run.steps
+    runs = fg.simulate_many([SHORT], seeds=[0, 1], controller=lambda s: (1e4 * s.position[0], 0.0))
+    assert (runs["diverged_at"] > 0).all()
+    assert np.isnan(runs["position"].values[:, -1]).all()
+
+
+def test_metrics_are_those_of_the_record(compiled: ctypes.CDLL) -> None:
+    law = fg.native.Law(compiled.rate, 1, GAINS, ["rate_estimate"])
+    for controller in (pd, law):
+        many = fg.simulate_many([SHORT], seeds=[0], controller=controller, metrics_only=True, transient=1.0)
+        summary = fg.metrics.summary(fg.simulate(SHORT, controller), transient=1.0)
+        for name in summary.data_vars:
+            np.testing.assert_allclose(many[name].values[0], summary[name].values, rtol=1e-9, err_msg=name)
+    assert np.isfinite(many["rate_error_rms"]).all()
+
+
+# -- Reports
+
+
+class Sensing(Counting):
+    def __call__(self, s: fg.Sample) -> tuple[float, float]:
+        self.time = s.time
+        return pd(s)
+
+    def report(self) -> dict[str, Any]:
+        return {"rate_estimate": 2.0 * self.time, "found": (self.time, 1)}
+
+
+class Resting(Sensing):
+    def __call__(self, s: fg.Sample) -> tuple[float, float]:
+        self.time = s.time
+        return 0.0, 0.0
+
+
+@pytest.mark.parametrize("units", ["nondimensional", "SI"])
+def test_what_is_reported_becomes_channels_in_the_units_of_the_run(units: str) -> None:
+    scenario = SHORT.replace({"run.units": units, "device.delay": 1, "run.record_every": 10, "run.duration": 0.5})
+    sensing = Resting()
+    run = fg.simulate(scenario, sensing)
+    time = run["time"].values
+    np.testing.assert_array_equal(run["rate_estimate"].values, 2.0 * time)
+    np.testing.assert_array_equal(run["found"].values, np.stack([time, np.ones_like(time)], axis=-1))
+    assert run["found"].dims == ("time", "axis")
+    assert run["rate_estimate"].attrs["units"] == ("rad/s" if units == "SI" else "1")
+    assert {"angular_rate", "applied_control"} <= set(run.data_vars)
+    assert fg.metrics.rate_error(run).values == pytest.approx(2.0 * time - run["angular_rate"].values)
+
+
+def test_metrics_only_sees_the_rate_that_is_reported() -> None:
+    many = fg.simulate_many([SHORT], controller=Sensing(), metrics_only=True)
+    assert many["rate_error"].values[0] == pytest.approx(2.0 * 2.0 - 0.1)
+
+
+BAD_REPORTS: list[tuple[Callable[[float], Any], str]] = [
+    (lambda t: [1.0], r"^report\(\) of the controller returned \[1.0\] at t = 0: it must return a dict of names"),
+    (lambda t: {1: 2.0}, r"it must return a dict of names to numbers or pairs of numbers$"),
+    (lambda t: {"found": "much"}, r"it must return the same names at every sample"),
+    (
+        lambda t: {"found": 1.0} if t < 0.1 else {"lost": 1.0},
+        r"returned \{'lost': 1.0\} at t = 0.1: it must return the same",
+    ),
+    (lambda t: {"position": 1.0}, r"^the controller reports position: that is the name of another channel"),
+    (lambda t: {"damping_estimate": 1.0}, r"^the controller reports damping_estimate: that is the name"),
+]
+
+
+@pytest.mark.parametrize(("report", "sentence"), BAD_REPORTS)
+def test_a_report_that_is_none_is_refused(report: Callable[[float], Any], sentence: str) -> None:
+    sensing = Sensing()
+    sensing.report = lambda: report(sensing.time)  # type: ignore[method-assign]
+    with pytest.raises(ValueError, match=sentence):
+        fg.simulate(SHORT, sensing)
+
+
+# -- What goes wrong
+
+
+def failing(s: fg.Sample) -> tuple[float, float]:
+    if s.time > 0.1:
+        raise ZeroDivisionError("nothing is left")
+    return 0.0, 0.0
+
+
+def test_an_exception_ends_the_run_with_its_time_and_as_the_cause() -> None:
+    for call in (
+        lambda: fg.simulate(SHORT, failing),
+        lambda: fg.simulate_many([SHORT], controller=failing, metrics_only=True),
+        lambda: fg.Loop(SHORT, failing).run(500),
+    ):
+        with pytest.raises(fg.ControllerError) as raised:
+            call()
+        assert str(raised.value) == "the controller raised ZeroDivisionError: nothing is left at t = 0.101"
+        assert isinstance(raised.value.__cause__, ZeroDivisionError)
+    sensing = Sensing()
+    sensing.report = lambda: {}["none"]  # type: ignore[method-assign]
+    with pytest.raises(fg.ControllerError, match=r"^the controller raised KeyError: 'none' at t = 0$"):
+        fg.simulate(SHORT, sensing)
+    sensing = Sensing()
+    sensing.reset = lambda scenario: scenario.nothing  # type: ignore[method-assign]
+    with pytest.raises(fg.ControllerError, match=r"^reset\(scenario\) of the controller raised AttributeError"):
+        fg.simulate(SHORT, sensing)
+
+
+def test_an_interrupt_is_not_taken_for_a_failure() -> None:
+    def interrupted(s: fg.Sample) -> tuple[float, float]:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fg.simulate(SHORT, interrupted)
+
+
+RETURNED: list[Any] = [
+    None, 1.0, (1.0,), (1.0, 2.0, 3.0), "ab", ("1", "2"), (True, False), (math.nan, 0.0), (0.0, -math.inf), {},
+    [[1, 2], 3], (1j, 2j),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("returned", RETURNED, ids=str)
+def test_anything_but_two_finite_numbers_is_refused_in_one_sentence(returned: Any) -> None:
+    with pytest.raises(ValueError, match=r"^the controller returned .* at t = 0: it must return two finite numbers$"):
+        fg.simulate(SHORT, lambda s: returned)
+
+
+@pytest.mark.parametrize("returned", [[1.0, 2.0], (1, 2), np.array([1.0, 2.0]), np.array([1, 2], np.float32)], ids=repr)
+def test_any_two_numbers_are_a_force(returned: Any) -> None:
+    run = fg.simulate(SHORT.replace({"run.duration": 0.01}), lambda s: returned)
+    assert (run["control"].values == [1.0, 2.0]).all()
+
+
+def test_a_c_function_without_a_finite_force_ends_the_run(compiled: ctypes.CDLL) -> None:
+    law = fg.native.Law(compiled.nothing, parameters={"zero": 0.0})
+    for call in (
+        lambda: fg.simulate(SHORT, law),
+        lambda: fg.simulate_many([SHORT], seeds=range(4), controller=law),
+        lambda: fg.simulate_many([SHORT], seeds=range(4), controller=law, metrics_only=True),
+    ):
+        with pytest.raises(
+            ValueError, match=r"the controller returned \[.*nan, 0\] at t = 0.5: it must return two finite"
+        ):
+            call()
+
+
+@pytest.mark.parametrize("controller", [3, "pid", Sensing], ids=str)
+def test_what_is_no_controller_is_refused(controller: Any) -> None:
+    with pytest.raises(
+        TypeError, match=r"^controller is .*: it must be a native.Law, or a callable that takes a Sample"
+    ):
+        fg.simulate(SHORT, controller)
+
+
+def test_single_precision_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"^single_precision is True with a controller"):
+        fg.simulate_many([SHORT], controller=pd, metrics_only=True, single_precision=True)
+
+
+# -- native.Law
+
+
+def test_a_law_with_other_parameters_is_another_law(compiled: ctypes.CDLL) -> None:
+    law = fg.native.Law(compiled.pd, 1, GAINS, ["count"])
+    other = law.replace({"kp": 900.0})
+    assert law.parameters == GAINS
+    assert other.parameters == {"kp": 900.0, "kd": KD}
+    assert not fg.simulate(SHORT, other)["control"].equals(fg.simulate(SHORT, law)["control"])
+    with pytest.raises(ValueError, match=r"^parameters kq is no parameter of this law: it has kp, kd$"):
+        law.replace({"kq": 1.0})
+
+
+def _laws() -> Iterator[tuple[Callable[[], Any], type[Exception], str]]:
+    yield lambda: fg.native.Law(pd), TypeError, "^function is <function pd.*: it must be the address of a C function"
+    yield lambda: fg.native.Law(0), TypeError, "^function is 0: it must be the address"
+    yield lambda: fg.native.Law(1, -1), ValueError, "^state_size is -1: it must be from 0 to 1000000$"
+    yield lambda: fg.native.Law(1, 1.5), TypeError, "^state_size is 1.5: it must be an integer$"
+    yield (
+        lambda: fg.native.Law(1, 0, {"kp": math.nan}),
+        ValueError,
+        "^parameters kp is nan: it must be a finite number$",
+    )
+    yield (
+        lambda: fg.native.Law(1, 0, {}, ["a", "a"]),
+        ValueError,
+        "^reports is .*: it must be a list of different names$",
+    )
+    yield (
+        lambda: (
+            fg.native.Law(1, 0, {}, ["velocity"]).reports and fg.simulate(SHORT, fg.native.Law(1, 0, {}, ["velocity"]))
+        ),
+        (ValueError),
+        "^the controller reports velocity: that is the name of another",
+    )
+    yield lambda: pickle.dumps(fg.native.Law(1)), TypeError, "^a Law cannot be pickled: the address of its function"
+
+
+@pytest.mark.parametrize(("make", "error", "sentence"), list(_laws()))
+def test_what_makes_no_law_is_refused(make: Callable[[], Any], error: type[Exception], sentence: str) -> None:
+    with pytest.raises(error, match=sentence):
+        make()
+
+
+def test_a_sample_that_is_kept_stays_as_it_was() -> None:
+    kept: list[fg.Sample] = []
+
+    def law(s: fg.Sample) -> tuple[float, float]:
+        if len(kept) < 2:
+            kept.append(s)
+        return 0.0, 0.0
+
+    fg.simulate(SHORT.replace({"run.duration": 0.01}), law)
+    assert [s.time for s in kept] == [0.0, 0.001]
+    with pytest.raises(TypeError):
+        fg.Sample()
