@@ -81,7 +81,14 @@ def test_any_two_numbers_are_a_force(force: Any) -> None:
 
 @pytest.mark.parametrize(
     ("force", "error"),
-    [("ab", TypeError), (None, TypeError), (1.0, TypeError), ((1.0,), ValueError), ((1.0, math.nan), ValueError), (("1", 2.0), TypeError)],
+    [
+        ("ab", TypeError),
+        (None, TypeError),
+        (1.0, TypeError),
+        ((1.0,), ValueError),
+        ((1.0, math.nan), ValueError),
+        (("1", 2.0), TypeError),
+    ],
 )
 def test_what_is_no_force_is_refused_and_moves_nothing(force: Any, error: type[Exception]) -> None:
     plant = fg.Plant(SHORT)
