@@ -17,7 +17,7 @@ from pathlib import Path
 import fracgyro as fg
 import matplotlib
 import numpy as np
-from fracgyro.simulate import threads_available
+from fracgyro.many import threads_available
 from machine import command, machine, wrapped
 from scipy.special import betaincinv, stdtr, stdtrit
 
@@ -112,7 +112,7 @@ class Clock:
         block = max(1, BLOCK // len(orders))
         for first in range(0, seeds, block):
             some = range(first, min(first + block, seeds))
-            runs = fg.simulate_many(scenarios, seeds=some, metrics_only=True, transient=transient)
+            runs = fg.measure_many(scenarios, seeds=some, transient=transient)
             shape = len(orders), len(some)
             rmse = runs["rmse"].sel(window=list(WINDOWS), axis=["x", "y"]).values.reshape(*shape, len(WINDOWS), 2)
             values[:, some.start : some.stop, :, :2] = rmse

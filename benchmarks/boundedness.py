@@ -219,7 +219,7 @@ def costs() -> list[str]:
         long = [case.replace({"run.duration": 1000.0}) for case in cases]
         found = []
         for runs, transient in ((cases, 10.0), (long, 900.0)):
-            many = fg.simulate_many(runs, seeds=SEEDS, metrics_only=True, transient=transient)
+            many = fg.measure_many(runs, seeds=SEEDS, transient=transient)
             rmse = many["rmse"].values.reshape(len(limits), len(SEEDS), 3, 2).mean(axis=1)
             rate = many["rate_error_rms"].values.reshape(len(limits), -1).mean(axis=1)
             assert many["diverged_at"].isnull().all()

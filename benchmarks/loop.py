@@ -179,7 +179,7 @@ def batch(modes: fg.fractional.Modes, rounds: int, runs: int) -> dict[str, objec
     del parts
     vmapped = jax_loop.make_batch(STEPS + 1, modes.rates, modes.weights, TRANSIENT)
     compiling = stopwatch(lambda: vmapped.lower(noise).compile())
-    metrics = fg.simulate_many([scenario], seeds=seeds, metrics_only=True, transient=TRANSIENT)
+    metrics = fg.measure_many([scenario], seeds=seeds, transient=TRANSIENT)
     ours = metrics["rmse"].sel(window=["whole", "steady"]).transpose("run", "window", "axis").values
     deviation = np.abs(np.asarray(vmapped(noise)) / ours - 1.0)
     # A few noises magnify the signal's being linear instead of cubic between samples: 2 % for 1 of 256. An independent
@@ -188,9 +188,7 @@ def batch(modes: fg.fractional.Modes, rounds: int, runs: int) -> dict[str, objec
     assert deviation.max() < 0.05, "JAX's runs are not ours"
     seconds: dict[str, list[float]] = {"ours": [], "JAX": []}
     for _ in range(rounds):
-        seconds["ours"].append(
-            stopwatch(lambda: fg.simulate_many([scenario], seeds=seeds, metrics_only=True, transient=TRANSIENT))
-        )
+        seconds["ours"].append(stopwatch(lambda: fg.measure_many([scenario], seeds=seeds, transient=TRANSIENT)))
         seconds["JAX"].append(stopwatch(lambda: vmapped(noise).block_until_ready()))
     return {"seconds": seconds, "compiling": compiling, "median": np.median(deviation), "largest": deviation.max()}
 
@@ -349,7 +347,7 @@ def main() -> None:
         "",
         "| | median | per step | range | repeats | times ours |",
         "|---|---|---|---|---|---|",
-        line("fracgyro, `simulate_many(..., metrics_only=True)`", per_run["ours"], ours_batch),
+        line("fracgyro, `measure_many`", per_run["ours"], ours_batch),
         line(f"JAX vmap over {runs} runs", per_run["JAX"], ours_batch),
         line(f"{numbas[0].name}, one run after another", numbas[0].seconds, ours_batch),
         "",

@@ -108,7 +108,7 @@ def root_mean_square(values: np.ndarray) -> np.ndarray:
 
 def tracking(scenario: fg.Scenario, seeds: range) -> np.ndarray:
     """RMSE (run, window, axis) of the transient and the steady window."""
-    runs = fg.simulate_many([scenario], seeds=seeds, metrics_only=True)
+    runs = fg.measure_many([scenario], seeds=seeds)
     rmse: np.ndarray = runs["rmse"].sel(window=["transient", "steady"]).values
     return rmse
 

@@ -77,7 +77,7 @@ def interleaved(series: Series, tasks: list[tuple[float, Callable[[], object]]],
 
 
 def measure(one: fg.Scenario, runs: int) -> object:
-    return fg.simulate_many([one], seeds=list(range(runs)), metrics_only=True)
+    return fg.measure_many([one], seeds=list(range(runs)))
 
 
 def on(processors: set[int], task: Callable[[], object]) -> object:
@@ -103,7 +103,7 @@ def modes_panel(rounds: int) -> Series:
     for tolerance in TOLERANCES:
         one = scenario(80_000, tolerance)
         count = fg.fractional.design(one.controller.order, STEP, one.run.duration, tolerance).count
-        tasks.append((count, lambda one=one: fg.simulate_many([one], metrics_only=True)))
+        tasks.append((count, lambda one=one: fg.measure_many([one])))
     return interleaved(series, tasks, rounds)
 
 

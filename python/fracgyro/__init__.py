@@ -12,6 +12,7 @@ from importlib.metadata import version
 from . import fractional, metrics, native
 from ._core import Motion, Sample
 from .controller import Controller
+from .measure import measure_many
 from .outside import ControllerError
 from .plant import Loop, Plant
 from .scenario import Scenario, ScenarioError
@@ -30,6 +31,7 @@ __all__ = [
     "ScenarioError",
     "__version__",
     "fractional",
+    "measure_many",
     "metrics",
     "native",
     "simulate",

@@ -1,6 +1,6 @@
 """Metrics of recorded runs. Each takes a Dataset from `simulate` or `simulate_many`; times and bounds are in its units.
 
-sim/fracgyro/metrics.hpp gathers the same quantities without a record (`simulate_many(..., metrics_only=True)`); a test
+sim/fracgyro/metrics.hpp gathers the same quantities without a record (`measure_many`); a test
 compares the two.
 """
 
@@ -155,7 +155,7 @@ def summary(
     surface_bound: float | None = None,
     rate_tolerance: float = RATE_TOLERANCE,
 ) -> xr.Dataset:
-    """All of the above as one row, under the names that `simulate_many(..., metrics_only=True)` uses.
+    """All of the above as one row, under the names that `measure_many` uses.
 
     Metrics of what the controller does not report are NaN.
 

@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from itertools import islice
-from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from . import _core, bounded
-from .arguments import check_scenario, number, short
-from .dataset import dataset, metrics_dataset, time_scale
+from .arguments import check_scenario
+from .dataset import dataset, time_scale
 from .kinds import DEVICE_CHANNELS, LOOP_CHANNELS, Channel, reported
+from .many import check_many, seed_of_each, setups_of, threads_available
 from .outside import ControllerLike, Outside
 from .scenario import Scenario
 from .setup import core_setup, is_ideal
 
-# Runs between two looks at the keyboard and the progress callback: recorded; measured, by their steps and at most.
-CHUNK, CHUNK_STEPS, CHUNK_RUNS = 32, 20_000_000, 4096
+CHUNK = 32  # runs between two looks at the keyboard and the progress callback
 LARGEST_RECORD = 2 * 10**9  # bytes; a limit that depends on no machine, as its memory does
-TOGETHER = 32  # scenarios whose runs with the same seed share its noise, which is then drawn once
 
 
 class DivergedError(ValueError):
@@ -40,11 +37,6 @@ class DivergedError(ValueError):
             )
         super().__init__(f"the run diverged at t = {time:.6g}: {why}")
         self.run = run
-
-
-def threads_available() -> int:
-    """Processors this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def simulate(scenario: Scenario, controller: ControllerLike | None = None) -> xr.Dataset:
@@ -91,132 +83,49 @@ def simulate_many(
     *,
     seeds: Sequence[int] | None = None,
     controller: ControllerLike | None = None,
-    metrics_only: bool = False,
-    single_precision: bool = False,
-    transient: float = 10.0,
-    error_bound: float = 0.01,
-    surface_bound: float = 0.06,
-    rate_tolerance: float = 0.1,
     progress: Callable[[int], object] | None = None,
 ) -> xr.Dataset:
-    """Many runs on all processors.
+    """Many runs on all processors: the variables of `simulate` with a leading `run` dimension.
 
     With `seeds`: every scenario once with each of these values of disturbance.seed in place of its own; the runs of the
     first scenario come first, and a coordinate `seed` says which is which.
-    Without `metrics_only`: the variables of `simulate` with a leading `run` dimension; all scenarios must then share
-    run.duration, run.step, run.record_every and run.units. A run that diverges holds NaN from then on.
-    With `metrics_only`: the metrics of each run (see `fracgyro.metrics.summary`, whose parameters `transient` to
-    `rate_tolerance` are), nondimensional, in memory that does not grow with the length of the runs. A run that
-    diverges is measured until then. Runs then go side by side in the lanes of a register (docs/decisions/0011): the
-    metrics are those of `simulate` to rounding, and the same whatever the number of processors. Where the loop itself
-    magnifies rounding, as it does with controller.terminal_exponent below some 0.35, they differ as much as those of
-    two runs whose gains differ in the last place do: by percents.
-    `single_precision`, with `metrics_only`: twice as many runs in a register. Metrics of a run then differ by some
-    percent, their means over seeds by less (docs/decisions/0011 has figures).
     `controller`, in the place of the scenarios' own: as in `simulate`. A `native.Law` runs on all processors, a
-    callable on one, one run after another, each after reset(scenario) if it has that. Both go one by one, in double
-    precision, and metrics look at no report of theirs but rate_estimate.
-    Runs whose rate moves or whose device is not ideal go one by one, in double precision (docs/decisions/0017).
-    In both, `diverged_at` says when a run diverged and is NaN for the others.
-    `progress` is called with the number of runs finished since the last call.
+    callable on one, one run after another, each after reset(scenario) if it has that.
+    All scenarios must share run.duration, run.step, run.record_every and run.units. A run that diverges holds NaN from
+    then on, and `diverged_at` says when; it is NaN for the others. What only some controllers report is NaN for the
+    others. `progress` is called with the number of runs finished since the last call.
     Raises TypeError when `scenarios` is no list of scenarios or `seeds` no list of integers; ValueError when one of
-    them is empty, a seed is given twice or outside 0 to 2^63 - 1, `single_precision` comes without `metrics_only` or
-    with a `controller`, or, without `metrics_only`, the scenarios do not match; and what `simulate` raises of a
-    controller.
+    them is empty, a seed is given twice or outside 0 to 2^63 - 1, the scenarios do not match, or the record would be
+    larger than 2 GB (`measure_many` keeps none); and what `simulate` raises of a controller.
     """
-    if not isinstance(scenarios, list | tuple) or not all(isinstance(s, Scenario) for s in scenarios):
-        raise TypeError(f"scenarios is {short(scenarios)}: it must be a list of Scenario")
-    if not scenarios:
-        raise ValueError("scenarios is empty: there is nothing to simulate")
-    first = scenarios[0]
-    if seeds is not None:
-        _check_seeds(seeds)
-    if not metrics_only:
-        if single_precision:
-            raise ValueError("single_precision is True without metrics_only: recorded runs are in double precision")
-        _check_alike(scenarios)
-    outside = None if controller is None else Outside(controller)
-    if outside and single_precision:
-        raise ValueError("single_precision is True with a controller: those from outside are in double precision")
-    params = _core.MetricsParams()
-    thresholds = {
-        "transient": transient,
-        "error_bound": error_bound,
-        "surface_bound": surface_bound,
-        "rate_tolerance": rate_tolerance,
-    }
-    for name, value in thresholds.items():
-        limit = {"least": 0.0} if name == "transient" else {"above": 0.0}
-        setattr(params, name, number(name, value, **limit))
+    times = check_many(scenarios, seeds)
+    _check_alike(scenarios)
+    first, outside = scenarios[0], None if controller is None else Outside(controller)
     device = not all(map(is_ideal, scenarios))
-    channels: tuple[Channel, ...] = ()
-    if not metrics_only:
-        channels = outside.channels(device) if outside else _channels(list(map(core_setup, scenarios)), device)
-        _check_size(first, channels, len(scenarios) * (1 if seeds is None else len(seeds)))
-    threads, lanes = threads_available(), _core.lane_counts()[-1]
+    channels = outside.channels(device) if outside else _channels(list(map(core_setup, scenarios)), device)
+    _check_size(first, channels, len(scenarios) * times)
+    threads, every = threads_available(), first.run.record_every
     parts, lasted = [], []
-    places: list[int] = []
-    waiting = _setups(scenarios, seeds, TOGETHER if metrics_only else 1)
-    # Of the scenarios alone, never of the machine: what runs side by side changes results in the last places.
-    chunk = min(max(CHUNK, CHUNK_STEPS // first.run.steps), CHUNK_RUNS) if metrics_only else CHUNK
-    while taken := list(islice(waiting, chunk)):
+    waiting = setups_of(scenarios, seeds, 1)
+    while taken := list(islice(waiting, CHUNK)):
         setups = [setup for _, setup in taken]
-        places.extend(place for place, _ in taken)
-        own = [scenarios[place // (1 if seeds is None else len(seeds))] for place, _ in taken] if outside else []
-        if outside and metrics_only:
-            parts.append(outside.measure(own, setups, params, threads))
-        elif outside:
-            rows, samples = outside.record(own, setups, first.run.record_every, device, threads)
-            parts.append(rows)
-            lasted.append(samples)
-        elif metrics_only:
-            parts.append(_core.measure_runs(setups, params, threads, lanes, single_precision))
+        if outside:
+            own = [scenarios[place // times] for place, _ in taken]
+            rows, samples = outside.record(own, setups, every, device, threads)
         else:
-            rows, samples = _record(setups, first.run.record_every, threads, device, channels)
-            parts.append(rows)
-            lasted.append(samples)
+            rows, samples = _record(setups, every, threads, device, channels)
+        parts.append(rows)
+        lasted.append(samples)
         if progress:
             progress(len(setups))
     whole = parts[0] if len(parts) == 1 else np.concatenate(parts)
-    label: dict[str, Any] = {} if seeds is None else {"seed": ("run", np.tile(np.array(seeds), len(scenarios)))}
-    if metrics_only:
-        whole = whole[np.argsort(places)]
-        return metrics_dataset(whole, thresholds).assign_coords(label)
     run = dataset(whole, first, outside.channels(device) if outside else channels, outside)
     samples = np.concatenate(lasted)
     time = np.where(samples > first.run.steps, np.nan, samples * first.run.step)
     run["diverged_at"] = ("run", time * time_scale(first), {"long_name": "time of divergence"})
     del run.attrs["scenario"]
-    texts = np.repeat([s.to_toml() for s in scenarios], 1 if seeds is None else len(seeds))
-    return run.assign_coords(scenario=("run", texts), **label)
-
-
-def _setups(
-    scenarios: Sequence[Scenario], seeds: Sequence[int] | None, together: int
-) -> Iterator[tuple[int, _core.DeviceSetup]]:
-    """Every run and its place in the result. Of so many scenarios at a time, those with the same seed come together."""
-    if seeds is None:
-        yield from enumerate(map(core_setup, scenarios))
-        return
-    for first in range(0, len(scenarios), together):
-        setups = [core_setup(scenario) for scenario in scenarios[first : first + together]]
-        for at, seed in enumerate(seeds):
-            for i, setup in enumerate(setups, first):
-                seeded = _core.DeviceSetup(setup)
-                seeded.seed = int(seed)
-                yield i * len(seeds) + at, seeded
-
-
-def _check_seeds(seeds: Sequence[int]) -> None:
-    if not isinstance(seeds, Sequence | np.ndarray) or isinstance(seeds, str | bytes | bytearray | memoryview):
-        raise TypeError(f"seeds is {short(seeds)}: it must be a list of seeds, as range(8) is")
-    if not len(seeds):
-        raise ValueError("seeds is empty: there is nothing to simulate")
-    if len(set(seeds)) < len(seeds):
-        raise ValueError("seeds holds a seed twice: they must be different")
-    for seed in seeds:
-        if isinstance(seed, bool) or not (isinstance(seed, int | np.integer) and 0 <= seed < 2**63):
-            raise ValueError(f"seeds holds {short(seed)}: every seed must be an integer from 0 to 2^63 - 1")
+    texts = np.repeat([s.to_toml() for s in scenarios], times)
+    return run.assign_coords(scenario=("run", texts), **seed_of_each(scenarios, seeds))
 
 
 def _check_alike(scenarios: Sequence[Scenario]) -> None:
@@ -225,7 +134,7 @@ def _check_alike(scenarios: Sequence[Scenario]) -> None:
         if len(values) > 1:
             raise ValueError(
                 f"run.{field} is {' and '.join(map(str, sorted(values)))}: "
-                "it must be the same in all scenarios unless metrics_only is true"
+                "it must be the same in all scenarios that are recorded together; measure_many keeps no record"
             )
 
 
@@ -265,5 +174,5 @@ def _check_size(scenario: Scenario, channels: tuple[Channel, ...], runs: int) ->
         raise ValueError(
             f"run.record_every is {run.record_every}: {runs} runs of {samples} samples of {columns} numbers are "
             f"{size / 1e9:.3g} GB, and a record may be at most {LARGEST_RECORD / 1e9:g} GB; make it larger, take fewer "
-            "runs at a time, or have simulate_many with metrics_only measure them without a record"
+            "runs at a time, or have measure_many measure them without a record"
         )

@@ -84,7 +84,7 @@ def _step(scenario: fg.Scenario) -> None:
 USES: tuple[Callable[[fg.Scenario], object], ...] = (
     fg.simulate,
     lambda scenario: fg.metrics.summary(fg.simulate(scenario.replace({"run.record_every": 1}))),
-    lambda scenario: fg.simulate_many([scenario], seeds=[0, 1], metrics_only=True),
+    lambda scenario: fg.measure_many([scenario], seeds=[0, 1]),
     _step,
     lambda scenario: coefficients_header(scenario, "float"),
     lambda scenario: export(scenario, "scenario.json"),

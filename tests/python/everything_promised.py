@@ -76,7 +76,7 @@ for name, scenario in KINDS.items():
 
 for single in (False, True):
     chosen = [scenario for name, scenario in KINDS.items() if name != "composite"]
-    many = fg.simulate_many(chosen, seeds=range(5), metrics_only=True, single_precision=single)
+    many = fg.measure_many(chosen, seeds=range(5), single_precision=single)
     keep(f"metrics of many, {'float' if single else 'double'}", *(many[name].values for name in many.data_vars))
 
 times = 1e-2 * np.arange(500.0)

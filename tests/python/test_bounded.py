@@ -50,7 +50,7 @@ def test_bounds_that_grow_in_noise_end_every_loop_and_limited_ones_none(single: 
         )
         for kind, adaptation, limit in itertools.product(KINDS, ADAPTATIONS, [INF, 0.5])
     ]
-    runs = fg.simulate_many(cases, metrics_only=True, single_precision=single)
+    runs = fg.measure_many(cases, single_precision=single)
     free, limited = runs.isel(run=slice(0, None, 2)), runs.isel(run=slice(1, None, 2))
     assert free["diverged_at"].notnull().all()
     assert limited["diverged_at"].isnull().all()
@@ -126,7 +126,7 @@ def test_a_limit_that_is_not_reached_changes_no_bit() -> None:
 
 def test_runs_with_and_without_the_limit_share_no_block() -> None:
     pair = [PAPER.replace({**FAST, "run.duration": 20.0, "controller.switching_limit": x}) for x in (INF, 0.01)] * 4
-    runs = fg.simulate_many(pair, metrics_only=True)
+    runs = fg.measure_many(pair)
     for i, scenario in enumerate(pair[:2]):
         single = fg.metrics.summary(fg.simulate(scenario))["bound_final"].values
         np.testing.assert_allclose(runs["bound_final"].values[i::2], np.tile(single, (4, 1)), rtol=1e-6)

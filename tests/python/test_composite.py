@@ -87,7 +87,7 @@ def test_the_noise_level_is_found_whatever_it_is() -> None:
 def test_tracking_is_no_worse_than_with_the_gradient_law() -> None:
     scenario = PAPER.replace({"run.duration": 20.0})
     gradient = scenario.replace({"adaptation.kind": "gradient"})
-    runs = fg.simulate_many([scenario, gradient], seeds=range(16), metrics_only=True)
+    runs = fg.measure_many([scenario, gradient], seeds=range(16))
     rmse = runs["rmse"].sel(window=["transient", "steady"]).values.reshape(2, 16, 2, 2).mean(axis=1)
     assert (rmse[0] < rmse[1]).all()
 
@@ -222,7 +222,7 @@ def test_in_lanes_the_metrics_are_those_of_single_runs() -> None:
             ]
         )
     ]
-    found = fg.simulate_many(scenarios, metrics_only=True, transient=1.0)
+    found = fg.measure_many(scenarios, transient=1.0)
     for i, scenario in enumerate(scenarios):
         single = fg.metrics.summary(fg.simulate(scenario), transient=1.0)
         for name in ("rmse", "rate_error", "rate_error_rms", "damping_error", "stiffness_error", "largest_force"):

@@ -283,7 +283,7 @@ def mixed() -> list[Scenario]:
 
 
 def test_metrics_alone_are_those_of_the_recorded_runs_ideal_or_not() -> None:
-    found = fg.simulate_many(mixed(), metrics_only=True, transient=1.0)
+    found = fg.measure_many(mixed(), transient=1.0)
     for i, scenario in enumerate(mixed()):
         wanted = fg.metrics.summary(fg.simulate(scenario), transient=1.0)
         for name in wanted:

@@ -74,7 +74,7 @@ def test_super_twisting_beats_pid_under_a_disturbance_and_its_rate_wanders() -> 
 def test_metrics_on_the_way_are_those_of_the_record(kind: str) -> None:
     scenario = of_kind(kind).replace({"run.duration": 12.0})
     recorded = fg.metrics.summary(fg.simulate(scenario))
-    measured = fg.simulate_many([scenario], metrics_only=True).isel(run=0)
+    measured = fg.measure_many([scenario]).isel(run=0)
     for name, value in recorded.items():
         np.testing.assert_allclose(measured[name].values, value.values, rtol=1e-6, atol=1e-12, err_msg=str(name))
 

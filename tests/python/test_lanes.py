@@ -244,7 +244,7 @@ def test_lanes_notice_a_divergence_on_y_alone_and_keep_the_bound_of_before(lanes
 
 def test_runs_that_all_diverge_end_early() -> None:
     wild = [PAPER.replace({"controller.fractional_gain": 3000.0, "disturbance.seed": seed}) for seed in range(5)]
-    metrics = fg.simulate_many(wild, metrics_only=True)
+    metrics = fg.measure_many(wild)
     for i, scenario in enumerate(wild):
         with pytest.raises(fg.DivergedError) as caught:
             fg.simulate(scenario)
@@ -271,8 +271,3 @@ def test_single_precision_has_the_metrics_of_double_precision_to_its_rounding(la
     np.testing.assert_allclose(single[:, steady], double[:, steady], rtol=0.1)
     assert np.any(single != double)
     np.testing.assert_array_equal(measure(scenarios, lanes, threads=3, single=True), single)
-
-
-def test_recorded_runs_are_in_double_precision() -> None:
-    with pytest.raises(ValueError, match="single_precision is True without metrics_only"):
-        fg.simulate_many([PAPER], single_precision=True)

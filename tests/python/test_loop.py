@@ -742,10 +742,10 @@ def test_many_runs_equal_single_runs_bit_for_bit_in_any_order() -> None:
 @pytest.mark.parametrize("threads", [1, 2, 5])
 def test_the_number_of_threads_changes_nothing(threads: int, monkeypatch: pytest.MonkeyPatch) -> None:
     scenarios = mixed(7)
-    expected = fg.simulate_many(scenarios), fg.simulate_many(scenarios, metrics_only=True, transient=0.2)
+    expected = fg.simulate_many(scenarios), fg.measure_many(scenarios, transient=0.2)
     monkeypatch.setattr(sys.modules["fracgyro.simulate"], "threads_available", lambda: threads)
     assert_same(fg.simulate_many(scenarios), expected[0])
-    assert_same(fg.simulate_many(scenarios, metrics_only=True, transient=0.2), expected[1])
+    assert_same(fg.measure_many(scenarios, transient=0.2), expected[1])
 
 
 def test_metrics_without_a_record_equal_those_of_the_record() -> None:
@@ -760,7 +760,7 @@ def test_metrics_without_a_record_equal_those_of_the_record() -> None:
         "surface_bound": surface_bound,
         "rate_tolerance": 5.0,
     }
-    lean = fg.simulate_many(scenarios, metrics_only=True, **limits)
+    lean = fg.measure_many(scenarios, **limits)
     for i, run in enumerate(runs):
         full = fg.metrics.summary(run, **limits)
         assert set(full.data_vars) == set(lean.data_vars) - {"diverged_at"}
@@ -777,9 +777,9 @@ def test_metrics_without_a_record_equal_those_of_the_record() -> None:
 
 def test_metrics_come_one_by_one_as_they_come_together() -> None:
     scenarios = mixed(9)
-    together = fg.simulate_many(scenarios, metrics_only=True, transient=0.1)
+    together = fg.measure_many(scenarios, transient=0.1)
     for i, scenario in enumerate(scenarios):
-        alone = fg.simulate_many([scenario], metrics_only=True, transient=0.1)
+        alone = fg.measure_many([scenario], transient=0.1)
         assert_same(alone, together.isel(run=[i]))
 
 
@@ -809,8 +809,8 @@ def test_seeds_stand_in_for_scenarios_that_differ_in_nothing_else() -> None:
     recorded = fg.simulate_many(bases, seeds=[7, 3])
     assert recorded["seed"].values.tolist() == [7, 3, 7, 3]
     np.testing.assert_array_equal(recorded["position"], fg.simulate_many(spelt_out)["position"])
-    measured = fg.simulate_many(bases, seeds=[7, 3], metrics_only=True, transient=0.1)
-    expected = fg.simulate_many(spelt_out, metrics_only=True, transient=0.1)
+    measured = fg.measure_many(bases, seeds=[7, 3], transient=0.1)
+    expected = fg.measure_many(spelt_out, transient=0.1)
     xr.testing.assert_equal(measured.drop_vars("seed"), expected)
 
 
@@ -820,7 +820,7 @@ def test_seeds_stand_in_for_scenarios_that_differ_in_nothing_else() -> None:
 )
 def test_what_is_no_list_is_refused(scenarios: Any, seeds: Any) -> None:
     with pytest.raises(TypeError, match="it must be a list of"):
-        fg.simulate_many(scenarios, seeds=seeds, metrics_only=True)
+        fg.measure_many(scenarios, seeds=seeds)
 
 
 @pytest.mark.parametrize("seeds", [[], [-1], [2**63], [0.5], [3, 3], [True], [10**5000]])
@@ -842,13 +842,13 @@ def test_seeds_that_cannot_be_are_refused(seeds: list[int]) -> None:
 )
 def test_thresholds_that_cannot_be_are_refused(threshold: dict[str, Any], error: type, message: str) -> None:
     with pytest.raises(error, match=f"^{message}"):
-        fg.simulate_many([PAPER], metrics_only=True, **threshold)
+        fg.measure_many([PAPER], **threshold)
     with pytest.raises(error, match=f"^{message}"):
         fg.metrics.summary(fg.simulate(PAPER.replace({"run.duration": 0.1})), **threshold)
 
 
 def test_a_transient_far_beyond_the_run_is_all_of_it() -> None:
-    run = fg.simulate_many([PAPER.replace({"run.duration": 0.1})], metrics_only=True, transient=1e300)
+    run = fg.measure_many([PAPER.replace({"run.duration": 0.1})], transient=1e300)
     np.testing.assert_array_equal(run["rmse"].sel(window="transient"), run["rmse"].sel(window="whole"))
 
 
@@ -865,7 +865,7 @@ def test_a_record_that_would_be_too_large_is_refused_and_a_thinner_one_is_not() 
         ValueError, match=r"^run.record_every is 11: 1 runs of 9090910 samples of 29 numbers are 2.11 GB"
     ):
         fg.simulate(long.replace({"run.record_every": 11}))
-    with pytest.raises(ValueError, match=r"150 runs of 80001 samples .* have simulate_many with metrics_only measure"):
+    with pytest.raises(ValueError, match=r"150 runs of 80001 samples .* have measure_many measure"):
         fg.simulate_many([PAPER], seeds=range(150))
     thin = PAPER.replace({"run.duration": 1.0, "run.record_every": 10**9})
     run = fg.simulate(thin)
@@ -899,7 +899,7 @@ def test_among_many_runs_a_diverging_one_holds_nan_from_then_on() -> None:
         assert np.isnan(first[name].values[lasted:]).all()
     np.testing.assert_allclose(runs["diverged_at"].values, [lasted * 1e-2, math.nan])
     assert_same(runs.isel(run=1).drop_vars("diverged_at"), fg.simulate(scenarios[1]))
-    metrics = fg.simulate_many(scenarios, metrics_only=True)
+    metrics = fg.measure_many(scenarios)
     np.testing.assert_allclose(metrics["diverged_at"].values, [lasted * 1e-2, math.nan])
     until_then = fg.metrics.rmse(caught.value.run)
     np.testing.assert_allclose(metrics["rmse"].sel(window="whole").values[0], until_then.values, rtol=1e-9)

@@ -14,7 +14,7 @@ KNOWN = {"controller.adaptive": False}  # the estimates are the truth but for wh
 
 def both(scenario: fg.Scenario, **limits: float) -> list[xr.Dataset]:
     """The metrics from a record, and without one."""
-    lean = fg.simulate_many([scenario], metrics_only=True, **limits)
+    lean = fg.measure_many([scenario], **limits)
     return [metrics.summary(fg.simulate(scenario), **limits), lean.isel(run=0)]
 
 
@@ -224,5 +224,5 @@ def test_each_effect_of_a_device_alone_is_in_the_metrics_without_a_record(effect
     scenario = PAPER.replace({"run.duration": 0.2, **effect})
     recorded, lean = both(scenario)
     np.testing.assert_allclose(lean["rmse"].sel(window="whole"), recorded["rmse"].sel(window="whole"), rtol=1e-9)
-    (ideal,) = fg.simulate_many([PAPER.replace({"run.duration": 0.2})], metrics_only=True)["rmse"].sel(window="whole")
+    (ideal,) = fg.measure_many([PAPER.replace({"run.duration": 0.2})])["rmse"].sel(window="whole")
     assert (abs(lean["rmse"].sel(window="whole") / ideal - 1) > 1e-8).any()

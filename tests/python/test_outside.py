@@ -245,7 +245,7 @@ def test_an_unstable_law_diverges_as_any_other() -> None:
 def test_metrics_are_those_of_the_record(compiled: ctypes.CDLL) -> None:
     law = fg.native.Law(compiled.rate, 1, GAINS, ["rate_estimate"])
     for controller in (pd, law):
-        many = fg.simulate_many([SHORT], seeds=[0], controller=controller, metrics_only=True, transient=1.0)
+        many = fg.measure_many([SHORT], seeds=[0], controller=controller, transient=1.0)
         summary = fg.metrics.summary(fg.simulate(SHORT, controller), transient=1.0)
         for name in summary.data_vars:
             np.testing.assert_allclose(many[name].values[0], summary[name].values, rtol=1e-9, err_msg=name)
@@ -284,8 +284,8 @@ def test_what_is_reported_becomes_channels_in_the_units_of_the_run(units: str) -
     assert fg.metrics.rate_error(run).values == pytest.approx(2.0 * time - run["angular_rate"].values)
 
 
-def test_metrics_only_sees_the_rate_that_is_reported() -> None:
-    many = fg.simulate_many([SHORT], controller=Sensing(), metrics_only=True)
+def test_a_measurement_sees_the_rate_that_is_reported() -> None:
+    many = fg.measure_many([SHORT], controller=Sensing())
     assert many["rate_error"].values[0] == pytest.approx(2.0 * 2.0 - 0.1)
 
 
@@ -322,7 +322,7 @@ def failing(s: fg.Sample) -> tuple[float, float]:
 def test_an_exception_ends_the_run_with_its_time_and_as_the_cause() -> None:
     for call in (
         lambda: fg.simulate(SHORT, failing),
-        lambda: fg.simulate_many([SHORT], controller=failing, metrics_only=True),
+        lambda: fg.measure_many([SHORT], controller=failing),
         lambda: fg.Loop(SHORT, failing).run(500),
     ):
         with pytest.raises(fg.ControllerError) as raised:
@@ -370,7 +370,7 @@ def test_a_c_function_without_a_finite_force_ends_the_run(compiled: ctypes.CDLL)
     for call in (
         lambda: fg.simulate(SHORT, law),
         lambda: fg.simulate_many([SHORT], seeds=range(4), controller=law),
-        lambda: fg.simulate_many([SHORT], seeds=range(4), controller=law, metrics_only=True),
+        lambda: fg.measure_many([SHORT], seeds=range(4), controller=law),
     ):
         with pytest.raises(
             ValueError, match=r"the controller returned \[.*nan, 0\] at t = 0.5: it must return two finite"
@@ -388,7 +388,7 @@ def test_what_is_no_controller_is_refused(controller: Any) -> None:
 
 def test_single_precision_is_refused() -> None:
     with pytest.raises(ValueError, match=r"^single_precision is True with a controller"):
-        fg.simulate_many([SHORT], controller=pd, metrics_only=True, single_precision=True)
+        fg.measure_many([SHORT], controller=pd, single_precision=True)
 
 
 # -- native.Law

@@ -14,12 +14,12 @@ import pytest
 import xarray as xr
 from children import run_until
 from fracgyro.files import writable_folder
+from fracgyro.measure import measure_many
 from fracgyro.paper import claims, errata, runs
 from fracgyro.paper.reproduce import reproduce
 from fracgyro.paper.statistics import mean_interval
 from fracgyro.paper.table import Row, table
 from fracgyro.scenario import Scenario
-from fracgyro.simulate import simulate_many
 
 SEEDS = 3
 
@@ -62,7 +62,7 @@ def test_table_1_has_every_cell_with_its_interval(out: Path) -> None:
         r for r in rows if (r["variant"], r["order"], r["axis"], r["window"]) == ("printed", "0.3", "y", "steady")
     )
     base = runs.scenario("printed", "proposed", 0.3)
-    again = simulate_many([base.replace({"disturbance.seed": seed}) for seed in range(SEEDS)], metrics_only=True)
+    again = measure_many([base.replace({"disturbance.seed": seed}) for seed in range(SEEDS)])
     expected = mean_interval(again["rmse"].sel(window="steady", axis="y"))
     assert [float(found[f"rmse_{name}"]) for name in ("mean", "ci_low", "ci_high")] == pytest.approx(expected, rel=1e-4)
 

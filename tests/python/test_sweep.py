@@ -87,7 +87,7 @@ def test_a_row_is_what_simulating_its_scenario_gives(small: Path) -> None:
     assert (row["controller.order"], row["controller.kind"]) == (1.0, "linear")
     changes = {"controller.order": 1.0, "controller.kind": "linear", "run.duration": 12.0, "disturbance.seed": 1}
     scenario = fg.Scenario.paper().replace(changes)
-    metrics = fg.simulate_many([scenario], metrics_only=True).isel(run=0)
+    metrics = fg.measure_many([scenario]).isel(run=0)
     assert row["rmse_steady_y"] == float(metrics["rmse"].sel(window="steady", axis="y"))
     assert row["bound_final_2"] == float(metrics["bound_final"].sel(bound=2))
     assert row["error_settling_time"] == float(metrics["error_settling_time"])

@@ -142,7 +142,7 @@ def test_a_trial_says_what_its_scenario_measures(out: Path) -> None:
     row = rows(out / "trials.csv")[4]
     values = {name: float(row[name]) for name in ("controller.order", "controller.layer_thickness")}
     scenario = fg.Scenario.paper().replace({"run.duration": 2.0, **values})
-    runs = fg.simulate_many([scenario], seeds=[0, 1, 2], metrics_only=True, transient=1.0)
+    runs = fg.measure_many([scenario], seeds=[0, 1, 2], transient=1.0)
     assert float(row["mean of rmse_steady_x"]) == float(runs["rmse"].sel(window="steady", axis="x").mean())
     assert float(row["quantile 0.9 of rate_error_rms"]) == float(np.quantile(runs["rate_error_rms"], 0.9))
 

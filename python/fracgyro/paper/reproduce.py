@@ -13,7 +13,7 @@ from pathlib import Path
 import xarray as xr
 
 from ..files import whole_file, writable_folder
-from ..simulate import threads_available
+from ..many import threads_available
 from . import figures
 from .claims import Claim, judge, time_steps, write_claims
 from .errata import with_evidence

@@ -6,8 +6,9 @@ from collections.abc import Callable
 
 import xarray as xr
 
+from ..measure import measure_many
 from ..scenario import Scenario
-from ..simulate import simulate, simulate_many
+from ..simulate import simulate
 
 VARIANTS = ("printed", "corrected")
 CONTROLLERS = {  # the three of section 5
@@ -54,9 +55,8 @@ def study(seeds: int, progress: Callable[[int], object] | None = None) -> Study:
     results = {}
     for variant, controller, order in study_cases():
         base = scenario(variant, controller, order)
-        results[variant, controller, order] = simulate_many(
+        results[variant, controller, order] = measure_many(
             [base.replace({"disturbance.seed": seed}) for seed in range(seeds)],
-            metrics_only=True,
             progress=progress,
         )
     return results

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from ..measure import measure_many
 from ..scenario import Scenario
-from ..simulate import simulate_many
 from .design import Plan
 from .metric_names import METRICS
 
@@ -57,7 +57,7 @@ class Block:
 
     def measure(self, progress: Callable[[int], object] | None = None) -> pa.Table:
         """The keys with the metrics beside them. What never happens is null. Runs on all processors."""
-        runs = simulate_many(self.scenarios, seeds=self.seeds, metrics_only=True, progress=progress, **self.thresholds)
+        runs = measure_many(self.scenarios, seeds=self.seeds, progress=progress, **self.thresholds)
         table = self.keys()
         for name, variable in runs.data_vars.items():
             inner = [dimension for dimension in variable.dims if dimension != "run"]

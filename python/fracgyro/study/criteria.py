@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, model_validator
 
+from ..measure import measure_many
 from ..scenario import Scenario
-from ..simulate import simulate_many
 from ..table import Table, sentence, shown
 from .metric_names import METRICS
 
@@ -104,7 +104,7 @@ def measure(
     progress: Callable[[int], object] | None = None,
 ) -> list[Measured]:
     """Every scenario with every seed, all in one call of `simulate_many`."""
-    runs = simulate_many(scenarios, seeds=seeds, metrics_only=True, progress=progress, **thresholds)
+    runs = measure_many(scenarios, seeds=seeds, progress=progress, **thresholds)
     diverged = np.isfinite(runs["diverged_at"].values).reshape(len(scenarios), len(seeds))
     columns = {}
     for name, variable in runs.drop_vars("diverged_at").data_vars.items():
