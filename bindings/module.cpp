@@ -12,6 +12,8 @@ static constexpr const char* compiler = "unknown";
 NB_MODULE(_core, m) {
     m.doc() = "The compiled part of fracgyro: core/ and sim/. Use it through the Python package.";
     m.attr("compiler") = compiler;
+    // What an exception's traceback still holds when Python ends is no leak, and nobody is to be told of it.
+    nanobind::set_leak_warnings(false);
     fracgyro::bindings::bind_fractional(m);
     fracgyro::bindings::bind_disturbance(m);
     fracgyro::bindings::bind_controller(m);

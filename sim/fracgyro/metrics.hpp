@@ -172,8 +172,11 @@ std::array<double, metric_names.size()> metric_values(const MetricsParams& param
     const double h = setup.common.step;
     const std::int64_t early = std::min(samples, first_steady_sample(params, setup));
     const auto count = [](std::int64_t n) { return static_cast<double>(n); };
-    const auto rms = [](const Vec2<double>& sum, double n) {  // 0/0 is NaN: an empty window has no RMS
-        return Vec2<double>{std::sqrt(sum.x / n), std::sqrt(sum.y / n)};
+    const auto ratio = [](double a, double b) {  // as IEEE 754 has it, without dividing by zero
+        return b != 0.0 ? a / b : a > 0.0 ? std::numeric_limits<double>::infinity() : nan;
+    };
+    const auto rms = [&](const Vec2<double>& sum, double n) {  // NaN: an empty window
+        return Vec2<double>{std::sqrt(ratio(sum.x, n)), std::sqrt(ratio(sum.y, n))};
     };
     const double late = count(samples - early);
     const Vec2<double> whole = rms(totals.transient.squares + totals.steady.squares, count(samples));
@@ -181,13 +184,13 @@ std::array<double, metric_names.size()> metric_values(const MetricsParams& param
     const Vec2<double> steady = rms(totals.steady.squares, late);
     const Vec2<double> effort = rms(totals.transient.force + totals.steady.force, count(samples));
     const auto chattering = [&](double bend, double force) {
-        return late > 2 ? std::sqrt((bend / (late - 2)) / (force / late)) : nan;
+        return late > 2 ? std::sqrt(ratio(bend / (late - 2), force / late)) : nan;
     };
     const auto settled = [&](std::int64_t outside) { return outside < samples - 1 ? count(outside + 1) * h : nan; };
     // Frobenius norm of the error over that of the truth.
-    const auto relative = [](const Sym2<double>& estimate, const Sym2<double>& truth) {
+    const auto relative = [&](const Sym2<double>& estimate, const Sym2<double>& truth) {
         const auto square = [](const Sym2<double>& a) { return a.xx * a.xx + 2.0 * a.xy * a.xy + a.yy * a.yy; };
-        return std::sqrt(square(estimate - truth) / square(truth));
+        return std::sqrt(ratio(square(estimate - truth), square(truth)));
     };
     const PlantParams& p = setup.plant;
     return {whole.x,
@@ -203,7 +206,7 @@ std::array<double, metric_names.size()> metric_values(const MetricsParams& param
             effort.x,
             effort.y,
             last.rate - p.rate,
-            last.has_rate ? std::sqrt(totals.rate_squares / late) : nan,
+            last.has_rate ? std::sqrt(ratio(totals.rate_squares, late)) : nan,
             last.has_rate ? totals.peak_rate_error : nan,
             last.has_rate ? settled(totals.rate_outside) : nan,
             relative(last.damping, p.damping + p.damping_deviation),
