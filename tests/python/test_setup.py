@@ -73,15 +73,16 @@ def test_rates_are_in_units_of_the_plant_and_their_times_in_steps() -> None:
 
 
 def test_noise_of_a_density_has_that_over_the_time_that_it_is_held() -> None:
-    def disturbance(**fields: Any) -> Any:
-        return setup.disturbance_params(ROUND.replace({f"disturbance.{name}": value for name, value in fields.items()}))
+    def disturbance(*names: str, **fields: Any) -> list[float]:
+        found = setup.core_numbers(ROUND.replace({f"disturbance.{name}": value for name, value in fields.items()}))
+        return [found[f"disturbance.{name}"] for name in names]
 
-    held = disturbance(kind="noise", density=8.0, hold=0.5)
-    assert (held.hold, held.standard_deviation) == (4, 4.0)
-    assert disturbance(kind="noise", density=8.0).standard_deviation == 8.0
-    assert disturbance(kind="noise", standard_deviation=3.0, hold=0.5).standard_deviation == 3.0
-    sine = disturbance(kind="sine", amplitude=(1.0, 2.0), density=8.0, hold=0.5)
-    assert (sine.hold, tuple(sine.amplitude)) == (1, (1.0, 2.0))
+    held = disturbance("hold_steps", "standard_deviation", kind="noise", density=8.0, hold=0.5)
+    assert held == [4, 4.0]
+    assert disturbance("standard_deviation", kind="noise", density=8.0) == [8.0]
+    assert disturbance("standard_deviation", kind="noise", standard_deviation=3.0, hold=0.5) == [3.0]
+    names = ("hold_steps", "amplitude.x", "amplitude.y")
+    assert disturbance(*names, kind="sine", amplitude=(1.0, 2.0), density=8.0, hold=0.5) == [1, 1.0, 2.0]
 
 
 def test_a_run_is_ideal_only_without_a_rate_that_moves_and_without_a_device() -> None:
@@ -93,8 +94,9 @@ def test_a_run_is_ideal_only_without_a_rate_that_moves_and_without_a_device() ->
 
 def test_estimates_start_at_a_share_of_the_truth_or_at_it_where_it_is_known() -> None:
     def initial(changes: dict[str, Any]) -> list[float]:
-        found = setup.controller_params(ROUND.replace({"adaptation.initial_ratio": 0.5, **changes})).adaptation.initial
-        return [*found.damping, found.stiffness[0], found.rate]
+        found = setup.core_numbers(ROUND.replace({"adaptation.initial_ratio": 0.5, **changes}))
+        names = ("damping.xx", "damping.xy", "damping.yy", "stiffness.xx", "rate")
+        return [found[f"adaptation.initial_{name}"] for name in names]
 
     assert initial({}) == pytest.approx([0.25, 0.0625, 0.125, 10.9, 1.0])
     assert initial({"controller.adaptive": False}) == pytest.approx([0.5, 0.125, 0.25, 21.8, 2.0])
@@ -103,8 +105,8 @@ def test_estimates_start_at_a_share_of_the_truth_or_at_it_where_it_is_known() ->
 
 
 def test_the_boundary_layer_is_the_one_that_is_named() -> None:
-    for layer in ("linear", "quadratic"):
-        assert setup.controller_params(ROUND.replace({"controller.layer": layer})).control.layer.name == layer
+    for place, layer in enumerate(("linear", "quadratic")):
+        assert setup.core_numbers(ROUND.replace({"controller.layer": layer}))["controller.layer"] == place
 
 
 # -- The guard
