@@ -1,4 +1,4 @@
-// Times the closed loop inside C++, the paper's scenario over 80 units of time, beside what the processor can do at
+// Times the closed loop inside C++, the paper's scenario over 80 units of time, and what the processor can do at
 // best. Prints one JSON line, of everything the median of five, taken in turn:
 //   seconds            one run, every channel recorded, noise drawn on the way
 //   seconds_prepared   the same with noise from a prepared array

@@ -36,8 +36,8 @@ std::vector<std::size_t> lane_counts() {
     return counts;
 }
 
-// Rows of all runs, (runs, samples, width), NaN where a run had diverged; and the samples each run lasted. `device`: by the
-// loop and in the channels of device_loop.hpp, which a run that is not ideal needs.
+// Rows of all runs, (runs, samples, width), NaN where a run had diverged; and the samples each run lasted. `device`: by
+// the loop and in the channels of device_loop.hpp, which a run that is not ideal needs.
 nb::tuple record_runs(const std::vector<const DeviceSetup*>& setups, std::int64_t every, unsigned threads,
                       bool device) {
     if (setups.empty()) {
@@ -70,8 +70,8 @@ nb::tuple record_runs(const std::vector<const DeviceSetup*>& setups, std::int64_
                           owned<std::int64_t, 1>(std::move(lasted), {setups.size()}));
 }
 
-// Metrics of all runs, (runs, metrics). `lanes`: one of lane_counts(), counted in doubles. Runs that are not ideal go one by
-// one, in double precision.
+// Metrics of all runs, (runs, metrics). `lanes`: one of lane_counts(), counted in doubles. Runs that are not ideal go
+// one by one, in double precision.
 nb::ndarray<nb::numpy, double> measure_runs(const std::vector<const DeviceSetup*>& setups, const MetricsParams& params,
                                             unsigned threads, std::size_t lanes, bool single_precision) {
     const auto counts = lane_counts();

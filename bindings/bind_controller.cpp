@@ -87,8 +87,8 @@ std::unique_ptr<AnyController> make_controller(const Setup& s, bool single) {
     return made;
 }
 
-// The force, in the units of the run, or None where an argument is no plain finite number or the time is not that of the next
-// step, and nothing happened. `velocity`: None where it is not measured.
+// The force, in the units of the run, or None where an argument is not a plain finite number or the time is not that of
+// the next step, and nothing happened. `velocity`: None where it is not measured.
 nb::object checked_step(AnyController& self, double step, const Units& units, nb::handle time, nb::handle position,
                         nb::handle velocity) {
     double t = 0.0;

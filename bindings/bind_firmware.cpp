@@ -2,7 +2,7 @@
 #include "bindings.hpp"
 
 #include "fracgyro/aggregate.hpp"
-#include "fracgyro/alone.hpp"
+#include "fracgyro/unpacked.hpp"
 #include "fracgyro/guard.hpp"
 #include "fracgyro/loop.hpp"
 
@@ -17,7 +17,7 @@ template <class Value>
 nb::object nested(const Value& value) {
     if constexpr (std::is_arithmetic_v<Value>) {
         return nb::cast(value);
-    } else if constexpr (requires { Value::is_alone; }) {
+    } else if constexpr (requires { Value::is_unpacked; }) {
         return nb::cast(value.value);
     } else if constexpr (requires { value.begin(); }) {
         nb::list all;
@@ -68,14 +68,14 @@ void bind_firmware(nb::module_& m) {
     m.def(
         "coefficients",
         [](const Setup& s, bool single) {
-            return single ? coefficients<Alone<float>>(s) : coefficients<Alone<double>>(s);
+            return single ? coefficients<Unpacked<float>>(s) : coefficients<Unpacked<double>>(s);
         },
         nb::arg("setup"), nb::arg("single"),
         "The coefficients, nested as the structs are: a tuple for each struct, a list for each array.");
     m.def(
         "state_size",
         [](const Setup& s, std::size_t capacity, bool single) {
-            return single ? state_size<Alone<float>>(s, capacity) : state_size<Alone<double>>(s, capacity);
+            return single ? state_size<Unpacked<float>>(s, capacity) : state_size<Unpacked<double>>(s, capacity);
         },
         nb::arg("setup"), nb::arg("capacity"), nb::arg("single"));
     m.def(

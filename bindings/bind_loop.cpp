@@ -49,7 +49,7 @@ void bind_loop(nb::module_& m) {
             "__init__",
             [](DeviceSetup* setup, std::size_t kind, const std::vector<double>& settings) {
                 if (kind >= controller_kinds.size()) {
-                    throw nb::value_error("there is no controller of that kind");
+                    throw nb::value_error("no controller is of that kind");
                 }
                 new (setup) DeviceSetup{};
                 setup->controller = params_of_kind(kind);

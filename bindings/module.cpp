@@ -12,7 +12,7 @@ static constexpr const char* compiler = "unknown";
 NB_MODULE(_core, m) {
     m.doc() = "The compiled part of fracgyro: core/ and sim/. Use it through the Python package.";
     m.attr("compiler") = compiler;
-    // What an exception's traceback still holds when Python ends is no leak, and nobody is to be told of it.
+    // An exception's traceback may still hold objects when Python ends: this is not a leak to warn of.
     nanobind::set_leak_warnings(false);
     fracgyro::bindings::bind_fractional(m);
     fracgyro::bindings::bind_disturbance(m);

@@ -52,7 +52,7 @@ enum class AdaptationKind { gradient, composite };
 enum class RateLaw { skew, printed };
 
 struct AdaptationParams {
-    AdaptationKind kind = AdaptationKind::gradient;  // composite: with least squares beside the laws (composite.hpp)
+    AdaptationKind kind = AdaptationKind::gradient;  // composite: the laws and least squares (composite.hpp)
     bool adaptive = true;                            // false: the initial estimates are kept
     RateLaw rate_law = RateLaw::skew;
     double damping_gain = 150.0, stiffness_gain = 150.0, rate_gain = 150.0;  // M, N, P
@@ -107,7 +107,7 @@ struct AdaptationParams {
                                 "Law of the Omega_z estimate, (44): skew, P (s1 v2 - s2 v1); printed: off, it never "
                                 "moves.")),
                 choice("kind", &P::kind, kinds,
-                       "gradient: the laws (44); composite: least squares on the plant's equation beside them, which "
+                       "gradient: the laws (44); composite: with least squares on the plant's equation, which "
                        "gives D, K, Omega_z and its standard deviation. controller.adaptive false: off."),
             },
             law_fields(),

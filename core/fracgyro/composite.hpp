@@ -1,8 +1,8 @@
-// 5  Composite adaptation: beside the laws (44), which s drives, least squares on the plant's equation, driven by what was
-//    predicted wrongly over one step. No acceleration is measured.
+// 5  Composite adaptation: with the laws (44), which s drives, least squares on the plant's equation, driven by what
+//    was predicted wrongly over one step. No acceleration is measured.
 //
-//    Eq. (9) over one step of length h, with u and d held, ∫v dt = Δq exactly and ∫q dt by Hermite's rule, which errs by
-//    h⁵/720 q'''':
+//    Eq. (9) over one step of length h, with u and d held, ∫v dt = Δq exactly and ∫q dt by Hermite's rule, which errs
+//    by h⁵/720 q'''':
 //
 //        Δv = h (u + d) - (D + 2Ω) Δq - K ∫q dt,      ∫q dt = h/2 (q₀ + q₁) + h²/12 (v₀ - v₁)
 //
@@ -10,17 +10,18 @@
 //
 //        r = Δv/h - u + (D̂ + 2Ω̂) v̄ + K̂ q̄ = d + row(v̄, q̄)·θ̃,      θ = (Ωz, Dxx, Dxy, Dyy, Kxx, Kxy, Kyy)
 //
-//    one residual on each axis. But v̄ contains h/2 d: in rows made of it, noise would explain noise, and D̂ would be off by
-//    h σ²/(2 v²). They are made of v̄ - h/2 E(d) instead, in effect the mean velocity predicted when the step began. Of r the
-//    part E(d) = r/α is noise, and the other, large in the beginning, the estimates' own error: α = 1 + row P rowᵀ, and
-//    that of the last step serves.
+//    one residual on each axis. But v̄ contains h/2 d: in rows made of it, noise would explain noise, and D̂ would be off
+//    by h σ²/(2 v²). They are made of v̄ - h/2 E(d) instead, in effect the mean velocity predicted when the step began.
+//    Of r the part E(d) = r/α is noise, and the other, large in the beginning, the estimates' own error: α = 1 + row P
+//    rowᵀ, and that of the last step serves.
 //
 //    What one sample may add is bounded: from when they are trusted, a residual beyond `largest_innovation` times what
 //    it should be, σ̂ √α, is not learnt from, on both axes. One bad sample spoils two steps; a third residual in a row
 //    that is beyond means that the plant moved, and is learnt from. Ω̂z is not trusted meanwhile.
 //
-//    The force is computed with the laws' part, which is the loop's integral action, and from when Ω̂z is first trusted with
-//    the sum of both parts. What is reported of D, K and Ωz is the part of least squares only (docs/decisions/0016).
+//    The force is computed with the laws' part, which is the loop's integral action, and from when Ω̂z is first trusted
+//    with the sum of both parts. What is reported of D, K and Ωz is the part of least squares only
+//    (docs/decisions/0016).
 #pragma once
 
 #include "adaptation.hpp"
@@ -52,8 +53,8 @@ struct CompositeAdaptation {
     using Squares = LeastSquares<T, 7>;
     using Row = typename Squares::Row;
 
-    // Ωz is trusted while the other parameters inflate its variance at most so often, the prior's share of what is known of
-    // it is at most this, and its standard deviation is below this fraction of the natural frequency.
+    // Ωz is trusted while the other parameters inflate its variance at most so often, the prior's share of what is
+    // known of it is at most this, and its standard deviation is below this fraction of the natural frequency.
     static constexpr double largest_inflation = 10.0, largest_share = 0.01, largest_deviation = 0.01;
     // In standard deviations: noise is never so far off.
     static constexpr double largest_innovation = 8.0;
@@ -166,7 +167,8 @@ private:
             return;  // below, one run of several may still rest: rows of zeros tell nothing
         }
 
-        // Before they are believed, r may be an error of the estimates a thousand times the noise, and would spoil the rows.
+        // Before they are believed, r may be an error of the estimates, a thousand times the noise, which would spoil
+        // rows.
         const Vec2<T> w = learns * (v - (T(0.5) * c.step * state.believed) * (state.left * r));
         const Vec2<T> p = learns * q;
         const Row x{T(-2.0) * w.y, w.x, w.y, zero, p.x, p.y, zero};

@@ -36,7 +36,7 @@ struct ControlParams {
             field(
                 "switching_limit", &P::switching_limit, "1", limit,
                 "Largest rho h/delta, no unit, > 0: what one step takes back of s; the loop diverges from about 2 on, "
-                "and noise alone lets the bound estimates grow until then. 0.5 suits hardware. inf: off."),
+                "and noise is enough to let the bound estimates grow until then. 0.5 suits hardware. inf: off."),
         };
     }
 };

@@ -1,6 +1,6 @@
-// What a controller is. Nothing else is asked of one: the loop, the record, the metrics, FMU, firmware and browser take any
-// type that fits. It is a set of functions over plain values: Params is what a person sets, Coefficients what follows
-// from it once, State what changes while running.
+// What a controller is. Nothing else is asked of one: the loop, the record, the metrics, FMU, firmware and browser take
+// any type that fits. It is a set of functions over plain values: Params is what a person sets, Coefficients what
+// follows from it once, State what changes while running.
 #pragma once
 
 #include "belief.hpp"

@@ -1,6 +1,6 @@
-// What the numbers of a struct are, listed once beside it: name, unit, range and meaning of each. From such a list come the
-// scenario's tables, the recorded channels, the variables of an FMU, what JavaScript sees and the reference pages.
-// Firmware never asks for it, so that it costs no byte there.
+// What the numbers of a struct are, listed once, next to it: name, unit, range and meaning of each. From such a list
+// come the scenario's tables, the recorded channels, the variables of an FMU, what JavaScript sees and the reference
+// pages. Firmware never asks for it, so that it costs no byte there.
 //
 //     static constexpr auto fields() {
 //         return std::tuple{field("bandwidth", &P::bandwidth, "omega0", positive, "Bandwidth of the loop."), …};

@@ -15,15 +15,17 @@
 // History, all older than h: k(t) = Σ w_j exp(-s_j t) to the tolerance of the mode design. One state per mode and axis,
 //     E_j(t_n) = e(0) exp(-s_j t_n) + ∫ exp(-s_j (t_n-τ)) ė(τ) dτ over [0, t_n],   r_j = exp(-s_j h),
 //     E_j(t_n) = r_j E_j(t_{n-1}) + A_j v₀ + B_j v₁ + C_j κ    exactly, for the Hermite interpolant,
-// the memory of ė with e(0) as the jump that it is from rest. It serves both operators, as ∫ exp(-s(t-τ)) e dτ = (e - E)/s:
-//     derivative history at t_{n+1}:  Σ w_j r_j E_j(t_n)     Riemann-Liouville; less e(0) Σ w_j exp(-s_j t_{n+1}): Caputo
+// the memory of ė with e(0) as the jump that it is from rest. It serves both operators, as
+// ∫ exp(-s(t-τ)) e dτ = (e - E)/s:
+//     derivative history at t_{n+1}:  Σ w_j r_j E_j(t_n)   Riemann-Liouville; less e(0) Σ w_j exp(-s_j t_{n+1}): Caputo
 //     integral history at t_{n+1}:    Σ (w_j r_j/s_j) (e(t_n) - E_j(t_n)).
 // What is stored is g_j = (E_j - B_j v_n - C_j κ_n)/(A_j + r_j B_j), whose recursion needs only the sample before,
 //     g_j(n) = r_j g_j(n-1) + v_{n-1} + ρ_j κ_{n-1},     ρ_j = r_j C_j/(A_j + r_j B_j),
 // so the sum over the modes runs beside the control law instead of ahead of it.
 //
-// The Riemann-Liouville derivative of the jump, e(0) t^(-α)/Γ(1-α), falls steeply at first. The force that answers it is
-// held for a step, so its mean over the coming step is taken: exp(-s t) becomes μ exp(-s t), μ = ∫ exp(-s x h) dx over [0, 1].
+// The Riemann-Liouville derivative of the jump, e(0) t^(-α)/Γ(1-α), falls steeply at first. The force that answers it
+// is held for a step, so its mean over the coming step is taken: exp(-s t) becomes μ exp(-s t), μ = ∫ exp(-s x h) dx
+// over [0, 1].
 //
 // α = 1 and α = 0 use no modes and are exact: D^1 e = ė, I^0 e = e; D^0 e = e (eq. (7)), I^1 e the Hermite quadrature.
 #pragma once
@@ -75,7 +77,8 @@ struct FractionalOutput {
     Vec2<T> integral{}, derivative{};
 };
 
-// Two modes at a time, x and y of each: for a built-in number all four in one register where there are such, else on its own.
+// Two modes at a time, x and y of each: for a built-in number all four in one register where there are such, else on
+// its own.
 template <Scalar T>
 struct TwoModes {
     static constexpr std::size_t modes = 2, axes = 2;  // handled one by one
@@ -108,8 +111,8 @@ struct TwoModes<T> {
 template <Scalar T, std::size_t Capacity = Modes::capacity>
 struct Fractional {
     static_assert(Capacity % 2 == 0);
-    // Two modes at a time, which fixes the order of all additions. For a built-in number their memory, x, y of one and x, y
-    // of the next, is one register, and so is a coefficient of both; any other number stands alone.
+    // Two modes at a time, which fixes the order of all additions. For a built-in number their memory, x, y of one and
+    // x, y of the next, is one register, and so is a coefficient of both; any other number is on its own.
     using Two = TwoModes<T>;
     using Memory = typename Two::Memory;
     using PerMode = typename Two::PerMode;
@@ -128,7 +131,8 @@ struct Fractional {
         T onset_mean{};  // mean of t^(-α)/Γ(1-α) over the first hold, where it is singular; 0 for Caputo
         Weights integral{}, derivative{};
         T integral_past_value{};  // of e_past
-        // Without modes, α = 0 or 1: shares of e and ė themselves, and of the previous integral, which that of α = 0 continues.
+        // Without modes, α = 0 or 1: shares of e and ė themselves, and of the previous integral, which that of α = 0
+        // continues.
         T integral_value{}, derivative_value{}, derivative_rate{}, carry{};
         std::size_t pairs = 0;  // in use; padded with zero weights
         // Of two modes.
@@ -252,8 +256,8 @@ private:
     static Packed moved(const Packed& a, const Packed& decay, const Packed& gain) {
         return a + (decay * a + gain);
     }
-    // Less than the rounding of any number that matters. Without it, what decays for ever would become subnormal, which slows
-    // processors down.
+    // Less than the rounding of any number that matters. Without it, what decays for ever would become subnormal, which
+    // slows processors down.
     static constexpr double vanishing = std::same_as<detail::Built<T>, float> ? 1e-24 : 1e-290;
 
     static Vec2<T> sum(const Memory& m) { return {m[0] + m[2], m[1] + m[3]}; }
@@ -328,8 +332,8 @@ typename Fractional<T, Capacity>::Coefficients Fractional<T, Capacity>::prepare(
         Two::set(c.initial_value[i / 2], i % 2, 1.0 / unit);
         Two::set(c.initial_rate[i / 2], i % 2, b / unit);
         Two::set(c.initial_onset[i / 2], i % 2, to_derivative * (riemann_liouville ? moments[0] - 1.0 : -1.0));
-        // Until exp(-s t) is 2^-60, below rounding; and not after the mean differs from the value, by α h/(2 t) of it, less
-        // than the sum over the modes does.
+        // Until exp(-s t) is 2^-60, below rounding; and not after the mean differs from the value, by α h/(2 t) of it,
+        // less than the sum over the modes does.
         const bool bounded = riemann_liouville && modes.error > 0.0;
         const double end = bounded ? 0.5 * modes.order / modes.error : std::numeric_limits<double>::infinity();
         for (std::size_t j = 0; j <= i / 2; ++j) {

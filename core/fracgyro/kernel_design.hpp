@@ -14,7 +14,7 @@
 //     3. exchange: the times become the extrema of the error (Remez), until the error is level to 2 %.
 //     4. certify: a bound on the error over the continuous range, not only at samples.
 //
-// A design takes milliseconds and is made once, beforehand. It calls the functions of math.hpp alone, and all sums are
+// A design takes milliseconds and is made once, beforehand. It calls only the functions of math.hpp, and all sums are
 // in a fixed order: the same arguments give the same bits on every processor.
 //
 // Inside, time runs over [1, R]; x = log t in [0, log R]; the kernel is t^(-α).

@@ -1,5 +1,5 @@
-// Recursive least squares in fixed memory: which x makes the residuals r = y + row·x smallest, in the sum of their squares
-// and of that of x itself, weighed by the prior?
+// Recursive least squares in fixed memory: which x makes the residuals r = y + row·x smallest, in the sum of their
+// squares and of that of x itself, weighed by the prior?
 //
 //    P = (1/prior + Σ rowᵀ row)⁻¹ is kept as U diag(d) Uᵀ with U unit upper triangular (Bierman 1977, ch. V): d stays
 //    positive in whatever precision, where P itself would lose its definiteness in single precision. No square roots.

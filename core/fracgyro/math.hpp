@@ -76,8 +76,8 @@ constexpr T clamp(T a, T low, T high) {
 inline double square_root(double a) { return std::sqrt(a); }
 inline float square_root(float a) { return std::sqrt(a); }
 
-// Whether the processor has registers of four floating-point numbers. Code exported for several processors says no for all:
-// its coefficients are laid out alike.
+// Whether the processor has registers of four floating-point numbers. Code exported for several processors says no for
+// all: its coefficients are laid out alike.
 #ifndef FRACGYRO_PACKS
 #if defined(__SSE2__) || defined(__ARM_NEON)
 #define FRACGYRO_PACKS true
@@ -315,8 +315,8 @@ T exp2_split(T whole, T part) {
 
 }  // namespace detail
 
-// base^exponent for base >= 0 and 0 <= exponent <= 1, within 4 units in the last place over the range of normal numbers;
-// a subnormal base counts as the least normal one.
+// base^exponent for base >= 0 and 0 <= exponent <= 1, within 4 units in the last place over the range of normal
+// numbers; a subnormal base counts as the least normal one.
 // log2(base) = k + l is never added up: exponent*k is split exactly into an integer and a remainder, so that the
 // large part of the logarithm costs no accuracy.
 template <Scalar T>

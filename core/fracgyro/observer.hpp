@@ -9,8 +9,8 @@
 //    f is the acceleration that the nominal plant lacks. On each axis q, v, f are the critically damped g-h-k (fading
 //    memory) filter (Morrison 1969; Brookner, "Tracking and Kalman filtering made easy", 1998, ch. 1), whose error is
 //    forgotten by θ = exp(-ω h) a step, three times over: ω is the one parameter, the observer's bandwidth. A missing
-//    acceleration that changes at the rate d leaves the error of v at 3 d/ω², one that is constant leaves none. The hold
-//    of a over the step is one of the missing: h/2 da/dt.
+//    acceleration that changes at the rate d leaves the error of v at 3 d/ω², one that is constant leaves none. The
+//    hold of a over the step is one of the missing: h/2 da/dt.
 #pragma once
 
 #include "controller.hpp"

@@ -5,7 +5,7 @@
 //     replay KIND float|double      the kind by its place in the registry; also reads "numbers", in the order of
 //                                   settings.hpp, "rates" and "weights" of modes
 //
-// The motions go through each lane in turn, beside runs of half their size in the others. The answer is that of the
+// The motions go through each lane in turn, with runs of half their size in the others. The answer is that of the
 // first lane or, where another lane's is not the same, that one's.
 #include "fracgyro/lanes.hpp"
 #include "fracgyro/record.hpp"

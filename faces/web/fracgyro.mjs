@@ -154,7 +154,7 @@ class Fracgyro {
     kinds[kind].numbers.forEach((name) => foreign.delete(name));
     const misplaced = Object.keys(changes).find((name) => foreign.has(name));
     if (misplaced) {
-      throw new RangeError(`${misplaced} is no setting of the controller ${kind}`);
+      throw new RangeError(`${misplaced} is not a setting of the controller ${kind}`);
     }
     const names = new Set([...Object.keys(this.fields), ...Object.keys(all)].filter((name) => !foreign.has(name)));
     names.forEach((name) => this.#check(name, all[name]));

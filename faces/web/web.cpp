@@ -1,5 +1,5 @@
-// What fracgyro.mjs calls: the simulator, and the controller alone. One instance of the module holds one of them, in
-// these globals, and JavaScript owns the memory behind them: nothing is allocated here and nothing is imported.
+// What fracgyro.mjs calls: the simulator, and the controller by itself. One instance of the module holds one of them,
+// in these globals, and JavaScript owns the memory behind them: nothing is allocated here and nothing is imported.
 #include "fracgyro/guard.hpp"
 #include "fracgyro/kernel_design.hpp"
 #include "fracgyro/record.hpp"
@@ -24,7 +24,7 @@ constexpr std::size_t most_settings = []<std::size_t... I>(std::index_sequence<I
 Setup setup;
 std::array<double, most_settings> values;  // those of the kind, in the order of settings.hpp
 KernelDesign kernel_design;                // room to design the modes in
-bool single_precision = false;             // of the controller alone
+bool single_precision = false;             // of the controller by itself
 std::array<double, 2> force;               // that of its last step
 void* state_at = nullptr;                  // its state
 std::size_t state_size = 0;

@@ -76,7 +76,7 @@ class Controller:
             velocity = None
         elif velocity is None:
             return self._checked(time, position, velocity)
-        # None: something is no plain finite number, though it may be one of NumPy's.
+        # None: something is not a plain finite number, though it may be one of NumPy's.
         force: Vector | None = self._core.checked_step(self._step, self._units, time, position, velocity)
         return self._checked(time, position, velocity) if force is None else force
 

@@ -47,7 +47,7 @@ def measure_many(
     `controller`, in the place of the scenarios' own: as in `simulate_many`, one run by one, in double precision; of its
     reports only rate_estimate is looked at.
     `progress` is called with the number of runs finished since the last call.
-    Raises TypeError when `scenarios` is no list of scenarios or `seeds` no list of integers; ValueError when one of
+    Raises TypeError when `scenarios` is not a list of scenarios or `seeds` no list of integers; ValueError when one of
     them is empty, a seed is given twice or outside 0 to 2^63 - 1, or `single_precision` comes with a `controller`; and
     what `simulate` raises of a controller.
     """
@@ -69,7 +69,7 @@ def measure_many(
     parts: list[np.ndarray] = []
     places: list[int] = []
     waiting = setups_of(scenarios, seeds, TOGETHER)
-    # Of the scenarios alone, never of the machine: what runs side by side changes results in the last places.
+    # A function of the scenarios, never of the machine: what runs side by side changes results in the last places.
     chunk = min(max(CHUNK, CHUNK_STEPS // scenarios[0].run.steps), CHUNK_RUNS)
     while taken := list(islice(waiting, chunk)):
         setups = [setup for _, setup in taken]

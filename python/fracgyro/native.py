@@ -56,7 +56,9 @@ class Law:
         """The same law with some parameters changed. Raises ValueError for one that it does not have."""
         for name in changes:
             if name not in self.parameters:
-                raise ValueError(f"parameters {name} is no parameter of this law: it has {', '.join(self.parameters)}")
+                raise ValueError(
+                    f"parameters {name} is not a parameter of this law: it has {', '.join(self.parameters)}"
+                )
         return Law(self._function, self.state_size, {**self.parameters, **changes}, self.reports)
 
     def __repr__(self) -> str:

@@ -1,4 +1,4 @@
-"""The gyroscope alone and the closed loop, a part at a time: for a controller of your own, live tuning, or hardware."""
+"""The gyroscope by itself and the closed loop in parts: for a controller of your own, live tuning, or hardware."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Plant:
         device.delay and the actuator come in between. Raises TypeError where the force holds no numbers, ValueError for
         others than two finite ones, and where the motion has diverged.
         """
-        # None: something is no plain finite number, though it may be one of NumPy's.
+        # None: something is not a plain finite number, though it may be one of NumPy's.
         motion = self._core.step(force)
         return self._core.step(pair("force", force)) if motion is None else motion
 
@@ -136,8 +136,8 @@ class Loop:
         """
         self._check_restorable()
         law = self._law.state if self._outside else []
-        told = {"scenario": self.scenario.to_toml(), "law": np.array(law, dtype="<f8").tobytes().hex()}
-        content = json.dumps(told).encode() + b"\n" + bytes(self._core.state)
+        saved_from = {"scenario": self.scenario.to_toml(), "law": np.array(law, dtype="<f8").tobytes().hex()}
+        content = json.dumps(saved_from).encode() + b"\n" + bytes(self._core.state)
         return self._key + CHECKSUM.pack(zlib.crc32(content)) + content
 
     @state.setter
@@ -155,9 +155,9 @@ class Loop:
             raise damaged
         head, _, core = content.partition(b"\n")
         try:
-            told = json.loads(head)
-            scenario = Scenario.from_toml(told["scenario"])
-            law = np.frombuffer(bytes.fromhex(told["law"]), dtype="<f8").tolist()
+            saved_from = json.loads(head)
+            scenario = Scenario.from_toml(saved_from["scenario"])
+            law = np.frombuffer(bytes.fromhex(saved_from["law"]), dtype="<f8").tolist()
             if not self._core.set(self._setup(scenario)):
                 raise damaged
         except (KeyError, TypeError, ValueError):

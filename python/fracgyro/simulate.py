@@ -94,7 +94,7 @@ def simulate_many(
     All scenarios must share run.duration, run.step, run.record_every and run.units. A run that diverges holds NaN from
     then on, and `diverged_at` says when; it is NaN for the others. What only some controllers report is NaN for the
     others. `progress` is called with the number of runs finished since the last call.
-    Raises TypeError when `scenarios` is no list of scenarios or `seeds` no list of integers; ValueError when one of
+    Raises TypeError when `scenarios` is not a list of scenarios or `seeds` no list of integers; ValueError when one of
     them is empty, a seed is given twice or outside 0 to 2^63 - 1, the scenarios do not match, or the record would be
     larger than 2 GB (`measure_many` keeps none); and what `simulate` raises of a controller.
     """

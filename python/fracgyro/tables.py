@@ -160,7 +160,7 @@ def _check_definite(name: str, matrix: Symmetric, *, semi: bool = False, unit: s
 if TYPE_CHECKING:
 
     class _OfCore(Table):
-        """Fields that the core lists beside the numbers that they are (kinds.py)."""
+        """Fields that the core lists (kinds.py)."""
 
         def __getattr__(self, name: str) -> Any: ...
 

@@ -1,5 +1,5 @@
-// Many runs on several threads: recorded one by one, measured in blocks of as many as the processor has lanes. Which thread
-// takes what changes nothing in any result.
+// Many runs on several threads: recorded one by one, measured in blocks of as many as the processor has lanes. Which
+// thread takes what changes nothing in any result.
 #pragma once
 
 #include "block.hpp"
@@ -163,8 +163,8 @@ void measure_block(AdvanceBlock<C> advance, FillDisturbance fill, std::span<cons
     const auto any_alive = [&] { return std::find(alive.begin(), alive.end(), true) != alive.end(); };
     std::array<Vec2<double>, longest_stretch> coming{};
     while (n < samples && any_alive()) {
-        // A stretch ends where the runs pass from one window to the next, and before the samples whose estimates count. It
-        // goes on when a run diverges: the others must not notice.
+        // A stretch ends where the runs pass from one window to the next, and before the samples whose estimates count.
+        // It goes on when a run diverges: the others must not notice.
         first = n;
         std::int64_t end = std::min(first + static_cast<std::int64_t>(longest_stretch), samples);
         for (const std::int64_t stop : {half, samples - 1, steady_from, steady_from + 2}) {
@@ -215,8 +215,8 @@ void measure_block(AdvanceBlock<C> advance, FillDisturbance fill, std::span<cons
     }
 }
 
-// The metrics of every run, in order. Runs with the same lane key share blocks: first those with the same disturbance, which is
-// then drawn once for all of them, then what is left, those with equally many modes side by side.
+// The metrics of every run, in order. Runs with the same lane key share blocks: first those with the same disturbance,
+// which is then drawn once for all of them, then what is left, those with equally many modes side by side.
 template <class Number, std::size_t Count>
 std::vector<MetricValues> measure_all(const Kernels<Number, Count>& kernels, FillDisturbance fill,
                                       std::span<const Setup* const> runs, const MetricsParams& params,

@@ -28,9 +28,9 @@ bool diverged(const Block<C>& block) {
     return !always_less(if_less(T(0.0), block.alive, size, T(0.0)), T(divergence_limit));  // also true for NaN
 }
 
-// The closed loop, as in loop.hpp, over the samples from `n` to before `end` of the stretch. Returns where it stopped: before
-// `end` when a run has diverged. Compiled once for each kind of processor, in bindings/lanes_*.cpp; everything is inlined,
-// so that nothing of it serves another.
+// The closed loop, as in loop.hpp, over the samples from `n` to before `end` of the stretch. Returns where it stopped:
+// before `end` when a run has diverged. Compiled once for each kind of processor, in bindings/lanes_*.cpp; everything
+// is inlined, so that nothing of it serves another.
 template <Controller C>
 [[gnu::flatten]] std::int64_t advance_block(Block<C>& block, std::int64_t n, std::int64_t end) {
     using T = typename C::Value;

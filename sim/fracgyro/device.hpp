@@ -55,7 +55,8 @@ struct Device {
                 .velocity = c.velocity(motion.velocity + noise.velocity)};
     }
 
-    // What acts over the step from the sample n on, of the force asked for there; called once every step. None at first.
+    // What acts over the step from the sample n on, of the force asked for there; called once every step. None at
+    // first.
     static Vec2<double> actuate(State& state, const Coefficients& c, Vec2<double> asked, std::int64_t n) {
         if (c.delay > 0) {
             std::swap(asked, state.waiting[static_cast<std::size_t>(n % c.delay)]);

@@ -1,5 +1,5 @@
-// The gyroscope whose rate moves or whose device is not ideal, and runs with it: slower, and in double precision alone. Where
-// nothing of that is so, its samples are those of loop.hpp, bit for bit.
+// The gyroscope whose rate moves or whose device is not ideal, and runs with it: slower, and only in double precision.
+// Where nothing of that is so, its samples are those of loop.hpp, bit for bit.
 #pragma once
 
 #include "device.hpp"
@@ -182,8 +182,8 @@ inline std::int64_t record_device(const DeviceSetup& setup, std::int64_t every, 
     return samples;
 }
 
-// The metrics of one such run. Errors of estimates are against what is true at that sample; the rate has settled within a
-// tolerance of its largest size.
+// The metrics of one such run. Errors of estimates are against what is true at that sample; the rate has settled within
+// a tolerance of its largest size.
 template <Controller C, class Params>
 std::array<double, metric_names.size()> measure_device(const DeviceSetupOf<Params>& setup,
                                                        const MetricsParams& params) {

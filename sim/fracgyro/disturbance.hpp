@@ -1,7 +1,8 @@
 // The disturbance d of eq. (9): nothing, a sine, or Gaussian noise redrawn every `hold` steps.
 //
-// Noise is a function of (seed, stream, index of the hold, axis) alone: counter-based (Philox4x32-10; Salmon et al., "Parallel
-// random numbers: as easy as 1, 2, 3", 2011) with Box-Muller normals. Any part of any run can be drawn in any order.
+// Noise is a function of only (seed, stream, index of the hold, axis): counter-based (Philox4x32-10; Salmon et al.,
+// "Parallel random numbers: as easy as 1, 2, 3", 2011) with Box-Muller normals. Any part of any run can be drawn in any
+// order.
 #pragma once
 
 #include "fracgyro/reference.hpp"
@@ -74,7 +75,8 @@ struct Normals {
             angular[2 * i + 1] = words[3];
         }
         for (std::size_t i = 0; i < Holds; ++i) {
-            // In (0, 1]: |normal| <= 6.8. The lowest bit is given up so that the conversion is that of a signed integer.
+            // In (0, 1]: |normal| <= 6.8. The lowest bit is given up so that the conversion is that of a signed
+            // integer.
             const float uniform = (static_cast<float>(static_cast<std::int32_t>(radial[i] >> 1)) + 0.5F) * 0x1p-31F;
             float exponent = 0.0F;
             const float fraction = detail::log2_split(uniform, exponent);

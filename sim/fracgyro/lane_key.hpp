@@ -1,5 +1,5 @@
-// What runs in one block must agree in: all that is not a number of its own in each lane. It is read off the coefficients
-// themselves, so that no switch can be forgotten.
+// What runs in one block must agree in: all that is not a number of its own in each lane. It is read off the
+// coefficients themselves, so that no switch can be forgotten.
 #pragma once
 
 #include "aggregate.hpp"
@@ -30,8 +30,8 @@ void append_switches(std::string& key, const Value& value) {
 
 }  // namespace detail
 
-// Runs with the same key may lie in one block. A controller with memory may have any number of modes up to the most: those
-// of fewer are filled up with modes of weight 0.
+// Runs with the same key may lie in one block. A controller with memory may have any number of modes up to the most:
+// those of fewer are filled up with modes of weight 0.
 inline std::string lane_key(const Setup& setup) {
     using T = Lanes<double, 2>;
     std::string key;

@@ -1,4 +1,5 @@
-// Several runs in one vector register: a number type for which the core simulates `Count` runs at once, one in each lane.
+// Several runs in one vector register: a number type for which the core simulates `Count` runs at once, one in each
+// lane.
 #pragma once
 
 #include "fracgyro/reference.hpp"
@@ -10,7 +11,8 @@
 namespace fracgyro {
 
 // Aligned alike whatever the processor compiled for, as blocks pass between code compiled for different ones.
-// Spelt out for each: GCC 12 mistakes a vector of dependent type or size for its element where functions are overloaded.
+// Spelt out for each: GCC 12 mistakes a vector of dependent type or size for its element where functions are
+// overloaded.
 template <class Number, std::size_t Count>
 struct Registers;
 #define FRACGYRO_REGISTERS(NUMBER, COUNT, BITS, BYTES)                                         \

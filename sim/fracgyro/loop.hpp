@@ -5,8 +5,8 @@
 
 namespace fracgyro {
 
-// Calls observe(snapshot) at every sample, with the disturbance that disturb(n) gives for sample n. Returns the number of
-// samples before the motion diverged, steps + 1 if it did not.
+// Calls observe(snapshot) at every sample, with the disturbance that disturb(n) gives for sample n. Returns the number
+// of samples before the motion diverged, steps + 1 if it did not.
 template <Controller C, class Params, class Disturb, class Observe>
 std::int64_t run_loop(const SetupOf<Params>& setup, Disturb&& disturb, Observe&& observe) {
     using Loop = Stepper<C>;

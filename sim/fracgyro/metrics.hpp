@@ -40,8 +40,8 @@ inline constexpr std::array<std::string_view, 24> metric_names{"rmse_whole_x",
                                                                "largest_force",
                                                                "diverged_at"};
 
-// What a metric needs of every sample, for one run or, in lanes, for several: over a stretch of samples, short enough for
-// sums in single precision, after which MetricsTotals takes it.
+// What a metric needs of every sample, for one run or, in lanes, for several: over a stretch of samples, short enough
+// for sums in single precision, after which MetricsTotals takes it.
 template <Scalar T>
 struct MetricsSums {
     T error_bound_squared{}, surface_bound_squared{}, rate{}, rate_bound{};  // set once
@@ -93,7 +93,8 @@ struct MetricsTotals {
     std::int64_t error_outside = -1, surface_outside = -1, rate_outside = -1;
     double peak_rate_error = 0.0, largest_force = 0.0;
 
-    // A stretch from sample `first` on, which lies within one window; `steady_from` is the first sample of the steady one.
+    // A stretch from sample `first` on, which lies within one window; `steady_from` is the first sample of the steady
+    // one.
     void add(const MetricsSums<double>::Stretch& s, std::int64_t first, std::int64_t steady_from) {
         Window& window = first < steady_from ? transient : steady;
         window.squares = window.squares + s.squares;

@@ -1,5 +1,5 @@
-// Controllers from outside: whoever computes a force from a sample. The reference, the force limit and the observer are those
-// of any other controller.
+// Controllers from outside: whoever computes a force from a sample. The reference, the force limit and the observer are
+// those of any other controller.
 #pragma once
 
 #include "device_loop.hpp"
@@ -89,7 +89,7 @@ private:
     }
 };
 
-// What is reported to metrics, which know the rate alone; a record asks the law itself.
+// What is reported to metrics, which know only the rate; a record asks the law itself.
 struct NothingReported {
     static constexpr std::tuple<> fields() { return {}; }
 };

@@ -2,13 +2,14 @@
 //
 //    staircase   mean + amplitude · levels climbed, one every `hold` steps from `start` on; a step is one level
 //    sine        mean + amplitude · sin(frequency · τ), τ the time since `start`
-//    chirp       mean + amplitude · sin(frequency · τ + ½ (final_frequency - frequency) τ²/T), T from `start` to the end
+//    chirp       mean + amplitude · sin(frequency · τ + ½ (final_frequency - frequency) τ²/T), T up to the end
 //    noise       mean + Gaussian noise of that standard deviation, its spectrum flat up to `frequency` and 0 above: 32
 //                sines, one in each 32nd of the band, of random frequency and phase (Shinozuka and Jan, "Digital
 //                simulation of random processes and its applications", 1972)
 //    table       the values of a profile
 //
-// Whatever jumps, jumps at a sample, and all is smooth within a step. Phases are counted in integers, as in reference.hpp.
+// Whatever jumps, jumps at a sample, and all is smooth within a step. Phases are counted in integers, as in
+// reference.hpp.
 #pragma once
 
 #include "disturbance.hpp"

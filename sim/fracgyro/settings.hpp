@@ -1,8 +1,8 @@
 // The numbers of a run by name: for faces that are handed numbers and not structs.
 //
-// They are those of the fields() of its structs, in that order, under the names of the scenario's fields, with [0] or .x or
-// .xx for their parts. Values are the core's, nondimensional; a switch is 0 or 1 and a choice its place in the list of
-// choices. The modes' rates and weights are handed over beside them.
+// They are those of the fields() of its structs, in that order, under the names of the scenario's fields, with [0] or
+// .x or .xx for their parts. Values are the core's, nondimensional; a switch is 0 or 1 and a choice its place in the
+// list of choices. The modes' rates and weights are handed over separately.
 #pragma once
 
 #include "loop.hpp"

@@ -37,7 +37,7 @@ bool bounded(const Motion<T>& motion) {
     return absolute(motion.position.x) + absolute(motion.position.y) < T(divergence_limit);
 }
 
-// 6  The gyroscope with nothing around it: what is measured is its motion, and what is asked for acts. That of a device that
+// 6  The gyroscope with nothing around it: what is measured is its motion, and what is asked for acts. That of a device
 // is not ideal: device_loop.hpp.
 template <Scalar T>
 struct IdealGyroscope {
@@ -108,8 +108,8 @@ struct Stepper {
         return {Gyroscope::start(setup)};
     }
 
-    // Every sample from this one to before `end`, or to where the motion diverges; the state is then before the one after.
-    // Calls observe(snapshot) at each. draw(n): what is drawn at the sample n.
+    // Every sample from this one to before `end`, or to where the motion diverges; the state is then before the one
+    // after. Calls observe(snapshot) at each. draw(n): what is drawn at the sample n.
     template <class Draw, class Observe>
     static void run(Pending& state, const Coefficients& c, std::int64_t end, Draw&& draw, Observe&& observe) {
         for (; state.step < end && bounded(state.motion); ++state.step) {
@@ -126,7 +126,8 @@ struct Stepper {
         state.signals = answer(state, c, draw);
         return state;
     }
-    // On to the next sample. Returns whether the motion is still bounded; if not, the rest of the state stays behind it.
+    // On to the next sample. Returns whether the motion is still bounded; if not, the rest of the state stays behind
+    // it.
     template <class Draw>
     static bool advance(State& state, const Coefficients& c, Draw&& draw) {
         Gyroscope::step(state, c.gyroscope, state.signals, state.step);

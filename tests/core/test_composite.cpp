@@ -208,7 +208,8 @@ TEST(ComposedOrder, TheHoldIsModelledToTheFourthOrder) {
 // With rows made of the measured mean velocity, D̂ is off by h σ²/(2 v²), here by some 0.1: ten standard deviations.
 TYPED_TEST(Composed, NoiseDoesNotBiasTheDamping) {
     using Law = CompositeAdaptation<TypeParam>;
-    // Such noise is told from the estimates' own errors only once they are trusted: early, with so wide a limit.
+    // Such noise is distinguished from the estimates' own errors only once they are trusted: early, with so wide a
+    // limit.
     const auto sensed = sense<TypeParam>({.noise = 3.0, .nominal = {.stiffness = {100, 0, 100}}}, 100'000);
     const auto found = sensed.estimates();
     const double sigma = std::sqrt(number(sensed.state.noise));
@@ -249,9 +250,10 @@ TYPED_TEST(Composed, LeastSquaresAreBelievedOnceTrustedAndForGood) {
         Law::update(late.state, late.coefficients, {}, {}, {}, {});  // at rest, where it is forgotten
     }
     EXPECT_EQ(late.trusted(), 0.0);
-    const Estimates<T> told = late.estimates(), believed = Law::control_estimates(late.state, late.coefficients, {});
-    EXPECT_EQ(number(believed.stiffness.xx), number(told.stiffness.xx));
-    EXPECT_EQ(number(believed.rate), number(told.rate));
+    const Estimates<T> reported = late.estimates(),
+                       believed = Law::control_estimates(late.state, late.coefficients, {});
+    EXPECT_EQ(number(believed.stiffness.xx), number(reported.stiffness.xx));
+    EXPECT_EQ(number(believed.rate), number(reported.rate));
 }
 
 // The deviation may be 1 % of the natural frequency, of which the mean of kxx and kyy is the square.

@@ -1,5 +1,5 @@
-// What a controller has to have, and that nothing else is asked of it: one that no list knows goes through all that takes
-// controllers.
+// What a controller has to have, and that nothing else is asked of it: one that no list knows goes through all that
+// takes controllers.
 #include "paper.hpp"
 #include "scalars.hpp"
 
@@ -161,7 +161,8 @@ static_assert(Resumable<PatientPd<double>> && measures_velocity<PatientPd<double
 static_assert(!measures_velocity<Guard<Observing<PatientPd<double>>>>);
 
 // A mass of 1 without springs, a step of 1, r = 0. With stiffness 1 and damping 3/2 it is at rest after two steps, from
-// anywhere: (4, 0) under -4 goes to 4 - 4/2 = 2 with velocity -4; under -(2 - 6) = 4 to 2 - 4 + 4/2 = 0 with velocity 0.
+// anywhere: (4, 0) under -4 goes to 4 - 4/2 = 2 with velocity -4; under -(2 - 6) = 4 to 2 - 4 + 4/2 = 0 with velocity
+// 0.
 template <Scalar T>
 SetupOf<typename Pd<T>::Params> free_mass() {
     SetupOf<typename Pd<T>::Params> setup;

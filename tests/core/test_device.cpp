@@ -179,8 +179,8 @@ TEST(VaryingPlant, AConstantDeviationOfTheRateIsThatRate) {
 }
 
 TEST(VaryingPlant, SeenFromAFrameThatIsSpunUpAFreeMassGoesStraightOn) {
-    // No springs, no force; in inertial space q = (1, 0) + t (0, 2). The frame turns by t²/2: its rate is t, at once 0.5 more
-    // after one unit of time.
+    // No springs, no force; in inertial space q = (1, 0) + t (0, 2). The frame turns by t²/2: its rate is t, at once
+    // 0.5 more after one unit of time.
     const PlantParams p{.initial_position = {1.0, 0.0}, .initial_velocity = {0.0, 2.0}};
     constexpr std::int64_t steps = 400;
     constexpr double h = 2.0 / steps;

@@ -260,7 +260,7 @@ TYPED_TEST(Guards, DampingAndRotationMayChangeTheVelocityAndTheRuleOfTheTrapezoi
 
 TYPED_TEST(Guards, OfASampleThatIsMissedTheNextTwoMayBeOffByWhatThePredictionMayBeAndNoMore) {
     using T = TypeParam;
-    // At the speed 4, by 0.5 a step, of which each may be off by a quarter: 0.125 beside what the prediction may be.
+    // At the speed 4, by 0.5 a step, of which each may be off by a quarter: 0.125 more than the prediction may be.
     const auto status_after = [](const Tuning& p, std::initializer_list<Motion<T>> samples) {
         Guarded<Linear<T>> guarded(p);
         guarded.step(motion<T>(-0.5, 0, 4, 0));

@@ -156,7 +156,7 @@ TEST(LaneKey, IsOneForOrdersOfAnyNumberOfModesAndAnotherForNone) {
     EXPECT_EQ(lane_key(of_order(0.0)), lane_key(of_order(1.0)));
 }
 
-// Runs that differ in a switch, their modes or their noise, in one call: each has the metrics that it has alone.
+// Runs that differ in a switch, their modes or their noise, in one call: each has the metrics of its own call.
 TEST(MeasureAll, RunsThatDifferDoNotDisturbEachOther) {
     std::vector<fracgyro::Setup> setups(4, paper(200));
     law(setups[0]).surface.modes = log_trapezoid(0.5, 1e-3, 0.2, 0.8);
@@ -178,8 +178,8 @@ TEST(MeasureAll, RunsThatDifferDoNotDisturbEachOther) {
     }
     const auto together = measured(all);
     for (std::size_t i = 0; i < all.size(); ++i) {
-        const auto alone = measured(std::span(all).subspan(i, 1));
-        EXPECT_EQ(std::memcmp(&alone[0], &together[i], sizeof alone[0]), 0) << i;
+        const auto single = measured(std::span(all).subspan(i, 1));
+        EXPECT_EQ(std::memcmp(&single[0], &together[i], sizeof single[0]), 0) << i;
     }
 }
 

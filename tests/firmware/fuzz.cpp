@@ -28,7 +28,7 @@ Answer answer(fracgyro_state& state, const fracgyro_motion& motion) {
     return a;
 }
 
-// How much of a report rests while no sample is believed: all but whether the rate is trusted, where that is told.
+// How much of a report rests while no sample is believed: all but whether the rate is trusted, where that is reported.
 template <class Report>
 constexpr std::size_t resting = sizeof(Report);
 template <class Report>

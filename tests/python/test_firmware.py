@@ -87,13 +87,13 @@ def test_every_kind_of_controller_answers_as_the_simulator_does(kind: str, numbe
         else:  # κ, a difference over a step, has some 1e-7/1e-3 of rounding error, which λ1 I^ν amplifies
             np.testing.assert_allclose(host.force, wanted, rtol=1e-2, atol=0.5)
     if kind == "composite":
-        told = ours.estimates
-        expected = [told.rate, told.rate_deviation, told.rate_trusted]
+        report = ours.estimates
+        expected = [report.rate, report.rate_deviation, report.rate_trusted]
         found = [host.report[name][0] for name in ("rate_estimate", "rate_deviation", "rate_trusted")]
         np.testing.assert_allclose(
-            found, expected, rtol=0, atol=0.0 if number == "double" else 0.1 * told.rate_deviation
+            found, expected, rtol=0, atol=0.0 if number == "double" else 0.1 * report.rate_deviation
         )
-        assert told.rate_trusted
+        assert report.rate_trusted
     if number == "double":
         assert list(np.hstack([np.array([]), *host.report.values()])) == list(ours._core.report)
 

@@ -85,8 +85,8 @@ def test_runs_of_kinds_that_report_different_things_are_recorded_together() -> N
     assert np.isnan(runs["bound_estimate"].values[[0, 2]]).all()
     assert np.isnan(runs["twisting_integral"].values[:2]).all()
     for i, scenario in enumerate(scenarios):
-        alone = fg.simulate(scenario)
-        for name, values in alone.data_vars.items():
+        separate = fg.simulate(scenario)
+        for name, values in separate.data_vars.items():
             np.testing.assert_array_equal(runs[name].values[i], values.values, err_msg=str(name))
 
 

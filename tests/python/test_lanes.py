@@ -81,11 +81,11 @@ def test_the_number_of_threads_changes_no_bit(lanes: int) -> None:
 def test_a_run_is_not_disturbed_by_those_beside_it(lanes: int) -> None:
     calm = [PAPER.replace({"disturbance.seed": seed}) for seed in range(lanes - 1)]
     wild = PAPER.replace({"controller.fractional_gain": 3000.0})
-    alone = measure(calm, lanes)
+    separate = measure(calm, lanes)
     beside = measure([wild, *calm], lanes)
     assert np.isfinite(beside[0, -1])  # diverged
     assert 0 < beside[0, -1] < 3.0
-    np.testing.assert_array_equal(beside[1:], alone)
+    np.testing.assert_array_equal(beside[1:], separate)
 
 
 @pytest.mark.parametrize("lanes", LANES)
@@ -95,8 +95,8 @@ def test_noise_drawn_once_for_many_runs_changes_no_bit(lanes: int) -> None:
         for order in np.linspace(0.1, 1.0, 11).tolist()
         for seed in range(3)
     ]
-    alone = [measure([scenario], lanes)[0] for scenario in scenarios]
-    np.testing.assert_array_equal(measure(scenarios, lanes, threads=2), alone)
+    separate = [measure([scenario], lanes)[0] for scenario in scenarios]
+    np.testing.assert_array_equal(measure(scenarios, lanes, threads=2), separate)
 
 
 def test_all_widths_agree() -> None:
@@ -202,9 +202,9 @@ def test_runs_that_differ_in_one_field_share_nothing_that_depends_on_it(field: s
     base, value = DIFFERENCES[field]
     pair = [SHORT.replace(base), SHORT.replace({**base, field: value})]
     for lanes in LANES:
-        alone = [measure([scenario], lanes, transient=0.1)[0] for scenario in pair]
-        assert not np.array_equal(*alone, equal_nan=True)  # NaN: not reported
-        np.testing.assert_array_equal(measure(pair * lanes, lanes, transient=0.1), alone * lanes)
+        separate = [measure([scenario], lanes, transient=0.1)[0] for scenario in pair]
+        assert not np.array_equal(*separate, equal_nan=True)  # NaN: not reported
+        np.testing.assert_array_equal(measure(pair * lanes, lanes, transient=0.1), separate * lanes)
 
 
 @pytest.mark.parametrize("field", WITHOUT_EFFECT)

@@ -779,8 +779,8 @@ def test_metrics_come_one_by_one_as_they_come_together() -> None:
     scenarios = mixed(9)
     together = fg.measure_many(scenarios, transient=0.1)
     for i, scenario in enumerate(scenarios):
-        alone = fg.measure_many([scenario], transient=0.1)
-        assert_same(alone, together.isel(run=[i]))
+        separate = fg.measure_many([scenario], transient=0.1)
+        assert_same(separate, together.isel(run=[i]))
 
 
 @pytest.mark.parametrize("every", [2, 7, 1000, 5000])

@@ -134,9 +134,9 @@ def test_a_run_with_faults_has_the_same_bits_on_every_face(number: Number, adapt
     compared = [channel.name for channel in answered(scenario)[1:]]
     host, rows, statuses = Host(tmp_path / "firmware", number), [], set()
     for x, y, vx, vy in motion.tolist():
-        told = host.report
+        report = host.report
         statuses.add(host.step((x, y), (vx, vy)))
-        rows.append([*host.force, *(number for name in compared for number in told[name])])
+        rows.append([*host.force, *(number for name in compared for number in report[name])])
     assert statuses >= {0, 3, 6, 7}
     expected = np.array(rows).astype(DTYPES[number])
     assert np.isfinite(expected).all()
@@ -224,10 +224,10 @@ def test_a_last_bit_and_the_sign_of_zero_are_differences() -> None:
 
 def refused(path: Path, *words: str) -> str:
     """The sentence."""
-    with pytest.raises(ValueError, match=r".") as told:
+    with pytest.raises(ValueError, match=r".") as report:
         CliRunner().invoke(cli, ["replay", str(path), "--target", "host", *words], catch_exceptions=False)
-    assert "\n" not in str(told.value)
-    return str(told.value).removeprefix(f"{path} ")
+    assert "\n" not in str(report.value)
+    return str(report.value).removeprefix(f"{path} ")
 
 
 def test_what_is_no_record_of_every_step_is_refused_in_one_sentence(short: Path, tmp_path: Path) -> None:
@@ -243,12 +243,12 @@ def test_what_is_no_record_of_every_step_is_refused_in_one_sentence(short: Path,
     write_run(run.isel(time=slice(1, None)), path)
     assert refused(path) == "lacks steps: its times must be 0, 0.001, and so on"
     base = fg.Scenario.paper().replace({"run.duration": 0.2})
-    for change, told in {
+    for change, report in {
         "run.record_every": "lacks steps: run.record_every is 4, and must be 1",
         "run.units": "is in units that rounded it: run.units is 'SI', and must be 'nondimensional'",
     }.items():
         write_run(fg.simulate(base.replace({change: 4 if change == "run.record_every" else "SI"})), path)
-        assert refused(path) == told
+        assert refused(path) == report
 
 
 def test_a_motion_that_firmware_takes_for_a_fault_is_no_difference_of_bits(short: Path, tmp_path: Path) -> None:
@@ -256,8 +256,8 @@ def test_a_motion_that_firmware_takes_for_a_fault_is_no_difference_of_bits(short
         run.load()
     run["velocity"].values[5, 0] = 1e7
     write_run(run, tmp_path / "wild.nc")
-    told = refused(tmp_path / "wild.nc")
-    assert told == "host takes the motion at step 5 for a fault of the sensor: status 3"
+    report = refused(tmp_path / "wild.nc")
+    assert report == "host takes the motion at step 5 for a fault of the sensor: status 3"
 
 
 @pytest.mark.parametrize(
@@ -275,5 +275,5 @@ def test_a_missing_program_is_named_with_what_installs_it(
     find = shutil.which
     there = set(compilers.PACKAGES) - {absent}
     monkeypatch.setattr(shutil, "which", lambda name: name if name in there else find(name) if name != absent else None)
-    told = refused(short, "--target", target)
-    assert told.startswith(f"{absent} is not found: install {package}")
+    report = refused(short, "--target", target)
+    assert report.startswith(f"{absent} is not found: install {package}")

@@ -1,4 +1,4 @@
-"""The gyroscope alone and the closed loop in parts: the samples of `simulate`, bit for bit."""
+"""The gyroscope by itself and the closed loop in parts: the samples of `simulate`, bit for bit."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import fracgyro as fg
 import numpy as np
 import pytest
 import xarray as xr
+from laws import by_numba
 
 SHORT = fg.Scenario.paper().replace({"run.duration": 1.0})
 DEVICE = {
@@ -158,16 +159,12 @@ def test_a_saved_state_resumes_bit_for_bit(scenario: fg.Scenario) -> None:
 
 
 def test_the_state_of_a_law_is_saved_with_it() -> None:
-    numba = pytest.importorskip("numba", reason="numba is not installed: pip install 'fracgyro[bench]'")
-    pointer = numba.types.CPointer(numba.types.double)
-
-    @numba.cfunc(numba.types.void(pointer, pointer, pointer, pointer))  # type: ignore[untyped-decorator]
     def law(given: Any, state: Any, p: Any, out: Any) -> None:
         for i in range(2):
             state[i] += given[1 + i] - given[5 + i]
             out[i] = -p[0] * state[i]
 
-    of = fg.native.Law(law, 2, {"ki": 1.0})
+    of = fg.native.Law(by_numba(law), 2, {"ki": 1.0})
     loop = fg.Loop(SHORT, of)
     loop.run(100)
     saved = loop.state
@@ -188,8 +185,9 @@ def test_no_other_state_is_taken() -> None:
             loop.state = bad
     with pytest.raises(ValueError, match=r"^state was saved by another version, or by a loop of another scenario"):
         fg.Loop(SHORT.replace({"controller.order": 0.8})).state = saved
+    number: Any = 3
     with pytest.raises(TypeError, match=r"^state is 3: it must be bytes"):
-        loop.state = 3  # type: ignore[assignment]
+        loop.state = number
     assert loop.state == saved
 
 

@@ -1,4 +1,4 @@
-"""What the faces outside Python are told of a scenario: every number, with its unit, range and meaning."""
+"""What the faces outside Python get of a scenario: every number, with its unit, range and meaning."""
 
 from __future__ import annotations
 
@@ -78,13 +78,13 @@ def test_no_number_of_the_core_is_left_out(tmp_path: Path) -> None:
     data = module_data(tmp_path)
     assert list(data["kinds"]) == list(KINDS)
     found_by_the_module = {"run.steps", "controller.order_gamma", "controller.mode_count", "controller.mode_error"}
-    for kind, told in data["kinds"].items():
+    for kind, described in data["kinds"].items():
         names = [number.name for number in numbers(kind)]
-        assert len(told["numbers"]) == len(names)
-        left_out = {name for name, said in zip(names, told["numbers"], strict=True) if said != name}
+        assert len(described["numbers"]) == len(names)
+        left_out = {name for name, said in zip(names, described["numbers"], strict=True) if said != name}
         assert left_out <= found_by_the_module
         assert set(names) - set(data["fields"]) == left_out | {"run.steps"}
-        assert [len(columns) for columns in told["reported"]] == [sum(c.width for c in cs) for cs in reports(kind)]
+        assert [len(columns) for columns in described["reported"]] == [sum(c.width for c in cs) for cs in reports(kind)]
 
 
 def test_units_are_those_of_the_equations() -> None:

@@ -210,7 +210,7 @@ WRONG = {
     "it must be 1 to 1000000000 times run.step",
     '{ "controller.terminal_exponent": 1 }': "controller.terminal_exponent is 1: it must be less than 1",
     '{ "controller.kind": "sliding" }': f"controller.kind is sliding: it must be one of {', '.join(KINDS)}",
-    '{ "controller.natural_frequency": 1 }': "controller.natural_frequency is no setting of the controller "
+    '{ "controller.natural_frequency": 1 }': "controller.natural_frequency is not a setting of the controller "
     "fractional_fast_terminal",
     '{ "controller.kind": "pid" }': "controller.natural_frequency is missing: it must be given",
     '{ "controller.adaptive": 1 }': "controller.adaptive is 1: it must be one of false, true",

@@ -109,7 +109,7 @@ def _report(channels: tuple[Channel, ...]) -> list[str]:
 
 
 def _controller(setup: _core.DeviceSetup, number: Number, capacity: int) -> list[str]:
-    """A type of its own, and not another name of one: what it is made of is in this file alone."""
+    """A type of its own, and not another name of one: what it is made of is only in this file."""
     kind, chosen = _core.chosen_type(setup)
     registered = f"fracgyro::RegisteredController<{number}, {kind}, {chosen}>"
     controller = f"fracgyro::SizedController<{registered}, {capacity}>::Type"

@@ -1,0 +1,15 @@
+"""Controllers as C functions, for the tests of those from outside."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+
+def by_numba(function: Callable[[Any, Any, Any, Any], None]) -> Any:
+    """The function (in, state, parameters, out), compiled. Skips the test where this Python has no Numba."""
+    numba = pytest.importorskip("numba", reason="this Python has no Numba, which the test extra asks for up to 3.14")
+    pointer = numba.types.CPointer(numba.types.double)
+    return numba.cfunc(numba.types.void(pointer, pointer, pointer, pointer))(function)
