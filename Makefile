@@ -77,6 +77,7 @@ bench: .venv/installed-bench .venv/installed-export
 	$(BIN)/python benchmarks/web.py
 	$(BIN)/python benchmarks/parity.py
 	$(BIN)/python benchmarks/firmware.py
+	$(BIN)/python benchmarks/outside.py
 	$(BIN)/python benchmarks/readme_picture.py
 
 # Inputs made at random: every one works or is refused in one sentence. One line for each fuzzer.

@@ -95,7 +95,7 @@ def main() -> None:
             "|---|---|---|",
             *(f"| {name} | {1e3 * median[name]:.1f} ms | {1e3 * best[name]:.1f} ms |" for name in runs),
             f"\nNumba's function takes {ratio:.2f} times the time of the built-in controller (median of the pairs).\n",
-            f"One call, from loops of {CALLS:,}; the controller is the PID, whose step in C++ is a few ns:\n",
+            f"One call, from loops of {CALLS:,}; the controller is the PID:\n",
             "| call | median | best |",
             "|---|---|---|",
             *(
