@@ -17,7 +17,7 @@ from pathlib import Path
 import fracgyro as fg
 import matplotlib
 import numpy as np
-from fracgyro.many import threads_available
+from fracgyro.simulation.many import threads_available
 from machine import command, machine, wrapped
 from scipy.special import betaincinv, stdtr, stdtrit
 

@@ -9,8 +9,8 @@ import math
 
 import fracgyro as fg
 import numpy as np
-from fracgyro.bounded import gain
-from fracgyro.shipped import shipped
+from fracgyro.scenario.bounded import gain
+from fracgyro.scenario.shipped import shipped
 from machine import write
 
 PAPER = fg.Scenario.paper()

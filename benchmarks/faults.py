@@ -21,9 +21,9 @@ import fracgyro as fg
 import numpy as np
 from fracgyro import _core
 from fracgyro.export.compilers import FLAGS, SOURCES, Number, include, system_compiler
-from fracgyro.kinds import KINDS
-from fracgyro.setup import core_setup
-from fracgyro.shipped import SHIPPED, shipped
+from fracgyro.scenario.kinds import KINDS
+from fracgyro.scenario.shipped import SHIPPED, shipped
+from fracgyro.scenario.to_core import core_setup
 from machine import command, machine, write
 
 BEGIN, END = 20.0, 60.0

@@ -22,7 +22,7 @@ from fracgyro import _core
 from fracgyro.export.compilers import Number, make
 from fracgyro.export.firmware import export_firmware
 from fracgyro.export.host import Host, rmse
-from fracgyro.setup import core_setup
+from fracgyro.scenario.to_core import core_setup
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "faces/firmware/measured.md"

@@ -7,7 +7,7 @@ import time
 
 import mpmath
 import numpy as np
-from fracgyro.fractional import Modes, design
+from fracgyro.fractional import ExponentialSum, design
 from machine import command, machine, on_one_core, write
 
 MINIMAX = {0.1: (8, 17, 26), 0.5: (11, 20, 29), 0.9: (12, 22, 31)}  # counts of minimax sets on [1e-3, 100]
@@ -17,7 +17,7 @@ WIDEST = 1e6
 LONGEST = [(order, 1e9, 1e-9) for order in (0.1, 0.5, 0.9, 0.999)]  # the longest runs at the smallest tolerance
 
 
-def timed(order: float, ratio: float, tolerance: float, repeats: int = 1) -> tuple[Modes, float]:
+def timed(order: float, ratio: float, tolerance: float, repeats: int = 1) -> tuple[ExponentialSum, float]:
     """The design, and the milliseconds of processor time it took: the median of `repeats`."""
     seconds = []
     for _ in range(repeats):
@@ -28,12 +28,12 @@ def timed(order: float, ratio: float, tolerance: float, repeats: int = 1) -> tup
     return modes, 1e3 * statistics.median(seconds)
 
 
-def true_error(modes: Modes) -> float:
+def true_error(modes: ExponentialSum) -> float:
     """In 40 digits, at both ends and where double precision sees the highest peaks."""
     grid = np.geomspace(modes.shortest, modes.longest, 4001)
-    seen = np.exp(-np.outer(grid, modes.rates)) @ modes.weights * grid**modes.order
+    seen = np.exp(-np.outer(grid, modes.poles)) @ modes.weights * grid**modes.order
     worst = grid[np.argsort(np.abs(seen * float(mpmath.gamma(1 - modes.order)) - 1))[-20:]]
-    pairs = [(mpmath.mpf(s), mpmath.mpf(w)) for s, w in zip(modes.rates.tolist(), modes.weights.tolist(), strict=True)]
+    pairs = [(mpmath.mpf(s), mpmath.mpf(w)) for s, w in zip(modes.poles.tolist(), modes.weights.tolist(), strict=True)]
     scale, order = mpmath.gamma(1 - mpmath.mpf(modes.order)), mpmath.mpf(modes.order)
     times = [mpmath.mpf(t) for t in (modes.shortest, modes.longest, *worst.tolist())]
     return float(max(abs(mpmath.fsum(w * mpmath.exp(-s * t) for s, w in pairs) * scale * t**order - 1) for t in times))
@@ -77,7 +77,7 @@ def main() -> None:
         modes, ms = timed(order, ratio, tolerance)
         took.append(ms)
         assert modes.error <= tolerance
-        assert min(modes.rates.min(), modes.weights.min()) > 0
+        assert min(modes.poles.min(), modes.weights.min()) > 0
         if i < CHECKED:
             bounds.append(modes.error)
             errors.append(true_error(modes))

@@ -77,9 +77,9 @@ def build(folder: Path) -> Path:
     return folder / "benchmark_loop"
 
 
-def core(program: Path, modes: fg.fractional.Modes) -> dict[str, float]:
+def core(program: Path, modes: fg.fractional.ExponentialSum) -> dict[str, float]:
     """What benchmark_loop prints, medians of three processes."""
-    pairs = zip(modes.rates.tolist(), modes.weights.tolist(), strict=True)
+    pairs = zip(modes.poles.tolist(), modes.weights.tolist(), strict=True)
     text = f"{modes.count}\n" + "\n".join(f"{s!r} {w!r}" for s, w in pairs)
     runs = [subprocess.run([program], input=text, text=True, capture_output=True, check=True) for _ in range(3)]
     printed = [json.loads(run.stdout) for run in runs]
@@ -101,17 +101,17 @@ def positions_of(loop: Callable[..., object], *arguments: object) -> np.ndarray:
     return np.asarray(loop(*arguments))[:, :2]
 
 
-def single_runs(noise: np.ndarray, ours: np.ndarray, modes: fg.fractional.Modes) -> list[Peer]:
+def single_runs(noise: np.ndarray, ours: np.ndarray, modes: fg.fractional.ExponentialSum) -> list[Peer]:
     """All peers that make one run, fastest first."""
     count = len(noise)
     peers = []
     record = np.zeros((count, modes_numba.WIDTH))
     for fastmath in (False, True):
-        loop = modes_numba.make(count, modes.rates, modes.weights, fastmath)
+        loop = modes_numba.make(count, modes.poles, modes.weights, fastmath)
         name = f"numba, {modes.count} modes, every channel, fastmath {'on' if fastmath else 'off'}"
         run = partial(positions_of, loop, noise, record)
         peers.append(Peer(name, run, run, SAME_OPERATOR, 9, calls=9))
-    scan, given = jax_loop.make_scan(count, modes.rates, modes.weights), jax.numpy.asarray(noise)
+    scan, given = jax_loop.make_scan(count, modes.poles, modes.weights), jax.numpy.asarray(noise)
     run = partial(positions_of, scan, given)
     peers.append(Peer(f"JAX scan, {modes.count} modes", run, run, SAME_OPERATOR, 5, calls=3))
     for library, compiled in (("numba", numba.njit), ("NumPy", lambda function: function)):
@@ -169,7 +169,7 @@ def check(peer: Peer, positions: np.ndarray, ours: np.ndarray) -> None:
         assert value <= limit, f"{peer.name}: {what} differ by {value:.2g} from ours, allowed is {limit:g}"
 
 
-def batch(modes: fg.fractional.Modes, rounds: int, runs: int) -> dict[str, object]:
+def batch(modes: fg.fractional.ExponentialSum, rounds: int, runs: int) -> dict[str, object]:
     """`runs` runs on this one processor without keeping trajectories: ours and JAX's vmap."""
     scenario, seeds = fg.Scenario.paper(), list(range(runs))
     parts = [
@@ -177,7 +177,7 @@ def batch(modes: fg.fractional.Modes, rounds: int, runs: int) -> dict[str, objec
     ]
     noise = jax.numpy.asarray(np.concatenate(parts))
     del parts
-    vmapped = jax_loop.make_batch(STEPS + 1, modes.rates, modes.weights, TRANSIENT)
+    vmapped = jax_loop.make_batch(STEPS + 1, modes.poles, modes.weights, TRANSIENT)
     compiling = stopwatch(lambda: vmapped.lower(noise).compile())
     metrics = fg.measure_many([scenario], seeds=seeds, transient=TRANSIENT)
     ours = metrics["rmse"].sel(window=["whole", "steady"]).transpose("run", "window", "axis").values

@@ -14,9 +14,9 @@ from fracgyro import _core
 from fracgyro.export.compilers import Number, compiler
 from fracgyro.export.replay import Difference, first_difference, load, parity_hash
 from fracgyro.export.targets import Target, answers
-from fracgyro.paper.reproduce import write_run
 from fracgyro.selfcheck import PUBLISHED, SCENARIO
-from fracgyro.simulate import simulate
+from fracgyro.simulation.dataset import write_run
+from fracgyro.simulation.simulate import simulate
 from machine import command, machine, write
 
 

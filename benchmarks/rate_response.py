@@ -13,10 +13,10 @@ from pathlib import Path
 import fracgyro as fg
 import numpy as np
 import xarray as xr
-from fracgyro.rate.figures import gain_and_lag, response
+from fracgyro.analysis.style import own_style
+from fracgyro.rate.merit import gain_and_lag, response
 from fracgyro.rate.units import DEG_PER_S
-from fracgyro.shipped import shipped
-from fracgyro.style import own_style
+from fracgyro.scenario.shipped import shipped
 from machine import command, machine, write
 from matplotlib.figure import Figure
 from numpy.typing import NDArray

@@ -11,15 +11,15 @@ from pathlib import Path
 
 import fracgyro as fg
 import numpy as np
+from fracgyro.analysis.style import own_style
 from fracgyro.rate.allan import allan
-from fracgyro.rate.characterise import WITHIN, Characterisation, measure
-from fracgyro.rate.figures import static
+from fracgyro.rate.measure import WITHIN, Characterisation, measure
+from fracgyro.rate.merit import static
 from fracgyro.rate.report import value_of
 from fracgyro.rate.results import results, short
 from fracgyro.rate.runs import Sensor
 from fracgyro.rate.units import DEG_PER_H, DEG_PER_ROOT_H, PERCENT, PPM
-from fracgyro.shipped import shipped
-from fracgyro.style import own_style
+from fracgyro.scenario.shipped import shipped
 from machine import command, machine, write
 from matplotlib.figure import Figure
 
@@ -37,7 +37,7 @@ KEYS = [
     "angle_random_walk",
     "bandwidth",
     "full_scale",
-    "start_up_time",
+    "turn_on_time",
     "quadrature_residual",
 ]
 COLOURS = ["#E69F00", "#0072B2", "#009E73", "#CC79A7"]

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import fracgyro as fg
 import xarray as xr
+from fracgyro.analysis.style import COLORS, PAGE, own_style
 from fracgyro.files import whole_file
-from fracgyro.plot import COLOURS
-from fracgyro.style import PAGE, own_style
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -37,7 +36,7 @@ def draw(path: Path) -> None:
 
 def draw_tracking(panel: Axes, run: xr.Dataset) -> None:
     for i, axis in enumerate(("x", "y")):
-        panel.plot(1e3 * run["time"], 1e6 * run["position"][:, i], color=COLOURS[i], linewidth=1.2, label=axis)
+        panel.plot(1e3 * run["time"], 1e6 * run["position"][:, i], color=COLORS[i], linewidth=1.2, label=axis)
         panel.plot(1e3 * run["time"], 1e6 * run["reference"][:, i], label="reference" if i else "", **BLACK)
     panel.set(ylabel="position (µm)", title="The mass follows its reference", ylim=(-1.2, 1.7))
     panel.legend(loc="upper right", ncols=3)
@@ -45,8 +44,8 @@ def draw_tracking(panel: Axes, run: xr.Dataset) -> None:
 
 def draw_rate(panel: Axes, run: xr.Dataset) -> None:
     times, estimate, band = 1e3 * run["time"], run["rate_estimate"], 2 * run["rate_deviation"]
-    panel.fill_between(times, estimate - band, estimate + band, color=COLOURS[0], alpha=0.25, linewidth=0)
-    panel.plot(times, estimate, color=COLOURS[0], linewidth=1.2, label="estimate ± 2σ")
+    panel.fill_between(times, estimate - band, estimate + band, color=COLORS[0], alpha=0.25, linewidth=0)
+    panel.plot(times, estimate, color=COLORS[0], linewidth=1.2, label="estimate ± 2σ")
     panel.axhline(SCENARIO.plant.angular_rate, label="truth", **BLACK)
     panel.set(ylabel="angular rate (rad/s)", title="The angular rate is estimated", ylim=(90, 110))
     panel.legend(loc="upper right", ncols=2)

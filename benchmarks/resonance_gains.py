@@ -7,10 +7,10 @@ import time
 
 import fracgyro as fg
 import numpy as np
-from fracgyro.rate.figures import start_up_time
+from fracgyro.rate.merit import turn_on_time
 from fracgyro.rate.runs import Sensor
 from fracgyro.rate.units import DEG_PER_S
-from fracgyro.shipped import shipped
+from fracgyro.scenario.shipped import shipped
 from machine import command, machine, write
 
 NAME = "paper_resonance"
@@ -41,7 +41,7 @@ def cell(scenario: fg.Scenario) -> str:
     steady = output.settled().rate
     off = DEG_PER_S.of(float(steady.mean()) - RATE)
     spread = DEG_PER_S.of(float(np.sqrt(steady.var(axis=1).mean())))
-    start = 1e3 * start_up_time(output.time, output.rate)
+    start = 1e3 * turn_on_time(output.time, output.rate)
     started = f"{start:.0f} ms" if math.isfinite(start) else "never"
     return f"{off:+.3g} ± {spread:.2g}, {started}"
 

@@ -18,11 +18,12 @@ from typing import NamedTuple, get_args
 
 import fracgyro as fg
 import numpy as np
-from fracgyro import _core, kinds
+from fracgyro import _core
 from fracgyro.export.compilers import FLAGS, SOURCES, Number, include, system_compiler
 from fracgyro.files import whole_file
-from fracgyro.setup import core_setup
-from fracgyro.shipped import SHIPPED, shipped
+from fracgyro.scenario import kinds
+from fracgyro.scenario.shipped import SHIPPED, shipped
+from fracgyro.scenario.to_core import core_setup
 from machine import wrapped
 
 HERE = Path(__file__).parent

@@ -13,7 +13,7 @@ from pathlib import Path
 import fracgyro as fg
 from fracgyro import _core
 from fracgyro.export.web import build
-from fracgyro.setup import core_setup
+from fracgyro.scenario.to_core import core_setup
 from machine import machine, write
 
 RUN = """

@@ -9,14 +9,16 @@ Equation numbers throughout are those of Complexity 2020, article 8542961; EQUAT
 
 from importlib.metadata import version
 
-from . import fractional, metrics, native
+from . import fractional
 from ._core import Motion, Sample
-from .controller import Controller
-from .measure import measure_many
-from .outside import ControllerError
-from .plant import Loop, Plant
+from .analysis import metrics
 from .scenario import Scenario, ScenarioError
-from .simulate import DivergedError, simulate, simulate_many
+from .simulation import native
+from .simulation.controller import Controller
+from .simulation.measure import measure_many
+from .simulation.outside import ControllerError
+from .simulation.plant import Loop, Plant
+from .simulation.simulate import DivergedError, simulate, simulate_many
 
 __version__ = version("fracgyro")
 __all__ = [

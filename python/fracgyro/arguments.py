@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .scenario import Scenario
-
 NO_NUMBERS = (str, bytes, bytearray, memoryview, np.ma.MaskedArray)
 
 
@@ -21,12 +19,6 @@ def short(value: object) -> str:
     except ValueError:  # an integer of more digits than Python prints
         return "too long a number"
     return text if len(text) <= 80 else f"{text[:77]}..."
-
-
-def check_scenario(scenario: object) -> None:
-    """Raises TypeError unless it is one."""
-    if not isinstance(scenario, Scenario):
-        raise TypeError(f"scenario is {short(scenario)}: it must be a Scenario")
 
 
 def real(name: str, value: object) -> float:

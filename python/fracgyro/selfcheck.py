@@ -22,7 +22,7 @@ from .export.compilers import Number
 from .export.replay import parity_hash
 from .export.targets import MOTION, answered, answers
 from .scenario import Scenario
-from .simulate import simulate
+from .simulation.simulate import simulate
 
 SCENARIO = Scenario.paper().replace({"run.duration": 100.0})
 PUBLISHED: Mapping[Number, str] = {

@@ -1,5 +1,5 @@
-// Metrics of one run gathered while it runs, in constant memory. python/fracgyro/metrics.py defines the same quantities
-// on recorded runs; a test compares the two.
+// Metrics of one run gathered while it runs, in constant memory. python/fracgyro/analysis/metrics.py defines the same
+// quantities on recorded runs; a test compares the two.
 #pragma once
 
 #include "loop.hpp"

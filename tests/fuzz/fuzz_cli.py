@@ -23,7 +23,7 @@ import mutate
 from fracgyro.cli import main
 from fracgyro.export import fmu
 from fracgyro.paper import reproduce
-from fracgyro.scenario import paths
+from fracgyro.scenario.sentences import paths
 
 STUDY = '[fixed]\nrun.duration = 0.02\n[vary]\ncontroller.kind = ["linear", "fractional"]\n'
 SCENARIOS = ["good.toml", "any.toml", "link.toml", "line\nbreak.toml", "\udcff.toml", "empty", "any.nc"]  # may be valid

@@ -15,8 +15,8 @@ import harness
 import mutate
 from fracgyro.export.firmware import coefficients_header
 from fracgyro.export.web import export
-from fracgyro.scenario import paths
-from fracgyro.shipped import SHIPPED, shipped_text
+from fracgyro.scenario.sentences import paths
+from fracgyro.scenario.shipped import SHIPPED, shipped_text
 
 STEPS = 100  # of a run: what else the scenario asks for takes longer, not another way
 

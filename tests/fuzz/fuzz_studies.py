@@ -22,15 +22,14 @@ from typing import Any
 import fracgyro as fg
 import harness
 import mutate
-from fracgyro.scenario import paths
-from fracgyro.study import blocks, design
-from fracgyro.study.criteria import measure
-from fracgyro.study.folder import Folder
-from fracgyro.study.metric_names import METRICS
-from fracgyro.study.optimiser import choose, front, opened
-from fracgyro.study.sweep import sweep
+from fracgyro.analysis.metric_names import METRICS
+from fracgyro.scenario.sentences import paths
+from fracgyro.study.sweep import blocks, design, sweep
+from fracgyro.study.sweep.block_files import BlockFiles
 from fracgyro.study.tune import tune
-from fracgyro.study.tuning import read_tuning
+from fracgyro.study.tune.criteria import measure
+from fracgyro.study.tune.plan import read_tuning
+from fracgyro.study.tune.search import choose, front, opened
 
 # A larger study takes longer, not another way.
 design.MOST_POINTS = 500
@@ -128,11 +127,11 @@ def _sweep(body: bytes, folder: Path) -> None:
     plan = design.read_plan(path)
     work = blocks.blocks(plan)
     if plan.runs > FEW or sum(scenario.run.steps for scenario in plan.scenarios) > SHORT:
-        Folder(folder / "out", plan, work, resume=False)
+        BlockFiles(folder / "out", plan, work, resume=False)
     elif _often(body):
         sweep(path, folder / "out")
     else:
-        there = Folder(folder / "out", plan, work, resume=False)
+        there = BlockFiles(folder / "out", plan, work, resume=False)
         there.write(work[0], work[0].measure())
         assert there.finished(work[0])
 
@@ -242,7 +241,7 @@ def _sweep_folder(body: bytes, folder: Path) -> None:
     finished, plan, work = _finished_sweep()
     shutil.copytree(finished / "out", folder / "out")
     _apply(json.loads(body), folder / "out")
-    there = Folder(folder / "out", plan, work, resume=True)
+    there = BlockFiles(folder / "out", plan, work, resume=True)
     for block in work:
         if not there.finished(block):
             there.write(block, block.measure())

@@ -13,7 +13,7 @@ from fracgyro.export import web
 from fracgyro.export.firmware import coefficients_header
 from fracgyro.export.settings import core_modes, core_numbers
 from fracgyro.export.units import base_unit
-from fracgyro.study.design import read_plan
+from fracgyro.study.sweep.design import read_plan
 
 found: dict[str, str] = {}
 

@@ -15,7 +15,7 @@ import pytest
 from click.testing import CliRunner
 from fracgyro import _core, selfcheck
 from fracgyro.cli import cli
-from fracgyro.setup import core_setup
+from fracgyro.scenario.to_core import core_setup
 from numpy._core._multiarray_umath import __cpu_dispatch__, __cpu_features__
 
 # Prints a hash of everything that has promised bits, by name.

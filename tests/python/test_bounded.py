@@ -16,12 +16,12 @@ import numpy as np
 import pytest
 import xarray as xr
 from click.testing import CliRunner
-from fracgyro.bounded import check_bounded, gain, is_bounded
 from fracgyro.cli import cli
 from fracgyro.export import fmu, web
 from fracgyro.export.firmware import coefficients_header, export_firmware
-from fracgyro.shipped import COMMON, SHIPPED, shipped, shipped_text
-from fracgyro.table import toml_value
+from fracgyro.scenario.bounded import check_bounded, gain, is_bounded
+from fracgyro.scenario.shipped import COMMON, SHIPPED, shipped, shipped_text
+from fracgyro.scenario.table import toml_value
 
 ROOT = Path(__file__).resolve().parents[2]
 PAPER = fg.Scenario.paper()
@@ -218,7 +218,9 @@ def test_a_limit_without_a_layer_is_refused() -> None:
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_every_shipped_scenario_has_what_hardware_needs(name: str) -> None:
-    common = fg.Scenario.from_toml((ROOT / f"python/fracgyro/scenarios/{COMMON}.toml").read_text(encoding="utf-8"))
+    common = fg.Scenario.from_toml(
+        (ROOT / f"python/fracgyro/scenario/shipped/{COMMON}.toml").read_text(encoding="utf-8")
+    )
     scenario = shipped(name)
     assert is_bounded(scenario)
     text = shipped_text(name)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from fracgyro import _core
-from fracgyro.setup import core_setup
+from fracgyro.scenario.to_core import core_setup
 from test_loop import QUIET, assert_agrees, sharp
 
 COMPOSITE = {"adaptation.kind": "composite"}

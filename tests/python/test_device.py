@@ -17,9 +17,9 @@ import xarray as xr
 from fracgyro import _core
 from fracgyro.export import web
 from fracgyro.export.fmu import export as export_fmu
-from fracgyro.kinds import DEVICE_CHANNELS
 from fracgyro.scenario import Scenario, ScenarioError
-from fracgyro.setup import core_setup
+from fracgyro.scenario.kinds import DEVICE_CHANNELS
+from fracgyro.scenario.to_core import core_setup
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline

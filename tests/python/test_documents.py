@@ -20,8 +20,8 @@ import matplotlib
 import pytest
 from fracgyro.cli import cli
 from fracgyro.export.compilers import include, system_compiler
-from fracgyro.table import toml_value
-from fracgyro.tables import ERRATA_SWITCHES
+from fracgyro.scenario.schema import ERRATA_SWITCHES
+from fracgyro.scenario.table import toml_value
 
 ROOT = Path(__file__).resolve().parents[2]
 GENERATED = {"build", "out", "node_modules"}

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fracgyro.paper.statistics import mean_interval
-from fracgyro.study import effects
+from fracgyro.analysis.confidence import mean_interval
+from fracgyro.study.sweep import effects
 from test_sweep import rows_of
 
 SAMPLE = '[design]\nkind = "random"\npoints = 4\n[vary]\ncontroller.order = { low = 0.2, high = 0.4 }\n'

@@ -25,8 +25,8 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"  # of many cores it would reserve the r
 resource.setrlimit(resource.RLIMIT_AS, (4 * 2**30,) * 2)
 import fracgyro as fg
 from fracgyro.export.replay import load
-from fracgyro.study.design import read_plan
-from fracgyro.study.tuning import read_tuning
+from fracgyro.study.sweep.design import read_plan
+from fracgyro.study.tune.plan import read_tuning
 
 named = sys.argv[1]
 for read in (read_plan, read_tuning):

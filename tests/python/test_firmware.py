@@ -14,14 +14,15 @@ import numpy as np
 import pytest
 from children import PATIENCE
 from embedded import STRICT, need
-from fracgyro import _core, kinds
+from fracgyro import _core
 from fracgyro.export.compilers import Number, compiler, make
 from fracgyro.export.firmware import export_firmware
 from fracgyro.export.host import SCALARS, Host, flags, plant_of, rmse
 from fracgyro.export.replay import first_difference
 from fracgyro.export.settings import columns
 from fracgyro.export.targets import BOARDS, DTYPES, EMULATOR
-from fracgyro.setup import core_setup, guard
+from fracgyro.scenario import kinds
+from fracgyro.scenario.to_core import core_setup, guard
 
 ROOT = Path(__file__).resolve().parents[2]
 PAPER = fg.Scenario.paper().replace({"controller.switching_limit": 0.5})
@@ -342,7 +343,7 @@ def test_a_fault_on_the_way_changes_no_bit_between_processors_and_compilers(
 
 
 def test_in_single_precision_a_constant_reaches_its_exact_answer_and_stays_there_for_ten_million_steps() -> None:
-    from fracgyro.setup import core_modes
+    from fracgyro.fractional.kernel import core_modes
 
     steps = 10_000_000
     modes = core_modes(0.9, 1e-3, 80.0, 1e-6)  # the paper's; the slowest has s h = 1e-6 and is settled at the end

@@ -20,7 +20,7 @@ from fmpy.validation import validate_fmu
 from fracgyro.cli import cli
 from fracgyro.export import settings
 from fracgyro.export.fmu import FMI2_FOLDERS, Content, Fmi, export
-from fracgyro.kinds import KINDS, LOOP_CHANNELS, reports
+from fracgyro.scenario.kinds import KINDS, LOOP_CHANNELS, reports
 
 SHORT = fg.Scenario.paper().replace({"run.duration": 2.0, "controller.switching_limit": 0.5})
 SI = SHORT.replace(

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import mpmath
 import numpy as np
 import pytest
-from fracgyro import full_history
+from fracgyro.fractional import full_history
 from scipy.special import gamma, gammainc
 
 ORDERS = [0.1, 0.5, 0.9]

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 import pytest
-from fracgyro.study.criteria import Constraint, Measured, Objective
-from fracgyro.study.hold_out import Compared, Constrained, _compared, _constrained, _objected
+from fracgyro.study.tune.criteria import Constraint, Measured, Objective
+from fracgyro.study.tune.hold_out import Compared, Constrained, _compared, _constrained, _objected
 
 SPREAD = np.linspace(-1.0, 1.0, 20)  # of a mean the interval is ±0.2916
 NONE = np.zeros(20, dtype=bool)

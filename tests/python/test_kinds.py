@@ -5,8 +5,8 @@ from __future__ import annotations
 import fracgyro as fg
 import numpy as np
 import pytest
-from fracgyro.kinds import KINDS, fields_of, numbers
 from fracgyro.scenario import Scenario, ScenarioError
+from fracgyro.scenario.kinds import KINDS, fields_of, numbers
 
 PAPER = Scenario.paper()
 QUIET = {"disturbance.kind": "none", "disturbance.hold": None, "disturbance.standard_deviation": None}

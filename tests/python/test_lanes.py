@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from fracgyro import _core
-from fracgyro.setup import core_setup
+from fracgyro.scenario.to_core import core_setup
 
 PAPER = fg.Scenario.paper().replace({"run.duration": 3.0})
 LANES = _core.lane_counts()

@@ -5,6 +5,8 @@ from __future__ import annotations
 import ast
 import importlib
 import re
+from collections.abc import Mapping
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -156,6 +158,109 @@ def imported(path: Path) -> set[str]:
 @pytest.mark.parametrize("path", sorted((ROOT / "python").rglob("*.py")), ids=name)
 def test_the_package_imports_nothing_that_is_not_installed_with_it(path: Path) -> None:
     assert not imported(path) & {"tests", "benchmarks", "pytest", "hypothesis", "mpmath", "numba", "conftest"}
+
+
+# The rooms of the Python package from the ground up. A room imports itself and what stands in lines before its own.
+ROOMS = [
+    ["_core", "files", "arguments"],
+    ["fractional"],
+    ["scenario"],
+    ["simulation"],
+    ["analysis"],
+    ["export", "paper", "rate", "study"],
+    ["study.sweep", "study.tune"],
+    ["selfcheck"],
+    ["cli"],
+    ["", "__main__"],  # what `import fracgyro` and `python -m fracgyro` run
+]
+
+
+def package() -> dict[str, set[str]]:
+    """The modules that each module of the package imports, a package's own by the package's name."""
+    paths = {"_core": ROOT / "python/fracgyro/_core.pyi"}
+    for path in sorted((ROOT / "python/fracgyro").rglob("*.py")):
+        parts = path.relative_to(ROOT / "python/fracgyro").with_suffix("").parts
+        paths[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return {
+        module: imported_of(path.read_text(encoding="utf-8"), module, path.stem == "__init__", set(paths))
+        for module, path in paths.items()
+    }
+
+
+def imported_of(text: str, module: str, is_package: bool, known: set[str]) -> set[str]:
+    """Wherever an import stands: in a function and under TYPE_CHECKING, too."""
+    found = set()
+    here = module.split(".") if module else []
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            names = [alias.name.partition("fracgyro.") for alias in node.names]
+            found |= {rest for before, own, rest in names if own and not before}
+            continue
+        if not isinstance(node, ast.ImportFrom):
+            continue
+        if node.level:
+            base = here[: len(here) - node.level + is_package]
+        elif str(node.module).partition(".")[0] == "fracgyro":
+            base = []
+        else:
+            continue
+        inner = str(node.module or "").removeprefix("fracgyro").removeprefix(".") if not node.level else node.module
+        target = ".".join([*base, *([inner] if inner else [])])
+        for alias in node.names:
+            deeper = f"{target}.{alias.name}" if target else alias.name
+            found.add(deeper if deeper in known else target)
+    return found
+
+
+def room_of(module: str) -> str:
+    """The room that is named most exactly."""
+    rooms = [room for line in ROOMS for room in line]
+    return max((room for room in rooms if room and f"{module}.".startswith(f"{room}.")), key=len, default=module)
+
+
+def circle(modules: Mapping[str, set[str]]) -> list[str]:
+    """Modules of which each imports the one before it; none if there are no such."""
+    try:
+        TopologicalSorter(modules).prepare()
+    except CycleError as error:
+        return list(error.args[1])
+    return []
+
+
+def test_imports_are_seen_wherever_they_stand() -> None:
+    text = """
+from __future__ import annotations
+import numpy
+import fracgyro.files
+from fracgyro import arguments
+from typing import TYPE_CHECKING
+if TYPE_CHECKING:
+    from . import charts
+def late():
+    from ..scenario.table import Table
+    from .. import metrics
+"""
+    known = {"files", "arguments", "rate", "rate.charts", "scenario.table"}
+    found = imported_of(text, "rate.report", False, known)
+    assert found == {"files", "arguments", "rate.charts", "scenario.table", ""}  # metrics is no module: the package's
+    assert imported_of("from .run import sweep", "study.sweep", True, {"study.sweep.run"}) == {"study.sweep.run"}
+    assert imported_of("from .allan import a", "rate.bound", False, {"rate.allan"}) == {"rate.allan"}
+
+
+def test_no_modules_of_the_package_import_one_another_in_a_circle() -> None:
+    assert circle({"a": {"b"}, "b": {"c"}, "c": {"a"}})
+    modules = package()
+    assert "study.sweep.run" in modules["cli.study"], "the imports are not read"
+    assert circle(modules) == []
+
+
+def test_rooms_of_the_package_import_only_rooms_below() -> None:
+    floor = {room: level for level, line in enumerate(ROOMS) for room in line}
+    for module, targets in package().items():
+        for target in targets:
+            mine, theirs = room_of(module), room_of(target)
+            assert mine in floor, f"{mine} is no room of ROOMS"
+            assert mine == theirs or floor[theirs] < floor[mine], f"{module} imports {target}"
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "benchmarks").glob("*.py")), ids=name)

@@ -19,8 +19,8 @@ import numpy as np
 import oracle
 import pytest
 import xarray as xr
-from fracgyro.kinds import ENTRIES
-from fracgyro.setup import core_setup
+from fracgyro.scenario.kinds import ENTRIES
+from fracgyro.scenario.to_core import core_setup
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
@@ -743,7 +743,7 @@ def test_many_runs_equal_single_runs_bit_for_bit_in_any_order() -> None:
 def test_the_number_of_threads_changes_nothing(threads: int, monkeypatch: pytest.MonkeyPatch) -> None:
     scenarios = mixed(7)
     expected = fg.simulate_many(scenarios), fg.measure_many(scenarios, transient=0.2)
-    monkeypatch.setattr(sys.modules["fracgyro.simulate"], "threads_available", lambda: threads)
+    monkeypatch.setattr(sys.modules["fracgyro.simulation.simulate"], "threads_available", lambda: threads)
     assert_same(fg.simulate_many(scenarios), expected[0])
     assert_same(fg.measure_many(scenarios, transient=0.2), expected[1])
 

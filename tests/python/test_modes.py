@@ -9,20 +9,21 @@ import re
 import mpmath
 import numpy as np
 import pytest
-from fracgyro import _core, modes
+from fracgyro import _core
+from fracgyro.fractional import ExponentialSum, design
 from fracgyro.scenario import Scenario
-from fracgyro.setup import core_setup
-from fracgyro.tables import MOST_STEPS
+from fracgyro.scenario.schema import MOST_STEPS
+from fracgyro.scenario.to_core import core_setup
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 
-def relative_error(found: modes.Modes, times: np.ndarray) -> np.ndarray:
+def relative_error(found: ExponentialSum, times: np.ndarray) -> np.ndarray:
     kernel = times**-found.order / math.gamma(1.0 - found.order)
-    return np.exp(-np.outer(times, found.rates)) @ found.weights / kernel - 1.0
+    return np.exp(-np.outer(times, found.poles)) @ found.weights / kernel - 1.0
 
 
-def sampled_error(found: modes.Modes, samples: int = 4001) -> float:
+def sampled_error(found: ExponentialSum, samples: int = 4001) -> float:
     return float(np.abs(relative_error(found, np.geomspace(found.shortest, found.longest, samples))).max())
 
 
@@ -36,7 +37,7 @@ def sampled_error(found: modes.Modes, samples: int = 4001) -> float:
     ],
 )  # fmt: skip
 def test_as_few_modes_as_the_best_possible_set_hold_the_tolerance(order: float, tolerance: float, fewest: int) -> None:
-    found = modes.design(order, 1e-3, 100.0, tolerance)
+    found = design(order, 1e-3, 100.0, tolerance)
     assert found.count <= fewest
     assert found.error <= tolerance
 
@@ -44,7 +45,7 @@ def test_as_few_modes_as_the_best_possible_set_hold_the_tolerance(order: float, 
 @pytest.mark.parametrize("order", [0.1, 0.5, 0.9])
 def test_the_error_alternates_twice_per_mode_so_no_set_of_that_size_is_much_better(order: float) -> None:
     # de la Vallee-Poussin: with 2n+1 alternations no n modes can beat the least of the peaks.
-    found = modes.design(order, 1e-3, 100.0, 1e-6)
+    found = design(order, 1e-3, 100.0, 1e-6)
     error = relative_error(found, np.geomspace(found.shortest, found.longest, 20001))
     lobes = np.split(error, np.flatnonzero(np.diff(np.sign(error))) + 1)
     peaks = [np.abs(lobe).max() for lobe in lobes]
@@ -59,9 +60,9 @@ def test_the_error_alternates_twice_per_mode_so_no_set_of_that_size_is_much_bett
 def test_the_certified_error_bounds_forty_digit_arithmetic_closely(
     order: float, ratio: float, tolerance: float
 ) -> None:
-    found = modes.design(order, 1e-3, 1e-3 * ratio, tolerance)
+    found = design(order, 1e-3, 1e-3 * ratio, tolerance)
     with mpmath.workdps(40):
-        rates, weights = map(mpmath.mpf, found.rates), map(mpmath.mpf, found.weights)
+        rates, weights = map(mpmath.mpf, found.poles), map(mpmath.mpf, found.weights)
         pairs = list(zip(rates, weights, strict=True))
         scale = mpmath.gamma(1 - mpmath.mpf(order))
         # Both ends, and the neighbourhoods of the highest peaks seen in double precision.
@@ -83,11 +84,11 @@ def test_the_certified_error_bounds_forty_digit_arithmetic_closely(
 def test_every_design_is_positive_ascending_and_within_its_certified_error(
     order: float, decades: float, digits: float, shortest: float
 ) -> None:
-    found = modes.design(order, shortest, shortest * 10.0**decades, 10.0**-digits)
-    assert len(found.rates) == len(found.weights) == found.count >= 1
-    assert (found.rates > 0).all()
+    found = design(order, shortest, shortest * 10.0**decades, 10.0**-digits)
+    assert len(found.poles) == len(found.weights) == found.count >= 1
+    assert (found.poles > 0).all()
     assert (found.weights > 0).all()
-    assert (np.diff(found.rates) > 0).all()
+    assert (np.diff(found.poles) > 0).all()
     assert found.error <= found.tolerance
     assert sampled_error(found) <= found.error + 1e-13  # the allowance is for the sampling's own rounding
 
@@ -95,40 +96,40 @@ def test_every_design_is_positive_ascending_and_within_its_certified_error(
 @pytest.mark.parametrize("order", [1e-12, 1e-4, 1 - 1e-4, 1 - 2**-53])
 @pytest.mark.parametrize("ratio", [1 + 1e-12, 1.5, 1e10])
 def test_orders_and_ranges_at_the_limits_still_give_certified_modes(order: float, ratio: float) -> None:
-    found = modes.design(order, 1.0, ratio, 1e-6)
+    found = design(order, 1.0, ratio, 1e-6)
     assert sampled_error(found) <= found.error + 1e-13 <= 1.001e-6
 
 
 def test_a_nearly_empty_range_needs_a_single_mode() -> None:
-    assert modes.design(0.5, 1.0, 1.001, 1e-6).count == 1
+    assert design(0.5, 1.0, 1.001, 1e-6).count == 1
 
 
 def test_a_change_of_the_unit_of_time_scales_rates_and_weights() -> None:
     order, unit = 0.7, 1024.0  # a power of two: the ratio of the range is the same number
-    base = modes.design(order, 1.0, 1e4, 1e-7)
-    scaled = modes.design(order, unit, unit * 1e4, 1e-7)
-    np.testing.assert_allclose(scaled.rates, base.rates / unit, rtol=1e-15)
+    base = design(order, 1.0, 1e4, 1e-7)
+    scaled = design(order, unit, unit * 1e4, 1e-7)
+    np.testing.assert_allclose(scaled.poles, base.poles / unit, rtol=1e-15)
     np.testing.assert_allclose(scaled.weights, base.weights * unit**-order, rtol=1e-14)
     assert scaled.error == base.error
 
 
 def test_a_tighter_tolerance_never_takes_fewer_modes() -> None:
-    counts = [modes.design(0.6, 1e-3, 10.0, 10.0**-digits).count for digits in range(1, 10)]
+    counts = [design(0.6, 1e-3, 10.0, 10.0**-digits).count for digits in range(1, 10)]
     assert counts == sorted(counts)
 
 
 def test_a_recomputed_design_has_the_same_numbers() -> None:
-    first = modes.design(0.3, 1e-2, 10.0, 1e-5)
-    modes.design.cache_clear()
-    again = modes.design(0.3, 1e-2, 10.0, 1e-5)
-    np.testing.assert_array_equal(again.rates, first.rates)
+    first = design(0.3, 1e-2, 10.0, 1e-5)
+    design.cache_clear()
+    again = design(0.3, 1e-2, 10.0, 1e-5)
+    np.testing.assert_array_equal(again.poles, first.poles)
     np.testing.assert_array_equal(again.weights, first.weights)
 
 
 def test_modes_cannot_be_changed() -> None:
-    found = modes.design(0.3, 1e-2, 10.0, 1e-5)
+    found = design(0.3, 1e-2, 10.0, 1e-5)
     with pytest.raises(ValueError, match="read-only"):
-        found.rates[0] = 1.0
+        found.poles[0] = 1.0
     with pytest.raises(ValueError, match="read-only"):
         found.weights[0] = 1.0
     with pytest.raises(dataclasses.FrozenInstanceError):
@@ -158,7 +159,7 @@ def test_bad_arguments_are_named_with_their_value_and_what_is_allowed(
     arguments: tuple[float, float, float, float], message: str
 ) -> None:
     with pytest.raises(ValueError, match="^" + re.escape(message) + "$"):
-        modes.design(*arguments)
+        design(*arguments)
 
 
 @pytest.mark.parametrize("order", [1e-3, 0.1, 0.5, 0.9, 0.999])

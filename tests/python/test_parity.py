@@ -19,7 +19,7 @@ from fracgyro.export.compilers import Number
 from fracgyro.export.firmware import export_firmware
 from fracgyro.export.host import Host
 from fracgyro.export.targets import DTYPES, Target, answer_columns, answered, answers
-from fracgyro.paper.reproduce import write_run
+from fracgyro.simulation.dataset import write_run
 
 STEPS = 100_000
 PAPER = fg.Scenario.paper().replace({"run.duration": STEPS * 1e-3})

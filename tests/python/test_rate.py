@@ -12,13 +12,13 @@ import fracgyro as fg
 import numpy as np
 import pytest
 from fracgyro.rate.bound import Bound, bound_angle_random_walk
-from fracgyro.rate.characterise import _couplings, measure
+from fracgyro.rate.measure import _couplings, measure
 from fracgyro.rate.results import results
 from fracgyro.rate.runs import Output, Sensor
 from fracgyro.rate.units import thermal_force_density
 from fracgyro.scenario import ScenarioError
-from fracgyro.shipped import SHIPPED, shipped, shipped_text
-from fracgyro.tables import Plant
+from fracgyro.scenario.schema import Plant
+from fracgyro.scenario.shipped import SHIPPED, shipped, shipped_text
 from test_cli import run, sentence
 
 DEG = math.pi / 180
@@ -146,7 +146,7 @@ def test_the_folder_has_the_report_and_its_numbers(report: Path) -> None:
         "bandwidth",
         "phase_lag",
         "full_scale",
-        "start_up_time",
+        "turn_on_time",
         "quadrature_residual",
         "damping_residual",
     ]

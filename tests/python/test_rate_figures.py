@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 from fracgyro.rate.allan import Estimate, _bias_instability, allan
-from fracgyro.rate.figures import full_scale, gain_and_lag, response, start_up_time, static
 from fracgyro.rate.grades import grade
+from fracgyro.rate.merit import full_scale, gain_and_lag, response, static, turn_on_time
 from fracgyro.rate.units import (
     DEG_PER_H,
     DEG_PER_H_PER_ROOT_H,
@@ -215,14 +215,14 @@ def test_full_scale_is_about_the_output_at_rest_and_the_scale_factor_of_the_line
     assert full_scale(rates, outputs, line) == (0.0, False)
 
 
-def test_start_up_ends_at_the_last_output_that_is_one_percent_off() -> None:
+def test_turn_on_ends_at_the_last_output_that_is_one_percent_off() -> None:
     time = np.arange(1000) * 1e-3
     settling = 5.0 * (1 - np.exp(-time / 0.05))[None]
     # exp(-t/0.05) = 0.01 at t = 0.05 ln 100 = 0.2303
-    assert start_up_time(time, settling) == pytest.approx(0.2303, abs=2e-3)
+    assert turn_on_time(time, settling) == pytest.approx(0.2303, abs=2e-3)
     unsteady = settling.copy()
     unsteady[0, 900] = 6.0
-    assert math.isnan(start_up_time(time, unsteady))
+    assert math.isnan(turn_on_time(time, unsteady))
 
 
 def test_a_first_order_sensor_has_3_db_at_its_corner_and_45_degrees_of_lag_there() -> None:

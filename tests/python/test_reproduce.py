@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 import xarray as xr
 from children import run_until
+from fracgyro.analysis.confidence import mean_interval
 from fracgyro.files import writable_folder
-from fracgyro.measure import measure_many
 from fracgyro.paper import claims, errata, runs
 from fracgyro.paper.reproduce import reproduce
-from fracgyro.paper.statistics import mean_interval
 from fracgyro.paper.table import Row, table
 from fracgyro.scenario import Scenario
+from fracgyro.simulation.measure import measure_many
 
 SEEDS = 3
 

@@ -14,11 +14,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fracgyro.kinds import KINDS, having
-from fracgyro.scenario import Scenario, ScenarioError, paths
-from fracgyro.simulate import simulate
-from fracgyro.table import Symmetric
-from fracgyro.tables import ERRATA_SWITCHES
+from fracgyro.scenario import Scenario, ScenarioError
+from fracgyro.scenario.kinds import KINDS, having
+from fracgyro.scenario.schema import ERRATA_SWITCHES
+from fracgyro.scenario.sentences import paths
+from fracgyro.scenario.table import Symmetric
+from fracgyro.simulation.simulate import simulate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError

@@ -12,7 +12,7 @@ import fracgyro as fg
 import pytest
 from fracgyro.export import compilers, web
 from fracgyro.export.settings import core_numbers, offered, settings, unit
-from fracgyro.kinds import KINDS, numbers, reports
+from fracgyro.scenario.kinds import KINDS, numbers, reports
 
 RUN = {"run.duration", "run.record_every", "run.mode_tolerance"}
 ROOT = Path(__file__).resolve().parents[2]

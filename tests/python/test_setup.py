@@ -7,7 +7,7 @@ from typing import Any
 
 import fracgyro as fg
 import pytest
-from fracgyro import setup
+from fracgyro.scenario import to_core
 
 # Units: 1/16 s, 1/4 m, 4 m/s, 128 N, 512 N/m, 16 rad/s. Natural frequencies 3 and 5.
 ROUND = fg.Scenario.paper().replace(
@@ -25,15 +25,15 @@ ROUND = fg.Scenario.paper().replace(
         "run.duration": 8.0,
     }
 )
-QUIET = setup.LEAST_TOLERANCE
+QUIET = to_core.LEAST_TOLERANCE
 
 
 def device(**fields: Any) -> Any:
-    return setup.device_params(ROUND.replace({f"device.{name}": value for name, value in fields.items()}))
+    return to_core.device_params(ROUND.replace({f"device.{name}": value for name, value in fields.items()}))
 
 
 def guard(changes: dict[str, Any]) -> Any:
-    return setup.guard(ROUND.replace({"guard.checked": True, **changes}))
+    return to_core.guard(ROUND.replace({"guard.checked": True, **changes}))
 
 
 # -- Units
@@ -60,7 +60,7 @@ def test_ranges_springs_and_temperatures_are_in_units_of_the_plant() -> None:
 
 def test_rates_are_in_units_of_the_plant_and_their_times_in_steps() -> None:
     def rate(**fields: Any) -> Any:
-        return setup.rate_params(ROUND.replace({f"rate.{name}": value for name, value in fields.items()}))
+        return to_core.rate_params(ROUND.replace({f"rate.{name}": value for name, value in fields.items()}))
 
     step = rate(kind="step", amplitude=8.0, start=0.5)
     assert (step.kind.name, step.amplitude, step.start) == ("staircase", 0.5, 4)
@@ -74,7 +74,7 @@ def test_rates_are_in_units_of_the_plant_and_their_times_in_steps() -> None:
 
 def test_noise_of_a_density_has_that_over_the_time_that_it_is_held() -> None:
     def disturbance(*names: str, **fields: Any) -> list[float]:
-        found = setup.core_numbers(ROUND.replace({f"disturbance.{name}": value for name, value in fields.items()}))
+        found = to_core.core_numbers(ROUND.replace({f"disturbance.{name}": value for name, value in fields.items()}))
         return [found[f"disturbance.{name}"] for name in names]
 
     held = disturbance("hold_steps", "standard_deviation", kind="noise", density=8.0, hold=0.5)
@@ -87,14 +87,14 @@ def test_noise_of_a_density_has_that_over_the_time_that_it_is_held() -> None:
 
 def test_a_run_is_ideal_only_without_a_rate_that_moves_and_without_a_device() -> None:
     moving, noisy = {"rate.kind": "step", "rate.amplitude": 1.0}, {"device.position_noise": 1.0}
-    assert setup.is_ideal(ROUND)
+    assert to_core.is_ideal(ROUND)
     for changes in (moving, noisy, {**moving, **noisy}):
-        assert not setup.is_ideal(ROUND.replace(changes))
+        assert not to_core.is_ideal(ROUND.replace(changes))
 
 
 def test_estimates_start_at_a_share_of_the_truth_or_at_it_where_it_is_known() -> None:
     def initial(changes: dict[str, Any]) -> list[float]:
-        found = setup.core_numbers(ROUND.replace({"adaptation.initial_ratio": 0.5, **changes}))
+        found = to_core.core_numbers(ROUND.replace({"adaptation.initial_ratio": 0.5, **changes}))
         names = ("damping.xx", "damping.xy", "damping.yy", "stiffness.xx", "rate")
         return [found[f"adaptation.initial_{name}"] for name in names]
 
@@ -106,7 +106,7 @@ def test_estimates_start_at_a_share_of_the_truth_or_at_it_where_it_is_known() ->
 
 def test_the_boundary_layer_is_the_one_that_is_named() -> None:
     for place, layer in enumerate(("linear", "quadratic")):
-        assert setup.core_numbers(ROUND.replace({"controller.layer": layer}))["controller.layer"] == place
+        assert to_core.core_numbers(ROUND.replace({"controller.layer": layer}))["controller.layer"] == place
 
 
 # -- The guard
@@ -129,7 +129,7 @@ def test_saturation_is_borne_for_20_of_the_longest_periods_or_4_times_what_swing
     assert bears(0.5, (2.0, -3.0)) == 240_000
     assert bears(1e-9) == 10**9
     assert bears(math.inf) == 0
-    assert setup.guard(ROUND.replace({"controller.force_limit": 8.0})).saturation_patience == 0
+    assert to_core.guard(ROUND.replace({"controller.force_limit": 8.0})).saturation_patience == 0
 
 
 @pytest.mark.parametrize(

@@ -10,9 +10,10 @@ import fracgyro as fg
 import numpy as np
 import pytest
 from fracgyro.scenario import ScenarioError
-from fracgyro.study.blocks import blocks
-from fracgyro.study.design import Plan, read_plan
-from fracgyro.study.space import Dimension, base_scenario, flat, read_space
+from fracgyro.study.file import base_scenario
+from fracgyro.study.space import Dimension, flat, read_space
+from fracgyro.study.sweep.blocks import blocks
+from fracgyro.study.sweep.design import Plan, read_plan
 
 PAPER = fg.Scenario.paper()
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / "studies"

@@ -25,14 +25,13 @@ import pyarrow.parquet as pq
 import pytest
 from children import PATIENCE, run_until
 from fracgyro import _core
+from fracgyro.analysis.metric_names import METRICS
 from fracgyro.scenario import ScenarioError
-from fracgyro.study import blocks, effects
-from fracgyro.study.design import read_plan
-from fracgyro.study.folder import Folder
-from fracgyro.study.metric_names import METRICS
-from fracgyro.study.sweep import sweep
+from fracgyro.study.sweep import blocks, effects, sweep
+from fracgyro.study.sweep.block_files import BlockFiles
+from fracgyro.study.sweep.design import read_plan
 
-SWEEP = "fracgyro.study.sweep", "sweep"
+SWEEP = "fracgyro.study.sweep.run", "sweep"
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / "studies"
 SMALL = """
 title = "Small"
@@ -207,7 +206,7 @@ def test_any_change_of_a_block_is_noticed(small: Path, tmp_path: Path) -> None:
     work = blocks.blocks(plan)
     shutil.copytree(small / "out", tmp_path / "out")
     (path,) = (tmp_path / "out" / "runs").iterdir()
-    data, folder = path.read_bytes(), Folder(tmp_path / "out", plan, work, resume=True)
+    data, folder = path.read_bytes(), BlockFiles(tmp_path / "out", plan, work, resume=True)
     assert folder.finished(work[0])
     for bit in range(0, 8 * len(data), 37):  # the footer too, which has no checksum of its own
         changed = bytearray(data)
@@ -221,7 +220,7 @@ def test_any_change_of_a_block_is_noticed(small: Path, tmp_path: Path) -> None:
 def test_rows_with_other_columns_are_not_the_study_even_with_its_label(small: Path, tmp_path: Path) -> None:
     plan = read_plan(small / "study.toml")
     work = blocks.blocks(plan)
-    folder = Folder(tmp_path / "out", plan, work, resume=False)
+    folder = BlockFiles(tmp_path / "out", plan, work, resume=False)
     rows = pq.read_table(small / "out" / "runs")
     renamed = [name.replace("largest_force", "largesu_force") for name in rows.column_names]
     texts = rows.set_column(rows.num_columns - 1, rows.column_names[-1], pa.array(["x"] * rows.num_rows))

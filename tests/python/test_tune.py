@@ -19,15 +19,15 @@ import fracgyro as fg
 import numpy as np
 import pytest
 from children import PATIENCE, run_until
-from fracgyro.study.criteria import Constraint, Measured, Objective, Score, measure, score
-from fracgyro.study.hold_out import _gap
-from fracgyro.study.metric_names import METRICS
-from fracgyro.study.optimiser import Trial, choose, front
+from fracgyro.analysis.metric_names import METRICS
 from fracgyro.study.tune import tune
-from fracgyro.study.tuning import read_tuning
+from fracgyro.study.tune.criteria import Constraint, Measured, Objective, Score, measure, score
+from fracgyro.study.tune.hold_out import _gap
+from fracgyro.study.tune.plan import read_tuning
+from fracgyro.study.tune.search import Trial, choose, front
 
 ROOT = Path(__file__).resolve().parents[2]
-TUNE = "fracgyro.study.tune", "tune"
+TUNE = "fracgyro.study.tune.run", "tune"
 WITHIN_A_BATCH = "done > 3 + 5 * 3"  # after the base, in the first batch alone, and one of 4: each trial has 3 runs
 
 HEAD = """

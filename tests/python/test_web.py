@@ -14,8 +14,8 @@ from children import PATIENCE
 from embedded import need
 from fracgyro import _core
 from fracgyro.export import web
-from fracgyro.kinds import KINDS
-from fracgyro.setup import core_setup
+from fracgyro.scenario.kinds import KINDS
+from fracgyro.scenario.to_core import core_setup
 
 SHORT = fg.Scenario.paper().replace({"run.duration": 3.0})
 

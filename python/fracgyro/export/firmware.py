@@ -10,11 +10,11 @@ from importlib.metadata import version
 from typing import Any
 
 from .. import _core
-from ..bounded import check_bounded
 from ..files import whole_folder
-from ..kinds import ENTRIES, KINDS, Channel, reported
 from ..scenario import Scenario
-from ..setup import core_numbers, core_setup
+from ..scenario.bounded import check_bounded
+from ..scenario.kinds import ENTRIES, KINDS, Channel, reported
+from ..scenario.to_core import core_numbers, core_setup
 from .compilers import SOURCES, Number
 
 

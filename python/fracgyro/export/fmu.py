@@ -23,11 +23,11 @@ from typing import Literal
 import jinja2
 
 from .. import _core
-from ..bounded import check_bounded
 from ..files import whole_file
-from ..kinds import LOOP_CHANNELS, reported
 from ..scenario import Scenario, ScenarioError
-from ..setup import core_setup
+from ..scenario.bounded import check_bounded
+from ..scenario.kinds import LOOP_CHANNELS, reported
+from ..scenario.to_core import core_setup
 from .compilers import FLAGS, SOURCES, Number, include, join_macos, system_compiler, zig
 from .settings import columns, core_modes, core_numbers, meaning, settings, unit, without_plant
 from .units import base_unit, shown

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from .. import _core
 from ..scenario import Scenario
-from ..setup import core_setup
+from ..scenario.to_core import core_setup
 from .compilers import Number, compiler, run
 
 SCALARS: dict[Number, Any] = {"float": ctypes.c_float, "double": ctypes.c_double}

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from .. import _core
-from ..device import Device, Rate
-from ..kinds import QUANTITIES, Channel, Number, numbers
 from ..scenario import Scenario, ScenarioError
-from ..setup import core_setup, guard
-from ..table import toml_value
-from ..tables import Plant
+from ..scenario.device import Device, Rate
+from ..scenario.kinds import QUANTITIES, Channel, Number, numbers
+from ..scenario.schema import Plant
+from ..scenario.table import toml_value
+from ..scenario.to_core import core_setup, guard
 from .units import shown
 
 LARGEST_EXACT = 2**53 - 1  # faces take their numbers as doubles

@@ -14,10 +14,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..controller import Controller
-from ..kinds import KINDS, LOOP_CHANNELS, Channel, reported
 from ..scenario import Scenario
-from ..setup import core_setup
+from ..scenario.kinds import KINDS, LOOP_CHANNELS, Channel, reported
+from ..scenario.to_core import core_setup
+from ..simulation.controller import Controller
 from . import fmu, web
 from .compilers import FLAGS, SOURCES, Number, compiler, include, make, need, run, system_compiler
 from .firmware import export_firmware

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 
-from ..kinds import QUANTITIES
-from ..tables import Plant, Scales
+from ..scenario.kinds import QUANTITIES
+from ..scenario.schema import Plant, Scales
 
 KNOWN = {"1/omega0": ("time", "s"), **QUANTITIES}
 SI = {

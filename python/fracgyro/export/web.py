@@ -18,11 +18,11 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from ..bounded import check_bounded
 from ..files import whole_file
-from ..kinds import KINDS, LOOP_CHANNELS, Channel, Number, numbers, reports
 from ..scenario import Scenario
-from ..tables import Run
+from ..scenario.bounded import check_bounded
+from ..scenario.kinds import KINDS, LOOP_CHANNELS, Channel, Number, numbers, reports
+from ..scenario.schema import Run
 from .compilers import FLAGS, SOURCES, include, zig
 from .settings import columns, meaning, offered, settings, unit
 

@@ -13,13 +13,14 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from .. import _core, metrics
+from .. import _core
+from ..analysis import metrics
+from ..analysis.confidence import mean_interval
 from ..files import whole_file
 from ..scenario import Scenario
-from ..setup import core_setup
-from ..simulate import simulate
+from ..scenario.to_core import core_setup
+from ..simulation.simulate import simulate
 from .runs import ORDERS, PAPER_ORDER, VARIANTS, Runs, Study, scenario
-from .statistics import mean_interval
 
 MOST = 0.95  # the share of seeds in which something must hold to count as so
 ERROR_BOUND = 0.01  # 1 % of the reference's amplitude, and what the eye can still see on the paper's axes

@@ -16,21 +16,20 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Affine2D, Bbox, Transform, TransformedBbox
 from numpy.typing import NDArray
 
+from ..analysis.style import DPI, MM, WIDTH, own_style
 from ..files import whole_file
-from ..style import own_style
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]  # left, top, width, height
 View = Literal["whole", "early", "late", "envelope"]
 
 HEADINGS = {"printed": "As printed", "corrected": "Corrected"}
-DPI = 200
 COLUMNS_PER_MM = 5.0  # thinner than the lines
-# mm: a figure, its two blocks and their narrow panels
-WIDTH, BLOCKS, BLOCK = 170.0, (14.5, 98.0), 69.0
+# mm: a figure's two blocks and their narrow panels
+BLOCKS, BLOCK = (14.5, 98.0), 69.0
 NARROW = 18.5
 
-# Okabe and Ito's palette, safe for colour-blind readers.
+# Okabe and Ito's palette, which is safe for color-blind readers.
 STYLES: dict[str, dict[str, Any]] = {
     "x": {"color": "#0072B2", "linewidth": 0.7},
     "y": {"color": "#D55E00", "linewidth": 0.7},
@@ -173,7 +172,7 @@ def _add_panel(figure: Figure, mm: Transform, panel: Panel) -> None:
 def render(plan: Plan, folder: Path) -> list[Path]:
     """Writes the plan as SVG and PNG into `folder`."""
     with own_style():
-        figure = Figure(figsize=(WIDTH / 25.4, plan.height / 25.4))
+        figure = Figure(figsize=(WIDTH * MM, plan.height * MM))
         mm = Affine2D().translate(0.0, plan.height).scale(1.0 / WIDTH, 1.0 / plan.height) + figure.transFigure
         for panel in plan.panels:
             _add_panel(figure, mm, panel)

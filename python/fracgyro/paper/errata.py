@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from .. import bounded, fractional, metrics
-from ..scenario import Scenario
-from ..simulate import DivergedError, simulate
+from .. import fractional
+from ..analysis import metrics
+from ..scenario import Scenario, bounded
+from ..simulation.simulate import DivergedError, simulate
 from .runs import PAPER_ORDER, Runs, scenario
 
 

@@ -25,9 +25,9 @@ from typing import Any, Literal
 import numpy as np
 import xarray as xr
 
-from ..kinds import LOOP_CHANNELS, reported
 from ..scenario import Scenario
-from ..setup import core_setup
+from ..scenario.kinds import LOOP_CHANNELS, reported
+from ..scenario.to_core import core_setup
 from .drawing import (
     BLOCK,
     BLOCKS,

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from ..analysis.html import embedded, page
 from ..files import whole_file
 from .claims import Claim
 from .errata import Erratum
@@ -32,18 +31,14 @@ def write_report(
     seconds: float,
 ) -> None:
     """Writes `path` from the results and the SVG files in the folder `figures`, which become part of it."""
-    environment = Environment(
-        loader=PackageLoader("fracgyro.paper", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-    )
     corrected = scenario("corrected", "proposed")
     by_id: dict[str, dict[str, Claim]] = {}
     for claim in claims:
         by_id.setdefault(claim.id, {})[claim.variant] = claim
     steady = study["corrected", "proposed", PAPER_ORDER]["rmse"].sel(window="steady")
-    page = environment.get_template("report.html.jinja").render(
+    text = page(
+        "fracgyro.paper",
+        "report.html.jinja",
         version=version,
         seeds=rows[0].seeds,
         minutes=f"computed in {seconds:.0f} s",
@@ -53,21 +48,17 @@ def write_report(
         step=f"{corrected.run.step:g}",
         hold=f"{corrected.disturbance.hold:g}",
         tolerance=f"{corrected.run.mode_tolerance:g}",
-        table_figure=_embedded(figures / "table1.svg"),
+        table_figure=embedded((figures / "table1.svg").read_bytes()),
         tables=[_table(variant, rows) for variant in VARIANTS],
         errata=errata,
         figures=[
-            {"number": n, "caption": caption, "source": _embedded(figures / f"figure{n:02d}.svg")}
+            {"number": n, "caption": caption, "source": embedded((figures / f"figure{n:02d}.svg").read_bytes())}
             for n, caption in captions.items()
         ],
         scenario=corrected.to_toml(),
     )
     with whole_file(path) as scratch:
-        scratch.write_text(page, encoding="utf-8")
-
-
-def _embedded(svg: Path) -> str:
-    return "data:image/svg+xml;base64," + base64.b64encode(svg.read_bytes()).decode("ascii")
+        scratch.write_text(text, encoding="utf-8")
 
 
 def _sensing(study: Study) -> str:

@@ -10,10 +10,9 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-import xarray as xr
-
-from ..files import whole_file, writable_folder
-from ..many import threads_available
+from ..files import writable_folder
+from ..simulation.dataset import write_run
+from ..simulation.many import threads_available
 from . import figures
 from .claims import Claim, judge, time_steps, write_claims
 from .errata import with_evidence
@@ -99,9 +98,3 @@ def reproduce(
         seconds=seconds,
     )
     return Reproduction(report, claims, seconds)
-
-
-def write_run(run: xr.Dataset, path: Path) -> None:
-    """As NetCDF-4."""
-    with whole_file(path, replaces_any=False) as scratch:
-        run.to_netcdf(scratch, engine="h5netcdf")

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import xarray as xr
 
-from ..measure import measure_many
 from ..scenario import Scenario
-from ..simulate import simulate
+from ..simulation.measure import measure_many
+from ..simulation.simulate import simulate
 
 VARIANTS = ("printed", "corrected")
 CONTROLLERS = {  # the three of section 5

@@ -11,10 +11,10 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from ..analysis.confidence import mean_interval
+from ..analysis.style import COLORS, own_style
 from ..files import whole_file
-from ..style import own_style
 from .runs import ORDERS, VARIANTS, Study
-from .statistics import mean_interval
 
 WINDOWS = ("whole", "transient", "steady")
 
@@ -67,7 +67,6 @@ def _draw_table(rows: list[Row], path: Path) -> None:
         "printed": {"linestyle": "--", "marker": "s"},
         "corrected": {"linestyle": "-", "marker": "o"},
     }
-    colours = {"x": "#0072B2", "y": "#D55E00"}
     for panel, window in zip(panels, WINDOWS, strict=True):
         for variant in VARIANTS:
             for axis in ("x", "y"):
@@ -78,7 +77,7 @@ def _draw_table(rows: list[Row], path: Path) -> None:
                     [r.order for r in line],
                     means,
                     yerr=np.where(np.isfinite(low), low, 0.0),
-                    color=colours[axis],
+                    color=COLORS["xy".index(axis)],
                     markersize=3,
                     linewidth=1,
                     label=f"{axis}, {variant}",

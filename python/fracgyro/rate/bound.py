@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..scenario import Scenario
-from ..simulate import simulate
+from ..simulation.simulate import simulate
 
 SAMPLES = 200_000
 

@@ -5,29 +5,20 @@ from __future__ import annotations
 import math
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
-from . import charts
+from ..analysis.html import page
+from . import plots
 from .grades import GRADES
+from .measure import Characterisation
 from .results import Result, short
-
-if TYPE_CHECKING:
-    from .characterise import Characterisation
 
 
 def write_report(path: Path, measured: Characterisation, found: list[Result]) -> None:
     """Writes `path`."""
-    environment = Environment(
-        loader=PackageLoader("fracgyro.rate", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     rest = measured.rest
-    page = environment.get_template("report.html.jinja").render(
+    text = page(
+        "fracgyro.rate",
+        "report.html.jinja",
         version=version("fracgyro"),
         measured=measured,
         found=[(result, value_of(result), interval_of(result)) for result in found],
@@ -36,12 +27,12 @@ def write_report(path: Path, measured: Characterisation, found: list[Result]) ->
         grades=GRADES,
         limit=_limit,
         scenario=measured.scenario.to_toml(),
-        allan=charts.allan_chart(measured),
-        ladder=charts.ladder_chart(measured),
-        start=charts.start_chart(measured),
-        response=charts.response_chart(measured),
+        allan=plots.allan_chart(measured),
+        ladder=plots.ladder_chart(measured),
+        start=plots.turn_on_chart(measured),
+        response=plots.response_chart(measured),
     )
-    path.write_text(page, encoding="utf-8", newline="\n")
+    path.write_text(text, encoding="utf-8", newline="\n")
 
 
 def value_of(result: Result) -> str:

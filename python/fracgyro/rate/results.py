@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from ..paper.statistics import Mean
+from ..analysis.confidence import Mean
 from .allan import Estimate
 from .grades import Grade, Quantity, grade
+from .measure import Characterisation
 from .units import (
     DEG_PER_H,
     DEG_PER_H_PER_ROOT_H,
@@ -21,9 +22,6 @@ from .units import (
     PPM,
     Unit,
 )
-
-if TYPE_CHECKING:
-    from .characterise import Characterisation
 
 
 @dataclass(frozen=True)
@@ -106,12 +104,12 @@ def results(m: Characterisation) -> list[Result]:
         *_response(m),
         _full_scale(m),
         Result(
-            "start_up_time",
-            "Start-up time",
+            "turn_on_time",
+            "Turn-on time",
             "at 300 deg/s, from an estimate of 0 until every output is within 1 % of the final one; median of the runs",
             MILLISECOND.name,
-            MILLISECOND.of(m.start_up_time),
-            note="" if math.isfinite(m.start_up_time) else "the output does not stay within 1 %",
+            MILLISECOND.of(m.turn_on_time),
+            note="" if math.isfinite(m.turn_on_time) else "the output does not stay within 1 %",
         ),
         *leaks,
     ]

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kinds import reported
 from ..scenario import Scenario, ScenarioError
-from ..setup import core_setup
-from ..simulate import simulate_many
+from ..scenario.kinds import reported
+from ..scenario.to_core import core_setup
+from ..simulation.simulate import simulate_many
 from .units import DEG_PER_S
 
 Array = NDArray[np.float64]

@@ -1,108 +1,66 @@
-"""A study's folder: study.json says what it is, runs/block-*.parquet hold the rows, runs.sha256 their hashes.
-
-Files are complete or absent. Other files in runs/ are refused, as whoever reads runs/*.parquet would read them too.
-"""
+"""The folder of a study: its own, by what study.json says; never one that holds anything else."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-import os
-import re
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
-import pyarrow.parquet as pq
+from ..files import reason, remove_scratch, whole_file, writable_folder
+from ..scenario import ScenarioError
 
-from ..files import remove_scratch, whole_file, writable_folder
-from ..toml import ScenarioError
-from .blocks import Block
-from .design import Plan
-from .manifest import claim, digest
-
-RUNS = "runs"
-SUMS = "runs.sha256"  # `sha256sum --check` reads it
-LABEL = b"fracgyro.study"  # in the metadata of every block: the hash of its study
+MANIFEST = "study.json"
 
 
-class Folder:
-    """Opened for one study, the blocks of which it takes and gives back."""
-
-    def __init__(self, path: str | os.PathLike[str], plan: Plan, work: list[Block], *, resume: bool) -> None:
-        """Raises ValueError in one sentence when the folder is not free, or holds another study."""
-        parts = _parts(plan, work)
-        self.hash = digest(parts)
-        about = {"runs": plan.runs, "blocks": len(work), "study": plan.text}
-        self.path = claim(Path(path), parts, about, resume=resume)
-        self.runs = writable_folder(self.path / RUNS)
-        remove_scratch(self.runs)
-        names = {_name(block) for block in work}
-        if foreign := {path.name for path in self.runs.iterdir() if not path.name.startswith(".")} - names:
-            raise ScenarioError(f"{self.runs} holds {min(foreign)}, which is not part of the study: it must be removed")
-        self._sums = {name: found for name, found in self._recorded().items() if name in names}
-        self._record()
-
-    def finished(self, block: Block) -> bool:
-        """Whether the block lies here, byte for byte as it was written, and is of this study."""
-        try:
-            data = (self.runs / _name(block)).read_bytes()
-            if hashlib.sha256(data).hexdigest() != self._sums.get(_name(block)):
-                return False
-            table = pq.read_table(pa.BufferReader(data))
-        except (OSError, pa.ArrowException):
-            return False
-        mine = (table.schema.metadata or {}).get(LABEL) == self.hash.encode()
-        return mine and block.complete(table)
-
-    def write(self, block: Block, table: pa.Table) -> None:
-        with whole_file(self.runs / _name(block)) as scratch:
-            labelled = table.replace_schema_metadata({LABEL: self.hash.encode()})
-            with open(scratch, "wb") as file:  # of any name: pyarrow knows only those in UTF-8
-                pq.write_table(labelled, file, compression="zstd", write_page_checksum=True)
-            self._sums[_name(block)] = hashlib.sha256(scratch.read_bytes()).hexdigest()
-            # Before the block is there: wherever a kill strikes, a block that is there has its hash.
-            with open(self.path / SUMS, "a", encoding="ascii") as sums:
-                sums.write(_line(_name(block), self._sums[_name(block)]))
-
-    def read(self, work: list[Block]) -> pa.Table:
-        """The rows of these blocks, in order. All are finished: their hashes are put into order, too."""
-        self._record()
-        files = ((self.runs / _name(block)).read_bytes() for block in work)
-        return pa.concat_tables([pq.read_table(pa.BufferReader(data)) for data in files])
-
-    def _recorded(self) -> dict[str, str]:
-        """{name of a block: hash}; of two lines for one block the last, and no line that is damaged."""
-        try:
-            text = (self.path / SUMS).read_text(encoding="ascii", errors="replace")
-        except OSError:
-            return {}
-        lines = re.findall(rf"^([0-9a-f]{{64}})  {RUNS}/(block-\d{{6,}}\.parquet)$", text, re.MULTILINE)
-        return {name: found for found, name in lines}
-
-    def _record(self) -> None:
-        with whole_file(self.path / SUMS) as scratch:
-            text = "".join(_line(name, found) for name, found in sorted(self._sums.items()))
-            scratch.write_text(text, encoding="ascii", newline="\n")
+def digest(parts: dict[str, Any]) -> str:
+    """The hash of a study, by everything that its results depend on."""
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
-def _name(block: Block) -> str:
-    return f"block-{block.number:06d}.parquet"
+def claim(path: Path, parts: dict[str, Any], about: dict[str, Any], *, resume: bool) -> Path:
+    """The folder: new, empty or, with `resume`, of the study of the same `parts`. Its study.json also says `about`.
+
+    Raises ValueError in one sentence when it is another's or cannot be written to.
+    """
+    manifest = path / MANIFEST
+    parts = json.loads(json.dumps(parts))
+    if _in_use(path):
+        if not manifest.is_file():
+            raise ScenarioError(f"{path} is not empty and holds no study: --out must name an empty or new folder")
+        if not resume:
+            raise ScenarioError(
+                f"{path} holds a study already: --out must name another folder, or --resume be given to finish it"
+            )
+        there = _parts(manifest)
+        changed = [name for name, part in parts.items() if name not in there or there[name] != part]
+        if changed:
+            raise ScenarioError(
+                f"{path} holds another study, which differs in {' and '.join(changed)}: "
+                "a changed study must have a folder of its own"
+            )
+    folder = writable_folder(path)
+    remove_scratch(folder)
+    with whole_file(manifest) as scratch:
+        text = json.dumps({"hash": digest(parts), **about, "parts": parts}, indent=1)
+        scratch.write_text(text, encoding="utf-8")
+    return folder
 
 
-def _line(name: str, found: str) -> str:
-    return f"{found}  {RUNS}/{name}\n"
+def _in_use(path: Path) -> bool:
+    try:
+        return any(not entry.name.startswith(".") for entry in path.iterdir())
+    except FileNotFoundError:
+        return False
+    except OSError as error:
+        raise ScenarioError(f"{path} cannot be read: {reason(error)}") from None
 
 
-def _parts(plan: Plan, work: list[Block]) -> dict[str, Any]:
-    """Everything that the rows depend on, under the words that the study file has for it."""
-    points = json.dumps(plan.points).encode()
-    return {
-        "the version of fracgyro": version("fracgyro"),
-        "scenario or fixed": plan.base.to_toml(),
-        "seeds": plan.seeds,
-        "vary or design": [plan.fields, len(plan.points), hashlib.sha256(points).hexdigest()],
-        "metrics": plan.study.metrics.model_dump(),
-        "the size of blocks": [work[0].runs, len(work)],
-    }
+def _parts(manifest: Path) -> dict[str, Any]:
+    try:
+        parts = json.loads(manifest.read_text(encoding="utf-8"))["parts"]
+        if isinstance(parts, dict):
+            return parts
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        pass
+    raise ScenarioError(f"{manifest} is damaged: the study must start again in another folder")

@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
 from .. import _core
-from ..scenario import Scenario, ScenarioError, explained, paths, unknown
-from ..table import Table, shown
-from ..toml import read_tables, read_text
+from ..scenario import Scenario, ScenarioError
+from ..scenario.sentences import explained, paths, unknown
+from ..scenario.table import Table, shown
 
-Model = TypeVar("Model", bound=BaseModel)
 MOST_POINTS = 10**6  # of a study; also runs for one of them, and trials
-BASES: dict[str, Literal["corrected", "printed"]] = {"paper": "corrected", "paper-printed": "printed"}
 
 
 @dataclass(frozen=True)
@@ -73,28 +69,6 @@ def read_space(entries: Mapping[str, Any], base: Scenario) -> tuple[Dimension, .
     Raises ScenarioError in one sentence when a field is unknown or what is asked of it impossible.
     """
     return tuple(_dimension(field, entry, base) for field, entry in flat(entries).items())
-
-
-def load_study(path: str | os.PathLike[str], model: type[Model]) -> Model:
-    """The TOML file as an instance of `model`. Raises ScenarioError in one sentence when it is not one."""
-    tables = read_tables(read_text(path), str(path))
-    try:
-        return model(**tables)
-    except ValidationError as error:
-        raise explained(error, model) from None
-
-
-def base_scenario(name: str, folder: Path, fixed: Mapping[str, Any]) -> Scenario:
-    """ "paper" (corrected), "paper-printed" or a file, relative to `folder`; then with the changes `fixed`."""
-    base = Scenario.paper(BASES[name]) if name in BASES else Scenario.load(folder / name)
-    return base.replace(flat(fixed))
-
-
-def refuse_both(fixed: Mapping[str, Any], vary: Mapping[str, Any]) -> None:
-    """Raises ScenarioError when a field stands under both."""
-    for field in flat(fixed):
-        if field in flat(vary):
-            raise ScenarioError(f"{field} is in [fixed] and in [vary]: it must be in one of them")
 
 
 def flat(entries: Mapping[str, Any], table: str = "") -> dict[str, Any]:

@@ -1,0 +1,1 @@
+"""What the paper, the rate sensor and studies share: metrics, intervals, pictures, pages."""

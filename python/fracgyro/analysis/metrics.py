@@ -1,0 +1,290 @@
+"""Metrics of recorded runs. Each takes a Dataset from `simulate` or `simulate_many`; times and bounds are in its units.
+
+sim/fracgyro/metrics.hpp gathers the same quantities without a record (`measure_many`); a test
+compares the two.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from .. import _core
+from ..arguments import number
+from ..scenario import Scenario, check_scenario
+from ..scenario.kinds import AXES, ENTRIES
+from ..scenario.to_core import composite, core_setup
+from ..simulation.dataset import metrics_dataset
+from .metric_names import SI, UNITS
+
+Window = tuple[float | None, float | None]
+STEADY: Window = (10.0, None)  # nondimensional
+
+# Nondimensional, and scaled to the units of a run where they are left out.
+TRANSIENT, ERROR_BOUND, SURFACE_BOUND, RATE_TOLERANCE = 10.0, 0.01, 0.06, 0.1
+
+
+def cut(run: xr.Dataset, window: Window) -> xr.Dataset:
+    """The samples with window[0] <= t < window[1]; None is open. Raises ValueError if there are none."""
+    inside = _inside(run, window)
+    if not inside.any():
+        raise ValueError(f"window is {window}: the run has no sample in it")
+    return run.isel(time=np.flatnonzero(inside))
+
+
+def rmse(run: xr.Dataset, window: Window = (None, None)) -> xr.DataArray:
+    """Root mean square of the tracking error over `axis`, in the unit of position."""
+    return _rms(cut(run, window)["error"])
+
+
+def settling_time(run: xr.Dataset, bound: float | None = None) -> xr.DataArray:
+    """Time after which ‖e‖ stays within `bound` (unit of position; 0.01 q0 if left out); NaN if it never does."""
+    bound = ERROR_BOUND * _scale(run, "length") if bound is None else bound
+    return _settled(_size(run["error"]) <= bound, run["time"])
+
+
+def surface_settling_time(run: xr.Dataset, bound: float | None = None) -> xr.DataArray:
+    """Time after which ‖s‖ stays within `bound` (unit of velocity; 0.06 q0 ω0 if left out); NaN if it never does."""
+    bound = SURFACE_BOUND * _scale(run, "velocity") if bound is None else bound
+    return _settled(_size(run["surface"]) <= bound, run["time"])
+
+
+def chattering(run: xr.Dataset, window: Window | None = None) -> xr.DataArray:
+    """RMS of the second difference of u between samples, over the RMS of u; by `axis`. From t = 10 on if left out.
+
+    A smooth force of angular frequency w sampled every h has (w h)², one that flips sign at every sample has 4.
+    """
+    force = cut(run, (TRANSIENT * _scale(run, "time"), None) if window is None else window)["control"]
+    bend = force.diff("time", n=2)
+    return _rms(bend) / _rms(force)
+
+
+def effort(run: xr.Dataset, window: Window = (None, None)) -> xr.DataArray:
+    """Root mean square of the control force over `axis`, in the unit of force."""
+    return _rms(cut(run, window)["control"])
+
+
+def rate_error(run: xr.Dataset) -> xr.DataArray:
+    """Estimate of the angular rate minus its true value, over `time`, in the unit of rate."""
+    return run["rate_estimate"] - true_rate(run)
+
+
+def true_rate(run: xr.Dataset) -> xr.DataArray:
+    """The angular rate in the unit of rate: over `time` where it was recorded, since it may move."""
+    if "angular_rate" in run:
+        return run["angular_rate"]
+    return _truth(run, lambda s: _in_units(s, s.plant.nondimensional()[2], s.plant.scales.rate))
+
+
+def rate_settling_time(run: xr.Dataset, tolerance: float = 0.1) -> xr.DataArray:
+    """Time after which the rate estimate stays within `tolerance` of the truth; NaN if it never does.
+
+    Relative to the truth, to the largest size that it has in the run where it moves.
+    """
+    size = abs(true_rate(run))
+    size = size.max("time") if "time" in size.dims else size
+    return _settled(abs(rate_error(run)) <= tolerance * size, run["time"])
+
+
+def damping_error(run: xr.Dataset) -> xr.DataArray:
+    """‖D̂ - D‖/‖D‖ over `time` (Frobenius norms); D includes what the controller does not know."""
+    return _relative(run["damping_estimate"], _truth(run, lambda s: _true_matrices(s)[0], "entry"))
+
+
+def stiffness_error(run: xr.Dataset) -> xr.DataArray:
+    """‖K̂ - K‖/‖K‖ over `time` (Frobenius norms); K includes what the controller does not know."""
+    truth = _truth(run, lambda s: _true_matrices(s)[1], "entry")
+    if "stiffness_drift" in run:
+        truth = truth * (1.0 + run["stiffness_drift"])
+    return _relative(run["stiffness_estimate"], truth)
+
+
+def lyapunov(run: xr.Dataset, bounds: tuple[float, float, float]) -> xr.DataArray:
+    """V of eq. (39) over `time`, for a nondimensional run and the true bounds (b0, b1, b2) of eq. (12).
+
+    V = ½ sᵀs + tr(D̃M⁻¹D̃ᵀ)/2 + tr(K̃N⁻¹K̃ᵀ)/2 + tr(Ω̃P⁻¹Ω̃ᵀ)/2 + ½ Σ b̃ᵢ²/xᵢ.
+    """
+    if run.attrs.get("units") != "nondimensional":
+        raise ValueError(f"units is {run.attrs.get('units')}: V of eq. (39) needs a nondimensional run")
+    scenario = Scenario.from_toml(run.attrs["scenario"])
+    gains = scenario.adaptation
+    if composite(scenario):
+        raise ValueError("adaptation.kind is composite: V of eq. (39) is that of gradient")
+    damping, stiffness = _true_matrices(scenario)
+    weights = xr.DataArray([1.0, 2.0, 1.0], dims="entry")  # xy stands twice in the matrix
+    d = run["damping_estimate"] - xr.DataArray(damping, dims="entry")
+    k = run["stiffness_estimate"] - xr.DataArray(stiffness, dims="entry")
+    symmetric = run["rate_symmetric_estimate"]
+    rate = 2.0 * rate_error(run) ** 2 + (weights * symmetric**2).sum("entry")
+    b = run["bound_estimate"] - xr.DataArray(list(bounds), dims="bound")
+    x = xr.DataArray(list(gains.bound_gain), dims="bound")
+    found: xr.DataArray = 0.5 * (
+        (run["surface"] ** 2).sum("axis")
+        + (weights * d**2).sum("entry") / gains.damping_gain
+        + (weights * k**2).sum("entry") / gains.stiffness_gain
+        + rate / gains.rate_gain
+        + (b**2 / x).sum("bound")
+    )
+    return found
+
+
+def summary(
+    run: xr.Dataset,
+    transient: float | None = None,
+    error_bound: float | None = None,
+    surface_bound: float | None = None,
+    rate_tolerance: float = RATE_TOLERANCE,
+) -> xr.Dataset:
+    """All of the above as one row, under the names that `measure_many` uses.
+
+    Metrics of what the controller does not report are NaN.
+
+    The first three in the units of the run; left out they are 10, 0.01 and 0.06, nondimensional. The run should be
+    recorded at every step: a thinned record (run.record_every > 1) gives estimates, of chattering a wrong one.
+    """
+    transient = TRANSIENT * _scale(run, "time") if transient is None else number("transient", transient, least=0.0)
+    for threshold, bound in {"error_bound": error_bound, "surface_bound": surface_bound}.items():
+        if bound is not None:
+            number(threshold, bound, above=0.0)
+    number("rate_tolerance", rate_tolerance, above=0.0)
+    early, late = (None, transient), (transient, None)
+    windows: dict[str, Window] = {"whole": (None, None), "transient": early, "steady": late}
+    run = run.assign({name: _nothing(run, name) for name in NOT_OF_ALL if name not in run})
+    off = rate_error(run)
+    run = run.assign(off=off)
+    half = 0.5 * float(run["time"][-1])
+    figures = xr.Dataset(
+        {
+            "rmse": xr.concat([_or_nan(rmse, run, w) for w in windows.values()], dim="window").assign_coords(
+                window=list(windows)
+            ),
+            "error_settling_time": settling_time(run, error_bound),
+            "surface_settling_time": surface_settling_time(run, surface_bound),
+            "chattering": _or_nan(chattering, run, late),
+            "effort": effort(run),
+            "rate_error": off.isel(time=-1, drop=True),
+            "rate_error_rms": _or_nan(lambda r, w: _rms(cut(r, w)["off"]), run, late),
+            "rate_error_peak": abs(off).max("time"),
+            "rate_settling_time": rate_settling_time(run, rate_tolerance),
+            "damping_error": damping_error(run).isel(time=-1, drop=True),
+            "stiffness_error": stiffness_error(run).isel(time=-1, drop=True),
+            "bound_final": run["bound_estimate"].isel(time=-1, drop=True),
+            "bound_0_halfway": run["bound_estimate"].sel(bound=0, time=slice(None, half)).isel(time=-1, drop=True),
+            "largest_force": abs(run["control"]).max(["time", "axis"]),
+        }
+    )
+    for name, values in figures.items():
+        quantity = UNITS.get(str(name), "")
+        values.attrs = {"units": SI[quantity] if quantity and run.attrs["units"] == "SI" else "1"}
+    if run.attrs["units"] == "SI":
+        figures["bound_final"].attrs["units"] = run["bound_estimate"].attrs["units"]
+    return figures
+
+
+# What metrics are of and not every controller reports, with the dimension and labels of its columns.
+NOT_OF_ALL: dict[str, tuple[str, list[str] | list[int]] | None] = {
+    "surface": ("axis", AXES),
+    "damping_estimate": ("entry", ENTRIES),
+    "stiffness_estimate": ("entry", ENTRIES),
+    "rate_estimate": None,
+    "bound_estimate": ("bound", [0, 1, 2]),
+}
+
+
+def _nothing(run: xr.Dataset, name: str) -> xr.DataArray:
+    columns = NOT_OF_ALL[name]
+    nothing = xr.full_like(run["error"].isel(axis=0, drop=True), np.nan).assign_attrs(units="1")
+    if columns is None:
+        return nothing
+    dimension, labels = columns
+    return nothing.expand_dims({dimension: labels}, axis=-1)
+
+
+def measured(scenario: Scenario) -> xr.Dataset:
+    """`summary` of a run of the scenario at every step, in memory that does not grow with its length.
+
+    Besides `diverged_at`, NaN unless the run diverged: what it was then is measured until there.
+    """
+    check_scenario(scenario)
+    values = _core.measure_run(core_setup(scenario), _core.MetricsParams())
+    figures = metrics_dataset(values[np.newaxis], {}).isel(run=0)[list(UNITS)]
+    if scenario.run.units == "SI":
+        scales = scenario.plant.scales
+        for figure, quantity in UNITS.items():
+            if quantity:
+                figures[figure] = (figures[figure] * getattr(scales, quantity)).assign_attrs(units=SI[quantity])
+        bounds = figures["bound_final"] * [scales.force, scales.stiffness, scales.damping]
+        figures["bound_final"] = bounds.assign_attrs(units="N, N/m, N s/m")
+    return figures
+
+
+def _or_nan(metric: Callable[[xr.Dataset, Window], xr.DataArray], run: xr.Dataset, window: Window) -> xr.DataArray:
+    """The metric, NaN where the run has no sample in the window."""
+    return metric(run, window) if _inside(run, window).any() else metric(run, (None, None)) * np.nan
+
+
+def _inside(run: xr.Dataset, window: Window) -> NDArray[np.bool_]:
+    start, end = window
+    time = run["time"].values
+    return (time >= (-np.inf if start is None else start)) & (time < (np.inf if end is None else end))
+
+
+def _size(values: xr.DataArray) -> xr.DataArray:
+    return (values**2).sum("axis", skipna=False) ** 0.5
+
+
+def _rms(values: xr.DataArray) -> xr.DataArray:
+    """NaN of no samples, as of the second differences of two."""
+    squares = values**2
+    return (squares.mean("time", skipna=False) if values.sizes["time"] else squares.sum("time") * np.nan) ** 0.5
+
+
+def _settled(inside: xr.DataArray, time: xr.DataArray) -> xr.DataArray:
+    """The first sample from which `inside` holds to the end."""
+    outside = ~inside.transpose(..., "time").values
+    last = outside.shape[-1] - 1 - np.argmax(outside[..., ::-1], axis=-1)
+    first = np.where(outside.any(axis=-1), last + 1, 0)
+    times = np.append(time.values, np.nan)
+    dimensions = [d for d in inside.dims if d != "time"]
+    return xr.DataArray(times[first], dims=dimensions)
+
+
+def _relative(estimate: xr.DataArray, truth: xr.DataArray) -> xr.DataArray:
+    weights = xr.DataArray([1.0, 2.0, 1.0], dims="entry")
+    off = (weights * (estimate - truth) ** 2).sum("entry", skipna=False)
+    return (off / (weights * truth**2).sum("entry")) ** 0.5
+
+
+def _scale(run: xr.Dataset, quantity: str) -> float:
+    """SI value of one nondimensional unit in an SI run, 1 in a nondimensional one."""
+    if run.attrs["units"] != "SI":
+        return 1.0
+    text = run.attrs["scenario"] if "scenario" in run.attrs else run["scenario"].values[0]
+    return float(getattr(Scenario.from_toml(text).plant.scales, quantity))
+
+
+def _in_units(scenario: Scenario, value: float, scale: float) -> float:
+    return value * scale if scenario.run.units == "SI" else value
+
+
+def _true_matrices(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
+    damping, stiffness, _, more_damping, more_stiffness = scenario.plant.nondimensional()
+    scales = scenario.plant.scales
+    si = scenario.run.units == "SI"
+    return (
+        (damping + more_damping) * (scales.damping if si else 1.0),
+        (stiffness + more_stiffness) * (scales.stiffness if si else 1.0),
+    )
+
+
+def _truth(run: xr.Dataset, read: Callable[[Scenario], ArrayLike], dimension: str | None = None) -> xr.DataArray:
+    """`read(scenario)` of the run, or of each run of many."""
+    inner = [dimension] if dimension else []
+    if "scenario" in run.attrs:
+        return xr.DataArray(read(Scenario.from_toml(run.attrs["scenario"])), dims=inner)
+    texts = run["scenario"].values
+    known = {text: read(Scenario.from_toml(text)) for text in dict.fromkeys(texts)}
+    return xr.DataArray(np.array([known[text] for text in texts]), dims=["run", *inner])

@@ -1,0 +1,75 @@
+"""All commands in one, and the entry point, which turns every foreseen failure into one sentence."""
+
+from __future__ import annotations
+
+import io
+import logging
+import os
+import sys
+
+import click
+
+from ..files import one_line, reason
+from .export import export, replay
+from .rate import rate
+from .reproduce import reproduce, selfcheck
+from .simulate import scenario_command, simulate_command
+from .study import sweep, tune
+
+BAD_INPUT = 2
+INTERRUPTED = 130
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="fracgyro")
+def cli() -> None:
+    """Simulate, study and export a fractional sliding-mode controller for MEMS gyroscopes."""
+
+
+for command in (export, rate, replay, reproduce, scenario_command, selfcheck, simulate_command, sweep, tune):
+    cli.add_command(command)
+
+
+def main() -> None:
+    """Runs a command; every foreseen failure ends in one sentence."""
+    _prepare()
+    try:
+        code = cli(standalone_mode=False)
+        sys.stdout.flush()
+    except click.exceptions.Exit as stop:
+        code = stop.exit_code
+    except click.ClickException as error:
+        code = _refused(error.format_message())
+    except (KeyboardInterrupt, click.Abort):
+        _refused("interrupted; the files written so far are complete")
+        code = INTERRUPTED
+    except ValueError as error:
+        code = _refused(str(error))
+    except MemoryError:
+        code = _refused("there is not enough memory: make run.record_every larger, or record fewer runs")
+    except OSError as error:
+        code = _refused(f"the output cannot be written: {reason(error)}")
+        sys.stdout = None  # or Python would try once more, and fail aloud
+    sys.exit(code)
+
+
+def _prepare() -> None:
+    """What the surroundings may not change: closed streams, names that are not UTF-8, Matplotlib's settings."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed: nobody wants to hear
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="surrogateescape" if stream is sys.stdout else "backslashreplace")
+    os.environ |= {"MPLBACKEND": "agg", "MATPLOTLIBRC": os.devnull}
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
+
+
+def _refused(words: str) -> int:
+    """Says it in one line, if anybody listens."""
+    try:
+        click.echo(f"fracgyro: {one_line(words)}", err=True)
+        sys.stderr.flush()
+    except OSError:
+        sys.stderr = None  # or Python would try once more, and end with another code
+    return BAD_INPUT

@@ -1,0 +1,125 @@
+"""`fracgyro simulate` and `fracgyro scenario`."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ..scenario import Scenario
+from ..scenario.shipped import SHIPPED, shipped_text
+from ..simulation.simulate import DivergedError, simulate
+from .terminal import print_table
+
+UNASKED = 100_000  # samples of a record that is kept nowhere, at most
+
+
+@click.command(name="simulate")
+@click.argument("scenario", required=False, type=click.Path(path_type=Path))
+@click.option(
+    "--set",
+    "changes",
+    multiple=True,
+    metavar="FIELD=VALUE",
+    help="Change a field, for example controller.order=0.8; nothing after = unsets it. Repeatable.",
+)
+@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Write the run as NetCDF.")
+@click.option("--plot", type=click.Path(path_type=Path), metavar="FILE", help="Draw the run: .svg, .png or .pdf.")
+@click.option("--json", "as_json", is_flag=True, help="Print the metrics as JSON.")
+def simulate_command(
+    scenario: Path | None, changes: Sequence[str], out: Path | None, plot: Path | None, as_json: bool
+) -> None:
+    """Simulate SCENARIO and print its metrics. Without SCENARIO: the paper, corrected."""
+    from ..analysis.metrics import measured
+    from ..simulation.dataset import write_run
+
+    chosen = Scenario.load(scenario) if scenario else Scenario.paper()
+    chosen = chosen.replace(dict(map(_change, changes)))
+    diverged = None
+    # The metrics are of every step, and gathered on the way. A record that nobody asked for tells why a run diverged.
+    unasked = {} if out or plot else {"run.record_every": max(1, chosen.run.steps // UNASKED)}
+    try:
+        run = simulate(chosen.replace(unasked))
+    except DivergedError as error:
+        run, diverged = error.run, error
+    if out:
+        write_run(run, out)
+    if plot:
+        from ..analysis.plots import plot_run
+
+        plot_run(run, plot)
+    if diverged:
+        kept = f"; the samples until then are in {out}" if out else ""
+        raise click.UsageError(f"{diverged}{kept}")
+    figures = measured(chosen).drop_vars("diverged_at")
+    if as_json:
+        click.echo(json.dumps({name: _plain(values) for name, values in figures.items()}))
+        return
+    print_table(("metric", "value"), _rows(figures))
+
+
+@click.command(name="scenario")
+@click.argument("name", type=click.Choice(["paper", *SHIPPED]), required=False)
+@click.option(
+    "--variant",
+    type=click.Choice(["corrected", "printed"]),
+    default="corrected",
+    show_default=True,
+    help="Paper scenario: as printed or corrected.",
+)
+@click.option("--list", "listed", is_flag=True, help="List the available scenarios.")
+def scenario_command(name: str | None, variant: str, listed: bool) -> None:
+    """Print a scenario to edit and run. The paper's has every field explained; others are devices."""
+    if listed:
+        width = max(map(len, SHIPPED))
+        for each, words in {"paper": "the paper's, every field explained", **SHIPPED}.items():
+            click.echo(f"{each:<{width}}  {words}")
+    elif name in SHIPPED:
+        click.echo(shipped_text(name), nl=False)
+    else:
+        click.echo(Scenario.paper("printed" if variant == "printed" else "corrected").to_toml(), nl=False)
+
+
+def _change(text: str) -> tuple[str, Any]:
+    """FIELD=VALUE with VALUE in TOML; a bare word is a string, and nothing at all unsets."""
+    field, equals, value = (part.strip() for part in text.partition("="))
+    if not equals:
+        raise click.UsageError(f"--set {text} has no '=': write --set field=value")
+    if not value:
+        return field, None
+    try:
+        tables = tomllib.loads(f"value = {value}")
+    except ValueError:
+        return field, value
+    except RecursionError:
+        raise click.UsageError(f"--set {field}: its value is nested too deeply") from None
+    return field, tables["value"] if len(tables) == 1 else value  # more: it had lines of its own
+
+
+def _plain(values: Any) -> Any:
+    """Numbers that JSON can hold: NaN, which means never, becomes null."""
+    if values.ndim == 0:
+        number = float(values)
+        return number if number == number else None
+    return {str(label): _plain(values[i]) for i, label in enumerate(values[values.dims[0]].values)}
+
+
+def _rows(figures: Any) -> Iterator[tuple[str, str]]:
+    for name, values in figures.items():
+        text = json.dumps(_plain(values), default=str)
+        cells = json.loads(text, parse_float=lambda number: f"{float(number):.6g}")
+        yield str(name), _words(cells)
+
+
+def _words(cells: Any) -> str:
+    if cells is None:
+        return "never"
+    if not isinstance(cells, dict):
+        return str(cells)
+    nested = any(isinstance(inner, dict) for inner in cells.values())
+    parts = [f"{label}: {_words(inner)}" if nested else f"{label} {_words(inner)}" for label, inner in cells.items()]
+    return ("\n" if nested else ", ").join(parts)

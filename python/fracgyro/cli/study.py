@@ -1,0 +1,68 @@
+"""`fracgyro sweep` and `fracgyro tune`."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import click
+
+from .terminal import progress
+
+
+@click.command()
+@click.argument("study", type=click.Path(path_type=Path))
+@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="Folder for the results.")
+@click.option("--resume", is_flag=True, help="Finish the study that DIR holds.")
+@click.option("--scheduler", metavar="ADDRESS", help="Run on this Dask cluster, for example tcp://host:8786.")
+@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
+def sweep(study: Path, out: Path, resume: bool, scheduler: str | None, as_json: bool) -> None:
+    """Run every scenario of STUDY. Write one row of metrics per run, and a summary page."""
+    from ..study.sweep.run import sweep as run_all
+
+    with progress("simulating", rate="runs/s") as show:
+        result = run_all(study, out, resume=resume, scheduler=scheduler, progress=show)
+    if as_json:
+        click.echo(json.dumps(asdict(result), default=str))
+        return
+    new = result.runs - result.resumed
+    found = f" ({result.resumed} found finished)" if result.resumed and new else ""
+    did = (
+        f"{result.runs} runs{found}, {result.diverged} diverged" if new else "it was finished: nothing was left to run"
+    )
+    click.echo(f"{did}; {result.seconds:.1f} s. Rows: {result.data}, summary: {result.summary}")
+
+
+@click.command()
+@click.argument("study", type=click.Path(path_type=Path))
+@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="Folder for the results.")
+@click.option("--resume", is_flag=True, help="Continue the study that DIR holds, up to its number of trials.")
+@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
+def tune(study: Path, out: Path, resume: bool, as_json: bool) -> None:
+    """Search for the best parameters of STUDY. Write the scenario, tested on unseen noise seeds."""
+    from ..study.tune.run import tune as run_all
+
+    with progress("starting") as show:
+        result = run_all(study, out, resume=resume, progress=show)
+    if as_json:
+        click.echo(json.dumps(_finite(asdict(result)), default=str))
+        return
+    for objective in result.held_out.objectives:
+        values = f"{objective.tuned:.4g}, base {objective.base:.4g}"
+        click.echo(f"{objective.label}: {values} on held-out seeds: {objective.verdict}")
+    for constraint in result.held_out.constraints:
+        kept = "kept" if constraint.kept else "broken"
+        click.echo(f"{constraint.label}: {constraint.tuned:.5g}, at most {constraint.limit:.5g}: {kept}")
+    found = f"trial {result.trial} of {result.trials}, {result.feasible} feasible"
+    click.echo(f"{found}; {result.seconds:.0f} s. Scenario: {result.scenario}, report: {result.report}")
+
+
+def _finite(value: Any) -> Any:
+    """The same for what is no array: NaN and infinity become null."""
+    if isinstance(value, dict):
+        return {name: _finite(inner) for name, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(inner) for inner in value]
+    return None if isinstance(value, float) and not -float("inf") < value < float("inf") else value

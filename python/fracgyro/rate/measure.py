@@ -1,0 +1,156 @@
+"""What is measured of a scenario as a rate sensor: runs at set rates -> figures of merit, in SI."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..analysis.confidence import Mean, mean_interval
+from ..scenario import Scenario
+from .allan import Allan, allan
+from .bound import Bound, bound_angle_random_walk
+from .merit import Response, Static, full_scale, gain_and_lag, response, static, turn_on_time
+from .runs import Output, Sensor
+from .units import DEG_PER_S
+
+Array = NDArray[np.float64]
+Progress = Callable[[float, float, str], object]
+
+RANGE = DEG_PER_S.to_si(300.0)  # the input range, +-, that the line is drawn through
+WITHIN = np.array([1 / 30, 0.1, 1 / 3, 2 / 3, 1.0]) * RANGE  # 10, 30, 100, 200, 300 deg/s, to both sides and 0
+BEYOND = np.array([2.0, 4.0, 8.0, 16.0, 32.0]) * RANGE
+REST_STEPS = 1_000_000
+SINE = RANGE / 3  # amplitude of the sinusoidal rates
+FREQUENCIES = 12  # from two periods in the steady half up
+COUPLING = 0.1  # of sqrt(dxx dyy): the damping deviation that is tried
+
+
+@dataclass(frozen=True)
+class Leak:
+    """What a wrong coupling adds to the output at rest, rad/s, beside its own size as a rate, rad/s."""
+
+    offered: float
+    residual: Mean
+
+
+@dataclass(frozen=True)
+class Characterisation:
+    """Everything measured; SI."""
+
+    scenario: Scenario
+    seeds: int
+    rates: Array
+    static: Static
+    full_scale: float
+    full_scale_is_last: bool
+    turn_on: Output  # at the end of the range
+    turn_on_time: float
+    rest: Output
+    allan: Allan
+    bound: Bound | None
+    response: Response
+    quadrature: Leak
+    damping: Leak
+
+
+def measure(scenario: Scenario, *, seeds: int, progress: Progress | None = None) -> Characterisation:
+    """The measurements alone."""
+    sensor = Sensor.of(scenario, seeds)
+    few = Sensor.of(scenario, 2)
+    show = progress or (lambda done, total, doing: None)
+    inner = np.concatenate([-WITHIN[::-1], [0.0], WITHIN])
+    outer = np.concatenate([-BEYOND[::-1], BEYOND])
+    total = len(inner) + len(outer) + 1 + FREQUENCIES + 4
+    done = 0
+
+    def next_one(doing: str) -> None:
+        nonlocal done
+        show(done, total, doing)
+        done += 1
+
+    outputs = []
+    for rate in inner:
+        next_one("constant rates")
+        outputs.append(sensor.output(float(rate)))
+    means = np.array([output.settled().rate.mean(axis=1) for output in outputs])
+    line = static(inner, means)
+    further = []
+    for rate in outer:
+        next_one("full scale")
+        further.append(_mean_or_nan(few, float(rate)))
+    first = means[:, : len(few.seeds)]  # the same seeds at every rate, or their noise would look like an error
+    reached, last = full_scale(np.concatenate([inner, outer]), np.concatenate([first, further]), static(inner, first))
+    next_one("record at rest")
+    rest = sensor.output(0.0, steps=REST_STEPS).settled()
+    frequencies = _frequencies(outputs[0])
+    gains = []
+    for frequency in frequencies:
+        next_one("sinusoidal rates")
+        gains.append(_gains(few, float(frequency)))
+    answered = response(frequencies, np.array(gains), line.scale_factor.mean)
+    leaks = []
+    for name, size, offered in _couplings(scenario):
+        pair = []
+        for sign in (-1.0, 1.0):
+            next_one("quadrature")
+            output = sensor.output(0.0, changes={name: {"xx": 0.0, "xy": sign * size, "yy": 0.0}})
+            pair.append(output.settled().rate.mean(axis=1))
+        leaks.append(Leak(offered, mean_interval((pair[1] - pair[0]) / 2)))
+    show(total, total, "writing")
+    return Characterisation(
+        scenario,
+        seeds,
+        inner,
+        line,
+        reached,
+        last,
+        outputs[-1],
+        turn_on_time(outputs[-1].time, outputs[-1].rate),
+        rest,
+        allan(rest.rate, rest.interval),
+        bound_angle_random_walk(scenario.replace({"plant.angular_rate": 0.0})),
+        answered,
+        *leaks,
+    )
+
+
+def _mean_or_nan(sensor: Sensor, rate: float) -> Array:
+    """Mean steady output of each run at a rate beyond the range, where a run may diverge."""
+    try:
+        return np.asarray(sensor.output(rate).settled().rate.mean(axis=1), dtype=float)
+    except ValueError:
+        return np.full(len(sensor.seeds), math.nan)
+
+
+def _frequencies(output: Output) -> Array:
+    """Hz, from two periods in the steady half up to a quarter of the output's own rate."""
+    lowest = 4.0 / output.time[-1]
+    return np.geomspace(lowest, 0.25 / output.interval, FREQUENCIES)
+
+
+def _gains(sensor: Sensor, frequency: float) -> NDArray[np.complex128]:
+    """Of each run, at a frequency in Hz."""
+    nondimensional = 2 * math.pi * frequency * sensor.scenario.plant.scales.time
+    moving = {"rate.kind": "sine", "rate.amplitude": SINE, "rate.frequency": nondimensional}
+    output = sensor.output(0.0, changes=moving)
+    steady = output.settled().rate
+    return np.array([gain_and_lag(output.time[-len(run) :], run, SINE, frequency, output.interval) for run in steady])
+
+
+def _couplings(scenario: Scenario) -> list[tuple[str, float, float]]:
+    """Field, deviation in SI, and the rate it would be taken for: k/(2 m omega), c/(2 m).
+
+    The stiffness is wrong by as much as makes the quadrature force that of the whole range.
+    """
+    plant = scenario.plant
+    omega = math.sqrt(plant.stiffness.xx / plant.mass)
+    stiffness = 2 * plant.mass * omega * RANGE
+    damping = COUPLING * math.sqrt(plant.damping.xx * plant.damping.yy)
+    return [
+        ("plant.stiffness_deviation", stiffness, RANGE),
+        ("plant.damping_deviation", damping, damping / (2 * plant.mass)),
+    ]

@@ -1,0 +1,123 @@
+"""The figures of the report, as sources of HTML images."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ..analysis.html import embedded
+from ..analysis.style import COLORS, MM, WIDTH, own_style
+from .allan import FLICKER
+from .measure import Characterisation
+from .units import DEG_PER_H, DEG_PER_S, DEGREE, MILLISECOND
+
+SHOWN = 5.0  # times the turn-on time
+FAR = 10.0  # times the range: from here on a turn-on is drawn on a logarithmic scale
+
+
+def allan_chart(m: Characterisation) -> str:
+    """The deviation with its interval, the lines that the terms are read from, and the Cramér-Rao bound."""
+    with own_style():
+        figure, panel = _one_panel(78)
+        found, unit = m.allan, DEG_PER_H.per_si
+        tau = found.tau
+        panel.fill_between(tau, found.low * unit, found.high * unit, color=COLORS[0], alpha=0.2, linewidth=0)
+        panel.loglog(
+            tau, found.deviation * unit, color=COLORS[0], marker="o", markersize=3, linewidth=1, label="output"
+        )
+        if found.angle_random_walk:
+            line = found.angle_random_walk.value / np.sqrt(tau) * unit
+            panel.loglog(tau, line, color="black", linewidth=0.7, dashes=(4, 2), label="slope −1/2: angle random walk")
+        if not found.bias_instability.limit:
+            level = found.bias_instability.value * FLICKER * unit
+            panel.axhline(level, color="#009E73", linewidth=0.7, dashes=(4, 2), label="0.664 × bias instability")
+        if not found.rate_random_walk.limit:
+            line = found.rate_random_walk.value * np.sqrt(tau / 3) * unit
+            panel.loglog(tau, line, color="#CC79A7", linewidth=0.7, dashes=(4, 2), label="slope +1/2: rate random walk")
+        if m.bound:
+            known, unknown = (n / np.sqrt(tau) * unit for n in (m.bound.known, m.bound.unknown))
+            panel.loglog(tau, known, color=COLORS[1], linewidth=0.9, label="Cramér-Rao bound, D and K known")
+            label = "Cramér-Rao bound, D and K unknown"
+            panel.loglog(tau, unknown, color=COLORS[1], linewidth=0.9, dashes=(2, 2), label=label)
+        panel.set_ylim(bottom=float(np.min(found.deviation)) * unit / 3, top=float(np.max(found.deviation)) * unit * 3)
+        panel.set_xlabel("averaging time (s)")
+        panel.set_ylabel("Allan deviation (deg/h)")
+        _beside(panel)
+        return embedded(figure)
+
+
+def ladder_chart(m: Characterisation) -> str:
+    """What the mean output has beyond the line, over the rate."""
+    with own_style():
+        figure, panel = _one_panel(62)
+        rate = DEG_PER_S.per_si * m.rates
+        panel.axhline(0, color="black", linewidth=0.5)
+        panel.plot(
+            rate, DEG_PER_S.per_si * m.static.deviation, color=COLORS[0], marker="o", markersize=3, linewidth=0.8
+        )
+        panel.set_xlabel("rate (deg/s)")
+        panel.set_ylabel("mean output less the line (deg/s)")
+        return embedded(figure)
+
+
+def turn_on_chart(m: Characterisation) -> str:
+    """The output of every run from its start, at the end of the range."""
+    with own_style():
+        figure, panel = _one_panel(62)
+        time = MILLISECOND.per_si * m.turn_on.time
+        for i, run in enumerate(m.turn_on.rate):
+            label = "output, one line a run" if i == 0 else None
+            panel.plot(time, DEG_PER_S.per_si * run, color=COLORS[0], linewidth=0.6, alpha=0.6, label=label)
+        panel.axhline(DEG_PER_S.of(float(m.rates[-1])), color="black", linewidth=0.9, dashes=(4, 2.5), label="rate")
+        if math.isfinite(m.turn_on_time):
+            start = MILLISECOND.of(m.turn_on_time)
+            panel.axvline(start, color=COLORS[1], linewidth=0.9, label="turn-on time")
+            panel.set_xlim(0, min(float(time[-1]), SHOWN * start))
+        largest = DEG_PER_S.of(float(abs(m.turn_on.rate).max()))
+        if largest > FAR * DEG_PER_S.of(float(m.rates[-1])):
+            panel.set_yscale("symlog", linthresh=1000)
+            powers = 10.0 ** np.arange(3, math.ceil(math.log10(largest)) + 1)
+            panel.set_yticks([*-powers[::-1], 0, *powers])
+        panel.set_xlabel("time (ms)")
+        panel.set_ylabel("output (deg/s)")
+        _beside(panel)
+        return embedded(figure)
+
+
+def response_chart(m: Characterisation) -> str:
+    """Gain and lag over the frequency of the rate."""
+    with own_style():
+        figure = Figure(figsize=(WIDTH * MM, 82 * MM), layout="constrained")
+        gain, lag = figure.subplots(2, 1, sharex=True)
+        style = {"color": COLORS[0], "marker": "o", "markersize": 3, "linewidth": 0.8}
+        gain.semilogx(m.response.frequency, 20 * np.log10(m.response.gain), **style)
+        gain.axhline(20 * math.log10(math.sqrt(0.5)), color="black", linewidth=0.7, dashes=(4, 2.5))
+        lag.semilogx(m.response.frequency, DEGREE.per_si * m.response.lag, **style)
+        if 0 < m.response.bandwidth.mean < math.inf:
+            for panel in (gain, lag):
+                panel.axvline(m.response.bandwidth.mean, color=COLORS[1], linewidth=0.9)
+        gain.set_ylabel("gain (dB)")
+        lag.set_ylabel("phase lag (deg)")
+        lag.set_xlabel("frequency of the rate (Hz)")
+        for panel in (gain, lag):
+            _plain(panel)
+        return embedded(figure)
+
+
+def _one_panel(height: float) -> tuple[Figure, Axes]:
+    figure = Figure(figsize=(WIDTH * MM, height * MM), layout="constrained")
+    panel = figure.add_subplot()
+    _plain(panel)
+    return figure, panel
+
+
+def _plain(panel: Axes) -> None:
+    panel.spines[["top", "right"]].set_visible(False)
+    panel.grid(True, linewidth=0.3)
+
+
+def _beside(panel: Axes) -> None:
+    panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))

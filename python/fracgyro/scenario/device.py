@@ -1,0 +1,221 @@
+"""The tables [rate] and [device] of a scenario: a rate that moves, and what a real device adds. All off by default."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BeforeValidator, model_validator
+from pydantic_core import PydanticCustomError
+
+from ..files import read_input, reason
+from .table import MOST_STEPS, NonNegative, Table, as_tuple, field, sentence, toml_value
+
+MOST_POINTS = 100_000
+Points = tuple[tuple[float, float], ...]
+
+
+def _points(value: Any) -> Points | None:
+    """Rising times and their values."""
+    if value is None:
+        return None
+    rule = f"it must be a list of 1 to {MOST_POINTS} pairs [time, value] of finite numbers whose times rise"
+    problem = PydanticCustomError("rule", "{rule}", {"rule": rule})
+    if not isinstance(value, list | tuple) or not 1 <= len(value) <= MOST_POINTS:
+        raise problem
+    for pair in value:
+        if not isinstance(pair, list | tuple) or len(pair) != 2:
+            raise problem
+        for number in pair:
+            if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
+                raise problem
+    if any(not after[0] > before[0] for before, after in pairwise(value)):
+        raise problem
+    return tuple((float(time), float(number)) for time, number in value)
+
+
+OptionalPoints = Annotated[Points | None, BeforeValidator(_points)]
+Cubic = Annotated[tuple[float, float], as_tuple("x y", expand=True)]
+
+
+def _read_file(values: Any, table: str, field: str, points: str, column: str) -> Any:
+    """The table with the points that its file holds in place of the file: a scenario depends on nothing outside it."""
+    if not isinstance(values, Mapping) or not isinstance(values.get(field), str):
+        return values
+    if values.get(points) is not None:
+        raise sentence(f"{table}.{field} and {table}.{points} are both given: at most one of the two can be")
+    read = read_points(values[field], f"{table}.{field}", column)
+    return {**values, field: None, points: read}
+
+
+def read_points(path: str, name: str, column: str) -> list[list[float]]:
+    """Rows of a CSV file whose header is `time,<column>`. Raises, in one sentence, when it is not one.
+
+    The sentence shows nothing of the file: a scenario from elsewhere may name any.
+    """
+    place = f"{name} is {toml_value(path)}"
+    try:
+        text = io.StringIO(read_input(path).decode("utf-8-sig"), newline="")
+        header, *rows = [[cell.strip() for cell in row] for row in csv.reader(text) if row] or [[]]
+    except UnicodeDecodeError:
+        raise sentence(f"{place}: it cannot be read: it is not UTF-8") from None
+    except OSError as error:
+        raise sentence(f"{place}: it cannot be read: {reason(error)}") from None
+    except (ValueError, csv.Error) as error:
+        raise sentence(f"{place}: it cannot be read: {error}") from None
+    if header != ["time", column]:
+        raise sentence(f"{place}: its first line must be 'time,{column}'")
+    found: list[list[float]] = []
+    for line, row in enumerate(rows, start=2):
+        try:
+            time, number = map(float, row)
+            if not (math.isfinite(time) and math.isfinite(number)):
+                raise ValueError
+        except ValueError:
+            raise sentence(f"{place}: row {line} must be two finite numbers") from None
+        if found and not time > found[-1][0]:
+            raise sentence(f"{place}: row {line}: times must rise from row to row")
+        found.append([time, number])
+    return found
+
+
+class Rate(Table):
+    """The angular rate over time: in rad/s, times and frequencies nondimensional but for those of points."""
+
+    kind: Literal["constant", "step", "staircase", "sine", "chirp", "noise", "table"] = field(
+        "constant",
+        "plant.angular_rate, plus: a step or a staircase up; sine; chirp, a sine whose frequency rises linearly until "
+        "the end of the run; Gaussian noise with a flat spectrum up to frequency. table: points alone. constant: off.",
+    )
+    amplitude: float = field(
+        0.0, "rad/s: height of the step or of each level, peak of sine and chirp, standard deviation of the noise."
+    )
+    start: NonNegative = field(0.0, "Unit 1/omega0, whole steps: until then the rate is plant.angular_rate. 0.0: off.")
+    hold: float | None = field(None, "Unit 1/omega0, whole steps: time on each level of the staircase.", gt=0)
+    levels: int = field(1, "How many levels the staircase climbs; it stays on the last one.", ge=1, le=MOST_STEPS)
+    frequency: NonNegative = field(
+        0.0, "Unit omega0: of the sine, where the chirp begins, where the band of the noise ends. At most pi/run.step."
+    )
+    final_frequency: NonNegative = field(0.0, "Unit omega0: where the chirp ends. At most pi/run.step.")
+    seed: int = field(0, "Of the noise: same seed, same rate; 0 to 2^63 - 1.", ge=0, le=2**63 - 1)
+    file: str | None = field(
+        None,
+        "A CSV file with the header time,rate, in s and rad/s, beside the scenario: read at once and kept as points.",
+    )
+    points: OptionalPoints = field(
+        None,
+        "Of the table: [[time in s, rate in rad/s], ...], linear in between and constant beyond the ends. This is the "
+        "rate itself: plant.angular_rate is then only what the estimate starts from.",
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _file(cls, values: Any) -> Any:
+        return _read_file(values, "rate", "file", "points", "rate")
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if (self.kind == "table") != (self.points is not None):
+            given = "missing" if self.points is None else "given"
+            raise sentence(
+                f"rate.kind is {toml_value(self.kind)} and rate.points is {given}: a table, and nothing else, "
+                "must have points, or a file of them"
+            )
+        if self.kind == "staircase" and self.hold is None:
+            raise sentence("rate.hold is missing: a staircase must have a time on each level")
+        if self.kind in ("sine", "noise") and self.frequency == 0:
+            raise sentence(
+                f"rate.frequency is 0.0: it must be greater than 0 when rate.kind is {toml_value(self.kind)}"
+            )
+        return self
+
+
+class Device(Table):
+    """What the device is not ideal in. In SI units."""
+
+    sensing: Literal["full", "position"] = field(
+        "full",
+        "What is measured: position and velocity, or the position alone, from which an observer of bandwidth "
+        "controller.observer_bandwidth finds the velocity. full: off.",
+    )
+    position_noise: NonNegative = field(
+        0.0, "m: standard deviation of the measured position, anew at every sample. 0.0: off."
+    )
+    position_noise_density: NonNegative = field(
+        0.0, "m/sqrt(Hz), one-sided: instead, white noise up to half the sampling frequency. 0.0: off."
+    )
+    velocity_noise: NonNegative = field(0.0, "m/s: of the measured velocity. 0.0: off.")
+    velocity_noise_density: NonNegative = field(0.0, "(m/s)/sqrt(Hz), one-sided: instead. 0.0: off.")
+    position_range: float = field(
+        math.inf, "m, > 0: the measured position clips at plus and minus this. inf: off.", gt=0, allow_inf_nan=True
+    )
+    position_bits: int = field(
+        0, "Bits of the converter: it has 2^bits levels over the range, at most 32 bits. 0: off.", ge=0, le=32
+    )
+    velocity_range: float = field(
+        math.inf, "m/s, > 0: the measured velocity clips at plus and minus this. inf: off.", gt=0, allow_inf_nan=True
+    )
+    velocity_bits: int = field(0, "As position_bits. 0: off.", ge=0, le=32)
+    actuator_limit: float = field(
+        math.inf,
+        "N, > 0: largest force of the actuator per axis; the controller does not know of it, as it does of "
+        "controller.force_limit. inf: off.",
+        gt=0,
+        allow_inf_nan=True,
+    )
+    actuator_bits: int = field(0, "Of the force's converter, over plus and minus the limit. 0: off.", ge=0, le=32)
+    delay: int = field(
+        0,
+        "Steps between a measurement and the force that answers it, beyond none, at most 1000. 0: off.",
+        ge=0,
+        le=1000,
+    )
+    cubic_stiffness: Cubic = field(
+        (0.0, 0.0), "kappa [x, y], N/m^3: each spring pulls with kappa q^3 more; negative softens. Zeros: off."
+    )
+    stiffness_drift: float = field(0.0, "ppm/K: of K and Delta K, by the temperature below. 0.0: off.")
+    temperature_ramp: float = field(0.0, "K/s: the temperature rises at this rate from t = 0 on. 0.0: off.")
+    temperature_file: str | None = field(
+        None, "Instead: a CSV file with the header time,temperature, in s and K, read at once and kept as points."
+    )
+    temperature_points: OptionalPoints = field(
+        None, "[[time in s, change of temperature in K], ...], linear in between and constant beyond the ends."
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _file(cls, values: Any) -> Any:
+        return _read_file(values, "device", "temperature_file", "temperature_points", "temperature")
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        for quantity, limit in {"position": "range", "velocity": "range", "actuator": "limit"}.items():
+            bits = getattr(self, f"{quantity}_bits")
+            if bits and math.isinf(getattr(self, f"{quantity}_{limit}")):
+                raise sentence(
+                    f"device.{quantity}_bits is {bits} and device.{quantity}_{limit} is inf: "
+                    "a converter must have a finite range"
+                )
+        for quantity in ("position", "velocity"):
+            noise, density = getattr(self, f"{quantity}_noise"), getattr(self, f"{quantity}_noise_density")
+            if noise and density:
+                raise sentence(
+                    f"device.{quantity}_noise is {noise} and device.{quantity}_noise_density is {density}: "
+                    "at most one of the two can be given"
+                )
+        if self.temperature_ramp and self.temperature_points is not None:
+            raise sentence(
+                f"device.temperature_ramp is {self.temperature_ramp} and device.temperature_points is given: "
+                "at most one of the two can be"
+            )
+        return self
+
+    def temperature(self, end: float) -> Points:
+        """Change of temperature, K, at times in s; `end`: that of the run."""
+        if self.temperature_points is not None:
+            return self.temperature_points
+        return ((0.0, 0.0), (end, self.temperature_ramp * end))

@@ -1,0 +1,180 @@
+"""What the compiled core says of its controllers: every number of a run of each kind, and what each kind reports."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import groupby
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from .. import _core
+from .table import as_tuple, field
+
+KINDS: tuple[str, ...] = tuple(_core.controller_kinds)
+MEANINGS: tuple[str, ...] = tuple(_core.controller_meanings)
+
+
+@dataclass(frozen=True)
+class Number:
+    """One number of a run: a field of a table of the scenario, or a part of it, [0], .x or .xx."""
+
+    table: str
+    field: str
+    part: str
+    unit: str  # nondimensional
+    meaning: str
+    low: float
+    high: float
+    strict: bool  # low < value < high
+    infinite: bool  # may be infinity, which switches off
+    whole: bool  # an integer
+    fixed: bool  # has a meaning only at the start
+    choices: tuple[str, ...]  # their places are the numbers; of a switch false and true
+    default: float
+
+    @property
+    def path(self) -> str:
+        return f"{self.table}.{self.field}"
+
+    @property
+    def name(self) -> str:
+        return self.path + self.part
+
+
+@lru_cache
+def numbers(kind: str) -> tuple[Number, ...]:
+    """The numbers of a run of this kind, in the core's order."""
+    found = []
+    for one in _core.fields_of_kind(KINDS.index(kind)):
+        units = one["unit"].split(", ")
+        place = int(one["part"][1:-1]) if one["part"].startswith("[") else 0
+        found.append(Number(**{**one, "unit": units[place] if len(units) > 1 else units[0]}))
+    return tuple(found)
+
+
+@lru_cache
+def fields_of(kind: str, table: str) -> tuple[str, ...]:
+    """The fields that controllers of this kind have in this table."""
+    return tuple(dict.fromkeys(number.field for number in numbers(kind) if number.table == table))
+
+
+def having(path: str) -> list[str]:
+    """The kinds that have this field."""
+    table, _, name = path.partition(".")
+    return [kind for kind in KINDS if name in fields_of(kind, table)]
+
+
+def table_fields(table: str, *, derived: bool = False, **paper: Any) -> dict[str, Any]:
+    """The fields of a scenario's table, of all kinds together, as pydantic's create_model takes them.
+
+    `derived`: what is not a switch may be left out, and then follows from the rest of the scenario. `paper`: values of
+    the paper in the place of the core's own. Raises ValueError when two kinds mean different things by one name.
+    """
+    found: dict[str, list[Number]] = {}
+    for kind in KINDS:
+        own = [number for number in numbers(kind) if number.table == table and number.field not in DESIGNED]
+        for name, parts in groupby(own, lambda number: number.field):
+            listed = list(parts)
+            if found.setdefault(name, listed) != listed:
+                raise ValueError(f"{table}.{name} has two meanings among the controllers")
+    return {name: _field(parts, derived, paper.get(name)) for name, parts in found.items()}
+
+
+# Numbers of the core that a scenario does not state: they follow from others.
+DESIGNED = {"order_gamma", "mode_count", "mode_error", "initial_damping", "initial_stiffness", "initial_rate"}
+
+
+def _field(parts: list[Number], derived: bool, paper: Any) -> tuple[Any, Any]:
+    first = parts[0]
+    if first.choices:
+        switch = first.choices == ("false", "true")
+        default: Any = bool(first.default) if switch else first.choices[int(first.default)]
+        return (bool if switch else Literal[first.choices]), field(default, first.meaning)
+    limits = _limits(first)
+    if len(parts) == 1:
+        number: Any = int if first.whole else float
+        if derived:
+            return number | None, field(None, first.meaning, **limits)
+        return number, field(number(first.default) if paper is None else paper, first.meaning, **limits)
+    labelled = re.match(r"\[(.*?)\]", first.meaning)
+    labels = labelled[1].replace(",", "") if labelled and not first.part.startswith(".") else "x y"
+    entry = Annotated[float, Field(**limits)] if limits else float
+    entries: Any = tuple.__class_getitem__((entry,) * len(parts))
+    expand = first.strict and first.part.startswith(".")
+    return (
+        Annotated[entries, as_tuple(labels, expand=expand)],
+        field(tuple(part.default for part in parts) if paper is None else paper, first.meaning),
+    )
+
+
+def _limits(number: Number) -> Mapping[str, Any]:
+    low, high = ("gt", "lt") if number.strict else ("ge", "le")
+    as_given = int if number.whole else float
+    found: dict[str, Any] = {}
+    if number.low > -float("inf"):
+        found[low] = as_given(number.low)
+    if number.high < float("inf"):
+        found[high] = as_given(number.high)
+    if number.infinite:
+        found["allow_inf_nan"] = True
+    return found
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One variable of a run: how many columns it has, their units, and what it is."""
+
+    name: str
+    width: int
+    units: tuple[str, ...]  # nondimensional, of every column or of all
+    meaning: str
+    dimension: str | None  # of its columns: axis, entry, or of an array the first word of its name
+
+    @property
+    def labels(self) -> list[str] | list[int]:
+        """What its columns are called."""
+        if self.dimension == "axis":
+            return AXES
+        return ENTRIES if self.dimension == "entry" else list(range(self.width))
+
+
+AXES = ["x", "y"]
+ENTRIES = ["xx", "xy", "yy"]
+# A quantity of schema.py's Scales and its SI unit, by its nondimensional unit.
+QUANTITIES = {
+    "q0": ("length", "m"),
+    "q0*omega0": ("velocity", "m/s"),
+    "m*omega0^2*q0": ("force", "N"),
+    "m*omega0": ("damping", "N s/m"),
+    "m*omega0^2": ("stiffness", "N/m"),
+    "omega0": ("rate", "rad/s"),
+    "1": ("one", "1"),
+}
+
+
+def _channels(found: tuple[tuple[str, int, str, str, str], ...]) -> tuple[Channel, ...]:
+    dimensions = {"": None, ".x": "axis", ".xx": "entry"}
+    return tuple(
+        Channel(name, width, tuple(unit.split(", ")), meaning, dimensions.get(part, name.partition("_")[0]))
+        for name, width, unit, meaning, part in found
+    )
+
+
+LOOP_CHANNELS = _channels(_core.loop_channels)
+DEVICE_CHANNELS = _channels(_core.device_channels)
+
+
+@lru_cache
+def reports(kind: str) -> tuple[tuple[Channel, ...], ...]:
+    """What the controllers of this kind report besides the force, each of its types."""
+    return tuple(map(_channels, _core.reports_of_kind(KINDS.index(kind))))
+
+
+def reported(setup: _core.Setup) -> tuple[Channel, ...]:
+    """That of the controller of a run."""
+    kind, chosen = _core.chosen_type(setup)
+    return reports(KINDS[kind])[chosen]

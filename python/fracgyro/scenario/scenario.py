@@ -1,0 +1,218 @@
+"""A scenario: everything that a run depends on, and its round trip through TOML.
+
+Reading order: schema.py, `Scenario`, sentences.py.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+import textwrap
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any, Literal, Self, cast
+
+import numpy as np
+from pydantic import BaseModel, ValidationError, model_validator
+
+from ..arguments import short
+from ..files import whole_file
+from .device import Device, Rate
+from .kinds import KINDS, fields_of, having
+from .schema import ERRATA_SWITCHES, HOLD_TOLERANCE, Adaptation, Controller, Disturbance, Guard, Plant, Reference, Run
+from .sentences import ScenarioError, explained, paths, unknown
+from .table import MOST_STEPS, Table, sentence, shown, toml_value
+from .toml import read_tables, read_text
+
+# The first words and the last line of a saved scenario: half a file may still be valid TOML.
+BEGIN = "# A fracgyro scenario."
+END = "# End of the scenario."
+BY_KIND = ("controller", "adaptation")  # tables whose fields belong to kinds of controllers
+FILES = [("rate", "file"), ("device", "temperature_file")]
+
+
+class Scenario(Table):
+    """Everything that a run depends on. Frozen: `replace` makes a changed copy."""
+
+    plant: Plant = Plant()
+    reference: Reference = Reference()
+    controller: Controller = Controller()
+    adaptation: Adaptation = Adaptation()
+    guard: Guard = Guard()
+    disturbance: Disturbance = Disturbance()
+    rate: Rate = Rate()
+    device: Device = Device()
+    run: Run = Run()
+
+    def __init__(self, **tables: Any) -> None:
+        try:
+            super().__init__(**tables)
+        except ValidationError as error:
+            raise explained(error, Scenario) from None
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        hold = self.disturbance.hold
+        if self.disturbance.kind == "noise" and hold is not None:
+            self._check_whole_steps("disturbance.hold", hold, 1, "; left out, it is one step")
+        self._check_rate()
+        self._check_drift()
+        self._check_kind()
+        self._check_estimates()
+        return self
+
+    def _check_kind(self) -> None:
+        """A field that is given must be one that the kind of controller has."""
+        kind = self.controller.kind
+        for name in BY_KIND:
+            table = getattr(self, name)
+            for field in sorted(table.model_fields_set - set(_fields(name, kind))):
+                path = f"{name}.{field}"
+                raise sentence(
+                    f"{path} is {shown(getattr(table, field))}: it must be left out, as controller.kind {kind} has no "
+                    f"such field; it is one of {', '.join(having(path))}"
+                )
+
+    def _check_whole_steps(self, name: str, time: float, least: int, note: str = "") -> None:
+        ratio = min(time / self.run.step, 2.0 * MOST_STEPS)
+        if ratio > MOST_STEPS * (1 + HOLD_TOLERANCE):
+            raise sentence(
+                f"{name} is {toml_value(time)}: it must be at most {MOST_STEPS} steps of {toml_value(self.run.step)}"
+            )
+        if round(ratio) < least or abs(ratio - round(ratio)) > HOLD_TOLERANCE * ratio:
+            raise sentence(
+                f"{name} is {toml_value(time)}: it must be a whole number of run.step, "
+                f"which is {toml_value(self.run.step)}{note}"
+            )
+
+    def _check_rate(self) -> None:
+        rate = self.rate
+        if rate.kind not in ("constant", "table"):
+            self._check_whole_steps("rate.start", rate.start, 0)
+        if rate.kind == "staircase" and rate.hold is not None:
+            self._check_whole_steps("rate.hold", rate.hold, 1)
+        used = {"sine": ["frequency"], "noise": ["frequency"], "chirp": ["frequency", "final_frequency"]}
+        for name in used.get(rate.kind, []):
+            highest = math.pi / self.run.step
+            if getattr(rate, name) > highest:
+                raise sentence(
+                    f"rate.{name} is {toml_value(getattr(rate, name))}: it must be at most pi/run.step, "
+                    f"which is {highest:.6g}"
+                )
+
+    def _check_drift(self) -> None:
+        end = self.run.duration * self.plant.scales.time
+        for _, change in self.device.temperature(end):
+            factor = 1 + 1e-6 * self.device.stiffness_drift * change
+            if not 0 < factor < math.inf:
+                raise sentence(
+                    f"device.stiffness_drift is {toml_value(self.device.stiffness_drift)}: over {change:g} K it "
+                    f"multiplies the stiffness by {factor:g}, which must be greater than 0 and finite"
+                )
+
+    def _check_estimates(self) -> None:
+        damping, stiffness, rate, _, _ = self.plant.nondimensional()
+        largest = max(abs(float(number)) for number in (*damping, *stiffness, rate))
+        if self.controller.adaptive and self.adaptation.initial_ratio * largest == math.inf:
+            raise sentence(
+                f"adaptation.initial_ratio is {toml_value(self.adaptation.initial_ratio)}: times D, K and Omega_z, of "
+                f"which the largest is {largest:.6g}, it must be finite"
+            )
+
+    @classmethod
+    def paper(cls, variant: Literal["corrected", "printed"] = "corrected") -> Scenario:
+        """Eqs (47)-(53), with every row of ERRATA_SWITCHES in the reading asked for."""
+        if variant not in ("corrected", "printed"):
+            raise ScenarioError(f"variant is {shown(variant)}: it must be corrected or printed")
+        switches = {path: getattr(erratum, variant) for path, erratum in ERRATA_SWITCHES.items()}
+        # The hold is stated, so that a finer step leaves the noise as it is.
+        return cls().replace({**switches, "disturbance.hold": 1e-3})
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Scenario:
+        return cls.from_toml(read_text(path), source=str(path), folder=Path(path).parent)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """All or nothing: neither a reader nor a crash meets half a file."""
+        try:
+            with whole_file(path) as scratch:
+                scratch.write_text(self.to_toml(), encoding="utf-8", newline="\n")
+        except ValueError as error:
+            raise ScenarioError(str(error)) from None
+
+    @classmethod
+    def from_toml(cls, text: str, *, source: str = "the text", folder: str | os.PathLike[str] = Path()) -> Scenario:
+        """Missing tables and fields take the paper's corrected values; `source` names the text in errors, and files
+        that it names are looked for in `folder`."""
+        if text.startswith(BEGIN) and END not in text:
+            raise ScenarioError(f"{source} is cut off: its last line, {END!r}, is missing")
+        tables = read_tables(text, source)
+        for table, field in FILES:
+            named = tables.get(table)
+            if isinstance(named, dict) and isinstance(named.get(field), str):
+                named[field] = str(Path(folder) / named[field])
+        return cls(**tables)
+
+    def to_toml(self) -> str:
+        """Complete and commented; reading it gives this scenario back, and writing that the same text."""
+        lines = [
+            f"{BEGIN} [plant] and [device] are in SI, the initial state and all else nondimensional.",
+            "# A table or field that is left out takes the paper's value, in the corrected reading.",
+        ]
+        for name, table in self:
+            lines += ["", f"# {type(table).__doc__}", f"[{name}]"]
+            for field in _fields(name, self.controller.kind):
+                info = type(table).model_fields[field]
+                value = getattr(table, field)
+                lines += _comment(info.description or "")
+                lines += [f"# {field} is not set" if value is None else f"{field} = {toml_value(value)}"]
+        return "\n".join([*lines, "", END]) + "\n"
+
+    def replace(self, changes: Mapping[str, Any]) -> Scenario:
+        """A copy with {"controller.order": 0.8, ...} changed, validated as a whole; None unsets."""
+        tables = self.model_dump()
+        kind = changes.get("controller.kind", self.controller.kind)
+        for name in BY_KIND:  # what another kind does not have is not taken along
+            known = _fields(name, kind) if kind in KINDS else tables[name]
+            tables[name] = {field: value for field, value in tables[name].items() if field in known}
+        for path, value in changes.items():
+            if path not in paths(Scenario):
+                raise ScenarioError(unknown(str(path), Scenario))
+            if isinstance(value, np.ndarray | np.generic):
+                value = value.tolist()
+            elif isinstance(value, BaseModel):
+                value = value.model_dump()
+            node: Any = tables
+            *parents, leaf = path.split(".")
+            for depth, parent in enumerate(parents, start=1):
+                node = node.setdefault(parent, {})
+                if not isinstance(node, dict):
+                    table = ".".join(parents[:depth])
+                    raise ScenarioError(f"{table} is {shown(node)}: it must be a table")
+            node[leaf] = value
+        return Scenario(**tables)
+
+    def content_hash(self) -> str:
+        return hashlib.sha256(self.to_toml().encode()).hexdigest()
+
+
+@cache
+def _fields(table: str, kind: str) -> tuple[str, ...]:
+    """The fields of a table that a scenario with this kind of controller has, in their order."""
+    known = cast(type[BaseModel], Scenario.model_fields[table].annotation).model_fields
+    if table not in BY_KIND:
+        return tuple(known)
+    return tuple(field for field in known if field in fields_of(kind, table) or not having(f"{table}.{field}"))
+
+
+@cache
+def _comment(text: str) -> list[str]:
+    return [f"# {line}" for line in textwrap.wrap(text, 106)]
+
+
+def check_scenario(scenario: object) -> None:
+    """Raises TypeError unless it is one."""
+    if not isinstance(scenario, Scenario):
+        raise TypeError(f"scenario is {short(scenario)}: it must be a Scenario")

@@ -1,0 +1,280 @@
+"""The tables of a scenario: pydantic models, one per TOML table, validated here once and nowhere else.
+
+Defaults are the paper's values, eqs (47)-(53), in the corrected reading. [plant] is in SI, everything else
+nondimensional. A field's description becomes its comment in the TOML.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import astuple, dataclass
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self
+
+import numpy as np
+from pydantic import create_model, model_validator
+
+from .kinds import KINDS, MEANINGS, table_fields
+from .table import MOST_STEPS, ZERO, Frequencies, Pair, Symmetric, Table, Vector, field, sentence, toml_value
+
+HOLD_TOLERANCE = 1e-9  # relative: how far disturbance.hold may be from a whole number of steps
+RANK_TOLERANCE = 1e-12  # relative to the largest entry: an eigenvalue below this is rounding, i.e. zero
+
+
+class Erratum(NamedTuple):
+    """One switch between the paper as printed and as corrected."""
+
+    printed: str
+    corrected: str
+    equation: str
+    reason: str
+
+
+ERRATA_SWITCHES = {
+    "controller.layer": Erratum(
+        "quadratic", "linear", "(33), (46)", "the printed layer has zero gain at s = 0, where s then rings"
+    ),
+    "controller.derivative": Erratum(
+        "caputo", "riemann_liouville", "(17)", "d/dt of D^(alpha-1) e is the Riemann-Liouville derivative"
+    ),
+    "controller.rate_law": Erratum(
+        "printed", "skew", "(44)", "the printed law moves only a symmetric part, which Omega has not"
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Scales:
+    """SI value = nondimensional value * scale: the map (3)-(4), which takes (47) to (48)."""
+
+    time: float  # s, 1/omega0
+    length: float  # m, q0
+    velocity: float  # m/s, q0 omega0
+    force: float  # N, m omega0^2 q0
+    damping: float  # N s/m, m omega0
+    stiffness: float  # N/m, m omega0^2
+    rate: float  # rad/s, omega0
+    one: float = 1.0  # of what has no unit
+
+
+class Plant(Table):
+    """The gyroscope, eqs (1), (2), (9) and (47); SI units."""
+
+    mass: float = field(1.8e-7, "m, kg: proof mass.", gt=0)
+    damping: Symmetric = field(
+        Symmetric(xx=1.8e-6, xy=3.6e-7, yy=1.8e-6),
+        "D, N s/m: positive semidefinite; xy couples the axes. Zeros: undamped.",
+    )
+    stiffness: Symmetric = field(
+        Symmetric(xx=63.955, xy=12.779, yy=95.92),
+        "K, N/m: positive definite; xy couples the axes, and 0.0 uncouples them.",
+    )
+    damping_deviation: Symmetric = field(
+        ZERO, "Delta D, N s/m, eq. (9): added to damping, unknown to the controller. Zeros: off."
+    )
+    stiffness_deviation: Symmetric = field(
+        ZERO,
+        "Delta K, N/m, eq. (9): added to stiffness, unknown to the controller; the sum stays positive "
+        "definite. Zeros: off.",
+    )
+    angular_rate: float = field(100.0, "Omega_z, rad/s: the rate to be sensed; Coriolis force. 0.0: off.")
+    transverse_rate: Pair = field(
+        (0.0, 0.0), "[Omega_x, Omega_y], rad/s: acts only when centrifugal is true. Zeros: off."
+    )
+    centrifugal: bool = field(
+        False,
+        "Eq. (1): stiffness xx loses m (Omega_y^2 + Omega_z^2), yy loses m (Omega_x^2 + Omega_z^2) and "
+        "xy gains m Omega_x Omega_y. false: off, eq. (2).",
+    )
+    reference_length: float = field(1e-6, "q0, m: the unit of length of every other table.", gt=0)
+    reference_frequency: float = field(
+        1000.0, "omega0, rad/s: 1/omega0 is the unit of time of every other table.", gt=0
+    )
+    initial_position: Pair = field((0.5, 0.5), "q(0) [x, y], unit q0, eq. (49). Zeros: starts centred.")
+    initial_velocity: Pair = field((0.0, 0.0), "v(0) [x, y], unit q0 omega0, eq. (49). Zeros: at rest.")
+
+    @property
+    def scales(self) -> Scales:
+        length, rate = self.reference_length, self.reference_frequency
+        damping = self.mass * rate
+        stiffness = damping * rate
+        return Scales(1 / rate, length, length * rate, stiffness * length, damping, stiffness, rate)
+
+    def effective_stiffness(self) -> Symmetric:
+        """K as it acts in eq. (1), N/m: softened when `centrifugal`; without Delta K."""
+        if not self.centrifugal:
+            return self.stiffness
+        m, (x, y), z = self.mass, self.transverse_rate, self.angular_rate
+        return self.stiffness.plus(-m * (y * y + z * z), m * x * y, -m * (x * x + z * z))
+
+    def nondimensional(self) -> tuple[Vector, Vector, float, Vector, Vector]:
+        """D, K (the effective one), Omega_z, Delta D, Delta K of eqs (5), (9); matrices as [xx, xy, yy]."""
+        scales = self.scales
+        return (
+            self.damping.entries() / scales.damping,
+            self.effective_stiffness().entries() / scales.stiffness,
+            self.angular_rate / scales.rate,
+            self.damping_deviation.entries() / scales.damping,
+            self.stiffness_deviation.entries() / scales.stiffness,
+        )
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        _check_definite("plant.damping", self.damping, semi=True, unit="N s/m")
+        _check_definite("plant.stiffness", self.stiffness)
+        effective = self.effective_stiffness()
+        _check_definite("plant.stiffness less its centrifugal part", effective)
+        deviation = self.stiffness_deviation
+        total = effective.plus(deviation.xx, deviation.xy, deviation.yy)
+        _check_definite("plant.stiffness plus plant.stiffness_deviation", total)
+        with np.errstate(all="ignore"):
+            if not all(0 < scale < math.inf for scale in astuple(self.scales)) or not all(
+                np.isfinite(part).all() for part in self.nondimensional()
+            ):
+                raise sentence(
+                    f"plant.mass is {toml_value(self.mass)}: with plant.reference_length and "
+                    "plant.reference_frequency it must give finite nondimensional numbers"
+                )
+        return self
+
+
+def _check_definite(name: str, matrix: Symmetric, *, semi: bool = False, unit: str = "N/m") -> None:
+    least, zero = matrix.smallest_eigenvalue(), RANK_TOLERANCE * np.abs(matrix.entries()).max()
+    if not (least >= -zero if semi else least > zero):  # so worded, NaN fails too
+        wanted = "positive semidefinite" if semi else "positive definite"
+        smallest = f"its smallest eigenvalue is {least:.6g} {unit}"
+        raise sentence(f"{name} is {toml_value(matrix)}: it must be {wanted}, but {smallest}")
+
+
+if TYPE_CHECKING:
+
+    class _OfCore(Table):
+        """Fields that the core lists (kinds.py)."""
+
+        def __getattr__(self, name: str) -> Any: ...
+
+    class _Reference(_OfCore): ...
+
+    class _Controller(_OfCore): ...
+
+    class _Adaptation(_OfCore): ...
+
+    class _Guard(_OfCore): ...
+
+else:
+    PAPER = {"frequency": (math.pi, math.pi / 2), "phase": (0.0, math.pi / 2)}
+    SAID = [f"{kind}: {meaning}" for kind, meaning in zip(KINDS, MEANINGS, strict=True)]
+    _Reference = create_model("_Reference", __base__=Table, **table_fields("reference", **PAPER))
+    _Controller = create_model(
+        "_Controller",
+        __base__=Table,
+        kind=(Literal[KINDS], field(KINDS[0], "; ".join(SAID) + ".")),
+        **table_fields("controller", order=0.9),
+    )
+    _Adaptation = create_model("_Adaptation", __base__=Table, **table_fields("adaptation"))
+    _Guard = create_model("_Guard", __base__=Table, **table_fields("guard", derived=True))
+
+
+class Reference(_Reference):
+    """The motion to follow, r = amplitude*sin(frequency*t + phase)."""
+
+
+class Controller(_Controller):
+    """The controller: its kind, and the fields that this kind has."""
+
+    observer_bandwidth: float = field(
+        300.0, "Unit omega0, > 0: of the observer of velocity. device.sensing full: off, it is measured.", gt=0
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.layer_thickness == 0 and self.switching_limit < math.inf:
+            raise sentence(
+                f"controller.switching_limit is {toml_value(self.switching_limit)}: it must be inf when "
+                "controller.layer_thickness is 0.0, as rho h/delta is then infinite"
+            )
+        return self
+
+
+class Adaptation(_Adaptation):
+    """What the controller knows of the plant at first, and how it learns: the fields that its kind has."""
+
+    initial_ratio: float = field(
+        0.95, "Estimates of D, K, Omega_z at t = 0 over their true values, > 0. 1.0: off, no error.", gt=0
+    )
+    initial_rate: float | None = field(
+        None, "Unit omega0: estimate of Omega_z at t = 0. Not set: initial_ratio times the true value."
+    )
+
+
+class Guard(_Guard):
+    """Which samples the controller believes, in Python, FMU, browser, firmware; `simulate` believes all."""
+
+
+class Disturbance(Table):
+    """The force d of (9), on each axis."""
+
+    kind: Literal["none", "noise", "sine"] = field(
+        "noise", "noise: Gaussian, piecewise constant; sine: amplitude*sin(frequency*t + phase). none: off."
+    )
+    standard_deviation: float | None = field(
+        None, "Unit of force; noise needs this or density, and only one. 0.0: off.", ge=0
+    )
+    density: float | None = field(
+        None, "S, unit force^2 time: white noise of density S held for h has variance S/h. 0.0: off.", ge=0
+    )
+    hold: float | None = field(
+        None, "h, unit 1/omega0: time between noise draws, whole steps. Not set: off, one step.", gt=0
+    )
+    seed: int = field(0, "Same seed, same noise; 0 to 2^63 - 1. Without effect on other kinds.", ge=0, le=2**63 - 1)
+    amplitude: Pair = field((0.0, 0.0), "Of the sine, [x, y], unit of force. Zeros: off.")
+    frequency: Frequencies = field((0.0, 0.0), "Of the sine, [x, y], unit omega0. Zeros: constant force.")
+    phase: Pair = field((0.0, 0.0), "Of the sine, [x, y], rad. Zeros: off.")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _default(cls, values: Any) -> Any:
+        """Neither kind nor strength stated: the paper's randn. A stated kind must state its strength."""
+        if isinstance(values, Mapping) and not {"kind", "standard_deviation", "density"} & set(values):
+            return {**values, "standard_deviation": 1.0}
+        return values
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        given = {"standard_deviation": self.standard_deviation, "density": self.density}
+        if self.kind == "noise" and list(given.values()).count(None) != 1:
+            names = " and ".join(
+                f"disturbance.{name} is {'missing' if value is None else toml_value(value)}"
+                for name, value in given.items()
+            )
+            raise sentence(f"{names}: noise must have exactly one of the two")
+        return self
+
+
+class Run(Table):
+    """How long, how finely, and what is kept."""
+
+    duration: float = field(80.0, "Unit 1/omega0: end of the run, at least one step.", gt=0)
+    step: float = field(1e-3, "h, unit 1/omega0: period of control. The paper's loop diverges from about 5e-3.", gt=0)
+    record_every: int = field(
+        1, "Steps from one recorded sample to the next. 1: off, all are kept.", ge=1, le=MOST_STEPS
+    )
+    mode_tolerance: float = field(
+        1e-6, "Largest relative error of the exponential modes; 1e-9 to 1e-1.", ge=1e-9, le=1e-1
+    )
+    units: Literal["nondimensional", "SI"] = field(
+        "nondimensional", "Units of the results alone: nondimensional, or SI (s, m, N). nondimensional: off."
+    )
+
+    @property
+    def steps(self) -> int:
+        return round(self.duration / self.step)
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        duration, step = toml_value(self.duration), toml_value(self.step)
+        if self.duration < self.step:
+            raise sentence(f"run.duration is {duration}: it must be at least run.step, which is {step}")
+        if not self.duration / self.step < MOST_STEPS + 0.5:
+            raise sentence(f"run.duration is {duration}: it must be at most {MOST_STEPS} steps of {step}")
+        return self

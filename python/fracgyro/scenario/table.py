@@ -1,0 +1,108 @@
+"""What a table of a scenario or of a study is made of: a frozen pydantic model, its kinds of fields, their TOML."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator
+from pydantic_core import PydanticCustomError
+
+from ..files import cut
+
+MOST_STEPS = 10**9  # of a run, and of whatever is counted in its steps
+LARGEST_FREQUENCY = 1e6  # unit omega0: of a motion that is followed or a force that acts
+DEEPEST = 16  # lists and tables in one another; a scenario needs 4
+
+
+def toml_value(value: Any, depth: int = 0) -> str:
+    """A value as TOML writes it; floats in the fewest digits that read back the same."""
+    if value is None:
+        return "not set"  # for sentences alone: TOML has no such value
+    if isinstance(value, BaseModel):
+        value = dict(value)
+    if depth > DEEPEST and isinstance(value, Mapping | list | tuple):
+        return "..."  # for sentences alone: no valid value is nested so deeply
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key} = {toml_value(entry, depth + 1)}" for key, entry in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(toml_value(entry, depth + 1) for entry in value) + "]"
+    if isinstance(value, int) and value.bit_length() > 1024:
+        return f"an integer of {value.bit_length()} bits"  # for sentences alone: Python refuses to print it
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, str | bool) else str(value)
+
+
+def shown(value: Any) -> str:
+    """A value in a sentence: of a long one the beginning."""
+    return cut(toml_value(value))
+
+
+def sentence(text: str) -> PydanticCustomError:
+    """An error inside a validator, already worded in full; `_describe` passes it through."""
+    return PydanticCustomError("sentence", "{text}", {"text": text})
+
+
+def field(default: Any, description: str, **limits: Any) -> Any:
+    """The description becomes the TOML comment: symbol, unit, effect, and the value that switches it off."""
+    return Field(default, description=description, **limits)
+
+
+def as_tuple(names: str, *, expand: bool = False) -> BeforeValidator:
+    """TOML has lists, frozen models hold tuples; `expand`: one number stands for every entry."""
+    count = len(names.split())
+    rule = f"it must be a list of {count} numbers [{', '.join(names.split())}]"
+    rule += " or one number for all of them" if expand else ""
+
+    def convert(value: Any) -> tuple[Any, ...]:
+        if expand and isinstance(value, int | float) and not isinstance(value, bool):
+            return (value,) * count
+        if not isinstance(value, list | tuple) or len(value) != count:
+            raise PydanticCustomError("rule", "{rule}", {"rule": rule})
+        return tuple(value)
+
+    return BeforeValidator(convert)
+
+
+NonNegative = Annotated[float, Field(ge=0)]
+Pair = Annotated[tuple[float, float], as_tuple("x y")]
+Frequency = Annotated[float, Field(ge=-LARGEST_FREQUENCY, le=LARGEST_FREQUENCY)]
+Frequencies = Annotated[tuple[Frequency, Frequency], as_tuple("x y")]
+Vector = NDArray[np.float64]
+
+
+class Table(BaseModel):
+    model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
+
+    @field_validator("*", mode="after")
+    @classmethod
+    def _one_zero(cls, value: Any) -> Any:
+        """-0.0 becomes 0.0, so that equal scenarios have equal text and equal hashes."""
+        if isinstance(value, tuple):
+            return tuple(cls._one_zero(entry) for entry in value)
+        return value + 0.0 if isinstance(value, float) else value
+
+
+class Symmetric(Table):
+    """A symmetric 2x2 matrix."""
+
+    xx: float
+    xy: float
+    yy: float
+
+    def smallest_eigenvalue(self) -> float:
+        return self.xx / 2 + self.yy / 2 - math.hypot(self.xx / 2 - self.yy / 2, self.xy)
+
+    def entries(self) -> Vector:
+        """[xx, xy, yy]"""
+        return np.array([self.xx, self.xy, self.yy])
+
+    def plus(self, xx: float, xy: float, yy: float) -> Symmetric:
+        """The sum, not validated: an overflow is for the check of definiteness to report."""
+        return Symmetric.model_construct(xx=self.xx + xx, xy=self.xy + xy, yy=self.yy + yy)
+
+
+ZERO = Symmetric(xx=0.0, xy=0.0, yy=0.0)

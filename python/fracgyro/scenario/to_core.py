@@ -1,0 +1,209 @@
+"""From a scenario to what the compiled core takes: nondimensional numbers and the designed modes."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from .. import _core
+from ..fractional.kernel import core_modes
+from .device import Device, Points
+from .kinds import KINDS, numbers
+from .scenario import Scenario
+from .schema import Guard
+from .table import MOST_STEPS
+
+FARTHEST = 8.0  # standard deviations: noise is never so far off
+LEAST_TOLERANCE = 1e-5  # of sensors and disturbance, nondimensional: rounding, and what is ideal only on paper
+PARTS = {".x": 0, ".y": 1, ".xx": 0, ".xy": 1, ".yy": 2}
+
+
+def composite(scenario: Scenario) -> bool:
+    """Whether least squares run beside the laws (44)."""
+    return bool(scenario.adaptation.kind == "composite" and scenario.controller.adaptive)
+
+
+def core_numbers(scenario: Scenario) -> dict[str, float]:
+    """Every number of a run by name, nondimensional, as the core takes it: a choice is its place, a switch 0 or 1."""
+    tables = {name: dict(table) for name, table in scenario}
+    tables["guard"] = dict(guard(scenario))
+    tables["plant"] = _plant(scenario)
+    tables["disturbance"] = _disturbance(scenario)
+    tables["adaptation"] |= _nominal(scenario)
+    tables["run"]["steps"] = scenario.run.steps
+    found = {}
+    for number in numbers(scenario.controller.kind):
+        value = tables[number.table].get(number.field, number.default)
+        if number.part.startswith("["):
+            value = value[int(number.part[1:-1])]
+        elif number.part:
+            value = value[PARTS[number.part]]
+        found[number.name] = float(number.choices.index(value) if isinstance(value, str) else value)
+    return found
+
+
+def _nominal(scenario: Scenario) -> dict[str, Any]:
+    """What the controller knows of the plant. With known parameters, eqs (20) and (34), the truth."""
+    c, a = scenario.controller, scenario.adaptation
+    adaptive = getattr(c, "adaptive", True)
+    damping, stiffness, rate, _, _ = scenario.plant.nondimensional()
+    ratio = a.initial_ratio if adaptive else 1.0
+    return {
+        "initial_damping": ratio * damping,
+        "initial_stiffness": ratio * stiffness,
+        "initial_rate": ratio * rate if a.initial_rate is None or not adaptive else a.initial_rate,
+    }
+
+
+def guard(scenario: Scenario) -> Guard:
+    """The guard with every field set: what was not follows from the rest of the scenario (EQUATIONS.md)."""
+    g, device, run = scenario.guard, device_params(scenario), scenario.run
+    found = {
+        "plant_tolerance": _plant_tolerance(scenario),
+        "force_tolerance": _force_tolerance(scenario),
+        "position_tolerance": LEAST_TOLERANCE + FARTHEST * device.position_noise + _resolution(device.position),
+        "velocity_tolerance": LEAST_TOLERANCE + FARTHEST * device.velocity_noise + _resolution(device.velocity),
+        "patience": 0,
+        "saturation_patience": 0,
+    }
+    if g.checked:
+        slowest, fastest = natural_frequencies(scenario)
+        period = 2 * math.pi / run.step
+        found["patience"] = round(min(max(4, period / fastest / 32), MOST_STEPS))
+        limit = scenario.controller.force_limit
+        if math.isfinite(limit):
+            largest = max(map(abs, scenario.reference.amplitude))
+            swing_up = 8 * fastest * largest / limit / run.step
+            found["saturation_patience"] = round(min(max(20 * period / slowest, swing_up), MOST_STEPS))
+    return g.model_copy(update={name: value for name, value in found.items() if getattr(g, name) is None})
+
+
+def natural_frequencies(scenario: Scenario) -> tuple[float, float]:
+    """The lower and the higher."""
+    xx, xy, yy = (float(entry) for entry in scenario.plant.nondimensional()[1])
+    mean, half = xx / 2 + yy / 2, math.hypot(xx / 2 - yy / 2, xy)
+    least, most = sys.float_info.min, sys.float_info.max  # what rounding leaves of them is still a frequency
+    return math.sqrt(max(mean - half, least)), math.sqrt(min(max(mean + half, least), most))
+
+
+def _plant_tolerance(scenario: Scenario) -> float:
+    """Twice what the scenario says of it, and a tenth if that is less."""
+    plant, drift = scenario.plant, scenario.device
+    ratio = scenario.adaptation.initial_ratio if scenario.controller.adaptive else 1.0
+    unknown = np.abs(plant.stiffness_deviation.entries()).max() / np.abs(plant.stiffness.entries()).max()
+    warmest = max(abs(change) for _, change in drift.temperature(scenario.run.duration * plant.scales.time))
+    known = abs(1 / ratio - 1) + float(unknown) + 1e-6 * abs(drift.stiffness_drift) * warmest
+    return max(0.1, 2 * known)
+
+
+def _force_tolerance(scenario: Scenario) -> float:
+    """The disturbance, what the converter and the limit of the actuator make of the force, and a force that is late."""
+    d, device, limit = _disturbance(scenario), device_params(scenario), scenario.controller.force_limit
+    disturbed = {"none": 0.0, "noise": FARTHEST * d["standard_deviation"], "sine": max(map(abs, d["amplitude"]))}[
+        d["kind"]
+    ]
+    reach = float(device.actuator.range)
+    clipped = limit - reach if limit > reach else 0.0
+    late = 2 * limit if device.delay else 0.0
+    return min(1e9, LEAST_TOLERANCE + float(disturbed) + _resolution(device.actuator) + clipped + late)
+
+
+def _resolution(quantiser: _core.Quantiser) -> float:
+    return float(2 * quantiser.range / 2**quantiser.bits) if quantiser.bits else 0.0
+
+
+def _plant(scenario: Scenario) -> dict[str, Any]:
+    """Numbers of eqs (9) and (13)."""
+    names = ("damping", "stiffness", "angular_rate", "damping_deviation", "stiffness_deviation")
+    initial = {name: getattr(scenario.plant, name) for name in ("initial_position", "initial_velocity")}
+    return dict(zip(names, scenario.plant.nondimensional(), strict=True)) | initial
+
+
+def _disturbance(scenario: Scenario) -> dict[str, Any]:
+    """Numbers of the force d of eq. (9)."""
+    d = scenario.disturbance
+    found = dict(d) | {"hold_steps": 1, "standard_deviation": 1.0}
+    if d.kind == "noise":
+        hold = scenario.run.step if d.hold is None else d.hold
+        found["hold_steps"] = round(hold / scenario.run.step)
+        # White noise of density S, held for h, has variance S/h.
+        found["standard_deviation"] = math.sqrt(d.density / hold) if d.density is not None else d.standard_deviation
+    return found
+
+
+def is_ideal(scenario: Scenario) -> bool:
+    """Whether the rate is constant and nothing is said of the device."""
+    return scenario.rate.kind == "constant" and scenario.device == Device()
+
+
+def rate_params(scenario: Scenario) -> _core.RateParams:
+    """Parameters of the angular rate over time."""
+    rate, step, scale = scenario.rate, scenario.run.step, scenario.plant.scales.rate
+    params = _core.RateParams()
+    params.kind = getattr(_core.RateKind, "staircase" if rate.kind == "step" else rate.kind)
+    params.amplitude = rate.amplitude / scale
+    if rate.kind not in ("constant", "table"):
+        params.start = round(rate.start / step)
+    if rate.kind == "staircase" and rate.hold is not None:
+        params.hold, params.levels = round(rate.hold / step), rate.levels
+    params.frequency, params.final_frequency = rate.frequency, rate.final_frequency
+    params.seed = rate.seed
+    if rate.points is not None:
+        params.table = _profile(scenario, rate.points, 1 / scale)
+    params.inertial = scenario.plant.centrifugal
+    return params
+
+
+def device_params(scenario: Scenario) -> _core.DeviceParams:
+    """Parameters of what the device is not ideal in."""
+    d, scales, step = scenario.device, scenario.plant.scales, scenario.run.step
+    # A one-sided density up to half the sampling frequency.
+    to_deviation = math.sqrt(0.5 / (step * scales.time))
+    params = _core.DeviceParams()
+    params.position_noise = (d.position_noise or d.position_noise_density * to_deviation) / scales.length
+    params.velocity_noise = (d.velocity_noise or d.velocity_noise_density * to_deviation) / scales.velocity
+    params.position = _quantiser(d.position_range / scales.length, d.position_bits)
+    params.velocity = _quantiser(d.velocity_range / scales.velocity, d.velocity_bits)
+    params.actuator = _quantiser(d.actuator_limit / scales.force, d.actuator_bits)
+    params.delay = d.delay
+    cubic = scales.length * scales.length / scales.stiffness
+    params.cubic_stiffness = (d.cubic_stiffness[0] * cubic, d.cubic_stiffness[1] * cubic)
+    params.stiffness_drift = 1e-6 * d.stiffness_drift
+    params.temperature = _profile(scenario, d.temperature(scenario.run.duration * scales.time), 1.0)
+    return params
+
+
+def _quantiser(span: float, bits: int) -> _core.Quantiser:
+    quantiser = _core.Quantiser()
+    quantiser.range, quantiser.bits = span, bits
+    return quantiser
+
+
+def _profile(scenario: Scenario, points: Points, scale: float) -> _core.Profile:
+    """In steps of the run, and values times `scale`."""
+    profile = _core.Profile()
+    step = scenario.run.step * scenario.plant.scales.time
+    profile.times = [time / step for time, _ in points]
+    profile.values = [value * scale for _, value in points]
+    return profile
+
+
+def core_setup(scenario: Scenario, changes: Mapping[str, float] | None = None) -> _core.DeviceSetup:
+    """One run for the compiled loop; `changes`: numbers of `core_numbers` that are others."""
+    kind, run = scenario.controller.kind, scenario.run
+    found = core_numbers(scenario)
+    if unknown := set(changes or {}) - set(found):
+        raise KeyError(f"{min(unknown)} is not a number of this run")
+    setup = _core.DeviceSetup(KINDS.index(kind), list((found | dict(changes or {})).values()))
+    if setup.has_memory:
+        setup.modes = core_modes(scenario.controller.order, run.step, run.duration, run.mode_tolerance)
+    setup.seed = scenario.disturbance.seed  # a double does not hold all
+    if scenario.device.sensing == "position":
+        setup.observer_bandwidth = scenario.controller.observer_bandwidth
+    if not is_ideal(scenario):
+        setup.rate, setup.device = rate_params(scenario), device_params(scenario)
+    return setup

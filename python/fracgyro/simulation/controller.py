@@ -1,0 +1,158 @@
+"""The controller alone, one sample at a time: for a loop of your own, or hardware."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import _core
+from ..arguments import number, pair, short
+from ..scenario import Scenario, check_scenario
+from ..scenario.kinds import QUANTITIES, reported
+from ..scenario.to_core import core_setup
+from .outside import units
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Estimates:
+    """What the controller believes: damping and stiffness as [xx, xy, yy], the angular rate, b0, b1, b2.
+
+    With adaptation.kind composite also the standard deviation of the rate, and whether the motion tells it from the
+    other parameters; with gradient, which does not know, NaN and False.
+    """
+
+    damping: Vector
+    stiffness: Vector
+    rate: float
+    bound: Vector
+    rate_deviation: float
+    rate_trusted: bool
+
+
+class Controller:
+    """The controller of a scenario: eqs (16), (35), (44), (46), or another `controller.kind`.
+
+    Call `step` once every `scenario.run.step`. Times, positions, velocities and forces are in the units that
+    `scenario.run.units` names. `scenario.run.duration` is the longest time the fractional memory is accurate for.
+    With `single_precision` it computes in float, as firmware exported so does, to the same bits.
+    Raises TypeError for an argument that is not a number, ValueError for one that is not finite, or a time that is not
+    that of the next step. It can be copied and pickled: the copy goes on by itself from where this one is.
+    """
+
+    def __init__(self, scenario: Scenario, *, single_precision: bool = False) -> None:
+        check_scenario(scenario)
+        self.scenario = scenario
+        self._single = single_precision
+        scales = scenario.plant.scales
+        si = scenario.run.units == "SI"
+        self._step = scenario.run.step
+        self._units = units(scenario)
+        self._observes = scenario.device.sensing == "position"
+        setup = core_setup(scenario)
+        self._core = _core.Controller(setup, single_precision)
+        self._reported = reported(setup)
+        self._scales = [
+            [getattr(scales, QUANTITIES[unit][0]) if si else 1.0 for unit in channel.units]
+            for channel in self._reported
+        ]
+
+    def step(self, time: float, position: Sequence[float], velocity: Sequence[float] | None = None) -> Vector:
+        """The force [x, y] to hold until the next step, from position and velocity [x, y] measured at `time`.
+
+        Whatever finite numbers are measured, the force is finite and within the limit; `status` says whether they were
+        believed. Until the first that are, time does not start. With device.sensing = "position" the velocity is
+        observed and what is given for it not looked at.
+        """
+        if self._observes:
+            velocity = None
+        elif velocity is None:
+            return self._checked(time, position, velocity)
+        # None: something is not a plain finite number, though it may be one of NumPy's.
+        force: Vector | None = self._core.checked_step(self._step, self._units, time, position, velocity)
+        return self._checked(time, position, velocity) if force is None else force
+
+    def _checked(self, time: object, position: object, velocity: object) -> Vector:
+        """As `step`, whatever the arguments are."""
+        expected = self._core.steps * self._step
+        plain = number("time", time)
+        if not abs(plain / self._units.time - expected) < 0.5 * self._step:
+            raise ValueError(
+                f"time is {time}: the next step is at {expected * self._units.time:.9g}, "
+                "and steps must be taken one after another"
+            )
+        q = pair("position", position)
+        if velocity is None and not self._observes:
+            raise ValueError('velocity is missing: it must be given unless device.sensing is "position"')
+        v = None if velocity is None else pair("velocity", velocity)
+        force: Vector = self._core.checked_step(self._step, self._units, plain, q, v)
+        return force
+
+    @property
+    def status(self) -> str:
+        """What was thought of the last sample: ok, or saturated, the force being at its limit.
+
+        Not believed: not_finite, out_of_range, implausible, the last force being held; lost, the force being that of
+        the reference until samples agree again; restarted, nothing being remembered.
+        """
+        return str(self._core.status.name)
+
+    @property
+    def estimates(self) -> Estimates:
+        """The estimates as they stand after the last step; NaN where the controller has none."""
+        found = self.report
+        nothing = np.full(3, math.nan)
+        return Estimates(
+            damping=found.get("damping_estimate", nothing),
+            stiffness=found.get("stiffness_estimate", nothing),
+            rate=float(found.get("rate_estimate", math.nan)),
+            bound=found.get("bound_estimate", nothing),
+            rate_deviation=float(found.get("rate_deviation", math.nan)),
+            rate_trusted=bool(found.get("rate_trusted", False)),
+        )
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """What the controller reports besides the force, by channel, as it stands after the last step."""
+        numbers, found, column = np.asarray(self._core.report), {}, 0
+        for channel, scales in zip(self._reported, self._scales, strict=True):
+            values = numbers[column : column + channel.width] * (scales if len(scales) > 1 else scales[0])
+            found[channel.name] = values if channel.dimension else values[0]
+            column += channel.width
+        return found
+
+    @property
+    def state(self) -> bytes:
+        """Everything that changes while running. Assign it to a controller of the same scenario to resume."""
+        return self._key + bytes(self._core.state)
+
+    @state.setter
+    def state(self, saved: bytes) -> None:
+        if not isinstance(saved, bytes):
+            raise TypeError(f"state is {short(saved)}: it must be bytes, as they were saved")
+        key = self._key
+        if saved[: len(key)] != key:
+            raise ValueError("state was saved by another version, or by a controller of another scenario or precision")
+        self._core.state = saved[len(key) :]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _resumed, (self.scenario, self._single, self.state)
+
+    @cached_property
+    def _key(self) -> bytes:
+        number = "float" if self._single else "double"
+        return f"fracgyro {version('fracgyro')} {self.scenario.content_hash()} {number}\n".encode()
+
+
+def _resumed(scenario: Scenario, single_precision: bool, state: bytes) -> Controller:
+    controller = Controller(scenario, single_precision=single_precision)
+    controller.state = state
+    return controller

@@ -1,0 +1,64 @@
+"""What simulate_many and measure_many share: which runs there are, in which order, on how many threads."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from .. import _core
+from ..arguments import short
+from ..scenario import Scenario
+from ..scenario.to_core import core_setup
+
+
+def threads_available() -> int:
+    """Processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def check_many(scenarios: Sequence[Scenario], seeds: Sequence[int] | None) -> int:
+    """How many runs each scenario has. Raises TypeError or ValueError for what are no scenarios or seeds."""
+    if not isinstance(scenarios, list | tuple) or not all(isinstance(s, Scenario) for s in scenarios):
+        raise TypeError(f"scenarios is {short(scenarios)}: it must be a list of Scenario")
+    if not scenarios:
+        raise ValueError("scenarios is empty: there is nothing to simulate")
+    if seeds is None:
+        return 1
+    _check_seeds(seeds)
+    return len(seeds)
+
+
+def seed_of_each(scenarios: Sequence[Scenario], seeds: Sequence[int] | None) -> dict[str, Any]:
+    """The coordinate `seed` of the runs; none without seeds."""
+    return {} if seeds is None else {"seed": ("run", np.tile(np.array(seeds), len(scenarios)))}
+
+
+def setups_of(
+    scenarios: Sequence[Scenario], seeds: Sequence[int] | None, together: int
+) -> Iterator[tuple[int, _core.DeviceSetup]]:
+    """Every run and its place in the result. Of so many scenarios at a time, those with the same seed come together."""
+    if seeds is None:
+        yield from enumerate(map(core_setup, scenarios))
+        return
+    for first in range(0, len(scenarios), together):
+        setups = [core_setup(scenario) for scenario in scenarios[first : first + together]]
+        for at, seed in enumerate(seeds):
+            for i, setup in enumerate(setups, first):
+                seeded = _core.DeviceSetup(setup)
+                seeded.seed = int(seed)
+                yield i * len(seeds) + at, seeded
+
+
+def _check_seeds(seeds: Sequence[int]) -> None:
+    if not isinstance(seeds, Sequence | np.ndarray) or isinstance(seeds, str | bytes | bytearray | memoryview):
+        raise TypeError(f"seeds is {short(seeds)}: it must be a list of seeds, as range(8) is")
+    if not len(seeds):
+        raise ValueError("seeds is empty: there is nothing to simulate")
+    if len(set(seeds)) < len(seeds):
+        raise ValueError("seeds holds a seed twice: they must be different")
+    for seed in seeds:
+        if isinstance(seed, bool) or not (isinstance(seed, int | np.integer) and 0 <= seed < 2**63):
+            raise ValueError(f"seeds holds {short(seed)}: every seed must be an integer from 0 to 2^63 - 1")

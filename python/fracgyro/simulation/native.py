@@ -1,0 +1,87 @@
+"""Controllers that are C functions: compiled by Numba or a C compiler, run on threads and without Python."""
+
+from __future__ import annotations
+
+import ctypes
+import operator
+from _ctypes import CFuncPtr
+from collections.abc import Iterable, Mapping
+from importlib import import_module
+from typing import Any, NoReturn
+
+from .. import _core
+from ..arguments import number, short
+
+MOST_STATE = 10**6  # doubles
+
+
+class Law:
+    """A C function as a controller: `void law(const double* in, double* state, const double* parameters, double* out)`.
+
+    It is called once a step. `in`: 11 doubles, the time, then pairs [x, y] of position, velocity, reference and the
+    reference's velocity and acceleration; positions and velocities as measured. `state`: `state_size` doubles of its
+    own, zeros before the first step of each run. `parameters`: the values of `parameters`, in their order. `out`:
+    the force [x, y], then one double for each name in `reports`, which is recorded as a channel; rate_estimate makes it
+    a rate sensor. In SI units if run.units is SI, nondimensional otherwise.
+
+    `function`: an address, or what has one, a `numba.cfunc` or a function pointer of ctypes or cffi. It must not touch
+    Python, and two of its calls may happen at once, each with its own state.
+    Raises TypeError where `function` is nothing of that, ValueError where the other arguments are not as said.
+    """
+
+    def __init__(
+        self,
+        function: Any,
+        state_size: int = 0,
+        parameters: Mapping[str, float] | None = None,
+        reports: Iterable[str] = (),
+    ) -> None:
+        self._address = _address(function)
+        self._function = function  # kept alive
+        try:
+            self.state_size = operator.index(state_size)
+        except TypeError:
+            raise TypeError(f"state_size is {short(state_size)}: it must be an integer") from None
+        if not 0 <= self.state_size <= MOST_STATE:
+            raise ValueError(f"state_size is {self.state_size}: it must be from 0 to {MOST_STATE}")
+        if not isinstance(parameters or {}, Mapping):
+            raise TypeError(f"parameters is {short(parameters)}: it must be a dict of names to numbers")
+        self.parameters = {name: number(f"parameters {name}", value) for name, value in (parameters or {}).items()}
+        self.reports = tuple(reports)
+        for name in self.reports:
+            if not isinstance(name, str) or self.reports.count(name) > 1:
+                raise ValueError(f"reports is {short(list(self.reports))}: it must be a list of different names")
+
+    def replace(self, changes: Mapping[str, float]) -> Law:
+        """The same law with some parameters changed. Raises ValueError for one that it does not have."""
+        for name in changes:
+            if name not in self.parameters:
+                raise ValueError(
+                    f"parameters {name} is not a parameter of this law: it has {', '.join(self.parameters)}"
+                )
+        return Law(self._function, self.state_size, {**self.parameters, **changes}, self.reports)
+
+    def __repr__(self) -> str:
+        return f"Law({self._address:#x}, {self.state_size}, {self.parameters}, {list(self.reports)})"
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError("a Law cannot be pickled: the address of its function means nothing in another process")
+
+    def _core_law(self) -> _core.NativeLaw:
+        """One for one run."""
+        place = self.reports.index("rate_estimate") if "rate_estimate" in self.reports else -1
+        return _core.NativeLaw(self._address, self.state_size, list(self.parameters.values()), len(self.reports), place)
+
+
+def _address(function: Any) -> int:
+    found = getattr(function, "address", function)  # numba.cfunc
+    if isinstance(function, CFuncPtr):
+        found = ctypes.cast(function, ctypes.c_void_p).value or 0
+    elif type(function).__module__ == "_cffi_backend":
+        found = int(import_module("cffi").FFI().cast("intptr_t", function))
+    if isinstance(found, bool) or not isinstance(found, int) or not 0 < found < 2**64:
+        raise TypeError(
+            f"function is {short(function)}: it must be the address of a C function, a numba.cfunc, or a function "
+            "pointer of ctypes or cffi"
+        )
+    return found

@@ -1,0 +1,153 @@
+"""Controllers from outside, Python callables and C functions, in the compiled loop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, TypeVar
+
+import numpy as np
+
+from .. import _core
+from ..arguments import short
+from ..scenario import Scenario
+from ..scenario.kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, Channel, reports
+from .native import Law
+
+Result = TypeVar("Result")
+ControllerLike = Callable[[Any], Any] | Law
+
+
+class ControllerError(ValueError):
+    """A controller from outside raised an exception, which is the cause of this one."""
+
+
+def units(scenario: Scenario) -> _core.Units:
+    """What numbers in the units of a run are divided by to be nondimensional."""
+    found = _core.Units()
+    if scenario.run.units == "SI":
+        scales = scenario.plant.scales
+        for name in ("time", "length", "velocity", "force", "rate"):
+            setattr(found, name, getattr(scales, name))
+        found.acceleration = scales.velocity / scales.time
+    return found
+
+
+class Outside:
+    """A controller from outside: what it reports, and its runs."""
+
+    def __init__(self, controller: object) -> None:
+        if isinstance(controller, type) or not (callable(controller) or isinstance(controller, Law)):
+            what = "a class and no object of it" if isinstance(controller, type) else short(controller)
+            raise TypeError(
+                f"controller is {what}: it must be a native.Law, or a callable that takes a Sample and returns the "
+                "force (ux, uy)"
+            )
+        self.controller: Any = controller
+        self.is_native = isinstance(controller, Law)
+        self.reports: tuple[Channel, ...] | None = None  # of a callable they are known when it was called
+        if isinstance(controller, Law):
+            self.reports = _channels([(name, 1) for name in controller.reports])
+
+    @property
+    def name(self) -> str:
+        """For people."""
+        return getattr(self.controller, "__name__", type(self.controller).__name__)
+
+    def channels(self, device: bool) -> tuple[Channel, ...]:
+        """What is recorded of its runs."""
+        return (*LOOP_CHANNELS, *(self.reports or ()), *(DEVICE_CHANNELS if device else ()))
+
+    def start(self, scenario: Scenario) -> _core.Law:
+        """The law for one run, which is to begin."""
+        if self.is_native:
+            return self.controller._core_law()
+        if reset := getattr(self.controller, "reset", None):
+            try:
+                reset(scenario)
+            except Exception as error:
+                raise ControllerError(f"reset(scenario) of the controller raised {_told(error)}") from error
+        return _core.PythonLaw(self.controller)
+
+    @contextmanager
+    def running(self, law: _core.Law) -> Iterator[None]:
+        """While the law is called. Raises ControllerError where the callable raised something."""
+        try:
+            yield
+        except Exception as error:
+            if self.is_native or law.failed_at is None:
+                raise
+            raise ControllerError(f"the controller raised {_told(error)} at t = {law.failed_at:.9g}") from error
+        if not self.is_native and self.reports is None:
+            self.reports = _channels(law.names)
+
+    def record(
+        self, scenarios: Sequence[Scenario], setups: Sequence[_core.DeviceSetup], every: int, device: bool, threads: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Rows (run, sample, column), NaN where a run had diverged, and the samples that each run lasted."""
+        found = [
+            run
+            for runs in self._each(
+                scenarios,
+                setups,
+                lambda some, laws, of: _core.record_laws(some, laws, of, every, device, self.is_native, threads),
+            )
+            for run in runs
+        ]
+        width = sum(channel.width for channel in self.channels(device))
+        if len(found) == 1:
+            return found[0][0][np.newaxis], np.array([found[0][1]])
+        whole = np.full((len(setups), setups[0].steps // every + 1, width), np.nan)
+        for place, (rows, _) in enumerate(found):
+            if rows.shape[1] not in (0, width):
+                raise ValueError("report() of the controller returned other names than in the run before")
+            whole[place, : len(rows)] = rows
+        return whole, np.array([samples for _, samples in found])
+
+    def measure(
+        self, scenarios: Sequence[Scenario], setups: Sequence[_core.DeviceSetup], params: object, threads: int
+    ) -> np.ndarray:
+        """Metrics of each run, (run, metric)."""
+        return np.concatenate(
+            self._each(
+                scenarios,
+                setups,
+                lambda some, laws, of: _core.measure_laws(some, laws, of, params, self.is_native, threads),
+            )
+        )
+
+    def _each(
+        self,
+        scenarios: Sequence[Scenario],
+        setups: Sequence[_core.DeviceSetup],
+        task: Callable[[Any, Any, Any], Result],
+    ) -> list[Result]:
+        """Laws in C all at once, callables one after another."""
+        if self.is_native:
+            return [task(setups, [self.start(s) for s in scenarios], [units(s) for s in scenarios])]
+        found = []
+        for scenario, setup in zip(scenarios, setups, strict=True):
+            if hasattr(self.controller, "reset") and scenario.disturbance.seed != setup.seed:
+                scenario = scenario.replace({"disturbance.seed": setup.seed})
+            law = self.start(scenario)
+            with self.running(law):
+                found.append(task([setup], [law], [units(scenario)]))
+        return found
+
+
+def _channels(names: Sequence[tuple[str, int]]) -> tuple[Channel, ...]:
+    """Of what is reported. Raises ValueError for a name that is another channel's."""
+    known = {channel.name: channel for kind in KINDS for of in reports(kind) for channel in of}
+    taken = {channel.name for channel in (*LOOP_CHANNELS, *DEVICE_CHANNELS)} | {"time", "axis", "run", "diverged_at"}
+    found = []
+    for name, width in names:
+        own = known.get(name)
+        if name in taken or (own is not None and own.width != width):
+            raise ValueError(f"the controller reports {name}: that is the name of another channel, or of a dimension")
+        meaning = own.meaning if own else f"{name}, as the controller reports it"
+        found.append(Channel(name, width, own.units if own else ("1",), meaning, "axis" if width == 2 else None))
+    return tuple(found)
+
+
+def _told(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__

@@ -1,0 +1,177 @@
+"""Simulation: scenarios in, xarray Datasets out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import islice
+
+import numpy as np
+import xarray as xr
+
+from .. import _core
+from ..scenario import Scenario, bounded, check_scenario
+from ..scenario.kinds import DEVICE_CHANNELS, LOOP_CHANNELS, Channel, reported
+from ..scenario.to_core import core_setup, is_ideal
+from .dataset import dataset, time_scale
+from .many import check_many, seed_of_each, setups_of, threads_available
+from .outside import ControllerLike, Outside
+
+CHUNK = 32  # runs between two looks at the keyboard and the progress callback
+LARGEST_RECORD = 2 * 10**9  # bytes; a limit that depends on no machine, as its memory does
+
+
+class DivergedError(ValueError):
+    """The run left all bounds. `run` holds what was computed until then."""
+
+    def __init__(self, scenario: Scenario, time: float, run: xr.Dataset) -> None:
+        step = scenario.run.step
+        shorter = f"try run.step = {step / 2:g} or less, or smaller gains"
+        why = f"run.step is {step:g}, which is too long for these gains; {shorter}"
+        if grown := None if "controller" in run.attrs else bounded.cause(scenario, run):
+            gain, b = grown
+            why = (
+                f"the bound estimates had grown to [{', '.join(f'{each:.3g}' for each in b)}], so that rho h/delta "
+                f"was {gain:.3g}, and from about 2 on the sampled loop is unstable; "
+                "controller.switching_limit = 0.5 bounds them"
+            )
+        super().__init__(f"the run diverged at t = {time:.6g}: {why}")
+        self.run = run
+
+
+def simulate(scenario: Scenario, controller: ControllerLike | None = None) -> xr.Dataset:
+    """One closed-loop run.
+
+    Returns a Dataset with position, velocity, reference, error, error_rate, control, disturbance and what the
+    controller reports over `time` (and axis, entry or bound), sampled every `scenario.run.record_every` steps, in the
+    units that `scenario.run.units` names. Position, velocity and error are the true ones. With adaptation.kind
+    composite the estimates of D, K and Omega_z are those of its least squares, which the force believes from when
+    rate_trusted is first true; rate_deviation and rate_trusted say how well Omega_z is known; gradient, which does not
+    know, reports neither. `kinds.DEVICE_CHANNELS` are there when [rate] moves or [device] is not the ideal one.
+    `controller`, in the place of the scenario's: a `native.Law`, or a callable that takes a `Sample` and returns the
+    force (ux, uy), two floats. The Sample has time, and the pairs (x, y) position and velocity, as measured (with
+    device.sensing = "position" the velocity is observed), reference, reference_velocity and reference_acceleration; in
+    SI units if run.units is SI. Two methods are optional: reset(scenario), called before a run, and report(), called
+    after each recorded sample, which returns a dict of names to numbers or pairs of numbers. These become variables,
+    in the units of the run; rate_estimate makes the controller a rate sensor. Of the scenario's controller only the
+    force limit and the observer's bandwidth count.
+    Raises DivergedError, which carries the samples until then, when the motion leaves all bounds; ControllerError,
+    which names the time, from the exception that a callable raised; ValueError where the controller returns anything
+    but two finite numbers or reports other names than before; TypeError where it is neither callable nor a Law.
+    """
+    check_scenario(scenario)
+    setup, device = core_setup(scenario), not is_ideal(scenario)
+    outside = None if controller is None else Outside(controller)
+    channels = outside.channels(device) if outside else _channels([setup], device)
+    _check_size(scenario, channels, 1)
+    every = scenario.run.record_every
+    if outside:
+        rows, lasted = outside.record([scenario], [setup], every, device, 1)
+        channels = outside.channels(device)
+    else:
+        rows, lasted = _core.record_runs([setup], every, 1, device)
+    samples = int(lasted[0])
+    diverged = samples <= scenario.run.steps
+    run = dataset(rows[0, : -(-samples // every)] if diverged else rows[0], scenario, channels, outside)
+    if diverged:
+        raise DivergedError(scenario, samples * scenario.run.step, run)
+    return run
+
+
+def simulate_many(
+    scenarios: Sequence[Scenario],
+    *,
+    seeds: Sequence[int] | None = None,
+    controller: ControllerLike | None = None,
+    progress: Callable[[int], object] | None = None,
+) -> xr.Dataset:
+    """Many runs on all processors: the variables of `simulate` with a leading `run` dimension.
+
+    With `seeds`: every scenario once with each of these values of disturbance.seed in place of its own; the runs of the
+    first scenario come first, and a coordinate `seed` says which is which.
+    `controller`, in the place of the scenarios' own: as in `simulate`. A `native.Law` runs on all processors, a
+    callable on one, one run after another, each after reset(scenario) if it has that.
+    All scenarios must share run.duration, run.step, run.record_every and run.units. A run that diverges holds NaN from
+    then on, and `diverged_at` says when; it is NaN for the others. What only some controllers report is NaN for the
+    others. `progress` is called with the number of runs finished since the last call.
+    Raises TypeError when `scenarios` is not a list of scenarios or `seeds` no list of integers; ValueError when one of
+    them is empty, a seed is given twice or outside 0 to 2^63 - 1, the scenarios do not match, or the record would be
+    larger than 2 GB (`measure_many` keeps none); and what `simulate` raises of a controller.
+    """
+    times = check_many(scenarios, seeds)
+    _check_alike(scenarios)
+    first, outside = scenarios[0], None if controller is None else Outside(controller)
+    device = not all(map(is_ideal, scenarios))
+    channels = outside.channels(device) if outside else _channels(list(map(core_setup, scenarios)), device)
+    _check_size(first, channels, len(scenarios) * times)
+    threads, every = threads_available(), first.run.record_every
+    parts, lasted = [], []
+    waiting = setups_of(scenarios, seeds, 1)
+    while taken := list(islice(waiting, CHUNK)):
+        setups = [setup for _, setup in taken]
+        if outside:
+            own = [scenarios[place // times] for place, _ in taken]
+            rows, samples = outside.record(own, setups, every, device, threads)
+        else:
+            rows, samples = _record(setups, every, threads, device, channels)
+        parts.append(rows)
+        lasted.append(samples)
+        if progress:
+            progress(len(setups))
+    whole = parts[0] if len(parts) == 1 else np.concatenate(parts)
+    run = dataset(whole, first, outside.channels(device) if outside else channels, outside)
+    samples = np.concatenate(lasted)
+    time = np.where(samples > first.run.steps, np.nan, samples * first.run.step)
+    run["diverged_at"] = ("run", time * time_scale(first), {"long_name": "time of divergence"})
+    del run.attrs["scenario"]
+    texts = np.repeat([s.to_toml() for s in scenarios], times)
+    return run.assign_coords(scenario=("run", texts), **seed_of_each(scenarios, seeds))
+
+
+def _check_alike(scenarios: Sequence[Scenario]) -> None:
+    for field in ("duration", "step", "record_every", "units"):
+        values = {getattr(s.run, field) for s in scenarios}
+        if len(values) > 1:
+            raise ValueError(
+                f"run.{field} is {' and '.join(map(str, sorted(values)))}: "
+                "it must be the same in all scenarios that are recorded together; measure_many keeps no record"
+            )
+
+
+def _channels(setups: Sequence[_core.DeviceSetup], device: bool) -> tuple[Channel, ...]:
+    """What is recorded of runs together: what each controller reports is there, NaN for those that do not."""
+    found = dict.fromkeys(channel for setup in setups for channel in reported(setup))
+    return (*LOOP_CHANNELS, *found, *(DEVICE_CHANNELS if device else ()))
+
+
+def _record(
+    setups: Sequence[_core.DeviceSetup], every: int, threads: int, device: bool, channels: tuple[Channel, ...]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of these channels, (run, sample, column), and the samples that each run lasted."""
+    groups: dict[tuple[Channel, ...], list[int]] = {}
+    for i, setup in enumerate(setups):
+        groups.setdefault(_channels([setup], device), []).append(i)
+    if list(groups) == [channels]:
+        rows, lasted = _core.record_runs(setups, every, threads, device)
+        return rows, lasted
+    starts = dict(zip(channels, np.cumsum([0, *(channel.width for channel in channels)]).tolist(), strict=False))
+    width = sum(channel.width for channel in channels)
+    whole = np.full((len(setups), setups[0].steps // every + 1, width), np.nan)
+    lasted = np.zeros(len(setups), dtype=np.int64)
+    for own, places in groups.items():
+        rows, lasted[places] = _core.record_runs([setups[i] for i in places], every, threads, device)
+        columns = [column for channel in own for column in range(starts[channel], starts[channel] + channel.width)]
+        whole[np.ix_(places, range(rows.shape[1]), columns)] = rows
+    return whole, lasted
+
+
+def _check_size(scenario: Scenario, channels: tuple[Channel, ...], runs: int) -> None:
+    """Raises ValueError when the record of so many runs would be larger than is allowed."""
+    run = scenario.run
+    columns = sum(channel.width for channel in channels)
+    samples = run.steps // run.record_every + 1
+    if (size := 8 * columns * samples * runs) > LARGEST_RECORD:
+        raise ValueError(
+            f"run.record_every is {run.record_every}: {runs} runs of {samples} samples of {columns} numbers are "
+            f"{size / 1e9:.3g} GB, and a record may be at most {LARGEST_RECORD / 1e9:g} GB; make it larger, take fewer "
+            "runs at a time, or have measure_many measure them without a record"
+        )

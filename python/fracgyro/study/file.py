@@ -1,0 +1,64 @@
+"""The study file: what sweeps and tunings have in common."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+from pydantic import BaseModel, Field, ValidationError
+
+from ..analysis.metrics import ERROR_BOUND, RATE_TOLERANCE, SURFACE_BOUND, TRANSIENT
+from ..scenario import Scenario, ScenarioError
+from ..scenario.sentences import explained
+from ..scenario.table import Table, sentence, shown
+from ..scenario.toml import read_tables, read_text
+from .space import MOST_POINTS, flat
+
+Model = TypeVar("Model", bound=BaseModel)
+BASES: dict[str, Literal["corrected", "printed"]] = {"paper": "corrected", "paper-printed": "printed"}
+
+
+class Thresholds(Table):
+    """Of the metrics, nondimensional: see `fracgyro.metrics.summary`."""
+
+    transient: float = Field(default=TRANSIENT, gt=0)
+    error_bound: float = Field(default=ERROR_BOUND, gt=0)
+    surface_bound: float = Field(default=SURFACE_BOUND, gt=0)
+    rate_tolerance: float = Field(default=RATE_TOLERANCE, gt=0)
+
+
+def seeds_of(value: Any) -> Any:
+    """16: the seeds 0 to 15."""
+    if type(value) is int and 1 <= value <= MOST_POINTS:
+        return list(range(value))
+    listed = isinstance(value, list) and all(type(seed) is int and 0 <= seed < 2**63 for seed in value)
+    if not listed or not value or len(set(value)) < len(value):
+        raise sentence(
+            f"seeds is {shown(value)}: it must be their number, from 1 to {MOST_POINTS}, "
+            "or a list of different integers from 0 to 2^63 - 1"
+        )
+    return value
+
+
+def load_study(path: str | os.PathLike[str], model: type[Model]) -> Model:
+    """The TOML file as an instance of `model`. Raises ScenarioError in one sentence when it is not one."""
+    tables = read_tables(read_text(path), str(path))
+    try:
+        return model(**tables)
+    except ValidationError as error:
+        raise explained(error, model) from None
+
+
+def base_scenario(name: str, folder: Path, fixed: Mapping[str, Any]) -> Scenario:
+    """ "paper" (corrected), "paper-printed" or a file, relative to `folder`; then with the changes `fixed`."""
+    base = Scenario.paper(BASES[name]) if name in BASES else Scenario.load(folder / name)
+    return base.replace(flat(fixed))
+
+
+def refuse_both(fixed: Mapping[str, Any], vary: Mapping[str, Any]) -> None:
+    """Raises ScenarioError when a field stands under both."""
+    for field in flat(fixed):
+        if field in flat(vary):
+            raise ScenarioError(f"{field} is in [fixed] and in [vary]: it must be in one of them")

@@ -1,0 +1,98 @@
+"""The unit of work: a block of runs -> a table with one row per run. It can be sent to another machine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from ...analysis.metric_names import METRICS
+from ...scenario import Scenario
+from ...simulation.measure import measure_many
+from .design import Plan
+
+# What a kill may cost: about a second of one processor, or this many runs.
+STEPS_PER_BLOCK, RUNS_PER_BLOCK = 2 * 10**7, 4096
+
+
+@dataclass(frozen=True)
+class Block:
+    """Consecutive points, each with consecutive seeds."""
+
+    number: int
+    first: int  # number of its first point
+    scenarios: list[Scenario]
+    values: list[tuple[Any, ...]]  # of the fields that vary, by point
+    seeds: list[int]
+    columns: pa.Schema  # point, seed and the fields that vary
+    thresholds: dict[str, Any]
+
+    @property
+    def runs(self) -> int:
+        return len(self.scenarios) * len(self.seeds)
+
+    def keys(self) -> pa.Table:
+        """What the rows are of, one per run: the columns `columns`."""
+        points = np.repeat(np.arange(len(self.values)), len(self.seeds))
+        parameters = [[values[i] for values in self.values] for i in range(len(self.columns) - 2)]
+        arrays = [pa.array(self.first + points), pa.array(np.tile(np.array(self.seeds), len(self.values)))]
+        arrays += [
+            pa.array(column, field.type).take(pa.array(points))
+            for column, field in zip(parameters, list(self.columns)[2:], strict=True)
+        ]
+        return pa.Table.from_arrays(arrays, schema=self.columns)
+
+    def complete(self, table: pa.Table) -> bool:
+        """Whether these are the rows that `measure` makes: the keys, then every metric, all numbers."""
+        keys = self.keys()
+        mine, others = table.column_names[: keys.num_columns], table.column_names[keys.num_columns :]
+        if mine != keys.column_names or sorted(others) != sorted({*METRICS, "diverged_at"}):
+            return False
+        numbers = {table.schema.field(name).type for name in others} == {pa.float64()}
+        return numbers and bool(table.select(mine).equals(keys))
+
+    def measure(self, progress: Callable[[int], object] | None = None) -> pa.Table:
+        """The keys with the metrics beside them. What never happens is null. Runs on all processors."""
+        runs = measure_many(self.scenarios, seeds=self.seeds, progress=progress, **self.thresholds)
+        table = self.keys()
+        for name, variable in runs.data_vars.items():
+            inner = [dimension for dimension in variable.dims if dimension != "run"]
+            labels = product(*(variable[dimension].values for dimension in inner))
+            columns = variable.transpose("run", *inner).values.reshape(self.runs, -1)
+            for label, column in zip(labels, columns.T, strict=True):
+                words = "_".join(map(str, (name, *label)))
+                table = table.append_column(words, pa.array(column, pa.float64(), from_pandas=True))
+        return table
+
+
+def blocks(plan: Plan) -> list[Block]:
+    """The whole plan, in order: by point, then by seed."""
+    longest = max(scenario.run.steps for scenario in plan.scenarios)
+    most = min(max(STEPS_PER_BLOCK // longest, 1), RUNS_PER_BLOCK)
+    seeds = min(len(plan.seeds), most)
+    points = max(most // len(plan.seeds), 1)
+    columns = _columns(plan)
+    thresholds = plan.study.metrics.model_dump()
+    pieces = product(range(0, len(plan.points), points), range(0, len(plan.seeds), seeds))
+    return [
+        Block(
+            number,
+            first,
+            plan.scenarios[first : first + points],
+            plan.points[first : first + points],
+            plan.seeds[seed : seed + seeds],
+            columns,
+            thresholds,
+        )
+        for number, (first, seed) in enumerate(pieces)
+    ]
+
+
+def _columns(plan: Plan) -> pa.Schema:
+    kinds = {bool: pa.bool_(), int: pa.int64(), float: pa.float64(), str: pa.string(), tuple: pa.list_(pa.float64())}
+    fields = [(field, kinds[type(plan.points[0][i])]) for i, field in enumerate(plan.fields)]
+    return pa.schema([("point", pa.int64()), ("seed", pa.int64()), *fields])

@@ -1,0 +1,186 @@
+"""Which points of the space a study visits: study file -> plan."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field
+
+from ...analysis.metric_names import METRICS, metric_hint
+from ...scenario import Scenario, ScenarioError
+from ...scenario.table import Table, sentence, shown
+from ...scenario.toml import read_text
+from ..file import Thresholds, base_scenario, load_study, refuse_both, seeds_of
+from ..space import MOST_POINTS, Dimension, read_space
+
+SHOWN = ("rmse_steady_x", "rmse_steady_y", "error_settling_time", "rate_error_rms")
+
+
+def _show(value: Any) -> Any:
+    for name in value if isinstance(value, list) else []:
+        if not isinstance(name, str) or name not in METRICS:
+            raise sentence(f"show has {shown(name)}, which is not a known metric; {metric_hint(shown(name))}")
+    return value
+
+
+class Design(Table):
+    """How the points are chosen. grid: every combination; list: the lists side by side, row by row."""
+
+    kind: Literal["grid", "list", "random", "latin_hypercube", "sobol"] = "grid"
+    points: int | None = Field(default=None, ge=1, le=MOST_POINTS)
+    seed: int = Field(default=0, ge=0)
+
+
+class Study(Table):
+    """A study file."""
+
+    title: str = ""
+    scenario: str = "paper"
+    seeds: Annotated[list[int] | None, BeforeValidator(seeds_of)] = None
+    fixed: dict[str, Any] = Field(default={})
+    vary: dict[str, Any] = Field(default={})
+    design: Design = Design()
+    metrics: Thresholds = Thresholds()
+    show: Annotated[list[str], BeforeValidator(_show), Field(min_length=1)] = Field(default=list(SHOWN))
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A study in full: every point runs with every seed."""
+
+    study: Study
+    text: str  # of the study file
+    base: Scenario
+    dimensions: tuple[Dimension, ...]
+    points: list[tuple[Any, ...]]  # values of the dimensions
+    scenarios: list[Scenario]  # of the points
+    seeds: list[int]
+
+    @property
+    def fields(self) -> list[str]:
+        return [dimension.field for dimension in self.dimensions]
+
+    @property
+    def runs(self) -> int:
+        return len(self.points) * len(self.seeds)
+
+
+def read_plan(path: str | os.PathLike[str]) -> Plan:
+    """The study file as a plan, every point of it valid. Raises ScenarioError in one sentence when it is not."""
+    study = load_study(path, Study)
+    base = base_scenario(study.scenario, Path(path).parent, study.fixed)
+    refuse_both(study.fixed, study.vary)
+    dimensions = read_space(study.vary, base)
+    if "disturbance.seed" in {dimension.field for dimension in dimensions}:
+        raise ScenarioError("disturbance.seed is in [vary]: it must be left to seeds, which every point runs with")
+    points = DESIGNS[study.design.kind](study.design, dimensions)
+    fields = [dimension.field for dimension in dimensions]
+    scenarios = [_scenario(base, number, dict(zip(fields, p, strict=True))) for number, p in enumerate(points)]
+    seeds = [base.disturbance.seed] if study.seeds is None else study.seeds
+    if len(seeds) > 1 and all(s.disturbance.kind != "noise" for s in scenarios):
+        raise ScenarioError(
+            f"seeds is {shown(seeds)}: it must be one, as disturbance.kind is "
+            f"{shown(scenarios[0].disturbance.kind)} and nothing depends on it"
+        )
+    return Plan(study, read_text(path), base, dimensions, points, scenarios, seeds)
+
+
+def _scenario(base: Scenario, number: int, values: Mapping[str, Any]) -> Scenario:
+    try:
+        return base.replace(values)
+    except ScenarioError as error:
+        where = ", ".join(f"{field} = {shown(value)}" for field, value in values.items())
+        raise ScenarioError(f"point {number} ({where}) cannot run: {error}") from None
+
+
+def _grid(design: Design, dimensions: tuple[Dimension, ...]) -> list[tuple[Any, ...]]:
+    axes = _axes(design, dimensions)
+    count = int(np.prod([float(len(axis)) for axis in axes]))
+    if count > MOST_POINTS:
+        raise ScenarioError(f"the grid has {count} points: it must have at most {MOST_POINTS}")
+    return list(itertools.product(*axes))
+
+
+def _list(design: Design, dimensions: tuple[Dimension, ...]) -> list[tuple[Any, ...]]:
+    _some(design, dimensions)
+    axes = _axes(design, dimensions)
+    for dimension, axis in zip(dimensions, axes, strict=True):
+        if len(axis) != len(axes[0]):
+            raise ScenarioError(
+                f"{dimension.field} has {len(axis)} values: it must have {len(axes[0])}, as {dimensions[0].field} has, "
+                'when design.kind is "list"'
+            )
+    return list(zip(*axes, strict=True))
+
+
+def _axes(design: Design, dimensions: tuple[Dimension, ...]) -> list[tuple[Any, ...]]:
+    if design.points is not None:
+        raise ScenarioError(
+            f"design.points is {design.points}: it must be left out when design.kind is {shown(design.kind)}"
+        )
+    axes = []
+    for dimension in dimensions:
+        axis = dimension.grid()
+        if axis is None:
+            raise ScenarioError(
+                f"{dimension.field}: steps is missing: it must be given when design.kind is {shown(design.kind)}"
+            )
+        axes.append(axis)
+    return axes
+
+
+def _random(design: Design, dimensions: tuple[Dimension, ...]) -> list[tuple[Any, ...]]:
+    return _sampled(design, dimensions, lambda n, d, rng: rng.random((n, d)))
+
+
+def _latin_hypercube(design: Design, dimensions: tuple[Dimension, ...]) -> list[tuple[Any, ...]]:
+    from scipy.stats.qmc import LatinHypercube  # takes half a second
+
+    return _sampled(design, dimensions, lambda n, d, rng: LatinHypercube(d, seed=rng).random(n))
+
+
+def _sobol(design: Design, dimensions: tuple[Dimension, ...]) -> list[tuple[Any, ...]]:
+    if design.points is not None and design.points.bit_count() != 1:
+        near = 1 << design.points.bit_length()
+        raise ScenarioError(f"design.points is {design.points}: a Sobol design must have a power of 2, such as {near}")
+    from scipy.stats.qmc import Sobol
+
+    return _sampled(design, dimensions, lambda n, d, rng: Sobol(d, seed=rng).random(n))
+
+
+def _sampled(
+    design: Design,
+    dimensions: tuple[Dimension, ...],
+    unit_cube: Callable[[int, int, np.random.Generator], Any],
+) -> list[tuple[Any, ...]]:
+    _some(design, dimensions)
+    if design.points is None:
+        raise ScenarioError(f"design.points is missing: {shown(design.kind)} must have a number of points")
+    for dimension in dimensions:
+        if dimension.steps is not None:
+            raise ScenarioError(
+                f"{dimension.field}: steps is {dimension.steps}: it must be left out when design.kind is "
+                f"{shown(design.kind)}"
+            )
+    samples = unit_cube(design.points, len(dimensions), np.random.default_rng(design.seed))
+    return [tuple(d.at(float(u)) for d, u in zip(dimensions, row, strict=True)) for row in samples]
+
+
+def _some(design: Design, dimensions: tuple[Dimension, ...]) -> None:
+    if not dimensions:
+        raise ScenarioError(f"vary is empty: at least one field must vary when design.kind is {design.kind}")
+
+
+DESIGNS: dict[str, Callable[[Design, tuple[Dimension, ...]], list[tuple[Any, ...]]]] = {
+    "grid": _grid,
+    "list": _list,
+    "random": _random,
+    "latin_hypercube": _latin_hypercube,
+    "sobol": _sobol,
+}

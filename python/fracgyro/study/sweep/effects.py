@@ -1,0 +1,213 @@
+"""What the rows say: means and quantiles along one field, over pairs of fields, and the best points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from ...analysis.confidence import Mean, mean_interval
+from ...scenario.table import toml_value
+from ..space import Dimension
+from .design import Plan
+
+QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
+MOST_BINS, RUNS_PER_BIN = 8, 8  # along a field without levels
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The rows as columns. A metric is NaN where the run never did what it measures; diverged runs are for `kept`."""
+
+    plan: Plan
+    table: pa.Table
+    kept: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, plan: Plan, table: pa.Table) -> Rows:
+        return cls(plan, table, np.isnan(_column(table, "diverged_at")))
+
+    @property
+    def sampled(self) -> bool:
+        """Whether the points are a random sample of the space."""
+        return self.plan.study.design.kind in ("random", "latin_hypercube", "sobol")
+
+    @property
+    def diverged(self) -> int:
+        return int((~self.kept).sum())
+
+    def metric(self, name: str) -> Array:
+        """NaN also where the run diverged."""
+        return np.where(self.kept, _column(self.table, name), np.nan)
+
+    def units(self) -> NDArray[np.int64]:
+        """What varies independently from one mean to the next: the points of a sample, otherwise the seeds."""
+        name = "point" if self.sampled else "seed"
+        return np.unique(_column(self.table, name), return_inverse=True)[1].astype(np.int64)
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A field cut into levels or bins."""
+
+    field: str
+    names: list[str]  # of the levels or bins
+    places: Array  # of the levels or middles of the bins: values, or 0, 1, 2 ... where those are no numbers
+    edges: Array | None  # of the bins
+    log: bool
+    numeric: bool
+    index: NDArray[np.int64]  # level or bin of each row
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A metric along an axis."""
+
+    axis: Axis
+    means: list[Mean | None]  # None: nothing is left
+    partial: list[bool]  # some runs were left out
+    quantiles: Array | None  # (QUANTILES, place); never counts as longest; None unless the design is random
+
+
+@dataclass(frozen=True)
+class Cells:
+    """A metric over two axes: its mean (grids and lists) or median (random designs)."""
+
+    across: Axis
+    up: Axis
+    values: Array  # (up, across); NaN: nothing is left, or nothing is there
+    partial: NDArray[np.bool_]
+    empty: NDArray[np.bool_]  # no run lies there
+
+
+@dataclass(frozen=True)
+class Best:
+    """A point all of whose runs count."""
+
+    point: int
+    values: tuple[Any, ...]
+    means: list[Mean]  # of the metrics shown
+
+
+def axis(rows: Rows, dimension: Dimension, bins: int) -> Axis:
+    levels = dimension.grid()
+    place = rows.plan.dimensions.index(dimension)
+    points = np.array(rows.table["point"])
+    if levels is None:
+        spaced = np.geomspace if dimension.scale == "log" else np.linspace
+        edges = np.asarray(spaced(dimension.low, dimension.high, bins + 1))
+        values = np.array([float(point[place]) for point in rows.plan.points])[points]
+        index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, bins - 1)
+        log = dimension.scale == "log"
+        middles = np.sqrt(edges[1:] * edges[:-1]) if log else 0.5 * (edges[1:] + edges[:-1])
+        names = [f"{low:.3g} to {high:.3g}" for low, high in pairwise(edges)]
+        return Axis(dimension.field, names, middles, edges, log, True, index)
+    levels = tuple(dict.fromkeys(levels))
+    numeric = all(isinstance(v, int | float) and not isinstance(v, bool) and np.isfinite(v) for v in levels)
+    levels = tuple(sorted(levels)) if numeric else levels
+    number = {level: i for i, level in enumerate(levels)}
+    index = np.array([number[point[place]] for point in rows.plan.points])[points]
+    names = [f"{level:.4g}" if isinstance(level, float) else str(_plain(level)) for level in levels]
+    places = np.array(levels, dtype=float) if numeric else np.arange(float(len(levels)))
+    log = numeric and len(levels) > 2 and places[0] > 0 and _even(np.log(places)) and not _even(places)
+    return Axis(dimension.field, names, places, None, bool(log), numeric, index)
+
+
+def effect(rows: Rows, name: str, dimension: Dimension) -> Effect:
+    along = axis(rows, dimension, int(np.clip(rows.plan.runs // (2 * RUNS_PER_BIN), 2, MOST_BINS)))
+    metric, units = rows.metric(name), rows.units()
+    means, partial, quantiles = [], [], []
+    for place in range(len(along.places)):
+        here = along.index == place
+        left = here & ~np.isnan(metric)
+        means.append(_mean(metric[left], units[left]))
+        partial.append(bool(left.sum() < here.sum()))
+        quantiles.append(_quantiles(rows, name, here))
+    return Effect(along, means, partial, np.array(quantiles).T if rows.sampled else None)
+
+
+def cells(rows: Rows, name: str, across: Dimension, up: Dimension) -> Cells:
+    bins = int(np.clip(np.sqrt(len(rows.plan.points) / RUNS_PER_BIN), 2, MOST_BINS))
+    x, y, metric = axis(rows, across, bins), axis(rows, up, bins), rows.metric(name)
+    shape = len(y.places), len(x.places)
+    cell = y.index * shape[1] + x.index
+    left = ~np.isnan(metric)
+    there, counted = (np.bincount(c, minlength=shape[0] * shape[1]) for c in (cell, cell[left]))
+    values = np.full(len(there), np.nan)
+    filled = np.flatnonzero(counted)
+    by_cell = metric[left][np.argsort(cell[left], kind="stable")]
+    middle = np.median if rows.sampled else np.mean
+    values[filled] = [middle(inside) for inside in np.split(by_cell, np.cumsum(counted[filled])[:-1])]
+    partial = counted < there
+    return Cells(x, y, values.reshape(shape), partial.reshape(shape), (there == 0).reshape(shape))
+
+
+def quantiles(rows: Rows, name: str) -> Array:
+    return _quantiles(rows, name, np.ones(rows.plan.runs, dtype=bool))
+
+
+def rank_correlation(rows: Rows, name: str, dimension: Dimension) -> float:
+    """Spearman's, between the values of a numeric field and the means of the points; NaN where there are too few."""
+    place = rows.plan.dimensions.index(dimension)
+    metric, points = rows.metric(name), np.array(rows.table["point"])
+    left = ~np.isnan(metric)
+    sums, counts = (np.bincount(points[left], w, len(rows.plan.points)) for w in (metric[left], None))
+    good = counts > 0
+    values = np.array([float(point[place]) for point in rows.plan.points])[good]
+    ranks = _ranks(values), _ranks(sums[good] / counts[good])
+    if len(values) < 3 or any(np.ptp(r) == 0 for r in ranks):
+        return float("nan")
+    return float(np.corrcoef(*ranks)[0, 1])
+
+
+def best(rows: Rows, name: str, shown: Sequence[str], count: int) -> tuple[list[Best], int]:
+    """The `count` points of the least mean magnitude of the metric, and how many of all points were eligible:
+    those of which no run diverged or is without the metric."""
+    shape = len(rows.plan.points), len(rows.plan.seeds)
+    order = np.lexsort((np.array(rows.table["seed"]), np.array(rows.table["point"])))
+    by_point = {metric: rows.metric(metric)[order].reshape(shape) for metric in {name, *shown}}
+    means = np.abs(by_point[name].mean(axis=1))  # NaN unless all runs count
+    ranked = np.argsort(means, kind="stable")[: min(count, int(np.isfinite(means).sum()))]
+    found = [
+        Best(int(p), rows.plan.points[p], [mean_interval(by_point[metric][p]) for metric in shown]) for p in ranked
+    ]
+    return found, int(np.isfinite(means).sum())
+
+
+def _column(table: pa.Table, name: str) -> Array:
+    return np.asarray(table[name].to_numpy())
+
+
+def _ranks(values: Array) -> Array:
+    """From 1; equal values share their mean rank."""
+    _, place, counts = np.unique(values, return_inverse=True, return_counts=True)
+    return np.asarray((np.cumsum(counts) - 0.5 * (counts - 1))[place])
+
+
+def _plain(level: Any) -> Any:
+    return level if isinstance(level, str) else toml_value(level)
+
+
+def _even(values: Array) -> bool:
+    gaps = np.diff(values)
+    return bool(np.ptp(gaps) < 1e-6 * np.abs(gaps).max())
+
+
+def _mean(values: Array, units: NDArray[np.int64]) -> Mean | None:
+    """Of the means of the units, which are independent of each other."""
+    if not len(values):
+        return None
+    sums, counts = np.bincount(units, values), np.bincount(units)
+    return mean_interval(sums[counts > 0] / counts[counts > 0])
+
+
+def _quantiles(rows: Rows, name: str, here: NDArray[np.bool_]) -> Array:
+    """Of the runs that did not diverge; those that never did what the metric measures count as infinite."""
+    values = np.where(np.isnan(rows.metric(name)), np.inf, rows.metric(name))[here & rows.kept]
+    return np.quantile(values, QUANTILES, method="inverted_cdf") if len(values) else np.full(len(QUANTILES), np.nan)

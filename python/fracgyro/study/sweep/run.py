@@ -1,0 +1,76 @@
+"""From a study file to its rows and their summary."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+
+import pyarrow as pa
+
+from .block_files import BlockFiles
+from .blocks import Block, blocks
+from .cluster import connected, measured_there
+from .design import read_plan
+from .summary import write_summary
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Where the rows and their summary are, and what it took."""
+
+    data: Path
+    summary: Path
+    runs: int
+    resumed: int  # of the runs: found finished
+    diverged: int
+    seconds: float
+
+
+def sweep(
+    study: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    *,
+    resume: bool = False,
+    scheduler: str | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> Sweep:
+    """Every run of the study file, as Parquet in the folder `out`/runs, and `out`/summary.html.
+
+    The rows are the same whatever the processors, the interruptions and their order.
+    `resume`: finish what lies in `out`. `scheduler`: the address of a Dask cluster to run on; left out, this machine.
+    `progress` is called with (runs finished, all runs).
+    Raises ValueError in one sentence: a bad study, before anything runs; an `out` that is in use, or holds another
+    study; a cluster that cannot be reached or keeps failing.
+    """
+    begin = time.perf_counter()
+    plan = read_plan(study)
+    work = blocks(plan)
+    with nullcontext() if scheduler is None else connected(scheduler) as cluster:
+        folder = BlockFiles(out, plan, work, resume=resume)
+        waiting = [block for block in work if not folder.finished(block)]
+        done = resumed = plan.runs - sum(block.runs for block in waiting)
+
+        def advance(runs: int) -> None:
+            nonlocal done
+            done += runs
+            if progress:
+                progress(done, plan.runs)
+
+        advance(0)
+        measured = measured_there(cluster, waiting, advance) if cluster else measured_here(waiting, advance)
+        for block, table in measured:
+            folder.write(block, table)
+    rows = folder.read(work)
+    summary = folder.path / "summary.html"
+    write_summary(summary, plan, rows)
+    diverged = plan.runs - rows["diverged_at"].null_count
+    return Sweep(folder.runs, summary, plan.runs, resumed, diverged, time.perf_counter() - begin)
+
+
+def measured_here(work: list[Block], progress: Callable[[int], object]) -> Iterator[tuple[Block, pa.Table]]:
+    for block in work:
+        yield block, block.measure(progress)

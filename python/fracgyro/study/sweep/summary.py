@@ -1,0 +1,151 @@
+"""The summary page of a study: one self-contained HTML file."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from ...analysis.confidence import Mean
+from ...analysis.html import page
+from ...analysis.metric_names import METRICS
+from ...files import whole_file
+from ...scenario import Scenario
+from ...scenario.table import toml_value
+from ..space import Dimension
+from . import effects, plots
+from .design import Plan
+from .effects import QUANTILES, Rows
+
+BEST = 5  # points listed for each metric
+MOST_MAPPED = 4  # fields: more make more maps than anyone looks at
+DESIGN_WORDS = {
+    "grid": "every combination of the values",
+    "list": "the listed values side by side",
+    "random": "a random sample",
+    "latin_hypercube": "a Latin hypercube sample",
+    "sobol": "a scrambled Sobol sample",
+}
+
+
+def write_summary(path: Path, plan: Plan, table: pa.Table) -> None:
+    """Writes `path` from all rows of the plan."""
+    rows = Rows.of(plan, table)
+    numeric = [d for d in plan.dimensions if effects.axis(rows, d, 2).numeric]
+    correlated = rows.sampled and len(numeric) > 1
+    text = page(
+        "fracgyro.study.sweep",
+        "summary.html.jinja",
+        title=plan.study.title or "A study",
+        version=version("fracgyro"),
+        plan=plan,
+        base=BASE_WORDS.get(plan.study.scenario, f"from {plan.study.scenario}"),
+        fixed=plan.study.fixed,
+        design=DESIGN_WORDS[plan.study.design.kind],
+        durations=" or ".join(f"{d:g}" for d in sorted({scenario.run.duration for scenario in plan.scenarios})[:9]),
+        sampled=rows.sampled,
+        diverged=rows.diverged,
+        diverged_where=_diverged_where(rows) if rows.diverged else [],
+        fields=[_field(dimension) for dimension in plan.dimensions],
+        metrics=[_metric(rows, name) for name in plan.study.show],
+        most_mapped=MOST_MAPPED,
+        quantiles=[f"{100 * q:g} %" for q in QUANTILES],
+        correlation=_correlation(rows, numeric) if correlated else None,
+        chance=1.96 / np.sqrt(max(len(plan.points) - 1, 1)),
+        thresholds=plan.study.metrics.model_dump(),
+    )
+    with whole_file(path) as scratch:
+        scratch.write_text(text, encoding="utf-8", newline="\n")
+
+
+BASE_WORDS = {"paper": "the paper's, corrected", "paper-printed": "the paper's, as printed"}
+
+
+def _metric(rows: Rows, name: str) -> dict[str, Any]:
+    """Everything that the page says of one metric."""
+    plan, values = rows.plan, rows.metric(name)
+    never = int((np.isnan(values) & rows.kept).sum())
+    found, eligible = effects.best(rows, name, plan.study.show, BEST)
+    dimensions = plan.dimensions if never + rows.diverged < plan.runs else ()
+    maps, blank = [], False
+    if 2 <= len(dimensions) <= MOST_MAPPED and plan.study.design.kind != "list":
+        pairs = [effects.cells(rows, name, a, b) for a, b in combinations(dimensions, 2)]
+        blank = any(bool(pair.empty.any()) for pair in pairs)
+        every = np.concatenate([pair.values[np.isfinite(pair.values)] for pair in pairs])
+        limits = float(every.min()), float(every.max())
+        maps = [(pair.across.field, pair.up.field, plots.heat_map(name, pair, limits)) for pair in pairs]
+    along = [effects.effect(rows, name, dimension) for dimension in dimensions]
+    spread = effects.quantiles(rows, name) if rows.sampled else np.empty(0)
+    power = plots.power_of(spread)
+    return {
+        "name": name,
+        "label": plots.label(name, power),
+        "words": METRICS[name][0],
+        "never": never,
+        "partial": any(any(effect.partial) for effect in along),
+        "quantiles": [_number(q / 10.0**power) for q in spread],
+        "effects": plots.effects_chart(name, along) if along else None,
+        "maps": maps,
+        "blank": blank,
+        "mapped_partial": never + rows.diverged > 0,
+        "eligible": eligible,
+        "best": [(b.point, [_value(v) for v in b.values]) for b in found],
+        "best_means": [_means([b.means[i] for b in found], shown) for i, shown in enumerate(plan.study.show)],
+    }
+
+
+def _correlation(rows: Rows, numeric: list[Dimension]) -> str:
+    shown = rows.plan.study.show
+    values = [[effects.rank_correlation(rows, name, dimension) for dimension in numeric] for name in shown]
+    return plots.correlation_chart(shown, [dimension.field for dimension in numeric], np.array(values))
+
+
+def _diverged_where(rows: Rows) -> list[tuple[str, list[tuple[str, int, int]]]]:
+    """By field: level or bin, diverged runs, all runs there."""
+    where = []
+    for dimension in rows.plan.dimensions:
+        axis = effects.axis(rows, dimension, 5)
+        counts = np.bincount(axis.index, minlength=len(axis.names))
+        gone = np.bincount(axis.index[~rows.kept], minlength=len(axis.names))
+        lines = [(n, int(g), int(c)) for n, g, c in zip(axis.names, gone, counts, strict=True) if g]
+        where.append((dimension.field, lines))
+    return where
+
+
+def _field(dimension: Dimension) -> tuple[str, str, str]:
+    """Its name, what it takes, what it is."""
+    model: Any = Scenario
+    meaning = ""
+    for name in dimension.field.split("."):
+        info = model.model_fields[name]
+        meaning, model = info.description or meaning, info.annotation
+    grid = dimension.grid()
+    if grid is None:
+        spread = "log-uniform" if dimension.scale == "log" else "uniform"
+        return dimension.field, f"{_value(dimension.low)} to {_value(dimension.high)}, {spread}", meaning
+    return dimension.field, ", ".join(map(_value, grid)), meaning
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.5g}"
+    return value if isinstance(value, str) else toml_value(value)
+
+
+def _number(value: float) -> str:
+    return "never" if value == np.inf else "–" if np.isnan(value) else f"{value:.3g}"
+
+
+def _means(means: list[Mean], name: str) -> tuple[str, list[str]]:
+    """A column of a table: its heading, and its cells with their intervals, if they have any."""
+    power = plots.power_of(np.array([mean.mean for mean in means]))
+    cells = []
+    for mean in means:
+        scaled = Mean(*(value / 10.0**power for value in mean))
+        number = _number(scaled.mean)
+        cells.append(f"{scaled:.3g}" if np.isfinite(scaled.low) else number)
+    return plots.label(name, power), cells

@@ -1,0 +1,144 @@
+"""What a scenario is judged by: a statistic of a metric over noise seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Annotated, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AfterValidator, model_validator
+
+from ...analysis.metric_names import METRICS, metric_hint
+from ...scenario import Scenario
+from ...scenario.table import Table, sentence, shown
+from ...simulation.measure import measure_many
+
+Values = NDArray[np.float64]
+STATISTICS: dict[str, Callable[[Values], Any]] = {"mean": np.mean, "median": np.median, "max": np.max}
+
+
+def _metric(name: str) -> str:
+    if name not in METRICS:
+        raise sentence(f"metric is {shown(name)}, which is not a known metric; {metric_hint(name)}")
+    return name
+
+
+def _statistic(text: str) -> str:
+    if text not in STATISTICS and _quantile(text) is None:
+        raise sentence(
+            f"statistic is {shown(text)}: it must be mean, median, max, or quantile and a number between 0 and 1, "
+            'as "quantile 0.95"'
+        )
+    return text
+
+
+def _quantile(text: str) -> float | None:
+    word, _, number = text.partition(" ")
+    try:
+        level = float(number)
+    except ValueError:
+        return None
+    return level if word == "quantile" and 0 <= level <= 1 else None
+
+
+class Objective(Table):
+    """A statistic of a metric over the seeds, the smaller the better. Of signed metrics the magnitude counts."""
+
+    metric: Annotated[str, AfterValidator(_metric)]
+    statistic: Annotated[str, AfterValidator(_statistic)] = "mean"
+
+    @property
+    def label(self) -> str:
+        return f"{self.statistic} of {self.metric}"
+
+    def of(self, values: Values) -> float:
+        """The statistic; infinite where a value that it needs is NaN, i.e. never came about."""
+        sizes = np.where(np.isnan(values), np.inf, np.abs(values))
+        with np.errstate(invalid="ignore"):
+            level = _quantile(self.statistic)
+            found = float(STATISTICS[self.statistic](sizes) if level is None else np.quantile(sizes, level))
+        return np.inf if np.isnan(found) else found
+
+
+class Constraint(Objective):
+    """An objective that must only stay within a limit: a number, or a multiple of the base scenario's own value."""
+
+    at_most: float | None = None
+    at_most_base: float | None = None
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if (self.at_most is None) == (self.at_most_base is None):
+            given = "neither" if self.at_most is None else "both"
+            raise sentence(
+                f"the constraint on {self.metric} has {given} of at_most and at_most_base: it must have exactly one"
+            )
+        return self
+
+    def limit(self, base: Measured) -> float:
+        """The limit, on the seeds that the base scenario was measured on."""
+        if self.at_most_base is None:
+            assert self.at_most is not None
+            return self.at_most
+        return self.at_most_base * self.of(base.metrics[self.metric])
+
+
+@dataclass(frozen=True)
+class Measured:
+    """The metrics of one scenario, by name and seed; NaN in runs that diverged."""
+
+    metrics: dict[str, Values]
+    diverged: NDArray[np.bool_]
+
+
+def measure(
+    scenarios: Sequence[Scenario],
+    seeds: Sequence[int],
+    thresholds: dict[str, Any],
+    progress: Callable[[int], object] | None = None,
+) -> list[Measured]:
+    """Every scenario with every seed, all in one call of `simulate_many`."""
+    runs = measure_many(scenarios, seeds=seeds, progress=progress, **thresholds)
+    diverged = np.isfinite(runs["diverged_at"].values).reshape(len(scenarios), len(seeds))
+    columns = {}
+    for name, variable in runs.drop_vars("diverged_at").data_vars.items():
+        inner = [dimension for dimension in variable.dims if dimension != "run"]
+        labels = [*product(*(variable[dimension].values for dimension in inner))]
+        parts = variable.transpose("run", *inner).values.reshape(runs.sizes["run"], len(labels))
+        for label, column in zip(labels, parts.T, strict=True):
+            whole = np.where(diverged, np.nan, column.reshape(diverged.shape))
+            columns["_".join(map(str, (name, *label)))] = whole
+    return [Measured({name: column[i] for name, column in columns.items()}, diverged[i]) for i in range(len(scenarios))]
+
+
+@dataclass(frozen=True)
+class Score:
+    """A scenario by the criteria of a study."""
+
+    objectives: tuple[float, ...]
+    constraints: tuple[float, ...]  # the statistics that have limits
+    excess: tuple[float, ...]  # of each over its limit, relative to it; kept when <= 0
+    diverged: float  # share of the seeds
+
+    @property
+    def feasible(self) -> bool:
+        return self.diverged == 0 and bool(np.isfinite(self.objectives).all()) and max(self.excess, default=0.0) <= 0
+
+
+NEVER = 1e6  # the excess of what is infinite
+
+
+def score(
+    measured: Measured, objectives: Sequence[Objective], constraints: Sequence[Constraint], limits: Sequence[float]
+) -> Score:
+    found = [c.of(measured.metrics[c.metric]) for c in constraints]
+    over = [(v - limit) / (abs(limit) or 1.0) for v, limit in zip(found, limits, strict=True)]
+    return Score(
+        tuple(o.of(measured.metrics[o.metric]) for o in objectives),
+        tuple(found),
+        tuple(min(excess, NEVER) for excess in over),
+        float(measured.diverged.mean()),
+    )

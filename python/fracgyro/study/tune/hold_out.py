@@ -1,0 +1,154 @@
+"""A tuned scenario against its base on noise seeds that the search has never seen.
+
+The best of many trials looks better on the seeds that chose it than it is (the winner's curse): only these seeds count.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from ...analysis.confidence import Mean, mean_interval
+from ...analysis.metric_names import METRICS
+from ...scenario import Scenario
+from .criteria import Constraint, Measured, Objective, Values, measure
+from .plan import Plan
+from .search import Search, Trial
+
+RESAMPLES = 2000  # for the interval of a statistic other than the mean
+
+
+@dataclass(frozen=True)
+class Objected:
+    """An objective of the tuned and of the base scenario, on the seeds of the search and on those held out."""
+
+    label: str
+    metric: str
+    searched_base: float
+    searched: float
+    base: float
+    tuned: float
+    difference: Mean  # tuned - base on the held-out seeds, paired by seed
+    verdict: Literal["confirmed", "refuted", "undecided"]  # is it less than the base's? By the interval
+
+
+@dataclass(frozen=True)
+class Constrained:
+    """A constraint on the tuned scenario, on the seeds of the search and on those held out."""
+
+    label: str
+    metric: str
+    searched_limit: float
+    searched: float
+    limit: float
+    tuned: float
+    kept: bool
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A metric's mean over the held-out seeds in which it came about, and how many it did not."""
+
+    metric: str
+    words: str
+    unit: str
+    base: float
+    tuned: float
+    never_base: int
+    never_tuned: int
+    difference: Mean | None  # paired, over the seeds in which both came about; None when there are fewer than two
+
+    @property
+    def neutral(self) -> bool:
+        """The bounds are states of the controller: neither more nor less of them is better."""
+        return self.metric.startswith("bound_")
+
+    @property
+    def verdict(self) -> Literal["better", "worse", ""]:
+        """By the interval, or by how often it came about when that differs."""
+        if self.never_base != self.never_tuned:
+            return "better" if self.never_tuned < self.never_base else "worse"
+        if self.difference is None or self.difference.low <= 0 <= self.difference.high:
+            return ""
+        return "better" if self.difference.mean < 0 else "worse"
+
+
+@dataclass(frozen=True)
+class HoldOut:
+    """All of it."""
+
+    objectives: list[Objected]
+    constraints: list[Constrained]
+    metrics: list[Compared]
+    diverged_base: int
+    diverged: int
+
+
+def hold_out(plan: Plan, search: Search, chosen: Trial, tuned: Scenario, progress: Callable[[int], object]) -> HoldOut:
+    """Both scenarios with every held-out seed."""
+    base, mine = measure([plan.base, tuned], plan.held_out, plan.thresholds, progress)
+    file = plan.file
+    return HoldOut(
+        [
+            _objected(objective, base, mine, own, found)
+            for objective, own, found in zip(
+                file.objective, search.base.objectives, chosen.score.objectives, strict=True
+            )
+        ],
+        [
+            _constrained(constraint, base, mine, limit, found)
+            for constraint, limit, found in zip(file.constraint, search.limits, chosen.score.constraints, strict=True)
+        ],
+        [_compared(metric, base.metrics[metric], mine.metrics[metric]) for metric in METRICS],
+        int(base.diverged.sum()),
+        int(mine.diverged.sum()),
+    )
+
+
+def _objected(objective: Objective, base: Measured, mine: Measured, own: float, found: float) -> Objected:
+    theirs, ours = base.metrics[objective.metric], mine.metrics[objective.metric]
+    gap = _gap(objective, theirs, ours)
+    verdict: Literal["confirmed", "refuted", "undecided"]
+    verdict = "confirmed" if gap.high < 0 else "refuted" if gap.low > 0 else "undecided"
+    return Objected(
+        objective.label, objective.metric, own, found, objective.of(theirs), objective.of(ours), gap, verdict
+    )
+
+
+def _gap(objective: Objective, theirs: Values, ours: Values) -> Mean:
+    """The statistic's difference: for the mean Student's interval, for others a paired bootstrap's."""
+    gap = objective.of(ours) - objective.of(theirs)
+    if not math.isfinite(gap):
+        return Mean(gap, -math.inf, math.inf)
+    if objective.statistic == "mean":
+        return mean_interval(np.abs(ours) - np.abs(theirs))
+    draws = np.random.default_rng(0).integers(0, len(ours), size=(RESAMPLES, len(ours)))
+    gaps = [objective.of(ours[draw]) - objective.of(theirs[draw]) for draw in draws]
+    low, high = np.quantile(gaps, [0.025, 0.975], method="closest_observation")
+    return Mean(gap, float(low), float(high))
+
+
+def _constrained(constraint: Constraint, base: Measured, mine: Measured, limit: float, found: float) -> Constrained:
+    here = constraint.limit(base)
+    value = constraint.of(mine.metrics[constraint.metric])
+    return Constrained(constraint.label, constraint.metric, limit, found, here, value, value <= here)
+
+
+def _compared(metric: str, theirs: Values, ours: Values) -> Compared:
+    theirs, ours = np.abs(theirs), np.abs(ours)
+    both = np.isfinite(theirs) & np.isfinite(ours)
+    words, unit = METRICS[metric]
+    return Compared(
+        metric,
+        words,
+        unit,
+        float(np.nanmean(theirs)) if np.isfinite(theirs).any() else math.nan,
+        float(np.nanmean(ours)) if np.isfinite(ours).any() else math.nan,
+        int(np.isnan(theirs).sum()),
+        int(np.isnan(ours).sum()),
+        mean_interval(ours[both] - theirs[both]) if both.sum() > 1 else None,
+    )

@@ -1,0 +1,156 @@
+"""The study file of `fracgyro tune`: which fields may change, and what is better."""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field
+
+from ...files import one_line
+from ...scenario import Scenario, ScenarioError
+from ...scenario.table import Table, shown
+from ...scenario.toml import read_text
+from ..file import Thresholds, base_scenario, load_study, refuse_both, seeds_of
+from ..folder import digest
+from ..space import MOST_POINTS, Dimension, read_space
+from .criteria import Constraint, Objective
+
+DIGITS = 4  # significant ones of a tuned value: nobody sets a gain more finely
+
+
+class Tune(Table):
+    """How the search goes."""
+
+    sampler: Literal["tpe", "cmaes", "nsga2"] = "tpe"
+    trials: int = Field(default=400, ge=1, le=MOST_POINTS)
+    seed: int = Field(default=1, ge=0)
+    batch: int | None = Field(
+        default=None, ge=2, le=MOST_POINTS
+    )  # trials proposed together; the population of cmaes and nsga2
+    held_out_seeds: int = Field(default=200, ge=2, le=MOST_POINTS)
+    storage: str | None = None  # address for SQLAlchemy
+
+
+class TuningFile(Table):
+    """A study file for `fracgyro tune`."""
+
+    title: str = ""
+    scenario: str = "paper"
+    seeds: Annotated[list[int], BeforeValidator(seeds_of)] = Field(default=list(range(8)))
+    fixed: dict[str, Any] = Field(default={})
+    vary: dict[str, Any] = Field(default={})
+    metrics: Thresholds = Thresholds()
+    tune: Tune = Tune()
+    objective: list[Objective] = Field(min_length=1)
+    constraint: list[Constraint] = Field(default=[])
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A tuning study in full."""
+
+    name: str  # of the file
+    text: str
+    file: TuningFile
+    base: Scenario
+    dimensions: tuple[Dimension, ...]
+    held_out: list[int]
+
+    @property
+    def batch(self) -> int:
+        """Trials proposed together: by default 1 for tpe, 32 for nsga2, and Hansen's population for cmaes."""
+        default = {"tpe": 1, "nsga2": 32, "cmaes": 4 + int(3 * math.log(len(self.dimensions)))}
+        return self.file.tune.batch or default[self.file.tune.sampler]
+
+    @property
+    def thresholds(self) -> dict[str, float]:
+        return self.file.metrics.model_dump()
+
+    def scenario(self, values: dict[str, Any]) -> Scenario | None:
+        """The base with these values, or None when they make no valid scenario together."""
+        try:
+            return self.base.replace(values)
+        except ScenarioError:
+            return None
+
+    def base_values(self) -> dict[str, Any] | None:
+        """The base scenario as a point of the space, or None when it lies outside."""
+        point = {}
+        for dimension in self.dimensions:
+            value: Any = self.base
+            for name in dimension.field.split("."):
+                value = getattr(value, name)
+            if dimension.choices is not None:
+                inside = value in dimension.choices
+            else:
+                if isinstance(value, tuple) and len(set(value)) == 1:
+                    value = value[0]
+                inside = isinstance(value, int | float) and dimension.low <= value <= dimension.high
+            if not inside:
+                return None
+            point[dimension.field] = value
+        return point
+
+    def parts(self) -> dict[str, Any]:
+        """Everything that the trials depend on, under the words that the study file has for it."""
+        file = self.file
+        return {
+            "the version of fracgyro": version("fracgyro"),
+            "scenario or fixed": self.base.model_dump(),
+            "seeds": file.seeds,
+            "vary": [repr(dimension) for dimension in self.dimensions],
+            "metrics": file.metrics.model_dump(),
+            "objective": [o.model_dump() for o in file.objective],
+            "constraint": [c.model_dump() for c in file.constraint],
+            "tune.sampler, seed or batch": [file.tune.sampler, file.tune.seed, self.batch],
+        }
+
+    @property
+    def hash(self) -> str:
+        """Of `parts`: more trials or held-out seeds, or another storage, leave it as it is."""
+        return digest(self.parts())
+
+
+def rounded(dimension: Dimension, value: float) -> float:
+    """To DIGITS significant digits, within the range."""
+    return float(np.clip(float(f"{value:.{DIGITS}g}"), dimension.low, dimension.high))
+
+
+def read_tuning(path: str | os.PathLike[str]) -> Plan:
+    """The study file as a plan. Raises ScenarioError in one sentence when it is not one."""
+    file = load_study(path, TuningFile)
+    base = base_scenario(file.scenario, Path(path).parent, file.fixed)
+    refuse_both(file.fixed, file.vary)
+    dimensions = read_space(file.vary, base)
+    if not dimensions:
+        raise ScenarioError("vary is empty: at least one field must vary")
+    for dimension in dimensions:
+        if dimension.field == "disturbance.seed":
+            raise ScenarioError("disturbance.seed is in [vary]: it must be left to seeds")
+        if dimension.steps is not None:
+            raise ScenarioError(f"{dimension.field}: steps is {dimension.steps}: it must be left out of a tuning")
+        if dimension.choices is not None and file.tune.sampler == "cmaes":
+            raise ScenarioError(
+                f"{dimension.field} has a list of values: it must have a range when tune.sampler is cmaes"
+            )
+    if file.tune.sampler == "cmaes" and len(file.objective) > 1:
+        raise ScenarioError(
+            f"objective is given {len(file.objective)} times: it must be given once when tune.sampler is cmaes"
+        )
+    if base.disturbance.kind != "noise":
+        raise ScenarioError(
+            f"disturbance.kind is {shown(base.disturbance.kind)}: it must be noise, or no seed can be held out"
+        )
+    first = max(file.seeds) + 1
+    if first + file.tune.held_out_seeds > 2**63:
+        raise ScenarioError(
+            f"seeds has {max(file.seeds)}: {file.tune.held_out_seeds} seeds must follow it to be held out"
+        )
+    held_out = list(range(first, first + file.tune.held_out_seeds))
+    return Plan(one_line(Path(path).name), read_text(path), file, base, dimensions, held_out)

@@ -1,0 +1,168 @@
+"""A tuning's outcome in words and figures: tune.html, pareto.svg and .png, and the head of tuned.toml."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from ...analysis.html import embedded, page
+from ...analysis.style import DPI, own_style
+from ...files import one_line, whole_file
+from ...scenario import Scenario
+from ...scenario.table import toml_value
+from ..space import Dimension
+from .criteria import Score
+from .hold_out import HoldOut
+from .plan import Plan
+from .plots import history_figure, pareto_figure
+from .search import Trial
+
+SAMPLERS = {"tpe": "TPE", "cmaes": "CMA-ES", "nsga2": "NSGA-II"}
+EDGE = 0.02  # of a range: this close to its end is at it
+
+
+@dataclass(frozen=True)
+class Result:
+    """All that a tuning found."""
+
+    plan: Plan
+    base: Score
+    limits: list[float]
+    trials: list[Trial]
+    members: list[Trial]
+    chosen: Trial
+    tuned: Scenario
+    held_out: HoldOut
+
+
+def tuned_toml(result: Result) -> str:
+    """The tuned scenario, its provenance in comments below its first line."""
+    first, rest = result.tuned.to_toml().split("\n", 1)
+    # A title may have line breaks, and TOML allows no control characters even in comments.
+    lines = (line for item in _provenance(result) for line in item.splitlines() or [""])
+    return "\n".join([first, *(f"# {one_line(line)}".rstrip() for line in lines), "#", rest])
+
+
+def _provenance(result: Result) -> list[str]:
+    plan, held, file = result.plan, result.held_out, result.plan.file
+    feasible = sum(trial.score.feasible for trial in result.trials)
+    lines = [
+        "",
+        f"{file.title or 'Tuned'}: by fracgyro {version('fracgyro')}, `fracgyro tune {plan.name}`.",
+        f"sha256 of {plan.name}: {hashlib.sha256(plan.text.encode()).hexdigest()}",
+        f"{SAMPLERS[file.tune.sampler]}, seed {file.tune.seed}: trial {result.chosen.number} of {len(result.trials)}, "
+        f"{feasible} of them feasible; tuned on {len(file.seeds)} noise seeds.",
+        f"Against the base scenario on {len(plan.held_out)} other seeds, {plan.held_out[0]} to {plan.held_out[-1]}:",
+    ]
+    lines += [
+        f"  {o.label}: {o.tuned:.4g}, base {o.base:.4g}: {_percent(o.tuned, o.base)}, {o.verdict}"
+        f" (on the tuning seeds {_percent(o.searched, o.searched_base)})"
+        for o in held.objectives
+    ]
+    lines += [
+        f"  {c.label}: {c.tuned:.5g}, at most {c.limit:.5g}: {'kept' if c.kept else 'BROKEN'}" for c in held.constraints
+    ]
+    if held.diverged:
+        lines.append(f"  DIVERGED in {held.diverged} of these seeds.")
+    lines.append("What became worse (mean over those seeds, 95 % interval of the paired difference above zero):")
+    worse = [
+        f"  {m.metric}: {m.tuned:.4g}, base {m.base:.4g}" + _never(m.never_tuned, m.never_base)
+        for m in held.metrics
+        if m.verdict == "worse" and not m.neutral
+    ]
+    lines += worse or ["  nothing that is measured"]
+    lines.append("Changed:")
+    lines += [
+        f"  {d.field} = {toml_value(result.chosen.values[d.field])}, was {toml_value(_value(plan.base, d.field))}"
+        for d in plan.dimensions
+    ]
+    return lines
+
+
+def _never(tuned: int, base: int) -> str:
+    return f" (never in {tuned} seeds, base {base})" if tuned or base else ""
+
+
+def _percent(value: float, base: float) -> str:
+    if not (math.isfinite(value) and 0 < abs(base) < math.inf):
+        return "no ratio"
+    return f"{100 * (value / base - 1):+.1f} %".replace("-", "\N{MINUS SIGN}")
+
+
+def _value(scenario: Scenario, field: str) -> Any:
+    value: Any = scenario
+    for name in field.split("."):
+        value = getattr(value, name)
+    return value
+
+
+def write_report(result: Result, folder: Path) -> None:
+    """tune.html, which needs nothing but itself, and with several objectives pareto.svg and pareto.png."""
+    plan, file = result.plan, result.plan.file
+    with own_style():
+        history = history_figure(file.objective, result.base, result.trials, result.chosen)
+        pareto = None
+        if len(file.objective) > 1:
+            figure = pareto_figure(file.objective, result.base, result.trials, result.members, result.chosen)
+            for kind in ("svg", "png"):
+                with whole_file(folder / f"pareto.{kind}") as scratch:
+                    figure.savefig(scratch, dpi=DPI, metadata={"Date": None} if kind == "svg" else None)
+            pareto = embedded((folder / "pareto.svg").read_bytes())
+        drawn = embedded(history)
+    text = page(
+        "fracgyro.study.tune",
+        "report.html.jinja",
+        filters={"number": _number, "percent": lambda pair: _percent(*pair)},
+        title=file.title or f"Tuning {plan.name}",
+        version=version("fracgyro"),
+        plan=plan,
+        sampler=SAMPLERS[file.tune.sampler],
+        trials=len(result.trials),
+        feasible=sum(trial.score.feasible for trial in result.trials),
+        diverged=sum(trial.score.diverged > 0 for trial in result.trials),
+        chosen=result.chosen,
+        is_base=result.tuned == plan.base,
+        members=result.members,
+        held=result.held_out,
+        worse=[m.words for m in result.held_out.metrics if m.verdict == "worse" and not m.neutral],
+        parameters=[_parameter(d, result) for d in plan.dimensions],
+        pareto=pareto,
+        history=drawn,
+        scenario=tuned_toml(result),
+    )
+    with whole_file(folder / "tune.html") as scratch:
+        scratch.write_text(text, encoding="utf-8")
+
+
+def _parameter(dimension: Dimension, result: Result) -> dict[str, str]:
+    value = result.chosen.values[dimension.field]
+    if dimension.choices is not None:
+        allowed, edge = f"one of {len(dimension.choices)} values", ""
+        numbers = all(isinstance(choice, tuple | float | int) for choice in dimension.choices)
+        if numbers and value in (dimension.choices[0], dimension.choices[-1]):
+            edge = "at the end of its list"
+    else:
+        allowed = f"{dimension.low:g} to {dimension.high:g}" + (", log" if dimension.scale == "log" else "")
+        low, high, at = dimension.low, dimension.high, float(value)
+        if dimension.scale == "log":
+            low, high, at = math.log(low), math.log(high), math.log(at)
+        edge = "at the edge of its range" if min(at - low, high - at) < EDGE * (high - low) else ""
+    base = toml_value(_value(result.plan.base, dimension.field))
+    return {"field": dimension.field, "base": base, "tuned": toml_value(value), "allowed": allowed, "edge": edge}
+
+
+def _number(value: float, digits: int = 4) -> str:
+    """As people write it: 1.23 × 10⁻⁵ for what is small or large."""
+    if math.isnan(value):
+        return "–"
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    if value == 0 or 1e-3 <= abs(value) < 1e5:
+        return f"{float(f'{value:.{digits}g}'):.6g}".replace("-", "\N{MINUS SIGN}")
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    power = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"{mantissa} × 10{power}".replace("-", "\N{MINUS SIGN}")

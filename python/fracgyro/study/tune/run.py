@@ -1,0 +1,123 @@
+"""From a study file to a tuned scenario, and what seeds that it was not tuned on say of it."""
+
+from __future__ import annotations
+
+import csv
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...files import whole_file
+from ...scenario import ScenarioError
+from ..folder import claim
+from .criteria import Score, measure
+from .hold_out import HoldOut, hold_out
+from .plan import Plan, read_tuning
+from .report import Result, tuned_toml, write_report
+from .search import Trial, choose, front, opened, ratios
+
+DATABASE = "study.db"
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """Where the tuned scenario and the report are, and what they say."""
+
+    scenario: Path
+    report: Path
+    trials: int
+    feasible: int
+    trial: int  # the chosen one
+    held_out: HoldOut
+    seconds: float
+
+
+def tune(
+    study: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    *,
+    resume: bool = False,
+    progress: Callable[[float, float, str], object] | None = None,
+) -> Tuned:
+    """Searches as the study file says, and compares what it chose with the base scenario on held-out seeds.
+
+    Writes tuned.toml, tune.html, trials.csv and, of several objectives, pareto.csv, pareto.svg and pareto.png into the
+    folder `out`. The trials are kept in `out`/study.db or in the study's storage as they are finished.
+    `resume`: go on with the study that `out` holds, up to the file's number of trials.
+    `progress` is called with (runs finished, all runs, what is being done).
+    On one machine the result depends on the study file alone, not on interruptions or the number of processors.
+    Raises ValueError in one sentence: a bad study, before anything runs; an `out` that is in use or holds another
+    study; a storage that cannot be used; no trial that keeps every constraint.
+    """
+    begin = time.perf_counter()
+    plan = read_tuning(study)
+    folder = claim(Path(out), plan.parts(), {"study": plan.text}, resume=resume)
+    seeds = plan.file.seeds
+    total = (plan.file.tune.trials + 1) * len(seeds) + 2 * len(plan.held_out)
+    done = 0
+
+    def advance(runs: int, doing: str = "searching") -> None:
+        nonlocal done
+        done += runs
+        if progress:
+            progress(min(done, total), total, doing)
+
+    advance(0)
+    (base,) = measure([plan.base], seeds, plan.thresholds, advance)
+    address = plan.file.tune.storage or f"sqlite:///{(folder / DATABASE).absolute()}"
+    with opened(plan, address, base, resume=resume) as search:
+        advance(len(search.finished()) * len(seeds))
+        search.run(advance)
+        trials = search.finished()
+    members = front(trials)
+    if not members:
+        raise ScenarioError(_nearest(plan, trials))
+    chosen = choose(members, search.base)
+    tuned = plan.base.replace(chosen.values)
+    held = hold_out(plan, search, chosen, tuned, lambda runs: advance(runs, "holding out"))
+    result = Result(plan, search.base, search.limits, trials, members, chosen, tuned, held)
+
+    _write_trials(folder / "trials.csv", plan, search.base, trials)
+    if len(plan.file.objective) > 1:
+        _write_trials(folder / "pareto.csv", plan, search.base, members)
+    with whole_file(folder / "tuned.toml") as scratch:
+        scratch.write_text(tuned_toml(result), encoding="utf-8", newline="\n")
+    write_report(result, folder)
+    feasible = sum(trial.score.feasible for trial in trials)
+    seconds = time.perf_counter() - begin
+    return Tuned(folder / "tuned.toml", folder / "tune.html", len(trials), feasible, chosen.number, held, seconds)
+
+
+def _nearest(plan: Plan, trials: list[Trial]) -> str:
+    def excess(trial: Trial) -> float:
+        return 1e9 * trial.score.diverged + sum(max(0.0, over) for over in trial.score.excess)
+
+    nearest = min(trials, key=excess)
+    broken = [
+        f"{c.label} by {over:.2g} of its limit"
+        for c, over in zip(plan.file.constraint, nearest.score.excess, strict=True)
+        if over > 0
+    ]
+    missed = "it diverged" if nearest.score.diverged else " and ".join(broken) or "an objective never came about"
+    return (
+        f"none of {len(trials)} trials keeps every constraint; the nearest, trial {nearest.number}, misses: {missed}; "
+        "constraint or vary must be wider, or tune.trials more with --resume"
+    )
+
+
+def _write_trials(path: Path, plan: Plan, base: Score, trials: list[Trial]) -> None:
+    """One row each: number, values, objectives, their ratios to the base scenario's, constraints, feasible."""
+    file = plan.file
+    header = ["trial", *(d.field for d in plan.dimensions), *(o.label for o in file.objective)]
+    header += [f"{o.label} over base" for o in file.objective]
+    header += [*(f"constraint: {c.label}" for c in file.constraint), "diverged", "feasible"]
+    with whole_file(path) as scratch, open(scratch, "w", newline="", encoding="utf-8") as text:
+        rows = csv.writer(text)
+        rows.writerow(header)
+        for trial in trials:
+            score = trial.score
+            found = [*score.objectives, *ratios(score, base), *score.constraints, score.diverged]
+            values = (trial.values[d.field] for d in plan.dimensions)
+            rows.writerow([trial.number, *values, *found, str(score.feasible).lower()])

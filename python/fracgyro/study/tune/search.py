@@ -1,0 +1,283 @@
+"""The search: Optuna proposes trials, `simulate_many` measures them, a database keeps them.
+
+Trial n is drawn by a sampler seeded with (tune.seed, n) from what the batches before it found. So a study that was
+killed anywhere goes on as if it had not been: what was proposed but not measured is measured first.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import optuna
+from optuna.samplers import BaseSampler, CmaEsSampler, NSGAIISampler, TPESampler
+from optuna.trial import TrialState
+from pydantic import TypeAdapter
+from sqlalchemy import URL, make_url
+from sqlalchemy.exc import SAWarning, SQLAlchemyError
+
+from ...scenario import ScenarioError
+from ..space import Dimension
+from .criteria import Measured, Score, measure, score
+from .plan import Plan, rounded
+
+WORST = 1e3  # told to Optuna for an objective without a value, and from here on for cmaes' infeasible trials
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A point of the space and what became of it."""
+
+    number: int
+    values: dict[str, Any]  # by field
+    score: Score
+
+
+class Search:
+    """A study in its database, opened to be continued up to the plan's number of trials."""
+
+    def __init__(self, plan: Plan, study: optuna.Study, base: Measured, *, resume: bool) -> None:
+        self._plan, self._study, self._resumed = plan, study, resume
+        file = plan.file
+        self.limits = [constraint.limit(base) for constraint in file.constraint]
+        for constraint, limit in zip(file.constraint, self.limits, strict=True):
+            if not math.isfinite(limit):
+                raise ScenarioError(
+                    f"the constraint on {constraint.metric} has at_most_base, but the base scenario's "
+                    f"{constraint.label} is not finite: it must have at_most"
+                )
+        self.base = score(base, file.objective, file.constraint, self.limits)
+
+    def finished(self) -> list[Trial]:
+        """In order. Raises ScenarioError when one of them is not what `run` left."""
+        with _undamaged(self._resumed):
+            trials = self._study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
+            return [self._finished(trial) for trial in trials]
+
+    def _finished(self, stored: optuna.trial.FrozenTrial) -> Trial:
+        values, file = stored.user_attrs["values"], self._plan.file
+        found = TypeAdapter(Score).validate_python(stored.user_attrs["score"])
+        sizes = len(found.objectives), len(found.constraints), len(found.excess)
+        numbers = (*found.objectives, *found.constraints, *found.excess, found.diverged)
+        point = {d.field: _value(d, stored.params[d.field]) for d in self._plan.dimensions}
+        same = json.loads(json.dumps(point)) == values  # which has lists for tuples
+        wanted = len(file.objective), len(file.constraint), len(file.constraint)
+        if not same or sizes != wanted or any(map(math.isnan, numbers)):
+            raise ValueError(f"trial {stored.number}")
+        return Trial(stored.number, values, found)
+
+    def run(self, progress: Callable[[int], object]) -> None:
+        """Trials, batch by batch, until there are as many as the plan asks for; `progress` counts runs."""
+        while batch := self._next_batch():
+            scenarios = [self._plan.scenario(point) for _, point in batch]
+            valid = [s for s in scenarios if s is not None]
+            seeds = self._plan.file.seeds
+            measured = iter(measure(valid, seeds, self._plan.thresholds, progress) if valid else [])
+            progress((len(batch) - len(valid)) * len(seeds))
+            with _undamaged(self._resumed):
+                for (trial, point), scenario in zip(batch, scenarios, strict=True):
+                    self._tell(trial, point, None if scenario is None else next(measured))
+
+    def _next_batch(self) -> list[tuple[optuna.Trial, dict[str, Any]]]:
+        """Trials and their points: what was proposed before a kill and not measured, then new ones up to a batch."""
+        with _undamaged(self._resumed):
+            return self._batch()
+
+    def _batch(self) -> list[tuple[optuna.Trial, dict[str, Any]]]:
+        study = self._study
+        trials = study.get_trials(deepcopy=False)
+        if not trials and (base := self._plan.base_values()):
+            study.enqueue_trial(self._suggested(base))
+        left = [t for t in trials if t.state == TrialState.RUNNING]
+        number = sum(t.state != TrialState.WAITING for t in trials)
+        first, size = left[0].number if left else number, self._plan.batch
+        # The first trial, which is the base scenario if it can be, is a batch of its own.
+        end = 1 + -(-first // size) * size if first else 1
+        batch = []
+        for trial in left:
+            study.sampler = self._sampler(trial.number, 0)
+            again = optuna.Trial(study, trial._trial_id)
+            batch.append((again, self._point(again)))
+        for n in range(number, min(end, self._plan.file.tune.trials)):
+            study.sampler = self._sampler(n, 0)
+            new = study.ask()
+            batch.append((new, self._point(new)))
+        return batch
+
+    def _sampler(self, number: int, part: int) -> BaseSampler:
+        tune = self._plan.file.tune
+        seed = int(np.random.SeedSequence([tune.seed, number, part]).generate_state(1)[0])
+        if tune.sampler == "cmaes":
+            return CmaEsSampler(seed=seed, popsize=self._plan.batch, warn_independent_sampling=False)
+        if tune.sampler == "nsga2":
+            return NSGAIISampler(seed=seed, population_size=self._plan.batch)
+        return TPESampler(seed=seed, multivariate=True)
+
+    def _point(self, trial: optuna.Trial) -> dict[str, Any]:
+        """The values that the trial has been given, or is given now."""
+        point: dict[str, Any] = {}
+        for part, d in enumerate(self._plan.dimensions, start=1):
+            self._study.sampler = self._sampler(trial.number, part)
+            log = d.scale == "log"
+            suggested: float
+            if d.choices is not None:
+                suggested = trial.suggest_categorical(d.field, range(len(d.choices)))
+            elif d.integer:
+                suggested = trial.suggest_int(d.field, int(d.low), int(d.high), log=log)
+            else:
+                suggested = trial.suggest_float(d.field, d.low, d.high, log=log)
+            point[d.field] = _value(d, suggested)
+        return point
+
+    def _suggested(self, values: dict[str, Any]) -> dict[str, Any]:
+        """The values in Optuna's terms, which has the index of a choice."""
+        choices = {d.field: d.choices for d in self._plan.dimensions if d.choices is not None}
+        return {field: choices[field].index(v) if field in choices else v for field, v in values.items()}
+
+    def _tell(self, trial: optuna.Trial, point: dict[str, Any], measured: Measured | None) -> None:
+        file = self._plan.file
+        if measured is None:  # no valid scenario: as if it had diverged at once
+            nothing = (math.inf,) * len(file.constraint)
+            found = Score((math.inf,) * len(file.objective), nothing, (0.0,) * len(nothing), 1.0)
+        else:
+            found = score(measured, file.objective, file.constraint, self.limits)
+        undefined = sum(not math.isfinite(value) for value in found.objectives)
+        limits = {"diverged": found.diverged, "undefined": float(undefined)}
+        # Roots, as samplers add them up: a force that hardly varies must count beside an error that varies much.
+        roots = [math.sqrt(over) if over > 0 else over for over in found.excess]
+        limits |= {f"{i} {c.label}": root for i, (c, root) in enumerate(zip(file.constraint, roots, strict=True))}
+        trial.set_user_attr("values", point)
+        trial.set_user_attr("score", asdict(found))
+        # Logarithms of ratios, or the hypervolume that tpe goes by would be ruled by the objective that spreads most.
+        values = [_log(ratio) if math.isfinite(ratio) else WORST for ratio in ratios(found, self.base)]
+        if file.tune.sampler == "cmaes":
+            # It takes no constraints, but goes by rank alone: after all that is feasible, least excess first.
+            if not found.feasible:
+                values = [WORST * (1 + sum(max(excess, 0.0) for excess in limits.values()))]
+        else:
+            there = trial.constraints  # some are, after a kill right here
+            for name, excess in limits.items():
+                if name not in there:
+                    trial.set_constraint(name, excess)
+        self._study.tell(trial, values)
+
+
+@contextmanager
+def opened(plan: Plan, address: str, base: Measured, *, resume: bool) -> Iterator[Search]:
+    """The study in the database at `address`, made there if need be.
+
+    Raises ScenarioError in one sentence when there is no such database, or when it holds the study already and
+    `resume` is false.
+    """
+    level = optuna.logging.get_verbosity()
+    optuna.logging.set_verbosity(optuna.logging.ERROR)
+    storage = None
+    try:
+        storage = _storage(address)
+        with _undamaged(resume):
+            study = optuna.create_study(
+                storage=storage,
+                study_name=f"fracgyro-{plan.hash}",
+                directions=["minimize"] * len(plan.file.objective),
+                load_if_exists=resume,
+            )
+        yield Search(plan, study, base, resume=resume)
+    except optuna.exceptions.DuplicatedStudyError:
+        raise ScenarioError(f"{_safe(address)} holds this study already: --resume must be given to finish it") from None
+    except (SQLAlchemyError, optuna.exceptions.StorageInternalError) as error:
+        raise ScenarioError(f"{_safe(address)} cannot be used: {_words(error.__cause__ or error, address)}") from None
+    finally:
+        optuna.logging.set_verbosity(level)
+        if storage is not None:
+            storage.remove_session()
+            storage.engine.dispose()
+
+
+def _storage(address: str) -> optuna.storages.RDBStorage:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", SAWarning)  # of options that the driver does not have
+            return optuna.storages.RDBStorage(address)
+    except (SQLAlchemyError, SAWarning, ImportError, RuntimeError, TypeError, ValueError) as error:
+        raise ScenarioError(f"{_safe(address)} cannot be opened as a database: {_words(error, address)}") from None
+
+
+def _safe(address: str) -> str:
+    """Without user, password and options, which may hold a password too."""
+    try:
+        url = make_url(address)
+    except (SQLAlchemyError, ValueError):
+        return "tune.storage"  # what is no address may still hold a password
+    return URL.create(url.drivername, None, None, url.host, url.port, url.database).render_as_string()
+
+
+def _words(error: BaseException, address: str) -> str:
+    """The first line of the error, without what `_safe` leaves out."""
+    words = str(error).partition("\n")[0].replace(address, _safe(address))
+    with suppress(SQLAlchemyError, ValueError):
+        url = make_url(address)
+        values = [value for found in url.query.values() for value in ((found,) if isinstance(found, str) else found)]
+        for secret in filter(None, [url.password, *values]):
+            words = words.replace(str(secret), "***")
+    return words
+
+
+@contextmanager
+def _undamaged(resume: bool) -> Iterator[None]:
+    """Anything may be damaged in a database that is resumed, and Optuna may fail on it in any way."""
+    try:
+        yield
+    except (SQLAlchemyError, optuna.exceptions.StorageInternalError, optuna.exceptions.DuplicatedStudyError):
+        raise
+    except Exception as error:
+        if not resume:
+            raise
+        raise ScenarioError(
+            "the trials in the study's database are damaged: the study must start again in another folder"
+        ) from error
+
+
+def _value(dimension: Dimension, suggested: float) -> Any:
+    """What Optuna suggests, as the field has it."""
+    if dimension.choices is not None:
+        return dimension.choices[int(suggested)]
+    return int(suggested) if dimension.integer else rounded(dimension, suggested)
+
+
+def front(trials: Sequence[Trial]) -> list[Trial]:
+    """The feasible trials that no other feasible one beats in every objective, least of the first objective first."""
+    feasible = [trial for trial in trials if trial.score.feasible]
+    values = np.array([trial.score.objectives for trial in feasible])
+    kept: list[Trial] = []
+    for i, trial in enumerate(feasible):
+        better = (values <= values[i]).all(axis=1) & (values < values[i]).any(axis=1)
+        twin = (values[:i] == values[i]).all(axis=1)  # found before
+        if not better.any() and not twin.any():
+            kept.append(trial)
+    return sorted(kept, key=lambda trial: trial.score.objectives)
+
+
+def ratios(found: Score, base: Score) -> list[float]:
+    """The objectives over the base scenario's; over 1 where that has no positive finite value."""
+    pairs = zip(found.objectives, base.objectives, strict=True)
+    return [value / (own if 0 < own < math.inf else 1.0) for value, own in pairs]
+
+
+def choose(members: Sequence[Trial], base: Score) -> Trial:
+    """Of a front: the least product of `ratios`; first of those that beat the base and are worse in no objective."""
+
+    def rank(trial: Trial) -> tuple[bool, float]:
+        found = ratios(trial.score, base)
+        return not (max(found) <= 1 and min(found) < 1), sum(map(_log, found))
+
+    return min(members, key=rank)
+
+
+def _log(ratio: float) -> float:
+    return math.log(max(ratio, 1e-300))
