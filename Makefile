@@ -19,8 +19,8 @@ WORKERS := $(shell n=$$(nproc 2>/dev/null || echo 2); echo $$((n < 8 ? n : 8)))
 FIXED := $(shell setarch -R true 2>/dev/null && echo setarch -R)
 CTEST := $(FIXED) $(BIN)/ctest --output-on-failure -j $(WORKERS) --test-dir build
 PYTEST := $(BIN)/pytest -n $(WORKERS) --dist worksteal
-CPP := $(shell find core sim bindings faces examples tests benchmarks -name '*.[ch]pp' 2>/dev/null)
-BUILT_FROM := pyproject.toml CMakeLists.txt $(filter core/% sim/% bindings/%,$(CPP)) $(shell find faces -type f)
+CPP := $(shell find include bindings integrations examples tests benchmarks -name '*.[ch]pp' 2>/dev/null)
+BUILT_FROM := pyproject.toml CMakeLists.txt $(filter include/% bindings/%,$(CPP)) $(shell find integrations -type f)
 SUDO = $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 
 .PHONY: reproduce test test-quick test-machines check check-deep check-sanitized fuzz-firmware mutants test-core \
@@ -36,7 +36,7 @@ test:
 	@echo "All checks and tests passed."
 
 # Without processes, compilers and reports: less than a minute on two cores where nothing has to be built.
-QUICK := composite device documents fractional full_history lanes layers loop modes rate_figures scenario settings study
+QUICK := composite device documents fractional full_history kernel lanes layers loop rate_figures scenario settings study
 test-quick: check
 	$(CTEST)/tests-plain
 	$(PYTEST) $(QUICK:%=tests/python/test_%.py)
@@ -96,9 +96,9 @@ fuzz-firmware: .venv/installed-test
 	$(BIN)/fracgyro scenario paper | sed -e 's/^force_limit = .*/force_limit = 1000.0/' \
 	  -e 's/^switching_limit = .*/switching_limit = 0.5/' -e 's/^checked = .*/checked = true/' > build/fuzz/limited.toml
 	$(BIN)/fracgyro export firmware build/fuzz/limited.toml --out $(FUZZED)
-	cd $(FUZZED) && clang-tidy --quiet fracgyro.cpp -- -std=c++20 -I. -Icore
+	cd $(FUZZED) && clang-tidy --quiet fracgyro.cpp -- -std=c++20 -I. -Iinclude
 	clang++ -std=c++20 -O1 -g1 -fsanitize=fuzzer,address,undefined,float-cast-overflow -fno-sanitize-recover=all \
-	  -ffp-contract=off -I$(FUZZED) -I$(FUZZED)/core $(FUZZED)/fracgyro.cpp tests/firmware/fuzz.cpp -o build/fuzz/fuzz
+	  -ffp-contract=off -I$(FUZZED) -I$(FUZZED)/include $(FUZZED)/fracgyro.cpp tests/firmware/fuzz.cpp -o build/fuzz/fuzz
 	cd build/fuzz && ./fuzz -max_total_time=$(FUZZ_SECONDS) -max_len=256 -verbosity=0 -print_final_stats=1 \
 	  found ../../tests/firmware/corpus
 
@@ -178,9 +178,9 @@ export NEEDED
 build/tests-sanitized/built: OPTIONS := -DFRACGYRO_SANITIZE=$(SANITIZERS),float-divide-by-zero
 build/tests-threads/built: OPTIONS := -DFRACGYRO_SANITIZE=thread
 build/tests-threads/built: BUILD := --target test_batch
-build/tests-%/built: $(CPP) CMakeLists.txt tests/core/CMakeLists.txt | .venv/installed-test setup-test
+build/tests-%/built: $(CPP) CMakeLists.txt tests/cpp/CMakeLists.txt | .venv/installed-test setup-test
 	$(BIN)/cmake -S . -B $(@D) -G Ninja -DCMAKE_MAKE_PROGRAM="$(CURDIR)/$(BIN)/ninja" \
 	  -DFRACGYRO_PYTHON=OFF -DFRACGYRO_TESTS=ON $(OPTIONS) \
 	  -DFRACGYRO_WARNINGS_AS_ERRORS=$(if $(FRACGYRO_SKIP_NOTHING),ON,OFF) >/dev/null
 	$(BIN)/cmake --build $(@D) $(BUILD) -- --quiet
-	@[ ! -e $(@D)/tests/core/test_batch ] || touch $@
+	@[ ! -e $(@D)/tests/cpp/test_batch ] || touch $@

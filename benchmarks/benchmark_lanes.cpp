@@ -3,7 +3,7 @@
 //     lanes 32|64 double|float CASE      bytes of a register; the cases are those of lane_contraction.py
 #include "benchmark_setup.hpp"
 
-#include "fracgyro/kernel_design.hpp"
+#include "fracgyro/core/kernel_design.hpp"
 
 #include <cstdio>
 #include <cstdlib>
@@ -15,7 +15,7 @@ using namespace fracgyro;
 namespace {
 
 Setup of_case(int which) {
-    Setup s = paper(20'000, designed_modes(*std::make_unique<KernelDesign>(), 0.9, 1e-3, 80.0, 1e-6));
+    Setup s = paper(20'000, designed_kernel(*std::make_unique<KernelDesign>(), 0.9, 1e-3, 80.0, 1e-6));
     SlidingModeParams& p = *std::get_if<0>(&s.controller);
     p.surface.terminal_exponent = which == 0 ? 0.5 : 0.7;
     p.adaptation.kind = which == 2 ? AdaptationKind::composite : AdaptationKind::gradient;

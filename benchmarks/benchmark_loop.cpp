@@ -22,20 +22,21 @@ namespace {
 FRACGYRO_FOR_EACH_PROCESSOR
 std::int64_t record_run(const Setup& setup, double* rows) { return record<double>(setup, 1, rows); }
 
-// Modes of α = 0.9 from standard input, as the Python package designed them: count, then rate and weight of each.
-Modes read_modes() {
-    Modes modes;
-    modes.order = 0.9;
-    modes.gamma = std::tgamma(2.0 - modes.order);
-    if (std::scanf("%zu", &modes.count) != 1 || modes.count > Modes::capacity) {
+// Exponentials of α = 0.9 from standard input, as the Python package designed them: count, then pole and weight of
+// each.
+ExponentialSum read_kernel() {
+    ExponentialSum kernel;
+    kernel.order = 0.9;
+    kernel.gamma = std::tgamma(2.0 - kernel.order);
+    if (std::scanf("%zu", &kernel.count) != 1 || kernel.count > ExponentialSum::capacity) {
         std::exit(1);
     }
-    for (std::size_t i = 0; i < modes.count; ++i) {
-        if (std::scanf("%lf %lf", &modes.rates[i], &modes.weights[i]) != 2) {
+    for (std::size_t i = 0; i < kernel.count; ++i) {
+        if (std::scanf("%lf %lf", &kernel.poles[i], &kernel.weights[i]) != 2) {
             std::exit(1);
         }
     }
-    return modes;
+    return kernel;
 }
 
 FRACGYRO_FOR_EACH_PROCESSOR
@@ -126,7 +127,7 @@ struct Timed {
 }  // namespace
 
 int main() {
-    const Setup setup = paper(80'000, read_modes());
+    const Setup setup = paper(80'000, read_kernel());
     const std::size_t width = row_width_of(setup.controller);
     std::vector<double> rows(static_cast<std::size_t>(setup.steps + 1) * width);
     std::vector<Vec2<double>> noise(static_cast<std::size_t>(setup.steps + 1));
@@ -163,8 +164,8 @@ int main() {
     for (Timed& one : all) {
         std::printf("\"%s\": %.9f, ", one.name, one.median());
     }
-    std::printf("\"flops_peak\": %.4g, \"samples\": %lld, \"modes\": %zu, \"last_x\": %.17g, \"kept\": %.3g}\n",
+    std::printf("\"flops_peak\": %.4g, \"samples\": %lld, \"terms\": %zu, \"last_x\": %.17g, \"kept\": %.3g}\n",
                 wide() ? 8.0 * accumulators * static_cast<double>(times) / all.back().median() : 0.0,
-                static_cast<long long>(samples), mode_count(setup), rows[rows.size() - width], kept);
+                static_cast<long long>(samples), kernel_terms(setup), rows[rows.size() - width], kept);
     return samples == setup.steps + 1 ? 0 : 1;
 }

@@ -1,17 +1,17 @@
 // What the programs that time the loop share: the paper's scenario, and its runs in the lanes of a register.
 #pragma once
 
-#include "fracgyro/batch.hpp"
-#include "fracgyro/processor.hpp"
+#include "fracgyro/sim/batch.hpp"
+#include "fracgyro/sim/cpu_dispatch.hpp"
 
 namespace fracgyro {
 
-inline Setup paper(std::int64_t steps, const Modes& modes) {
+inline Setup paper(std::int64_t steps, const ExponentialSum& kernel) {
     constexpr double pi = 3.14159265358979323846;
     Setup s;
     s.steps = steps;
     s.common.reference = {.frequency = {pi, pi / 2}, .phase = {0.0, pi / 2}};
-    *modes_of(s.controller) = modes;
+    *kernel_of(s.controller) = kernel;
     s.plant = {.damping = {0.01, 0.002, 0.01}, .stiffness = {63.955 / 0.18, 12.779 / 0.18, 95.92 / 0.18}, .rate = 0.1};
     s.plant.initial_position = {0.5, 0.5};
     s.common.nominal = {

@@ -1,13 +1,14 @@
 // The guarded controller in a closed loop with the exact plant, under faults of its sensors. Reads "numbers" (in the
-// order of settings.hpp), "rates" and "weights" of the modes, and prints JSON. KIND: its place in controller_kinds.
+// order of settings.hpp), "poles" and "weights" of the exponentials, and prints JSON. KIND: its place in
+// controller_kinds.
 //
 //     faults KIND float|double alarms STEPS                how often a sample is refused without any fault
 //     faults KIND float|double run FROM UNTIL              what each fault on standard input does
 //     faults KIND float|double notice FROM UNTIL           how many samples each of them goes unnoticed
 //
 // A fault is a line WHAT SIZE SAMPLES EVERY.
-#include "fracgyro/guard.hpp"
-#include "fracgyro/settings.hpp"
+#include "fracgyro/control/guard.hpp"
+#include "fracgyro/sim/settings.hpp"
 
 #include <cmath>
 #include <cstdio>
@@ -79,8 +80,8 @@ public:
     explicit Loop(const Setup& setup)
         : setup_(setup),
           coefficients_(prepare<Safe>(setup.controller, setup.common)),
-          plant_(Plant<double>::prepare(setup.plant, setup.common.step)),
-          motion_(Plant<double>::start(setup.plant)),
+          plant_(Gyroscope<double>::prepare(setup.plant, setup.common.step)),
+          motion_(Gyroscope<double>::start(setup.plant)),
           disturbance_(setup.disturbance, setup.common.step) {}
 
     Status step(const Fault& fault, std::int64_t since) {
@@ -100,7 +101,7 @@ public:
                            motion_.position.y - r.amplitude.y * std::sin(r.frequency.y * t + r.phase.y));
         off = std::abs(static_cast<double>(signals.report.rate) - setup_.plant.rate) / std::abs(setup_.plant.rate);
         const Vec2<double> force{static_cast<double>(state_.force.x), static_cast<double>(state_.force.y)};
-        Plant<double>::step(motion_, plant_, force, d);
+        Gyroscope<double>::step(motion_, plant_, force, d);
         return state_.status;
     }
 
@@ -110,7 +111,7 @@ private:
     Setup setup_;
     typename Safe::Coefficients coefficients_;
     typename Safe::State state_{};
-    Plant<double>::Coefficients plant_;
+    Gyroscope<double>::Coefficients plant_;
     Motion<double> motion_, held_{};
     Disturbance disturbance_;
     std::int64_t n_ = 0;
@@ -208,9 +209,9 @@ int main(int count, char** words) {
         return 2;
     }
     take_settings(setup, numbers.data());
-    if (Modes* const modes = modes_of(setup.controller); modes != nullptr) {
-        std::copy(rates.begin(), rates.end(), modes->rates.begin());
-        std::copy(weights.begin(), weights.end(), modes->weights.begin());
+    if (ExponentialSum* const kernel = kernel_of(setup.controller); kernel != nullptr) {
+        std::copy(poles.begin(), poles.end(), kernel->poles.begin());
+        std::copy(weights.begin(), weights.end(), kernel->weights.begin());
     }
     const std::string number = words[2], mode = words[3];
     const auto steps = [&](int i) { return std::int64_t{std::llround(std::stod(words[i]) / setup.common.step)}; };

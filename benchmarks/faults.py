@@ -96,7 +96,7 @@ class Program:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         source = Path(__file__).with_suffix(".cpp")
-        headers = include(SOURCES / "core", SOURCES / "sim")
+        headers = include(SOURCES / "include")
         system_compiler(*FLAGS, "-O2", "-march=native", *headers, source, "-o", folder / "faults")
 
     def __call__(
@@ -104,7 +104,7 @@ class Program:
     ) -> list[Any]:
         setup = core_setup(scenario)
         np.array(_core.setup_settings(setup)).tofile(self._folder / "numbers")
-        for name, values in zip(("rates", "weights"), _core.setup_modes(setup), strict=True):
+        for name, values in zip(("poles", "weights"), _core.setup_kernel(setup), strict=True):
             np.array(values).tofile(self._folder / name)
         ran = subprocess.run(
             [self._folder / "faults", str(KINDS.index(scenario.controller.kind)), number, mode, *map(str, words)],

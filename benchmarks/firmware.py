@@ -1,10 +1,10 @@
 """What the exported firmware costs: instructions, memory, and the error that it makes.
 
-Writes faces/firmware/measured.md.
+Writes integrations/firmware/measured.md.
 
 python benchmarks/firmware.py            measures everything
 python benchmarks/firmware.py --check    counts again and compares with what is committed, errors apart; where
-                                         the tools have other versions, modes and bytes of data alone
+                                         the tools have other versions, exponentials and bytes of data alone
 """
 
 from __future__ import annotations
@@ -25,34 +25,34 @@ from fracgyro.export.host import Host, rmse
 from fracgyro.scenario.to_core import core_setup
 
 ROOT = Path(__file__).resolve().parents[1]
-RESULTS = ROOT / "faces/firmware/measured.md"
+RESULTS = ROOT / "integrations/firmware/measured.md"
 SEEDS = 10
 PAPER = fg.Scenario.paper()
 SCENARIOS = {
     "paper, c = 0.6": {"controller.terminal_exponent": 0.6},
     "paper": {},
-    "16 modes, c = 0.6": {"controller.terminal_exponent": 0.6, "run.mode_tolerance": 5e-5},
-    "16 modes, c = 0.6, force limit": {
+    "16 exponentials, c = 0.6": {"controller.terminal_exponent": 0.6, "run.kernel_tolerance": 5e-5},
+    "16 exponentials, c = 0.6, force limit": {
         "controller.terminal_exponent": 0.6,
-        "run.mode_tolerance": 5e-5,
+        "run.kernel_tolerance": 5e-5,
         "controller.force_limit": 6000.0,
     },
-    "16 modes, c = 0.6, force and switching limit": {
+    "16 exponentials, c = 0.6, force and switching limit": {
         "controller.terminal_exponent": 0.6,
-        "run.mode_tolerance": 5e-5,
+        "run.kernel_tolerance": 5e-5,
         "controller.force_limit": 6000.0,
         "controller.switching_limit": 0.5,
     },
-    "16 modes, c = 0.6, force limit, samples checked": {
+    "16 exponentials, c = 0.6, force limit, samples checked": {
         "controller.terminal_exponent": 0.6,
-        "run.mode_tolerance": 5e-5,
+        "run.kernel_tolerance": 5e-5,
         "controller.force_limit": 6000.0,
         "guard.checked": True,
     },
-    "16 modes": {"run.mode_tolerance": 5e-5},
-    "fast: 8 modes": {"run.mode_tolerance": 2e-2},
-    "6 modes": {"run.mode_tolerance": 0.1},
-    "fast terminal, no modes": {"controller.kind": "fast_terminal"},
+    "16 exponentials": {"run.kernel_tolerance": 5e-5},
+    "fast: 8 exponentials": {"run.kernel_tolerance": 2e-2},
+    "6 exponentials": {"run.kernel_tolerance": 0.1},
+    "fast terminal, no exponentials": {"controller.kind": "fast_terminal"},
     "paper, composite": {"adaptation.kind": "composite"},
 }
 TARGETS = {"m4f": "Cortex-M4F", "m7": "Cortex-M7"}
@@ -97,13 +97,13 @@ def measure(scenario: fg.Scenario, number: Number, folder: Path) -> dict[str, st
     }
 
 
-def mode_count(scenario: fg.Scenario) -> int:
-    return len(_core.setup_modes(core_setup(scenario))[0])
+def exponentials(scenario: fg.Scenario) -> int:
+    return len(_core.setup_kernel(core_setup(scenario))[0])
 
 
 def table() -> list[str]:
     lines = [
-        "| controller | modes | scalar | Cortex-M4F: mean / most | Cortex-M7: mean / most "
+        "| controller | exponentials | scalar | Cortex-M4F: mean / most | Cortex-M7: mean / most "
         "| bytes: coefficients + state | stack M4F / M7 | image M4F / M7 |",
         "|---|---|---|---|---|---|---|---|",
     ]
@@ -112,7 +112,7 @@ def table() -> list[str]:
         for number in get_args(Number):
             with tempfile.TemporaryDirectory() as folder:
                 cells = measure(scenario, number, Path(folder) / "out")
-            lines.append(f"| {name} | {mode_count(scenario)} | {number} | {' | '.join(cells.values())} |")
+            lines.append(f"| {name} | {exponentials(scenario)} | {number} | {' | '.join(cells.values())} |")
     return lines
 
 
@@ -124,11 +124,11 @@ def sampling(counted: list[str]) -> list[str]:
         f"{CYCLES_PER_ROOT} more for each of {ROOTS} divisions and square roots, composite: {ROOTS_COMPOSITE};",
         "code and data in memory without wait states. The paper's step is 1 microsecond.",
         "",
-        f"| controller | modes | {' | '.join(CLOCKS)} |",
+        f"| controller | exponentials | {' | '.join(CLOCKS)} |",
         "|---|---|---|---|---|",
     ]
     for row in counted[2:]:
-        _, name, modes, number, m4f, m7, *_ = (cell.strip() for cell in row.split("|"))
+        _, name, terms, number, m4f, m7, *_ = (cell.strip() for cell in row.split("|"))
         most = {"Cortex-M4F": int(m4f.split()[-1]), "Cortex-M7": int(m7.split()[-1])}
         roots = ROOTS_COMPOSITE if "composite" in name else ROOTS
         times = [
@@ -136,7 +136,7 @@ def sampling(counted: list[str]) -> list[str]:
             for processor, clock in CLOCKS.values()
         ]
         if number == "float":
-            lines.append(f"| {name} | {modes} | {' | '.join(f'{low:.1f} to {high:.1f}' for low, high in times)} |")
+            lines.append(f"| {name} | {terms} | {' | '.join(f'{low:.1f} to {high:.1f}' for low, high in times)} |")
     return lines
 
 
@@ -146,7 +146,7 @@ def errors() -> list[str]:
         "RMSE of the closed loop, plant in double and firmware in float, against that of the paper's controller in",
         f"double: means over {SEEDS} seeds.",
         "",
-        "| controller | modes | whole run: x, y | t >= 10: x, y |",
+        "| controller | exponentials | whole run: x, y | t >= 10: x, y |",
         "|---|---|---|---|",
     ]
     runs = [PAPER.replace({"disturbance.seed": seed}) for seed in range(SEEDS)]
@@ -160,7 +160,7 @@ def errors() -> list[str]:
             found = [[rmse(run, Host(Path(folder) / "out", "float"), start) for start in (0.0, 10.0)] for run in runs]
         whole, late = 100 * (np.mean(found, axis=0) / np.mean(base, axis=0) - 1)
         cells = [f"{x:+.2f} %, {y:+.2f} %" for x, y in (whole, late)]
-        lines.append(f"| {name} | {mode_count(scenario)} | {' | '.join(cells)} |")
+        lines.append(f"| {name} | {exponentials(scenario)} | {' | '.join(cells)} |")
     return lines
 
 
@@ -178,7 +178,7 @@ def tools() -> str:
 
 
 def without_tools(rows: list[str]) -> list[str]:
-    """Controller, modes, scalar, and bytes of coefficients and state: the same by every version of the tools."""
+    """Controller, exponentials, scalar, and bytes of coefficients and state: the same by every version of the tools."""
     kept = (0, 1, 2, 5)
     return [" | ".join(cells[i].strip() for i in kept) for cells in (row.strip("| ").split("|") for row in rows)]
 
@@ -192,7 +192,7 @@ def check(counted: list[str]) -> None:
         sys.exit(f"{RESULTS.relative_to(ROOT)} differs; make it again: python benchmarks/firmware.py\n{rows}")
     if not same_tools:
         found = tools().replace("\n", " ")
-        print(f"only modes and bytes of data are compared: the instructions were counted with other tools than {found}")
+        print(f"only bytes of data are compared: the instructions were counted with other tools than {found}")
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""Modes, times and certified errors of the kernel design; writes benchmarks/results/kernel_design.md."""
+"""Exponentials, times and certified errors of the kernel design; writes benchmarks/results/kernel_design.md."""
 
 from __future__ import annotations
 
@@ -23,19 +23,21 @@ def timed(order: float, ratio: float, tolerance: float, repeats: int = 1) -> tup
     for _ in range(repeats):
         design.cache_clear()
         start = time.process_time()
-        modes = design(order, 1e-3, 1e-3 * ratio, tolerance)
+        kernel = design(order, 1e-3, 1e-3 * ratio, tolerance)
         seconds.append(time.process_time() - start)
-    return modes, 1e3 * statistics.median(seconds)
+    return kernel, 1e3 * statistics.median(seconds)
 
 
-def true_error(modes: ExponentialSum) -> float:
+def true_error(kernel: ExponentialSum) -> float:
     """In 40 digits, at both ends and where double precision sees the highest peaks."""
-    grid = np.geomspace(modes.shortest, modes.longest, 4001)
-    seen = np.exp(-np.outer(grid, modes.poles)) @ modes.weights * grid**modes.order
-    worst = grid[np.argsort(np.abs(seen * float(mpmath.gamma(1 - modes.order)) - 1))[-20:]]
-    pairs = [(mpmath.mpf(s), mpmath.mpf(w)) for s, w in zip(modes.poles.tolist(), modes.weights.tolist(), strict=True)]
-    scale, order = mpmath.gamma(1 - mpmath.mpf(modes.order)), mpmath.mpf(modes.order)
-    times = [mpmath.mpf(t) for t in (modes.shortest, modes.longest, *worst.tolist())]
+    grid = np.geomspace(kernel.shortest, kernel.longest, 4001)
+    seen = np.exp(-np.outer(grid, kernel.poles)) @ kernel.weights * grid**kernel.order
+    worst = grid[np.argsort(np.abs(seen * float(mpmath.gamma(1 - kernel.order)) - 1))[-20:]]
+    pairs = [
+        (mpmath.mpf(s), mpmath.mpf(w)) for s, w in zip(kernel.poles.tolist(), kernel.weights.tolist(), strict=True)
+    ]
+    scale, order = mpmath.gamma(1 - mpmath.mpf(kernel.order)), mpmath.mpf(kernel.order)
+    times = [mpmath.mpf(t) for t in (kernel.shortest, kernel.longest, *worst.tolist())]
     return float(max(abs(mpmath.fsum(w * mpmath.exp(-s * t) for s, w in pairs) * scale * t**order - 1) for t in times))
 
 
@@ -43,29 +45,29 @@ def main() -> None:
     on_one_core()
     mpmath.mp.dps = 40
     lines = [
-        "# The design of the modes",
+        "# The kernel design",
         "",
         f"Made by `{command()}`.",
         "",
         f"Machine: {machine()}.",
         "",
-        "On [1e-3, 100]: how many modes, and how many minimax sets have; certified error; processor time,",
+        "On [1e-3, 100]: how many exponentials, and how many minimax sets have; certified error; processor time,",
         "median of 9.",
         "",
-        "| α | tolerance | modes | minimax | certified error | time |",
+        "| α | tolerance | exponentials | minimax | certified error | time |",
         "|---|---|---|---|---|---|",
     ]
     for order, least in MINIMAX.items():
         for tolerance, count in zip(TOLERANCES, least, strict=True):
-            modes, took = timed(order, 1e5, tolerance, 9)
+            kernel, took = timed(order, 1e5, tolerance, 9)
             lines.append(
-                f"| {order:g} | {tolerance:.0e} | {modes.count} | {count} | {modes.error:.2e} | {took:.1f} ms |"
+                f"| {order:g} | {tolerance:.0e} | {kernel.count} | {count} | {kernel.error:.2e} | {took:.1f} ms |"
             )
-    lines += ["", "For 1e9 steps at the smallest tolerance of a scenario; the core has room for 64 modes.", ""]
-    lines += ["| α | modes | certified error | time |", "|---|---|---|---|"]
+    lines += ["", "For 1e9 steps at the smallest tolerance of a scenario; the core has room for 64 exponentials.", ""]
+    lines += ["| α | exponentials | certified error | time |", "|---|---|---|---|"]
     for order, ratio, tolerance in LONGEST:
-        modes, took = timed(order, ratio, tolerance, 3)
-        lines.append(f"| {order:g} | {modes.count} | {modes.error:.2e} | {took:.0f} ms |")
+        kernel, took = timed(order, ratio, tolerance, 3)
+        lines.append(f"| {order:g} | {kernel.count} | {kernel.error:.2e} | {took:.0f} ms |")
 
     random = np.random.default_rng(0)
     took, bounds, errors = [], [], []
@@ -74,13 +76,13 @@ def main() -> None:
         order, near = float(random.uniform(0.0, 1.0)), float(10 ** random.uniform(-12, -2))
         order = near if i % 10 == 0 else 1.0 - near if i % 10 == 1 else order
         ratio, tolerance = float(1 + WIDEST ** random.uniform(0, 1)), float(10 ** random.uniform(-11, -1))
-        modes, ms = timed(order, ratio, tolerance)
+        kernel, ms = timed(order, ratio, tolerance)
         took.append(ms)
-        assert modes.error <= tolerance
-        assert min(modes.poles.min(), modes.weights.min()) > 0
+        assert kernel.error <= tolerance
+        assert min(kernel.poles.min(), kernel.weights.min()) > 0
         if i < CHECKED:
-            bounds.append(modes.error)
-            errors.append(true_error(modes))
+            bounds.append(kernel.error)
+            errors.append(true_error(kernel))
     shares = [e / b for e, b in zip(errors, bounds, strict=True)]
     rare = np.quantile(took, 0.95)
     lines += [

@@ -15,7 +15,7 @@ from machine import command, machine, write
 
 ROOT = Path(__file__).resolve().parent.parent
 FLAGS = ["-std=c++20", "-O3", "-DNDEBUG", "-fno-math-errno", "-fno-trapping-math", "-Wno-psabi", "-fno-tree-pre"]
-FLAGS += ["-fno-gcse", f"-I{ROOT / 'core'}", f"-I{ROOT / 'sim'}"]
+FLAGS += ["-fno-gcse", f"-I{ROOT / 'include'}"]
 AVX512 = ["-mavx512f", "-mavx512dq", "-mavx512vl", "-mprefer-vector-width=512"]
 KINDS = {
     "avx2": ["-mavx2", "-mmove-max=256", "-mstore-max=256"],

@@ -26,7 +26,7 @@ import jax
 import numba
 import numpy as np
 from machine import command, machine, on_one_core, write
-from peers import full_history, jax_loop, modes_numba, solve_ivp_oustaloup
+from peers import exponentials_numba, full_history, jax_loop, solve_ivp_oustaloup
 from peers.gyroscope import ORDER, STEP, STEPS, references
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -35,10 +35,10 @@ MARK = 8e-3  # seconds
 RUNS = 256  # of the batch
 SPAN = 10.0  # units of time that solve_ivp runs; the transient's steps cost it a little more than later ones
 OURS = "fracgyro, C++"
-FLOPS = 169, 16  # that a step of the law and the linear plant needs: without modes, and for each
+FLOPS = 169, 16  # that a step of the law and the linear plant needs: without exponentials, and for each
 
 # Largest difference from our positions, and of the RMSE after the transient (solve_ivp: of its span).
-SAME_OPERATOR = (1e-4, 1e-3)  # exponential modes too, the signal linear between samples instead of cubic
+SAME_OPERATOR = (1e-4, 1e-3)  # exponentials too, the signal linear between samples instead of cubic
 GRUENWALD = (1e-2, 0.05)  # first order in h
 CONTINUOUS = (2e-2, 0.02)  # controller in continuous time, filters of 1 %; compared with ours at h/10
 
@@ -77,10 +77,10 @@ def build(folder: Path) -> Path:
     return folder / "benchmark_loop"
 
 
-def core(program: Path, modes: fg.fractional.ExponentialSum) -> dict[str, float]:
+def core(program: Path, kernel: fg.fractional.ExponentialSum) -> dict[str, float]:
     """What benchmark_loop prints, medians of three processes."""
-    pairs = zip(modes.poles.tolist(), modes.weights.tolist(), strict=True)
-    text = f"{modes.count}\n" + "\n".join(f"{s!r} {w!r}" for s, w in pairs)
+    pairs = zip(kernel.poles.tolist(), kernel.weights.tolist(), strict=True)
+    text = f"{kernel.count}\n" + "\n".join(f"{s!r} {w!r}" for s, w in pairs)
     runs = [subprocess.run([program], input=text, text=True, capture_output=True, check=True) for _ in range(3)]
     printed = [json.loads(run.stdout) for run in runs]
     return {name: statistics.median(one[name] for one in printed) for name in printed[0]}
@@ -101,19 +101,19 @@ def positions_of(loop: Callable[..., object], *arguments: object) -> np.ndarray:
     return np.asarray(loop(*arguments))[:, :2]
 
 
-def single_runs(noise: np.ndarray, ours: np.ndarray, modes: fg.fractional.ExponentialSum) -> list[Peer]:
+def single_runs(noise: np.ndarray, ours: np.ndarray, kernel: fg.fractional.ExponentialSum) -> list[Peer]:
     """All peers that make one run, fastest first."""
     count = len(noise)
     peers = []
-    record = np.zeros((count, modes_numba.WIDTH))
+    record = np.zeros((count, exponentials_numba.WIDTH))
     for fastmath in (False, True):
-        loop = modes_numba.make(count, modes.poles, modes.weights, fastmath)
-        name = f"numba, {modes.count} modes, every channel, fastmath {'on' if fastmath else 'off'}"
+        loop = exponentials_numba.make(count, kernel.poles, kernel.weights, fastmath)
+        name = f"numba, {kernel.count} exponentials, every channel, fastmath {'on' if fastmath else 'off'}"
         run = partial(positions_of, loop, noise, record)
         peers.append(Peer(name, run, run, SAME_OPERATOR, 9, calls=9))
-    scan, given = jax_loop.make_scan(count, modes.poles, modes.weights), jax.numpy.asarray(noise)
+    scan, given = jax_loop.make_scan(count, kernel.poles, kernel.weights), jax.numpy.asarray(noise)
     run = partial(positions_of, scan, given)
-    peers.append(Peer(f"JAX scan, {modes.count} modes", run, run, SAME_OPERATOR, 5, calls=3))
+    peers.append(Peer(f"JAX scan, {kernel.count} exponentials", run, run, SAME_OPERATOR, 5, calls=3))
     for library, compiled in (("numba", numba.njit), ("NumPy", lambda function: function)):
         for one_sum in (True, False):
             loop = full_history.make(compiled, one_sum)
@@ -169,7 +169,7 @@ def check(peer: Peer, positions: np.ndarray, ours: np.ndarray) -> None:
         assert value <= limit, f"{peer.name}: {what} differ by {value:.2g} from ours, allowed is {limit:g}"
 
 
-def batch(modes: fg.fractional.ExponentialSum, rounds: int, runs: int) -> dict[str, object]:
+def batch(kernel: fg.fractional.ExponentialSum, rounds: int, runs: int) -> dict[str, object]:
     """`runs` runs on this one processor without keeping trajectories: ours and JAX's vmap."""
     scenario, seeds = fg.Scenario.paper(), list(range(runs))
     parts = [
@@ -177,7 +177,7 @@ def batch(modes: fg.fractional.ExponentialSum, rounds: int, runs: int) -> dict[s
     ]
     noise = jax.numpy.asarray(np.concatenate(parts))
     del parts
-    vmapped = jax_loop.make_batch(STEPS + 1, modes.poles, modes.weights, TRANSIENT)
+    vmapped = jax_loop.make_batch(STEPS + 1, kernel.poles, kernel.weights, TRANSIENT)
     compiling = stopwatch(lambda: vmapped.lower(noise).compile())
     metrics = fg.measure_many([scenario], seeds=seeds, transient=TRANSIENT)
     ours = metrics["rmse"].sel(window=["whole", "steady"]).transpose("run", "window", "axis").values
@@ -202,9 +202,9 @@ def line(name: str, seconds: list[float], ours: float, scale: float = 1.0) -> st
     )
 
 
-def limits(cores: list[dict[str, float]], modes: int) -> list[str]:
+def limits(cores: list[dict[str, float]], exponentials: int) -> list[str]:
     """Ours beside what the processor can do at best: medians and ranges of ratios, each of one process's figures."""
-    flops = (FLOPS[0] + FLOPS[1] * modes) * (STEPS + 1)
+    flops = (FLOPS[0] + FLOPS[1] * exponentials) * (STEPS + 1)
 
     def row(what: str, ratio: Callable[[dict[str, float]], float], mark: str, percent: bool = False) -> str:
         values = sorted(ratio(c) for c in cores)
@@ -264,10 +264,10 @@ def main() -> None:
     on_one_core()
     rounds = 2 if options.quick else options.repeats
 
-    modes = fg.fractional.design(ORDER, STEP, STEPS * STEP, TOLERANCE)
+    kernel = fg.fractional.design(ORDER, STEP, STEPS * STEP, TOLERANCE)
     run = fg.simulate(fg.Scenario.paper())
     noise, ours = (np.ascontiguousarray(run[name].values) for name in ("disturbance", "position"))
-    peers = [p for p in single_runs(noise, ours, modes) if not (options.quick and p.slow)]
+    peers = [p for p in single_runs(noise, ours, kernel) if not (options.quick and p.slow)]
     cores: list[dict[str, float]] = []
     wall = used = 0.0  # of the peers, to tell whether they had their processor to themselves
     absent = octave_version = ""
@@ -278,13 +278,13 @@ def main() -> None:
             check(peer, peer.run(), ours)
             log(f"{peer.name}: agrees")
         for number in range(rounds):
-            cores.append(core(program, modes))
+            cores.append(core(program, kernel))
             start, busy = time.perf_counter(), time.process_time()
             for peer in peers:
                 if number < peer.rounds:
                     peer.seconds.append(statistics.median(stopwatch(peer.run) for _ in range(peer.calls)))
             wall, used = wall + time.perf_counter() - start, used + time.process_time() - busy
-            cores.append(core(program, modes))
+            cores.append(core(program, kernel))
             log(f"round {number + 1} of {rounds} done")
         if shutil.which("octave-cli") is None:
             absent = "Octave: octave-cli is not on this machine (Debian: apt-get install octave), so it was not run."
@@ -297,7 +297,7 @@ def main() -> None:
             check(peer, positions, ours)
             peer.seconds.append(took)
             peers.append(peer)
-    many = batch(modes, min(3, rounds), 32 if options.quick else RUNS)
+    many = batch(kernel, min(3, rounds), 32 if options.quick else RUNS)
 
     # Of the two numbas the faster counts.
     numbas = sorted(peers[:2], key=lambda p: statistics.median(p.seconds))
@@ -317,14 +317,14 @@ def main() -> None:
         f"Machine: {machine('scipy', 'numba', 'jax')}{octave_version}.",
         f"Everything on one of its processors, which the peers had for {used / wall:.0%} of their time; where that is",
         "clearly less than all, others had it, and only ratios of what takes equally long mean something.",
-        f"Operator: {modes.count} exponential modes, certified relative error {modes.error:.1e}; also for",
-        "the peers with modes.",
+        f"Operator: {kernel.count} exponentials, certified relative error {kernel.error:.1e}; also for",
+        "the peers with exponentials.",
         "",
         "## One run",
         "",
         "Wall-clock seconds of 80 units of time at h = 1e-3 (80,001 steps), double precision, noise redrawn each step,",
         "interleaved. Ours draws its noise and records every channel; the peers are given the noise, and but for numba",
-        "with modes they record positions only. Compilation is not counted.",
+        "with exponentials they record positions only. Compilation is not counted.",
         "",
         "| | median | per step | range | repeats | times ours |",
         "|---|---|---|---|---|---|",
@@ -334,12 +334,12 @@ def main() -> None:
         f"Mark: at most {MARK * 1e3:g} ms a run ({MARK / (STEPS + 1) * 1e9:.0f} ns a step): "
         f"{'met' if least <= MARK else 'missed'} with the median of {least * 1e3:.2f} ms;",
         f"least {min(mine) * 1e3:.2f} ms. A repeat of ours is the median of 15 runs in three "
-        "processes; of numba with modes, of nine calls; of JAX, of three.",
+        "processes; of numba with exponentials, of nine calls; of JAX, of three.",
         f"{numbas[1].name} took {statistics.median(numbas[1].seconds) * 1e3:.3g} ms.",
         "Half the sums: Grünwald-Letnikov's D^α e as the difference quotient of D^(α-1) e, which is seldom written.",
         *([absent] if absent else []),
         "",
-        *(limits(cores, modes.count) if cores[0]["flops_peak"] else []),
+        *(limits(cores, kernel.count) if cores[0]["flops_peak"] else []),
         "## Many runs, per processor",
         "",
         f"{runs} runs of the same length with different noise, no trajectory kept, per run and processor. Ours draws",

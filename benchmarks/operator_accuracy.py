@@ -55,16 +55,16 @@ def task(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def ours(values: np.ndarray, rates: np.ndarray) -> list[Method]:
-    def modes(name: str, tolerance: float, dtype: type) -> Method:
+    def kernel(name: str, tolerance: float, dtype: type) -> Method:
         given, slopes = values.astype(dtype), rates.astype(dtype)
         return Method(
             name, lambda n: fg.fractional.caputo(given[:n], slopes[:n], STEP, ORDER, tolerance=tolerance), True
         )
 
     return [
-        modes("modes, tolerance 1e-6, double", 1e-6, np.float64),
-        modes("modes, tolerance 1e-9, double", 1e-9, np.float64),
-        modes("modes, tolerance 1e-6, single", 1e-6, np.float32),
+        kernel("exponentials, tolerance 1e-6, double", 1e-6, np.float64),
+        kernel("exponentials, tolerance 1e-9, double", 1e-9, np.float64),
+        kernel("exponentials, tolerance 1e-6, single", 1e-6, np.float32),
         Method(
             "whole history, Hermite (FFT)",
             lambda n: full_history.hermite(values[:n], rates[:n], STEP, ORDER)[1],

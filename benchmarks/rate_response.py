@@ -208,7 +208,7 @@ def main() -> None:
     for name in SCENARIOS:
         base = shipped(name).replace({"plant.angular_rate": 0.0})
         for corner in CORNERS:
-            # Long enough for 12 periods of the slowest sine in the steady half, as far as the modes reach.
+            # Long enough for 12 periods of the slowest sine in the steady half, as far as the exponentials reach.
             steps = min(24 / (corner * SPREAD[0]) / base.plant.scales.time / base.run.step, 900_000)
             steps = EVERY * round(max(steps, 80_000) / EVERY)
             scenario = base.replace({**settings(base, corner), "run.duration": steps * base.run.step})

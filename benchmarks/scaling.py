@@ -1,4 +1,4 @@
-"""How the time of our engine grows with steps, modes, runs and threads; writes benchmarks/results/scaling.{md,svg,png}.
+"""How the time of a run grows with steps, exponentials, runs, threads; writes benchmarks/results/scaling.{md,svg,png}.
 
     python benchmarks/scaling.py [--quick]
 
@@ -55,7 +55,7 @@ class Series:
 
 
 def scenario(steps: int, tolerance: float = 1e-6) -> fg.Scenario:
-    changes = {"run.duration": steps * STEP, "run.step": STEP, "run.mode_tolerance": tolerance}
+    changes = {"run.duration": steps * STEP, "run.step": STEP, "run.kernel_tolerance": tolerance}
     return fg.Scenario.paper().replace(changes)
 
 
@@ -98,7 +98,7 @@ def steps_panel(rounds: int, most: int) -> Series:
 
 
 def modes_panel(rounds: int) -> Series:
-    series = Series("one run of 80,000 steps", "exponential modes (tolerance 1e-2 to 1e-9)")
+    series = Series("one run of 80,000 steps", "exponentials (tolerance 1e-2 to 1e-9)")
     tasks = []
     for tolerance in TOLERANCES:
         one = scenario(80_000, tolerance)

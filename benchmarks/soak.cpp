@@ -1,8 +1,8 @@
 // The closed loop of soak.py: up to eight runs side by side in the lanes of a register, without contraction, so that
 // each has the bits of its single run. Standard input: number of runs and of steps; then of each run the place of its
-// kind, its settings (settings.hpp), and its modes. Standard output: one line for each run at each mark.
-#include "fracgyro/batch.hpp"
-#include "fracgyro/settings.hpp"
+// kind, its settings (settings.hpp), and its exponentials. Standard output: one line for each run at each mark.
+#include "fracgyro/sim/batch.hpp"
+#include "fracgyro/sim/settings.hpp"
 
 #include <cmath>
 #include <iostream>
@@ -14,8 +14,8 @@ constexpr std::size_t lanes = 8;
 constexpr std::int64_t window = 1'000'000;  // steps before a mark over which is averaged
 constexpr std::int64_t stretch = 500;
 
-ControlParams control_of(const Setup& setup) {
-    ControlParams control;
+SwitchingParams control_of(const Setup& setup) {
+    SwitchingParams control;
     with_params(setup.controller, [&](const auto& params, auto) {
         if constexpr (requires { params.control; }) {
             control = params.control;
@@ -33,28 +33,28 @@ void soak(const std::vector<Setup>& runs, std::int64_t steps) {
     using T = typename C::Value;
     using Number = typename T::Number;
     typename C::Coefficients controller{};
-    typename Plant<T>::Coefficients plant{};
+    typename Gyroscope<T>::Coefficients plant{};
     typename C::State state{};
     Motion<T> motion{};
-    std::size_t modes = 0;
+    std::size_t terms = 0;
     for (const Setup& run : runs) {
-        modes = std::max(modes, mode_count(run));
+        terms = std::max(terms, kernel_terms(run));
     }
     std::vector<Disturbance> disturbances;
     T slope{};  // h/δ
     for (std::size_t k = 0; k < lanes; ++k) {
         const Setup& setup = runs[std::min(k, runs.size() - 1)];
         ControllerParams params = setup.controller;
-        if (mode_count(setup) < modes) {
-            fill_up(*modes_of(params), modes);
+        if (kernel_terms(setup) < terms) {
+            fill_up(*kernel_of(params), terms);
         }
         const auto coefficients = prepare<C>(params, setup.common);
         if (k == 0) {
             controller = coefficients;
         }
         detail::set_lane<T>(controller, coefficients, k);
-        detail::set_lane<T>(plant, Plant<T>::prepare(setup.plant, setup.common.step), k);
-        detail::set_lane<T>(motion, Plant<T>::start(setup.plant), k);
+        detail::set_lane<T>(plant, Gyroscope<T>::prepare(setup.plant, setup.common.step), k);
+        detail::set_lane<T>(motion, Gyroscope<T>::start(setup.plant), k);
         slope.lane[k] = static_cast<Number>(setup.common.step / control_of(setup).layer_thickness);
         disturbances.emplace_back(setup.disturbance, setup.common.step);
     }
@@ -91,7 +91,7 @@ void soak(const std::vector<Setup>& runs, std::int64_t steps) {
                 d.x.lane[k] = static_cast<Number>(coming[k][static_cast<std::size_t>(i)].x);
                 d.y.lane[k] = static_cast<Number>(coming[k][static_cast<std::size_t>(i)].y);
             }
-            Plant<T>::step(motion, plant, signals.force, d);
+            Gyroscope<T>::step(motion, plant, signals.force, d);
         }
         for (std::size_t k = 0; k < runs.size(); ++k) {
             const Setup& setup = runs[k];
@@ -138,9 +138,9 @@ int run() {
             std::cin >> value;
         }
         take_settings(run, values.data());
-        Modes* const modes = modes_of(run.controller);
-        for (std::size_t i = 0; i < mode_count(run); ++i) {
-            std::cin >> modes->rates[i] >> modes->weights[i];
+        ExponentialSum* const kernel = kernel_of(run.controller);
+        for (std::size_t i = 0; i < kernel_terms(run); ++i) {
+            std::cin >> kernel->poles[i] >> kernel->weights[i];
         }
     }
     if (!std::cin || runs.empty() || runs.size() > lanes) {

@@ -72,8 +72,8 @@ def as_input(runs: list[fg.Scenario], steps: int) -> str:
     lines = [f"{len(runs)} {steps}"]
     for run in runs:
         setup = core_setup(run)
-        modes = np.column_stack(_core.setup_modes(setup)).ravel()
-        numbers = map(float, [*_core.setup_settings(setup), *modes])
+        kernel = np.column_stack(_core.setup_kernel(setup)).ravel()
+        numbers = map(float, [*_core.setup_settings(setup), *kernel])
         lines.append(f"{kinds.KINDS.index(run.controller.kind)} {' '.join(map(repr, numbers))}")
     return "\n".join(lines)
 
@@ -150,7 +150,7 @@ def main() -> None:
     KEPT.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         programs = {number: Path(folder) / number for number in NUMBERS}
-        headers = include(SOURCES / "core", SOURCES / "sim")
+        headers = include(SOURCES / "include")
         for number, program in programs.items():
             options = [*FLAGS, "-O2", "-march=native", "-Wno-psabi", f"-DNUMBER={number}"]
             system_compiler(*options, *headers, HERE / "soak.cpp", "-o", program)

@@ -1,7 +1,7 @@
 // Conversions between NumPy arrays, Python sequences and the core's small types.
 #pragma once
 
-#include "fracgyro/math.hpp"
+#include "fracgyro/core/linear.hpp"
 
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>

@@ -1,9 +1,9 @@
 #include "arrays.hpp"
 #include "bindings.hpp"
 
-#include "fracgyro/batch.hpp"
-#include "fracgyro/device_loop.hpp"
-#include "fracgyro/processor.hpp"
+#include "fracgyro/sim/batch.hpp"
+#include "fracgyro/sim/device_loop.hpp"
+#include "fracgyro/sim/cpu_dispatch.hpp"
 
 #include <nanobind/stl/string_view.h>
 #include <nanobind/stl/vector.h>

@@ -2,10 +2,10 @@
 #include "bindings.hpp"
 #include "numbers.hpp"
 
-#include "fracgyro/guard.hpp"
-#include "fracgyro/record.hpp"
-#include "fracgyro/settings.hpp"
-#include "fracgyro/units.hpp"
+#include "fracgyro/control/guard.hpp"
+#include "fracgyro/sim/recorder.hpp"
+#include "fracgyro/sim/settings.hpp"
+#include "fracgyro/plant/units.hpp"
 
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/string_view.h>

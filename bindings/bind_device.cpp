@@ -1,7 +1,7 @@
 #include "arrays.hpp"
 #include "bindings.hpp"
 
-#include "fracgyro/device.hpp"
+#include "fracgyro/plant/imperfections.hpp"
 
 #include <nanobind/stl/vector.h>
 
@@ -13,42 +13,42 @@ void bind_device(nb::module_& m) {
         .def_rw("times", &Profile::times)
         .def_rw("values", &Profile::values);
 
-    nb::enum_<RateKind>(m, "RateKind")
-        .value("constant", RateKind::constant)
-        .value("staircase", RateKind::staircase)
-        .value("sine", RateKind::sine)
-        .value("chirp", RateKind::chirp)
-        .value("noise", RateKind::noise)
-        .value("table", RateKind::table);
-    nb::class_<RateParams>(m, "RateParams")
+    nb::enum_<AngularRateKind>(m, "AngularRateKind")
+        .value("constant", AngularRateKind::constant)
+        .value("staircase", AngularRateKind::staircase)
+        .value("sine", AngularRateKind::sine)
+        .value("chirp", AngularRateKind::chirp)
+        .value("noise", AngularRateKind::noise)
+        .value("table", AngularRateKind::table);
+    nb::class_<AngularRateParams>(m, "AngularRateParams")
         .def(nb::init<>())
-        .def_rw("kind", &RateParams::kind)
-        .def_rw("amplitude", &RateParams::amplitude)
-        .def_rw("start", &RateParams::start)
-        .def_rw("hold", &RateParams::hold)
-        .def_rw("levels", &RateParams::levels)
-        .def_rw("frequency", &RateParams::frequency)
-        .def_rw("final_frequency", &RateParams::final_frequency)
-        .def_rw("seed", &RateParams::seed)
-        .def_rw("table", &RateParams::table)
-        .def_rw("inertial", &RateParams::inertial);
+        .def_rw("kind", &AngularRateParams::kind)
+        .def_rw("amplitude", &AngularRateParams::amplitude)
+        .def_rw("start", &AngularRateParams::start)
+        .def_rw("hold", &AngularRateParams::hold)
+        .def_rw("levels", &AngularRateParams::levels)
+        .def_rw("frequency", &AngularRateParams::frequency)
+        .def_rw("final_frequency", &AngularRateParams::final_frequency)
+        .def_rw("seed", &AngularRateParams::seed)
+        .def_rw("table", &AngularRateParams::table)
+        .def_rw("inertial", &AngularRateParams::inertial);
 
-    nb::class_<Quantiser>(m, "Quantiser")
+    nb::class_<Quantizer>(m, "Quantizer")
         .def(nb::init<>())
-        .def_rw("range", &Quantiser::range)
-        .def_rw("bits", &Quantiser::bits)
-        .def("__call__", [](const Quantiser& q, double a) { return q(a); });
-    auto device = nb::class_<DeviceParams>(m, "DeviceParams")
+        .def_rw("range", &Quantizer::range)
+        .def_rw("bits", &Quantizer::bits)
+        .def("__call__", [](const Quantizer& q, double a) { return q(a); });
+    auto device = nb::class_<ImperfectionParams>(m, "ImperfectionParams")
                       .def(nb::init<>())
-                      .def_rw("position_noise", &DeviceParams::position_noise)
-                      .def_rw("velocity_noise", &DeviceParams::velocity_noise)
-                      .def_rw("position", &DeviceParams::position)
-                      .def_rw("velocity", &DeviceParams::velocity)
-                      .def_rw("actuator", &DeviceParams::actuator)
-                      .def_rw("delay", &DeviceParams::delay)
-                      .def_rw("stiffness_drift", &DeviceParams::stiffness_drift)
-                      .def_rw("temperature", &DeviceParams::temperature);
-    def_vec2(device, "cubic_stiffness", &DeviceParams::cubic_stiffness);
+                      .def_rw("position_noise", &ImperfectionParams::position_noise)
+                      .def_rw("velocity_noise", &ImperfectionParams::velocity_noise)
+                      .def_rw("position", &ImperfectionParams::position)
+                      .def_rw("velocity", &ImperfectionParams::velocity)
+                      .def_rw("actuator", &ImperfectionParams::actuator)
+                      .def_rw("delay", &ImperfectionParams::delay)
+                      .def_rw("stiffness_drift", &ImperfectionParams::stiffness_drift)
+                      .def_rw("temperature", &ImperfectionParams::temperature);
+    def_vec2(device, "cubic_stiffness", &ImperfectionParams::cubic_stiffness);
 }
 
 }  // namespace fracgyro::bindings

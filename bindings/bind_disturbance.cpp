@@ -1,7 +1,7 @@
 #include "arrays.hpp"
 #include "bindings.hpp"
 
-#include "fracgyro/loop.hpp"
+#include "fracgyro/sim/loop.hpp"
 
 namespace fracgyro::bindings {
 

@@ -1,10 +1,10 @@
 #include "arrays.hpp"
 #include "bindings.hpp"
 
-#include "fracgyro/aggregate.hpp"
-#include "fracgyro/unpacked.hpp"
-#include "fracgyro/guard.hpp"
-#include "fracgyro/loop.hpp"
+#include "fracgyro/sim/aggregate.hpp"
+#include "fracgyro/sim/unpacked.hpp"
+#include "fracgyro/control/guard.hpp"
+#include "fracgyro/sim/loop.hpp"
 
 #include <nanobind/stl/string.h>
 
@@ -49,7 +49,7 @@ std::size_t state_size(const Setup& s, std::size_t capacity) {
         };
         [&]<std::size_t... I>(std::index_sequence<I...>) {
             found = ((2 * (I + 1) == capacity ? size.template operator()<2 * (I + 1)>() : 0) + ...);
-        }(std::make_index_sequence<Modes::capacity / 2>());
+        }(std::make_index_sequence<ExponentialSum::capacity / 2>());
     });
     return found;
 }

@@ -1,8 +1,8 @@
 #include "arrays.hpp"
 #include "bindings.hpp"
 
-#include "fracgyro/kernel_design.hpp"
-#include "fracgyro/processor.hpp"
+#include "fracgyro/core/kernel_design.hpp"
+#include "fracgyro/sim/cpu_dispatch.hpp"
 
 namespace fracgyro::bindings {
 
@@ -13,10 +13,10 @@ using Input = nb::ndarray<const T, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
 // values, rates, integral, derivative: (samples, channels).
 template <class T>
-inline void operate(const Modes& modes, double step, std::size_t samples, std::size_t channels, const T* values,
-                    const T* rates, T* integral, T* derivative) {
+inline void operate(const ExponentialSum& kernel, double step, std::size_t samples, std::size_t channels,
+                    const T* values, const T* rates, T* integral, T* derivative) {
     using Operator = Fractional<T>;
-    const auto coefficients = Operator::prepare(modes, step, false);
+    const auto coefficients = Operator::prepare(kernel, step, false);
     // The operator carries two channels at a time, as the controller's two axes.
     for (std::size_t first = 0; first < channels; first += 2) {
         const std::size_t second = first + 1 < channels ? first + 1 : first;
@@ -24,8 +24,8 @@ inline void operate(const Modes& modes, double step, std::size_t samples, std::s
         for (std::size_t n = 0; n < samples; ++n) {
             const std::size_t a = n * channels + first;
             const std::size_t b = n * channels + second;
-            const auto result =
-                Operator::update(state, coefficients, {.value = {values[a], values[b]}, .rate = {rates[a], rates[b]}});
+            const auto result = Operator::update(state, coefficients,
+                                                 {.value = {values[a], values[b]}, .derivative = {rates[a], rates[b]}});
             integral[a] = result.integral.x;
             integral[b] = result.integral.y;
             derivative[a] = result.derivative.x;
@@ -35,20 +35,20 @@ inline void operate(const Modes& modes, double step, std::size_t samples, std::s
 }
 
 FRACGYRO_FOR_EACH_PROCESSOR
-void operate_double(const Modes& modes, double step, std::size_t samples, std::size_t channels, const double* values,
-                    const double* rates, double* integral, double* derivative) {
-    operate<double>(modes, step, samples, channels, values, rates, integral, derivative);
+void operate_double(const ExponentialSum& kernel, double step, std::size_t samples, std::size_t channels,
+                    const double* values, const double* rates, double* integral, double* derivative) {
+    operate<double>(kernel, step, samples, channels, values, rates, integral, derivative);
 }
 
 FRACGYRO_FOR_EACH_PROCESSOR
-void operate_single(const Modes& modes, double step, std::size_t samples, std::size_t channels, const float* values,
-                    const float* rates, float* integral, float* derivative) {
-    operate<float>(modes, step, samples, channels, values, rates, integral, derivative);
+void operate_single(const ExponentialSum& kernel, double step, std::size_t samples, std::size_t channels,
+                    const float* values, const float* rates, float* integral, float* derivative) {
+    operate<float>(kernel, step, samples, channels, values, rates, integral, derivative);
 }
 
 // values, rates: (samples, channels). Returns (2, samples, channels): integral, derivative.
 template <class T>
-nb::ndarray<nb::numpy, T> apply_operator(const Input<T>& values, const Input<T>& rates, const Modes& modes,
+nb::ndarray<nb::numpy, T> apply_operator(const Input<T>& values, const Input<T>& rates, const ExponentialSum& kernel,
                                          double step) {
     const std::size_t samples = values.shape(0);
     const std::size_t channels = values.shape(1);
@@ -57,9 +57,9 @@ nb::ndarray<nb::numpy, T> apply_operator(const Input<T>& values, const Input<T>&
     {
         nb::gil_scoped_release unlocked;
         if constexpr (std::is_same_v<T, float>) {
-            operate_single(modes, step, samples, channels, values.data(), rates.data(), out.get(), derivative);
+            operate_single(kernel, step, samples, channels, values.data(), rates.data(), out.get(), derivative);
         } else {
-            operate_double(modes, step, samples, channels, values.data(), rates.data(), out.get(), derivative);
+            operate_double(kernel, step, samples, channels, values.data(), rates.data(), out.get(), derivative);
         }
     }
     return owned<T, 3>(std::move(out), {2, samples, channels});
@@ -76,7 +76,7 @@ nb::tuple design_kernel(double order, double shortest, double longest, double to
         std::copy_n(all.begin(), found->count, some.get());
         return owned<double, 1>(std::move(some), {found->count});
     };
-    return nb::make_tuple(copied(found->rates), copied(found->weights), found->error);
+    return nb::make_tuple(copied(found->poles), copied(found->weights), found->error);
 }
 
 // t^(-order)/Γ(1-order), 0 < order < 1.
@@ -91,21 +91,22 @@ nb::ndarray<nb::numpy, double> kernel(const Doubles& times, double order) {
 }  // namespace
 
 void bind_fractional(nb::module_& m) {
-    nb::class_<Modes>(m, "Modes", "Exponential modes of the kernel t^(-order)/Gamma(1-order).")
+    nb::class_<ExponentialSum>(m, "ExponentialSum", "Exponentials of the kernel t^(-order)/Gamma(1-order).")
         .def(
             "__init__",
-            [](Modes* self, double order, double gamma, const Doubles& rates, const Doubles& weights, double error) {
-                if (rates.shape(0) != weights.shape(0) || rates.shape(0) > Modes::capacity) {
-                    throw nb::value_error("rates and weights must be equally many, at most 64");
+            [](ExponentialSum* self, double order, double gamma, const Doubles& poles, const Doubles& weights,
+               double error) {
+                if (poles.shape(0) != weights.shape(0) || poles.shape(0) > ExponentialSum::capacity) {
+                    throw nb::value_error("poles and weights must be equally many, at most 64");
                 }
-                new (self) Modes{.count = rates.shape(0), .order = order, .gamma = gamma, .error = error};
-                std::copy_n(rates.data(), rates.shape(0), self->rates.begin());
+                new (self) ExponentialSum{.count = poles.shape(0), .order = order, .gamma = gamma, .error = error};
+                std::copy_n(poles.data(), poles.shape(0), self->poles.begin());
                 std::copy_n(weights.data(), weights.shape(0), self->weights.begin());
             },
-            nb::arg("order"), nb::arg("gamma"), nb::arg("rates"), nb::arg("weights"), nb::arg("error") = 0.0)
-        .def_ro("count", &Modes::count)
-        .def_ro("order", &Modes::order);
-    m.attr("mode_capacity") = Modes::capacity;
+            nb::arg("order"), nb::arg("gamma"), nb::arg("poles"), nb::arg("weights"), nb::arg("error") = 0.0)
+        .def_ro("count", &ExponentialSum::count)
+        .def_ro("order", &ExponentialSum::order);
+    m.attr("kernel_capacity") = ExponentialSum::capacity;
     m.attr("earliest") = KernelDesign::earliest;
     m.attr("latest") = KernelDesign::latest;
     m.attr("largest_ratio") = KernelDesign::largest_ratio;
@@ -114,15 +115,15 @@ void bind_fractional(nb::module_& m) {
     m.def("design_kernel", &design_kernel, nb::arg("order"), nb::arg("shortest"), nb::arg("longest"),
           nb::arg("tolerance"));
     m.def(
-        "designed_modes",
+        "designed_kernel",
         [](double order, double step, double duration, double tolerance) {
-            return designed_modes(*std::make_unique<KernelDesign>(), order, step, duration, tolerance);
+            return designed_kernel(*std::make_unique<KernelDesign>(), order, step, duration, tolerance);
         },
         nb::arg("order"), nb::arg("step"), nb::arg("duration"), nb::arg("tolerance"));
     m.def("kernel", &kernel, nb::arg("times"), nb::arg("order"));
-    m.def("apply_operator", &apply_operator<double>, nb::arg("values"), nb::arg("rates"), nb::arg("modes"),
+    m.def("apply_operator", &apply_operator<double>, nb::arg("values"), nb::arg("rates"), nb::arg("kernel"),
           nb::arg("step"));
-    m.def("apply_operator_single", &apply_operator<float>, nb::arg("values"), nb::arg("rates"), nb::arg("modes"),
+    m.def("apply_operator_single", &apply_operator<float>, nb::arg("values"), nb::arg("rates"), nb::arg("kernel"),
           nb::arg("step"));
     m.def("power", &power<double>, nb::arg("base"), nb::arg("exponent"), "base^exponent by the core's own log2/exp2.");
 }

@@ -1,8 +1,8 @@
 #include "arrays.hpp"
 #include "bindings.hpp"
 
-#include "fracgyro/device_loop.hpp"
-#include "fracgyro/settings.hpp"
+#include "fracgyro/sim/device_loop.hpp"
+#include "fracgyro/sim/settings.hpp"
 
 #include <nanobind/stl/vector.h>
 
@@ -12,7 +12,7 @@ void bind_loop(nb::module_& m) {
     m.def(
         "plant_map",
         [](const Setup& s) {
-            const auto columns = Plant<double>::prepare(s.plant, s.common.step).map;
+            const auto columns = Gyroscope<double>::prepare(s.plant, s.common.step).map;
             std::array<std::array<double, 6>, 4> rows{};
             for (std::size_t i = 0; i < 4; ++i) {
                 for (std::size_t j = 0; j < 6; ++j) {
@@ -28,14 +28,14 @@ void bind_loop(nb::module_& m) {
         .def_ro("steps", &Setup::steps)
         .def_prop_ro("has_memory", [](const Setup& s) { return has_memory(s.controller); })
         .def_prop_rw(
-            "modes",
+            "kernel",
             [](const Setup& s) {
-                const Modes* const modes = modes_of(s.controller);
-                return modes == nullptr ? Modes{} : *modes;
+                const ExponentialSum* const kernel = kernel_of(s.controller);
+                return kernel == nullptr ? ExponentialSum{} : *kernel;
             },
-            [](Setup& s, const Modes& designed) {
-                if (Modes* const modes = modes_of(s.controller)) {
-                    *modes = designed;
+            [](Setup& s, const ExponentialSum& designed) {
+                if (ExponentialSum* const kernel = kernel_of(s.controller)) {
+                    *kernel = designed;
                 }
             })
         .def_prop_rw(

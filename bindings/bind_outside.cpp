@@ -2,8 +2,8 @@
 #include "bindings.hpp"
 #include "numbers.hpp"
 
-#include "fracgyro/batch.hpp"
-#include "fracgyro/outside.hpp"
+#include "fracgyro/sim/batch.hpp"
+#include "fracgyro/sim/law.hpp"
 
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>

@@ -1,7 +1,7 @@
 #include "arrays.hpp"
 #include "bindings.hpp"
 
-#include "fracgyro/settings.hpp"
+#include "fracgyro/sim/settings.hpp"
 
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/vector.h>
@@ -20,16 +20,16 @@ void bind_settings(nb::module_& m) {
         },
         nb::arg("setup"), "The numbers of a run, in the order of fields_of_kind.");
     m.def(
-        "setup_modes",
+        "setup_kernel",
         [](const Setup& setup) {
-            const Modes* const modes = modes_of(setup.controller);
+            const ExponentialSum* const kernel = kernel_of(setup.controller);
             const auto used = [&](const auto& all) {
-                return std::vector<double>(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(modes->count));
+                return std::vector<double>(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(kernel->count));
             };
-            return modes == nullptr ? std::pair<std::vector<double>, std::vector<double>>()
-                                    : std::pair(used(modes->rates), used(modes->weights));
+            return kernel == nullptr ? std::pair<std::vector<double>, std::vector<double>>()
+                                     : std::pair(used(kernel->poles), used(kernel->weights));
         },
-        nb::arg("setup"), "The modes' rates and weights; none where the controller has no memory.");
+        nb::arg("setup"), "The exponentials' poles and weights; none where the controller has no memory.");
 }
 
 }  // namespace fracgyro::bindings

@@ -2,8 +2,8 @@
 #include "bindings.hpp"
 #include "numbers.hpp"
 
-#include "fracgyro/outside.hpp"
-#include "fracgyro/saved.hpp"
+#include "fracgyro/sim/law.hpp"
+#include "fracgyro/core/saved.hpp"
 
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
@@ -166,9 +166,9 @@ private:
         std::size_t chosen[2] = {};
         with_params(a, [&](const auto& p, auto family) { chosen[0] = family.chosen(p); });
         with_params(b, [&](const auto& p, auto family) { chosen[1] = family.chosen(p); });
-        const Modes *const one = modes_of(a), *const other = modes_of(b);
+        const ExponentialSum *const one = kernel_of(a), *const other = kernel_of(b);
         return a.index() == b.index() && chosen[0] == chosen[1] &&
-               (one == nullptr || (one->count == other->count && one->rates == other->rates));
+               (one == nullptr || (one->count == other->count && one->poles == other->poles));
     }
 
     // Apart: its alignment is that of wide registers, and Python frees a loop as one of any controller.

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "fracgyro/record.hpp"
+#include "fracgyro/sim/recorder.hpp"
 
 #include <nanobind/nanobind.h>
 

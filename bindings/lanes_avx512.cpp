@@ -1,5 +1,5 @@
 // Compiled with the flags of this kind of processor (CMakeLists.txt).
-#include "fracgyro/block.hpp"
+#include "fracgyro/sim/lane_block.hpp"
 
 namespace fracgyro {
 

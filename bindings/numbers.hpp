@@ -1,7 +1,7 @@
 // Plain numbers to and from Python without a conversion that costs more than a step of a controller.
 #pragma once
 
-#include "fracgyro/math.hpp"
+#include "fracgyro/core/linear.hpp"
 
 #include <nanobind/nanobind.h>
 

@@ -43,7 +43,7 @@ copy() {  # of what is committed and what is not, with a build of its own
 emulated() {
   command -v qemu-x86_64 >/dev/null || lacking "qemu-x86_64, which \`make setup-machines\` installs"
   local test run="-m fracgyro simulate --set run.duration=2.0 --json"
-  for test in build/tests-plain/tests/core/test_*; do
+  for test in build/tests-plain/tests/cpp/test_*; do
     [ ! -x "$test" ] || [ ! -f "$test" ] || qemu-x86_64 -cpu "$1" "$test" --gtest_brief=1 || return 1
   done
   cmp <(.venv/bin/python $run) <(qemu-x86_64 -cpu "$1" .venv/bin/python $run)

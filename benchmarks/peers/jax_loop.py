@@ -1,7 +1,7 @@
 """The closed loop in JAX, double precision: `lax.scan` for one run, and the same under `vmap` for many.
 
-Tried and kept: states packed into few arrays, and one small matrix product for the modes; a carry of many scalars is
-two to four times slower, and so are sums written out. Tried, no faster: unrolling, the batch as the last axis.
+Tried and kept: states packed into few arrays, and one small matrix product for the exponentials; a carry of many
+scalars is two to four times slower, and so are sums written out. Tried, no faster: unrolling, the batch last.
 """
 
 from collections.abc import Callable
@@ -11,8 +11,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from .exponentials import operator
 from .gyroscope import ESTIMATES, ORDER, START, STEP, held_step, make_law, references, row
-from .modes import operator
 
 jax.config.update("jax_enable_x64", True)
 

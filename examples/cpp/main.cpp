@@ -16,10 +16,10 @@ int main() {
     constexpr double pi = std::numbers::pi, step = 1e-3;
     constexpr int steps = 80'000;
 
-    const PlantParams gyroscope{.damping = {0.01, 0.002, 0.01},                             // D: xx, xy, yy
-                                .stiffness = {63.955 / 0.18, 12.779 / 0.18, 95.92 / 0.18},  // K = k/(m ω0²)
-                                .rate = 0.1,                                                // Ωz
-                                .initial_position = {0.5, 0.5}};
+    const GyroscopeParams gyroscope{.damping = {0.01, 0.002, 0.01},                             // D: xx, xy, yy
+                                    .stiffness = {63.955 / 0.18, 12.779 / 0.18, 95.92 / 0.18},  // K = k/(m ω0²)
+                                    .rate = 0.1,                                                // Ωz
+                                    .initial_position = {0.5, 0.5}};
     static KernelDesign design;
     const Common common{.step = step,
                         .reference = {.frequency = {pi, pi / 2}, .phase = {0.0, pi / 2}},
@@ -27,19 +27,19 @@ int main() {
                                     .stiffness = 0.95 * gyroscope.stiffness,
                                     .rate = 0.95 * gyroscope.rate}};
     SlidingModeParams params;
-    params.surface.modes = designed_modes(design, 0.9, step, steps * step, 1e-6);  // order α, tolerance of the kernel
+    params.surface.kernel = designed_kernel(design, 0.9, step, steps * step, 1e-6);  // order α, tolerance of the kernel
 
     const auto controller = Controller::prepare(params, common);
-    const auto plant = Plant<double>::prepare(gyroscope, step);
+    const auto plant = Gyroscope<double>::prepare(gyroscope, step);
     Disturbance noise({.kind = DisturbanceKind::noise}, step);
     Controller::State state{};
-    Motion<double> motion = Plant<double>::start(gyroscope);
+    Motion<double> motion = Gyroscope<double>::start(gyroscope);
     Vec2<double> sum{};
     for (int n = 0; n <= steps; ++n) {
         const auto signals = Controller::step(state, controller, motion);
         Vec2<double> disturbance;
         noise.fill(n, {&disturbance, 1});
-        Plant<double>::step(motion, plant, signals.force, disturbance);
+        Gyroscope<double>::step(motion, plant, signals.force, disturbance);
         sum = sum + signals.error.value * signals.error.value;
     }
     std::printf("RMSE: x %.9g, y %.9g\n", std::sqrt(sum.x / (steps + 1)), std::sqrt(sum.y / (steps + 1)));

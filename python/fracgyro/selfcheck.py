@@ -1,7 +1,7 @@
 """Whether this installation computes the bits that it should: the published parity hashes, computed again.
 
 The paper's corrected scenario, its noise included, over 100 units of time. Run in double, its answers (forces and
-estimates) are hashed; then the controller in single precision answers the same motion. The modes' design, the noise,
+estimates) are hashed; then the controller in single precision answers the same motion. The kernel design, the noise,
 the plant and the controller all enter, so one bit of difference anywhere shows. benchmarks/parity.py has every other
 target answer too.
 """

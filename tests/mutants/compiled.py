@@ -11,7 +11,7 @@ from compile_in import ROOT, Mutant, sample, write
 
 BUILD = ROOT / "build/mutants"
 SOURCE, OBJECTS = BUILD / "source", BUILD / "objects"
-COPIED = ("bindings", "faces", "tests/core")
+COPIED = ("bindings", "integrations", "tests/cpp")
 
 
 def build() -> list[Mutant]:
@@ -45,7 +45,7 @@ def build() -> list[Mutant]:
 
 
 def tests() -> list[Path]:
-    return sorted(path for path in (OBJECTS / "tests/core").glob("test_*") if path.suffix == "")
+    return sorted(path for path in (OBJECTS / "tests/cpp").glob("test_*") if path.suffix == "")
 
 
 def module() -> Path:

@@ -73,7 +73,7 @@ def prepare() -> None:
     )
     core = Path(installed.stdout.strip())
     for path in core.parent.iterdir():
-        if path.is_dir() and path.name in ("core", "sim", "faces"):
+        if path.is_dir() and path.name in ("include", "integrations"):
             shutil.copytree(path, FOLDER / "fracgyro" / path.name, dirs_exist_ok=True)
     shutil.copyfile(core, FOLDER / "fracgyro" / core.name)
     (FOLDER / "tests").mkdir()

@@ -87,7 +87,7 @@ def plant(scenario: fg.Scenario, rate: Rate) -> Callable[..., tuple[np.ndarray, 
 
 
 class Observer:
-    """The g-h-k filter of core/fracgyro/observer.hpp, by its matrices, one axis after the other."""
+    """The g-h-k filter of include/fracgyro/control/observer.hpp, by its matrices, one axis after the other."""
 
     def __init__(self, scenario: fg.Scenario) -> None:
         self.step = scenario.run.step

@@ -11,7 +11,7 @@ import fracgyro as fg
 import numpy as np
 from fracgyro.export import web
 from fracgyro.export.firmware import coefficients_header
-from fracgyro.export.settings import core_modes, core_numbers
+from fracgyro.export.settings import core_kernel, core_numbers
 from fracgyro.export.units import base_unit
 from fracgyro.study.sweep.design import read_plan
 
@@ -60,8 +60,8 @@ KINDS = {
 }
 
 for order, longest, tolerance in ((0.9, 80.0, 1e-6), (0.1, 1e3, 1e-9), (0.5, 0.01, 1e-3), (0.999, 1e6, 1e-11)):
-    modes = fg.fractional.design(order, 1e-3, longest, tolerance)
-    keep(f"design of {order}", modes.rates, modes.weights, modes.error)
+    kernel = fg.fractional.design(order, 1e-3, longest, tolerance)
+    keep(f"design of {order}", kernel.rates, kernel.weights, kernel.error)
 
 for name, scenario in KINDS.items():
     run = fg.simulate(scenario)
@@ -72,7 +72,7 @@ for name, scenario in KINDS.items():
         keep(f"header, {name}, {number}", coefficients_header(scenario, number))
     keep(f"TOML, {name}", scenario.to_toml(), scenario.content_hash())
     if name not in ("observer", "device"):
-        keep(f"numbers, {name}", list(core_numbers(scenario).values()), *core_modes(scenario))
+        keep(f"numbers, {name}", list(core_numbers(scenario).values()), *core_kernel(scenario))
 
 for single in (False, True):
     chosen = [scenario for name, scenario in KINDS.items() if name != "composite"]

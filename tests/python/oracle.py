@@ -1,7 +1,7 @@
 """The closed loop once more, slowly, straight from the paper: full history, full matrices, plain NumPy.
 
 It shares nothing with the package but the scenario, and takes the disturbance as given. Where the package
-sums exponential modes, this integrates the true kernel against the whole history; where the package stores
+sums exponentials, this integrates the true kernel against the whole history; where the package stores
 three entries of a symmetric matrix, this lets the adaptation laws move all four.
 """
 

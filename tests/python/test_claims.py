@@ -319,7 +319,7 @@ def test_the_evidence_of_i_is_the_time_of_a_step_of_each() -> None:
     cost = StepCost((1.2, 1.25, 1.6), (50e-9, 75e-9, 200e-9), 19)
     assert claims.costs_more(Material("corrected", {}, {}, cost))[1] == (
         "a step of the proposed controller takes 1.25 times one of the conventional (range 1.20 to 1.60 over 3 paired "
-        "timings), 75 ns against 60 ns, with its 19 exponential modes for 20 units of time. With the whole history "
+        "timings), 75 ns against 60 ns, with its 19 exponentials for 20 units of time. With the whole history "
         "summed at every step, as usual, the cost would grow with the run."
     )
 
@@ -332,8 +332,8 @@ def test_a_step_costs_what_the_clock_says_of_the_proposed_controller(monkeypatch
     assert cost.ratios == pytest.approx([1.5] * 7)
     assert cost.seconds == pytest.approx([3.0 / 20_001] * 7)
     assert (
-        cost.modes
-        == claims.core_setup(runs.scenario("corrected", "proposed").replace({"run.duration": 20.0})).modes.count
+        cost.exponentials
+        == claims.core_setup(runs.scenario("corrected", "proposed").replace({"run.duration": 20.0})).kernel.count
     )
 
 
@@ -341,9 +341,11 @@ def test_a_step_costs_what_the_clock_says_of_the_proposed_controller(monkeypatch
 
 
 def test_a_verdict_is_what_the_criterion_says_of_each_variant(monkeypatch: pytest.MonkeyPatch) -> None:
-    judged = {"x": ("claim x", "criterion x", lambda m: (m.variant == "printed" and m.cost.modes == 3, m.variant))}
+    judged = {
+        "x": ("claim x", "criterion x", lambda m: (m.variant == "printed" and m.cost.exponentials == 3, m.variant))
+    }
     monkeypatch.setattr(claims, "CLAIMS", judged)
-    found = claims.judge({}, {}, {"printed": StepCost(modes=3), "corrected": StepCost(modes=4)})
+    found = claims.judge({}, {}, {"printed": StepCost(exponentials=3), "corrected": StepCost(exponentials=4)})
     assert found == [
         claims.Claim("x", "claim x", "printed", "reproduced", "criterion x", "printed"),
         claims.Claim("x", "claim x", "corrected", "not reproduced", "criterion x", "corrected"),

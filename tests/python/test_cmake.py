@@ -81,8 +81,9 @@ def test_a_project_that_includes_fracgyro_does_not_install_it(from_source: Path,
 
 
 def test_the_package_has_every_header_once_and_the_version_of_the_project(package: Path) -> None:
-    headers = [path.name for folder in ("core", "sim") for path in (ROOT / folder).rglob("*.hpp")]
-    assert sorted(path.name for path in (package / "include").rglob("*.hpp")) == sorted(headers)
+    folders = ROOT / "include", package / "include"
+    kept, installed = (sorted(path.relative_to(of) for path in of.rglob("*.hpp")) for of in folders)
+    assert installed == kept
     version = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
     (file,) = package.rglob("fracgyro-config-version.cmake")
     assert f'set(PACKAGE_VERSION "{version}")' in file.read_text(encoding="utf-8")

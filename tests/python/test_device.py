@@ -262,7 +262,7 @@ def test_the_drift_is_parts_per_million_a_kelvin_of_the_temperature() -> None:
 def test_a_quantiser_is_idempotent_monotone_and_within_half_a_step(
     value: float, other: float, span: float, bits: int
 ) -> None:
-    quantiser = _core.Quantiser()
+    quantiser = _core.Quantizer()
     quantiser.range, quantiser.bits = span, bits
     step = 2 * span / 2**bits
     a, b = value * span, other * span

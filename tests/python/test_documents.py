@@ -58,7 +58,7 @@ def cited() -> list[tuple[str, str]]:
 
 @pytest.mark.parametrize(("file", "identifier"), cited())
 def test_every_identifier_of_the_equations_exists_in_its_file(file: str, identifier: str) -> None:
-    found = [path for folder in ("core", "sim", "python") for path in (ROOT / folder).rglob(file)]
+    found = [path for folder in ("include", "python") for path in (ROOT / folder).rglob(file)]
     assert len(found) == 1, f"{file} must name one file"
     comment = "#" if found[0].suffix == ".py" else "//"
     code = re.sub(rf"{comment}.*", "", found[0].read_text(encoding="utf-8"))
@@ -224,9 +224,9 @@ def test_the_picture_of_the_readme_is_that_of_a_run(tmp_path: Path) -> None:
 
 
 RUNS_PD = """
-#include "fracgyro/batch.hpp"
-#include "fracgyro/guard.hpp"
-#include "fracgyro/record.hpp"
+#include "fracgyro/sim/batch.hpp"
+#include "fracgyro/control/guard.hpp"
+#include "fracgyro/sim/recorder.hpp"
 
 #include <cstdio>
 
@@ -252,11 +252,10 @@ int main() {
 
 
 def test_the_controller_of_the_guide_is_one_file_and_one_line(tmp_path: Path) -> None:
-    for folder in ("core", "sim"):
-        shutil.copytree(ROOT / folder, tmp_path / folder)
+    shutil.copytree(ROOT / "include", tmp_path / "include")
     guide = read("CONTRIBUTING.md")
     (file,) = blocks(guide, "cpp")
-    (tmp_path / "core/fracgyro/pd.hpp").write_text(file, encoding="utf-8")
+    (tmp_path / "include/fracgyro/control/pd.hpp").write_text(file, encoding="utf-8")
     for diff in blocks(guide, "diff"):
         header, *lines = diff.splitlines()
         changed = tmp_path / header.removeprefix("--- ")
@@ -265,7 +264,7 @@ def test_the_controller_of_the_guide_is_one_file_and_one_line(tmp_path: Path) ->
         assert text.count(before) == 1
         changed.write_text(text.replace(before, after), encoding="utf-8")
     (tmp_path / "main.cpp").write_text(RUNS_PD, encoding="utf-8")
-    includes = include(tmp_path / "core", tmp_path / "sim")
+    includes = include(tmp_path / "include")
     flags = ["-std=c++20", "-ffp-contract=off", "-Wno-psabi", "-pthread"]
     system_compiler(*flags, *includes, tmp_path / "main.cpp", "-o", tmp_path / "main")
     columns, last_error, steady = map(float, subprocess.check_output([tmp_path / "main"]).split())

@@ -54,7 +54,8 @@ def test_the_same_scenario_gives_the_same_bytes_and_the_cores_headers_unchanged(
         for f in (tmp_path / "a", tmp_path / "b")
     )
     assert a == b
-    headers = {p.relative_to(ROOT): p.read_bytes() for p in (ROOT / "core").rglob("*.hpp")}
+    layers = [ROOT / "include/fracgyro" / layer for layer in ("core", "control")]
+    headers = {p.relative_to(ROOT): p.read_bytes() for layer in layers for p in layer.rglob("*.hpp")}
     assert {path: a.get(path) for path in headers} == headers
     text = a[Path("fracgyro_coefficients.h")].decode()
     assert PAPER.content_hash() in text
@@ -285,7 +286,7 @@ def test_no_bits_of_memory_are_misused_whatever_the_input(scenario: fg.Scenario,
         *sanitize,
         *flags(tmp_path / "out", "BITS"),
         "-I.",
-        "-Icore",
+        "-Iinclude",
         *sources,
         "-o",
         "replay",
@@ -343,13 +344,13 @@ def test_a_fault_on_the_way_changes_no_bit_between_processors_and_compilers(
 
 
 def test_in_single_precision_a_constant_reaches_its_exact_answer_and_stays_there_for_ten_million_steps() -> None:
-    from fracgyro.fractional.kernel import core_modes
+    from fracgyro.fractional.kernel import core_kernel
 
     steps = 10_000_000
-    modes = core_modes(0.9, 1e-3, 80.0, 1e-6)  # the paper's; the slowest has s h = 1e-6 and is settled at the end
+    kernel = core_kernel(0.9, 1e-3, 80.0, 1e-6)  # the paper's; the slowest has s h = 1e-6 and is settled at the end
     ones, zeros = np.ones((steps, 1)), np.zeros((steps, 1))
-    exact = _core.apply_operator(ones, zeros, modes, 1e-3)[0]
-    single = _core.apply_operator_single(ones.astype(np.float32), zeros.astype(np.float32), modes, 1e-3)[0]
+    exact = _core.apply_operator(ones, zeros, kernel, 1e-3)[0]
+    single = _core.apply_operator_single(ones.astype(np.float32), zeros.astype(np.float32), kernel, 1e-3)[0]
     assert np.abs(single[1000::1000] / exact[1000::1000] - 1).max() < 1e-4
     assert float(single[-1, 0]) == pytest.approx(float(exact[-1, 0]), rel=1e-4)
 

@@ -1,6 +1,6 @@
 """The O(1)-memory fractional operators against closed forms, and against the full-history reference.
 
-A test names the error it allows: the modes' kernel error times the signal's size, or the interpolant's.
+A test names the error it allows: the kernel error times the signal's size, or the interpolant's.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def mittag_leffler(order: float, second: float, argument: np.ndarray) -> np.ndar
 @pytest.mark.parametrize("order", [0.01, 0.1, 0.5, 0.9, 0.99])
 @pytest.mark.parametrize("power", [0, 1, 2, 3])
 def test_powers_of_time_have_powers_of_time_as_derivative_and_integral(order: float, power: int) -> None:
-    # The interpolant of a cubic is the cubic: what is left is the kernel error of the modes, 1e-9.
+    # The interpolant of a cubic is the cubic: what is left is the kernel error, 1e-9.
     times = grid(2.0)
     values, rates = times**power, power * times ** max(power - 1, 0)
     found = fractional.integral(values, rates, STEP, 1 - order)
@@ -219,7 +219,7 @@ def test_the_operator_agrees_with_the_full_history(order: float) -> None:
 
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-9])
 def test_the_error_of_the_modes_is_within_the_tolerance_asked_for(tolerance: float) -> None:
-    # |I^nu f - its modes| <= tolerance I^nu |f|, of the rate for the derivative.
+    # |I^nu f - its exponentials| <= tolerance I^nu |f|, of the rate for the derivative.
     values, rates = task_signal(20_001, STEP)
     integral, caputo = fractional.full_history.hermite(values, rates, STEP, 0.9)
     size = np.arange(20_001) * STEP
@@ -230,7 +230,7 @@ def test_the_error_of_the_modes_is_within_the_tolerance_asked_for(tolerance: flo
     found = fractional.caputo(values, rates, STEP, 0.9, tolerance=tolerance)
     off = np.abs(found - caputo)
     assert (off <= tolerance * size * np.abs(rates).max() + slack).all()
-    assert off.max() > 1e-4 * tolerance  # it is the modes that are measured, not rounding
+    assert off.max() > 1e-4 * tolerance  # it is the exponentials that are measured, not rounding
 
 
 @pytest.mark.parametrize("order", ORDERS)
@@ -305,7 +305,7 @@ def test_a_sample_depends_on_no_later_one(operator: Callable[..., np.ndarray]) -
     whole, other = operator(values, rates, STEP, 0.6), operator(*changed, STEP, 0.6)
     np.testing.assert_array_equal(whole[:250], other[:250])
     assert whole[250] != other[250]
-    # The part alone: its modes are designed for a shorter time, so that it is the same to their tolerance.
+    # The part alone: its exponentials are designed for a shorter time, so that it is the same to their tolerance.
     part = operator(values[:250], rates[:250], STEP, 0.6)
     np.testing.assert_allclose(part[1:], whole[1:250], rtol=0, atol=1e-7)
 

@@ -169,7 +169,7 @@ DIFFERENCES: dict[str, tuple[dict[str, object], object]] = {
     "disturbance.phase": (SINE, (0.0, 1.0)),
     "run.duration": ({}, 0.15),
     "run.step": ({}, 5e-4),
-    "run.mode_tolerance": ({}, 1e-3),
+    "run.kernel_tolerance": ({}, 1e-3),
 }
 # They change nothing that is measured in an ideal device, in the core's units.
 WITHOUT_EFFECT = {

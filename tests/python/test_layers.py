@@ -12,12 +12,15 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
+INCLUDE = ROOT / "include"
+# The folders of include/fracgyro: each may include itself and those before it.
+LAYERS = ["core", "control", "plant", "sim"]
 
-# No heap, no exceptions, no I/O, no libm but in math.hpp.
-CORE_STANDARD = {"array", "bit", "concepts", "cstddef", "cstdint", "limits", "type_traits", "utility"}
-# Of lists of fields and controllers, which firmware never asks for.
-CORE_LISTS = {"span", "string_view", "tuple", "variant"}
-CORE_LIBM = {"sqrt", "fabs", "copysign"}  # each exact by IEEE 754
+# No heap, no exceptions, no I/O, no libm but in scalar.hpp.
+FIRMWARE_STANDARD = {"array", "bit", "concepts", "cstddef", "cstdint", "limits", "type_traits", "utility"}
+# For lists of fields and controllers, which firmware never asks for.
+LISTS_STANDARD = {"span", "string_view", "tuple", "variant"}
+EXACT_LIBM = {"sqrt", "fabs", "copysign"}  # by IEEE 754
 FORBIDDEN_WORDS = {"new", "delete", "malloc", "free", "throw", "try", "catch", "virtual", "typeid"}
 
 
@@ -42,99 +45,99 @@ def includes(path: Path) -> list[tuple[str, str]]:
     return re.findall(r'#\s*include\s*([<"])([^>"]+)[>"]', path.read_text(encoding="utf-8"))
 
 
-def headers(folder: str) -> set[str]:
-    return {path.name for path in sources(folder)}
-
-
 def is_standard(header: str) -> bool:
     return re.fullmatch(r"[a-z_]+", header) is not None
 
 
-in_core, in_sim, in_bindings, in_tests = (
-    pytest.mark.parametrize("path", sources(folder), ids=name) for folder in ("core", "sim", "bindings", "tests/core")
-)
+def is_ours(header: str) -> bool:
+    return (INCLUDE / header).is_file()
 
 
-def test_no_header_of_the_core_and_the_simulator_shares_a_name() -> None:
-    assert not headers("core") & headers("sim"), "#include would depend on the order of the include paths"
+HEADERS = [path for layer in LAYERS for path in sources(f"include/fracgyro/{layer}")]
+in_firmware = pytest.mark.parametrize("path", [p for p in HEADERS if p.parent.name in ("core", "control")], ids=name)
 
 
-@in_core
-def test_the_core_includes_itself_and_a_few_headers_without_code(path: Path) -> None:
+def test_every_header_belongs_to_a_layer_and_no_two_share_a_name() -> None:
+    assert sorted(HEADERS) == sources("include")
+    assert len({path.name for path in HEADERS}) == len(HEADERS), "EQUATIONS.md and comments name headers by file name"
+
+
+@pytest.mark.parametrize("path", HEADERS, ids=name)
+def test_a_header_includes_its_layer_and_those_below(path: Path) -> None:
+    below = LAYERS[: LAYERS.index(path.parent.name) + 1]
     for bracket, header in includes(path):
         if bracket == '"':
-            assert (path.parent / header).is_file(), header
+            assert is_ours(header), header
+            assert header.split("/")[1] in below, header
         else:
-            allowed = CORE_STANDARD | CORE_LISTS | ({"cmath"} if path.name == "math.hpp" else set())
+            assert is_standard(header) or (path.name, header) == ("lanes.hpp", "immintrin.h")
+
+
+def test_the_headers_include_one_another_without_a_cycle() -> None:
+    left = {name(path): {f"include/{h}" for bracket, h in includes(path) if bracket == '"'} for path in HEADERS}
+    while free := [header for header, needed in left.items() if not needed & left.keys()]:
+        for header in free:
+            del left[header]
+    assert not left
+
+
+@in_firmware
+def test_what_firmware_compiles_includes_a_few_headers_without_code(path: Path) -> None:
+    for bracket, header in includes(path):
+        if bracket == "<":
+            allowed = FIRMWARE_STANDARD | LISTS_STANDARD | ({"cmath"} if path.name == "scalar.hpp" else set())
             assert header in allowed
 
 
-@in_core
-def test_the_core_neither_allocates_nor_throws(path: Path) -> None:
+@in_firmware
+def test_what_firmware_compiles_neither_allocates_nor_throws(path: Path) -> None:
     words = set(re.findall(r"\w+", code(path)))
     assert not words & FORBIDDEN_WORDS
 
 
-@in_core
-def test_the_core_calls_no_libm_that_may_round_differently_elsewhere(path: Path) -> None:
+@in_firmware
+def test_what_firmware_compiles_calls_no_libm_that_may_round_differently_elsewhere(path: Path) -> None:
     text = code(path)
     called = set(re.findall(r"std::(\w+)\s*\(", text))
     casts = {"size_t", "int32_t", "int64_t", "uint64_t", "string_view", "tuple_cat", "apply"}
-    assert called - casts <= (CORE_LIBM if path.name == "math.hpp" else set())
+    assert called - casts <= (EXACT_LIBM if path.name == "scalar.hpp" else set())
     # Without std:: as well: only the core's own functions have these meanings.
     assert not re.search(r"(?<![\w.:])(pow|sin|cos|tan|exp2?|log2?|sqrt|tgamma|floor|round)f?\s*\(", text)
 
 
-@in_core
-def test_the_core_keeps_no_mutable_globals(path: Path) -> None:
+@in_firmware
+def test_what_firmware_compiles_keeps_no_mutable_globals(path: Path) -> None:
     for line in code(path).splitlines():
         if re.match(r"\s*(inline|static|thread_local|extern)\s", line) and "(" not in line:
             assert "constexpr" in line, line
 
 
-@in_sim
-def test_the_simulator_includes_the_core_itself_and_the_standard_library(path: Path) -> None:
-    for bracket, header in includes(path):
-        if bracket == "<":
-            assert is_standard(header) or (path.name, header) == ("lanes.hpp", "immintrin.h")
-        elif header.startswith("fracgyro/"):
-            assert header.removeprefix("fracgyro/") in headers("core")
-        else:
-            assert (path.parent / header).is_file(), header
-
-
-@in_bindings
-def test_the_bindings_include_what_is_below_and_nanobind(path: Path) -> None:
-    below = headers("core") | headers("sim")
+@pytest.mark.parametrize("path", sources("bindings"), ids=name)
+def test_the_bindings_include_the_headers_and_nanobind(path: Path) -> None:
     for bracket, header in includes(path):
         if bracket == "<":
             assert is_standard(header) or header.startswith("nanobind/")
-        elif header.startswith("fracgyro/"):
-            assert header.removeprefix("fracgyro/") in below
         else:
-            assert (path.parent / header).is_file(), header
+            assert is_ours(header) or (path.parent / header).is_file(), header
 
 
-@pytest.mark.parametrize("path", [*sources("faces/fmu"), *sources("faces/web"), *sources("faces/lanes")], ids=name)
-def test_a_face_includes_what_is_below_itself_and_the_standard_it_speaks(path: Path) -> None:
-    below = headers("core") | headers("sim")
+@pytest.mark.parametrize("path", [p for of in ("fmu", "web", "lanes") for p in sources(f"integrations/{of}")], ids=name)
+def test_an_integration_includes_the_headers_itself_and_the_standard_it_speaks(path: Path) -> None:
     for bracket, header in includes(path):
         if bracket == "<":
             assert is_standard(header)
-        elif header.startswith("fracgyro/"):
-            assert header.removeprefix("fracgyro/") in below
         else:
             made_or_fmi = {"exported.hpp", "fmi2Functions.h", "fmi3Functions.h"}
-            assert header in made_or_fmi or (path.parent / header).is_file(), header
+            assert header in made_or_fmi or is_ours(header) or (path.parent / header).is_file(), header
 
 
 def test_firmware_needs_the_core_alone() -> None:
-    (path,) = sources("faces/firmware")
+    (path,) = sources("integrations/firmware")
     for bracket, header in includes(path):
         assert header == "fracgyro.h" if bracket == '"' else is_standard(header)
 
 
-@in_tests
+@pytest.mark.parametrize("path", sources("tests/cpp"), ids=name)
 def test_the_core_tests_need_neither_the_bindings_nor_python(path: Path) -> None:
     for bracket, header in includes(path):
         if bracket == "<":
@@ -276,7 +279,7 @@ def test_the_version_is_typed_once() -> None:
     version = re.search(r'^version = "([^"]+)"', (ROOT / "pyproject.toml").read_text(), re.MULTILINE)
     assert version
     code_files = [ROOT / "CMakeLists.txt", ROOT / "Makefile", *sorted((ROOT / "python").rglob("*.py"))]
-    code_files += [path for folder in ("core", "sim", "bindings") for path in sources(folder)]
+    code_files += [path for folder in ("include", "bindings") for path in sources(folder)]
     for path in code_files:
         assert version[1] not in path.read_text(encoding="utf-8"), name(path)
     assert not re.search(r"project\([^)]*\bVERSION\b", (ROOT / "CMakeLists.txt").read_text())

@@ -81,8 +81,8 @@ def assert_agrees(scenario: fg.Scenario, tolerance: float) -> dict[str, np.ndarr
 
 
 def sharp(variant: str, changes: dict[str, object]) -> fg.Scenario:
-    """Modes and floor such that the oracle and the package solve the same problem to ten digits."""
-    base = {"run.mode_tolerance": 1e-9, "controller.singularity_floor": 1e-3, "run.duration": 3.0}
+    """Exponentials and floor such that the oracle and the package solve the same problem to ten digits."""
+    base = {"run.kernel_tolerance": 1e-9, "controller.singularity_floor": 1e-3, "run.duration": 3.0}
     return fg.Scenario.paper(variant).replace({**base, **changes})
 
 
@@ -331,7 +331,7 @@ def test_lyapunov_function_falls_up_to_a_sampling_effect_that_shrinks_with_the_s
 def test_the_loop_converges_at_first_order_in_the_step(changes: dict[str, object]) -> None:
     # Largest difference of position, over 8 time units, between a run and the run at half its step: linear
     # layer, |e| floored at 1e-2, no noise. Steps 1e-3 to 6.25e-5.
-    quiet = {**QUIET, "controller.singularity_floor": 1e-2, "run.mode_tolerance": 1e-9, "run.duration": 8.0}
+    quiet = {**QUIET, "controller.singularity_floor": 1e-2, "run.kernel_tolerance": 1e-9, "run.duration": 8.0}
     steps = [1e-3 / 2**k for k in range(5)]
     runs = [fg.simulate(PAPER.replace({**quiet, **changes, "run.step": step})) for step in steps]
     positions = [run["position"].values[:: 2**k] for k, run in enumerate(runs)]

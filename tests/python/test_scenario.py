@@ -365,7 +365,7 @@ BAD = [
     ({"disturbance.frequency": (-2e6, 0.0)}, "disturbance.frequency[0] is -2000000.0: it must be at least -1e+06"),
     ({"run.duration": 10**400}, "run.duration is an integer of 1329 bits: it must be a number"),
     ({"run.record_every": 1.5}, "run.record_every is 1.5: it must be an integer"),
-    ({"run.mode_tolerance": 0.2}, "run.mode_tolerance is 0.2: it must lie between 1e-09 and 0.1"),
+    ({"run.kernel_tolerance": 0.2}, "run.kernel_tolerance is 0.2: it must lie between 1e-09 and 0.1"),
     ({"run.units": "si"}, 'run.units is "si": it must be nondimensional or SI'),
     ({"run.duration": "eighty\nunits"}, 'run.duration is "eighty\\nunits": it must be a number'),
     (
@@ -683,7 +683,7 @@ def scenarios(draw: st.DrawFn) -> Scenario:
             "duration": steps * step,
             "step": step,
             "record_every": draw(st.integers(1, 10**6)),
-            "mode_tolerance": draw(st.floats(1e-9, 1e-1)),
+            "kernel_tolerance": draw(st.floats(1e-9, 1e-1)),
             "units": draw(st.sampled_from(["nondimensional", "SI"])),
         },
     }

@@ -14,7 +14,7 @@ from fracgyro.export import compilers, web
 from fracgyro.export.settings import core_numbers, offered, settings, unit
 from fracgyro.scenario.kinds import KINDS, numbers, reports
 
-RUN = {"run.duration", "run.record_every", "run.mode_tolerance"}
+RUN = {"run.duration", "run.record_every", "run.kernel_tolerance"}
 ROOT = Path(__file__).resolve().parents[2]
 SHORT = fg.Scenario.paper()
 OTHER = SHORT.replace(
@@ -69,7 +69,7 @@ def test_the_types_that_are_written_are_those_and_every_name_in_them_is_known(tm
     interfaces = re.findall(r"^export interface (\w+)", text, re.MULTILINE)
     union = text.splitlines()[-1]
     assert union == f"export type Settings = {' | '.join(interfaces[1:])};"
-    head = (ROOT / "faces/web/fracgyro.d.ts").read_text(encoding="utf-8")
+    head = (ROOT / "integrations/web/fracgyro.d.ts").read_text(encoding="utf-8")
     assert "Settings {" not in head
     assert "NameOf<Settings>" in head
 
@@ -77,7 +77,7 @@ def test_the_types_that_are_written_are_those_and_every_name_in_them_is_known(tm
 def test_no_number_of_the_core_is_left_out(tmp_path: Path) -> None:
     data = module_data(tmp_path)
     assert list(data["kinds"]) == list(KINDS)
-    found_by_the_module = {"run.steps", "controller.order_gamma", "controller.mode_count", "controller.mode_error"}
+    found_by_the_module = {"run.steps", "controller.order_gamma", "controller.kernel_terms", "controller.kernel_error"}
     for kind, described in data["kinds"].items():
         names = [number.name for number in numbers(kind)]
         assert len(described["numbers"]) == len(names)

@@ -67,8 +67,8 @@ def test_one_flipped_bit_is_told() -> None:
 
 
 def test_an_index_out_of_range_is_refused_though_the_checksum_is_right() -> None:
-    """There is one: how many pairs of modes, of at most 32, have not settled yet. It is found by its value, as the
-    guard's counts are at most 2 in this scenario."""
+    """There is one: how many pairs of exponentials, of at most 32, have not settled yet. It is found by its
+    value, as the guard's counts are at most 2 in this scenario."""
     controller = running()
     saved = controller.state
     start = saved.index(b"\n") + 1

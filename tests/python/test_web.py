@@ -111,7 +111,7 @@ CHANGES = {
     "a tiny order": ({"controller.order": 1e-300}, 3.0),
     "a finer step": ({"controller.order": 0.6, "run.step": 5e-4}, 3.0),
     "a longer run": ({"controller.order": 0.05, "run.duration": 120.0}, 120.0),
-    "a coarse tolerance": ({"run.mode_tolerance": 1e-2}, 3.0),
+    "a coarse tolerance": ({"run.kernel_tolerance": 1e-2}, 3.0),
     "few steps": ({"run.duration": 0.005}, 0.005),
 }
 

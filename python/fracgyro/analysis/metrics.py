@@ -1,6 +1,6 @@
 """Metrics of recorded runs. Each takes a Dataset from `simulate` or `simulate_many`; times and bounds are in its units.
 
-sim/fracgyro/metrics.hpp gathers the same quantities without a record (`measure_many`); a test
+include/fracgyro/sim/metrics.hpp gathers the same quantities without a record (`measure_many`); a test
 compares the two.
 """
 

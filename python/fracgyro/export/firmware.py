@@ -29,15 +29,16 @@ def export_firmware(
     check_bounded(scenario, unbounded)
     header = coefficients_header(scenario, number)
     with whole_folder(folder) as scratch:
-        shutil.copytree(SOURCES / "faces/firmware", scratch, dirs_exist_ok=True)
-        shutil.copytree(SOURCES / "core", scratch / "core")
+        shutil.copytree(SOURCES / "integrations/firmware", scratch, dirs_exist_ok=True)
+        for layer in ("core", "control"):
+            shutil.copytree(SOURCES / "include/fracgyro" / layer, scratch / "include/fracgyro" / layer)
         (scratch / "fracgyro_coefficients.h").write_text(header, encoding="utf-8", newline="\n")
 
 
 def coefficients_header(scenario: Scenario, number: Number) -> str:
     """What differs from one scenario to the next. The same scenario gives the same text."""
     setup, single = core_setup(scenario), number == "float"
-    capacity = -(-max(setup.modes.count, 1) // 2) * 2
+    capacity = -(-max(setup.kernel.count, 1) // 2) * 2
     alignment = 8
     size = -(-_core.state_size(setup, capacity, single) // alignment) * alignment
     values = initializer(_core.coefficients(setup, single), number)
@@ -70,8 +71,8 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
         "",
         "#ifdef __cplusplus",
         "#define FRACGYRO_PACKS false",
-        '#include "fracgyro/guard.hpp"',
-        '#include "fracgyro/registry.hpp"',
+        '#include "fracgyro/control/guard.hpp"',
+        '#include "fracgyro/control/registry.hpp"',
         "",
         "// Unnamed: two exported controllers in one process do not meet.",
         "namespace fracgyro_exported {",

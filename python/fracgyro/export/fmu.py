@@ -1,7 +1,7 @@
 """A scenario as an FMU for co-simulation, FMI 2.0 or 3.0: the closed loop with its plant, or the controller alone.
 
-Page one is `export`. The C++ is in faces/fmu; from here come a header with this FMU's variables, numbers and modes, the
-model description and the archive. The same scenario and the same compilers give the same bytes.
+Page one is `export`. The C++ is in integrations/fmu; from here come a header with this FMU's variables, numbers and
+kernel, the model description and the archive. The same scenario and the same compilers give the same bytes.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from ..scenario.bounded import check_bounded
 from ..scenario.kinds import LOOP_CHANNELS, reported
 from ..scenario.to_core import core_setup
 from .compilers import FLAGS, SOURCES, Number, include, join_macos, system_compiler, zig
-from .settings import columns, core_modes, core_numbers, meaning, settings, unit, without_plant
+from .settings import columns, core_kernel, core_numbers, meaning, settings, unit, without_plant
 from .units import base_unit, shown
 
 Content = Literal["loop", "controller"]
@@ -39,11 +39,11 @@ Role = Literal["time", "constant", "fixed", "tunable", "input", "output"]
 
 LARGEST = sys.float_info.max  # stands for infinity, which some importers do not read
 LARGEST_SEED = 2**31 - 1  # of FMI's integers
-MOST_TOGETHER = 10**7  # steps in one call of the importer, as faces/fmu/instance.hpp has them
+MOST_TOGETHER = 10**7  # steps in one call of the importer, as integrations/fmu/instance.hpp has them
 FIRST_DATE = (1980, 1, 1, 0, 0, 0)  # of every file in the archive: no clock gets into it
 INPUTS = ("position", "velocity")
 NOT_OF_THE_CONTROLLER = {"position", "velocity", "disturbance"}
-# What steps, modes and noise were designed for.
+# What steps, exponentials and noise were designed for.
 DESIGNED_FOR = {"run.step", "controller.order", "disturbance.hold_steps"}
 OF_DISTURBANCE = {"none": (), "noise": ("standard_deviation", "seed"), "sine": ("amplitude", "frequency", "phase")}
 # zig's name, FMI 3.0's name, ending
@@ -57,7 +57,7 @@ FMI2_FOLDERS = {"linux": "linux64", "windows": "win64", "macos": "darwin64"}
 
 @dataclass(frozen=True)
 class Variable:
-    """One variable; its value reference is its place in the list. `role` and `place` as in faces/fmu/variable.hpp."""
+    """One variable; its value reference is its place in the list. `role`, `place`: integrations/fmu/variable.hpp."""
 
     name: str
     role: Role
@@ -124,7 +124,7 @@ def _variables(scenario: Scenario, content: Content, fmi: Fmi) -> Iterator[Varia
     if fmi == "3.0":  # which demands it; in FMI 2.0 some importers take it for a variable without a start value
         yield Variable("time", "time", unit=_shown("1/omega0", scenario)[1], description="Time.")
     known = {s.name: s for s in settings(scenario)}
-    for name in ("controller.order", "run.step") if core_modes(scenario)[0] else ("run.step",):
+    for name in ("controller.order", "run.step") if core_kernel(scenario)[0] else ("run.step",):
         s = known[name]
         yield Variable(name, "constant", start=s.value, unit=unit(s.number), description=meaning(s.number))
     yield from _parameters(scenario, content)
@@ -183,7 +183,7 @@ def _token(scenario: Scenario, content: Content, fmi: Fmi, number: Number) -> st
 
 
 def _header(scenario: Scenario, content: Content, number: Number, token: str, variables: Sequence[Variable]) -> str:
-    rates, weights = core_modes(scenario)
+    poles, weights = core_kernel(scenario)
     kind, chosen = _core.chosen_type(core_setup(scenario))
     step = scenario.run.step * _shown("1/omega0", scenario)[0]
     rows = []
@@ -205,7 +205,7 @@ def _header(scenario: Scenario, content: Content, number: Number, token: str, va
         f'inline constexpr char token[] = "{token}";',
         f"inline constexpr double step = {_cpp(step)};",
         _array("numbers", core_numbers(scenario).values()),
-        _array("rates", rates),
+        _array("poles", poles),
         _array("weights", weights),
         "inline constexpr Variable variables[] = {",
         *rows,
@@ -254,9 +254,9 @@ def _identifier(content: Content) -> str:
 
 def _binaries(folder: Path, system: System, content: Content, fmi: Fmi) -> dict[str, bytes]:
     """{path in the archive: binary} for one system."""
-    face = SOURCES / "faces/fmu"
+    face = SOURCES / "integrations/fmu"
     source = face / f"fmi{fmi[0]}.cpp"
-    headers = include(folder, face, SOURCES / "core", SOURCES / "sim", _fmi_headers())
+    headers = include(folder, face, SOURCES / "include", _fmi_headers())
     options = [*FLAGS, "-O2", *headers]
     built = {}
     for target, tuple_name, ending in TARGETS[system]:

@@ -29,7 +29,7 @@ class Host:
     def __init__(self, folder: Path, number: Number) -> None:
         library = folder / "host.so"
         options = ["-std=c++20", "-shared", "-fPIC", *flags(folder, "OPTIMISE", "BITS", "LEAN", "WARNINGS")]
-        run([*compiler(), *options, "-I.", "-Icore", "fracgyro.cpp", "-o", library.name], folder)
+        run([*compiler(), *options, "-I.", "-Iinclude", "fracgyro.cpp", "-o", library.name], folder)
         self._library = ctypes.CDLL(str(library))
         self._number = SCALARS[number]
         header = (folder / "fracgyro_coefficients.h").read_text(encoding="utf-8")

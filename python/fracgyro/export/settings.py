@@ -19,7 +19,7 @@ from ..scenario.to_core import core_setup, guard
 from .units import shown
 
 LARGEST_EXACT = 2**53 - 1  # faces take their numbers as doubles
-DERIVED = {"run.steps", "controller.order_gamma", "controller.mode_count", "controller.mode_error"}
+DERIVED = {"run.steps", "controller.order_gamma", "controller.kernel_terms", "controller.kernel_error"}
 OF_PLANT = {"damping", "stiffness", "rate"}  # the quantities that [plant] has in SI units
 
 
@@ -44,7 +44,7 @@ def without_plant(scenario: Scenario) -> Scenario:
 
 
 def core_numbers(scenario: Scenario) -> dict[str, float]:
-    """Every number of a run as the core takes it, in its order (sim/fracgyro/settings.hpp).
+    """Every number of a run as the core takes it, in its order (include/fracgyro/sim/settings.hpp).
 
     Raises ScenarioError for what the faces that take numbers do not simulate: a moving rate, a device not ideal.
     """
@@ -62,9 +62,9 @@ def core_numbers(scenario: Scenario) -> dict[str, float]:
     return dict(zip(names, _core.setup_settings(core_setup(scenario)), strict=True))
 
 
-def core_modes(scenario: Scenario) -> tuple[list[float], list[float]]:
-    """Rates and weights of the modes designed for the scenario; none where it needs none."""
-    rates, weights = _core.setup_modes(core_setup(scenario))
+def core_kernel(scenario: Scenario) -> tuple[list[float], list[float]]:
+    """Poles and weights of the exponentials designed for the scenario; none where it needs none."""
+    rates, weights = _core.setup_kernel(core_setup(scenario))
     return list(rates), list(weights)
 
 

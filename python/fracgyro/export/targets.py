@@ -21,7 +21,7 @@ from ..simulation.controller import Controller
 from . import fmu, web
 from .compilers import FLAGS, SOURCES, Number, compiler, include, make, need, run, system_compiler
 from .firmware import export_firmware
-from .settings import columns, core_modes, core_numbers, without_plant
+from .settings import columns, core_kernel, core_numbers, without_plant
 
 Target = Literal["python", "lanes", "host", "m4f", "m7", "wasm", "fmu"]
 
@@ -71,10 +71,10 @@ def _python(scenario: Scenario, number: Number, motion: NDArray[np.floating], _:
 
 def _lanes(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
     """In the widest registers that this processor has."""
-    source, headers = SOURCES / "faces/lanes/replay.cpp", include(SOURCES / "core", SOURCES / "sim")
+    source, headers = SOURCES / "integrations/lanes/replay.cpp", include(SOURCES / "include")
     system_compiler(*FLAGS, "-O2", "-march=native", *headers, source, "-o", folder / "replay")
     np.array(list(core_numbers(without_plant(scenario)).values())).tofile(folder / "numbers")
-    for name, values in zip(("rates", "weights"), core_modes(scenario), strict=True):
+    for name, values in zip(("poles", "weights"), core_kernel(scenario), strict=True):
         np.array(values).tofile(folder / name)
     motion.tofile(folder / "motion")
     run([str(folder / "replay"), str(KINDS.index(scenario.controller.kind)), number], folder)
@@ -112,7 +112,7 @@ def _wasm(scenario: Scenario, number: Number, motion: NDArray[np.floating], fold
     need("node")
     web.build(folder)
     web.export(without_plant(scenario), folder / "own.json", unbounded=True)
-    shutil.copyfile(SOURCES / "faces/web/replay.mjs", folder / "replay.mjs")
+    shutil.copyfile(SOURCES / "integrations/web/replay.mjs", folder / "replay.mjs")
     motion.astype(np.float64).tofile(folder / "motion")
     run(["node", "replay.mjs", "own.json", number], folder)
     return _compared(scenario, np.fromfile(folder / "answer").reshape(len(motion), -1))

@@ -1,6 +1,6 @@
-"""Scenarios for the WebAssembly module (faces/web), as JSON.
+"""Scenarios for the WebAssembly module (integrations/web), as JSON.
 
-Two kinds of file, both read by faces/web/fracgyro.mjs and typed in fracgyro.d.ts. `export` writes one scenario,
+Two kinds of file, both read by integrations/web/fracgyro.mjs and typed in fracgyro.d.ts. `export` writes one scenario,
 whose run equals `fracgyro.simulate` to the bit. `write_module_data` writes what goes with the module: the paper's two
 scenarios, and what each setting means and may be. `build` makes the module: `python -m fracgyro.export.web DIR`.
 """
@@ -29,7 +29,7 @@ from .settings import columns, meaning, offered, settings, unit
 TARGET = ["-target", "wasm32-wasi"]
 # What a run says besides the core's numbers.
 RUN = Run.model_json_schema()["properties"]
-OF_RUN = ["duration", "record_every", "mode_tolerance"]
+OF_RUN = ["duration", "record_every", "kernel_tolerance"]
 SWITCH = ("false", "true")
 
 
@@ -60,7 +60,7 @@ def build(folder: Path) -> None:
 
     Nothing is linked in, neither a C nor a C++ library: what core/ and sim/ use of C++ is in its headers.
     """
-    face, headers = SOURCES / "faces/web", include(SOURCES / "core", SOURCES / "sim")
+    face, headers = SOURCES / "integrations/web", include(SOURCES / "include")
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as scratch:
         compiled = Path(scratch) / "web.o"

@@ -1,8 +1,8 @@
 """The fractional kernel as a sum of exponentials: the constants behind an O(1)-memory fractional operator.
 
 The kernel of I^(1-order) and of the Caputo derivative D^order, 0 < order < 1 (paper, eq. (7)), is
-t^(-order) / Gamma(1 - order). `design` replaces it on [shortest, longest] by sum_j weights[j] exp(-poles[j] t). How
-is said in core/fracgyro/kernel_design.hpp, which does it: the same arguments give the same bits on every processor.
+t^(-order) / Gamma(1 - order). `design` replaces it on [shortest, longest] by sum_j weights[j] exp(-poles[j] t), as
+include/fracgyro/core/kernel_design.hpp explains: the same arguments give the same bits on every processor.
 """
 
 from __future__ import annotations
@@ -83,18 +83,18 @@ def check(order: float, shortest: float, longest: float, tolerance: float) -> No
 
 
 @lru_cache(maxsize=1024)  # a design takes milliseconds, and studies ask for few different ones
-def core_modes(order: float, step: float, duration: float, tolerance: float) -> _core.Modes:
-    """Modes of I^(1-order) for samples `step` apart over `duration`; none for order 0 and 1, which need none.
+def core_kernel(order: float, step: float, duration: float, tolerance: float) -> _core.ExponentialSum:
+    """Exponentials of I^(1-order) for samples `step` apart over `duration`; none for order 0 and 1, which need none.
 
     Raises ValueError when order, step, duration or tolerance are outside what `design` allows, or the core has no
-    room for as many modes as they take.
+    room for as many exponentials as they take.
     """
     if order not in (0.0, 1.0):
         check(order, step, max(duration, SHORTEST_RANGE * step), tolerance)
-    found = _core.designed_modes(order, step, duration, tolerance)
+    found = _core.designed_kernel(order, step, duration, tolerance)
     if order not in (0.0, 1.0) and not found.count:
         raise ValueError(
             f"tolerance is {tolerance}: it must be larger for order {order} and {duration / step:.3g} steps, which "
-            f"would take more than {_core.mode_capacity} modes"
+            f"would take more than {_core.kernel_capacity} exponentials"
         )
     return found

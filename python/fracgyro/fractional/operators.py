@@ -1,6 +1,6 @@
 """Fractional operators of sampled signals whose values and rates are both known, eq. (7).
 
-Causal and in fixed memory per sample: the same code as in the controller, core/fracgyro/fractional.hpp. Between
+Causal and in fixed memory per sample: the same code as in the controller, include/fracgyro/core/fractional.hpp. Between
 samples a signal is its cubic Hermite interpolant. For the full-history reference methods see `full_history`.
 """
 
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import _core
 from ..arguments import real, signal
-from .kernel import core_modes
+from .kernel import core_kernel
 
 TOLERANCE = 1e-9  # relative error of the kernel, unless asked otherwise
 
@@ -89,12 +89,12 @@ def _apply(
         raise ValueError(f"step is {step}: it must be a positive number")
     _check_order(order)
     columns = (-1, 1) if given.ndim == 1 else given.shape
-    modes = core_modes(order, step, len(given) * step, tolerance)
+    kernel = core_kernel(order, step, len(given) * step, tolerance)
     operate = _core.apply_operator_single if single else _core.apply_operator
     result = operate(
         np.ascontiguousarray(given.reshape(columns), dtype=dtype),
         np.ascontiguousarray(slopes.reshape(columns), dtype=dtype),
-        modes,
+        kernel,
         step,
     )
     integral_part, derivative_part = (np.asarray(part).reshape(given.shape) for part in result)

@@ -46,7 +46,7 @@ class StepCost:
 
     ratios: tuple[float, ...] = ()
     seconds: tuple[float, ...] = ()
-    modes: int = 0
+    exponentials: int = 0
 
 
 def time_steps(variant: str) -> StepCost:
@@ -62,7 +62,7 @@ def time_steps(variant: str) -> StepCost:
             seconds[controller] = time.perf_counter() - start
         ratios.append(seconds["proposed"] / seconds["conventional"])
         costs.append(seconds["proposed"] / (setups["proposed"].steps + 1))
-    return StepCost(tuple(ratios), tuple(costs), setups["proposed"].modes.count)
+    return StepCost(tuple(ratios), tuple(costs), setups["proposed"].kernel.count)
 
 
 @dataclass(frozen=True)
@@ -275,7 +275,7 @@ def costs_more(m: Material) -> Judged:
     return ratio > 1, (
         f"a step of the proposed controller takes {ratio:.2f} times one of the conventional (range "
         f"{min(ratios):.2f} to {max(ratios):.2f} over {len(ratios)} paired timings), {seconds * 1e9:.0f} ns against "
-        f"{seconds / ratio * 1e9:.0f} ns, with its {m.cost.modes} exponential modes for {SHORT:g} units of time. "
+        f"{seconds / ratio * 1e9:.0f} ns, with its {m.cost.exponentials} exponentials for {SHORT:g} units of time. "
         "With the whole history summed at every step, as usual, the cost would grow with the run."
     )
 

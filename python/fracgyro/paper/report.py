@@ -47,7 +47,7 @@ def write_report(
         sensing=_sensing(study),
         step=f"{corrected.run.step:g}",
         hold=f"{corrected.disturbance.hold:g}",
-        tolerance=f"{corrected.run.mode_tolerance:g}",
+        tolerance=f"{corrected.run.kernel_tolerance:g}",
         table_figure=embedded((figures / "table1.svg").read_bytes()),
         tables=[_table(variant, rows) for variant in VARIANTS],
         errata=errata,

@@ -85,7 +85,7 @@ def table_fields(table: str, *, derived: bool = False, **paper: Any) -> dict[str
 
 
 # Numbers of the core that a scenario does not state: they follow from others.
-DESIGNED = {"order_gamma", "mode_count", "mode_error", "initial_damping", "initial_stiffness", "initial_rate"}
+DESIGNED = {"order_gamma", "kernel_terms", "kernel_error", "initial_damping", "initial_stiffness", "initial_rate"}
 
 
 def _field(parts: list[Number], derived: bool, paper: Any) -> tuple[Any, Any]:

@@ -259,9 +259,7 @@ class Run(Table):
     record_every: int = field(
         1, "Steps from one recorded sample to the next. 1: off, all are kept.", ge=1, le=MOST_STEPS
     )
-    mode_tolerance: float = field(
-        1e-6, "Largest relative error of the exponential modes; 1e-9 to 1e-1.", ge=1e-9, le=1e-1
-    )
+    kernel_tolerance: float = field(1e-6, "Largest relative error of the exponentials; 1e-9 to 1e-1.", ge=1e-9, le=1e-1)
     units: Literal["nondimensional", "SI"] = field(
         "nondimensional", "Units of the results alone: nondimensional, or SI (s, m, N). nondimensional: off."
     )

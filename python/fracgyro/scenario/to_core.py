@@ -1,4 +1,4 @@
-"""From a scenario to what the compiled core takes: nondimensional numbers and the designed modes."""
+"""From a scenario to what the compiled core takes: nondimensional numbers and the designed exponentials."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from .. import _core
-from ..fractional.kernel import core_modes
+from ..fractional.kernel import core_kernel
 from .device import Device, Points
 from .kinds import KINDS, numbers
 from .scenario import Scenario
@@ -112,7 +112,7 @@ def _force_tolerance(scenario: Scenario) -> float:
     return min(1e9, LEAST_TOLERANCE + float(disturbed) + _resolution(device.actuator) + clipped + late)
 
 
-def _resolution(quantiser: _core.Quantiser) -> float:
+def _resolution(quantiser: _core.Quantizer) -> float:
     return float(2 * quantiser.range / 2**quantiser.bits) if quantiser.bits else 0.0
 
 
@@ -140,11 +140,11 @@ def is_ideal(scenario: Scenario) -> bool:
     return scenario.rate.kind == "constant" and scenario.device == Device()
 
 
-def rate_params(scenario: Scenario) -> _core.RateParams:
+def rate_params(scenario: Scenario) -> _core.AngularRateParams:
     """Parameters of the angular rate over time."""
     rate, step, scale = scenario.rate, scenario.run.step, scenario.plant.scales.rate
-    params = _core.RateParams()
-    params.kind = getattr(_core.RateKind, "staircase" if rate.kind == "step" else rate.kind)
+    params = _core.AngularRateParams()
+    params.kind = getattr(_core.AngularRateKind, "staircase" if rate.kind == "step" else rate.kind)
     params.amplitude = rate.amplitude / scale
     if rate.kind not in ("constant", "table"):
         params.start = round(rate.start / step)
@@ -158,12 +158,12 @@ def rate_params(scenario: Scenario) -> _core.RateParams:
     return params
 
 
-def device_params(scenario: Scenario) -> _core.DeviceParams:
+def device_params(scenario: Scenario) -> _core.ImperfectionParams:
     """Parameters of what the device is not ideal in."""
     d, scales, step = scenario.device, scenario.plant.scales, scenario.run.step
     # A one-sided density up to half the sampling frequency.
     to_deviation = math.sqrt(0.5 / (step * scales.time))
-    params = _core.DeviceParams()
+    params = _core.ImperfectionParams()
     params.position_noise = (d.position_noise or d.position_noise_density * to_deviation) / scales.length
     params.velocity_noise = (d.velocity_noise or d.velocity_noise_density * to_deviation) / scales.velocity
     params.position = _quantiser(d.position_range / scales.length, d.position_bits)
@@ -177,8 +177,8 @@ def device_params(scenario: Scenario) -> _core.DeviceParams:
     return params
 
 
-def _quantiser(span: float, bits: int) -> _core.Quantiser:
-    quantiser = _core.Quantiser()
+def _quantiser(span: float, bits: int) -> _core.Quantizer:
+    quantiser = _core.Quantizer()
     quantiser.range, quantiser.bits = span, bits
     return quantiser
 
@@ -200,7 +200,7 @@ def core_setup(scenario: Scenario, changes: Mapping[str, float] | None = None) -
         raise KeyError(f"{min(unknown)} is not a number of this run")
     setup = _core.DeviceSetup(KINDS.index(kind), list((found | dict(changes or {})).values()))
     if setup.has_memory:
-        setup.modes = core_modes(scenario.controller.order, run.step, run.duration, run.mode_tolerance)
+        setup.kernel = core_kernel(scenario.controller.order, run.step, run.duration, run.kernel_tolerance)
     setup.seed = scenario.disturbance.seed  # a double does not hold all
     if scenario.device.sensing == "position":
         setup.observer_bandwidth = scenario.controller.observer_bandwidth

@@ -1,0 +1,143 @@
+// What an adaptation estimates, is set by and reports. The laws: gradient.hpp, composite.hpp.
+#pragma once
+
+#include "fracgyro/core/fields.hpp"
+#include "fracgyro/control/signals.hpp"
+
+namespace fracgyro {
+
+// What the controller estimates. As in the law (35), Ω̂ = [[0, -rate], [rate, 0]] + rate_symmetric.
+template <Scalar T>
+struct Estimates {
+    Sym2<T> damping{}, stiffness{};
+    T rate{};
+    Sym2<T> rate_symmetric{};  // stays 0 unless the law is the printed one
+    std::array<T, 3> bound{};  // b̂₀, b̂₁, b̂₂
+
+    friend constexpr Estimates operator+(const Estimates& a, const Estimates& b) {
+        return {.damping = a.damping + b.damping,
+                .stiffness = a.stiffness + b.stiffness,
+                .rate = a.rate + b.rate,
+                .rate_symmetric = a.rate_symmetric + b.rate_symmetric,
+                .bound = {a.bound[0] + b.bound[0], a.bound[1] + b.bound[1], a.bound[2] + b.bound[2]}};
+    }
+    friend constexpr Estimates operator*(T f, const Estimates& a) {
+        return {.damping = f * a.damping,
+                .stiffness = f * a.stiffness,
+                .rate = f * a.rate,
+                .rate_symmetric = f * a.rate_symmetric,
+                .bound = {f * a.bound[0], f * a.bound[1], f * a.bound[2]}};
+    }
+};
+
+// ‖q‖, ‖v‖ and ‖s‖, which the force and the laws share.
+template <Scalar T>
+struct Norms {
+    T position{}, velocity{}, surface{};
+};
+template <Scalar T>
+Norms<T> norms_of(const Motion<T>& motion, const Vec2<T>& surface) {
+    return {.position = norm(motion.position), .velocity = norm(motion.velocity), .surface = norm(surface)};
+}
+
+enum class AdaptationKind { gradient, composite };
+enum class RateLaw { skew, printed };
+
+struct AdaptationParams {
+    AdaptationKind kind = AdaptationKind::gradient;  // composite: the laws and least squares (composite.hpp)
+    bool adaptive = true;                            // false: the initial estimates are kept
+    RateLaw rate_law = RateLaw::skew;
+    double damping_gain = 150.0, stiffness_gain = 150.0, rate_gain = 150.0;  // M, N, P
+    std::array<double, 3> bound_gain{1.0, 1.6, 1.6};                         // x₀, x₁, x₂
+    std::array<double, 3> initial_bound{0.1, 0.2, 0.3};                      // b̂₀, b̂₁, b̂₂
+    double leakage = 0.0;     // 1/time: estimates return to their initial values at this rate; 0 off
+    double dead_zone = 0.0;   // the laws rest while ‖s‖ is below it; 0 off
+    double projection = 0.0;  // largest deviation, as a fraction of the family's largest initial entry; 0 off
+    double forgetting = 0.0, rate_forgetting = 0.0;  // of least squares, 1/time: all parameters; Ωz besides; 0 nothing
+
+    // Which of the adaptations runs.
+    constexpr AdaptationKind runs() const { return adaptive ? kind : AdaptationKind::gradient; }
+
+    static constexpr std::string_view kinds[] = {"gradient", "composite"}, switches[] = {"false", "true"},
+                                      rate_laws[] = {"skew", "printed"};
+    static constexpr auto adaptive_field() {
+        return in_table("controller",
+                        choice("adaptive", &AdaptationParams::adaptive, switches,
+                               "Estimates replace true values, (35). false: off, all known, (20), (34)."));
+    }
+    // Of the laws for D, K and Ωz.
+    static constexpr auto law_fields() {
+        using P = AdaptationParams;
+        return std::tuple{
+            field("damping_gain", &P::damping_gain, "m/q0^2", above_0,
+                  "M, > 0: speed of the D estimate. Towards 0.0: off."),
+            field("stiffness_gain", &P::stiffness_gain, "m*omega0^2/q0^2", above_0,
+                  "N, > 0: speed of the K estimate. Towards 0.0: off."),
+            field("rate_gain", &P::rate_gain, "1/q0^2", above_0,
+                  "P, > 0: speed of the Omega_z estimate. Towards 0.0: off."),
+        };
+    }
+    static constexpr auto robustness_fields() {
+        using P = AdaptationParams;
+        return std::tuple{
+            field("leakage", &P::leakage, "omega0", at_least_0,
+                  "Unit omega0: rate at which estimates leak back to their initial values. 0.0: off."),
+            field("dead_zone", &P::dead_zone, "q0*omega0", at_least_0,
+                  "Unit of s: adaptation is frozen while ||s|| is below. 0.0: off."),
+            field("projection", &P::projection, "1", at_least_0,
+                  "Every estimate is kept within this fraction of its family's largest initial entry about its initial "
+                  "value. 0.0: off."),
+        };
+    }
+    static constexpr auto fields() {
+        using P = AdaptationParams;
+        return std::tuple_cat(
+            std::tuple{
+                adaptive_field(),
+                in_table("controller",
+                         choice("rate_law", &P::rate_law, rate_laws,
+                                "Law of the Omega_z estimate, (44): skew, P (s1 v2 - s2 v1); printed: off, it never "
+                                "moves.")),
+                choice("kind", &P::kind, kinds,
+                       "gradient: the laws (44); composite: with least squares on the plant's equation, which "
+                       "gives D, K, Omega_z and its standard deviation. controller.adaptive false: off."),
+            },
+            law_fields(),
+            std::tuple{
+                field("bound_gain", &P::bound_gain, "m*omega0^2, m*omega0^2/q0^2, m/q0^2", above_0,
+                      "[x0, x1, x2], > 0: speed of the bound estimates (12). Towards 0.0: off."),
+                fixed(field("initial_bound", &P::initial_bound, "m*omega0^2*q0, m*omega0^2, m*omega0", at_least_0,
+                            "[b0, b1, b2] at t = 0, units of (12), >= 0: initial switching gain. Zeros: none.")),
+            },
+            robustness_fields(),
+            std::tuple{
+                field("forgetting", &P::forgetting, "omega0", at_least_0,
+                      "Unit omega0: rate at which composite's least squares forget, all parameters alike. 0.0: off."),
+                field("rate_forgetting", &P::rate_forgetting, "omega0", at_least_0,
+                      "Unit omega0: rate at which they forget Omega_z besides, which is their bandwidth for it: a fast "
+                      "rate, a noisy estimate. 0.0: off, Omega_z is taken for constant."),
+            });
+    }
+};
+
+// What a controller with adaptation reports. Estimates are those known when the force was computed.
+template <Scalar T>
+struct AdaptiveReport : Estimates<T> {
+    Vec2<T> surface{};
+
+    static constexpr auto fields() {
+        using R = AdaptiveReport;
+        return std::tuple{
+            channel("surface", &R::surface, "q0*omega0", "sliding surface s"),
+            channel("damping_estimate", &R::damping, "m*omega0", "estimate of the damping D"),
+            channel("stiffness_estimate", &R::stiffness, "m*omega0^2", "estimate of the stiffness K"),
+            channel("rate_estimate", &R::rate, "omega0", "estimate of the angular rate: skew part of Omega"),
+            channel("rate_symmetric_estimate", &R::rate_symmetric, "omega0",
+                    "symmetric part of the estimate of Omega; not zero under the printed law only"),
+            channel("bound_estimate", &R::bound, "m*omega0^2*q0, m*omega0^2, m*omega0",
+                    "estimates of the bounds b0, b1, b2"),
+        };
+    }
+};
+
+}  // namespace fracgyro

@@ -1,0 +1,215 @@
+// 5  Composite adaptation: with the laws (44), which s drives, least squares on the plant's equation, driven by what
+//    was predicted wrongly over one step. No acceleration is measured.
+//
+//    Eq. (9) over one step of length h, with u and d held, ∫v dt = Δq exactly and ∫q dt by Hermite's rule, which errs
+//    by h⁵/720 q'''':
+//
+//        Δv = h (u + d) - (D + 2Ω) Δq - K ∫q dt,      ∫q dt = h/2 (q₀ + q₁) + h²/12 (v₀ - v₁)
+//
+//    Divided by h, with v̄ = Δq/h, q̄ = ∫q dt/h, and estimates in the place of the truth, there remains
+//
+//        r = Δv/h - u + (D̂ + 2Ω̂) v̄ + K̂ q̄ = d + row(v̄, q̄)·θ̃,      θ = (Ωz, Dxx, Dxy, Dyy, Kxx, Kxy, Kyy)
+//
+//    one residual on each axis. But v̄ contains h/2 d: in rows made of it, noise would explain noise, and D̂ would be off
+//    by h σ²/(2 v²). They are made of v̄ - h/2 E(d) instead, in effect the mean velocity predicted when the step began.
+//    Of r the part E(d) = r/α is noise, and the other, large in the beginning, the estimates' own error: α = 1 + row P
+//    rowᵀ, and that of the last step serves.
+//
+//    What one sample may add is bounded: from when they are trusted, a residual beyond `largest_innovation` times what
+//    it should be, σ̂ √α, is not learnt from, on both axes. One bad sample spoils two steps; a third residual in a row
+//    that is beyond means that the plant moved, and is learnt from. Ω̂z is not trusted meanwhile.
+//
+//    The force is computed with the laws' part, which is the loop's integral action, and from when Ω̂z is first trusted
+//    with the sum of both parts. What is reported of D, K and Ωz is the part of least squares only
+//    (docs/decisions/0016).
+#pragma once
+
+#include "fracgyro/control/gradient.hpp"
+#include "fracgyro/core/rls.hpp"
+#include "fracgyro/core/saved.hpp"
+
+namespace fracgyro {
+
+// How well the angular rate is known, too.
+template <Scalar T>
+struct CompositeReport : AdaptiveReport<T> {
+    T rate_deviation{};
+    T rate_trusted{};
+
+    static constexpr auto fields() {
+        using R = CompositeReport;
+        return std::tuple_cat(
+            AdaptiveReport<T>::fields(),
+            std::tuple{channel("rate_deviation", &R::rate_deviation, "omega0",
+                               "standard deviation of the estimate of the angular rate; 0 without data"),
+                       channel("rate_trusted", &R::rate_trusted, "1",
+                               "1 where the motion tells the angular rate from the other parameters")});
+    }
+};
+
+template <Scalar T>
+struct CompositeAdaptation {
+    using Laws = GradientAdaptation<T>;
+    using Squares = RecursiveLeastSquares<T, 7>;
+    using Row = typename Squares::Row;
+
+    // Ωz is trusted while the other parameters inflate its variance at most so often, the prior's share of what is
+    // known of it is at most this, and its standard deviation is below this fraction of the natural frequency.
+    static constexpr double largest_inflation = 10.0, largest_share = 0.01, largest_deviation = 0.01;
+    // In standard deviations: noise is never so far off.
+    static constexpr double largest_innovation = 8.0;
+    static constexpr double most_refused = 2.0;  // in a row
+
+    struct Coefficients {
+        typename Laws::Coefficients laws{};
+        T step{}, inverse_step{};
+        T forgetting{}, rate_forgetting{};  // times the step
+        bool forgets = false;
+        T trusted_variance{};  // of Ω̂z
+    };
+    struct State {
+        typename Laws::State laws{};
+        typename Squares::State squares{};
+        T rate_information = T(1.0 / Squares::prior);  // 1/P_00 as it would be if all other parameters were known
+        T noise{}, draws{};                            // mean square of d on one axis, and of how many draws
+        Motion<T> motion{};                            // at the last sample, and the force from then on
+        Vec2<T> force{};
+        Vec2<T> left{};         // 1/α on either axis in the last step
+        T adopted{};            // 1 once Ω̂z has been trusted
+        T surprises{};          // residuals beyond the bound, in a row, as many as matter
+        bool measured = false;  // there is a last sample
+    };
+
+    using Report = CompositeReport<T>;
+
+    static Coefficients prepare(const AdaptationParams& p, const PlantModel<double>& nominal, double step,
+                                double largest_bound = std::numeric_limits<double>::infinity()) {
+        const auto& k = nominal.stiffness;
+        return {.laws = Laws::prepare(p, nominal, step, largest_bound),
+                .step = T(step),
+                .inverse_step = T(1.0 / step),
+                .forgetting = T(step * p.forgetting),
+                .rate_forgetting = T(step * p.rate_forgetting),
+                .forgets = p.forgetting > 0.0,
+                .trusted_variance = T(largest_deviation * largest_deviation * 0.5 * (k.xx + k.yy))};
+    }
+
+    static bool sound(const State& state, const Coefficients& /*c*/) { return fracgyro::sound(state.measured); }
+
+    // Only b̂ is from the laws.
+    static Estimates<T> estimates(const State& state, const Coefficients& c) {
+        Estimates<T> found = c.laws.initial + as_estimates(state.squares.value);
+        for (std::size_t i = 0; i < found.bound.size(); ++i) {
+            found.bound[i] = found.bound[i] + state.laws.deviation.bound[i];
+        }
+        return found;
+    }
+    static Report report(const State& state, const Coefficients& c) {
+        const T variance = state.noise * Squares::variance(state.squares, 0);
+        return {{estimates(state, c)}, square_root(variance), trusted(state, c)};
+    }
+    // What the force is computed with.
+    static Estimates<T> control_estimates(const State& state, const Coefficients& c, const Report& /*reported*/) {
+        return Laws::estimates(state.laws, c.laws) + state.adopted * as_estimates(state.squares.value);
+    }
+    // 1 where Ω̂z is trusted.
+    static T trusted(const State& state, const Coefficients& c) {
+        const T p = Squares::variance(state.squares, 0);
+        const T variance = state.noise * p;
+        const T yes = T(1.0), no = T(0.0);
+        T good = if_less(T(largest_inflation), p * state.rate_information, no, yes);
+        good = if_less(T(largest_share * Squares::prior), p, no, good);
+        good = if_less(c.trusted_variance, variance, no, good);
+        good = if_less(no, state.surprises, no, good);
+        return state.measured ? good : no;
+    }
+
+    static void update(State& state, const Coefficients& c, const Motion<T>& motion, const Vec2<T>& surface,
+                       const Norms<T>& norms, const Vec2<T>& force) {
+        if (state.measured) {
+            forget(state, c);
+            compare(state, c, motion);
+            if (!always_less(T(0.5), state.adopted)) {
+                state.adopted = maximum(state.adopted, trusted(state, c));
+            }
+        }
+        state.motion = motion;
+        state.force = force;
+        state.measured = true;
+        Laws::update(state.laws, c.laws, motion, surface, norms, force);
+    }
+    // Nothing was measured: no step begins or ends here.
+    static void rest(State& state) { state.measured = false; }
+
+private:
+    static Estimates<T> as_estimates(const Row& x) {
+        return {.damping = {x[1], x[2], x[3]}, .stiffness = {x[4], x[5], x[6]}, .rate = x[0]};
+    }
+
+    // What the step from the last sample to this one tells.
+    static void compare(State& state, const Coefficients& c, const Motion<T>& now) {
+        const Motion<T>& last = state.motion;
+        const Vec2<T> v = c.inverse_step * (now.position - last.position);
+        const Vec2<T> q =
+            T(0.5) * (last.position + now.position) + (T(1.0 / 12.0) * c.step) * (last.velocity - now.velocity);
+        const Vec2<T> a = c.inverse_step * (now.velocity - last.velocity);
+        const Estimates<T> e = c.laws.initial + as_estimates(state.squares.value);
+        const Vec2<T> coriolis = T(2.0) * Vec2<T>{-(e.rate * v.y), e.rate * v.x};
+        const Vec2<T> r = (a - state.force) + (e.damping * v + coriolis) + e.stiffness * q;
+
+        const T zero = T(0.0), one = T(1.0);
+        const T surprise = maximum(state.left.x * (r.x * r.x), state.left.y * (r.y * r.y));
+        const T bound = T(largest_innovation * largest_innovation) * state.noise;
+        const T beyond = if_less(state.adopted * bound, state.adopted * surprise, one, zero);
+        const T learns = if_less(state.surprises, T(most_refused), one - beyond, one);
+        state.surprises = beyond * minimum(state.surprises + one, T(most_refused + 1.0));
+        if (always_less(learns, one)) {
+            return;  // below, one run of several may still rest: rows of zeros tell nothing
+        }
+
+        // Before they are adopted, r may be an error of the estimates, a thousand times the noise, which would spoil
+        // rows.
+        const Vec2<T> w = learns * (v - (T(0.5) * c.step * state.adopted) * (state.left * r));
+        const Vec2<T> p = learns * q;
+        const Row x{T(-2.0) * w.y, w.x, w.y, zero, p.x, p.y, zero};
+        const Row y{T(2.0) * w.x, zero, w.x, w.y, zero, p.x, p.y};
+        const Row before = state.squares.value;
+        const T left_x = learn(state, x, learns * r.x, learns);
+        T second = learns * r.y;  // with the estimates as the first row has left them
+        for (std::size_t j = 0; j < y.size(); ++j) {
+            second = second + y[j] * (state.squares.value[j] - before[j]);
+        }
+        const T left_y = learn(state, y, second, learns);
+        state.left = {if_less(zero, learns, left_x, state.left.x), if_less(zero, learns, left_y, state.left.y)};
+        state.rate_information = state.rate_information + T(4.0) * squared_norm(w);
+    }
+    static T learn(State& state, const Row& row, T residual, T learns) {
+        const T left = Squares::update(state.squares, row, residual);
+        // A mean with weights 1/α, which leave out the residuals that the estimates' own errors make.
+        state.draws = state.draws + learns * left;
+        state.noise = state.noise + learns * ((left / state.draws) * (left * residual * residual - state.noise));
+        return left;
+    }
+
+    // With bounded gain (Slotine & Li 1991, 8.7.6): the more slowly the less is known, and never beyond the prior.
+    static void forget(State& state, const Coefficients& c) {
+        const T one = T(1.0), zero = T(0.0);
+        if (c.forgets) {
+            T trace = zero;
+            for (std::size_t i = 0; i < state.squares.value.size(); ++i) {
+                trace = trace + Squares::variance(state.squares, i);
+            }
+            const T ceiling = T(static_cast<double>(state.squares.value.size()) * Squares::prior);
+            const T growth = c.forgetting * maximum(zero, one - trace / ceiling);
+            Squares::inflate(state.squares, one + growth);
+            state.rate_information = state.rate_information / (one + growth);
+            state.draws = state.draws / (one + growth);
+        }
+        const T p = Squares::variance(state.squares, 0);
+        const T moved = c.rate_forgetting * maximum(zero, one - p / T(Squares::prior)) * p;
+        Squares::inflate_first(state.squares, moved);
+        state.rate_information = state.rate_information / (one + moved * state.rate_information);
+    }
+};
+
+}  // namespace fracgyro

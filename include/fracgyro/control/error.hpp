@@ -1,0 +1,20 @@
+// 2  The tracking error, eq. (14): e = q - r and ė = v - dr/dt. The sign is defined here and nowhere else.
+#pragma once
+
+#include "fracgyro/core/fractional.hpp"
+#include "fracgyro/control/reference.hpp"
+
+namespace fracgyro {
+
+// What the controller measures.
+template <Scalar T>
+struct Motion {
+    Vec2<T> position{}, velocity{};
+};
+
+template <Scalar T>
+constexpr Sample<T> tracking_error(const Motion<T>& measured, const ReferencePoint<T>& reference) {
+    return {.value = measured.position - reference.position, .derivative = measured.velocity - reference.velocity};
+}
+
+}  // namespace fracgyro

@@ -1,0 +1,87 @@
+// PID with feedforward: what an engineer would try first. On each axis, with e = q - r,
+//
+//        u = (D̂₀ + 2Ω̂₀) ṙ + K̂₀ r + r̈ - ω² e - 2ζω ė - I        dI/dt = ωᵢ ω² e
+//
+//    where the index 0 marks the nominal plant: it learns nothing. At the force limit I rests where it would wind up.
+#pragma once
+
+#include "fracgyro/control/controller.hpp"
+
+namespace fracgyro {
+
+struct PidParams {
+    double natural_frequency = 200.0;  // ω
+    double damping_ratio = 0.7;        // ζ
+    double integral_frequency = 20.0;  // ωᵢ; 0: no integral action
+
+    static constexpr auto fields() {
+        using P = PidParams;
+        return std::tuple{
+            field("natural_frequency", &P::natural_frequency, "omega0", above_0,
+                  "omega_n, unit omega0, > 0: of the loop. omega_n times run.step must stay below about 0.6."),
+            field("damping_ratio", &P::damping_ratio, "1", above_0, "zeta, no unit, > 0: of the loop."),
+            field("integral_frequency", &P::integral_frequency, "omega0", at_least_0,
+                  "omega_i, unit omega0: integral action grows by omega_i omega_n^2 e. 0.0: off."),
+        };
+    }
+};
+
+template <Scalar T>
+struct Pid {
+    using Value = T;
+    using Params = PidParams;
+    using Report = EmptyReport;
+
+    struct Coefficients {
+        typename Reference<T>::Coefficients reference{};
+        typename Saturation<T>::Coefficients saturation{};
+        typename Feedforward<T>::Coefficients nominal{};
+        T position_gain{}, velocity_gain{}, integral_step{};
+    };
+    struct State {
+        typename Reference<T>::State reference{};
+        Vec2<T> integral{};
+    };
+
+    static Coefficients prepare(const Params& p, const Common& common) {
+        const double square = p.natural_frequency * p.natural_frequency;
+        return {.reference = Reference<T>::prepare(common.reference, common.step),
+                .saturation = Saturation<T>::prepare(common.force_limit),
+                .nominal = Feedforward<T>::prepare(common.nominal),
+                .position_gain = T(square),
+                .velocity_gain = T(2.0 * p.damping_ratio * p.natural_frequency),
+                .integral_step = T(common.step * p.integral_frequency * square)};
+    }
+
+    static Report report(const State&, const Coefficients&) { return {}; }
+    static bool sound(const State&, const Coefficients&) { return true; }  // all of it is numbers
+    static std::uint64_t steps(const State& state) { return state.reference.steps; }
+    static void start_over(State& state, bool keep_estimates) {
+        if (!keep_estimates) {
+            state.integral = {};
+        }
+    }
+
+    static Signals<T, Report> step(State& state, const Coefficients& c, const Motion<T>& measured,
+                                   const Sample<T>* missing = nullptr) {
+        Signals<T, Report> signals{.reference = Reference<T>::update(state.reference, c.reference)};
+        const ReferencePoint<T>& r = signals.reference;
+        const Sample<T>& e = signals.error = missing == nullptr ? tracking_error(measured, r) : *missing;
+        const Vec2<T> feedforward = Feedforward<T>::force(c.nominal, r);
+        const Vec2<T> wanted =
+            feedforward - c.position_gain * e.value - c.velocity_gain * e.derivative - state.integral;
+        signals.force = wanted;
+        T active = T(missing == nullptr ? 1.0 : 0.0);
+        if (c.saturation.limited) {
+            signals.force = Saturation<T>::within(c.saturation, wanted);
+            signals.excess = wanted - signals.force;
+            // Growing with e, I moves the force against it: beyond the limit that way it would wind up.
+            const T unwinding = signals.excess.x * e.value.x + signals.excess.y * e.value.y;
+            active = if_less(unwinding, T(0.0), T(0.0), active);
+        }
+        state.integral = state.integral + (active * c.integral_step) * e.value;
+        return signals;
+    }
+};
+
+}  // namespace fracgyro

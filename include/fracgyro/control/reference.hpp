@@ -1,0 +1,116 @@
+// 1  The reference r and its first two derivatives: amplitude·sin(frequency·t + phase) on each axis, eq. (49).
+#pragma once
+
+#include "fracgyro/core/fields.hpp"
+#include "fracgyro/core/elementary.hpp"
+#include "fracgyro/core/linear.hpp"
+
+namespace fracgyro {
+
+struct ReferenceParams {
+    Vec2<double> amplitude{1.0, 1.0};
+    Vec2<double> frequency{};  // rad per unit of time
+    Vec2<double> phase{};      // rad
+
+    static constexpr auto fields() {
+        using P = ReferenceParams;
+        constexpr Range frequencies{.low = -1e6, .high = 1e6};
+        return std::tuple{
+            field("amplitude", &P::amplitude, "q0", any_number, "[x, y], unit q0. Zeros: off, r = 0."),
+            fixed(
+                field("frequency", &P::frequency, "omega0", frequencies, "[x, y], unit omega0. Zeros: r is constant.")),
+            fixed(field("phase", &P::phase, "rad", any_number, "[x, y], rad: pi/2 makes a cosine. Zeros: off.")),
+        };
+    }
+};
+
+template <Scalar T>
+struct ReferencePoint {
+    Vec2<T> position{}, velocity{}, acceleration{};
+};
+
+// A phase as a fraction of 2^64, and its sine and cosine. Lanes, which are several numbers, have one phase each.
+template <Scalar T>
+struct PhaseOf {
+    using Type = std::uint64_t;
+    static SineCosine<T> sine_cosine(Type phase) { return fracgyro::sine_cosine<T>(phase); }
+};
+
+// Between two exact evaluations the pair (sine, cosine) is turned by one step's angle, which is far cheaper.
+template <Scalar T>
+struct Reference {
+    static constexpr std::uint64_t exact_every = 32;
+
+    using Phase = typename PhaseOf<T>::Type;
+    struct Axis {
+        Phase start{}, increment{};                   // phase at t = 0 and per step, in 2^-64 turns
+        SineCosine<T> turn{};                         // of the increment
+        T amplitude{}, peak_velocity{}, curvature{};  // a, a·f, -f²
+    };
+    struct Coefficients {
+        Axis x, y;
+    };
+    struct State {
+        std::uint64_t steps = 0;  // time is steps·h
+        SineCosine<T> x{}, y{};   // at the present step
+    };
+
+    // An angle in 2^-64 turns, whole turns left out; 0 for one that is not finite.
+    static std::uint64_t phase_of(double radians) {
+        constexpr double radians_per_turn = 6.28318530717958647693;
+        constexpr double whole = 4503599627370496.0;  // 2^52: from here on a double has no fraction
+        const double turns = radians / radians_per_turn;
+        if (!(absolute(turns) < whole)) {
+            return 0;
+        }
+        const double fraction = turns - static_cast<double>(static_cast<std::int64_t>(turns));  // in (-1, 1)
+        // The low 2^-11 of the phase is below the precision of a double: scale in two exact steps.
+        const auto high = static_cast<std::int64_t>(fraction * whole);
+        const double rest = fraction * whole - static_cast<double>(high);
+        return (static_cast<std::uint64_t>(high) << 12) +
+               static_cast<std::uint64_t>(static_cast<std::int64_t>(rest * 4096.0));
+    }
+
+    static Coefficients prepare(const ReferenceParams& p, double step) {
+        return {.x = axis(p.amplitude.x, p.frequency.x, p.phase.x, step),
+                .y = axis(p.amplitude.y, p.frequency.y, p.phase.y, step)};
+    }
+
+    // The position alone, at any step.
+    static Vec2<T> position(const Coefficients& c, std::uint64_t step) {
+        return {c.x.amplitude * PhaseOf<T>::sine_cosine(c.x.start + step * c.x.increment).sine,
+                c.y.amplitude * PhaseOf<T>::sine_cosine(c.y.start + step * c.y.increment).sine};
+    }
+
+    // The point at the present step; then one step on.
+    static ReferencePoint<T> update(State& state, const Coefficients& c) {
+        if (state.steps % exact_every == 0) {
+            state.x = PhaseOf<T>::sine_cosine(c.x.start + state.steps * c.x.increment);
+            state.y = PhaseOf<T>::sine_cosine(c.y.start + state.steps * c.y.increment);
+        }
+        const Vec2<T> sine{state.x.sine, state.y.sine}, cosine{state.x.cosine, state.y.cosine};
+        const Vec2<T> position = Vec2<T>{c.x.amplitude, c.y.amplitude} * sine;
+        state.x = turned(state.x, c.x.turn);
+        state.y = turned(state.y, c.y.turn);
+        ++state.steps;
+        return {.position = position,
+                .velocity = Vec2<T>{c.x.peak_velocity, c.y.peak_velocity} * cosine,
+                .acceleration = Vec2<T>{c.x.curvature, c.y.curvature} * position};
+    }
+
+private:
+    static SineCosine<T> turned(const SineCosine<T>& a, const SineCosine<T>& by) {
+        return {.sine = a.sine * by.cosine + a.cosine * by.sine, .cosine = a.cosine * by.cosine - a.sine * by.sine};
+    }
+    static Axis axis(double amplitude, double frequency, double phase, double step) {
+        const std::uint64_t increment = phase_of(frequency * step);
+        return {.start = Phase{} + phase_of(phase),
+                .increment = Phase{} + increment,
+                .turn = sine_cosine<T>(increment),
+                .amplitude = T(amplitude),
+                .peak_velocity = T(amplitude * frequency),
+                .curvature = T(-frequency * frequency)};
+    }
+};
+
+}  // namespace fracgyro

@@ -1,0 +1,196 @@
+// The controllers by name. A new one is its own file plus one line here.
+#pragma once
+
+#include "fracgyro/control/observer.hpp"
+#include "fracgyro/control/pid.hpp"
+#include "fracgyro/control/sliding_mode.hpp"
+#include "fracgyro/control/super_twisting.hpp"
+
+#include <variant>
+
+namespace fracgyro {
+
+template <std::size_t Size>
+struct Name {
+    char text[Size]{};
+    consteval Name(const char (&characters)[Size]) {
+        for (std::size_t i = 0; i < Size; ++i) {
+            text[i] = characters[i];
+        }
+    }
+    constexpr std::string_view view() const { return {text, Size - 1}; }
+};
+
+template <class... Controllers>
+struct List {};
+
+// A controller of one type for each scalar.
+template <template <class> class Of>
+struct One {
+    using Params = typename Of<double>::Params;
+    template <Scalar T>
+    using Types = List<Of<T>>;
+    static constexpr std::size_t chosen(const Params&) { return 0; }
+};
+
+// Sliding mode on this surface, with each of the adaptations.
+template <template <class> class Surface>
+struct SlidingMode {
+    using Params = SlidingModeParams;
+    template <Scalar T>
+    using Types = List<SlidingModeController<T, Surface, GradientAdaptation>,
+                       SlidingModeController<T, Surface, CompositeAdaptation>>;
+    static constexpr std::size_t chosen(const Params& p) { return static_cast<std::size_t>(p.adaptation.runs()); }
+};
+
+template <Name name, class Family, Name what>
+struct Entry {
+    static constexpr std::string_view kind = name.view(), meaning = what.view();
+    using Type = Family;
+};
+
+using Registry = std::tuple<
+    Entry<"fractional_fast_terminal", SlidingMode<FractionalFastTerminalSurface>, "sliding mode on (16), the paper's">,
+    Entry<"fractional", SlidingMode<FractionalSurface>, "(16) with lambda2 = 0">,
+    Entry<"fast_terminal", SlidingMode<FastTerminalSurface>, "(15), alpha = 1">,
+    Entry<"linear", SlidingMode<LinearSurface>, "both">,
+    Entry<"pid", One<Pid>, "PID with feedforward of the nominal plant">,
+    Entry<"super_twisting", One<SuperTwisting>, "adaptive super-twisting">>;
+
+namespace detail {
+
+template <class Entries>
+struct Listed;
+template <class... Entries>
+struct Listed<std::tuple<Entries...>> {
+    using Params = std::variant<typename Entries::Type::Params...>;
+    static constexpr std::array<std::string_view, sizeof...(Entries)> kinds{Entries::kind...},
+        meanings{Entries::meaning...};
+};
+
+template <std::size_t place, class Types>
+struct At;
+template <std::size_t place, class... Types>
+struct At<place, List<Types...>> {
+    using Type = std::tuple_element_t<place, std::tuple<Types...>>;
+};
+
+template <class Visit, class... Types>
+void visit_chosen(std::size_t chosen, Visit&& visit, List<Types...>) {
+    std::size_t at = 0;
+    const auto one = [&]<class C>(std::type_identity<C>) {
+        static_assert(Resumable<C>);
+        if (at++ == chosen) {
+            visit.template operator()<C>();
+        }
+    };
+    (one(std::type_identity<Types>{}), ...);
+}
+
+}  // namespace detail
+
+// The parameters of any controller. The alternative is its kind: the place of its name in controller_kinds.
+using ControllerParams = typename detail::Listed<Registry>::Params;
+inline constexpr auto controller_kinds = detail::Listed<Registry>::kinds;
+inline constexpr auto controller_meanings = detail::Listed<Registry>::meanings;
+
+// Calls visit(params, family) with the alternative that is held, and the family of the registry's line.
+template <class Params, class Visit>
+constexpr void with_params(Params&& any, Visit&& visit) {
+    const auto one = [&]<std::size_t I>(std::integral_constant<std::size_t, I>) {
+        if (any.index() == I) {
+            visit(*std::get_if<I>(&any), typename std::tuple_element_t<I, Registry>::Type{});
+        }
+    };
+    [&]<std::size_t... I>(std::index_sequence<I...>) {
+        (one(std::integral_constant<std::size_t, I>{}), ...);
+    }(std::make_index_sequence<controller_kinds.size()>{});
+}
+
+// Those of a kind, as they are by default. The kind is one of controller_kinds.
+inline ControllerParams params_of_kind(std::size_t kind) {
+    ControllerParams params;
+    [&]<std::size_t... I>(std::index_sequence<I...>) {
+        ((kind == I ? static_cast<void>(params.template emplace<I>()) : static_cast<void>(0)), ...);
+    }(std::make_index_sequence<controller_kinds.size()>{});
+    return params;
+}
+
+// Calls visit.template operator()<Controller>() for the controller that has these parameters.
+template <Scalar T, class Visit>
+void with_controller(const ControllerParams& any, Visit&& visit) {
+    with_params(any, [&]<class Params, class Family>(const Params& p, Family) {
+        detail::visit_chosen(Family::chosen(p), visit, typename Family::template Types<T>{});
+    });
+}
+
+// The same, behind an observer where there is one.
+template <Scalar T, class Visit>
+void with_controller(const ControllerParams& any, bool observed, Visit&& visit) {
+    with_controller<T>(any, [&]<class C>() {
+        if (observed) {
+            visit.template operator()<Observing<C>>();
+        } else {
+            visit.template operator()<C>();
+        }
+    });
+}
+
+// The type for a line of the registry, and for one that the parameters choose from it.
+template <Scalar T, std::size_t kind, std::size_t chosen>
+using RegisteredController =
+    typename detail::At<chosen, typename std::tuple_element_t<kind, Registry>::Type::template Types<T>>::Type;
+
+// With room for so many exponentials, where it has any.
+template <class C, std::size_t>
+struct SizedController {
+    using Type = C;
+};
+template <class C, std::size_t Capacity>
+    requires requires { typename C::template Sized<Capacity>; }
+struct SizedController<C, Capacity> {
+    using Type = typename C::template Sized<Capacity>;
+};
+
+// Of a controller that is the one for these parameters.
+template <class C>
+typename C::Coefficients prepare(const ControllerParams& any, const Common& common) {
+    typename C::Coefficients prepared{};
+    with_params(any, [&]<class Params>(const Params& p, auto) {
+        if constexpr (std::is_same_v<Params, typename C::Params>) {
+            prepared = C::prepare(p, common);
+        }
+    });
+    return prepared;
+}
+// Of one that need not be in the registry, from its own.
+template <class C>
+typename C::Coefficients prepare(const typename C::Params& params, const Common& common) {
+    return C::prepare(params, common);
+}
+
+// Whether a controller has a fractional memory, whose exponentials are designed beforehand.
+inline bool has_memory(const ControllerParams& any) {
+    bool has = false;
+    with_controller<double>(any, [&]<class C>() {
+        if constexpr (requires { C::has_memory; }) {
+            has = C::has_memory;
+        }
+    });
+    return has;
+}
+
+// The exponentials among the parameters; nullptr: there are none.
+template <class Params>
+constexpr auto* kernel_of(Params&& any) {
+    std::conditional_t<std::is_const_v<std::remove_reference_t<Params>>, const ExponentialSum*, ExponentialSum*>
+        kernel = nullptr;
+    with_params(any, [&](auto& p, auto) {
+        if constexpr (requires { p.kernel(); }) {
+            kernel = &p.kernel();
+        }
+    });
+    return kernel;
+}
+
+}  // namespace fracgyro

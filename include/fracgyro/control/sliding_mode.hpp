@@ -1,0 +1,131 @@
+// The adaptive sliding mode controller: steps 1 to 5 of the paper's Figure 2. Step 6, the plant, is in
+// include/fracgyro/plant/gyroscope.hpp.
+#pragma once
+
+#include "fracgyro/control/composite.hpp"
+#include "fracgyro/control/switching.hpp"
+#include "fracgyro/control/controller.hpp"
+#include "fracgyro/control/error.hpp"
+#include "fracgyro/control/gradient.hpp"
+#include "fracgyro/control/reference.hpp"
+#include "fracgyro/control/surfaces.hpp"
+
+namespace fracgyro {
+
+// What a person sets. Nondimensional.
+struct SlidingModeParams {
+    SurfaceParams surface{};
+    SwitchingParams control{};
+    AdaptationParams adaptation{};
+
+    ExponentialSum& kernel() { return surface.kernel; }
+    const ExponentialSum& kernel() const { return surface.kernel; }
+    static constexpr auto fields() {
+        using P = SlidingModeParams;
+        return std::tuple{Inner{"controller", &P::surface}, Inner{"controller", &P::control},
+                          Inner{"adaptation", &P::adaptation}};
+    }
+};
+
+namespace detail {
+template <template <class> class SurfaceOf, std::size_t Capacity>
+struct SizedSurface {
+    template <class T>
+    using Of = typename SurfaceOf<T>::template Sized<Capacity>;
+};
+}  // namespace detail
+
+template <Scalar T, template <class> class SurfaceOf, template <class> class AdaptationOf = GradientAdaptation>
+struct SlidingModeController {
+    using Value = T;
+    using SurfaceType = SurfaceOf<T>;
+    using AdaptationType = AdaptationOf<T>;
+    using Params = SlidingModeParams;
+    using Report = typename AdaptationType::Report;
+    static constexpr bool has_memory = SurfaceType::has_memory;
+    // With room for so many exponentials.
+    template <std::size_t Capacity>
+    using Sized = SlidingModeController<T, detail::SizedSurface<SurfaceOf, Capacity>::template Of, AdaptationOf>;
+
+    struct Coefficients {
+        typename Reference<T>::Coefficients reference{};
+        typename SurfaceType::Coefficients surface{};
+        typename Switching<T>::Coefficients control{};
+        typename Saturation<T>::Coefficients saturation{};
+        typename AdaptationType::Coefficients adaptation{};
+    };
+    // A plain value: copy it to save, assign it to resume, bit for bit.
+    struct State {
+        typename Reference<T>::State reference{};
+        typename SurfaceType::State surface{};
+        typename AdaptationType::State adaptation{};
+    };
+
+    static Coefficients prepare(const Params& p, const Common& common) {
+        const double h = common.step;
+        return {.reference = Reference<T>::prepare(common.reference, h),
+                .surface = SurfaceType::prepare(p.surface, h),
+                .control = Switching<T>::prepare(p.control, p.adaptation.rate_law, h),
+                .saturation = Saturation<T>::prepare(common.force_limit),
+                .adaptation = AdaptationType::prepare(p.adaptation, common.nominal, h, largest_bound(p.control, h))};
+    }
+
+    static bool sound(const State& state, const Coefficients& c) {
+        return SurfaceType::sound(state.surface, c.surface) && AdaptationType::sound(state.adaptation, c.adaptation);
+    }
+
+    static Report report(const State& state, const Coefficients& c) {
+        return AdaptationType::report(state.adaptation, c.adaptation);
+    }
+
+    static std::uint64_t steps(const State& state) { return state.reference.steps; }
+
+    // Forgets what was measured, and what was learnt from it unless it is kept. Time goes on.
+    static void start_over(State& state, bool keep_estimates) {
+        // Constants: they are copied as they are, and not put together on the stack.
+        static constexpr typename SurfaceType::State no_motion{};
+        state.surface = no_motion;
+        if (keep_estimates) {
+            AdaptationType::rest(state.adaptation);
+        } else {
+            static constexpr typename AdaptationType::State nothing_learnt{};
+            state.adaptation = nothing_learnt;
+        }
+    }
+
+    static Signals<T, Report> step(State& state, const Coefficients& c, const Motion<T>& measured,
+                                   const Sample<T>* missing = nullptr) {
+        Signals<T, Report> signals{.reference = Reference<T>::update(state.reference, c.reference),  // 1
+                                   .report = report(state, c)};
+        const ReferencePoint<T>& r = signals.reference;
+        const Motion<T> motion = missing == nullptr ? measured
+                                                    : Motion<T>{.position = r.position + missing->value,
+                                                                .velocity = r.velocity + missing->derivative};
+        const Sample<T>& error = signals.error = tracking_error(motion, signals.reference);      // 2
+        const SurfacePoint<T> surface = SurfaceType::evaluate(state.surface, c.surface, error);  // 3
+        signals.report.surface = surface.s;
+        Norms<T> norms = norms_of(motion, surface.s);
+        const auto& estimates = AdaptationType::control_estimates(state.adaptation, c.adaptation, signals.report);
+        signals.force = Switching<T>::force(c.control, estimates, motion, signals.reference, surface, norms);  // 4
+        Vec2<T> learnt_from = surface.s;
+        if (c.saturation.limited) {
+            const Vec2<T> wanted = signals.force;
+            signals.force = Saturation<T>::within(c.saturation, wanted);
+            signals.excess = wanted - signals.force;
+            // The laws move the force against s: s·Δu <= 0. Where it is beyond the limit that way, they would wind up.
+            const T unwinding = signals.excess.x * surface.s.x + signals.excess.y * surface.s.y;
+            const T active = if_less(unwinding, T(0.0), T(0.0), T(1.0));
+            learnt_from = active * surface.s;
+            norms.surface = active * norms.surface;
+        }
+        SurfaceType::advance(state.surface, c.surface, error);
+        if (missing == nullptr) {
+            AdaptationType::update(state.adaptation, c.adaptation, motion, learnt_from, norms, signals.force);  // 5
+        } else {
+            AdaptationType::rest(state.adaptation);
+        }
+        return signals;
+    }
+};
+
+}  // namespace fracgyro

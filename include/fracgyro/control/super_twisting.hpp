@@ -1,0 +1,143 @@
+// Adaptive super-twisting control: a continuous force that holds s = ė + λ e at zero against any disturbance whose rate
+// of change is bounded (Levant 1993; for a gyroscope, doi 10.1371/journal.pone.0189457).
+//
+//        u = (D̂ + 2Ω̂) v + K̂ q + r̈ - λ ė - k₁ |s|^½ sign(s) + w        dw/dt = -k₂ sign(s)
+//
+//    For a mismatch that changes at most at the rate L: k₂ > L and k₁ ≈ 1.5 √L. The estimates follow the laws (44), in
+//    which w and they compete for the same signal: Ω̂z may wander far from Ωz. w rests at the force limit where it would
+//    wind up, and never grows beyond it.
+#pragma once
+
+#include "fracgyro/control/gradient.hpp"
+#include "fracgyro/control/controller.hpp"
+#include "fracgyro/control/reference.hpp"
+
+namespace fracgyro {
+
+struct SuperTwistingParams {
+    double surface_gain = 30.0;     // λ
+    double twisting_gain = 20.0;    // k₁
+    double integral_gain = 300.0;   // k₂
+    AdaptationParams adaptation{};  // of which the bounds are not used
+
+    static constexpr auto fields() {
+        using P = SuperTwistingParams;
+        return std::tuple{
+            field("surface_gain", &P::surface_gain, "omega0", above_0,
+                  "lambda, unit omega0, > 0: decay of e on the surface s = de/dt + lambda e."),
+            field("twisting_gain", &P::twisting_gain, "q0^0.5*omega0^1.5", above_0,
+                  "k1, > 0: of |s|^(1/2) sign(s); about 1.5 times the root of the mismatch's largest rate of change."),
+            field("integral_gain", &P::integral_gain, "q0*omega0^3", above_0,
+                  "k2, > 0: of the integral of sign(s); above the mismatch's largest rate of change."),
+            Inner{"adaptation", &P::adaptation,
+                  std::tuple_cat(std::tuple{AdaptationParams::adaptive_field()}, AdaptationParams::law_fields(),
+                                 AdaptationParams::robustness_fields())},
+        };
+    }
+};
+
+template <Scalar T>
+struct SuperTwistingReport {
+    Vec2<T> surface{};
+    Sym2<T> damping{}, stiffness{};
+    T rate{};
+    Vec2<T> integral{};  // w
+
+    static constexpr auto fields() {
+        using R = SuperTwistingReport;
+        return std::tuple{
+            channel("surface", &R::surface, "q0*omega0", "sliding surface s"),
+            channel("damping_estimate", &R::damping, "m*omega0", "estimate of the damping D"),
+            channel("stiffness_estimate", &R::stiffness, "m*omega0^2", "estimate of the stiffness K"),
+            channel("rate_estimate", &R::rate, "omega0", "estimate of the angular rate: skew part of Omega"),
+            channel("twisting_integral", &R::integral, "m*omega0^2*q0", "integral w of the super-twisting law"),
+        };
+    }
+};
+
+template <Scalar T>
+struct SuperTwisting {
+    using Value = T;
+    using Params = SuperTwistingParams;
+    using Report = SuperTwistingReport<T>;
+
+    struct Coefficients {
+        typename Reference<T>::Coefficients reference{};
+        typename Saturation<T>::Coefficients saturation{};
+        typename GradientAdaptation<T>::Coefficients adaptation{};
+        T surface_gain{}, twisting_gain{}, integral_step{};
+    };
+    struct State {
+        typename Reference<T>::State reference{};
+        typename GradientAdaptation<T>::State adaptation{};
+        Vec2<T> integral{};
+    };
+
+    static Coefficients prepare(const Params& p, const Common& common) {
+        AdaptationParams laws = p.adaptation;
+        laws.bound_gain = laws.initial_bound = {};
+        return {.reference = Reference<T>::prepare(common.reference, common.step),
+                .saturation = Saturation<T>::prepare(common.force_limit),
+                .adaptation = GradientAdaptation<T>::prepare(laws, common.nominal, common.step),
+                .surface_gain = T(p.surface_gain),
+                .twisting_gain = T(p.twisting_gain),
+                .integral_step = T(common.step * p.integral_gain)};
+    }
+
+    static Report report(const State& state, const Coefficients& c) {
+        const Estimates<T> e = GradientAdaptation<T>::estimates(state.adaptation, c.adaptation);
+        return {.damping = e.damping, .stiffness = e.stiffness, .rate = e.rate, .integral = state.integral};
+    }
+    static bool sound(const State&, const Coefficients&) { return true; }  // all of it is numbers
+    static std::uint64_t steps(const State& state) { return state.reference.steps; }
+    static void start_over(State& state, bool keep_estimates) {
+        if (!keep_estimates) {
+            state.adaptation = {};
+        }
+        state.integral = {};
+    }
+
+    static Signals<T, Report> step(State& state, const Coefficients& c, const Motion<T>& measured,
+                                   const Sample<T>* missing = nullptr) {
+        Signals<T, Report> signals{.reference = Reference<T>::update(state.reference, c.reference),
+                                   .report = report(state, c)};
+        const ReferencePoint<T>& r = signals.reference;
+        const Sample<T>& e = signals.error = missing == nullptr ? tracking_error(measured, r) : *missing;
+        const Vec2<T> q = r.position + e.value, v = r.velocity + e.derivative;
+        const Vec2<T> s = signals.report.surface = e.derivative + c.surface_gain * e.value;
+        const Report& known = signals.report;
+        const Vec2<T> coriolis = T(2.0) * Vec2<T>{-(known.rate * v.y), known.rate * v.x};
+        const Vec2<T> equivalent =
+            known.damping * v + coriolis + known.stiffness * q + r.acceleration - c.surface_gain * e.derivative;
+        const Vec2<T> size = absolute(s);
+        const Vec2<T> twist = with_sign_of(s, Vec2<T>{square_root(size.x), square_root(size.y)});
+        const Vec2<T> wanted = equivalent - c.twisting_gain * twist + state.integral;
+        signals.force = wanted;
+        T active = T(1.0);
+        if (c.saturation.limited) {
+            signals.force = Saturation<T>::within(c.saturation, wanted);
+            signals.excess = wanted - signals.force;
+            const T unwinding = signals.excess.x * s.x + signals.excess.y * s.y;
+            active = if_less(unwinding, T(0.0), T(0.0), T(1.0));
+        }
+        if (missing == nullptr) {
+            const Vec2<T> learnt_from = active * s;
+            const Motion<T> motion{.position = q, .velocity = v};
+            GradientAdaptation<T>::update(state.adaptation, c.adaptation, motion, learnt_from,
+                                          norms_of(motion, learnt_from));
+            state.integral = state.integral - (active * c.integral_step) * sign(s);
+            if (c.saturation.limited) {
+                state.integral = Saturation<T>::within(c.saturation, state.integral);
+            }
+        }
+        return signals;
+    }
+
+private:
+    static Vec2<T> sign(const Vec2<T>& a) {
+        const auto one = [](T x) { return if_less(T(0.0), x, T(1.0), if_less(x, T(0.0), T(-1.0), T(0.0))); };
+        return {one(a.x), one(a.y)};
+    }
+};
+
+}  // namespace fracgyro

@@ -1,0 +1,189 @@
+// 3  Sliding surfaces, one type each. A surface turns the error into s and into the part of ds/dt that does not
+//    contain the plant, which the equivalent control cancels.
+//
+//        s     = ė + first(e) + terminal(e)
+//        ds/dt = ë + drift(e, ė)
+//
+//    linear                     first = λ1 e                               terminal = 0
+//    fast terminal        (15)  first = λ1 e                               terminal = λ2 |e|^c sign(e)
+//    fractional           [52]  first = λ1 D^(α-1) e                       terminal = 0
+//    fractional fast terminal (16)  first = λ1 D^(α-1) e                   terminal = λ2 |e|^c sign(e)
+//
+//    Their drifts are λ1 ė or λ1 D^α e, and λ2 c |e|^(c-1) ė (eq. (17)).
+//
+//    To add a surface: a type with Coefficients, State, prepare() and evaluate() as below, sound() if the state is not
+//    empty, advance() if it has memory to move when the force is on its way, and one line in
+//    registry.hpp.
+#pragma once
+
+#include "fracgyro/control/error.hpp"
+
+namespace fracgyro {
+
+struct SurfaceParams {
+    Vec2<double> fractional_gain{10.0, 10.0};  // λ1 > 0, also the gain of the integer-order first term
+    Vec2<double> terminal_gain{0.5, 0.5};      // λ2 > 0
+    double terminal_exponent = 0.5;            // c in (0, 1)
+    double singularity_floor = 1e-6;           // |e| below which |e|^(c-1) no longer grows
+    bool riemann_liouville = true;             // which D^α: d/dt of D^(α-1) e is the Riemann-Liouville one
+    ExponentialSum kernel{};
+
+    static constexpr std::string_view derivatives[] = {"caputo", "riemann_liouville"};
+    static constexpr auto fields() {
+        using P = SurfaceParams;
+        return std::tuple{
+            Inner{"controller", &P::kernel},
+            field("fractional_gain", &P::fractional_gain, "omega0^(2-alpha)", above_0,
+                  "lambda1 [x, y], unit omega0^(2-alpha), > 0: decay of e on the surface. Towards 0.0: off."),
+            field("terminal_gain", &P::terminal_gain, "q0^(1-c)*omega0", above_0,
+                  "lambda2 [x, y], unit q0^(1-c) omega0, > 0: finite-time pull near e = 0. kind fractional, linear: "
+                  "off."),
+            field("terminal_exponent", &P::terminal_exponent, "1", strictly_between_0_and_1,
+                  "c, strictly between 0 and 1, no unit: |e|^c sign(e). Towards 1.0: a linear term."),
+            field("singularity_floor", &P::singularity_floor, "q0", above_0,
+                  "Unit q0, > 0: floor of |e| in |e|^(c-1). Towards 0.0: off; below 1e-9 rounding rules."),
+            choice("derivative", &P::riemann_liouville, derivatives,
+                   "D^alpha of (18): caputo as printed; riemann_liouville cancels exactly. order 1.0: no difference."),
+        };
+    }
+};
+
+template <Scalar T>
+struct SurfacePoint {
+    Vec2<T> s{}, drift{};
+};
+
+// λ1 e
+template <Scalar T>
+struct LinearTerm {
+    struct Coefficients {
+        Vec2<T> gain{};
+    };
+    struct State {};
+
+    static Coefficients prepare(const SurfaceParams& p, double /*step*/) {
+        return {.gain = {T(p.fractional_gain.x), T(p.fractional_gain.y)}};
+    }
+    static SurfacePoint<T> evaluate(State&, const Coefficients& c, const Sample<T>& error) {
+        return {.s = c.gain * error.value, .drift = c.gain * error.derivative};
+    }
+};
+
+// λ1 D^(α-1) e, with room for as many exponentials as Capacity says.
+template <Scalar T, std::size_t Capacity = ExponentialSum::capacity>
+struct FractionalTerm {
+    using Operator = Fractional<T, Capacity>;
+    struct Coefficients {
+        Vec2<T> gain{};
+        typename Operator::Coefficients fractional{};
+    };
+    using State = typename Operator::State;
+
+    static Coefficients prepare(const SurfaceParams& p, double step) {
+        return {.gain = {T(p.fractional_gain.x), T(p.fractional_gain.y)},
+                .fractional = Operator::prepare(p.kernel, step, p.riemann_liouville)};
+    }
+    static bool sound(const State& state, const Coefficients& c) { return Operator::sound(state, c.fractional); }
+    static SurfacePoint<T> evaluate(State& state, const Coefficients& c, const Sample<T>& error) {
+        const FractionalOutput<T> d = Operator::evaluate(state, c.fractional, error);
+        return {.s = c.gain * d.integral, .drift = c.gain * d.derivative};
+    }
+    static void advance(State& state, const Coefficients& c, const Sample<T>& error) {
+        Operator::advance(state, c.fractional, error);
+    }
+};
+
+// λ2 |e|^c sign(e)
+template <Scalar T>
+struct TerminalTerm {
+    struct Coefficients {
+        Vec2<T> gain{};
+        T exponent{}, floor{}, floored_slope{};  // floored_slope = floor^(c-1)
+        bool square_root = false;                // c = ½, by far the fastest
+    };
+
+    static Coefficients prepare(const SurfaceParams& p, double /*step*/) {
+        return {.gain = {T(p.terminal_gain.x), T(p.terminal_gain.y)},
+                .exponent = T(p.terminal_exponent),
+                .floor = T(p.singularity_floor),
+                .floored_slope = T(power(p.singularity_floor, p.terminal_exponent) / p.singularity_floor),
+                .square_root = p.terminal_exponent == 0.5};
+    }
+    static SurfacePoint<T> evaluate(const Coefficients& c, const Sample<T>& error) {
+        const Vec2<T> size = absolute(error.value);
+        Vec2<T> root;
+        if (c.square_root) {
+            root = {square_root(size.x), square_root(size.y)};
+        } else {
+            root = {power(size.x, c.exponent), power(size.y, c.exponent)};
+        }
+        // |e|^(c-1) = |e|^c / |e|, with the division beside the root instead of after it.
+        const Vec2<T> floored = maximum(size, c.floor);
+        const Vec2<T> inverse{T(1.0) / floored.x, T(1.0) / floored.y};
+        const Vec2<T> slope = if_less({c.floor, c.floor}, size, root * inverse, {c.floored_slope, c.floored_slope});
+        return {.s = with_sign_of(error.value, c.gain * root),
+                .drift = (c.exponent * (c.gain * error.derivative)) * slope};
+    }
+};
+
+namespace detail {
+template <class First, std::size_t Capacity>
+struct SizedTerm {
+    using Type = First;
+};
+template <Scalar T, std::size_t Most, std::size_t Capacity>
+struct SizedTerm<FractionalTerm<T, Most>, Capacity> {
+    using Type = FractionalTerm<T, Capacity>;
+};
+}  // namespace detail
+
+// ė + First, and the terminal term if it has one.
+template <Scalar T, class First, bool with_terminal>
+struct Surface {
+    struct Coefficients {
+        typename First::Coefficients first{};
+        typename TerminalTerm<T>::Coefficients terminal{};
+    };
+    using State = typename First::State;
+    static constexpr bool has_memory = !std::is_same_v<typename detail::SizedTerm<First, 2>::Type, First>;
+    // With room for so many exponentials.
+    template <std::size_t Capacity>
+    using Sized = Surface<T, typename detail::SizedTerm<First, Capacity>::Type, with_terminal>;
+
+    static Coefficients prepare(const SurfaceParams& p, double step) {
+        return {.first = First::prepare(p, step), .terminal = TerminalTerm<T>::prepare(p, step)};
+    }
+    static bool sound(const State& state, const Coefficients& c) {
+        if constexpr (std::is_empty_v<State>) {
+            return true;
+        } else {
+            return First::sound(state, c.first);
+        }
+    }
+    static SurfacePoint<T> evaluate(State& state, const Coefficients& c, const Sample<T>& error) {
+        SurfacePoint<T> point = First::evaluate(state, c.first, error);
+        point.s = error.derivative + point.s;
+        if constexpr (with_terminal) {
+            const SurfacePoint<T> more = TerminalTerm<T>::evaluate(c.terminal, error);
+            point = {.s = point.s + more.s, .drift = point.drift + more.drift};
+        }
+        return point;
+    }
+    // Moves the memory to the next sample, when the force is on its way.
+    static void advance(State& state, const Coefficients& c, const Sample<T>& error) {
+        if constexpr (requires { First::advance(state, c.first, error); }) {
+            First::advance(state, c.first, error);
+        }
+    }
+};
+
+template <Scalar T>
+using LinearSurface = Surface<T, LinearTerm<T>, false>;
+template <Scalar T>
+using FastTerminalSurface = Surface<T, LinearTerm<T>, true>;
+template <Scalar T>
+using FractionalSurface = Surface<T, FractionalTerm<T>, false>;
+template <Scalar T>
+using FractionalFastTerminalSurface = Surface<T, FractionalTerm<T>, true>;
+
+}  // namespace fracgyro

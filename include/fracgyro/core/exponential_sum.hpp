@@ -1,0 +1,38 @@
+// The kernel of a fractional operator as a sum of exponentials.
+#pragma once
+
+#include "fracgyro/core/fields.hpp"
+
+#include <array>
+
+namespace fracgyro {
+
+// Σ weights·exp(-poles·t) ≈ t^(-order)/Γ(1-order) on [step, longest time]; designed by kernel_design.hpp.
+struct ExponentialSum {
+    static constexpr std::size_t capacity = 64;
+    std::size_t count = 0;  // 0 when order is 0 or 1
+    double order = 1.0;
+    double gamma = 1.0;  // Γ(2-order)
+    double error = 0.0;  // largest relative one of the sum; 0: unknown
+    std::array<double, capacity> poles{}, weights{};
+
+    static constexpr auto fields() {
+        return std::tuple{
+            field("order", &ExponentialSum::order, "1", {.low = 0.0, .high = 1.0},
+                  "alpha, 0 to 1, no unit: order of D^alpha e. 1.0: off, the integer surface."),
+            field("order_gamma", &ExponentialSum::gamma, "1", any_number, "Gamma(2 - alpha)."),
+            field("kernel_terms", &ExponentialSum::count, "1", at_least_0, "Exponentials in use."),
+            field("kernel_error", &ExponentialSum::error, "1", at_least_0, "Their largest relative error."),
+        };
+    }
+};
+
+// ExponentialSum of weight 0 until there are so many: the sum is the same.
+inline void fill_up(ExponentialSum& kernel, std::size_t count) {
+    for (; kernel.count < count; ++kernel.count) {
+        kernel.poles[kernel.count] = kernel.poles[kernel.count - 1];
+        kernel.weights[kernel.count] = 0.0;
+    }
+}
+
+}  // namespace fracgyro

@@ -1,0 +1,136 @@
+// What the numbers of a struct are, listed once, next to it: name, unit, range and meaning of each. From such a list
+// come the scenario's tables, the recorded channels, the variables of an FMU, what JavaScript sees and the reference
+// pages. Firmware never asks for it, so that it costs no byte there.
+//
+//     static constexpr auto fields() {
+//         return std::tuple{field("bandwidth", &P::bandwidth, "omega0", positive, "Bandwidth of the loop."), …};
+//     }
+#pragma once
+
+#include "fracgyro/core/scalar.hpp"
+
+#include <span>
+#include <string_view>
+#include <tuple>
+
+namespace fracgyro {
+
+struct Range {
+    double low = -std::numeric_limits<double>::infinity(), high = std::numeric_limits<double>::infinity();
+    bool strict = false;    // low < value < high
+    bool infinite = false;  // infinity is allowed, and switches off
+    bool whole = false;     // an integer
+};
+inline constexpr Range any_number{}, at_least_0{.low = 0.0}, above_0{.low = 0.0, .strict = true};
+inline constexpr Range limit{.low = 0.0, .strict = true, .infinite = true};
+inline constexpr Range strictly_between_0_and_1{.low = 0.0, .high = 1.0, .strict = true};
+
+using Choices = std::span<const std::string_view>;
+
+template <class Member>
+struct Field {
+    std::string_view name;
+    Member member;
+    std::string_view unit;  // nondimensional; "a, b, c": of each part
+    Range range;
+    std::string_view meaning;
+    Choices choices;              // of an enum or a switch, by its numbers
+    bool fixed = false;           // has a meaning only at the start
+    std::string_view table = {};  // where it is not that of its struct
+};
+template <class Member>
+constexpr Field<Member> field(std::string_view name, Member member, std::string_view unit, Range range,
+                              std::string_view meaning) {
+    return {name, member, unit, range, meaning, {}};
+}
+template <class Member>
+constexpr Field<Member> choice(std::string_view name, Member member, Choices choices, std::string_view meaning) {
+    return {name, member, "1", {}, meaning, choices};
+}
+// Of a report: what is recorded.
+template <class Member>
+constexpr Field<Member> channel(std::string_view name, Member member, std::string_view unit, std::string_view meaning) {
+    return {name, member, unit, {}, meaning, {}};
+}
+template <class Member>
+constexpr Field<Member> fixed(Field<Member> field) {
+    field.fixed = true;
+    return field;
+}
+template <class Member>
+constexpr Field<Member> in_table(std::string_view table, Field<Member> field) {
+    field.table = table;
+    return field;
+}
+
+// The fields of a member, in a table of their own: all, or those of a list.
+struct AllFields {};
+template <class Member, class List = AllFields>
+struct Inner {
+    std::string_view inner_table;
+    Member member;
+    List list{};
+};
+template <class Member>
+Inner(std::string_view, Member) -> Inner<Member>;
+template <class Member, class List>
+Inner(std::string_view, Member, List) -> Inner<Member, List>;
+
+// A constant, so that nothing is left in firmware of what it does not use of them.
+template <class Struct>
+inline constexpr auto fields_of = Struct::fields();
+
+// Calls visit(table, field, value) for each of a list, by default of all.
+template <class Struct, class Visit, class List = AllFields>
+constexpr void for_each_field(std::string_view table, Struct& of, Visit&& visit, const List& list = {}) {
+    const auto one = [&]<class Listed>(const Listed& listed) {
+        if constexpr (requires { listed.inner_table; }) {
+            for_each_field(listed.inner_table, of.*listed.member, visit, listed.list);
+        } else {
+            visit(listed.table.empty() ? table : listed.table, listed, of.*listed.member);
+        }
+    };
+    const auto each = [&](const auto&... listed) { (one(listed), ...); };
+    if constexpr (std::is_same_v<List, AllFields>) {
+        std::apply(each, fields_of<std::remove_const_t<Struct>>);
+    } else {
+        std::apply(each, list);
+    }
+}
+
+// Calls visit(part, number) for the numbers of a field's value: part is "", ".x", ".xy" or "[0]".
+template <class Value, class Visit>
+constexpr void for_each_part(Value& value, Visit&& visit) {
+    if constexpr (requires { value.xx; }) {
+        visit(std::string_view(".xx"), value.xx);
+        visit(std::string_view(".xy"), value.xy);
+        visit(std::string_view(".yy"), value.yy);
+    } else if constexpr (requires { value.x; }) {
+        visit(std::string_view(".x"), value.x);
+        visit(std::string_view(".y"), value.y);
+    } else if constexpr (requires { value.size(); }) {
+        constexpr std::string_view places[] = {"[0]", "[1]", "[2]", "[3]", "[4]", "[5]", "[6]", "[7]"};
+        for (std::size_t i = 0; i < value.size(); ++i) {
+            visit(places[i], value[i]);
+        }
+    } else {
+        visit(std::string_view(""), value);
+    }
+}
+
+// The numbers of a report, in order: as many as `width_of` says.
+template <class Report, class Put>
+constexpr void for_each_number(const Report& report, Put&& put) {
+    for_each_field("", report, [&](std::string_view, const auto&, const auto& value) {
+        for_each_part(value, [&](std::string_view, const auto& number) { put(number); });
+    });
+}
+template <class Report>
+constexpr std::size_t width_of() {
+    std::size_t width = 0;
+    const Report report{};
+    for_each_number(report, [&](const auto&) { ++width; });
+    return width;
+}
+
+}  // namespace fracgyro

@@ -1,0 +1,96 @@
+// 6  The gyroscope when its rate moves, its springs drift or they are not linear:
+//
+//        q̈ + (D + ΔD + 2Ω(t)) q̇ + (1 + ε(t)) (K + ΔK) q + κ q³ = u + d,       κ q³ = [κx x³, κy y³]
+//
+//    With x = [q, q̇] and A that of gyroscope.hpp, at the mean rate: ẋ = A x + B (u + d) + N(t, x). A step is one of
+//    Lawson's fourth order ("Generalized Runge-Kutta processes for stable systems with large Lipschitz constants",
+//    1967): the classical Runge-Kutta method applied to exp(-A t) x. What is linear and constant is exact, force
+//    included, so that the step neither damps nor detunes the modes; the error is that of N alone, h⁵ a step.
+//
+//    `inertial`: the centrifugal and Euler forces follow Ωz(t), as in a frame that turns with it,
+//        (d/dt + Ω)² q + (D + ΔD) q̇ + … = u + d.       With δ = Ωz - its mean, J q = [-y, x] and w = q̇ + δ J q this is
+//        q̇ = w - δ J q,       ẇ = A-part of (q, w) + δ ((D + ΔD) J q - J w) + …
+//    without a derivative of the rate; where it jumps, w goes on and q̇ does not.
+#pragma once
+
+#include "fracgyro/plant/gyroscope.hpp"
+
+namespace fracgyro {
+
+struct VaryingPlantParams {
+    GyroscopeParams plant{};  // at the mean rate
+    Vec2<double> cubic_stiffness{};
+    bool inertial = false;
+};
+
+// What differs from the mean at one instant: Ωz - mean and ε.
+struct Variation {
+    double rate = 0.0, stiffness = 0.0;
+};
+
+struct VaryingGyroscope {
+    struct Coefficients {
+        Gyroscope<double>::Coefficients half{};  // half a step
+        Sym2<double> damping{}, stiffness{};
+        Vec2<double> cubic{};
+        double step = 0.0;
+        bool inertial = false;
+    };
+    // Over one step: the rate before its first sample, as that may jump there; then at its begin, middle and end.
+    struct Course {
+        double rate_before = 0.0;
+        std::array<Variation, 3> at{};
+    };
+
+    static Coefficients prepare(const VaryingPlantParams& p, double step) {
+        return {.half = Gyroscope<double>::prepare(p.plant, 0.5 * step),
+                .damping = p.plant.damping + p.plant.damping_deviation,
+                .stiffness = p.plant.stiffness + p.plant.stiffness_deviation,
+                .cubic = p.cubic_stiffness,
+                .step = step,
+                .inertial = p.inertial};
+    }
+
+    static void step(Motion<double>& state, const Coefficients& c, Vec2<double> control, Vec2<double> disturbance,
+                     const Course& course) {
+        using Point = Motion<double>;
+        const auto flow = [&](Point x) {
+            Gyroscope<double>::step(x, c.half, control, disturbance);
+            return x;
+        };
+        const auto plus = [](const Point& x, double h, const Point& k) {
+            return Point{.position = x.position + h * k.position, .velocity = x.velocity + h * k.velocity};
+        };
+        const double h = c.step;
+        Point x = state;
+        if (c.inertial) {
+            x.velocity = x.velocity + course.rate_before * turned(x.position);
+        }
+        const Point k1 = rest(c, course.at[0], x);
+        const Point middle = flow(x);
+        const Point k2 = rest(c, course.at[1], flow(plus(x, 0.5 * h, k1)));
+        const Point k3 = rest(c, course.at[1], plus(middle, 0.5 * h, k2));
+        const Point k4 = rest(c, course.at[2], flow(plus(middle, h, k3)));
+        const Point most = plus(plus(flow(plus(x, h / 6.0, k1)), h / 3.0, k2), h / 3.0, k3);
+        state = plus(flow(most), h / 6.0, k4);
+        if (c.inertial) {
+            state.velocity = state.velocity - course.at[2].rate * turned(state.position);
+        }
+    }
+
+private:
+    static Vec2<double> turned(const Vec2<double>& a) { return {-a.y, a.x}; }
+
+    // N(t, x)
+    static Motion<double> rest(const Coefficients& c, const Variation& now, const Motion<double>& x) {
+        const Vec2<double>& q = x.position;
+        const Vec2<double> spring = -(now.stiffness * (c.stiffness * q) + c.cubic * (q * (q * q)));
+        if (c.inertial) {
+            return {.position = -(now.rate * turned(q)),
+                    .velocity = spring + now.rate * (c.damping * turned(q) - turned(x.velocity))};
+        }
+        return {.velocity = spring - (2.0 * now.rate) * turned(x.velocity)};
+    }
+};
+
+}  // namespace fracgyro

@@ -1,0 +1,291 @@
+// Many runs on several threads: recorded one by one, measured in blocks of as many as the processor has lanes. Which
+// thread takes what changes nothing in any result.
+#pragma once
+
+#include "fracgyro/sim/lane_block.hpp"
+#include "fracgyro/sim/lane_key.hpp"
+#include "fracgyro/sim/recorder.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <cstring>
+#include <exception>
+#include <memory>
+#include <thread>
+#include <vector>
+
+namespace fracgyro {
+
+// Calls task(i) for every i in [0, count). The first exception is rethrown when all threads have ended.
+template <class Task>
+void parallel_for(std::size_t count, unsigned threads, Task&& task) {
+    std::atomic<std::size_t> next{0};
+    std::exception_ptr failure;
+    std::atomic<bool> failed{false};
+    const auto work = [&] {
+        for (std::size_t i = next++; i < count && !failed; i = next++) {
+            try {
+                task(i);
+            } catch (...) {
+                if (!failed.exchange(true)) {
+                    failure = std::current_exception();
+                }
+            }
+        }
+    };
+    std::vector<std::jthread> pool;
+    for (unsigned t = 1; t < threads && t < count; ++t) {
+        pool.emplace_back(work);
+    }
+    work();
+    pool.clear();
+    if (failure) {
+        std::rethrow_exception(failure);
+    }
+}
+
+using MetricValues = std::array<double, metric_names.size()>;
+using FillDisturbance = void (*)(Disturbance&, std::int64_t, std::span<Vec2<double>>);
+
+namespace detail {
+
+// `to` becomes `from` in one lane. Whatever is no number in lanes, counts and switches, must be the same in both.
+template <class T, class Struct>
+void set_lane(Struct& to, const Struct& from, std::size_t lane) {
+    static_assert(std::is_trivially_copyable_v<Struct>);
+    static_assert(alignof(Struct) == sizeof(T));
+    auto* out = reinterpret_cast<unsigned char*>(&to);
+    const auto* in = reinterpret_cast<const unsigned char*>(&from);
+    constexpr std::size_t size = sizeof(typename T::Number);
+    for (std::size_t at = lane * size; at < sizeof(Struct); at += sizeof(T)) {
+        std::memcpy(out + at, in + at, size);
+    }
+}
+
+template <class T>
+typename MetricsSums<double>::Stretch one_lane(const typename MetricsSums<T>::Stretch& s, std::size_t k) {
+    const auto one = [k](const T& a) { return static_cast<double>(a.lane[k]); };
+    const auto vec2 = [&](const Vec2<T>& a) { return Vec2<double>{one(a.x), one(a.y)}; };
+    return {.squares = vec2(s.squares),
+            .force = vec2(s.force),
+            .bend = vec2(s.bend),
+            .rate_squares = one(s.rate_squares),
+            .step = one(s.step),
+            .error_outside = one(s.error_outside),
+            .surface_outside = one(s.surface_outside),
+            .rate_outside = one(s.rate_outside),
+            .peak_rate_error = one(s.peak_rate_error),
+            .largest_force = one(s.largest_force)};
+}
+
+}  // namespace detail
+
+// What the disturbance depends on in runs with the same lane key.
+inline const DisturbanceParams& noise_key(const Setup& s) { return s.disturbance; }
+
+inline std::size_t kernel_terms(const Setup& s) {
+    const ExponentialSum* const kernel = kernel_of(s.controller);
+    return kernel == nullptr ? 0 : kernel->count;
+}
+
+// Up to as many runs as there are lanes, of the same lane key; values[k] receives the metrics of run k.
+// `drawn`: the disturbance of every sample, the same for all runs; empty to draw it on the way.
+template <Controller C>
+void measure_block(AdvanceBlock<C> advance, FillDisturbance fill, std::span<const Setup* const> runs,
+                   std::span<const Vec2<double>> drawn, const MetricsParams& params,
+                   std::span<MetricValues* const> values) {
+    using T = typename C::Value;
+    using Number = typename T::Number;
+    constexpr std::size_t count = T::count;
+    const auto block = std::make_unique<Block<C>>();
+    auto& sums = block->sums;
+    std::size_t terms = 0;
+    for (const Setup* run : runs) {
+        terms = std::max(terms, kernel_terms(*run));
+    }
+    std::array<bool, count> alive{};
+    std::vector<Disturbance> disturbances;
+    for (std::size_t k = 0; k < count; ++k) {
+        const Setup& run =
+            *runs[std::min(k, runs.size() - 1)];  // unused lanes repeat the last run; their results are discarded
+        alive[k] = k < runs.size();
+        disturbances.emplace_back(run.disturbance, run.common.step);
+        ControllerParams controller = run.controller;
+        if (kernel_terms(run) < terms) {  // as many as in the other lanes
+            fill_up(*kernel_of(controller), terms);
+        }
+        const auto coefficients = prepare<C>(controller, run.common);
+        const auto plant = Gyroscope<T>::prepare(run.plant, run.common.step);
+        const auto motion = Gyroscope<T>::start(run.plant);
+        if (k == 0) {
+            block->controller = coefficients;
+        }
+        detail::set_lane<T>(block->controller, coefficients, k);
+        detail::set_lane<T>(block->plant, plant, k);
+        detail::set_lane<T>(block->motion, motion, k);
+        block->alive.lane[k] = alive[k] ? Number(1) : Number(0);
+        sums.rate.lane[k] = static_cast<Number>(run.plant.rate);
+        sums.rate_bound.lane[k] = static_cast<Number>(params.rate_tolerance * absolute(run.plant.rate));
+    }
+    sums.error_bound_squared = T(params.error_bound * params.error_bound);
+    sums.surface_bound_squared = T(params.surface_bound * params.surface_bound);
+    const bool shared =
+        std::all_of(runs.begin(), runs.end(), [&](const Setup* run) { return noise_key(*run) == noise_key(*runs[0]); });
+
+    const std::int64_t samples = runs[0]->steps + 1;
+    const std::int64_t half = runs[0]->steps / 2;
+    const std::int64_t steady_from = first_steady_sample(params, *runs[0]);
+    std::array<MetricsTotals, count> totals{};
+    std::array<double, count> bound_halfway{};
+    typename C::Report report{};    // of the last sample; where a run has diverged, of the one after
+    std::int64_t first = 0, n = 0;  // of the stretch; samples done
+    const auto gather = [&](std::size_t k) { totals[k].add(detail::one_lane<T>(sums.stretch, k), first, steady_from); };
+    const auto end_lane = [&](std::size_t k) {
+        const auto last = LastReport::of(report, [k](const T& a) { return static_cast<double>(a.lane[k]); });
+        *values[k] = metric_values(params, *runs[k], totals[k], last, n <= half ? last.bound[0] : bound_halfway[k], n);
+        alive[k] = false;
+        block->alive.lane[k] = Number(0);
+    };
+    const auto end_diverged = [&] {
+        report = C::report(block->state, block->controller);
+        for (std::size_t k = 0; k < count; ++k) {
+            const auto& q = block->motion.position;
+            const double size = std::abs(double{q.x.lane[k]}) + std::abs(double{q.y.lane[k]});
+            if (alive[k] && !(size < divergence_limit)) {
+                gather(k);
+                end_lane(k);
+            }
+        }
+    };
+    if (diverged(*block)) {
+        end_diverged();
+    }
+    const auto any_alive = [&] { return std::find(alive.begin(), alive.end(), true) != alive.end(); };
+    std::array<Vec2<double>, longest_stretch> coming{};
+    while (n < samples && any_alive()) {
+        // A stretch ends where the runs pass from one window to the next, and before the samples whose estimates count.
+        // It goes on when a run diverges: the others must not notice.
+        first = n;
+        std::int64_t end = std::min(first + static_cast<std::int64_t>(longest_stretch), samples);
+        for (const std::int64_t stop : {half, samples - 1, steady_from, steady_from + 2}) {
+            end = first < stop ? std::min(end, stop) : end;
+        }
+        if (first == half || first == samples - 1) {
+            report = C::report(block->state, block->controller);
+        }
+        for (std::size_t k = 0; first == half && k < count; ++k) {
+            bound_halfway[k] = LastReport::of(report, [k](const T& a) { return double{a.lane[k]}; }).bound[0];
+        }
+        const auto stretch = std::span(coming).first(static_cast<std::size_t>(end - first));
+        for (std::size_t k = 0; k < count && !shared; ++k) {
+            fill(disturbances[k], first, stretch);
+            for (std::size_t i = 0; i < stretch.size(); ++i) {
+                block->disturbance[i].x.lane[k] = static_cast<Number>(stretch[i].x);
+                block->disturbance[i].y.lane[k] = static_cast<Number>(stretch[i].y);
+            }
+        }
+        if (shared) {
+            if (drawn.empty()) {
+                fill(disturbances[0], first, stretch);
+            } else {
+                std::copy_n(drawn.begin() + first, stretch.size(), stretch.begin());
+            }
+            for (std::size_t i = 0; i < stretch.size(); ++i) {
+                for (std::size_t k = 0; k < count; ++k) {
+                    block->disturbance[i].x.lane[k] = static_cast<Number>(stretch[i].x);
+                    block->disturbance[i].y.lane[k] = static_cast<Number>(stretch[i].y);
+                }
+            }
+        }
+        while (n < end && any_alive()) {
+            n = first + advance(*block, n - first, end - first);
+            if (n < samples && diverged(*block)) {
+                end_diverged();
+            }
+        }
+        for (std::size_t k = 0; k < count; ++k) {
+            gather(k);
+        }
+        sums.stretch = {};
+    }
+    for (std::size_t k = 0; k < count; ++k) {
+        if (alive[k]) {
+            end_lane(k);
+        }
+    }
+}
+
+// The metrics of every run, in order. Runs with the same lane key share blocks: first those with the same disturbance,
+// which is then drawn once for all of them, then what is left, those with equally many exponentials side by side.
+template <class Number, std::size_t Count>
+std::vector<MetricValues> measure_all(const Kernels<Number, Count>& kernels, FillDisturbance fill,
+                                      std::span<const Setup* const> runs, const MetricsParams& params,
+                                      unsigned threads) {
+    using Index = std::vector<std::size_t>;
+    constexpr std::size_t most_together = 16 * Count;              // runs on one thread
+    constexpr std::int64_t longest_drawn = std::int64_t{1} << 20;  // samples kept: 16 MB
+    const auto sort = [](Index& order, auto&& by) {
+        std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return by(a) < by(b); });
+    };
+    std::vector<std::string> keys(runs.size());
+    parallel_for(runs.size(), threads, [&](std::size_t i) { keys[i] = lane_key(*runs[i]); });
+    const auto terms = [&](std::size_t i) { return kernel_terms(*runs[i]); };
+    const auto key = [&](std::size_t i) { return std::string_view(keys[i]); };
+    const auto together = [&](std::size_t i) { return std::tuple(key(i), noise_key(*runs[i])); };
+    Index order(runs.size());
+    for (std::size_t i = 0; i < order.size(); ++i) {
+        order[i] = i;
+    }
+    sort(order, [&](std::size_t i) { return std::tuple(together(i), terms(i)); });
+    std::vector<Index> tasks;  // at most one block, or several blocks with the same disturbance
+    Index left;
+    for (std::size_t begin = 0, end = 0; begin < order.size(); begin = end) {
+        while (end < order.size() && together(order[end]) == together(order[begin])) {
+            ++end;
+        }
+        for (; end - begin >= Count; begin += tasks.back().size()) {
+            const auto first = order.begin() + static_cast<std::ptrdiff_t>(begin);
+            const std::size_t size = std::min((end - begin) / Count * Count, most_together);
+            tasks.emplace_back(first, first + static_cast<std::ptrdiff_t>(size));
+        }
+        for (; begin < end; ++begin) {
+            left.push_back(order[begin]);
+        }
+    }
+    sort(left, [&](std::size_t i) { return std::tuple(key(i), terms(i)); });
+    for (std::size_t begin = 0; begin < left.size(); begin += tasks.back().size()) {
+        tasks.emplace_back();
+        for (std::size_t i = begin; i < left.size() && i < begin + Count; ++i) {
+            if (key(left[i]) == key(left[begin])) {
+                tasks.back().push_back(left[i]);
+            }
+        }
+    }
+
+    std::vector<MetricValues> values(runs.size());
+    parallel_for(tasks.size(), threads, [&](std::size_t t) {
+        std::vector<const Setup*> all;
+        std::vector<MetricValues*> out;
+        for (const std::size_t i : tasks[t]) {
+            all.push_back(runs[i]);
+            out.push_back(&values[i]);
+        }
+        std::vector<Vec2<double>> drawn;
+        if (all.size() > Count && all[0]->steps < longest_drawn) {
+            drawn.resize(static_cast<std::size_t>(all[0]->steps + 1));
+            Disturbance disturbance(all[0]->disturbance, all[0]->common.step);
+            fill(disturbance, 0, drawn);
+        }
+        for (std::size_t begin = 0; begin < all.size(); begin += Count) {
+            const std::size_t size = std::min(Count, all.size() - begin);
+            const auto block = std::span<const Setup* const>(all).subspan(begin, size);
+            with_controller<Lanes<Number, Count>>(block[0]->controller, [&]<class C>() {
+                measure_block<C>(std::get<AdvanceBlock<C>>(kernels), fill, block, drawn, params,
+                                 std::span<MetricValues* const>(out).subspan(begin, size));
+            });
+        }
+    });
+    return values;
+}
+
+}  // namespace fracgyro

@@ -1,0 +1,226 @@
+// The gyroscope whose rate moves or whose device is not ideal, and runs with it: slower, and only in double precision.
+// Where nothing of that is so, its samples are those of loop.hpp, bit for bit.
+#pragma once
+
+#include "fracgyro/plant/imperfections.hpp"
+#include "fracgyro/sim/metrics.hpp"
+#include "fracgyro/sim/recorder.hpp"
+#include "fracgyro/plant/varying_gyroscope.hpp"
+
+namespace fracgyro {
+
+// One run whose rate may move and whose device may not be ideal.
+template <class Params>
+struct DeviceSetupOf : SetupOf<Params> {
+    AngularRateParams rate{};
+    ImperfectionParams device{};
+};
+using DeviceSetup = DeviceSetupOf<ControllerParams>;
+
+template <class Params>
+bool plant_varies(const DeviceSetupOf<Params>& s) {
+    const Vec2<double>& cubic = s.device.cubic_stiffness;
+    return s.rate.kind != AngularRateKind::constant || s.device.stiffness_drift != 0.0 || cubic.x != 0.0 ||
+           cubic.y != 0.0;
+}
+
+template <class Params>
+bool is_ideal(const DeviceSetupOf<Params>& s) {
+    const ImperfectionParams& d = s.device;
+    return !plant_varies(s) && !(d.position_noise > 0.0) && !(d.velocity_noise > 0.0) && !d.position.on() &&
+           !d.velocity.on() && !d.actuator.on() && d.delay == 0 && s.common.observer_bandwidth == 0.0;
+}
+
+// As a Snapshot; position, velocity and error are the true ones, `signals.force` is what the controller asks for.
+template <class Report>
+struct DeviceSnapshot : Snapshot<double, Report> {
+    double rate;                     // Ωz, after a jump
+    double stiffness_drift;          // what K has grown by, as a fraction
+    const Motion<double>& measured;  // what the controller goes by
+    const Vec2<double>& applied;     // the force that acts
+};
+
+// 6  As IdealGyroscope of stepper.hpp.
+struct DeviceGyroscope {
+    struct Coefficients {
+        Gyroscope<double>::Coefficients plant{};
+        VaryingGyroscope::Coefficients varying{};
+        bool varies = false;
+        double mean_rate = 0.0;
+        AngularRate rate{{}, 0.0, 1.0, 0};
+        ImperfectionParams device{};
+
+        double drift(std::int64_t n, int halves) const {
+            return device.stiffness_drift * device.temperature.within(n, halves);
+        }
+    };
+    struct Drawn {
+        Vec2<double> disturbance;
+        Motion<double> noise;
+    };
+    // All that is drawn in a run.
+    class Draw {
+    public:
+        template <class Params>
+        explicit Draw(const DeviceSetupOf<Params>& s)
+            : disturbance_(s.disturbance, s.common.step), noise_(s.device, s.disturbance.seed, s.common.step) {}
+        Drawn operator()(std::int64_t n) { return {disturbance_(n), noise_(n)}; }
+
+    private:
+        Disturbance disturbance_;
+        SensorNoise noise_;
+    };
+    struct State {
+        Motion<double> motion{}, measured{};
+        Vec2<double> disturbance{}, applied{};
+        Imperfections::State device{};
+    };
+
+    template <class Params>
+    static Coefficients prepare(const DeviceSetupOf<Params>& s) {
+        const double step = s.common.step;
+        return {.plant = Gyroscope<double>::prepare(s.plant, step),
+                .varying = VaryingGyroscope::prepare({s.plant, s.device.cubic_stiffness, s.rate.inertial}, step),
+                .varies = plant_varies(s),
+                .mean_rate = s.plant.rate,
+                .rate = AngularRate(s.rate, s.plant.rate, step, s.steps),
+                .device = s.device};
+    }
+    template <class Params>
+    static State start(const DeviceSetupOf<Params>& s) {
+        State state{};
+        state.motion = Gyroscope<double>::start(s.plant);
+        return state;
+    }
+    static const Motion<double>& sense(State& state, const Coefficients& c, const Drawn& drawn) {
+        state.disturbance = drawn.disturbance;
+        state.measured = Imperfections::sense(c.device, state.motion, drawn.noise);
+        return state.measured;
+    }
+    template <class C, class Report>
+    static void actuate(State& state, const Coefficients& c, Signals<double, Report>& signals, std::int64_t n) {
+        if constexpr (!measures_velocity<C>) {
+            state.measured.velocity = signals.reference.velocity + signals.error.derivative;  // the observer's
+        }
+        signals.error = tracking_error(state.motion, signals.reference);
+        act(state, c, signals.force, n);
+    }
+    static void act(State& state, const Coefficients& c, const Vec2<double>& asked, std::int64_t n) {
+        state.applied = Imperfections::actuate(state.device, c.device, asked, n);
+    }
+    // Under the force that acts.
+    static void step(State& state, const Coefficients& c, std::int64_t n) {
+        if (!c.varies) {
+            Gyroscope<double>::step(state.motion, c.plant, state.applied, state.disturbance);
+            return;
+        }
+        VaryingGyroscope::Course course{.rate_before = c.rate.before(n) - c.mean_rate};
+        for (int halves = 0; halves < 3; ++halves) {
+            course.at[static_cast<std::size_t>(halves)] = {.rate = c.rate.within(n, halves) - c.mean_rate,
+                                                           .stiffness = c.drift(n, halves)};
+        }
+        VaryingGyroscope::step(state.motion, c.varying, state.applied, state.disturbance, course);
+    }
+    template <class Report>
+    static void step(State& state, const Coefficients& c, const Signals<double, Report>&, std::int64_t n) {
+        step(state, c, n);
+    }
+    template <class LoopState, class Report>
+    static DeviceSnapshot<Report> snapshot(const LoopState& state, const Coefficients& c,
+                                           const Signals<double, Report>& signals) {
+        return {{.step = state.step, .motion = state.motion, .signals = signals, .disturbance = state.disturbance},
+                c.rate.at(state.step),
+                c.drift(state.step, 0),
+                state.measured,
+                state.applied};
+    }
+};
+
+// What is recorded of these runs behind the channels of recorder.hpp.
+inline constexpr std::array<Channel, 5> device_channels{
+    {{"angular_rate", 1, "omega0", "angular rate Omega_z", ""},
+     {"stiffness_drift", 1, "1", "what the stiffness has grown by, as a fraction", ""},
+     {"measured_position", 2, "q0", "position as the controller has it"},
+     {"measured_velocity", 2, "q0*omega0", "velocity as the controller has it, measured or observed"},
+     {"applied_control", 2, "m*omega0^2*q0", "force that the actuator gives for u"}}};
+inline constexpr std::size_t device_width = 8;
+
+template <class Report>
+std::array<double, device_width> device_row(const DeviceSnapshot<Report>& at) {
+    const Motion<double>& m = at.measured;
+    return {at.rate,      at.stiffness_drift, m.position.x, m.position.y,
+            m.velocity.x, m.velocity.y,       at.applied.x, at.applied.y};
+}
+template <class Report>
+void write_device_row(const DeviceSnapshot<Report>& at, double* row) {
+    write_row<double, Report>(at, row);
+    const auto more = device_row(at);
+    std::copy(more.begin(), more.end(), row + row_width<Report>);
+}
+
+// Calls observe(DeviceSnapshot) at every sample; as run_loop.
+template <Controller C, class Params, class Observe>
+std::int64_t run_device_loop(const DeviceSetupOf<Params>& setup, Observe&& observe) {
+    using Loop = Stepper<C, DeviceGyroscope>;
+    const auto coefficients = Loop::prepare(setup);
+    auto state = Loop::begin(setup);
+    Loop::run(state, coefficients, setup.steps + 1, DeviceGyroscope::Draw(setup), observe);
+    return state.step;
+}
+
+// As record(), with rows longer by device_width.
+inline std::int64_t record_device(const DeviceSetup& setup, std::int64_t every, double* rows) {
+    std::int64_t samples = 0;
+    with_controller<double>(setup.controller, setup.common.observer_bandwidth > 0.0, [&]<class C>() {
+        using Report = typename C::Report;
+        samples = run_device_loop<C>(setup, [&](const DeviceSnapshot<Report>& at) {
+            if (at.step % every == 0) {
+                write_device_row(at, rows);
+                rows += row_width<Report> + device_width;
+            }
+        });
+    });
+    return samples;
+}
+
+// The metrics of one such run. Errors of estimates are against what is true at that sample; the rate has settled within
+// a tolerance of its largest size.
+template <Controller C, class Params>
+std::array<double, metric_names.size()> measure_device(const DeviceSetupOf<Params>& setup,
+                                                       const MetricsParams& params) {
+    const std::int64_t steady_from = first_steady_sample(params, setup);
+    const AngularRate rate(setup.rate, setup.plant.rate, setup.common.step, setup.steps);
+    double largest = 0.0;
+    for (std::int64_t n = 0; n <= setup.steps; ++n) {
+        largest = std::max(largest, absolute(rate.at(n)));
+    }
+    MetricsSums<double> sums{.error_bound_squared = params.error_bound * params.error_bound,
+                             .surface_bound_squared = params.surface_bound * params.surface_bound,
+                             .rate_bound = params.rate_tolerance * largest};
+    MetricsTotals totals{};
+    LastReport last{};
+    double bound_halfway = 0.0;
+    auto at_end = setup;  // what is true at the last sample
+    const std::int64_t samples = run_device_loop<C>(setup, [&](const DeviceSnapshot<typename C::Report>& at) {
+        sums.rate = at.rate;
+        sums.add(at.signals);
+        totals.add(sums.stretch, at.step, steady_from);
+        sums.stretch = {};
+        last = LastReport::of(at.signals.report, [](double a) { return a; });
+        bound_halfway = at.step <= setup.steps / 2 ? last.bound[0] : bound_halfway;
+        at_end.plant.rate = at.rate;
+        at_end.plant.stiffness =
+            setup.plant.stiffness + at.stiffness_drift * (setup.plant.stiffness + setup.plant.stiffness_deviation);
+    });
+    return metric_values(params, at_end, totals, last, bound_halfway, samples);
+}
+
+// Of a run of any kind.
+inline std::array<double, metric_names.size()> measure_device(const DeviceSetup& setup, const MetricsParams& params) {
+    std::array<double, metric_names.size()> values{};
+    with_controller<double>(setup.controller, setup.common.observer_bandwidth > 0.0,
+                            [&]<class C>() { values = measure_device<C>(setup, params); });
+    return values;
+}
+
+}  // namespace fracgyro

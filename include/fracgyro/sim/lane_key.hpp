@@ -1,0 +1,53 @@
+// What runs in one block must agree in: all that is not a number of its own in each lane. It is read off the
+// coefficients themselves, so that no switch can be forgotten.
+#pragma once
+
+#include "fracgyro/sim/aggregate.hpp"
+#include "fracgyro/sim/lanes.hpp"
+#include "fracgyro/sim/loop.hpp"
+
+#include <string>
+
+namespace fracgyro {
+
+namespace detail {
+
+// Appends every count and switch in coefficients of lanes.
+template <class T, class Value>
+void append_switches(std::string& key, const Value& value) {
+    if constexpr (std::is_arithmetic_v<Value> || std::is_enum_v<Value>) {
+        key.append(reinterpret_cast<const char*>(&value), sizeof value);
+    } else if constexpr (std::is_same_v<Value, T> || std::is_same_v<Value, typename PhaseOf<T>::Type>) {
+        // one in each lane
+    } else if constexpr (requires { value.begin(); }) {
+        for (const auto& each : value) {
+            append_switches<T>(key, each);
+        }
+    } else {
+        with_members(value, [&](const auto&... members) { (append_switches<T>(key, members), ...); });
+    }
+}
+
+}  // namespace detail
+
+// Runs with the same key may lie in one block. A controller with memory may have any number of exponentials up to the
+// most: those of fewer are filled up with exponentials of weight 0.
+inline std::string lane_key(const Setup& setup) {
+    using T = Lanes<double, 2>;
+    std::string key;
+    const auto append = [&](const auto& value) { detail::append_switches<T>(key, value); };
+    append(setup.steps);
+    append(setup.common.step);
+    append(setup.controller.index());
+    ControllerParams params = setup.controller;
+    if (ExponentialSum* const kernel = kernel_of(params); kernel != nullptr && kernel->count > 0) {
+        fill_up(*kernel, ExponentialSum::capacity);
+    }
+    with_controller<T>(params, [&]<class C>() {
+        with_params(params, [&](const auto& p, auto family) { append(family.chosen(p)); });
+        append(prepare<C>(params, setup.common));
+    });
+    return key;
+}
+
+}  // namespace fracgyro

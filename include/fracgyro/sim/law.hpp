@@ -1,0 +1,234 @@
+// Controllers from outside: whoever computes a force from a sample. The reference, the force limit and the observer are
+// those of any other controller.
+#pragma once
+
+#include "fracgyro/sim/device_loop.hpp"
+#include "fracgyro/plant/units.hpp"
+
+#include <cmath>
+#include <cstdio>
+#include <stdexcept>
+#include <string>
+
+namespace fracgyro {
+
+// What a law is given at a sample, in this order, in the units of the run.
+struct LawInput {
+    double time = 0.0;
+    Vec2<double> position{}, velocity{};
+    Vec2<double> reference{}, reference_velocity{}, reference_acceleration{};
+};
+static_assert(sizeof(LawInput) == 11 * sizeof(double));
+
+// It remembers what it likes, so there is one for each run.
+class Law {
+public:
+    virtual ~Law() = default;
+    virtual Vec2<double> force(const LawInput& in) = 0;
+    // What it reports besides, after the force: as many numbers at every sample.
+    virtual const std::vector<double>& report() = 0;
+    // The place of the angular rate among them; -1: it reports none. Before the first sample only the law may know.
+    virtual std::ptrdiff_t rate_place() const = 0;
+    virtual bool may_report_rate() const { return rate_place() >= 0; }
+    double rate() {
+        const auto& numbers = report();
+        return rate_place() < 0 ? std::numeric_limits<double>::quiet_NaN()
+                                : numbers[static_cast<std::size_t>(rate_place())];
+    }
+};
+
+// A C function as a law. The state is zeros at first, and the function's own.
+using LawFunction = void (*)(const double* in, double* state, const double* parameters, double* out);
+class NativeLaw final : public Law {
+public:
+    NativeLaw(LawFunction function, std::size_t state_size, std::vector<double> parameters, std::size_t reports,
+              std::ptrdiff_t rate_place)
+        : function_(function),
+          state_(state_size),
+          parameters_(std::move(parameters)),
+          out_(2 + reports),
+          reported_(reports),
+          rate_place_(rate_place) {}
+
+    Vec2<double> force(const LawInput& in) override {
+        function_(&in.time, state_.data(), parameters_.data(), out_.data());
+        return {out_[0], out_[1]};
+    }
+    const std::vector<double>& report() override {
+        std::copy(out_.begin() + 2, out_.end(), reported_.begin());
+        return reported_;
+    }
+    std::ptrdiff_t rate_place() const override { return rate_place_; }
+    std::vector<double>& state() { return state_; }
+
+private:
+    LawFunction function_;
+    std::vector<double> state_, parameters_, out_, reported_;
+    std::ptrdiff_t rate_place_;
+};
+
+struct LawParams {
+    Law* law = nullptr;
+    Units units{};
+
+    static constexpr std::tuple<> fields() { return {}; }
+};
+
+// The sample at which a law gave no force.
+class NoForce : public std::domain_error {
+public:
+    NoForce(double time, const Vec2<double>& force) : std::domain_error(sentence(time, force)) {}
+
+private:
+    static std::string sentence(double time, const Vec2<double>& f) {
+        std::array<char, 160> text{};
+        std::snprintf(text.data(), text.size(),
+                      "the controller returned [%.6g, %.6g] at t = %.9g: it must return two finite numbers", f.x, f.y,
+                      time);
+        return text.data();
+    }
+};
+
+// What is reported to metrics, which know only the rate; a record asks the law itself.
+struct NothingReported {
+    static constexpr std::tuple<> fields() { return {}; }
+};
+struct RateReported : NothingReported {
+    double rate = std::numeric_limits<double>::quiet_NaN();
+};
+
+template <class ReportType>
+struct OutsideController {
+    using Value = double;
+    using Params = LawParams;
+    using Report = ReportType;
+    struct Coefficients {
+        Reference<double>::Coefficients reference{};
+        Saturation<double>::Coefficients saturation{};
+        LawParams law{};
+        double step = 0.0;
+    };
+    // The law's own memory is not in it.
+    struct State {
+        Reference<double>::State reference{};
+    };
+
+    static Coefficients prepare(const Params& p, const Common& common) {
+        return {.reference = Reference<double>::prepare(common.reference, common.step),
+                .saturation = Saturation<double>::prepare(common.force_limit),
+                .law = p,
+                .step = common.step};
+    }
+    static Report report(const State&, const Coefficients&) { return {}; }
+    static bool sound(const State&, const Coefficients&) { return true; }
+    static std::uint64_t steps(const State& state) { return state.reference.steps; }
+    static void start_over(State&, bool) {}
+
+    static Signals<double, Report> step(State& state, const Coefficients& c, const Motion<double>& measured,
+                                        const Sample<double>* missing = nullptr) {
+        const double time = static_cast<double>(state.reference.steps) * c.step * c.law.units.time;
+        Signals<double, Report> signals{.reference = Reference<double>::update(state.reference, c.reference)};
+        const ReferencePoint<double>& r = signals.reference;
+        signals.error = missing == nullptr ? tracking_error(measured, r) : *missing;
+        const Motion<double> motion = missing == nullptr ? measured
+                                                         : Motion<double>{.position = r.position + missing->value,
+                                                                          .velocity = r.velocity + missing->derivative};
+        const Vec2<double> given =
+            c.law.law->force({.time = time,
+                              .position = c.law.units.length * motion.position,
+                              .velocity = c.law.units.velocity * motion.velocity,
+                              .reference = c.law.units.length * r.position,
+                              .reference_velocity = c.law.units.velocity * r.velocity,
+                              .reference_acceleration = c.law.units.acceleration * r.acceleration});
+        if (!(std::isfinite(given.x) && std::isfinite(given.y))) {
+            throw NoForce(time, given);
+        }
+        const Vec2<double> wanted{given.x / c.law.units.force, given.y / c.law.units.force};
+        signals.force = Saturation<double>::within(c.saturation, wanted);
+        signals.excess = wanted - signals.force;
+        if constexpr (requires { signals.report.rate; }) {
+            signals.report.rate = c.law.law->rate() / c.law.units.rate;
+        }
+        return signals;
+    }
+};
+
+using OutsideSetup = DeviceSetupOf<LawParams>;
+
+// The run of a setup, with this law in place of its controller.
+inline OutsideSetup outside_setup(const DeviceSetup& s, Law* law, const Units& units) {
+    return {{{.law = law, .units = units}, s.common, s.plant, s.disturbance, s.steps}, s.rate, s.device};
+}
+
+// Calls visit.template operator()<C>() for the controller of the law, behind an observer where there is one.
+template <class Report, class Visit>
+void with_law(const OutsideSetup& setup, Visit&& visit) {
+    if (setup.common.observer_bandwidth > 0.0) {
+        visit.template operator()<Observing<OutsideController<Report>>>();
+    } else {
+        visit.template operator()<OutsideController<Report>>();
+    }
+}
+
+// Rows of a run: the loop's channels, what the law reports, in its own units, and the device's channels if `device`.
+struct OutsideRecord {
+    std::vector<double> rows{};
+    std::size_t width = 0;
+    std::int64_t samples = 0;  // before divergence
+};
+inline OutsideRecord record_outside(const OutsideSetup& setup, std::int64_t every, bool device) {
+    OutsideRecord record;
+    Law& law = *setup.controller.law;
+    const auto keep = [&](const auto& at, const auto* more) {
+        const std::vector<double>& reported = law.report();
+        if (record.width == 0) {
+            record.width = loop_width + reported.size() + (device ? device_width : 0);
+            record.rows.reserve(static_cast<std::size_t>(setup.steps / every + 1) * record.width);
+        }
+        std::array<double, loop_width> row;
+        write_row(at, row.data());
+        record.rows.insert(record.rows.end(), row.begin(), row.end());
+        record.rows.insert(record.rows.end(), reported.begin(), reported.end());
+        if (more != nullptr) {
+            record.rows.insert(record.rows.end(), more->begin(), more->end());
+        }
+    };
+    if (!device) {
+        record.samples = run_loop<OutsideController<NothingReported>>(setup, [&](const auto& at) {
+            if (at.step % every == 0) {
+                keep(at, static_cast<const std::array<double, device_width>*>(nullptr));
+            }
+        });
+        return record;
+    }
+    with_law<NothingReported>(setup, [&]<class C>() {
+        record.samples = run_device_loop<C>(setup, [&](const DeviceSnapshot<NothingReported>& at) {
+            if (at.step % every == 0) {
+                const auto more = device_row(at);
+                keep(static_cast<const Snapshot<double, NothingReported>&>(at), &more);
+            }
+        });
+    });
+    return record;
+}
+
+// As measure_device.
+inline std::array<double, metric_names.size()> measure_outside(const OutsideSetup& setup, const MetricsParams& params) {
+    std::array<double, metric_names.size()> values{};
+    const auto measure = [&]<class C>() { values = measure_device<C>(setup, params); };
+    if (setup.controller.law->may_report_rate()) {
+        with_law<RateReported>(setup, measure);
+    } else {
+        with_law<NothingReported>(setup, measure);
+    }
+    if (setup.controller.law->rate_place() < 0) {
+        for (std::size_t i = 0; i < values.size(); ++i) {
+            if (metric_names[i].starts_with("rate_")) {
+                values[i] = std::numeric_limits<double>::quiet_NaN();
+            }
+        }
+    }
+    return values;
+}
+
+}  // namespace fracgyro

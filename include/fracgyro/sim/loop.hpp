@@ -1,0 +1,34 @@
+// A whole run on an ideal device.
+#pragma once
+
+#include "fracgyro/sim/stepper.hpp"
+
+namespace fracgyro {
+
+// Calls observe(snapshot) at every sample, with the disturbance that disturb(n) gives for sample n. Returns the number
+// of samples before the motion diverged, steps + 1 if it did not.
+template <Controller C, class Params, class Disturb, class Observe>
+std::int64_t run_loop(const SetupOf<Params>& setup, Disturb&& disturb, Observe&& observe) {
+    using Loop = Stepper<C>;
+    const auto coefficients = Loop::prepare(setup);
+    auto state = Loop::begin(setup);
+    Loop::run(state, coefficients, setup.steps + 1, disturb, observe);
+    return state.step;
+}
+
+// The same, with the disturbance of the setup.
+template <Controller C, class Params, class Observe>
+std::int64_t run_loop(const SetupOf<Params>& setup, Observe&& observe) {
+    Disturbance disturbance(setup.disturbance, setup.common.step);
+    std::array<Vec2<double>, 512> coming{};  // in blocks
+    const auto disturb = [&](std::int64_t n) {
+        const auto place = static_cast<std::size_t>(n) % coming.size();
+        if (place == 0) {
+            disturbance.fill(n, coming);
+        }
+        return coming[place];
+    };
+    return run_loop<C>(setup, disturb, observe);
+}
+
+}  // namespace fracgyro

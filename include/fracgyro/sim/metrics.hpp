@@ -1,0 +1,223 @@
+// Metrics of one run gathered while it runs, in constant memory. python/fracgyro/analysis/metrics.py defines the same
+// quantities on recorded runs; a test compares the two.
+#pragma once
+
+#include "fracgyro/sim/loop.hpp"
+
+#include <cmath>
+
+namespace fracgyro {
+
+struct MetricsParams {
+    double transient = 10.0;      // end of the transient window
+    double error_bound = 0.01;    // ‖e‖ below which the error counts as settled
+    double surface_bound = 0.06;  // ‖s‖ below which the surface counts as reached
+    double rate_tolerance = 0.1;  // |Ω̂z - Ωz| / |Ωz| below which the rate counts as settled
+};
+
+inline constexpr std::array<std::string_view, 24> metric_names{"rmse_whole_x",
+                                                               "rmse_whole_y",
+                                                               "rmse_transient_x",
+                                                               "rmse_transient_y",
+                                                               "rmse_steady_x",
+                                                               "rmse_steady_y",
+                                                               "error_settling_time",
+                                                               "surface_settling_time",
+                                                               "chattering_x",
+                                                               "chattering_y",
+                                                               "effort_x",
+                                                               "effort_y",
+                                                               "rate_error",
+                                                               "rate_error_rms",
+                                                               "rate_error_peak",
+                                                               "rate_settling_time",
+                                                               "damping_error",
+                                                               "stiffness_error",
+                                                               "bound_0",
+                                                               "bound_1",
+                                                               "bound_2",
+                                                               "bound_0_halfway",
+                                                               "largest_force",
+                                                               "diverged_at"};
+
+// What a metric needs of every sample, for one run or, in lanes, for several: over a stretch of samples, short enough
+// for sums in single precision, after which MetricsTotals takes it.
+template <Scalar T>
+struct MetricsSums {
+    T error_bound_squared{}, surface_bound_squared{}, rate{}, rate_bound{};  // set once
+    std::array<Vec2<T>, 2> past{};                                           // the last two u
+
+    struct Stretch {
+        Vec2<T> squares{}, force{}, bend{};  // Σ e², Σ u², Σ (second difference of u)²
+        T rate_squares{};
+        T step = T(0.0);                                                               // samples seen
+        T error_outside = T(-1.0), surface_outside = T(-1.0), rate_outside = T(-1.0);  // the last samples outside
+        T peak_rate_error{}, largest_force{};
+    } stretch{};
+
+    // What the controller does not report is left at rest, and its metrics are NaN.
+    template <class Report>
+    void add(const Signals<T, Report>& at) {
+        Stretch& s = stretch;
+        const Vec2<T> u = at.force;
+        const Vec2<T> squares = at.error.value * at.error.value;
+        s.squares = s.squares + squares;
+        s.error_outside = if_less(error_bound_squared, squares.x + squares.y, s.step, s.error_outside);
+        if constexpr (requires { at.report.surface; }) {
+            s.surface_outside =
+                if_less(surface_bound_squared, squared_norm(at.report.surface), s.step, s.surface_outside);
+        }
+        if constexpr (requires { at.report.rate; }) {
+            const T off = absolute(at.report.rate - rate);
+            s.rate_outside = if_less(rate_bound, off, s.step, s.rate_outside);
+            s.peak_rate_error = maximum(s.peak_rate_error, off);
+            s.rate_squares = s.rate_squares + off * off;
+        }
+        // Second differences see what flips from sample to sample and not what is smooth.
+        const Vec2<T> difference = (u - past[0]) - (past[0] - past[1]);
+        s.bend = s.bend + difference * difference;
+        s.force = s.force + u * u;
+        s.largest_force = maximum(s.largest_force, maximum(absolute(u.x), absolute(u.y)));
+        past = {u, past[0]};
+        s.step = s.step + T(1.0);
+    }
+};
+
+// The same of a whole run.
+struct MetricsTotals {
+    struct Window {
+        Vec2<double> squares{}, force{};
+    } transient{}, steady{};
+    Vec2<double> bend{};        // from the third sample of the steady window on
+    double rate_squares = 0.0;  // of the steady window
+    std::int64_t error_outside = -1, surface_outside = -1, rate_outside = -1;
+    double peak_rate_error = 0.0, largest_force = 0.0;
+
+    // A stretch from sample `first` on, which lies within one window; `steady_from` is the first sample of the steady
+    // one.
+    void add(const MetricsSums<double>::Stretch& s, std::int64_t first, std::int64_t steady_from) {
+        Window& window = first < steady_from ? transient : steady;
+        window.squares = window.squares + s.squares;
+        window.force = window.force + s.force;
+        if (first >= steady_from) {
+            rate_squares += s.rate_squares;
+        }
+        if (first >= steady_from + 2) {
+            bend = bend + s.bend;
+        }
+        const auto last = [first](std::int64_t& total, double outside) {
+            if (outside >= 0.0) {
+                total = first + static_cast<std::int64_t>(outside);
+            }
+        };
+        last(error_outside, s.error_outside);
+        last(surface_outside, s.surface_outside);
+        last(rate_outside, s.rate_outside);
+        peak_rate_error = std::max(peak_rate_error, s.peak_rate_error);
+        largest_force = std::max(largest_force, s.largest_force);
+    }
+};
+
+// The first sample that is not in the transient window; steps + 1 where all are.
+template <class Params>
+std::int64_t first_steady_sample(const MetricsParams& p, const SetupOf<Params>& setup) {
+    const double h = setup.common.step;
+    const std::int64_t end = setup.steps + 1;
+    const double whole = minimum(maximum(0.0, p.transient / h), static_cast<double>(end));  // 0 for NaN
+    auto n = static_cast<std::int64_t>(whole);
+    while (n > 0 && !(static_cast<double>(n - 1) * h < p.transient)) {
+        --n;
+    }
+    while (n < end && static_cast<double>(n) * h < p.transient) {
+        ++n;
+    }
+    return n;
+}
+
+// What a run ended with, of what controllers report; NaN: this one does not.
+struct LastReport {
+    static constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+    Sym2<double> damping{nan, nan, nan}, stiffness{nan, nan, nan};
+    double rate = nan;
+    std::array<double, 3> bound{nan, nan, nan};
+    bool has_rate = false, has_surface = false;
+
+    // `number`: one of a scalar of the report.
+    template <class Report, class Number>
+    static LastReport of(const Report& r, Number&& number) {
+        LastReport last;
+        const auto sym2 = [&](const auto& a) { return Sym2<double>{number(a.xx), number(a.xy), number(a.yy)}; };
+        if constexpr (requires { r.damping, r.stiffness; }) {
+            last.damping = sym2(r.damping);
+            last.stiffness = sym2(r.stiffness);
+        }
+        if constexpr (requires { r.rate; }) {
+            last.rate = number(r.rate);
+            last.has_rate = true;
+        }
+        if constexpr (requires { r.bound; }) {
+            last.bound = {number(r.bound[0]), number(r.bound[1]), number(r.bound[2])};
+        }
+        last.has_surface = requires { r.surface; };
+        return last;
+    }
+};
+
+// In the order of metric_names; NaN: never settled, an empty window, or not reported. Of a run of which `samples` were
+// seen; bound_halfway is b̂₀ at half of the run or at its last sample before.
+template <class Params>
+std::array<double, metric_names.size()> metric_values(const MetricsParams& params, const SetupOf<Params>& setup,
+                                                      const MetricsTotals& totals, const LastReport& last,
+                                                      double bound_halfway, std::int64_t samples) {
+    constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+    const double h = setup.common.step;
+    const std::int64_t early = std::min(samples, first_steady_sample(params, setup));
+    const auto count = [](std::int64_t n) { return static_cast<double>(n); };
+    const auto ratio = [](double a, double b) {  // as IEEE 754 has it, without dividing by zero
+        return b != 0.0 ? a / b : a > 0.0 ? std::numeric_limits<double>::infinity() : nan;
+    };
+    const auto rms = [&](const Vec2<double>& sum, double n) {  // NaN: an empty window
+        return Vec2<double>{std::sqrt(ratio(sum.x, n)), std::sqrt(ratio(sum.y, n))};
+    };
+    const double late = count(samples - early);
+    const Vec2<double> whole = rms(totals.transient.squares + totals.steady.squares, count(samples));
+    const Vec2<double> transient = rms(totals.transient.squares, count(early));
+    const Vec2<double> steady = rms(totals.steady.squares, late);
+    const Vec2<double> effort = rms(totals.transient.force + totals.steady.force, count(samples));
+    const auto chattering = [&](double bend, double force) {
+        return late > 2 ? std::sqrt(ratio(bend / (late - 2), force / late)) : nan;
+    };
+    const auto settled = [&](std::int64_t outside) { return outside < samples - 1 ? count(outside + 1) * h : nan; };
+    // Frobenius norm of the error over that of the truth.
+    const auto relative = [&](const Sym2<double>& estimate, const Sym2<double>& truth) {
+        const auto square = [](const Sym2<double>& a) { return a.xx * a.xx + 2.0 * a.xy * a.xy + a.yy * a.yy; };
+        return std::sqrt(ratio(square(estimate - truth), square(truth)));
+    };
+    const GyroscopeParams& p = setup.plant;
+    return {whole.x,
+            whole.y,
+            transient.x,
+            transient.y,
+            steady.x,
+            steady.y,
+            settled(totals.error_outside),
+            last.has_surface ? settled(totals.surface_outside) : nan,
+            chattering(totals.bend.x, totals.steady.force.x),
+            chattering(totals.bend.y, totals.steady.force.y),
+            effort.x,
+            effort.y,
+            last.rate - p.rate,
+            last.has_rate ? std::sqrt(ratio(totals.rate_squares, late)) : nan,
+            last.has_rate ? totals.peak_rate_error : nan,
+            last.has_rate ? settled(totals.rate_outside) : nan,
+            relative(last.damping, p.damping + p.damping_deviation),
+            relative(last.stiffness, p.stiffness + p.stiffness_deviation),
+            last.bound[0],
+            last.bound[1],
+            last.bound[2],
+            bound_halfway,
+            totals.largest_force,
+            samples > setup.steps ? nan : count(samples) * h};
+}
+
+}  // namespace fracgyro

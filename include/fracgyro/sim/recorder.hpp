@@ -1,0 +1,83 @@
+// The recorded channels: one row of doubles a sample.
+#pragma once
+
+#include "fracgyro/sim/loop.hpp"
+
+#include "fracgyro/core/fields.hpp"
+
+namespace fracgyro {
+
+struct Channel {
+    std::string_view name;
+    int width = 0;
+    std::string_view unit, meaning;  // nondimensional
+    std::string_view part = ".x";    // of its first column, as for_each_part names it
+};
+
+// What every run has, in the order in which `write_row` writes it; what the controller reports comes after it.
+inline constexpr std::array<Channel, 7> loop_channels{
+    {{"position", 2, "q0", "position q"},
+     {"velocity", 2, "q0*omega0", "velocity v"},
+     {"reference", 2, "q0", "reference r"},
+     {"error", 2, "q0", "tracking error e = q - r"},
+     {"error_rate", 2, "q0*omega0", "derivative of the tracking error"},
+     {"control", 2, "m*omega0^2*q0", "control force u"},
+     {"disturbance", 2, "m*omega0^2*q0", "disturbance force d"}}};
+inline constexpr std::size_t loop_width = 14;
+
+template <class Report>
+inline constexpr std::size_t row_width = loop_width + width_of<Report>();
+
+// Calls visit(channel) for each that the report has, in order.
+template <class Report, class Visit>
+constexpr void for_each_reported(Visit&& visit) {
+    const Report report{};
+    for_each_field("", report, [&](std::string_view, const auto& field, const auto& value) {
+        int width = 0;
+        std::string_view first;
+        for_each_part(value, [&](std::string_view part, const auto&) { first = width++ == 0 ? part : first; });
+        visit(Channel{field.name, width, field.unit, field.meaning, first});
+    });
+}
+
+template <Scalar T, class Report>
+void write_row(const Snapshot<T, Report>& at, double* row) {
+    const auto put = [&row](auto value) { *row++ = static_cast<double>(value); };
+    const auto put2 = [&](const Vec2<T>& a) { put(a.x), put(a.y); };
+    put2(at.motion.position);
+    put2(at.motion.velocity);
+    put2(at.signals.reference.position);
+    put2(at.signals.error.value);
+    put2(at.signals.error.derivative);
+    put2(at.signals.force);
+    put2(at.disturbance);
+    for_each_number(at.signals.report, put);
+}
+
+// How many doubles a row of these runs has.
+inline std::size_t row_width_of(const ControllerParams& controller) {
+    std::size_t width = 0;
+    with_controller<double>(controller, [&]<class C>() { width = row_width<typename C::Report>; });
+    return width;
+}
+
+// Rows at the samples 0, every, 2·every, …; room for setup.steps / every + 1 of them. Returns the number of samples
+// before divergence.
+template <Scalar T>
+std::int64_t record(const Setup& setup, std::int64_t every, double* rows) {
+    std::int64_t samples = 0;
+    with_controller<T>(setup.controller, [&]<class C>() {
+        std::int64_t until_next = 0;
+        samples = run_loop<C>(setup, [&](const Snapshot<T, typename C::Report>& at) {
+            if (until_next == 0) {
+                write_row(at, rows);
+                rows += row_width<typename C::Report>;
+                until_next = every;
+            }
+            --until_next;
+        });
+    });
+    return samples;
+}
+
+}  // namespace fracgyro

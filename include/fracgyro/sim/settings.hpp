@@ -1,0 +1,43 @@
+// The numbers of a run by name: for faces that are handed numbers and not structs.
+//
+// They are those of the fields() of its structs, in that order, under the names of the scenario's fields, with [0] or
+// .x or .xx for their parts. Values are the core's, nondimensional; a switch is 0 or 1 and a choice its place in the
+// list of choices. The exponentials' poles and weights are handed over separately.
+#pragma once
+
+#include "fracgyro/sim/loop.hpp"
+
+namespace fracgyro {
+
+// Calls visit(table, field, part, number) for each, a number being any type that a double can be cast to.
+template <class SetupLike, class Visit>
+constexpr void for_each_setting(SetupLike& setup, Visit&& visit) {
+    const auto of = [&](std::string_view table, auto& fields) {
+        for_each_field(table, fields, [&](std::string_view inner, const auto& field, auto& value) {
+            for_each_part(value, [&](std::string_view part, auto& number) { visit(inner, field, part, number); });
+        });
+    };
+    constexpr auto step = field("step", 0, "1/omega0", above_0, "h: time from one step to the next.");
+    constexpr auto steps = field("steps", 0, "1", at_least_0, "Steps of the run.");
+    visit(std::string_view("run"), step, std::string_view(), setup.common.step);
+    visit(std::string_view("run"), steps, std::string_view(), setup.steps);
+    of("controller", setup.common);
+    with_params(setup.controller, [&](auto& params, auto) { of("controller", params); });
+    of("plant", setup.plant);
+    of("disturbance", setup.disturbance);
+}
+
+inline std::size_t setting_count(const Setup& setup) {
+    std::size_t count = 0;
+    for_each_setting(setup, [&](std::string_view, const auto&, std::string_view, const auto&) { ++count; });
+    return count;
+}
+
+// Takes every number from `values`, in that order. The setup is of the kind that they are of.
+inline void take_settings(Setup& setup, const double* values) {
+    for_each_setting(setup, [&](std::string_view, const auto&, std::string_view, auto& number) {
+        number = static_cast<std::remove_reference_t<decltype(number)>>(*values++);
+    });
+}
+
+}  // namespace fracgyro

@@ -1,0 +1,152 @@
+// Page one of the simulator, and the one closed loop of single runs: the six steps of Figure 2, one sample at a time.
+#pragma once
+
+#include "fracgyro/plant/disturbance.hpp"
+#include "fracgyro/plant/gyroscope.hpp"
+
+#include "fracgyro/control/registry.hpp"
+
+namespace fracgyro {
+
+// One run. Nondimensional. Params: of any kind, or those of one controller, which need not be in the registry.
+template <class Params>
+struct SetupOf {
+    Params controller{};
+    Common common{};
+    GyroscopeParams plant{};
+    DisturbanceParams disturbance{};
+    std::int64_t steps = 0;  // the run has steps + 1 samples, at 0, h, …, steps·h
+};
+using Setup = SetupOf<ControllerParams>;
+
+// Everything that is known at one sample, for as long as that sample lasts.
+template <Scalar T, class Report>
+struct Snapshot {
+    std::int64_t step;
+    const Motion<T>& motion;
+    const Signals<T, Report>& signals;
+    const Vec2<T>& disturbance;
+};
+
+// Motion beyond this is divergence: a tracked reference is of order 1.
+inline constexpr double divergence_limit = 1e6;
+
+// Also false for NaN.
+template <Scalar T>
+bool bounded(const Motion<T>& motion) {
+    return absolute(motion.position.x) + absolute(motion.position.y) < T(divergence_limit);
+}
+
+// 6  The gyroscope with nothing around it: what is measured is its motion, and what is asked for acts. That of a device
+// is not ideal: device_loop.hpp.
+template <Scalar T>
+struct IdealGyroscope {
+    using Coefficients = typename Gyroscope<T>::Coefficients;
+    using Drawn = Vec2<double>;  // at one sample
+    struct State {
+        Motion<T> motion{};
+        Vec2<T> disturbance{};
+    };
+
+    template <class Params>
+    static Coefficients prepare(const SetupOf<Params>& setup) {
+        return Gyroscope<T>::prepare(setup.plant, setup.common.step);
+    }
+    template <class Params>
+    static State start(const SetupOf<Params>& setup) {
+        return {.motion = Gyroscope<T>::start(setup.plant)};
+    }
+    // What is measured at the sample n, where this was drawn.
+    static const Motion<T>& sense(State& state, const Coefficients&, const Drawn& drawn) {
+        state.disturbance = {T(drawn.x), T(drawn.y)};
+        return state.motion;
+    }
+    // The answer at the sample n.
+    template <class C, class Report>
+    static void actuate(State&, const Coefficients&, Signals<T, Report>&, std::int64_t) {}
+    // To the next sample.
+    template <class Report>
+    static void step(State& state, const Coefficients& c, const Signals<T, Report>& signals, std::int64_t) {
+        Gyroscope<T>::step(state.motion, c, signals.force, state.disturbance);
+    }
+    template <class LoopState, class Report>
+    static Snapshot<T, Report> snapshot(const LoopState& state, const Coefficients&,
+                                        const Signals<T, Report>& signals) {
+        return {state.step, state.motion, signals, state.disturbance};
+    }
+};
+
+template <Controller C, class Gyroscope = IdealGyroscope<typename C::Value>>
+struct Stepper {
+    using T = typename C::Value;
+    using Report = typename C::Report;
+    struct Coefficients {
+        typename C::Coefficients controller{};
+        typename Gyroscope::Coefficients gyroscope{};
+    };
+    // Before a sample, of which only the motion is known. A plain value: a copy resumes bit for bit.
+    struct Pending : Gyroscope::State {
+        std::int64_t step = 0;
+        typename C::State controller{};
+    };
+    // At one sample: what is known there, and what the next ones need.
+    struct State : Pending {
+        Signals<T, Report> signals{};
+
+        Snapshot<T, Report> snapshot() const { return {this->step, this->motion, signals, this->disturbance}; }
+    };
+
+    template <class Setup>
+    static Coefficients prepare(const Setup& setup) {
+        return {.controller = fracgyro::prepare<C>(setup.controller, setup.common),
+                .gyroscope = Gyroscope::prepare(setup)};
+    }
+
+    // Before the sample at t = 0.
+    template <class Setup>
+    static Pending begin(const Setup& setup) {
+        return {Gyroscope::start(setup)};
+    }
+
+    // Every sample from this one to before `end`, or to where the motion diverges; the state is then before the one
+    // after. Calls observe(snapshot) at each. draw(n): what is drawn at the sample n.
+    template <class Draw, class Observe>
+    static void run(Pending& state, const Coefficients& c, std::int64_t end, Draw&& draw, Observe&& observe) {
+        for (; state.step < end && bounded(state.motion); ++state.step) {
+            const auto signals = answer(state, c, draw);
+            observe(Gyroscope::snapshot(state, c.gyroscope, signals));
+            Gyroscope::step(state, c.gyroscope, signals, state.step);
+        }
+    }
+
+    // For those who keep the clock themselves. The sample at t = 0:
+    template <class Setup, class Draw>
+    static State start(const Setup& setup, const Coefficients& c, Draw&& draw) {
+        State state{begin(setup)};
+        state.signals = answer(state, c, draw);
+        return state;
+    }
+    // On to the next sample. Returns whether the motion is still bounded; if not, the rest of the state stays behind
+    // it.
+    template <class Draw>
+    static bool advance(State& state, const Coefficients& c, Draw&& draw) {
+        Gyroscope::step(state, c.gyroscope, state.signals, state.step);
+        if (!bounded(state.motion)) {
+            return false;
+        }
+        ++state.step;
+        state.signals = answer(state, c, draw);
+        return true;
+    }
+
+private:
+    template <class Draw>
+    static Signals<T, Report> answer(Pending& state, const Coefficients& c, Draw& draw) {
+        const Motion<T>& measured = Gyroscope::sense(state, c.gyroscope, draw(state.step));
+        auto signals = C::step(state.controller, c.controller, measured);  // 1 to 5
+        Gyroscope::template actuate<C>(state, c.gyroscope, signals, state.step);
+        return signals;
+    }
+};
+
+}  // namespace fracgyro

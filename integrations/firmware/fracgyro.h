@@ -1,0 +1,67 @@
+/* The controller for C, C99 and later. Everything is nondimensional; fracgyro_coefficients.h says what one unit is.
+ *
+ *     fracgyro_state state;
+ *     fracgyro_init(&state);
+ *     every FRACGYRO_STEP_SECONDS:  status = fracgyro_step(&state, &motion, &force);
+ *
+ * Nothing here allocates, blocks, recurses or fails; every function ends in bounded time. A state belongs to one caller
+ * at a time; any number of states may be in use. */
+#ifndef FRACGYRO_H
+#define FRACGYRO_H
+
+#include "fracgyro_coefficients.h" /* fracgyro_number, fracgyro_report; the state's size; units; the scenario */
+
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef enum {
+    FRACGYRO_OK = 0,
+    FRACGYRO_SATURATED = 1,    /* the force is at its limit, and the estimates rest rather than wind up */
+    FRACGYRO_NOT_FINITE = 2,   /* NaN or infinity was measured: the last force is held, the estimates rest */
+    FRACGYRO_OUT_OF_RANGE = 3, /* what was measured is no motion of a gyroscope: as above */
+    FRACGYRO_RESTARTED = 4,    /* the force was not finite, or at its limit too long: the next sample starts again */
+    FRACGYRO_REFUSED = 5,      /* nothing was restored: saved by another controller, or damaged since */
+    FRACGYRO_IMPLAUSIBLE = 6,  /* the plant cannot have moved so since the last sample: as FRACGYRO_NOT_FINITE */
+    FRACGYRO_LOST = 7          /* no sample is accepted: the force is that of the reference, until enough agree */
+} fracgyro_status;
+
+typedef struct {
+    fracgyro_number x, y;
+} fracgyro_vector;
+
+typedef struct {
+    fracgyro_vector position, velocity;
+} fracgyro_motion;
+
+typedef struct {
+    unsigned char bytes[FRACGYRO_STATE_SIZE];
+} __attribute__((aligned(FRACGYRO_STATE_ALIGNMENT))) fracgyro_state;
+
+/* For flash or a wire between equal processors. */
+typedef struct {
+    uint32_t key, checksum;
+    fracgyro_state state;
+} fracgyro_saved;
+
+/* To t = 0. */
+void fracgyro_init(fracgyro_state* state);
+
+/* The force to hold until the next step, from the motion measured now. `force` is always set and within the limit. */
+fracgyro_status fracgyro_step(fracgyro_state* state, const fracgyro_motion* motion, fracgyro_vector* force);
+
+/* What the controller reports, as it stands before the coming step. What only a step finds, as a sliding surface, is 0;
+   with nothing to report nothing is done. */
+void fracgyro_read_report(const fracgyro_state* state, fracgyro_report* report);
+
+/* A restored state continues as the saved one would have, bit for bit. */
+void fracgyro_save(const fracgyro_state* state, fracgyro_saved* saved);
+fracgyro_status fracgyro_restore(fracgyro_state* state, const fracgyro_saved* saved);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

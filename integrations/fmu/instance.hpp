@@ -1,0 +1,384 @@
+// One instance of the FMU, whatever the version of FMI: fmi2.cpp and fmi3.cpp give it their names.
+#pragma once
+
+#include "exported.hpp"  // made by `fracgyro export fmu`: this FMU's variables, numbers and exponentials
+
+#include "fracgyro/control/guard.hpp"
+#include "fracgyro/sim/recorder.hpp"
+#include "fracgyro/sim/settings.hpp"
+#include "fracgyro/sim/stepper.hpp"
+
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <new>
+
+namespace fracgyro {
+
+using Registered = RegisteredController<exported::Number, exported::kind, exported::chosen>;
+// What is measured in the FMU itself has no faults.
+using ExportedController = std::conditional_t<exported::closed_loop, Registered, Guard<Registered>>;
+using Loop = Stepper<ExportedController>;
+
+// Of the steps in one call of the importer: some seconds of work, after which it may think again.
+inline constexpr double most_steps = 1e7;
+
+class Instance {
+public:
+    enum class Phase : std::uint32_t { made, initializing, running, terminated };
+
+    // All that changes. A plain value: copied, it resumes bit for bit.
+    struct State {
+        Phase phase = Phase::made;
+        double start_time = 0.0;
+        std::array<double, std::size(exported::variables)> values{};  // parameters and inputs, in the FMU's units
+        typename Loop::State loop{};
+        std::array<double, row_width<ExportedController::Report>> row{};
+    };
+
+    Instance() { reset(); }
+
+    const char* problem() const { return problem_; }
+    // Of the last step, why a sample was not accepted; nullptr: all were.
+    const char* warning() const { return warning_[0] == '\0' ? nullptr : warning_; }
+    const State& state() const { return state_; }
+    void restore(const State& saved) {
+        state_ = saved;
+        prepared_ = false;  // it may have other parameters
+        gain_ = 0.0;
+    }
+    // A saved state of which only the size is known. Its numbers must be ones that could have been set: some become
+    // integers.
+    bool read(const unsigned char* bytes, std::size_t count, State& state) {
+        if (bytes == nullptr || count <= sizeof exported::token ||
+            std::memcmp(bytes, exported::token, sizeof exported::token) != 0) {
+            return fail("the serialized state is not of this FMU");
+        }
+        bytes += sizeof exported::token;
+        if (!Saved<State>::read(bytes, count - sizeof exported::token, state) || !sound(state)) {
+            return fail("the serialized state is damaged: it is not as it was saved");
+        }
+        return true;
+    }
+    static constexpr std::size_t saved_size = sizeof exported::token + Saved<State>::size;
+    static void write(const State& state, unsigned char* bytes) {
+        std::memcpy(bytes, exported::token, sizeof exported::token);
+        Saved<State>::write(state, bytes + sizeof exported::token);
+    }
+    void reset() {
+        state_ = State{};
+        for (std::size_t i = 0; i < state_.values.size(); ++i) {
+            state_.values[i] = exported::variables[i].start;
+        }
+        prepared_ = false;
+        gain_ = 0.0;
+    }
+
+    // All of these return whether it worked; if not, `problem` says why.
+    bool start_at(double time) {
+        if (!in(Phase::made, "the start time")) {
+            return false;
+        }
+        if (!std::isfinite(time)) {
+            return fail("the start time is %g: it must be a finite number", time);
+        }
+        state_.start_time = time;
+        return true;
+    }
+    bool initialize() { return in(Phase::made, "the initialization") && on_to(Phase::initializing); }
+    bool start() {
+        if (!in(Phase::initializing, "the end of the initialization")) {
+            return false;
+        }
+        look_ahead();
+        return on_to(Phase::running);
+    }
+    bool terminate() {
+        return (state_.phase == Phase::initializing || in(Phase::running, "the end")) && on_to(Phase::terminated);
+    }
+
+    // `integer`: by a function for integers.
+    bool get(std::size_t reference, bool integer, double& value) {
+        if (!known(reference, integer)) {
+            return false;
+        }
+        const Variable& v = exported::variables[reference];
+        if (v.role == Role::time) {
+            value = now();
+        } else if (v.role == Role::output) {
+            if (state_.phase < Phase::running) {
+                look_ahead();
+            }
+            value = state_.row[static_cast<std::size_t>(v.place)] * v.scale;
+        } else {
+            value = state_.values[reference];
+        }
+        return true;
+    }
+    bool set(std::size_t reference, bool integer, double value) {
+        if (!known(reference, integer)) {
+            return false;
+        }
+        const Variable& v = exported::variables[reference];
+        if (!settable(v)) {
+            return fail("%s cannot be set", v.name);
+        }
+        if (state_.phase == Phase::terminated) {
+            return fail("%s cannot be set: the simulation is terminated", v.name);
+        }
+        if (v.role == Role::fixed && state_.phase == Phase::running) {
+            return fail("%s is fixed: it can be set until the end of the initialization", v.name);
+        }
+        if (!std::isfinite(value)) {
+            return fail("%s is %g: it must be a finite number", v.name, value);
+        }
+        if (!allowed(v, value)) {
+            return outside(v, value);
+        }
+        state_.values[reference] = value;
+        prepared_ = prepared_ && v.role == Role::input;
+        return true;
+    }
+
+    // From `time` on by `length`, which takes as many internal steps as fit in exactly.
+    bool advance(double time, double length) {
+        if (!in(Phase::running, "a step")) {
+            return false;
+        }
+        const double count = std::round(length / exported::step);
+        if (count > most_steps) {
+            return fail("the communication step is %.9g: it must be at most %.9g, ten million steps of the controller",
+                        length, most_steps * exported::step);
+        }
+        if (!(count >= 1.0 && std::fabs(length / exported::step - count) < 1e-6)) {
+            return fail("the communication step is %.9g: it must be a whole number of %.9g, the step of the controller",
+                        length, exported::step);
+        }
+        if (!(std::fabs(time - now()) < 0.5 * exported::step)) {
+            return fail("the communication point is %.9g: the next one is %.9g, and steps follow each other", time,
+                        now());
+        }
+        prepare();
+        warning_[0] = '\0';
+        for (double n = 0.0; n < count; ++n) {
+            if constexpr (exported::closed_loop) {
+                if (!Loop::advance(state_.loop, coefficients_, disturbance_)) {
+                    return diverged();
+                }
+                if (state_.loop.step % 256 == 0) {
+                    look_at_bounds(*std::get_if<exported::kind>(&setup_.controller), state_.loop.signals.report);
+                }
+            } else {
+                state_.loop.motion = measured();
+                state_.loop.signals =
+                    ExportedController::step(state_.loop.controller, coefficients_.controller, state_.loop.motion);
+                warn(state_.loop.controller);
+                ++state_.loop.step;
+            }
+        }
+        write_row(state_.loop.snapshot(), state_.row.data());
+        return true;
+    }
+
+private:
+    // ρ h/δ and the bound estimates, from when s was within the layer: they tell what ended a loop that diverges. Only
+    // of a controller that has such.
+    template <class Params, class Report>
+    void look_at_bounds([[maybe_unused]] const Params& params, [[maybe_unused]] const Report& report) {
+        if constexpr (requires {
+                          params.adaptation.adaptive;
+                          params.control;
+                          report.surface;
+                          report.bound;
+                      }) {
+            const auto number = [](auto a) { return static_cast<double>(a); };
+            const auto size = [&](const auto& a) { return std::hypot(number(a.x), number(a.y)); };
+            const SwitchingParams& control = params.control;
+            if (!params.adaptation.adaptive || !(size(report.surface) < control.layer_thickness)) {
+                return;
+            }
+            for (std::size_t i = 0; i < bound_.size(); ++i) {
+                bound_[i] = number(report.bound[i]);
+            }
+            const Motion<exported::Number>& motion = state_.loop.motion;
+            const double rho = bound_[0] + bound_[1] * size(motion.position) + bound_[2] * size(motion.velocity);
+            gain_ = std::min(rho * exported::step / control.layer_thickness, control.switching_limit);
+        }
+    }
+    bool diverged() {
+        if (gain_ > 1.0) {
+            return fail(
+                "the motion diverged after %.9g: the bound estimates had grown to [%.3g, %.3g, %.3g], so that rho "
+                "h/delta "
+                "was %.3g, and from about 2 on the sampled loop is unstable; controller.switching_limit = 0.5 bounds "
+                "them",
+                now(), bound_[0], bound_[1], bound_[2], gain_);
+        }
+        return fail("the motion diverged after %.9g: the step %.9g is too long for these gains", now(), exported::step);
+    }
+
+    // Whether the instance is where a call may come.
+    bool in(Phase phase, const char* what) {
+        static constexpr const char* names[] = {"before the initialization", "during the initialization",
+                                                "between initialization and end", "after the end"};
+        return state_.phase == phase || fail("%s can come only %s: this is %s", what, names[static_cast<int>(phase)],
+                                             names[static_cast<int>(state_.phase)]);
+    }
+    bool on_to(Phase phase) {
+        state_.phase = phase;
+        return true;
+    }
+
+    static bool settable(const Variable& v) {
+        return v.role == Role::fixed || v.role == Role::tunable || v.role == Role::input;
+    }
+    static bool allowed(const Variable& v, double value) {
+        return v.strict ? v.low < value && value < v.high : v.low <= value && value <= v.high;
+    }
+    bool sound(const State& state) {
+        bool good = state.phase <= Phase::terminated && std::isfinite(state.start_time) && state.loop.step >= 0 &&
+                    static_cast<double>(state.loop.step) < longest;
+        for (std::size_t i = 0; i < state.values.size(); ++i) {
+            const Variable& v = exported::variables[i];
+            good = good && (settable(v) ? std::isfinite(state.values[i]) && allowed(v, state.values[i])
+                                        : state.values[i] == v.start);
+        }
+        prepare();
+        return good && ExportedController::sound(state.loop.controller, coefficients_.controller);
+    }
+    static constexpr double longest = 9007199254740992.0;  // steps, 2^53: up to here time has each of them
+
+    double now() const { return state_.start_time + static_cast<double>(state_.loop.step) * exported::step; }
+
+    // Of a controller behind its guard, which one in its own loop is not.
+    template <class Controlled>
+    void warn(const Controlled& controller) {
+        if constexpr (requires { controller.status; }) {
+            warn(controller.status);
+        }
+    }
+    void warn(Status status) {
+        const char* const what = status == Status::not_finite     ? "is not finite: the last force is held"
+                                 : status == Status::out_of_range ? "is out of range: the last force is held"
+                                 : status == Status::implausible
+                                     ? "is not a motion of this plant: the last force is held"
+                                 : status == Status::lost      ? "is not accepted: the force is that of the reference"
+                                 : status == Status::restarted ? "ends what was learnt: the controller starts again"
+                                                               : nullptr;
+        if (what != nullptr) {
+            std::snprintf(warning_, sizeof warning_, "the sample at %.9g %s", now(), what);
+        }
+    }
+
+    // The outputs before the first step, from the parameters as they stand.
+    void look_ahead() {
+        prepare();
+        if constexpr (exported::closed_loop) {
+            state_.loop = Loop::start(setup_, coefficients_, disturbance_);
+        } else {
+            state_.loop = {};
+            state_.loop.signals.report = ExportedController::report(state_.loop.controller, coefficients_.controller);
+        }
+        write_row(state_.loop.snapshot(), state_.row.data());
+    }
+
+    // The coefficients, if a parameter has changed.
+    void prepare() {
+        if (prepared_) {
+            return;
+        }
+        auto numbers = exported::numbers;
+        for (std::size_t i = 0; i < state_.values.size(); ++i) {
+            const Variable& v = exported::variables[i];
+            if (v.role == Role::fixed || v.role == Role::tunable) {
+                // The largest number stands for infinity, which the description of an FMU cannot hold.
+                const bool unlimited = state_.values[i] == std::numeric_limits<double>::max();
+                numbers[static_cast<std::size_t>(v.place)] = unlimited ? infinity : state_.values[i] / v.scale;
+            }
+        }
+        take_settings(setup_, numbers.data());
+        if (ExponentialSum* const kernel = kernel_of(setup_.controller)) {
+            std::copy(exported::poles.begin(), exported::poles.end(), kernel->poles.begin());
+            std::copy(exported::weights.begin(), exported::weights.end(), kernel->weights.begin());
+        }
+        coefficients_ = Loop::prepare(setup_);
+        disturbance_ = Disturbance(setup_.disturbance, setup_.common.step);
+        prepared_ = true;
+    }
+
+    Motion<exported::Number> measured() const {
+        std::array<exported::Number, 4> motion{};
+        for (std::size_t i = 0; i < state_.values.size(); ++i) {
+            const Variable& v = exported::variables[i];
+            if (v.role == Role::input) {
+                motion[static_cast<std::size_t>(v.place)] = static_cast<exported::Number>(state_.values[i] / v.scale);
+            }
+        }
+        return {.position = {motion[0], motion[1]}, .velocity = {motion[2], motion[3]}};
+    }
+
+    bool known(std::size_t reference, bool integer) {
+        if (reference >= state_.values.size()) {
+            return fail("%.0f is not a value reference", static_cast<double>(reference));
+        }
+        const Variable& v = exported::variables[reference];
+        return v.integer == integer || fail("%s is %s integer", v.name, v.integer ? "an" : "no");
+    }
+    bool outside(const Variable& v, double value) {
+        const char* const is = "%s is %.9g: it must ";
+        char format[80];
+        const auto say = [&](const char* rule) { std::snprintf(format, sizeof format, "%s%s", is, rule); };
+        if (v.low == -infinity) {
+            say(v.strict ? "be less than %.9g" : "be at most %.9g");
+            return fail(format, v.name, value, v.high);
+        }
+        if (v.high == infinity) {
+            say(v.strict ? "be greater than %.9g" : "be at least %.9g");
+            return fail(format, v.name, value, v.low);
+        }
+        say(v.strict ? "lie strictly between %.9g and %.9g" : "lie between %.9g and %.9g");
+        return fail(format, v.name, value, v.low, v.high);
+    }
+    template <class... Values>
+    bool fail(const char* format, Values... values) {
+        if constexpr (sizeof...(Values) == 0) {
+            std::snprintf(problem_, sizeof problem_, "%s", format);
+        } else {
+            std::snprintf(problem_, sizeof problem_, format, values...);
+        }
+        return false;
+    }
+
+    State state_{};
+    bool prepared_ = false;  // what follows is that of state_.values
+    Setup setup_{.controller = params_of_kind(exported::kind)};
+    typename Loop::Coefficients coefficients_{};
+    Disturbance disturbance_{DisturbanceParams{}, 1.0};
+    std::array<double, 3> bound_{};
+    double gain_ = 0.0;
+    char problem_[300] = "", warning_[120] = "";
+};
+
+// malloc aligns for numbers, not for the registers of several that the exponentials are kept in.
+template <class T, class... Arguments>
+T* make(const Arguments&... arguments) {
+    constexpr std::size_t alignment = alignof(T);
+    static_assert(alignment < 256);
+    auto* const block = static_cast<unsigned char*>(std::calloc(1, sizeof(T) + alignment));
+    if (block == nullptr) {
+        return nullptr;
+    }
+    const std::size_t shift = alignment - reinterpret_cast<std::uintptr_t>(block) % alignment;
+    block[shift - 1] = static_cast<unsigned char>(shift);
+    return new (block + shift) T(arguments...);
+}
+template <class T>
+void destroy(T* made) {
+    if (made != nullptr) {
+        auto* const at = reinterpret_cast<unsigned char*>(made);
+        std::free(at - at[-1]);
+    }
+}
+
+}  // namespace fracgyro

@@ -1,0 +1,75 @@
+// Types of fracgyro.mjs. Settings bear the names of a scenario's fields; `Fracgyro.fields` has unit, meaning and range.
+// `make web` writes the types of the settings at the end, from the core's own lists.
+
+/** Loads the module and its data, by default from the folder of fracgyro.mjs. Node fetches no files: pass both. */
+export function load(files?: { wasm?: BufferSource; data?: object }): Promise<Fracgyro>;
+
+export interface Fracgyro {
+  readonly version: string;
+  /** What each setting means and may be: enough to build a form from. */
+  readonly fields: Readonly<Record<SettingName, Field>>;
+  /** The paper's study, eqs (47)-(53), corrected and as printed. */
+  readonly paper: { readonly corrected: Scenario; readonly printed: Scenario };
+  /**
+   * The closed loop from t = 0 to run.duration. With a scenario's own settings it equals Python's fracgyro.simulate to
+   * the bit. Throws RangeError, in one sentence, for a setting that is unknown or out of range.
+   */
+  simulate(scenario: Scenario, changes?: Partial<Settings>): Promise<Run>;
+  /** The controller alone, for a loop of your own; in double precision unless `single`. */
+  controller(scenario: Scenario, changes?: Partial<Settings>, options?: { single?: boolean }): Promise<Controller>;
+}
+
+/** `fracgyro export web my.toml --out my.json` writes one. */
+export interface Scenario {
+  readonly settings: Settings;
+  /** Nondimensional = setting / scale, for those in SI units. */
+  readonly scales: Partial<Record<SettingName, number>>;
+}
+
+export interface Field {
+  description: string;
+  unit?: string;
+  choices?: (string | boolean)[];
+  /** null or Infinity is allowed, and switches off. */
+  infinite?: true;
+  whole?: true;
+  minimum?: number;
+  maximum?: number;
+  exclusiveMinimum?: number;
+  exclusiveMaximum?: number;
+}
+
+/** All of it nondimensional. */
+export interface Run {
+  /** Of the recorded samples, in units of 1/omega0. */
+  time: Float64Array;
+  /** position.x, …, bound_estimate[2]: as the variables of Python's Dataset. */
+  columns: string[];
+  column(name: string): Float64Array;
+  /** All columns, sample by sample. */
+  rows: Float64Array;
+  /** When the motion left all bounds; null if it did not. */
+  diverged: number | null;
+}
+
+export interface Controller {
+  /** The force [x, y] to hold for the coming step, from what is measured now. Call it once every run.step. */
+  step(position: [number, number], velocity: [number, number]): [number, number];
+  /** What was thought of the last sample; anything but ok and saturated says that it was not accepted. */
+  readonly status: "ok" | "saturated" | "not_finite" | "out_of_range" | "restarted" | "implausible" | "lost";
+  /**
+   * What the controller reports besides the force, by channel, as it stands after the last step: rate_estimate,
+   * stiffness_estimate as [xx, xy, yy], and so on. What only a step finds, as the sliding surface, is 0.
+   */
+  readonly report: Readonly<Record<string, number | number[]>>;
+  /**
+   * All that changes while running: assign it to a controller of the same scenario to resume, bit for bit. Throws
+   * RangeError for a state that is damaged, or was saved by another version or a controller of another scenario or
+   * precision.
+   */
+  state: Uint8Array;
+}
+
+type NameOf<Each> = Each extends unknown ? keyof Each : never;
+export type SettingName = NameOf<Settings>;
+

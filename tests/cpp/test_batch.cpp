@@ -1,0 +1,81 @@
+#include "paper.hpp"
+#include "scalars.hpp"
+
+#include "fracgyro/sim/batch.hpp"
+
+#include <stdexcept>
+#include <string>
+
+namespace fracgyro::testing {
+namespace {
+
+TEST(ParallelFor, TakesEveryTaskOnce) {
+    for (const unsigned threads : {1U, 2U, 5U}) {
+        std::vector<std::atomic<int>> done(100);
+        parallel_for(done.size(), threads, [&](std::size_t i) { ++done[i]; });
+        for (const auto& times : done) {
+            EXPECT_EQ(times.load(), 1);
+        }
+    }
+}
+
+TEST(ParallelFor, HandsOnWhatIsThrownInAnyThread) {
+    for (const unsigned threads : {1U, 2U, 5U}) {
+        try {
+            parallel_for(100, threads, [](std::size_t i) {
+                if (i == 7) {
+                    throw std::runtime_error("task 7");
+                }
+            });
+            FAIL() << "nothing was thrown";
+        } catch (const std::runtime_error& error) {
+            EXPECT_EQ(error.what(), std::string("task 7"));
+        }
+    }
+}
+
+TEST(Metrics, TheSteadyWindowBeginsAtTheFirstSampleThatIsNotBeforeIt) {
+    auto setup = paper(1000);
+    setup.common.step = 0.1;
+    EXPECT_EQ(first_steady_sample({.transient = 1.0}, setup), 10);
+    EXPECT_EQ(first_steady_sample({.transient = 0.95}, setup), 10);
+    EXPECT_EQ(first_steady_sample({.transient = 1.01}, setup), 11);
+    EXPECT_EQ(first_steady_sample({.transient = 0.3}, setup), 3);  // though 3 * 0.1 is 0.30000000000000004
+    EXPECT_EQ(first_steady_sample({.transient = 0.0}, setup), 0);
+}
+
+std::vector<MetricValues> measured(const std::vector<const fracgyro::Setup*>& runs, unsigned threads) {
+    const auto fill = [](Disturbance& d, std::int64_t first, std::span<Vec2<double>> out) { d.fill(first, out); };
+    const auto kernels = detail::KernelsFor<Lanes<double, 2>, Registry>::all();
+    return measure_all<double, 2>(kernels, fill, runs, MetricsParams{.transient = 1.0}, threads);
+}
+
+// Twenty runs of 2,000 steps, two of which go together, by any number of threads: also for the sanitizer of threads.
+TEST(MeasureAll, GivesTheSameWhateverTheNumberOfThreads) {
+    std::vector<fracgyro::Setup> setups;
+    for (std::uint64_t i = 0; i < 20; ++i) {
+        setups.push_back(paper(2000, controller_kinds[i / 2 % controller_kinds.size()]));
+        setups.back().disturbance.seed = i / 4;
+    }
+    std::vector<const fracgyro::Setup*> all;
+    for (const auto& setup : setups) {
+        all.push_back(&setup);
+    }
+    const auto one = measured(all, 1);
+    const std::size_t size = one.size() * sizeof one[0];
+    EXPECT_EQ(std::memcmp(measured(all, 2).data(), one.data(), size), 0);
+    EXPECT_EQ(std::memcmp(measured(all, 7).data(), one.data(), size), 0);
+}
+
+TEST(MeasureAll, ARunThatStartsBeyondTheLimitHasNoSample) {
+    auto wild = paper(100);
+    wild.plant.initial_position = {0.0, -2.0 * divergence_limit};
+    const auto calm = paper(100);
+    const auto found = measured({&wild, &calm}, 1);
+    const auto place = std::find(metric_names.begin(), metric_names.end(), "diverged_at") - metric_names.begin();
+    EXPECT_EQ(found[0][static_cast<std::size_t>(place)], 0.0);
+    EXPECT_TRUE(std::isnan(found[1][static_cast<std::size_t>(place)]));
+}
+
+}  // namespace
+}  // namespace fracgyro::testing

@@ -1,0 +1,363 @@
+// A moving rate, springs that are not constant, and what stands between the gyroscope and its controller.
+#include "paper.hpp"
+#include "scalars.hpp"
+
+#include "fracgyro/sim/device_loop.hpp"
+#include "fracgyro/control/guard.hpp"
+
+#include <cmath>
+
+namespace fracgyro::testing {
+namespace {
+
+using Proposed = SlidingModeController<double, FractionalFastTerminalSurface>;
+
+// -- Rates ------------------------------------------------------------------------------------------------------------
+
+TEST(MovingRate, AStaircaseClimbsAtItsSamplesAndStaysOnTheLastLevel) {
+    const AngularRate rate({.kind = AngularRateKind::staircase, .amplitude = 0.5, .start = 10, .hold = 4, .levels = 3},
+                           1.0, 0.1, 100);
+    EXPECT_EQ(rate.at(9), 1.0);
+    EXPECT_EQ(rate.at(10), 1.5);
+    EXPECT_EQ(rate.before(10), 1.0);
+    EXPECT_EQ(rate.within(9, 2), 1.0);
+    EXPECT_EQ(rate.at(14), 2.0);
+    EXPECT_EQ(rate.at(18), 2.5);
+    EXPECT_EQ(rate.at(100), 2.5);
+}
+
+TEST(MovingRate, ASineAndAChirpAreThoseOfTheTimeSinceTheirStart) {
+    constexpr double step = 1e-3;
+    const AngularRate sine({.kind = AngularRateKind::sine, .amplitude = 2.0, .start = 100, .frequency = 3.0}, 1.0, step,
+                           10'000);
+    const AngularRate chirp(
+        {.kind = AngularRateKind::chirp, .amplitude = 2.0, .start = 100, .frequency = 3.0, .final_frequency = 40.0},
+        1.0, step, 10'100);
+    for (std::int64_t n = 0; n <= 10'000; n += 37) {
+        for (const int halves : {0, 1, 2}) {
+            const double t = n < 100 ? 0.0 : static_cast<double>(n - 100) * step + 0.5 * step * halves;
+            EXPECT_NEAR(sine.within(n, halves), 1.0 + 2.0 * std::sin(3.0 * t), 1e-12);
+            EXPECT_NEAR(chirp.within(n, halves), 1.0 + 2.0 * std::sin(3.0 * t + 0.5 * 37.0 * t * t / 10.0), 1e-9);
+        }
+    }
+}
+
+TEST(MovingRate, NoiseHasItsStandardDeviationAndNothingBeyondItsBand) {
+    constexpr std::int64_t count = 40'000;
+    constexpr double step = 0.05, band = 2.0;
+    double mean_square = 0.0, mean_square_slope = 0.0;
+    for (std::uint64_t seed = 0; seed < 20; ++seed) {
+        const AngularRate rate({.kind = AngularRateKind::noise, .amplitude = 3.0, .frequency = band, .seed = seed}, 1.0,
+                               step, count);
+        for (std::int64_t n = 0; n < count; n += 10) {
+            const double slope = (rate.at(n + 1) - rate.at(n)) / step;
+            mean_square += (rate.at(n) - 1.0) * (rate.at(n) - 1.0) / (20.0 * count / 10.0);
+            mean_square_slope += slope * slope / (20.0 * count / 10.0);
+        }
+    }
+    EXPECT_NEAR(mean_square, 9.0, 0.1);
+    // Of a flat spectrum up to ω the slope has ω²/3 of the variance.
+    EXPECT_NEAR(mean_square_slope / mean_square, band * band / 3.0, 0.03);
+}
+
+TEST(MovingRate, NoiseDoesNotComeBackWhenEvenlySpacedTonesWould) {
+    constexpr double step = 0.05, band = 2.0;
+    // The tones of even spacing band/32 would be as at the start, but for a sign, after 2π 32/band.
+    const auto period = static_cast<std::int64_t>(std::round(2.0 * 3.14159265358979 * 32.0 / band / step));
+    const AngularRate rate({.kind = AngularRateKind::noise, .amplitude = 1.0, .frequency = band, .seed = 3}, 0.0, step,
+                           8 * period);
+    double product = 0.0, square = 0.0;
+    for (std::int64_t n = 0; n < 4 * period; ++n) {
+        product += rate.at(n) * rate.at(n + period);
+        square += rate.at(n) * rate.at(n);
+    }
+    EXPECT_LT(std::abs(product / square), 0.5);
+}
+
+TEST(MovingRate, NoiseIsTheSumOfToneAfterToneOfItsSeed) {
+    constexpr double step = 0.05, band = 2.0, pi = std::numbers::pi;
+    const AngularRate rate({.kind = AngularRateKind::noise, .amplitude = 3.0, .frequency = band, .seed = 5}, 1.0, step,
+                           1000);
+    for (const std::int64_t n : {0, 1, 999}) {
+        double sum = 0.0;
+        for (std::uint32_t k = 0; k < 32; ++k) {
+            const PhiloxBlock words = philox(5, {k, 0, 3, 0});
+            const double frequency = band * (k + words[0] * 0x1p-32) / 32.0, phase = 2.0 * pi * words[1] * 0x1p-32;
+            sum += std::sin(frequency * static_cast<double>(n) * step + phase);
+        }
+        EXPECT_NEAR(rate.at(n), 1.0 + 3.0 * std::sqrt(2.0 / 32.0) * sum, 1e-9) << n;
+    }
+}
+
+TEST(MovingRate, AProfileIsLinearBetweenItsTimesAndConstantBeyondThem) {
+    const Profile profile{.times = {2.0, 4.0, 10.0}, .values = {1.0, 3.0, 0.0}};
+    EXPECT_EQ(profile.at(0), 1.0);
+    EXPECT_EQ(profile.at(3), 2.0);
+    EXPECT_EQ(profile.within(3, 1), 2.5);
+    EXPECT_EQ(profile.within(3, 2), 3.0);
+    EXPECT_EQ(profile.at(7), 1.5);
+    EXPECT_EQ(profile.at(11), 0.0);
+    EXPECT_EQ(Profile{}.at(3), 0.0);
+}
+
+// -- The plant that varies --------------------------------------------------------------------------------------------
+
+GyroscopeParams gyroscope() {
+    return {.damping = {0.3, 0.1, 0.2},
+            .stiffness = {355.3, 70.99, 532.9},
+            .stiffness_deviation = {5.0, -3.0, 7.0},
+            .rate = 1.0,
+            .initial_position = {0.5, -0.3},
+            .initial_velocity = {2.0, 1.0}};
+}
+
+// Two units of time of a sine of the rate that is as large as the rate, with drifting and stiffening springs.
+Motion<double> driven(const GyroscopeParams& p, bool inertial, std::int64_t steps) {
+    const double step = 2.0 / static_cast<double>(steps);
+    const AngularRate rate({.kind = AngularRateKind::sine, .amplitude = 3.0, .frequency = 5.0}, p.rate, step, steps);
+    const Profile temperature{.times = {0.0, static_cast<double>(steps)}, .values = {0.0, 0.1}};
+    const auto c = VaryingGyroscope::prepare({p, {20.0, -10.0}, inertial}, step);
+    Motion<double> motion = Gyroscope<double>::start(p);
+    for (std::int64_t n = 0; n < steps; ++n) {
+        VaryingGyroscope::Course course{.rate_before = rate.before(n) - p.rate};
+        for (int k = 0; k < 3; ++k) {
+            course.at[static_cast<std::size_t>(k)] = {rate.within(n, k) - p.rate, temperature.within(n, k)};
+        }
+        VaryingGyroscope::step(motion, c, {30.0, -50.0}, {}, course);
+    }
+    return motion;
+}
+
+double distance(const Motion<double>& a, const Motion<double>& b) {
+    return norm(a.position - b.position) + norm(a.velocity - b.velocity);
+}
+
+TEST(VaryingGyroscope, ItsStepIsOfFourthOrder) {
+    for (const bool inertial : {false, true}) {
+        const Motion<double> fine = driven(gyroscope(), inertial, 12'800);
+        const double coarse = distance(driven(gyroscope(), inertial, 200), fine);
+        const double half = distance(driven(gyroscope(), inertial, 400), fine);
+        const double quarter = distance(driven(gyroscope(), inertial, 800), fine);
+        EXPECT_LT(quarter, 1e-4);
+        EXPECT_NEAR(std::log2(coarse / half), 4.0, 0.2);
+        EXPECT_NEAR(std::log2(half / quarter), 4.0, 0.1);
+    }
+}
+
+TEST(VaryingGyroscope, WhatTheControllerIsNotToldActsAsWhatItIs) {
+    for (const bool inertial : {false, true}) {
+        GyroscopeParams modeled = gyroscope();
+        GyroscopeParams unmodeled = modeled;
+        modeled.stiffness = modeled.stiffness + modeled.stiffness_deviation;
+        modeled.stiffness_deviation = {};
+        unmodeled.damping = {};
+        unmodeled.damping_deviation = modeled.damping;
+        expect_equal(driven(modeled, inertial, 400).position, driven(unmodeled, inertial, 400).position);
+        expect_equal(driven(modeled, inertial, 400).velocity, driven(unmodeled, inertial, 400).velocity);
+    }
+}
+
+TEST(VaryingGyroscope, WithNothingThatVariesItIsTheExactMap) {
+    const GyroscopeParams p = gyroscope();
+    const auto c = VaryingGyroscope::prepare({p, {}, false}, 0.3);
+    const auto exact = Gyroscope<double>::prepare(p, 0.3);
+    Motion<double> got = Gyroscope<double>::start(p), wanted = got;
+    for (int n = 0; n < 10; ++n) {
+        VaryingGyroscope::step(got, c, {30.0, -50.0}, {}, {});
+        Gyroscope<double>::step(wanted, exact, {30.0, -50.0});
+    }
+    EXPECT_LT(distance(got, wanted), 1e-12);
+}
+
+TEST(VaryingGyroscope, AConstantDeviationOfTheRateIsThatRate) {
+    GyroscopeParams p = gyroscope(), whole = p;
+    whole.rate += 0.5;
+    const auto c = VaryingGyroscope::prepare({p, {}, false}, 1e-3);
+    const auto exact = Gyroscope<double>::prepare(whole, 1e-3);
+    Motion<double> got = Gyroscope<double>::start(p), wanted = got;
+    for (int n = 0; n < 1000; ++n) {
+        VaryingGyroscope::step(got, c, {}, {}, {0.5, {{{0.5, 0.0}, {0.5, 0.0}, {0.5, 0.0}}}});
+        Gyroscope<double>::step(wanted, exact, {});
+    }
+    EXPECT_LT(distance(got, wanted), 1e-9);
+}
+
+TEST(VaryingGyroscope, SeenFromAFrameThatIsSpunUpAFreeMassGoesStraightOn) {
+    // No springs, no force; in inertial space q = (1, 0) + t (0, 2). The frame turns by t²/2: its rate is t, at once
+    // 0.5 more after one unit of time.
+    const GyroscopeParams p{.initial_position = {1.0, 0.0}, .initial_velocity = {0.0, 2.0}};
+    constexpr std::int64_t steps = 400;
+    constexpr double h = 2.0 / steps;
+    const auto c = VaryingGyroscope::prepare({p, {}, true}, h);
+    const auto jump = [](std::int64_t n) { return n < steps / 2 ? 0.0 : 0.5; };
+    Motion<double> motion = Gyroscope<double>::start(p);
+    for (std::int64_t n = 0; n < steps; ++n) {
+        const double t = static_cast<double>(n) * h;
+        VaryingGyroscope::step(motion, c, {}, {},
+                               {n > 0 ? t + jump(n - 1) : 0.0,
+                                {{{t + jump(n), 0.0}, {t + 0.5 * h + jump(n), 0.0}, {t + h + jump(n), 0.0}}}});
+    }
+    const double angle = 2.0 + 0.5;
+    const Vec2<double> q{1.0, 4.0};
+    expect_near(motion.position,
+                {std::cos(angle) * q.x + std::sin(angle) * q.y, std::cos(angle) * q.y - std::sin(angle) * q.x}, 1e-8);
+}
+
+TEST(VaryingGyroscope, AModeOfHighQualityKeepsItsAmplitude) {
+    // 10⁵ steps of a fifteenth of a period; what moves is the rate, by 1e-3.
+    const GyroscopeParams p{.stiffness = {1.0, 0.0, 1.0}, .initial_position = {1.0, 0.0}};
+    constexpr double h = 0.4;
+    const auto c = VaryingGyroscope::prepare({p, {}, false}, h);
+    const AngularRate rate({.kind = AngularRateKind::sine, .amplitude = 1e-3, .frequency = 0.01}, 0.0, h, 100'000);
+    Motion<double> motion = Gyroscope<double>::start(p);
+    for (std::int64_t n = 0; n < 100'000; ++n) {
+        VaryingGyroscope::step(
+            motion, c, {}, {},
+            {rate.before(n), {{{rate.at(n), 0.0}, {rate.within(n, 1), 0.0}, {rate.within(n, 2), 0.0}}}});
+    }
+    const double energy = squared_norm(motion.position) + squared_norm(motion.velocity);
+    EXPECT_NEAR(energy, 1.0, 1e-5);  // the Runge-Kutta method alone would leave 0.4 % of it
+}
+
+// -- The device -------------------------------------------------------------------------------------------------------
+
+TEST(Quantisation, ThreeBitsOverFourHaveEightLevelsOfOne) {
+    const Quantizer q{.range = 4.0, .bits = 3};
+    EXPECT_EQ(q(0.4), 0.0);
+    EXPECT_EQ(q(0.6), 1.0);
+    EXPECT_EQ(q(-2.7), -3.0);
+    EXPECT_EQ(q(100.0), 3.0);
+    EXPECT_EQ(q(-100.0), -4.0);
+    const Quantizer clip{.range = 4.0};
+    EXPECT_EQ(clip(0.4), 0.4);
+    EXPECT_EQ(clip(-7.0), -4.0);
+}
+
+TEST(Device, ADelayOfTwoStepsGivesEachForceTwoStepsLate) {
+    Imperfections::State state{};
+    const std::array<double, 5> given{0.0, 0.0, 1.0, 2.0, 3.0};
+    for (std::size_t n = 0; n < given.size(); ++n) {
+        EXPECT_EQ(
+            Imperfections::actuate(state, {.delay = 2}, {static_cast<double>(n + 1), 0.0}, static_cast<std::int64_t>(n))
+                .x,
+            given[n]);
+    }
+}
+
+TEST(Device, NoiseOfTheSensorsIsNeitherThatOfTheForceNorOfEachOther) {
+    const auto draw = [](std::uint32_t stream) {
+        std::array<Vec2<double>, 4> d{};
+        Disturbance({.kind = DisturbanceKind::noise, .seed = 5, .stream = stream}, 1.0).fill(0, d);
+        return d;
+    };
+    EXPECT_NE(draw(0)[0].x, draw(1)[0].x);
+    EXPECT_NE(draw(1)[0].x, draw(2)[0].x);
+    const ImperfectionParams device{.position_noise = 2.0, .velocity_noise = 3.0};
+    const Motion<double> seen = Imperfections::sense(device, {}, SensorNoise(device, 5, 1.0)(3));
+    EXPECT_EQ(seen.position.y, 2.0 * draw(1)[3].y);
+    EXPECT_EQ(seen.velocity.x, 3.0 * draw(2)[3].x);
+}
+
+TEST(DeviceLoop, OfAnIdealDeviceItsSamplesAreThoseOfTheLoop) {
+    const DeviceSetup setup{{paper(2'000)}};
+    ASSERT_TRUE(is_ideal(setup));
+    const std::size_t width = row_width_of(setup.controller), device_row = width + device_width;
+    std::vector<double> wanted(2'001 * width), got(2'001 * device_row);
+    record<double>(setup, 1, wanted.data());
+    record_device(setup, 1, got.data());
+    for (std::size_t n = 0; n <= 2'000; ++n) {
+        for (std::size_t k = 0; k < width; ++k) {
+            ASSERT_EQ(got[n * device_row + k], wanted[n * width + k]) << n << ' ' << k;
+        }
+    }
+}
+
+// -- The observer -----------------------------------------------------------------------------------------------------
+
+template <class T>
+class VelocityObserver : public ::testing::Test {};
+TYPED_TEST_SUITE(VelocityObserver, Scalars, ScalarNames);
+
+TYPED_TEST(VelocityObserver, ForgetsAnErrorAtItsBandwidthThreeTimesOver) {
+    // Of a free mass under an unmodeled constant acceleration, all errors are polynomials of degree 2 times θⁿ.
+    using T = TypeParam;
+    constexpr double h = 0.01, bandwidth = 20.0;
+    const auto c = Observer<T>::prepare({}, bandwidth, h);
+    typename Observer<T>::State state{};
+    double error = 0.0;
+    for (int n = 0; n <= 200; ++n) {
+        const double t = n * h;
+        Observer<T>::correct(state, c, vec2<T>(1.0 + 2.0 * t - 1.5 * t * t, 0.0));
+        error = number(state.motion.velocity.x) - (2.0 - 3.0 * t);
+        if (n == 50) {  // e^-10 (a + b n + c n²): still far from 0
+            EXPECT_LT(std::abs(error), 50.0 * 50.0 * std::exp(-10.0));
+            EXPECT_GT(std::abs(error), std::exp(-10.0));
+        }
+        Observer<T>::predict(state, c, vec2<T>(0.0, 0.0));
+    }
+    EXPECT_NEAR(error, 0.0, 1e-9 + 3e2 * epsilon<T>);
+    expect_near(state.acceleration, {-3.0, 0.0}, 1e-8 + 5e4 * epsilon<T>);
+}
+
+TYPED_TEST(VelocityObserver, OfTheNominalPlantUnderAKnownForceItFindsTheVelocity) {
+    using T = TypeParam;
+    GyroscopeParams p{.damping = {0.3, 0.1, 0.2}, .stiffness = {35.0, 7.0, 53.0}, .rate = 0.5};
+    p.initial_position = {0.5, -0.3};
+    p.initial_velocity = {2.0, 1.0};
+    constexpr double h = 1e-3;
+    const auto plant = Gyroscope<double>::prepare(p, h);
+    const auto c = Observer<T>::prepare({.damping = p.damping, .stiffness = p.stiffness, .rate = p.rate}, 100.0, h);
+    typename Observer<T>::State state{};
+    Motion<double> motion = Gyroscope<double>::start(p);
+    for (int n = 0; n < 3'000; ++n) {
+        Observer<T>::correct(state, c, vec2<T>(motion.position.x, motion.position.y));
+        if (n > 500) {  // 3 d/ω² with the prediction's own error for d: h/2 d²a/dt², some 500 here
+            expect_near(state.motion.velocity, motion.velocity, 2e-4 + 1e3 * epsilon<T>);
+        }
+        const Vec2<double> force{(n / 100) % 2 == 0 ? 5.0 : -5.0, 3.0};
+        Observer<T>::predict(state, c, vec2<T>(force.x, force.y));
+        Gyroscope<double>::step(motion, plant, force);
+    }
+}
+
+TEST(Observing, TheVelocityThatItIsHandedChangesNothing) {
+    auto setup = paper(1'000);
+    setup.common.observer_bandwidth = 300.0;
+    const auto c = prepared<Observing<Proposed>>(setup);
+    Observing<Proposed>::State one{}, other{};
+    for (int n = 0; n < 1'000; ++n) {
+        const Vec2<double> q{std::sin(1e-3 * n), 0.5};
+        const auto a = Observing<Proposed>::step(one, c, {.position = q});
+        const auto b = Observing<Proposed>::step(other, c, {.position = q, .velocity = {1e9 * n, -5.0}});
+        ASSERT_EQ(a.force, b.force);
+    }
+}
+
+TEST(Observing, ItsGuardHoldsTheForceThroughBadSamplesAndGoesOn) {
+    using Guarded = Guard<Observing<Proposed>>;
+    auto setup = paper(3'000);
+    setup.common.observer_bandwidth = 300.0;
+    const auto c = prepared<Guarded>(setup);
+    const auto plant = Gyroscope<double>::prepare(setup.plant, setup.common.step);
+    Guarded::State state{};
+    Motion<double> motion = Gyroscope<double>::start(setup.plant);
+    constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+    for (int n = 0; n < 3'000; ++n) {
+        const bool bad = n >= 1'000 && n < 1'010;
+        const Vec2<double> before = state.force;
+        Guarded::step(state, c,
+                      {.position = {bad ? nan : motion.position.x, motion.position.y}, .velocity = {nan, nan}});
+        ASSERT_EQ(state.status, bad ? Status::not_finite : Status::ok) << n;
+        if (bad) {
+            ASSERT_EQ(state.force, before);
+        }
+        Gyroscope<double>::step(motion, plant, state.force);
+        if (n == 1'009) {  // it has predicted with the force that was held: with the one not given it were off by .08
+            expect_near(state.controller.observer.motion.velocity, motion.velocity, 0.02);
+        }
+    }
+    expect_near(motion.position, {std::sin(std::numbers::pi * 3.0), std::cos(0.5 * std::numbers::pi * 3.0)}, 0.05);
+}
+
+}  // namespace
+}  // namespace fracgyro::testing

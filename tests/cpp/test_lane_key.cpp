@@ -1,0 +1,260 @@
+// Which runs may lie in one block: those whose coefficients differ in nothing but what every lane has of its own.
+#include "paper.hpp"
+
+#include "fracgyro/sim/batch.hpp"
+#include "fracgyro/sim/settings.hpp"
+
+#include <gtest/gtest.h>
+
+#include <map>
+#include <string>
+
+namespace fracgyro::testing {
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+// Calls visit(name, field, number) for every number of a run.
+template <class SetupLike, class Visit>
+void for_each_named(SetupLike& setup, Visit&& visit) {
+    for_each_setting(setup, [&](std::string_view table, const auto& field, std::string_view part, auto& number) {
+        visit(std::string(table) + '.' + std::string(field.name) + std::string(part), field, number);
+    });
+}
+
+// The run with one number set to another.
+fracgyro::Setup with(fracgyro::Setup setup, const std::string& name, double value) {
+    bool found = false;
+    for_each_named(setup, [&](const std::string& each, const auto&, auto& number) {
+        if (each == name) {
+            number = static_cast<std::remove_reference_t<decltype(number)>>(value);
+            found = true;
+        }
+    });
+    EXPECT_TRUE(found) << name;
+    return setup;
+}
+std::string key_with(const fracgyro::Setup& setup, const std::string& name, double value) {
+    return lane_key(with(setup, name, value));
+}
+
+struct Switch {
+    double off, on, also_on;
+};
+// What decides over a whole block. On is one thing, whatever the value.
+const std::map<std::string, Switch> switches{
+    {"run.step", {1e-3, 2e-3, 2e-3}},
+    {"run.steps", {2000, 1999, 1999}},
+    {"controller.force_limit", {infinity, 100.0, 200.0}},
+    {"controller.switching_limit", {infinity, 0.5, 0.25}},
+    {"controller.terminal_exponent", {0.5, 0.7, 0.25}},
+    {"controller.rate_law", {0.0, 1.0, 1.0}},
+    {"adaptation.leakage", {0.0, 1.0, 2.0}},
+    {"adaptation.dead_zone", {0.0, 0.5, 0.25}},
+    {"adaptation.projection", {0.0, 0.5, 0.25}},
+    {"adaptation.kind", {0.0, 1.0, 1.0}},
+};
+const std::map<std::string, Switch> switches_of_composite{
+    {"adaptation.forgetting", {0.0, 1.0, 2.0}},
+    {"controller.adaptive", {1.0, 0.0, 0.0}},
+};
+
+struct Kind {
+    fracgyro::Setup setup;
+    std::map<std::string, Switch> switches;  // that it has
+};
+std::vector<Kind> every_kind() {
+    std::vector<Kind> all;
+    const auto add = [&](const fracgyro::Setup& setup, std::map<std::string, Switch> some) {
+        std::map<std::string, Switch> had;
+        for_each_named(setup, [&](const std::string& name, const auto&, const auto&) {
+            if (some.contains(name)) {
+                had[name] = some[name];
+            }
+        });
+        all.push_back({setup, had});
+    };
+    for (const std::string_view kind : controller_kinds) {
+        add(paper(2000, kind), switches);
+    }
+    for (const std::string_view kind : sliding_modes) {
+        EXPECT_EQ(all[kind_of(kind)].switches.size(), switches.size());
+        fracgyro::Setup setup = paper(2000, kind);
+        law(setup).adaptation.kind = AdaptationKind::composite;
+        auto more = switches;
+        more.insert(switches_of_composite.begin(), switches_of_composite.end());
+        add(setup, more);
+    }
+    EXPECT_EQ(all[kind_of("pid")].switches.size(), 3U);
+    return all;
+}
+
+TEST(LaneKey, EverySwitchIsInIt) {
+    for (const auto& [setup, its] : every_kind()) {
+        for (const auto& [name, values] : its) {
+            const std::string off = key_with(setup, name, values.off), on = key_with(setup, name, values.on);
+            EXPECT_NE(off, on) << name;
+            EXPECT_EQ(on, key_with(setup, name, values.also_on)) << name;
+        }
+    }
+}
+
+TEST(LaneKey, NoPlainNumberIsInIt) {
+    for (const Kind& kind : every_kind()) {
+        const fracgyro::Setup& setup = kind.setup;
+        const std::string key = lane_key(setup);
+        for_each_named(setup, [&](const std::string& name, const auto& field, const auto& number) {
+            if (kind.switches.contains(name) || name == "controller.mode_count") {  // which are filled up
+                return;
+            }
+            if (field.choices.empty()) {
+                EXPECT_EQ(key, key_with(setup, name, 1.5 * static_cast<double>(number) + 0.25)) << name;
+            }
+            for (std::size_t choice = 0; choice < field.choices.size(); ++choice) {
+                EXPECT_EQ(key, key_with(setup, name, static_cast<double>(choice))) << name << ' ' << choice;
+            }
+        });
+    }
+}
+
+TEST(LaneKey, OfWhatIsSwitchedOnTheValueIsANumberOfEachLane) {
+    fracgyro::Setup setup = paper(2000);
+    setup.common.force_limit = 100.0;
+    setup.disturbance = {};
+    const std::string key = lane_key(setup);
+    setup.common.force_limit = 200.0;
+    setup.common.reference.frequency = {0.0, 12.0};
+    setup.common.nominal.rate = -3.0;
+    setup.plant.rate = 7.0;
+    setup.disturbance = {.kind = DisturbanceKind::sine, .amplitude = {1.0, 1.0}};
+    EXPECT_EQ(key, lane_key(setup));
+}
+
+TEST(LaneKey, IsAnotherForEveryKind) {
+    std::map<std::string, int> keys;
+    const auto all = every_kind();
+    for (const Kind& kind : all) {
+        ++keys[lane_key(kind.setup)];
+    }
+    EXPECT_EQ(keys.size(), all.size());
+    fracgyro::Setup known = paper(2000), composite = known;
+    law(known).adaptation.adaptive = false;
+    law(composite).adaptation = {.kind = AdaptationKind::composite, .adaptive = false};
+    EXPECT_EQ(lane_key(known), lane_key(composite)) << "where nothing is learnt no least squares run";
+}
+
+TEST(LaneKey, IsOneForOrdersOfAnyNumberOfModesAndAnotherForNone) {
+    const auto of_order = [](double order, double spacing = 0.5) {
+        fracgyro::Setup setup = paper(2000);
+        law(setup).surface.kernel = log_trapezoid(order, 1e-3, 2.0, spacing);
+        return setup;
+    };
+    const fracgyro::Setup many = of_order(0.9), few = of_order(0.5, 0.8);
+    ASSERT_NE(kernel_terms(many), kernel_terms(few));
+    EXPECT_EQ(lane_key(many), lane_key(few));
+    EXPECT_NE(lane_key(many), lane_key(of_order(1.0)));
+    EXPECT_EQ(lane_key(of_order(0.0)), lane_key(of_order(1.0)));
+}
+
+// Runs that differ in a switch, their exponentials or their noise, in one call: each has the metrics of its own call.
+TEST(MeasureAll, RunsThatDifferDoNotDisturbEachOther) {
+    std::vector<fracgyro::Setup> setups(4, paper(200));
+    law(setups[0]).surface.kernel = log_trapezoid(0.5, 1e-3, 0.2, 0.8);
+    law(setups[1]).surface.kernel = log_trapezoid(1.0, 1e-3, 0.2);
+    setups[2].disturbance.seed = 5;
+    setups[3].disturbance.seed = 6;
+    for (const auto& [name, values] : switches) {
+        setups.push_back(with(paper(200), name, values.off));
+        setups.push_back(with(paper(200), name, values.on));
+    }
+    const auto kernels = detail::KernelsFor<Lanes<double, 2>, Registry>::all();
+    const auto fill = [](Disturbance& d, std::int64_t first, std::span<Vec2<double>> out) { d.fill(first, out); };
+    const auto measured = [&](std::span<const fracgyro::Setup* const> runs) {
+        return measure_all<double, 2>(kernels, fill, runs, MetricsParams{.transient = 0.1}, 1);
+    };
+    std::vector<const fracgyro::Setup*> all;
+    for (const fracgyro::Setup& setup : setups) {
+        all.push_back(&setup);
+    }
+    const auto together = measured(all);
+    for (std::size_t i = 0; i < all.size(); ++i) {
+        const auto single = measured(std::span(all).subspan(i, 1));
+        EXPECT_EQ(std::memcmp(&single[0], &together[i], sizeof single[0]), 0) << i;
+    }
+}
+
+// -- Of coefficients that no list knows
+
+template <class T>
+struct MadeUp {
+    enum class Shape : std::uint8_t { round, square };
+    struct Inner {
+        std::array<T, 3> gains{};
+        bool on = false;
+        std::size_t count = 0;
+    };
+    T gain{};
+    Vec2<T> pair{};
+    typename PhaseOf<T>::Type phase{};
+    Inner inner{};
+    std::array<Inner, 2> each{};
+    Shape shape = Shape::round;
+};
+
+template <class T>
+class Switches : public ::testing::Test {};
+using Several = ::testing::Types<Lanes<double, 2>, Lanes<float, 4>>;
+TYPED_TEST_SUITE(Switches, Several);
+
+TYPED_TEST(Switches, AreFoundInCoefficientsWhereverTheyAre) {
+    using T = TypeParam;
+    using Coefficients = MadeUp<T>;
+    const auto key = [](auto&& change) {
+        Coefficients c;
+        change(c);
+        std::string found;
+        detail::append_switches<T>(found, c);
+        return found;
+    };
+    const std::string plain = key([](Coefficients&) {});
+    EXPECT_EQ(plain.size(), 3 * (sizeof(bool) + sizeof(std::size_t)) + 1);
+    EXPECT_EQ(plain, key([](Coefficients& c) { c.gain = T(2.0); }));
+    EXPECT_EQ(plain, key([](Coefficients& c) { c.pair.y = T(2.0); }));
+    EXPECT_EQ(plain, key([](Coefficients& c) { c.inner.gains[2] = T(2.0); }));
+    EXPECT_EQ(plain, key([](Coefficients& c) { c.phase = c.phase + 77; }));
+    EXPECT_NE(plain, key([](Coefficients& c) { c.inner.on = true; }));
+    EXPECT_NE(plain, key([](Coefficients& c) { c.inner.count = 1; }));
+    EXPECT_NE(plain, key([](Coefficients& c) { c.each[1].on = true; }));
+    EXPECT_NE(plain, key([](Coefficients& c) { c.shape = Coefficients::Shape::square; }));
+    EXPECT_NE(key([](Coefficients& c) { c.each[0].on = true; }), key([](Coefficients& c) { c.each[1].on = true; }));
+}
+
+TEST(Members, AreCountedAndVisitedInTheirOrder) {
+    struct Five {
+        int a = 1;
+        double b = 2.0;
+        std::array<int, 3> c{};
+        Vec2<double> d{};
+        bool e = true;
+    };
+    struct Twenty {
+        int a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t;
+    };
+    struct None {};
+    struct Nested {
+        None none;
+        Five five;
+    };
+    static_assert(count_members<None>() == 0 && count_members<Nested>() == 2);
+    static_assert(count_members<Five>() == 5 && count_members<Twenty>() == 20);
+    const Twenty twenty{1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20};
+    int wanted = 0;
+    EXPECT_TRUE(with_members(twenty, [&](const auto&... members) { return ((members == ++wanted) && ...); }));
+    EXPECT_EQ(wanted, 20);
+    EXPECT_EQ(
+        with_members(Five{}, [](int a, double b, const auto&, const auto&, bool e) { return a + b + (e ? 4 : 0); }),
+        7.0);
+}
+
+}  // namespace
+}  // namespace fracgyro::testing
