@@ -13,7 +13,7 @@ from machine import command, machine, on_one_core, write
 MINIMAX = {0.1: (8, 17, 26), 0.5: (11, 20, 29), 0.9: (12, 22, 31)}  # counts of minimax sets on [1e-3, 100]
 TOLERANCES = (1e-3, 1e-6, 1e-9)
 DRAWN, CHECKED = 1000, 60  # designs; those compared with 40 digits
-WIDEST = 1e6
+MAX_WIDTH = 1e6
 LONGEST = [(order, 1e9, 1e-9) for order in (0.1, 0.5, 0.9, 0.999)]  # the longest runs at the smallest tolerance
 
 
@@ -75,7 +75,7 @@ def main() -> None:
         # A tenth of the orders within 1e-12 to 1e-2 of 0, another of 1.
         order, near = float(random.uniform(0.0, 1.0)), float(10 ** random.uniform(-12, -2))
         order = near if i % 10 == 0 else 1.0 - near if i % 10 == 1 else order
-        ratio, tolerance = float(1 + WIDEST ** random.uniform(0, 1)), float(10 ** random.uniform(-11, -1))
+        ratio, tolerance = float(1 + MAX_WIDTH ** random.uniform(0, 1)), float(10 ** random.uniform(-11, -1))
         kernel, ms = timed(order, ratio, tolerance)
         took.append(ms)
         assert kernel.error <= tolerance
@@ -87,7 +87,7 @@ def main() -> None:
     rare = np.quantile(took, 0.95)
     lines += [
         "",
-        f"{DRAWN} designs drawn at random, orders in (0, 1) and near its ends, ranges to {WIDEST:.0e}, tolerances",
+        f"{DRAWN} designs drawn at random, orders in (0, 1) and near its ends, ranges to {MAX_WIDTH:.0e}, tolerances",
         f"1e-11 to 1e-1: median {statistics.median(took):.1f} ms, 95 % below {rare:.0f} ms,",
         f"at most {max(took):.0f} ms.",
         "All are certified within the tolerance, all rates and weights positive. Of",

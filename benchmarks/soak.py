@@ -28,7 +28,7 @@ from machine import wrapped
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results" / "soak.md"
-STEPS, MOST_STEPS = 10**8, 10**9
+STEPS, MAX_STEPS = 10**8, 10**9
 KINDS = ["fractional_fast_terminal", "fractional", "fast_terminal", "linear"]
 ADAPTATIONS = ["gradient", "composite"]
 NUMBERS: tuple[Number, ...] = get_args(Number)
@@ -50,7 +50,7 @@ class Block(NamedTuple):
 
 
 BLOCKS = [Block(*chosen, STEPS) for chosen in product(KINDS, ADAPTATIONS, NUMBERS)]
-BLOCKS += [Block(KINDS[0], *chosen, MOST_STEPS) for chosen in product(ADAPTATIONS, NUMBERS)]
+BLOCKS += [Block(KINDS[0], *chosen, MAX_STEPS) for chosen in product(ADAPTATIONS, NUMBERS)]
 Row = tuple[str, Block, list[str]]
 
 
@@ -117,7 +117,7 @@ def report(found: list[Row]) -> str:
         "",
         f"`python benchmarks/soak.py`: every shipped scenario for {power(STEPS)} steps, in lanes without contraction, "
         f"which have the bits of single runs; in double or in float, plant included. {KINDS[0]} also for "
-        f"{power(MOST_STEPS)} steps.",
+        f"{power(MAX_STEPS)} steps.",
         "",
         "Over the million steps before each mark: RMS error of x and y; Ω̂z less Ωz, mean and standard deviation (which "
         "float resolves to 1e-3 of Ωz); at the mark the bound estimates; and the largest ρ h/δ of these steps, limited "
@@ -126,7 +126,7 @@ def report(found: list[Row]) -> str:
         *(["", f"Not run: {'; '.join(missing)}."] if missing else []),
     ]
     for kind, adaptation, steps in dict.fromkeys((block.kind, block.adaptation, block.steps) for block in BLOCKS):
-        lines += ["", f"## {kind}, {adaptation}" + (f", {power(steps)} steps" if steps == MOST_STEPS else ""), ""]
+        lines += ["", f"## {kind}, {adaptation}" + (f", {power(steps)} steps" if steps == MAX_STEPS else ""), ""]
         lines += ["| scenario | scalar | steps | error x, y | Ω̂z − Ωz: mean ± deviation | b̂0, b̂1, b̂2 | ρ h/δ |"]
         lines += ["|---|---|---|---|---|---|---|"]
         for name, number in product(SHIPPED, NUMBERS):

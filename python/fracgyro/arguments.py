@@ -1,4 +1,4 @@
-"""Arguments in Python that are no fields of a scenario: what they cannot be is refused in one sentence."""
+"""Arguments in Python that are not fields of a scenario: a wrong one is refused in one sentence."""
 
 from __future__ import annotations
 

@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-LONGEST_SENTENCE = 900  # characters, of which names of files may have any number
-LARGEST_INPUT = 16 * 2**20  # bytes; a scenario with two tables of 100,000 points has about 10 million
+MAX_SENTENCE = 900  # characters, of which names of files may have any number
+MAX_INPUT = 16 * 2**20  # bytes; a scenario with two tables of 100,000 points has about 10 million
 
 
 def cut(text: str, most: int = 80) -> str:
@@ -24,7 +24,7 @@ def cut(text: str, most: int = 80) -> str:
 def one_line(text: str) -> str:
     """A sentence with line breaks and other characters that do not print as escapes, and not too long."""
     text = text if text.isprintable() else "".join(map(_printable, text))
-    return text if len(text) <= LONGEST_SENTENCE else f"{text[:400]} ... {text[-400:]}"
+    return text if len(text) <= MAX_SENTENCE else f"{text[:400]} ... {text[-400:]}"
 
 
 def _printable(character: str) -> str:
@@ -49,18 +49,18 @@ def check_regular(path: str | os.PathLike[str]) -> None:
 
 
 def read_input(path: str | os.PathLike[str]) -> bytes:
-    """The contents of a regular file of at most LARGEST_INPUT bytes. Raises OSError, or ValueError for an odd path."""
+    """The contents of a regular file of at most MAX_INPUT bytes. Raises OSError, or ValueError for an odd path."""
     check_regular(path)
     with open(path, "rb") as file:
-        data = file.read(LARGEST_INPUT + 1)
-    if len(data) > LARGEST_INPUT:
-        raise OSError(f"it is larger than {LARGEST_INPUT // 2**20} MiB")
+        data = file.read(MAX_INPUT + 1)
+    if len(data) > MAX_INPUT:
+        raise OSError(f"it is larger than {MAX_INPUT // 2**20} MiB")
     return data
 
 
 @contextmanager
 def whole_file(path: str | os.PathLike[str], *, replaces_any: bool = True) -> Iterator[Path]:
-    """A scratch path beside `path`, moved there when the block ends without an error and removed otherwise.
+    """A scratch path next to `path`, moved there when the block ends without an error and removed otherwise.
 
     `replaces_any`: whatever file is there; otherwise only one that begins with the same bytes, as files of one kind do.
     Raises ValueError in one sentence when it cannot be written.
@@ -118,7 +118,7 @@ def writable_folder(path: str | os.PathLike[str]) -> Path:
 
 @contextmanager
 def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """A scratch folder beside `path`, moved there when the block ends without an error and removed otherwise.
+    """A scratch folder next to `path`, moved there when the block ends without an error and removed otherwise.
 
     Raises ValueError in one sentence when it cannot be written, or when `path` is there already and not empty.
     """

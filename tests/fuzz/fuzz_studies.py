@@ -32,7 +32,7 @@ from fracgyro.study.tune.plan import read_tuning
 from fracgyro.study.tune.search import choose, front, opened
 
 # A larger study takes longer, not another way.
-design.MOST_POINTS = 500
+design.MAX_POINTS = 500
 blocks.RUNS_PER_BLOCK = 2
 FEW, SHORT = 8, 20_000  # runs and steps that are indeed run
 OFTEN = 100  # one study in so many is run to its report

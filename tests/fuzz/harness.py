@@ -39,7 +39,7 @@ Check = Callable[[bytes, Path], str]
 
 HANG = 20.0  # s for one input, of the processor or of waiting: a busy machine makes no hang
 MEMORY = 6 * 2**30  # bytes of address space
-LONGEST_SENTENCE = 1000
+MAX_SENTENCE = 1000
 PACKAGE = str(Path(fracgyro.__file__).parent)
 CORPUS = Path(__file__).resolve().parent / "corpus"
 
@@ -67,7 +67,7 @@ def raised(frame: traceback.FrameSummary) -> bool:
 
 
 def is_sentence(text: str) -> bool:
-    return len(text.splitlines()) == 1 and text.isprintable() and len(text) <= LONGEST_SENTENCE
+    return len(text.splitlines()) == 1 and text.isprintable() and len(text) <= MAX_SENTENCE
 
 
 @contextlib.contextmanager

@@ -416,7 +416,10 @@ def test_bad_values_are_refused_in_one_sentence(changes: dict[str, Any], said: s
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        (RATES["step"], 'rate.kind is "step": it must be "constant" to be exported, as FMU, browser and lanes know a'),
+        (
+            RATES["step"],
+            'rate.kind is "step": it must be "constant" to be exported, as FMU, browser and lanes know only',
+        ),
         (EFFECTS["delay"], "device.delay is 1: it must be 0 to be exported"),
         (EFFECTS["position alone"], 'device.sensing is "position": it must be "full" to be exported'),
     ],

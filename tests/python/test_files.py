@@ -12,7 +12,7 @@ import fracgyro as fg
 import pytest
 from children import PATIENCE
 from fracgyro.export.firmware import export_firmware
-from fracgyro.files import LARGEST_INPUT, one_line, reason, whole_file
+from fracgyro.files import MAX_INPUT, one_line, reason, whole_file
 
 PAPER = fg.Scenario.paper()
 BOUNDED = PAPER.replace({"controller.switching_limit": 0.5})
@@ -78,7 +78,7 @@ def test_what_is_no_regular_file_is_refused_at_once_by_every_reader(tmp_path: Pa
 
 def test_a_huge_file_is_refused_by_its_size(tmp_path: Path) -> None:
     with open(tmp_path / "huge", "wb") as file:
-        file.truncate(LARGEST_INPUT + 1)
+        file.truncate(MAX_INPUT + 1)
     for name, said in sentences("huge", tmp_path).items():
         assert ("it is not NetCDF" if name == "trace" else "it is larger than 16 MiB") in said, name
 

@@ -12,7 +12,7 @@ import pytest
 from fracgyro import _core
 from fracgyro.fractional import ExponentialSum, design
 from fracgyro.scenario import Scenario
-from fracgyro.scenario.schema import MOST_STEPS
+from fracgyro.scenario.schema import MAX_STEPS
 from fracgyro.scenario.to_core import core_setup
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -165,5 +165,5 @@ def test_bad_arguments_are_named_with_their_value_and_what_is_allowed(
 @pytest.mark.parametrize("order", [1e-3, 0.1, 0.5, 0.9, 0.999])
 def test_the_longest_run_at_the_smallest_tolerance_fits_into_the_controllers_memory(order: float) -> None:
     longest = Scenario.paper().replace({"controller.order": order, "run.duration": 1e6, "run.kernel_tolerance": 1e-9})
-    assert longest.run.steps == MOST_STEPS
+    assert longest.run.steps == MAX_STEPS
     assert 0 < core_setup(longest).kernel.count <= _core.kernel_capacity

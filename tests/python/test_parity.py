@@ -245,7 +245,7 @@ def test_what_is_no_record_of_every_step_is_refused_in_one_sentence(short: Path,
     base = fg.Scenario.paper().replace({"run.duration": 0.2})
     for change, report in {
         "run.record_every": "lacks steps: run.record_every is 4, and must be 1",
-        "run.units": "is in units that rounded it: run.units is 'SI', and must be 'nondimensional'",
+        "run.units": "was recorded in SI units, which rounds the motion; record it with run.units = nondimensional",
     }.items():
         write_run(fg.simulate(base.replace({change: 4 if change == "run.record_every" else "SI"})), path)
         assert refused(path) == report

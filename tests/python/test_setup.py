@@ -25,7 +25,7 @@ ROUND = fg.Scenario.paper().replace(
         "run.duration": 8.0,
     }
 )
-QUIET = to_core.LEAST_TOLERANCE
+QUIET = to_core.MIN_TOLERANCE
 
 
 def device(**fields: Any) -> Any:

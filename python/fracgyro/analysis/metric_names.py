@@ -51,6 +51,6 @@ SI = {"length": "m", "time": "s", "velocity": "m/s", "force": "N", "rate": "rad/
 
 
 def metric_hint(name: str) -> str:
-    """What is meant by a name that is no column of METRICS."""
+    """What may be meant by a name that is not a column of METRICS."""
     near = difflib.get_close_matches(name, METRICS)
     return f"did you mean {near[0]}?" if near else f"known are {', '.join(METRICS)}"

@@ -47,7 +47,7 @@ def web_command(scenario: Path, out: Path, unbounded: bool) -> None:
     from ..export.web import export as write
 
     write(Scenario.load(scenario), out, unbounded=unbounded)
-    click.echo(f"{out}: load it beside fracgyro.mjs, whose first lines show how")
+    click.echo(f"{out}: load it with fracgyro.mjs, whose first lines show how")
 
 
 @export.command()

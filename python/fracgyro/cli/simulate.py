@@ -40,7 +40,7 @@ def simulate_command(
     chosen = Scenario.load(scenario) if scenario else Scenario.paper()
     chosen = chosen.replace(dict(map(_change, changes)))
     diverged = None
-    # The metrics are of every step, and gathered on the way. A record that nobody asked for tells why a run diverged.
+    # The metrics are of every step, and gathered on the way. A record that nobody asked for shows why a run diverged.
     unasked = {} if out or plot else {"run.record_every": max(1, chosen.run.steps // UNASKED)}
     try:
         run = simulate(chosen.replace(unasked))

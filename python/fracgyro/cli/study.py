@@ -60,7 +60,7 @@ def tune(study: Path, out: Path, resume: bool, as_json: bool) -> None:
 
 
 def _finite(value: Any) -> Any:
-    """The same for what is no array: NaN and infinity become null."""
+    """The same for what is not an array: NaN and infinity become null."""
     if isinstance(value, dict):
         return {name: _finite(inner) for name, inner in value.items()}
     if isinstance(value, list | tuple):

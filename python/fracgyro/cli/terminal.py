@@ -6,7 +6,7 @@ import signal
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 
-WIDEST = 10_000  # columns of a table, whatever the terminal's: it may break lines, but nothing is cut off
+MAX_WIDTH = 10_000  # columns of a table, whatever the terminal's: it may break lines, but nothing is cut off
 
 
 def print_table(titles: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
@@ -17,7 +17,7 @@ def print_table(titles: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     table = Table(*titles, box=None, header_style="bold", pad_edge=False)
     for row in rows:
         table.add_row(*row)
-    Console(soft_wrap=True, width=WIDEST).print(table)
+    Console(soft_wrap=True, width=MAX_WIDTH).print(table)
 
 
 @contextmanager
@@ -33,7 +33,7 @@ def progress(doing: str, rate: str = "") -> Iterator[Callable[..., None]]:
             speed = task.finished_speed or task.speed
             return Text(f"{speed:.0f} {rate}" if speed and rate else "")
 
-    # The bar goes to standard error: standard output holds results alone.
+    # The bar goes to standard error: standard output holds only results.
     columns = (TextColumn("{task.description:<22}"), BarColumn(), TaskProgressColumn())
     bar = Progress(*columns, Remaining(elapsed_when_finished=True), Rate(), console=Console(stderr=True))
     task = bar.add_task(doing, start=False)

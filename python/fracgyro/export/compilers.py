@@ -16,7 +16,7 @@ from .. import _core
 
 Number = Literal["float", "double"]  # what an exported controller computes with
 
-# The sources are installed beside the compiled module, whose coefficients fit these very headers.
+# The sources are installed with the compiled module, whose coefficients fit these very headers.
 SOURCES = Path(_core.__file__).parent
 
 # As CMakeLists.txt has them: without contraction, every compiler and processor computes the same bits.

@@ -1,4 +1,4 @@
-"""A scenario as an FMU for co-simulation, FMI 2.0 or 3.0: the closed loop with its plant, or the controller alone.
+"""A scenario as an FMU for co-simulation, FMI 2.0 or 3.0: the closed loop with its plant, or only the controller.
 
 Page one is `export`. The C++ is in integrations/fmu; from here come a header with this FMU's variables, numbers and
 kernel, the model description and the archive. The same scenario and the same compilers give the same bytes.
@@ -37,9 +37,9 @@ Fmi = Literal["2.0", "3.0"]
 System = Literal["linux", "windows", "macos"]
 Role = Literal["time", "constant", "fixed", "tunable", "input", "output"]
 
-LARGEST = sys.float_info.max  # stands for infinity, which some importers do not read
-LARGEST_SEED = 2**31 - 1  # of FMI's integers
-MOST_TOGETHER = 10**7  # steps in one call of the importer, as integrations/fmu/instance.hpp has them
+MAX_DOUBLE = sys.float_info.max  # stands for infinity, which some importers do not read
+MAX_SEED = 2**31 - 1  # of FMI's integers
+MAX_TOGETHER = 10**7  # steps in one call of the importer, as integrations/fmu/instance.hpp has them
 FIRST_DATE = (1980, 1, 1, 0, 0, 0)  # of every file in the archive: no clock gets into it
 INPUTS = ("position", "velocity")
 NOT_OF_THE_CONTROLLER = {"position", "velocity", "disturbance"}
@@ -143,10 +143,10 @@ def _parameters(scenario: Scenario, content: Content) -> Iterator[Variable]:
             continue
         if table == "disturbance" and field not in OF_DISTURBANCE[scenario.disturbance.kind]:
             continue
-        high = LARGEST_SEED if field == "seed" else n.high
+        high = MAX_SEED if field == "seed" else n.high
         if s.value > high:
-            raise ScenarioError(f"{n.path} is {s.value:.0f}: it must be at most {LARGEST_SEED} in an FMU")
-        start, note = (LARGEST, f" Here {LARGEST} is off.") if math.isinf(s.value) else (s.value, "")
+            raise ScenarioError(f"{n.path} is {s.value:.0f}: it must be at most {MAX_SEED} in an FMU")
+        start, note = (MAX_DOUBLE, f" Here {MAX_DOUBLE} is off.") if math.isinf(s.value) else (s.value, "")
         role: Role = "fixed" if n.fixed else "tunable"
         limits = (n.low, high, n.strict)
         yield Variable(s.name, role, places[s.name], start, s.scale, unit(n), meaning(n) + note, *limits)
@@ -242,7 +242,7 @@ def _description(scenario: Scenario, content: Content, fmi: Fmi, token: str, var
         variables=variables,
         units={unit: base_unit(unit, scenario.plant) for unit in sorted({v.unit for v in variables} - {"1"})},
         step=run.step * scale,
-        communication_step=run.step * min(run.record_every, run.steps, MOST_TOGETHER) * scale,
+        communication_step=run.step * min(run.record_every, run.steps, MAX_TOGETHER) * scale,
         stop=run.duration * scale,
         finite=math.isfinite,
     )

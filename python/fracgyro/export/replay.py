@@ -1,4 +1,4 @@
-"""A recorded run, answered anew by the controller on another target, and compared bit by bit: page one of `replay`."""
+"""A recorded run, answered again by the controller on another target, and compared bit by bit: page one of `replay`."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def replay(path: str | os.PathLike[str], target: Target, number: Number = "doubl
     """Hands the motion recorded in `path` (by `fracgyro simulate --out`) to the controller on the target.
 
     In double its answers are compared to those recorded; in float, to those of the Python Controller in single
-    precision. Raises ValueError, in one sentence, when the file is no such record or a program is missing.
+    precision. Raises ValueError, in one sentence, when the file is not such a record or a program is missing.
     """
     trace = load(path)
     expected = trace.answers if number == "double" else answers("python", trace.scenario, number, trace.motion)
@@ -76,7 +76,8 @@ def load(path: str | os.PathLike[str]) -> Trace:
         raise ValueError(f"{path} is not a recorded run: write one with `fracgyro simulate --out`")
     if scenario.run.units != "nondimensional":
         raise ValueError(
-            f"{path} is in units that rounded it: run.units is {scenario.run.units!r}, and must be 'nondimensional'"
+            f"{path} was recorded in {scenario.run.units} units, which rounds the motion; record it with "
+            "run.units = nondimensional"
         )
     if scenario.run.record_every != 1:
         raise ValueError(f"{path} lacks steps: run.record_every is {scenario.run.record_every}, and must be 1")

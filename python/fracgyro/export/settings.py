@@ -18,7 +18,7 @@ from ..scenario.table import toml_value
 from ..scenario.to_core import core_setup, guard
 from .units import shown
 
-LARGEST_EXACT = 2**53 - 1  # faces take their numbers as doubles
+MAX_EXACT = 2**53 - 1  # faces take their numbers as doubles
 DERIVED = {"run.steps", "controller.order_gamma", "controller.kernel_terms", "controller.kernel_error"}
 OF_PLANT = {"damping", "stiffness", "rate"}  # the quantities that [plant] has in SI units
 
@@ -37,7 +37,7 @@ class Setting:
 
 
 def without_plant(scenario: Scenario) -> Scenario:
-    """For the controller alone, which knows neither the rate nor the device, unless it is to observe the velocity."""
+    """For only the controller, which knows neither the rate nor the device, unless it is to observe the velocity."""
     if scenario.device.sensing != "full":
         return scenario
     return scenario.model_copy(update={"rate": Rate(), "device": Device(), "guard": guard(scenario)})
@@ -54,9 +54,9 @@ def core_numbers(scenario: Scenario) -> dict[str, float]:
             if value != wanted and (table, name) != ("rate", "seed"):
                 raise ScenarioError(
                     f"{table}.{name} is {toml_value(value)[:80]}: it must be {toml_value(wanted)} to be exported, as "
-                    "FMU, browser and lanes know a constant rate and an ideal device alone"
+                    "FMU, browser and lanes know only a constant rate and an ideal device"
                 )
-    if scenario.disturbance.seed > LARGEST_EXACT:
+    if scenario.disturbance.seed > MAX_EXACT:
         raise ScenarioError(f"disturbance.seed is {scenario.disturbance.seed}: it must be below 2^53 to be exported")
     names = [number.name for number in numbers(scenario.controller.kind)]
     return dict(zip(names, _core.setup_settings(core_setup(scenario)), strict=True))

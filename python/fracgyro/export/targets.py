@@ -119,7 +119,7 @@ def _wasm(scenario: Scenario, number: Number, motion: NDArray[np.floating], fold
 
 
 def _fmu(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
-    """The controller alone, as FMPy imports it."""
+    """Only the controller, as FMPy imports it."""
     path = folder / "replay.fmu"
     system = SYSTEMS[platform.system()]
     fmu.export(scenario, path, content="controller", systems=[system], number=number, unbounded=True)

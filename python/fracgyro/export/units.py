@@ -29,7 +29,7 @@ def shown(unit: str, scales: Scales, si: bool) -> tuple[float, str]:
 
 
 def base_unit(unit: str, plant: Plant) -> dict[str, float] | None:
-    """FMI's BaseUnit: exponents of SI's base units, and a factor; None for a power that is no integer."""
+    """FMI's BaseUnit: exponents of SI's base units, and a factor; None for a power that is not an integer."""
     if unit in SI:
         return dict(SI[unit])
     over, _, under = unit.partition("/")

@@ -44,7 +44,7 @@ def export(scenario: Scenario, path: str | os.PathLike[str], *, unbounded: bool 
 
 
 def write_module_data(path: str | os.PathLike[str]) -> None:
-    """Writes what fracgyro.mjs loads beside the module."""
+    """Writes what fracgyro.mjs loads with the module."""
     module = {
         "version": version("fracgyro"),
         "fields": _fields(),

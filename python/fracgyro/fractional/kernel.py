@@ -17,7 +17,7 @@ import numpy.typing as npt
 from .. import _core
 
 Vector = npt.NDArray[np.float64]
-SHORTEST_RANGE = 10.0  # the exponentials cover at least this many steps, however short the run
+MIN_RANGE = 10.0  # the exponentials cover at least this many steps, however short the run
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ def design(order: float, shortest: float, longest: float, tolerance: float) -> E
     shortest, longest: ends of the range of time lags, one common unit, longest/shortest in (1, 1e10].
     tolerance: largest relative error of the kernel, in [1e-11, 1e-1].
 
-    Results are cached and deterministic.  The design depends on longest/shortest alone; the unit of time
+    Results are cached and deterministic.  The design depends only on longest/shortest; the unit of time
     scales it: poles ~ 1/shortest, weights ~ shortest^(-order).  Raises ValueError for arguments outside the
     ranges above (ArithmeticError if none were found; no such arguments are known).
     """
@@ -90,7 +90,7 @@ def core_kernel(order: float, step: float, duration: float, tolerance: float) ->
     room for as many exponentials as they take.
     """
     if order not in (0.0, 1.0):
-        check(order, step, max(duration, SHORTEST_RANGE * step), tolerance)
+        check(order, step, max(duration, MIN_RANGE * step), tolerance)
     found = _core.designed_kernel(order, step, duration, tolerance)
     if order not in (0.0, 1.0) and not found.count:
         raise ValueError(

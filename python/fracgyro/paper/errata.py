@@ -161,7 +161,7 @@ TABLE: list[tuple[Erratum, Evidence | None]] = [
             "dΩ̂ᵀ/dt = −P (v sᵀ + s vᵀ)",
             "dΩ̂ᵀ/dt = −P (v sᵀ − s vᵀ), that is dΩ̂z/dt = P (s₁v₂ − s₂v₁)",
             "Ω̃ is skew, so tr{Ω̃ (v sᵀ + s vᵀ)} ≡ 0: the printed law moves only a symmetric part and leaves Ω̂z at "
-            "0.95 Ωz for ever.",
+            "0.95 Ωz forever.",
             "controller.rate_law",
         ),
         rate_law_seen,
@@ -224,7 +224,7 @@ TABLE: list[tuple[Erratum, Evidence | None]] = [
             "(44), figure 19",
             "b̂ shows stable convergence",
             "b̂ grows without bound under noise",
-            "‖s‖ ≥ 0 is integrated for ever. Mended by adaptation.leakage, .dead_zone or .projection, all off in both "
+            "‖s‖ ≥ 0 is integrated forever. Fixed by adaptation.leakage, .dead_zone or .projection, all off in both "
             "variants, since the paper has none.",
             "adaptation.leakage, dead_zone, projection",
         ),

@@ -14,10 +14,11 @@ from ..files import writable_folder
 from ..simulation.dataset import write_run
 from ..simulation.many import threads_available
 from . import figures
-from .claims import Claim, judge, time_steps, write_claims
+from .claims import Claim, judge, write_claims
 from .errata import with_evidence
 from .report import write_report
 from .runs import CONTROLLERS, VARIANTS, record_all, study, study_cases
+from .step_cost import time_steps
 from .table import draw_table, table, write_table
 
 SEEDS = 100
@@ -70,7 +71,7 @@ def reproduce(
     with figures.workers(threads_available()) as pool:
         advance(0, "recording runs")
         runs = record_all(lambda n: advance(n * RECORD_COST, "recording runs"))
-        drawing = figures.start_all(runs, drawn, pool)  # beside all that follows
+        drawing = figures.start_all(runs, drawn, pool)  # alongside all that follows
         for (variant, controller), run in runs.items():
             write_run(run, kept / f"{variant}_{controller}.nc")
             advance(FILE_COST, "writing runs")

@@ -14,8 +14,8 @@ Array = NDArray[np.float64]
 
 CONFIDENCE = 0.95
 FLICKER = 0.664  # sqrt(2 ln 2 / pi): the deviation of flicker noise over B
-SLOPE_TOLERANCE = 0.1  # how far a slope may be from -1/2 or +1/2 and still count as it, beside its own noise
-LONGEST = 10  # times tau that a record must last
+SLOPE_TOLERANCE = 0.1  # how far a slope may be from -1/2 or +1/2 and still count as it, in addition to its own noise
+MIN_RECORD = 10  # times tau that a record must last
 PEAK = 1.892  # averaging time over correlation time at which Markov noise has its largest deviation
 
 
@@ -50,9 +50,9 @@ def allan(records: Array, interval: float) -> Allan:
     """
     records = np.atleast_2d(records)
     count, samples = records.shape
-    if samples < 2 * LONGEST or not np.isfinite(records).all():
-        raise ValueError(f"the record has {samples} samples: it must have at least {2 * LONGEST}, all finite")
-    octaves = 2 ** np.arange((samples // LONGEST).bit_length())
+    if samples < 2 * MIN_RECORD or not np.isfinite(records).all():
+        raise ValueError(f"the record has {samples} samples: it must have at least {2 * MIN_RECORD}, all finite")
+    octaves = 2 ** np.arange((samples // MIN_RECORD).bit_length())
     found = [
         allantools.oadev(record, rate=1 / interval, data_type="freq", taus=octaves * interval) for record in records
     ]
@@ -88,7 +88,7 @@ def _factors(freedom: Array) -> Array:
 def _peak_of_the_response(deviation: Array, low: Array, high: Array) -> int:
     """Where the deviation, having risen from the shortest average on, falls again by more than its noise; else 0.
 
-    Left of it a sensor of finite bandwidth cannot move: its rise is no rate random walk, its low start no floor.
+    Left of it a sensor of finite bandwidth cannot move: its rise is not a rate random walk, its low start not a floor.
     """
     peak = int(np.argmax(np.diff(deviation) < 0))  # 0 too where nothing falls
     return peak if (high[peak:] < low[peak]).any() else 0
@@ -137,7 +137,7 @@ def _angle_random_walk(tau: Array, deviation: Array, freedom: Array, peak: int) 
 
 
 def _bias_instability(tau: Array, deviation: Array, low: Array, high: Array, walk: Estimate | None) -> Estimate:
-    """B: the least deviation over 0.664. Observed where it lies above what the white noise alone would leave."""
+    """B: the smallest deviation over 0.664. Observed where it lies above what white noise by itself would leave."""
     least = int(np.argmin(deviation))
     floor = walk.high / math.sqrt(tau[least]) if walk else 0.0
     observed = low[least] > floor and least < len(tau) - 1

@@ -17,7 +17,7 @@ SAMPLES = 200_000
 class Bound:
     """N in rad/sqrt(s) of the best unbiased estimate of a constant Omega_z: no angle random walk can be less.
 
-    `known`: D and K are known, as to an estimator that has long watched them and forgets Omega_z alone. `unknown`: they
+    `known`: D and K are known, as to an estimator that has long watched them and forgets only Omega_z. `unknown`: they
     are unknown constants, found from the same span of time as Omega_z.
     """
 
@@ -30,7 +30,7 @@ def bound_angle_random_walk(scenario: Scenario) -> Bound | None:
 
     From the regressors of the scenario's own steady motion: each step of length h adds phi phi^T h/S to the
     information, phi^T theta being the force of D, K and Omega_z in eq. (9) and S the two-sided density of d. None where
-    the disturbance is no white noise or the motion does not tell the parameters apart.
+    the disturbance is not white noise or the motion does not separate the parameters.
     """
     d = scenario.disturbance
     if d.kind != "noise":

@@ -5,7 +5,7 @@
     sinusoidal rates         -> bandwidth, phase lag
     wrong couplings          -> quadrature residual
 
-All of it is measured on the output alone, as on a rate table; the words are those of IEEE Std 528, 952 and 1431.
+All of it is measured only on the output, as on a rate table; the words are those of IEEE Std 528, 952 and 1431.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ COUPLING = 0.1  # of sqrt(dxx dyy): the damping deviation that is tried
 
 @dataclass(frozen=True)
 class Leak:
-    """What a wrong coupling adds to the output at rest, rad/s, beside its own size as a rate, rad/s."""
+    """What a wrong coupling adds to the output at rest, rad/s, with its own size as a rate, rad/s."""
 
     offered: float
     residual: Mean
@@ -58,7 +58,7 @@ class Characterisation:
 
 
 def measure(scenario: Scenario, *, seeds: int, progress: Progress | None = None) -> Characterisation:
-    """The measurements alone."""
+    """Only the measurements, without a report."""
     sensor = Sensor.of(scenario, seeds)
     few = Sensor.of(scenario, 2)
     show = progress or (lambda done, total, doing: None)

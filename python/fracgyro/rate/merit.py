@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 LINEAR_WITHIN = 0.01  # of the input: what the full scale keeps
 ON_WITHIN = 0.01  # of the final value
-LOST = 4.0  # once the ends of a bandwidth's interval are so many times apart, it is lost in the noise
+LOST = 4.0  # once the ends of a bandwidth's interval differ by this factor, it is lost in the noise
 
 
 @dataclass(frozen=True)

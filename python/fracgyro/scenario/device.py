@@ -13,9 +13,9 @@ from pydantic import BeforeValidator, model_validator
 from pydantic_core import PydanticCustomError
 
 from ..files import read_input, reason
-from .table import MOST_STEPS, NonNegative, Table, as_tuple, field, sentence, toml_value
+from .table import MAX_STEPS, NonNegative, Table, as_tuple, field, sentence, toml_value
 
-MOST_POINTS = 100_000
+MAX_POINTS = 100_000
 Points = tuple[tuple[float, float], ...]
 
 
@@ -23,9 +23,9 @@ def _points(value: Any) -> Points | None:
     """Rising times and their values."""
     if value is None:
         return None
-    rule = f"it must be a list of 1 to {MOST_POINTS} pairs [time, value] of finite numbers whose times rise"
+    rule = f"it must be a list of 1 to {MAX_POINTS} pairs [time, value] of finite numbers whose times rise"
     problem = PydanticCustomError("rule", "{rule}", {"rule": rule})
-    if not isinstance(value, list | tuple) or not 1 <= len(value) <= MOST_POINTS:
+    if not isinstance(value, list | tuple) or not 1 <= len(value) <= MAX_POINTS:
         raise problem
     for pair in value:
         if not isinstance(pair, list | tuple) or len(pair) != 2:
@@ -89,14 +89,14 @@ class Rate(Table):
     kind: Literal["constant", "step", "staircase", "sine", "chirp", "noise", "table"] = field(
         "constant",
         "plant.angular_rate, plus: a step or a staircase up; sine; chirp, a sine whose frequency rises linearly until "
-        "the end of the run; Gaussian noise with a flat spectrum up to frequency. table: points alone. constant: off.",
+        "the end of the run; Gaussian noise with a flat spectrum up to frequency. table: only points. constant: off.",
     )
     amplitude: float = field(
         0.0, "rad/s: height of the step or of each level, peak of sine and chirp, standard deviation of the noise."
     )
     start: NonNegative = field(0.0, "Unit 1/omega0, whole steps: until then the rate is plant.angular_rate. 0.0: off.")
     hold: float | None = field(None, "Unit 1/omega0, whole steps: time on each level of the staircase.", gt=0)
-    levels: int = field(1, "How many levels the staircase climbs; it stays on the last one.", ge=1, le=MOST_STEPS)
+    levels: int = field(1, "How many levels the staircase climbs; it stays on the last one.", ge=1, le=MAX_STEPS)
     frequency: NonNegative = field(
         0.0, "Unit omega0: of the sine, where the chirp begins, where the band of the noise ends. At most pi/run.step."
     )
@@ -104,7 +104,7 @@ class Rate(Table):
     seed: int = field(0, "Of the noise: same seed, same rate; 0 to 2^63 - 1.", ge=0, le=2**63 - 1)
     file: str | None = field(
         None,
-        "A CSV file with the header time,rate, in s and rad/s, beside the scenario: read at once and kept as points.",
+        "A CSV file with the header time,rate, in s and rad/s, next to the scenario: read at once and kept as points.",
     )
     points: OptionalPoints = field(
         None,
@@ -139,11 +139,11 @@ class Device(Table):
 
     sensing: Literal["full", "position"] = field(
         "full",
-        "What is measured: position and velocity, or the position alone, from which an observer of bandwidth "
+        "What is measured: position and velocity, or only the position, from which an observer of bandwidth "
         "controller.observer_bandwidth finds the velocity. full: off.",
     )
     position_noise: NonNegative = field(
-        0.0, "m: standard deviation of the measured position, anew at every sample. 0.0: off."
+        0.0, "m: standard deviation of the measured position, drawn again for every sample. 0.0: off."
     )
     position_noise_density: NonNegative = field(
         0.0, "m/sqrt(Hz), one-sided: instead, white noise up to half the sampling frequency. 0.0: off."

@@ -23,7 +23,7 @@ from .device import Device, Rate
 from .kinds import KINDS, fields_of, having
 from .schema import ERRATA_SWITCHES, HOLD_TOLERANCE, Adaptation, Controller, Disturbance, Guard, Plant, Reference, Run
 from .sentences import ScenarioError, explained, paths, unknown
-from .table import MOST_STEPS, Table, sentence, shown, toml_value
+from .table import MAX_STEPS, Table, sentence, shown, toml_value
 from .toml import read_tables, read_text
 
 # The first words and the last line of a saved scenario: half a file may still be valid TOML.
@@ -76,10 +76,10 @@ class Scenario(Table):
                 )
 
     def _check_whole_steps(self, name: str, time: float, least: int, note: str = "") -> None:
-        ratio = min(time / self.run.step, 2.0 * MOST_STEPS)
-        if ratio > MOST_STEPS * (1 + HOLD_TOLERANCE):
+        ratio = min(time / self.run.step, 2.0 * MAX_STEPS)
+        if ratio > MAX_STEPS * (1 + HOLD_TOLERANCE):
             raise sentence(
-                f"{name} is {toml_value(time)}: it must be at most {MOST_STEPS} steps of {toml_value(self.run.step)}"
+                f"{name} is {toml_value(time)}: it must be at most {MAX_STEPS} steps of {toml_value(self.run.step)}"
             )
         if round(ratio) < least or abs(ratio - round(ratio)) > HOLD_TOLERANCE * ratio:
             raise sentence(

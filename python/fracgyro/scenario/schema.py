@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import create_model, model_validator
 
 from .kinds import KINDS, MEANINGS, table_fields
-from .table import MOST_STEPS, ZERO, Frequencies, Pair, Symmetric, Table, Vector, field, sentence, toml_value
+from .table import MAX_STEPS, ZERO, Frequencies, Pair, Symmetric, Table, Vector, field, sentence, toml_value
 
 HOLD_TOLERANCE = 1e-9  # relative: how far disturbance.hold may be from a whole number of steps
 RANK_TOLERANCE = 1e-12  # relative to the largest entry: an eigenvalue below this is rounding, i.e. zero
@@ -257,11 +257,11 @@ class Run(Table):
     duration: float = field(80.0, "Unit 1/omega0: end of the run, at least one step.", gt=0)
     step: float = field(1e-3, "h, unit 1/omega0: period of control. The paper's loop diverges from about 5e-3.", gt=0)
     record_every: int = field(
-        1, "Steps from one recorded sample to the next. 1: off, all are kept.", ge=1, le=MOST_STEPS
+        1, "Steps from one recorded sample to the next. 1: off, all are kept.", ge=1, le=MAX_STEPS
     )
     kernel_tolerance: float = field(1e-6, "Largest relative error of the exponentials; 1e-9 to 1e-1.", ge=1e-9, le=1e-1)
     units: Literal["nondimensional", "SI"] = field(
-        "nondimensional", "Units of the results alone: nondimensional, or SI (s, m, N). nondimensional: off."
+        "nondimensional", "Units of the results: nondimensional, or SI (s, m, N). nondimensional: off."
     )
 
     @property
@@ -273,6 +273,6 @@ class Run(Table):
         duration, step = toml_value(self.duration), toml_value(self.step)
         if self.duration < self.step:
             raise sentence(f"run.duration is {duration}: it must be at least run.step, which is {step}")
-        if not self.duration / self.step < MOST_STEPS + 0.5:
-            raise sentence(f"run.duration is {duration}: it must be at most {MOST_STEPS} steps of {step}")
+        if not self.duration / self.step < MAX_STEPS + 0.5:
+            raise sentence(f"run.duration is {duration}: it must be at most {MAX_STEPS} steps of {step}")
         return self

@@ -14,25 +14,25 @@ from pydantic_core import PydanticCustomError
 
 from ..files import cut
 
-MOST_STEPS = 10**9  # of a run, and of whatever is counted in its steps
-LARGEST_FREQUENCY = 1e6  # unit omega0: of a motion that is followed or a force that acts
-DEEPEST = 16  # lists and tables in one another; a scenario needs 4
+MAX_STEPS = 10**9  # of a run, and of whatever is counted in its steps
+MAX_FREQUENCY = 1e6  # unit omega0: of a motion that is followed or a force that acts
+MAX_DEPTH = 16  # lists and tables in one another; a scenario needs 4
 
 
 def toml_value(value: Any, depth: int = 0) -> str:
     """A value as TOML writes it; floats in the fewest digits that read back the same."""
     if value is None:
-        return "not set"  # for sentences alone: TOML has no such value
+        return "not set"  # only for sentences: TOML has no such value
     if isinstance(value, BaseModel):
         value = dict(value)
-    if depth > DEEPEST and isinstance(value, Mapping | list | tuple):
-        return "..."  # for sentences alone: no valid value is nested so deeply
+    if depth > MAX_DEPTH and isinstance(value, Mapping | list | tuple):
+        return "..."  # only for sentences: no valid value is nested so deeply
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{key} = {toml_value(entry, depth + 1)}" for key, entry in value.items()) + "}"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(toml_value(entry, depth + 1) for entry in value) + "]"
     if isinstance(value, int) and value.bit_length() > 1024:
-        return f"an integer of {value.bit_length()} bits"  # for sentences alone: Python refuses to print it
+        return f"an integer of {value.bit_length()} bits"  # only for sentences: Python refuses to print it
     return json.dumps(value, ensure_ascii=False) if isinstance(value, str | bool) else str(value)
 
 
@@ -69,7 +69,7 @@ def as_tuple(names: str, *, expand: bool = False) -> BeforeValidator:
 
 NonNegative = Annotated[float, Field(ge=0)]
 Pair = Annotated[tuple[float, float], as_tuple("x y")]
-Frequency = Annotated[float, Field(ge=-LARGEST_FREQUENCY, le=LARGEST_FREQUENCY)]
+Frequency = Annotated[float, Field(ge=-MAX_FREQUENCY, le=MAX_FREQUENCY)]
 Frequencies = Annotated[tuple[Frequency, Frequency], as_tuple("x y")]
 Vector = NDArray[np.float64]
 

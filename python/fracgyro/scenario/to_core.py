@@ -15,15 +15,15 @@ from .device import Device, Points
 from .kinds import KINDS, numbers
 from .scenario import Scenario
 from .schema import Guard
-from .table import MOST_STEPS
+from .table import MAX_STEPS
 
-FARTHEST = 8.0  # standard deviations: noise is never so far off
-LEAST_TOLERANCE = 1e-5  # of sensors and disturbance, nondimensional: rounding, and what is ideal only on paper
+MAX_DEVIATIONS = 8.0  # standard deviations: noise is never so far off
+MIN_TOLERANCE = 1e-5  # of sensors and disturbance, nondimensional: rounding, and what is ideal only on paper
 PARTS = {".x": 0, ".y": 1, ".xx": 0, ".xy": 1, ".yy": 2}
 
 
 def composite(scenario: Scenario) -> bool:
-    """Whether least squares run beside the laws (44)."""
+    """Whether least squares run alongside the laws (44)."""
     return bool(scenario.adaptation.kind == "composite" and scenario.controller.adaptive)
 
 
@@ -65,20 +65,20 @@ def guard(scenario: Scenario) -> Guard:
     found = {
         "plant_tolerance": _plant_tolerance(scenario),
         "force_tolerance": _force_tolerance(scenario),
-        "position_tolerance": LEAST_TOLERANCE + FARTHEST * device.position_noise + _resolution(device.position),
-        "velocity_tolerance": LEAST_TOLERANCE + FARTHEST * device.velocity_noise + _resolution(device.velocity),
+        "position_tolerance": MIN_TOLERANCE + MAX_DEVIATIONS * device.position_noise + _resolution(device.position),
+        "velocity_tolerance": MIN_TOLERANCE + MAX_DEVIATIONS * device.velocity_noise + _resolution(device.velocity),
         "patience": 0,
         "saturation_patience": 0,
     }
     if g.checked:
         slowest, fastest = natural_frequencies(scenario)
         period = 2 * math.pi / run.step
-        found["patience"] = round(min(max(4, period / fastest / 32), MOST_STEPS))
+        found["patience"] = round(min(max(4, period / fastest / 32), MAX_STEPS))
         limit = scenario.controller.force_limit
         if math.isfinite(limit):
             largest = max(map(abs, scenario.reference.amplitude))
             swing_up = 8 * fastest * largest / limit / run.step
-            found["saturation_patience"] = round(min(max(20 * period / slowest, swing_up), MOST_STEPS))
+            found["saturation_patience"] = round(min(max(20 * period / slowest, swing_up), MAX_STEPS))
     return g.model_copy(update={name: value for name, value in found.items() if getattr(g, name) is None})
 
 
@@ -103,13 +103,13 @@ def _plant_tolerance(scenario: Scenario) -> float:
 def _force_tolerance(scenario: Scenario) -> float:
     """The disturbance, what the converter and the limit of the actuator make of the force, and a force that is late."""
     d, device, limit = _disturbance(scenario), device_params(scenario), scenario.controller.force_limit
-    disturbed = {"none": 0.0, "noise": FARTHEST * d["standard_deviation"], "sine": max(map(abs, d["amplitude"]))}[
+    disturbed = {"none": 0.0, "noise": MAX_DEVIATIONS * d["standard_deviation"], "sine": max(map(abs, d["amplitude"]))}[
         d["kind"]
     ]
     reach = float(device.actuator.range)
     clipped = limit - reach if limit > reach else 0.0
     late = 2 * limit if device.delay else 0.0
-    return min(1e9, LEAST_TOLERANCE + float(disturbed) + _resolution(device.actuator) + clipped + late)
+    return min(1e9, MIN_TOLERANCE + float(disturbed) + _resolution(device.actuator) + clipped + late)
 
 
 def _resolution(quantiser: _core.Quantizer) -> float:

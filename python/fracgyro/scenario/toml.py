@@ -10,7 +10,7 @@ from typing import Any
 
 from ..files import cut, read_input, reason
 from .sentences import ScenarioError
-from .table import DEEPEST
+from .table import MAX_DEPTH
 
 
 def read_text(path: str | os.PathLike[str]) -> str:
@@ -42,8 +42,8 @@ def read_tables(text: str, source: str) -> dict[str, Any]:
 
 
 def _beyond_toml(value: Any, name: str = "", depth: int = 0) -> str:
-    """What tomllib reads although TOML does not have it, or nothing needs it; "" when there is no such thing."""
-    if depth > DEEPEST:
+    """What tomllib reads although TOML does not have it, or nothing needs it; "" when there is nothing."""
+    if depth > MAX_DEPTH:
         return f"{name} is nested too deeply"
     if isinstance(value, int) and not -(2**63) <= value < 2**63:
         return f"{name} is an integer of more than 64 bits"

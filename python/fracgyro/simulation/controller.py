@@ -1,4 +1,4 @@
-"""The controller alone, one sample at a time: for a loop of your own, or hardware."""
+"""The controller by itself, one sample at a time: for a loop of your own, or hardware."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Vector = NDArray[np.float64]
 class Estimates:
     """What the controller believes: damping and stiffness as [xx, xy, yy], the angular rate, b0, b1, b2.
 
-    With adaptation.kind composite also the standard deviation of the rate, and whether the motion tells it from the
+    With adaptation.kind composite also the standard deviation of the rate, and whether the motion separates it from the
     other parameters; with gradient, which does not know, NaN and False.
     """
 

@@ -20,7 +20,7 @@ def threads_available() -> int:
 
 
 def check_many(scenarios: Sequence[Scenario], seeds: Sequence[int] | None) -> int:
-    """How many runs each scenario has. Raises TypeError or ValueError for what are no scenarios or seeds."""
+    """How many runs each scenario has. Raises TypeError or ValueError for what are not scenarios or seeds."""
     if not isinstance(scenarios, list | tuple) or not all(isinstance(s, Scenario) for s in scenarios):
         raise TypeError(f"scenarios is {short(scenarios)}: it must be a list of Scenario")
     if not scenarios:
@@ -39,7 +39,7 @@ def seed_of_each(scenarios: Sequence[Scenario], seeds: Sequence[int] | None) -> 
 def setups_of(
     scenarios: Sequence[Scenario], seeds: Sequence[int] | None, together: int
 ) -> Iterator[tuple[int, _core.DeviceSetup]]:
-    """Every run and its place in the result. Of so many scenarios at a time, those with the same seed come together."""
+    """Every run and its place in the result. Of `together` scenarios, those with the same seed come together."""
     if seeds is None:
         yield from enumerate(map(core_setup, scenarios))
         return

@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 from .. import _core
 from ..arguments import number, short
 
-MOST_STATE = 10**6  # doubles
+MAX_STATE = 10**6  # doubles
 
 
 class Law:
@@ -42,8 +42,8 @@ class Law:
             self.state_size = operator.index(state_size)
         except TypeError:
             raise TypeError(f"state_size is {short(state_size)}: it must be an integer") from None
-        if not 0 <= self.state_size <= MOST_STATE:
-            raise ValueError(f"state_size is {self.state_size}: it must be from 0 to {MOST_STATE}")
+        if not 0 <= self.state_size <= MAX_STATE:
+            raise ValueError(f"state_size is {self.state_size}: it must be from 0 to {MAX_STATE}")
         if not isinstance(parameters or {}, Mapping):
             raise TypeError(f"parameters is {short(parameters)}: it must be a dict of names to numbers")
         self.parameters = {name: number(f"parameters {name}", value) for name, value in (parameters or {}).items()}

@@ -21,7 +21,7 @@ from ..scenario.sentences import paths
 from ..scenario.to_core import core_numbers, core_setup, is_ideal
 from .dataset import dataset, time_scale
 from .outside import ControllerLike, Outside, units
-from .simulate import LARGEST_RECORD, DivergedError
+from .simulate import MAX_RECORD, DivergedError
 
 CHECKSUM = struct.Struct("<I")
 
@@ -93,9 +93,9 @@ class Loop:
             raise TypeError(f"samples is {short(samples)}: it must be an integer") from None
         if count < 1:
             raise ValueError(f"samples is {count}: it must be at least 1")
-        if (size := 8 * count * sum(channel.width for channel in self._channels())) > LARGEST_RECORD:
+        if (size := 8 * count * sum(channel.width for channel in self._channels())) > MAX_RECORD:
             raise ValueError(
-                f"samples is {count}: their record of {size / 1e9:.3g} GB may be at most {LARGEST_RECORD / 1e9:g} GB"
+                f"samples is {count}: their record of {size / 1e9:.3g} GB may be at most {MAX_RECORD / 1e9:g} GB"
             )
         first = self._core.steps
         rows = self._rows(count)

@@ -17,7 +17,7 @@ from .many import check_many, seed_of_each, setups_of, threads_available
 from .outside import ControllerLike, Outside
 
 CHUNK = 32  # runs between two looks at the keyboard and the progress callback
-LARGEST_RECORD = 2 * 10**9  # bytes; a limit that depends on no machine, as its memory does
+MAX_RECORD = 2 * 10**9  # bytes; a limit that depends on no machine, as its memory does
 
 
 class DivergedError(ValueError):
@@ -165,13 +165,13 @@ def _record(
 
 
 def _check_size(scenario: Scenario, channels: tuple[Channel, ...], runs: int) -> None:
-    """Raises ValueError when the record of so many runs would be larger than is allowed."""
+    """Raises ValueError when the record of this many runs would be larger than is allowed."""
     run = scenario.run
     columns = sum(channel.width for channel in channels)
     samples = run.steps // run.record_every + 1
-    if (size := 8 * columns * samples * runs) > LARGEST_RECORD:
+    if (size := 8 * columns * samples * runs) > MAX_RECORD:
         raise ValueError(
             f"run.record_every is {run.record_every}: {runs} runs of {samples} samples of {columns} numbers are "
-            f"{size / 1e9:.3g} GB, and a record may be at most {LARGEST_RECORD / 1e9:g} GB; make it larger, take fewer "
+            f"{size / 1e9:.3g} GB, and a record may be at most {MAX_RECORD / 1e9:g} GB; make it larger, take fewer "
             "runs at a time, or have measure_many measure them without a record"
         )

@@ -14,7 +14,7 @@ from ..scenario import Scenario, ScenarioError
 from ..scenario.sentences import explained
 from ..scenario.table import Table, sentence, shown
 from ..scenario.toml import read_tables, read_text
-from .space import MOST_POINTS, flat
+from .space import MAX_POINTS, flat
 
 Model = TypeVar("Model", bound=BaseModel)
 BASES: dict[str, Literal["corrected", "printed"]] = {"paper": "corrected", "paper-printed": "printed"}
@@ -31,12 +31,12 @@ class Thresholds(Table):
 
 def seeds_of(value: Any) -> Any:
     """16: the seeds 0 to 15."""
-    if type(value) is int and 1 <= value <= MOST_POINTS:
+    if type(value) is int and 1 <= value <= MAX_POINTS:
         return list(range(value))
     listed = isinstance(value, list) and all(type(seed) is int and 0 <= seed < 2**63 for seed in value)
     if not listed or not value or len(set(value)) < len(value):
         raise sentence(
-            f"seeds is {shown(value)}: it must be their number, from 1 to {MOST_POINTS}, "
+            f"seeds is {shown(value)}: it must be their number, from 1 to {MAX_POINTS}, "
             "or a list of different integers from 0 to 2^63 - 1"
         )
     return value

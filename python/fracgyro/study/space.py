@@ -16,7 +16,7 @@ from ..scenario import Scenario, ScenarioError
 from ..scenario.sentences import explained, paths, unknown
 from ..scenario.table import Table, shown
 
-MOST_POINTS = 10**6  # of a study; also runs for one of them, and trials
+MAX_POINTS = 10**6  # of a study; also runs for one of them, and trials
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Range(Table):
     high: float | None = None
     relative: float | None = Field(None, gt=0)
     scale: Literal["linear", "log"] = "linear"
-    steps: int | None = Field(None, ge=2, le=MOST_POINTS)
+    steps: int | None = Field(None, ge=2, le=MAX_POINTS)
 
 
 def read_space(entries: Mapping[str, Any], base: Scenario) -> tuple[Dimension, ...]:
@@ -146,7 +146,7 @@ def _info(field: str) -> FieldInfo:
 
 
 def _valid(field: str, value: Any) -> Any:
-    """The value as the field holds it. What it means beside other fields is for the whole scenario to check."""
+    """The value as the field holds it. What it means together with other fields is for the whole scenario to check."""
     info = _info(field)
     kind: Any = Annotated[info.annotation, info]
     try:

@@ -13,7 +13,7 @@ from ..sentences import ScenarioError
 # Name: what it is.
 SHIPPED = {
     "hardware": "the paper's with what hardware needs: bounded for good, within a force limit",
-    "paper_thermal": "the paper's gyroscope and reference, with thermal noise alone",
+    "paper_thermal": "the paper's gyroscope and reference, with only thermal noise",
     "paper_resonance": "the paper's gyroscope driven at its resonances, with a realistic force limit",
     "dual_mass": "a dual-mass gyroscope in vacuum, 3925 and 3978 Hz",
     "tuned_in_air": "a gyroscope tuned to near-equal modes, in air",

@@ -56,7 +56,7 @@ class Block:
         return numbers and bool(table.select(mine).equals(keys))
 
     def measure(self, progress: Callable[[int], object] | None = None) -> pa.Table:
-        """The keys with the metrics beside them. What never happens is null. Runs on all processors."""
+        """The keys with the metrics. What never happens is null. Runs on all processors."""
         runs = measure_many(self.scenarios, seeds=self.seeds, progress=progress, **self.thresholds)
         table = self.keys()
         for name, variable in runs.data_vars.items():

@@ -1,4 +1,4 @@
-"""Blocks on a Dask cluster. The files are written here alone, so the workers need no common disk."""
+"""Blocks on a Dask cluster. The files are written only here, so the workers need no common disk."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def connected(address: str) -> Iterator[Any]:
 
 
 async def _asked(address: str) -> Any:
-    """What the address says that it is. A Client would wait for minutes, in silence, for what is no scheduler."""
+    """What the address says that it is. A Client would wait for minutes, in silence, for what is not a scheduler."""
     from distributed import Security
     from distributed.comm.core import connect
 

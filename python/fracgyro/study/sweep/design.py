@@ -17,7 +17,7 @@ from ...scenario import Scenario, ScenarioError
 from ...scenario.table import Table, sentence, shown
 from ...scenario.toml import read_text
 from ..file import Thresholds, base_scenario, load_study, refuse_both, seeds_of
-from ..space import MOST_POINTS, Dimension, read_space
+from ..space import MAX_POINTS, Dimension, read_space
 
 SHOWN = ("rmse_steady_x", "rmse_steady_y", "error_settling_time", "rate_error_rms")
 
@@ -33,7 +33,7 @@ class Design(Table):
     """How the points are chosen. grid: every combination; list: the lists side by side, row by row."""
 
     kind: Literal["grid", "list", "random", "latin_hypercube", "sobol"] = "grid"
-    points: int | None = Field(default=None, ge=1, le=MOST_POINTS)
+    points: int | None = Field(default=None, ge=1, le=MAX_POINTS)
     seed: int = Field(default=0, ge=0)
 
 
@@ -102,8 +102,8 @@ def _scenario(base: Scenario, number: int, values: Mapping[str, Any]) -> Scenari
 def _grid(design: Design, dimensions: tuple[Dimension, ...]) -> list[tuple[Any, ...]]:
     axes = _axes(design, dimensions)
     count = int(np.prod([float(len(axis)) for axis in axes]))
-    if count > MOST_POINTS:
-        raise ScenarioError(f"the grid has {count} points: it must have at most {MOST_POINTS}")
+    if count > MAX_POINTS:
+        raise ScenarioError(f"the grid has {count} points: it must have at most {MAX_POINTS}")
     return list(itertools.product(*axes))
 
 

@@ -17,7 +17,7 @@ from ..space import Dimension
 from .design import Plan
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
-MOST_BINS, RUNS_PER_BIN = 8, 8  # along a field without levels
+MAX_BINS, RUNS_PER_BIN = 8, 8  # along a field without levels
 Array = NDArray[np.float64]
 
 
@@ -58,7 +58,7 @@ class Axis:
 
     field: str
     names: list[str]  # of the levels or bins
-    places: Array  # of the levels or middles of the bins: values, or 0, 1, 2 ... where those are no numbers
+    places: Array  # of the levels or middles of the bins: values, or 0, 1, 2 ... where those are not numbers
     edges: Array | None  # of the bins
     log: bool
     numeric: bool
@@ -120,7 +120,7 @@ def axis(rows: Rows, dimension: Dimension, bins: int) -> Axis:
 
 
 def effect(rows: Rows, name: str, dimension: Dimension) -> Effect:
-    along = axis(rows, dimension, int(np.clip(rows.plan.runs // (2 * RUNS_PER_BIN), 2, MOST_BINS)))
+    along = axis(rows, dimension, int(np.clip(rows.plan.runs // (2 * RUNS_PER_BIN), 2, MAX_BINS)))
     metric, units = rows.metric(name), rows.units()
     means, partial, quantiles = [], [], []
     for place in range(len(along.places)):
@@ -133,7 +133,7 @@ def effect(rows: Rows, name: str, dimension: Dimension) -> Effect:
 
 
 def cells(rows: Rows, name: str, across: Dimension, up: Dimension) -> Cells:
-    bins = int(np.clip(np.sqrt(len(rows.plan.points) / RUNS_PER_BIN), 2, MOST_BINS))
+    bins = int(np.clip(np.sqrt(len(rows.plan.points) / RUNS_PER_BIN), 2, MAX_BINS))
     x, y, metric = axis(rows, across, bins), axis(rows, up, bins), rows.metric(name)
     shape = len(y.places), len(x.places)
     cell = y.index * shape[1] + x.index

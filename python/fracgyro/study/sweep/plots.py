@@ -21,7 +21,7 @@ from .effects import Axis, Cells, Effect
 INK = "#0072B2"
 ACROSS = 4  # panels side by side
 WIDE_RANGE = 30.0  # from here on a logarithmic scale
-MOST_WRITTEN = 12  # cells along a side of a heat map that still have their numbers written in
+MAX_WRITTEN = 12  # cells along a side of a heat map that still have their numbers written in
 
 
 def label(metric: str, power: int = 0) -> str:
@@ -33,7 +33,7 @@ def label(metric: str, power: int = 0) -> str:
 
 
 def power_of(values: NDArray[np.float64]) -> int:
-    """The power of ten to write beside these numbers instead of in each; 0 for numbers easily read as they are."""
+    """The power of ten to write next to these numbers instead of in each; 0 for numbers easily read as they are."""
     largest = np.abs(values[np.isfinite(values)]).max(initial=0.0)
     power = int(np.floor(np.log10(largest))) if largest > 0 else 0
     return power if not -2 <= power <= 2 else 0
@@ -80,7 +80,7 @@ def heat_map(metric: str, cells: Cells, limits: tuple[float, float]) -> str:
         _ticks(panel, cells.across, "x")
         _ticks(panel, cells.up, "y")
         texts = {place: _short(value) for place, value in np.ndenumerate(values) if not np.isnan(value)}
-        if max(values.shape) <= MOST_WRITTEN and max(map(len, texts.values())) <= 4:
+        if max(values.shape) <= MAX_WRITTEN and max(map(len, texts.values())) <= 4:
             for (j, i), text in texts.items():
                 color = "white" if norm(values[j, i]) < 0.6 else "black"
                 panel.text(i + 0.5, j + 0.5, text, size=5.5, ha="center", va="center", color=color)

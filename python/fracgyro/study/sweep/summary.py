@@ -22,7 +22,7 @@ from .design import Plan
 from .effects import QUANTILES, Rows
 
 BEST = 5  # points listed for each metric
-MOST_MAPPED = 4  # fields: more make more maps than anyone looks at
+MAX_MAPPED = 4  # fields: more make more maps than anyone looks at
 DESIGN_WORDS = {
     "grid": "every combination of the values",
     "list": "the listed values side by side",
@@ -52,7 +52,7 @@ def write_summary(path: Path, plan: Plan, table: pa.Table) -> None:
         diverged_where=_diverged_where(rows) if rows.diverged else [],
         fields=[_field(dimension) for dimension in plan.dimensions],
         metrics=[_metric(rows, name) for name in plan.study.show],
-        most_mapped=MOST_MAPPED,
+        max_mapped=MAX_MAPPED,
         quantiles=[f"{100 * q:g} %" for q in QUANTILES],
         correlation=_correlation(rows, numeric) if correlated else None,
         chance=1.96 / np.sqrt(max(len(plan.points) - 1, 1)),
@@ -72,7 +72,7 @@ def _metric(rows: Rows, name: str) -> dict[str, Any]:
     found, eligible = effects.best(rows, name, plan.study.show, BEST)
     dimensions = plan.dimensions if never + rows.diverged < plan.runs else ()
     maps, blank = [], False
-    if 2 <= len(dimensions) <= MOST_MAPPED and plan.study.design.kind != "list":
+    if 2 <= len(dimensions) <= MAX_MAPPED and plan.study.design.kind != "list":
         pairs = [effects.cells(rows, name, a, b) for a, b in combinations(dimensions, 2)]
         blank = any(bool(pair.empty.any()) for pair in pairs)
         every = np.concatenate([pair.values[np.isfinite(pair.values)] for pair in pairs])

@@ -18,7 +18,7 @@ from ...scenario.table import Table, shown
 from ...scenario.toml import read_text
 from ..file import Thresholds, base_scenario, load_study, refuse_both, seeds_of
 from ..folder import digest
-from ..space import MOST_POINTS, Dimension, read_space
+from ..space import MAX_POINTS, Dimension, read_space
 from .criteria import Constraint, Objective
 
 DIGITS = 4  # significant ones of a tuned value: nobody sets a gain more finely
@@ -28,12 +28,12 @@ class Tune(Table):
     """How the search goes."""
 
     sampler: Literal["tpe", "cmaes", "nsga2"] = "tpe"
-    trials: int = Field(default=400, ge=1, le=MOST_POINTS)
+    trials: int = Field(default=400, ge=1, le=MAX_POINTS)
     seed: int = Field(default=1, ge=0)
     batch: int | None = Field(
-        default=None, ge=2, le=MOST_POINTS
+        default=None, ge=2, le=MAX_POINTS
     )  # trials proposed together; the population of cmaes and nsga2
-    held_out_seeds: int = Field(default=200, ge=2, le=MOST_POINTS)
+    held_out_seeds: int = Field(default=200, ge=2, le=MAX_POINTS)
     storage: str | None = None  # address for SQLAlchemy
 
 

@@ -47,7 +47,7 @@ def tune(
     folder `out`. The trials are kept in `out`/study.db or in the study's storage as they are finished.
     `resume`: go on with the study that `out` holds, up to the file's number of trials.
     `progress` is called with (runs finished, all runs, what is being done).
-    On one machine the result depends on the study file alone, not on interruptions or the number of processors.
+    On one machine the result depends only on the study file, not on interruptions or the number of processors.
     Raises ValueError in one sentence: a bad study, before anything runs; an `out` that is in use or holds another
     study; a storage that cannot be used; no trial that keeps every constraint.
     """

@@ -149,7 +149,7 @@ class Search:
             found = score(measured, file.objective, file.constraint, self.limits)
         undefined = sum(not math.isfinite(value) for value in found.objectives)
         limits = {"diverged": found.diverged, "undefined": float(undefined)}
-        # Roots, as samplers add them up: a force that hardly varies must count beside an error that varies much.
+        # Roots, as samplers add them up: a force that hardly varies must count alongside an error that varies much.
         roots = [math.sqrt(over) if over > 0 else over for over in found.excess]
         limits |= {f"{i} {c.label}": root for i, (c, root) in enumerate(zip(file.constraint, roots, strict=True))}
         trial.set_user_attr("values", point)
@@ -157,7 +157,7 @@ class Search:
         # Logarithms of ratios, or the hypervolume that tpe goes by would be ruled by the objective that spreads most.
         values = [_log(ratio) if math.isfinite(ratio) else WORST for ratio in ratios(found, self.base)]
         if file.tune.sampler == "cmaes":
-            # It takes no constraints, but goes by rank alone: after all that is feasible, least excess first.
+            # It takes no constraints, but goes only by rank: after all that is feasible, least excess first.
             if not found.feasible:
                 values = [WORST * (1 + sum(max(excess, 0.0) for excess in limits.values()))]
         else:
@@ -213,7 +213,7 @@ def _safe(address: str) -> str:
     try:
         url = make_url(address)
     except (SQLAlchemyError, ValueError):
-        return "tune.storage"  # what is no address may still hold a password
+        return "tune.storage"  # what is not an address may still hold a password
     return URL.create(url.drivername, None, None, url.host, url.port, url.database).render_as_string()
 
 
