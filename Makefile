@@ -36,7 +36,8 @@ test:
 	@echo "All checks and tests passed."
 
 # Without processes, compilers and reports: less than a minute on two cores where nothing has to be built.
-QUICK := composite device documents fractional full_history kernel lanes layers loop rate_figures scenario settings study
+QUICK := composite device documents fractional full_history kernel lanes layers loop rate_figures scenario \
+  settings study
 test-quick: check
 	$(CTEST)/tests-plain
 	$(PYTEST) $(QUICK:%=tests/python/test_%.py)
