@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 import shlex
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -19,7 +18,7 @@ import fracgyro as fg
 import matplotlib
 import pytest
 from fracgyro.cli import cli
-from fracgyro.export.compilers import include, system_compiler
+from fracgyro.export.compilers import system_compiler
 from fracgyro.scenario.schema import ERRATA_SWITCHES
 from fracgyro.scenario.table import toml_value
 
@@ -221,54 +220,3 @@ def test_the_picture_of_the_readme_is_that_of_a_run(tmp_path: Path) -> None:
     assert re.sub(number, "0", drawn) == re.sub(number, "0", committed)
     of_committed = [float(each) for each in re.findall(number, committed)]
     assert [float(each) for each in re.findall(number, drawn)] == pytest.approx(of_committed, abs=0.01)
-
-
-RUNS_PD = """
-#include "fracgyro/sim/batch.hpp"
-#include "fracgyro/control/guard.hpp"
-#include "fracgyro/sim/recorder.hpp"
-
-#include <cstdio>
-
-using namespace fracgyro;
-
-int main() {
-    const auto kind = std::find(controller_kinds.begin(), controller_kinds.end(), "pd") - controller_kinds.begin();
-    Setup setup{.controller = params_of_kind(static_cast<std::size_t>(kind))};
-    setup.steps = 5000;
-    setup.plant = {.stiffness = {355.0, 71.0, 533.0}, .rate = 0.1, .initial_position = {0.5, 0.5}};
-    setup.common.nominal = {.stiffness = setup.plant.stiffness, .rate = 0.1};
-    setup.common.reference.frequency = {3.0, 1.5};
-    std::vector<double> rows(5001 * row_width_of(setup.controller));
-    record<double>(setup, 1, rows.data());
-    const auto fill = [](Disturbance& d, std::int64_t first, std::span<Vec2<double>> out) { d.fill(first, out); };
-    const auto kernels = detail::KernelsFor<Lanes<double, 2>, Registry>::all();
-    const std::vector<const Setup*> both{&setup, &setup};
-    const auto found = measure_all<double, 2>(kernels, fill, both, MetricsParams{.transient = 2.0}, 1);
-    static_assert(Resumable<Observing<Pd<float>>> && Controller<Guard<Pd<float>>> && !SensesRate<Pd<double>>);
-    std::printf("%zu %g %g", row_width_of(setup.controller), rows[5000 * 14 + 6], found[1][4]);
-}
-"""
-
-
-def test_the_controller_of_the_guide_is_one_file_and_one_line(tmp_path: Path) -> None:
-    shutil.copytree(ROOT / "include", tmp_path / "include")
-    guide = read("CONTRIBUTING.md")
-    (file,) = blocks(guide, "cpp")
-    (tmp_path / "include/fracgyro/control/pd.hpp").write_text(file, encoding="utf-8")
-    for diff in blocks(guide, "diff"):
-        header, *lines = diff.splitlines()
-        changed = tmp_path / header.removeprefix("--- ")
-        before, after = ("\n".join(line[1:] for line in lines if line[0] != sign) + "\n" for sign in "+-")
-        text = changed.read_text(encoding="utf-8")
-        assert text.count(before) == 1
-        changed.write_text(text.replace(before, after), encoding="utf-8")
-    (tmp_path / "main.cpp").write_text(RUNS_PD, encoding="utf-8")
-    includes = include(tmp_path / "include")
-    flags = ["-std=c++20", "-ffp-contract=off", "-Wno-psabi", "-pthread"]
-    system_compiler(*flags, *includes, tmp_path / "main.cpp", "-o", tmp_path / "main")
-    columns, last_error, steady = map(float, subprocess.check_output([tmp_path / "main"]).split())
-    assert columns == 14
-    # The force is held over the step: that of the reference half a step ago, K r' h/2 = 355·3/2000, over kp.
-    assert abs(last_error) < 1e-4
-    assert 1e-6 < steady < 1e-4

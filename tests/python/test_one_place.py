@@ -1,0 +1,61 @@
+"""The controller of CONTRIBUTING.md, as printed: a header and a line in the registry, and every face has it."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import nanobind
+from children import PATIENCE
+
+ROOT = Path(__file__).resolve().parents[2]
+FACES = Path(__file__).with_name("of_the_guide.py")
+NEITHER_BUILT_NOR_INSTALLED = shutil.ignore_patterns(
+    ".*", "__pycache__", "benchmarks", "build", "docs", "examples", "node_modules", "out", "tests"
+)
+
+
+def add_the_controller_of_the_guide(tree: Path) -> None:
+    guide = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").partition("## A controller of your own")[2]
+    ((name, header),) = re.findall(r"whole of a new file,\s+`(\S+)`:\s+```cpp\n(.*?)^```$", guide, re.DOTALL | re.M)
+    (tree / name).write_text(header, encoding="utf-8")
+    for name, lines in re.findall(r"^```diff\n--- (\S+)\n(.*?)^```$", guide, re.DOTALL | re.M):
+        before, after = ("".join(line[1:] for line in lines.splitlines(True) if line[0] != sign) for sign in "+-")
+        text = (tree / name).read_text(encoding="utf-8")
+        assert text.count(before) == 1
+        (tree / name).write_text(text.replace(before, after), encoding="utf-8")
+
+
+def run(*words: str | Path, **environment: str) -> None:
+    ran = subprocess.run(
+        words, env={**os.environ, **environment}, capture_output=True, text=True, timeout=PATIENCE, cwd=FACES.parent
+    )
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+
+
+def installed(tree: Path) -> Path:
+    """The package as pip would install it, quickly compiled."""
+    cmake = shutil.which("cmake", path=str(Path(sys.executable).parent)) or "cmake"
+    package = tree / "package"
+    shutil.copytree(tree / "python", package)
+    # What takes least time: all sources in one unit, without optimization.
+    quick = ["-G", "Ninja", "-DCMAKE_UNITY_BUILD=ON", "-DCMAKE_UNITY_BUILD_BATCH_SIZE=0"]
+    quick += ["-DCMAKE_BUILD_TYPE=Debug", "-DCMAKE_CXX_FLAGS_DEBUG=-O0"]
+    found = [f"-DPython_EXECUTABLE={sys.executable}", f"-Dnanobind_DIR={nanobind.cmake_dir()}"]
+    run(cmake, "-S", tree, "-B", tree / "build", "-DFRACGYRO_PYTHON=ON", *quick, *found)
+    run(cmake, "--build", tree / "build")
+    run(cmake, "--install", tree / "build", "--prefix", package)
+    return package
+
+
+def test_the_controller_of_the_guide_is_one_file_and_one_line_and_found_in_every_face(tmp_path: Path) -> None:
+    tree = tmp_path / "tree"
+    shutil.copytree(ROOT, tree, ignore=NEITHER_BUILT_NOR_INSTALLED)
+    add_the_controller_of_the_guide(tree)
+    # Without site, -S, nothing leads to the package that is tested elsewhere.
+    path = os.pathsep.join([str(installed(tree)), *sys.path])
+    run(sys.executable, "-S", "-m", "pytest", "-p", "no:cacheprovider", FACES, PYTHONPATH=path)
