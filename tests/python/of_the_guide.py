@@ -18,6 +18,7 @@ from embedded import need
 from fracgyro import _core
 from fracgyro.cli import cli
 from fracgyro.export.web import settings_types
+from fracgyro.scenario import reference
 from fracgyro.scenario.to_core import core_setup
 
 PD = fg.Scenario.paper().replace({"controller.kind": "pd", "run.duration": 1.0})
@@ -40,6 +41,9 @@ def test_a_scenario_states_its_fields_with_their_meaning_and_defaults() -> None:
     text = PD.replace({"controller.kp": 4e4}).to_toml()
     assert f"# {SAID_OF_KP}\nkp = 40000.0\n# Unit omega0, > 0: damper on the error.\nkd = 200.0\n" in text
     assert fg.Scenario.from_toml(text) == PD.replace({"controller.kp": 4e4})
+    schema = fg.Scenario.model_json_schema()["$defs"]["Controller"]["properties"]["kp"]
+    said = {"default": 1e4, "exclusiveMinimum": 0.0, "unit": "omega0^2", "description": SAID_OF_KP}
+    assert schema.items() >= said.items()
 
 
 def test_what_is_out_of_range_is_refused_in_one_sentence() -> None:
@@ -132,6 +136,12 @@ def test_javascript_has_its_types(file: Path, tmp_path: Path) -> None:
     assert settings.startswith("interface PdSettings extends CommonSettings {")
     assert '  "controller.kp": number;\n  "controller.kd": number;\n' in settings
     assert command("export", "web", file, "--out", tmp_path / "pd.json").exit_code == 0
+
+
+def test_the_reference_lists_them() -> None:
+    lines = reference.page().splitlines()
+    assert f"| `controller.kp` | omega0^2 | > 0 | `10000.0` | {SAID_OF_KP} |" in lines
+    assert f"| `peak_error` | q0 | – | {SAID_OF_PEAK.replace('|', chr(92) + '|')} |" in lines
 
 
 TARGETS = {"host": "", "m7": "Cortex-M", "wasm": "WebAssembly", "fmu": "", "lanes": ""}

@@ -19,6 +19,7 @@ import matplotlib
 import pytest
 from fracgyro.cli import cli
 from fracgyro.export.compilers import system_compiler
+from fracgyro.scenario import reference
 from fracgyro.scenario.schema import ERRATA_SWITCHES
 from fracgyro.scenario.table import toml_value
 
@@ -64,12 +65,23 @@ def test_every_identifier_of_the_equations_exists_in_its_file(file: str, identif
     assert re.search(rf"\b{identifier}\b", code)
 
 
-def parameters() -> Iterator[tuple[str, str]]:
-    """(field, default) of every row of the tables of parameters."""
+def rows() -> Iterator[list[str]]:
+    """The cells of every row of the tables of parameters."""
     for row in re.findall(r"^\|(.*)\|$", read("EQUATIONS.md"), re.MULTILINE):
         cells = [cell.strip() for cell in re.split(r"(?<!\\)\|", row)]
         if len(cells) == 6 and re.fullmatch(r"`[a-z]+\.[a-z_]+`", cells[3]):
-            yield cells[3].strip("`"), cells[4].strip("`")
+            yield cells
+
+
+def parameters() -> Iterator[tuple[str, str]]:
+    """(field, default) of each."""
+    for _, _, _, field, default, _ in rows():
+        yield field.strip("`"), default.strip("`")
+
+
+def units() -> Iterator[tuple[str, str]]:
+    for _, unit, _, field, _, _ in rows():
+        yield field.strip("`"), unit
 
 
 @pytest.mark.parametrize(("field", "default"), list(parameters()))
@@ -90,6 +102,21 @@ def test_the_equations_list_every_physical_parameter_and_every_switch() -> None:
     errata = read("EQUATIONS.md").split("## Printed and corrected")[1]
     for switch in ERRATA_SWITCHES:
         assert f"| `{switch}` |" in errata
+
+
+def test_every_unit_of_the_equations_is_that_of_the_scenario() -> None:
+    signs = {"unit ": "", "ω": "omega", "α": "alpha", "−": "-", "²": "^2", "³": "^3", "√Hz": "sqrt(Hz)", " ": "*"}
+    schema = fg.Scenario.model_json_schema()["$defs"]
+    for field, listed in units():
+        table, name = field.split(".")
+        unit = schema[table.capitalize()]["properties"][name].get("unit", "–").replace(" ", "*")
+        for sign, word in signs.items():
+            listed = listed.replace(sign, word)
+        assert listed == unit, field
+
+
+def test_the_reference_is_what_the_core_and_the_tables_say() -> None:
+    assert read("docs/reference.md") == reference.page(), "make it anew, as its first lines say"
 
 
 # -- Versions ------------------------------------------------------------------------------------------------

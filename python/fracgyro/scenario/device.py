@@ -92,15 +92,23 @@ class Rate(Table):
         "the end of the run; Gaussian noise with a flat spectrum up to frequency. table: only points. constant: off.",
     )
     amplitude: float = field(
-        0.0, "rad/s: height of the step or of each level, peak of sine and chirp, standard deviation of the noise."
+        0.0,
+        "rad/s: height of the step or of each level, peak of sine and chirp, standard deviation of the noise.",
+        unit="rad/s",
     )
-    start: NonNegative = field(0.0, "Unit 1/omega0, whole steps: until then the rate is plant.angular_rate. 0.0: off.")
-    hold: float | None = field(None, "Unit 1/omega0, whole steps: time on each level of the staircase.", gt=0)
+    start: NonNegative = field(
+        0.0, "Unit 1/omega0, whole steps: until then the rate is plant.angular_rate. 0.0: off.", unit="1/omega0"
+    )
+    hold: float | None = field(
+        None, "Unit 1/omega0, whole steps: time on each level of the staircase.", gt=0, unit="1/omega0"
+    )
     levels: int = field(1, "How many levels the staircase climbs; it stays on the last one.", ge=1, le=MAX_STEPS)
     frequency: NonNegative = field(
-        0.0, "Unit omega0: of the sine, where the chirp begins, where the band of the noise ends. At most pi/run.step."
+        0.0,
+        "Unit omega0: of the sine, where the chirp begins, where the band of the noise ends. At most pi/run.step.",
+        unit="omega0",
     )
-    final_frequency: NonNegative = field(0.0, "Unit omega0: where the chirp ends. At most pi/run.step.")
+    final_frequency: NonNegative = field(0.0, "Unit omega0: where the chirp ends. At most pi/run.step.", unit="omega0")
     seed: int = field(0, "Of the noise: same seed, same rate; 0 to 2^63 - 1.", ge=0, le=2**63 - 1)
     file: str | None = field(
         None,
@@ -110,6 +118,7 @@ class Rate(Table):
         None,
         "Of the table: [[time in s, rate in rad/s], ...], linear in between and constant beyond the ends. This is the "
         "rate itself: plant.angular_rate is then only what the estimate starts from.",
+        unit="s, rad/s",
     )
 
     @model_validator(mode="before")
@@ -143,21 +152,33 @@ class Device(Table):
         "controller.observer_bandwidth finds the velocity. full: off.",
     )
     position_noise: NonNegative = field(
-        0.0, "m: standard deviation of the measured position, drawn again for every sample. 0.0: off."
+        0.0, "m: standard deviation of the measured position, drawn again for every sample. 0.0: off.", unit="m"
     )
     position_noise_density: NonNegative = field(
-        0.0, "m/sqrt(Hz), one-sided: instead, white noise up to half the sampling frequency. 0.0: off."
+        0.0,
+        "m/sqrt(Hz), one-sided: instead, white noise up to half the sampling frequency. 0.0: off.",
+        unit="m/sqrt(Hz)",
     )
-    velocity_noise: NonNegative = field(0.0, "m/s: of the measured velocity. 0.0: off.")
-    velocity_noise_density: NonNegative = field(0.0, "(m/s)/sqrt(Hz), one-sided: instead. 0.0: off.")
+    velocity_noise: NonNegative = field(0.0, "m/s: of the measured velocity. 0.0: off.", unit="m/s")
+    velocity_noise_density: NonNegative = field(
+        0.0, "(m/s)/sqrt(Hz), one-sided: instead. 0.0: off.", unit="(m/s)/sqrt(Hz)"
+    )
     position_range: float = field(
-        math.inf, "m, > 0: the measured position clips at plus and minus this. inf: off.", gt=0, allow_inf_nan=True
+        math.inf,
+        "m, > 0: the measured position clips at plus and minus this. inf: off.",
+        gt=0,
+        allow_inf_nan=True,
+        unit="m",
     )
     position_bits: int = field(
         0, "Bits of the converter: it has 2^bits levels over the range, at most 32 bits. 0: off.", ge=0, le=32
     )
     velocity_range: float = field(
-        math.inf, "m/s, > 0: the measured velocity clips at plus and minus this. inf: off.", gt=0, allow_inf_nan=True
+        math.inf,
+        "m/s, > 0: the measured velocity clips at plus and minus this. inf: off.",
+        gt=0,
+        allow_inf_nan=True,
+        unit="m/s",
     )
     velocity_bits: int = field(0, "As position_bits. 0: off.", ge=0, le=32)
     actuator_limit: float = field(
@@ -166,6 +187,7 @@ class Device(Table):
         "controller.force_limit. inf: off.",
         gt=0,
         allow_inf_nan=True,
+        unit="N",
     )
     actuator_bits: int = field(0, "Of the force's converter, over plus and minus the limit. 0: off.", ge=0, le=32)
     delay: int = field(
@@ -173,17 +195,22 @@ class Device(Table):
         "Steps between a measurement and the force that answers it, beyond none, at most 1000. 0: off.",
         ge=0,
         le=1000,
+        unit="h",
     )
     cubic_stiffness: Cubic = field(
-        (0.0, 0.0), "kappa [x, y], N/m^3: each spring pulls with kappa q^3 more; negative softens. Zeros: off."
+        (0.0, 0.0),
+        "kappa [x, y], N/m^3: each spring pulls with kappa q^3 more; negative softens. Zeros: off.",
+        unit="N/m^3",
     )
-    stiffness_drift: float = field(0.0, "ppm/K: of K and Delta K, by the temperature below. 0.0: off.")
-    temperature_ramp: float = field(0.0, "K/s: the temperature rises at this rate from t = 0 on. 0.0: off.")
+    stiffness_drift: float = field(0.0, "ppm/K: of K and Delta K, by the temperature below. 0.0: off.", unit="ppm/K")
+    temperature_ramp: float = field(0.0, "K/s: the temperature rises at this rate from t = 0 on. 0.0: off.", unit="K/s")
     temperature_file: str | None = field(
         None, "Instead: a CSV file with the header time,temperature, in s and K, read at once and kept as points."
     )
     temperature_points: OptionalPoints = field(
-        None, "[[time in s, change of temperature in K], ...], linear in between and constant beyond the ends."
+        None,
+        "[[time in s, change of temperature in K], ...], linear in between and constant beyond the ends.",
+        unit="s, K",
     )
 
     @model_validator(mode="before")

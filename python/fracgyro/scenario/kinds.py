@@ -95,11 +95,12 @@ def _field(parts: list[Number], derived: bool, paper: Any) -> tuple[Any, Any]:
         default: Any = bool(first.default) if switch else first.choices[int(first.default)]
         return (bool if switch else Literal[first.choices]), field(default, first.meaning)
     limits = _limits(first)
+    unit = ", ".join(dict.fromkeys(part.unit for part in parts))
     if len(parts) == 1:
         number: Any = int if first.whole else float
         if derived:
-            return number | None, field(None, first.meaning, **limits)
-        return number, field(number(first.default) if paper is None else paper, first.meaning, **limits)
+            return number | None, field(None, first.meaning, unit=unit, **limits)
+        return number, field(number(first.default) if paper is None else paper, first.meaning, unit=unit, **limits)
     labelled = re.match(r"\[(.*?)\]", first.meaning)
     labels = labelled[1].replace(",", "") if labelled and not first.part.startswith(".") else "x y"
     entry = Annotated[float, Field(**limits)] if limits else float
@@ -107,7 +108,7 @@ def _field(parts: list[Number], derived: bool, paper: Any) -> tuple[Any, Any]:
     expand = first.strict and first.part.startswith(".")
     return (
         Annotated[entries, as_tuple(labels, expand=expand)],
-        field(tuple(part.default for part in parts) if paper is None else paper, first.meaning),
+        field(tuple(part.default for part in parts) if paper is None else paper, first.meaning, unit=unit),
     )
 
 

@@ -60,38 +60,43 @@ class Scales:
 class Plant(Table):
     """The gyroscope, eqs (1), (2), (9) and (47); SI units."""
 
-    mass: float = field(1.8e-7, "m, kg: proof mass.", gt=0)
+    mass: float = field(1.8e-7, "m, kg: proof mass.", gt=0, unit="kg")
     damping: Symmetric = field(
         Symmetric(xx=1.8e-6, xy=3.6e-7, yy=1.8e-6),
         "D, N s/m: positive semidefinite; xy couples the axes. Zeros: undamped.",
+        unit="N s/m",
     )
     stiffness: Symmetric = field(
         Symmetric(xx=63.955, xy=12.779, yy=95.92),
         "K, N/m: positive definite; xy couples the axes, and 0.0 uncouples them.",
+        unit="N/m",
     )
     damping_deviation: Symmetric = field(
-        ZERO, "Delta D, N s/m, eq. (9): added to damping, unknown to the controller. Zeros: off."
+        ZERO, "Delta D, N s/m, eq. (9): added to damping, unknown to the controller. Zeros: off.", unit="N s/m"
     )
     stiffness_deviation: Symmetric = field(
         ZERO,
         "Delta K, N/m, eq. (9): added to stiffness, unknown to the controller; the sum stays positive "
         "definite. Zeros: off.",
+        unit="N/m",
     )
-    angular_rate: float = field(100.0, "Omega_z, rad/s: the rate to be sensed; Coriolis force. 0.0: off.")
+    angular_rate: float = field(100.0, "Omega_z, rad/s: the rate to be sensed; Coriolis force. 0.0: off.", unit="rad/s")
     transverse_rate: Pair = field(
-        (0.0, 0.0), "[Omega_x, Omega_y], rad/s: acts only when centrifugal is true. Zeros: off."
+        (0.0, 0.0), "[Omega_x, Omega_y], rad/s: acts only when centrifugal is true. Zeros: off.", unit="rad/s"
     )
     centrifugal: bool = field(
         False,
         "Eq. (1): stiffness xx loses m (Omega_y^2 + Omega_z^2), yy loses m (Omega_x^2 + Omega_z^2) and "
         "xy gains m Omega_x Omega_y. false: off, eq. (2).",
     )
-    reference_length: float = field(1e-6, "q0, m: the unit of length of every other table.", gt=0)
+    reference_length: float = field(1e-6, "q0, m: the unit of length of every other table.", gt=0, unit="m")
     reference_frequency: float = field(
-        1000.0, "omega0, rad/s: 1/omega0 is the unit of time of every other table.", gt=0
+        1000.0, "omega0, rad/s: 1/omega0 is the unit of time of every other table.", gt=0, unit="rad/s"
     )
-    initial_position: Pair = field((0.5, 0.5), "q(0) [x, y], unit q0, eq. (49). Zeros: starts centred.")
-    initial_velocity: Pair = field((0.0, 0.0), "v(0) [x, y], unit q0 omega0, eq. (49). Zeros: at rest.")
+    initial_position: Pair = field((0.5, 0.5), "q(0) [x, y], unit q0, eq. (49). Zeros: starts centred.", unit="q0")
+    initial_velocity: Pair = field(
+        (0.0, 0.0), "v(0) [x, y], unit q0 omega0, eq. (49). Zeros: at rest.", unit="q0*omega0"
+    )
 
     @property
     def scales(self) -> Scales:
@@ -183,7 +188,10 @@ class Controller(_Controller):
     """The controller: its kind, and the fields that this kind has."""
 
     observer_bandwidth: float = field(
-        300.0, "Unit omega0, > 0: of the observer of velocity. device.sensing full: off, it is measured.", gt=0
+        300.0,
+        "Unit omega0, > 0: of the observer of velocity. device.sensing full: off, it is measured.",
+        gt=0,
+        unit="omega0",
     )
 
     @model_validator(mode="after")
@@ -203,7 +211,7 @@ class Adaptation(_Adaptation):
         0.95, "Estimates of D, K, Omega_z at t = 0 over their true values, > 0. 1.0: off, no error.", gt=0
     )
     initial_rate: float | None = field(
-        None, "Unit omega0: estimate of Omega_z at t = 0. Not set: initial_ratio times the true value."
+        None, "Unit omega0: estimate of Omega_z at t = 0. Not set: initial_ratio times the true value.", unit="omega0"
     )
 
 
@@ -218,18 +226,23 @@ class Disturbance(Table):
         "noise", "noise: Gaussian, piecewise constant; sine: amplitude*sin(frequency*t + phase). none: off."
     )
     standard_deviation: float | None = field(
-        None, "Unit of force; noise needs this or density, and only one. 0.0: off.", ge=0
+        None, "Unit of force; noise needs this or density, and only one. 0.0: off.", ge=0, unit="m*omega0^2*q0"
     )
     density: float | None = field(
-        None, "S, unit force^2 time: white noise of density S held for h has variance S/h. 0.0: off.", ge=0
+        None,
+        "S, unit force^2 time: white noise of density S held for h has variance S/h. 0.0: off.",
+        ge=0,
+        unit="(m*omega0^2*q0)^2/omega0",
     )
     hold: float | None = field(
-        None, "h, unit 1/omega0: time between noise draws, whole steps. Not set: off, one step.", gt=0
+        None, "h, unit 1/omega0: time between noise draws, whole steps. Not set: off, one step.", gt=0, unit="1/omega0"
     )
     seed: int = field(0, "Same seed, same noise; 0 to 2^63 - 1. Without effect on other kinds.", ge=0, le=2**63 - 1)
-    amplitude: Pair = field((0.0, 0.0), "Of the sine, [x, y], unit of force. Zeros: off.")
-    frequency: Frequencies = field((0.0, 0.0), "Of the sine, [x, y], unit omega0. Zeros: constant force.")
-    phase: Pair = field((0.0, 0.0), "Of the sine, [x, y], rad. Zeros: off.")
+    amplitude: Pair = field((0.0, 0.0), "Of the sine, [x, y], unit of force. Zeros: off.", unit="m*omega0^2*q0")
+    frequency: Frequencies = field(
+        (0.0, 0.0), "Of the sine, [x, y], unit omega0. Zeros: constant force.", unit="omega0"
+    )
+    phase: Pair = field((0.0, 0.0), "Of the sine, [x, y], rad. Zeros: off.", unit="rad")
 
     @model_validator(mode="before")
     @classmethod
@@ -254,8 +267,10 @@ class Disturbance(Table):
 class Run(Table):
     """How long, how finely, and what is kept."""
 
-    duration: float = field(80.0, "Unit 1/omega0: end of the run, at least one step.", gt=0)
-    step: float = field(1e-3, "h, unit 1/omega0: period of control. The paper's loop diverges from about 5e-3.", gt=0)
+    duration: float = field(80.0, "Unit 1/omega0: end of the run, at least one step.", gt=0, unit="1/omega0")
+    step: float = field(
+        1e-3, "h, unit 1/omega0: period of control. The paper's loop diverges from about 5e-3.", gt=0, unit="1/omega0"
+    )
     record_every: int = field(
         1, "Steps from one recorded sample to the next. 1: off, all are kept.", ge=1, le=MAX_STEPS
     )

@@ -46,9 +46,12 @@ def sentence(text: str) -> PydanticCustomError:
     return PydanticCustomError("sentence", "{text}", {"text": text})
 
 
-def field(default: Any, description: str, **limits: Any) -> Any:
-    """The description becomes the TOML comment: symbol, unit, effect, and the value that switches it off."""
-    return Field(default, description=description, **limits)
+def field(default: Any, description: str, *, unit: str = "1", **limits: Any) -> Any:
+    """The description becomes the TOML comment: symbol, unit, effect, and the value that switches it off.
+
+    `unit` is a keyword of its own in JSON Schema, and a column of docs/reference.md.
+    """
+    return Field(default, description=description, json_schema_extra={"unit": unit} if unit != "1" else None, **limits)
 
 
 def as_tuple(names: str, *, expand: bool = False) -> BeforeValidator:

@@ -1,0 +1,147 @@
+"""Every field of a scenario and every variable of a run, as a page: docs/reference.md.
+
+Nothing is written here that the core's fields() or the tables of a scenario do not say.
+`python -m fracgyro.scenario.reference` prints the page anew.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+from .kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, MEANINGS, Channel, having, numbers, reported
+from .scenario import Scenario
+from .table import Table, toml_value
+from .to_core import core_setup
+
+HEAD = """# Reference
+
+Made by `python -m fracgyro.scenario.reference > docs/reference.md` from what the core and the tables of a scenario say
+of themselves. The unit of time is 1/omega0, of length q0, of mass m: `plant.reference_frequency`,
+`plant.reference_length` and `plant.mass`; h is `run.step`. [EQUATIONS.md](../EQUATIONS.md) has the equations in which
+the fields stand.
+"""
+FIELDS = ("field", "unit", "range", "default", "meaning")
+VARIABLES = ("variable", "unit", "parts", "meaning")
+
+
+def page() -> str:
+    return "\n".join([HEAD, *_kinds(), *_scenario(), *_recorded()])
+
+
+def _kinds() -> Iterator[str]:
+    rows = [(f"`{kind}`", _escaped(meaning)) for kind, meaning in zip(KINDS, MEANINGS, strict=True)]
+    yield from ["## Controllers", "", *_rows(("`controller.kind`", "what it is"), rows)]
+
+
+def _scenario() -> Iterator[str]:
+    scenario = Scenario()
+    for name, table in scenario:
+        yield from [f"## [{name}]", "", _sentences(table), ""]
+        schema = type(table).model_json_schema()
+        groups: dict[tuple[str, ...], list[Sequence[str]]] = {(): []}
+        for field, said in schema["properties"].items():
+            groups.setdefault(_having(name, field), []).append(_field(name, field, said, table))
+        for kinds, rows in groups.items():
+            yield from [f"Of {', '.join(kinds)}:", ""] if kinds else []
+            yield from _rows(FIELDS, rows)
+
+
+def _having(table: str, field: str) -> tuple[str, ...]:
+    """The kinds of controllers that have the field; none: it does not depend on the kind."""
+    kinds = tuple(having(f"{table}.{field}"))
+    return () if len(kinds) == len(KINDS) else kinds
+
+
+def _field(table: str, name: str, said: dict[str, Any], model: Table) -> Sequence[str]:
+    default = type(model).model_fields[name].default
+    shown = "–" if default is None else f"`{toml_value(default)}`"
+    return (
+        f"`{table}.{name}`",
+        _unit(said.get("unit", "1")),
+        _range(said, default),
+        shown,
+        _escaped(said["description"]),
+    )
+
+
+def _range(said: dict[str, Any], default: Any) -> str:
+    if "anyOf" in said:  # or not given
+        return _range(said["anyOf"][0], default)
+    if "enum" in said:
+        return ", ".join(f"`{choice}`" for choice in said["enum"])
+    if "prefixItems" in said:
+        entries = said["prefixItems"]
+        limits = _range(entries[0], None)
+        return f"{len(entries)} numbers" + ("" if limits == "any" else f", each {limits}")
+    if "$ref" in said:
+        return "`{xx, xy, yy}`"
+    words = {"boolean": "`true`, `false`", "string": "text", "array": "list of pairs"}
+    return words[said["type"]] if said["type"] in words else _limits(said, default)
+
+
+def _limits(said: dict[str, Any], default: Any) -> str:
+    words = ("minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum")
+    low, high, above, below = (re.sub(r"e\+?0*", "e", f"{said[word]:g}") if word in said else "" for word in words)
+    if low and high:
+        limits = f"{low} to {high}"
+    elif above and below:
+        limits = f"between {above} and {below}"
+    else:
+        limits = f"> {above}" if above else f"≥ {low}" if low else "any"
+    whole = "whole, " if said["type"] == "integer" else ""
+    return whole + limits + (" or `inf`" if default == float("inf") else "")
+
+
+def _recorded() -> Iterator[str]:
+    yield from ["## What is recorded", "", "Of every run:", ""]
+    yield from _rows(VARIABLES, map(_variable, LOOP_CHANNELS))
+    groups: dict[tuple[str, tuple[Channel, ...]], list[str]] = {}
+    for kind in KINDS:
+        for adaptation, channels in _reports(kind):
+            groups.setdefault((adaptation, channels), []).append(kind)
+    for (adaptation, channels), kinds in groups.items():
+        of = ", ".join(kinds) + (f", with `adaptation.kind` {adaptation}" if adaptation else "")
+        yield from [f"Of {of}{'' if channels else ', nothing'} besides{':' if channels else '.'}", ""]
+        yield from _rows(VARIABLES, map(_variable, channels)) if channels else []
+    yield from ["Of a run whose rate moves or whose device is not ideal, besides:", ""]
+    yield from _rows(VARIABLES, map(_variable, DEVICE_CHANNELS))
+
+
+def _reports(kind: str) -> Iterator[tuple[str, tuple[Channel, ...]]]:
+    """What controllers of this kind report, by the adaptations that they can have."""
+    scenario = Scenario.paper().replace({"controller.kind": kind})
+    choices = next((number.choices for number in numbers(kind) if number.path == "adaptation.kind"), ("",))
+    for choice in choices:
+        changed = scenario.replace({"adaptation.kind": choice}) if choice else scenario
+        yield choice, reported(core_setup(changed))
+
+
+def _variable(channel: Channel) -> Sequence[str]:
+    parts = ", ".join(map(str, channel.labels)) if channel.dimension else "–"
+    return f"`{channel.name}`", _unit(", ".join(channel.units)), parts, _escaped(channel.meaning)
+
+
+def _unit(unit: str) -> str:
+    return "–" if unit == "1" else unit.replace("*", " ")
+
+
+def _escaped(text: str) -> str:
+    """What Markdown would take for emphasis or the end of a cell."""
+    return text.replace("*", "\\*").replace("|", "\\|")
+
+
+def _sentences(table: Table) -> str:
+    """What the table is of, as its heading in the TOML says it."""
+    return _escaped(" ".join((type(table).__doc__ or "").split()))
+
+
+def _rows(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    return [*(f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows)), ""]
+
+
+if __name__ == "__main__":
+    sys.stdout.reconfigure(encoding="utf-8", newline="\n")  # type: ignore[union-attr]
+    print(page(), end="")
