@@ -56,14 +56,14 @@ def main() -> None:
         "",
         f"The paper's corrected scenario, its noise included, over 100 units of time: {len(trace.motion):,} samples.",
         "Each target is handed the recorded positions and velocities, in float rounded to float, and answers force and",
-        "estimates, 12 numbers a step. The parity hash is SHA-256 over their bits; seconds include compiling.",
+        "estimates. The parity hash is SHA-256 over the bits of 12 numbers a step; seconds include compiling.",
     ]
     problems: list[Difference | None] = []
     hashes: dict[Number, str] = {}
     compiled_by = targets()
     for number in reversed(get_args(Number)):
         reference = trace.answers if number == "double" else answers("host", SCENARIO, number, trace.motion)
-        hashes[number] = parity_hash(reference)
+        hashes[number] = parity_hash(SCENARIO, reference)
         rows = []
         for name, (target, made, environment) in compiled_by.items():
             os.environ.update(environment)
@@ -74,7 +74,7 @@ def main() -> None:
                 del os.environ[variable]
             difference = first_difference(found, reference)
             problems.append(difference)
-            seen = f"`{parity_hash(found)[:16]}…`" if difference is None else f"**{difference}**"
+            seen = f"`{parity_hash(SCENARIO, found)[:16]}…`" if difference is None else f"**{difference}**"
             rows.append(f"| {name} | {made} | {seen} | {seconds:.1f} |")
         recorded = ", that of the record" if number == "double" else ""
         lines += ["", f"## {number}: `{hashes[number]}`{recorded}", ""]

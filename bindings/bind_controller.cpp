@@ -46,8 +46,9 @@ public:
     }
     std::vector<double> report() const override {
         std::vector<double> numbers;
-        for_each_number(Controller::report(held_->state, held_->coefficients),
-                        [&](const T& number) { numbers.push_back(static_cast<double>(number)); });
+        for_each_number<Reported::between_steps>(
+            Controller::report(held_->state, held_->coefficients),
+            [&](const T& number) { numbers.push_back(static_cast<double>(number)); });
         return numbers;
     }
     std::uint64_t steps() const override { return Controller::steps(held_->state); }
@@ -104,6 +105,9 @@ nb::object checked_step(AnyController& self, double step, const Units& units, nb
 
 nb::str text(std::string_view a) { return nb::str(a.data(), a.size()); }
 
+// By the places of Settable.
+constexpr std::string_view settable[] = {"any_time", "at_start", "beforehand", "never"};
+
 // What a kind's numbers are, in the order of settings.hpp.
 nb::list fields_of_kind(std::size_t kind) {
     nb::list all;
@@ -120,7 +124,7 @@ nb::list fields_of_kind(std::size_t kind) {
         one["strict"] = field.range.strict;
         one["infinite"] = field.range.infinite;
         one["whole"] = field.range.whole;
-        one["fixed"] = field.fixed;
+        one["settable"] = text(settable[static_cast<std::size_t>(field.settable)]);
         one["default"] = static_cast<double>(number);
         nb::list choices;
         for (const std::string_view choice : field.choices) {
@@ -145,7 +149,7 @@ void report_of_each(List<Types...>, nb::list& all) {
 }  // namespace
 
 nb::tuple described(const Channel& c) {
-    return nb::make_tuple(text(c.name), c.width, text(c.unit), text(c.meaning), text(c.part));
+    return nb::make_tuple(text(c.name), c.width, text(c.unit), text(c.meaning), text(c.part), c.momentary);
 }
 
 void bind_controller(nb::module_& m) {

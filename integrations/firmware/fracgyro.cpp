@@ -15,7 +15,7 @@ using State = Guard::State;
 
 static_assert(sizeof(State) <= FRACGYRO_STATE_SIZE && alignof(State) <= FRACGYRO_STATE_ALIGNMENT);
 static_assert(std::is_trivially_copyable_v<State> && std::is_same_v<Number, fracgyro_number>);
-static_assert(fracgyro::width_of<Guard::Report>() == FRACGYRO_REPORTED);
+static_assert(fracgyro::width_of<Guard::Report, fracgyro::Reported::between_steps>() == FRACGYRO_REPORTED);
 static_assert(FRACGYRO_REPORTED == 0 || sizeof(fracgyro_report) == FRACGYRO_REPORTED * sizeof(fracgyro_number));
 static_assert(static_cast<int>(fracgyro::Status::ok) == FRACGYRO_OK);
 static_assert(static_cast<int>(fracgyro::Status::saturated) == FRACGYRO_SATURATED);
@@ -52,7 +52,8 @@ void fracgyro_init(fracgyro_state* state) {
 
 [[gnu::flatten]] void fracgyro_read_report(const fracgyro_state* state, fracgyro_report* report) {
     auto* number = reinterpret_cast<fracgyro_number*>(report);
-    fracgyro::for_each_number(Guard::report(in(state), coefficients), [&](Number found) { *number++ = found; });
+    fracgyro::for_each_number<fracgyro::Reported::between_steps>(Guard::report(in(state), coefficients),
+                                                                 [&](Number found) { *number++ = found; });
 }
 
 void fracgyro_save(const fracgyro_state* state, fracgyro_saved* saved) {

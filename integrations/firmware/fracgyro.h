@@ -52,8 +52,7 @@ void fracgyro_init(fracgyro_state* state);
 /* The force to hold until the next step, from the motion measured now. `force` is always set and within the limit. */
 fracgyro_status fracgyro_step(fracgyro_state* state, const fracgyro_motion* motion, fracgyro_vector* force);
 
-/* What the controller reports, as it stands before the coming step. What only a step finds, as a sliding surface, is 0;
-   with nothing to report nothing is done. */
+/* What the controller reports, as it stands before the coming step. With nothing to report nothing is done. */
 void fracgyro_read_report(const fracgyro_state* state, fracgyro_report* report);
 
 /* A restored state continues as the saved one would have, bit for bit. */

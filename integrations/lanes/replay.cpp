@@ -78,7 +78,7 @@ std::vector<Number> answers(const typename Controller::Coefficients& c, std::siz
         const auto put = [&](const T& number) { rows.push_back(number.lane[lane]); };
         put(signals.force.x);
         put(signals.force.y);
-        for_each_number(signals.report, put);
+        for_each_number<Reported::between_steps>(signals.report, put);
     }
     return rows;
 }

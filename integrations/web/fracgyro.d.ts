@@ -59,7 +59,8 @@ export interface Controller {
   readonly status: "ok" | "saturated" | "not_finite" | "out_of_range" | "restarted" | "implausible" | "lost";
   /**
    * What the controller reports besides the force, by channel, as it stands after the last step: rate_estimate,
-   * stiffness_estimate as [xx, xy, yy], and so on. What only a step finds, as the sliding surface, is 0.
+   * stiffness_estimate as [xx, xy, yy], and so on. What is known only within a step, as the sliding surface, is none
+   * of them.
    */
   readonly report: Readonly<Record<string, number | number[]>>;
   /**

@@ -27,6 +27,8 @@ const LARGEST_RECORD = 2e9; // bytes
 // What the guard thinks of a sample, by number; 5 is a saved state refused.
 const STATUSES = ["ok", "saturated", "not_finite", "out_of_range", "restarted", "", "implausible", "lost"];
 
+const channelOf = (column) => column.split(/[.[]/)[0];
+
 class Fracgyro {
   #module;
   #data;
@@ -68,6 +70,7 @@ class Fracgyro {
   // The controller alone, in double or in single precision. Call `step` once every run.step.
   async controller(scenario, changes = {}, { single = false } = {}) {
     const { core, reported } = await this.#prepare(scenario, changes);
+    const lasting = reported.filter((column) => !this.#data.momentary.includes(channelOf(column)));
     core.controller_start(single);
     const number = single ? "float" : "double";
     const key = new TextEncoder().encode(`fracgyro ${this.version} ${core.controller_key() >>> 0} ${number}\n`);
@@ -84,10 +87,10 @@ class Fracgyro {
         return STATUSES[core.controller_status()];
       },
       get report() {
-        const numbers = core.doubles(core.controller_report(), reported.length);
+        const numbers = core.doubles(core.controller_report(), lasting.length);
         const found = {};
-        reported.forEach((column, i) => {
-          const [channel] = column.split(/[.[]/);
+        lasting.forEach((column, i) => {
+          const channel = channelOf(column);
           found[channel] = channel === column ? numbers[i] : [...(found[channel] ?? []), numbers[i]];
         });
         return found;

@@ -141,8 +141,8 @@ EXPORT const double* controller_step(double x, double y, double vx, double vy) {
 EXPORT const double* controller_report() {
     with_held([]<class C>() {
         double* next = report.data();
-        for_each_number(Guard<C>::report(held<C>().state, held<C>().coefficients),
-                        [&](auto number) { *next++ = static_cast<double>(number); });
+        for_each_number<Reported::between_steps>(Guard<C>::report(held<C>().state, held<C>().coefficients),
+                                                 [&](auto number) { *next++ = static_cast<double>(number); });
     });
     return report.data();
 }

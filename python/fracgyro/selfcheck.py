@@ -53,8 +53,8 @@ def selfcheck() -> SelfCheck:
     """Takes a few seconds."""
     motion, found = parity_run()
     hashes: dict[Number, str] = {
-        "double": parity_hash(found),
-        "float": parity_hash(answers("python", SCENARIO, "float", motion)),
+        "double": parity_hash(SCENARIO, found),
+        "float": parity_hash(SCENARIO, answers("python", SCENARIO, "float", motion)),
     }
     return SelfCheck(
         version=version("fracgyro"),

@@ -104,7 +104,7 @@ TEST(LaneKey, NoPlainNumberIsInIt) {
         const fracgyro::Setup& setup = kind.setup;
         const std::string key = lane_key(setup);
         for_each_named(setup, [&](const std::string& name, const auto& field, const auto& number) {
-            if (kind.switches.contains(name) || name == "controller.mode_count") {  // which are filled up
+            if (kind.switches.contains(name) || name == "controller.kernel_terms") {  // which are filled up
                 return;
             }
             if (field.choices.empty()) {

@@ -6,7 +6,7 @@ import fracgyro as fg
 import numpy as np
 import pytest
 from fracgyro.scenario import Scenario, ScenarioError
-from fracgyro.scenario.kinds import KINDS, fields_of, numbers
+from fracgyro.scenario.kinds import KINDS, LOOP_CHANNELS, fields_of, numbers
 
 PAPER = Scenario.paper()
 QUIET = {"disturbance.kind": "none", "disturbance.hold": None, "disturbance.standard_deviation": None}
@@ -47,6 +47,23 @@ def test_a_field_of_another_kind_is_refused_and_left_behind_when_the_kind_change
     back = PAPER.replace({"controller.order": 0.8, "adaptation.leakage": 0.5}).replace({"controller.kind": "pid"})
     assert back.replace({"controller.kind": "linear"}).controller.order == 0.9
     assert back.replace({"controller.kind": "linear"}).adaptation.leakage == 0.0
+
+
+@pytest.mark.parametrize("adaptation", ["gradient", "composite"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_between_steps_a_controller_reports_what_the_coming_one_records(kind: str, adaptation: str) -> None:
+    scenario = of_kind(kind).replace({"run.duration": 0.1})
+    if "kind" in fields_of(kind, "adaptation"):
+        scenario = scenario.replace({"adaptation.kind": adaptation})
+    run, controller = fg.simulate(scenario), fg.Controller(scenario)
+    for n in range(run.sizes["time"]):
+        found = controller.report
+        assert "surface" not in found, "the coming step's is not known yet"
+        for name, value in found.items():
+            np.testing.assert_array_equal(value, run[name].values[n], err_msg=f"{name} at step {n}")
+        controller.step(n * 1e-3, run["position"].values[n], run["velocity"].values[n])
+    others = {channel.name for channel in LOOP_CHANNELS} | {"surface"}
+    assert set(found) == set(run.data_vars) - others
 
 
 def test_pid_tracks_to_what_the_held_force_leaves() -> None:

@@ -46,7 +46,7 @@ struct SuperTwistingReport {
     static constexpr auto fields() {
         using R = SuperTwistingReport;
         return std::tuple{
-            channel("surface", &R::surface, "q0*omega0", "sliding surface s"),
+            momentary(channel("surface", &R::surface, "q0*omega0", "sliding surface s")),
             channel("damping_estimate", &R::damping, "m*omega0", "estimate of the damping D"),
             channel("stiffness_estimate", &R::stiffness, "m*omega0^2", "estimate of the stiffness K"),
             channel("rate_estimate", &R::rate, "omega0", "estimate of the angular rate: skew part of Omega"),

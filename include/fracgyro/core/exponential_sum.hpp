@@ -17,12 +17,15 @@ struct ExponentialSum {
     std::array<double, capacity> poles{}, weights{};
 
     static constexpr auto fields() {
+        using S = ExponentialSum;
         return std::tuple{
-            field("order", &ExponentialSum::order, "1", {.low = 0.0, .high = 1.0},
-                  "alpha, 0 to 1, no unit: order of D^alpha e. 1.0: off, the integer surface."),
-            field("order_gamma", &ExponentialSum::gamma, "1", any_number, "Gamma(2 - alpha)."),
-            field("kernel_terms", &ExponentialSum::count, "1", at_least_0, "Exponentials in use."),
-            field("kernel_error", &ExponentialSum::error, "1", at_least_0, "Their largest relative error."),
+            settable(Settable::beforehand,
+                     field("order", &S::order, "1", {.low = 0.0, .high = 1.0},
+                           "alpha, 0 to 1, no unit: order of D^alpha e. 1.0: off, the integer surface.")),
+            settable(Settable::never, field("order_gamma", &S::gamma, "1", any_number, "Gamma(2 - alpha).")),
+            settable(Settable::never, field("kernel_terms", &S::count, "1", at_least_0, "Exponentials in use.")),
+            settable(Settable::never,
+                     field("kernel_error", &S::error, "1", at_least_0, "Their largest relative error.")),
         };
     }
 };

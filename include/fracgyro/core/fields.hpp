@@ -27,6 +27,14 @@ inline constexpr Range strictly_between_0_and_1{.low = 0.0, .high = 1.0, .strict
 
 using Choices = std::span<const std::string_view>;
 
+// When a number may be set.
+enum class Settable {
+    any_time,
+    at_start,    // it has a meaning only there
+    beforehand,  // others are designed for it
+    never,       // it follows from others
+};
+
 template <class Member>
 struct Field {
     std::string_view name;
@@ -34,8 +42,9 @@ struct Field {
     std::string_view unit;  // nondimensional; "a, b, c": of each part
     Range range;
     std::string_view meaning;
-    Choices choices;              // of an enum or a switch, by its numbers
-    bool fixed = false;           // has a meaning only at the start
+    Choices choices;  // of an enum or a switch, by its numbers
+    Settable settable = Settable::any_time;
+    bool momentary = false;       // of a report: known only while a step is computed
     std::string_view table = {};  // where it is not that of its struct
 };
 template <class Member>
@@ -53,9 +62,18 @@ constexpr Field<Member> channel(std::string_view name, Member member, std::strin
     return {name, member, unit, {}, meaning, {}};
 }
 template <class Member>
-constexpr Field<Member> fixed(Field<Member> field) {
-    field.fixed = true;
+constexpr Field<Member> momentary(Field<Member> field) {
+    field.momentary = true;
     return field;
+}
+template <class Member>
+constexpr Field<Member> settable(Settable when, Field<Member> field) {
+    field.settable = when;
+    return field;
+}
+template <class Member>
+constexpr Field<Member> fixed(Field<Member> field) {
+    return settable(Settable::at_start, field);
 }
 template <class Member>
 constexpr Field<Member> in_table(std::string_view table, Field<Member> field) {
@@ -118,18 +136,21 @@ constexpr void for_each_part(Value& value, Visit&& visit) {
     }
 }
 
-// The numbers of a report, in order: as many as `width_of` says.
-template <class Report, class Put>
+// The numbers of a report, in order: those of a step, or of them those that are known between steps too.
+enum class Reported { in_step, between_steps };
+template <Reported when = Reported::in_step, class Report, class Put>
 constexpr void for_each_number(const Report& report, Put&& put) {
-    for_each_field("", report, [&](std::string_view, const auto&, const auto& value) {
-        for_each_part(value, [&](std::string_view, const auto& number) { put(number); });
+    for_each_field("", report, [&](std::string_view, const auto& field, const auto& value) {
+        if (when == Reported::in_step || !field.momentary) {
+            for_each_part(value, [&](std::string_view, const auto& number) { put(number); });
+        }
     });
 }
-template <class Report>
+template <class Report, Reported when = Reported::in_step>
 constexpr std::size_t width_of() {
     std::size_t width = 0;
     const Report report{};
-    for_each_number(report, [&](const auto&) { ++width; });
+    for_each_number<when>(report, [&](const auto&) { ++width; });
     return width;
 }
 

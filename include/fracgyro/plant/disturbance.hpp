@@ -27,8 +27,8 @@ struct DisturbanceParams {
         return std::tuple{
             choice("kind", &P::kind, kinds, "noise: Gaussian; sine: amplitude*sin(frequency*t + phase)."),
             field("standard_deviation", &P::standard_deviation, "m*omega0^2*q0", at_least_0, "Of each held value."),
-            field("hold_steps", &P::hold, "1", {.low = 1.0, .high = 1e9, .whole = true},
-                  "Steps from one noise draw to the next."),
+            settable(Settable::beforehand, field("hold_steps", &P::hold, "1", {.low = 1.0, .high = 1e9, .whole = true},
+                                                 "Steps from one noise draw to the next.")),
             fixed(field("seed", &P::seed, "1", {.low = 0.0, .whole = true}, "Same seed, same noise.")),
             field("amplitude", &P::amplitude, "m*omega0^2*q0", any_number, "Of the sine."),
             fixed(field("frequency", &P::frequency, "omega0", any_number, "Of the sine.")),

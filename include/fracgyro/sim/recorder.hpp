@@ -12,6 +12,7 @@ struct Channel {
     int width = 0;
     std::string_view unit, meaning;  // nondimensional
     std::string_view part = ".x";    // of its first column, as for_each_part names it
+    bool momentary = false;
 };
 
 // What every run has, in the order in which `write_row` writes it; what the controller reports comes after it.
@@ -36,7 +37,7 @@ constexpr void for_each_reported(Visit&& visit) {
         int width = 0;
         std::string_view first;
         for_each_part(value, [&](std::string_view part, const auto&) { first = width++ == 0 ? part : first; });
-        visit(Channel{field.name, width, field.unit, field.meaning, first});
+        visit(Channel{field.name, width, field.unit, field.meaning, first, field.momentary});
     });
 }
 

@@ -17,8 +17,9 @@ constexpr void for_each_setting(SetupLike& setup, Visit&& visit) {
             for_each_part(value, [&](std::string_view part, auto& number) { visit(inner, field, part, number); });
         });
     };
-    constexpr auto step = field("step", 0, "1/omega0", above_0, "h: time from one step to the next.");
-    constexpr auto steps = field("steps", 0, "1", at_least_0, "Steps of the run.");
+    constexpr auto step =
+        settable(Settable::beforehand, field("step", 0, "1/omega0", above_0, "h: time from one step to the next."));
+    constexpr auto steps = settable(Settable::never, field("steps", 0, "1", at_least_0, "Steps of the run."));
     visit(std::string_view("run"), step, std::string_view(), setup.common.step);
     visit(std::string_view("run"), steps, std::string_view(), setup.steps);
     of("controller", setup.common);

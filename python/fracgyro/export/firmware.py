@@ -13,7 +13,7 @@ from .. import _core
 from ..files import whole_folder
 from ..scenario import Scenario
 from ..scenario.bounded import check_bounded
-from ..scenario.kinds import ENTRIES, KINDS, Channel, reported
+from ..scenario.kinds import ENTRIES, KINDS, Channel, lasting
 from ..scenario.to_core import core_numbers, core_setup
 from .compilers import SOURCES, Number
 
@@ -42,7 +42,7 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
     alignment = 8
     size = -(-_core.state_size(setup, capacity, single) // alignment) * alignment
     values = initializer(_core.coefficients(setup, single), number)
-    channels, numbers = reported(setup), core_numbers(scenario)
+    channels, numbers = lasting(setup), core_numbers(scenario)
     stiffness = [numbers[f"adaptation.initial_stiffness.{entry}"] for entry in ENTRIES]
     scales = asdict(scenario.plant.scales)
     scales["step"] = scenario.run.step * scales["time"]

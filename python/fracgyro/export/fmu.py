@@ -43,9 +43,12 @@ MAX_TOGETHER = 10**7  # steps in one call of the importer, as integrations/fmu/i
 FIRST_DATE = (1980, 1, 1, 0, 0, 0)  # of every file in the archive: no clock gets into it
 INPUTS = ("position", "velocity")
 NOT_OF_THE_CONTROLLER = {"position", "velocity", "disturbance"}
-# What steps, exponentials and noise were designed for.
-DESIGNED_FOR = {"run.step", "controller.order", "disturbance.hold_steps"}
-OF_DISTURBANCE = {"none": (), "noise": ("standard_deviation", "seed"), "sine": ("amplitude", "frequency", "phase")}
+ROLES: dict[str, Role] = {"any_time": "tunable", "at_start": "fixed", "beforehand": "constant"}
+OF_DISTURBANCE = {
+    "none": (),
+    "noise": ("standard_deviation", "hold_steps", "seed"),
+    "sine": ("amplitude", "frequency", "phase"),
+}
 # zig's name, FMI 3.0's name, ending
 TARGETS = {
     "linux": [("x86_64-linux-gnu", "x86_64-linux", ".so")],
@@ -123,10 +126,6 @@ def _variables(scenario: Scenario, content: Content, fmi: Fmi) -> Iterator[Varia
     """In the order of their value references."""
     if fmi == "3.0":  # which demands it; in FMI 2.0 some importers take it for a variable without a start value
         yield Variable("time", "time", unit=_shown("1/omega0", scenario)[1], description="Time.")
-    known = {s.name: s for s in settings(scenario)}
-    for name in ("controller.order", "run.step") if core_kernel(scenario)[0] else ("run.step",):
-        s = known[name]
-        yield Variable(name, "constant", start=s.value, unit=unit(s.number), description=meaning(s.number))
     yield from _parameters(scenario, content)
     if content == "controller":
         yield from _inputs(scenario)
@@ -137,7 +136,7 @@ def _parameters(scenario: Scenario, content: Content) -> Iterator[Variable]:
     places = {name: place for place, name in enumerate(core_numbers(scenario))}
     for s in settings(scenario):
         n, table, field = s.number, s.number.table, s.number.field
-        if n.choices or n.path in DESIGNED_FOR:
+        if n.choices:
             continue
         if content == "controller" and table in ("plant", "disturbance"):
             continue
@@ -147,9 +146,8 @@ def _parameters(scenario: Scenario, content: Content) -> Iterator[Variable]:
         if s.value > high:
             raise ScenarioError(f"{n.path} is {s.value:.0f}: it must be at most {MAX_SEED} in an FMU")
         start, note = (MAX_DOUBLE, f" Here {MAX_DOUBLE} is off.") if math.isinf(s.value) else (s.value, "")
-        role: Role = "fixed" if n.fixed else "tunable"
         limits = (n.low, high, n.strict)
-        yield Variable(s.name, role, places[s.name], start, s.scale, unit(n), meaning(n) + note, *limits)
+        yield Variable(s.name, ROLES[n.settable], places[s.name], start, s.scale, unit(n), meaning(n) + note, *limits)
 
 
 def _inputs(scenario: Scenario) -> Iterator[Variable]:

@@ -19,7 +19,6 @@ from ..scenario.to_core import core_setup, guard
 from .units import shown
 
 MAX_EXACT = 2**53 - 1  # faces take their numbers as doubles
-DERIVED = {"run.steps", "controller.order_gamma", "controller.kernel_terms", "controller.kernel_error"}
 OF_PLANT = {"damping", "stiffness", "rate"}  # the quantities that [plant] has in SI units
 
 
@@ -70,7 +69,7 @@ def core_kernel(scenario: Scenario) -> tuple[list[float], list[float]]:
 
 def offered(kind: str) -> list[Number]:
     """The numbers of a run of this kind that do not follow from others, in the core's order."""
-    return [number for number in numbers(kind) if number.path not in DERIVED]
+    return [number for number in numbers(kind) if number.settable != "never"]
 
 
 def settings(scenario: Scenario) -> list[Setting]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scenario import Scenario
-from ..scenario.kinds import KINDS, LOOP_CHANNELS, Channel, reported
+from ..scenario.kinds import KINDS, LOOP_CHANNELS, Channel, lasting
 from ..scenario.to_core import core_setup
 from ..simulation.controller import Controller
 from . import fmu, web
@@ -25,8 +25,6 @@ from .settings import columns, core_kernel, core_numbers, without_plant
 
 Target = Literal["python", "lanes", "host", "m4f", "m7", "wasm", "fmu"]
 
-# Reported, but not of what is compared, so that published hashes stay: the first is known only once the force is.
-LEFT_OUT = {"surface", "rate_symmetric_estimate", "rate_deviation", "rate_trusted"}
 MOTION = ["position", "velocity"]
 DTYPES: dict[Number, np.dtype[np.floating]] = {"float": np.dtype("<f4"), "double": np.dtype("<f8")}
 FAULT = 2  # and more: what the firmware's status says of a motion that it does not take for one
@@ -39,7 +37,7 @@ SYSTEMS: dict[str, fmu.System] = {"Linux": "linux", "Windows": "windows", "Darwi
 def answered(scenario: Scenario) -> list[Channel]:
     """What a controller answers a motion with: the force, and what it reported before it."""
     force = [channel for channel in LOOP_CHANNELS if channel.name == "control"]
-    return force + [channel for channel in reported(core_setup(scenario)) if channel.name not in LEFT_OUT]
+    return [*force, *lasting(core_setup(scenario))]
 
 
 def answer_columns(scenario: Scenario) -> list[str]:
@@ -66,7 +64,7 @@ def _python(scenario: Scenario, number: Number, motion: NDArray[np.floating], _:
         report = controller.report
         force = controller.step(n * scenario.run.step, (x, y), (vx, vy))
         rows.append(np.hstack([force, *report.values()]))
-    return _compared(scenario, np.array(rows))
+    return np.array(rows)
 
 
 def _lanes(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
@@ -78,7 +76,7 @@ def _lanes(scenario: Scenario, number: Number, motion: NDArray[np.floating], fol
         np.array(values).tofile(folder / name)
     motion.tofile(folder / "motion")
     run([str(folder / "replay"), str(KINDS.index(scenario.controller.kind)), number], folder)
-    return _compared(scenario, np.fromfile(folder / "answer", DTYPES[number]).reshape(len(motion), -1))
+    return np.fromfile(folder / "answer", DTYPES[number]).reshape(len(motion), -1)
 
 
 def _firmware(
@@ -105,7 +103,7 @@ def _firmware(
     for n, status in enumerate(rows[:, 0].tolist()):
         if status >= FAULT:
             raise ValueError(f"{target} takes the motion at step {n} for a fault of the sensor: status {status:.0f}")
-    return _compared(scenario, rows[:, 1:])
+    return rows[:, 1 : 1 + len(answer_columns(scenario))]  # C has no empty report
 
 
 def _wasm(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
@@ -115,7 +113,7 @@ def _wasm(scenario: Scenario, number: Number, motion: NDArray[np.floating], fold
     shutil.copyfile(SOURCES / "integrations/web/replay.mjs", folder / "replay.mjs")
     motion.astype(np.float64).tofile(folder / "motion")
     run(["node", "replay.mjs", "own.json", number], folder)
-    return _compared(scenario, np.fromfile(folder / "answer").reshape(len(motion), -1))
+    return np.fromfile(folder / "answer").reshape(len(motion), -1)
 
 
 def _fmu(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
@@ -142,12 +140,6 @@ def _fmu(scenario: Scenario, number: Number, motion: NDArray[np.floating], folde
     instance.terminate()
     instance.freeInstance()
     return np.array(rows)
-
-
-def _compared(scenario: Scenario, rows: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Of rows of the force and all that is reported."""
-    names = ["control.x", "control.y", *(name for c in reported(core_setup(scenario)) for name in columns(c))]
-    return rows[:, [names.index(name) for name in answer_columns(scenario)]]
 
 
 Run = Callable[[Scenario, Number, NDArray[np.floating], Path], NDArray[np.floating]]

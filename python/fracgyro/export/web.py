@@ -50,6 +50,7 @@ def write_module_data(path: str | os.PathLike[str]) -> None:
         "fields": _fields(),
         "loop": _columns(LOOP_CHANNELS),
         "kinds": {kind: _kind(kind) for kind in KINDS},
+        "momentary": sorted({c.name for kind in KINDS for of in reports(kind) for c in of if c.momentary}),
         "paper": {name: _document(Scenario.paper(name)) for name in ("corrected", "printed")},
     }
     _write(module, path)

@@ -32,7 +32,7 @@ class Number:
     strict: bool  # low < value < high
     infinite: bool  # may be infinity, which switches off
     whole: bool  # an integer
-    fixed: bool  # has a meaning only at the start
+    settable: Literal["any_time", "at_start", "beforehand", "never"]  # as fields.hpp has it
     choices: tuple[str, ...]  # their places are the numbers; of a switch false and true
     default: float
 
@@ -76,7 +76,7 @@ def table_fields(table: str, *, derived: bool = False, **paper: Any) -> dict[str
     """
     found: dict[str, list[Number]] = {}
     for kind in KINDS:
-        own = [number for number in numbers(kind) if number.table == table and number.field not in DESIGNED]
+        own = [number for number in numbers(kind) if number.table == table and _stated(number)]
         for name, parts in groupby(own, lambda number: number.field):
             listed = list(parts)
             if found.setdefault(name, listed) != listed:
@@ -84,8 +84,13 @@ def table_fields(table: str, *, derived: bool = False, **paper: Any) -> dict[str
     return {name: _field(parts, derived, paper.get(name)) for name, parts in found.items()}
 
 
-# Numbers of the core that a scenario does not state: they follow from others.
-DESIGNED = {"order_gamma", "kernel_terms", "kernel_error", "initial_damping", "initial_stiffness", "initial_rate"}
+# The nominal plant, which a scenario states as initial_ratio of its plant.
+NOMINAL = {"initial_damping", "initial_stiffness", "initial_rate"}
+
+
+def _stated(number: Number) -> bool:
+    """Whether a scenario has a field for it: it does not follow from others."""
+    return number.settable != "never" and number.field not in NOMINAL
 
 
 def _field(parts: list[Number], derived: bool, paper: Any) -> tuple[Any, Any]:
@@ -134,6 +139,7 @@ class Channel:
     units: tuple[str, ...]  # nondimensional, of every column or of all
     meaning: str
     dimension: str | None  # of its columns: axis, entry, or of an array the first word of its name
+    momentary: bool = False  # known only while a step is computed
 
     @property
     def labels(self) -> list[str] | list[int]:
@@ -157,11 +163,11 @@ QUANTITIES = {
 }
 
 
-def _channels(found: tuple[tuple[str, int, str, str, str], ...]) -> tuple[Channel, ...]:
+def _channels(found: tuple[tuple[str, int, str, str, str, bool], ...]) -> tuple[Channel, ...]:
     dimensions = {"": None, ".x": "axis", ".xx": "entry"}
     return tuple(
-        Channel(name, width, tuple(unit.split(", ")), meaning, dimensions.get(part, name.partition("_")[0]))
-        for name, width, unit, meaning, part in found
+        Channel(name, width, tuple(unit.split(", ")), meaning, dimensions.get(part, name.partition("_")[0]), momentary)
+        for name, width, unit, meaning, part, momentary in found
     )
 
 
@@ -179,3 +185,8 @@ def reported(setup: _core.Setup) -> tuple[Channel, ...]:
     """That of the controller of a run."""
     kind, chosen = _core.chosen_type(setup)
     return reports(KINDS[kind])[chosen]
+
+
+def lasting(setup: _core.Setup) -> tuple[Channel, ...]:
+    """Of it what is known between steps, too."""
+    return tuple(channel for channel in reported(setup) if not channel.momentary)

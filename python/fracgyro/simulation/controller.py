@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from .. import _core
 from ..arguments import number, pair, short
 from ..scenario import Scenario, check_scenario
-from ..scenario.kinds import QUANTITIES, reported
+from ..scenario.kinds import QUANTITIES, lasting
 from ..scenario.to_core import core_setup
 from .outside import units
 
@@ -59,7 +59,7 @@ class Controller:
         self._observes = scenario.device.sensing == "position"
         setup = core_setup(scenario)
         self._core = _core.Controller(setup, single_precision)
-        self._reported = reported(setup)
+        self._reported = lasting(setup)
         self._scales = [
             [getattr(scales, QUANTITIES[unit][0]) if si else 1.0 for unit in channel.units]
             for channel in self._reported
@@ -121,7 +121,10 @@ class Controller:
 
     @property
     def report(self) -> dict[str, Any]:
-        """What the controller reports besides the force, by channel, as it stands after the last step."""
+        """What the controller reports besides the force, by channel, as it stands after the last step.
+
+        What is known only within a step, as the sliding surface, is none of them.
+        """
         numbers, found, column = np.asarray(self._core.report), {}, 0
         for channel, scales in zip(self._reported, self._scales, strict=True):
             values = numbers[column : column + channel.width] * (scales if len(scales) > 1 else scales[0])

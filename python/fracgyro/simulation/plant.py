@@ -116,7 +116,7 @@ class Loop:
         allowed, or a field cannot be set: one that acts only at the start, or that another controller would have.
         """
         of_kind = numbers(self.scenario.controller.kind)
-        settable = {number.path for number in of_kind if not number.fixed and number.table != "run"}
+        settable = {number.path for number in of_kind if number.settable != "at_start" and number.table != "run"}
         for path in changes:
             if path not in settable and path in paths(Scenario):
                 raise ScenarioError(f"{path} cannot be set while the loop runs: it acts only at the start")
@@ -183,7 +183,8 @@ class Loop:
     def _setup(self, scenario: Scenario) -> _core.DeviceSetup:
         """Of the scenario, but for the numbers that act only at the start."""
         first = core_numbers(self._first)
-        kept = {number.name: first[number.name] for number in numbers(scenario.controller.kind) if number.fixed}
+        of_kind = numbers(scenario.controller.kind)
+        kept = {number.name: first[number.name] for number in of_kind if number.settable == "at_start"}
         return core_setup(scenario, kept)
 
     def _rows(self, count: int) -> np.ndarray:
