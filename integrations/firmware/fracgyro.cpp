@@ -1,4 +1,4 @@
-// The C interface. The control law itself is in core/.
+// The C interface. The control law itself is in include/fracgyro/control.
 #include "fracgyro.h"
 
 #include <cstring>

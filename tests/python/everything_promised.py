@@ -61,7 +61,7 @@ KINDS = {
 
 for order, longest, tolerance in ((0.9, 80.0, 1e-6), (0.1, 1e3, 1e-9), (0.5, 0.01, 1e-3), (0.999, 1e6, 1e-11)):
     kernel = fg.fractional.design(order, 1e-3, longest, tolerance)
-    keep(f"design of {order}", kernel.rates, kernel.weights, kernel.error)
+    keep(f"design of {order}", kernel.poles, kernel.weights, kernel.error)
 
 for name, scenario in KINDS.items():
     run = fg.simulate(scenario)
