@@ -319,7 +319,7 @@ def test_a_fault_on_the_way_changes_no_bit_between_processors_and_compilers(
     motion = np.hstack([run["position"].values, run["velocity"].values])[:steps].astype(DTYPES[number])
     motion[1000:1010, 2] = NAN
     motion.tofile(out / "motion")
-    reported = [name for channel in kinds.reported(core_setup(scenario)) for name in columns(channel)]
+    reported = [name for channel in kinds.lasting(core_setup(scenario)) for name in columns(channel)]
     names, answers = ["status", "control.x", "control.y", *reported], {}
     for target, choice in {
         "gcc": ("CC=gcc", "CXX=g++"),
