@@ -7,7 +7,9 @@
 Equation numbers throughout are those of Complexity 2020, article 8542961; EQUATIONS.md lists them all.
 """
 
+from importlib import import_module
 from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
 
 from . import fractional
 from ._core import Motion, Sample
@@ -19,6 +21,9 @@ from .simulation.measure import measure_many
 from .simulation.outside import ControllerError
 from .simulation.plant import Loop, Plant
 from .simulation.simulate import DivergedError, simulate, simulate_many
+
+if TYPE_CHECKING:
+    from . import rate, study
 
 __version__ = version("fracgyro")
 __all__ = [
@@ -36,6 +41,15 @@ __all__ = [
     "measure_many",
     "metrics",
     "native",
+    "rate",
     "simulate",
     "simulate_many",
+    "study",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Rooms that take long to import, or need much, when they are first asked for."""
+    if name in ("rate", "study"):
+        return import_module(f".{name}", __name__)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

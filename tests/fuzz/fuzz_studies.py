@@ -24,9 +24,9 @@ import harness
 import mutate
 from fracgyro.analysis.metric_names import METRICS
 from fracgyro.scenario.sentences import paths
-from fracgyro.study.sweep import blocks, design, sweep
+from fracgyro.study import sweep, tune
+from fracgyro.study.sweep import blocks, design
 from fracgyro.study.sweep.block_files import BlockFiles
-from fracgyro.study.tune import tune
 from fracgyro.study.tune.criteria import measure
 from fracgyro.study.tune.plan import read_tuning
 from fracgyro.study.tune.search import choose, front, opened

@@ -27,7 +27,8 @@ from children import PATIENCE, run_until
 from fracgyro import _core
 from fracgyro.analysis.metric_names import METRICS
 from fracgyro.scenario import ScenarioError
-from fracgyro.study.sweep import blocks, effects, sweep
+from fracgyro.study import sweep
+from fracgyro.study.sweep import blocks, effects
 from fracgyro.study.sweep.block_files import BlockFiles
 from fracgyro.study.sweep.design import read_plan
 

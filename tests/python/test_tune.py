@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from children import PATIENCE, run_until
 from fracgyro.analysis.metric_names import METRICS
-from fracgyro.study.tune import tune
+from fracgyro.study import tune
 from fracgyro.study.tune.criteria import Constraint, Measured, Objective, Score, measure, score
 from fracgyro.study.tune.hold_out import _gap
 from fracgyro.study.tune.plan import read_tuning

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from ..arguments import number, signal
+
 Array = NDArray[np.float64]
 
 CONFIDENCE = 0.95
@@ -42,13 +44,16 @@ class Allan:
     rate_random_walk: Estimate  # K, rad/s/sqrt(s)
 
 
-def allan(records: Array, interval: float) -> Allan:
+def allan(values: Array, interval: float) -> Allan:
     """Overlapping Allan deviation of one or more records of equal length, (samples) or (records, samples), in rad/s.
 
     Records are independent; their variances are averaged and their degrees of freedom add up. `interval`: time between
-    samples, s. Raises ValueError where a record has less than 20 samples, or one that is not finite.
+    samples, s. Raises TypeError where these are no numbers, ValueError where a record has less than 20 samples, one
+    that is not finite or more than two dimensions, or `interval` is not above 0.
     """
-    records = np.atleast_2d(records)
+    records, interval = np.atleast_2d(signal("values", values)), number("interval", interval, above=0.0)
+    if records.ndim > 2:
+        raise ValueError(f"values has {records.ndim} dimensions: it must have (samples) or (records, samples)")
     count, samples = records.shape
     if samples < 2 * MIN_RECORD or not np.isfinite(records).all():
         raise ValueError(f"the record has {samples} samples: it must have at least {2 * MIN_RECORD}, all finite")

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..scenario import Scenario
+from ..simulation.outside import ControllerLike, in_own_units, units
 from ..simulation.simulate import simulate
 
 SAMPLES = 200_000
@@ -25,12 +26,13 @@ class Bound:
     unknown: float
 
 
-def bound_angle_random_walk(scenario: Scenario) -> Bound | None:
+def bound_angle_random_walk(scenario: Scenario, controller: ControllerLike | None = None) -> Bound | None:
     """From the noise and the motion of the scenario; both bounds.
 
-    From the regressors of the scenario's own steady motion: each step of length h adds phi phi^T h/S to the
-    information, phi^T theta being the force of D, K and Omega_z in eq. (9) and S the two-sided density of d. None where
-    the disturbance is not white noise or the motion does not separate the parameters.
+    From the regressors of the steady motion, which `controller` brings about if there is one: each step of length h
+    adds phi phi^T h/S to the information, phi^T theta being the force of D, K and Omega_z in eq. (9) and S the
+    two-sided density of d. None where the disturbance is not white noise or the motion does not separate the
+    parameters.
     """
     d = scenario.disturbance
     if d.kind != "noise":
@@ -38,9 +40,10 @@ def bound_angle_random_walk(scenario: Scenario) -> Bound | None:
     hold = scenario.run.step if d.hold is None else d.hold
     density = d.density if d.density is not None else (d.standard_deviation or 0.0) ** 2 * hold
     every = max(1, scenario.run.steps // SAMPLES)
-    run = simulate(scenario.replace({"run.record_every": every, "run.units": "nondimensional"}))
-    half = run.sizes["time"] // 2
-    (x, y), (vx, vy) = run["position"].values[half:].T, run["velocity"].values[half:].T
+    scenario = in_own_units(scenario.replace({"run.record_every": every}), controller)
+    run = simulate(scenario, controller)
+    half, unit = run.sizes["time"] // 2, units(scenario)
+    (x, y), (vx, vy) = run["position"].values[half:].T / unit.length, run["velocity"].values[half:].T / unit.velocity
     none = np.zeros_like(x)
     # Rows of (9) by (Dxx, Dxy, Dyy, Kxx, Kxy, Kyy, Omega_z).
     rows = np.concatenate(

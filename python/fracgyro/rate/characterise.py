@@ -14,7 +14,8 @@ import json
 import os
 
 from ..files import whole_folder
-from ..scenario import Scenario
+from ..scenario import Scenario, check_scenario
+from ..simulation.outside import ControllerLike, controller_words
 from .measure import Progress, measure
 from .report import write_report
 from .results import Result, results
@@ -24,19 +25,24 @@ def characterise(
     scenario: Scenario,
     out: str | os.PathLike[str],
     *,
+    controller: ControllerLike | None = None,
     quick: bool = False,
     progress: Progress | None = None,
 ) -> list[Result]:
     """Measures `scenario` as a rate sensor and writes `out`/report.html and `out`/rate.json.
 
-    Rates are set from outside, plant.angular_rate notwithstanding; the rest is as the scenario says. `quick`: 2 seeds
-    instead of 8, for a look. Raises ValueError in one sentence: a scenario without an estimate, an `out` that is there
-    already, a run that diverges within the range.
+    Rates are set from outside, plant.angular_rate notwithstanding; the rest is as the scenario says. `controller`, in
+    the place of the scenario's own: as in `fracgyro.simulate`; it must report rate_estimate. A callable's reset is
+    called before each run with its scenario, which has the rate to be sensed. `quick`: 2 seeds instead of 8, for a
+    look. Raises ValueError in one sentence: a scenario or a controller without an estimate, an `out` that is there
+    already, a run that diverges within the range; and what `simulate` raises of a controller.
     """
+    check_scenario(scenario)
     with whole_folder(out) as folder:
-        measured = measure(scenario, seeds=2 if quick else 8, progress=progress)
+        measured = measure(scenario, seeds=2 if quick else 8, controller=controller, progress=progress)
         found = results(measured)
-        content = {"scenario": scenario.to_toml(), "figures": [result.plain() for result in found]}
+        outside = {} if controller is None else {"controller": controller_words(controller)}
+        content = {"scenario": scenario.to_toml(), **outside, "figures": [result.plain() for result in found]}
         text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
         (folder / "rate.json").write_text(text + "\n", encoding="utf-8")
         write_report(folder / "report.html", measured, found)

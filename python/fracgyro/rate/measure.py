@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..analysis.confidence import Mean, mean_interval
 from ..scenario import Scenario
+from ..simulation.outside import ControllerLike
 from .allan import Allan, allan
 from .bound import Bound, bound_angle_random_walk
 from .merit import Response, Static, full_scale, gain_and_lag, response, static, turn_on_time
@@ -42,6 +43,7 @@ class Characterisation:
     """Everything measured; SI."""
 
     scenario: Scenario
+    controller: ControllerLike | None
     seeds: int
     rates: Array
     static: Static
@@ -57,10 +59,12 @@ class Characterisation:
     damping: Leak
 
 
-def measure(scenario: Scenario, *, seeds: int, progress: Progress | None = None) -> Characterisation:
+def measure(
+    scenario: Scenario, *, seeds: int, controller: ControllerLike | None = None, progress: Progress | None = None
+) -> Characterisation:
     """Only the measurements, without a report."""
-    sensor = Sensor.of(scenario, seeds)
-    few = Sensor.of(scenario, 2)
+    sensor = Sensor.of(scenario, seeds, controller)
+    few = Sensor.of(scenario, 2, controller)
     show = progress or (lambda done, total, doing: None)
     inner = np.concatenate([-WITHIN[::-1], [0.0], WITHIN])
     outer = np.concatenate([-BEYOND[::-1], BEYOND])
@@ -103,6 +107,7 @@ def measure(scenario: Scenario, *, seeds: int, progress: Progress | None = None)
     show(total, total, "writing")
     return Characterisation(
         scenario,
+        controller,
         seeds,
         inner,
         line,
@@ -112,7 +117,7 @@ def measure(scenario: Scenario, *, seeds: int, progress: Progress | None = None)
         turn_on_time(outputs[-1].time, outputs[-1].rate),
         rest,
         allan(rest.rate, rest.interval),
-        bound_angle_random_walk(scenario.replace({"plant.angular_rate": 0.0})),
+        bound_angle_random_walk(scenario.replace({"plant.angular_rate": 0.0}), controller),
         answered,
         *leaks,
     )

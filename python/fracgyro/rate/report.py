@@ -7,6 +7,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from ..analysis.html import page
+from ..simulation.outside import controller_words
 from . import plots
 from .grades import GRADES
 from .measure import Characterisation
@@ -21,6 +22,7 @@ def write_report(path: Path, measured: Characterisation, found: list[Result]) ->
         "report.html.jinja",
         version=version("fracgyro"),
         measured=measured,
+        outside=controller_words(measured.controller),
         found=[(result, value_of(result), interval_of(result)) for result in found],
         output_rate=f"{1 / rest.interval:.4g}",
         record=f"{rest.rate.shape[1] * rest.interval:.3g}",

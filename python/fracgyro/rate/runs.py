@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from ..scenario import Scenario, ScenarioError
 from ..scenario.kinds import reported
 from ..scenario.to_core import core_setup
-from ..simulation.simulate import simulate_many
+from ..simulation.outside import ControllerLike, controller_words, in_own_units, units
+from ..simulation.simulate import simulate, simulate_many
 from .units import DEG_PER_S
 
 Array = NDArray[np.float64]
@@ -45,18 +46,21 @@ class Sensor:
 
     scenario: Scenario
     seeds: Sequence[int]
+    controller: ControllerLike | None = None  # from outside, in the place of the scenario's own
 
     @classmethod
-    def of(cls, scenario: Scenario, seeds: int) -> Sensor:
-        """Raises ScenarioError where the scenario leaves nothing to characterise."""
-        if "rate_estimate" not in {channel.name for channel in reported(core_setup(scenario))}:
+    def of(cls, scenario: Scenario, seeds: int, controller: ControllerLike | None = None) -> Sensor:
+        """Raises ScenarioError where the scenario or the controller leaves nothing to characterise."""
+        if controller is not None:
+            _check_reports(scenario, controller)
+        elif "rate_estimate" not in {channel.name for channel in reported(core_setup(scenario))}:
             raise ScenarioError(
                 f"controller.kind is {scenario.controller.kind}: it must be one that estimates the angular rate, as "
                 "the sensor's output is this estimate"
             )
-        if not scenario.controller.adaptive:
+        elif not scenario.controller.adaptive:
             raise ScenarioError("controller.adaptive is false: it must be true, as the sensor's output is an estimate")
-        if scenario.controller.rate_law == "printed" and scenario.adaptation.kind == "gradient":
+        elif scenario.controller.rate_law == "printed" and scenario.adaptation.kind == "gradient":
             raise ScenarioError(
                 'controller.rate_law is "printed": it must be "skew", as the printed law never moves the estimate'
             )
@@ -66,7 +70,7 @@ class Sensor:
                 f"{scenario.run.step:g}, or no output is left to judge"
             )
         start = scenario.disturbance.seed
-        return cls(scenario.replace({"run.units": "nondimensional"}), range(start, start + seeds))
+        return cls(in_own_units(scenario, controller), range(start, start + seeds), controller)
 
     @property
     def block(self) -> tuple[int, int]:
@@ -92,13 +96,24 @@ class Sensor:
         )
         rows = []
         for first in range(0, len(self.seeds), TOGETHER):
-            run = simulate_many([scenario], seeds=self.seeds[first : first + TOGETHER])
+            seeds = self.seeds[first : first + TOGETHER]
+            run = simulate_many([scenario], seeds=seeds, controller=self.controller)
             rows.append(run["rate_estimate"].values)
         scales = scenario.plant.scales
-        values = np.concatenate(rows)[:, :-1] * scales.rate
+        values = np.concatenate(rows)[:, :-1] * (scales.rate / units(scenario).rate)
         if not np.isfinite(values).all():
             step, at = scenario.run.step, DEG_PER_S.of(rate)
             raise ValueError(f"run.step is {step:g}: it must be less, as the run at {at:g} deg/s diverges")
         count = values.shape[1] // block
         means = values[:, : count * block].reshape(len(values), count, block).mean(axis=2)
         return Output(means, every * block * self.scenario.run.step * scales.time)
+
+
+def _check_reports(scenario: Scenario, controller: ControllerLike) -> None:
+    """Raises ScenarioError where the controller does not report what the sensor puts out."""
+    run = simulate(scenario.replace({"run.duration": 4 * scenario.run.step, "run.record_every": 1}), controller)
+    if "rate_estimate" not in run:
+        raise ScenarioError(
+            f"controller is {controller_words(controller)}: it must report rate_estimate, as the sensor's output is "
+            "this estimate"
+        )

@@ -9,10 +9,11 @@ import numpy as np
 import xarray as xr
 
 from .. import _core
-from ..arguments import number
+from ..arguments import number, short
 from ..scenario import Scenario
 from .dataset import metrics_dataset
 from .many import check_many, seed_of_each, setups_of, threads_available
+from .native import Law
 from .outside import ControllerLike, Outside
 
 # Runs between two looks at the keyboard and the progress callback: by their steps, and at most.
@@ -24,7 +25,7 @@ def measure_many(
     scenarios: Sequence[Scenario],
     *,
     seeds: Sequence[int] | None = None,
-    controller: ControllerLike | None = None,
+    controller: ControllerLike | Sequence[Law] | None = None,
     single_precision: bool = False,
     transient: float = 10.0,
     error_bound: float = 0.01,
@@ -45,14 +46,20 @@ def measure_many(
     `single_precision`: twice as many runs in a register. Metrics of a run then differ by some percent, their means over
     seeds by less (docs/decisions/0011 has figures).
     `controller`, in the place of the scenarios' own: as in `simulate_many`, one run by one, in double precision; of its
-    reports only rate_estimate is looked at.
+    reports only rate_estimate is looked at. A list of native.Law has one for each scenario.
     `progress` is called with the number of runs finished since the last call.
     Raises TypeError when `scenarios` is not a list of scenarios or `seeds` no list of integers; ValueError when one of
-    them is empty, a seed is given twice or outside 0 to 2^63 - 1, or `single_precision` comes with a `controller`; and
-    what `simulate` raises of a controller.
+    them is empty, a seed is given twice or outside 0 to 2^63 - 1, `single_precision` comes with a `controller`, or a
+    list does not have a law for each scenario; and what `simulate` raises of a controller.
     """
     times = check_many(scenarios, seeds)
-    outside = None if controller is None else Outside(controller)
+    laws = controller if isinstance(controller, list | tuple) else None
+    if laws is not None and (len(laws) != len(scenarios) or not all(isinstance(law, Law) for law in laws)):
+        raise ValueError(
+            f"controller is {short(laws)}: a list must have a native.Law for each scenario, of which there are "
+            f"{len(scenarios)}"
+        )
+    outside = None if controller is None else Outside(laws[0] if laws else controller)
     if outside and single_precision:
         raise ValueError("single_precision is True with a controller: those from outside are in double precision")
     params = _core.MetricsParams()
@@ -75,8 +82,9 @@ def measure_many(
         setups = [setup for _, setup in taken]
         places.extend(place for place, _ in taken)
         if outside:
-            own = [scenarios[place // times] for place, _ in taken]
-            parts.append(outside.measure(own, setups, params, threads))
+            owners = [place // times for place, _ in taken]
+            each = [laws[owner] for owner in owners] if laws else None
+            parts.append(outside.measure([scenarios[owner] for owner in owners], setups, params, threads, each))
         else:
             parts.append(_core.measure_runs(setups, params, threads, lanes, single_precision))
         if progress:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import repeat
 from typing import Any, TypeVar
 
 import numpy as np
@@ -33,6 +34,26 @@ def units(scenario: Scenario) -> _core.Units:
     return found
 
 
+def controller_name(controller: ControllerLike) -> str:
+    """Of the function or class."""
+    function = controller._function if isinstance(controller, Law) else controller
+    return str(getattr(function, "__qualname__", getattr(function, "__name__", type(controller).__name__)))
+
+
+def controller_words(controller: ControllerLike | None) -> str:
+    """Its name and the parameters that it has; empty without one."""
+    if controller is None:
+        return ""
+    values = controller.parameters if isinstance(controller, Law) else {}
+    said = ", ".join(f"{name} = {value:g}" for name, value in values.items())
+    return controller_name(controller) + (f" with {said}" if said else "")
+
+
+def in_own_units(scenario: Scenario, controller: ControllerLike | None) -> Scenario:
+    """Nondimensional where no controller from outside expects its samples in the units of the run."""
+    return scenario.replace({"run.units": "nondimensional"}) if controller is None else scenario
+
+
 class Outside:
     """A controller from outside: what it reports, and its runs."""
 
@@ -58,10 +79,10 @@ class Outside:
         """What is recorded of its runs."""
         return (*LOOP_CHANNELS, *(self.reports or ()), *(DEVICE_CHANNELS if device else ()))
 
-    def start(self, scenario: Scenario) -> _core.Law:
-        """The law for one run, which is to begin."""
+    def start(self, scenario: Scenario, law: Law | None = None) -> _core.Law:
+        """The law for one run, which is to begin; `law`: that of this run, if runs have different ones."""
         if self.is_native:
-            return self.controller._core_law()
+            return (law or self.controller)._core_law()
         if reset := getattr(self.controller, "reset", None):
             try:
                 reset(scenario)
@@ -105,14 +126,20 @@ class Outside:
         return whole, np.array([samples for _, samples in found])
 
     def measure(
-        self, scenarios: Sequence[Scenario], setups: Sequence[_core.DeviceSetup], params: object, threads: int
+        self,
+        scenarios: Sequence[Scenario],
+        setups: Sequence[_core.DeviceSetup],
+        params: object,
+        threads: int,
+        laws: Sequence[Law] | None = None,
     ) -> np.ndarray:
-        """Metrics of each run, (run, metric)."""
+        """Metrics of each run, (run, metric); `laws`: those of the runs, if they have different ones."""
         return np.concatenate(
             self._each(
                 scenarios,
                 setups,
-                lambda some, laws, of: _core.measure_laws(some, laws, of, params, self.is_native, threads),
+                lambda some, started, of: _core.measure_laws(some, started, of, params, self.is_native, threads),
+                laws,
             )
         )
 
@@ -121,10 +148,12 @@ class Outside:
         scenarios: Sequence[Scenario],
         setups: Sequence[_core.DeviceSetup],
         task: Callable[[Any, Any, Any], Result],
+        laws: Sequence[Law] | None = None,
     ) -> list[Result]:
         """Laws in C all at once, callables one after another."""
         if self.is_native:
-            return [task(setups, [self.start(s) for s in scenarios], [units(s) for s in scenarios])]
+            started = [self.start(s, law) for s, law in zip(scenarios, laws or repeat(None), strict=False)]
+            return [task(setups, started, [units(s) for s in scenarios])]
         found = []
         for scenario, setup in zip(scenarios, setups, strict=True):
             if hasattr(self.controller, "reset") and scenario.disturbance.seed != setup.seed:

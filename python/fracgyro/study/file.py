@@ -14,6 +14,7 @@ from ..scenario import Scenario, ScenarioError
 from ..scenario.sentences import explained
 from ..scenario.table import Table, sentence, shown
 from ..scenario.toml import read_tables, read_text
+from .controller import is_parameter
 from .space import MAX_POINTS, flat
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -54,7 +55,10 @@ def load_study(path: str | os.PathLike[str], model: type[Model]) -> Model:
 def base_scenario(name: str, folder: Path, fixed: Mapping[str, Any]) -> Scenario:
     """ "paper" (corrected), "paper-printed" or a file, relative to `folder`; then with the changes `fixed`."""
     base = Scenario.paper(BASES[name]) if name in BASES else Scenario.load(folder / name)
-    return base.replace(flat(fixed))
+    changes = flat(fixed)
+    for field in filter(is_parameter, changes):
+        raise ScenarioError(f"{field} is in [fixed]: it must be set in the controller that the study is given")
+    return base.replace(changes)
 
 
 def refuse_both(fixed: Mapping[str, Any], vary: Mapping[str, Any]) -> None:

@@ -25,6 +25,11 @@ def claim(path: Path, parts: dict[str, Any], about: dict[str, Any], *, resume: b
     """
     manifest = path / MANIFEST
     parts = json.loads(json.dumps(parts))
+    if resume and parts.get("controller", {"code": ""})["code"] is None:
+        raise ScenarioError(
+            f"controller is {parts['controller']['name']}, whose code cannot be read: it must start in a new folder "
+            "and without resume, as nobody can say whether it is the one that the study was begun with"
+        )
     if _in_use(path):
         if not manifest.is_file():
             raise ScenarioError(f"{path} is not empty and holds no study: --out must name an empty or new folder")
@@ -33,7 +38,7 @@ def claim(path: Path, parts: dict[str, Any], about: dict[str, Any], *, resume: b
                 f"{path} holds a study already: --out must name another folder, or --resume be given to finish it"
             )
         there = _parts(manifest)
-        changed = [name for name, part in parts.items() if name not in there or there[name] != part]
+        changed = [name for name in (parts | there) if name not in parts or there.get(name) != parts[name]]
         if changed:
             raise ScenarioError(
                 f"{path} holds another study, which differs in {' and '.join(changed)}: "

@@ -12,9 +12,12 @@ from pydantic import Field, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
 from .. import _core
+from ..arguments import number
 from ..scenario import Scenario, ScenarioError
 from ..scenario.sentences import explained, paths, unknown
 from ..scenario.table import Table, shown
+from ..simulation.outside import ControllerLike
+from .controller import is_parameter, parameter
 
 MAX_POINTS = 10**6  # of a study; also runs for one of them, and trials
 
@@ -23,7 +26,7 @@ MAX_POINTS = 10**6  # of a study; also runs for one of them, and trials
 class Dimension:
     """A field that varies: from `low` to `high`, or over `choices` (then both are 0)."""
 
-    field: str  # dotted path, as controller.order
+    field: str  # dotted path, as controller.order, or law.NAME
     low: float
     high: float
     scale: Literal["linear", "log"] = "linear"
@@ -63,12 +66,29 @@ class Range(Table):
     steps: int | None = Field(None, ge=2, le=MAX_POINTS)
 
 
-def read_space(entries: Mapping[str, Any], base: Scenario) -> tuple[Dimension, ...]:
+def read_space(
+    entries: Mapping[str, Any], base: Scenario, controller: ControllerLike | None = None
+) -> tuple[Dimension, ...]:
     """The dimensions that `entries` ask for, by field: { low, high, scale, steps }, { relative, steps } or a list.
 
+    law.NAME is a parameter of the controller, which must be a native.Law.
     Raises ScenarioError in one sentence when a field is unknown or what is asked of it impossible.
     """
-    return tuple(_dimension(field, entry, base) for field, entry in flat(entries).items())
+    found = []
+    for field, entry in flat(entries).items():
+        value_of(field, base, controller)  # raises where the law has no such parameter
+        found.append(_dimension(field, entry, base, controller))
+    return tuple(found)
+
+
+def value_of(field: str, base: Scenario, controller: ControllerLike | None = None) -> Any:
+    """What the base has there. Raises ScenarioError for a parameter that the controller does not have."""
+    if is_parameter(field):
+        return parameter(field, controller)
+    value: Any = base
+    for name in field.split("."):
+        value = getattr(value, name)
+    return value
 
 
 def flat(entries: Mapping[str, Any], table: str = "") -> dict[str, Any]:
@@ -76,9 +96,9 @@ def flat(entries: Mapping[str, Any], table: str = "") -> dict[str, Any]:
     found: dict[str, Any] = {}
     for name, entry in entries.items():
         field = f"{table}.{name}" if table else name
-        if field not in paths(Scenario):
+        if field not in ("law", *paths(Scenario)) and not is_parameter(field):
             raise ScenarioError(unknown(field, Scenario))
-        deeper = any(path.startswith(f"{field}.") for path in paths(Scenario))
+        deeper = field == "law" or any(path.startswith(f"{field}.") for path in paths(Scenario))
         if deeper and not isinstance(entry, Mapping):
             raise ScenarioError(f"{field} is {shown(entry)}: it must be a table")
         for key, value in (flat(entry, field) if deeper else {field: entry}).items():
@@ -88,7 +108,7 @@ def flat(entries: Mapping[str, Any], table: str = "") -> dict[str, Any]:
     return found
 
 
-def _dimension(field: str, entry: Any, base: Scenario) -> Dimension:
+def _dimension(field: str, entry: Any, base: Scenario, controller: ControllerLike | None) -> Dimension:
     if isinstance(entry, list | tuple):
         if not entry:
             raise ScenarioError(f"{field} is []: it must have at least one value")
@@ -102,27 +122,25 @@ def _dimension(field: str, entry: Any, base: Scenario) -> Dimension:
         asked = Range(**entry)
     except ValidationError as error:
         raise ScenarioError(f"{field}: {explained(error, Range)}") from None
-    low, high = _ends(field, asked, base)
+    low, high = _ends(field, asked, base, controller)
     if not low < high:
         raise ScenarioError(f"{field}: low is {shown(low)}: it must be less than high, which is {shown(high)}")
     if asked.scale == "log" and not low > 0:
         raise ScenarioError(f'{field}: low is {shown(low)}: it must be greater than 0 when scale is "log"')
-    integer = _info(field).annotation is int
+    integer = not is_parameter(field) and _info(field).annotation is int
     for end in (low, high):
         _valid(field, int(end) if integer and end == int(end) else end)
     return Dimension(field, low, high, asked.scale, integer, steps=asked.steps)
 
 
-def _ends(field: str, asked: Range, base: Scenario) -> tuple[float, float]:
+def _ends(field: str, asked: Range, base: Scenario, controller: ControllerLike | None) -> tuple[float, float]:
     if asked.relative is None:
         if asked.low is None or asked.high is None:
             raise ScenarioError(f"{field} is {_given(asked)}: it must have low and high, or relative")
         return asked.low, asked.high
     if asked.low is not None or asked.high is not None:
         raise ScenarioError(f"{field} is {_given(asked)}: it must have either low and high or relative")
-    value: Any = base
-    for name in field.split("."):
-        value = getattr(value, name)
+    value = value_of(field, base, controller)
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < abs(value) < math.inf:
         raise ScenarioError(
             f"{field}: relative is {shown(asked.relative)}: the base value must be a number other than 0, "
@@ -147,6 +165,11 @@ def _info(field: str) -> FieldInfo:
 
 def _valid(field: str, value: Any) -> Any:
     """The value as the field holds it. What it means together with other fields is for the whole scenario to check."""
+    if is_parameter(field):
+        try:
+            return number(field, value) + 0.0
+        except (TypeError, ValueError):
+            raise ScenarioError(f"{field} is {shown(value)}: it must be a finite number") from None
     info = _info(field)
     kind: Any = Annotated[info.annotation, info]
     try:

@@ -18,6 +18,7 @@ import pyarrow.parquet as pq
 
 from ...files import remove_scratch, whole_file, writable_folder
 from ...scenario import ScenarioError
+from ..controller import recorded
 from ..folder import claim, digest
 from .blocks import Block
 from .design import Plan
@@ -105,4 +106,5 @@ def _parts(plan: Plan, work: list[Block]) -> dict[str, Any]:
         "vary or design": [plan.fields, len(plan.points), hashlib.sha256(points).hexdigest()],
         "metrics": plan.study.metrics.model_dump(),
         "the size of blocks": [work[0].runs, len(work)],
+        **recorded(plan.controller, plan.base),
     }

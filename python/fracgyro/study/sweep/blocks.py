@@ -13,10 +13,14 @@ import pyarrow as pa
 from ...analysis.metric_names import METRICS
 from ...scenario import Scenario
 from ...simulation.measure import measure_many
+from ...simulation.native import Law
+from ...simulation.outside import ControllerLike
+from ..controller import of_each
 from .design import Plan
 
 # What a kill may cost: about a second of one processor, or this many runs.
 STEPS_PER_BLOCK, RUNS_PER_BLOCK = 2 * 10**7, 4096
+STEPS_OF_CALLABLES = 10**6  # of a block: Python takes a microsecond for each
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,7 @@ class Block:
     seeds: list[int]
     columns: pa.Schema  # point, seed and the fields that vary
     thresholds: dict[str, Any]
+    controllers: ControllerLike | list[Law] | None  # from outside; of each point, where its parameters vary
 
     @property
     def runs(self) -> int:
@@ -57,7 +62,9 @@ class Block:
 
     def measure(self, progress: Callable[[int], object] | None = None) -> pa.Table:
         """The keys with the metrics. What never happens is null. Runs on all processors."""
-        runs = measure_many(self.scenarios, seeds=self.seeds, progress=progress, **self.thresholds)
+        runs = measure_many(
+            self.scenarios, seeds=self.seeds, controller=self.controllers, progress=progress, **self.thresholds
+        )
         table = self.keys()
         for name, variable in runs.data_vars.items():
             inner = [dimension for dimension in variable.dims if dimension != "run"]
@@ -72,7 +79,8 @@ class Block:
 def blocks(plan: Plan) -> list[Block]:
     """The whole plan, in order: by point, then by seed."""
     longest = max(scenario.run.steps for scenario in plan.scenarios)
-    most = min(max(STEPS_PER_BLOCK // longest, 1), RUNS_PER_BLOCK)
+    native = plan.controller is None or isinstance(plan.controller, Law)
+    most = min(max((STEPS_PER_BLOCK if native else STEPS_OF_CALLABLES) // longest, 1), RUNS_PER_BLOCK)
     seeds = min(len(plan.seeds), most)
     points = max(most // len(plan.seeds), 1)
     columns = _columns(plan)
@@ -87,6 +95,7 @@ def blocks(plan: Plan) -> list[Block]:
             plan.seeds[seed : seed + seeds],
             columns,
             thresholds,
+            of_each(plan.controller, [plan.values(point) for point in plan.points[first : first + points]]),
         )
         for number, (first, seed) in enumerate(pieces)
     ]

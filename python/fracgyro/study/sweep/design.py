@@ -16,6 +16,8 @@ from ...analysis.metric_names import METRICS, metric_hint
 from ...scenario import Scenario, ScenarioError
 from ...scenario.table import Table, sentence, shown
 from ...scenario.toml import read_text
+from ...simulation.outside import ControllerLike
+from ..controller import fields_of_scenario
 from ..file import Thresholds, base_scenario, load_study, refuse_both, seeds_of
 from ..space import MAX_POINTS, Dimension, read_space
 
@@ -61,6 +63,11 @@ class Plan:
     points: list[tuple[Any, ...]]  # values of the dimensions
     scenarios: list[Scenario]  # of the points
     seeds: list[int]
+    controller: ControllerLike | None  # from outside, in the place of the scenarios' own
+
+    def values(self, point: tuple[Any, ...]) -> dict[str, Any]:
+        """By field."""
+        return dict(zip(self.fields, point, strict=True))
 
     @property
     def fields(self) -> list[str]:
@@ -71,12 +78,12 @@ class Plan:
         return len(self.points) * len(self.seeds)
 
 
-def read_plan(path: str | os.PathLike[str]) -> Plan:
+def read_plan(path: str | os.PathLike[str], controller: ControllerLike | None = None) -> Plan:
     """The study file as a plan, every point of it valid. Raises ScenarioError in one sentence when it is not."""
     study = load_study(path, Study)
     base = base_scenario(study.scenario, Path(path).parent, study.fixed)
     refuse_both(study.fixed, study.vary)
-    dimensions = read_space(study.vary, base)
+    dimensions = read_space(study.vary, base, controller)
     if "disturbance.seed" in {dimension.field for dimension in dimensions}:
         raise ScenarioError("disturbance.seed is in [vary]: it must be left to seeds, which every point runs with")
     points = DESIGNS[study.design.kind](study.design, dimensions)
@@ -88,12 +95,12 @@ def read_plan(path: str | os.PathLike[str]) -> Plan:
             f"seeds is {shown(seeds)}: it must be one, as disturbance.kind is "
             f"{shown(scenarios[0].disturbance.kind)} and nothing depends on it"
         )
-    return Plan(study, read_text(path), base, dimensions, points, scenarios, seeds)
+    return Plan(study, read_text(path), base, dimensions, points, scenarios, seeds, controller)
 
 
 def _scenario(base: Scenario, number: int, values: Mapping[str, Any]) -> Scenario:
     try:
-        return base.replace(values)
+        return base.replace(fields_of_scenario(values))
     except ScenarioError as error:
         where = ", ".join(f"{field} = {shown(value)}" for field, value in values.items())
         raise ScenarioError(f"point {number} ({where}) cannot run: {error}") from None

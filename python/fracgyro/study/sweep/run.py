@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pyarrow as pa
 
+from ...scenario.table import shown
+from ...simulation.outside import ControllerLike
 from .block_files import BlockFiles
 from .blocks import Block, blocks
 from .cluster import connected, measured_there
@@ -34,20 +36,18 @@ def sweep(
     study: str | os.PathLike[str],
     out: str | os.PathLike[str],
     *,
+    controller: ControllerLike | None = None,
     resume: bool = False,
     scheduler: str | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> Sweep:
-    """Every run of the study file, as Parquet in the folder `out`/runs, and `out`/summary.html.
-
-    The rows are the same whatever the processors, the interruptions and their order.
-    `resume`: finish what lies in `out`. `scheduler`: the address of a Dask cluster to run on; left out, this machine.
-    `progress` is called with (runs finished, all runs).
-    Raises ValueError in one sentence: a bad study, before anything runs; an `out` that is in use, or holds another
-    study; a cluster that cannot be reached or keeps failing.
-    """
+    """See `fracgyro.study.sweep`."""
     begin = time.perf_counter()
-    plan = read_plan(study)
+    if controller is not None and scheduler is not None:
+        raise ValueError(
+            f"scheduler is {shown(scheduler)}: it must be left out, as a controller from outside runs where it is made"
+        )
+    plan = read_plan(study, controller)
     work = blocks(plan)
     with nullcontext() if scheduler is None else connected(scheduler) as cluster:
         folder = BlockFiles(out, plan, work, resume=resume)

@@ -16,6 +16,8 @@ from ...analysis.metric_names import METRICS
 from ...files import whole_file
 from ...scenario import Scenario
 from ...scenario.table import toml_value
+from ...simulation.outside import controller_words
+from ..controller import is_parameter
 from ..space import Dimension
 from . import effects, plots
 from .design import Plan
@@ -45,6 +47,7 @@ def write_summary(path: Path, plan: Plan, table: pa.Table) -> None:
         plan=plan,
         base=BASE_WORDS.get(plan.study.scenario, f"from {plan.study.scenario}"),
         fixed=plan.study.fixed,
+        outside=controller_words(plan.controller),
         design=DESIGN_WORDS[plan.study.design.kind],
         durations=" or ".join(f"{d:g}" for d in sorted({scenario.run.duration for scenario in plan.scenarios})[:9]),
         sampled=rows.sampled,
@@ -86,6 +89,7 @@ def _metric(rows: Rows, name: str) -> dict[str, Any]:
         "label": plots.label(name, power),
         "words": METRICS[name][0],
         "never": never,
+        "reported": name.startswith(("rate", "surface", "bound", "damping", "stiffness")),
         "partial": any(any(effect.partial) for effect in along),
         "quantiles": [_number(q / 10.0**power) for q in spread],
         "effects": plots.effects_chart(name, along) if along else None,
@@ -119,8 +123,8 @@ def _diverged_where(rows: Rows) -> list[tuple[str, list[tuple[str, int, int]]]]:
 def _field(dimension: Dimension) -> tuple[str, str, str]:
     """Its name, what it takes, what it is."""
     model: Any = Scenario
-    meaning = ""
-    for name in dimension.field.split("."):
+    meaning = "a parameter of the controller" if is_parameter(dimension.field) else ""
+    for name in [] if meaning else dimension.field.split("."):
         info = model.model_fields[name]
         meaning, model = info.description or meaning, info.annotation
     grid = dimension.grid()

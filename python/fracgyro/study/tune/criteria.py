@@ -15,6 +15,8 @@ from ...analysis.metric_names import METRICS, metric_hint
 from ...scenario import Scenario
 from ...scenario.table import Table, sentence, shown
 from ...simulation.measure import measure_many
+from ...simulation.native import Law
+from ...simulation.outside import ControllerLike
 
 Values = NDArray[np.float64]
 STATISTICS: dict[str, Callable[[Values], Any]] = {"mean": np.mean, "median": np.median, "max": np.max}
@@ -99,9 +101,10 @@ def measure(
     seeds: Sequence[int],
     thresholds: dict[str, Any],
     progress: Callable[[int], object] | None = None,
+    controller: ControllerLike | Sequence[Law] | None = None,
 ) -> list[Measured]:
-    """Every scenario with every seed, all in one call of `simulate_many`."""
-    runs = measure_many(scenarios, seeds=seeds, progress=progress, **thresholds)
+    """Every scenario with every seed, all in one call of `measure_many`."""
+    runs = measure_many(scenarios, seeds=seeds, controller=controller, progress=progress, **thresholds)
     diverged = np.isfinite(runs["diverged_at"].values).reshape(len(scenarios), len(seeds))
     columns = {}
     for name, variable in runs.drop_vars("diverged_at").data_vars.items():

@@ -15,6 +15,7 @@ import numpy as np
 from ...analysis.confidence import Mean, mean_interval
 from ...analysis.metric_names import METRICS
 from ...scenario import Scenario
+from ..controller import of_each
 from .criteria import Constraint, Measured, Objective, Values, measure
 from .plan import Plan
 from .search import Search, Trial
@@ -90,7 +91,8 @@ class HoldOut:
 
 def hold_out(plan: Plan, search: Search, chosen: Trial, tuned: Scenario, progress: Callable[[int], object]) -> HoldOut:
     """Both scenarios with every held-out seed."""
-    base, mine = measure([plan.base, tuned], plan.held_out, plan.thresholds, progress)
+    controllers = of_each(plan.controller, [{}, chosen.values])
+    base, mine = measure([plan.base, tuned], plan.held_out, plan.thresholds, progress, controllers)
     file = plan.file
     return HoldOut(
         [

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from dataclasses import dataclass
+from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -16,9 +17,11 @@ from ...files import one_line
 from ...scenario import Scenario, ScenarioError
 from ...scenario.table import Table, shown
 from ...scenario.toml import read_text
+from ...simulation.outside import ControllerLike
+from ..controller import fields_of_scenario, recorded
 from ..file import Thresholds, base_scenario, load_study, refuse_both, seeds_of
 from ..folder import digest
-from ..space import MAX_POINTS, Dimension, read_space
+from ..space import MAX_POINTS, Dimension, read_space, value_of
 from .criteria import Constraint, Objective
 
 DIGITS = 4  # significant ones of a tuned value: nobody sets a gain more finely
@@ -61,6 +64,7 @@ class Plan:
     base: Scenario
     dimensions: tuple[Dimension, ...]
     held_out: list[int]
+    controller: ControllerLike | None  # from outside, in the place of the scenario's own
 
     @property
     def batch(self) -> int:
@@ -75,7 +79,7 @@ class Plan:
     def scenario(self, values: dict[str, Any]) -> Scenario | None:
         """The base with these values, or None when they make no valid scenario together."""
         try:
-            return self.base.replace(values)
+            return self.base.replace(fields_of_scenario(values))
         except ScenarioError:
             return None
 
@@ -83,9 +87,7 @@ class Plan:
         """The base scenario as a point of the space, or None when it lies outside."""
         point = {}
         for dimension in self.dimensions:
-            value: Any = self.base
-            for name in dimension.field.split("."):
-                value = getattr(value, name)
+            value = value_of(dimension.field, self.base, self.controller)
             if dimension.choices is not None:
                 inside = value in dimension.choices
             else:
@@ -96,6 +98,11 @@ class Plan:
                 return None
             point[dimension.field] = value
         return point
+
+    @cached_property
+    def recorded(self) -> dict[str, Any]:
+        """The controller from outside, as study.json has it; nothing without one."""
+        return recorded(self.controller, self.base)
 
     def parts(self) -> dict[str, Any]:
         """Everything that the trials depend on, under the words that the study file has for it."""
@@ -109,6 +116,7 @@ class Plan:
             "objective": [o.model_dump() for o in file.objective],
             "constraint": [c.model_dump() for c in file.constraint],
             "tune.sampler, seed or batch": [file.tune.sampler, file.tune.seed, self.batch],
+            **self.recorded,
         }
 
     @property
@@ -122,12 +130,12 @@ def rounded(dimension: Dimension, value: float) -> float:
     return float(np.clip(float(f"{value:.{DIGITS}g}"), dimension.low, dimension.high))
 
 
-def read_tuning(path: str | os.PathLike[str]) -> Plan:
+def read_tuning(path: str | os.PathLike[str], controller: ControllerLike | None = None) -> Plan:
     """The study file as a plan. Raises ScenarioError in one sentence when it is not one."""
     file = load_study(path, TuningFile)
     base = base_scenario(file.scenario, Path(path).parent, file.fixed)
     refuse_both(file.fixed, file.vary)
-    dimensions = read_space(file.vary, base)
+    dimensions = read_space(file.vary, base, controller)
     if not dimensions:
         raise ScenarioError("vary is empty: at least one field must vary")
     for dimension in dimensions:
@@ -153,4 +161,4 @@ def read_tuning(path: str | os.PathLike[str]) -> Plan:
             f"seeds has {max(file.seeds)}: {file.tune.held_out_seeds} seeds must follow it to be held out"
         )
     held_out = list(range(first, first + file.tune.held_out_seeds))
-    return Plan(one_line(Path(path).name), read_text(path), file, base, dimensions, held_out)
+    return Plan(one_line(Path(path).name), read_text(path), file, base, dimensions, held_out, controller)

@@ -7,14 +7,15 @@ import math
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 from ...analysis.html import embedded, page
 from ...analysis.style import DPI, own_style
 from ...files import one_line, whole_file
 from ...scenario import Scenario
 from ...scenario.table import toml_value
-from ..space import Dimension
+from ...simulation.outside import controller_words
+from ..controller import is_parameter
+from ..space import Dimension, value_of
 from .criteria import Score
 from .hold_out import HoldOut
 from .plan import Plan
@@ -50,14 +51,17 @@ def tuned_toml(result: Result) -> str:
 def _provenance(result: Result) -> list[str]:
     plan, held, file = result.plan, result.held_out, result.plan.file
     feasible = sum(trial.score.feasible for trial in result.trials)
+    outside = controller_words(plan.controller)
+    command = "fracgyro.study.tune" if outside else "fracgyro tune"
     lines = [
         "",
-        f"{file.title or 'Tuned'}: by fracgyro {version('fracgyro')}, `fracgyro tune {plan.name}`.",
+        f"{file.title or 'Tuned'}: by fracgyro {version('fracgyro')}, `{command} {plan.name}`.",
         f"sha256 of {plan.name}: {hashlib.sha256(plan.text.encode()).hexdigest()}",
         f"{SAMPLERS[file.tune.sampler]}, seed {file.tune.seed}: trial {result.chosen.number} of {len(result.trials)}, "
         f"{feasible} of them feasible; tuned on {len(file.seeds)} noise seeds.",
         f"Against the base scenario on {len(plan.held_out)} other seeds, {plan.held_out[0]} to {plan.held_out[-1]}:",
     ]
+    lines[2:2] = [f"The controller was {outside} before, in the place of [controller]."] if outside else []
     lines += [
         f"  {o.label}: {o.tuned:.4g}, base {o.base:.4g}: {_percent(o.tuned, o.base)}, {o.verdict}"
         f" (on the tuning seeds {_percent(o.searched, o.searched_base)})"
@@ -77,7 +81,7 @@ def _provenance(result: Result) -> list[str]:
     lines += worse or ["  nothing that is measured"]
     lines.append("Changed:")
     lines += [
-        f"  {d.field} = {toml_value(result.chosen.values[d.field])}, was {toml_value(_value(plan.base, d.field))}"
+        f"  {d.field} = {toml_value(result.chosen.values[d.field])}, was {_base(plan, d.field)}"
         for d in plan.dimensions
     ]
     return lines
@@ -93,11 +97,8 @@ def _percent(value: float, base: float) -> str:
     return f"{100 * (value / base - 1):+.1f} %".replace("-", "\N{MINUS SIGN}")
 
 
-def _value(scenario: Scenario, field: str) -> Any:
-    value: Any = scenario
-    for name in field.split("."):
-        value = getattr(value, name)
-    return value
+def _base(plan: Plan, field: str) -> str:
+    return toml_value(value_of(field, plan.base, plan.controller))
 
 
 def write_report(result: Result, folder: Path) -> None:
@@ -125,7 +126,13 @@ def write_report(result: Result, folder: Path) -> None:
         feasible=sum(trial.score.feasible for trial in result.trials),
         diverged=sum(trial.score.diverged > 0 for trial in result.trials),
         chosen=result.chosen,
-        is_base=result.tuned == plan.base,
+        is_base=result.tuned == plan.base
+        and all(
+            result.chosen.values[d.field] == value_of(d.field, plan.base, plan.controller)
+            for d in plan.dimensions
+            if is_parameter(d.field)
+        ),
+        outside=controller_words(plan.controller),
         members=result.members,
         held=result.held_out,
         worse=[m.words for m in result.held_out.metrics if m.verdict == "worse" and not m.neutral],
@@ -151,7 +158,7 @@ def _parameter(dimension: Dimension, result: Result) -> dict[str, str]:
         if dimension.scale == "log":
             low, high, at = math.log(low), math.log(high), math.log(at)
         edge = "at the edge of its range" if min(at - low, high - at) < EDGE * (high - low) else ""
-    base = toml_value(_value(result.plan.base, dimension.field))
+    base = _base(result.plan, dimension.field)
     return {"field": dimension.field, "base": base, "tuned": toml_value(value), "allowed": allowed, "edge": edge}
 
 

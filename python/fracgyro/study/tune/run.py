@@ -11,6 +11,8 @@ from pathlib import Path
 
 from ...files import whole_file
 from ...scenario import ScenarioError
+from ...simulation.outside import ControllerLike
+from ..controller import fields_of_scenario, with_values
 from ..folder import claim
 from .criteria import Score, measure
 from .hold_out import HoldOut, hold_out
@@ -23,7 +25,7 @@ DATABASE = "study.db"
 
 @dataclass(frozen=True)
 class Tuned:
-    """Where the tuned scenario and the report are, and what they say."""
+    """Where the tuned scenario and the report are, and what they say; with `controller`, if the study was given one."""
 
     scenario: Path
     report: Path
@@ -32,27 +34,20 @@ class Tuned:
     trial: int  # the chosen one
     held_out: HoldOut
     seconds: float
+    controller: ControllerLike | None  # a law with its tuned parameters
 
 
 def tune(
     study: str | os.PathLike[str],
     out: str | os.PathLike[str],
     *,
+    controller: ControllerLike | None = None,
     resume: bool = False,
     progress: Callable[[float, float, str], object] | None = None,
 ) -> Tuned:
-    """Searches as the study file says, and compares what it chose with the base scenario on held-out seeds.
-
-    Writes tuned.toml, tune.html, trials.csv and, of several objectives, pareto.csv, pareto.svg and pareto.png into the
-    folder `out`. The trials are kept in `out`/study.db or in the study's storage as they are finished.
-    `resume`: go on with the study that `out` holds, up to the file's number of trials.
-    `progress` is called with (runs finished, all runs, what is being done).
-    On one machine the result depends only on the study file, not on interruptions or the number of processors.
-    Raises ValueError in one sentence: a bad study, before anything runs; an `out` that is in use or holds another
-    study; a storage that cannot be used; no trial that keeps every constraint.
-    """
+    """See `fracgyro.study.tune`."""
     begin = time.perf_counter()
-    plan = read_tuning(study)
+    plan = read_tuning(study, controller)
     folder = claim(Path(out), plan.parts(), {"study": plan.text}, resume=resume)
     seeds = plan.file.seeds
     total = (plan.file.tune.trials + 1) * len(seeds) + 2 * len(plan.held_out)
@@ -65,7 +60,7 @@ def tune(
             progress(min(done, total), total, doing)
 
     advance(0)
-    (base,) = measure([plan.base], seeds, plan.thresholds, advance)
+    (base,) = measure([plan.base], seeds, plan.thresholds, advance, controller)
     address = plan.file.tune.storage or f"sqlite:///{(folder / DATABASE).absolute()}"
     with opened(plan, address, base, resume=resume) as search:
         advance(len(search.finished()) * len(seeds))
@@ -75,7 +70,7 @@ def tune(
     if not members:
         raise ScenarioError(_nearest(plan, trials))
     chosen = choose(members, search.base)
-    tuned = plan.base.replace(chosen.values)
+    tuned = plan.base.replace(fields_of_scenario(chosen.values))
     held = hold_out(plan, search, chosen, tuned, lambda runs: advance(runs, "holding out"))
     result = Result(plan, search.base, search.limits, trials, members, chosen, tuned, held)
 
@@ -87,7 +82,8 @@ def tune(
     write_report(result, folder)
     feasible = sum(trial.score.feasible for trial in trials)
     seconds = time.perf_counter() - begin
-    return Tuned(folder / "tuned.toml", folder / "tune.html", len(trials), feasible, chosen.number, held, seconds)
+    files, own = (folder / "tuned.toml", folder / "tune.html"), with_values(controller, chosen.values)
+    return Tuned(*files, len(trials), feasible, chosen.number, held, seconds, own)
 
 
 def _nearest(plan: Plan, trials: list[Trial]) -> str:

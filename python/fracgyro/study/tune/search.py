@@ -23,6 +23,7 @@ from sqlalchemy import URL, make_url
 from sqlalchemy.exc import SAWarning, SQLAlchemyError
 
 from ...scenario import ScenarioError
+from ..controller import of_each
 from ..space import Dimension
 from .criteria import Measured, Score, measure, score
 from .plan import Plan, rounded
@@ -77,8 +78,9 @@ class Search:
         while batch := self._next_batch():
             scenarios = [self._plan.scenario(point) for _, point in batch]
             valid = [s for s in scenarios if s is not None]
-            seeds = self._plan.file.seeds
-            measured = iter(measure(valid, seeds, self._plan.thresholds, progress) if valid else [])
+            points = [point for (_, point), s in zip(batch, scenarios, strict=True) if s is not None]
+            seeds, controllers = self._plan.file.seeds, of_each(self._plan.controller, points)
+            measured = iter(measure(valid, seeds, self._plan.thresholds, progress, controllers) if valid else [])
             progress((len(batch) - len(valid)) * len(seeds))
             with _undamaged(self._resumed):
                 for (trial, point), scenario in zip(batch, scenarios, strict=True):
