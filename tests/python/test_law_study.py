@@ -283,7 +283,10 @@ def test_a_function_of_numba_is_known_by_its_python() -> None:
         ("[vary]\nlaw.kp = [1.0, nan]", "law.kp is nan: it must be a finite number"),
         ("[vary]\nlaw.kp = [true]", "law.kp is true: it must be a finite number"),
         ("[vary]\nlaw.kp = [[1.0, 2.0]]", "law.kp is [1.0, 2.0]: it must be a finite number"),
-        ("[vary]\nlaw.kp = 3.0", "law.kp is 3.0: it must be a list of values or"),
+        (
+            "[vary]\nlaw.kp = 3.0",
+            "it must be a list of values or { low, high } or { relative }; a single value belongs to the law",
+        ),
         ("[vary]\nlaw.kp = []", "law.kp is []: it must have at least one value"),
         ("[vary]\nlaw.kp = { low = 2.0, high = 1.0 }", "law.kp: low is 2.0: it must be less than high, which is 1.0"),
         ("[vary]\nlaw.kp = { low = 1.0, high = inf }", "law.kp: high is inf: it must be a finite number"),

@@ -81,7 +81,8 @@ def recorded(controller: ControllerLike | None, base: Scenario) -> dict[str, Any
 
 def _attributes(controller: Any) -> dict[str, Any]:
     own = getattr(controller, "__dict__", {})
-    return {name: value for name, value in own.items() if isinstance(value, bool | int | float | str)}
+    plain = {name: value for name, value in own.items() if isinstance(value, bool | int | float | str)}
+    return {name: value for name, value in plain.items() if str(value) not in ("nan", "inf", "-inf")}  # as in JSON
 
 
 def _code(controller: Any) -> str | None:

@@ -114,9 +114,10 @@ def _dimension(field: str, entry: Any, base: Scenario, controller: ControllerLik
             raise ScenarioError(f"{field} is []: it must have at least one value")
         return Dimension(field, 0.0, 0.0, choices=tuple(_valid(field, value) for value in entry))
     if not isinstance(entry, Mapping):
+        law = is_parameter(field)
         raise ScenarioError(
             f"{field} is {shown(entry)}: it must be a list of values or "
-            "{ low, high } or { relative }; a single value belongs to [fixed]"
+            f"{{ low, high }} or {{ relative }}; a single value belongs to {'the law' if law else '[fixed]'}"
         )
     try:
         asked = Range(**entry)
