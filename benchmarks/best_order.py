@@ -168,7 +168,7 @@ def compute(seeds: int, few: int) -> Study:
 
     def starts() -> None:
         for name, (position, velocity) in STARTS.items():
-            base = corrected.replace({"plant.initial_position": position, "plant.initial_velocity": velocity})
+            base = corrected.replace({"run.initial_position": position, "run.initial_velocity": velocity})
             study.starts[name] = clock.sample(base, ORDERS, max(few // 4, 8))
         for variant, base in variants.items():
             study.silent[variant] = clock.sample(base.replace({"disturbance.kind": "none"}), ORDERS, 1)

@@ -21,8 +21,8 @@ LIMITS = [0.05, 0.1, 0.25, 0.5, 0.75, 1.0]
 STILL = {
     "controller.adaptive": False,
     "disturbance.kind": "none",
-    "plant.initial_position": (1e-6, 1.0),
-    "plant.initial_velocity": (math.pi, 0.0),
+    "run.initial_position": (1e-6, 1.0),
+    "run.initial_velocity": (math.pi, 0.0),
     "run.duration": 20.0,
 }
 RESONANT = shipped("paper_resonance").replace(
@@ -35,7 +35,7 @@ RESONANT = shipped("paper_resonance").replace(
     }
 )
 # Its s = 0 is stable, so that it must start outside the layer.
-QUADRATIC = {"controller.layer": "quadratic", "plant.initial_velocity": (math.pi + 1.0, 0.0)}
+QUADRATIC = {"controller.layer": "quadratic", "run.initial_velocity": (math.pi + 1.0, 0.0)}
 KINDS = ["linear", "fractional", "fast_terminal", "fractional_fast_terminal"]
 OF_KIND = {kind: {"controller.kind": kind} for kind in KINDS}
 THRESHOLDS: list[tuple[str, fg.Scenario]] = [

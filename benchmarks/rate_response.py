@@ -146,7 +146,7 @@ def measure(scenario: fg.Scenario, corner: float) -> tuple[Answer, Answer]:
     frequencies = corner * SPREAD
     gains: list[list[complex]] = []
     for frequency in frequencies.tolist():
-        sine = {"rate.kind": "sine", "rate.frequency": 2 * math.pi * frequency * scales.time}
+        sine = {"rate.kind": "sine", "rate.frequency": 2 * math.pi * frequency}
         at, *answers = both(scenario, walk, {**moving, **sine})
         half = len(at) // 2
         gains.append([gain_and_lag(at[half:], answer[half:], RATE, frequency, 0.0) for answer in answers])
@@ -154,7 +154,7 @@ def measure(scenario: fg.Scenario, corner: float) -> tuple[Answer, Answer]:
     h = scenario.run.step
     start = EVERY * h * round(10_000 / (EVERY * h))
     until = start + EVERY * h * round(10 / (2 * math.pi * corner * scales.time * EVERY * h))
-    jump = {"rate.kind": "step", "rate.start": start, "run.duration": until}
+    jump = {"rate.kind": "step", "rate.start": start * scales.time, "run.duration": until}
     at, *answers = both(scenario, walk, {**moving, **jump})
     after = at >= start * scales.time
 

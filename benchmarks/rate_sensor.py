@@ -87,8 +87,8 @@ def effects(scenario: fg.Scenario) -> list[tuple[str, dict[str, object]]]:
         "device.sensing": "position",
         "controller.observer_bandwidth": 10.0,
         "reference.phase": (math.pi / 2, math.pi / 2),
-        "plant.initial_position": (x, y),
-        "plant.initial_velocity": (0.0, 0.0),
+        "run.initial_position": (x, y),
+        "run.initial_velocity": (0.0, 0.0),
     }
     steps = scenario.run.steps
     finer = {"controller.observer_bandwidth": 30.0, "run.step": step / 5, "run.duration": steps * step / 5}

@@ -70,7 +70,7 @@ def lag_of_surface(base: fg.Scenario, switching: float) -> float:
 def thrown(base: fg.Scenario) -> str:
     """The largest estimate over the rate, of each seed, from rest and from the reference, with the laws alone."""
     cells = []
-    for start in ({"plant.initial_position": (0.0, 0.0), "plant.initial_velocity": (0.0, 0.0)}, {}):
+    for start in ({"run.initial_position": (0.0, 0.0), "run.initial_velocity": (0.0, 0.0)}, {}):
         scenario = base.replace(
             {**changes(0.1, 3.0), **start, "plant.angular_rate": RATE, "adaptation.initial_rate": 0.0}
         )

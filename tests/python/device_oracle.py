@@ -28,7 +28,7 @@ def simulate(
     observer = Observer(scenario) if device.sensing == "position" else None
     waiting = deque([np.zeros(2)] * device.delay)
     move = plant(scenario, rate)
-    q, v = np.array(scenario.plant.initial_position), np.array(scenario.plant.initial_velocity)
+    q, v = np.array(scenario.run.initial_position), np.array(scenario.run.initial_velocity)
     run: dict[str, list[np.ndarray]] = {}
     for n, force in enumerate(disturbance):
         seen = digital(q + position_noise[n], device.position_range / scales.length, device.position_bits)

@@ -54,7 +54,7 @@ KINDS = {
             "device.cubic_stiffness": (1e10, 2e10),
             "rate.kind": "noise",
             "rate.amplitude": 10.0,
-            "rate.frequency": 0.3,
+            "rate.frequency": 300.0,
         }
     ),
 }

@@ -48,7 +48,7 @@ def simulate(scenario: Scenario, disturbance: np.ndarray) -> dict[str, np.ndarra
     bound = np.array(a.initial_bound)
     reference = scenario.reference
     amplitude, frequency, phase = map(np.array, (reference.amplitude, reference.frequency, reference.phase))
-    q, v = np.array(scenario.plant.initial_position), np.array(scenario.plant.initial_velocity)
+    q, v = np.array(scenario.run.initial_position), np.array(scenario.run.initial_velocity)
 
     samples = len(disturbance)
     fractional = FullHistory(alpha, h, samples)

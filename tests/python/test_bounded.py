@@ -91,8 +91,8 @@ def test_the_threshold_is_that_of_the_equations(changes: dict[str, object], thre
             "controller.kind": "linear",
             "controller.adaptive": False,
             "disturbance.kind": "none",
-            "plant.initial_position": (1e-6, 1.0),
-            "plant.initial_velocity": (math.pi, 0.0),
+            "run.initial_position": (1e-6, 1.0),
+            "run.initial_velocity": (math.pi, 0.0),
             "run.duration": 20.0,
             **changes,
         }

@@ -124,14 +124,14 @@ def test_forgetting_at_a_rate_follows_a_step_at_that_rate() -> None:
 
 
 def test_without_motion_nothing_is_believed() -> None:
-    rest = {"reference.amplitude": (0.0, 0.0), "plant.initial_position": (0.0, 0.0)}
+    rest = {"reference.amplitude": (0.0, 0.0), "run.initial_position": (0.0, 0.0)}
     run = fg.simulate(SHORT.replace(rest))
     assert not run["rate_trusted"].any()
     assert float(run["rate_deviation"][-1]) > 1.0
 
 
 def test_with_one_axis_at_rest_the_rate_is_not_told_from_the_damping_between_them() -> None:
-    one = {"reference.amplitude": (1.0, 0.0), "plant.initial_position": (0.5, 0.0)}
+    one = {"reference.amplitude": (1.0, 0.0), "run.initial_position": (0.5, 0.0)}
     assert not fg.simulate(SHORT.replace({**one, **QUIET}))["rate_trusted"][1000:].any()
     both = fg.simulate(SHORT)["rate_trusted"].values
     assert not both[:10].any()

@@ -28,17 +28,17 @@ PAPER = Scenario.paper()
 SHORT = PAPER.replace({"run.duration": 0.5})
 MEAN = 0.1  # the paper's rate, nondimensional; 1 is 1000 rad/s
 RATES: dict[str, dict[str, Any]] = {
-    "step": {"rate.kind": "step", "rate.amplitude": 700.0, "rate.start": 0.1},
+    "step": {"rate.kind": "step", "rate.amplitude": 700.0, "rate.start": 1e-4},
     "staircase": {
         "rate.kind": "staircase",
         "rate.amplitude": -300.0,
-        "rate.start": 0.1,
-        "rate.hold": 0.05,
+        "rate.start": 1e-4,
+        "rate.hold": 5e-5,
         "rate.levels": 3,
     },
-    "sine": {"rate.kind": "sine", "rate.amplitude": 2000.0, "rate.start": 0.1, "rate.frequency": 30.0},
-    "chirp": {"rate.kind": "chirp", "rate.amplitude": 900.0, "rate.frequency": 5.0, "rate.final_frequency": 90.0},
-    "noise": {"rate.kind": "noise", "rate.amplitude": 900.0, "rate.frequency": 40.0, "rate.seed": 3},
+    "sine": {"rate.kind": "sine", "rate.amplitude": 2000.0, "rate.start": 1e-4, "rate.frequency": 3e4},
+    "chirp": {"rate.kind": "chirp", "rate.amplitude": 900.0, "rate.frequency": 5e3, "rate.final_frequency": 9e4},
+    "noise": {"rate.kind": "noise", "rate.amplitude": 900.0, "rate.frequency": 4e4, "rate.seed": 3},
     "table": {"rate.kind": "table", "rate.points": [[0.0, 0.0], [2e-4, 800.0], [4e-4, -500.0]]},
 }
 EFFECTS: dict[str, dict[str, Any]] = {
@@ -71,23 +71,25 @@ EFFECTS: dict[str, dict[str, Any]] = {
 def true_rate(scenario: Scenario, recorded: np.ndarray) -> device_oracle.Rate:
     """Omega_z and its slope by the words of the scenario; noise, of no closed form, through what was recorded."""
     r, h = scenario.rate, scenario.run.step
-    amplitude = r.amplitude / scenario.plant.scales.rate
+    scales = scenario.plant.scales
+    amplitude, low, high = (a / scales.rate for a in (r.amplitude, r.frequency, r.final_frequency))
+    start, hold = r.start / scales.time, (r.hold or 0.0) / scales.time
     spline = CubicSpline(h * np.arange(len(recorded)), recorded)
 
     def at(n: int, since: float) -> tuple[float, float]:
-        tau = n * h + since - r.start
+        tau = n * h + since - start
         if r.kind == "noise":
             return float(spline(n * h + since)), float(spline(n * h + since, 1))
         if r.kind == "table":
             times, values = np.array(r.points).T
             return float(np.interp((n * h + since) * 1e-3, times, values)) / 1000, math.nan
-        if r.kind == "constant" or n < round(r.start / h):
+        if r.kind == "constant" or n < round(start / h):
             return MEAN, 0.0
         if r.kind in ("step", "staircase"):
-            climbed = 1 if r.kind == "step" else min(1 + (n - round(r.start / h)) // round(r.hold / h), r.levels)
+            climbed = 1 if r.kind == "step" else min(1 + (n - round(start / h)) // round(hold / h), r.levels)
             return MEAN + climbed * amplitude, 0.0
-        sweep = (r.final_frequency - r.frequency) / (scenario.run.duration - r.start) if r.kind == "chirp" else 0.0
-        angle, turning = r.frequency * tau + sweep * tau**2 / 2, r.frequency + sweep * tau
+        sweep = (high - low) / (scenario.run.duration - start) if r.kind == "chirp" else 0.0
+        angle, turning = low * tau + sweep * tau**2 / 2, low + sweep * tau
         return MEAN + amplitude * math.sin(angle), amplitude * turning * math.cos(angle)
 
     return at
@@ -370,14 +372,23 @@ def test_a_file_that_is_none_is_refused_in_one_sentence(tmp_path: Path, text: st
         ({"rate.kind": "table", "rate.points": [[0, 1], [0, 2]]}, "pairs [time, value] of finite numbers whose times"),
         ({"rate.kind": "table", "rate.points": [[0, math.inf]]}, "pairs [time, value] of finite numbers whose times"),
         ({"rate.kind": "table", "rate.points": 3}, "rate.points is 3: it must be a list of 1 to 100000 pairs"),
-        ({"rate.kind": "step", "rate.start": 1.5e-3}, "rate.start is 0.0015: it must be a whole number of run.step"),
+        (
+            {"rate.kind": "step", "rate.start": 1.5e-6},
+            "it must be a whole number of run.step, which is 1e-06 s",
+        ),
         ({"rate.start": -1.0}, "rate.start is -1.0: it must be at least 0"),
         ({"rate.kind": "staircase"}, "rate.hold is missing: a staircase must have a time on each level"),
-        ({"rate.kind": "staircase", "rate.hold": 1e-4}, "rate.hold is 0.0001: it must be a whole number of run.step"),
+        (
+            {"rate.kind": "staircase", "rate.hold": 1e-7},
+            "rate.hold is 1e-07: it must be a whole number of run.step",
+        ),
         ({"rate.levels": 0}, "rate.levels is 0: it must lie between 1 and 1000000000"),
         ({"rate.kind": "sine"}, 'rate.frequency is 0.0: it must be greater than 0 when rate.kind is "sine"'),
-        ({"rate.kind": "sine", "rate.frequency": 4e3}, "is 4000.0: it must be at most pi/run.step, which is 3141.59"),
-        ({"rate.kind": "chirp", "rate.final_frequency": 4e3}, "rate.final_frequency is 4000.0: it must be at most"),
+        (
+            {"rate.kind": "sine", "rate.frequency": 4e6},
+            "it must be at most pi over the step, which is 3.14159e+06",
+        ),
+        ({"rate.kind": "chirp", "rate.final_frequency": 4e6}, "rate.final_frequency is 4000000.0: it must be at most"),
         ({"rate.amplitude": math.nan}, "rate.amplitude is nan: it must be a finite number"),
         ({"device.sensing": "velocity"}, 'device.sensing is "velocity": it must be full or position'),
         ({"device.position_noise": -1.0}, "device.position_noise is -1.0: it must be at least 0"),

@@ -212,8 +212,8 @@ def test_gains_can_be_tuned_while_it_runs_and_starts_cannot(made: Callable[..., 
     fmu.step(0.501, 0.1)
     assert resting != before
     assert fmu.get("rate_estimate") == pytest.approx(resting, abs=1e-9)
-    said = fmu.complaint(lambda: fmu.set("plant.initial_position.x", 0.1))
-    assert said == "plant.initial_position.x is fixed: it can be set until the end of the initialization"
+    said = fmu.complaint(lambda: fmu.set("run.initial_position.x", 0.1))
+    assert said == "run.initial_position.x is fixed: it can be set until the end of the initialization"
     assert fmu.complaint(lambda: fmu.set("controller.order", 0.8)) == "controller.order cannot be set"
 
 
@@ -257,7 +257,7 @@ def test_outputs_follow_the_parameters_during_the_initialization(made: Callable[
     fmu.fmu.setupExperiment(startTime=0.0)
     fmu.fmu.enterInitializationMode()
     assert fmu.get("error.x") == 0.5
-    fmu.set("plant.initial_position.x", 0.25)
+    fmu.set("run.initial_position.x", 0.25)
     assert fmu.get("error.x") == 0.25
 
 

@@ -10,8 +10,8 @@ from fracgyro.scenario.kinds import KINDS, LOOP_CHANNELS, fields_of, numbers
 
 PAPER = Scenario.paper()
 QUIET = {"disturbance.kind": "none", "disturbance.hold": None, "disturbance.standard_deviation": None}
-KNOWN = {"adaptation.initial_ratio": 1.0, "plant.initial_position": (0.0, 1.0)}
-KNOWN["plant.initial_velocity"] = (float(np.pi), 0.0)
+KNOWN = {"adaptation.initial_ratio": 1.0, "run.initial_position": (0.0, 1.0)}
+KNOWN["run.initial_velocity"] = (float(np.pi), 0.0)
 
 
 def of_kind(kind: str) -> Scenario:

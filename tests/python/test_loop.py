@@ -136,7 +136,7 @@ ORACLE_CASES = {
         "controller.layer_thickness": 0.5,
     },
     "started moving, held noise, plant off its model, another reference": {
-        "plant.initial_velocity": (1.5, -2.0),
+        "run.initial_velocity": (1.5, -2.0),
         "plant.damping_deviation.xx": 2e-6,
         "plant.stiffness_deviation.xy": 3.0,
         "reference.amplitude": (0.7, 1.2),
@@ -187,7 +187,7 @@ def mittag_leffler(order: float, argument: float) -> float:
 def test_on_the_fractional_surface_the_error_is_a_mittag_leffler_function(alpha: float) -> None:
     # de/dt = -lambda1 D^(alpha-1) e has the solution e = e(0) E_(2-alpha)(-lambda1 t^(2-alpha)).
     changes = {"controller.kind": "fractional", "controller.order": alpha, "controller.layer_thickness": 0.0}
-    changes |= {"plant.initial_velocity": (math.pi, 0.0), "adaptation.initial_bound": (0.5, 0.0, 0.0)}
+    changes |= {"run.initial_velocity": (math.pi, 0.0), "adaptation.initial_bound": (0.5, 0.0, 0.0)}
     worst = []
     for step in (4e-4, 1e-4):
         run = fg.simulate(PAPER.replace({**KNOWN, **changes, "run.duration": 3.0, "run.step": step}))
@@ -203,7 +203,7 @@ def test_on_the_conventional_surface_the_error_ends_at_a_finite_time() -> None:
     start, l1, l2, c = np.array([0.5, -0.5]), 10.0, 0.5, 0.5
     slope = -l1 * start - l2 * np.abs(start) ** c * np.sign(start)
     changes = {"controller.kind": "fast_terminal", "controller.layer_thickness": 0.0, "run.step": 1e-4}
-    changes |= {"plant.initial_velocity": slope + np.array([math.pi, 0.0])}
+    changes |= {"run.initial_velocity": slope + np.array([math.pi, 0.0])}
     changes |= {"adaptation.initial_bound": (0.5, 0.0, 0.0)}
     run = fg.simulate(PAPER.replace({**KNOWN, **changes, "run.duration": 3.0}))
     root = (0.5 ** (1 - c) + l2 / l1) * np.exp(-(1 - c) * l1 * run["time"].values) - l2 / l1
@@ -552,8 +552,8 @@ def step_by_hand(scenario: fg.Scenario, swap_at: int | None = None) -> dict[str,
     advance = fg._core.plant_map(core_setup(scenario))
     count = scenario.run.steps + 1
     disturbance = fg._core.disturbance(core_setup(scenario), 0, count)
-    x, y = scenario.plant.initial_position
-    vx, vy = scenario.plant.initial_velocity
+    x, y = scenario.run.initial_position
+    vx, vy = scenario.run.initial_velocity
     history: dict[str, list[object]] = {name: [] for name in ("position", "velocity", "control", *ESTIMATES)}
     for n in range(count):
         if n == swap_at:
@@ -922,8 +922,8 @@ def pairs(low: float, high: float) -> st.SearchStrategy[tuple[float, float]]:
 SCENARIOS = st.fixed_dictionaries(
     {
         "plant.angular_rate": st.floats(-3000, 3000),
-        "plant.initial_position": pairs(-3, 3),
-        "plant.initial_velocity": pairs(-30, 30),
+        "run.initial_position": pairs(-3, 3),
+        "run.initial_velocity": pairs(-30, 30),
         "reference.amplitude": pairs(-2, 2),
         "reference.frequency": pairs(0, 20),
         "controller.kind": st.sampled_from(KINDS),

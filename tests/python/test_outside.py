@@ -179,7 +179,7 @@ def test_reset_is_given_the_scenario_of_each_run() -> None:
     [
         {"controller.force_limit": 300.0},
         {"disturbance.kind": "sine", "disturbance.amplitude": (3.0, 2.0), "disturbance.frequency": (5.0, 6.0)},
-        {"rate.kind": "sine", "rate.amplitude": 50.0, "rate.frequency": 3.0},
+        {"rate.kind": "sine", "rate.amplitude": 50.0, "rate.frequency": 3e3},
         {"device.delay": 1, "device.position_noise": 1e-11, "device.actuator_limit": 1e-4},
         {"device.sensing": "position"},
         {"run.units": "SI", "controller.force_limit": 300.0},

@@ -150,7 +150,7 @@ def test_a_run_with_faults_has_the_same_bits_on_every_face(number: Number, adapt
 
 def test_a_device_that_is_not_ideal_is_replayed_from_what_the_controller_measured(tmp_path: Path) -> None:
     device = {"device.velocity_noise": 1e-9, "device.delay": 1, "rate.kind": "sine", "rate.amplitude": 10.0}
-    changes = {**device, "rate.frequency": 1.0, "run.duration": 0.5}
+    changes = {**device, "rate.frequency": 1e3, "run.duration": 0.5}
     short = record(fg.Scenario.paper().replace(changes), tmp_path / "run.nc")
     for name in ("Python Controller", "host", "lanes", "WebAssembly", "FMU"):
         compare(name, "double", short, short.answers)

@@ -20,7 +20,7 @@ DEVICE = {
     "device.actuator_limit": 1e-4,
     "rate.kind": "sine",
     "rate.amplitude": 30.0,
-    "rate.frequency": 5.0,
+    "rate.frequency": 5e3,
 }
 SCENARIOS = {
     "paper": SHORT,
@@ -218,7 +218,7 @@ def test_what_is_set_acts_from_the_next_sample_on() -> None:
             {"reference.frequency": [1.0, 1.0]},
             "^reference.frequency cannot be set while the loop runs: it acts only at the",
         ),
-        ({"plant.initial_position": [0.0, 0.0]}, "^plant.initial_position cannot be set while the loop runs"),
+        ({"run.initial_position": [0.0, 0.0]}, "^run.initial_position cannot be set while the loop runs"),
         ({"run.step": 2e-3}, "^run.step cannot be set while the loop runs"),
         ({"disturbance.seed": 3}, "^disturbance.seed cannot be set while the loop runs"),
         ({"controller.kind": "linear"}, "^controller.kind cannot be set while the loop runs"),

@@ -99,7 +99,7 @@ def test_a_driven_device_starts_on_its_reference_with_x_at_resonance(name: str) 
     assert reference.frequency[0] == 1.0
     for i, phase in enumerate(reference.phase):
         at_start = reference.amplitude[i] * complex(math.sin(phase), reference.frequency[i] * math.cos(phase))
-        start = complex(plant.initial_position[i], plant.initial_velocity[i])
+        start = complex(scenario.run.initial_position[i], scenario.run.initial_velocity[i])
         assert start == pytest.approx(at_start, abs=1e-12)
 
 
@@ -241,7 +241,7 @@ def test_the_bound_is_of_the_density_that_held_noise_has_and_of_the_steady_motio
         for changes in (
             {},
             {f"disturbance.{name}": value for name, value in held.items()},
-            {"plant.initial_position": (0.0, 0.0), "plant.initial_velocity": (0.0, 0.0)},
+            {"run.initial_position": (0.0, 0.0), "run.initial_velocity": (0.0, 0.0)},
         )
     )
     assert bound is not None
@@ -259,10 +259,10 @@ def test_without_noise_the_bound_is_0_and_a_motion_that_tells_nothing_apart_has_
     assert (bound.known, bound.unknown) == (0.0, 0.0)
     assert bound_angle_random_walk(scenario.replace({"disturbance.kind": "none"})) is None
     # Motions of very different sizes tell as much apart as others.
-    small = {"reference.amplitude": (1.0, 5e-4), "plant.initial_position": (0.0, 5e-4)}
+    small = {"reference.amplitude": (1.0, 5e-4), "run.initial_position": (0.0, 5e-4)}
     assert bound_angle_random_walk(scenario.replace(small)) is not None
     line = {"reference.amplitude": (1.0, 0.0), "reference.phase": (0.0, 0.0)}  # y rests
-    start = {"plant.initial_position": (0.0, 0.0), "plant.initial_velocity": (1.0, 0.0)}
+    start = {"run.initial_position": (0.0, 0.0), "run.initial_velocity": (1.0, 0.0)}
     assert bound_angle_random_walk(scenario.replace({**line, **start})) is None
 
 

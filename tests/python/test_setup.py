@@ -62,11 +62,11 @@ def test_rates_are_in_units_of_the_plant_and_their_times_in_steps() -> None:
     def rate(**fields: Any) -> Any:
         return to_core.rate_params(ROUND.replace({f"rate.{name}": value for name, value in fields.items()}))
 
-    step = rate(kind="step", amplitude=8.0, start=0.5)
+    step = rate(kind="step", amplitude=8.0, start=0.5 / 16)
     assert (step.kind.name, step.amplitude, step.start) == ("staircase", 0.5, 4)
-    climb = rate(kind="staircase", amplitude=8.0, hold=0.75, levels=3)
+    climb = rate(kind="staircase", amplitude=8.0, hold=0.75 / 16, levels=3)
     assert (climb.kind.name, climb.start, climb.hold, climb.levels) == ("staircase", 0, 6, 3)
-    sine = rate(kind="sine", amplitude=8.0, start=0.5, frequency=2.0)
+    sine = rate(kind="sine", amplitude=8.0, start=0.5 / 16, frequency=32.0)
     assert (sine.kind.name, sine.start, sine.frequency) == ("sine", 4, 2.0)
     points = rate(kind="table", points=[[0.0, 16.0], [0.5, 32.0]]).table
     assert (points.times, points.values) == ([0.0, 64.0], [1.0, 2.0])

@@ -51,9 +51,9 @@ struct Entry {
 
 using Registry = std::tuple<
     Entry<"fractional_fast_terminal", SlidingMode<FractionalFastTerminalSurface>, "sliding mode on (16), the paper's">,
-    Entry<"fractional", SlidingMode<FractionalSurface>, "(16) with lambda2 = 0">,
-    Entry<"fast_terminal", SlidingMode<FastTerminalSurface>, "(15), alpha = 1">,
-    Entry<"linear", SlidingMode<LinearSurface>, "both">,
+    Entry<"fractional", SlidingMode<FractionalSurface>, "sliding mode on (16) with lambda2 = 0">,
+    Entry<"fast_terminal", SlidingMode<FastTerminalSurface>, "sliding mode on (15): alpha = 1">,
+    Entry<"linear", SlidingMode<LinearSurface>, "sliding mode with alpha = 1, lambda2 = 0">,
     Entry<"pid", One<Pid>, "PID with feedforward of the nominal plant">,
     Entry<"super_twisting", One<SuperTwisting>, "adaptive super-twisting">>;
 

@@ -25,8 +25,10 @@ struct GyroscopeParams {
             field("damping_deviation", &P::damping_deviation, "m*omega0", any_number, "Delta D"),
             field("stiffness_deviation", &P::stiffness_deviation, "m*omega0^2", any_number, "Delta K"),
             field("angular_rate", &P::rate, "omega0", any_number, "Omega_z"),
-            fixed(field("initial_position", &P::initial_position, "q0", any_number, "q(0)")),
-            fixed(field("initial_velocity", &P::initial_velocity, "q0*omega0", any_number, "v(0)")),
+            in_table("run", fixed(field("initial_position", &P::initial_position, "q0", any_number,
+                                        "q(0) [x, y], unit q0, eq. (49)."))),
+            in_table("run", fixed(field("initial_velocity", &P::initial_velocity, "q0*omega0", any_number,
+                                        "v(0) [x, y], unit q0 omega0, eq. (49)."))),
         };
     }
 };

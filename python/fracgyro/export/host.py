@@ -96,8 +96,8 @@ def closed_loop(scenario: Scenario, host: Host) -> Iterator[tuple[float, float, 
     """
     plant, samples = plant_of(scenario), scenario.run.steps + 1
     noise = _core.disturbance(core_setup(scenario), 0, samples).tolist()
-    x, y = scenario.plant.initial_position
-    v, w = scenario.plant.initial_velocity
+    x, y = scenario.run.initial_position
+    v, w = scenario.run.initial_velocity
     for d in noise:
         yield x, y, v, w
         if status := host.step((x, y), (v, w)):

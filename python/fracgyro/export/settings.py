@@ -1,7 +1,7 @@
 """The numbers of a scenario that its faces outside Python offer: value, unit, range and meaning of each.
 
 What they are is said by the core (kinds.numbers), under the names of the scenario, with [0], .x or .xx for parts.
-[plant] is in SI units but for its initial state, all else nondimensional, as in the TOML.
+[plant] is in SI units, all else nondimensional, as in the TOML.
 """
 
 from __future__ import annotations
@@ -12,14 +12,13 @@ from typing import Any
 from .. import _core
 from ..scenario import Scenario, ScenarioError
 from ..scenario.device import Device, Rate
-from ..scenario.kinds import QUANTITIES, Channel, Number, numbers
+from ..scenario.kinds import Channel, Number, numbers
 from ..scenario.schema import Plant
 from ..scenario.table import toml_value
 from ..scenario.to_core import core_setup, guard
 from .units import shown
 
 MAX_EXACT = 2**53 - 1  # faces take their numbers as doubles
-OF_PLANT = {"damping", "stiffness", "rate"}  # the quantities that [plant] has in SI units
 
 
 @dataclass(frozen=True)
@@ -84,7 +83,7 @@ def settings(scenario: Scenario) -> list[Setting]:
 
 
 def in_si(number: Number) -> bool:
-    return number.table == "plant" and QUANTITIES[number.unit][0] in OF_PLANT
+    return number.table == "plant"
 
 
 def unit(number: Number) -> str:

@@ -139,8 +139,7 @@ def _frequencies(output: Output) -> Array:
 
 def _gains(sensor: Sensor, frequency: float) -> NDArray[np.complex128]:
     """Of each run, at a frequency in Hz."""
-    nondimensional = 2 * math.pi * frequency * sensor.scenario.plant.scales.time
-    moving = {"rate.kind": "sine", "rate.amplitude": SINE, "rate.frequency": nondimensional}
+    moving = {"rate.kind": "sine", "rate.amplitude": SINE, "rate.frequency": 2 * math.pi * frequency}
     output = sensor.output(0.0, changes=moving)
     steady = output.settled().rate
     return np.array([gain_and_lag(output.time[-len(run) :], run, SINE, frequency, output.interval) for run in steady])

@@ -84,7 +84,7 @@ def read_points(path: str, name: str, column: str) -> list[list[float]]:
 
 
 class Rate(Table):
-    """The angular rate over time: in rad/s, times and frequencies nondimensional but for those of points."""
+    """The angular rate over time. In SI units."""
 
     kind: Literal["constant", "step", "staircase", "sine", "chirp", "noise", "table"] = field(
         "constant",
@@ -96,19 +96,15 @@ class Rate(Table):
         "rad/s: height of the step or of each level, peak of sine and chirp, standard deviation of the noise.",
         unit="rad/s",
     )
-    start: NonNegative = field(
-        0.0, "Unit 1/omega0, whole steps: until then the rate is plant.angular_rate. 0.0: off.", unit="1/omega0"
-    )
-    hold: float | None = field(
-        None, "Unit 1/omega0, whole steps: time on each level of the staircase.", gt=0, unit="1/omega0"
-    )
+    start: NonNegative = field(0.0, "s, whole steps: until then the rate is plant.angular_rate. 0.0: off.", unit="s")
+    hold: float | None = field(None, "s, whole steps: time on each level of the staircase.", gt=0, unit="s")
     levels: int = field(1, "How many levels the staircase climbs; it stays on the last one.", ge=1, le=MAX_STEPS)
     frequency: NonNegative = field(
         0.0,
-        "Unit omega0: of the sine, where the chirp begins, where the band of the noise ends. At most pi/run.step.",
-        unit="omega0",
+        "rad/s: of the sine, where the chirp begins, where the band of the noise ends. At most pi over the step.",
+        unit="rad/s",
     )
-    final_frequency: NonNegative = field(0.0, "Unit omega0: where the chirp ends. At most pi/run.step.", unit="omega0")
+    final_frequency: NonNegative = field(0.0, "rad/s: where the chirp ends. At most pi over the step.", unit="rad/s")
     seed: int = field(0, "Of the noise: same seed, same rate; 0 to 2^63 - 1.", ge=0, le=2**63 - 1)
     file: str | None = field(
         None,

@@ -56,7 +56,7 @@ class Scenario(Table):
     def _check(self) -> Self:
         hold = self.disturbance.hold
         if self.disturbance.kind == "noise" and hold is not None:
-            self._check_whole_steps("disturbance.hold", hold, 1, "; left out, it is one step")
+            self._check_whole_steps("disturbance.hold", hold, 1, self.run.step, "; left out, it is one step")
         self._check_rate()
         self._check_drift()
         self._check_kind()
@@ -75,31 +75,30 @@ class Scenario(Table):
                     f"such field; it is one of {', '.join(having(path))}"
                 )
 
-    def _check_whole_steps(self, name: str, time: float, least: int, note: str = "") -> None:
-        ratio = min(time / self.run.step, 2.0 * MAX_STEPS)
+    def _check_whole_steps(self, name: str, time: float, least: int, step: float, after: str = "") -> None:
+        ratio = min(time / step, 2.0 * MAX_STEPS)
         if ratio > MAX_STEPS * (1 + HOLD_TOLERANCE):
-            raise sentence(
-                f"{name} is {toml_value(time)}: it must be at most {MAX_STEPS} steps of {toml_value(self.run.step)}"
-            )
+            raise sentence(f"{name} is {toml_value(time)}: it must be at most {MAX_STEPS} steps of {toml_value(step)}")
         if round(ratio) < least or abs(ratio - round(ratio)) > HOLD_TOLERANCE * ratio:
             raise sentence(
                 f"{name} is {toml_value(time)}: it must be a whole number of run.step, "
-                f"which is {toml_value(self.run.step)}{note}"
+                f"which is {toml_value(step)}{after}"
             )
 
     def _check_rate(self) -> None:
-        rate = self.rate
+        rate, scales = self.rate, self.plant.scales
+        step = self.run.step * scales.time
         if rate.kind not in ("constant", "table"):
-            self._check_whole_steps("rate.start", rate.start, 0)
+            self._check_whole_steps("rate.start", rate.start, 0, step, " s")
         if rate.kind == "staircase" and rate.hold is not None:
-            self._check_whole_steps("rate.hold", rate.hold, 1)
+            self._check_whole_steps("rate.hold", rate.hold, 1, step, " s")
         used = {"sine": ["frequency"], "noise": ["frequency"], "chirp": ["frequency", "final_frequency"]}
         for name in used.get(rate.kind, []):
-            highest = math.pi / self.run.step
+            highest = math.pi / step
             if getattr(rate, name) > highest:
                 raise sentence(
-                    f"rate.{name} is {toml_value(getattr(rate, name))}: it must be at most pi/run.step, "
-                    f"which is {highest:.6g}"
+                    f"rate.{name} is {toml_value(getattr(rate, name))}: it must be at most pi over the "
+                    f"step, which is {highest:.6g} rad/s"
                 )
 
     def _check_drift(self) -> None:
@@ -158,7 +157,7 @@ class Scenario(Table):
     def to_toml(self) -> str:
         """Complete and commented; reading it gives this scenario back, and writing that the same text."""
         lines = [
-            f"{BEGIN} [plant] and [device] are in SI, the initial state and all else nondimensional.",
+            f"{BEGIN} [plant], [rate] and [device] are in SI, all else is nondimensional.",
             "# A table or field that is left out takes the paper's value, in the corrected reading.",
         ]
         for name, table in self:

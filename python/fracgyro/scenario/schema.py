@@ -1,7 +1,7 @@
 """The tables of a scenario: pydantic models, one per TOML table, validated here once and nowhere else.
 
-Defaults are the paper's values, eqs (47)-(53), in the corrected reading. [plant] is in SI, everything else
-nondimensional. A field's description becomes its comment in the TOML.
+Defaults are the paper's values, eqs (47)-(53), in the corrected reading. [plant], [rate] and [device] are in SI,
+everything else is nondimensional. A field's description becomes its comment in the TOML.
 """
 
 from __future__ import annotations
@@ -92,10 +92,6 @@ class Plant(Table):
     reference_length: float = field(1e-6, "q0, m: the unit of length of every other table.", gt=0, unit="m")
     reference_frequency: float = field(
         1000.0, "omega0, rad/s: 1/omega0 is the unit of time of every other table.", gt=0, unit="rad/s"
-    )
-    initial_position: Pair = field((0.5, 0.5), "q(0) [x, y], unit q0, eq. (49). Zeros: starts centred.", unit="q0")
-    initial_velocity: Pair = field(
-        (0.0, 0.0), "v(0) [x, y], unit q0 omega0, eq. (49). Zeros: at rest.", unit="q0*omega0"
     )
 
     @property
@@ -216,7 +212,7 @@ class Adaptation(_Adaptation):
 
 
 class Guard(_Guard):
-    """Which samples the controller believes, in Python, FMU, browser, firmware; `simulate` believes all."""
+    """Which samples the controller accepts, in Python, FMU, browser, firmware; `simulate` accepts all."""
 
 
 class Disturbance(Table):
@@ -270,6 +266,10 @@ class Run(Table):
     duration: float = field(80.0, "Unit 1/omega0: end of the run, at least one step.", gt=0, unit="1/omega0")
     step: float = field(
         1e-3, "h, unit 1/omega0: period of control. The paper's loop diverges from about 5e-3.", gt=0, unit="1/omega0"
+    )
+    initial_position: Pair = field((0.5, 0.5), "q(0) [x, y], unit q0, eq. (49). Zeros: starts centred.", unit="q0")
+    initial_velocity: Pair = field(
+        (0.0, 0.0), "v(0) [x, y], unit q0 omega0, eq. (49). Zeros: at rest.", unit="q0*omega0"
     )
     record_every: int = field(
         1, "Steps from one recorded sample to the next. 1: off, all are kept.", ge=1, le=MAX_STEPS

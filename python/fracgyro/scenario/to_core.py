@@ -119,8 +119,7 @@ def _resolution(quantiser: _core.Quantizer) -> float:
 def _plant(scenario: Scenario) -> dict[str, Any]:
     """Numbers of eqs (9) and (13)."""
     names = ("damping", "stiffness", "angular_rate", "damping_deviation", "stiffness_deviation")
-    initial = {name: getattr(scenario.plant, name) for name in ("initial_position", "initial_velocity")}
-    return dict(zip(names, scenario.plant.nondimensional(), strict=True)) | initial
+    return dict(zip(names, scenario.plant.nondimensional(), strict=True))
 
 
 def _disturbance(scenario: Scenario) -> dict[str, Any]:
@@ -142,7 +141,8 @@ def is_ideal(scenario: Scenario) -> bool:
 
 def rate_params(scenario: Scenario) -> _core.AngularRateParams:
     """Parameters of the angular rate over time."""
-    rate, step, scale = scenario.rate, scenario.run.step, scenario.plant.scales.rate
+    rate, scale = scenario.rate, scenario.plant.scales.rate
+    step = scenario.run.step * scenario.plant.scales.time  # s
     params = _core.AngularRateParams()
     params.kind = getattr(_core.AngularRateKind, "staircase" if rate.kind == "step" else rate.kind)
     params.amplitude = rate.amplitude / scale
@@ -150,7 +150,7 @@ def rate_params(scenario: Scenario) -> _core.AngularRateParams:
         params.start = round(rate.start / step)
     if rate.kind == "staircase" and rate.hold is not None:
         params.hold, params.levels = round(rate.hold / step), rate.levels
-    params.frequency, params.final_frequency = rate.frequency, rate.final_frequency
+    params.frequency, params.final_frequency = rate.frequency / scale, rate.final_frequency / scale
     params.seed = rate.seed
     if rate.points is not None:
         params.table = _profile(scenario, rate.points, 1 / scale)
