@@ -91,6 +91,10 @@ def assert_same_bits(got: np.ndarray, expected: np.ndarray, name: str) -> None:
     np.testing.assert_array_equal(got.view(np.uint64), np.ascontiguousarray(expected).view(np.uint64), err_msg=name)
 
 
+# FMPy calls the logger of whichever instance was made last, even if that is gone: none may go.
+LOGGERS: list[Any] = []
+
+
 class Instance:
     """An FMU between two calls of its importer, by names, in either version of FMI."""
 
@@ -101,6 +105,7 @@ class Instance:
         # FMPy hands its loggers the text last.
         unpacked = fmpy.extract(path, unzipdir=str(folder / f"{Path(path).stem}"))
         self.fmu = instantiate_fmu(unpacked, self.description, logger=lambda *a: self.messages.append(a[-1].decode()))
+        LOGGERS.append(getattr(self.fmu, "callbacks", None))
         self.two = self.description.fmiVersion == "2.0"
 
     def get(self, name: str) -> float:

@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,6 +116,10 @@ def _wasm(scenario: Scenario, number: Number, motion: NDArray[np.floating], fold
     return np.fromfile(folder / "answer").reshape(len(motion), -1)
 
 
+# FMPy calls the logger of whichever instance was made last, even if that is gone: none may go.
+LOGGERS: list[Any] = []
+
+
 def _fmu(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
     """Only the controller, as FMPy imports it."""
     path = folder / "replay.fmu"
@@ -128,7 +132,9 @@ def _fmu(scenario: Scenario, number: Number, motion: NDArray[np.floating], folde
     place = {variable.name: variable.valueReference for variable in description.modelVariables}
     inputs = [place[f"{name}.{axis}"] for name in MOTION for axis in "xy"]
     outputs = [place[name] for name in answer_columns(scenario)]
-    instance = instantiate_fmu(fmpy.extract(str(path), unzipdir=str(folder / "unpacked")), description)
+    unpacked = fmpy.extract(str(path), unzipdir=str(folder / "unpacked"))
+    instance = instantiate_fmu(unpacked, description, logger=lambda *_: None)
+    LOGGERS.append(instance.callbacks)
     instance.setupExperiment(startTime=0.0)
     instance.enterInitializationMode()
     instance.exitInitializationMode()
