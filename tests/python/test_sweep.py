@@ -386,7 +386,7 @@ def test_a_worker_killed_inside_a_block_costs_nothing(whole: Path, tmp_path: Pat
     from distributed import Client, LocalCluster
 
     with (
-        LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster,
+        LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0") as cluster,
         Client(cluster, set_as_default=False) as client,
     ):
         pids = client.run(os.getpid)
