@@ -116,7 +116,7 @@ def test_every_unit_of_the_equations_is_that_of_the_scenario() -> None:
 
 
 def test_the_reference_is_what_the_core_and_the_tables_say() -> None:
-    assert read("docs/reference.md") == reference.page(), "make it anew, as its first lines say"
+    assert read("docs/reference.md") == reference.page(), "make it again, as its first lines say"
 
 
 # -- Versions ------------------------------------------------------------------------------------------------

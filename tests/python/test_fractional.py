@@ -305,7 +305,7 @@ def test_a_sample_depends_on_no_later_one(operator: Callable[..., np.ndarray]) -
     whole, other = operator(values, rates, STEP, 0.6), operator(*changed, STEP, 0.6)
     np.testing.assert_array_equal(whole[:250], other[:250])
     assert whole[250] != other[250]
-    # The part alone: its exponentials are designed for a shorter time, so that it is the same to their tolerance.
+    # Only the part: its exponentials are designed for a shorter time, so that it is the same to their tolerance.
     part = operator(values[:250], rates[:250], STEP, 0.6)
     np.testing.assert_allclose(part[1:], whole[1:250], rtol=0, atol=1e-7)
 

@@ -252,7 +252,7 @@ def late():
 """
     known = {"files", "arguments", "rate", "rate.charts", "scenario.table"}
     found = imported_of(text, "rate.report", False, known)
-    assert found == {"files", "arguments", "rate.charts", "scenario.table", ""}  # metrics is no module: the package's
+    assert found == {"files", "arguments", "rate.charts", "scenario.table", ""}  # metrics is a name of the package
     assert imported_of("from .run import sweep", "study.sweep", True, {"study.sweep.run"}) == {"study.sweep.run"}
     assert imported_of("from .allan import a", "rate.bound", False, {"rate.allan"}) == {"rate.allan"}
 
@@ -269,7 +269,7 @@ def test_rooms_of_the_package_import_only_rooms_below() -> None:
     for module, targets in package().items():
         for target in targets:
             mine, theirs = room_of(module), room_of(target)
-            assert mine in floor, f"{mine} is no room of ROOMS"
+            assert mine in floor, f"{mine} is not one of ROOMS"
             assert mine == theirs or floor[theirs] < floor[mine], f"{module} imports {target}"
 
 

@@ -22,7 +22,7 @@
 //     integral history at t_{n+1}:    Σ (w_j r_j/s_j) (e(t_n) - E_j(t_n)).
 // What is stored is g_j = (E_j - B_j v_n - C_j κ_n)/(A_j + r_j B_j), whose recursion needs only the sample before,
 //     g_j(n) = r_j g_j(n-1) + v_{n-1} + ρ_j κ_{n-1},     ρ_j = r_j C_j/(A_j + r_j B_j),
-// so the sum over the exponentials runs beside the control law instead of ahead of it.
+// so the sum over the exponentials runs alongside the control law instead of ahead of it.
 //
 // The Riemann-Liouville derivative of the jump, e(0) t^(-α)/Γ(1-α), falls steeply at first. The force that answers it
 // is held for a step, so its mean over the coming step is taken: exp(-s t) becomes μ exp(-s t), μ = ∫ exp(-s x h) dx

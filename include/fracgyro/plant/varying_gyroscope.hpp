@@ -5,7 +5,7 @@
 //    With x = [q, q̇] and A that of gyroscope.hpp, at the mean rate: ẋ = A x + B (u + d) + N(t, x). A step is one of
 //    Lawson's fourth order ("Generalized Runge-Kutta processes for stable systems with large Lipschitz constants",
 //    1967): the classical Runge-Kutta method applied to exp(-A t) x. What is linear and constant is exact, force
-//    included, so that the step neither damps nor detunes the modes; the error is that of N alone, h⁵ a step.
+//    included, so that the step neither damps nor detunes the modes; the error is only that of N, h⁵ a step.
 //
 //    `inertial`: the centrifugal and Euler forces follow Ωz(t), as in a frame that turns with it,
 //        (d/dt + Ω)² q + (D + ΔD) q̇ + … = u + d.       With δ = Ωz - its mean, J q = [-y, x] and w = q̇ + δ J q this is

@@ -1,7 +1,7 @@
 """Every field of a scenario and every variable of a run, as a page: docs/reference.md.
 
 Nothing is written here that the core's fields() or the tables of a scenario do not say.
-`python -m fracgyro.scenario.reference` prints the page anew.
+`python -m fracgyro.scenario.reference` prints the page again.
 """
 
 from __future__ import annotations
@@ -143,5 +143,4 @@ def _rows(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
 
 
 if __name__ == "__main__":
-    sys.stdout.reconfigure(encoding="utf-8", newline="\n")  # type: ignore[union-attr]
-    print(page(), end="")
+    sys.stdout.buffer.write(page().encode())  # the same bytes on every system
