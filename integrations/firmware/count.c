@@ -55,7 +55,7 @@ int main(void) {
     SYSTICK[0] = 5;
     fracgyro_init(&state);
     /* Of the first 64 steps, and of 64 once what only the start needs is past, two in each evaluating the reference
-       again: the mean of the later, and the most of any, those of faults included. */
+       anew: the mean of the later, and the most of any, those of faults included. */
     fracgyro_motion motion = {{(fracgyro_number)0.5, (fracgyro_number)0.5}, {0, 0}};
     for (uint32_t n = 0; n < settled + period; ++n) {
         total = n < settled ? 0 : total;
