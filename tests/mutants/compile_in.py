@@ -57,16 +57,14 @@ def computed_by_the_compiler(code: str) -> list[tuple[int, int]]:
     """Constexpr variables, static assertions, attributes, template heads, and the defaults of members."""
     spans = []
     for start in re.finditer(
-        r"\b(?:constexpr|constinit)\b[^;(){}=]*[={]|\bstatic_assert\b|\bconsteval\b|\busing\b", code
+        r"\b(?:constexpr|constinit)\b[^;(){}=]*[={]|\bstatic_assert\b|\bconcept\b|\bconsteval\b|\busing\b", code
     ):
         depth, at = 0, start.start()
         while at < len(code) and not (code[at] == ";" and depth == 0):
             depth += {"{": 1, "}": -1, "(": 1, ")": -1}.get(code[at], 0)
             at += 1
         spans.append((start.start(), at))
-    for found in re.finditer(
-        r"\[\[.*?\]\]|\btemplate <.*?>(?=\s)|\bcase\b[^\n]*?:|\bconcept\b[^;]*;|\bif constexpr\b[^\n]*", code
-    ):
+    for found in re.finditer(r"\[\[.*?\]\]|\btemplate <.*?>(?=\s)|\bcase\b[^\n]*?:|\bif constexpr\b[^\n]*", code):
         spans.append(found.span())
     defaults = r"^ {4,8}(?:const )?[\w:<>, ]+ \w+(?: = [\w.+-]+|\{[\w.+, -]*\})(?:, \w+ = [\w.+-]+)*;[ ]*$"
     for found in re.finditer(defaults, code, re.MULTILINE):
@@ -121,7 +119,8 @@ def candidates(file: str, text: str) -> list[Mutant]:
         )
     statement = r"^[ ]+((?:[\w.:]|->|\[[^\]]*\])+(?: [-+*/]?= [^;{}]+|\([^;{}]*\));)$"
     for m in re.finditer(statement, code, re.MULTILINE):
-        if not re.match(r"(?:return|using|throw|static_assert|friend|break|continue)\b", m[1]):
+        goes_on = code[: m.start(1)].rstrip()[-1:] not in ";{}:)"
+        if not goes_on and not re.match(r"(?:return|using|throw|static_assert|friend|break|continue)\b", m[1]):
             add("statement", m.start(1), m.end(1), "if (!mutant::active(%d)) { ", " }", "dropped")
     return found
 
