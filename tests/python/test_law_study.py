@@ -292,6 +292,12 @@ def test_a_function_of_numba_is_known_by_its_python() -> None:
         ("[vary]\nlaw.kp = { low = 1.0, high = inf }", "law.kp: high is inf: it must be a finite number"),
         ("[vary]\nlaw = 3", "law is 3: it must be a table"),
         ('[vary]\nlaw.kp = [1.0]\n"law.kp" = [1.0]', "law.kp is given twice: it must be given once"),
+        (
+            "[vary]\ncontroller.order = [0.5, 0.9]",
+            "controller.order is in [vary]: it must be left out, as it is of the scenario's controller and the study "
+            "runs with a native.Law, for which only controller.force_limit and controller.observer_bandwidth count",
+        ),
+        ("[vary]\nrun.kernel_tolerance = [1e-6, 1e-5]", "run.kernel_tolerance is in [vary]: it must be left out"),
         ("[fixed]\nlaw.kp = 1.0", "law.kp is in [fixed]: it must be set in the controller that the study is given"),
     ],
 )
@@ -316,6 +322,35 @@ def test_what_is_no_law_has_no_parameters(tmp_path: Path) -> None:
         with pytest.raises(TypeError, match=r"it must be a native\.Law, or a callable"):
             fg.study.sweep(plain, tmp_path / "out", controller=wrong)
     assert not (tmp_path / "out").exists()
+
+
+def test_what_any_law_reads_may_vary(tmp_path: Path, law: fg.native.Law) -> None:
+    text = f"{FIXED}[vary]\ncontroller.force_limit = [10.0, inf]\n"
+    fg.study.sweep(study(tmp_path, text), tmp_path / "out", controller=law)
+    largest = pq.read_table(tmp_path / "out" / "runs").to_pydict()["largest_force"]
+    assert max(largest[:2]) == 10.0 < min(largest[2:])
+
+
+@pytest.mark.parametrize("start", [fg.study.sweep, fg.study.tune])
+def test_a_controller_that_raises_at_once_leaves_the_folder_free(tmp_path: Path, start: Callable[..., object]) -> None:
+    broken = [True]
+
+    def force(s: fg.Sample) -> tuple[float, float]:
+        if broken[0]:
+            raise RuntimeError("a slip")
+        return pd_with(2e4)(s)
+
+    text = FIXED + "[vary]\nplant.angular_rate = { low = 0.0, high = 100.0 }\n"
+    text += '[design]\nkind = "random"\npoints = 2\n'
+    if start is fg.study.tune:
+        text = text.replace('[design]\nkind = "random"\npoints', "[tune]\ntrials")
+        text += '[[objective]]\nmetric = "effort_x"\n'
+    path = study(tmp_path, text)
+    with pytest.raises(ValueError, match="a slip"):
+        start(path, tmp_path / "out", controller=force)
+    assert not list((tmp_path / "out").iterdir())
+    broken[0] = False
+    start(path, tmp_path / "out", controller=force)
 
 
 @pytest.mark.parametrize("command", ["sweep", "tune"])

@@ -20,6 +20,9 @@ from ..simulation.native import Law
 from ..simulation.outside import ControllerLike, Outside, controller_name
 
 LAW = "law."  # before the name of a parameter, where fields of a scenario stand, too
+# What a native.Law has in the place of its own: a callable may read all of them in reset(scenario).
+OF_THE_CONTROLLER = ("controller.", "adaptation.", "guard.", "run.kernel_tolerance")
+OF_ANY_LAW = ("controller.force_limit", "controller.observer_bandwidth")
 
 
 def is_parameter(field: str) -> bool:
@@ -41,6 +44,15 @@ def parameter(field: str, controller: ControllerLike | None) -> float:
     near = difflib.get_close_matches(name, known)
     hint = f"did you mean {LAW}{near[0]}?" if near else f"it has {', '.join(LAW + each for each in known) or 'none'}"
     raise ScenarioError(f"{field} is not a parameter of the law; {hint}")
+
+
+def check_read(field: str, controller: ControllerLike | None) -> None:
+    """Raises ScenarioError for a field that runs with this controller do not read."""
+    if isinstance(controller, Law) and field.startswith(OF_THE_CONTROLLER) and field not in OF_ANY_LAW:
+        raise ScenarioError(
+            f"{field} is in [vary]: it must be left out, as it is of the scenario's controller and the study runs with "
+            f"a native.Law, for which only {' and '.join(OF_ANY_LAW)} count"
+        )
 
 
 def fields_of_scenario(values: Mapping[str, Any]) -> dict[str, Any]:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +53,19 @@ def claim(path: Path, parts: dict[str, Any], about: dict[str, Any], *, resume: b
         text = json.dumps({"hash": digest(parts), **about, "parts": parts}, indent=1)
         scratch.write_text(text, encoding="utf-8")
     return folder
+
+
+@contextmanager
+def free_if_nothing_came(folder: Path, *, resume: bool) -> Iterator[None]:
+    """A new study that fails before it has any result, as by an error in its controller, leaves the folder empty."""
+    try:
+        yield
+    except Exception:
+        files = [path for path in folder.rglob("*") if path.is_file() and path != folder / MANIFEST]
+        if not resume and not any(path.stat().st_size for path in files):
+            for entry in folder.iterdir():
+                shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
+        raise
 
 
 def _in_use(path: Path) -> bool:

@@ -17,7 +17,7 @@ from ..scenario import Scenario, ScenarioError
 from ..scenario.sentences import explained, paths, unknown
 from ..scenario.table import Table, shown
 from ..simulation.outside import ControllerLike
-from .controller import is_parameter, parameter
+from .controller import check_read, is_parameter, parameter
 
 MAX_POINTS = 10**6  # of a study; also runs for one of them, and trials
 
@@ -77,6 +77,7 @@ def read_space(
     found = []
     for field, entry in flat(entries).items():
         value_of(field, base, controller)  # raises where the law has no such parameter
+        check_read(field, controller)
         found.append(_dimension(field, entry, base, controller))
     return tuple(found)
 

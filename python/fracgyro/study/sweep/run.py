@@ -13,6 +13,7 @@ import pyarrow as pa
 
 from ...scenario.table import shown
 from ...simulation.outside import ControllerLike
+from ..folder import free_if_nothing_came
 from .block_files import BlockFiles
 from .blocks import Block, blocks
 from .cluster import connected, measured_there
@@ -61,9 +62,10 @@ def sweep(
                 progress(done, plan.runs)
 
         advance(0)
-        measured = measured_there(cluster, waiting, advance) if cluster else measured_here(waiting, advance)
-        for block, table in measured:
-            folder.write(block, table)
+        with free_if_nothing_came(folder.path, resume=resume):
+            measured = measured_there(cluster, waiting, advance) if cluster else measured_here(waiting, advance)
+            for block, table in measured:
+                folder.write(block, table)
     rows = folder.read(work)
     summary = folder.path / "summary.html"
     write_summary(summary, plan, rows)

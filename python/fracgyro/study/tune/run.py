@@ -13,7 +13,7 @@ from ...files import whole_file
 from ...scenario import ScenarioError
 from ...simulation.outside import ControllerLike
 from ..controller import fields_of_scenario, with_values
-from ..folder import claim
+from ..folder import claim, free_if_nothing_came
 from .criteria import Score, measure
 from .hold_out import HoldOut, hold_out
 from .plan import Plan, read_tuning
@@ -60,7 +60,8 @@ def tune(
             progress(min(done, total), total, doing)
 
     advance(0)
-    (base,) = measure([plan.base], seeds, plan.thresholds, advance, controller)
+    with free_if_nothing_came(folder, resume=resume):
+        (base,) = measure([plan.base], seeds, plan.thresholds, advance, controller)
     address = plan.file.tune.storage or f"sqlite:///{(folder / DATABASE).absolute()}"
     with opened(plan, address, base, resume=resume) as search:
         advance(len(search.finished()) * len(seeds))
