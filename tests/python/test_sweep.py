@@ -441,6 +441,25 @@ run.step = [0.001, 0.008]
     assert "No run has a value." in page
 
 
+def test_what_no_controller_of_the_study_reports_is_said_to_be_missing(tmp_path: Path) -> None:
+    reasons = {"pid": "as the controller does not report what it is of", "linear": "as they had not settled"}
+    for kind, why in reasons.items():
+        text = f"""
+show = ["rate_settling_time", "effort_x"]
+[fixed]
+run.duration = 2.0
+controller.kind = "{kind}"
+[vary]
+plant.angular_rate = [10.0, 20.0]
+"""
+        folder = tmp_path / kind
+        folder.mkdir()
+        sweep(study(folder, text), folder / "out")
+        page = (folder / "out" / "summary.html").read_text(encoding="utf-8")
+        assert f"have none, {why}" in page
+        assert page.count("have none") == 1
+
+
 def rows_of(tmp_path: Path, text: str, metric: list[float | None], diverged: list[float | None]) -> effects.Rows:
     """The rows of a study with these made-up values of effort_x."""
     plan = read_plan(study(tmp_path, text))

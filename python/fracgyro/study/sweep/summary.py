@@ -15,6 +15,7 @@ from ...analysis.html import page
 from ...analysis.metric_names import METRICS
 from ...files import whole_file
 from ...scenario import Scenario
+from ...scenario.kinds import reports
 from ...scenario.table import toml_value
 from ...simulation.outside import controller_words
 from ..controller import is_parameter
@@ -89,7 +90,7 @@ def _metric(rows: Rows, name: str) -> dict[str, Any]:
         "label": plots.label(name, power),
         "words": METRICS[name][0],
         "never": never,
-        "reported": name.startswith(("rate", "surface", "bound", "damping", "stiffness")),
+        "reported": _reported(plan, name, bool(along)),
         "partial": any(any(effect.partial) for effect in along),
         "quantiles": [_number(q / 10.0**power) for q in spread],
         "effects": plots.effects_chart(name, along) if along else None,
@@ -100,6 +101,25 @@ def _metric(rows: Rows, name: str) -> dict[str, Any]:
         "best": [(b.point, [_value(v) for v in b.values]) for b in found],
         "best_means": [_means([b.means[i] for b in found], shown) for i, shown in enumerate(plan.study.show)],
     }
+
+
+# By the first word of a metric's name: what it is of, among what controllers report.
+REPORTS = {
+    "rate": "rate_estimate",
+    "damping": "damping_estimate",
+    "stiffness": "stiffness_estimate",
+    "bound": "bound_estimate",
+    "surface": "surface",
+}
+
+
+def _reported(plan: Plan, name: str, found: bool) -> bool:
+    """Whether a controller of the study reports what the metric is of; `found`: some run has it."""
+    channel = REPORTS.get(name.partition("_")[0])
+    if channel is None or plan.controller is not None:
+        return channel is None or found
+    kinds = {scenario.controller.kind for scenario in plan.scenarios}
+    return any(channel == own.name for kind in kinds for listed in reports(kind) for own in listed)
 
 
 def _correlation(rows: Rows, numeric: list[Dimension]) -> str:
