@@ -306,6 +306,7 @@ TYPED_TEST(Law, AtTheForceLimitTheEstimatesRestOnlyWhereMoreOfTheirLawsWouldWind
             expect_equal(signals.force, along(std::clamp(stiffness, -100.0, 100.0)));
             const auto& learnt = state.adaptation.deviation.stiffness;
             EXPECT_NEAR(number(on_x ? learnt.xx : learnt.yy), stiffness < 0.0 ? 0.0 : -1e-3 * 150.0 * 10.0, 1e-6);
+            EXPECT_NEAR(number(state.adaptation.deviation.bound[0]), stiffness < 0.0 ? 0.0 : 1e-3 * 1.0 * 10.0, 1e-6);
         }
     }
 }

@@ -102,6 +102,20 @@ TEST(APhase, IsDefinedForEveryAngle) {
     EXPECT_EQ(phase(std::numeric_limits<double>::quiet_NaN()), 0U);
 }
 
+TEST(Chattering, IsThatOfTheSecondDifferencesAndNeedsThreeSamples) {
+    fracgyro::Setup setup;
+    setup.steps = 40;
+    const MetricsTotals totals{.steady = {.force = {12.0, 3.0}}, .bend = {4.0, 1.0}};
+    const auto chattering = [&](std::int64_t samples) {
+        const auto values = metric_values(MetricsParams{.transient = 0.0}, setup, totals, LastReport{}, 0.0, samples);
+        return values[8];
+    };
+    ASSERT_EQ(metric_names[8], "chattering_x");
+    EXPECT_TRUE(std::isnan(chattering(2)));
+    EXPECT_EQ(chattering(3), 1.0);  // 4/1 over 12/3
+    EXPECT_EQ(chattering(4), std::sqrt(2.0 / 3.0));
+}
+
 TEST(TheSteadyWindow, BeginsWithinTheRunOrRightAfterItWhateverTheTransient) {
     fracgyro::Setup setup;
     setup.common.step = 0.25;

@@ -34,6 +34,8 @@ def test_the_interval_of_a_sample_is_that_of_its_points_which_are_drawn_and_not_
     for place, here in enumerate((low, ~low)):
         assert found.means[place] == mean_interval(np.array([1.0, 3.0, 5.0, 7.0])[here])
     grid = rows_of(tmp_path, "seeds = 2\n[vary]\ncontroller.order = [0.2, 0.4]\n", [1.0, 2.0, 3.0, 4.0], [None] * 4)
+    assert found.quantiles is not None
+    assert found.quantiles[:, 0].tolist() == effects._quantiles(rows, "effort_x", found.axis.index == 0).tolist()
     assert grid.units().tolist() == [0, 1, 0, 1]
     assert effects.effect(grid, "effort_x", grid.plan.dimensions[0]).quantiles is None
 
@@ -57,6 +59,8 @@ def test_quantiles_leave_out_the_runs_that_diverged_and_count_never_as_infinite(
     assert effects.quantiles(rows, "effort_x").tolist() == [1.0, 2.0, 3.0, 4.0, math.inf]
     assert rows.diverged == 3
     assert np.isnan(rows.metric("effort_x")[4:]).all()
+    nothing = sample(tmp_path, [None] * 8, [0.1] * 8)
+    assert np.isnan(effects.quantiles(nothing, "effort_x")).all()
 
 
 def test_the_best_of_a_signed_metric_is_the_nearest_to_zero(tmp_path: Path) -> None:
@@ -103,6 +107,8 @@ def test_levels_rise_where_they_are_numbers_and_keep_their_order_where_not(tmp_p
     assert order.index.tolist() == [2, 2, 0, 0, 1, 1]
     assert (kind.names, kind.places.tolist(), kind.numeric) == (["linear", "fractional"], [0.0, 1.0], False)
     assert not kind.log
+    switch = rows_of(tmp_path, "[vary]\ncontroller.adaptive = [true, false]\n", [1.0, 2.0], [None] * 2)
+    assert effects.axis(switch, switch.plan.dimensions[0], 4).names == ["true", "false"]
     even = rows_of(tmp_path, "[vary]\ncontroller.order = [0.2, 0.4, 0.6]\n", [1.0, 2.0, 3.0], [None] * 3)
     assert not effects.axis(even, even.plan.dimensions[0], 4).log
     zero = rows_of(tmp_path, "[vary]\ncontroller.order = [0.0, 0.25, 1.0]\n", [1.0, 2.0, 3.0], [None] * 3)
@@ -123,6 +129,8 @@ def test_a_rank_correlation_is_spearmans(tmp_path: Path) -> None:
     ranks = np.array([2.0, 1.0, 5.0, 3.5, 3.5]) - 3
     expected = float(ranks @ np.arange(-2, 3) / math.sqrt(ranks @ ranks * 10))
     assert effects.rank_correlation(rows, "effort_x", rows.plan.dimensions[0]) == pytest.approx(expected)
+    three = rows_of(tmp_path, "[vary]\ncontroller.order = [0.2, 0.4, 0.6]\n", [1.0, 2.0, 3.0], [None] * 3)
+    assert effects.rank_correlation(three, "effort_x", three.plan.dimensions[0]) == pytest.approx(1.0)
     few = rows_of(tmp_path, "[vary]\ncontroller.order = [0.2, 0.4, 0.6]\n", [1.0, None, 3.0], [None] * 3)
     assert math.isnan(effects.rank_correlation(few, "effort_x", few.plan.dimensions[0]))
     same = rows_of(tmp_path, "[vary]\ncontroller.order = [0.2, 0.4, 0.6]\n", [1.0, 1.0, 1.0], [None] * 3)

@@ -47,6 +47,14 @@ def test_what_never_comes_about_decides_nothing() -> None:
     assert found.difference == (math.inf, -math.inf, math.inf)
 
 
+def test_the_bootstrap_draws_every_seed() -> None:
+    theirs = np.zeros(20)
+    for place in (0, 19):
+        ours = np.where(np.arange(20) == place, 1.0, 0.0)
+        found = _objected(Objective(metric="effort_x", statistic="max"), measured(theirs), measured(ours), 3.0, 1.0)
+        assert found.difference == (1.0, 0.0, 1.0)  # in 36 % of the draws it is not there
+
+
 @pytest.mark.parametrize(("value", "kept"), [(2.99, True), (3.0, True), (3.01, False)])
 def test_a_constraint_is_kept_up_to_its_limit_on_the_seeds_held_out(value: float, kept: bool) -> None:
     base, mine = measured(np.full(20, 6.0)), measured(np.full(20, value))

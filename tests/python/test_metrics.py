@@ -139,6 +139,8 @@ def test_an_error_of_exactly_the_bound_is_within_it_and_one_that_is_no_number_is
     lost = made_up()
     lost["damping_estimate"][-1, 1] = np.nan
     assert np.isnan(float(metrics.damping_error(lost)[-1]))
+    lost["error"][-1, 0] = np.nan
+    assert np.isnan(metrics.rmse(lost)).values.tolist() == [True, False]
 
 
 def test_a_rate_that_moves_is_judged_by_its_largest_size() -> None:

@@ -213,6 +213,8 @@ def test_full_scale_is_about_the_output_at_rest_and_the_scale_factor_of_the_line
     assert full_scale(rates, outputs, line) == (pytest.approx(600 * DEG), True)
     outputs[1] += 4 * DEG
     assert full_scale(rates, outputs, line) == (0.0, False)
+    one = np.array([-1.0, 0.0, 1.0])  # rad/s
+    assert full_scale(one, one[:, None].repeat(2, axis=1), static(one, one[:, None].repeat(2, axis=1))) == (1.0, True)
 
 
 def test_turn_on_ends_at_the_last_output_that_is_one_percent_off() -> None:
@@ -223,6 +225,13 @@ def test_turn_on_ends_at_the_last_output_that_is_one_percent_off() -> None:
     unsteady = settling.copy()
     unsteady[0, 900] = 6.0
     assert math.isnan(turn_on_time(time, unsteady))
+
+
+def test_the_final_value_is_that_of_the_second_half_and_must_be_reached_before_it() -> None:
+    time = np.arange(30.0)
+    for first, expected in ((12, 12.0), (14, 14.0), (15, math.nan)):
+        outputs = np.where(time < first, 0.0, 1.0)[None]
+        assert turn_on_time(time, outputs) == pytest.approx(expected, nan_ok=True)
 
 
 def test_a_first_order_sensor_has_3_db_at_its_corner_and_45_degrees_of_lag_there() -> None:
@@ -254,7 +263,13 @@ def test_the_lag_goes_on_beyond_half_a_turn() -> None:
 def test_a_bandwidth_outside_the_frequencies_tried_is_said_to_be_so() -> None:
     frequency = np.array([1.0, 2.0, 4.0])
     assert response(frequency, np.ones((3, 2), complex), 1.0).bandwidth.mean == math.inf
-    assert response(frequency, np.full((3, 2), 0.1 + 0j), 1.0).bandwidth.mean == 0.0
+    assert response(frequency, np.full((3, 2), 0.1 + 0j), 1.0).bandwidth == (0.0, 0.0, 1.0)
+
+
+def test_a_bandwidth_below_1_hz_is_one() -> None:
+    frequency = np.geomspace(0.1, 10.0, 30)
+    found = response(frequency, np.repeat((1 / (1 + 1j * frequency / 0.5))[:, None], 2, axis=1), 1.0)
+    assert found.bandwidth.mean == pytest.approx(0.5, rel=0.01)
 
 
 def test_a_bandwidth_that_every_run_has_elsewhere_is_lost_in_the_noise() -> None:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from children import run_until
-from fracgyro.analysis.confidence import mean_interval
+from fracgyro.analysis.confidence import Mean, mean_interval
 from fracgyro.files import writable_folder
 from fracgyro.paper import claims, errata, runs
 from fracgyro.paper.reproduce import reproduce
@@ -167,6 +167,7 @@ def test_the_interval_of_a_mean_is_students() -> None:
     assert mean == pytest.approx(3.0)
     assert high - mean == pytest.approx(2.776445 * np.sqrt(2.5 / 5), rel=1e-6)
     assert mean - low == pytest.approx(high - mean)
+    assert f"{Mean(1.23456, 0.5, 2.0)} {Mean(1.23456, 0.5, 2.0):.2f}" == "1.23 [0.5, 2] 1.23 [0.50, 2.00]"
 
 
 def test_ninety_five_of_a_hundred_intervals_hold_the_mean() -> None:
