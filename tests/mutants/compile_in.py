@@ -25,8 +25,9 @@ ROOT = Path(__file__).resolve().parents[2]
 HERE = Path(__file__).resolve().parent
 SHARE = 0.16
 FOLDERS = tuple(f"include/fracgyro/{layer}" for layer in ("core", "control", "plant", "sim"))
-# Number types: what they do is what everything else is tested by; mutated they fail to compile.
-WITHOUT_RULES = {"lanes.hpp", "unpacked.hpp", "cpu_dispatch.hpp"}
+# Number types: what they do is what everything else is tested by; mutated they fail to compile. Of fields.hpp, and of
+# fields() everywhere, the compiler computes all.
+WITHOUT_RULES = {"lanes.hpp", "unpacked.hpp", "cpu_dispatch.hpp", "fields.hpp"}
 
 
 @dataclass(frozen=True)
@@ -56,13 +57,14 @@ def blanked(text: str) -> str:
 def computed_by_the_compiler(code: str) -> list[tuple[int, int]]:
     """Constexpr variables, static assertions, attributes, template heads, and the defaults of members."""
     spans = []
-    for start in re.finditer(
-        r"\b(?:constexpr|constinit)\b[^;(){}=]*[={]|\bstatic_assert\b|\bconcept\b|\bconsteval\b|\busing\b", code
-    ):
-        depth, at = 0, start.start()
-        while at < len(code) and not (code[at] == ";" and depth == 0):
+    declared = r"\b(?:constexpr|constinit)\b[^;(){}=]*[={]|\bstatic_assert\b|\bconcept\b|\bconsteval\b|\busing\b"
+    for start in re.finditer(rf"\bfields\(\) \{{|{declared}", code):
+        end, depth, at = "}" if start[0].startswith("fields") else ";", 0, start.start()
+        while at < len(code):
             depth += {"{": 1, "}": -1, "(": 1, ")": -1}.get(code[at], 0)
             at += 1
+            if code[at - 1] == end and depth == 0:
+                break
         spans.append((start.start(), at))
     for found in re.finditer(r"\[\[.*?\]\]|\btemplate <.*?>(?=\s)|\bcase\b[^\n]*?:|\bif constexpr\b[^\n]*", code):
         spans.append(found.span())

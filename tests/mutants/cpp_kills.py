@@ -28,7 +28,19 @@ from compile_in import ROOT
 from compiled import BUILD, module, tests
 
 # Those whose tests run in this process and come by the core.
-PYTHON = ["kernel", "lanes", "metrics", "loop", "device", "composite", "fractional", "settings", "claims"]
+PYTHON = [
+    "kernel",
+    "lanes",
+    "metrics",
+    "loop",
+    "device",
+    "composite",
+    "fractional",
+    "settings",
+    "claims",
+    "outside",
+    "law_rate",
+]
 LONGEST = 20.0  # s of tests for one mutant, the quickest first
 STUCK = 600.0  # s of waiting for nothing
 MANY = 8192  # as in switch.hpp

@@ -29,7 +29,7 @@ MODULES = [
 # The tests that may kill: of the last files those alone that run in this process, where a mutant is active.
 TESTS: dict[str, list[str]] = {
     "metrics": [], "claims": [], "allan": [], "effects": [], "hold_out": [], "rate_figures": [], "lanes": [],
-    "device": [], "setup": [],
+    "device": [], "setup": [], "kinds": [],
     "loop": [
         "test_metrics_of_an_si_run_are_those_of_the_nondimensional_one_in_si",
         "test_lyapunov_function_loses_exactly_what_equation_45_says",
@@ -40,6 +40,7 @@ TESTS: dict[str, list[str]] = {
         "test_the_bound_is_of_the_density_that_held_noise_has_and_of_the_steady_motion",
         "test_without_noise_the_bound_is_0_and_a_motion_that_tells_nothing_apart_has_none",
     ],
+    "law_rate": ["test_the_bound_is_of_the_motion_that_the_controller_brings_about"],
     "reproduce": [
         "test_the_best_order_is_found_where_it_is",
         "test_a_tie_within_the_noise_is_no_reproduction",
