@@ -58,13 +58,34 @@ struct alignas(Count * sizeof(OneNumber)) Lanes {
     friend constexpr Lanes if_less(Lanes a, Lanes b, Lanes yes, Lanes no) {
         return of(a.lane < b.lane ? yes.lane : no.lane);
     }
-    friend constexpr bool always_less(Lanes a, Lanes b) {
-        const auto less = a.lane < b.lane;
-        auto all = less[0];
-        for (std::size_t k = 1; k < Count; ++k) {
-            all &= less[k];
+    friend bool always_less(Lanes a, Lanes b) {
+        constexpr bool doubles = sizeof(Number) == sizeof(double);
+#ifdef __AVX512F__
+        if constexpr (sizeof(Register) == 64 && doubles) {
+            return _mm512_cmp_pd_mask(a.lane, b.lane, _CMP_LT_OQ) == 0xFF;
+        } else if constexpr (sizeof(Register) == 64) {
+            return _mm512_cmp_ps_mask(a.lane, b.lane, _CMP_LT_OQ) == 0xFFFF;
         }
-        return all != 0;
+#endif
+#ifdef __AVX__
+        if constexpr (sizeof(Register) == 32 && doubles) {
+            return _mm256_movemask_pd(_mm256_cmp_pd(a.lane, b.lane, _CMP_LT_OQ)) == 0xF;
+        } else if constexpr (sizeof(Register) == 32) {
+            return _mm256_movemask_ps(_mm256_cmp_ps(a.lane, b.lane, _CMP_LT_OQ)) == 0xFF;
+        }
+#endif
+#ifdef __SSE2__
+        if constexpr (sizeof(Register) == 16 && doubles) {
+            return _mm_movemask_pd(_mm_cmplt_pd(a.lane, b.lane)) == 0x3;
+        } else if constexpr (sizeof(Register) == 16) {
+            return _mm_movemask_ps(_mm_cmplt_ps(a.lane, b.lane)) == 0xF;
+        }
+#endif
+        bool all = true;
+        for (std::size_t k = 0; k < Count; ++k) {
+            all = all && a.lane[k] < b.lane[k];
+        }
+        return all;
     }
     friend constexpr Lanes maximum(Lanes a, Lanes b) { return of(a.lane < b.lane ? b.lane : a.lane); }
     friend constexpr Lanes minimum(Lanes a, Lanes b) { return of(b.lane < a.lane ? b.lane : a.lane); }
