@@ -20,16 +20,11 @@ inline Setup paper(std::int64_t steps, const ExponentialSum& kernel) {
     return s;
 }
 
-FRACGYRO_FOR_EACH_PROCESSOR
-static void fill(Disturbance& disturbance, std::int64_t first, std::span<Vec2<double>> out) {
-    disturbance.fill(first, out);
-}
-
 // The first metric of the first of these runs, side by side in registers of so many bytes.
 template <std::size_t Bytes>
 double run_lanes(const KernelsOfWidth<Bytes>& kernels, std::span<const Setup* const> runs, bool single) {
-    return (single ? measure_all<float, Bytes / 4>(kernels.floats, fill, runs, MetricsParams{}, 1)
-                   : measure_all<double, Bytes / 8>(kernels.doubles, fill, runs, MetricsParams{}, 1))[0][0];
+    return (single ? measure_all(kernels.floats, runs, MetricsParams{}, 1)
+                   : measure_all(kernels.doubles, runs, MetricsParams{}, 1))[0][0];
 }
 
 }  // namespace fracgyro

@@ -13,13 +13,8 @@ namespace fracgyro::bindings {
 namespace {
 
 FRACGYRO_FOR_EACH_PROCESSOR
-std::int64_t record_run(const Setup& setup, std::int64_t every, double* rows) {
-    return record<double>(setup, every, rows);
-}
-
-FRACGYRO_FOR_EACH_PROCESSOR
-void fill_disturbance(Disturbance& disturbance, std::int64_t first, std::span<Vec2<double>> out) {
-    disturbance.fill(first, out);
+std::int64_t record_run(const Setup& setup, std::int64_t every, double* rows, FillNoise noise) {
+    return record<double>(setup, every, rows, noise);
 }
 
 // Doubles in a register, by the kinds of processor that this one can stand in for, the fastest last.
@@ -34,6 +29,18 @@ std::vector<std::size_t> lane_counts() {
     }
 #endif
     return counts;
+}
+
+FillNoise fastest_noise() {
+#ifdef FRACGYRO_LANES_X86
+    switch (lane_counts().back()) {
+        case 8:
+            return kernels_for_avx512().doubles.fill_noise;
+        case 4:
+            return kernels_for_avx2().doubles.fill_noise;
+    }
+#endif
+    return kernels_for_any_processor().doubles.fill_noise;
 }
 
 // Rows of all runs, (runs, samples, width), NaN where a run had diverged; and the samples each run lasted. `device`: by
@@ -57,11 +64,12 @@ nb::tuple record_runs(const std::vector<const DeviceSetup*>& setups, std::int64_
     const std::size_t size = rows * width;
     std::unique_ptr<double[]> data(new double[setups.size() * size]);  // not zeroed: every page is written anyway
     auto lasted = std::make_unique<std::int64_t[]>(setups.size());
+    const FillNoise noise = fastest_noise();
     {
         nb::gil_scoped_release unlocked;
         parallel_for(setups.size(), threads, [&](std::size_t i) {
             double* first = data.get() + i * size;
-            lasted[i] = device ? record_device(*setups[i], every, first) : record_run(*setups[i], every, first);
+            lasted[i] = device ? record_device(*setups[i], every, first) : record_run(*setups[i], every, first, noise);
             const auto written = lasted[i] > 0 ? static_cast<std::size_t>((lasted[i] - 1) / every + 1) : 0;
             std::fill(first + written * width, first + size, std::numeric_limits<double>::quiet_NaN());
         });
@@ -90,9 +98,9 @@ nb::ndarray<nb::numpy, double> measure_runs(const std::vector<const DeviceSetup*
     }
     const auto measure = [&]<std::size_t Bytes>(const KernelsOfWidth<Bytes>& kernels) {
         if (single_precision) {
-            return measure_all<float, Bytes / 4>(kernels.floats, fill_disturbance, ideal, params, threads);
+            return measure_all(kernels.floats, ideal, params, threads);
         }
-        return measure_all<double, Bytes / 8>(kernels.doubles, fill_disturbance, ideal, params, threads);
+        return measure_all(kernels.doubles, ideal, params, threads);
     };
     auto data = std::make_unique<double[]>(setups.size() * metric_names.size());
     {

@@ -4,7 +4,7 @@
 namespace fracgyro {
 
 const KernelsOfWidth<32>& kernels_for_avx2() {
-    static constexpr KernelsOfWidth<32> kernels = KernelsOfWidth<32>::all();
+    static constexpr KernelsOfWidth<32> kernels{};
     return kernels;
 }
 

@@ -4,7 +4,7 @@
 namespace fracgyro {
 
 const KernelsOfWidth<64>& kernels_for_avx512() {
-    static constexpr KernelsOfWidth<64> kernels = KernelsOfWidth<64>::all();
+    static constexpr KernelsOfWidth<64> kernels{};
     return kernels;
 }
 

@@ -45,14 +45,18 @@ TEST(Metrics, TheSteadyWindowBeginsAtTheFirstSampleThatIsNotBeforeIt) {
 }
 
 std::vector<MetricValues> measured(const std::vector<const fracgyro::Setup*>& runs, unsigned threads) {
-    const auto fill = [](Disturbance& d, std::int64_t first, std::span<Vec2<double>> out) { d.fill(first, out); };
-    const auto kernels = detail::KernelsFor<Lanes<double, 2>, Registry>::all();
-    return measure_all<double, 2>(kernels, fill, runs, MetricsParams{.transient = 1.0}, threads);
+    static constexpr Kernels<double, 2> kernels{};
+    return measure_all(kernels, runs, MetricsParams{.transient = 1.0}, threads);
 }
 
-// Twenty runs of 2,000 steps, two of which go together, by any number of threads: also for the sanitizer of threads.
+// Twenty runs of 2,000 steps, two of which go together, and forty with one noise, by any number of threads: also for
+// the sanitizer of threads.
 TEST(MeasureAll, GivesTheSameWhateverTheNumberOfThreads) {
     std::vector<fracgyro::Setup> setups;
+    for (int i = 0; i < 40; ++i) {
+        setups.push_back(paper(500));
+        setups.back().plant.rate = 0.01 * i;
+    }
     for (std::uint64_t i = 0; i < 20; ++i) {
         setups.push_back(paper(2000, controller_kinds[i / 2 % controller_kinds.size()]));
         setups.back().disturbance.seed = i / 4;

@@ -167,10 +167,9 @@ TEST(MeasureAll, RunsThatDifferDoNotDisturbEachOther) {
         setups.push_back(with(paper(200), name, values.off));
         setups.push_back(with(paper(200), name, values.on));
     }
-    const auto kernels = detail::KernelsFor<Lanes<double, 2>, Registry>::all();
-    const auto fill = [](Disturbance& d, std::int64_t first, std::span<Vec2<double>> out) { d.fill(first, out); };
+    static constexpr Kernels<double, 2> kernels{};
     const auto measured = [&](std::span<const fracgyro::Setup* const> runs) {
-        return measure_all<double, 2>(kernels, fill, runs, MetricsParams{.transient = 0.1}, 1);
+        return measure_all(kernels, runs, MetricsParams{.transient = 0.1}, 1);
     };
     std::vector<const fracgyro::Setup*> all;
     for (const fracgyro::Setup& setup : setups) {

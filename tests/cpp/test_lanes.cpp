@@ -1,13 +1,18 @@
 // The lanes as they ship for each kind of processor, on those that this one can stand in for.
 #include "lanes_by_processor.hpp"
 
+#include "fracgyro/sim/lane_noise.hpp"
+
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <random>
+#include <vector>
 
 namespace fracgyro::testing {
 namespace {
@@ -34,7 +39,7 @@ struct Kind {
 };
 
 template <class K>
-struct Lanes : ::testing::Test {
+struct EachKind : ::testing::Test {
     void SetUp() override {
         if (!processor_has_registers<K::bytes>()) {
             GTEST_SKIP() << "this processor has no registers of " << K::bytes << " bytes";
@@ -47,7 +52,7 @@ using Kinds = ::testing::Types<Kind<double, 16>, Kind<float, 16>, Kind<double, 3
 #else
 using Kinds = ::testing::Types<Kind<double, 16>, Kind<float, 16>>;
 #endif
-TYPED_TEST_SUITE(Lanes, Kinds);
+TYPED_TEST_SUITE(EachKind, Kinds);
 
 template <class Number>
 double units_off(Number found, Number base, Number exponent) {
@@ -58,7 +63,7 @@ double units_off(Number found, Number base, Number exponent) {
                                std::ldexp(1.0L, scale - (Limits::digits - 1)));
 }
 
-TYPED_TEST(Lanes, PowerIsWithin4UnitsInTheLastPlaceOfNormalNumbers) {
+TYPED_TEST(EachKind, PowerIsWithin4UnitsInTheLastPlaceOfNormalNumbers) {
     using Number = typename TypeParam::Number;
     using Checked = typename TypeParam::Checked;
     using Limits = std::numeric_limits<Number>;
@@ -93,7 +98,7 @@ TYPED_TEST(Lanes, PowerIsWithin4UnitsInTheLastPlaceOfNormalNumbers) {
     EXPECT_EQ(of(1, Number(0.5)), Number(1));
 }
 
-TYPED_TEST(Lanes, DoWhatTheirNumbersDo) {
+TYPED_TEST(EachKind, DoWhatTheirNumbersDo) {
     using Number = typename TypeParam::Number;
     using Checked = typename TypeParam::Checked;
     constexpr std::size_t count = Checked::count;
@@ -124,7 +129,7 @@ TYPED_TEST(Lanes, DoWhatTheirNumbersDo) {
     }
 }
 
-TYPED_TEST(Lanes, AreAlwaysLessWhereEachIs) {
+TYPED_TEST(EachKind, AreAlwaysLessWhereEachIs) {
     using Number = typename TypeParam::Number;
     using Checked = typename TypeParam::Checked;
     std::array<Number, Checked::count> small, large;
@@ -135,6 +140,110 @@ TYPED_TEST(Lanes, AreAlwaysLessWhereEachIs) {
     EXPECT_FALSE(Checked::each_is_less(small.data(), large.data()));
     small.back() = std::numeric_limits<Number>::quiet_NaN();
     EXPECT_FALSE(Checked::each_is_less(small.data(), large.data()));
+}
+
+// Steps and holds at which something begins anew: odd ones, a register's, a block of normals', and where the count of
+// blocks passes 2^32.
+struct Part {
+    std::int64_t hold, first;
+    std::size_t steps;
+};
+std::vector<Part> parts() {
+    std::vector<Part> all;
+    for (const std::int64_t hold : {1, 2, 3, 1000}) {
+        const std::int64_t far = (std::int64_t{1} << 33) * hold;
+        for (const std::int64_t first : {std::int64_t{0}, std::int64_t{1}, std::int64_t{63}, 31 * hold - 1, far - 77}) {
+            for (const std::size_t steps : {1, 2, 17, 64, 200}) {
+                all.push_back({hold, first, steps});
+            }
+        }
+    }
+    return all;
+}
+constexpr std::uint64_t seeds[] = {0, 5, std::uint64_t{1} << 32, ~std::uint64_t{0}};
+
+// One word at a time, which every processor can.
+std::vector<double> noise_by_words(std::uint64_t seed, double deviation, const Part& part, std::uint32_t stream = 0) {
+    std::vector<Vec2<double>> drawn(part.steps);
+    fill_noise<8>({.standard_deviation = deviation, .hold = part.hold, .seed = seed, .stream = stream}, part.first,
+                  drawn);
+    std::vector<double> found;
+    for (const auto& d : drawn) {
+        found.insert(found.end(), {d.x, d.y});
+    }
+    return found;
+}
+
+TEST(Noise, HasTheBitsThatItEverHad) {
+    EXPECT_EQ(noise_by_words(0, 1.0, {1, 0, 3}), std::vector<double>({0x1.fb7662p-1, -0x1.d96d6p-1, -0x1.3c373ep-1,
+                                                                      -0x1.eda364p-2, -0x1.3aa6a8p-3, 0x1.7254d2p-3}));
+    std::uint64_t hash = 0xCBF29CE484222325U;  // FNV-1a
+    for (const std::uint64_t seed : seeds) {
+        for (const Part& part : parts()) {
+            for (const std::uint32_t stream : {0U, 2U}) {
+                for (const double number : noise_by_words(seed, 1.7, part, stream)) {
+                    hash = (hash ^ std::bit_cast<std::uint64_t>(number)) * 0x100000001B3U;
+                }
+            }
+        }
+    }
+    EXPECT_EQ(hash, 0xD7EA1628C2C5266EU);
+}
+
+TYPED_TEST(EachKind, DrawsTheSameNoise) {
+    std::array<double, 2 * longest_noise> found;
+    for (const std::uint64_t seed : seeds) {
+        for (const Part& part : parts()) {
+            for (const std::uint32_t stream : {0U, 2U}) {
+                TypeParam::Checked::noise(seed, stream, part.hold, part.first, part.steps, found.data());
+                const auto wanted = noise_by_words(seed, 1.7, part, stream);
+                ASSERT_EQ(std::memcmp(found.data(), wanted.data(), wanted.size() * sizeof wanted[0]), 0)
+                    << "seed " << seed << ", hold " << part.hold << ", from " << part.first << " on";
+            }
+        }
+    }
+}
+
+TYPED_TEST(EachKind, DrawsTheSameNoiseInEveryLane) {
+    using Number = typename TypeParam::Number;
+    constexpr std::size_t count = TypeParam::Checked::count;
+    std::array<std::uint64_t, count> seed;
+    std::array<double, count> deviation;
+    for (std::size_t k = 0; k < count; ++k) {
+        seed[k] = seeds[k % 4] + 3 * k;
+        deviation[k] = 0.1 * static_cast<double>(k + 1);
+    }
+    std::vector<Number> found(2 * count * longest_noise);
+    for (const Part& part : parts()) {
+        TypeParam::Checked::noise_in_lanes(seed.data(), deviation.data(), part.hold, part.first, part.steps,
+                                           found.data());
+        for (std::size_t k = 0; k < count; ++k) {
+            const auto wanted = noise_by_words(seed[k], deviation[k], part);
+            for (std::size_t i = 0; i < wanted.size(); ++i) {
+                ASSERT_EQ(found[i * count + k], static_cast<Number>(wanted[i]))
+                    << "lane " << k << ", hold " << part.hold << ", step " << part.first << " + " << i / 2;
+            }
+        }
+    }
+}
+
+TEST(LaneNoise, IsForRunsWithNoiseOfTheSameHoldAndStream) {
+    const DisturbanceParams one{.kind = DisturbanceKind::noise, .standard_deviation = 3.0, .hold = 2, .seed = 7};
+    DisturbanceParams other = one;
+    other.seed = 8;
+    const auto noise = LaneNoise<2>::of({one, other});
+    ASSERT_TRUE(noise);
+    EXPECT_EQ(noise->seed, (std::array<std::uint64_t, 2>{7, 8}));
+    EXPECT_EQ(noise->standard_deviation, (std::array{3.0, 3.0}));
+    EXPECT_EQ(noise->hold, 2);
+    const auto none = [&](auto&& change) {
+        DisturbanceParams changed = other;
+        change(changed);
+        return !LaneNoise<2>::of({one, changed});
+    };
+    EXPECT_TRUE(none([](DisturbanceParams& p) { p.kind = DisturbanceKind::sine; }));
+    EXPECT_TRUE(none([](DisturbanceParams& p) { p.hold = 3; }));
+    EXPECT_TRUE(none([](DisturbanceParams& p) { p.stream = 1; }));
 }
 
 }  // namespace

@@ -39,22 +39,62 @@ struct DisturbanceParams {
     friend auto operator<=>(const DisturbanceParams&, const DisturbanceParams&) = default;
 };
 
-// d for the steps asked for, in any order; fastest in rising order, as drawn noise is kept until it is used up.
+// Writes the noise of the steps first, first+1, … . One of these for each kind of processor: all write the same bits.
+using FillNoise = void (*)(const DisturbanceParams&, std::int64_t first, std::span<Vec2<double>>);
+
+template <std::size_t Bytes>
+[[gnu::flatten]] void fill_noise(const DisturbanceParams& p, std::int64_t first, std::span<Vec2<double>> out) {
+    Normals<Bytes> drawn;
+    const auto at = [&](std::size_t i) {
+        return p.standard_deviation * Vec2<double>{static_cast<double>(drawn.x[i]), static_cast<double>(drawn.y[i])};
+    };
+    const auto each = static_cast<std::size_t>(p.hold);
+    auto hold = static_cast<std::uint64_t>(first / p.hold);
+    std::size_t past = static_cast<std::size_t>(first % p.hold);  // steps of this hold
+    for (std::size_t done = 0; done < out.size();) {
+        const std::size_t odd = hold % 2;
+        const std::size_t wanted = odd + (past + (out.size() - done) + each - 1) / each;
+        const std::size_t count = std::min(wanted, Normals<Bytes>::most);
+        drawn.draw(p.seed, p.stream, hold - odd, count);
+        hold += count - odd;
+        if (each == 1) {
+            for (std::size_t i = odd; i < count; ++i) {
+                out[done + i - odd] = at(i);
+            }
+            done += count - odd;
+            continue;
+        }
+        for (std::size_t i = odd; i < count; ++i) {
+            const std::size_t steps = std::min(each - past, out.size() - done);
+            std::fill_n(out.begin() + static_cast<std::ptrdiff_t>(done), steps, at(i));
+            done += steps;
+            past = 0;
+        }
+    }
+}
+
+// d for the steps asked for, in any order.
 class Disturbance {
 public:
-    Disturbance(const DisturbanceParams& params, double step)
+    Disturbance(const DisturbanceParams& params, double step, FillNoise noise = &fill_noise<word_bytes>)
         : params_(params),
           sine_(Reference<double>::prepare(
-              {.amplitude = params.amplitude, .frequency = params.frequency, .phase = params.phase}, step)) {}
+              {.amplitude = params.amplitude, .frequency = params.frequency, .phase = params.phase}, step)),
+          noise_(noise) {}
 
+    // One by one, fastest in rising order.
     Vec2<double> operator()(std::int64_t n) {
-        Vec2<double> drawn;
-        fill(n, {&drawn, 1});
-        return drawn;
+        constexpr auto size = static_cast<std::int64_t>(std::tuple_size_v<decltype(kept_)>);
+        const std::int64_t place = n % size;
+        if (n - place != kept_from_) {
+            kept_from_ = n - place;
+            fill(kept_from_, kept_);
+        }
+        return kept_[static_cast<std::size_t>(place)];
     }
 
     // Writes d for the steps first, first+1, … .
-    void fill(std::int64_t first, std::span<Vec2<double>> out) {
+    void fill(std::int64_t first, std::span<Vec2<double>> out) const {
         switch (params_.kind) {
             case DisturbanceKind::none:
                 std::fill(out.begin(), out.end(), Vec2<double>{});
@@ -65,42 +105,16 @@ public:
                 }
                 return;
             case DisturbanceKind::noise:
-                fill_noise(first, out);
+                noise_(params_, first, out);
         }
     }
 
 private:
-    static constexpr std::int64_t holds = 64;
-
-    void fill_noise(std::int64_t first, std::span<Vec2<double>> out) {
-        std::int64_t hold = first / params_.hold;
-        std::int64_t left = params_.hold - first % params_.hold;
-        Vec2<double> value = at(hold);
-        for (auto& d : out) {
-            if (left == 0) {
-                value = at(++hold);
-                left = params_.hold;
-            }
-            --left;
-            d = value;
-        }
-    }
-
-    Vec2<double> at(std::int64_t hold) {
-        const std::int64_t block = hold / holds;
-        if (block != drawn_block_) {
-            drawn_.draw(params_.seed, static_cast<std::uint64_t>(block * holds), params_.stream);
-            drawn_block_ = block;
-        }
-        const auto place = static_cast<std::size_t>(hold % holds);
-        return params_.standard_deviation *
-               Vec2<double>{static_cast<double>(drawn_.x[place]), static_cast<double>(drawn_.y[place])};
-    }
-
     DisturbanceParams params_;
     Reference<double>::Coefficients sine_;  // by a phase in integers, as the reference: the same bits everywhere
-    Normals<holds> drawn_;
-    std::int64_t drawn_block_ = -1;
+    FillNoise noise_;
+    std::array<Vec2<double>, 64> kept_{};  // a block of steps
+    std::int64_t kept_from_ = -1;
 };
 
 }  // namespace fracgyro

@@ -45,7 +45,6 @@ void parallel_for(std::size_t count, unsigned threads, Task&& task) {
 }
 
 using MetricValues = std::array<double, metric_names.size()>;
-using FillDisturbance = void (*)(Disturbance&, std::int64_t, std::span<Vec2<double>>);
 
 namespace detail {
 
@@ -90,13 +89,12 @@ inline std::size_t kernel_terms(const Setup& s) {
 
 // Up to as many runs as there are lanes, of the same lane key; values[k] receives the metrics of run k.
 // `drawn`: the disturbance of every sample, the same for all runs; empty to draw it on the way.
-template <Controller C>
-void measure_block(AdvanceBlock<C> advance, FillDisturbance fill, std::span<const Setup* const> runs,
+template <Controller C, class Number, std::size_t count>
+void measure_block(const Kernels<Number, count>& kernels, std::span<const Setup* const> runs,
                    std::span<const Vec2<double>> drawn, const MetricsParams& params,
                    std::span<MetricValues* const> values) {
     using T = typename C::Value;
-    using Number = typename T::Number;
-    constexpr std::size_t count = T::count;
+    const auto advance = std::get<AdvanceBlock<C>>(kernels.advance);
     const auto block = std::make_unique<Block<C>>();
     auto& sums = block->sums;
     std::size_t terms = 0;
@@ -105,11 +103,13 @@ void measure_block(AdvanceBlock<C> advance, FillDisturbance fill, std::span<cons
     }
     std::array<bool, count> alive{};
     std::vector<Disturbance> disturbances;
+    std::array<DisturbanceParams, count> noises;
     for (std::size_t k = 0; k < count; ++k) {
         const Setup& run =
             *runs[std::min(k, runs.size() - 1)];  // unused lanes repeat the last run; their results are discarded
         alive[k] = k < runs.size();
-        disturbances.emplace_back(run.disturbance, run.common.step);
+        disturbances.emplace_back(run.disturbance, run.common.step, kernels.fill_noise);
+        noises[k] = run.disturbance;
         ControllerParams controller = run.controller;
         if (kernel_terms(run) < terms) {  // as many as in the other lanes
             fill_up(*kernel_of(controller), terms);
@@ -131,6 +131,7 @@ void measure_block(AdvanceBlock<C> advance, FillDisturbance fill, std::span<cons
     sums.surface_bound_squared = T(params.surface_bound * params.surface_bound);
     const bool shared =
         std::all_of(runs.begin(), runs.end(), [&](const Setup* run) { return noise_key(*run) == noise_key(*runs[0]); });
+    const auto noise = LaneNoise<count>::of(noises);
 
     const std::int64_t samples = runs[0]->steps + 1;
     const std::int64_t half = runs[0]->steps / 2;
@@ -177,23 +178,28 @@ void measure_block(AdvanceBlock<C> advance, FillDisturbance fill, std::span<cons
             bound_halfway[k] = LastReport::of(report, [k](const T& a) { return double{a.lane[k]}; }).bound[0];
         }
         const auto stretch = std::span(coming).first(static_cast<std::size_t>(end - first));
-        for (std::size_t k = 0; k < count && !shared; ++k) {
-            fill(disturbances[k], first, stretch);
-            for (std::size_t i = 0; i < stretch.size(); ++i) {
-                block->disturbance[i].x.lane[k] = static_cast<Number>(stretch[i].x);
-                block->disturbance[i].y.lane[k] = static_cast<Number>(stretch[i].y);
-            }
-        }
+        const auto set = [&](std::size_t i, std::size_t k) {
+            block->disturbance[i].x.lane[k] = static_cast<Number>(stretch[i].x);
+            block->disturbance[i].y.lane[k] = static_cast<Number>(stretch[i].y);
+        };
         if (shared) {
             if (drawn.empty()) {
-                fill(disturbances[0], first, stretch);
+                disturbances[0].fill(first, stretch);
             } else {
                 std::copy_n(drawn.begin() + first, stretch.size(), stretch.begin());
             }
             for (std::size_t i = 0; i < stretch.size(); ++i) {
                 for (std::size_t k = 0; k < count; ++k) {
-                    block->disturbance[i].x.lane[k] = static_cast<Number>(stretch[i].x);
-                    block->disturbance[i].y.lane[k] = static_cast<Number>(stretch[i].y);
+                    set(i, k);
+                }
+            }
+        } else if (noise) {
+            kernels.fill_lanes(*noise, first, std::span(block->disturbance).first(stretch.size()));
+        } else {
+            for (std::size_t k = 0; k < count; ++k) {
+                disturbances[k].fill(first, stretch);
+                for (std::size_t i = 0; i < stretch.size(); ++i) {
+                    set(i, k);
                 }
             }
         }
@@ -215,15 +221,14 @@ void measure_block(AdvanceBlock<C> advance, FillDisturbance fill, std::span<cons
     }
 }
 
-// The metrics of every run, in order. Runs with the same lane key share blocks: first those with the same disturbance,
-// which is then drawn once for all of them, then what is left, those with equally many exponentials side by side.
-template <class Number, std::size_t Count>
-std::vector<MetricValues> measure_all(const Kernels<Number, Count>& kernels, FillDisturbance fill,
-                                      std::span<const Setup* const> runs, const MetricsParams& params,
-                                      unsigned threads) {
+// The runs by their places, as threads take them. A task is one block, of at most as many runs as there are lanes, or
+// several full ones with the same disturbance, which is then drawn once for all of them. Runs with the same lane key
+// share blocks: first those with the same disturbance, then what is left, those with equally many exponentials side by
+// side.
+inline std::vector<std::vector<std::size_t>> tasks_of(std::span<const Setup* const> runs, std::size_t lanes,
+                                                      unsigned threads) {
     using Index = std::vector<std::size_t>;
-    constexpr std::size_t most_together = 16 * Count;              // runs on one thread
-    constexpr std::int64_t longest_drawn = std::int64_t{1} << 20;  // samples kept: 16 MB
+    constexpr std::size_t most_blocks = 16;
     const auto sort = [](Index& order, auto&& by) {
         std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return by(a) < by(b); });
     };
@@ -237,15 +242,15 @@ std::vector<MetricValues> measure_all(const Kernels<Number, Count>& kernels, Fil
         order[i] = i;
     }
     sort(order, [&](std::size_t i) { return std::tuple(together(i), terms(i)); });
-    std::vector<Index> tasks;  // at most one block, or several blocks with the same disturbance
+    std::vector<Index> tasks;
     Index left;
     for (std::size_t begin = 0, end = 0; begin < order.size(); begin = end) {
         while (end < order.size() && together(order[end]) == together(order[begin])) {
             ++end;
         }
-        for (; end - begin >= Count; begin += tasks.back().size()) {
+        for (; end - begin >= lanes; begin += tasks.back().size()) {
             const auto first = order.begin() + static_cast<std::ptrdiff_t>(begin);
-            const std::size_t size = std::min((end - begin) / Count * Count, most_together);
+            const std::size_t size = std::min((end - begin) / lanes, most_blocks) * lanes;
             tasks.emplace_back(first, first + static_cast<std::ptrdiff_t>(size));
         }
         for (; begin < end; ++begin) {
@@ -255,13 +260,21 @@ std::vector<MetricValues> measure_all(const Kernels<Number, Count>& kernels, Fil
     sort(left, [&](std::size_t i) { return std::tuple(key(i), terms(i)); });
     for (std::size_t begin = 0; begin < left.size(); begin += tasks.back().size()) {
         tasks.emplace_back();
-        for (std::size_t i = begin; i < left.size() && i < begin + Count; ++i) {
+        for (std::size_t i = begin; i < left.size() && i < begin + lanes; ++i) {
             if (key(left[i]) == key(left[begin])) {
                 tasks.back().push_back(left[i]);
             }
         }
     }
+    return tasks;
+}
 
+// The metrics of every run, in order.
+template <class Number, std::size_t Count>
+std::vector<MetricValues> measure_all(const Kernels<Number, Count>& kernels, std::span<const Setup* const> runs,
+                                      const MetricsParams& params, unsigned threads) {
+    constexpr std::int64_t longest_drawn = std::int64_t{1} << 20;  // samples kept: 16 MB
+    const auto tasks = tasks_of(runs, Count, threads);
     std::vector<MetricValues> values(runs.size());
     parallel_for(tasks.size(), threads, [&](std::size_t t) {
         std::vector<const Setup*> all;
@@ -273,14 +286,13 @@ std::vector<MetricValues> measure_all(const Kernels<Number, Count>& kernels, Fil
         std::vector<Vec2<double>> drawn;
         if (all.size() > Count && all[0]->steps < longest_drawn) {
             drawn.resize(static_cast<std::size_t>(all[0]->steps + 1));
-            Disturbance disturbance(all[0]->disturbance, all[0]->common.step);
-            fill(disturbance, 0, drawn);
+            Disturbance(all[0]->disturbance, all[0]->common.step, kernels.fill_noise).fill(0, drawn);
         }
         for (std::size_t begin = 0; begin < all.size(); begin += Count) {
             const std::size_t size = std::min(Count, all.size() - begin);
             const auto block = std::span<const Setup* const>(all).subspan(begin, size);
             with_controller<Lanes<Number, Count>>(block[0]->controller, [&]<class C>() {
-                measure_block<C>(std::get<AdvanceBlock<C>>(kernels), fill, block, drawn, params,
+                measure_block<C>(kernels, block, drawn, params,
                                  std::span<MetricValues* const>(out).subspan(begin, size));
             });
         }

@@ -2,7 +2,7 @@
 // such as the number of steps, is one number.
 #pragma once
 
-#include "fracgyro/sim/lanes.hpp"
+#include "fracgyro/sim/lane_noise.hpp"
 #include "fracgyro/sim/metrics.hpp"
 
 namespace fracgyro {
@@ -66,18 +66,20 @@ struct KernelsFor<T, std::tuple<Entries...>> : KernelsOf<typename Entries::Type:
 
 }  // namespace detail
 
-// `advance_block` for every controller of the registry, in double and single precision. One of these for each kind of
-// processor: whoever calls its own function below needs a processor of that kind.
+// What is compiled for one kind of processor: `advance_block` for every controller of the registry, in double and
+// single precision, and the noise. Whoever calls one of the functions below needs a processor of its kind.
 template <class Number, std::size_t Count>
-using Kernels = typename detail::KernelsFor<Lanes<Number, Count>, Registry>::Type;
+struct Kernels {
+    using Advance = detail::KernelsFor<Lanes<Number, Count>, Registry>;
+    typename Advance::Type advance = Advance::all();
+    void (*fill_lanes)(const LaneNoise<Count>&, std::int64_t,
+                       std::span<Vec2<Lanes<Number, Count>>>) = &fracgyro::fill_lanes<Number, Count>;
+    FillNoise fill_noise = &fracgyro::fill_noise<Count * sizeof(Number)>;
+};
 template <std::size_t Bytes>  // of a register
 struct KernelsOfWidth {
     Kernels<double, Bytes / sizeof(double)> doubles;
     Kernels<float, Bytes / sizeof(float)> floats;
-    static constexpr KernelsOfWidth all() {
-        return {.doubles = detail::KernelsFor<Lanes<double, Bytes / sizeof(double)>, Registry>::all(),
-                .floats = detail::KernelsFor<Lanes<float, Bytes / sizeof(float)>, Registry>::all()};
-    }
 };
 const KernelsOfWidth<16>& kernels_for_any_processor();
 const KernelsOfWidth<32>& kernels_for_avx2();

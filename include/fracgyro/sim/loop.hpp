@@ -19,16 +19,7 @@ std::int64_t run_loop(const SetupOf<Params>& setup, Disturb&& disturb, Observe&&
 // The same, with the disturbance of the setup.
 template <Controller C, class Params, class Observe>
 std::int64_t run_loop(const SetupOf<Params>& setup, Observe&& observe) {
-    Disturbance disturbance(setup.disturbance, setup.common.step);
-    std::array<Vec2<double>, 512> coming{};  // in blocks
-    const auto disturb = [&](std::int64_t n) {
-        const auto place = static_cast<std::size_t>(n) % coming.size();
-        if (place == 0) {
-            disturbance.fill(n, coming);
-        }
-        return coming[place];
-    };
-    return run_loop<C>(setup, disturb, observe);
+    return run_loop<C>(setup, Disturbance(setup.disturbance, setup.common.step), observe);
 }
 
 }  // namespace fracgyro

@@ -1,0 +1,64 @@
+// The noise of runs side by side.
+#pragma once
+
+#include "fracgyro/plant/disturbance.hpp"
+#include "fracgyro/sim/lanes.hpp"
+
+#include <optional>
+
+namespace fracgyro {
+
+// Where each run of a block has noise of its own, all held for as long: what differs from run to run.
+template <std::size_t Count>
+struct LaneNoise {
+    std::array<std::uint64_t, Count> seed{};
+    std::array<double, Count> standard_deviation{};
+    std::uint32_t stream = 0;
+    std::int64_t hold = 1;
+
+    // Nothing where it is not so.
+    static std::optional<LaneNoise> of(const std::array<DisturbanceParams, Count>& runs) {
+        LaneNoise noise{.stream = runs[0].stream, .hold = runs[0].hold};
+        for (std::size_t k = 0; k < Count; ++k) {
+            const DisturbanceParams& run = runs[k];
+            if (run.kind != DisturbanceKind::noise || run.stream != noise.stream || run.hold != noise.hold) {
+                return std::nullopt;
+            }
+            noise.seed[k] = run.seed;
+            noise.standard_deviation[k] = run.standard_deviation;
+        }
+        return noise;
+    }
+};
+
+// Writes the noise of the steps first, first + 1, …: what fill_noise writes for each run.
+template <class Number, std::size_t Count>
+[[gnu::flatten]] void fill_lanes(const LaneNoise<Count>& noise, std::int64_t first,
+                                 std::span<Vec2<Lanes<Number, Count>>> out) {
+    using T = Lanes<Number, Count>;
+    using Drawn = Normals<Count * sizeof(Number)>;
+    Drawn drawn;
+    const auto in_lanes = [&](const auto& normals, std::size_t row) {
+        std::array<Number, Count> values;
+        for (std::size_t k = 0; k < Count; ++k) {
+            const auto normal = static_cast<double>(normals[Drawn::template place<Count>(row, k)]);
+            values[k] = static_cast<Number>(noise.standard_deviation[k] * normal);
+        }
+        return T::of(std::bit_cast<typename T::Register>(values));
+    };
+    auto hold = static_cast<std::uint64_t>(first / noise.hold);
+    std::int64_t left = noise.hold - first % noise.hold;  // steps of this hold
+    for (std::size_t done = 0; done < out.size();) {
+        const std::size_t odd = hold % 2, rows = Drawn::most / Count;
+        drawn.draw(noise.seed, noise.stream, hold - odd, rows);
+        for (std::size_t row = odd; row < rows && done < out.size(); ++row, left = noise.hold) {
+            const Vec2<T> value{in_lanes(drawn.x, row), in_lanes(drawn.y, row)};
+            for (; left > 0 && done < out.size(); --left) {
+                out[done++] = value;
+            }
+        }
+        hold += rows - odd;
+    }
+}
+
+}  // namespace fracgyro
