@@ -71,6 +71,37 @@ TEST(MeasureAll, GivesTheSameWhateverTheNumberOfThreads) {
     EXPECT_EQ(std::memcmp(measured(all, 7).data(), one.data(), size), 0);
 }
 
+// Of runs with one seed or several: how many tasks of which blocks.
+TEST(Tasks, AreEnoughForAllThreadsWhateverTheNumberOfSeeds) {
+    constexpr std::size_t lanes = 8;
+    for (const std::uint64_t seeds : {1U, 3U, 128U}) {
+        std::vector<fracgyro::Setup> setups(128, paper(10));
+        std::vector<const fracgyro::Setup*> all;
+        for (auto& setup : setups) {
+            setup.disturbance.seed = all.size() % seeds;
+            all.push_back(&setup);
+        }
+        const auto blocks_of = [&](unsigned threads) {
+            std::vector<std::vector<std::size_t>> blocks;
+            const auto tasks = tasks_of(all, lanes, threads);
+            EXPECT_GE(tasks.size(), std::min<std::size_t>(threads, all.size() / lanes));
+            for (const auto& task : tasks) {
+                for (std::size_t begin = 0; begin < task.size(); begin += lanes) {
+                    const auto first = task.begin() + static_cast<std::ptrdiff_t>(begin);
+                    blocks.emplace_back(first,
+                                        first + static_cast<std::ptrdiff_t>(std::min(lanes, task.size() - begin)));
+                }
+            }
+            return blocks;
+        };
+        const auto one = blocks_of(1);
+        EXPECT_EQ(one.size(), all.size() / lanes);
+        for (const unsigned threads : {2U, 7U, 100U}) {
+            EXPECT_EQ(blocks_of(threads), one);
+        }
+    }
+}
+
 TEST(MeasureAll, ARunThatStartsBeyondTheLimitHasNoSample) {
     auto wild = paper(100);
     wild.plant.initial_position = {0.0, -2.0 * divergence_limit};

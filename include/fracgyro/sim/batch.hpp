@@ -224,11 +224,12 @@ void measure_block(const Kernels<Number, count>& kernels, std::span<const Setup*
 // The runs by their places, as threads take them. A task is one block, of at most as many runs as there are lanes, or
 // several full ones with the same disturbance, which is then drawn once for all of them. Runs with the same lane key
 // share blocks: first those with the same disturbance, then what is left, those with equally many exponentials side by
-// side.
+// side. Which runs share a block does not depend on the number of threads.
 inline std::vector<std::vector<std::size_t>> tasks_of(std::span<const Setup* const> runs, std::size_t lanes,
                                                       unsigned threads) {
     using Index = std::vector<std::size_t>;
-    constexpr std::size_t most_blocks = 16;
+    // So many that drawing takes no time that matters, and so few that every thread has some.
+    const std::size_t most_blocks = std::clamp<std::size_t>(runs.size() / lanes / (4 * std::max(threads, 1U)), 1, 16);
     const auto sort = [](Index& order, auto&& by) {
         std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return by(a) < by(b); });
     };
