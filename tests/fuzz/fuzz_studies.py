@@ -126,7 +126,7 @@ def _sweep(body: bytes, folder: Path) -> None:
     path.write_bytes(body)
     plan = design.read_plan(path)
     work = blocks.blocks(plan)
-    if plan.runs > FEW or sum(scenario.run.steps for scenario in plan.scenarios) > SHORT:
+    if plan.runs > FEW or sum(plan.scenario(i).run.steps for i in range(len(plan.points))) > SHORT:
         BlockFiles(folder / "out", plan, work, resume=False)
     elif _often(body):
         sweep(path, folder / "out")
@@ -245,7 +245,7 @@ def _sweep_folder(body: bytes, folder: Path) -> None:
     for block in work:
         if not there.finished(block):
             there.write(block, block.measure())
-    there.read(work)
+    there.read(work, ["point"])
     for path in [*(finished / "out" / "runs").iterdir(), finished / "out" / "runs.sha256"]:
         assert (folder / "out" / path.relative_to(finished / "out")).read_bytes() == path.read_bytes()
 

@@ -67,11 +67,11 @@ class BlockFiles:
             with open(self.path / SUMS, "a", encoding="ascii") as sums:
                 sums.write(_line(_name(block), self._sums[_name(block)]))
 
-    def read(self, work: list[Block]) -> pa.Table:
-        """The rows of these blocks, in order. All are finished: their hashes are put into order, too."""
+    def read(self, work: list[Block], columns: list[str]) -> pa.Table:
+        """These columns of the blocks' rows, in order. All are finished: their hashes are put into order, too."""
         self._record()
         files = ((self.runs / _name(block)).read_bytes() for block in work)
-        return pa.concat_tables([pq.read_table(pa.BufferReader(data)) for data in files])
+        return pa.concat_tables([pq.read_table(pa.BufferReader(data), columns=columns) for data in files])
 
     def _recorded(self) -> dict[str, str]:
         """{name of a block: hash}; of two lines for one block the last, and no line that is damaged."""

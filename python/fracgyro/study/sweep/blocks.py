@@ -16,7 +16,7 @@ from ...simulation.measure import measure_many
 from ...simulation.native import Law
 from ...simulation.outside import ControllerLike
 from ..controller import of_each
-from .design import Plan
+from .design import Plan, scenario_of
 
 # What a kill may cost: about a second of one processor, or this many runs.
 STEPS_PER_BLOCK, RUNS_PER_BLOCK = 2 * 10**7, 4096
@@ -29,16 +29,16 @@ class Block:
 
     number: int
     first: int  # number of its first point
-    scenarios: list[Scenario]
+    base: Scenario
     values: list[tuple[Any, ...]]  # of the fields that vary, by point
     seeds: list[int]
     columns: pa.Schema  # point, seed and the fields that vary
     thresholds: dict[str, Any]
-    controllers: ControllerLike | list[Law] | None  # from outside; of each point, where its parameters vary
+    controller: ControllerLike | None  # from outside
 
     @property
     def runs(self) -> int:
-        return len(self.scenarios) * len(self.seeds)
+        return len(self.values) * len(self.seeds)
 
     def keys(self) -> pa.Table:
         """What the rows are of, one per run: the columns `columns`."""
@@ -62,9 +62,10 @@ class Block:
 
     def measure(self, progress: Callable[[int], object] | None = None) -> pa.Table:
         """The keys with the metrics. What never happens is null. Runs on all processors."""
-        runs = measure_many(
-            self.scenarios, seeds=self.seeds, controller=self.controllers, progress=progress, **self.thresholds
-        )
+        points = [dict(zip(self.columns.names[2:], values, strict=True)) for values in self.values]
+        scenarios = [scenario_of(self.base, number, values) for number, values in enumerate(points, self.first)]
+        controllers = of_each(self.controller, points)
+        runs = measure_many(scenarios, seeds=self.seeds, controller=controllers, progress=progress, **self.thresholds)
         table = self.keys()
         for name, variable in runs.data_vars.items():
             inner = [dimension for dimension in variable.dims if dimension != "run"]
@@ -78,9 +79,8 @@ class Block:
 
 def blocks(plan: Plan) -> list[Block]:
     """The whole plan, in order: by point, then by seed."""
-    longest = max(scenario.run.steps for scenario in plan.scenarios)
     native = plan.controller is None or isinstance(plan.controller, Law)
-    most = min(max((STEPS_PER_BLOCK if native else STEPS_OF_CALLABLES) // longest, 1), RUNS_PER_BLOCK)
+    most = min(max((STEPS_PER_BLOCK if native else STEPS_OF_CALLABLES) // plan.facts.longest, 1), RUNS_PER_BLOCK)
     seeds = min(len(plan.seeds), most)
     points = max(most // len(plan.seeds), 1)
     columns = _columns(plan)
@@ -90,12 +90,12 @@ def blocks(plan: Plan) -> list[Block]:
         Block(
             number,
             first,
-            plan.scenarios[first : first + points],
+            plan.base,
             plan.points[first : first + points],
             plan.seeds[seed : seed + seeds],
             columns,
             thresholds,
-            of_each(plan.controller, [plan.values(point) for point in plan.points[first : first + points]]),
+            plan.controller,
         )
         for number, (first, seed) in enumerate(pieces)
     ]

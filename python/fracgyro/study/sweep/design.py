@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import os
 from collections.abc import Callable, Mapping
@@ -52,6 +53,22 @@ class Study(Table):
     show: Annotated[list[str], BeforeValidator(_show), Field(min_length=1)] = Field(default=list(SHOWN))
 
 
+@dataclass
+class Facts:
+    """What is known of the scenarios of all points, which are made when they run: a million would not fit in memory."""
+
+    longest: int = 0  # steps
+    durations: set[float] = dataclasses.field(default_factory=set)
+    controllers: set[str] = dataclasses.field(default_factory=set)  # kinds
+    disturbances: set[str] = dataclasses.field(default_factory=set)  # kinds
+
+    def add(self, scenario: Scenario) -> None:
+        self.longest = max(self.longest, scenario.run.steps)
+        self.durations.add(scenario.run.duration)
+        self.controllers.add(scenario.controller.kind)
+        self.disturbances.add(scenario.disturbance.kind)
+
+
 @dataclass(frozen=True)
 class Plan:
     """A study in full: every point runs with every seed."""
@@ -61,13 +78,13 @@ class Plan:
     base: Scenario
     dimensions: tuple[Dimension, ...]
     points: list[tuple[Any, ...]]  # values of the dimensions
-    scenarios: list[Scenario]  # of the points
+    facts: Facts
     seeds: list[int]
     controller: ControllerLike | None  # from outside, in the place of the scenarios' own
 
-    def values(self, point: tuple[Any, ...]) -> dict[str, Any]:
-        """By field."""
-        return dict(zip(self.fields, point, strict=True))
+    def scenario(self, number: int) -> Scenario:
+        """Of a point."""
+        return scenario_of(self.base, number, dict(zip(self.fields, self.points[number], strict=True)))
 
     @property
     def fields(self) -> list[str]:
@@ -88,17 +105,20 @@ def read_plan(path: str | os.PathLike[str], controller: ControllerLike | None = 
         raise ScenarioError("disturbance.seed is in [vary]: it must be left to seeds, which every point runs with")
     points = DESIGNS[study.design.kind](study.design, dimensions)
     fields = [dimension.field for dimension in dimensions]
-    scenarios = [_scenario(base, number, dict(zip(fields, p, strict=True))) for number, p in enumerate(points)]
+    facts = Facts()
+    for number, point in enumerate(points):
+        facts.add(scenario_of(base, number, dict(zip(fields, point, strict=True))))
     seeds = [base.disturbance.seed] if study.seeds is None else study.seeds
-    if len(seeds) > 1 and all(s.disturbance.kind != "noise" for s in scenarios):
+    if len(seeds) > 1 and "noise" not in facts.disturbances:
         raise ScenarioError(
             f"seeds is {shown(seeds)}: it must be one, as disturbance.kind is "
-            f"{shown(scenarios[0].disturbance.kind)} and nothing depends on it"
+            f"{' or '.join(map(shown, sorted(facts.disturbances)))} and nothing depends on it"
         )
-    return Plan(study, read_text(path), base, dimensions, points, scenarios, seeds, controller)
+    return Plan(study, read_text(path), base, dimensions, points, facts, seeds, controller)
 
 
-def _scenario(base: Scenario, number: int, values: Mapping[str, Any]) -> Scenario:
+def scenario_of(base: Scenario, number: int, values: Mapping[str, Any]) -> Scenario:
+    """The scenario of a point. Raises ScenarioError in one sentence, with its number and values, when it cannot run."""
     try:
         return base.replace(fields_of_scenario(values))
     except ScenarioError as error:

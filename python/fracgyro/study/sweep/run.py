@@ -66,7 +66,7 @@ def sweep(
             measured = measured_there(cluster, waiting, advance) if cluster else measured_here(waiting, advance)
             for block, table in measured:
                 folder.write(block, table)
-    rows = folder.read(work)
+    rows = folder.read(work, list(dict.fromkeys(["point", "seed", "diverged_at", *plan.study.show])))
     summary = folder.path / "summary.html"
     write_summary(summary, plan, rows)
     diverged = plan.runs - rows["diverged_at"].null_count

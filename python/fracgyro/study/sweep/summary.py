@@ -50,7 +50,7 @@ def write_summary(path: Path, plan: Plan, table: pa.Table) -> None:
         fixed=plan.study.fixed,
         outside=controller_words(plan.controller),
         design=DESIGN_WORDS[plan.study.design.kind],
-        durations=" or ".join(f"{d:g}" for d in sorted({scenario.run.duration for scenario in plan.scenarios})[:9]),
+        durations=" or ".join(f"{d:g}" for d in sorted(plan.facts.durations)[:9]),
         sampled=rows.sampled,
         diverged=rows.diverged,
         diverged_where=_diverged_where(rows) if rows.diverged else [],
@@ -118,8 +118,7 @@ def _reported(plan: Plan, name: str, found: bool) -> bool:
     channel = REPORTS.get(name.partition("_")[0])
     if channel is None or plan.controller is not None:
         return channel is None or found
-    kinds = {scenario.controller.kind for scenario in plan.scenarios}
-    return any(channel == own.name for kind in kinds for listed in reports(kind) for own in listed)
+    return any(channel == own.name for kind in plan.facts.controllers for listed in reports(kind) for own in listed)
 
 
 def _correlation(rows: Rows, numeric: list[Dimension]) -> str:
