@@ -67,6 +67,8 @@ bench: .venv/installed-bench .venv/installed-export
 	$(BIN)/python benchmarks/lane_contraction.py
 	$(BIN)/python benchmarks/loop.py
 	$(BIN)/python benchmarks/scaling.py
+	$(BIN)/python benchmarks/sweep_scaling.py
+	$(BIN)/python benchmarks/error_budget.py
 	$(BIN)/python benchmarks/reproduction.py
 	$(BIN)/python benchmarks/best_order.py
 	$(BIN)/python benchmarks/rate_estimation.py

@@ -234,7 +234,7 @@ def test_every_shipped_scenario_has_what_hardware_needs(name: str) -> None:
 
 def test_the_preset_for_hardware_is_the_papers_with_limits() -> None:
     limits = {"controller.force_limit": 6000.0, "controller.switching_limit": 0.5}
-    assert shipped("hardware") == PAPER.replace({**limits, "guard.checked": True})
+    assert shipped("hardware") == PAPER.replace({**limits, "guard.checked": True, "run.kernel_tolerance": 3e-5})
     for variant in ("printed", "corrected"):
         assert fg.Scenario.paper(variant).controller.switching_limit == INF
 

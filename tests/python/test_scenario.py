@@ -154,8 +154,9 @@ def test_a_third_reading_of_the_paper_is_refused() -> None:
 # Defaults and types
 
 
-def test_an_empty_file_is_the_corrected_paper_with_the_noise_held_for_one_step() -> None:
-    assert Scenario.from_toml("") == Scenario() == PAPER.replace({"disturbance.hold": None})
+def test_an_empty_file_is_the_corrected_paper_with_the_noise_held_for_one_step_and_a_looser_kernel() -> None:
+    looser = {"disturbance.hold": None, "run.kernel_tolerance": 3e-5}
+    assert Scenario.from_toml("") == Scenario() == PAPER.replace(looser)
 
 
 def test_missing_fields_take_the_papers_values() -> None:

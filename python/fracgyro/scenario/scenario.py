@@ -126,8 +126,9 @@ class Scenario(Table):
         if variant not in ("corrected", "printed"):
             raise ScenarioError(f"variant is {shown(variant)}: it must be corrected or printed")
         switches = {path: getattr(erratum, variant) for path, erratum in ERRATA_SWITCHES.items()}
-        # The hold is stated, so that a finer step leaves the noise as it is.
-        return cls().replace({**switches, "disturbance.hold": 1e-3})
+        # The hold is stated, so that a finer step leaves the noise as it is; the tolerance, so that the reproduction
+        # has no error of its own.
+        return cls().replace({**switches, "disturbance.hold": 1e-3, "run.kernel_tolerance": 1e-6})
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Scenario:
