@@ -45,7 +45,7 @@ double run_unkept(const Setup& setup, const std::vector<Vec2<double>>& noise) {
     with_controller<double>(setup.controller, [&]<class Controller>() {
         run_loop<Controller>(
             setup, [&](std::int64_t n) { return noise[static_cast<std::size_t>(n)]; },
-            [&](const auto& at) { last = at.signals.error.value.x; });
+            [&](const auto& at) { last = at.signals.error.value.x(); });
     });
     return last;
 }

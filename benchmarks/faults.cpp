@@ -31,6 +31,8 @@ std::vector<double> read(const char* name) {
     return numbers;
 }
 
+using Measured = std::array<double, 4>;  // x, y and their rates
+
 struct Fault {
     std::string what = "none";
     double size = 0.0;
@@ -38,35 +40,35 @@ struct Fault {
 
     bool acts(std::int64_t since) const { return since >= 0 && (every > 0 ? since % every : since) < samples; }
     // `held`: the last sample before it.
-    void apply(Motion<double>& m, const Motion<double>& held) const {
+    void apply(Measured& m, const Measured& held) const {
         const auto is = [&](const char* name) { return what == name; };
         constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-        m.position.x += is("x") ? size : 0.0;
-        m.position.y += is("y") ? size : 0.0;
-        m.velocity.x += is("vx") ? size : 0.0;
-        m.velocity.y += is("vy") ? size : 0.0;
+        m[0] += is("x") ? size : 0.0;
+        m[1] += is("y") ? size : 0.0;
+        m[2] += is("vx") ? size : 0.0;
+        m[3] += is("vy") ? size : 0.0;
         if (is("nan")) {
-            m.position.x = nan;
+            m[0] = nan;
         }
         if (is("stuck") || is("stuck x")) {
-            m.position.x = held.position.x;
+            m[0] = held[0];
         }
         if (is("stuck") || is("stuck vx")) {
-            m.velocity.x = held.velocity.x;
+            m[2] = held[2];
         }
         if (is("zero") || is("flip")) {
             const double factor = is("zero") ? 0.0 : -1.0;
-            m.position.x *= factor, m.velocity.x *= factor;
+            m[0] *= factor, m[2] *= factor;
         }
         if (is("zero y") || is("flip both")) {
             const double factor = is("zero y") ? 0.0 : -1.0;
-            m.position.y *= factor, m.velocity.y *= factor;
+            m[1] *= factor, m[3] *= factor;
         }
         if (is("flip both")) {
-            m.position.x *= -1.0, m.velocity.x *= -1.0;
+            m[0] *= -1.0, m[2] *= -1.0;
         }
         if (is("gain")) {
-            m.position.x *= size, m.velocity.x *= size;
+            m[0] *= size, m[2] *= size;
         }
     }
 };
@@ -87,20 +89,19 @@ public:
     Status step(const Fault& fault, std::int64_t since) {
         Vec2<double> d;
         disturbance_.fill(n_, {&d, 1});
-        held_ = since < 0 ? motion_ : held_;
-        Motion<double> m = motion_;
+        Measured m{motion_.position.x(), motion_.position.y(), motion_.velocity.x(), motion_.velocity.y()};
+        held_ = since < 0 ? m : held_;
         if (fault.acts(since)) {
             fault.apply(m, held_);
         }
-        const auto signals = Safe::step(
-            state_, coefficients_,
-            {.position = {T(m.position.x), T(m.position.y)}, .velocity = {T(m.velocity.x), T(m.velocity.y)}});
+        const auto signals =
+            Safe::step(state_, coefficients_, {.position = {T(m[0]), T(m[1])}, .velocity = {T(m[2]), T(m[3])}});
         const double t = static_cast<double>(n_++) * setup_.common.step;
         const ReferenceParams& r = setup_.common.reference;
-        error = std::hypot(motion_.position.x - r.amplitude.x * std::sin(r.frequency.x * t + r.phase.x),
-                           motion_.position.y - r.amplitude.y * std::sin(r.frequency.y * t + r.phase.y));
+        error = std::hypot(motion_.position.x() - r.amplitude.x() * std::sin(r.frequency.x() * t + r.phase.x()),
+                           motion_.position.y() - r.amplitude.y() * std::sin(r.frequency.y() * t + r.phase.y()));
         off = std::abs(static_cast<double>(signals.report.rate) - setup_.plant.rate) / std::abs(setup_.plant.rate);
-        const Vec2<double> force{static_cast<double>(state_.force.x), static_cast<double>(state_.force.y)};
+        const Vec2<double> force{static_cast<double>(state_.force.x()), static_cast<double>(state_.force.y())};
         Gyroscope<double>::step(motion_, plant_, force, d);
         return state_.status;
     }
@@ -112,7 +113,8 @@ private:
     typename Safe::Coefficients coefficients_;
     typename Safe::State state_{};
     Gyroscope<double>::Coefficients plant_;
-    Motion<double> motion_, held_{};
+    Motion<double> motion_;
+    Measured held_{};
     Disturbance disturbance_;
     std::int64_t n_ = 0;
 };
@@ -203,7 +205,7 @@ void notice(const Setup& setup, std::int64_t from, std::int64_t until, const std
 }  // namespace
 
 int main(int count, char** words) {
-    const auto numbers = read("numbers"), rates = read("rates"), weights = read("weights");
+    const auto numbers = read("numbers"), poles = read("poles"), weights = read("weights");
     Setup setup{.controller = params_of_kind(count < 5 ? 0 : std::stoul(words[1]))};
     if (count < 5 || numbers.size() != setting_count(setup)) {
         return 2;

@@ -78,8 +78,8 @@ void soak(const std::vector<Setup>& runs, std::int64_t steps) {
             signals = C::step(state, controller, motion);
             if (counting) {
                 const Vec2<T> e = signals.error.value;
-                x = x + e.x * e.x;
-                y = y + e.y * e.y;
+                x = x + e.x() * e.x();
+                y = y + e.y() * e.y();
                 rate = rate + signals.report.rate;
                 squared = squared + signals.report.rate * signals.report.rate;
                 const auto& b = signals.report.bound;
@@ -88,15 +88,15 @@ void soak(const std::vector<Setup>& runs, std::int64_t steps) {
             }
             Vec2<T> d;
             for (std::size_t k = 0; k < lanes; ++k) {
-                d.x.lane[k] = static_cast<Number>(coming[k][static_cast<std::size_t>(i)].x);
-                d.y.lane[k] = static_cast<Number>(coming[k][static_cast<std::size_t>(i)].y);
+                d.first.lane[k] = static_cast<Number>(coming[k][static_cast<std::size_t>(i)].x());
+                d.second.lane[k] = static_cast<Number>(coming[k][static_cast<std::size_t>(i)].y());
             }
             Gyroscope<T>::step(motion, plant, signals.force, d);
         }
         for (std::size_t k = 0; k < runs.size(); ++k) {
             const Setup& setup = runs[k];
             const double size =
-                std::abs(double{motion.position.x.lane[k]}) + std::abs(double{motion.position.y.lane[k]});
+                std::abs(double{motion.position.x().lane[k]}) + std::abs(double{motion.position.y().lane[k]});
             if (alive[k] && !(size < divergence_limit)) {
                 alive[k] = false;
                 std::cout << k << ' ' << n << " diverged\n";

@@ -18,8 +18,8 @@ namespace nb = nanobind;
 using Array2 = std::array<double, 2>;
 using Array3 = std::array<double, 3>;
 
-inline Array2 to_array(const Vec2<double>& v) { return {v.x, v.y}; }
-inline Array3 to_array(const Sym2<double>& a) { return {a.xx, a.xy, a.yy}; }
+inline Array2 to_array(const Vec2<double>& v) { return {v.x(), v.y()}; }
+inline Array3 to_array(const Sym2<double>& a) { return {a.xx(), a.xy(), a.yy()}; }
 inline Vec2<double> to_vec2(const Array2& a) { return {a[0], a[1]}; }
 inline Sym2<double> to_sym2(const Array3& a) { return {a[0], a[1], a[2]}; }
 

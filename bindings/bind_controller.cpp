@@ -37,12 +37,12 @@ public:
     explicit Holder(const Setup& s) : held_(new Held{.coefficients = prepare<Controller>(s.controller, s.common)}) {}
 
     Vec2<double> step(const Motion<double>& motion) override {
-        const auto number = [](const Vec2<double>& a) { return Vec2<T>{T(a.x), T(a.y)}; };
+        const auto number = [](const Vec2<double>& a) { return Vec2<T>{T(a.x()), T(a.y())}; };
         const Vec2<T> force =
             Controller::step(held_->state, held_->coefficients,
                              {.position = number(motion.position), .velocity = number(motion.velocity)})
                 .force;
-        return {static_cast<double>(force.x), static_cast<double>(force.y)};
+        return {static_cast<double>(force.x()), static_cast<double>(force.y())};
     }
     std::vector<double> report() const override {
         std::vector<double> numbers;
@@ -98,9 +98,9 @@ nb::object checked_step(AnyController& self, double step, const Units& units, nb
         !(absolute(t / units.time - static_cast<double>(self.steps()) * step) < 0.5 * step)) {
         return nb::none();
     }
-    const Vec2<double> force = self.step({.position = {q.x / units.length, q.y / units.length},
-                                          .velocity = {v.x / units.velocity, v.y / units.velocity}});
-    return new_vector({force.x * units.force, force.y * units.force});
+    const Vec2<double> force = self.step({.position = {q.x() / units.length, q.y() / units.length},
+                                          .velocity = {v.x() / units.velocity, v.y() / units.velocity}});
+    return new_vector({force.x() * units.force, force.y() * units.force});
 }
 
 nb::str text(std::string_view a) { return nb::str(a.data(), a.size()); }

@@ -16,8 +16,8 @@ void bind_disturbance(nb::module_& m) {
             Disturbance(params, s.common.step).fill(first, {values.get(), count});
             auto out = std::make_unique<double[]>(2 * count);
             for (std::size_t i = 0; i < count; ++i) {
-                out[2 * i] = values[i].x;
-                out[2 * i + 1] = values[i].y;
+                out[2 * i] = values[i].x();
+                out[2 * i + 1] = values[i].y();
             }
             return owned<double, 2>(std::move(out), {count, 2});
         },

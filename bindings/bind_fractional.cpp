@@ -26,10 +26,10 @@ inline void operate(const ExponentialSum& kernel, double step, std::size_t sampl
             const std::size_t b = n * channels + second;
             const auto result = Operator::update(state, coefficients,
                                                  {.value = {values[a], values[b]}, .derivative = {rates[a], rates[b]}});
-            integral[a] = result.integral.x;
-            integral[b] = result.integral.y;
-            derivative[a] = result.derivative.x;
-            derivative[b] = result.derivative.y;
+            integral[a] = result.integral.x();
+            integral[b] = result.integral.y();
+            derivative[a] = result.derivative.x();
+            derivative[b] = result.derivative.y();
         }
     }
 }

@@ -33,9 +33,9 @@ PyObject* sample_text(PyObject* self) {
     std::snprintf(text.data(), text.size(),
                   "Sample(time=%.9g, position=(%.9g, %.9g), velocity=(%.9g, %.9g), reference=(%.9g, %.9g), "
                   "reference_velocity=(%.9g, %.9g), reference_acceleration=(%.9g, %.9g))",
-                  in.time, in.position.x, in.position.y, in.velocity.x, in.velocity.y, in.reference.x, in.reference.y,
-                  in.reference_velocity.x, in.reference_velocity.y, in.reference_acceleration.x,
-                  in.reference_acceleration.y);
+                  in.time, in.position.x(), in.position.y(), in.velocity.x(), in.velocity.y(), in.reference.x(),
+                  in.reference.y(), in.reference_velocity.x(), in.reference_velocity.y(), in.reference_acceleration.x(),
+                  in.reference_acceleration.y());
     return PyUnicode_FromString(text.data());
 }
 void free_sample(PyObject* self) {
@@ -94,7 +94,10 @@ bool take_pair(PyObject* from, Vec2<double>& to) {
         return false;
     }
     PyObject** const item = PySequence_Fast_ITEMS(items.ptr());
-    return PySequence_Fast_GET_SIZE(items.ptr()) == 2 && take_number(item[0], to.x) && take_number(item[1], to.y);
+    double x = 0.0, y = 0.0;
+    const bool taken = PySequence_Fast_GET_SIZE(items.ptr()) == 2 && take_number(item[0], x) && take_number(item[1], y);
+    to = {x, y};
+    return taken;
 }
 
 // A Python callable as a law. Whoever calls it holds the GIL.
@@ -147,15 +150,16 @@ public:
         for (const auto& [name, width] : names_) {
             PyObject* const value = PyDict_GetItemWithError(found.ptr(), name.ptr());
             Vec2<double> pair;
-            const bool one = value != nullptr && width == 1 && take_number(value, pair.x);
+            const bool one = value != nullptr && width == 1 && take_number(value, numbers_[at]);
             same = same && (one || (value != nullptr && width == 2 && take_pair(value, pair)));
             if (!same) {
                 break;
             }
-            numbers_[at++] = pair.x;
             if (width == 2) {
-                numbers_[at++] = pair.y;
+                numbers_[at] = pair.x();
+                numbers_[at + 1] = pair.y();
             }
+            at += width;
         }
         if (!same) {
             refuse("report() of the controller returned", found,

@@ -61,7 +61,7 @@ public:
         if (!bounded(state_.motion)) {
             throw nb::value_error("the motion has diverged: the plant can go on no longer");
         }
-        DeviceGyroscope::act(state_, coefficients_, {asked.x / units_.force, asked.y / units_.force}, n_);
+        DeviceGyroscope::act(state_, coefficients_, {asked.x() / units_.force, asked.y() / units_.force}, n_);
         DeviceGyroscope::step(state_, coefficients_, n_);
         ++n_;
         sense();

@@ -30,13 +30,18 @@ inline PyObject* array_type() {
 
 // A tuple, a list or a NumPy array of doubles.
 inline bool take(PyObject* from, Vec2<double>& to) {
+    double x = 0.0, y = 0.0;
+    const auto both = [&](bool taken) {
+        to = {x, y};
+        return taken;
+    };
     if (PyTuple_CheckExact(from)) {
-        return PyTuple_GET_SIZE(from) == 2 && take(PyTuple_GET_ITEM(from, 0), to.x) &&
-               take(PyTuple_GET_ITEM(from, 1), to.y);
+        return both(PyTuple_GET_SIZE(from) == 2 && take(PyTuple_GET_ITEM(from, 0), x) &&
+                    take(PyTuple_GET_ITEM(from, 1), y));
     }
     if (PyList_CheckExact(from)) {
-        return PyList_GET_SIZE(from) == 2 && take(PyList_GET_ITEM(from, 0), to.x) &&
-               take(PyList_GET_ITEM(from, 1), to.y);
+        return both(PyList_GET_SIZE(from) == 2 && take(PyList_GET_ITEM(from, 0), x) &&
+                    take(PyList_GET_ITEM(from, 1), y));
     }
     if (reinterpret_cast<PyObject*>(Py_TYPE(from)) != array_type()) {
         return false;
@@ -49,18 +54,18 @@ inline bool take(PyObject* from, Vec2<double>& to) {
     const bool fits = view.ndim == 1 && view.shape[0] == 2 && view.format[0] == 'd' && view.format[1] == '\0';
     if (fits) {
         const auto* const first = static_cast<const char*>(view.buf);
-        std::memcpy(&to.x, first, sizeof to.x);
-        std::memcpy(&to.y, first + view.strides[0], sizeof to.y);
+        std::memcpy(&x, first, sizeof x);
+        std::memcpy(&y, first + view.strides[0], sizeof y);
     }
     PyBuffer_Release(&view);
-    return fits && std::isfinite(to.x) && std::isfinite(to.y);
+    return both(fits && std::isfinite(x) && std::isfinite(y));
 }
 
 // (x, y); nullptr where there is no memory.
 inline PyObject* new_pair(const Vec2<double>& a) {
     PyObject* const pair = PyTuple_New(2);
-    PyObject* const x = PyFloat_FromDouble(a.x);
-    PyObject* const y = PyFloat_FromDouble(a.y);
+    PyObject* const x = PyFloat_FromDouble(a.x());
+    PyObject* const y = PyFloat_FromDouble(a.y());
     if (pair == nullptr || x == nullptr || y == nullptr) {
         Py_XDECREF(pair), Py_XDECREF(x), Py_XDECREF(y);
         return nullptr;

@@ -42,5 +42,5 @@ int main() {
         Gyroscope<double>::step(motion, plant, signals.force, disturbance);
         sum = sum + signals.error.value * signals.error.value;
     }
-    std::printf("RMSE: x %.9g, y %.9g\n", std::sqrt(sum.x / (steps + 1)), std::sqrt(sum.y / (steps + 1)));
+    std::printf("RMSE: x %.9g, y %.9g\n", std::sqrt(sum.x() / (steps + 1)), std::sqrt(sum.y() / (steps + 1)));
 }

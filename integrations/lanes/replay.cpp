@@ -76,8 +76,8 @@ std::vector<Number> answers(const typename Controller::Coefficients& c, std::siz
         const Motion<T> motion{.position = {in_lane(x), in_lane(y)}, .velocity = {in_lane(v), in_lane(w)}};
         const auto signals = Controller::step(state, c, motion);
         const auto put = [&](const T& number) { rows.push_back(number.lane[lane]); };
-        put(signals.force.x);
-        put(signals.force.y);
+        put(signals.force.x());
+        put(signals.force.y());
         for_each_number<Reported::between_steps>(signals.report, put);
     }
     return rows;

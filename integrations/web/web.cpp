@@ -133,7 +133,7 @@ EXPORT const double* controller_step(double x, double y, double vx, double vy) {
         using T = typename C::Value;
         const Motion<T> motion{.position = {T(x), T(y)}, .velocity = {T(vx), T(vy)}};
         const Vec2<T> found = Guard<C>::step(held<C>().state, held<C>().coefficients, motion).force;
-        force = {static_cast<double>(found.x), static_cast<double>(found.y)};
+        force = {static_cast<double>(found.x()), static_cast<double>(found.y())};
     });
     return force.data();
 }

@@ -57,8 +57,8 @@ template <class Number, std::size_t Bytes>
     std::array<Vec2<double>, longest_noise> drawn;
     fill_noise<Bytes>(params, first, std::span(drawn).first(steps));
     for (std::size_t i = 0; i < steps; ++i) {
-        *found++ = drawn[i].x;
-        *found++ = drawn[i].y;
+        *found++ = drawn[i].x();
+        *found++ = drawn[i].y();
     }
 }
 
@@ -75,8 +75,8 @@ template <class Number, std::size_t Bytes>
     std::array<Vec2<Lanes<Number, count>>, longest_noise> drawn;
     fill_lanes<Number, count>(noise, first, std::span(drawn).first(steps));
     for (std::size_t i = 0; i < steps; ++i) {
-        store(drawn[i].x, found);
-        store(drawn[i].y, found);
+        store(drawn[i].x(), found);
+        store(drawn[i].y(), found);
     }
 }
 

@@ -48,14 +48,14 @@ inline constexpr double epsilon<float> = static_cast<double>(std::numeric_limits
 
 template <Scalar T>
 void expect_near(const Vec2<T>& got, const Vec2<double>& wanted, double tolerance) {
-    EXPECT_NEAR(number(got.x), wanted.x, tolerance);
-    EXPECT_NEAR(number(got.y), wanted.y, tolerance);
+    EXPECT_NEAR(number(got.x()), wanted.x(), tolerance);
+    EXPECT_NEAR(number(got.y()), wanted.y(), tolerance);
 }
 template <Scalar T>
 void expect_near(const Sym2<T>& got, const Sym2<double>& wanted, double tolerance) {
-    EXPECT_NEAR(number(got.xx), wanted.xx, tolerance);
-    EXPECT_NEAR(number(got.xy), wanted.xy, tolerance);
-    EXPECT_NEAR(number(got.yy), wanted.yy, tolerance);
+    EXPECT_NEAR(number(got.xx()), wanted.xx(), tolerance);
+    EXPECT_NEAR(number(got.xy()), wanted.xy(), tolerance);
+    EXPECT_NEAR(number(got.yy()), wanted.yy(), tolerance);
 }
 template <Scalar T>
 void expect_equal(const Vec2<T>& got, const Vec2<double>& wanted) {

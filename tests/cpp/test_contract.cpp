@@ -59,7 +59,7 @@ TEST(Registry, EveryKindPreparesTheControllerOfItsParameters) {
                 const auto c = prepare<C>(params, Common{});
                 typename C::State state{};
                 EXPECT_TRUE(C::sound(state, c));
-                EXPECT_EQ(number(C::step(state, c, {}).error.value.x), 0.0);
+                EXPECT_EQ(number(C::step(state, c, {}).error.value.x()), 0.0);
                 EXPECT_EQ(C::steps(state), 1U);
             });
         }
@@ -87,8 +87,8 @@ TEST(Registry, OfEveryKindTheGuardedForceIsFiniteAndWithinTheLimitWhateverIsMeas
                     one = bits % 9 == 0 ? std::bit_cast<double>(random()) : one;
                 }
                 Safe::step(state, c, {.position = vec2<T>(seen[0], seen[1]), .velocity = vec2<T>(seen[2], seen[3])});
-                ASSERT_LE(std::abs(number(state.force.x)), 6000.0) << kind << ' ' << n;
-                ASSERT_LE(std::abs(number(state.force.y)), 6000.0) << kind << ' ' << n;
+                ASSERT_LE(std::abs(number(state.force.x())), 6000.0) << kind << ' ' << n;
+                ASSERT_LE(std::abs(number(state.force.y())), 6000.0) << kind << ' ' << n;
                 ASSERT_TRUE(Safe::sound(state, c)) << kind << ' ' << n;
                 accepted += state.status <= Status::saturated ? 1 : 0;
             }
@@ -252,7 +252,7 @@ TYPED_TEST(Unlisted, IsGuardedIfItCanDoWithoutASample) {
     const auto force = [&](double q, double v) {
         expect_equal(Safe::step(state, c, {.position = vec2<T>(q, 0), .velocity = vec2<T>(v, 0)}).force - state.force,
                      {0, 0});
-        return number(state.force.x);
+        return number(state.force.x());
     };
     EXPECT_EQ(force(nan, 0), 0.0);
     EXPECT_EQ(Safe::steps(state), 0U) << "time has not started";
@@ -298,14 +298,14 @@ TYPED_TEST(UnlistedInLanes, RunsInABlockBesideAnotherOfItsKind) {
     ASSERT_EQ(advance_block(block, 0, 2), 2);
     const auto lane = [](const T& a, std::size_t k) { return static_cast<double>(a.lane[k]); };
     constexpr double close = 32 * epsilon<Plain>;
-    EXPECT_NEAR(lane(block.motion.position.x, 0), 0.0, close);
-    EXPECT_NEAR(lane(block.motion.velocity.y, 0), 0.0, close);
-    EXPECT_NEAR(lane(block.motion.position.x, 1), 1.25, close);
-    EXPECT_NEAR(lane(block.motion.velocity.x, 1), -1.5, close);
-    EXPECT_NEAR(lane(block.sums.stretch.squares.x, 0), 16.0 + 4.0, 10 * close);
-    EXPECT_NEAR(lane(block.sums.stretch.squares.x, 1), 16.0 + 9.0, 10 * close);
+    EXPECT_NEAR(lane(block.motion.position.x(), 0), 0.0, close);
+    EXPECT_NEAR(lane(block.motion.velocity.y(), 0), 0.0, close);
+    EXPECT_NEAR(lane(block.motion.position.x(), 1), 1.25, close);
+    EXPECT_NEAR(lane(block.motion.velocity.x(), 1), -1.5, close);
+    EXPECT_NEAR(lane(block.sums.stretch.squares.x(), 0), 16.0 + 4.0, 10 * close);
+    EXPECT_NEAR(lane(block.sums.stretch.squares.x(), 1), 16.0 + 9.0, 10 * close);
     EXPECT_FALSE(diverged(block));
-    block.motion.position.y.lane[1] = static_cast<Plain>(2e6);
+    block.motion.position.second.lane[1] = static_cast<Plain>(2e6);
     EXPECT_TRUE(diverged(block));
 }
 

@@ -22,17 +22,17 @@ TYPED_TEST(ReferenceSignal, IsTheSineItSaysItIsAndStaysSoForAMillionSteps) {
     const ReferenceParams p{.amplitude = {1.0, 2.0}, .frequency = {3.0, 0.7}, .phase = {0.0, 1.5}};
     const auto c = Reference<T>::prepare(p, step);
     typename Reference<T>::State state{};
-    Vec2<double> worst{};
+    double worst_x = 0.0, worst_y = 0.0;
     for (int n = 0; n <= 1'000'000; ++n) {
         const Vec2<T> got = Reference<T>::update(state, c).position;
         const double t = n * step;
-        worst.x = std::max(worst.x, std::abs(number(got.x) - std::sin(3.0 * t)));
-        worst.y = std::max(worst.y, std::abs(number(got.y) - 2.0 * std::sin(0.7 * t + 1.5)));
+        worst_x = std::max(worst_x, std::abs(number(got.x()) - std::sin(3.0 * t)));
+        worst_y = std::max(worst_y, std::abs(number(got.y()) - 2.0 * std::sin(0.7 * t + 1.5)));
     }
     // 32 turns of rounding, and in double the rounding of `3 t` itself, some 3000 to 12 digits.
     const double tolerance = 32.0 * epsilon<T> + 1e-12;
-    EXPECT_LE(worst.x, tolerance);
-    EXPECT_LE(worst.y, 2.0 * tolerance);
+    EXPECT_LE(worst_x, tolerance);
+    EXPECT_LE(worst_y, 2.0 * tolerance);
 }
 
 TEST(ReferenceDerivatives, AreThoseOfThePosition) {
@@ -305,7 +305,7 @@ TYPED_TEST(Law, AtTheForceLimitTheEstimatesRestOnlyWhereMoreOfTheirLawsWouldWind
             expect_near(signals.force + signals.excess, along(stiffness), 1e-5 * (1.0 + std::abs(stiffness)));
             expect_equal(signals.force, along(std::clamp(stiffness, -100.0, 100.0)));
             const auto& learnt = state.adaptation.deviation.stiffness;
-            EXPECT_NEAR(number(on_x ? learnt.xx : learnt.yy), stiffness < 0.0 ? 0.0 : -1e-3 * 150.0 * 10.0, 1e-6);
+            EXPECT_NEAR(number(on_x ? learnt.xx() : learnt.yy()), stiffness < 0.0 ? 0.0 : -1e-3 * 150.0 * 10.0, 1e-6);
             EXPECT_NEAR(number(state.adaptation.deviation.bound[0]), stiffness < 0.0 ? 0.0 : 1e-3 * 1.0 * 10.0, 1e-6);
         }
     }
@@ -421,7 +421,7 @@ TYPED_TEST(Law, SmallIncrementsAreNotLostBesideALargeEstimate) {
     for (int n = 0; n < 10'000; ++n) {
         GradientAdaptation<T>::update(state, c, motion, s, norms_of(motion, s));  // -1e-6, far below 355 ε in float
     }
-    EXPECT_NEAR(number(GradientAdaptation<T>::estimates(state, c).stiffness.xx), 355.0 - 0.01, 355.0 * epsilon<T>);
+    EXPECT_NEAR(number(GradientAdaptation<T>::estimates(state, c).stiffness.xx()), 355.0 - 0.01, 355.0 * epsilon<T>);
 }
 
 // The closed loop
@@ -468,7 +468,7 @@ TEST(ClosedLoop, SinglePrecisionFollowsDoublePrecision) {
         double apart = 0.0, finally_apart = 0.0;
         for (std::size_t n = 0; n < wide.size(); ++n) {
             const Vec2<float> q = narrow[n].motion.position;
-            const double distance = norm(wide[n].motion.position - Vec2<double>{number(q.x), number(q.y)});
+            const double distance = norm(wide[n].motion.position - Vec2<double>{number(q.x()), number(q.y())});
             apart = std::max(apart, distance);
             finally_apart = std::max(finally_apart, n < 12'000 ? 0.0 : distance);
         }
@@ -492,9 +492,9 @@ TEST(ClosedLoop, AnExplicitScalarComputesTheBitsOfTheDoubleItWraps) {
         for (std::size_t n = 0; n < got.size(); ++n) {
             const auto& a = got[n];
             const auto& b = expected[n];
-            ASSERT_EQ(number(a.motion.position.x), b.motion.position.x) << kind << " at step " << n;
-            ASSERT_EQ(number(a.motion.velocity.y), b.motion.velocity.y) << kind << " at step " << n;
-            ASSERT_EQ(number(a.force.x), b.force.x) << kind << " at step " << n;
+            ASSERT_EQ(number(a.motion.position.x()), b.motion.position.x()) << kind << " at step " << n;
+            ASSERT_EQ(number(a.motion.velocity.y()), b.motion.velocity.y()) << kind << " at step " << n;
+            ASSERT_EQ(number(a.force.x()), b.force.x()) << kind << " at step " << n;
             ASSERT_EQ(a.reported, b.reported) << kind << " at step " << n;
         }
     }
@@ -515,8 +515,8 @@ TEST(ClosedLoop, ACopiedControllerResumesBitForBit) {
         const Motion<double> motion = motion_at(n);
         const Vec2<double> a = Controller::step(whole, c, motion).force;
         const Vec2<double> b = Controller::step(resumed, c, motion).force;
-        ASSERT_EQ(a.x, b.x);
-        ASSERT_EQ(a.y, b.y);
+        ASSERT_EQ(a.x(), b.x());
+        ASSERT_EQ(a.y(), b.y());
     }
 }
 

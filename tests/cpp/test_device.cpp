@@ -200,7 +200,8 @@ TEST(VaryingGyroscope, SeenFromAFrameThatIsSpunUpAFreeMassGoesStraightOn) {
     const double angle = 2.0 + 0.5;
     const Vec2<double> q{1.0, 4.0};
     expect_near(motion.position,
-                {std::cos(angle) * q.x + std::sin(angle) * q.y, std::cos(angle) * q.y - std::sin(angle) * q.x}, 1e-8);
+                {std::cos(angle) * q.x() + std::sin(angle) * q.y(), std::cos(angle) * q.y() - std::sin(angle) * q.x()},
+                1e-8);
 }
 
 TEST(VaryingGyroscope, AModeOfHighQualityKeepsItsAmplitude) {
@@ -239,7 +240,7 @@ TEST(Device, ADelayOfTwoStepsGivesEachForceTwoStepsLate) {
     for (std::size_t n = 0; n < given.size(); ++n) {
         EXPECT_EQ(
             Imperfections::actuate(state, {.delay = 2}, {static_cast<double>(n + 1), 0.0}, static_cast<std::int64_t>(n))
-                .x,
+                .x(),
             given[n]);
     }
 }
@@ -250,12 +251,12 @@ TEST(Device, NoiseOfTheSensorsIsNeitherThatOfTheForceNorOfEachOther) {
         Disturbance({.kind = DisturbanceKind::noise, .seed = 5, .stream = stream}, 1.0).fill(0, d);
         return d;
     };
-    EXPECT_NE(draw(0)[0].x, draw(1)[0].x);
-    EXPECT_NE(draw(1)[0].x, draw(2)[0].x);
+    EXPECT_NE(draw(0)[0].x(), draw(1)[0].x());
+    EXPECT_NE(draw(1)[0].x(), draw(2)[0].x());
     const ImperfectionParams device{.position_noise = 2.0, .velocity_noise = 3.0};
     const Motion<double> seen = Imperfections::sense(device, {}, SensorNoise(device, 5, 1.0)(3));
-    EXPECT_EQ(seen.position.y, 2.0 * draw(1)[3].y);
-    EXPECT_EQ(seen.velocity.x, 3.0 * draw(2)[3].x);
+    EXPECT_EQ(seen.position.y(), 2.0 * draw(1)[3].y());
+    EXPECT_EQ(seen.velocity.x(), 3.0 * draw(2)[3].x());
 }
 
 TEST(DeviceLoop, OfAnIdealDeviceItsSamplesAreThoseOfTheLoop) {
@@ -288,7 +289,7 @@ TYPED_TEST(VelocityObserver, ForgetsAnErrorAtItsBandwidthThreeTimesOver) {
     for (int n = 0; n <= 200; ++n) {
         const double t = n * h;
         Observer<T>::correct(state, c, vec2<T>(1.0 + 2.0 * t - 1.5 * t * t, 0.0));
-        error = number(state.motion.velocity.x) - (2.0 - 3.0 * t);
+        error = number(state.motion.velocity.x()) - (2.0 - 3.0 * t);
         if (n == 50) {  // e^-10 (a + b n + c n²): still far from 0
             EXPECT_LT(std::abs(error), 50.0 * 50.0 * std::exp(-10.0));
             EXPECT_GT(std::abs(error), std::exp(-10.0));
@@ -310,12 +311,12 @@ TYPED_TEST(VelocityObserver, OfTheNominalPlantUnderAKnownForceItFindsTheVelocity
     typename Observer<T>::State state{};
     Motion<double> motion = Gyroscope<double>::start(p);
     for (int n = 0; n < 3'000; ++n) {
-        Observer<T>::correct(state, c, vec2<T>(motion.position.x, motion.position.y));
+        Observer<T>::correct(state, c, vec2<T>(motion.position.x(), motion.position.y()));
         if (n > 500) {  // 3 d/ω² with the prediction's own error for d: h/2 d²a/dt², some 500 here
             expect_near(state.motion.velocity, motion.velocity, 2e-4 + 1e3 * epsilon<T>);
         }
         const Vec2<double> force{(n / 100) % 2 == 0 ? 5.0 : -5.0, 3.0};
-        Observer<T>::predict(state, c, vec2<T>(force.x, force.y));
+        Observer<T>::predict(state, c, vec2<T>(force.x(), force.y()));
         Gyroscope<double>::step(motion, plant, force);
     }
 }
@@ -346,7 +347,7 @@ TEST(Observing, ItsGuardHoldsTheForceThroughBadSamplesAndGoesOn) {
         const bool bad = n >= 1'000 && n < 1'010;
         const Vec2<double> before = state.force;
         Guarded::step(state, c,
-                      {.position = {bad ? nan : motion.position.x, motion.position.y}, .velocity = {nan, nan}});
+                      {.position = {bad ? nan : motion.position.x(), motion.position.y()}, .velocity = {nan, nan}});
         ASSERT_EQ(state.status, bad ? Status::not_finite : Status::ok) << n;
         if (bad) {
             ASSERT_EQ(state.force, before);

@@ -82,16 +82,16 @@ TYPED_TEST(Following, SuperTwistingIntegratesTheSignOfTheSurfaceAndNothingOnIt) 
     common.force_limit = 4.0;
     const auto limited = Twisting::prepare(p, common);
     typename Twisting::State held{};
-    EXPECT_EQ(number(Twisting::step(held, limited, motion<T>(8.0, 0.0)).force.x), -4.0);
+    EXPECT_EQ(number(Twisting::step(held, limited, motion<T>(8.0, 0.0)).force.x()), -4.0);
     expect_equal(held.integral, {0.0, 0.0});
     // Δu·s decides: beyond the limit by -2 · 8 on x, by 12 · 1/2 on y, which a quotient would weigh the other way.
     held.integral = vec2<T>(0.0, 17.5);
     const auto signals = Twisting::step(held, limited, motion<T>(2.0, 0.125));
-    EXPECT_LT(number(signals.excess.x), 0.0);
-    EXPECT_GT(number(signals.excess.y), 0.0);
-    EXPECT_GT(std::abs(number(signals.excess.y)) / 0.25, std::abs(number(signals.excess.x)) / 4.0);
-    EXPECT_LT(number(signals.excess.x) * 4.0 + number(signals.excess.y) * 0.25, 0.0);
-    EXPECT_EQ(number(held.integral.x), 0.0);
+    EXPECT_LT(number(signals.excess.x()), 0.0);
+    EXPECT_GT(number(signals.excess.y()), 0.0);
+    EXPECT_GT(std::abs(number(signals.excess.y())) / 0.25, std::abs(number(signals.excess.x())) / 4.0);
+    EXPECT_LT(number(signals.excess.x()) * 4.0 + number(signals.excess.y()) * 0.25, 0.0);
+    EXPECT_EQ(number(held.integral.x()), 0.0);
 }
 
 }  // namespace

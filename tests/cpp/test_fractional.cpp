@@ -30,7 +30,7 @@ struct Operator {
         const Sample<double> e = signal(n * step);
         return Fractional<T>::update(
             state, coefficients,
-            {.value = vec2<T>(e.value.x, e.value.y), .derivative = vec2<T>(e.derivative.x, e.derivative.y)});
+            {.value = vec2<T>(e.value.x(), e.value.y()), .derivative = vec2<T>(e.derivative.x(), e.derivative.y())});
     }
 };
 
@@ -59,10 +59,10 @@ protected:
             const FractionalOutput<T> got = op.at(monomial<p>, n);
             const double integral = of_monomial(p, 1.0 - order, n * step);
             const double derivative = p == 0 ? 0.0 : of_monomial(p, -order, n * step);
-            integral_error = std::max({integral_error, std::abs(number(got.integral.x) - integral),
-                                       0.5 * std::abs(number(got.integral.y) - 2.0 * integral)});
-            derivative_error = std::max({derivative_error, std::abs(number(got.derivative.x) - derivative),
-                                         0.5 * std::abs(number(got.derivative.y) - 2.0 * derivative)});
+            integral_error = std::max({integral_error, std::abs(number(got.integral.x()) - integral),
+                                       0.5 * std::abs(number(got.integral.y()) - 2.0 * integral)});
+            derivative_error = std::max({derivative_error, std::abs(number(got.derivative.x()) - derivative),
+                                         0.5 * std::abs(number(got.derivative.y()) - 2.0 * derivative)});
         }
         const double end = samples * step;
         // The integral is the difference of two terms of this size, whose slow exponentials round alike at every step.
@@ -128,7 +128,7 @@ TYPED_TEST(FractionalOperator, RiemannLiouvilleDerivativeOfAConstantIsTheMeanOfI
         for (int n = 0; n <= TestFixture::samples; ++n) {
             const double mean =
                 (std::pow((n + 1) * step, nu) - std::pow(n * step, nu)) / (step * std::tgamma(1.0 + nu));
-            worst = std::max(worst, std::abs(number(op.at(monomial<0>, n).derivative.x) / mean - 1.0));
+            worst = std::max(worst, std::abs(number(op.at(monomial<0>, n).derivative.x()) / mean - 1.0));
         }
         EXPECT_LE(worst, 10.0 * TestFixture::tolerance) << "order " << order;
     }
@@ -144,9 +144,9 @@ TYPED_TEST(FractionalOperator, TheOnsetIsDroppedWhereItsMeanIsTheValueToTheError
     for (int n = 0; n <= TestFixture::samples; ++n) {
         const double mean =
             (std::pow((n + 1) * step, order) - std::pow(n * step, order)) / (step * std::tgamma(1.0 + order));
-        const double derivative = number(op.at(monomial<0>, n).derivative.x);
+        const double derivative = number(op.at(monomial<0>, n).derivative.x());
         worst = std::max(worst, std::abs(derivative / mean - 1.0));
-        changed = std::max(changed, std::abs(derivative - number(whole.at(monomial<0>, n).derivative.x)));
+        changed = std::max(changed, std::abs(derivative - number(whole.at(monomial<0>, n).derivative.x())));
     }
     EXPECT_LE(worst, error);
     EXPECT_GT(changed, 0.0);  // it was dropped within the samples
@@ -159,8 +159,8 @@ TYPED_TEST(FractionalOperator, RiemannLiouvilleAndCaputoAgreeWhenTheSignalStarts
     for (int n = 0; n < 100; ++n) {
         const auto a = caputo.at(monomial<2>, n);
         const auto b = riemann_liouville.at(monomial<2>, n);
-        EXPECT_EQ(number(a.derivative.x), number(b.derivative.x));
-        EXPECT_EQ(number(a.integral.x), number(b.integral.x));
+        EXPECT_EQ(number(a.derivative.x()), number(b.derivative.x()));
+        EXPECT_EQ(number(a.integral.x()), number(b.integral.x()));
     }
 }
 
@@ -179,8 +179,8 @@ TYPED_TEST(FractionalOperator, ACopiedStateResumesBitForBit) {
     for (int n = 500; n < 1000; ++n) {
         const auto a = whole.at(wave, n);
         const auto b = resumed.at(wave, n);
-        expect_equal(a.integral, {number(b.integral.x), number(b.integral.y)});
-        expect_equal(a.derivative, {number(b.derivative.x), number(b.derivative.y)});
+        expect_equal(a.integral, {number(b.integral.x()), number(b.integral.y())});
+        expect_equal(a.derivative, {number(b.derivative.x()), number(b.derivative.y())});
     }
 }
 
@@ -215,8 +215,8 @@ TEST(FractionalConvergence, TheIntegralIsOfOrderFourAndTheDerivativeOfOrderFourM
             for (int n = 0; n <= samples; ++n) {
                 end = op.at(monomial<4>, n);
             }
-            integral.push_back(std::abs(end.integral.x - of_monomial(4, 1.0 - order, 1.0)));
-            derivative.push_back(std::abs(end.derivative.x - of_monomial(4, -order, 1.0)));
+            integral.push_back(std::abs(end.integral.x() - of_monomial(4, 1.0 - order, 1.0)));
+            derivative.push_back(std::abs(end.derivative.x() - of_monomial(4, -order, 1.0)));
         }
         for (std::size_t i = 1; i < integral.size(); ++i) {
             EXPECT_NEAR(std::log2(integral[i - 1] / integral[i]), 4.0, 0.15) << "order " << order;

@@ -218,7 +218,7 @@ TYPED_TEST(Switches, AreFoundInCoefficientsWhereverTheyAre) {
     const std::string plain = key([](Coefficients&) {});
     EXPECT_EQ(plain.size(), 3 * (sizeof(bool) + sizeof(std::size_t)) + 1);
     EXPECT_EQ(plain, key([](Coefficients& c) { c.gain = T(2.0); }));
-    EXPECT_EQ(plain, key([](Coefficients& c) { c.pair.y = T(2.0); }));
+    EXPECT_EQ(plain, key([](Coefficients& c) { c.pair = {T(1.0), T(2.0)}; }));
     EXPECT_EQ(plain, key([](Coefficients& c) { c.inner.gains[2] = T(2.0); }));
     EXPECT_EQ(plain, key([](Coefficients& c) { c.phase = c.phase + 77; }));
     EXPECT_NE(plain, key([](Coefficients& c) { c.inner.on = true; }));

@@ -169,7 +169,7 @@ std::vector<double> noise_by_words(std::uint64_t seed, double deviation, const P
                   drawn);
     std::vector<double> found;
     for (const auto& d : drawn) {
-        found.insert(found.end(), {d.x, d.y});
+        found.insert(found.end(), {d.x(), d.y()});
     }
     return found;
 }

@@ -178,6 +178,37 @@ TYPED_TEST(Math, VectorsAddSubtractAndScale) {
     expect_equal(a * b, {3, -8});
     EXPECT_EQ(number(norm(a)), 5.0);
     EXPECT_EQ(number(norm(Vec2<T>{})), 0.0);
+    EXPECT_EQ(number(dot(a, b)), -5.0);
+    EXPECT_EQ(number(cross(a, b)), -10.0);
+    EXPECT_EQ(number(cross(b, a)), 10.0);
+}
+
+TYPED_TEST(Math, BothAxesOfAVectorAreTreatedAlike) {
+    using T = TypeParam;
+    const Vec2<T> a = vec2<T>(-4, 16);
+    expect_equal(swapped(a), {16, -4});
+    expect_equal(turned(a), {-16, -4});
+    expect_equal(turned(vec2<T>(1, 0)), {0, 1});
+    expect_equal(absolute(a), {4, 16});
+    expect_equal(square_root(absolute(a)), {2, 4});
+    expect_equal(reciprocal(a), {-0.25, 0.0625});
+    expect_equal(maximum(a, T(3.0)), {3, 16});
+    expect_equal(clamp(a, T(-3.0), T(5.0)), {-3, 5});
+    expect_equal(with_sign_of(a, vec2<T>(1, 2)), {-1, 2});
+    expect_equal(if_less(a, vec2<T>(0, 16), vec2<T>(1, 2), vec2<T>(3, 4)), {1, 4});
+    expect_equal(norms(vec2<T>(3, 4), vec2<T>(-8, 6)), {5, 10});
+}
+
+TYPED_TEST(Math, AVectorInARegisterIsLaidOutAsItsTwoNumbers) {
+    using T = TypeParam;
+    struct OneAndVector {
+        T one = T(1.0);
+        Vec2<T> both = vec2<T>(2, 3);
+    };
+    static_assert(sizeof(OneAndVector) == 3 * sizeof(T) && alignof(OneAndVector) == alignof(T));
+    const auto numbers = std::bit_cast<std::array<T, 3>>(OneAndVector{});
+    EXPECT_EQ(number(numbers[1]), 2.0);
+    EXPECT_EQ(number(numbers[2]), 3.0);
 }
 
 TYPED_TEST(Math, ASymmetricMatrixActsAsItsFourEntriesDo) {

@@ -23,7 +23,7 @@ GyroscopeParams gyroscope() {
 Motion<double> derivative(const GyroscopeParams& p, const Motion<double>& at, Vec2<double> force) {
     const Vec2<double> q = at.position;
     const Vec2<double> v = at.velocity;
-    const Vec2<double> coriolis{-2.0 * p.rate * v.y, 2.0 * p.rate * v.x};
+    const Vec2<double> coriolis{-2.0 * p.rate * v.y(), 2.0 * p.rate * v.x()};
     return {.position = v,
             .velocity =
                 force - (p.damping + p.damping_deviation) * v - coriolis - (p.stiffness + p.stiffness_deviation) * q};
@@ -57,7 +57,7 @@ TYPED_TEST(ExactStep, OneExactStepEqualsManyTinyRungeKuttaSteps) {
     const Vec2<double> force{30.0, -50.0};
     for (const double step : {1e-3, 0.1, 1.5}) {
         Motion<TypeParam> got = Gyroscope<TypeParam>::start(p);
-        Gyroscope<TypeParam>::step(got, Gyroscope<TypeParam>::prepare(p, step), vec2<TypeParam>(force.x, force.y));
+        Gyroscope<TypeParam>::step(got, Gyroscope<TypeParam>::prepare(p, step), vec2<TypeParam>(force.x(), force.y()));
         Motion<double> wanted = Gyroscope<double>::start(p);
         constexpr int parts = 20'000;
         for (int i = 0; i < parts; ++i) {
@@ -116,8 +116,8 @@ TYPED_TEST(ExactStep, TwoHalfStepsEqualOne) {
         Gyroscope<TypeParam>::step(twice, half, force);
         Gyroscope<TypeParam>::step(twice, half, force);
         TestFixture::expect_motion(once,
-                                   {.position = {number(twice.position.x), number(twice.position.y)},
-                                    .velocity = {number(twice.velocity.x), number(twice.velocity.y)}},
+                                   {.position = {number(twice.position.x()), number(twice.position.y())},
+                                    .velocity = {number(twice.velocity.x()), number(twice.velocity.y())}},
                                    4e2 * epsilon<TypeParam>);
     }
 }

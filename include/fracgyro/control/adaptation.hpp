@@ -37,7 +37,8 @@ struct Norms {
 };
 template <Scalar T>
 Norms<T> norms_of(const Motion<T>& motion, const Vec2<T>& surface) {
-    return {.position = norm(motion.position), .velocity = norm(motion.velocity), .surface = norm(surface)};
+    const Vec2<T> both = norms(motion.position, motion.velocity);
+    return {.position = both.x(), .velocity = both.y(), .surface = norm(surface)};
 }
 
 enum class AdaptationKind { gradient, composite };

@@ -91,7 +91,7 @@ struct CompositeAdaptation {
                 .forgetting = T(step * p.forgetting),
                 .rate_forgetting = T(step * p.rate_forgetting),
                 .forgets = p.forgetting > 0.0,
-                .trusted_variance = T(largest_deviation * largest_deviation * 0.5 * (k.xx + k.yy))};
+                .trusted_variance = T(largest_deviation * largest_deviation * 0.5 * (k.xx() + k.yy()))};
     }
 
     static bool sound(const State& state, const Coefficients& /*c*/) { return fracgyro::sound(state.measured); }
@@ -154,11 +154,11 @@ private:
             T(0.5) * (last.position + now.position) + (T(1.0 / 12.0) * c.step) * (last.velocity - now.velocity);
         const Vec2<T> a = c.inverse_step * (now.velocity - last.velocity);
         const Estimates<T> e = c.laws.initial + as_estimates(state.squares.value);
-        const Vec2<T> coriolis = T(2.0) * Vec2<T>{-(e.rate * v.y), e.rate * v.x};
+        const Vec2<T> coriolis = T(2.0) * (e.rate * turned(v));
         const Vec2<T> r = (a - state.force) + (e.damping * v + coriolis) + e.stiffness * q;
 
         const T zero = T(0.0), one = T(1.0);
-        const T surprise = maximum(state.left.x * (r.x * r.x), state.left.y * (r.y * r.y));
+        const T surprise = maximum(state.left.x() * (r.x() * r.x()), state.left.y() * (r.y() * r.y()));
         const T bound = T(largest_innovation * largest_innovation) * state.noise;
         const T beyond = if_less(state.adopted * bound, state.adopted * surprise, one, zero);
         const T learns = if_less(state.surprises, T(most_refused), one - beyond, one);
@@ -171,16 +171,16 @@ private:
         // rows.
         const Vec2<T> w = learns * (v - (T(0.5) * c.step * state.adopted) * (state.left * r));
         const Vec2<T> p = learns * q;
-        const Row x{T(-2.0) * w.y, w.x, w.y, zero, p.x, p.y, zero};
-        const Row y{T(2.0) * w.x, zero, w.x, w.y, zero, p.x, p.y};
+        const Row x{T(-2.0) * w.y(), w.x(), w.y(), zero, p.x(), p.y(), zero};
+        const Row y{T(2.0) * w.x(), zero, w.x(), w.y(), zero, p.x(), p.y()};
         const Row before = state.squares.value;
-        const T left_x = learn(state, x, learns * r.x, learns);
-        T second = learns * r.y;  // with the estimates as the first row has left them
+        const T left_x = learn(state, x, learns * r.x(), learns);
+        T second = learns * r.y();  // with the estimates as the first row has left them
         for (std::size_t j = 0; j < y.size(); ++j) {
             second = second + y[j] * (state.squares.value[j] - before[j]);
         }
         const T left_y = learn(state, y, second, learns);
-        state.left = {if_less(zero, learns, left_x, state.left.x), if_less(zero, learns, left_y, state.left.y)};
+        state.left = {if_less(zero, learns, left_x, state.left.x()), if_less(zero, learns, left_y, state.left.y())};
         state.rate_information = state.rate_information + T(4.0) * squared_norm(w);
     }
     static T learn(State& state, const Row& row, T residual, T learns) {

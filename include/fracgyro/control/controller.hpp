@@ -44,13 +44,13 @@ struct Feedforward {
         T twice_rate{};
     };
     static Coefficients prepare(const PlantModel<double>& nominal) {
-        const auto sym2 = [](const Sym2<double>& a) { return Sym2<T>{T(a.xx), T(a.xy), T(a.yy)}; };
+        const auto sym2 = [](const Sym2<double>& a) { return Sym2<T>{T(a.xx()), T(a.xy()), T(a.yy())}; };
         return {.damping = sym2(nominal.damping),
                 .stiffness = sym2(nominal.stiffness),
                 .twice_rate = T(2.0 * nominal.rate)};
     }
     static Vec2<T> force(const Coefficients& c, const ReferencePoint<T>& r) {
-        const Vec2<T> coriolis = c.twice_rate * Vec2<T>{-r.velocity.y, r.velocity.x};
+        const Vec2<T> coriolis = c.twice_rate * turned(r.velocity);
         return c.damping * r.velocity + coriolis + c.stiffness * r.position + r.acceleration;
     }
 };

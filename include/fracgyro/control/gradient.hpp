@@ -36,7 +36,7 @@ struct GradientAdaptation {
                                 double largest_bound = std::numeric_limits<double>::infinity()) {
         const double h = p.adaptive ? step : 0.0;
         const auto largest = [](const Sym2<double>& a) {
-            return maximum(absolute(a.xx), maximum(absolute(a.xy), absolute(a.yy)));
+            return maximum(absolute(a.xx()), maximum(absolute(a.xy()), absolute(a.yy())));
         };
         const std::array<double, 3>& from = p.initial_bound;
         const bool projected = p.projection > 0.0, bounded = largest_bound < std::numeric_limits<double>::infinity();
@@ -45,7 +45,7 @@ struct GradientAdaptation {
             const double growth = maximum(largest_bound - start, 0.0);
             return T(projected ? minimum(most, growth) : growth);
         };
-        const auto sym2 = [](const Sym2<double>& a) { return Sym2<T>{T(a.xx), T(a.xy), T(a.yy)}; };
+        const auto sym2 = [](const Sym2<double>& a) { return Sym2<T>{T(a.xx()), T(a.xy()), T(a.yy())}; };
         return {.initial = {.damping = sym2(nominal.damping),
                             .stiffness = sym2(nominal.stiffness),
                             .rate = T(nominal.rate),
@@ -99,7 +99,7 @@ struct GradientAdaptation {
         if (c.printed) {
             d.rate_symmetric = d.rate_symmetric - (T(2.0) * c.rate_gain) * vs;
         } else {
-            d.rate = d.rate + c.rate_gain * (s.x * v.y - s.y * v.x);
+            d.rate = d.rate + c.rate_gain * cross(s, v);
         }
         d.bound = {d.bound[0] + c.bound_gain[0] * size, d.bound[1] + c.bound_gain[1] * (size * norms.position),
                    d.bound[2] + c.bound_gain[2] * (size * norms.velocity)};
@@ -119,7 +119,7 @@ private:
     static void project(Estimates<T>& d, const Coefficients& c) {
         const auto within = [](T a, T limit) { return clamp(a, -limit, limit); };
         const auto all = [&](const Sym2<T>& a, T limit) {
-            return Sym2<T>{within(a.xx, limit), within(a.xy, limit), within(a.yy, limit)};
+            return Sym2<T>{clamp(a.diagonal, -limit, limit), within(a.xy(), limit)};
         };
         d.damping = all(d.damping, c.damping_limit);
         d.stiffness = all(d.stiffness, c.stiffness_limit);

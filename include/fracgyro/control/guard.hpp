@@ -91,7 +91,7 @@ struct Guard {
     }
 
 private:
-    static T sum(const Vec2<T>& a) { return absolute(a.x) + absolute(a.y); }
+    static T sum(const Vec2<T>& a) { return absolute(a.x()) + absolute(a.y()); }
 
     static void let_go(State& state) {
         if (state.going) {

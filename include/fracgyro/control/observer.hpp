@@ -33,7 +33,7 @@ struct Observer {
     static Coefficients prepare(const PlantModel<double>& nominal, double bandwidth, double step) {
         const double forgets = exponential(-bandwidth * step);
         const double new_part = 1.0 - forgets;
-        const auto sym2 = [](const Sym2<double>& a) { return Sym2<T>{T(a.xx), T(a.xy), T(a.yy)}; };
+        const auto sym2 = [](const Sym2<double>& a) { return Sym2<T>{T(a.xx()), T(a.xy()), T(a.yy())}; };
         return {.damping = sym2(nominal.damping),
                 .stiffness = sym2(nominal.stiffness),
                 .twice_rate = T(2.0 * nominal.rate),
@@ -59,7 +59,7 @@ struct Observer {
     static void predict(State& state, const Coefficients& c, const Vec2<T>& force) {
         Vec2<T>& q = state.motion.position;
         Vec2<T>& v = state.motion.velocity;
-        const Vec2<T> coriolis = c.twice_rate * Vec2<T>{-v.y, v.x};
+        const Vec2<T> coriolis = c.twice_rate * turned(v);
         const Vec2<T> a = force + state.acceleration - c.damping * v - coriolis - c.stiffness * q;
         q = q + c.step * v + c.half_square * a;
         v = v + c.step * a;

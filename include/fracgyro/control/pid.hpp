@@ -76,7 +76,7 @@ struct Pid {
             signals.force = Saturation<T>::within(c.saturation, wanted);
             signals.excess = wanted - signals.force;
             // Growing with e, I moves the force against it: beyond the limit that way it would wind up.
-            const T unwinding = signals.excess.x * e.value.x + signals.excess.y * e.value.y;
+            const T unwinding = dot(signals.excess, e.value);
             active = if_less(unwinding, T(0.0), T(0.0), active);
         }
         state.integral = state.integral + (active * c.integral_step) * e.value;

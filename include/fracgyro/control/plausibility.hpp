@@ -104,7 +104,7 @@ struct Plausibility {
         const Sym2<double> half = (0.5 * h) * nominal.stiffness;
         const double sensed = measures_velocity ? 4.0 * g.velocity_tolerance : 8.0 * g.position_tolerance / h;
         const auto patience = static_cast<std::uint32_t>(g.patience);
-        return {.half_stiffness = {T(half.xx), T(half.xy), T(half.yy)},
+        return {.half_stiffness = {T(half.xx()), T(half.xy()), T(half.yy())},
                 .step = T(h),
                 .half_step = T(0.5 * h),
                 .inverse_step = T(1.0 / h),
@@ -128,8 +128,10 @@ struct Plausibility {
     }
 
 private:
-    static T sum(const Vec2<T>& a) { return absolute(a.x) + absolute(a.y); }
-    static double norm1(const Sym2<double>& a) { return absolute(a.xy) + maximum(absolute(a.xx), absolute(a.yy)); }
+    static T sum(const Vec2<T>& a) { return absolute(a.x()) + absolute(a.y()); }
+    static double norm1(const Sym2<double>& a) {
+        return absolute(a.xy()) + maximum(absolute(a.xx()), absolute(a.yy()));
+    }
 
     static Status problem(const State& state, const Coefficients& c, const Motion<T>& measured, const Vec2<T>& force) {
         const T position = sum(measured.position);

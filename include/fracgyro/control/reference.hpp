@@ -42,17 +42,19 @@ struct Reference {
     static constexpr std::uint64_t exact_every = 32;
 
     using Phase = typename PhaseOf<T>::Type;
-    struct Axis {
-        Phase start{}, increment{};                   // phase at t = 0 and per step, in 2^-64 turns
-        SineCosine<T> turn{};                         // of the increment
-        T amplitude{}, peak_velocity{}, curvature{};  // a, a·f, -f²
+    using Phases = std::array<Phase, 2>;  // of x and of y
+    // Sine and cosine of a phase on each axis.
+    struct Turn {
+        Vec2<T> sine{}, cosine{};
     };
     struct Coefficients {
-        Axis x, y;
+        Phases start{}, increment{};                        // phase at t = 0 and per step, in 2^-64 turns
+        Turn turn{};                                        // of the increment
+        Vec2<T> amplitude{}, peak_velocity{}, curvature{};  // a, a·f, -f²
     };
     struct State {
         std::uint64_t steps = 0;  // time is steps·h
-        SineCosine<T> x{}, y{};   // at the present step
+        Turn at{};                // the present step
     };
 
     // An angle in 2^-64 turns, whole turns left out; 0 for one that is not finite.
@@ -72,44 +74,41 @@ struct Reference {
     }
 
     static Coefficients prepare(const ReferenceParams& p, double step) {
-        return {.x = axis(p.amplitude.x, p.frequency.x, p.phase.x, step),
-                .y = axis(p.amplitude.y, p.frequency.y, p.phase.y, step)};
+        const auto number = [](const Vec2<double>& a) { return Vec2<T>{T(a.x()), T(a.y())}; };
+        const std::array<std::uint64_t, 2> increment{phase_of(p.frequency.x() * step),
+                                                     phase_of(p.frequency.y() * step)};
+        const auto [x, y] = std::array{sine_cosine<T>(increment[0]), sine_cosine<T>(increment[1])};
+        return {.start = {Phase{} + phase_of(p.phase.x()), Phase{} + phase_of(p.phase.y())},
+                .increment = {Phase{} + increment[0], Phase{} + increment[1]},
+                .turn = {.sine = {x.sine, y.sine}, .cosine = {x.cosine, y.cosine}},
+                .amplitude = number(p.amplitude),
+                .peak_velocity = number(p.amplitude * p.frequency),
+                .curvature = number(-p.frequency * p.frequency)};
     }
 
     // The position alone, at any step.
-    static Vec2<T> position(const Coefficients& c, std::uint64_t step) {
-        return {c.x.amplitude * PhaseOf<T>::sine_cosine(c.x.start + step * c.x.increment).sine,
-                c.y.amplitude * PhaseOf<T>::sine_cosine(c.y.start + step * c.y.increment).sine};
-    }
+    static Vec2<T> position(const Coefficients& c, std::uint64_t step) { return c.amplitude * exactly(c, step).sine; }
 
     // The point at the present step; then one step on.
     static ReferencePoint<T> update(State& state, const Coefficients& c) {
         if (state.steps % exact_every == 0) {
-            state.x = PhaseOf<T>::sine_cosine(c.x.start + state.steps * c.x.increment);
-            state.y = PhaseOf<T>::sine_cosine(c.y.start + state.steps * c.y.increment);
+            state.at = exactly(c, state.steps);
         }
-        const Vec2<T> sine{state.x.sine, state.y.sine}, cosine{state.x.cosine, state.y.cosine};
-        const Vec2<T> position = Vec2<T>{c.x.amplitude, c.y.amplitude} * sine;
-        state.x = turned(state.x, c.x.turn);
-        state.y = turned(state.y, c.y.turn);
+        const Turn at = state.at;
+        const Vec2<T> position = c.amplitude * at.sine;
+        state.at = turned(at, c.turn);
         ++state.steps;
-        return {.position = position,
-                .velocity = Vec2<T>{c.x.peak_velocity, c.y.peak_velocity} * cosine,
-                .acceleration = Vec2<T>{c.x.curvature, c.y.curvature} * position};
+        return {.position = position, .velocity = c.peak_velocity * at.cosine, .acceleration = c.curvature * position};
     }
 
 private:
-    static SineCosine<T> turned(const SineCosine<T>& a, const SineCosine<T>& by) {
+    static Turn turned(const Turn& a, const Turn& by) {
         return {.sine = a.sine * by.cosine + a.cosine * by.sine, .cosine = a.cosine * by.cosine - a.sine * by.sine};
     }
-    static Axis axis(double amplitude, double frequency, double phase, double step) {
-        const std::uint64_t increment = phase_of(frequency * step);
-        return {.start = Phase{} + phase_of(phase),
-                .increment = Phase{} + increment,
-                .turn = sine_cosine<T>(increment),
-                .amplitude = T(amplitude),
-                .peak_velocity = T(amplitude * frequency),
-                .curvature = T(-frequency * frequency)};
+    static Turn exactly(const Coefficients& c, std::uint64_t step) {
+        const auto x = PhaseOf<T>::sine_cosine(c.start[0] + step * c.increment[0]);
+        const auto y = PhaseOf<T>::sine_cosine(c.start[1] + step * c.increment[1]);
+        return {.sine = {x.sine, y.sine}, .cosine = {x.cosine, y.cosine}};
     }
 };
 

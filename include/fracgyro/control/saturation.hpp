@@ -14,9 +14,7 @@ struct Saturation {
     static Coefficients prepare(double limit) {
         return {.limit = T(limit), .limited = limit < std::numeric_limits<double>::infinity()};
     }
-    static Vec2<T> within(const Coefficients& c, const Vec2<T>& force) {
-        return {clamp(force.x, -c.limit, c.limit), clamp(force.y, -c.limit, c.limit)};
-    }
+    static Vec2<T> within(const Coefficients& c, const Vec2<T>& force) { return clamp(force, -c.limit, c.limit); }
 };
 
 }  // namespace fracgyro

@@ -113,7 +113,7 @@ struct SlidingModeController {
             signals.force = Saturation<T>::within(c.saturation, wanted);
             signals.excess = wanted - signals.force;
             // The laws move the force against s: s·Δu <= 0. Where it is beyond the limit that way, they would wind up.
-            const T unwinding = signals.excess.x * surface.s.x + signals.excess.y * surface.s.y;
+            const T unwinding = dot(signals.excess, surface.s);
             const T active = if_less(unwinding, T(0.0), T(0.0), T(1.0));
             learnt_from = active * surface.s;
             norms.surface = active * norms.surface;

@@ -106,18 +106,17 @@ struct SuperTwisting {
         const Vec2<T> q = r.position + e.value, v = r.velocity + e.derivative;
         const Vec2<T> s = signals.report.surface = e.derivative + c.surface_gain * e.value;
         const Report& known = signals.report;
-        const Vec2<T> coriolis = T(2.0) * Vec2<T>{-(known.rate * v.y), known.rate * v.x};
+        const Vec2<T> coriolis = T(2.0) * (known.rate * turned(v));
         const Vec2<T> equivalent =
             known.damping * v + coriolis + known.stiffness * q + r.acceleration - c.surface_gain * e.derivative;
-        const Vec2<T> size = absolute(s);
-        const Vec2<T> twist = with_sign_of(s, Vec2<T>{square_root(size.x), square_root(size.y)});
+        const Vec2<T> twist = with_sign_of(s, square_root(absolute(s)));
         const Vec2<T> wanted = equivalent - c.twisting_gain * twist + state.integral;
         signals.force = wanted;
         T active = T(1.0);
         if (c.saturation.limited) {
             signals.force = Saturation<T>::within(c.saturation, wanted);
             signals.excess = wanted - signals.force;
-            const T unwinding = signals.excess.x * s.x + signals.excess.y * s.y;
+            const T unwinding = dot(signals.excess, s);
             active = if_less(unwinding, T(0.0), T(0.0), T(1.0));
         }
         if (missing == nullptr) {
@@ -136,7 +135,7 @@ struct SuperTwisting {
 private:
     static Vec2<T> sign(const Vec2<T>& a) {
         const auto one = [](T x) { return if_less(T(0.0), x, T(1.0), if_less(x, T(0.0), T(-1.0), T(0.0))); };
-        return {one(a.x), one(a.y)};
+        return {one(a.x()), one(a.y())};
     }
 };
 

@@ -62,7 +62,7 @@ struct LinearTerm {
     struct State {};
 
     static Coefficients prepare(const SurfaceParams& p, double /*step*/) {
-        return {.gain = {T(p.fractional_gain.x), T(p.fractional_gain.y)}};
+        return {.gain = {T(p.fractional_gain.x()), T(p.fractional_gain.y())}};
     }
     static SurfacePoint<T> evaluate(State&, const Coefficients& c, const Sample<T>& error) {
         return {.s = c.gain * error.value, .drift = c.gain * error.derivative};
@@ -80,7 +80,7 @@ struct FractionalTerm {
     using State = typename Operator::State;
 
     static Coefficients prepare(const SurfaceParams& p, double step) {
-        return {.gain = {T(p.fractional_gain.x), T(p.fractional_gain.y)},
+        return {.gain = {T(p.fractional_gain.x()), T(p.fractional_gain.y())},
                 .fractional = Operator::prepare(p.kernel, step, p.riemann_liouville)};
     }
     static bool sound(const State& state, const Coefficients& c) { return Operator::sound(state, c.fractional); }
@@ -103,7 +103,7 @@ struct TerminalTerm {
     };
 
     static Coefficients prepare(const SurfaceParams& p, double /*step*/) {
-        return {.gain = {T(p.terminal_gain.x), T(p.terminal_gain.y)},
+        return {.gain = {T(p.terminal_gain.x()), T(p.terminal_gain.y())},
                 .exponent = T(p.terminal_exponent),
                 .floor = T(p.singularity_floor),
                 .floored_slope = T(power(p.singularity_floor, p.terminal_exponent) / p.singularity_floor),
@@ -113,14 +113,13 @@ struct TerminalTerm {
         const Vec2<T> size = absolute(error.value);
         Vec2<T> root;
         if (c.square_root) {
-            root = {square_root(size.x), square_root(size.y)};
+            root = square_root(size);
         } else {
-            root = {power(size.x, c.exponent), power(size.y, c.exponent)};
+            root = {power(size.x(), c.exponent), power(size.y(), c.exponent)};
         }
         // |e|^(c-1) = |e|^c / |e|, with the division beside the root instead of after it.
-        const Vec2<T> floored = maximum(size, c.floor);
-        const Vec2<T> inverse{T(1.0) / floored.x, T(1.0) / floored.y};
-        const Vec2<T> slope = if_less({c.floor, c.floor}, size, root * inverse, {c.floored_slope, c.floored_slope});
+        const Vec2<T> slope = if_less({c.floor, c.floor}, size, root * reciprocal(maximum(size, c.floor)),
+                                      {c.floored_slope, c.floored_slope});
         return {.s = with_sign_of(error.value, c.gain * root),
                 .drift = (c.exponent * (c.gain * error.derivative)) * slope};
     }

@@ -72,7 +72,7 @@ struct Switching {
         const Vec2<T> q = motion.position;
         const Vec2<T> v = motion.velocity;
         // 2Ω̂v: the skew part is the Coriolis force.
-        const Vec2<T> coriolis = T(2.0) * Vec2<T>{-(estimates.rate * v.y), estimates.rate * v.x};
+        const Vec2<T> coriolis = T(2.0) * (estimates.rate * turned(v));
         Vec2<T> equivalent =
             estimates.damping * v + coriolis + estimates.stiffness * q + reference.acceleration - surface.drift;
         if (c.printed) {
@@ -87,10 +87,10 @@ struct Switching {
         const T square = squared_norm(surface.s);
         // ‖s‖ below 1e-15 makes no difference to the force, as s itself multiplies what follows.
         const T outside = T(1.0) / maximum(square, T(1e-30));
-        const auto [gain, slope] = if_less({square, square}, {c.thickness_squared, c.thickness_squared},
-                                           {c.linear_gain, c.quadratic_gain}, Vec2<T>{T(0.0), outside});
+        const Vec2<T> gains = if_less({square, square}, {c.thickness_squared, c.thickness_squared},
+                                      {c.linear_gain, c.quadratic_gain}, Vec2<T>{T(0.0), outside});
         const Vec2<T> drive = bound * surface.s;
-        return (equivalent - gain * drive) - norms.surface * (slope * drive);
+        return (equivalent - gains.x() * drive) - norms.surface * (gains.y() * drive);
     }
 };
 

@@ -119,13 +119,23 @@ constexpr void for_each_field(std::string_view table, Struct& of, Visit&& visit,
 // Calls visit(part, number) for the numbers of a field's value: part is "", ".x", ".xy" or "[0]".
 template <class Value, class Visit>
 constexpr void for_each_part(Value& value, Visit&& visit) {
-    if constexpr (requires { value.xx; }) {
-        visit(std::string_view(".xx"), value.xx);
-        visit(std::string_view(".xy"), value.xy);
-        visit(std::string_view(".yy"), value.yy);
-    } else if constexpr (requires { value.x; }) {
-        visit(std::string_view(".x"), value.x);
-        visit(std::string_view(".y"), value.y);
+    // What lies in a register is visited as copies.
+    const auto put_back = [&](const auto&... parts) {
+        if constexpr (!std::is_const_v<Value>) {
+            value = Value{parts...};
+        }
+    };
+    if constexpr (requires { value.xx(); }) {
+        auto xx = value.xx(), xy = value.xy(), yy = value.yy();
+        visit(std::string_view(".xx"), xx);
+        visit(std::string_view(".xy"), xy);
+        visit(std::string_view(".yy"), yy);
+        put_back(xx, xy, yy);
+    } else if constexpr (requires { value.x(); }) {
+        auto x = value.x(), y = value.y();
+        visit(std::string_view(".x"), x);
+        visit(std::string_view(".y"), y);
+        put_back(x, y);
     } else if constexpr (requires { value.size(); }) {
         constexpr std::string_view places[] = {"[0]", "[1]", "[2]", "[3]", "[4]", "[5]", "[6]", "[7]"};
         for (std::size_t i = 0; i < value.size(); ++i) {
@@ -133,6 +143,19 @@ constexpr void for_each_part(Value& value, Visit&& visit) {
         }
     } else {
         visit(std::string_view(""), value);
+    }
+}
+
+template <class Value>
+constexpr std::size_t count_parts(const Value& value) {
+    if constexpr (requires { value.xx(); }) {
+        return 3;
+    } else if constexpr (requires { value.x(); }) {
+        return 2;
+    } else if constexpr (requires { value.size(); }) {
+        return value.size();
+    } else {
+        return 1;
     }
 }
 
@@ -150,7 +173,9 @@ template <class Report, Reported when = Reported::in_step>
 constexpr std::size_t width_of() {
     std::size_t width = 0;
     const Report report{};
-    for_each_number<when>(report, [&](const auto&) { ++width; });
+    for_each_field("", report, [&](std::string_view, const auto& field, const auto& value) {
+        width += when == Reported::in_step || !field.momentary ? count_parts(value) : 0;
+    });
     return width;
 }
 

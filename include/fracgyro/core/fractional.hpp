@@ -60,7 +60,7 @@ struct TwoTerms {
     using Memory = std::array<T, 4>;
     using PerTerm = std::array<T, 2>;
     using Part = T;
-    static Memory both(const Vec2<T>& a) { return {a.x, a.y, a.x, a.y}; }
+    static Memory both(const Vec2<T>& a) { return {a.x(), a.y(), a.x(), a.y()}; }
     static T& part(Memory& m, std::size_t term, std::size_t axis) { return m[2 * term + axis]; }
     static const T& part(const PerTerm& c, std::size_t term) { return c[term]; }
     static T& part(PerTerm& c, std::size_t term) { return c[term]; }
@@ -74,7 +74,7 @@ struct TwoTerms<T> {
     using Memory = typename PackOf<T, 4>::Type;
     using PerTerm = Memory;
     using Part = Memory;
-    static Memory both(const Vec2<T>& a) { return Memory{a.x, a.y, a.x, a.y}; }
+    static Memory both(const Vec2<T>& a) { return Memory{a.x(), a.y(), a.x(), a.y()}; }
     static Memory& part(Memory& m, std::size_t /*term*/, std::size_t /*axis*/) { return m; }
     static const Memory& part(const PerTerm& c, std::size_t /*term*/) { return c; }
     static Memory& part(PerTerm& c, std::size_t /*term*/) { return c; }

@@ -5,89 +5,186 @@
 
 namespace fracgyro {
 
+// Two numbers, one for each axis: Vec2{x, y}. What is added or multiplied goes element by element.
 template <Scalar T>
 struct Vec2 {
-    T x{}, y{};
+    T first{}, second{};
 
-    friend constexpr Vec2 operator+(const Vec2& a, const Vec2& b) {
-        return each(a, b, [](const auto& l, const auto& r) { return l + r; });
-    }
-    friend constexpr Vec2 operator-(const Vec2& a, const Vec2& b) {
-        return each(a, b, [](const auto& l, const auto& r) { return l - r; });
-    }
-    friend constexpr Vec2 operator-(const Vec2& a) { return {-a.x, -a.y}; }
-    friend constexpr Vec2 operator*(T a, const Vec2& b) { return Vec2{a, a} * b; }
-    // Product with a diagonal matrix stored as its diagonal.
-    friend constexpr Vec2 operator*(const Vec2& diagonal, const Vec2& b) {
-        return each(diagonal, b, [](const auto& l, const auto& r) { return l * r; });
-    }
-
-    friend constexpr bool operator==(const Vec2&, const Vec2&) = default;
-    friend constexpr auto operator<=>(const Vec2&, const Vec2&) = default;
-
-private:
-    // Built-in numbers go through one register as a pair, which halves the instructions.
-    template <class Operation>
-    static constexpr Vec2 each(const Vec2& a, const Vec2& b, Operation operation) {
-        if constexpr (std::floating_point<T> && FRACGYRO_PACKS) {
-            using Pair = typename PackOf<T, 2>::Type;
-            const Pair result = operation(Pair{a.x, a.y}, Pair{b.x, b.y});
-            return {result[0], result[1]};
-        } else {
-            return {operation(a.x, b.x), operation(a.y, b.y)};
-        }
-    }
+    constexpr const T& x() const { return first; }
+    constexpr const T& y() const { return second; }
 };
 
-// Element by element.
+// Built-in numbers share a register, in memory too: put together from halves it would be read back before both had
+// arrived. Aligned as one number, so that nothing is laid out otherwise than above.
 template <Scalar T>
-constexpr Vec2<T> absolute(Vec2<T> a) {
-    return {absolute(a.x), absolute(a.y)};
-}
-template <Scalar T>
-constexpr Vec2<T> maximum(Vec2<T> a, T b) {
-    return {maximum(a.x, b), maximum(a.y, b)};
-}
-template <Scalar T>
-constexpr Vec2<T> with_sign_of(Vec2<T> sign, Vec2<T> magnitude) {
-    return {with_sign_of(sign.x, magnitude.x), with_sign_of(sign.y, magnitude.y)};
-}
-template <Scalar T>
-constexpr Vec2<T> if_less(Vec2<T> a, Vec2<T> b, Vec2<T> yes, Vec2<T> no) {
-    if constexpr (std::floating_point<T> && FRACGYRO_PACKS) {
-        // Spelt as one operation on a register: a branch would wait for the comparison, and noise would mispredict it.
-        using Pair [[gnu::vector_size(2 * sizeof(T))]] = T;
-        const Pair taken = Pair{a.x, a.y} < Pair{b.x, b.y} ? Pair{yes.x, yes.y} : Pair{no.x, no.y};
-        return {taken[0], taken[1]};
+    requires(std::floating_point<T> && FRACGYRO_PACKS)
+struct Vec2<T> {
+    using Pair [[gnu::vector_size(2 * sizeof(T)), gnu::aligned(alignof(T))]] = T;
+    Pair pair{};
+
+    constexpr Vec2() = default;
+    constexpr Vec2(T x, T y) : pair{x, y} {}
+    constexpr explicit Vec2(Pair both) : pair(both) {}
+
+    constexpr T x() const { return pair[0]; }
+    constexpr T y() const { return pair[1]; }
+};
+
+// What an operation on one number makes of each; in a register, of both at once. By value: a reference to a pair would
+// say that it is aligned as a register.
+template <class Operation, Scalar T, class... More>
+constexpr Vec2<T> each(Operation operation, const Vec2<T>& a, const More&... more) {
+    if constexpr (requires { a.pair; }) {
+        return Vec2<T>(operation(a.pair, more.pair...));
     } else {
-        return {if_less(a.x, b.x, yes.x, no.x), if_less(a.y, b.y, yes.y, no.y)};
+        return {operation(a.x(), more.x()...), operation(a.y(), more.y()...)};
     }
 }
 
 template <Scalar T>
-constexpr T squared_norm(Vec2<T> a) {
-    return a.x * a.x + a.y * a.y;
+constexpr Vec2<T> operator+(const Vec2<T>& a, const Vec2<T>& b) {
+    return each([](auto l, auto r) { return l + r; }, a, b);
 }
 template <Scalar T>
-T norm(Vec2<T> a) {
+constexpr Vec2<T> operator-(const Vec2<T>& a, const Vec2<T>& b) {
+    return each([](auto l, auto r) { return l - r; }, a, b);
+}
+template <Scalar T>
+constexpr Vec2<T> operator-(const Vec2<T>& a) {
+    return each([](auto l) { return -l; }, a);
+}
+// Product with a diagonal matrix stored as its diagonal.
+template <Scalar T>
+constexpr Vec2<T> operator*(const Vec2<T>& diagonal, const Vec2<T>& b) {
+    return each([](auto l, auto r) { return l * r; }, diagonal, b);
+}
+template <Scalar T>
+constexpr Vec2<T> operator*(T a, const Vec2<T>& b) {
+    return each([a](auto r) { return a * r; }, b);
+}
+template <Scalar T>
+constexpr bool operator==(const Vec2<T>& a, const Vec2<T>& b) {
+    return a.x() == b.x() && a.y() == b.y();
+}
+template <Scalar T>
+constexpr auto operator<=>(const Vec2<T>& a, const Vec2<T>& b) {
+    const auto first = a.x() <=> b.x();
+    return first != 0 ? first : a.y() <=> b.y();
+}
+
+// (y, x)
+template <Scalar T>
+constexpr Vec2<T> swapped(const Vec2<T>& a) {
+    return {a.y(), a.x()};
+}
+// By a right angle: (-y, x).
+template <Scalar T>
+constexpr Vec2<T> turned(const Vec2<T>& a) {
+    return {-a.y(), a.x()};
+}
+
+// Element by element. In a register one operation: a branch would wait for the comparison, and noise would mispredict
+// it.
+template <Scalar T>
+constexpr Vec2<T> if_less(const Vec2<T>& a, const Vec2<T>& b, const Vec2<T>& yes, const Vec2<T>& no) {
+    if constexpr (requires { a.pair; }) {
+        return Vec2<T>(a.pair < b.pair ? yes.pair : no.pair);
+    } else {
+        return {if_less(a.x(), b.x(), yes.x(), no.x()), if_less(a.y(), b.y(), yes.y(), no.y())};
+    }
+}
+template <Scalar T>
+constexpr Vec2<T> absolute(const Vec2<T>& a) {
+    return {absolute(a.x()), absolute(a.y())};
+}
+template <Scalar T>
+constexpr Vec2<T> maximum(const Vec2<T>& a, T b) {
+    if constexpr (requires { a.pair; }) {
+        const Vec2<T> other{b, b};
+        return if_less(a, other, other, a);
+    } else {
+        return {maximum(a.x(), b), maximum(a.y(), b)};
+    }
+}
+template <Scalar T>
+constexpr Vec2<T> clamp(const Vec2<T>& a, T low, T high) {
+    return {clamp(a.x(), low, high), clamp(a.y(), low, high)};
+}
+template <Scalar T>
+constexpr Vec2<T> with_sign_of(const Vec2<T>& sign, const Vec2<T>& magnitude) {
+    return {with_sign_of(sign.x(), magnitude.x()), with_sign_of(sign.y(), magnitude.y())};
+}
+template <Scalar T>
+Vec2<T> square_root(const Vec2<T>& a) {
+#if defined(__SSE2__) && __has_builtin(__builtin_ia32_sqrtpd)
+    if constexpr (std::same_as<T, double> && FRACGYRO_PACKS) {
+        return Vec2<T>(__builtin_ia32_sqrtpd(a.pair));  // of both in one instruction
+    }
+#endif
+    return {square_root(a.x()), square_root(a.y())};
+}
+template <Scalar T>
+constexpr Vec2<T> reciprocal(const Vec2<T>& a) {
+    return each([](auto l) { return T(1.0) / l; }, a);
+}
+
+template <Scalar T>
+constexpr T squared_norm(const Vec2<T>& a) {
+    const Vec2<T> squares = a * a;
+    return squares.x() + squares.y();
+}
+template <Scalar T>
+T norm(const Vec2<T>& a) {
     return square_root(squared_norm(a));
+}
+// ‖a‖ and ‖b‖.
+template <Scalar T>
+Vec2<T> norms(const Vec2<T>& a, const Vec2<T>& b) {
+    return square_root(Vec2<T>{squared_norm(a), squared_norm(b)});
+}
+template <Scalar T>
+constexpr T dot(const Vec2<T>& a, const Vec2<T>& b) {
+    const Vec2<T> products = a * b;
+    return products.x() + products.y();
+}
+// a × b = a.x b.y - a.y b.x
+template <Scalar T>
+constexpr T cross(const Vec2<T>& a, const Vec2<T>& b) {
+    const Vec2<T> products = a * swapped(b);
+    return products.x() - products.y();
 }
 
 // Symmetric matrix [[xx, xy], [xy, yy]].
 template <Scalar T>
 struct Sym2 {
-    T xx{}, xy{}, yy{};
+    Vec2<T> diagonal{};
+    T off_diagonal{};
 
-    friend constexpr Sym2 operator+(Sym2 a, Sym2 b) { return {a.xx + b.xx, a.xy + b.xy, a.yy + b.yy}; }
-    friend constexpr Sym2 operator-(Sym2 a, Sym2 b) { return {a.xx - b.xx, a.xy - b.xy, a.yy - b.yy}; }
-    friend constexpr Sym2 operator*(T a, Sym2 b) { return {a * b.xx, a * b.xy, a * b.yy}; }
-    friend constexpr Vec2<T> operator*(Sym2 a, Vec2<T> b) { return {a.xx * b.x + a.xy * b.y, a.xy * b.x + a.yy * b.y}; }
+    constexpr Sym2() = default;
+    constexpr Sym2(T xx, T xy, T yy) : diagonal{xx, yy}, off_diagonal(xy) {}
+    constexpr Sym2(const Vec2<T>& on, T off) : diagonal(on), off_diagonal(off) {}
+
+    constexpr T xx() const { return diagonal.x(); }
+    constexpr T xy() const { return off_diagonal; }
+    constexpr T yy() const { return diagonal.y(); }
+
+    friend constexpr Sym2 operator+(const Sym2& a, const Sym2& b) {
+        return {a.diagonal + b.diagonal, a.off_diagonal + b.off_diagonal};
+    }
+    friend constexpr Sym2 operator-(const Sym2& a, const Sym2& b) {
+        return {a.diagonal - b.diagonal, a.off_diagonal - b.off_diagonal};
+    }
+    friend constexpr Sym2 operator*(T a, const Sym2& b) { return {a * b.diagonal, a * b.off_diagonal}; }
+    friend constexpr Vec2<T> operator*(const Sym2& a, const Vec2<T>& b) {
+        return a.diagonal * b + a.off_diagonal * swapped(b);
+    }
 };
 
 // Symmetric part of the outer product: ½ (a bᵀ + b aᵀ).
 template <Scalar T>
-constexpr Sym2<T> symmetric_product(Vec2<T> a, Vec2<T> b) {
-    return {a.x * b.x, T(0.5) * (a.x * b.y + a.y * b.x), a.y * b.y};
+constexpr Sym2<T> symmetric_product(const Vec2<T>& a, const Vec2<T>& b) {
+    const Vec2<T> mixed = a * swapped(b);
+    return {a * b, T(0.5) * (mixed.x() + mixed.y())};
 }
 
 }  // namespace fracgyro

@@ -46,8 +46,8 @@ struct Gyroscope {
         const Sym2<double> k = p.stiffness + p.stiffness_deviation;
         Matrix<6> a{};
         a[0][2] = a[1][3] = a[2][4] = a[3][5] = 1.0;
-        a[2][0] = -k.xx, a[2][1] = -k.xy, a[2][2] = -d.xx, a[2][3] = -d.xy + 2.0 * p.rate;
-        a[3][0] = -k.xy, a[3][1] = -k.yy, a[3][2] = -d.xy - 2.0 * p.rate, a[3][3] = -d.yy;
+        a[2][0] = -k.xx(), a[2][1] = -k.xy(), a[2][2] = -d.xx(), a[2][3] = -d.xy() + 2.0 * p.rate;
+        a[3][0] = -k.xy(), a[3][1] = -k.yy(), a[3][2] = -d.xy() - 2.0 * p.rate, a[3][3] = -d.yy();
 
         const Matrix<6> sum = expm(a, step);
         Coefficients c;
@@ -60,17 +60,17 @@ struct Gyroscope {
     }
 
     static State start(const GyroscopeParams& p) {
-        return {.position = {T(p.initial_position.x), T(p.initial_position.y)},
-                .velocity = {T(p.initial_velocity.x), T(p.initial_velocity.y)}};
+        return {.position = {T(p.initial_position.x()), T(p.initial_position.y())},
+                .velocity = {T(p.initial_velocity.x()), T(p.initial_velocity.y())}};
     }
 
     // Grouped so that the force, which comes last, meets as few additions as possible.
     static void step(State& state, const Coefficients& c, Vec2<T> control, Vec2<T> disturbance = {}) {
         const Vec2<T> force = control + disturbance;
         const auto times = [&c](std::size_t column, const T& a) { return c.map[column] * Column{a, a, a, a}; };
-        const Column free = (times(0, state.position.x) + times(1, state.position.y)) +
-                            (times(2, state.velocity.x) + times(3, state.velocity.y));
-        const Column next = free + (times(4, force.x) + times(5, force.y));
+        const Column free = (times(0, state.position.x()) + times(1, state.position.y())) +
+                            (times(2, state.velocity.x()) + times(3, state.velocity.y()));
+        const Column next = free + (times(4, force.x()) + times(5, force.y()));
         state = {.position = {next[0], next[1]}, .velocity = {next[2], next[3]}};
     }
 };

@@ -28,7 +28,7 @@ struct Quantizer {
         const double step = range / levels;
         return step * clamp(detail::round_to_nearest(clipped / step), -levels, levels - 1.0);
     }
-    Vec2<double> operator()(const Vec2<double>& a) const { return {(*this)(a.x), (*this)(a.y)}; }
+    Vec2<double> operator()(const Vec2<double>& a) const { return {(*this)(a.x()), (*this)(a.y())}; }
     bool on() const { return bits != 0 || range < std::numeric_limits<double>::infinity(); }
 };
 

@@ -79,8 +79,6 @@ struct VaryingGyroscope {
     }
 
 private:
-    static Vec2<double> turned(const Vec2<double>& a) { return {-a.y, a.x}; }
-
     // N(t, x)
     static Motion<double> rest(const Coefficients& c, const Variation& now, const Motion<double>& x) {
         const Vec2<double>& q = x.position;

@@ -1,6 +1,8 @@
 // The members of a struct one by one, in their order, without a list of them.
 #pragma once
 
+#include "fracgyro/core/linear.hpp"
+
 #include <cstddef>
 
 namespace fracgyro {
@@ -88,6 +90,12 @@ constexpr decltype(auto) with_members(const Struct& value, Visit&& visit) {
         const auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t] = value;
         return visit(a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t);
     }
+}
+
+// Its constructor hides its members from counting.
+template <class T, class Visit>
+constexpr decltype(auto) with_members(const Sym2<T>& value, Visit&& visit) {
+    return visit(value.diagonal, value.off_diagonal);
 }
 
 }  // namespace fracgyro

@@ -64,7 +64,7 @@ void set_lane(Struct& to, const Struct& from, std::size_t lane) {
 template <class T>
 typename MetricsSums<double>::Stretch one_lane(const typename MetricsSums<T>::Stretch& s, std::size_t k) {
     const auto one = [k](const T& a) { return static_cast<double>(a.lane[k]); };
-    const auto vec2 = [&](const Vec2<T>& a) { return Vec2<double>{one(a.x), one(a.y)}; };
+    const auto vec2 = [&](const Vec2<T>& a) { return Vec2<double>{one(a.x()), one(a.y())}; };
     return {.squares = vec2(s.squares),
             .force = vec2(s.force),
             .bend = vec2(s.bend),
@@ -151,7 +151,7 @@ void measure_block(const Kernels<Number, count>& kernels, std::span<const Setup*
         report = C::report(block->state, block->controller);
         for (std::size_t k = 0; k < count; ++k) {
             const auto& q = block->motion.position;
-            const double size = std::abs(double{q.x.lane[k]}) + std::abs(double{q.y.lane[k]});
+            const double size = std::abs(double{q.x().lane[k]}) + std::abs(double{q.y().lane[k]});
             if (alive[k] && !(size < divergence_limit)) {
                 gather(k);
                 end_lane(k);
@@ -179,8 +179,8 @@ void measure_block(const Kernels<Number, count>& kernels, std::span<const Setup*
         }
         const auto stretch = std::span(coming).first(static_cast<std::size_t>(end - first));
         const auto set = [&](std::size_t i, std::size_t k) {
-            block->disturbance[i].x.lane[k] = static_cast<Number>(stretch[i].x);
-            block->disturbance[i].y.lane[k] = static_cast<Number>(stretch[i].y);
+            block->disturbance[i].first.lane[k] = static_cast<Number>(stretch[i].x());
+            block->disturbance[i].second.lane[k] = static_cast<Number>(stretch[i].y());
         };
         if (shared) {
             if (drawn.empty()) {

@@ -20,8 +20,8 @@ using DeviceSetup = DeviceSetupOf<ControllerParams>;
 template <class Params>
 bool plant_varies(const DeviceSetupOf<Params>& s) {
     const Vec2<double>& cubic = s.device.cubic_stiffness;
-    return s.rate.kind != AngularRateKind::constant || s.device.stiffness_drift != 0.0 || cubic.x != 0.0 ||
-           cubic.y != 0.0;
+    return s.rate.kind != AngularRateKind::constant || s.device.stiffness_drift != 0.0 || cubic.x() != 0.0 ||
+           cubic.y() != 0.0;
 }
 
 template <class Params>
@@ -148,8 +148,8 @@ inline constexpr std::size_t device_width = 8;
 template <class Report>
 std::array<double, device_width> device_row(const DeviceSnapshot<Report>& at) {
     const Motion<double>& m = at.measured;
-    return {at.rate,      at.stiffness_drift, m.position.x, m.position.y,
-            m.velocity.x, m.velocity.y,       at.applied.x, at.applied.y};
+    return {at.rate,        at.stiffness_drift, m.position.x(), m.position.y(),
+            m.velocity.x(), m.velocity.y(),     at.applied.x(), at.applied.y()};
 }
 template <class Report>
 void write_device_row(const DeviceSnapshot<Report>& at, double* row) {

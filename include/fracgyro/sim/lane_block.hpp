@@ -24,7 +24,7 @@ struct Block {
 template <Controller C>
 bool diverged(const Block<C>& block) {
     using T = typename C::Value;
-    const T size = absolute(block.motion.position.x) + absolute(block.motion.position.y);
+    const T size = absolute(block.motion.position.x()) + absolute(block.motion.position.y());
     return !always_less(if_less(T(0.0), block.alive, size, T(0.0)), T(divergence_limit));  // also true for NaN
 }
 

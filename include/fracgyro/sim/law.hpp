@@ -83,8 +83,8 @@ private:
     static std::string sentence(double time, const Vec2<double>& f) {
         std::array<char, 160> text{};
         std::snprintf(text.data(), text.size(),
-                      "the controller returned [%.6g, %.6g] at t = %.9g: it must return two finite numbers", f.x, f.y,
-                      time);
+                      "the controller returned [%.6g, %.6g] at t = %.9g: it must return two finite numbers", f.x(),
+                      f.y(), time);
         return text.data();
     }
 };
@@ -140,10 +140,10 @@ struct OutsideController {
                               .reference = c.law.units.length * r.position,
                               .reference_velocity = c.law.units.velocity * r.velocity,
                               .reference_acceleration = c.law.units.acceleration * r.acceleration});
-        if (!(std::isfinite(given.x) && std::isfinite(given.y))) {
+        if (!(std::isfinite(given.x()) && std::isfinite(given.y()))) {
             throw NoForce(time, given);
         }
-        const Vec2<double> wanted{given.x / c.law.units.force, given.y / c.law.units.force};
+        const Vec2<double> wanted{given.x() / c.law.units.force, given.y() / c.law.units.force};
         signals.force = Saturation<double>::within(c.saturation, wanted);
         signals.excess = wanted - signals.force;
         if constexpr (requires { signals.report.rate; }) {

@@ -62,7 +62,7 @@ struct MetricsSums {
         const Vec2<T> u = at.force;
         const Vec2<T> squares = at.error.value * at.error.value;
         s.squares = s.squares + squares;
-        s.error_outside = if_less(error_bound_squared, squares.x + squares.y, s.step, s.error_outside);
+        s.error_outside = if_less(error_bound_squared, squares.x() + squares.y(), s.step, s.error_outside);
         if constexpr (requires { at.report.surface; }) {
             s.surface_outside =
                 if_less(surface_bound_squared, squared_norm(at.report.surface), s.step, s.surface_outside);
@@ -77,7 +77,7 @@ struct MetricsSums {
         const Vec2<T> difference = (u - past[0]) - (past[0] - past[1]);
         s.bend = s.bend + difference * difference;
         s.force = s.force + u * u;
-        s.largest_force = maximum(s.largest_force, maximum(absolute(u.x), absolute(u.y)));
+        s.largest_force = maximum(s.largest_force, maximum(absolute(u.x()), absolute(u.y())));
         past = {u, past[0]};
         s.step = s.step + T(1.0);
     }
@@ -146,7 +146,7 @@ struct LastReport {
     template <class Report, class Number>
     static LastReport of(const Report& r, Number&& number) {
         LastReport last;
-        const auto sym2 = [&](const auto& a) { return Sym2<double>{number(a.xx), number(a.xy), number(a.yy)}; };
+        const auto sym2 = [&](const auto& a) { return Sym2<double>{number(a.xx()), number(a.xy()), number(a.yy())}; };
         if constexpr (requires { r.damping, r.stiffness; }) {
             last.damping = sym2(r.damping);
             last.stiffness = sym2(r.stiffness);
@@ -177,7 +177,7 @@ std::array<double, metric_names.size()> metric_values(const MetricsParams& param
         return b != 0.0 ? a / b : a > 0.0 ? std::numeric_limits<double>::infinity() : nan;
     };
     const auto rms = [&](const Vec2<double>& sum, double n) {  // NaN: an empty window
-        return Vec2<double>{std::sqrt(ratio(sum.x, n)), std::sqrt(ratio(sum.y, n))};
+        return Vec2<double>{std::sqrt(ratio(sum.x(), n)), std::sqrt(ratio(sum.y(), n))};
     };
     const double late = count(samples - early);
     const Vec2<double> whole = rms(totals.transient.squares + totals.steady.squares, count(samples));
@@ -190,22 +190,24 @@ std::array<double, metric_names.size()> metric_values(const MetricsParams& param
     const auto settled = [&](std::int64_t outside) { return outside < samples - 1 ? count(outside + 1) * h : nan; };
     // Frobenius norm of the error over that of the truth.
     const auto relative = [&](const Sym2<double>& estimate, const Sym2<double>& truth) {
-        const auto square = [](const Sym2<double>& a) { return a.xx * a.xx + 2.0 * a.xy * a.xy + a.yy * a.yy; };
+        const auto square = [](const Sym2<double>& a) {
+            return a.xx() * a.xx() + 2.0 * a.xy() * a.xy() + a.yy() * a.yy();
+        };
         return std::sqrt(ratio(square(estimate - truth), square(truth)));
     };
     const GyroscopeParams& p = setup.plant;
-    return {whole.x,
-            whole.y,
-            transient.x,
-            transient.y,
-            steady.x,
-            steady.y,
+    return {whole.x(),
+            whole.y(),
+            transient.x(),
+            transient.y(),
+            steady.x(),
+            steady.y(),
             settled(totals.error_outside),
             last.has_surface ? settled(totals.surface_outside) : nan,
-            chattering(totals.bend.x, totals.steady.force.x),
-            chattering(totals.bend.y, totals.steady.force.y),
-            effort.x,
-            effort.y,
+            chattering(totals.bend.x(), totals.steady.force.x()),
+            chattering(totals.bend.y(), totals.steady.force.y()),
+            effort.x(),
+            effort.y(),
             last.rate - p.rate,
             last.has_rate ? std::sqrt(ratio(totals.rate_squares, late)) : nan,
             last.has_rate ? totals.peak_rate_error : nan,

@@ -44,7 +44,7 @@ constexpr void for_each_reported(Visit&& visit) {
 template <Scalar T, class Report>
 void write_row(const Snapshot<T, Report>& at, double* row) {
     const auto put = [&row](auto value) { *row++ = static_cast<double>(value); };
-    const auto put2 = [&](const Vec2<T>& a) { put(a.x), put(a.y); };
+    const auto put2 = [&](const Vec2<T>& a) { put(a.x()), put(a.y()); };
     put2(at.motion.position);
     put2(at.motion.velocity);
     put2(at.signals.reference.position);

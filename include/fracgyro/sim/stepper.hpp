@@ -34,7 +34,7 @@ inline constexpr double divergence_limit = 1e6;
 // Also false for NaN.
 template <Scalar T>
 bool bounded(const Motion<T>& motion) {
-    return absolute(motion.position.x) + absolute(motion.position.y) < T(divergence_limit);
+    return absolute(motion.position.x()) + absolute(motion.position.y()) < T(divergence_limit);
 }
 
 // 6  The gyroscope with nothing around it: what is measured is its motion, and what is asked for acts. That of a device
@@ -58,7 +58,7 @@ struct IdealGyroscope {
     }
     // What is measured at the sample n, where this was drawn.
     static const Motion<T>& sense(State& state, const Coefficients&, const Drawn& drawn) {
-        state.disturbance = {T(drawn.x), T(drawn.y)};
+        state.disturbance = {T(drawn.x()), T(drawn.y())};
         return state.motion;
     }
     // The answer at the sample n.
