@@ -19,8 +19,28 @@ using namespace fracgyro;
 
 namespace {
 
-FRACGYRO_FOR_EACH_PROCESSOR
-std::int64_t record_run(const Setup& setup, double* rows) { return record<double>(setup, 1, rows); }
+// As the Python module does: a function for each controller, and noise in the widest registers.
+template <Controller C>
+FRACGYRO_FOR_EACH_PROCESSOR std::int64_t record_one(const Setup& setup, double* rows, FillNoise noise) {
+    return record<C>(setup, 1, rows, noise);
+}
+FillNoise fill_noise_here() {
+#ifdef FRACGYRO_LANES_X86
+    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl")) {
+        return kernels_for_avx512().doubles.fill_noise;
+    }
+    if (__builtin_cpu_supports("avx2")) {
+        return kernels_for_avx2().doubles.fill_noise;
+    }
+#endif
+    return kernels_for_any_processor().doubles.fill_noise;
+}
+std::int64_t record_run(const Setup& setup, double* rows) {
+    std::int64_t samples = 0;
+    with_controller<double>(setup.controller,
+                            [&]<class C>() { samples = record_one<C>(setup, rows, fill_noise_here()); });
+    return samples;
+}
 
 // Exponentials of α = 0.9 from standard input, as the Python package designed them: count, then pole and weight of
 // each.
@@ -39,27 +59,32 @@ ExponentialSum read_kernel() {
     return kernel;
 }
 
-FRACGYRO_FOR_EACH_PROCESSOR
+template <Controller C>
+FRACGYRO_FOR_EACH_PROCESSOR double one_unkept(const Setup& setup, const std::vector<Vec2<double>>& noise) {
+    double last = 0.0;
+    run_loop<C>(
+        setup, [&](std::int64_t n) { return noise[static_cast<std::size_t>(n)]; },
+        [&](const auto& at) { last = at.signals.error.value.x(); });
+    return last;
+}
 double run_unkept(const Setup& setup, const std::vector<Vec2<double>>& noise) {
     double last = 0.0;
-    with_controller<double>(setup.controller, [&]<class Controller>() {
-        run_loop<Controller>(
-            setup, [&](std::int64_t n) { return noise[static_cast<std::size_t>(n)]; },
-            [&](const auto& at) { last = at.signals.error.value.x(); });
-    });
+    with_controller<double>(setup.controller, [&]<class C>() { last = one_unkept<C>(setup, noise); });
     return last;
 }
 
-FRACGYRO_FOR_EACH_PROCESSOR
+template <Controller C>
+FRACGYRO_FOR_EACH_PROCESSOR void one_prepared(const Setup& setup, const std::vector<Vec2<double>>& noise,
+                                              double* rows) {
+    run_loop<C>(
+        setup, [&](std::int64_t n) { return noise[static_cast<std::size_t>(n)]; },
+        [&](const auto& at) {
+            write_row(at, rows);
+            rows += row_width<typename C::Report>;
+        });
+}
 void run_prepared(const Setup& setup, const std::vector<Vec2<double>>& noise, double* rows) {
-    with_controller<double>(setup.controller, [&]<class Controller>() {
-        run_loop<Controller>(
-            setup, [&](std::int64_t n) { return noise[static_cast<std::size_t>(n)]; },
-            [&](const auto& at) {
-                write_row(at, rows);
-                rows += row_width<typename Controller::Report>;
-            });
-    });
+    with_controller<double>(setup.controller, [&]<class C>() { one_prepared<C>(setup, noise, rows); });
 }
 
 #ifdef FRACGYRO_LANES_X86

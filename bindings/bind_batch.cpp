@@ -12,9 +12,16 @@ namespace fracgyro::bindings {
 
 namespace {
 
-FRACGYRO_FOR_EACH_PROCESSOR
+// A function for each controller: in one for all, compilers optimize none of them well.
+template <Controller C>
+FRACGYRO_FOR_EACH_PROCESSOR std::int64_t record_one(const Setup& setup, std::int64_t every, double* rows,
+                                                    FillNoise noise) {
+    return record<C>(setup, every, rows, noise);
+}
 std::int64_t record_run(const Setup& setup, std::int64_t every, double* rows, FillNoise noise) {
-    return record<double>(setup, every, rows, noise);
+    std::int64_t samples = 0;
+    with_controller<double>(setup.controller, [&]<class C>() { samples = record_one<C>(setup, every, rows, noise); });
+    return samples;
 }
 
 // Doubles in a register, by the kinds of processor that this one can stand in for, the fastest last.

@@ -64,21 +64,24 @@ inline std::size_t row_width_of(const ControllerParams& controller) {
 
 // Rows at the samples 0, every, 2·every, …; room for setup.steps / every + 1 of them. Returns the number of samples
 // before divergence.
+template <Controller C>
+std::int64_t record(const Setup& setup, std::int64_t every, double* rows, FillNoise noise = &fill_noise<word_bytes>) {
+    Disturbance disturbance(setup.disturbance, setup.common.step, noise);
+    std::int64_t until_next = 0;
+    return run_loop<C>(setup, disturbance, [&](const Snapshot<typename C::Value, typename C::Report>& at) {
+        if (until_next == 0) {
+            write_row(at, rows);
+            rows += row_width<typename C::Report>;
+            until_next = every;
+        }
+        --until_next;
+    });
+}
+// With the controller of the setup.
 template <Scalar T>
 std::int64_t record(const Setup& setup, std::int64_t every, double* rows, FillNoise noise = &fill_noise<word_bytes>) {
     std::int64_t samples = 0;
-    Disturbance disturbance(setup.disturbance, setup.common.step, noise);
-    with_controller<T>(setup.controller, [&]<class C>() {
-        std::int64_t until_next = 0;
-        samples = run_loop<C>(setup, disturbance, [&](const Snapshot<T, typename C::Report>& at) {
-            if (until_next == 0) {
-                write_row(at, rows);
-                rows += row_width<typename C::Report>;
-                until_next = every;
-            }
-            --until_next;
-        });
-    });
+    with_controller<T>(setup.controller, [&]<class C>() { samples = record<C>(setup, every, rows, noise); });
     return samples;
 }
 
