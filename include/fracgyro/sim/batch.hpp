@@ -177,29 +177,21 @@ void measure_block(const Kernels<Number, count>& kernels, std::span<const Setup*
         for (std::size_t k = 0; first == half && k < count; ++k) {
             bound_halfway[k] = LastReport::of(report, [k](const T& a) { return double{a.lane[k]}; }).bound[0];
         }
-        const auto stretch = std::span(coming).first(static_cast<std::size_t>(end - first));
-        const auto set = [&](std::size_t i, std::size_t k) {
-            block->disturbance[i].first.lane[k] = static_cast<Number>(stretch[i].x());
-            block->disturbance[i].second.lane[k] = static_cast<Number>(stretch[i].y());
-        };
-        if (shared) {
-            if (drawn.empty()) {
-                disturbances[0].fill(first, stretch);
-            } else {
-                std::copy_n(drawn.begin() + first, stretch.size(), stretch.begin());
-            }
-            for (std::size_t i = 0; i < stretch.size(); ++i) {
-                for (std::size_t k = 0; k < count; ++k) {
-                    set(i, k);
-                }
-            }
+        const auto length = static_cast<std::size_t>(end - first);
+        const auto stretch = std::span(coming).first(length);
+        if (shared && !drawn.empty()) {
+            kernels.spread(drawn.subspan(static_cast<std::size_t>(first), length), block->disturbance);
+        } else if (shared) {
+            disturbances[0].fill(first, stretch);
+            kernels.spread(stretch, block->disturbance);
         } else if (noise) {
-            kernels.fill_lanes(*noise, first, std::span(block->disturbance).first(stretch.size()));
+            kernels.fill_lanes(*noise, first, std::span(block->disturbance).first(length));
         } else {
             for (std::size_t k = 0; k < count; ++k) {
                 disturbances[k].fill(first, stretch);
-                for (std::size_t i = 0; i < stretch.size(); ++i) {
-                    set(i, k);
+                for (std::size_t i = 0; i < length; ++i) {
+                    block->disturbance[i].first.lane[k] = static_cast<Number>(stretch[i].x());
+                    block->disturbance[i].second.lane[k] = static_cast<Number>(stretch[i].y());
                 }
             }
         }

@@ -72,8 +72,9 @@ template <class Number, std::size_t Count>
 struct Kernels {
     using Advance = detail::KernelsFor<Lanes<Number, Count>, Registry>;
     typename Advance::Type advance = Advance::all();
-    void (*fill_lanes)(const LaneNoise<Count>&, std::int64_t,
-                       std::span<Vec2<Lanes<Number, Count>>>) = &fracgyro::fill_lanes<Number, Count>;
+    using Disturbances = std::span<Vec2<Lanes<Number, Count>>>;
+    void (*fill_lanes)(const LaneNoise<Count>&, std::int64_t, Disturbances) = &fracgyro::fill_lanes<Number, Count>;
+    void (*spread)(std::span<const Vec2<double>>, Disturbances) = &fracgyro::spread<Number, Count>;
     FillNoise fill_noise = &fracgyro::fill_noise<Count * sizeof(Number)>;
 };
 template <std::size_t Bytes>  // of a register

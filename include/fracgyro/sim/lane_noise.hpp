@@ -61,4 +61,18 @@ template <class Number, std::size_t Count>
     }
 }
 
+// Writes the same disturbance into every lane.
+template <class Number, std::size_t Count>
+[[gnu::flatten]] void spread(std::span<const Vec2<double>> drawn, std::span<Vec2<Lanes<Number, Count>>> out) {
+    using T = Lanes<Number, Count>;
+    const auto in_lanes = [](double a) {
+        std::array<Number, Count> values;
+        values.fill(static_cast<Number>(a));
+        return T::of(std::bit_cast<typename T::Register>(values));
+    };
+    for (std::size_t i = 0; i < drawn.size(); ++i) {
+        out[i] = {in_lanes(drawn[i].x()), in_lanes(drawn[i].y())};
+    }
+}
+
 }  // namespace fracgyro
