@@ -45,8 +45,8 @@ void fracgyro_init(fracgyro_state* state) {
     Guard::step(
         s, coefficients,
         {.position = {motion->position.x, motion->position.y}, .velocity = {motion->velocity.x, motion->velocity.y}});
-    force->x = s.force.x;
-    force->y = s.force.y;
+    force->x = s.force.x();
+    force->y = s.force.y();
     return static_cast<fracgyro_status>(s.status);
 }
 
