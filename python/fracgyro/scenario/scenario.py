@@ -10,7 +10,7 @@ import math
 import os
 import textwrap
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, Literal, Self, cast
 
@@ -157,18 +157,7 @@ class Scenario(Table):
 
     def to_toml(self) -> str:
         """Complete and commented; reading it gives this scenario back, and writing that the same text."""
-        lines = [
-            f"{BEGIN} [plant], [rate] and [device] are in SI, all else is nondimensional.",
-            "# A table or field that is left out takes the paper's value, in the corrected reading.",
-        ]
-        for name, table in self:
-            lines += ["", f"# {type(table).__doc__}", f"[{name}]"]
-            for field in _fields(name, self.controller.kind):
-                info = type(table).model_fields[field]
-                value = getattr(table, field)
-                lines += _comment(info.description or "")
-                lines += [f"# {field} is not set" if value is None else f"{field} = {toml_value(value)}"]
-        return "\n".join([*lines, "", END]) + "\n"
+        return _text(self)
 
     def replace(self, changes: Mapping[str, Any]) -> Scenario:
         """A copy with {"controller.order": 0.8, ...} changed, validated as a whole; None unsets."""
@@ -196,6 +185,22 @@ class Scenario(Table):
 
     def content_hash(self) -> str:
         return hashlib.sha256(self.to_toml().encode()).hexdigest()
+
+
+@lru_cache(maxsize=8)
+def _text(scenario: Scenario) -> str:
+    lines = [
+        f"{BEGIN} [plant], [rate] and [device] are in SI, all else is nondimensional.",
+        "# A table or field that is left out takes the paper's value, in the corrected reading.",
+    ]
+    for name, table in scenario:
+        lines += ["", f"# {type(table).__doc__}", f"[{name}]"]
+        for field in _fields(name, scenario.controller.kind):
+            info = type(table).model_fields[field]
+            value = getattr(table, field)
+            lines += _comment(info.description or "")
+            lines += [f"# {field} is not set" if value is None else f"{field} = {toml_value(value)}"]
+    return "\n".join([*lines, "", END]) + "\n"
 
 
 @cache

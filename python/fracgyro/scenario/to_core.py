@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -194,11 +195,21 @@ def _profile(scenario: Scenario, points: Points, scale: float) -> _core.Profile:
 
 def core_setup(scenario: Scenario, changes: Mapping[str, float] | None = None) -> _core.DeviceSetup:
     """One run for the compiled loop; `changes`: numbers of `core_numbers` that are others."""
+    return _made(scenario, changes) if changes else _core.DeviceSetup(_unchanged(scenario))
+
+
+@lru_cache(maxsize=8)
+def _unchanged(scenario: Scenario) -> _core.DeviceSetup:
+    """Kept, for `core_setup` to copy."""
+    return _made(scenario, {})
+
+
+def _made(scenario: Scenario, changes: Mapping[str, float]) -> _core.DeviceSetup:
     kind, run = scenario.controller.kind, scenario.run
     found = core_numbers(scenario)
-    if unknown := set(changes or {}) - set(found):
+    if unknown := set(changes) - set(found):
         raise KeyError(f"{min(unknown)} is not a number of this run")
-    setup = _core.DeviceSetup(KINDS.index(kind), list((found | dict(changes or {})).values()))
+    setup = _core.DeviceSetup(KINDS.index(kind), list((found | dict(changes)).values()))
     if setup.has_memory:
         setup.kernel = core_kernel(scenario.controller.order, run.step, run.duration, run.kernel_tolerance)
     setup.seed = scenario.disturbance.seed  # a double does not hold all

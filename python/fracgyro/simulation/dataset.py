@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 
 from .. import _core
 from ..files import whole_file
 from ..scenario import Scenario
 from ..scenario.kinds import AXES, QUANTITIES, Channel
 from .outside import Outside
+
+VERSION = version("fracgyro")
+WINDOWS = ["whole", "transient", "steady"]
+MAX_KEPT = 10**6  # samples of a run whose coordinates are kept for the next one
 
 
 def time_scale(scenario: Scenario) -> float:
@@ -37,54 +43,78 @@ def dataset(
     si = scenario.run.units == "SI"
     scales = scenario.plant.scales
     given = (outside and outside.reports) or ()
-    leading = ["run"] * (rows.ndim - 2)
-    variables: dict[str, Any] = {}
-    coordinates: dict[str, Any] = {}
+    data: dict[str, np.ndarray] = {}
     column = 0
     for channel in channels:
         values = rows[..., column : column + channel.width] if channel.dimension else rows[..., column]
-        units = [QUANTITIES[unit] for unit in channel.units]
         if si and channel not in given:
-            factors = [getattr(scales, scale) for scale, _ in units]
+            factors = [getattr(scales, QUANTITIES[unit][0]) for unit in channel.units]
             values = values * (factors if len(factors) > 1 else factors[0])
-        unit = ", ".join(u for _, u in units) if si else "1"
-        if channel.dimension:
-            coordinates[channel.dimension] = channel.labels
-        dimensions = [*leading, "time", *([channel.dimension] if channel.dimension else [])]
-        variables[channel.name] = (dimensions, values, {"long_name": channel.meaning, "units": unit})
+        data[channel.name] = values
         column += channel.width
     step = scenario.run.step * (scenario.run.record_every if every is None else every)
-    time = np.arange(first, first + rows.shape[-2]) * step * time_scale(scenario)
+    form = _form if rows.shape[-2] <= MAX_KEPT else _form.__wrapped__
+    run = form(channels, rows.shape[:-1], first, step, time_scale(scenario), si).copy(deep=True, data=data)
+    run.attrs = {
+        "scenario": scenario.to_toml(),
+        "version": VERSION,
+        "units": scenario.run.units,
+        **({"controller": outside.name} if outside else {}),
+    }
+    return run
+
+
+@lru_cache(maxsize=4)
+def _form(
+    channels: tuple[Channel, ...], shape: tuple[int, ...], first: int, step: float, scale: float, si: bool
+) -> xr.Dataset:
+    """What is the same in all runs of this shape: coordinates, their indexes, and what variables are called."""
+    variables: dict[str, Any] = {}
+    coordinates: dict[str, Any] = {}
+    leading = ["run"] * (len(shape) - 1)
+    for channel in channels:
+        unit = ", ".join(QUANTITIES[unit][1] for unit in channel.units) if si else "1"
+        inner = [channel.dimension] if channel.dimension else []
+        if channel.dimension:
+            coordinates[channel.dimension] = _fixed(channel.labels)
+        values = np.broadcast_to(0.0, (*shape, channel.width) if inner else shape)
+        variables[channel.name] = ([*leading, "time", *inner], values, {"long_name": channel.meaning, "units": unit})
+    time = _fixed(np.arange(first, first + shape[-1]) * step * scale)
     attributes = {"long_name": "time", "units": "s" if si else "1"}
-    return xr.Dataset(
-        variables,
-        coords={"time": ("time", time, attributes), **coordinates},
-        attrs={
-            "scenario": scenario.to_toml(),
-            "version": version("fracgyro"),
-            "units": scenario.run.units,
-            **({"controller": outside.name} if outside else {}),
-        },
-    )
+    return xr.Dataset(variables, coords={"time": ("time", time, attributes), **coordinates})
+
+
+def _fixed(values: ArrayLike) -> np.ndarray:
+    """Values that several Datasets share: nobody can write to them."""
+    array = np.array(values)
+    array.flags.writeable = False
+    return array
 
 
 def metrics_dataset(values: np.ndarray, thresholds: dict[str, float]) -> xr.Dataset:
     by_name = dict(zip(_core.metric_names, values.T, strict=True))
-    windows = ["whole", "transient", "steady"]
-    rmse = np.stack([[by_name.pop(f"rmse_{w}_{a}") for a in AXES] for w in windows])
-    grouped = {"rmse": (["run", "window", "axis"], np.moveaxis(rmse, -1, 0))}
+    rmse = np.stack([[by_name.pop(f"rmse_{w}_{a}") for a in AXES] for w in WINDOWS])
+    grouped = {"rmse": np.moveaxis(rmse, -1, 0)}
     for name in ("chattering", "effort"):
-        grouped[name] = (["run", "axis"], np.stack([by_name.pop(f"{name}_{a}") for a in AXES], axis=-1))
-    bounds = np.stack([by_name.pop(f"bound_{i}") for i in range(3)], axis=-1)
-    grouped["bound_final"] = (["run", "bound"], bounds)
-    figures = xr.Dataset(
-        {**grouped, **{name: ("run", column) for name, column in by_name.items()}},
-        coords={"window": windows, "axis": AXES, "bound": [0, 1, 2]},
-        attrs={"version": version("fracgyro"), "units": "nondimensional", **thresholds},
-    )
-    for variable in figures.data_vars.values():
-        variable.attrs["units"] = "1"
+        grouped[name] = np.stack([by_name.pop(f"{name}_{a}") for a in AXES], axis=-1)
+    grouped["bound_final"] = np.stack([by_name.pop(f"bound_{i}") for i in range(3)], axis=-1)
+    figures = _metrics_form(len(values), tuple(by_name)).copy(deep=True, data={**grouped, **by_name})
+    figures.attrs = {"version": VERSION, "units": "nondimensional", **thresholds}
     return figures
+
+
+@lru_cache(maxsize=4)
+def _metrics_form(runs: int, plain: tuple[str, ...]) -> xr.Dataset:
+    """As `_form`; `plain`: the metrics that are one number for each run."""
+    labels = {"window": _fixed(WINDOWS), "axis": _fixed(AXES), "bound": _fixed([0, 1, 2])}
+    grouped = {"rmse": ["window", "axis"], "chattering": ["axis"], "effort": ["axis"], "bound_final": ["bound"]}
+
+    def variable(inner: list[str]) -> tuple[list[str], np.ndarray, dict[str, str]]:
+        shape = (runs, *(len(labels[dimension]) for dimension in inner))
+        return ["run", *inner], np.broadcast_to(0.0, shape), {"units": "1"}
+
+    variables = {name: variable(inner) for name, inner in {**grouped, **{name: [] for name in plain}}.items()}
+    return xr.Dataset(variables, coords=labels)
 
 
 def write_run(run: xr.Dataset, path: Path) -> None:
