@@ -1,6 +1,8 @@
 // Conversions between NumPy arrays, Python sequences and the core's small types.
 #pragma once
 
+#include "memory.hpp"
+
 #include "fracgyro/core/linear.hpp"
 
 #include <nanobind/nanobind.h>
@@ -45,13 +47,13 @@ nb::ndarray<nb::numpy, T> owned(std::unique_ptr<T[]> data, const std::array<std:
     return nb::ndarray<nb::numpy, T>(pointer, Dimensions, shape.data(), owner);
 }
 
-// Rows one after another as a NumPy array (count, width).
-inline nb::ndarray<nb::numpy, double> owned_rows(std::vector<double> rows, std::size_t count, std::size_t width) {
-    auto kept = std::make_unique<std::vector<double>>(std::move(rows));
-    const std::array<std::size_t, 2> shape{count, width};
+// Rows one after another as a NumPy array.
+template <std::size_t Dimensions>
+nb::ndarray<nb::numpy, double> owned_rows(Rows rows, const std::array<std::size_t, Dimensions>& shape) {
+    auto kept = std::make_unique<Rows>(std::move(rows));
     double* const first = kept->data();
-    nb::capsule owner(kept.release(), [](void* p) noexcept { delete static_cast<std::vector<double>*>(p); });
-    return nb::ndarray<nb::numpy, double>(first, 2, shape.data(), owner);
+    nb::capsule owner(kept.release(), [](void* p) noexcept { delete static_cast<Rows*>(p); });
+    return nb::ndarray<nb::numpy, double>(first, Dimensions, shape.data(), owner);
 }
 
 }  // namespace fracgyro::bindings

@@ -69,19 +69,19 @@ nb::tuple record_runs(const std::vector<const DeviceSetup*>& setups, std::int64_
     const std::size_t width = row_width_of(setups.front()->controller) + (device ? device_width : 0);
     const auto rows = static_cast<std::size_t>(steps / every + 1);
     const std::size_t size = rows * width;
-    std::unique_ptr<double[]> data(new double[setups.size() * size]);  // not zeroed: every page is written anyway
+    Rows data(setups.size() * size);
     auto lasted = std::make_unique<std::int64_t[]>(setups.size());
     const FillNoise noise = fastest_noise();
     {
         nb::gil_scoped_release unlocked;
         parallel_for(setups.size(), threads, [&](std::size_t i) {
-            double* first = data.get() + i * size;
+            double* first = data.data() + i * size;
             lasted[i] = device ? record_device(*setups[i], every, first) : record_run(*setups[i], every, first, noise);
             const auto written = lasted[i] > 0 ? static_cast<std::size_t>((lasted[i] - 1) / every + 1) : 0;
             std::fill(first + written * width, first + size, std::numeric_limits<double>::quiet_NaN());
         });
     }
-    return nb::make_tuple(owned<double, 3>(std::move(data), {setups.size(), rows, width}),
+    return nb::make_tuple(owned_rows<3>(std::move(data), {setups.size(), rows, width}),
                           owned<std::int64_t, 1>(std::move(lasted), {setups.size()}));
 }
 

@@ -3,6 +3,7 @@
 #include "numbers.hpp"
 
 #include "fracgyro/sim/batch.hpp"
+#include "fracgyro/sim/cpu_dispatch.hpp"
 #include "fracgyro/sim/law.hpp"
 
 #include <nanobind/stl/pair.h>
@@ -240,16 +241,21 @@ void run_all(std::size_t count, bool native, unsigned threads, Task&& task) {
     parallel_for(count, native ? threads : 1, task);
 }
 
+FRACGYRO_FOR_EACH_PROCESSOR
+OutsideRecord<Rows> record_law(const OutsideSetup& setup, std::int64_t every, bool device) {
+    return record_outside<Rows>(setup, every, device);
+}
+
 nb::list record_laws(const std::vector<const DeviceSetup*>& setups, const std::vector<Law*>& laws,
                      const std::vector<const Units*>& units, std::int64_t every, bool device, bool native,
                      unsigned threads) {
     const auto all = with_laws(setups, laws, units);
-    std::vector<OutsideRecord> records(all.size());
-    run_all(all.size(), native, threads, [&](std::size_t i) { records[i] = record_outside(all[i], every, device); });
+    std::vector<OutsideRecord<Rows>> records(all.size());
+    run_all(all.size(), native, threads, [&](std::size_t i) { records[i] = record_law(all[i], every, device); });
     nb::list found;
-    for (OutsideRecord& record : records) {
+    for (OutsideRecord<Rows>& record : records) {
         const std::size_t width = record.width, count = width == 0 ? 0 : record.rows.size() / width;
-        found.append(nb::make_tuple(owned_rows(std::move(record.rows), count, width), record.samples));
+        found.append(nb::make_tuple(owned_rows<2>(std::move(record.rows), {count, width}), record.samples));
     }
     return found;
 }

@@ -104,7 +104,7 @@ public:
 
     nb::object run(std::int64_t samples, bool device) override {
         using Report = typename C::Report;
-        std::vector<double> rows;
+        Rows rows;
         std::size_t width = 0;
         const std::int64_t first = held_->state.step;
         Loop::run(held_->state, held_->coefficients, first + samples, draw_, [&](const DeviceSnapshot<Report>& at) {
@@ -125,7 +125,7 @@ public:
             }
         });
         const std::size_t count = width == 0 ? 0 : rows.size() / width;
-        return nb::cast(owned_rows(std::move(rows), count, width));
+        return nb::cast(owned_rows<2>(std::move(rows), {count, width}));
     }
     std::int64_t step() const override { return held_->state.step; }
     nb::bytes state() const override {

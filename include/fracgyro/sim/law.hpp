@@ -5,6 +5,7 @@
 #include "fracgyro/sim/device_loop.hpp"
 #include "fracgyro/plant/units.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <stdexcept>
@@ -143,7 +144,11 @@ struct OutsideController {
         if (!(std::isfinite(given.x()) && std::isfinite(given.y()))) {
             throw NoForce(time, given);
         }
-        const Vec2<double> wanted{given.x() / c.law.units.force, given.y() / c.law.units.force};
+        const double unit = c.law.units.force;
+        Vec2<double> wanted = given;
+        if (unit != 1.0) {  // or the plant would wait for divisions by 1
+            wanted = {given.x() / unit, given.y() / unit};
+        }
         signals.force = Saturation<double>::within(c.saturation, wanted);
         signals.excess = wanted - signals.force;
         if constexpr (requires { signals.report.rate; }) {
@@ -171,44 +176,45 @@ void with_law(const OutsideSetup& setup, Visit&& visit) {
 }
 
 // Rows of a run: the loop's channels, what the law reports, in its own units, and the device's channels if `device`.
+// Rows: a vector of doubles.
+template <class Rows>
 struct OutsideRecord {
-    std::vector<double> rows{};
+    Rows rows{};
     std::size_t width = 0;
     std::int64_t samples = 0;  // before divergence
 };
-inline OutsideRecord record_outside(const OutsideSetup& setup, std::int64_t every, bool device) {
-    OutsideRecord record;
+template <class Rows>
+OutsideRecord<Rows> record_outside(const OutsideSetup& setup, std::int64_t every, bool device) {
+    OutsideRecord<Rows> record;
     Law& law = *setup.controller.law;
-    const auto keep = [&](const auto& at, const auto* more) {
-        const std::vector<double>& reported = law.report();
-        if (record.width == 0) {
-            record.width = loop_width + reported.size() + (device ? device_width : 0);
-            record.rows.reserve(static_cast<std::size_t>(setup.steps / every + 1) * record.width);
+    std::size_t written = 0;
+    std::int64_t until_next = 0;
+    const auto keep = [&](const auto& at, auto&& more) {
+        if (until_next == 0) {
+            const std::vector<double>& reported = law.report();
+            if (record.width == 0) {
+                record.width = loop_width + reported.size() + (device ? device_width : 0);
+                record.rows.resize(static_cast<std::size_t>(setup.steps / every + 1) * record.width);
+            }
+            double* const row = record.rows.data() + written;
+            write_row<double, NothingReported>(at, row);
+            more(std::copy(reported.begin(), reported.end(), row + loop_width));
+            written += record.width;
+            until_next = every;
         }
-        std::array<double, loop_width> row;
-        write_row(at, row.data());
-        record.rows.insert(record.rows.end(), row.begin(), row.end());
-        record.rows.insert(record.rows.end(), reported.begin(), reported.end());
-        if (more != nullptr) {
-            record.rows.insert(record.rows.end(), more->begin(), more->end());
-        }
+        --until_next;
     };
-    if (!device) {
-        record.samples = run_loop<OutsideController<NothingReported>>(setup, [&](const auto& at) {
-            if (at.step % every == 0) {
-                keep(at, static_cast<const std::array<double, device_width>*>(nullptr));
-            }
+    if (device) {
+        with_law<NothingReported>(setup, [&]<class C>() {
+            record.samples = run_device_loop<C>(setup, [&](const DeviceSnapshot<NothingReported>& at) {
+                keep(at, [&](double* rest) { std::ranges::copy(device_row(at), rest); });
+            });
         });
-        return record;
+    } else {
+        record.samples = run_loop<OutsideController<NothingReported>>(
+            setup, [&](const Snapshot<double, NothingReported>& at) { keep(at, [](double*) {}); });
     }
-    with_law<NothingReported>(setup, [&]<class C>() {
-        record.samples = run_device_loop<C>(setup, [&](const DeviceSnapshot<NothingReported>& at) {
-            if (at.step % every == 0) {
-                const auto more = device_row(at);
-                keep(static_cast<const Snapshot<double, NothingReported>&>(at), &more);
-            }
-        });
-    });
+    record.rows.resize(written);
     return record;
 }
 
