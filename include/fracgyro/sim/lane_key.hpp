@@ -30,8 +30,8 @@ void append_switches(std::string& key, const Value& value) {
 
 }  // namespace detail
 
-// Runs with the same key may lie in one block. A controller with memory may have any number of exponentials up to the
-// most: those of fewer are filled up with exponentials of weight 0.
+// Runs with the same key may lie in one block. A controller with memory may have any number of exponentials, as those
+// of fewer are filled up with exponentials of weight 0; here one stands for all, which takes the least time.
 inline std::string lane_key(const Setup& setup) {
     using T = Lanes<double, 2>;
     std::string key;
@@ -41,7 +41,7 @@ inline std::string lane_key(const Setup& setup) {
     append(setup.controller.index());
     ControllerParams params = setup.controller;
     if (ExponentialSum* const kernel = kernel_of(params); kernel != nullptr && kernel->count > 0) {
-        fill_up(*kernel, ExponentialSum::capacity);
+        kernel->count = 1;
     }
     with_controller<T>(params, [&]<class C>() {
         with_params(params, [&](const auto& p, auto family) { append(family.chosen(p)); });
