@@ -24,6 +24,17 @@ std::int64_t record_run(const Setup& setup, std::int64_t every, double* rows, Fi
     return samples;
 }
 
+template <Controller C>
+FRACGYRO_FOR_EACH_PROCESSOR MetricValues measure_one(const Setup& setup, const MetricsParams& params, FillNoise noise) {
+    return measure_alone<C>(setup, params, noise);
+}
+template <Scalar T>
+MetricValues measure_by_itself(const Setup& setup, const MetricsParams& params, FillNoise noise) {
+    MetricValues values{};
+    with_controller<T>(setup.controller, [&]<class C>() { values = measure_one<C>(setup, params, noise); });
+    return values;
+}
+
 // Doubles in a register, by the kinds of processor that this one can stand in for, the fastest last.
 std::vector<std::size_t> lane_counts() {
     std::vector<std::size_t> counts{2};
@@ -85,12 +96,12 @@ nb::tuple record_runs(const std::vector<const DeviceSetup*>& setups, std::int64_
                           owned<std::int64_t, 1>(std::move(lasted), {setups.size()}));
 }
 
-// Metrics of all runs, (runs, metrics). `lanes`: one of lane_counts(), counted in doubles. Runs that are not ideal go
-// one by one, in double precision.
+// Metrics of all runs, (runs, metrics). `lanes`: one of lane_counts(), counted in doubles, or 1: every run by itself,
+// with the same bits. Runs that are not ideal go one by one, in double precision.
 nb::ndarray<nb::numpy, double> measure_runs(const std::vector<const DeviceSetup*>& setups, const MetricsParams& params,
                                             unsigned threads, std::size_t lanes, bool single_precision) {
     const auto counts = lane_counts();
-    if (std::find(counts.begin(), counts.end(), lanes) == counts.end()) {
+    if (lanes != 1 && std::find(counts.begin(), counts.end(), lanes) == counts.end()) {
         throw nb::value_error("this processor has no registers of that many lanes");
     }
     std::vector<const Setup*> ideal;
@@ -113,6 +124,14 @@ nb::ndarray<nb::numpy, double> measure_runs(const std::vector<const DeviceSetup*
     {
         nb::gil_scoped_release unlocked;
         const auto measured = [&] {
+            if (lanes == 1) {
+                std::vector<MetricValues> values(ideal.size());
+                const FillNoise noise = fastest_noise();
+                const auto measure_run = single_precision ? measure_by_itself<float> : measure_by_itself<double>;
+                parallel_for(ideal.size(), threads,
+                             [&](std::size_t i) { values[i] = measure_run(*ideal[i], params, noise); });
+                return values;
+            }
 #ifdef FRACGYRO_LANES_X86
             if (lanes == 8) {
                 return measure(kernels_for_avx512());

@@ -102,6 +102,54 @@ TEST(Tasks, AreEnoughForAllThreadsWhateverTheNumberOfSeeds) {
     }
 }
 
+template <class Number>
+void a_run_has_the_bits_of_a_lane(const fracgyro::Setup& setup, double transient) {
+    constexpr std::size_t lanes = 16 / sizeof(Number);
+    static constexpr Kernels<Number, lanes> kernels{};
+    const MetricsParams params{.transient = transient, .error_bound = 0.3, .surface_bound = 3.0};
+    const fracgyro::Setup* const run = &setup;
+    const auto in_lane = measure_all<Number, lanes>(kernels, std::span(&run, 1), params, 1)[0];
+    MetricValues alone{};
+    with_controller<Number>(setup.controller,
+                            [&]<class C>() { alone = measure_alone<C>(setup, params, kernels.fill_noise); });
+    for (std::size_t i = 0; i < alone.size(); ++i) {
+        EXPECT_EQ(std::bit_cast<std::uint64_t>(alone[i]), std::bit_cast<std::uint64_t>(in_lane[i]))
+            << metric_names[i] << " of " << setup.steps << " steps: " << alone[i] << ", in a lane " << in_lane[i];
+    }
+}
+void a_run_has_the_bits_of_a_lane_in_either_precision(const fracgyro::Setup& setup, double transient = 0.05) {
+    a_run_has_the_bits_of_a_lane<double>(setup, transient);
+    a_run_has_the_bits_of_a_lane<float>(setup, transient);
+}
+
+TEST(MeasureAlone, HasTheBitsOfALane) {
+    for (const std::string_view kind : controller_kinds) {
+        a_run_has_the_bits_of_a_lane_in_either_precision(paper(300, kind));
+    }
+    auto setup = paper(300);
+    law(setup).adaptation.kind = AdaptationKind::composite;
+    setup.common.force_limit = 300.0;
+    a_run_has_the_bits_of_a_lane_in_either_precision(setup);
+    // Windows that end anywhere in a stretch of 64 samples, or nowhere in the run.
+    for (const double transient : {0.0, 0.001, 0.064, 0.0979, 0.3, 1.0}) {
+        a_run_has_the_bits_of_a_lane_in_either_precision(paper(300), transient);
+    }
+    for (const std::int64_t steps : {0, 1, 2, 3, 63, 64, 65, 127, 128, 129}) {
+        a_run_has_the_bits_of_a_lane_in_either_precision(paper(steps));
+    }
+}
+
+TEST(MeasureAlone, HasTheBitsOfALaneUntilItDiverges) {
+    auto wild = paper(3000);
+    law(wild).surface.fractional_gain = {3000.0, 3000.0};
+    for (const std::int64_t steps : {3000, 20}) {  // before half of the run, and after
+        wild.steps = steps;
+        a_run_has_the_bits_of_a_lane_in_either_precision(wild);
+    }
+    wild.plant.initial_position = {0.0, -2.0 * divergence_limit};
+    a_run_has_the_bits_of_a_lane_in_either_precision(wild);
+}
+
 TEST(MeasureAll, ARunThatStartsBeyondTheLimitHasNoSample) {
     auto wild = paper(100);
     wild.plant.initial_position = {0.0, -2.0 * divergence_limit};

@@ -82,6 +82,8 @@ RUNS = [
         {"controller.kind": "fast_terminal", "controller.terminal_exponent": 0.2},
         {"controller.kind": "linear", "controller.force_limit": 900.0},
         {"adaptation.kind": "composite", "adaptation.forgetting": 0.1},
+        {"controller.kind": "super_twisting", "run.duration": 2.5},
+        {"controller.fractional_gain": 3000.0},  # diverges
     )
     for seed in range(9)
 ]
@@ -94,22 +96,26 @@ def measured(lanes: int, single: bool) -> np.ndarray:
     return rows
 
 
+# One lane: every run by itself.
 @pytest.mark.parametrize("single", [False, True])
-@pytest.mark.parametrize("lanes", _core.lane_counts())
+@pytest.mark.parametrize("lanes", [1, *_core.lane_counts()])
 def test_lanes_of_every_width_have_the_same_bits(lanes: int, single: bool) -> None:
     assert measured(lanes, single).tobytes() == measured(2, single).tobytes()
 
 
-@pytest.mark.parametrize("lanes", _core.lane_counts())
+@pytest.mark.parametrize("lanes", [1, *_core.lane_counts()])
 def test_a_run_in_a_lane_has_the_bits_of_a_single_run(lanes: int) -> None:
     """As far as what is left of it tells: numbers in which no order of additions enters."""
     names, rows = list(_core.metric_names), measured(lanes, False)
     for scenario, row in zip(RUNS, rows, strict=True):
+        if not np.isnan(row[names.index("diverged_at")]):
+            continue
         run = fg.simulate(scenario)
         rate = run["rate_estimate"].values - scenario.plant.nondimensional()[2]
         assert row[names.index("rate_error")] == rate[-1]
         assert row[names.index("rate_error_peak")] == np.abs(rate).max()
-        assert row[names.index("bound_0_halfway")] == run["bound_estimate"].values[len(rate) // 2, 0]
+        if "bound_estimate" in run:
+            assert row[names.index("bound_0_halfway")] == run["bound_estimate"].values[len(rate) // 2, 0]
         assert row[names.index("largest_force")] == np.abs(run["control"].values).max()
 
 

@@ -61,22 +61,6 @@ void set_lane(Struct& to, const Struct& from, std::size_t lane) {
     }
 }
 
-template <class T>
-typename MetricsSums<double>::Stretch one_lane(const typename MetricsSums<T>::Stretch& s, std::size_t k) {
-    const auto one = [k](const T& a) { return static_cast<double>(a.lane[k]); };
-    const auto vec2 = [&](const Vec2<T>& a) { return Vec2<double>{one(a.x()), one(a.y())}; };
-    return {.squares = vec2(s.squares),
-            .force = vec2(s.force),
-            .bend = vec2(s.bend),
-            .rate_squares = one(s.rate_squares),
-            .step = one(s.step),
-            .error_outside = one(s.error_outside),
-            .surface_outside = one(s.surface_outside),
-            .rate_outside = one(s.rate_outside),
-            .peak_rate_error = one(s.peak_rate_error),
-            .largest_force = one(s.largest_force)};
-}
-
 }  // namespace detail
 
 // What the disturbance depends on in runs with the same lane key.
@@ -140,7 +124,10 @@ void measure_block(const Kernels<Number, count>& kernels, std::span<const Setup*
     std::array<double, count> bound_halfway{};
     typename C::Report report{};    // of the last sample; where a run has diverged, of the one after
     std::int64_t first = 0, n = 0;  // of the stretch; samples done
-    const auto gather = [&](std::size_t k) { totals[k].add(detail::one_lane<T>(sums.stretch, k), first, steady_from); };
+    const auto gather = [&](std::size_t k) {
+        const auto stretch = stretch_of<T>(sums.stretch, [k](const T& a) { return static_cast<double>(a.lane[k]); });
+        totals[k].add(stretch, first, steady_from);
+    };
     const auto end_lane = [&](std::size_t k) {
         const auto last = LastReport::of(report, [k](const T& a) { return static_cast<double>(a.lane[k]); });
         *values[k] = metric_values(params, *runs[k], totals[k], last, n <= half ? last.bound[0] : bound_halfway[k], n);
@@ -151,7 +138,8 @@ void measure_block(const Kernels<Number, count>& kernels, std::span<const Setup*
         report = C::report(block->state, block->controller);
         for (std::size_t k = 0; k < count; ++k) {
             const auto& q = block->motion.position;
-            const double size = std::abs(double{q.x().lane[k]}) + std::abs(double{q.y().lane[k]});
+            const auto absolute_of = [k](const T& a) { return std::abs(static_cast<double>(a.lane[k])); };
+            const double size = absolute_of(q.x()) + absolute_of(q.y());
             if (alive[k] && !(size < divergence_limit)) {
                 gather(k);
                 end_lane(k);
@@ -164,18 +152,15 @@ void measure_block(const Kernels<Number, count>& kernels, std::span<const Setup*
     const auto any_alive = [&] { return std::find(alive.begin(), alive.end(), true) != alive.end(); };
     std::array<Vec2<double>, longest_stretch> coming{};
     while (n < samples && any_alive()) {
-        // A stretch ends where the runs pass from one window to the next, and before the samples whose estimates count.
-        // It goes on when a run diverges: the others must not notice.
+        // A stretch goes on when a run diverges: the others must not notice.
         first = n;
-        std::int64_t end = std::min(first + static_cast<std::int64_t>(longest_stretch), samples);
-        for (const std::int64_t stop : {half, samples - 1, steady_from, steady_from + 2}) {
-            end = first < stop ? std::min(end, stop) : end;
-        }
+        const std::int64_t end = end_of_stretch(first, steady_from, *runs[0]);
         if (first == half || first == samples - 1) {
             report = C::report(block->state, block->controller);
         }
         for (std::size_t k = 0; first == half && k < count; ++k) {
-            bound_halfway[k] = LastReport::of(report, [k](const T& a) { return double{a.lane[k]}; }).bound[0];
+            bound_halfway[k] =
+                LastReport::of(report, [k](const T& a) { return static_cast<double>(a.lane[k]); }).bound[0];
         }
         const auto length = static_cast<std::size_t>(end - first);
         const auto stretch = std::span(coming).first(length);

@@ -7,8 +7,6 @@
 
 namespace fracgyro {
 
-inline constexpr std::size_t longest_stretch = 64;  // samples
-
 template <Controller C>
 struct Block {
     using T = typename C::Value;

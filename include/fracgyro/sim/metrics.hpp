@@ -83,6 +83,22 @@ struct MetricsSums {
     }
 };
 
+// One run's, as `number` takes it out of a scalar.
+template <class T, class Number>
+typename MetricsSums<double>::Stretch stretch_of(const typename MetricsSums<T>::Stretch& s, Number&& number) {
+    const auto vec2 = [&](const Vec2<T>& a) { return Vec2<double>{number(a.x()), number(a.y())}; };
+    return {.squares = vec2(s.squares),
+            .force = vec2(s.force),
+            .bend = vec2(s.bend),
+            .rate_squares = number(s.rate_squares),
+            .step = number(s.step),
+            .error_outside = number(s.error_outside),
+            .surface_outside = number(s.surface_outside),
+            .rate_outside = number(s.rate_outside),
+            .peak_rate_error = number(s.peak_rate_error),
+            .largest_force = number(s.largest_force)};
+}
+
 // The same of a whole run.
 struct MetricsTotals {
     struct Window {
@@ -132,6 +148,18 @@ std::int64_t first_steady_sample(const MetricsParams& p, const SetupOf<Params>& 
         ++n;
     }
     return n;
+}
+
+inline constexpr std::size_t longest_stretch = 64;  // samples
+
+// Where the stretch from sample `first` on ends: where a window does, and before the samples whose estimates count.
+template <class Params>
+std::int64_t end_of_stretch(std::int64_t first, std::int64_t steady_from, const SetupOf<Params>& setup) {
+    std::int64_t end = std::min(first + static_cast<std::int64_t>(longest_stretch), setup.steps + 1);
+    for (const std::int64_t stop : {setup.steps / 2, setup.steps, steady_from, steady_from + 2}) {
+        end = first < stop ? std::min(end, stop) : end;
+    }
+    return end;
 }
 
 // What a run ended with, of what controllers report; NaN: this one does not.
@@ -220,6 +248,47 @@ std::array<double, metric_names.size()> metric_values(const MetricsParams& param
             bound_halfway,
             totals.largest_force,
             samples > setup.steps ? nan : count(samples) * h};
+}
+
+// The metrics of one run by itself: the bits that it has in a lane (batch.hpp).
+template <Controller C, class Params>
+std::array<double, metric_names.size()> measure_alone(const SetupOf<Params>& setup, const MetricsParams& params,
+                                                      FillNoise noise) {
+    using T = typename C::Value;
+    using Loop = Stepper<C>;
+    const auto number = [](const T& a) { return static_cast<double>(a); };
+    const std::int64_t samples = setup.steps + 1, half = setup.steps / 2;
+    const std::int64_t steady_from = first_steady_sample(params, setup);
+    const auto coefficients = Loop::prepare(setup);
+    auto state = Loop::begin(setup);
+    const Disturbance disturbance(setup.disturbance, setup.common.step, noise);
+    std::array<Vec2<double>, longest_stretch> coming{};
+    MetricsSums<T> sums{.error_bound_squared = T(params.error_bound * params.error_bound),
+                        .surface_bound_squared = T(params.surface_bound * params.surface_bound),
+                        .rate = T(setup.plant.rate),
+                        .rate_bound = T(params.rate_tolerance * absolute(setup.plant.rate))};
+    MetricsTotals totals{};
+    LastReport last{}, halfway{};
+    const auto reported = [&] { return LastReport::of(C::report(state.controller, coefficients.controller), number); };
+    while (state.step < samples && bounded(state.motion)) {
+        const std::int64_t first = state.step, end = end_of_stretch(first, steady_from, setup);
+        if (first == half) {
+            halfway = reported();
+        }
+        if (first == samples - 1) {
+            last = reported();
+        }
+        disturbance.fill(first, std::span(coming).first(static_cast<std::size_t>(end - first)));
+        Loop::run(
+            state, coefficients, end, [&](std::int64_t n) { return coming[static_cast<std::size_t>(n - first)]; },
+            [&](const auto& at) { sums.add(at.signals); });
+        totals.add(stretch_of<T>(sums.stretch, number), first, steady_from);
+        sums.stretch = {};
+    }
+    if (state.step < samples) {  // diverged: what was known after its last sample
+        last = reported();
+    }
+    return metric_values(params, setup, totals, last, (state.step <= half ? last : halfway).bound[0], state.step);
 }
 
 }  // namespace fracgyro

@@ -18,6 +18,7 @@ from .outside import ControllerLike, Outside
 
 # Runs between two looks at the keyboard and the progress callback: by their steps, and at most.
 CHUNK, CHUNK_STEPS, CHUNK_RUNS = 32, 20_000_000, 4096
+FEW = 2  # runs that go by themselves: as long as a block of lanes takes, there is time for them on one processor
 TOGETHER = 32  # scenarios whose runs with the same seed share its noise, which is then drawn once
 
 
@@ -72,7 +73,7 @@ def measure_many(
     for name, value in thresholds.items():
         limit = {"least": 0.0} if name == "transient" else {"above": 0.0}
         setattr(params, name, number(name, value, **limit))
-    threads, lanes = threads_available(), _core.lane_counts()[-1]
+    threads, widest = threads_available(), _core.lane_counts()[-1]
     parts: list[np.ndarray] = []
     places: list[int] = []
     waiting = setups_of(scenarios, seeds, TOGETHER)
@@ -86,8 +87,10 @@ def measure_many(
             each = [laws[owner] for owner in owners] if laws else None
             parts.append(outside.measure([scenarios[owner] for owner in owners], setups, params, threads, each))
         else:
+            lanes = 1 if len(setups) <= FEW else widest
             parts.append(_core.measure_runs(setups, params, threads, lanes, single_precision))
         if progress:
             progress(len(setups))
     whole = np.concatenate(parts)[np.argsort(places)]
-    return metrics_dataset(whole, thresholds).assign_coords(seed_of_each(scenarios, seeds))
+    figures = metrics_dataset(whole, thresholds)
+    return figures if seeds is None else figures.assign_coords(seed_of_each(scenarios, seeds))
