@@ -66,6 +66,7 @@ bench: .venv/installed-bench .venv/installed-export
 	$(BIN)/python benchmarks/kernel_design.py
 	$(BIN)/python benchmarks/lane_contraction.py
 	$(BIN)/python benchmarks/loop.py
+	$(BIN)/python benchmarks/one_run.py
 	$(BIN)/python benchmarks/scaling.py
 	$(BIN)/python benchmarks/sweep_scaling.py
 	$(BIN)/python benchmarks/error_budget.py
