@@ -49,18 +49,6 @@ std::vector<std::size_t> lane_counts() {
     return counts;
 }
 
-FillNoise fastest_noise() {
-#ifdef FRACGYRO_LANES_X86
-    switch (lane_counts().back()) {
-        case 8:
-            return kernels_for_avx512().doubles.fill_noise;
-        case 4:
-            return kernels_for_avx2().doubles.fill_noise;
-    }
-#endif
-    return kernels_for_any_processor().doubles.fill_noise;
-}
-
 // Rows of all runs, (runs, samples, width), NaN where a run had diverged; and the samples each run lasted. `device`: by
 // the loop and in the channels of device_loop.hpp, which a run that is not ideal needs.
 nb::tuple record_runs(const std::vector<const DeviceSetup*>& setups, std::int64_t every, unsigned threads,
@@ -127,9 +115,9 @@ nb::ndarray<nb::numpy, double> measure_runs(const std::vector<const DeviceSetup*
             if (lanes == 1) {
                 std::vector<MetricValues> values(ideal.size());
                 const FillNoise noise = fastest_noise();
-                const auto measure_run = single_precision ? measure_by_itself<float> : measure_by_itself<double>;
+                const auto measure_ideal = single_precision ? measure_by_itself<float> : measure_by_itself<double>;
                 parallel_for(ideal.size(), threads,
-                             [&](std::size_t i) { values[i] = measure_run(*ideal[i], params, noise); });
+                             [&](std::size_t i) { values[i] = measure_ideal(*ideal[i], params, noise); });
                 return values;
             }
 #ifdef FRACGYRO_LANES_X86
@@ -166,6 +154,18 @@ nb::ndarray<nb::numpy, double> measure_run(const DeviceSetup& setup, const Metri
 }
 
 }  // namespace
+
+FillNoise fastest_noise() {
+#ifdef FRACGYRO_LANES_X86
+    switch (lane_counts().back()) {
+        case 8:
+            return kernels_for_avx512().doubles.fill_noise;
+        case 4:
+            return kernels_for_avx2().doubles.fill_noise;
+    }
+#endif
+    return kernels_for_any_processor().doubles.fill_noise;
+}
 
 void bind_batch(nb::module_& m) {
     nb::class_<MetricsParams>(m, "MetricsParams")

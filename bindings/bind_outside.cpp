@@ -3,7 +3,6 @@
 #include "numbers.hpp"
 
 #include "fracgyro/sim/batch.hpp"
-#include "fracgyro/sim/cpu_dispatch.hpp"
 #include "fracgyro/sim/law.hpp"
 
 #include <nanobind/stl/pair.h>
@@ -241,17 +240,14 @@ void run_all(std::size_t count, bool native, unsigned threads, Task&& task) {
     parallel_for(count, native ? threads : 1, task);
 }
 
-FRACGYRO_FOR_EACH_PROCESSOR
-OutsideRecord<Rows> record_law(const OutsideSetup& setup, std::int64_t every, bool device) {
-    return record_outside<Rows>(setup, every, device);
-}
-
 nb::list record_laws(const std::vector<const DeviceSetup*>& setups, const std::vector<Law*>& laws,
                      const std::vector<const Units*>& units, std::int64_t every, bool device, bool native,
                      unsigned threads) {
     const auto all = with_laws(setups, laws, units);
     std::vector<OutsideRecord<Rows>> records(all.size());
-    run_all(all.size(), native, threads, [&](std::size_t i) { records[i] = record_law(all[i], every, device); });
+    const FillNoise noise = fastest_noise();
+    run_all(all.size(), native, threads,
+            [&](std::size_t i) { records[i] = record_outside<Rows>(all[i], every, device, noise); });
     nb::list found;
     for (OutsideRecord<Rows>& record : records) {
         const std::size_t width = record.width, count = width == 0 ? 0 : record.rows.size() / width;

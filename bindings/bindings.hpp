@@ -18,6 +18,9 @@ void bind_firmware(nanobind::module_& m);
 void bind_outside(nanobind::module_& m);
 void bind_stepper(nanobind::module_& m);
 
+// For this processor.
+FillNoise fastest_noise();
+
 // Name, width, unit and meaning.
 nanobind::tuple described(const Channel& c);
 

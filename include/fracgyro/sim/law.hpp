@@ -184,7 +184,7 @@ struct OutsideRecord {
     std::int64_t samples = 0;  // before divergence
 };
 template <class Rows>
-OutsideRecord<Rows> record_outside(const OutsideSetup& setup, std::int64_t every, bool device) {
+OutsideRecord<Rows> record_outside(const OutsideSetup& setup, std::int64_t every, bool device, FillNoise noise) {
     OutsideRecord<Rows> record;
     Law& law = *setup.controller.law;
     std::size_t written = 0;
@@ -212,7 +212,8 @@ OutsideRecord<Rows> record_outside(const OutsideSetup& setup, std::int64_t every
         });
     } else {
         record.samples = run_loop<OutsideController<NothingReported>>(
-            setup, [&](const Snapshot<double, NothingReported>& at) { keep(at, [](double*) {}); });
+            setup, Disturbance(setup.disturbance, setup.common.step, noise),
+            [&](const Snapshot<double, NothingReported>& at) { keep(at, [](double*) {}); });
     }
     record.rows.resize(written);
     return record;
