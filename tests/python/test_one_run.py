@@ -167,7 +167,7 @@ def test_a_dataset_gives_its_memory_back_when_it_dies() -> None:
     assert address(fg.simulate(LARGE, pd)["position"].values) == place
 
 
-def test_what_is_kept_for_later_is_at_most_64_mb() -> None:
+def test_as_many_records_are_kept_for_later_as_64_mb_hold() -> None:
     size = rows_of(LARGE).nbytes
     alive = [rows_of(LARGE) for _ in range(20)]
     places = {address(record) for record in alive}
