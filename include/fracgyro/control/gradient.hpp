@@ -69,7 +69,13 @@ struct GradientAdaptation {
 
     static bool sound(const State&, const Coefficients&) { return true; }  // all of it is numbers
 
-    static Estimates<T> estimates(const State& state, const Coefficients& c) { return c.initial + state.deviation; }
+    static Estimates<T> estimates(const State& state, const Coefficients& c) {
+        Estimates<T> found = c.initial + state.deviation;
+        if (!c.printed) {
+            found.rate_symmetric = {};  // as it always is: there is nothing to add
+        }
+        return found;
+    }
     // What is reported, and what the force is computed with: the same.
     static Report report(const State& state, const Coefficients& c) { return {estimates(state, c)}; }
     static const Estimates<T>& control_estimates(const State&, const Coefficients&, const Report& reported) {
