@@ -13,7 +13,7 @@ from typing import get_args
 from fracgyro import _core
 from fracgyro.export.compilers import Number, compiler
 from fracgyro.export.replay import Difference, first_difference, load, parity_hash
-from fracgyro.export.targets import Target, answers
+from fracgyro.export.targets import Target, answer_columns, answers
 from fracgyro.selfcheck import PUBLISHED, SCENARIO
 from fracgyro.simulation.dataset import write_run
 from fracgyro.simulation.simulate import simulate
@@ -72,7 +72,7 @@ def main() -> None:
             seconds = time.perf_counter() - start
             for variable in environment:
                 del os.environ[variable]
-            difference = first_difference(found, reference)
+            difference = first_difference(found, reference, answer_columns(SCENARIO))
             problems.append(difference)
             seen = f"`{parity_hash(SCENARIO, found)[:16]}…`" if difference is None else f"**{difference}**"
             rows.append(f"| {name} | {made} | {seen} | {seconds:.1f} |")

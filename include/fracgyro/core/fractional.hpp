@@ -250,11 +250,12 @@ private:
                 Two::part(state.onset[j], m) = moved(onset, decay, trace);
             }
         }
-        state.onset_age = state.onset_age + T(1.0);
+        const T age = state.onset_age;
+        state.onset_age = age + T(1.0);
         while (state.onset_pairs > 0 && always_less(c.onset_life[state.onset_pairs - 1], state.onset_age)) {
             --state.onset_pairs;
         }
-        return Two::sum(sum);
+        return if_less(c.onset_life[0], age, T(0.0), Two::sum(sum));  // of several runs, each ends at its own time
     }
 };
 
@@ -308,10 +309,13 @@ typename Fractional<T, Capacity>::Coefficients Fractional<T, Capacity>::prepare(
         Two::set(c.initial_value[i / 2], i % 2, 1.0 / unit);
         Two::set(c.initial_rate[i / 2], i % 2, b / unit);
         Two::set(c.initial_onset[i / 2], i % 2, to_derivative * (riemann_liouville ? moments[0] - 1.0 : -1.0));
-        // Until exp(-s t) is 2^-60, below rounding; and not after the mean differs from the value, by α h/(2 t) of it,
-        // less than the sum over the exponentials does.
+        // Until exp(-s t) is 2^-60, below rounding; and not after the mean differs from the value by less than the sum
+        // over the exponentials may from the kernel where that is largest, at h. As k is convex, the mean over the hold
+        // from t = n h on is at most h/2 |k'(t)| = α/(2 n) k(n h) = α/2 n^(-1-α) k(h) below k(t). This is below
+        // error·k(h) from n = (α/(2 error))^(1/(1+α)) on.
         const bool bounded = riemann_liouville && kernel.error > 0.0;
-        const double end = bounded ? 0.5 * kernel.order / kernel.error : std::numeric_limits<double>::infinity();
+        const double end = bounded ? power(0.5 * kernel.order / kernel.error, 1.0 / (1.0 + kernel.order))
+                                   : std::numeric_limits<double>::infinity();
         for (std::size_t j = 0; j <= i / 2; ++j) {
             c.onset_life[j] = maximum(c.onset_life[j], T(minimum(41.6 / z, end)));
         }
