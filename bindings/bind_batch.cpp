@@ -1,9 +1,9 @@
 #include "arrays.hpp"
 #include "bindings.hpp"
+#include "runs.hpp"
 
 #include "fracgyro/sim/batch.hpp"
 #include "fracgyro/sim/device_loop.hpp"
-#include "fracgyro/sim/cpu_dispatch.hpp"
 
 #include <nanobind/stl/string_view.h>
 #include <nanobind/stl/vector.h>
@@ -11,29 +11,6 @@
 namespace fracgyro::bindings {
 
 namespace {
-
-// A function for each controller: in one for all, compilers optimize none of them well.
-template <Controller C>
-FRACGYRO_FOR_EACH_PROCESSOR std::int64_t record_one(const Setup& setup, std::int64_t every, double* rows,
-                                                    FillNoise noise) {
-    return record<C>(setup, every, rows, noise);
-}
-std::int64_t record_run(const Setup& setup, std::int64_t every, double* rows, FillNoise noise) {
-    std::int64_t samples = 0;
-    with_controller<double>(setup.controller, [&]<class C>() { samples = record_one<C>(setup, every, rows, noise); });
-    return samples;
-}
-
-template <Controller C>
-FRACGYRO_FOR_EACH_PROCESSOR MetricValues measure_one(const Setup& setup, const MetricsParams& params, FillNoise noise) {
-    return measure_alone<C>(setup, params, noise);
-}
-template <Scalar T>
-MetricValues measure_by_itself(const Setup& setup, const MetricsParams& params, FillNoise noise) {
-    MetricValues values{};
-    with_controller<T>(setup.controller, [&]<class C>() { values = measure_one<C>(setup, params, noise); });
-    return values;
-}
 
 // Doubles in a register, by the kinds of processor that this one can stand in for, the fastest last.
 std::vector<std::size_t> lane_counts() {
@@ -115,7 +92,7 @@ nb::ndarray<nb::numpy, double> measure_runs(const std::vector<const DeviceSetup*
             if (lanes == 1) {
                 std::vector<MetricValues> values(ideal.size());
                 const FillNoise noise = fastest_noise();
-                const auto measure_ideal = single_precision ? measure_by_itself<float> : measure_by_itself<double>;
+                const auto measure_ideal = single_precision ? measure_single : measure_double;
                 parallel_for(ideal.size(), threads,
                              [&](std::size_t i) { values[i] = measure_ideal(*ideal[i], params, noise); });
                 return values;

@@ -1,0 +1,25 @@
+#pragma once
+
+#include "runs.hpp"
+
+#include "fracgyro/sim/cpu_dispatch.hpp"
+
+namespace fracgyro::bindings {
+
+namespace {
+
+// A function for each controller: in one for all, compilers optimize none of them well.
+template <Controller C>
+FRACGYRO_FOR_EACH_PROCESSOR MetricValues measure_one(const Setup& setup, const MetricsParams& params, FillNoise noise) {
+    return measure_alone<C>(setup, params, noise);
+}
+template <Scalar T>
+MetricValues measure_by_itself(const Setup& setup, const MetricsParams& params, FillNoise noise) {
+    MetricValues values{};
+    with_controller<T>(setup.controller, [&]<class C>() { values = measure_one<C>(setup, params, noise); });
+    return values;
+}
+
+}  // namespace
+
+}  // namespace fracgyro::bindings

@@ -1,0 +1,15 @@
+// Whole runs on an ideal device, compiled for each kind of processor: in files of their own, as they take longest to
+// compile.
+#pragma once
+
+#include "fracgyro/sim/batch.hpp"
+
+namespace fracgyro::bindings {
+
+std::int64_t record_run(const Setup& setup, std::int64_t every, double* rows, FillNoise noise);
+
+// In double and in single precision.
+MetricValues measure_double(const Setup& setup, const MetricsParams& params, FillNoise noise);
+MetricValues measure_single(const Setup& setup, const MetricsParams& params, FillNoise noise);
+
+}  // namespace fracgyro::bindings
