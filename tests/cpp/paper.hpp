@@ -57,7 +57,7 @@ inline Setup paper(std::int64_t steps, std::string_view kind = sliding_modes[0])
                             .stiffness = 0.95 * setup.plant.stiffness,
                             .rate = 0.95 * setup.plant.rate};
     if (ExponentialSum* const kernel = kernel_of(setup.controller)) {
-        *kernel = log_trapezoid(0.9, step, static_cast<double>(steps) * step);
+        *kernel = log_trapezoid(0.9, step, static_cast<double>(std::max<std::int64_t>(steps, 1)) * step);
     }
     setup.disturbance = {.kind = DisturbanceKind::noise, .seed = 1};
     return setup;
