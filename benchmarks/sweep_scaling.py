@@ -183,16 +183,14 @@ def main() -> None:
         f"## {FAR:,} runs on {MACHINES:,} machines",
         "",
         f"Of the paper's {LONG:,} samples: a machine as this one does {rate:.0f} of them a second by itself and "
-        f"{rate * best:.0f} as a worker, so {MACHINES:,} take {hours:.1f} hours, if each is as fast as this "
-        f"one and has "
-        "work all the time. Its rows "
-        f"are {FAR * row / 1e9:.0f} GB, {MACHINES * rate * best * row / 1e6:.1f} MB a second, which one disk "
-        f"takes. Not "
-        "measured, and so assumed: a scheduler of Dask gives out some thousand tasks a second, and here "
-        "blocks finish at "
-        f"{MACHINES * rate * best / 250:,.0f} a second, at 250 runs a block; a study has at most a million "
-        f"points and a "
-        "million runs a point, and its points are checked by one process before it starts.",
+        f"{rate * best:.0f} as a worker, so {MACHINES:,} take {hours:.1f} hours, if each is as fast as this one and "
+        f"has work all the time. Its rows are {FAR * row / 1e9:.0f} GB, {MACHINES * rate * best * row / 1e6:.0f} MB a "
+        "second, which one disk takes.",
+        "",
+        f"That is not to be had as it is: at 250 runs a block {MACHINES * rate * best / 250:,.0f} blocks would finish "
+        "a second, and a scheduler of Dask gives out some thousand tasks a second (not measured here), so that blocks "
+        "would have to be several times larger. A study has at most a million points, each with up to a million seeds, "
+        "and one process checks them before it starts.",
     ]
     write("sweep_scaling", lines, keep=not options.quick)
 
