@@ -2,7 +2,7 @@
 
     python benchmarks/batch.py [--against COMMIT] [--rounds N] [--quick]
 
-The other commit is built beside this one, into build/against. Both compute the same runs in turn, in a process each,
+The other commit is built too, into build/against. Both compute the same runs in turn, in a process each,
 and their metrics are compared bit by bit.
 """
 

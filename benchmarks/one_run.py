@@ -1,4 +1,4 @@
-"""One run from Python beside the same run in C++; writes benchmarks/results/one_run.md."""
+"""One run from Python, compared with the same run in C++; writes benchmarks/results/one_run.md."""
 
 from __future__ import annotations
 

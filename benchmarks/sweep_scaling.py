@@ -168,7 +168,7 @@ def main() -> None:
         "",
         "| | runs a second | of that without a cluster |",
         "|---|---|---|",
-        f"| this process alone | {here.runs / here.median('measured'):,.0f} | 1 |",
+        f"| this process, no cluster | {here.runs / here.median('measured'):,.0f} | 1 |",
     ]
     for workers, took in zip(counts, there, strict=True):
         part = here.median("measured") / took.median("measured")

@@ -142,7 +142,7 @@ TYPED_TEST(EachKind, AreAlwaysLessWhereEachIs) {
     EXPECT_FALSE(Checked::each_is_less(small.data(), large.data()));
 }
 
-// Steps and holds at which something begins anew: odd ones, a register's, a block of normals', and where the count of
+// Steps and holds at which something begins again: odd ones, a register's, a block of normals', and where the count of
 // blocks passes 2^32.
 struct Part {
     std::int64_t hold, first;

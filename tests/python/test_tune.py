@@ -314,7 +314,7 @@ def test_a_limit_is_kept_when_met_exactly_and_the_excess_is_relative_to_it() -> 
     assert found.excess == (0.0, 0.5)
     assert not found.feasible
     of_nothing = score(measured, [], [Constraint(metric="effort_x", at_most=0.0)], [0.0])
-    assert of_nothing.excess == (3.0,), "beside a limit of 0 there is nothing to be relative to"
+    assert of_nothing.excess == (3.0,), "with a limit of 0 there is nothing to be relative to"
 
 
 def test_an_excess_without_end_stays_a_number_for_the_optimiser() -> None:
