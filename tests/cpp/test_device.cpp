@@ -6,6 +6,7 @@
 #include "fracgyro/control/guard.hpp"
 
 #include <cmath>
+#include <complex>
 
 namespace fracgyro::testing {
 namespace {
@@ -182,6 +183,22 @@ TEST(VaryingGyroscope, AConstantDeviationOfTheRateIsThatRate) {
     EXPECT_LT(distance(got, wanted), 1e-9);
 }
 
+TEST(VaryingGyroscope, DampersThatHaveDriftedAreThoseDampers) {
+    for (const bool inertial : {false, true}) {
+        GyroscopeParams p = gyroscope(), more = p;
+        more.damping = 1.25 * p.damping;
+        const auto c = VaryingGyroscope::prepare({p, {}, inertial}, 1e-3);
+        const auto wanted_c = VaryingGyroscope::prepare({more, {}, inertial}, 1e-3);
+        Motion<double> got = Gyroscope<double>::start(p), wanted = got;
+        for (int n = 0; n < 1000; ++n) {
+            const Variation now{.rate = 0.5}, drifted{.rate = 0.5, .damping = 0.25};
+            VaryingGyroscope::step(got, c, {}, {}, {0.5, {{drifted, drifted, drifted}}});
+            VaryingGyroscope::step(wanted, wanted_c, {}, {}, {0.5, {{now, now, now}}});
+        }
+        EXPECT_LT(distance(got, wanted), 1e-9);
+    }
+}
+
 TEST(VaryingGyroscope, SeenFromAFrameThatIsSpunUpAFreeMassGoesStraightOn) {
     // No springs, no force; in inertial space q = (1, 0) + t (0, 2). The frame turns by t²/2: its rate is t, at once
     // 0.5 more after one unit of time.
@@ -223,25 +240,31 @@ TEST(VaryingGyroscope, AModeOfHighQualityKeepsItsAmplitude) {
 // -- The device -------------------------------------------------------------------------------------------------------
 
 TEST(Quantisation, ThreeBitsOverFourHaveEightLevelsOfOne) {
-    const Quantizer q{.range = 4.0, .bits = 3};
-    EXPECT_EQ(q(0.4), 0.0);
-    EXPECT_EQ(q(0.6), 1.0);
-    EXPECT_EQ(q(-2.7), -3.0);
-    EXPECT_EQ(q(100.0), 3.0);
-    EXPECT_EQ(q(-100.0), -4.0);
-    const Quantizer clip{.range = 4.0};
-    EXPECT_EQ(clip(0.4), 0.4);
-    EXPECT_EQ(clip(-7.0), -4.0);
+    const Quantizer q{.range = {4.0, 4.0}, .bits = 3};
+    expect_equal(q({0.4, 0.6}), {0.0, 1.0});
+    expect_equal(q({-2.7, 100.0}), {-3.0, 3.0});
+    expect_equal(q({-100.0, 3.4}), {-4.0, 3.0});
+    const Quantizer clip{.range = {4.0, 4.0}};
+    expect_equal(clip({0.4, -7.0}), {0.4, -4.0});
+}
+
+TEST(Quantisation, EachAxisHasItsOwnRange) {
+    const Quantizer q{.range = {4.0, 0.25}, .bits = 3};
+    EXPECT_TRUE(q.on());
+    expect_equal(q({0.6, 0.6}), {1.0, 0.1875});
+    expect_equal(q({-0.6, -0.07}), {-1.0, -0.0625});
+    const Quantizer clip{.range = {Quantizer::unlimited, 0.25}};
+    EXPECT_TRUE(clip.on());
+    expect_equal(clip({100.0, 100.0}), {100.0, 0.25});
 }
 
 TEST(Device, ADelayOfTwoStepsGivesEachForceTwoStepsLate) {
+    const auto late = Imperfections::prepare({.delay = 2});
     Imperfections::State state{};
     const std::array<double, 5> given{0.0, 0.0, 1.0, 2.0, 3.0};
     for (std::size_t n = 0; n < given.size(); ++n) {
-        EXPECT_EQ(
-            Imperfections::actuate(state, {.delay = 2}, {static_cast<double>(n + 1), 0.0}, static_cast<std::int64_t>(n))
-                .x(),
-            given[n]);
+        const Vec2<double> asked{static_cast<double>(n + 1), 0.0};
+        EXPECT_EQ(Imperfections::actuate(state, late, asked, static_cast<std::int64_t>(n)).x(), given[n]);
     }
 }
 
@@ -254,9 +277,79 @@ TEST(Device, NoiseOfTheSensorsIsNeitherThatOfTheForceNorOfEachOther) {
     EXPECT_NE(draw(0)[0].x(), draw(1)[0].x());
     EXPECT_NE(draw(1)[0].x(), draw(2)[0].x());
     const ImperfectionParams device{.position_noise = 2.0, .velocity_noise = 3.0};
-    const Motion<double> seen = Imperfections::sense(device, {}, SensorNoise(device, 5, 1.0)(3));
+    Imperfections::State state{};
+    const Motion<double> seen =
+        Imperfections::sense(state, Imperfections::prepare(device), {}, DeviceNoise(device, 5, 1.0)(3));
     EXPECT_EQ(seen.position.y(), 2.0 * draw(1)[3].y());
     EXPECT_EQ(seen.velocity.x(), 3.0 * draw(2)[3].x());
+}
+
+TEST(Device, PickOffsThatAreTurnedByARightAngleSeeTheOtherAxis) {
+    const auto c = Imperfections::prepare({.pickoff = {{1.0, 0.5}, 0.5 * std::numbers::pi}});
+    Imperfections::State state{};
+    const Motion<double> seen = Imperfections::sense(state, c, {{10.0, 1.0}, {-4.0, 2.0}}, {});
+    expect_near(seen.position, {2.0 * 1.0, 1.5 * -10.0}, 1e-14);
+    expect_near(seen.velocity, {2.0 * 2.0, 1.5 * 4.0}, 1e-14);
+}
+
+TEST(Device, ActuatorsThatAreTurnedByARightAnglePushAlongTheOtherAxis) {
+    const auto c = Imperfections::prepare({.force = {{1.0, 0.5}, 0.5 * std::numbers::pi}});
+    Imperfections::State state{};
+    expect_near(Imperfections::actuate(state, c, {10.0, 1.0}, 0), {1.5 * -1.0, 2.0 * 10.0}, 1e-14);
+}
+
+TEST(Device, TurnedAlikePickOffsAndActuatorsAreTheirOwnInverse) {
+    const auto c = Imperfections::prepare({.pickoff = {{}, 0.3}, .force = {{}, 0.3}});
+    Imperfections::State state{};
+    const Vec2<double> acts = Imperfections::actuate(state, c, {10.0, 1.0}, 0);
+    expect_near(Imperfections::sense(state, c, {.position = acts}, {}).position, {10.0, 1.0}, 1e-14);
+}
+
+// -- Flicker noise ----------------------------------------------------------------------------------------------------
+
+TEST(FlickerNoise, ItsAnswerToOneDrawIsTheHalfIntegralOfIt) {
+    // (1 - z⁻¹)^(-1/2) = 1 + z⁻¹/2 + 3/8 z⁻² + …: each the last one times (2n - 1)/2n.
+    Flicker::State<double> state{};
+    double wanted = 1.0, sum = 0.0, wanted_sum = 0.0;
+    for (int n = 0; n <= 1'000'000; ++n) {
+        wanted *= n == 0 ? 1.0 : (2.0 * n - 1.0) / (2.0 * n);
+        const double got = Flicker::next(state, n == 0 ? 1.0 : 0.0);
+        ASSERT_NEAR(got / wanted, 1.0, n < 3 ? 0.02 : 2e-3) << n;
+        sum += got, wanted_sum += wanted;
+    }
+    EXPECT_NEAR(sum / wanted_sum, 1.0, 1e-3);
+}
+
+TEST(FlickerNoise, ItsDensityIsOneOverTheFrequencyOverNineDecades) {
+    const Flicker::Coefficients& c = Flicker::coefficients;
+    const auto decibels = [&](double theta) {  // over those of the exact half integral
+        // 1 - p z⁻¹ = 1 - p + p (1 - z⁻¹), the latter without cancellation.
+        const double s = std::sin(0.5 * theta);
+        const std::complex<double> difference(2.0 * s * s, std::sin(theta));
+        std::complex<double> answer(c.direct);
+        for (std::size_t k = 0; k < Flicker::poles; ++k) {
+            answer += c.weight[k] / ((1.0 - c.pole[k]) + c.pole[k] * difference);
+        }
+        return 10.0 * std::log10(std::norm(answer) * 2.0 * s);
+    };
+    for (double theta = 3.2e-10; theta < std::numbers::pi; theta *= 1.1) {
+        EXPECT_NEAR(decibels(theta), 0.0, 0.08) << theta;
+    }
+    for (double theta = 3e-8; theta < 0.03; theta *= 1.1) {
+        EXPECT_NEAR(decibels(theta), 0.0, 0.01) << theta;
+    }
+    EXPECT_LT(decibels(1e-12), -10.0);
+}
+
+TEST(FlickerNoise, OfTwoAxesEachHasItsOwn) {
+    Flicker::State<double> one{};
+    Flicker::State<Vec2<double>> both{};
+    for (int n = 0; n < 100; ++n) {
+        const double a = std::sin(1.7 * n), b = std::cos(0.3 * n * n);
+        const Vec2<double> got = Flicker::next(both, Vec2<double>{a, b});
+        EXPECT_EQ(got.x(), Flicker::next(one, a));
+        EXPECT_NE(got.y(), got.x());
+    }
 }
 
 TEST(DeviceLoop, OfAnIdealDeviceItsSamplesAreThoseOfTheLoop) {

@@ -1,7 +1,7 @@
 """The loop of a moving rate and of a device that is not ideal, once more: plain NumPy, and solve_ivp between samples.
 
 The control law is fracgyro.Controller's, which oracle.py checks; everything around it is transcribed here. Noise is
-taken as given: what a run's measurements were off by.
+taken as given: what a run's measurements were off by, and what acted as a rate.
 """
 
 from __future__ import annotations
@@ -14,35 +14,44 @@ import fracgyro as fg
 import numpy as np
 from oracle import symmetric
 from scipy.integrate import solve_ivp
+from scipy.signal import lfilter
 
 TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
 Rate = Callable[[int, float], tuple[float, float]]  # (sample, time since it) -> Omega_z and its derivative
 
 
 def simulate(
-    scenario: fg.Scenario, disturbance: np.ndarray, position_noise: np.ndarray, velocity_noise: np.ndarray, rate: Rate
+    scenario: fg.Scenario,
+    disturbance: np.ndarray,
+    position_noise: np.ndarray,
+    velocity_noise: np.ndarray,
+    rate: Rate,
+    rate_bias: np.ndarray,
 ) -> dict[str, np.ndarray]:
     """Histories of a nondimensional run; all arrays (samples, 2)."""
     device, scales, step = scenario.device, scenario.plant.scales, scenario.run.step
     law = fg.Controller(scenario.replace({"device": fg.Scenario().device}))
     observer = Observer(scenario) if device.sensing == "position" else None
     waiting = deque([np.zeros(2)] * device.delay)
-    move = plant(scenario, rate)
+    move = plant(scenario, rate, rate_bias)
+    sensed = np.diag(1 + np.array(device.pickoff_gain_error)) @ rotation(device.pickoff_misalignment).T
+    pushed = rotation(device.force_misalignment) @ np.diag(1 + np.array(device.force_gain_error))
+    reach = np.array(device.position_range) / scales.length, np.array(device.velocity_range) / scales.velocity
     q, v = np.array(scenario.run.initial_position), np.array(scenario.run.initial_velocity)
     run: dict[str, list[np.ndarray]] = {}
     for n, force in enumerate(disturbance):
-        seen = digital(q + position_noise[n], device.position_range / scales.length, device.position_bits)
+        seen = digital(sensed @ q + position_noise[n], reach[0], device.position_bits)
         if observer:
             seen_velocity = observer.velocity(seen)
         else:
-            seen_velocity = digital(
-                v + velocity_noise[n], device.velocity_range / scales.velocity, device.velocity_bits
-            )
+            seen_velocity = digital(sensed @ v + velocity_noise[n], reach[1], device.velocity_bits)
         u = law.step(n * step, seen, seen_velocity)
         if observer:
             observer.predict(u)
         waiting.append(u)
-        applied = digital(waiting.popleft(), device.actuator_limit / scales.force, device.actuator_bits)
+        applied = pushed @ digital(
+            waiting.popleft(), np.array(device.actuator_limit / scales.force), device.actuator_bits
+        )
         sample = {"position": q, "velocity": v, "control": u, "applied_control": applied}
         sample |= {"measured_position": seen, "measured_velocity": seen_velocity}
         for name, value in sample.items():
@@ -51,7 +60,26 @@ def simulate(
     return {name: np.array(values) for name, values in run.items()}
 
 
-def digital(value: np.ndarray, span: float, bits: int) -> np.ndarray:
+def rotation(angle: float) -> np.ndarray:
+    """From x to y."""
+    return math.cos(angle) * np.eye(2) + math.sin(angle) * TURN
+
+
+def flicker(white: np.ndarray) -> np.ndarray:
+    """The noise of include/fracgyro/plant/flicker.hpp, of these draws, pole after pole; (samples, ...)."""
+    u = math.log(10) * (1 - np.arange(23) / 2)  # where the poles lie, half a decade apart from 10 down
+    weight = math.log(10) / 2 / math.pi / (2 * np.cosh(u / 2))
+    pole = 1 / (1 + np.exp(u))
+    above, below = math.log(10) * np.arange(1.5, 31.5, 0.5), u[-1] - math.log(10) / 2 * np.arange(300)
+    weight[-1] = math.log(10) / 2 / math.pi * np.exp(below / 2).sum()
+    pole[-1] = 1 / (1 + np.exp(1.5 * below).sum() / np.exp(below / 2).sum())
+    found = math.log(10) / 2 / math.pi * (1 / (2 * np.cosh(above / 2))).sum() * white
+    for p, w in zip(pole, weight, strict=True):
+        found = found + w * lfilter([1.0], [1.0, -p], white, axis=0)
+    return np.asarray(found)
+
+
+def digital(value: np.ndarray, span: np.ndarray, bits: int) -> np.ndarray:
     value = np.clip(value, -span, span)
     if not bits:
         return value
@@ -59,7 +87,7 @@ def digital(value: np.ndarray, span: float, bits: int) -> np.ndarray:
     return np.clip(np.round(value / size), -(2 ** (bits - 1)), 2 ** (bits - 1) - 1) * size
 
 
-def plant(scenario: fg.Scenario, rate: Rate) -> Callable[..., tuple[np.ndarray, np.ndarray]]:
+def plant(scenario: fg.Scenario, rate: Rate, bias: np.ndarray) -> Callable[..., tuple[np.ndarray, np.ndarray]]:
     """One step of the equation of motion; with plant.centrifugal in a frame that turns, (d/dt + Omega)^2 q."""
     device, scales, step = scenario.device, scenario.plant.scales, scenario.run.step
     damping, _, _, more_damping, more_stiffness = scenario.plant.nondimensional()
@@ -72,13 +100,16 @@ def plant(scenario: fg.Scenario, rate: Rate) -> Callable[..., tuple[np.ndarray, 
         def derivative(since: float, x: np.ndarray) -> np.ndarray:
             q, v = x[:2], x[2:]
             omega, change = rate(n, since)
+            omega += bias[n]
             warmer = np.interp((n * step + since) * scales.time, times, temperatures)
-            drift = 1 + 1e-6 * device.stiffness_drift * warmer
-            a = force - (damping + 2 * omega * TURN) @ v - drift * stiffness @ q - cubic * q**3
+            softer, drier = 1 + 1e-6 * device.stiffness_drift * warmer, 1 + 1e-6 * device.damping_drift * warmer
+            a = force - (drier * damping + 2 * omega * TURN) @ v - softer * stiffness @ q - cubic * q**3
             if scenario.plant.centrifugal:
                 a = a - change * TURN @ q + omega**2 * q
             return np.concatenate([v, a])
 
+        if scenario.plant.centrifugal:  # the Euler force of a jump
+            v = v - (bias[n] - (bias[n - 1] if n else 0.0)) * TURN @ q
         solved = solve_ivp(derivative, (0.0, step), np.concatenate([q, v]), "DOP853", rtol=1e-13, atol=1e-13)
         assert solved.success
         return solved.y[:2, -1], solved.y[2:, -1]

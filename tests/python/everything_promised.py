@@ -57,6 +57,24 @@ KINDS = {
             "rate.frequency": 300.0,
         }
     ),
+    "electronics": SHORT.replace(
+        {
+            "device.position_noise_density": 1e-14,
+            "device.position_noise_corner": 1e3,
+            "device.velocity_noise": 1e-9,
+            "device.velocity_noise_corner": 2e4,
+            "device.position_range": (2e-6, 1.5e-6),
+            "device.position_bits": 18,
+            "device.pickoff_gain_error": (1e-3, -2e-3),
+            "device.pickoff_misalignment": 3e-3,
+            "device.force_gain_error": (1e-2, 3e-2),
+            "device.force_misalignment": -2e-3,
+            "device.damping_drift": 3e3,
+            "device.temperature_ramp": 1e4,
+            "device.bias_instability": 0.3,
+            "device.rate_random_walk": 20.0,
+        }
+    ),
 }
 
 for order, longest, tolerance in ((0.9, 80.0, 1e-6), (0.1, 1e3, 1e-9), (0.5, 0.01, 1e-3), (0.999, 1e6, 1e-11)):
@@ -71,7 +89,7 @@ for name, scenario in KINDS.items():
     for number in ("float", "double"):
         keep(f"header, {name}, {number}", coefficients_header(scenario, number))
     keep(f"TOML, {name}", scenario.to_toml(), scenario.content_hash())
-    if name not in ("observer", "device"):
+    if name not in ("observer", "device", "electronics"):
         keep(f"numbers, {name}", list(core_numbers(scenario).values()), *core_kernel(scenario))
 
 for single in (False, True):

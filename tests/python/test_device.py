@@ -17,12 +17,14 @@ import xarray as xr
 from fracgyro import _core
 from fracgyro.export import web
 from fracgyro.export.fmu import export as export_fmu
+from fracgyro.rate.allan import allan
 from fracgyro.scenario import Scenario, ScenarioError
 from fracgyro.scenario.kinds import DEVICE_CHANNELS
 from fracgyro.scenario.to_core import core_setup
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
+from scipy.signal import periodogram
 
 PAPER = Scenario.paper()
 SHORT = PAPER.replace({"run.duration": 0.5})
@@ -65,6 +67,32 @@ EFFECTS: dict[str, dict[str, Any]] = {
         "device.temperature_points": [[1e-4, 0.0], [2e-4, 80.0], [3e-4, 20.0]],
     },
     "cubic": {"device.cubic_stiffness": (2e13, -1e13)},
+    "converters of each axis": {
+        "device.position_range": [2e-6, 6e-7],
+        "device.position_bits": 14,
+        "device.velocity_range": [1e-2, 1.4e-2],
+        "device.velocity_bits": 14,
+    },
+    "damping drift": {"device.damping_drift": 5e5, "device.temperature_ramp": 1e4},
+    "gains of the pick-offs": {"device.pickoff_gain_error": [0.01, -0.02]},
+    "turned pick-offs": {"device.pickoff_misalignment": 0.01},
+    "gains of the force": {"device.force_gain_error": [0.05, -0.03]},
+    "turned actuators": {"device.force_misalignment": -0.02},
+    "gains and turns": {
+        "device.pickoff_gain_error": [0.01, -0.02],
+        "device.pickoff_misalignment": -0.015,
+        "device.force_gain_error": [0.05, -0.03],
+        "device.force_misalignment": 0.02,
+        "device.actuator_limit": 6e-5,
+    },
+    "flicker": {
+        "device.position_noise": 1e-10,
+        "device.position_noise_corner": 2e5,
+        "device.velocity_noise_density": 1e-9,
+        "device.velocity_noise_corner": 3e5,
+    },
+    "flicker of the rate": {"device.bias_instability": 20.0},
+    "walk of the rate": {"device.rate_random_walk": 1e4},
 }
 
 
@@ -96,17 +124,33 @@ def true_rate(scenario: Scenario, recorded: np.ndarray) -> device_oracle.Rate:
 
 
 def expected(scenario: Scenario, run: xr.Dataset) -> dict[str, np.ndarray]:
+    device, samples = scenario.device, run.sizes["time"]
     draws = {}
     for stream, name in ((1, "position"), (2, "velocity")):
-        device = scenario.device
         density = getattr(device, f"{name}_noise_density")
         # A one-sided density N up to half of f_s = 1 MHz has variance N² f_s/2.
         deviation = getattr(device, f"{name}_noise") + density * math.sqrt(1e6 / 2)
         deviation /= getattr(scenario.plant.scales, "length" if stream == 1 else "velocity")
-        changes = {"disturbance.kind": 1.0, "disturbance.standard_deviation": deviation, "disturbance.hold_steps": 1.0}
-        draws[name] = _core.disturbance(core_setup(scenario, changes), 0, run.sizes["time"], stream)
+        draws[name] = deviation * drawn(scenario, samples, stream)
+        # That of 1/f is the white one at the corner f_c: two-sided A^2/omega = sigma^2 h there.
+        corner = 2 * math.pi * getattr(device, f"{name}_noise_corner") * 1e-6
+        draws[name] += deviation * math.sqrt(corner) * device_oracle.flicker(drawn(scenario, samples, stream + 3))
     rate = true_rate(scenario, run["angular_rate"].values)
-    return device_oracle.simulate(scenario, run["disturbance"].values, draws["position"], draws["velocity"], rate)
+    bias = rate_bias(scenario, samples)
+    return device_oracle.simulate(scenario, run["disturbance"].values, draws["position"], draws["velocity"], rate, bias)
+
+
+def drawn(scenario: Scenario, samples: int, stream: int) -> np.ndarray:
+    """Normals of a stream of the seed, (samples, 2)."""
+    changes = {"disturbance.kind": 1.0, "disturbance.standard_deviation": 1.0, "disturbance.hold_steps": 1.0}
+    return np.asarray(_core.disturbance(core_setup(scenario, changes), 0, samples, stream))
+
+
+def rate_bias(scenario: Scenario, samples: int) -> np.ndarray:
+    """What acts as a rate, nondimensional: 1 is 1000 rad/s. The square root of a step is that of 1e-6 s."""
+    white = drawn(scenario, samples, 6)
+    flicker, walk = device_oracle.flicker(white[:, 0]), np.cumsum(white[:, 1]) * 1e-3
+    return np.asarray(scenario.device.bias_instability * flicker + scenario.device.rate_random_walk * walk) / 1000
 
 
 def assert_agrees(scenario: Scenario, tolerance: float = 1e-9) -> None:
@@ -117,6 +161,7 @@ def assert_agrees(scenario: Scenario, tolerance: float = 1e-9) -> None:
     wanted = expected(scenario, run)
     for name, factor in factors.items():
         np.testing.assert_allclose(run[name].values, wanted[name], rtol=0, atol=factor * tolerance, err_msg=name)
+    np.testing.assert_allclose(run["rate_bias"], rate_bias(scenario, run.sizes["time"]), rtol=0, atol=1e-12)
     ideal = fg.simulate(scenario.replace({"rate": {}, "device": {}}))
     assert np.abs(run["position"].values - ideal["position"].values).max() > 1e3 * tolerance, "it has no effect"
 
@@ -260,12 +305,55 @@ def test_the_drift_is_parts_per_million_a_kelvin_of_the_temperature() -> None:
     np.testing.assert_allclose(run["stiffness_drift"], -30e-6 * 1e5 * run["time"].values * 1e-3, rtol=1e-9, atol=1e-18)
 
 
+def test_the_damping_drift_is_parts_per_million_a_kelvin_of_the_temperature() -> None:
+    run = fg.simulate(SHORT.replace({"device.damping_drift": 3e3, "device.temperature_ramp": 1e5}))
+    np.testing.assert_allclose(run["damping_drift"], 3e-3 * 1e5 * run["time"].values * 1e-3, rtol=1e-9, atol=1e-18)
+
+
+def test_flicker_noise_and_white_noise_are_as_dense_at_the_corner() -> None:
+    """65 ms at 1 MHz, one-sided densities N^2 (1 + f_c/f) of both axes; 2 % are two deviations of the wider bands."""
+    density, corner = 1e-14, 2e4
+    changes = {"device.position_noise_density": density, "device.position_noise_corner": corner}
+    run = fg.simulate(
+        PAPER.replace({**changes, "controller.kind": "linear", "run.duration": 65.535, "run.units": "SI"})
+    )
+    off = (run["measured_position"] - run["position"]).values
+    frequency, found = periodogram(off, fs=1e6, axis=0)
+    for low, high, tolerance in ((100.0, 1e3, 0.2), (2e3, 8e3, 0.08), (1.6e4, 2.4e4, 0.06), (5e4, 1.5e5, 0.02)):
+        band = (low <= frequency) & (frequency < high)
+        wanted = density**2 * np.mean(1 + corner / frequency[band])
+        assert found[band].mean() == pytest.approx(wanted, rel=tolerance)
+
+
+def test_what_acts_as_a_rate_has_the_allan_deviation_of_its_datasheet() -> None:
+    """0.664 B where it is flicker noise, K sqrt(tau/3) where it is a walk; over 0.1 s at 1 us."""
+    base = PAPER.replace({"controller.kind": "linear", "run.duration": 100.0, "run.units": "SI", "disturbance.seed": 7})
+    flicker = fg.simulate_many([base.replace({"device.bias_instability": 0.02})], seeds=range(8))["rate_bias"].values
+    walk = fg.simulate_many([base.replace({"device.rate_random_walk": 3.0})], seeds=range(8))["rate_bias"].values
+    found = allan(flicker, 1e-6)
+    assert found.deviation[4:12] == pytest.approx(np.full(8, 0.664 * 0.02), rel=0.08)
+    found = allan(walk, 1e-6)
+    assert found.deviation[1:12] == pytest.approx(3.0 * np.sqrt(found.tau[1:12] / 3), rel=0.15)
+
+
+def test_what_acts_as_a_rate_is_none_and_counts_as_an_error() -> None:
+    run = fg.simulate(SHORT.replace(EFFECTS["walk of the rate"]))
+    assert (run["angular_rate"] == MEAN).all()
+    assert np.ptp(run["rate_bias"].values) > 1e-3
+    run["rate_estimate"] = run["angular_rate"] + run["rate_bias"]
+    np.testing.assert_allclose(fg.metrics.rate_error(run), run["rate_bias"], rtol=0, atol=1e-15)
+
+
 @given(value=st.floats(-3.0, 3.0), other=st.floats(-3.0, 3.0), span=st.floats(1e-9, 1e3), bits=st.integers(1, 32))
 def test_a_quantiser_is_idempotent_monotone_and_within_half_a_step(
     value: float, other: float, span: float, bits: int
 ) -> None:
-    quantiser = _core.Quantizer()
-    quantiser.range, quantiser.bits = span, bits
+    core = _core.Quantizer()
+    core.range, core.bits = (span, 3 * span), bits
+
+    def quantiser(a: float) -> float:
+        return float(core((a, 3 * a))[0])
+
     step = 2 * span / 2**bits
     a, b = value * span, other * span
     assert quantiser(quantiser(a)) == quantiser(a)
@@ -281,6 +369,11 @@ def test_a_quantiser_is_idempotent_monotone_and_within_half_a_step(
 def mixed() -> list[Scenario]:
     base = PAPER.replace({"run.duration": 3.0})
     changes = [{}, RATES["sine"], {}, EFFECTS["drift"], EFFECTS["position alone"], EFFECTS["actuator"]]
+    changes += [
+        EFFECTS["damping drift"],
+        EFFECTS["flicker"],
+        {**EFFECTS["walk of the rate"], **EFFECTS["gains and turns"]},
+    ]
     return [base.replace({**change, "disturbance.seed": i}) for i, change in enumerate(changes)]
 
 
@@ -316,6 +409,14 @@ def test_a_stiffness_estimate_is_judged_by_the_drifting_truth() -> None:
     run["stiffness_estimate"] = run["stiffness_estimate"] * 0 + truth
     assert float(fg.metrics.stiffness_error(run)[-1]) < 1e-4
     assert float(fg.metrics.stiffness_error(run)[0]) == pytest.approx(0.03, rel=1e-2)
+
+
+def test_a_damping_estimate_is_judged_by_the_drifting_truth() -> None:
+    run = fg.simulate(SHORT.replace(EFFECTS["damping drift"]))
+    truth = np.array([0.01, 0.002, 0.01]) * (1 + 0.5 * 1e4 * 0.5e-3)
+    run["damping_estimate"] = run["damping_estimate"] * 0 + truth
+    assert float(fg.metrics.damping_error(run)[-1]) < 1e-12
+    assert float(fg.metrics.damping_error(run)[0]) == pytest.approx(2.5, rel=1e-9)
 
 
 # -- Files ---------------------------------------------------------------------------------------------------
@@ -396,10 +497,32 @@ def test_a_file_that_is_none_is_refused_in_one_sentence(tmp_path: Path, text: st
             {"device.position_noise": 1e-9, "device.position_noise_density": 1e-12},
             "device.position_noise is 1e-09 and device.position_noise_density is 1e-12: at most one of the two",
         ),
-        ({"device.velocity_bits": 12}, "device.velocity_bits is 12 and device.velocity_range is inf: a converter must"),
+        ({"device.velocity_bits": 12}, "device.velocity_bits is 12 and device.velocity_range is [inf, inf]: a conv"),
         ({"device.actuator_bits": 12}, "device.actuator_bits is 12 and device.actuator_limit is inf: a converter must"),
         ({"device.position_bits": 33}, "device.position_bits is 33: it must lie between 0 and 32"),
-        ({"device.position_range": 0.0}, "device.position_range is 0.0: it must be greater than 0"),
+        ({"device.position_range": 0.0}, "device.position_range[0] is 0.0: it must be greater than 0"),
+        ({"device.position_range": [1.0, math.nan]}, "device.position_range[1] is nan: it must be greater than 0"),
+        (
+            {"device.position_range": [1.0, math.inf], "device.position_bits": 12},
+            "device.position_bits is 12 and device.position_range is [1.0, inf]: a converter must have a finite range",
+        ),
+        ({"device.pickoff_gain_error": -1.0}, "device.pickoff_gain_error[0] is -1.0: it must be greater than -1"),
+        ({"device.force_gain_error": [0.0, -2.0]}, "it must be greater than -1"),
+        ({"device.force_misalignment": math.inf}, "device.force_misalignment is inf: it must be a finite number"),
+        (
+            {"device.position_noise_corner": 1e3},
+            "device.position_noise_corner is 1000.0 and there is no white noise: device.position_noise or device.posi",
+        ),
+        (
+            {"device.velocity_noise": 1e-9, "device.velocity_noise_corner": 5.1e5},
+            "device.velocity_noise_corner is 510000.0: it must be at most half the sampling frequency, which is 500000",
+        ),
+        (
+            {"device.damping_drift": 1e4, "device.temperature_points": [[0, -100]]},
+            "device.damping_drift is 10000.0: over -100 K it multiplies the damping by 0, which must be greater than 0",
+        ),
+        ({"device.bias_instability": -1.0}, "device.bias_instability is -1.0: it must be at least 0"),
+        ({"device.rate_random_walk": -1.0}, "device.rate_random_walk is -1.0: it must be at least 0"),
         ({"device.delay": 1.5}, "device.delay is 1.5: it must be an integer"),
         ({"device.delay": 1001}, "device.delay is 1001: it must lie between 0 and 1000"),
         ({"device.cubic_stiffness": [1.0]}, "cubic_stiffness is [1.0]: it must be a list of 2 numbers [x, y] or one"),
@@ -432,6 +555,8 @@ def test_bad_values_are_refused_in_one_sentence(changes: dict[str, Any], said: s
             'rate.kind is "step": it must be "constant" to be exported, as FMU, browser and lanes know only',
         ),
         (EFFECTS["delay"], "device.delay is 1: it must be 0 to be exported"),
+        (EFFECTS["walk of the rate"], "device.rate_random_walk is 10000.0: it must be 0.0 to be exported"),
+        ({"device.position_range": 1e-6}, "device.position_range is [1e-06, 1e-06]: it must be [inf, inf] to be"),
         (EFFECTS["position alone"], 'device.sensing is "position": it must be "full" to be exported'),
     ],
 )

@@ -105,7 +105,17 @@ def test_the_equations_list_every_physical_parameter_and_every_switch() -> None:
 
 
 def test_every_unit_of_the_equations_is_that_of_the_scenario() -> None:
-    signs = {"unit ": "", "ω": "omega", "α": "alpha", "−": "-", "²": "^2", "³": "^3", "√Hz": "sqrt(Hz)", " ": "*"}
+    signs = {
+        "unit ": "",
+        "ω": "omega",
+        "α": "alpha",
+        "−": "-",
+        "²": "^2",
+        "³": "^3",
+        "√Hz": "sqrt(Hz)",
+        "√s": "sqrt(s)",
+        " ": "*",
+    }
     schema = fg.Scenario.model_json_schema()["$defs"]
     for field, listed in units():
         table, name = field.split(".")

@@ -30,6 +30,18 @@ SCENARIOS = {
     "device in SI": SHORT.replace({**DEVICE, "run.units": "SI"}),
     "positions": SHORT.replace({"device.sensing": "position", "run.units": "SI"}),
     "drift": SHORT.replace({"device.stiffness_drift": 100.0, "device.temperature_ramp": 1e5}),
+    "electronics": SHORT.replace(
+        {
+            "device.position_noise": 1e-10,
+            "device.position_noise_corner": 2e4,
+            "device.pickoff_gain_error": 0.01,
+            "device.force_misalignment": 0.01,
+            "device.damping_drift": 3e3,
+            "device.temperature_ramp": 1e4,
+            "device.bias_instability": 3.0,
+            "device.rate_random_walk": 200.0,
+        }
+    ),
 }
 of_each = pytest.mark.parametrize("scenario", SCENARIOS.values(), ids=SCENARIOS.keys())
 AT_MOST = SHORT.run.steps + 1

@@ -47,15 +47,33 @@ def test_noise_is_in_units_of_the_plant_and_a_density_reaches_half_the_sampling_
     assert device(velocity_noise_density=1.0).velocity_noise == 8.0 * 0.25
 
 
+def test_flicker_noise_is_as_dense_as_the_white_one_at_its_corner() -> None:
+    # Of A^2/omega, two-sided, as of the white one, sigma^2/128 s; omega = 2 pi f_c.
+    found = device(position_noise=1.0, position_noise_corner=2.0, velocity_noise=1.0, velocity_noise_corner=32.0)
+    assert found.position_flicker == pytest.approx(4.0 * math.sqrt(2 * math.pi * 2.0 / 128), rel=1e-15)
+    assert found.velocity_flicker == pytest.approx(0.25 * math.sqrt(2 * math.pi * 32.0 / 128), rel=1e-15)
+    assert device(position_noise=1.0).position_flicker == 0.0
+
+
+def test_what_acts_as_a_rate_is_in_units_of_the_plant_and_its_walk_goes_as_the_root_of_time() -> None:
+    assert device(bias_instability=16.0).bias_instability == 1.0
+    assert device(rate_random_walk=16.0).rate_random_walk == pytest.approx(math.sqrt(1 / 128), rel=1e-15)
+
+
 def test_ranges_springs_and_temperatures_are_in_units_of_the_plant() -> None:
     for name, field, value in (("position", "range", 0.5), ("velocity", "range", 8.0), ("actuator", "limit", 256.0)):
         found = getattr(device(**{f"{name}_{field}": value, f"{name}_bits": 3}), name)
-        assert (found.range, found.bits) == (2.0, 3), name
+        assert (tuple(found.range), found.bits) == ((2.0, 2.0), 3), name
+    assert tuple(device(position_range=[0.5, 0.25]).position.range) == (2.0, 1.0)
     assert tuple(device(cubic_stiffness=(8192.0, 3 * 8192.0)).cubic_stiffness) == (1.0, 3.0)
     warm = device(stiffness_drift=-30.0, temperature_ramp=4.0)
     assert warm.stiffness_drift == pytest.approx(-3e-5, rel=1e-15)
+    assert device(damping_drift=5e3).damping_drift == pytest.approx(5e-3, rel=1e-15)
     assert (warm.temperature.times, warm.temperature.values) == ([0.0, 64.0], [0.0, 2.0])  # half a second
     assert device(delay=3).delay == 3
+    turned = device(pickoff_gain_error=[0.5, 0.25], force_gain_error=0.125, force_misalignment=0.1)
+    assert (tuple(turned.pickoff.gain_error), turned.pickoff.misalignment) == ((0.5, 0.25), 0.0)
+    assert (tuple(turned.force.gain_error), turned.force.misalignment) == ((0.125, 0.125), 0.1)
 
 
 def test_rates_are_in_units_of_the_plant_and_their_times_in_steps() -> None:
@@ -143,6 +161,8 @@ def test_saturation_is_borne_for_20_of_the_longest_periods_or_4_times_what_swing
         ({"plant.stiffness_deviation": {"xx": 0.0, "xy": -5.45 * 512, "yy": 0.0}}, 2 * 0.25),
         ({"device.stiffness_drift": -1e5, "device.temperature_ramp": 4.0}, 2 * 0.1 * 2),  # half a second of it
         ({"device.stiffness_drift": -1e5, "device.temperature_points": [[0.0, -3.0], [1.0, 2.0]]}, 2 * 0.1 * 3),
+        ({"device.pickoff_gain_error": [0.1, -0.2], "device.pickoff_misalignment": -0.1}, 2 * 0.3),
+        ({"device.force_gain_error": [0.1, -0.2], "device.force_misalignment": -0.1}, 2 * 0.3),
     ],
 )
 def test_the_plant_may_be_off_by_twice_what_the_scenario_says_and_by_a_tenth(
@@ -184,6 +204,14 @@ def test_sensors_may_be_off_by_eight_deviations_and_a_level() -> None:
     found = guard({"device.velocity_noise": 4.0, "device.velocity_range": 8.0, "device.velocity_bits": 3})
     assert found.velocity_tolerance == pytest.approx(QUIET + 8 * 1.0 + 0.5, rel=1e-12)
     assert found.position_tolerance == QUIET
+    found = guard({"device.position_range": [0.5, 0.25], "device.position_bits": 3})
+    assert found.position_tolerance == pytest.approx(QUIET + 0.5, rel=1e-12)
+
+
+def test_flicker_noise_counts_as_what_a_run_sees_of_it() -> None:
+    # 64 steps: A^2/pi ln(64 pi) of 1/f, from one over the run to half the sampling frequency; A^2 = 2 pi 64/128 = pi.
+    found = guard({"device.position_noise": 0.25, "device.position_noise_corner": 64.0}).position_tolerance
+    assert 8 * math.sqrt(1 + math.log(64 * math.pi)) < found < 8 * math.sqrt(2 + math.log(64 * math.pi))
 
 
 def test_what_is_set_stays_as_it_is() -> None:

@@ -1,6 +1,6 @@
-// 6  The gyroscope when its rate moves, its springs drift or they are not linear:
+// 6  The gyroscope when its rate moves, its springs and dampers drift or springs are not linear:
 //
-//        q̈ + (D + ΔD + 2Ω(t)) q̇ + (1 + ε(t)) (K + ΔK) q + κ q³ = u + d,       κ q³ = [κx x³, κy y³]
+//        q̈ + ((1 + η(t)) (D + ΔD) + 2Ω(t)) q̇ + (1 + ε(t)) (K + ΔK) q + κ q³ = u + d,       κ q³ = [κx x³, κy y³]
 //
 //    With x = [q, q̇] and A that of gyroscope.hpp, at the mean rate: ẋ = A x + B (u + d) + N(t, x). A step is one of
 //    Lawson's fourth order ("Generalized Runge-Kutta processes for stable systems with large Lipschitz constants",
@@ -8,8 +8,8 @@
 //    included, so that the step neither damps nor detunes the modes; the error is only that of N, h⁵ a step.
 //
 //    `inertial`: the centrifugal and Euler forces follow Ωz(t), as in a frame that turns with it,
-//        (d/dt + Ω)² q + (D + ΔD) q̇ + … = u + d.       With δ = Ωz - its mean, J q = [-y, x] and w = q̇ + δ J q this is
-//        q̇ = w - δ J q,       ẇ = A-part of (q, w) + δ ((D + ΔD) J q - J w) + …
+//        (d/dt + Ω)² q + (1 + η) (D + ΔD) q̇ + … = u + d.   With δ = Ωz - its mean, J q = [-y, x], w = q̇ + δ J q this is
+//        q̇ = w - δ J q,       ẇ = A-part of (q, w) + δ ((D + ΔD) J q - J w) - η (D + ΔD) q̇ + …
 //    without a derivative of the rate; where it jumps, w goes on and q̇ does not.
 #pragma once
 
@@ -23,9 +23,9 @@ struct VaryingPlantParams {
     bool inertial = false;
 };
 
-// What differs from the mean at one instant: Ωz - mean and ε.
+// What differs from the mean at one instant: Ωz - mean, ε and η.
 struct Variation {
-    double rate = 0.0, stiffness = 0.0;
+    double rate = 0.0, stiffness = 0.0, damping = 0.0;
 };
 
 struct VaryingGyroscope {
@@ -82,12 +82,16 @@ private:
     // N(t, x)
     static Motion<double> rest(const Coefficients& c, const Variation& now, const Motion<double>& x) {
         const Vec2<double>& q = x.position;
-        const Vec2<double> spring = -(now.stiffness * (c.stiffness * q) + c.cubic * (q * (q * q)));
+        Vec2<double> force = -(now.stiffness * (c.stiffness * q) + c.cubic * (q * (q * q)));
+        if (now.damping != 0.0) {
+            const Vec2<double> velocity = c.inertial ? x.velocity - now.rate * turned(q) : x.velocity;
+            force = force - now.damping * (c.damping * velocity);
+        }
         if (c.inertial) {
             return {.position = -(now.rate * turned(q)),
-                    .velocity = spring + now.rate * (c.damping * turned(q) - turned(x.velocity))};
+                    .velocity = force + now.rate * (c.damping * turned(q) - turned(x.velocity))};
         }
-        return {.velocity = spring - (2.0 * now.rate) * turned(x.velocity)};
+        return {.velocity = force - (2.0 * now.rate) * turned(x.velocity)};
     }
 };
 

@@ -19,23 +19,26 @@ using DeviceSetup = DeviceSetupOf<ControllerParams>;
 
 template <class Params>
 bool plant_varies(const DeviceSetupOf<Params>& s) {
-    const Vec2<double>& cubic = s.device.cubic_stiffness;
-    return s.rate.kind != AngularRateKind::constant || s.device.stiffness_drift != 0.0 || cubic.x() != 0.0 ||
-           cubic.y() != 0.0;
+    const ImperfectionParams& d = s.device;
+    return s.rate.kind != AngularRateKind::constant || d.rate_wanders() || d.stiffness_drift != 0.0 ||
+           d.damping_drift != 0.0 || d.cubic_stiffness.x() != 0.0 || d.cubic_stiffness.y() != 0.0;
 }
 
 template <class Params>
 bool is_ideal(const DeviceSetupOf<Params>& s) {
     const ImperfectionParams& d = s.device;
-    return !plant_varies(s) && !(d.position_noise > 0.0) && !(d.velocity_noise > 0.0) && !d.position.on() &&
-           !d.velocity.on() && !d.actuator.on() && d.delay == 0 && s.common.observer_bandwidth == 0.0;
+    return !plant_varies(s) && !(d.position_noise > 0.0) && !(d.velocity_noise > 0.0) && !d.flickers() &&
+           !d.position.on() && !d.velocity.on() && !d.actuator.on() && !d.pickoff.on() && !d.force.on() &&
+           d.delay == 0 && s.common.observer_bandwidth == 0.0;
 }
 
 // As a Snapshot; position, velocity and error are the true ones, `signals.force` is what the controller asks for.
 template <class Report>
 struct DeviceSnapshot : Snapshot<double, Report> {
     double rate;                     // Ωz, after a jump
+    double rate_bias;                // what acts as if Ωz were larger by it, over the step from here on
     double stiffness_drift;          // what K has grown by, as a fraction
+    double damping_drift;            // what D has
     const Motion<double>& measured;  // what the controller goes by
     const Vec2<double>& applied;     // the force that acts
 };
@@ -48,15 +51,21 @@ struct DeviceGyroscope {
         bool varies = false;
         double mean_rate = 0.0;
         AngularRate rate{{}, 0.0, 1.0, 0};
-        ImperfectionParams device{};
+        Imperfections::Coefficients device{};
 
-        double drift(std::int64_t n, int halves) const {
-            return device.stiffness_drift * device.temperature.within(n, halves);
+        // K, after that many halves of the step from the sample n on.
+        double warmer(std::int64_t n, int halves) const { return device.device.temperature.within(n, halves); }
+        // With Ωz larger by `bias`.
+        Variation varied(std::int64_t n, int halves, double bias) const {
+            const double by = warmer(n, halves);
+            return {.rate = rate.within(n, halves) - mean_rate + bias,
+                    .stiffness = device.device.stiffness_drift * by,
+                    .damping = device.device.damping_drift * by};
         }
     };
     struct Drawn {
         Vec2<double> disturbance;
-        Motion<double> noise;
+        DeviceDraw device;
     };
     // All that is drawn in a run.
     class Draw {
@@ -68,7 +77,7 @@ struct DeviceGyroscope {
 
     private:
         Disturbance disturbance_;
-        SensorNoise noise_;
+        DeviceNoise noise_;
     };
     struct State {
         Motion<double> motion{}, measured{};
@@ -84,7 +93,7 @@ struct DeviceGyroscope {
                 .varies = plant_varies(s),
                 .mean_rate = s.plant.rate,
                 .rate = AngularRate(s.rate, s.plant.rate, step, s.steps),
-                .device = s.device};
+                .device = Imperfections::prepare(s.device)};
     }
     template <class Params>
     static State start(const DeviceSetupOf<Params>& s) {
@@ -94,7 +103,7 @@ struct DeviceGyroscope {
     }
     static const Motion<double>& sense(State& state, const Coefficients& c, const Drawn& drawn) {
         state.disturbance = drawn.disturbance;
-        state.measured = Imperfections::sense(c.device, state.motion, drawn.noise);
+        state.measured = Imperfections::sense(state.device, c.device, state.motion, drawn.device);
         return state.measured;
     }
     template <class C, class Report>
@@ -114,10 +123,9 @@ struct DeviceGyroscope {
             Gyroscope<double>::step(state.motion, c.plant, state.applied, state.disturbance);
             return;
         }
-        VaryingGyroscope::Course course{.rate_before = c.rate.before(n) - c.mean_rate};
+        VaryingGyroscope::Course course{.rate_before = c.rate.before(n) - c.mean_rate + state.device.bias_before};
         for (int halves = 0; halves < 3; ++halves) {
-            course.at[static_cast<std::size_t>(halves)] = {.rate = c.rate.within(n, halves) - c.mean_rate,
-                                                           .stiffness = c.drift(n, halves)};
+            course.at[static_cast<std::size_t>(halves)] = c.varied(n, halves, state.device.bias);
         }
         VaryingGyroscope::step(state.motion, c.varying, state.applied, state.disturbance, course);
     }
@@ -128,28 +136,33 @@ struct DeviceGyroscope {
     template <class LoopState, class Report>
     static DeviceSnapshot<Report> snapshot(const LoopState& state, const Coefficients& c,
                                            const Signals<double, Report>& signals) {
+        const double warmer = c.warmer(state.step, 0);
         return {{.step = state.step, .motion = state.motion, .signals = signals, .disturbance = state.disturbance},
                 c.rate.at(state.step),
-                c.drift(state.step, 0),
+                state.device.bias,
+                c.device.device.stiffness_drift * warmer,
+                c.device.device.damping_drift * warmer,
                 state.measured,
                 state.applied};
     }
 };
 
 // What is recorded of these runs behind the channels of recorder.hpp.
-inline constexpr std::array<Channel, 5> device_channels{
+inline constexpr std::array<Channel, 7> device_channels{
     {{"angular_rate", 1, "omega0", "angular rate Omega_z", ""},
+     {"rate_bias", 1, "omega0", "what acts as if Omega_z were larger by it", ""},
      {"stiffness_drift", 1, "1", "what the stiffness has grown by, as a fraction", ""},
+     {"damping_drift", 1, "1", "what the damping has grown by, as a fraction", ""},
      {"measured_position", 2, "q0", "position as the controller has it"},
      {"measured_velocity", 2, "q0*omega0", "velocity as the controller has it, measured or observed"},
      {"applied_control", 2, "m*omega0^2*q0", "force that the actuator gives for u"}}};
-inline constexpr std::size_t device_width = 8;
+inline constexpr std::size_t device_width = 10;
 
 template <class Report>
 std::array<double, device_width> device_row(const DeviceSnapshot<Report>& at) {
     const Motion<double>& m = at.measured;
-    return {at.rate,        at.stiffness_drift, m.position.x(), m.position.y(),
-            m.velocity.x(), m.velocity.y(),     at.applied.x(), at.applied.y()};
+    return {at.rate,        at.rate_bias,   at.stiffness_drift, at.damping_drift, m.position.x(),
+            m.position.y(), m.velocity.x(), m.velocity.y(),     at.applied.x(),   at.applied.y()};
 }
 template <class Report>
 void write_device_row(const DeviceSnapshot<Report>& at, double* row) {
@@ -211,6 +224,8 @@ std::array<double, metric_names.size()> measure_device(const DeviceSetupOf<Param
         at_end.plant.rate = at.rate;
         at_end.plant.stiffness =
             setup.plant.stiffness + at.stiffness_drift * (setup.plant.stiffness + setup.plant.stiffness_deviation);
+        at_end.plant.damping =
+            setup.plant.damping + at.damping_drift * (setup.plant.damping + setup.plant.damping_deviation);
     });
     return metric_values(params, at_end, totals, last, bound_halfway, samples);
 }

@@ -91,7 +91,10 @@ def rate_settling_time(run: xr.Dataset, tolerance: float = 0.1) -> xr.DataArray:
 
 def damping_error(run: xr.Dataset) -> xr.DataArray:
     """‖D̂ - D‖/‖D‖ over `time` (Frobenius norms); D includes what the controller does not know."""
-    return _relative(run["damping_estimate"], _truth(run, lambda s: _true_matrices(s)[0], "entry"))
+    truth = _truth(run, lambda s: _true_matrices(s)[0], "entry")
+    if "damping_drift" in run:
+        truth = truth * (1.0 + run["damping_drift"])
+    return _relative(run["damping_estimate"], truth)
 
 
 def stiffness_error(run: xr.Dataset) -> xr.DataArray:

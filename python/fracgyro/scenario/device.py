@@ -9,7 +9,8 @@ from collections.abc import Mapping
 from itertools import pairwise
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, model_validator
+import numpy as np
+from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from ..files import read_input, reason
@@ -39,7 +40,11 @@ def _points(value: Any) -> Points | None:
 
 
 OptionalPoints = Annotated[Points | None, BeforeValidator(_points)]
-Cubic = Annotated[tuple[float, float], as_tuple("x y", expand=True)]
+ForEachAxis = Annotated[tuple[float, float], as_tuple("x y", expand=True)]
+Reach = Annotated[float, Field(gt=0, allow_inf_nan=True)]
+Range = Annotated[tuple[Reach, Reach], as_tuple("x y", expand=True)]
+Share = Annotated[float, Field(gt=-1)]
+GainError = Annotated[tuple[Share, Share], as_tuple("x y", expand=True)]
 
 
 def _read_file(values: Any, table: str, field: str, points: str, column: str) -> Any:
@@ -155,25 +160,35 @@ class Device(Table):
         "m/sqrt(Hz), one-sided: instead, white noise up to half the sampling frequency. 0.0: off.",
         unit="m/sqrt(Hz)",
     )
+    position_noise_corner: NonNegative = field(
+        0.0,
+        "Hz, at most half the sampling frequency: adds flicker noise, whose density goes as 1/f and equals that of the "
+        "white noise at this frequency. 0.0: off.",
+        unit="Hz",
+    )
     velocity_noise: NonNegative = field(0.0, "m/s: of the measured velocity. 0.0: off.", unit="m/s")
     velocity_noise_density: NonNegative = field(
         0.0, "(m/s)/sqrt(Hz), one-sided: instead. 0.0: off.", unit="(m/s)/sqrt(Hz)"
     )
-    position_range: float = field(
-        math.inf,
-        "m, > 0: the measured position clips at plus and minus this. inf: off.",
-        gt=0,
-        allow_inf_nan=True,
+    velocity_noise_corner: NonNegative = field(0.0, "Hz: as position_noise_corner. 0.0: off.", unit="Hz")
+    pickoff_gain_error: GainError = field(
+        (0.0, 0.0),
+        "[x, y], > -1: position and velocity are measured 1 plus this times as large as they are. Zeros: off.",
+    )
+    pickoff_misalignment: float = field(
+        0.0, "rad: angle from the axes of [plant] to those of the pick-offs, from x towards y. 0.0: off.", unit="rad"
+    )
+    position_range: Range = field(
+        (math.inf, math.inf),
+        "m, > 0, [x, y]: the measured position clips at plus and minus this. inf: off.",
         unit="m",
     )
     position_bits: int = field(
         0, "Bits of the converter: it has 2^bits levels over the range, at most 32 bits. 0: off.", ge=0, le=32
     )
-    velocity_range: float = field(
-        math.inf,
-        "m/s, > 0: the measured velocity clips at plus and minus this. inf: off.",
-        gt=0,
-        allow_inf_nan=True,
+    velocity_range: Range = field(
+        (math.inf, math.inf),
+        "m/s, > 0, [x, y]: the measured velocity clips at plus and minus this. inf: off.",
         unit="m/s",
     )
     velocity_bits: int = field(0, "As position_bits. 0: off.", ge=0, le=32)
@@ -186,6 +201,13 @@ class Device(Table):
         unit="N",
     )
     actuator_bits: int = field(0, "Of the force's converter, over plus and minus the limit. 0: off.", ge=0, le=32)
+    force_gain_error: GainError = field(
+        (0.0, 0.0),
+        "[x, y], > -1: the force that acts is 1 plus this times that of the actuator's converter. Zeros: off.",
+    )
+    force_misalignment: float = field(
+        0.0, "rad: angle from the axes of [plant] to those of the actuators, from x towards y. 0.0: off.", unit="rad"
+    )
     delay: int = field(
         0,
         "Steps between a measurement and the force that answers it, beyond none, at most 1000. 0: off.",
@@ -193,12 +215,18 @@ class Device(Table):
         le=1000,
         unit="h",
     )
-    cubic_stiffness: Cubic = field(
+    cubic_stiffness: ForEachAxis = field(
         (0.0, 0.0),
         "kappa [x, y], N/m^3: each spring pulls with kappa q^3 more; negative softens. Zeros: off.",
         unit="N/m^3",
     )
     stiffness_drift: float = field(0.0, "ppm/K: of K and Delta K, by the temperature below. 0.0: off.", unit="ppm/K")
+    damping_drift: float = field(
+        0.0,
+        "ppm/K: of D and Delta D, by the same. A quality factor that goes as T^-g is 1e6 g/300 at 300 K: 1700 to 10000 "
+        "for g from 0.5 to 3. 0.0: off.",
+        unit="ppm/K",
+    )
     temperature_ramp: float = field(0.0, "K/s: the temperature rises at this rate from t = 0 on. 0.0: off.", unit="K/s")
     temperature_file: str | None = field(
         None, "Instead: a CSV file with the header time,temperature, in s and K, read at once and kept as points."
@@ -207,6 +235,18 @@ class Device(Table):
         None,
         "[[time in s, change of temperature in K], ...], linear in between and constant beyond the ends.",
         unit="s, K",
+    )
+    bias_instability: NonNegative = field(
+        0.0,
+        "B of IEEE Std 952, rad/s; 1 deg/h is 4.848e-6. Error torques that act as flicker noise of the rate would, but "
+        "are not part of the true rate; their Allan deviation is 0.664 B. 0.0: off.",
+        unit="rad/s",
+    )
+    rate_random_walk: NonNegative = field(
+        0.0,
+        "K of IEEE Std 952, rad/s/sqrt(s); 1 deg/h/sqrt(h) is 8.080e-8. The same of a random walk of the rate that "
+        "starts at 0; its Allan deviation is K sqrt(tau/3). 0.0: off.",
+        unit="rad/s/sqrt(s)",
     )
 
     @model_validator(mode="before")
@@ -217,10 +257,10 @@ class Device(Table):
     @model_validator(mode="after")
     def _check(self) -> Self:
         for quantity, limit in {"position": "range", "velocity": "range", "actuator": "limit"}.items():
-            bits = getattr(self, f"{quantity}_bits")
-            if bits and math.isinf(getattr(self, f"{quantity}_{limit}")):
+            bits, span = getattr(self, f"{quantity}_bits"), getattr(self, f"{quantity}_{limit}")
+            if bits and not np.isfinite(span).all():
                 raise sentence(
-                    f"device.{quantity}_bits is {bits} and device.{quantity}_{limit} is inf: "
+                    f"device.{quantity}_bits is {bits} and device.{quantity}_{limit} is {toml_value(span)}: "
                     "a converter must have a finite range"
                 )
         for quantity in ("position", "velocity"):
@@ -229,6 +269,12 @@ class Device(Table):
                 raise sentence(
                     f"device.{quantity}_noise is {noise} and device.{quantity}_noise_density is {density}: "
                     "at most one of the two can be given"
+                )
+            corner = getattr(self, f"{quantity}_noise_corner")
+            if corner and not (noise or density):
+                raise sentence(
+                    f"device.{quantity}_noise_corner is {corner} and there is no white noise: device.{quantity}_noise "
+                    f"or device.{quantity}_noise_density must be greater than 0"
                 )
         if self.temperature_ramp and self.temperature_points is not None:
             raise sentence(

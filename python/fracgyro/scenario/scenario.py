@@ -58,6 +58,7 @@ class Scenario(Table):
         if self.disturbance.kind == "noise" and hold is not None:
             self._check_whole_steps("disturbance.hold", hold, 1, self.run.step, "; left out, it is one step")
         self._check_rate()
+        self._check_noise_corners()
         self._check_drift()
         self._check_kind()
         self._check_estimates()
@@ -101,15 +102,26 @@ class Scenario(Table):
                     f"step, which is {highest:.6g} rad/s"
                 )
 
+    def _check_noise_corners(self) -> None:
+        highest = 0.5 / (self.run.step * self.plant.scales.time)
+        for name in ("position_noise_corner", "velocity_noise_corner"):
+            if getattr(self.device, name) > highest:
+                raise sentence(
+                    f"device.{name} is {toml_value(getattr(self.device, name))}: it must be at most half the sampling "
+                    f"frequency, which is {highest:.6g} Hz"
+                )
+
     def _check_drift(self) -> None:
         end = self.run.duration * self.plant.scales.time
         for _, change in self.device.temperature(end):
-            factor = 1 + 1e-6 * self.device.stiffness_drift * change
-            if not 0 < factor < math.inf:
-                raise sentence(
-                    f"device.stiffness_drift is {toml_value(self.device.stiffness_drift)}: over {change:g} K it "
-                    f"multiplies the stiffness by {factor:g}, which must be greater than 0 and finite"
-                )
+            for name in ("stiffness", "damping"):
+                drift = getattr(self.device, f"{name}_drift")
+                factor = 1 + 1e-6 * drift * change
+                if not 0 < factor < math.inf:
+                    raise sentence(
+                        f"device.{name}_drift is {toml_value(drift)}: over {change:g} K it multiplies the {name} by "
+                        f"{factor:g}, which must be greater than 0 and finite"
+                    )
 
     def _check_estimates(self) -> None:
         damping, stiffness, rate, _, _ = self.plant.nondimensional()

@@ -63,11 +63,17 @@ def _nominal(scenario: Scenario) -> dict[str, Any]:
 def guard(scenario: Scenario) -> Guard:
     """The guard with every field set: what was not follows from the rest of the scenario (EQUATIONS.md)."""
     g, device, run = scenario.guard, device_params(scenario), scenario.run
+    # A^2/|omega| from one over the run up is A^2/pi ln(pi steps), and a little more where no logarithm is called.
+    flickered = math.sqrt((1.2 + 0.7 * run.steps.bit_length()) / math.pi)
+
+    def sensed(noise: float, flicker: float, quantizer: _core.Quantizer) -> float:
+        return MIN_TOLERANCE + MAX_DEVIATIONS * math.hypot(noise, flickered * flicker) + _resolution(quantizer)
+
     found = {
         "plant_tolerance": _plant_tolerance(scenario),
         "force_tolerance": _force_tolerance(scenario),
-        "position_tolerance": MIN_TOLERANCE + MAX_DEVIATIONS * device.position_noise + _resolution(device.position),
-        "velocity_tolerance": MIN_TOLERANCE + MAX_DEVIATIONS * device.velocity_noise + _resolution(device.velocity),
+        "position_tolerance": sensed(device.position_noise, device.position_flicker, device.position),
+        "velocity_tolerance": sensed(device.velocity_noise, device.velocity_flicker, device.velocity),
         "patience": 0,
         "saturation_patience": 0,
     }
@@ -93,11 +99,13 @@ def natural_frequencies(scenario: Scenario) -> tuple[float, float]:
 
 def _plant_tolerance(scenario: Scenario) -> float:
     """Twice what the scenario says of it, and a tenth if that is less."""
-    plant, drift = scenario.plant, scenario.device
+    plant, device = scenario.plant, scenario.device
     ratio = scenario.adaptation.initial_ratio if scenario.controller.adaptive else 1.0
     unknown = np.abs(plant.stiffness_deviation.entries()).max() / np.abs(plant.stiffness.entries()).max()
-    warmest = max(abs(change) for _, change in drift.temperature(scenario.run.duration * plant.scales.time))
-    known = abs(1 / ratio - 1) + float(unknown) + 1e-6 * abs(drift.stiffness_drift) * warmest
+    warmest = max(abs(change) for _, change in device.temperature(scenario.run.duration * plant.scales.time))
+    known = abs(1 / ratio - 1) + float(unknown) + 1e-6 * abs(device.stiffness_drift) * warmest
+    known += max(map(abs, device.pickoff_gain_error)) + abs(device.pickoff_misalignment)
+    known += max(map(abs, device.force_gain_error)) + abs(device.force_misalignment)
     return max(0.1, 2 * known)
 
 
@@ -107,14 +115,14 @@ def _force_tolerance(scenario: Scenario) -> float:
     disturbed = {"none": 0.0, "noise": MAX_DEVIATIONS * d["standard_deviation"], "sine": max(map(abs, d["amplitude"]))}[
         d["kind"]
     ]
-    reach = float(device.actuator.range)
+    reach = float(device.actuator.range[0])
     clipped = limit - reach if limit > reach else 0.0
     late = 2 * limit if device.delay else 0.0
     return min(1e9, MIN_TOLERANCE + float(disturbed) + _resolution(device.actuator) + clipped + late)
 
 
 def _resolution(quantiser: _core.Quantizer) -> float:
-    return float(2 * quantiser.range / 2**quantiser.bits) if quantiser.bits else 0.0
+    return float(2 * max(quantiser.range) / 2**quantiser.bits) if quantiser.bits else 0.0
 
 
 def _plant(scenario: Scenario) -> dict[str, Any]:
@@ -167,21 +175,35 @@ def device_params(scenario: Scenario) -> _core.ImperfectionParams:
     params = _core.ImperfectionParams()
     params.position_noise = (d.position_noise or d.position_noise_density * to_deviation) / scales.length
     params.velocity_noise = (d.velocity_noise or d.velocity_noise_density * to_deviation) / scales.velocity
-    params.position = _quantiser(d.position_range / scales.length, d.position_bits)
-    params.velocity = _quantiser(d.velocity_range / scales.velocity, d.velocity_bits)
-    params.actuator = _quantiser(d.actuator_limit / scales.force, d.actuator_bits)
+    # A white density N up to the corner f_c is that of flicker noise A^2/omega at f_c: A = N sqrt(pi f_c).
+    to_flicker = math.sqrt(2 * math.pi * step * scales.time)
+    params.position_flicker = params.position_noise * to_flicker * math.sqrt(d.position_noise_corner)
+    params.velocity_flicker = params.velocity_noise * to_flicker * math.sqrt(d.velocity_noise_corner)
+    params.position = _quantiser(d.position_range, scales.length, d.position_bits)
+    params.velocity = _quantiser(d.velocity_range, scales.velocity, d.velocity_bits)
+    params.actuator = _quantiser((d.actuator_limit, d.actuator_limit), scales.force, d.actuator_bits)
+    params.pickoff = _axes(d.pickoff_gain_error, d.pickoff_misalignment)
+    params.force = _axes(d.force_gain_error, d.force_misalignment)
     params.delay = d.delay
     cubic = scales.length * scales.length / scales.stiffness
     params.cubic_stiffness = (d.cubic_stiffness[0] * cubic, d.cubic_stiffness[1] * cubic)
-    params.stiffness_drift = 1e-6 * d.stiffness_drift
+    params.stiffness_drift, params.damping_drift = 1e-6 * d.stiffness_drift, 1e-6 * d.damping_drift
     params.temperature = _profile(scenario, d.temperature(scenario.run.duration * scales.time), 1.0)
+    params.bias_instability = d.bias_instability / scales.rate
+    params.rate_random_walk = d.rate_random_walk * math.sqrt(step * scales.time) / scales.rate
     return params
 
 
-def _quantiser(span: float, bits: int) -> _core.Quantizer:
+def _quantiser(span: tuple[float, float], scale: float, bits: int) -> _core.Quantizer:
     quantiser = _core.Quantizer()
-    quantiser.range, quantiser.bits = span, bits
+    quantiser.range, quantiser.bits = (span[0] / scale, span[1] / scale), bits
     return quantiser
+
+
+def _axes(gain_error: tuple[float, float], misalignment: float) -> _core.AxesParams:
+    axes = _core.AxesParams()
+    axes.gain_error, axes.misalignment = gain_error, misalignment
+    return axes
 
 
 def _profile(scenario: Scenario, points: Points, scale: float) -> _core.Profile:
