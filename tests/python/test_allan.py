@@ -1,124 +1,179 @@
-"""The terms read from an Allan deviation, on deviations that are known without noise."""
+"""N, B and K from an Allan deviation: on deviations without noise, on records whose terms are known, and allantools."""
 
 from __future__ import annotations
 
 import math
 from importlib import import_module
 
+import allantools
+import fracgyro as fg
 import numpy as np
 import pytest
+from fracgyro.rate.noise_terms import FLICKER, WALK, WHITE, Curve
 from numpy.typing import NDArray
+from scipy.signal import butter, lfilter
 
 allan = import_module("fracgyro.rate.allan")
 Array = NDArray[np.float64]
-TAU = 0.01 * 2.0 ** np.arange(12)
-MANY = 40_000 / 2.0 ** np.arange(12)  # degrees of freedom of a long record
 
 
-def markov(density: float, time: float, tau: Array) -> Array:
-    """Deviation of white noise behind a sensor of first order (IEEE Std 952, of Markov noise)."""
-    x = tau / time
-    return density / np.sqrt(tau) * np.sqrt(1 - (3 - 4 * np.exp(-x) + np.exp(-2 * x)) / (2 * x))
+# -- Records whose terms are known ---------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("time", [0.05, 0.06, 0.07, 0.1])
-def test_behind_a_slow_sensor_the_angle_random_walk_is_that_of_the_white_noise_to_a_percent(time: float) -> None:
-    deviation = markov(0.1, time, TAU)
-    peak = allan._peak_of_the_response(deviation, 0.999 * deviation, 1.001 * deviation)
-    assert TAU[peak] == pytest.approx(1.892 * time, rel=0.42)  # within half an octave
-    found = allan._angle_random_walk(TAU, deviation, MANY, peak)
-    assert found is not None
-    assert found.value == pytest.approx(0.1, rel=0.01)
-    # As narrow as the best average that counts allows: chi square of 40000/2^peak.
-    assert (found.high - found.low) / found.value == pytest.approx(2 * 1.96 / math.sqrt(2 * MANY[peak]), rel=0.05)
+def white(n: float, samples: int, interval: float, seed: int) -> Array:
+    return np.random.default_rng(seed).normal(size=samples) * n / math.sqrt(interval)
 
 
-def test_a_rise_within_the_noise_is_no_response_of_the_sensor() -> None:
-    deviation = np.array([1.0, 1.01, 0.99, 0.7, 0.7])
-    assert allan._peak_of_the_response(deviation, 0.999 * deviation, 1.001 * deviation) == 1
-    assert allan._peak_of_the_response(deviation, 0.8 * deviation, 1.2 * deviation) == 0
-    assert allan._peak_of_the_response(deviation, 0.9 * deviation, 1.1 * deviation) == 1  # 0.7 is below that of 1.01
-    rising = np.array([1.0, 2.0, 3.0])
-    assert allan._peak_of_the_response(rising, rising, rising) == 0
+def flicker(b: float, samples: int, interval: float, seed: int) -> Array:
+    """Density B²/(2π f): white noise through (1 - z⁻¹)^(-1/2) (Kasdin 1995), after as many samples again."""
+    length = 2 * samples
+    k = np.arange(1, length)
+    response = np.concatenate([[1.0], np.cumprod((k - 0.5) / k)])
+    noise = np.random.default_rng([seed, 1]).normal(size=length)
+    return b * np.fft.irfft(np.fft.rfft(noise, 2 * length) * np.fft.rfft(response, 2 * length))[samples:length]
 
 
-FALLING = 1.0 / np.sqrt(TAU)
+def walk(k: float, samples: int, interval: float, seed: int) -> Array:
+    return np.cumsum(np.random.default_rng([seed, 2]).normal(size=samples)) * k * math.sqrt(interval)
 
 
-def test_a_rise_of_two_octaves_is_a_rate_random_walk_and_one_octave_is_none() -> None:
-    # 1/sqrt(tau) down to the least, from there K sqrt(tau/3).
-    for octaves, limit in ((3, False), (2, False), (1, True)):
-        least = len(TAU) - 1 - octaves
-        deviation = np.where(np.arange(12) <= least, FALLING, FALLING[least] * np.sqrt(TAU / TAU[least]))
-        found = allan._rate_random_walk(TAU, deviation, 1.1 * deviation, np.full(12, 1e6))
-        assert found.limit is limit
-        walk = FALLING[least] / math.sqrt(TAU[least] / 3)
-        if not limit:
-            assert found.value == pytest.approx(walk, rel=1e-9)
-            assert found.low < walk < found.high
-        else:
-            assert (found.low, found.value) == (0.0, pytest.approx(walk))
-            assert found.high == pytest.approx(1.1 * walk)
+def slow(record: Array, interval: float, lag: float) -> Array:
+    """As a sensor of first order reports it."""
+    keep = math.exp(-interval / lag)
+    return np.asarray(lfilter([1 - keep], [1, -keep], record))
 
 
-def test_a_rise_that_its_own_noise_could_make_is_no_rate_random_walk() -> None:
-    deviation = np.where(np.arange(12) <= 8, FALLING, FALLING[8] * np.sqrt(TAU / TAU[8]))
-    # Two standard deviations of a slope are 2/ln 2/sqrt(2 f): 0.5 at f = 16.7.
-    for freedom, limit in ((18.0, False), (15.0, True)):
-        found = allan._rate_random_walk(TAU, deviation, deviation, np.full(12, freedom))
-        assert found.limit is limit
+def test_every_term_lies_in_its_interval_19_times_of_20_behind_a_sensor_of_finite_bandwidth_too() -> None:
+    n, b, k, samples, trials = 1.0, 0.15, 0.01, 50_000, 40
+    for lag in (0.0, 2.0):
+        found = []
+        for seed in range(trials):
+            record = white(n, samples, 1.0, seed) + flicker(b, samples, 1.0, seed) + walk(k, samples, 1.0, seed)
+            found.append(fg.rate.allan(slow(record, 1.0, lag) if lag else record, 1.0))
+        for name, truth, spread in (
+            ("angle_random_walk", n, 0.01),
+            ("bias_instability", b, 0.05),
+            ("rate_random_walk", k, 0.08),
+        ):
+            seen = [one for one in (getattr(each, name) for each in found) if not one.limit]
+            assert len(seen) >= 0.8 * trials
+            assert np.mean([one.value for one in seen]) == pytest.approx(truth, rel=spread)
+            # 0.95, and 2.5 standard deviations of the count
+            assert sum(one.low <= truth <= one.high for one in seen) >= 0.86 * len(seen)
+        lags = [each.response_time for each in found]
+        assert np.median(lags) == pytest.approx(lag, rel=0.05)
 
 
-@pytest.mark.parametrize(("slope", "found"), [(-0.5, True), (-0.59, True), (-0.41, True), (-0.62, False)])
-def test_a_line_has_its_slope_to_a_tenth(slope: float, found: bool) -> None:
-    freedom = np.full(12, 1e6)
-    assert (allan._along(TAU, TAU**slope, freedom, -0.5) is not None) is found
+def test_a_term_that_is_not_there_is_seldom_seen_and_its_limit_holds() -> None:
+    found = [fg.rate.allan(white(1.0, 2000, 1.0, seed), 1.0) for seed in range(100)]
+    assert sum(not one.bias_instability.limit for one in found) <= 2
+    assert sum(not one.rate_random_walk.limit for one in found) <= 2
+    for seed in range(20):
+        # B and K too weak to be seen in so short a record.
+        weak = white(1.0, 2000, 1.0, seed) + flicker(0.02, 2000, 1.0, seed) + walk(1e-3, 2000, 1.0, seed)
+        one = fg.rate.allan(weak, 1.0)
+        assert one.bias_instability.high > 0.02
+        assert one.rate_random_walk.high > 1e-3
 
 
-def test_the_line_is_the_longest_and_its_height_is_read_at_one_second() -> None:
-    # Two octaves of another height come first.
-    deviation = np.concatenate([5.0 / np.sqrt(TAU[:3]), 2.0 / np.sqrt(TAU[3:])])
-    line = allan._along(TAU, deviation, np.full(12, 1e6), -0.5)
-    assert line is not None
-    assert line.value == pytest.approx(2.0, rel=1e-9)
-    # The same the other way round: what follows the longest does not count.
-    line = allan._along(TAU, np.concatenate([2.0 / np.sqrt(TAU[:8]), 5.0 / np.sqrt(TAU[8:])]), np.full(12, 1e6), -0.5)
-    assert line is not None
-    assert line.value == pytest.approx(2.0, rel=1e-9)
+@pytest.mark.parametrize("cutoff", [5.0, 20.0, 80.0])
+def test_behind_a_filter_of_second_order_the_shortest_averages_are_left_out(cutoff: float) -> None:
+    filtered = lfilter(*butter(2, cutoff, fs=200.0), white(0.1, 400_000, 0.005, 1))
+    found = fg.rate.allan(filtered, 0.005)
+    assert found.angle_random_walk.value == pytest.approx(0.1, rel=0.02)
+    assert found.fitted[0] > 0.005
+    # The first average itself is lower, by what the filter takes.
+    assert found.deviation[0] * math.sqrt(0.005) < 0.08
 
 
-def test_the_bias_instability_is_the_least_deviation_over_0_664() -> None:
-    tau, deviation = TAU[:4], np.array([4.0, 2.0, 3.0, 4.0])
-    walk = allan.Estimate(0.1, 0.05, 0.15)
-    found = allan._bias_instability(tau, deviation, 0.9 * deviation, 1.2 * deviation, walk)
-    # White noise alone would leave at most 0.15/sqrt(0.02) = 1.06 there.
-    assert (found.value, found.low, found.high) == pytest.approx((2 / 0.664, 1.8 / 0.664, 2.4 / 0.664))
-    assert not found.limit
-    walk = allan.Estimate(0.2, 0.15, 0.26)  # 1.84 > 1.8
-    assert allan._bias_instability(tau, deviation, 0.9 * deviation, 1.2 * deviation, walk).limit
-    assert not allan._bias_instability(tau, 0.1 * deviation, 0.1 * deviation, 0.1 * deviation, None).limit
-    # At the longest average nothing is seen beyond.
-    assert allan._bias_instability(tau[:2], deviation[:2], deviation[:2], deviation[:2], None).limit
+def test_a_slow_oscillation_leaves_the_angle_random_walk_and_shows_no_other_term() -> None:
+    time = 0.005 * np.arange(400_000)
+    found = fg.rate.allan(white(0.1, 400_000, 0.005, 1) + 0.02 * np.sin(2 * np.pi * 0.01 * time), 0.005)
+    assert found.angle_random_walk.value == pytest.approx(0.1, rel=0.01)
+    assert found.bias_instability.limit
+    assert found.rate_random_walk.limit
+    assert found.fitted[1] < 100.0  # the period
 
 
-def test_the_averaging_times_go_by_octaves_up_to_a_tenth_of_the_record() -> None:
-    record = np.random.default_rng(0).normal(size=(1, 1000))
-    found = allan.allan(record, 0.5)
-    assert found.tau.tolist() == [0.5 * 2**n for n in range(7)]  # 64 of 1000, and 128 would be too many
-    # Of one sample: half the mean square of differences.
-    assert found.deviation[0] == pytest.approx(math.sqrt(0.5 * np.mean(np.diff(record) ** 2)), rel=1e-9)
-    both = allan.allan(np.concatenate([record, 3 * record]), 0.5)
-    np.testing.assert_allclose(both.deviation, math.sqrt(5) * found.deviation, rtol=1e-12)  # of 1 and 9 the mean
-    assert ((found.low < found.deviation) & (found.deviation < found.high)).all()
-    with pytest.raises(ValueError, match="the record has 19 samples: it must have at least 20, all finite"):
-        allan.allan(np.ones(19), 1.0)
+def test_records_without_noise_show_nothing() -> None:
+    found = fg.rate.allan(np.ones((2, 1000)), 0.1)
+    assert found.angle_random_walk is None
+    assert found.bias_instability.limit
+    assert found.fitted is None
+    assert fg.rate.allan(white(1.0, 40, 1.0, 0), 1.0).angle_random_walk is None  # two octaves do not tell terms apart
 
 
-def test_the_degrees_of_freedom_are_those_of_white_noise() -> None:
-    # NIST SP 1065 has (3 (N - 1)/2m - 2 (N - 2)/N) 4 m^2/(4 m^2 + 5), to a tenth or so.
-    for m in (10, 50):
-        reported = (3 * 999 / (2 * m) - 2 * 998 / 1000) * 4 * m**2 / (4 * m**2 + 5)
-        assert allan._degrees_of_freedom(m, 1000) == pytest.approx(reported, rel=0.1)
+# -- Deviations without noise --------------------------------------------------------------------------------
+
+INTERVAL, SAMPLES = 0.01, 200_000
+TAU = INTERVAL * 2.0 ** np.arange(15)
+
+
+def test_the_parts_of_the_terms_are_those_of_ieee_952() -> None:
+    columns = Curve(TAU, np.ones(15), INTERVAL, SAMPLES, 1).columns()
+    np.testing.assert_allclose(columns[:, WHITE], 1 / TAU, rtol=1e-12)
+    np.testing.assert_allclose(columns[4:, FLICKER], 2 * math.log(2) / math.pi, rtol=1e-2)
+    np.testing.assert_allclose(columns[4:, WALK], TAU[4:] / 3, rtol=1e-2)
+
+
+@pytest.mark.parametrize("lag", [0.05, 0.2])
+def test_behind_a_slow_sensor_white_noise_is_markov_noise(lag: float) -> None:
+    x = TAU / lag  # IEEE Std 952; of means over tau of the noise, here of samples
+    markov = (1 - (3 - 4 * np.exp(-x) + np.exp(-2 * x)) / (2 * x)) / TAU
+    columns = Curve(TAU, np.ones(15), INTERVAL, SAMPLES, 1).columns(lag)
+    np.testing.assert_allclose(columns[3:, WHITE], markov[3:], rtol=0.03)
+    assert columns[0, WHITE] < 0.2 / TAU[0]
+    # Long averages do not know of it.
+    np.testing.assert_allclose(columns[-1], [1 / TAU[-1], 0.4413, TAU[-1] / 3], rtol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("n", "b", "k", "lag"),
+    [
+        (0.1, 0, 0, 0),
+        (0.1, 0.05, 0, 0),
+        (0.1, 0, 0.02, 0),
+        (0.1, 0.05, 0.02, 0),
+        (0.1, 0.05, 0.02, 0.2),
+        (0, 0.05, 0, 0),
+    ],
+)
+def test_the_terms_of_a_deviation_without_noise_are_those_it_was_made_of(
+    n: float, b: float, k: float, lag: float
+) -> None:
+    made_of = np.array([n, b, k]) ** 2
+    variance = Curve(TAU, TAU, INTERVAL, SAMPLES, 1).columns(lag) @ made_of
+    fit = Curve(TAU, variance, INTERVAL, SAMPLES, 1).fit()
+    assert fit is not None
+    assert sorted(fit.power) == [term for term in range(3) if made_of[term]]
+    for term, power in fit.power.items():
+        # Behind a response its time is the likeliest, which is not quite the one without residuals.
+        assert power == pytest.approx(made_of[term], rel=1e-9, abs=0.3 * math.sqrt(fit.variance[term]) if lag else 0.0)
+    assert fit.time == pytest.approx(lag, rel=0.01)
+    assert fit.part == slice(0, 15)
+
+
+# -- Against allantools and tables ---------------------------------------------------------------------------
+
+
+def test_the_deviation_is_that_of_allantools() -> None:
+    record = 5.0 + white(1.0, 5000, 0.1, 3) + walk(0.1, 5000, 0.1, 3)
+    found = fg.rate.allan(record, 0.1)
+    tau, deviation, *_ = allantools.oadev(record, rate=10.0, data_type="freq", taus=found.tau)
+    np.testing.assert_allclose(found.tau, tau, rtol=1e-12)
+    np.testing.assert_allclose(found.deviation, deviation, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("term", "alpha"), [(WHITE, 0), (FLICKER, -1), (WALK, -2)])
+def test_the_degrees_of_freedom_of_each_noise_are_those_of_greenhall_and_riley(term: int, alpha: int) -> None:
+    curve = Curve(TAU, TAU, INTERVAL, SAMPLES, 1)
+    variance = curve.columns()[:, term]
+    fit = Curve(TAU, variance, INTERVAL, SAMPLES, 1).fit()
+    assert fit is not None
+    assert list(fit.power) == [term]
+    for i in range(4, 15):
+        expected = allantools.edf_greenhall(alpha, d=2, m=2**i, N=SAMPLES + 1, overlapping=True, modified=False)
+        assert curve.freedom(fit)[i] == pytest.approx(expected, rel=0.06)
 
 
 def test_intervals_are_those_of_chi_square() -> None:
@@ -126,3 +181,16 @@ def test_intervals_are_those_of_chi_square() -> None:
     assert allan._factors(np.array([10.0]))[:, 0] == pytest.approx(
         [math.sqrt(10 / 20.483), math.sqrt(10 / 3.247)], rel=1e-4
     )
+
+
+def test_the_averaging_times_go_by_octaves_up_to_a_tenth_of_the_record() -> None:
+    record = np.random.default_rng(0).normal(size=(1, 1000))
+    found = fg.rate.allan(record, 0.5)
+    assert found.tau.tolist() == [0.5 * 2**n for n in range(7)]  # 64 of 1000, and 128 would be too many
+    # Of one sample: half the mean square of differences.
+    assert found.deviation[0] == pytest.approx(math.sqrt(0.5 * np.mean(np.diff(record) ** 2)), rel=1e-9)
+    both = fg.rate.allan(np.concatenate([record, 3 * record]), 0.5)
+    np.testing.assert_allclose(both.deviation, math.sqrt(5) * found.deviation, rtol=1e-12)  # of 1 and 9 the mean
+    assert ((found.low < found.deviation) & (found.deviation < found.high)).all()
+    with pytest.raises(ValueError, match="the record has 19 samples: it must have at least 20, all finite"):
+        fg.rate.allan(np.ones(19), 1.0)

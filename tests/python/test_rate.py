@@ -126,14 +126,14 @@ def test_an_unknown_scenario_is_refused() -> None:
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("rate")
     shipped("dual_mass").replace({"run.duration": 8000.0}).save(folder / "device.toml")
-    done = run("rate", folder / "device.toml", "--out", folder / "out", "--quick", "--json")
+    done = run("rate", folder / "device.toml", "--out", folder / "out", "--quick", "--json", "--imu", "kalibr")
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout) == json.loads((folder / "out" / "rate.json").read_text(encoding="utf-8"))
     return folder / "out"
 
 
 def test_the_folder_has_the_report_and_its_numbers(report: Path) -> None:
-    assert sorted(path.name for path in report.iterdir()) == ["rate.json", "report.html"]
+    assert sorted(path.name for path in report.iterdir()) == ["imu.yaml", "rate.json", "report.html"]
     content = json.loads((report / "rate.json").read_text(encoding="utf-8"))
     keys = [figure["key"] for figure in content["figures"]]
     assert keys == [
@@ -152,6 +152,10 @@ def test_the_folder_has_the_report_and_its_numbers(report: Path) -> None:
     ]
     assert all(figure["unit"] and figure["definition"] for figure in content["figures"])
     assert fg.Scenario.from_toml(content["scenario"]).plant.mass == 1.42e-06
+    density = re.search(r"^gyroscope_noise_density: (\S+)", (report / "imu.yaml").read_text(), re.MULTILINE)
+    walk = next(figure["value"] for figure in content["figures"] if figure["key"] == "angle_random_walk")
+    assert density is not None
+    assert float(density[1]) == pytest.approx(walk * DEG / 60, rel=1e-5)  # deg/sqrt(h)
 
 
 def test_the_report_needs_nothing_but_itself(report: Path) -> None:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from fracgyro.rate.allan import Estimate, _bias_instability, allan
+from fracgyro.rate.allan import allan
 from fracgyro.rate.grades import grade
 from fracgyro.rate.merit import full_scale, gain_and_lag, response, static, turn_on_time
 from fracgyro.rate.units import (
@@ -75,12 +75,12 @@ def white(density: float, interval: float, shape: tuple[int, int], seed: int) ->
 
 
 def test_the_angle_random_walk_of_white_noise_lies_in_its_interval_19_times_of_20() -> None:
-    density, interval, hits, trials = 0.02, 0.01, 0, 300
+    density, interval, hits, trials = 0.02, 0.01, 0, 100
     for seed in range(trials):
         found = allan(white(density, interval, (2, 2000), seed), interval).angle_random_walk
         assert found is not None
         hits += found.low <= density <= found.high
-    assert 0.92 <= hits / trials <= 0.985  # 0.95, and 2.4 standard deviations of the count
+    assert 0.9 <= hits / trials <= 0.995  # 0.95, and 2.2 standard deviations of the count
 
 
 def test_more_records_make_the_interval_narrower() -> None:
@@ -88,23 +88,6 @@ def test_more_records_make_the_interval_narrower() -> None:
     assert one is not None
     assert four is not None
     assert (four.high - four.low) / (one.high - one.low) == pytest.approx(0.5, rel=0.1)
-
-
-def test_of_white_noise_alone_neither_instability_nor_rate_walk_is_observed() -> None:
-    found = [allan(white(1.0, 1.0, (1, 400), seed), 1.0) for seed in range(200)]
-    assert sum(not one.bias_instability.limit for one in found) <= 10
-    assert sum(not one.rate_random_walk.limit for one in found) <= 10
-
-
-def test_a_last_deviation_that_rises_by_chance_is_no_floor() -> None:
-    tau = 2.0 ** np.arange(6)
-    deviation = 1 / np.sqrt(tau)
-    deviation[-1] = deviation[-2] * 1.01
-    walk = Estimate(1.0, 0.98, 1.02)
-    assert _bias_instability(tau, deviation, 0.8 * deviation, 1.3 * deviation, walk).limit
-    # With so narrow an interval that the white noise cannot have left it.
-    deviation[-2:] *= 1.2
-    assert not _bias_instability(tau, deviation, 0.99 * deviation, 1.01 * deviation, walk).limit
 
 
 def test_white_noise_and_a_walking_rate_are_told_apart() -> None:
@@ -116,9 +99,9 @@ def test_white_noise_and_a_walking_rate_are_told_apart() -> None:
     assert found.angle_random_walk.value == pytest.approx(white_density, rel=0.05)
     assert not found.rate_random_walk.limit
     assert found.rate_random_walk.value == pytest.approx(walk, rel=0.2)  # it varies by 6 %
-    # N^2/tau + K^2 tau/3 is least at tau = sqrt(3) N/K, and 2 N K/sqrt(3) there.
-    assert not found.bias_instability.limit
-    assert found.bias_instability.value == pytest.approx(
+    # No flicker noise. N^2/tau + K^2 tau/3 is least at tau = sqrt(3) N/K, and 2 N K/sqrt(3) there.
+    assert found.bias_instability.limit
+    assert found.bias_instability.high == pytest.approx(
         math.sqrt(2 * white_density * walk / math.sqrt(3)) / 0.664, rel=0.1
     )
 

@@ -11,7 +11,7 @@ import click
 
 from ..files import one_line, reason
 from .export import export, replay
-from .rate import rate
+from .rate import allan_command, rate
 from .reproduce import reproduce, selfcheck
 from .simulate import scenario_command, simulate_command
 from .study import sweep, tune
@@ -26,7 +26,19 @@ def cli() -> None:
     """Simulate, study and export a fractional sliding-mode controller for MEMS gyroscopes."""
 
 
-for command in (export, rate, replay, reproduce, scenario_command, selfcheck, simulate_command, sweep, tune):
+COMMANDS = (
+    allan_command,
+    export,
+    rate,
+    replay,
+    reproduce,
+    scenario_command,
+    selfcheck,
+    simulate_command,
+    sweep,
+    tune,
+)
+for command in COMMANDS:
     cli.add_command(command)
 
 

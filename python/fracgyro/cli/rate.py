@@ -1,30 +1,69 @@
-"""`fracgyro rate`."""
+"""`fracgyro rate` and `fracgyro allan`."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
 import click
 
 from ..scenario import Scenario
 from .terminal import print_table, progress
 
+if TYPE_CHECKING:
+    from ..rate.results import Result
+
 
 @click.command()
 @click.argument("scenario", type=click.Path(path_type=Path))
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
 @click.option("--quick", is_flag=True, help="Use 2 noise seeds instead of 8: takes seconds.")
+@click.option(
+    "--imu",
+    type=click.Choice(["kalibr", "gnss-ins-sim"]),
+    help="Write the noise model for that navigation simulation, too.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
-def rate(scenario: Path, out: Path, quick: bool, as_json: bool) -> None:
+def rate(scenario: Path, out: Path, quick: bool, imu: Literal["kalibr", "gnss-ins-sim"] | None, as_json: bool) -> None:
     """Measure SCENARIO as a rate sensor. Report scale factor, Allan deviation, bandwidth, grade and more."""
     from ..rate.characterise import characterise
-    from ..rate.report import interval_of, value_of
 
     with progress("starting") as show:
-        found = characterise(Scenario.load(scenario), out, quick=quick, progress=show)
+        found = characterise(Scenario.load(scenario), out, quick=quick, imu=imu, progress=show)
     if as_json:
         click.echo((out / "rate.json").read_text(encoding="utf-8"), nl=False)
         return
+    _print_figures(found)
+    click.echo(f"\nThe report: {out / 'report.html'}")
+
+
+@click.command(name="allan")
+@click.argument("record", type=click.Path(path_type=Path))
+@click.option("--column", metavar="NAME", help="Column of the rate; without names, columns are 1, 2, ...")
+@click.option("--rate", "rate_hz", type=float, metavar="HZ", help="Sampling rate.  [default: from the column time]")
+@click.option("--unit", default="deg/s", show_default=True, help="Unit of the rate: deg/s, rad/s, deg/h or mdeg/s.")
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write allan.json and allan.svg there.")
+@click.option("--json", "as_json", is_flag=True, help="Print the figures and the curve as JSON.")
+def allan_command(
+    record: Path, column: str | None, rate_hz: float | None, unit: str, out: Path | None, as_json: bool
+) -> None:
+    """Find the noise terms in RECORD, a CSV file of a gyroscope at rest. Report N, B and K with their intervals."""
+    from ..rate.of_record import analyse_record
+
+    found, content = analyse_record(record, out, column=column, rate=rate_hz, unit=unit)
+    if as_json:
+        click.echo(json.dumps(content, ensure_ascii=False, allow_nan=False))
+        return
+    click.echo(f"{content['column']}: {content['samples']} samples in {unit}, {content['rate_hz']:.6g} a second\n")
+    _print_figures(found)
+    if out:
+        click.echo(f"\nThe plot: {out / 'allan.svg'}")
+
+
+def _print_figures(found: Sequence[Result]) -> None:
+    from ..rate.report import interval_of, value_of
+
     titles = ("figure", "value", "unit", "interval", "grade")
     print_table(titles, [(r.name, value_of(r), r.unit, interval_of(r), r.grade or "") for r in found])
-    click.echo(f"\nThe report: {out / 'report.html'}")

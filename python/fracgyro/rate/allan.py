@@ -1,29 +1,27 @@
-"""Allan deviation of a rate record, and the three terms of IEEE Std 952 read from it, each with its interval."""
+"""Allan deviation of a rate record, and the three terms of IEEE Std 952 found in it, each with its interval."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
-import allantools
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from ..arguments import number, signal
+from .noise_terms import FLICKER, WALK, WHITE, Curve, Fit
 
 Array = NDArray[np.float64]
 
 CONFIDENCE = 0.95
-FLICKER = 0.664  # sqrt(2 ln 2 / pi): the deviation of flicker noise over B
-SLOPE_TOLERANCE = 0.1  # how far a slope may be from -1/2 or +1/2 and still count as it, in addition to its own noise
+FLOOR = math.sqrt(2 * math.log(2) / math.pi)  # 0.664: the deviation of flicker noise over B
 MIN_RECORD = 10  # times tau that a record must last
-PEAK = 1.892  # averaging time over correlation time at which Markov noise has its largest deviation
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A figure in SI and its 95 % interval. `limit`: the record is too short to show it, it is at most `high`."""
+    """A figure in SI and its 95 % interval. `limit`: the record does not show it, it is at most `high`."""
 
     value: float
     low: float
@@ -33,7 +31,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Allan:
-    """The deviation (rad/s) over averaging times `tau` (s), with its 95 % interval, and the terms read from it."""
+    """The deviation (rad/s) over averaging times `tau` (s), with its 95 % interval, and the terms found in it."""
 
     tau: Array
     deviation: Array
@@ -42,14 +40,20 @@ class Allan:
     angle_random_walk: Estimate | None  # N, rad/sqrt(s)
     bias_instability: Estimate  # B, rad/s
     rate_random_walk: Estimate  # K, rad/s/sqrt(s)
+    response_time: float  # s, of the sensor's response, which was divided out; 0 where it does not show
+    fitted: tuple[float, float] | None  # s, from and to which averaging time the terms account for the deviation
 
 
 def allan(values: Array, interval: float) -> Allan:
     """Overlapping Allan deviation of one or more records of equal length, (samples) or (records, samples), in rad/s.
 
-    Records are independent; their variances are averaged and their degrees of freedom add up. `interval`: time between
-    samples, s. Raises TypeError where these are no numbers, ValueError where a record has less than 20 samples, one
-    that is not finite or more than two dimensions, or `interval` is not above 0.
+    N, B and K are fitted to its square at once; those that the record does not show have a limit instead, and N is
+    None. The shortest averages, at which a sensor of finite bandwidth shows less noise than it has, are divided by the
+    response of first order that fits them, and left out where none does. Records are independent; their variances are
+    averaged and their degrees of freedom add up. `interval`: time between samples, s.
+
+    Raises TypeError where these are no numbers, ValueError where a record has less than 20 samples, one that is not
+    finite or more than two dimensions, or `interval` is not above 0.
     """
     records, interval = np.atleast_2d(signal("values", values)), number("interval", interval, above=0.0)
     if records.ndim > 2:
@@ -57,31 +61,39 @@ def allan(values: Array, interval: float) -> Allan:
     count, samples = records.shape
     if samples < 2 * MIN_RECORD or not np.isfinite(records).all():
         raise ValueError(f"the record has {samples} samples: it must have at least {2 * MIN_RECORD}, all finite")
-    octaves = 2 ** np.arange((samples // MIN_RECORD).bit_length())
-    found = [
-        allantools.oadev(record, rate=1 / interval, data_type="freq", taus=octaves * interval) for record in records
-    ]
-    tau = np.asarray(found[0][0])
-    deviation = np.sqrt(np.mean([np.asarray(one[1]) ** 2 for one in found], axis=0))
-    freedom = count * np.array([_degrees_of_freedom(round(t / interval), samples) for t in tau])
-    low, high = deviation[:, None].T * _factors(freedom)
-    peak = _peak_of_the_response(deviation, low, high)
-    walk = _angle_random_walk(tau, deviation, freedom, peak)
-    beyond = slice(peak, None)
+    averaged = 2 ** np.arange((samples // MIN_RECORD).bit_length())
+    variance = np.mean([_overlapping(record, averaged) for record in records], axis=0)
+    tau = averaged * interval
+    curve = Curve(tau, variance, interval, samples, count)
+    fit = curve.fit()
+    deviation = np.sqrt(variance)
+    low, high = deviation[:, None].T * _factors(curve.freedom(fit))
+    least = _limits(curve, fit, high)
+    walk = _estimate(fit, WHITE, math.inf)
     return Allan(
         tau,
         deviation,
         low,
         high,
-        walk,
-        _bias_instability(tau[beyond], deviation[beyond], low[beyond], high[beyond], walk),
-        _rate_random_walk(tau[beyond], deviation[beyond], high[beyond], freedom[beyond]),
+        None if walk.limit else walk,
+        _estimate(fit, FLICKER, least[FLICKER]),
+        _estimate(fit, WALK, least[WALK]),
+        fit.time if fit else 0.0,
+        (float(tau[fit.part][0]), float(tau[fit.part][-1])) if fit else None,
     )
 
 
-def _degrees_of_freedom(m: int, samples: int) -> float:
-    """Of the overlapping variance of white rate noise, over averages of m samples (Greenhall and Riley 2003)."""
-    return float(allantools.edf_greenhall(alpha=0, d=2, m=m, N=samples, overlapping=True, modified=False))
+def _overlapping(record: Array, averaged: NDArray[np.int64]) -> Array:
+    """Allan variance over averages of so many samples, beginning at every sample."""
+    sums = np.empty(len(record) + 1)
+    sums[0] = 0.0
+    np.cumsum(record - record.mean(dtype=np.float64), out=sums[1:])
+    found = []
+    for m in averaged:
+        means = sums[m:] - sums[:-m]
+        change = means[m:] - means[:-m]
+        found.append(float(np.mean(np.square(change, out=change))) / (2.0 * float(m) ** 2))
+    return np.array(found)
 
 
 def _factors(freedom: Array) -> Array:
@@ -90,74 +102,20 @@ def _factors(freedom: Array) -> Array:
     return np.asarray(np.sqrt(freedom / chi2.ppf([[1 - tail], [tail]], freedom)), dtype=float)
 
 
-def _peak_of_the_response(deviation: Array, low: Array, high: Array) -> int:
-    """Where the deviation, having risen from the shortest average on, falls again by more than its noise; else 0.
+def _estimate(fit: Fit | None, term: int, most: float) -> Estimate:
+    """Chi square, whose degrees of freedom are those that the variance of the power amounts to."""
+    if fit is None or term not in fit.power:
+        return Estimate(0.0, 0.0, most, True)
+    power = fit.power[term]
+    low, high = math.sqrt(power) * _factors(np.array([2 * power**2 / fit.variance[term]]))[:, 0]
+    return Estimate(math.sqrt(power), float(low), float(high))
 
-    Left of it a sensor of finite bandwidth cannot move: its rise is not a rate random walk, its low start not a floor.
+
+def _limits(curve: Curve, fit: Fit | None, high: Array) -> Array:
+    """The most that each term can be: all the variance at the averaging time at which that is least.
+
+    The longest where the response of the sensor is not known.
     """
-    peak = int(np.argmax(np.diff(deviation) < 0))  # 0 too where nothing falls
-    return peak if (high[peak:] < low[peak]).any() else 0
-
-
-def _stretch(tau: Array, deviation: Array, freedom: Array, slope: float) -> slice | None:
-    """The longest run of averaging times along which the deviation goes as tau^slope; two octaves at least."""
-    slopes = np.diff(np.log(deviation)) / np.diff(np.log(tau))
-    noise = 2.0 / np.log(2.0) / np.sqrt(2.0 * freedom[1:])  # two standard deviations, of neighbours an octave apart
-    fits = np.abs(slopes - slope) <= SLOPE_TOLERANCE + noise
-    if slope > 0:
-        fits &= slopes - noise > 0  # a rise, and not the noise of a few long averages
-    edges = np.diff(np.concatenate([[0], fits.astype(int), [0]]))
-    starts, lengths = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - np.flatnonzero(edges == 1)
-    if len(lengths) == 0 or lengths.max() < 2:
-        return None
-    first = int(starts[np.argmax(lengths)])
-    return slice(first, first + int(lengths.max()) + 1)
-
-
-def _along(tau: Array, deviation: Array, freedom: Array, slope: float) -> Estimate | None:
-    """The height at tau = 1 of the line of this slope. The shortest averages know most, and all others are theirs."""
-    here = _stretch(tau, deviation, freedom, slope)
-    if here is None:
-        return None
-    height = float(np.sqrt(np.average((deviation[here] * tau[here] ** -slope) ** 2, weights=freedom[here])))
-    low, high = height * _factors(freedom[here].max(keepdims=True))[:, 0]
-    return Estimate(height, float(low), float(high))
-
-
-def _angle_random_walk(tau: Array, deviation: Array, freedom: Array, peak: int) -> Estimate | None:
-    """N: the line of slope -1/2, read at tau = 1 s.
-
-    A sensor of finite bandwidth makes Markov noise of white noise (IEEE Std 952): its deviation rises to a
-    peak and joins that line from below, as N/sqrt(tau) sqrt(1 - T/2tau (3 - 4 exp(-tau/T) + exp(-2tau/T))). With T
-    from where the peak lies the root is divided out.
-    """
-    if peak == 0:
-        return _along(tau, deviation, freedom, -0.5)
-    left, top, right = np.log(deviation[peak - 1 : peak + 2])
-    place = 0.5 * (left - right) / (left - 2 * top + right)  # of the parabola through the three, in octaves
-    time = float(tau[peak]) * 2.0**place / PEAK
-    x = tau / time
-    whitened = deviation / np.sqrt(1 - (3 - 4 * np.exp(-x) + np.exp(-2 * x)) / (2 * x))
-    return _along(tau[peak:], whitened[peak:], freedom[peak:], -0.5)
-
-
-def _bias_instability(tau: Array, deviation: Array, low: Array, high: Array, walk: Estimate | None) -> Estimate:
-    """B: the smallest deviation over 0.664. Observed where it lies above what white noise by itself would leave."""
-    least = int(np.argmin(deviation))
-    floor = walk.high / math.sqrt(tau[least]) if walk else 0.0
-    observed = low[least] > floor and least < len(tau) - 1
-    return Estimate(
-        float(deviation[least] / FLICKER), float(low[least] / FLICKER), float(high[least] / FLICKER), not observed
-    )
-
-
-def _rate_random_walk(tau: Array, deviation: Array, high: Array, freedom: Array) -> Estimate:
-    """K: the line of slope +1/2, read at tau = 3 s, beyond the least deviation."""
-    least = int(np.argmin(deviation))
-    rising = slice(least, None)
-    found = _along(tau[rising], deviation[rising], freedom[rising], 0.5)
-    root3 = math.sqrt(3.0)
-    if found:
-        return Estimate(found.value * root3, found.low * root3, found.high * root3)
-    last = root3 / math.sqrt(tau[-1])
-    return Estimate(float(deviation[-1] * last), 0.0, float(high[-1] * last), True)
+    times = slice(None) if fit else slice(-1, None)
+    columns = curve.columns(fit.time if fit else 0.0)
+    return np.asarray(np.min(high[times, None] / np.sqrt(columns[times]), axis=0), dtype=float)

@@ -13,9 +13,11 @@ from __future__ import annotations
 import json
 import os
 
+from ..arguments import short
 from ..files import whole_folder
 from ..scenario import Scenario, check_scenario
 from ..simulation.outside import ControllerLike, controller_words
+from .imu import FILES, Imu, imu_file
 from .measure import Progress, measure
 from .report import write_report
 from .results import Result, results
@@ -27,6 +29,7 @@ def characterise(
     *,
     controller: ControllerLike | None = None,
     quick: bool = False,
+    imu: Imu | None = None,
     progress: Progress | None = None,
 ) -> list[Result]:
     """Measures `scenario` as a rate sensor and writes `out`/report.html and `out`/rate.json.
@@ -34,10 +37,14 @@ def characterise(
     Rates are set from outside, plant.angular_rate notwithstanding; the rest is as the scenario says. `controller`, in
     the place of the scenario's own: as in `fracgyro.simulate`; it must report rate_estimate. A callable's reset is
     called before each run with its scenario, which has the rate to be sensed. `quick`: 2 seeds instead of 8, for a
-    look. Raises ValueError in one sentence: a scenario or a controller without an estimate, an `out` that is there
-    already, a run that diverges within the range; and what `simulate` raises of a controller.
+    look. `imu`: writes the noise as that navigation simulation takes it, too: imu.yaml or gnss_ins_sim.py.
+
+    Raises ValueError in one sentence: a scenario or a controller without an estimate, an `out` that is there already, a
+    run that diverges within the range; and what `simulate` raises of a controller.
     """
     check_scenario(scenario)
+    if imu is not None and imu not in FILES:
+        raise ValueError(f"imu is {short(imu)}: it must be one of {', '.join(FILES)}")
     with whole_folder(out) as folder:
         measured = measure(scenario, seeds=2 if quick else 8, controller=controller, progress=progress)
         found = results(measured)
@@ -45,5 +52,8 @@ def characterise(
         content = {"scenario": scenario.to_toml(), **outside, "figures": [result.plain() for result in found]}
         text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
         (folder / "rate.json").write_text(text + "\n", encoding="utf-8")
+        if imu is not None:
+            name, words = imu_file(imu, measured)
+            (folder / name).write_text(words, encoding="utf-8")
         write_report(folder / "report.html", measured, found)
     return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,7 +11,8 @@ from matplotlib.figure import Figure
 
 from ..analysis.html import embedded
 from ..analysis.style import COLORS, MM, WIDTH, own_style
-from .allan import FLICKER
+from .allan import FLOOR, Allan
+from .bound import Bound
 from .measure import Characterisation
 from .units import DEG_PER_H, DEG_PER_S, DEGREE, MILLISECOND
 
@@ -19,34 +21,40 @@ FAR = 10.0  # times the range: from here on a turn-on is drawn on a logarithmic 
 
 
 def allan_chart(m: Characterisation) -> str:
-    """The deviation with its interval, the lines that the terms are read from, and the Cramér-Rao bound."""
+    """`allan_figure` as the source of an image."""
     with own_style():
-        figure, panel = _one_panel(78)
-        found, unit = m.allan, DEG_PER_H.per_si
-        tau = found.tau
-        panel.fill_between(tau, found.low * unit, found.high * unit, color=COLORS[0], alpha=0.2, linewidth=0)
-        panel.loglog(
-            tau, found.deviation * unit, color=COLORS[0], marker="o", markersize=3, linewidth=1, label="output"
-        )
-        if found.angle_random_walk:
-            line = found.angle_random_walk.value / np.sqrt(tau) * unit
-            panel.loglog(tau, line, color="black", linewidth=0.7, dashes=(4, 2), label="slope −1/2: angle random walk")
-        if not found.bias_instability.limit:
-            level = found.bias_instability.value * FLICKER * unit
-            panel.axhline(level, color="#009E73", linewidth=0.7, dashes=(4, 2), label="0.664 × bias instability")
-        if not found.rate_random_walk.limit:
-            line = found.rate_random_walk.value * np.sqrt(tau / 3) * unit
-            panel.loglog(tau, line, color="#CC79A7", linewidth=0.7, dashes=(4, 2), label="slope +1/2: rate random walk")
-        if m.bound:
-            known, unknown = (n / np.sqrt(tau) * unit for n in (m.bound.known, m.bound.unknown))
-            panel.loglog(tau, known, color=COLORS[1], linewidth=0.9, label="Cramér-Rao bound, D and K known")
-            label = "Cramér-Rao bound, D and K unknown"
-            panel.loglog(tau, unknown, color=COLORS[1], linewidth=0.9, dashes=(2, 2), label=label)
-        panel.set_ylim(bottom=float(np.min(found.deviation)) * unit / 3, top=float(np.max(found.deviation)) * unit * 3)
-        panel.set_xlabel("averaging time (s)")
-        panel.set_ylabel("Allan deviation (deg/h)")
-        _beside(panel)
-        return embedded(figure)
+        return embedded(allan_figure(m.allan, m.bound))
+
+
+def allan_figure(found: Allan, bound: Bound | None = None) -> Figure:
+    """The deviation with its interval, the parts that the terms have in it, and the Cramér-Rao bound.
+
+    To be drawn and saved within `own_style`.
+    """
+    figure, panel = _one_panel(78)
+    unit, tau = DEG_PER_H.per_si, found.tau
+    panel.fill_between(tau, found.low * unit, found.high * unit, color=COLORS[0], alpha=0.2, linewidth=0)
+    panel.loglog(tau, found.deviation * unit, color=COLORS[0], marker="o", markersize=3, linewidth=1, label="output")
+    dashes: dict[str, Any] = {"linewidth": 0.7, "dashes": (4, 2)}
+    if found.angle_random_walk:
+        line = found.angle_random_walk.value / np.sqrt(tau) * unit
+        panel.loglog(tau, line, color="black", label="slope −1/2: angle random walk", **dashes)
+    if not found.bias_instability.limit:
+        level = found.bias_instability.value * FLOOR * unit
+        panel.axhline(level, color="#009E73", label="0.664 × bias instability", **dashes)
+    if not found.rate_random_walk.limit:
+        line = found.rate_random_walk.value * np.sqrt(tau / 3) * unit
+        panel.loglog(tau, line, color="#CC79A7", label="slope +1/2: rate random walk", **dashes)
+    if bound:
+        known, unknown = (n / np.sqrt(tau) * unit for n in (bound.known, bound.unknown))
+        panel.loglog(tau, known, color=COLORS[1], linewidth=0.9, label="Cramér-Rao bound, D and K known")
+        label = "Cramér-Rao bound, D and K unknown"
+        panel.loglog(tau, unknown, color=COLORS[1], linewidth=0.9, dashes=(2, 2), label=label)
+    panel.set_ylim(bottom=float(np.min(found.deviation)) * unit / 3, top=float(np.max(found.deviation)) * unit * 3)
+    panel.set_xlabel("averaging time (s)")
+    panel.set_ylabel("Allan deviation (deg/h)")
+    _beside(panel)
+    return figure
 
 
 def ladder_chart(m: Characterisation) -> str:

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..analysis.confidence import Mean
-from .allan import Estimate
+from .allan import Allan, Estimate
+from .bound import Bound
 from .grades import Grade, Quantity, grade
 from .measure import Characterisation
 from .units import (
@@ -85,22 +86,7 @@ def results(m: Characterisation) -> list[Result]:
         _mean(
             "zero_rate_output", "Zero-rate output", "mean output at rest", DEG_PER_H, m.static.zero_rate_output, "bias"
         ),
-        _angle_random_walk(m),
-        _estimate(
-            "bias_instability",
-            "Bias instability",
-            "least Allan deviation over 0.664",
-            DEG_PER_H,
-            m.allan.bias_instability,
-            "bias",
-        ),
-        _estimate(
-            "rate_random_walk",
-            "Rate random walk",
-            "the Allan deviation's line of slope +1/2 at 3 s",
-            DEG_PER_H_PER_ROOT_H,
-            m.allan.rate_random_walk,
-        ),
+        *noise_terms(m.allan, m.bound),
         *_response(m),
         _full_scale(m),
         Result(
@@ -112,6 +98,28 @@ def results(m: Characterisation) -> list[Result]:
             note="" if math.isfinite(m.turn_on_time) else "the output does not stay within 1 %",
         ),
         *leaks,
+    ]
+
+
+def noise_terms(found: Allan, bound: Bound | None = None) -> list[Result]:
+    """N, B and K of an Allan deviation."""
+    return [
+        _angle_random_walk(found.angle_random_walk, bound),
+        _estimate(
+            "bias_instability",
+            "Bias instability",
+            "flicker noise in the Allan variance, whose deviation is 0.664 of it",
+            DEG_PER_H,
+            found.bias_instability,
+            "bias",
+        ),
+        _estimate(
+            "rate_random_walk",
+            "Rate random walk",
+            "part of the Allan variance whose deviation rises as the root of the averaging time, at 3 s",
+            DEG_PER_H_PER_ROOT_H,
+            found.rate_random_walk,
+        ),
     ]
 
 
@@ -133,21 +141,22 @@ def _estimate(
             unit.name,
             math.nan,
             high=high,
-            note="not observed: the record is too short",
+            note="not observed: the record is too short, or has other noise",
             grade=of,
         )
     return Result(key, name, definition, unit.name, value, low, high, "", of)
 
 
-def _angle_random_walk(m: Characterisation) -> Result:
-    name, definition = "Angle random walk", "the Allan deviation's line of slope −1/2 at 1 s"
-    found, unit = m.allan.angle_random_walk, DEG_PER_ROOT_H
+def _angle_random_walk(found: Estimate | None, bound: Bound | None) -> Result:
+    name = "Angle random walk"
+    definition = "part of the Allan variance whose deviation falls as the root of the averaging time, at 1 s"
+    unit = DEG_PER_ROOT_H
     if found is None:
-        note = "not observed: nowhere does the Allan deviation fall as the root of the averaging time"
+        note = "not observed: nowhere does the Allan deviation fall as that of white noise"
         return Result("angle_random_walk", name, definition, unit.name, math.nan, note=note)
     note = ""
-    if m.bound:
-        known, unknown = m.bound.known, m.bound.unknown
+    if bound:
+        known, unknown = bound.known, bound.unknown
         note = (
             f"{found.value / known:.2f} of the Cramér-Rao bound if D and K are known, {short(unit.of(known))}; "
             f"{found.value / unknown:.2f} of that if they are not, {short(unit.of(unknown))}"

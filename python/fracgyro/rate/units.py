@@ -28,6 +28,10 @@ class Unit:
 
 DEG_PER_S = Unit("deg/s", "rad/s", DEGREES)
 DEG_PER_H = Unit("deg/h", "rad/s", DEGREES * HOUR)
+RATES = {
+    unit.name: unit
+    for unit in (DEG_PER_S, Unit("rad/s", "rad/s", 1.0), DEG_PER_H, Unit("mdeg/s", "rad/s", 1e3 * DEGREES))
+}
 # N of IEEE Std 952: the angle that white rate noise has gathered grows as the root of time.
 DEG_PER_ROOT_H = Unit("deg/sqrt(h)", "rad/sqrt(s)", DEGREES * math.sqrt(HOUR))
 # K of IEEE Std 952: the rate itself walks.

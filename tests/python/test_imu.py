@@ -1,0 +1,100 @@
+"""The noise model for navigation simulations: what was measured, in their words and units, and nothing else."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from fracgyro.rate.allan import Allan, Estimate
+from fracgyro.rate.imu import imu_file
+from fracgyro.rate.runs import Output
+
+TAU = 2.0 ** np.arange(5)
+UNSEEN = Estimate(0.0, 0.0, 2e-5, True)
+WHITE = Allan(
+    TAU,
+    1 / np.sqrt(TAU),
+    TAU,
+    TAU,
+    Estimate(1e-4, 0.9e-4, 1.1e-4),
+    UNSEEN,
+    UNSEEN,
+    response_time=0.0,
+    fitted=(1.0, 16.0),
+)
+ALL = replace(
+    WHITE,
+    deviation=np.array([4.0, 2.0, 1.0, 2.0, 3.0]),
+    bias_instability=Estimate(3e-6, 2e-6, 4e-6),
+    rate_random_walk=Estimate(5e-7, 4e-7, 6e-7),
+    response_time=0.02,
+)
+
+
+def measured(found: Allan) -> Any:
+    return SimpleNamespace(allan=found, rest=Output(np.full((8, 100), 2e-3), 0.005), seeds=8)
+
+
+def values(text: str) -> dict[str, float]:
+    """Of a flat YAML file."""
+    pairs = [line.partition("#")[0].partition(":") for line in text.splitlines()]
+    return {name: float(value) for name, colon, value in pairs if colon}
+
+
+def test_kalibr_gets_n_and_k_in_si_and_the_output_rate() -> None:
+    name, text = imu_file("kalibr", measured(ALL))
+    assert name == "imu.yaml"
+    assert values(text) == {
+        "update_rate": 200.0,
+        "gyroscope_noise_density": 1e-4,  # rad/s/sqrt(Hz) is rad/sqrt(s): N, both two-sided
+        "gyroscope_random_walk": 5e-7,
+    }
+    assert "response time is 0.02 s" in text
+    assert "8 simulated records at rest, 0.5 s each" in text
+
+
+def test_what_kalibr_asks_for_and_the_record_did_not_show_is_a_comment() -> None:
+    text = imu_file("kalibr", measured(WHITE))[1]
+    assert sorted(values(text)) == ["gyroscope_noise_density", "update_rate"]
+    assert "# gyroscope_random_walk: not observed; at most 2e-05 rad/s^2/sqrt(Hz)" in text
+    text = imu_file("kalibr", measured(replace(WHITE, angle_random_walk=None)))[1]
+    assert sorted(values(text)) == ["update_rate"]
+    assert "# gyroscope_noise_density: not observed" in text
+    assert "response time" not in text
+
+
+def profile(found: Allan) -> tuple[dict[str, Any], str]:
+    name, text = imu_file("gnss-ins-sim", measured(found))
+    assert name == "gnss_ins_sim.py"
+    scope: dict[str, Any] = {}
+    exec(text, scope)
+    return scope["gyro_err"], text
+
+
+def test_gnss_ins_sim_gets_a_profile_in_si() -> None:
+    err, text = profile(ALL)
+    assert list(err) == ["b", "b_drift", "b_corr", "arw"]
+    assert all(each.shape == (3,) for each in err.values())
+    assert err["b"][2] == pytest.approx(2e-3)
+    assert err["arw"][2] == pytest.approx(1e-4)
+    # The Allan deviation of Gauss-Markov noise is largest at 1.892 correlation times: 0.617 of the standard deviation.
+    spread, time = err["b_drift"][2], err["b_corr"][2]
+    tau = 4.0  # where the least deviation of the record lies
+    x = tau / time
+    largest = spread * math.sqrt(2 / x * (1 - (3 - 4 * math.exp(-x) + math.exp(-2 * x)) / (2 * x)))
+    assert largest == pytest.approx(0.664 * 3e-6, rel=2e-3)
+    assert x == pytest.approx(1.892, rel=1e-3)
+    assert "no rate random walk. Observed: 5e-07 rad/s/sqrt(s)" in text
+
+
+def test_what_gnss_ins_sim_would_add_by_itself_is_switched_off_where_it_was_not_seen() -> None:
+    err, text = profile(WHITE)
+    assert err["b_drift"].tolist() == [0, 0, 0]
+    assert err["b_corr"].tolist() == [math.inf] * 3
+    assert "bias instability: at most 4.13 deg/h, not observed" in text
+    assert "rate random walk" not in text
+    assert profile(replace(WHITE, angle_random_walk=None))[0]["arw"].tolist() == [0, 0, 0]

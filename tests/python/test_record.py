@@ -1,0 +1,189 @@
+"""`fracgyro allan` on files as engineers have them, and what it says of files that are no records."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import fracgyro as fg
+import numpy as np
+import pytest
+from fracgyro.rate.of_record import analyse_record
+from fracgyro.rate.record import read_record
+from test_cli import run, sentence
+
+DEG = math.pi / 180
+RATES = np.random.default_rng(0).normal(size=400)
+
+
+def written(path: Path, rows: list[str], text: str = "") -> Path:
+    path.write_text(text + "\n".join(rows) + "\n", encoding="utf-8")
+    return path
+
+
+def numbered(values: np.ndarray = RATES, interval: float = 0.01) -> list[str]:
+    return [f"{i * interval:.6f},{value!r},{-value!r}" for i, value in enumerate(values.tolist())]
+
+
+# -- Layouts -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("head", "column"),
+    [
+        ("time,x,y\n", "x"),
+        ("t,x,y\n", "x"),
+        ('"Time (s)","x","y"\n', "x"),
+        ("﻿time [s], x, y\n", "x"),
+        ("# a comment\n\n#time_s,x,y\n", "x"),
+    ],
+)
+def test_the_time_column_gives_the_rate(tmp_path: Path, head: str, column: str) -> None:
+    record = read_record(written(tmp_path / "a.csv", numbered(), head), column)
+    np.testing.assert_allclose(record.values, RATES * DEG, rtol=1e-14)
+    assert record.interval == pytest.approx(0.01, rel=1e-9)
+    assert read_record(tmp_path / "a.csv", "y", rate=50.0).interval == 0.02  # the rate counts where both are given
+
+
+def test_times_in_nanoseconds_are_read_as_such(tmp_path: Path) -> None:
+    rows = [f"{1403636579758555392 + 5_000_000 * i},{value!r}" for i, value in enumerate(RATES.tolist())]
+    record = read_record(written(tmp_path / "a.csv", rows, "#timestamp [ns],w_RS_S_x [rad s^-1]\n"), unit="rad/s")
+    assert record.interval == pytest.approx(0.005, rel=1e-6)
+    assert record.column == "w_RS_S_x [rad s^-1]"
+    np.testing.assert_array_equal(record.values, RATES)
+
+
+@pytest.mark.parametrize("delimiter", [";", "\t"])
+def test_columns_without_names_are_numbers(tmp_path: Path, delimiter: str) -> None:
+    rows = [row.replace(",", delimiter) for row in numbered()]
+    record = read_record(written(tmp_path / "a.csv", rows), "2", rate=100.0)
+    np.testing.assert_allclose(record.values, RATES * DEG, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"), [("deg/s", 1.0), ("rad/s", 180 / math.pi), ("deg/h", 1 / 3600), ("mdeg/s", 1e-3)]
+)
+def test_units_are_those_of_gyroscopes(tmp_path: Path, unit: str, factor: float) -> None:
+    only = written(tmp_path / "a.csv", [repr(value) for value in RATES.tolist()])
+    np.testing.assert_allclose(read_record(only, rate=1.0, unit=unit).values, RATES * factor * DEG, rtol=1e-14)
+
+
+# -- The command ---------------------------------------------------------------------------------------------
+
+
+def test_the_command_finds_the_terms_of_a_record_and_writes_them_and_a_plot(tmp_path: Path) -> None:
+    n, k, samples, interval = 0.05, 0.001, 100_000, 0.1  # deg/s/sqrt(Hz), deg/s/sqrt(s)
+    rng = np.random.default_rng(4)
+    record = 3.0 + rng.normal(size=samples) * n / math.sqrt(interval)
+    record += np.cumsum(rng.normal(size=samples)) * k * math.sqrt(interval)
+    written(tmp_path / "gyro.csv", [f"{value:.7g}" for value in record], "z\n")
+    out = tmp_path / "out"
+    done = run("allan", tmp_path / "gyro.csv", "--rate", "10", "--out", out, "--json")
+    assert done.returncode == 0, done.stderr
+    content = json.loads(done.stdout)
+    assert content == json.loads((out / "allan.json").read_text(encoding="utf-8"))
+    assert sorted(path.name for path in out.iterdir()) == ["allan.json", "allan.svg"]
+    assert "<svg" in (out / "allan.svg").read_text(encoding="utf-8")
+    walk, floor, drift = content["figures"]
+    assert [walk["unit"], floor["unit"], drift["unit"]] == ["deg/sqrt(h)", "deg/h", "deg/h/sqrt(h)"]
+    assert walk["low"] < n * 60 < walk["high"]
+    assert walk["value"] == pytest.approx(n * 60, rel=0.02)
+    assert drift["low"] < k * 3600 * 60 < drift["high"]
+    assert floor["value"] is None
+    assert floor["high"] > 0
+    assert content["samples"] == samples
+    # The same from Python, in SI.
+    found = fg.rate.allan(np.loadtxt(tmp_path / "gyro.csv", skiprows=1) * DEG, interval)
+    assert found.angle_random_walk.value / DEG * 60 == pytest.approx(walk["value"], rel=1e-9)
+    curve = np.array(content["deviation_deg_per_h"]) * DEG / 3600
+    np.testing.assert_allclose(curve, found.deviation, rtol=1e-9)
+    again = run("allan", tmp_path / "gyro.csv", "--rate", "10", "--out", out)
+    assert "it is there already" in sentence(again)
+    table = run("allan", tmp_path / "gyro.csv", "--rate", "10").stdout
+    assert "z: 100000 samples in deg/s, 10 a second" in table
+    assert "Angle random walk" in table
+
+
+GOOD = ["time,x,y", *numbered()]
+
+
+@pytest.mark.parametrize(
+    ("lines", "words", "expected"),
+    [
+        (GOOD, [], "column is not given: it must be one of those of {path}: x, y"),
+        (GOOD, ["--column", "z"], "column is 'z': it must be one of those of {path}: x, y"),
+        (GOOD, ["--column", "x", "--unit", "dps"], "unit is 'dps': it must be one of deg/s, rad/s, deg/h, mdeg/s"),
+        (GOOD, ["--column", "x", "--rate", "0"], "rate is 0.0: it must be greater than 0"),
+        (GOOD[:15], ["--column", "x"], "{path} has 14 rows: it must have at least 20"),
+        (["time,x,y"], ["--column", "x"], "{path} has 0 rows: it must have at least 20"),
+        ([], ["--rate", "1"], "{path} has 0 rows: it must have at least 20"),
+        (
+            ["x", *map(str, RATES)],
+            [],
+            "rate is not given: it must be, in Hz, as {path} has no column of the name time",
+        ),
+        (["x", *["1.5"] * 50], ["--rate", "1"], "{path}: x is 1.5 in every row: it must vary"),
+        (
+            ["x,x", *["1,2"] * 50],
+            ["--column", "x", "--rate", "1"],
+            "column is 'x': {path} must have one of that name, not 2",
+        ),
+        (
+            [*GOOD[:30], "0.3,abc,1", *GOOD[30:]],
+            ["--column", "x"],
+            "{path}, line 31: x is 'abc': it must be a finite number",
+        ),
+        (
+            [*GOOD[:30], "0.3,,1", *GOOD[30:]],
+            ["--column", "x"],
+            "{path}, line 31: x is empty or not a number: it must be a finite number",
+        ),
+        (
+            [*GOOD[:30], "0.3,nan,1", *GOOD[30:]],
+            ["--column", "x"],
+            "{path}, line 31: x is empty or not a number: it must be a finite number",
+        ),
+        (
+            [*GOOD[:30], "0.3,-inf,1", *GOOD[30:]],
+            ["--column", "x"],
+            "{path}, line 31: x is infinite: it must be a finite number",
+        ),
+        ([*GOOD[:30], "0.3,1", *GOOD[30:]], ["--column", "x"], "{path}, line 31: it has 2 columns: it must have 3"),
+        (
+            [*GOOD[:30], *GOOD[31:]],
+            ["--column", "x"],
+            "{path}, line 31: time is 0.02 later than in the line before: it must be 0.01 later, as in most lines, to "
+            "one half; fill the gap, or give the rate",
+        ),
+        (
+            ["time,x", *["0.0,1", "0.0,2"] * 20],
+            [],
+            "{path}: time does not rise from line to line: it must, or give the rate",
+        ),
+    ],
+)
+def test_what_is_no_record_is_refused_in_one_sentence_and_nothing_is_written(
+    tmp_path: Path, lines: list[str], words: list[str], expected: str
+) -> None:
+    path = written(tmp_path / "a.csv", lines) if lines else tmp_path / "a.csv"
+    path.touch()
+    said = sentence(run("allan", path, *words, "--out", tmp_path / "out"))
+    assert said == expected.format(path=path)
+    assert [each.name for each in tmp_path.iterdir()] == ["a.csv"]
+
+
+def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"none\.csv cannot be read: No such file or directory"):
+        analyse_record(tmp_path / "none.csv", rate=1.0)
+    with pytest.raises(ValueError, match="cannot be read: Is a directory"):
+        analyse_record(tmp_path, rate=1.0)
+    (tmp_path / "picture.csv").write_bytes(bytes(range(256)) * 1000)
+    with pytest.raises(ValueError, match=r"picture\.csv"):
+        analyse_record(tmp_path / "picture.csv", rate=1.0)
+
+
+def test_a_line_of_a_later_block_is_named(tmp_path: Path) -> None:
+    rows = ["x", *["1.000000"] * 600_000, "bad", "2.0"]  # more than 4 MiB
+    with pytest.raises(ValueError, match="line 600002: x is 'bad'"):
+        read_record(written(tmp_path / "a.csv", rows), rate=1.0)
