@@ -1,17 +1,33 @@
-"""The Cramér-Rao bound of the rate estimate, as an angle random walk."""
+"""The Cramér-Rao bound of the rate estimate, as an angle random walk, with the noise of force and of sensing.
+
+The motion is known to some 1e-5 of itself. Omega_z is therefore the size of a known force in noise of known density,
+and so are the entries of D and K: phi^T theta in eq. (9). The force has noise of two-sided density S. Sensing noise of
+density N acts like force noise G^-1 N G^-H, G^-1 = -w^2 + j w (D + 2 Omega) + K, which is small near the resonances:
+
+    I_jk = sum over the lines w of 1/2 Re phi_j^H (S + G^-1 N G^-H)^-1 phi_k,    N^2 = (I^-1)_Omega,Omega
+
+`bound_angle_random_walk` does this for the lines of the reference; `bound_of_motion` does it along any motion, another
+way. Flicker noise of the sensors is left out: it can only raise the bound.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..scenario import Scenario
-from ..simulation.outside import ControllerLike, in_own_units, units
+from ..scenario.to_core import device_params
+from ..simulation.outside import ControllerLike, units
 from ..simulation.simulate import simulate
+from .innovation import Noise, Plant, information_of_motion
 
-SAMPLES = 200_000
+Array = NDArray[np.float64]
+
+TOLD_APART = 1e10  # largest condition number of the information, scaled
 
 
 @dataclass(frozen=True)
@@ -27,33 +43,104 @@ class Bound:
 
 
 def bound_angle_random_walk(scenario: Scenario, controller: ControllerLike | None = None) -> Bound | None:
-    """From the noise and the motion of the scenario; both bounds.
+    """Both bounds of a scenario at its plant.angular_rate; in milliseconds, as nothing is run.
 
-    From the regressors of the steady motion, which `controller` brings about if there is one: each step of length h
-    adds phi phi^T h/S to the information, phi^T theta being the force of D, K and Omega_z in eq. (9) and S the
-    two-sided density of d. None where the disturbance is not white noise or the motion does not separate the
-    parameters.
+    Noise is that of [disturbance] and [device]: densities or standard deviations, and the steps of converters, as white
+    noise of a twelfth of their square; with device.sensing position the speed is not sensed. The motion is the
+    reference; with a `controller` from outside it is run, and the motion is what it brings about.
+
+    None where there is no noise, the disturbance is not noise, or the motion does not separate the parameters.
     """
-    d = scenario.disturbance
-    if d.kind != "noise":
+    if controller is not None:
+        return bound_of_motion(scenario, controller)
+    noise = noise_of(scenario)
+    if noise is None:
         return None
-    hold = scenario.run.step if d.hold is None else d.hold
-    density = d.density if d.density is not None else (d.standard_deviation or 0.0) ** 2 * hold
-    every = max(1, scenario.run.steps // SAMPLES)
-    scenario = in_own_units(scenario.replace({"run.record_every": every}), controller)
-    run = simulate(scenario, controller)
-    half, unit = run.sizes["time"] // 2, units(scenario)
-    (x, y), (vx, vy) = run["position"].values[half:].T / unit.length, run["velocity"].values[half:].T / unit.velocity
+    plant, reference = Plant.of(scenario), scenario.reference
+    exact = noise.force == 0 and not noise.of_sensing
+    information = np.zeros((7, 7))
+    for frequency in sorted(set(reference.frequency)):
+        position = np.array(
+            [
+                amplitude * np.exp(1j * phase) / 1j if of_axis == frequency else 0.0
+                for amplitude, of_axis, phase in zip(
+                    reference.amplitude, reference.frequency, reference.phase, strict=True
+                )
+            ]
+        )
+        rows = _regressors(position, 1j * frequency * position)
+        inverse = plant.inverse_response(frequency)
+        sensing = inverse * noise.at(frequency) @ inverse.conj().T if noise.of_sensing else 0.0
+        density = (1.0 if exact else noise.force) * np.eye(2) + sensing
+        information += 0.5 * np.real(rows.conj() @ np.linalg.solve(density, rows.T))
+    return _bound(information, scenario, 0.0 if exact else 1.0)
+
+
+def bound_of_motion(scenario: Scenario, controller: ControllerLike | None = None) -> Bound | None:
+    """The same along the second half of a run, whatever its motion, in seconds."""
+    noise = noise_of(scenario)
+    if noise is None:
+        return None
+    run = simulate(scenario.replace({"run.record_every": 1}), controller)
+    motion = _nondimensional(scenario, run)
+    if noise.of_sensing:
+        return _bound(information_of_motion(Plant.of(scenario), scenario.run.step, noise, *motion), scenario, 1.0)
+    position, velocity, _ = motion
+    rows = np.concatenate(_regressors(position.T, velocity.T).transpose(1, 0, 2), axis=1)
+    exact = noise.force == 0
+    information = rows @ rows.T / len(position) / (1.0 if exact else noise.force)
+    return _bound(information, scenario, 0.0 if exact else 1.0)
+
+
+def noise_of(scenario: Scenario) -> Noise | None:
+    """None where there is none that is white."""
+    d, step = scenario.disturbance, scenario.run.step
+    if d.kind not in ("none", "noise"):
+        return None
+    force = 0.0
+    if d.kind == "noise":
+        hold = step if d.hold is None else d.hold
+        force = d.density if d.density is not None else (d.standard_deviation or 0.0) ** 2 * hold
+    device = device_params(scenario)
+    position = (device.position_noise**2 + _of_steps(device.position)) * step
+    velocity = (device.velocity_noise**2 + _of_steps(device.velocity)) * step
+    if scenario.device.sensing == "position":
+        velocity = np.full(2, math.inf)
+    noise = Noise(force, position, velocity)
+    return None if d.kind == "none" and not noise.of_sensing else noise
+
+
+def _of_steps(quantizer: Any) -> Array:
+    """Variance of a converter's steps."""
+    if quantizer.bits == 0:
+        return np.zeros(2)
+    return np.array([2.0 * span / 2.0**quantizer.bits for span in quantizer.range]) ** 2 / 12
+
+
+def _regressors(position: NDArray[Any], velocity: NDArray[Any]) -> NDArray[Any]:
+    """(7, 2, ...): the force on x and y of Dxx, Dxy, Dyy, Kxx, Kxy, Kyy, Omega_z = 1 in eq. (9)."""
+    (x, y), (vx, vy) = position, velocity
     none = np.zeros_like(x)
-    # Rows of (9) by (Dxx, Dxy, Dyy, Kxx, Kxy, Kyy, Omega_z).
-    rows = np.concatenate(
-        [np.stack([vx, vy, none, x, y, none, -2 * vy], axis=1), np.stack([none, vx, vy, none, x, y, 2 * vx], axis=1)]
-    )
-    information = rows.T @ rows / len(x)
+    pairs = [(vx, none), (vy, vx), (none, vy), (x, none), (y, x), (none, y), (-2 * vy, 2 * vx)]
+    return np.array([np.stack(pair) for pair in pairs])
+
+
+def _bound(information: Array, scenario: Scenario, factor: float) -> Bound | None:
     scale = np.sqrt(np.diag(information))
-    if not scale.all() or np.linalg.cond(information / np.outer(scale, scale)) > 1e10:
+    if not scale.all():
         return None
-    inflation = np.linalg.inv(information / np.outer(scale, scale))[-1, -1]
+    scaled = information / np.outer(scale, scale)
+    if np.linalg.cond(scaled) > TOLD_APART:
+        return None
     scales = scenario.plant.scales
-    known = math.sqrt(density) / scale[-1] * scales.rate * math.sqrt(scales.time)
-    return Bound(known, known * math.sqrt(inflation))
+    known = factor / float(scale[-1]) * scales.rate * math.sqrt(scales.time)
+    return Bound(known, known * math.sqrt(float(np.linalg.inv(scaled)[-1, -1])))
+
+
+def _nondimensional(scenario: Scenario, run: Any) -> tuple[Array, Array, Array]:
+    """Position, velocity and force of the second half, (samples, 2)."""
+    unit, half = units(scenario), run.sizes["time"] // 2
+    force = "applied_control" if "applied_control" in run else "control"
+    parts = (("position", unit.length), ("velocity", unit.velocity), (force, unit.force))
+    position, velocity, acting = (run[name].values[half:] / scale for name, scale in parts)
+    return position, velocity, acting
