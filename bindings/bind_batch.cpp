@@ -8,6 +8,9 @@
 #include <nanobind/stl/string_view.h>
 #include <nanobind/stl/vector.h>
 
+#include <condition_variable>
+#include <mutex>
+
 namespace fracgyro::bindings {
 
 namespace {
@@ -58,6 +61,27 @@ nb::tuple record_runs(const std::vector<const DeviceSetup*>& setups, std::int64_
         });
     }
     return nb::make_tuple(owned_rows<3>(std::move(data), {setups.size(), rows, width}),
+                          owned<std::int64_t, 1>(std::move(lasted), {setups.size()}));
+}
+
+// Means of the rate estimate, (runs, blocks), and the samples that each run lasted. `device`: as in record_runs.
+nb::tuple rate_means(const std::vector<const DeviceSetup*>& setups, std::int64_t every, std::int64_t block,
+                     unsigned threads, bool device) {
+    if (setups.empty()) {
+        throw nb::value_error("there is nothing to run");
+    }
+    std::atomic<bool> stop{false};
+    const RateBlocks blocks{.every = every, .block = block, .stop = &stop};
+    const std::size_t count = blocks.count(setups.front()->steps);
+    auto means = std::make_unique<double[]>(setups.size() * count);
+    auto lasted = std::make_unique<std::int64_t[]>(setups.size());
+    const FillNoise noise = fastest_noise();
+    interruptible_for(setups.size(), threads, stop, [&](std::size_t i) {
+        const std::span<double> out(means.get() + i * count, count);
+        lasted[i] =
+            device ? device_rate_means(*setups[i], blocks, out) : rate_means_of_run(*setups[i], blocks, out, noise);
+    });
+    return nb::make_tuple(owned<double, 2>(std::move(means), {setups.size(), count}),
                           owned<std::int64_t, 1>(std::move(lasted), {setups.size()}));
 }
 
@@ -144,6 +168,45 @@ FillNoise fastest_noise() {
     return kernels_for_any_processor().doubles.fill_noise;
 }
 
+void interruptible_for(std::size_t count, unsigned threads, std::atomic<bool>& stop,
+                       const std::function<void(std::size_t)>& task) {
+    std::mutex mutex;
+    std::condition_variable ended;
+    bool done = false;
+    std::exception_ptr failure;
+    bool interrupted = false;
+    {
+        nb::gil_scoped_release unlocked;
+        const std::jthread all([&] {
+            try {
+                parallel_for(count, threads, task);
+            } catch (const Stopped&) {
+            } catch (...) {
+                failure = std::current_exception();
+            }
+            const std::lock_guard lock(mutex);
+            done = true;
+            ended.notify_one();
+        });
+        std::unique_lock lock(mutex);
+        while (!ended.wait_for(lock, std::chrono::milliseconds(100), [&] { return done; })) {
+            lock.unlock();
+            {
+                const nb::gil_scoped_acquire locked;
+                interrupted = interrupted || PyErr_CheckSignals() != 0;
+            }
+            stop = interrupted;
+            lock.lock();
+        }
+    }
+    if (interrupted) {
+        nb::raise_python_error();
+    }
+    if (failure) {
+        std::rethrow_exception(failure);
+    }
+}
+
 void bind_batch(nb::module_& m) {
     nb::class_<MetricsParams>(m, "MetricsParams")
         .def(nb::init<>())
@@ -153,6 +216,8 @@ void bind_batch(nb::module_& m) {
         .def_rw("rate_tolerance", &MetricsParams::rate_tolerance);
     m.def("record_runs", &record_runs, nb::arg("setups"), nb::arg("every"), nb::arg("threads"),
           nb::arg("device") = false);
+    m.def("rate_means", &rate_means, nb::arg("setups"), nb::arg("every"), nb::arg("block"), nb::arg("threads"),
+          nb::arg("device"));
     m.def("lane_counts", &lane_counts);
     m.def("measure_runs", &measure_runs, nb::arg("setups"), nb::arg("params"), nb::arg("threads"), nb::arg("lanes"),
           nb::arg("single_precision") = false);

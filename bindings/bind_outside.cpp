@@ -3,7 +3,7 @@
 #include "numbers.hpp"
 
 #include "fracgyro/sim/batch.hpp"
-#include "fracgyro/sim/law.hpp"
+#include "fracgyro/sim/rate_means.hpp"
 
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
@@ -256,6 +256,28 @@ nb::list record_laws(const std::vector<const DeviceSetup*>& setups, const std::v
     return found;
 }
 
+// As rate_means of bind_batch.cpp.
+nb::tuple law_rate_means(const std::vector<const DeviceSetup*>& setups, const std::vector<Law*>& laws,
+                         const std::vector<const Units*>& units, std::int64_t every, std::int64_t block, bool native,
+                         unsigned threads) {
+    const auto all = with_laws(setups, laws, units);
+    std::atomic<bool> stop{false};
+    const RateBlocks blocks{.every = every, .block = block, .stop = &stop};
+    const std::size_t count = all.empty() ? 0 : blocks.count(all.front().steps);
+    auto means = std::make_unique<double[]>(all.size() * count);
+    auto lasted = std::make_unique<std::int64_t[]>(all.size());
+    const auto task = [&](std::size_t i) {
+        lasted[i] = outside_rate_means(all[i], blocks, std::span(means.get() + i * count, count));
+    };
+    if (native) {
+        interruptible_for(all.size(), threads, stop, task);
+    } else {
+        run_all(all.size(), native, threads, task);
+    }
+    return nb::make_tuple(owned<double, 2>(std::move(means), {all.size(), count}),
+                          owned<std::int64_t, 1>(std::move(lasted), {all.size()}));
+}
+
 nb::ndarray<nb::numpy, double> measure_laws(const std::vector<const DeviceSetup*>& setups,
                                             const std::vector<Law*>& laws, const std::vector<const Units*>& units,
                                             const MetricsParams& params, bool native, unsigned threads) {
@@ -308,6 +330,8 @@ void bind_outside(nb::module_& m) {
             });
     m.def("record_laws", &record_laws, nb::arg("setups"), nb::arg("laws"), nb::arg("units"), nb::arg("every"),
           nb::arg("device"), nb::arg("native"), nb::arg("threads"), "(rows, samples before divergence) of each run.");
+    m.def("law_rate_means", &law_rate_means, nb::arg("setups"), nb::arg("laws"), nb::arg("units"), nb::arg("every"),
+          nb::arg("block"), nb::arg("native"), nb::arg("threads"));
     m.def("measure_laws", &measure_laws, nb::arg("setups"), nb::arg("laws"), nb::arg("units"), nb::arg("params"),
           nb::arg("native"), nb::arg("threads"), "Metrics of all runs, (runs, metrics).");
 }

@@ -4,6 +4,9 @@
 
 #include <nanobind/nanobind.h>
 
+#include <atomic>
+#include <functional>
+
 namespace fracgyro::bindings {
 
 // One for each header that is bound.
@@ -20,6 +23,11 @@ void bind_stepper(nanobind::module_& m);
 
 // For this processor.
 FillNoise fastest_noise();
+
+// parallel_for without the GIL, during which somebody may press a key: `stop` is then set, for the tasks to end by
+// throwing Stopped, and KeyboardInterrupt is raised.
+void interruptible_for(std::size_t count, unsigned threads, std::atomic<bool>& stop,
+                       const std::function<void(std::size_t)>& task);
 
 // Name, width, unit and meaning.
 nanobind::tuple described(const Channel& c);

@@ -297,6 +297,32 @@ def test_the_second_half_of_a_run_counts_as_steady() -> None:
     assert output.interval == 0.5
 
 
+def test_a_record_at_rest_lasts_as_long_as_asked_for_and_leaves_the_start_out() -> None:
+    sensor = Sensor.of(shipped("dual_mass").replace({"run.duration": 1000.0}), 2)
+    assert sensor.steps_at_rest(None) == 1_000_000
+    # 0.02 s of 0.05/24661.5 s, after half a run of 20,000.
+    assert sensor.steps_at_rest(0.02) == 10_000 + 9865
+    found, whole = sensor.at_rest(0.02), sensor.output(0.0, steps=10_000 + 9865)
+    np.testing.assert_array_equal(found.rate, whole.rate[:, 1000:])
+    assert found.rate.shape[1] * found.interval == pytest.approx(0.02, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("rest", "words"),
+    [
+        ("0", "rest is 0.0: it must be greater than 0"),
+        ("1e-5", "rest is 1e-05: it must lie between 0.00811 and 2027.05 s"),
+        ("1e5", "rest is 100000: it must lie between 0.00811 and 2027.05 s"),
+    ],
+)
+def test_a_record_too_short_or_too_long_is_refused_at_once(tmp_path: Path, rest: str, words: str) -> None:
+    shipped("dual_mass").save(tmp_path / "device.toml")
+    refused = run("rate", tmp_path / "device.toml", "--rest", rest, "--out", tmp_path / "out")
+    assert refused.returncode == 2
+    assert words in refused.stderr.splitlines()[-1]
+    assert not (tmp_path / "out").exists()
+
+
 def test_the_couplings_tried_are_as_worked_by_hand() -> None:
     (quadrature, stiffness, rate), (damping, coupling, as_rate) = _couplings(shipped("dual_mass"))
     assert (quadrature, damping) == ("plant.stiffness_deviation", "plant.damping_deviation")

@@ -20,18 +20,26 @@ if TYPE_CHECKING:
 @click.argument("scenario", type=click.Path(path_type=Path))
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
 @click.option("--quick", is_flag=True, help="Use 2 noise seeds instead of 8: takes seconds.")
+@click.option("--rest", type=float, metavar="SECONDS", help="Device time of the record at rest, for B and K: 1800.")
 @click.option(
     "--imu",
     type=click.Choice(["kalibr", "gnss-ins-sim"]),
     help="Write the noise model for that navigation simulation, too.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
-def rate(scenario: Path, out: Path, quick: bool, imu: Literal["kalibr", "gnss-ins-sim"] | None, as_json: bool) -> None:
+def rate(
+    scenario: Path,
+    out: Path,
+    quick: bool,
+    rest: float | None,
+    imu: Literal["kalibr", "gnss-ins-sim"] | None,
+    as_json: bool,
+) -> None:
     """Measure SCENARIO as a rate sensor. Report scale factor, Allan deviation, bandwidth, grade and more."""
     from ..rate.characterise import characterise
 
     with progress("starting") as show:
-        found = characterise(Scenario.load(scenario), out, quick=quick, imu=imu, progress=show)
+        found = characterise(Scenario.load(scenario), out, quick=quick, rest=rest, imu=imu, progress=show)
     if as_json:
         click.echo((out / "rate.json").read_text(encoding="utf-8"), nl=False)
         return

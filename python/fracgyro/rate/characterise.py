@@ -13,7 +13,7 @@ from __future__ import annotations
 import json
 import os
 
-from ..arguments import short
+from ..arguments import number, short
 from ..files import whole_folder
 from ..scenario import Scenario, check_scenario
 from ..simulation.outside import ControllerLike, controller_words
@@ -29,24 +29,30 @@ def characterise(
     *,
     controller: ControllerLike | None = None,
     quick: bool = False,
+    rest: float | None = None,
     imu: Imu | None = None,
     progress: Progress | None = None,
 ) -> list[Result]:
     """Measures `scenario` as a rate sensor and writes `out`/report.html and `out`/rate.json.
 
-    Rates are set from outside, plant.angular_rate notwithstanding; the rest is as the scenario says. `controller`, in
+    Rates are set from outside, plant.angular_rate notwithstanding; all else is as the scenario says. `controller`, in
     the place of the scenario's own: as in `fracgyro.simulate`; it must report rate_estimate. A callable's reset is
     called before each run with its scenario, which has the rate to be sensed. `quick`: 2 seeds instead of 8, for a
-    look. `imu`: writes the noise as that navigation simulation takes it, too: imu.yaml or gnss_ins_sim.py.
+    look. `rest`: device time of the record at rest in s, half a million steps if left out; bias instability and rate
+    random walk take minutes to hours. `imu`: writes the noise as that navigation simulation takes it, too: imu.yaml or
+    gnss_ins_sim.py.
 
     Raises ValueError in one sentence: a scenario or a controller without an estimate, an `out` that is there already, a
-    run that diverges within the range; and what `simulate` raises of a controller.
+    `rest` of too few outputs or too many steps, a run that diverges within the range; and what `simulate` raises of a
+    controller.
     """
     check_scenario(scenario)
+    if rest is not None:
+        rest = number("rest", rest, above=0.0)
     if imu is not None and imu not in FILES:
         raise ValueError(f"imu is {short(imu)}: it must be one of {', '.join(FILES)}")
     with whole_folder(out) as folder:
-        measured = measure(scenario, seeds=2 if quick else 8, controller=controller, progress=progress)
+        measured = measure(scenario, seeds=2 if quick else 8, controller=controller, rest=rest, progress=progress)
         found = results(measured)
         outside = {} if controller is None else {"controller": controller_words(controller)}
         content = {"scenario": scenario.to_toml(), **outside, "figures": [result.plain() for result in found]}

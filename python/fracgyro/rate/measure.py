@@ -24,7 +24,6 @@ Progress = Callable[[float, float, str], object]
 RANGE = DEG_PER_S.to_si(300.0)  # the input range, +-, that the line is drawn through
 WITHIN = np.array([1 / 30, 0.1, 1 / 3, 2 / 3, 1.0]) * RANGE  # 10, 30, 100, 200, 300 deg/s, to both sides and 0
 BEYOND = np.array([2.0, 4.0, 8.0, 16.0, 32.0]) * RANGE
-REST_STEPS = 1_000_000
 SINE = RANGE / 3  # amplitude of the sinusoidal rates
 FREQUENCIES = 12  # from two periods in the steady half up
 COUPLING = 0.1  # of sqrt(dxx dyy): the damping deviation that is tried
@@ -60,10 +59,16 @@ class Characterisation:
 
 
 def measure(
-    scenario: Scenario, *, seeds: int, controller: ControllerLike | None = None, progress: Progress | None = None
+    scenario: Scenario,
+    *,
+    seeds: int,
+    controller: ControllerLike | None = None,
+    rest: float | None = None,
+    progress: Progress | None = None,
 ) -> Characterisation:
-    """Only the measurements, without a report."""
+    """Only the measurements, without a report; `rest`: device time of the record at rest, s."""
     sensor = Sensor.of(scenario, seeds, controller)
+    sensor.steps_at_rest(rest)  # or refused before all else
     few = Sensor.of(scenario, 2, controller)
     show = progress or (lambda done, total, doing: None)
     inner = np.concatenate([-WITHIN[::-1], [0.0], WITHIN])
@@ -89,7 +94,7 @@ def measure(
     first = means[:, : len(few.seeds)]  # the same seeds at every rate, or their noise would look like an error
     reached, last = full_scale(np.concatenate([inner, outer]), np.concatenate([first, further]), static(inner, first))
     next_one("record at rest")
-    rest = sensor.output(0.0, steps=REST_STEPS).settled()
+    at_rest = sensor.at_rest(rest)
     frequencies = _frequencies(outputs[0])
     gains = []
     for frequency in frequencies:
@@ -115,8 +120,8 @@ def measure(
         last,
         outputs[-1],
         turn_on_time(outputs[-1].time, outputs[-1].rate),
-        rest,
-        allan(rest.rate, rest.interval),
+        at_rest,
+        allan(at_rest.rate, at_rest.interval),
         bound_angle_random_walk(scenario.replace({"plant.angular_rate": 0.0}), controller),
         answered,
         *leaks,

@@ -10,17 +10,20 @@ from numpy.typing import NDArray
 
 from ..scenario import Scenario, ScenarioError
 from ..scenario.kinds import reported
+from ..scenario.table import MAX_STEPS
 from ..scenario.to_core import core_setup
-from ..simulation.outside import ControllerLike, controller_words, in_own_units, units
-from ..simulation.simulate import simulate, simulate_many
+from ..simulation.outside import ControllerLike, controller_words, in_own_units
+from ..simulation.rate_means import rate_means
+from ..simulation.simulate import simulate
 from .units import DEG_PER_S
 
 Array = NDArray[np.float64]
 Progress = Callable[[int], object]
 
 KEPT = 100_000  # samples of a run that are looked at: many to a period of the drive
-TOGETHER = 8  # runs in memory at once
 OUTPUTS = 2_000  # of the sensor in run.duration
+MIN_OUTPUTS = 20  # of which there is an Allan deviation
+REST_STEPS = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -89,24 +92,35 @@ class Sensor:
             {
                 "plant.angular_rate": rate,
                 "adaptation.initial_rate": 0.0,
-                "run.record_every": every,
                 "run.duration": (steps or self.scenario.run.steps) * self.scenario.run.step,
                 **(changes or {}),
             }
         )
-        rows = []
-        for first in range(0, len(self.seeds), TOGETHER):
-            seeds = self.seeds[first : first + TOGETHER]
-            run = simulate_many([scenario], seeds=seeds, controller=self.controller)
-            rows.append(run["rate_estimate"].values)
         scales = scenario.plant.scales
-        values = np.concatenate(rows)[:, :-1] * (scales.rate / units(scenario).rate)
-        if not np.isfinite(values).all():
+        found = rate_means(scenario, self.seeds, every=every, block=block, controller=self.controller)
+        if not np.isfinite(found).all():
             step, at = scenario.run.step, DEG_PER_S.of(rate)
             raise ValueError(f"run.step is {step:g}: it must be less, as the run at {at:g} deg/s diverges")
-        count = values.shape[1] // block
-        means = values[:, : count * block].reshape(len(values), count, block).mean(axis=2)
-        return Output(means, every * block * self.scenario.run.step * scales.time)
+        return Output(found * scales.rate, every * block * self.scenario.run.step * scales.time)
+
+    def steps_at_rest(self, seconds: float | None) -> int:
+        """Of a run that has a steady record so long; half a million if None.
+
+        Raises ValueError where these are more than a run can have, or leave too few outputs.
+        """
+        if seconds is None:
+            return REST_STEPS
+        run, (every, block) = self.scenario.run, self.block
+        start, step = run.steps // 2, run.step * self.scenario.plant.scales.time
+        least, most = MIN_OUTPUTS * every * block * step, (MAX_STEPS - start) * step
+        if not least <= seconds <= most:
+            raise ValueError(f"rest is {seconds:g}: it must lie between {least:.3g} and {most:.6g} s")
+        return start + round(seconds / step)
+
+    def at_rest(self, seconds: float | None = None) -> Output:
+        """A long record of the steady output at rate 0: of this device time."""
+        found = self.output(0.0, steps=self.steps_at_rest(seconds))
+        return found.settled() if seconds is None else Output(found.rate[:, OUTPUTS // 2 :], found.interval)
 
 
 def _check_reports(scenario: Scenario, controller: ControllerLike) -> None:

@@ -125,6 +125,23 @@ class Outside:
             whole[place, : len(rows)] = rows
         return whole, np.array([samples for _, samples in found])
 
+    def rate_means(
+        self,
+        scenarios: Sequence[Scenario],
+        setups: Sequence[_core.DeviceSetup],
+        every: int,
+        block: int,
+        threads: int,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """As `_core.rate_means`."""
+        found = self._each(
+            scenarios,
+            setups,
+            lambda some, laws, of: _core.law_rate_means(some, laws, of, every, block, self.is_native, threads),
+        )
+        means, lasted = zip(*found, strict=True)
+        return np.concatenate(means), np.concatenate(lasted)
+
     def measure(
         self,
         scenarios: Sequence[Scenario],
