@@ -31,7 +31,11 @@ SUDO = $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 reproduce: .venv/installed
 	$(BIN)/fracgyro reproduce $(ARGS)
 
-test:
+# Compilers need not wait until everything is downloaded. What fails here fails again, with its reason, where it is
+# needed.
+test: .venv/tools setup-test
+	@$(MAKE) --no-print-directory .venv/installed-test & \
+	  $(MAKE) --no-print-directory --keep-going build/tests-plain/built build/tests-sanitized/built; wait
 	@$(MAKE) --no-print-directory --keep-going check test-core test-python
 	@echo "All checks and tests passed."
 
@@ -171,19 +175,25 @@ if not shutil.which(os.environ.get("CXX", "c++").split()[0]):
 endef
 export NEEDED
 
+# All that the C++ tests need of it.
+.venv/tools: | $(BIN)/pip
+	$(BIN)/pip install --quiet --disable-pip-version-check cmake ninja
+	@touch $@
+
 .venv/installed: $(BUILT_FROM) | $(BIN)/pip
 	$(BIN)/pip install --quiet --disable-pip-version-check --editable .
 	@touch $@
 
+# Python compiles what is imported; most is not.
 .venv/installed-%: $(BUILT_FROM) | $(BIN)/pip
-	$(BIN)/pip install --quiet --disable-pip-version-check --editable ".[$*]"
+	$(BIN)/pip install --quiet --disable-pip-version-check --no-compile --editable ".[$*]"
 	@touch .venv/installed $@
 
 # The C++ tests: once as shipped, once under the sanitizers. Warnings are shown; in .ci/run they are errors.
 build/tests-sanitized/built: OPTIONS := -DFRACGYRO_SANITIZE=$(SANITIZERS),float-divide-by-zero
 build/tests-threads/built: OPTIONS := -DFRACGYRO_SANITIZE=thread
 build/tests-threads/built: BUILD := --target test_batch
-build/tests-%/built: $(CPP) CMakeLists.txt tests/cpp/CMakeLists.txt | .venv/installed-test setup-test
+build/tests-%/built: $(CPP) CMakeLists.txt tests/cpp/CMakeLists.txt | .venv/tools setup-test
 	$(BIN)/cmake -S . -B $(@D) -G Ninja -DCMAKE_MAKE_PROGRAM="$(CURDIR)/$(BIN)/ninja" \
 	  -DFRACGYRO_PYTHON=OFF -DFRACGYRO_TESTS=ON $(OPTIONS) \
 	  -DFRACGYRO_WARNINGS_AS_ERRORS=$(if $(FRACGYRO_SKIP_NOTHING),ON,OFF) >/dev/null

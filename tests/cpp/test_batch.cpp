@@ -1,10 +1,12 @@
-#include "paper.hpp"
 #include "scalars.hpp"
+#include "switches.hpp"
 
 #include "fracgyro/sim/batch.hpp"
 
+#include <chrono>
 #include <stdexcept>
 #include <string>
+#include <thread>
 
 namespace fracgyro::testing {
 namespace {
@@ -34,6 +36,22 @@ TEST(ParallelFor, HandsOnWhatIsThrownInAnyThread) {
     }
 }
 
+// Two tasks that wait for each other, of which the caller's ends long before the other throws.
+TEST(ParallelFor, HandsOnWhatIsThrownLast) {
+    std::atomic<int> begun{0};
+    const auto caller = std::this_thread::get_id();
+    const auto task = [&](std::size_t) {
+        for (++begun; begun < 2;) {
+            std::this_thread::yield();
+        }
+        if (std::this_thread::get_id() != caller) {
+            std::this_thread::sleep_for(std::chrono::milliseconds(50));
+            throw std::runtime_error("late");
+        }
+    };
+    EXPECT_THROW(parallel_for(2, 2, task), std::runtime_error);
+}
+
 TEST(Metrics, TheSteadyWindowBeginsAtTheFirstSampleThatIsNotBeforeIt) {
     auto setup = paper(1000);
     setup.common.step = 0.1;
@@ -44,9 +62,10 @@ TEST(Metrics, TheSteadyWindowBeginsAtTheFirstSampleThatIsNotBeforeIt) {
     EXPECT_EQ(first_steady_sample({.transient = 0.0}, setup), 0);
 }
 
-std::vector<MetricValues> measured(const std::vector<const fracgyro::Setup*>& runs, unsigned threads) {
+std::vector<MetricValues> measured(const std::vector<const fracgyro::Setup*>& runs, unsigned threads,
+                                   double transient = 1.0) {
     static constexpr Kernels<double, 2> kernels{};
-    return measure_all(kernels, runs, MetricsParams{.transient = 1.0}, threads);
+    return measure_all(kernels, runs, MetricsParams{.transient = transient}, threads);
 }
 
 // Twenty runs of 2,000 steps, two of which go together, and forty with one noise, by any number of threads: also for
@@ -69,6 +88,60 @@ TEST(MeasureAll, GivesTheSameWhateverTheNumberOfThreads) {
     const std::size_t size = one.size() * sizeof one[0];
     EXPECT_EQ(std::memcmp(measured(all, 2).data(), one.data(), size), 0);
     EXPECT_EQ(std::memcmp(measured(all, 7).data(), one.data(), size), 0);
+}
+
+// Runs that differ in a switch, their exponentials or their noise, in one call: each has the metrics of its own call.
+TEST(MeasureAll, RunsThatDifferDoNotDisturbEachOther) {
+    std::vector<fracgyro::Setup> setups(4, paper(200));
+    law(setups[0]).surface.kernel = log_trapezoid(0.5, 1e-3, 0.2, 0.8);
+    law(setups[1]).surface.kernel = log_trapezoid(1.0, 1e-3, 0.2);
+    setups[2].disturbance.seed = 5;
+    setups[3].disturbance.seed = 6;
+    for (const auto& [name, values] : switches) {
+        setups.push_back(with(paper(200), name, values.off));
+        setups.push_back(with(paper(200), name, values.on));
+    }
+    std::vector<const fracgyro::Setup*> all;
+    for (const fracgyro::Setup& setup : setups) {
+        all.push_back(&setup);
+    }
+    const auto together = measured(all, 1, 0.1);
+    for (std::size_t i = 0; i < all.size(); ++i) {
+        const auto single = measured({all[i]}, 1, 0.1);
+        EXPECT_EQ(std::memcmp(&single[0], &together[i], sizeof single[0]), 0) << i;
+    }
+}
+
+TEST(MeasureAll, RunsWithAnyDisturbancesShareABlock) {
+    std::vector<fracgyro::Setup> setups(4, paper(200));
+    setups[0].disturbance = {.kind = DisturbanceKind::sine, .amplitude = {9.0, 5.0}, .phase = {1.0, 2.0}};
+    setups[1].disturbance = {.kind = DisturbanceKind::noise, .hold = 3, .seed = 8};
+    setups[2].disturbance = {.kind = DisturbanceKind::noise, .seed = 9};
+    setups[3].disturbance = {};
+    for (const auto& first : setups) {
+        for (const auto& second : setups) {
+            const std::vector<const fracgyro::Setup*> both{&first, &second};
+            ASSERT_EQ(tasks_of(both, 2, 1).size(), 1U);
+            const auto together = measured(both, 1, 0.1);
+            for (std::size_t i = 0; i < both.size(); ++i) {
+                EXPECT_EQ(std::memcmp(&together[i], &measured({both[i]}, 1, 0.1)[0], sizeof together[i]), 0);
+            }
+        }
+    }
+}
+
+double metric(const MetricValues& values, std::string_view name) {
+    return values[static_cast<std::size_t>(std::find(metric_names.begin(), metric_names.end(), name) -
+                                           metric_names.begin())];
+}
+
+TEST(MeasureAll, ANegativeRateThatIsKnownHasSettledFromTheStart) {
+    for (const double rate : {0.1, -0.1}) {
+        auto known = paper(100);
+        known.plant.rate = known.common.nominal.rate = rate;
+        law(known).adaptation.adaptive = false;
+        EXPECT_EQ(metric(measured({&known}, 1)[0], "rate_settling_time"), 0.0) << rate;
+    }
 }
 
 // Of runs with one seed or several: how many tasks of which blocks.
@@ -155,9 +228,8 @@ TEST(MeasureAll, ARunThatStartsBeyondTheLimitHasNoSample) {
     wild.plant.initial_position = {0.0, -2.0 * divergence_limit};
     const auto calm = paper(100);
     const auto found = measured({&wild, &calm}, 1);
-    const auto place = std::find(metric_names.begin(), metric_names.end(), "diverged_at") - metric_names.begin();
-    EXPECT_EQ(found[0][static_cast<std::size_t>(place)], 0.0);
-    EXPECT_TRUE(std::isnan(found[1][static_cast<std::size_t>(place)]));
+    EXPECT_EQ(metric(found[0], "diverged_at"), 0.0);
+    EXPECT_TRUE(std::isnan(metric(found[1], "diverged_at")));
 }
 
 }  // namespace

@@ -1,8 +1,7 @@
 // Which runs may lie in one block: those whose coefficients differ in nothing but what every lane has of its own.
-#include "paper.hpp"
+#include "switches.hpp"
 
 #include "fracgyro/sim/batch.hpp"
-#include "fracgyro/sim/settings.hpp"
 
 #include <gtest/gtest.h>
 
@@ -12,48 +11,10 @@
 namespace fracgyro::testing {
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
-
-// Calls visit(name, field, number) for every number of a run.
-template <class SetupLike, class Visit>
-void for_each_named(SetupLike& setup, Visit&& visit) {
-    for_each_setting(setup, [&](std::string_view table, const auto& field, std::string_view part, auto& number) {
-        visit(std::string(table) + '.' + std::string(field.name) + std::string(part), field, number);
-    });
-}
-
-// The run with one number set to another.
-fracgyro::Setup with(fracgyro::Setup setup, const std::string& name, double value) {
-    bool found = false;
-    for_each_named(setup, [&](const std::string& each, const auto&, auto& number) {
-        if (each == name) {
-            number = static_cast<std::remove_reference_t<decltype(number)>>(value);
-            found = true;
-        }
-    });
-    EXPECT_TRUE(found) << name;
-    return setup;
-}
 std::string key_with(const fracgyro::Setup& setup, const std::string& name, double value) {
     return lane_key(with(setup, name, value));
 }
 
-struct Switch {
-    double off, on, also_on;
-};
-// What decides over a whole block. On is one thing, whatever the value.
-const std::map<std::string, Switch> switches{
-    {"run.step", {1e-3, 2e-3, 2e-3}},
-    {"run.steps", {2000, 1999, 1999}},
-    {"controller.force_limit", {infinity, 100.0, 200.0}},
-    {"controller.switching_limit", {infinity, 0.5, 0.25}},
-    {"controller.terminal_exponent", {0.5, 0.7, 0.25}},
-    {"controller.rate_law", {0.0, 1.0, 1.0}},
-    {"adaptation.leakage", {0.0, 1.0, 2.0}},
-    {"adaptation.dead_zone", {0.0, 0.5, 0.25}},
-    {"adaptation.projection", {0.0, 0.5, 0.25}},
-    {"adaptation.kind", {0.0, 1.0, 1.0}},
-};
 const std::map<std::string, Switch> switches_of_composite{
     {"adaptation.forgetting", {0.0, 1.0, 2.0}},
     {"controller.adaptive", {1.0, 0.0, 0.0}},
@@ -154,32 +115,6 @@ TEST(LaneKey, IsOneForOrdersOfAnyNumberOfModesAndAnotherForNone) {
     EXPECT_EQ(lane_key(many), lane_key(few));
     EXPECT_NE(lane_key(many), lane_key(of_order(1.0)));
     EXPECT_EQ(lane_key(of_order(0.0)), lane_key(of_order(1.0)));
-}
-
-// Runs that differ in a switch, their exponentials or their noise, in one call: each has the metrics of its own call.
-TEST(MeasureAll, RunsThatDifferDoNotDisturbEachOther) {
-    std::vector<fracgyro::Setup> setups(4, paper(200));
-    law(setups[0]).surface.kernel = log_trapezoid(0.5, 1e-3, 0.2, 0.8);
-    law(setups[1]).surface.kernel = log_trapezoid(1.0, 1e-3, 0.2);
-    setups[2].disturbance.seed = 5;
-    setups[3].disturbance.seed = 6;
-    for (const auto& [name, values] : switches) {
-        setups.push_back(with(paper(200), name, values.off));
-        setups.push_back(with(paper(200), name, values.on));
-    }
-    static constexpr Kernels<double, 2> kernels{};
-    const auto measured = [&](std::span<const fracgyro::Setup* const> runs) {
-        return measure_all(kernels, runs, MetricsParams{.transient = 0.1}, 1);
-    };
-    std::vector<const fracgyro::Setup*> all;
-    for (const fracgyro::Setup& setup : setups) {
-        all.push_back(&setup);
-    }
-    const auto together = measured(all);
-    for (std::size_t i = 0; i < all.size(); ++i) {
-        const auto single = measured(std::span(all).subspan(i, 1));
-        EXPECT_EQ(std::memcmp(&single[0], &together[i], sizeof single[0]), 0) << i;
-    }
 }
 
 // -- Of coefficients that no list knows

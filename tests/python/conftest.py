@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 # Neither the clock nor chance decides: `make check-deep` is where new examples are searched for.
@@ -15,6 +16,15 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.load_profile("same everywhere")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.addinivalue_line("markers", "takes_a_minute: comes first")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Tests that take a minute come first: at the end no worker waits for one of them."""
+    items.sort(key=lambda item: item.get_closest_marker("takes_a_minute") is None)
 
 
 def pytest_terminal_summary(terminalreporter: Any) -> None:

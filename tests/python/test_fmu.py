@@ -415,6 +415,7 @@ def test_the_same_scenario_gives_the_same_bytes(made: Callable[..., str], tmp_pa
     assert (tmp_path / "again.fmu").read_bytes() == Path(made(SHORT, fmi)).read_bytes()
 
 
+@pytest.mark.takes_a_minute
 def test_zig_makes_the_binaries_of_other_systems(tmp_path: Path) -> None:
     need("other systems")
     export(SHORT, tmp_path / "all.fmu", systems=["linux", "windows", "macos"])

@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import nanobind
+import pytest
 from children import PATIENCE
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -52,6 +53,7 @@ def installed(tree: Path) -> Path:
     return package
 
 
+@pytest.mark.takes_a_minute
 def test_the_controller_of_the_guide_is_one_file_and_one_line_and_found_in_every_face(tmp_path: Path) -> None:
     tree = tmp_path / "tree"
     shutil.copytree(ROOT, tree, ignore=NEITHER_BUILT_NOR_INSTALLED)
