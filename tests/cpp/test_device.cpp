@@ -25,6 +25,8 @@ TEST(MovingRate, AStaircaseClimbsAtItsSamplesAndStaysOnTheLastLevel) {
     EXPECT_EQ(rate.at(14), 2.0);
     EXPECT_EQ(rate.at(18), 2.5);
     EXPECT_EQ(rate.at(100), 2.5);
+    const AngularRate from_the_first({.kind = AngularRateKind::staircase, .amplitude = 0.5}, 1.0, 0.1, 100);
+    EXPECT_EQ(from_the_first.before(0), 1.5) << "at the first sample nothing jumps";
 }
 
 TEST(MovingRate, ASineAndAChirpAreThoseOfTheTimeSinceTheirStart) {

@@ -105,6 +105,7 @@ TEST(DesignedModes, CoverAtLeastTenStepsAndAreNoneForIntegerOrders) {
         const ExponentialSum none = designed_kernel(*room, order, 1e-3, 80.0, 1e-6);
         EXPECT_EQ(none.count, 0U);
         EXPECT_EQ(none.gamma, 1.0);
+        EXPECT_EQ(none.error, 0.0);
     }
     EXPECT_EQ(designed_kernel(*room, 0.999, 1e-3, 1e7, 1e-11).count, 0U);  // would be 71, more than there is room for
 }

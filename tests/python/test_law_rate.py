@@ -9,6 +9,7 @@ from pathlib import Path
 import fracgyro as fg
 import numpy as np
 import pytest
+from fracgyro import metrics
 from fracgyro.export.compilers import system_compiler
 from fracgyro.rate.bound import bound_angle_random_walk
 from fracgyro.rate.runs import Sensor
@@ -87,6 +88,16 @@ def test_the_output_is_what_the_controller_reports_in_any_units(law: fg.native.L
         found = Sensor.of(DEVICE.replace({"run.units": units}), 1, Sensing()).output(rate)
         np.testing.assert_allclose(found.rate, expected.rate, rtol=0, atol=1e-6 * rate)
         assert found.interval == expected.interval
+
+
+@pytest.mark.parametrize("units", ["nondimensional", "SI"])
+def test_the_error_of_the_estimate_is_the_same_measured_and_recorded_in_any_units(units: str) -> None:
+    scenario = DEVICE.replace({"run.units": units, "run.duration": 20.0})
+    time, unit = (scenario.plant.scales.time, scenario.plant.scales.rate) if units == "SI" else (1.0, 1.0)
+    found = fg.measure_many([scenario], transient=5.0, controller=Sensing()).isel(run=0)
+    wanted = metrics.summary(fg.simulate(scenario, Sensing()), transient=5.0 * time)
+    for name in ("rate_error", "rate_error_rms", "rate_error_peak"):
+        assert unit * float(found[name]) == pytest.approx(float(wanted[name]), rel=1e-9), name
 
 
 def test_the_bound_is_of_the_motion_that_the_controller_brings_about(law: fg.native.Law) -> None:

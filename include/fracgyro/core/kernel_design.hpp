@@ -59,7 +59,7 @@ public:
             maximum(9.86960440108935861883 / (quarter_period(excess_) + 0.25), 2.0 * logarithm(8.0 / span_));
         const double estimate = (logarithm(shape_ / tolerance) + 0.65 + 1.5 * shape_) / decay;
         std::size_t n = estimate > 1.0 ? whole_above(estimate) : 1;
-        double bound = n <= max_terms ? certified(n) : 2.0 * tolerance;
+        double bound = n <= max_terms ? certified(n) : std::numeric_limits<double>::infinity();
         while (bound > tolerance) {
             if (++n > max_terms) {
                 return;
@@ -246,8 +246,7 @@ private:
         double least = std::numeric_limits<double>::infinity();
         for (int exchange = 0; exchange < 5; ++exchange) {
             level();
-            double highest = 0.0, lowest = 0.0;
-            to_extrema(highest, lowest);
+            const auto [highest, lowest] = to_extrema();
             if (highest < least) {
                 best_ = sum_;
                 least = highest;
@@ -258,22 +257,24 @@ private:
         }
     }
 
+    struct Levels {
+        double highest{}, lowest{};
+    };
     // Moves the times to the 2n+1 extrema of the error, and finds the greatest and the least of its levels there. Where
     // the error has not exactly 2n-1 interior extrema the least is 0 and the times stay.
-    void to_extrema(double& highest, double& lowest) {
+    Levels to_extrema() {
         const std::size_t intervals = 2 * n_, last = intervals * pieces;
         PerTerm term, decay;
-        highest = lowest = 0.0;
+        Levels levels;
         for (std::size_t g = 0; g <= last; ++g) {
             const std::size_t i = g / pieces;
             const double part = static_cast<double>(g % pieces) / double{pieces};
             grid_[g] = g == last ? log_times_[intervals] : log_times_[i] + (log_times_[i + 1] - log_times_[i]) * part;
             errors_[g] = terms(grid_[g], term.data(), decay.data());
             if (!(absolute(errors_[g]) < std::numeric_limits<double>::infinity())) {
-                highest = std::numeric_limits<double>::infinity();
-                return;
+                return {.highest = std::numeric_limits<double>::infinity()};
             }
-            highest = maximum(highest, absolute(errors_[g]));
+            levels.highest = maximum(levels.highest, absolute(errors_[g]));
         }
         std::array<double, most_times> vertices;
         std::size_t found = 0;
@@ -284,7 +285,7 @@ private:
                 continue;
             }
             if (++found >= intervals) {
-                return;
+                return levels;
             }
             const double left = grid_[g] - grid_[g - 1], right = grid_[g + 1] - grid_[g];
             const double slope_left = before / left, slope_right = after / right;
@@ -292,12 +293,13 @@ private:
             least = minimum(least, absolute(errors_[g]));
         }
         if (found + 1 != intervals) {
-            return;
+            return levels;
         }
-        lowest = least;
+        levels.lowest = least;
         for (std::size_t i = 1; i <= found; ++i) {
             log_times_[i] = vertices[i];
         }
+        return levels;
     }
 };
 

@@ -125,19 +125,17 @@ struct OutsideController {
     static std::uint64_t steps(const State& state) { return state.reference.steps; }
     static void start_over(State&, bool) {}
 
+    // In simulations no sample is missing, and no guard is around a law.
     static Signals<double, Report> step(State& state, const Coefficients& c, const Motion<double>& measured,
-                                        const Sample<double>* missing = nullptr) {
+                                        const Sample<double>* = nullptr) {
         const double time = static_cast<double>(state.reference.steps) * c.step * c.law.units.time;
         Signals<double, Report> signals{.reference = Reference<double>::update(state.reference, c.reference)};
         const ReferencePoint<double>& r = signals.reference;
-        signals.error = missing == nullptr ? tracking_error(measured, r) : *missing;
-        const Motion<double> motion = missing == nullptr ? measured
-                                                         : Motion<double>{.position = r.position + missing->value,
-                                                                          .velocity = r.velocity + missing->derivative};
+        signals.error = tracking_error(measured, r);
         const Vec2<double> given =
             c.law.law->force({.time = time,
-                              .position = c.law.units.length * motion.position,
-                              .velocity = c.law.units.velocity * motion.velocity,
+                              .position = c.law.units.length * measured.position,
+                              .velocity = c.law.units.velocity * measured.velocity,
                               .reference = c.law.units.length * r.position,
                               .reference_velocity = c.law.units.velocity * r.velocity,
                               .reference_acceleration = c.law.units.acceleration * r.acceleration});

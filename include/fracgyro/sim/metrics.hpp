@@ -140,10 +140,7 @@ std::int64_t first_steady_sample(const MetricsParams& p, const SetupOf<Params>& 
     const double h = setup.common.step;
     const std::int64_t end = setup.steps + 1;
     const double whole = minimum(maximum(0.0, p.transient / h), static_cast<double>(end));  // 0 for NaN
-    auto n = static_cast<std::int64_t>(whole);
-    while (n > 0 && !(static_cast<double>(n - 1) * h < p.transient)) {
-        --n;
-    }
+    std::int64_t n = std::max<std::int64_t>(static_cast<std::int64_t>(whole) - 1, 0);       // the quotient is rounded
     while (n < end && static_cast<double>(n) * h < p.transient) {
         ++n;
     }

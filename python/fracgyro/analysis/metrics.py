@@ -203,7 +203,7 @@ def _nothing(run: xr.Dataset, name: str) -> xr.DataArray:
     if columns is None:
         return nothing
     dimension, labels = columns
-    return nothing.expand_dims({dimension: labels}, axis=-1)
+    return nothing.expand_dims({dimension: labels})
 
 
 def measured(scenario: Scenario) -> xr.Dataset:
