@@ -140,7 +140,7 @@ def device_lines() -> list[str]:
         "Composite adaptation, thermal noise; `[device]` as said, and the rest as shipped. Rates of ±10, ±100, ±300 "
         f"deg/s and 0. Converters reach to ±{RANGE:g} times the largest amplitude and speed. Sensing noise: "
         f"{PICK_OFF:g} m/√Hz of position, ω0 times that of velocity, a supposition. In brackets the 95 % interval over "
-        "seeds. No angle random walk where the Allan deviation has no stretch of slope −1/2; the last column is the "
+        "seeds. No angle random walk where the Allan deviation shows no white noise; the last column is the "
         "deviation over the longest time that the record has ten of. With positions alone the mass starts where it "
         "turns.",
         "",

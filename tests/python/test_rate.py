@@ -235,7 +235,7 @@ def test_knowing_damping_and_stiffness_lowers_the_bound_where_the_speeds_differ(
     assert (bound.unknown / bound.known) ** 2 == pytest.approx((1 / a + 1 / b) / 4 * (a + b), rel=1e-2)
 
 
-def test_the_bound_is_of_the_density_that_held_noise_has_and_of_the_steady_motion() -> None:
+def test_the_bound_is_of_the_density_that_held_noise_has_and_the_start_does_not_matter() -> None:
     scenario = shipped("tuned_in_air").replace({"run.duration": 2000.0})
     density, hold = scenario.disturbance.density, 4 * scenario.run.step
     assert density is not None
@@ -252,7 +252,7 @@ def test_the_bound_is_of_the_density_that_held_noise_has_and_of_the_steady_motio
     assert of_held is not None
     assert from_rest is not None
     assert of_held.known == pytest.approx(bound.known, rel=1e-3)
-    assert from_rest.known == pytest.approx(bound.known, rel=3e-4)  # on the reference after a tenth of the run
+    assert from_rest.known == pytest.approx(bound.known, rel=3e-4)
 
 
 def test_without_noise_the_bound_is_0_and_a_motion_that_tells_nothing_apart_has_none() -> None:
@@ -288,7 +288,7 @@ def test_the_measured_noise_is_near_the_bound_and_its_figures_are_finite() -> No
     # Half the walk over one bound, a quarter over the other.
     doubled = replace(measured, bound=Bound(2 * walk.value, 4 * walk.value))
     note = next(result.note for result in results(doubled) if result.key == "angle_random_walk")
-    assert re.findall(r"\b0\.\d\d of", note) == ["0.50 of", "0.25 of"]
+    assert re.findall(r"\b0\.\d\d times", note) == ["0.50 times", "0.25 times"]
 
 
 def test_the_second_half_of_a_run_counts_as_steady() -> None:

@@ -158,8 +158,9 @@ def _angle_random_walk(found: Estimate | None, bound: Bound | None) -> Result:
     if bound:
         known, unknown = bound.known, bound.unknown
         note = (
-            f"{found.value / known:.2f} of the Cramér-Rao bound if D and K are known, {short(unit.of(known))}; "
-            f"{found.value / unknown:.2f} of that if they are not, {short(unit.of(unknown))}"
+            f"{found.value / known:.2f} times the Cramér-Rao bound of this noise of force and sensing if D and K are "
+            f"known, {short(unit.of(known))}; {found.value / unknown:.2f} times that if they are not, "
+            f"{short(unit.of(unknown))}"
         )
     value, low, high = (unit.of(number) for number in (found.value, found.low, found.high))
     graded = grade("angle_random_walk", value)
