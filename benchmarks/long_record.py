@@ -140,8 +140,9 @@ def main() -> None:
         "",
         f"dual_mass at rest, composite adaptation, thermal noise. B = {FLICKER * per_h:.3g} deg/h and K = "
         f"{WALK * per_h * 60:.3g} deg/h/√h act as a rate. {len(SEEDS)} records of {RECORD / 60:.0f} minutes of device "
-        f"time at {OUTPUT * 1e3:.0f} ms, {steps:.3g} steps together: {took / 60:.1f} minutes on two threads, with whatever "
-        f"else ran. The process grew by {grown:.1f} MB meanwhile, of which the outputs are {found.nbytes / 1e6:.1f} MB.",
+        f"time at {OUTPUT * 1e3:.0f} ms, {steps:.3g} steps together: {took / 60:.1f} minutes on two threads, with "
+        f"whatever else ran. The process grew by {grown:.1f} MB meanwhile, of which the outputs are "
+        f"{found.nbytes / 1e6:.1f} MB.",
         "",
         "| term | unit | in the scenario | found in the Allan deviation |",
         "|---" * 4 + "|",
