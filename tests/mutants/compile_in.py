@@ -55,7 +55,7 @@ def blanked(text: str) -> str:
 
 
 def computed_by_the_compiler(code: str) -> list[tuple[int, int]]:
-    """Constexpr variables, static assertions, attributes, template heads, and the defaults of members."""
+    """Constexpr variables, static assertions, attributes, template heads, macros, and the defaults of members."""
     spans = []
     declared = r"\b(?:constexpr|constinit)\b[^;(){}=]*[={]|\bstatic_assert\b|\bconcept\b|\bconsteval\b|\busing\b"
     for start in re.finditer(rf"\bfields\(\) \{{|{declared}", code):
@@ -66,7 +66,8 @@ def computed_by_the_compiler(code: str) -> list[tuple[int, int]]:
             if code[at - 1] == end and depth == 0:
                 break
         spans.append((start.start(), at))
-    for found in re.finditer(r"\[\[.*?\]\]|\btemplate <.*?>(?=\s)|\bcase\b[^\n]*?:|\bif constexpr\b[^\n]*", code):
+    words = r"\[\[.*?\]\]|\btemplate <.*?>(?=\s)|\bcase\b[^\n]*?:|\bif constexpr\b[^\n]*|^[A-Z_]+\([^\n]*\)$"
+    for found in re.finditer(words, code, re.MULTILINE):
         spans.append(found.span())
     defaults = r"^ {4,8}(?:const )?[\w:<>, ]+ \w+(?: = [\w.+-]+|\{[\w.+, -]*\})(?:, \w+ = [\w.+-]+)*;[ ]*$"
     for found in re.finditer(defaults, code, re.MULTILINE):

@@ -28,6 +28,7 @@ def test_a_listed_mutant_of_the_package_is_there_once(entry: dict[str, Any]) -> 
 def test_the_rules_find_what_they_say_and_nothing_that_the_compiler_computes() -> None:
     code = """#pragma once
 inline constexpr double limit = 2.0 * 3.0;
+FRACGYRO_COPY(f, 2 * 3)
 inline double f(double a, int n) {  // a + b
     double s = 0.0;
     if (n < 4) {
@@ -38,15 +39,15 @@ inline double f(double a, int n) {  // a + b
 """
     found = compile_in.candidates("f.hpp", code)
     assert [(m.rule, m.line) for m in sorted(found, key=lambda m: (m.line, m.rule))] == [
-        ("comparison", 5),
-        ("condition", 5),
-        ("constant", 5),
+        ("comparison", 6),
+        ("condition", 6),
         ("constant", 6),
-        ("product", 6),
-        ("statement", 6),
-        ("sum", 6),
+        ("constant", 7),
+        ("product", 7),
+        ("statement", 7),
+        ("sum", 7),
     ]
-    assert compile_in.mutated(code, list(enumerate(found))).splitlines()[5:7] == [
+    assert compile_in.mutated(code, list(enumerate(found))).splitlines()[6:8] == [
         "    if (mutant::active(3) != bool(n < mutant::Than{2} < mutant::number(4, 4))) {",
         "        if (!mutant::active(6)) { "
         "s = a + mutant::Sign{0} * mutant::number(5, 1e-2) * mutant::Factor{1} * a; }",
