@@ -44,7 +44,8 @@ std::size_t state_size(const Setup& s, std::size_t capacity) {
     with_controller<T>(s.controller, [&]<class C>() {
         const auto size = [&]<std::size_t Capacity>() {
             using Sized = typename SizedController<C, Capacity>::Type;
-            return s.common.observer_bandwidth > 0.0 ? sizeof(typename Guard<Observing<Sized>>::State)
+            using WithoutVelocity = typename FromPositions<Sized>::Type;
+            return s.common.observer_bandwidth > 0.0 ? sizeof(typename Guard<WithoutVelocity>::State)
                                                      : sizeof(typename Guard<Sized>::State);
         };
         [&]<std::size_t... I>(std::index_sequence<I...>) {

@@ -26,9 +26,11 @@ consteval bool fit(List<Controllers...>) {
 }
 template <class... Controllers>
 consteval bool fit_on_hardware(List<Controllers...>) {
-    return (Resumable<Observing<Controllers>> && ...) && (Controller<Guard<Controllers>> && ...) &&
-           (Controller<Guard<Observing<Controllers>>> && ...) &&
-           ((measures_velocity<Guard<Controllers>> && !measures_velocity<Guard<Observing<Controllers>>>) && ...);
+    return (Resumable<typename FromPositions<Controllers>::Type> && ...) && (Controller<Guard<Controllers>> && ...) &&
+           (Controller<Guard<typename FromPositions<Controllers>::Type>> && ...) &&
+           ((measures_velocity<Guard<Controllers>> &&
+             !measures_velocity<Guard<typename FromPositions<Controllers>::Type>>) &&
+            ...);
 }
 template <class... Entries>
 consteval bool all_fit(std::tuple<Entries...>*) {
@@ -46,6 +48,10 @@ consteval bool all_fit(std::tuple<Entries...>*) {
 static_assert(all_fit(static_cast<Registry*>(nullptr)));
 static_assert(std::is_same_v<RegisteredController<double, 3, 1>,
                              SlidingModeController<double, LinearSurface, CompositeAdaptation>>);
+static_assert(std::is_same_v<FromPositions<RegisteredController<double, 3, 2>>::Type,
+                             SlidingModeController<double, LinearSurface, JointFromPositions>>);
+static_assert(std::is_same_v<FromPositions<RegisteredController<double, 3, 1>>::Type,
+                             Observing<RegisteredController<double, 3, 1>>>);
 
 TEST(Registry, EveryKindPreparesTheControllerOfItsParameters) {
     for (std::size_t kind = 0; kind < controller_kinds.size(); ++kind) {
@@ -69,8 +75,7 @@ TEST(Registry, EveryKindPreparesTheControllerOfItsParameters) {
 
 TEST(Registry, OfEveryKindTheGuardedForceIsFiniteAndWithinTheLimitWhateverIsMeasured) {
     std::mt19937_64 random(7);
-    for (const std::string_view kind : controller_kinds) {
-        fracgyro::Setup setup = paper(3000, kind);
+    const auto expect = [&](fracgyro::Setup setup, std::string_view kind) {
         setup.common.force_limit = 6000.0;
         setup.common.observer_bandwidth = 300.0;
         setup.common.guard = {.patience = 3.0, .saturation_patience = 9.0};
@@ -98,6 +103,14 @@ TEST(Registry, OfEveryKindTheGuardedForceIsFiniteAndWithinTheLimitWhateverIsMeas
             with_controller<double>(setup.controller, observed, watch);
             with_controller<float>(setup.controller, observed, watch);
         }
+    };
+    for (const std::string_view kind : controller_kinds) {
+        expect(paper(3000, kind), kind);
+    }
+    for (const AdaptationKind adaptation : {AdaptationKind::composite, AdaptationKind::joint}) {
+        fracgyro::Setup setup = paper(3000, "linear");
+        law(setup).adaptation.kind = adaptation;
+        expect(setup, AdaptationParams::kinds[static_cast<std::size_t>(adaptation)]);
     }
 }
 

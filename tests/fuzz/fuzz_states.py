@@ -27,6 +27,7 @@ PAPER = fg.Scenario.paper().replace({"run.duration": 2.0, "controller.switching_
 SCENARIOS = [
     PAPER,
     PAPER.replace({"adaptation.kind": "composite", "controller.order": 0.5}),
+    PAPER.replace({"adaptation.kind": "joint", "adaptation.covariance_steps": 3}),
     PAPER.replace({"controller.kind": "linear", "controller.force_limit": 1000.0}),
     PAPER.replace({"device.sensing": "position", "controller.derivative": "caputo"}),
 ]

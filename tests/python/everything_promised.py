@@ -42,6 +42,18 @@ KINDS = {
         }
     ),
     "composite": SHORT.replace({"adaptation.kind": "composite", "adaptation.rate_forgetting": 2.0}),
+    "joint": SHORT.replace(
+        {"adaptation.kind": "joint", "adaptation.rate_forgetting": 2.0, "adaptation.forgetting": 0.1}
+    ),
+    "joint, positions, divided": SHORT.replace(
+        {
+            "adaptation.kind": "joint",
+            "adaptation.covariance_steps": 3,
+            "device.sensing": "position",
+            "device.position_noise_density": 1e-14,
+            "device.delay": 2,
+        }
+    ),
     "density": SHORT.replace({"disturbance.standard_deviation": None, "disturbance.density": 1.7e-3}),
     "observer": SHORT.replace({"device.sensing": "position", "device.position_noise_density": 1e-14}),
     "device": SHORT.replace(
@@ -89,7 +101,7 @@ for name, scenario in KINDS.items():
     for number in ("float", "double"):
         keep(f"header, {name}, {number}", coefficients_header(scenario, number))
     keep(f"TOML, {name}", scenario.to_toml(), scenario.content_hash())
-    if name not in ("observer", "device", "electronics"):
+    if name not in ("observer", "device", "electronics", "joint, positions, divided"):
         keep(f"numbers, {name}", list(core_numbers(scenario).values()), *core_kernel(scenario))
 
 for single in (False, True):

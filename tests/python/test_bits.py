@@ -82,6 +82,7 @@ RUNS = [
         {"controller.kind": "fast_terminal", "controller.terminal_exponent": 0.2},
         {"controller.kind": "linear", "controller.force_limit": 900.0},
         {"adaptation.kind": "composite", "adaptation.forgetting": 0.1},
+        {"adaptation.kind": "joint", "adaptation.forgetting": 0.1, "controller.kind": "linear"},
         {"controller.kind": "super_twisting", "run.duration": 2.5},
         {"controller.fractional_gain": 3000.0},  # diverges
     )

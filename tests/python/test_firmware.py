@@ -32,6 +32,8 @@ KINDS = {
     **{kind: {"controller.kind": kind} for kind in kinds.KINDS},
     "fractional_of_order_one": {"controller.order": 1.0},
     "composite": {"adaptation.kind": "composite", "adaptation.rate_forgetting": 2.0},
+    "joint": {"adaptation.kind": "joint", "adaptation.rate_forgetting": 2.0},
+    "joint, divided": {"adaptation.kind": "joint", "adaptation.covariance_steps": 4},
 }
 OK, SATURATED, NOT_FINITE, OUT_OF_RANGE, RESTARTED, REFUSED, IMPLAUSIBLE, LOST = range(8)
 NAN, INF = math.nan, math.inf
@@ -301,7 +303,7 @@ def test_no_bits_of_memory_are_misused_whatever_the_input(scenario: fg.Scenario,
 # -- The same bits -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("adaptation", ["gradient", "composite"])
+@pytest.mark.parametrize("adaptation", ["gradient", "composite", "joint"])
 @pytest.mark.parametrize("number", SCALARS)
 def test_a_fault_on_the_way_changes_no_bit_between_processors_and_compilers(
     number: Number, adaptation: str, tmp_path: Path

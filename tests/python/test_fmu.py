@@ -53,6 +53,7 @@ SCENARIOS = {
     "as printed": fg.Scenario.paper("printed").replace({"run.duration": 2.0}),
     "in SI units": SI,
     "composite adaptation": SHORT.replace({"adaptation.kind": "composite", "adaptation.rate_forgetting": 2.0}),
+    "joint adaptation": SHORT.replace({"adaptation.kind": "joint", "adaptation.rate_forgetting": 2.0}),
     "known parameters, sine": SINE,
     "PID, which reports nothing": SHORT.replace({"controller.kind": "pid"}),
     "super-twisting": SHORT.replace({"controller.kind": "super_twisting"}),

@@ -49,7 +49,7 @@ def test_a_field_of_another_kind_is_refused_and_left_behind_when_the_kind_change
     assert back.replace({"controller.kind": "linear"}).adaptation.leakage == 0.0
 
 
-@pytest.mark.parametrize("adaptation", ["gradient", "composite"])
+@pytest.mark.parametrize("adaptation", ["gradient", "composite", "joint"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_between_steps_a_controller_reports_what_the_coming_one_records(kind: str, adaptation: str) -> None:
     scenario = of_kind(kind).replace({"run.duration": 0.1})

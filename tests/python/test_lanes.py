@@ -28,6 +28,7 @@ SWITCHES = [
     {"controller.terminal_exponent": 0.7, "adaptation.dead_zone": 0.02, "run.duration": 1.5},
     {"controller.kind": "fractional", "adaptation.projection": 0.5, "run.step": 5e-4, "disturbance.hold": None},
     {"adaptation.kind": "composite", "adaptation.forgetting": 0.01},
+    {"adaptation.kind": "joint", "adaptation.forgetting": 0.01, "adaptation.covariance_steps": 3},
 ]
 
 
@@ -109,7 +110,7 @@ def test_all_widths_agree() -> None:
 
 SHORT = PAPER.replace({"run.duration": 0.2})
 SINE = {"disturbance.kind": "sine", "disturbance.amplitude": (50.0, 70.0), "disturbance.frequency": (30.0, 40.0)}
-COMPOSITE = {"adaptation.kind": "composite"}
+COMPOSITE, JOINT = {"adaptation.kind": "composite"}, {"adaptation.kind": "joint"}
 PID, TWISTING = {"controller.kind": "pid"}, {"controller.kind": "super_twisting"}
 # By field: what both runs have besides, and the value of the second. A field that is not here fails a test.
 DIFFERENCES: dict[str, tuple[dict[str, object], object]] = {
@@ -153,6 +154,11 @@ DIFFERENCES: dict[str, tuple[dict[str, object], object]] = {
     "adaptation.initial_rate": ({}, 0.05),
     "adaptation.forgetting": (COMPOSITE, 1.0),
     "adaptation.rate_forgetting": (COMPOSITE, 1.0),
+    "adaptation.covariance_steps": (JOINT, 2),
+    "datasheet.force_noise": (JOINT, 2.0),
+    "datasheet.position_noise": (JOINT, 1e-4),
+    "datasheet.velocity_noise": (JOINT, 1e-4),
+    "datasheet.delay": (JOINT, 1),
     "controller.natural_frequency": (PID, 150.0),
     "controller.damping_ratio": (PID, 1.0),
     "controller.integral_frequency": (PID, 0.0),

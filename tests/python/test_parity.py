@@ -53,6 +53,9 @@ SCENARIOS = {
     "composite, forgetting": fg.Scenario.paper().replace(
         {"adaptation.kind": "composite", "adaptation.forgetting": 0.1, "adaptation.rate_forgetting": 2.0}
     ),
+    "joint, forgetting": fg.Scenario.paper().replace(
+        {"adaptation.kind": "joint", "adaptation.forgetting": 0.1, "adaptation.rate_forgetting": 2.0}
+    ),
     "PID, which reports nothing": fg.Scenario.paper().replace({"controller.kind": "pid"}),
     "super-twisting": fg.Scenario.paper().replace({"controller.kind": "super_twisting"}),
     "fast terminal, sine": fg.Scenario.paper().replace(
@@ -119,7 +122,7 @@ def test_every_way_through_the_law_has_the_same_bits(scenario: str, number: Numb
 
 
 @pytest.mark.parametrize("number", NUMBERS)
-@pytest.mark.parametrize("adaptation", ["gradient", "composite"])
+@pytest.mark.parametrize("adaptation", ["gradient", "composite", "joint"])
 def test_a_run_with_faults_has_the_same_bits_on_every_face(number: Number, adaptation: str, tmp_path: Path) -> None:
     need("WebAssembly")
     checked = {"guard.checked": True, "controller.force_limit": 6000.0, "run.duration": 2.0}

@@ -25,6 +25,7 @@ DEVICE = {
 SCENARIOS = {
     "paper": SHORT,
     "composite": SHORT.replace({"adaptation.kind": "composite"}),
+    "joint": SHORT.replace({"adaptation.kind": "joint", "adaptation.covariance_steps": 2}),
     "pid": SHORT.replace({"controller.kind": "pid"}),
     "device": SHORT.replace(DEVICE),
     "device in SI": SHORT.replace({**DEVICE, "run.units": "SI"}),

@@ -264,7 +264,7 @@ BAD = [
     ({"controller.force_limit": math.nan}, "controller.force_limit is nan: it must be greater than 0"),
     ({"controller.force_limit": 0.0}, "controller.force_limit is 0.0: it must be greater than 0"),
     ({"controller.adaptive": 1}, "controller.adaptive is 1: it must be true or false"),
-    ({"adaptation.kind": "kalman"}, 'adaptation.kind is "kalman": it must be gradient or composite'),
+    ({"adaptation.kind": "kalman"}, 'adaptation.kind is "kalman": it must be gradient, composite or joint'),
     ({"adaptation.damping_gain": 0.0}, "adaptation.damping_gain is 0.0: it must be greater than 0"),
     ({"adaptation.stiffness_gain": -1}, "adaptation.stiffness_gain is -1: it must be greater than 0"),
     ({"adaptation.rate_gain": "150"}, 'adaptation.rate_gain is "150": it must be a number'),

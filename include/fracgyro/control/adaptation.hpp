@@ -41,11 +41,32 @@ Norms<T> norms_of(const Motion<T>& motion, const Vec2<T>& surface) {
     return {.position = both.x(), .velocity = both.y(), .surface = norm(surface)};
 }
 
-enum class AdaptationKind { gradient, composite };
+// What a controller is told of its sensors, its actuator and the noise.
+struct Datasheet {
+    double force_noise = 0.0, position_noise = 0.0, velocity_noise = 0.0;  // standard deviations, drawn every step
+    std::int64_t delay = 0;                                                // steps
+
+    static constexpr auto fields() {
+        using D = Datasheet;
+        constexpr Range delays{.low = 0.0, .high = 8.0, .whole = true};
+        return std::tuple{
+            fixed(field("force_noise", &D::force_noise, "m*omega0^2*q0", at_least_0,
+                        "Standard deviation of the disturbing force, drawn every step. Not set: the truth.")),
+            fixed(field("position_noise", &D::position_noise, "q0", at_least_0,
+                        "Of a measured position, the converter's steps included. Not set: the truth.")),
+            fixed(field("velocity_noise", &D::velocity_noise, "q0*omega0", at_least_0,
+                        "Of a measured velocity. Not set: the truth.")),
+            fixed(field("delay", &D::delay, "h", delays,
+                        "Steps by which the force is late, at most 8. Not set: the truth.")),
+        };
+    }
+};
+
+enum class AdaptationKind { gradient, composite, joint };
 enum class RateLaw { skew, printed };
 
 struct AdaptationParams {
-    AdaptationKind kind = AdaptationKind::gradient;  // composite: the laws and least squares (composite.hpp)
+    AdaptationKind kind = AdaptationKind::gradient;  // composite: the laws and least squares; joint: joint.hpp
     bool adaptive = true;                            // false: the initial estimates are kept
     RateLaw rate_law = RateLaw::skew;
     double damping_gain = 150.0, stiffness_gain = 150.0, rate_gain = 150.0;  // M, N, P
@@ -55,11 +76,12 @@ struct AdaptationParams {
     double dead_zone = 0.0;   // the laws rest while ‖s‖ is below it; 0 off
     double projection = 0.0;  // largest deviation, as a fraction of the family's largest initial entry; 0 off
     double forgetting = 0.0, rate_forgetting = 0.0;  // of least squares, 1/time: all parameters; Ωz besides; 0 nothing
+    std::int64_t covariance_steps = 1;               // of joint: the covariance goes on once in so many
 
     // Which of the adaptations runs.
     constexpr AdaptationKind runs() const { return adaptive ? kind : AdaptationKind::gradient; }
 
-    static constexpr std::string_view kinds[] = {"gradient", "composite"}, switches[] = {"false", "true"},
+    static constexpr std::string_view kinds[] = {"gradient", "composite", "joint"}, switches[] = {"false", "true"},
                                       rate_laws[] = {"skew", "printed"};
     static constexpr auto adaptive_field() {
         return in_table("controller",
@@ -101,7 +123,9 @@ struct AdaptationParams {
                                 "moves.")),
                 choice("kind", &P::kind, kinds,
                        "gradient: the laws (44); composite: with least squares on the plant's equation, which "
-                       "gives D, K, Omega_z and its standard deviation. controller.adaptive false: off."),
+                       "gives D, K, Omega_z and its standard deviation; joint: a Kalman filter of them and of the "
+                       "motion, which "
+                       "knows the sensors' noise and needs no velocity. controller.adaptive false: off."),
             },
             law_fields(),
             std::tuple{
@@ -113,10 +137,15 @@ struct AdaptationParams {
             robustness_fields(),
             std::tuple{
                 field("forgetting", &P::forgetting, "omega0", at_least_0,
-                      "Unit omega0: rate at which composite's least squares forget, all parameters alike. 0.0: off."),
+                      "Unit omega0: rate at which composite and joint forget, all parameters alike. 0.0: off."),
                 field("rate_forgetting", &P::rate_forgetting, "omega0", at_least_0,
                       "Unit omega0: rate at which they forget Omega_z besides, which is their bandwidth for it: a fast "
                       "rate, a noisy estimate. 0.0: off, Omega_z is taken for constant."),
+                settable(
+                    Settable::beforehand,
+                    field("covariance_steps", &P::covariance_steps, "h", Range{.low = 1.0, .high = 8.0, .whole = true},
+                          "Steps, at most 8, among which joint divides the work on its covariance, for a "
+                          "microcontroller. 1: off, all of it each step.")),
             });
     }
 };

@@ -119,4 +119,10 @@ struct Observing {
     }
 };
 
+// A controller for a device that senses no velocity.
+template <Resumable Controller>
+struct FromPositions {
+    using Type = Observing<Controller>;
+};
+
 }  // namespace fracgyro

@@ -39,7 +39,8 @@ struct SlidingMode {
     using Params = SlidingModeParams;
     template <Scalar T>
     using Types = List<SlidingModeController<T, Surface, GradientAdaptation>,
-                       SlidingModeController<T, Surface, CompositeAdaptation>>;
+                       SlidingModeController<T, Surface, CompositeAdaptation>,
+                       SlidingModeController<T, Surface, JointAdaptation>>;
     static constexpr std::size_t chosen(const Params& p) { return static_cast<std::size_t>(p.adaptation.runs()); }
 };
 
@@ -129,7 +130,7 @@ template <Scalar T, class Visit>
 void with_controller(const ControllerParams& any, bool observed, Visit&& visit) {
     with_controller<T>(any, [&]<class C>() {
         if (observed) {
-            visit.template operator()<Observing<C>>();
+            visit.template operator()<typename FromPositions<C>::Type>();
         } else {
             visit.template operator()<C>();
         }

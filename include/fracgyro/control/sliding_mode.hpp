@@ -3,6 +3,8 @@
 #pragma once
 
 #include "fracgyro/control/composite.hpp"
+#include "fracgyro/control/joint.hpp"
+#include "fracgyro/control/observer.hpp"
 #include "fracgyro/control/switching.hpp"
 #include "fracgyro/control/controller.hpp"
 #include "fracgyro/control/error.hpp"
@@ -17,13 +19,14 @@ struct SlidingModeParams {
     SurfaceParams surface{};
     SwitchingParams control{};
     AdaptationParams adaptation{};
+    Datasheet datasheet{};
 
     ExponentialSum& kernel() { return surface.kernel; }
     const ExponentialSum& kernel() const { return surface.kernel; }
     static constexpr auto fields() {
         using P = SlidingModeParams;
         return std::tuple{Inner{"controller", &P::surface}, Inner{"controller", &P::control},
-                          Inner{"adaptation", &P::adaptation}};
+                          Inner{"adaptation", &P::adaptation}, Inner{"datasheet", &P::datasheet}};
     }
 };
 
@@ -43,6 +46,9 @@ struct SlidingModeController {
     using Params = SlidingModeParams;
     using Report = typename AdaptationType::Report;
     static constexpr bool has_memory = SurfaceType::has_memory;
+    // Whether the adaptation estimates the motion too, which the surface and the force are then computed with.
+    static constexpr bool estimates_motion = requires { AdaptationType::estimates_motion; };
+    static constexpr bool measures_velocity = fracgyro::measures_velocity<AdaptationType>;
     // With room for so many exponentials.
     template <std::size_t Capacity>
     using Sized = SlidingModeController<T, detail::SizedSurface<SurfaceOf, Capacity>::template Of, AdaptationOf>;
@@ -63,11 +69,18 @@ struct SlidingModeController {
 
     static Coefficients prepare(const Params& p, const Common& common) {
         const double h = common.step;
+        const auto adaptation = [&] {
+            if constexpr (estimates_motion) {
+                return AdaptationType::prepare(p.adaptation, p.datasheet, common);
+            } else {
+                return AdaptationType::prepare(p.adaptation, common.nominal, h, largest_bound(p.control, h));
+            }
+        };
         return {.reference = Reference<T>::prepare(common.reference, h),
                 .surface = SurfaceType::prepare(p.surface, h),
                 .control = Switching<T>::prepare(p.control, p.adaptation.rate_law, h),
                 .saturation = Saturation<T>::prepare(common.force_limit),
-                .adaptation = AdaptationType::prepare(p.adaptation, common.nominal, h, largest_bound(p.control, h))};
+                .adaptation = adaptation()};
     }
 
     static bool sound(const State& state, const Coefficients& c) {
@@ -85,7 +98,9 @@ struct SlidingModeController {
         // Constants: they are copied as they are, and not put together on the stack.
         static constexpr typename SurfaceType::State no_motion{};
         state.surface = no_motion;
-        if (keep_estimates) {
+        if constexpr (estimates_motion) {
+            AdaptationType::Filter::start_over(state.adaptation, keep_estimates);
+        } else if (keep_estimates) {
             AdaptationType::rest(state.adaptation);
         } else {
             static constexpr typename AdaptationType::State nothing_learnt{};
@@ -98,14 +113,23 @@ struct SlidingModeController {
         Signals<T, Report> signals{.reference = Reference<T>::update(state.reference, c.reference),  // 1
                                    .report = report(state, c)};
         const ReferencePoint<T>& r = signals.reference;
-        const Motion<T> motion = missing == nullptr ? measured
-                                                    : Motion<T>{.position = r.position + missing->value,
-                                                                .velocity = r.velocity + missing->derivative};
-        const Sample<T>& error = signals.error = tracking_error(motion, signals.reference);      // 2
+        signals.error = missing == nullptr ? tracking_error(measured, r) : *missing;  // 2
+        Sample<T> error = signals.error;
+        if constexpr (estimates_motion) {
+            if (missing == nullptr) {
+                AdaptationType::Filter::correct(state.adaptation, c.adaptation.filter, measured, r);
+            }
+            error = state.adaptation.error;
+            signals.error = measures_velocity ? signals.error : error;
+        }
+        const Motion<T> motion =
+            missing == nullptr && !estimates_motion
+                ? measured
+                : Motion<T>{.position = r.position + error.value, .velocity = r.velocity + error.derivative};
         const SurfacePoint<T> surface = SurfaceType::evaluate(state.surface, c.surface, error);  // 3
         signals.report.surface = surface.s;
         Norms<T> norms = norms_of(motion, surface.s);
-        const auto& estimates = AdaptationType::control_estimates(state.adaptation, c.adaptation, signals.report);
+        const auto& estimates = control_estimates(state, c, signals.report);
         signals.force = Switching<T>::force(c.control, estimates, motion, signals.reference, surface, norms);  // 4
         Vec2<T> learnt_from = surface.s;
         if (c.saturation.limited) {
@@ -119,13 +143,31 @@ struct SlidingModeController {
             norms.surface = active * norms.surface;
         }
         SurfaceType::advance(state.surface, c.surface, error);
-        if (missing == nullptr) {
-            AdaptationType::update(state.adaptation, c.adaptation, motion, learnt_from, norms, signals.force);  // 5
+        if constexpr (estimates_motion) {  // 5
+            const Vec2<T>& acts = missing == nullptr ? signals.force : state.adaptation.force;
+            AdaptationType::Filter::predict(state.adaptation, c.adaptation.filter, r, acts, missing == nullptr);
+        } else if (missing == nullptr) {
+            AdaptationType::update(state.adaptation, c.adaptation, motion, learnt_from, norms, signals.force);
         } else {
             AdaptationType::rest(state.adaptation);
         }
         return signals;
     }
+
+private:
+    static decltype(auto) control_estimates(const State& state, const Coefficients& c, const Report& known) {
+        if constexpr (estimates_motion) {
+            return static_cast<const Estimates<T>&>(known);
+        } else {
+            return AdaptationType::control_estimates(state.adaptation, c.adaptation, known);
+        }
+    }
+};
+
+// The joint filter needs no observer.
+template <Scalar T, template <class> class SurfaceOf>
+struct FromPositions<SlidingModeController<T, SurfaceOf, JointAdaptation>> {
+    using Type = SlidingModeController<T, SurfaceOf, JointFromPositions>;
 };
 
 }  // namespace fracgyro

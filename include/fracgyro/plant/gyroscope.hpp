@@ -7,7 +7,7 @@
 #pragma once
 
 #include "fracgyro/control/error.hpp"
-#include "fracgyro/plant/expm.hpp"
+#include "fracgyro/core/expm.hpp"
 
 namespace fracgyro {
 

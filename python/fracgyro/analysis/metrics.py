@@ -16,7 +16,7 @@ from .. import _core
 from ..arguments import number
 from ..scenario import Scenario, check_scenario
 from ..scenario.kinds import AXES, ENTRIES
-from ..scenario.to_core import composite, core_setup
+from ..scenario.to_core import core_setup, only_laws
 from ..simulation.dataset import metrics_dataset
 from .metric_names import SI, UNITS
 
@@ -114,8 +114,8 @@ def lyapunov(run: xr.Dataset, bounds: tuple[float, float, float]) -> xr.DataArra
         raise ValueError(f"units is {run.attrs.get('units')}: V of eq. (39) needs a nondimensional run")
     scenario = Scenario.from_toml(run.attrs["scenario"])
     gains = scenario.adaptation
-    if composite(scenario):
-        raise ValueError("adaptation.kind is composite: V of eq. (39) is that of gradient")
+    if not only_laws(scenario):
+        raise ValueError(f"adaptation.kind is {scenario.adaptation.kind}: V of eq. (39) is that of gradient")
     damping, stiffness = _true_matrices(scenario)
     weights = xr.DataArray([1.0, 2.0, 1.0], dims="entry")  # xy stands twice in the matrix
     d = run["damping_estimate"] - xr.DataArray(damping, dims="entry")

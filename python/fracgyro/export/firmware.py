@@ -117,7 +117,7 @@ def _controller(setup: _core.DeviceSetup, number: Number, capacity: int) -> list
     lines = [f"// {KINDS[kind]}"]
     if setup.observer_bandwidth > 0.0:
         lines.append("// It has no sensor of velocity: what fracgyro_motion says of it is not looked at.")
-        controller = f"fracgyro::Observing<{controller}>"
+        controller = f"fracgyro::FromPositions<{controller}>::Type"
     return [*lines, f"struct Controller : {controller} {{}};"]
 
 

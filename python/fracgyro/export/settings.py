@@ -15,7 +15,7 @@ from ..scenario.device import Device, Rate
 from ..scenario.kinds import Channel, Number, numbers
 from ..scenario.schema import Plant
 from ..scenario.table import toml_value
-from ..scenario.to_core import core_setup, guard
+from ..scenario.to_core import core_setup, datasheet, guard
 from .units import shown
 
 MAX_EXACT = 2**53 - 1  # faces take their numbers as doubles
@@ -38,7 +38,8 @@ def without_plant(scenario: Scenario) -> Scenario:
     """For only the controller, which knows neither the rate nor the device, unless it is to observe the velocity."""
     if scenario.device.sensing != "full":
         return scenario
-    return scenario.model_copy(update={"rate": Rate(), "device": Device(), "guard": guard(scenario)})
+    known = {"guard": guard(scenario), "datasheet": datasheet(scenario)}
+    return scenario.model_copy(update={"rate": Rate(), "device": Device(), **known})
 
 
 def core_numbers(scenario: Scenario) -> dict[str, float]:

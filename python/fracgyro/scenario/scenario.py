@@ -21,7 +21,18 @@ from ..arguments import short
 from ..files import whole_file
 from .device import Device, Rate
 from .kinds import KINDS, fields_of, having
-from .schema import ERRATA_SWITCHES, HOLD_TOLERANCE, Adaptation, Controller, Disturbance, Guard, Plant, Reference, Run
+from .schema import (
+    ERRATA_SWITCHES,
+    HOLD_TOLERANCE,
+    Adaptation,
+    Controller,
+    Datasheet,
+    Disturbance,
+    Guard,
+    Plant,
+    Reference,
+    Run,
+)
 from .sentences import ScenarioError, explained, paths, unknown
 from .table import MAX_STEPS, Table, sentence, shown, toml_value
 from .toml import read_tables, read_text
@@ -29,7 +40,7 @@ from .toml import read_tables, read_text
 # The first words and the last line of a saved scenario: half a file may still be valid TOML.
 BEGIN = "# A fracgyro scenario."
 END = "# End of the scenario."
-BY_KIND = ("controller", "adaptation")  # tables whose fields belong to kinds of controllers
+BY_KIND = ("controller", "adaptation", "datasheet")  # tables whose fields belong to kinds of controllers
 FILES = [("rate", "file"), ("device", "temperature_file")]
 
 
@@ -41,6 +52,7 @@ class Scenario(Table):
     controller: Controller = Controller()
     adaptation: Adaptation = Adaptation()
     guard: Guard = Guard()
+    datasheet: Datasheet = Datasheet()
     disturbance: Disturbance = Disturbance()
     rate: Rate = Rate()
     device: Device = Device()

@@ -162,6 +162,8 @@ if TYPE_CHECKING:
 
     class _Guard(_OfCore): ...
 
+    class _Datasheet(_OfCore): ...
+
 else:
     PAPER = {"frequency": (math.pi, math.pi / 2), "phase": (0.0, math.pi / 2)}
     SAID = [f"{kind}: {meaning}" for kind, meaning in zip(KINDS, MEANINGS, strict=True)]
@@ -174,6 +176,7 @@ else:
     )
     _Adaptation = create_model("_Adaptation", __base__=Table, **table_fields("adaptation"))
     _Guard = create_model("_Guard", __base__=Table, **table_fields("guard", derived=True))
+    _Datasheet = create_model("_Datasheet", __base__=Table, **table_fields("datasheet", derived=True))
 
 
 class Reference(_Reference):
@@ -213,6 +216,10 @@ class Adaptation(_Adaptation):
 
 class Guard(_Guard):
     """Which samples the controller accepts, in Python, FMU, browser, firmware; `simulate` accepts all."""
+
+
+class Datasheet(_Datasheet):
+    """What the controller is told of noise and delay, which adaptation.kind joint asks for."""
 
 
 class Disturbance(Table):

@@ -15,23 +15,25 @@ from ..fractional.kernel import core_kernel
 from .device import Device, Points
 from .kinds import KINDS, numbers
 from .scenario import Scenario
-from .schema import Guard
+from .schema import Datasheet, Guard
 from .table import MAX_STEPS
 
 MAX_DEVIATIONS = 8.0  # standard deviations: noise is never so far off
+MAX_DELAY = 8  # steps that a controller takes into account
 MIN_TOLERANCE = 1e-5  # of sensors and disturbance, nondimensional: rounding, and what is ideal only on paper
 PARTS = {".x": 0, ".y": 1, ".xx": 0, ".xy": 1, ".yy": 2}
 
 
-def composite(scenario: Scenario) -> bool:
-    """Whether least squares run alongside the laws (44)."""
-    return bool(scenario.adaptation.kind == "composite" and scenario.controller.adaptive)
+def only_laws(scenario: Scenario) -> bool:
+    """Whether the laws (44) are all that adapts."""
+    return bool(scenario.adaptation.kind == "gradient" or not scenario.controller.adaptive)
 
 
 def core_numbers(scenario: Scenario) -> dict[str, float]:
     """Every number of a run by name, nondimensional, as the core takes it: a choice is its place, a switch 0 or 1."""
     tables = {name: dict(table) for name, table in scenario}
     tables["guard"] = dict(guard(scenario))
+    tables["datasheet"] = dict(datasheet(scenario))
     tables["plant"] = _plant(scenario)
     tables["disturbance"] = _disturbance(scenario)
     tables["adaptation"] |= _nominal(scenario)
@@ -87,6 +89,24 @@ def guard(scenario: Scenario) -> Guard:
             swing_up = 8 * fastest * largest / limit / run.step
             found["saturation_patience"] = round(min(max(20 * period / slowest, swing_up), MAX_STEPS))
     return g.model_copy(update={name: value for name, value in found.items() if getattr(g, name) is None})
+
+
+def datasheet(scenario: Scenario) -> Datasheet:
+    """What the controller is told, with every field set: what was not is the truth."""
+    told, device = scenario.datasheet, device_params(scenario)
+    disturbance, hold = _disturbance(scenario), scenario.disturbance.hold
+    force = 0.0
+    if scenario.disturbance.kind == "noise":
+        # Held for several steps it is as strong as one drawn every step, of the same density.
+        steps = 1.0 if hold is None else hold / scenario.run.step
+        force = disturbance["standard_deviation"] * math.sqrt(steps)
+    found = {
+        "force_noise": math.hypot(force, _resolution(device.actuator) / math.sqrt(12)),
+        "position_noise": math.hypot(device.position_noise, _resolution(device.position) / math.sqrt(12)),
+        "velocity_noise": math.hypot(device.velocity_noise, _resolution(device.velocity) / math.sqrt(12)),
+        "delay": min(device.delay, MAX_DELAY),
+    }
+    return told.model_copy(update={name: value for name, value in found.items() if getattr(told, name) is None})
 
 
 def natural_frequencies(scenario: Scenario) -> tuple[float, float]:

@@ -1,0 +1,396 @@
+// 5  Joint adaptation: one Kalman filter of the motion and of D, K and Ωz, driven by what it did not foresee of the
+//    measurements. It has a model of the sensors' noise, needs no velocity, and hands the motion that it estimates to
+//    the surface and the force. It is an extended Kalman filter, and here a recursive prediction error method (L. Ljung
+//    and T. Söderström, "Theory and practice of recursive identification", 1983, ch. 3).
+//
+//    State: z = [e, ė], the motion less the reference, and θ̃ = (Ωz, Dxx, Dxy, Dyy, Kxx, Kxy, Kyy) less the nominal
+//    plant. With q = r + e and r̈ = -ω² r on each axis, eq. (9) is
+//
+//        ë = u + d - C (ṙ + ė) - K e - (K - ω²) r,      C = D + 2Ω
+//
+//    in which nothing large cancels near resonance, so that single precision is enough.
+//
+//    Predict   z by the Taylor series of this equation at the present estimates, the force held: exact to rounding,
+//              whatever the estimates, so that nothing has to be linearized again. P by z' = A z + B (φ θ̃ + d), with
+//              A the nominal map, corrected to first order, and φ what the parameters add to the force.
+//    Correct   by one measured number after another. The gain needs no measurement, so that it is found beforehand.
+//
+//    P = U diag(d) Uᵀ (core/covariance.hpp), z before θ̃, in units of the variance of the measured position. Without
+//    noise of its own θ̃ keeps its part of U and d, which makes a step cheap: the columns of U_zθ go on by A U_zθ + B φ
+//    U_θ, and z's part is orthogonalized, by modified Gram-Schmidt on the rows of [A U_z, B] (Bierman 1977, ch. VI).
+//
+//    Where Ωz or the others drift, their variance grows by w² h/I each step, and by no more than the prior: w = 2πf is
+//    the bandwidth that is asked for, I the information on it per unit of time of a motion on the reference.
+//
+//    With `covariance_steps` = m > 1 this is a filter of m steps: z is predicted each step, P over all m at once, and
+//    what is learnt from is the mean of m residuals, at the end. The work on P is divided among the steps.
+//
+//    A measurement that is further off than `largest_innovation` standard deviations is not learnt from; a third in a
+//    row means that the plant moved, and is. Ω̂z is not trusted meanwhile.
+#pragma once
+
+#include "fracgyro/control/composite.hpp"
+#include "fracgyro/control/joint_model.hpp"
+#include "fracgyro/core/covariance.hpp"
+
+namespace fracgyro {
+
+template <Scalar T, bool velocity_measured>
+struct JointFilter {
+    using Coefficients = JointModel<T, velocity_measured>;
+    static constexpr std::size_t motions = Coefficients::motions, parameters = Coefficients::parameters,
+                                 sensors = Coefficients::sensors, size = motions + parameters, rate = motions;
+    using Covariance = FactoredCovariance<T, size>;
+    using Four = typename Coefficients::Four;
+    using Row = typename Coefficients::Row;
+
+    // As in composite.hpp.
+    static constexpr double largest_inflation = 10.0, largest_share = 0.01, most_refused = 2.0;
+    static constexpr std::size_t longest_delay = 8;  // steps that are known of
+    // Of P: to predict its cross part in two halves, its part of z, and to correct by each number.
+    static constexpr std::int32_t tasks = 3 + static_cast<std::int32_t>(sensors);
+
+    struct State {
+        Sample<T> error{};  // z, predicted for the coming sample; corrected while a step is computed
+        Row plant{};        // θ̃
+        typename Covariance::State covariance{};
+        std::array<Vec2<T>, longest_delay> waiting{};  // forces that do not act yet, in a ring
+        Vec2<T> force{};                               // the last that was asked for
+        Four sum{};                                    // of residuals
+        std::array<Four, motions> map{};               // A at the present estimates
+        std::array<Row, 2> pulls{};                    // φ, on either axis
+        std::array<typename Covariance::Gain, sensors> gain{};
+        T surprises{};  // in a row
+        std::uint32_t steps = 0, spans = 0;
+        std::int32_t slot = 0;  // of the span
+        bool started = false, learnt = false;
+    };
+
+    static bool sound(const State& state, const Coefficients& c) {
+        return fracgyro::sound(state.started) && fracgyro::sound(state.learnt) && state.slot >= 0 &&
+               state.slot < c.slots;
+    }
+
+    static PlantModel<T> plant(const State& state, const Coefficients& c) {
+        const Row& x = state.plant;
+        return {.damping = c.nominal.damping + Sym2<T>{x[1], x[2], x[3]},
+                .stiffness = c.nominal.stiffness + Sym2<T>{x[4], x[5], x[6]},
+                .rate = c.nominal.rate + x[0]};
+    }
+    static T rate_deviation(const State& state, const Coefficients& c) {
+        return square_root(c.noise.variance * Covariance::variance(state.covariance, rate));
+    }
+    // 1 where Ω̂z is trusted. Its variance with all other parameters known is its d, as it is the first of them.
+    static T trusted(const State& state, const Coefficients& c) {
+        const T p = Covariance::variance(state.covariance, rate);
+        const T yes = T(1.0), no = T(0.0);
+        T good = if_less(T(largest_inflation) * state.covariance.d_factor[rate], p, no, yes);
+        good = if_less(T(largest_share) * c.prior.plant[0], p, no, good);
+        good = if_less(c.trusted_variance, p, no, good);
+        good = if_less(no, state.surprises, no, good);
+        return state.learnt ? good : no;
+    }
+
+    // Forgets the motion, and what was learnt of the plant unless it is kept.
+    static void start_over(State& state, bool keep_estimates) {
+        state.started = false;
+        if (!keep_estimates) {
+            state.learnt = false;
+            state.plant = {};
+        }
+    }
+
+    // What was measured at this sample. The first one starts the filter, at rest where no velocity is measured.
+    [[gnu::noinline]] static void correct(State& state, const Coefficients& c, const Motion<T>& measured,
+                                          const ReferencePoint<T>& r) {
+        const Sample<T> seen = tracking_error(measured, r);
+        if (!state.started) {
+            start(state, c);
+            state.error = {.value = seen.value, .derivative = velocity_measured ? seen.derivative : -r.velocity};
+            return;
+        }
+        const T learns = expected(state, c, seen);
+        for (std::size_t i = 0; i < sensors; ++i) {
+            state.sum[i] = state.sum[i] + learns * (number(seen, i) - number(state.error, i));
+        }
+        if (state.slot + 1 < c.slots) {
+            return;
+        }
+        Four moved{};
+        for (std::size_t i = 0; i < sensors; ++i) {
+            T residual = c.share * state.sum[i];
+            for (std::size_t k = 0; k < motions; ++k) {
+                residual = residual - c.mean[i][k] * moved[k];
+            }
+            const auto& gain = state.gain[i].move;
+            for (std::size_t k = 0; k < motions; ++k) {
+                moved[k] = moved[k] + gain[k] * residual;
+            }
+            for (std::size_t k = 0; k < parameters; ++k) {
+                state.plant[k] = state.plant[k] + gain[motions + k] * residual;
+            }
+        }
+        state.error.value = state.error.value + Vec2<T>{moved[0], moved[1]};
+        state.error.derivative = state.error.derivative + Vec2<T>{moved[2], moved[3]};
+        state.sum = {};
+    }
+
+    // To the next sample, with the force that is asked for at this one, where something was measured or nothing was.
+    [[gnu::noinline]] static void predict(State& state, const Coefficients& c, const ReferencePoint<T>& r,
+                                          const Vec2<T>& asked, bool seen) {
+        Vec2<T> force = asked;
+        if (c.delay > 0) {
+            Vec2<T>& place = state.waiting[state.steps % static_cast<std::uint32_t>(c.delay)];
+            force = place;
+            place = asked;
+        }
+        ++state.steps;
+        state.force = asked;
+        if (++state.slot >= c.slots) {
+            state.slot = 0;
+            ++state.spans;
+        }
+
+        const Row& x = state.plant;
+        const Sym2<T> damping_error{x[1], x[2], x[3]}, stiffness_error{x[4], x[5], x[6]};
+        const Sym2<T> damping = c.nominal.damping + damping_error, stiffness = c.nominal.stiffness + stiffness_error;
+        const Sym2<T> detuning = c.detuning + stiffness_error;
+        const T twice_rate = T(2.0) * (c.nominal.rate + x[0]);
+        const auto pull = [&](const Sample<T>& e, const Sample<T>& along) {
+            const Vec2<T> v = e.derivative + along.derivative;
+            return damping * v + twice_rate * turned(v) + (stiffness * e.value + detuning * along.value);
+        };
+        Sample<T> e = state.error, along{.value = r.position, .derivative = r.velocity};
+        const Vec2<T> acceleration = force - pull(e, along);
+
+        if (due(state, c, 0)) {
+            // What the parameters add to the force, with the mean motion over the span.
+            const T half = T(0.5) * c.span, zero = T(0.0), two = T(2.0);
+            const Vec2<T> v = along.derivative + e.derivative + half * (acceleration - c.square * along.value);
+            const Vec2<T> q = along.value + e.value + half * (along.derivative + e.derivative);
+            state.pulls[0] = {two * v.y(), -v.x(), -v.y(), zero, -q.x(), -q.y(), zero};
+            state.pulls[1] = {-(two * v.x()), zero, -v.x(), -v.y(), zero, -q.x(), -q.y()};
+            state.map = corrected_map(c, damping_error, stiffness_error, two * x[0]);
+            spread(state, c, 0, parameters - 3);
+        }
+        if (due(state, c, 1)) {
+            spread(state, c, parameters - 3, parameters);
+        }
+        if (due(state, c, 2)) {
+            orthogonalize(state, c);
+        }
+        for (std::size_t i = 0; i < sensors; ++i) {
+            if (due(state, c, 3 + static_cast<std::int32_t>(i))) {
+                foresee(state, c, i, seen);
+            }
+        }
+
+        // The Taylor series: in e and along stand the terms of order n.
+        Sample<T> sum = e;
+        Vec2<T> derivative = acceleration;
+        for (std::int32_t n = 0; n < c.terms; ++n) {
+            const T factor = c.over[static_cast<std::size_t>(n)];
+            e = {.value = factor * e.derivative, .derivative = factor * derivative};
+            along = {.value = factor * along.derivative, .derivative = -(factor * (c.square * along.value))};
+            sum = {.value = sum.value + e.value, .derivative = sum.derivative + e.derivative};
+            derivative = -pull(e, along);
+        }
+        state.error = sum;
+    }
+
+private:
+    static void start(State& state, const Coefficients& c) {
+        typename Covariance::State& p = state.covariance;
+        if (!state.learnt) {
+            p = {};
+            for (std::size_t j = 0; j < parameters; ++j) {
+                p.d_factor[motions + j] = c.prior.plant[j];
+            }
+        }
+        for (std::size_t j = 0; j < size; ++j) {
+            for (std::size_t i = 0; i < motions && i < j; ++i) {
+                p.u_factor[Covariance::column(j) + i] = T(0.0);
+            }
+        }
+        for (std::size_t i = 0; i < motions; ++i) {
+            p.d_factor[i] = c.prior.motion[i];
+        }
+        for (std::size_t i = 0; i < sensors; ++i) {
+            state.gain[i] = {.variance = T(1.0) + T(1e3) * c.prior.motion[2]};  // anything may come
+        }
+        state.slot = c.slots - 1;
+        state.sum = {};
+        state.surprises = T(0.0);
+        state.started = state.learnt = true;
+    }
+
+    // Whether a task is that of this step: they are divided among the steps of a span, in their order.
+    static bool due(const State& state, const Coefficients& c, std::int32_t task) {
+        return state.slot == (c.slots < tasks ? task * c.slots / tasks : task);
+    }
+
+    static T number(const Sample<T>& a, std::size_t i) {
+        const Vec2<T>& pair = i < 2 ? a.value : a.derivative;
+        return i % 2 == 0 ? pair.x() : pair.y();
+    }
+
+    // 1 where what was measured is within what could be expected, or has not been for long.
+    static T expected(State& state, const Coefficients& c, const Sample<T>& seen) {
+        const T zero = T(0.0), one = T(1.0);
+        T far = zero;
+        for (std::size_t i = 0; i < sensors; ++i) {
+            const T residual = number(seen, i) - number(state.error, i);
+            far = if_less(c.noise.largest * state.gain[i].variance, residual * residual, one, far);
+        }
+        const T learns = if_less(state.surprises, T(most_refused), one - far, one);
+        state.surprises = far * minimum(state.surprises + one, T(most_refused + 1.0));
+        return learns;
+    }
+
+    using Map = std::array<Four, motions>;
+
+    static Four through(const Map& a, const Four& x) {
+        Four y;
+        for (std::size_t i = 0; i < motions; ++i) {
+            y[i] = (a[i][0] * x[0] + a[i][1] * x[1]) + (a[i][2] * x[2] + a[i][3] * x[3]);
+        }
+        return y;
+    }
+
+    // The columns of U's cross part over one span: by A, and by what the parameters add to the force.
+    static void spread(State& state, const Coefficients& c, std::size_t begin, std::size_t end) {
+        auto& u = state.covariance.u_factor;
+        for (std::size_t j = begin; j < end; ++j) {
+            T* const column = &u[Covariance::column(motions + j)];
+            T x = state.pulls[0][j], y = state.pulls[1][j];  // of φ U_θ
+            for (std::size_t k = 0; k < j; ++k) {
+                x = x + state.pulls[0][k] * column[motions + k];
+                y = y + state.pulls[1][k] * column[motions + k];
+            }
+            const Four moved = through(state.map, {column[0], column[1], column[2], column[3]});
+            column[0] = moved[0] + c.half_square * x;
+            column[1] = moved[1] + c.half_square * y;
+            column[2] = moved[2] + c.span * x;
+            column[3] = moved[3] + c.span * y;
+        }
+    }
+
+    // The gain of one number of the span, which from now on counts as measured; where nothing comes, it is 0.
+    static void foresee(State& state, const Coefficients& c, std::size_t i, bool seen) {
+        auto& gain = state.gain[i];
+        if (!seen) {
+            gain.move = {};
+            return;
+        }
+        gain = Covariance::measure(state.covariance, c.mean[i], c.noise.measured[i]);
+        gain.variance = gain.variance + c.noise.more[i];
+    }
+
+    // The part of z: U and d of [A U_z, B] with the weights of its columns, row by row from the last.
+    static void orthogonalize(State& state, const Coefficients& c) {
+        auto& u = state.covariance.u_factor;
+        auto& d = state.covariance.d_factor;
+        const T zero = T(0.0);
+        std::array<Four, motions + 2> w{};
+        std::array<T, motions + 2> weight{};
+        for (std::size_t j = 0; j < motions; ++j) {
+            Four column{};
+            for (std::size_t i = 0; i < j; ++i) {
+                column[i] = u[Covariance::column(j) + i];
+            }
+            column[j] = T(1.0);
+            w[j] = through(state.map, column);
+            weight[j] = d[j];
+        }
+        w[4] = {c.half_square, zero, c.span, zero};
+        w[5] = {zero, c.half_square, zero, c.span};
+        weight[4] = weight[5] = c.noise.force;
+        for (std::size_t i = motions; i-- > 0;) {
+            std::array<T, motions + 2> weighted;
+            T sum = zero;
+            for (std::size_t j = 0; j < w.size(); ++j) {
+                weighted[j] = weight[j] * w[j][i];
+                sum = sum + weighted[j] * w[j][i];
+            }
+            d[i] = sum;
+            const T inverse = T(1.0) / sum;
+            for (std::size_t k = 0; k < i; ++k) {
+                T shared = zero;
+                for (std::size_t j = 0; j < w.size(); ++j) {
+                    shared = shared + weighted[j] * w[j][k];
+                }
+                const T factor = shared * inverse;
+                u[Covariance::column(i) + k] = factor;
+                for (std::size_t j = 0; j < w.size(); ++j) {
+                    w[j][k] = w[j][k] - factor * w[j][i];
+                }
+            }
+        }
+
+        drift(state, c, 0, T(1.0));
+        if (c.drifts) {  // one of the others each step, with the noise of six steps
+            drift(state, c, 1 + state.spans % 6, T(6.0));
+        }
+    }
+
+    static void drift(State& state, const Coefficients& c, std::size_t j, T steps) {
+        const T known = Covariance::variance(state.covariance, motions + j) / c.prior.plant[j];
+        const T grows = steps * c.drift[j] * maximum(T(0.0), T(1.0) - known);
+        Covariance::add(state.covariance, motions + j, grows);
+    }
+
+    // A at the present estimates: to first order what differs from the nominal plant is a force by the mean motion
+    // over the span, which is ½ (1 + A) z.
+    static Map corrected_map(const Coefficients& c, const Sym2<T>& damping, const Sym2<T>& stiffness, T twice_rate) {
+        const Four on_x{stiffness.xx(), stiffness.xy(), damping.xx(), damping.xy() - twice_rate};
+        const Four on_y{stiffness.xy(), stiffness.yy(), damping.xy() + twice_rate, damping.yy()};
+        Map a = c.map;
+        for (std::size_t j = 0; j < motions; ++j) {
+            T x = on_x[j], y = on_y[j];
+            for (std::size_t k = 0; k < motions; ++k) {
+                x = x + on_x[k] * c.map[k][j];
+                y = y + on_y[k] * c.map[k][j];
+            }
+            x = T(0.5) * x;
+            y = T(0.5) * y;
+            a[0][j] = a[0][j] - c.half_square * x;
+            a[1][j] = a[1][j] - c.half_square * y;
+            a[2][j] = a[2][j] - c.span * x;
+            a[3][j] = a[3][j] - c.span * y;
+        }
+        return a;
+    }
+};
+
+// As an adaptation of the sliding-mode controller. The bounds b̂ stay at their initial values.
+template <Scalar T, bool velocity_measured>
+struct JointAdaptationOf {
+    using Filter = JointFilter<T, velocity_measured>;
+    using Report = CompositeReport<T>;
+    static constexpr bool measures_velocity = velocity_measured, estimates_motion = true;
+
+    struct Coefficients {
+        typename Filter::Coefficients filter{};
+        std::array<T, 3> bound{};
+    };
+    using State = typename Filter::State;
+
+    static Coefficients prepare(const AdaptationParams& p, const Datasheet& said, const Common& common) {
+        const std::array<double, 3>& b = p.initial_bound;
+        return {.filter = Filter::Coefficients::prepare(p, said, common), .bound = {T(b[0]), T(b[1]), T(b[2])}};
+    }
+    static bool sound(const State& state, const Coefficients& c) { return Filter::sound(state, c.filter); }
+
+    static Report report(const State& state, const Coefficients& c) {
+        const PlantModel<T> found = Filter::plant(state, c.filter);
+        return {{{.damping = found.damping, .stiffness = found.stiffness, .rate = found.rate, .bound = c.bound}},
+                Filter::rate_deviation(state, c.filter),
+                Filter::trusted(state, c.filter)};
+    }
+};
+template <Scalar T>
+using JointAdaptation = JointAdaptationOf<T, true>;
+template <Scalar T>
+using JointFromPositions = JointAdaptationOf<T, false>;
+
+}  // namespace fracgyro

@@ -1,0 +1,152 @@
+// What the joint filter (joint.hpp) works with: the nominal plant over a span, noise, prior and drift.
+#pragma once
+
+#include "fracgyro/control/adaptation.hpp"
+#include "fracgyro/control/controller.hpp"
+#include "fracgyro/core/expm.hpp"
+
+namespace fracgyro {
+
+template <Scalar T, bool velocity_measured>
+struct JointModel {
+    static constexpr std::size_t motions = 4, parameters = 7, sensors = velocity_measured ? 4 : 2;
+    using Four = std::array<T, motions>;
+    using Row = std::array<T, parameters>;
+
+    // Standard deviations before the first sample: of Ωz and D over the natural frequency, of K over its square.
+    static constexpr double prior_deviation = 0.05;
+    // As in composite.hpp: Ω̂z is trusted below this fraction of the natural frequency; noise is never so far off.
+    static constexpr double largest_deviation = 0.01, largest_innovation = 8.0;
+    static constexpr int most_terms = 16;
+
+    struct Noise {
+        T variance{};  // of a measured position: the unit of those below
+        T force{};
+        Four measured{}, more{};  // of the mean of a span, and what one number has more
+        T largest{};              // square of the largest innovation, times `variance`
+    };
+    struct Prior {
+        Four motion{};  // variances over that of a measured position
+        Row plant{};
+    };
+
+    PlantModel<T> nominal{};
+    Sym2<T> detuning{};                // K - ω²
+    Vec2<T> square{};                  // ω² of the reference
+    std::array<Four, motions> map{};   // A, row by row
+    std::array<Four, sensors> mean{};  // of the motion over a span, from that at its end
+    T span{}, half_square{}, share{};  // of P: m h and ½(m h)², which is B; 1/m
+    std::array<T, most_terms> over{};  // h/k
+    std::int32_t terms = 0, delay = 0, slots = 1;
+    Noise noise{};
+    Prior prior{};
+    Row drift{};  // variances that are added over a span
+    bool drifts = false;
+    T trusted_variance{};
+
+    [[gnu::noinline]] static JointModel prepare(const AdaptationParams& p, const Datasheet& said,
+                                                const Common& common) {
+        const double h = common.step, slots = static_cast<double>(p.covariance_steps), span = slots * h;
+        const PlantModel<double>& nominal = common.nominal;
+        const ReferenceParams& r = common.reference;
+        const Sym2<double>&k = nominal.stiffness, &d = nominal.damping;
+        const Vec2<double> square = r.frequency * r.frequency, speed = r.amplitude * r.frequency;
+        const double natural = maximum(square_root(0.5 * absolute(k.xx() + k.yy())), 1e-3);
+        const auto sym2 = [](const Sym2<double>& a) { return Sym2<T>{T(a.xx()), T(a.xy()), T(a.yy())}; };
+
+        JointModel c{.nominal = {.damping = sym2(d), .stiffness = sym2(k), .rate = T(nominal.rate)},
+                     .detuning = sym2(Sym2<double>{k.diagonal - square, k.off_diagonal}),
+                     .square = {T(square.x()), T(square.y())},
+                     .span = T(span),
+                     .half_square = T(0.5 * span * span),
+                     .share = T(1.0 / slots),
+                     .delay = static_cast<std::int32_t>(said.delay),
+                     .slots = static_cast<std::int32_t>(p.covariance_steps)};
+        Matrix<motions> unforced{};
+        unforced[0][2] = unforced[1][3] = 1.0;
+        unforced[2] = {-k.xx(), -k.xy(), -d.xx(), -d.xy() + 2.0 * nominal.rate};
+        unforced[3] = {-k.xy(), -k.yy(), -d.xy() - 2.0 * nominal.rate, -d.yy()};
+        const Matrix<motions> map = expm(unforced, span);
+        Matrix<motions> back = unforced, mean{}, power{};
+        for (std::size_t i = 0; i < motions; ++i) {
+            for (double& entry : back[i]) {
+                entry = -entry;
+            }
+            power[i][i] = 1.0;
+        }
+        back = expm(back, h);
+        for (std::int64_t n = 0; n < p.covariance_steps; ++n, power = product(power, back)) {
+            for (std::size_t i = 0; i < motions; ++i) {
+                for (std::size_t j = 0; j < motions; ++j) {
+                    mean[i][j] += power[i][j] / slots;
+                }
+            }
+        }
+        for (std::size_t i = 0; i < motions; ++i) {
+            for (std::size_t j = 0; j < motions; ++j) {
+                c.map[i][j] = T(map[i][j]);
+                if (i < sensors) {
+                    c.mean[i][j] = T(mean[i][j]);
+                }
+            }
+        }
+        for (std::size_t n = 0; n < most_terms; ++n) {
+            c.over[n] = T(h / static_cast<double>(n + 1));
+        }
+        c.terms = terms_for(h * maximum(natural, maximum(absolute(r.frequency.x()), absolute(r.frequency.y()))));
+
+        // Below what rounding makes of a position nothing is gained, and nothing is lost by stating it.
+        const double unit = square_of(maximum(said.position_noise, least_noise * square_root(h)));
+        const double disturbed = square_of(maximum(said.force_noise, least_force));
+        const double slip = square_of(maximum(said.velocity_noise, least_noise * natural * square_root(h))) / unit;
+        c.noise = {.variance = T(unit),
+                   .force = T(disturbed / unit / slots),
+                   .measured = {T(1.0 / slots), T(1.0 / slots), T(slip / slots), T(slip / slots)},
+                   .more = {T(1.0 - 1.0 / slots), T(1.0 - 1.0 / slots), T(slip - slip / slots), T(slip - slip / slots)},
+                   .largest = T(square_of(largest_innovation) * unit)};
+        const double amplitude = maximum(absolute(r.amplitude.x()), absolute(r.amplitude.y()));
+        const double fastest = maximum(maximum(absolute(speed.x()), absolute(speed.y())), amplitude * natural);
+        const double velocity = square_of(maximum(fastest, least_noise)) / unit;
+        c.prior.motion = {T(1.0), T(1.0), T(velocity_measured ? slip : velocity),
+                          T(velocity_measured ? slip : velocity)};
+        const double of_rate = square_of(prior_deviation * natural) / unit, of_stiffness = of_rate * natural * natural;
+        c.prior.plant = {T(of_rate),      T(of_rate),      T(of_rate),     T(of_rate),
+                         T(of_stiffness), T(of_stiffness), T(of_stiffness)};
+        // Information per unit of time, of a motion on the reference: mean squares over the density of the force.
+        const Vec2<double> in_speed = 0.5 * (speed * speed), in_motion = 0.5 * (r.amplitude * r.amplitude);
+        const auto drift = [&](double bandwidth, double mean_square) {
+            const double density = disturbed * h;
+            return T(mean_square > 0.0 ? bandwidth * bandwidth * span * density / mean_square / unit : 0.0);
+        };
+        const double of_both = in_speed.x() + in_speed.y();
+        c.drift = {drift(p.rate_forgetting, 4.0 * of_both),
+                   drift(p.forgetting, in_speed.x()),
+                   drift(p.forgetting, of_both),
+                   drift(p.forgetting, in_speed.y()),
+                   drift(p.forgetting, in_motion.x()),
+                   drift(p.forgetting, in_motion.x() + in_motion.y()),
+                   drift(p.forgetting, in_motion.y())};
+        c.drifts = p.forgetting > 0.0;
+        c.trusted_variance = T(square_of(largest_deviation * natural) / unit);
+        return c;
+    }
+
+private:
+    static constexpr double least_noise = 1e-6, least_force = 1e-10;
+
+    static double square_of(double a) { return a * a; }
+
+    // Of the Taylor series of a motion that turns by so much in a step: what is left out is below rounding.
+    static std::int32_t terms_for(double angle) {
+        const double rounding = always_less(T(1.0), T(1.0) + T(1e-9)) ? 1e-17 : 1e-9;
+        double left_out = angle;
+        std::int32_t n = 1;
+        while (n < most_terms && left_out > rounding) {
+            ++n;
+            left_out *= angle / n;
+        }
+        return n;
+    }
+};
+
+}  // namespace fracgyro

@@ -1,0 +1,98 @@
+// A covariance in factors: P = U diag(d) Uᵀ with U unit upper triangular (Bierman, "Factorization methods for discrete
+// sequential estimation", 1977). d stays positive in whatever precision, where P itself would lose its definiteness in
+// single precision. No square roots.
+#pragma once
+
+#include "fracgyro/core/scalar.hpp"
+
+#include <array>
+
+namespace fracgyro {
+
+template <Scalar T, std::size_t Count>
+struct FactoredCovariance {
+    using Vector = std::array<T, Count>;
+
+    struct State {
+        Vector d_factor{};                                // d
+        std::array<T, Count*(Count - 1) / 2> u_factor{};  // U above its diagonal, column by column
+    };
+
+    // Where column j begins: U_ij is u_factor[column(j) + i], i < j.
+    static constexpr std::size_t column(std::size_t j) { return j * (j - 1) / 2; }
+
+    // P_ii
+    static T variance(const State& state, std::size_t i) {
+        T sum = state.d_factor[i];
+        for (std::size_t j = i + 1; j < Count; ++j) {
+            const T u = state.u_factor[column(j) + i];
+            sum = sum + u * u * state.d_factor[j];
+        }
+        return sum;
+    }
+
+    struct Gain {
+        Vector move{};  // of every component, for a residual of 1
+        T variance{};   // of the residual
+    };
+
+    // row·x was measured, of the first components only, with this variance of the noise, > 0 (ch. V).
+    //
+    //     f = Uᵀ rowᵀ,   g_j = d_j f_j,   α_j = α_(j-1) + f_j g_j from α = noise to α = noise + row P rowᵀ
+    //     d_j  <- d_j α_(j-1)/α_j
+    //     U_kj <- U_kj - k_k f_j/α_(j-1),   k_k <- k_k + U_kj g_j with the old U_kj, for k < j;   k_j = g_j
+    template <std::size_t Measured>
+    static Gain measure(State& state, const std::array<T, Measured>& row, T noise) {
+        Gain found{};
+        Vector& gain = found.move;
+        T alpha = noise, inverse = T(1.0) / noise;
+        for (std::size_t j = 0; j < Count; ++j) {
+            T* const u = &state.u_factor[column(j)];
+            T f = j < Measured ? row[j] : T(0.0);
+            for (std::size_t k = 0; k < j && k < Measured; ++k) {
+                f = f + row[k] * u[k];
+            }
+            const T g = state.d_factor[j] * f;
+            const T slope = -(f * inverse);
+            for (std::size_t k = 0; k < j; ++k) {
+                const T old = u[k];
+                u[k] = old + slope * gain[k];
+                gain[k] = gain[k] + old * g;
+            }
+            gain[j] = g;
+            const T before = alpha;
+            alpha = before + f * g;
+            inverse = T(1.0) / alpha;
+            state.d_factor[j] = state.d_factor[j] * (before * inverse);
+        }
+        for (T& k : gain) {
+            k = inverse * k;
+        }
+        found.variance = alpha;
+        return found;
+    }
+
+    // P_ii grows by `variance` >= 0, and nothing else changes (Agee and Turner; Bierman, ch. III).
+    static void add(State& state, std::size_t i, T variance) {
+        Vector a{};
+        a[i] = T(1.0);
+        T c = variance;
+        for (std::size_t j = i; j > 0; --j) {
+            const std::size_t begin = column(j);
+            const T before = state.d_factor[j];
+            const T weight = c * a[j];
+            const T d = before + weight * a[j];
+            const T share = weight / d;
+            for (std::size_t k = 0; k < j; ++k) {
+                T& u = state.u_factor[begin + k];
+                a[k] = a[k] - a[j] * u;
+                u = u + share * a[k];
+            }
+            c = c * (before / d);
+            state.d_factor[j] = d;
+        }
+        state.d_factor[0] = state.d_factor[0] + c * (a[0] * a[0]);
+    }
+};
+
+}  // namespace fracgyro
