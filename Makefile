@@ -79,6 +79,7 @@ bench: .venv/installed-bench .venv/installed-export
 	$(BIN)/python benchmarks/rate_estimation.py
 	$(BIN)/python benchmarks/rate_response.py
 	$(BIN)/python benchmarks/rate_sensor.py
+	$(BIN)/python benchmarks/sensing_noise.py
 	$(BIN)/python benchmarks/long_record.py
 	$(BIN)/python benchmarks/resonance_gains.py
 	$(BIN)/python benchmarks/boundedness.py

@@ -28,6 +28,7 @@ ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "integrations/firmware/measured.md"
 SEEDS = 10
 PAPER = fg.Scenario.paper()
+LINEAR_JOINT = {"controller.kind": "linear", "adaptation.kind": "joint"}
 SCENARIOS = {
     "paper, c = 0.6": {"controller.terminal_exponent": 0.6},
     "paper": {},
@@ -54,13 +55,18 @@ SCENARIOS = {
     "6 exponentials": {"run.kernel_tolerance": 0.1},
     "fast terminal, no exponentials": {"controller.kind": "fast_terminal"},
     "paper, composite": {"adaptation.kind": "composite"},
+    "linear, composite": {"controller.kind": "linear", "adaptation.kind": "composite"},
+    "linear, joint, positions": LINEAR_JOINT | {"device.sensing": "position"},
+    "linear, joint, positions, divided by 8": LINEAR_JOINT
+    | {"device.sensing": "position", "adaptation.covariance_steps": 8},
+    "linear, joint, velocities too": LINEAR_JOINT,
 }
 TARGETS = {"m4f": "Cortex-M4F", "m7": "Cortex-M7"}
 
-# Cycles per instruction, least and most, and cycles per division or square root, of which a step has nine, and with
-# composite adaptation 18 more.
+# Cycles per instruction, least and most, and cycles per division or square root, of which a step has nine, with
+# composite adaptation 18 more, with joint adaptation 40 more, or 66 where velocities are measured.
 CYCLES = {"Cortex-M4F": (1.0, 1.5), "Cortex-M7": (0.65, 1.1)}
-ROOTS, ROOTS_COMPOSITE, CYCLES_PER_ROOT = 9, 27, 14
+ROOTS, ROOTS_OF, CYCLES_PER_ROOT = 9, {"composite": 27, "joint, positions": 49, "joint, velocities": 75}, 14
 CLOCKS = {"168 MHz M4F": ("Cortex-M4F", 168), "480 MHz M7": ("Cortex-M7", 480), "1 GHz M7": ("Cortex-M7", 1000)}
 
 HEAD = """\
@@ -121,7 +127,9 @@ def sampling(counted: list[str]) -> list[str]:
     lines = [
         "Estimated time of the longest step in microseconds, float. Assumed, not measured:",
         "; ".join(f"{name} {low} to {high} cycles per instruction" for name, (low, high) in CYCLES.items()) + ";",
-        f"{CYCLES_PER_ROOT} more for each of {ROOTS} divisions and square roots, composite: {ROOTS_COMPOSITE};",
+        f"{CYCLES_PER_ROOT} more for each of {ROOTS} divisions and square roots, "
+        + ", ".join(f"{name}: {count}" for name, count in ROOTS_OF.items())
+        + ";",
         "code and data in memory without wait states. The paper's step is 1 microsecond.",
         "",
         f"| controller | exponentials | {' | '.join(CLOCKS)} |",
@@ -130,7 +138,7 @@ def sampling(counted: list[str]) -> list[str]:
     for row in counted[2:]:
         _, name, terms, number, m4f, m7, *_ = (cell.strip() for cell in row.split("|"))
         most = {"Cortex-M4F": int(m4f.split()[-1]), "Cortex-M7": int(m7.split()[-1])}
-        roots = ROOTS_COMPOSITE if "composite" in name else ROOTS
+        roots = next((count for of, count in ROOTS_OF.items() if of in name), ROOTS)
         times = [
             [(most[processor] * cycles + roots * CYCLES_PER_ROOT) / clock for cycles in CYCLES[processor]]
             for processor, clock in CLOCKS.values()

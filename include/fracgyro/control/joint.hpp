@@ -101,8 +101,7 @@ struct JointFilter {
     }
 
     // What was measured at this sample. The first one starts the filter, at rest where no velocity is measured.
-    [[gnu::noinline]] static void correct(State& state, const Coefficients& c, const Motion<T>& measured,
-                                          const ReferencePoint<T>& r) {
+    static void correct(State& state, const Coefficients& c, const Motion<T>& measured, const ReferencePoint<T>& r) {
         const Sample<T> seen = tracking_error(measured, r);
         if (!state.started) {
             start(state, c);
@@ -136,8 +135,8 @@ struct JointFilter {
     }
 
     // To the next sample, with the force that is asked for at this one, where something was measured or nothing was.
-    [[gnu::noinline]] static void predict(State& state, const Coefficients& c, const ReferencePoint<T>& r,
-                                          const Vec2<T>& asked, bool seen) {
+    static void predict(State& state, const Coefficients& c, const ReferencePoint<T>& r, const Vec2<T>& asked,
+                        bool seen) {
         Vec2<T> force = asked;
         if (c.delay > 0) {
             Vec2<T>& place = state.waiting[state.steps % static_cast<std::uint32_t>(c.delay)];
