@@ -131,7 +131,6 @@ struct JointFilter {
         }
         state.error.value = state.error.value + Vec2<T>{moved[0], moved[1]};
         state.error.derivative = state.error.derivative + Vec2<T>{moved[2], moved[3]};
-        state.sum = {};
     }
 
     // To the next sample, with the force that is asked for at this one, where something was measured or nothing was.
@@ -148,6 +147,7 @@ struct JointFilter {
         if (++state.slot >= c.slots) {
             state.slot = 0;
             ++state.spans;
+            state.sum = {};
         }
 
         const Row& x = state.plant;
@@ -312,7 +312,7 @@ private:
                 sum = sum + weighted[j] * w[j][i];
             }
             d[i] = sum;
-            const T inverse = T(1.0) / sum;
+            const T inverse = T(1.0) / maximum(sum, T(Covariance::vanishing));
             for (std::size_t k = 0; k < i; ++k) {
                 T shared = zero;
                 for (std::size_t j = 0; j < w.size(); ++j) {

@@ -18,6 +18,9 @@ struct FactoredCovariance {
         std::array<T, Count*(Count - 1) / 2> u_factor{};  // U above its diagonal, column by column
     };
 
+    // Divided by instead of 0, which a d only comes to after numbers beyond all measure.
+    static constexpr double vanishing = 1e-30;
+
     // Where column j begins: U_ij is u_factor[column(j) + i], i < j.
     static constexpr std::size_t column(std::size_t j) { return j * (j - 1) / 2; }
 
@@ -81,7 +84,7 @@ struct FactoredCovariance {
             const std::size_t begin = column(j);
             const T before = state.d_factor[j];
             const T weight = c * a[j];
-            const T d = before + weight * a[j];
+            const T d = maximum(before + weight * a[j], T(vanishing));
             const T share = weight / d;
             for (std::size_t k = 0; k < j; ++k) {
                 T& u = state.u_factor[begin + k];
