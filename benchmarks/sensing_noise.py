@@ -55,7 +55,7 @@ class Ends:
 
 
 def device(name: str, density: float, *, velocity: bool = False, **changes: Any) -> fg.Scenario:
-    """A shipped one with this sensing noise and the joint filter, which is told no rate and takes it for constant."""
+    """A shipped one with this sensing noise and the joint filter, whose first guess of the rate is 0."""
     scenario = shipped(name)
     noise: dict[str, object] = {
         "device.sensing": "full" if velocity else "position",

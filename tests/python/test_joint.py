@@ -1,4 +1,4 @@
-"""Joint adaptation in whole runs: its error is that of the bound, whatever the electronics; what it is told."""
+"""Joint adaptation in whole runs: its error is that of the bound, whatever the electronics; what it assumes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ DEGREES = 180.0 / math.pi
 
 
 def device(**changes: Any) -> fg.Scenario:
-    """The dual mass with positions alone, 1e-13 m/sqrt(Hz) and the joint filter."""
+    """The dual mass with positions only, 1e-13 m/sqrt(Hz) and the joint filter."""
     steps = round(SPAN / 0.05)
     return shipped("dual_mass").replace(
         {
@@ -120,14 +120,14 @@ def test_a_drifting_stiffness_that_is_followed_is_little_of_a_rate() -> None:
 
 def test_it_is_told_the_truth_unless_something_else_is_said() -> None:
     scenario = device(device__delay=2, device__position_range=6.25e-6, device__position_bits=12)
-    told = datasheet(scenario)
+    known = datasheet(scenario)
     step = scenario.run.step * scenario.plant.scales.time
     noise = math.hypot(1e-13 * math.sqrt(0.5 / step), 2 * 6.25e-6 / 2**12 / math.sqrt(12)) / 5e-6
-    assert told.position_noise == pytest.approx(noise, rel=1e-12)
-    assert told.force_noise == pytest.approx(math.sqrt(8.66056e-16 / 0.05), rel=1e-12)
-    assert told.delay == 2
+    assert known.position_noise == pytest.approx(noise, rel=1e-12)
+    assert known.force_noise == pytest.approx(math.sqrt(8.66056e-16 / 0.05), rel=1e-12)
+    assert known.delay == 2
     assert datasheet(scenario.replace({"datasheet.delay": 1, "datasheet.position_noise": 0.5})).model_dump() == {
-        **told.model_dump(),
+        **known.model_dump(),
         "delay": 1,
         "position_noise": 0.5,
     }

@@ -41,7 +41,7 @@ Norms<T> norms_of(const Motion<T>& motion, const Vec2<T>& surface) {
     return {.position = both.x(), .velocity = both.y(), .surface = norm(surface)};
 }
 
-// What a controller is told of its sensors, its actuator and the noise.
+// What a controller assumes of its sensors, its actuator and the noise.
 struct Datasheet {
     double force_noise = 0.0, position_noise = 0.0, velocity_noise = 0.0;  // standard deviations, drawn every step
     std::int64_t delay = 0;                                                // steps

@@ -219,7 +219,7 @@ class Guard(_Guard):
 
 
 class Datasheet(_Datasheet):
-    """What the controller is told of noise and delay, which adaptation.kind joint asks for."""
+    """What the controller assumes of noise and delay, which adaptation.kind joint needs."""
 
 
 class Disturbance(Table):

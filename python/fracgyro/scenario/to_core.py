@@ -92,8 +92,8 @@ def guard(scenario: Scenario) -> Guard:
 
 
 def datasheet(scenario: Scenario) -> Datasheet:
-    """What the controller is told, with every field set: what was not is the truth."""
-    told, device = scenario.datasheet, device_params(scenario)
+    """What the controller assumes, with every field set: what was not is the truth."""
+    known, device = scenario.datasheet, device_params(scenario)
     disturbance, hold = _disturbance(scenario), scenario.disturbance.hold
     force = 0.0
     if scenario.disturbance.kind == "noise":
@@ -106,7 +106,7 @@ def datasheet(scenario: Scenario) -> Datasheet:
         "velocity_noise": math.hypot(device.velocity_noise, _resolution(device.velocity) / math.sqrt(12)),
         "delay": min(device.delay, MAX_DELAY),
     }
-    return told.model_copy(update={name: value for name, value in found.items() if getattr(told, name) is None})
+    return known.model_copy(update={name: value for name, value in found.items() if getattr(known, name) is None})
 
 
 def natural_frequencies(scenario: Scenario) -> tuple[float, float]:
