@@ -1,3 +1,4 @@
+#include "factors.hpp"
 #include "paper.hpp"
 #include "scalars.hpp"
 
@@ -39,26 +40,6 @@ Matrix<Count> inverse(Matrix<Count> a) {
         }
     }
     return b;
-}
-
-// U diag(d) Uᵀ
-template <Scalar T, std::size_t Count>
-Matrix<Count> covariance(const typename RecursiveLeastSquares<T, Count>::State& state) {
-    Matrix<Count> u{}, p{};
-    for (std::size_t j = 0; j < Count; ++j) {
-        u[j][j] = 1.0;
-        for (std::size_t i = 0; i < j; ++i) {
-            u[i][j] = number(state.u_factor[j * (j - 1) / 2 + i]);
-        }
-    }
-    for (std::size_t i = 0; i < Count; ++i) {
-        for (std::size_t k = 0; k < Count; ++k) {
-            for (std::size_t j = 0; j < Count; ++j) {
-                p[i][k] += u[i][j] * number(state.d_factor[j]) * u[k][j];
-            }
-        }
-    }
-    return p;
 }
 
 TYPED_TEST(Squares, OneRowMovesAndNarrowsItsOwnParameterAlone) {
@@ -130,9 +111,9 @@ TYPED_TEST(Squares, SpreadingTheFirstParameterAddsToItsVarianceAlone) {
     typename L::State state{};
     L::update(state, {T(1.0), T(0.5)}, T(1.0));
     L::update(state, {T(0.25), T(1.0)}, T(1.0));
-    const Matrix<2> before = covariance<T, 2>(state);
+    const Matrix<2> before = product_of_factors<2>(state);
     L::inflate_first(state, T(0.5));
-    const Matrix<2> after = covariance<T, 2>(state);
+    const Matrix<2> after = product_of_factors<2>(state);
     EXPECT_NEAR(after[0][0], before[0][0] + 0.5, 4.0 * epsilon<T>);
     EXPECT_EQ(after[0][1], before[0][1]);
     EXPECT_EQ(after[1][1], before[1][1]);
@@ -380,7 +361,7 @@ TYPED_TEST(Composed, TheInflationOfTheVarianceIsThatOfTheWholeMatrixWithForgetti
     p.adaptation.rate_forgetting = 0.3;
     for (const int steps : {2, 50, 3'000}) {
         const auto sensed = sense<T>(p, steps);
-        const Matrix<7> information = inverse(covariance<T, 7>(sensed.state.squares));
+        const Matrix<7> information = inverse(product_of_factors<7>(sensed.state.squares));
         EXPECT_NEAR(number(sensed.state.rate_information), information[0][0],
                     (1e-9 + 1e4 * epsilon<T>)*information[0][0])
             << steps;

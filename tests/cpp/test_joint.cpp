@@ -1,3 +1,4 @@
+#include "factors.hpp"
 #include "scalars.hpp"
 
 #include "fracgyro/control/guard.hpp"
@@ -20,25 +21,6 @@ using Square = fracgyro::Matrix<size>;
 template <class T>
 class JointOf : public ::testing::Test {};
 TYPED_TEST_SUITE(JointOf, Scalars, ScalarNames);
-
-template <Scalar T, std::size_t Count>
-fracgyro::Matrix<Count> dense(const typename FactoredCovariance<T, Count>::State& state) {
-    fracgyro::Matrix<Count> u{}, p{};
-    for (std::size_t j = 0; j < Count; ++j) {
-        u[j][j] = 1.0;
-        for (std::size_t i = 0; i < j; ++i) {
-            u[i][j] = number(state.u_factor[j * (j - 1) / 2 + i]);
-        }
-    }
-    for (std::size_t i = 0; i < Count; ++i) {
-        for (std::size_t k = 0; k < Count; ++k) {
-            for (std::size_t j = 0; j < Count; ++j) {
-                p[i][k] += u[i][j] * number(state.d_factor[j]) * u[k][j];
-            }
-        }
-    }
-    return p;
-}
 
 // P - P rᵀ (r P rᵀ + noise)⁻¹ r P, and the gain.
 template <std::size_t Count>
@@ -93,7 +75,7 @@ TYPED_TEST(JointOf, TheFactorsAreThoseOfTheCovariance) {
         const std::size_t grows = static_cast<std::size_t>(n) % 5;
         Factored::add(state, grows, T(more));
         p[grows][grows] += more;
-        const auto now = dense<T, 5>(state);
+        const auto now = product_of_factors<5>(state);
         for (std::size_t i = 0; i < 5; ++i) {
             EXPECT_NEAR(number(Factored::variance(state, i)), p[i][i], tolerance * 5);
             for (std::size_t j = 0; j < 5; ++j) {
@@ -483,6 +465,20 @@ TEST(Joint, WhatDriftsIsFollowed) {
                         drifting.plant.stiffness.xx());
     };
     EXPECT_LT(error(0.02), 0.2 * error(0.0));
+}
+
+TEST(Joint, WhatTheMotionDoesNotTellIsForgottenNoFurtherThanThePrior) {
+    Case a;
+    a.common.reference.amplitude = {1.0, 1e-6};
+    a.plant.initial_position = {};
+    a.law.adaptation.forgetting = 2.0;
+    Loop<Positions<double>> loop(a);
+    loop.run(3000);
+    using Covariance = Loop<Positions<double>>::Filter::Covariance;
+    const double variance = Covariance::variance(loop.state.adaptation.covariance, 10);  // of Kyy
+    const double prior = loop.c.adaptation.filter.prior.plant[6];
+    EXPECT_GT(variance, 0.5 * prior);
+    EXPECT_LE(variance, prior);
 }
 
 TEST(Joint, AStateThatCannotBeIsFound) {
