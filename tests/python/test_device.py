@@ -511,7 +511,7 @@ def test_a_file_that_is_none_is_refused_in_one_sentence(tmp_path: Path, text: st
         ({"device.force_misalignment": math.inf}, "device.force_misalignment is inf: it must be a finite number"),
         (
             {"device.position_noise_corner": 1e3},
-            "device.position_noise_corner is 1000.0 and there is no white noise: device.position_noise or device.posi",
+            "device.position_noise_corner is 1000.0 without white noise: device.position_noise or device.posi",
         ),
         (
             {"device.velocity_noise": 1e-9, "device.velocity_noise_corner": 5.1e5},

@@ -49,7 +49,7 @@ def bound_angle_random_walk(scenario: Scenario, controller: ControllerLike | Non
     noise of a twelfth of their square; with device.sensing position the speed is not sensed. The motion is the
     reference; with a `controller` from outside it is run, and the motion is what it brings about.
 
-    None where there is no noise, the disturbance is not noise, or the motion does not separate the parameters.
+    None without noise, where the disturbance is not noise, or the motion does not separate the parameters.
     """
     if controller is not None:
         return bound_of_motion(scenario, controller)

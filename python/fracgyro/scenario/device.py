@@ -273,7 +273,7 @@ class Device(Table):
             corner = getattr(self, f"{quantity}_noise_corner")
             if corner and not (noise or density):
                 raise sentence(
-                    f"device.{quantity}_noise_corner is {corner} and there is no white noise: device.{quantity}_noise "
+                    f"device.{quantity}_noise_corner is {corner} without white noise: device.{quantity}_noise "
                     f"or device.{quantity}_noise_density must be greater than 0"
                 )
         if self.temperature_ramp and self.temperature_points is not None:
