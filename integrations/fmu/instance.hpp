@@ -3,10 +3,9 @@
 
 #include "exported.hpp"  // made by `fracgyro export fmu`: this FMU's variables, numbers and exponentials
 
+#include "closed_loop.hpp"
+
 #include "fracgyro/control/guard.hpp"
-#include "fracgyro/sim/recorder.hpp"
-#include "fracgyro/sim/settings.hpp"
-#include "fracgyro/sim/stepper.hpp"
 
 #include <cmath>
 #include <cstdio>
@@ -17,9 +16,16 @@
 namespace fracgyro {
 
 using Registered = RegisteredController<exported::Number, exported::kind, exported::chosen>;
+inline constexpr bool from_positions = exported::observer_bandwidth > 0.0;
+template <class C>
+struct FromMotions {
+    using Type = C;
+};
+using Unguarded = std::conditional_t<from_positions, FromPositions<Registered>, FromMotions<Registered>>::Type;
 // What is measured in the FMU itself has no faults.
-using ExportedController = std::conditional_t<exported::closed_loop, Registered, Guard<Registered>>;
-using Loop = Stepper<ExportedController>;
+using ExportedController = std::conditional_t<exported::closed_loop, Unguarded, Guard<Unguarded>>;
+using Loop =
+    std::conditional_t<exported::device.empty(), IdealLoop<ExportedController>, DeviceLoop<ExportedController>>;
 
 // Of the steps in one call of the importer: some seconds of work, after which it may think again.
 inline constexpr double most_steps = 1e7;
@@ -34,10 +40,13 @@ public:
         double start_time = 0.0;
         std::array<double, std::size(exported::variables)> values{};  // parameters and inputs, in the FMU's units
         typename Loop::State loop{};
-        std::array<double, row_width<ExportedController::Report>> row{};
+        std::array<double, Loop::width> row{};
     };
 
-    Instance() { reset(); }
+    Instance() {
+        setup_.controller = params_of_kind(exported::kind);
+        reset();
+    }
 
     const char* problem() const { return problem_; }
     // Of the last step, why a sample was not accepted; nullptr: all were.
@@ -163,7 +172,7 @@ public:
         warning_[0] = '\0';
         for (double n = 0.0; n < count; ++n) {
             if constexpr (exported::closed_loop) {
-                if (!Loop::advance(state_.loop, coefficients_, disturbance_)) {
+                if (!Loop::advance(state_.loop, coefficients_, draw_)) {
                     return diverged();
                 }
                 if (state_.loop.step % 256 == 0) {
@@ -177,7 +186,7 @@ public:
                 ++state_.loop.step;
             }
         }
-        write_row(state_.loop.snapshot(), state_.row.data());
+        Loop::write(state_.loop, coefficients_, state_.row.data());
         return true;
     }
 
@@ -275,12 +284,12 @@ private:
     void look_ahead() {
         prepare();
         if constexpr (exported::closed_loop) {
-            state_.loop = Loop::start(setup_, coefficients_, disturbance_);
+            state_.loop = Loop::start(setup_, coefficients_, draw_);
         } else {
             state_.loop = {};
             state_.loop.signals.report = ExportedController::report(state_.loop.controller, coefficients_.controller);
         }
-        write_row(state_.loop.snapshot(), state_.row.data());
+        Loop::write(state_.loop, coefficients_, state_.row.data());
     }
 
     // The coefficients, if a parameter has changed.
@@ -302,8 +311,10 @@ private:
             std::copy(exported::poles.begin(), exported::poles.end(), kernel->poles.begin());
             std::copy(exported::weights.begin(), exported::weights.end(), kernel->weights.begin());
         }
+        setup_.common.observer_bandwidth = exported::observer_bandwidth;
+        Loop::take_device(setup_);
         coefficients_ = Loop::prepare(setup_);
-        disturbance_ = Disturbance(setup_.disturbance, setup_.common.step);
+        draw_ = Loop::draw(setup_);
         prepared_ = true;
     }
 
@@ -352,9 +363,9 @@ private:
 
     State state_{};
     bool prepared_ = false;  // what follows is that of state_.values
-    Setup setup_{.controller = params_of_kind(exported::kind)};
+    Loop::RunSetup setup_{};
     typename Loop::Coefficients coefficients_{};
-    Disturbance disturbance_{DisturbanceParams{}, 1.0};
+    Loop::Draw draw_ = Loop::draw(setup_);
     std::array<double, 3> bound_{};
     double gain_ = 0.0;
     char problem_[300] = "", warning_[120] = "";

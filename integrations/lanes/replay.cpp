@@ -3,7 +3,8 @@
 // processor.
 //
 //     replay KIND float|double      the kind by its place in the registry; also reads "numbers", in the order of
-//                                   settings.hpp, "poles" and "weights" of exponentials
+//                                   settings.hpp, "poles" and "weights" of exponentials, and "observer", the bandwidth
+//                                   of the observer of velocity, 0: the velocity is measured
 //
 // The motions go through each lane in turn, with runs of half their size in the others. The answer is that of the
 // first lane or, where another lane's is not the same, that one's.
@@ -53,6 +54,7 @@ Setup stored_setup(std::size_t kind) {
     Setup setup{.controller = params_of_kind(kind)};
     const auto numbers = read<double>("numbers"), poles = read<double>("poles"), weights = read<double>("weights");
     take_settings(setup, numbers.data());
+    setup.common.observer_bandwidth = read<double>("observer").front();
     if (ExponentialSum* const kernel = kernel_of(setup.controller)) {
         std::copy(poles.begin(), poles.end(), kernel->poles.begin());
         std::copy(weights.begin(), weights.end(), kernel->weights.begin());
@@ -88,7 +90,7 @@ bool replay(const Setup& setup) {
     using T = Lanes<Number, register_bytes / sizeof(Number)>;
     const auto motions = read<std::array<Number, 4>>("motion");
     bool written = false;
-    with_controller<T>(setup.controller, [&]<class Controller>() {
+    with_controller<T>(setup.controller, setup.common.observer_bandwidth > 0.0, [&]<class Controller>() {
         const auto coefficients = prepare<Controller>(setup.controller, setup.common);
         const auto first = answers<Controller>(coefficients, 0, motions);
         auto odd = first;

@@ -24,6 +24,8 @@ export interface Scenario {
   readonly settings: Settings;
   /** Nondimensional = setting / scale, for those in SI units. */
   readonly scales: Partial<Record<SettingName, number>>;
+  /** Of a rate that moves and a device that is not ideal, for the run.step of the settings; null is infinity. */
+  readonly device?: readonly (number | null)[];
 }
 
 export interface Field {
@@ -53,8 +55,11 @@ export interface Run {
 }
 
 export interface Controller {
-  /** The force [x, y] to hold for the coming step, from what is measured now. Call it once every run.step. */
-  step(position: [number, number], velocity: [number, number]): [number, number];
+  /**
+   * The force [x, y] to hold for the coming step, from what is measured now. Call it once every run.step. With
+   * device.sensing = "position" the velocity is not looked at.
+   */
+  step(position: [number, number], velocity?: [number, number]): [number, number];
   /** What was thought of the last sample; anything but ok and saturated says that it was not accepted. */
   readonly status: "ok" | "saturated" | "not_finite" | "out_of_range" | "restarted" | "implausible" | "lost";
   /**

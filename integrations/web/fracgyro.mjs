@@ -43,17 +43,19 @@ class Fracgyro {
 
   // The closed loop from t = 0 to run.duration.
   async simulate(scenario, changes = {}) {
-    const { core, settings, steps, reported } = await this.#prepare(scenario, changes);
+    const { core, settings, steps, reported, observed } = await this.#prepare(scenario, changes);
     const every = settings["run.record_every"];
-    const columns = [...this.#data.loop, ...reported];
+    const device = observed || "device" in scenario;
+    const columns = [...this.#data.loop, ...reported, ...(device ? this.#data.device : [])];
     const samples = Math.floor(steps / every) + 1;
     const fits = 8 * columns.length * samples <= LARGEST_RECORD;
-    const rows = fits && core.reserve(columns.length * samples);
-    if (!rows) {
+    const room = fits && core.room_for(columns.length * samples) >>> 0;
+    if (!room) {
       const why = `as ${samples} samples do not fit into memory`;
       throw new RangeError(`run.record_every is ${every}: it must be larger, ${why}`);
     }
-    const lasted = core.simulate(every, rows.byteOffset);
+    const lasted = core.simulate(every, room, device);
+    const rows = core.doubles(room, columns.length * samples);
     const length = Math.ceil(lasted / every);
     const time = Float64Array.from({ length }, (_, i) => i * (settings["run.step"] * every));
     const column = (name) => {
@@ -69,7 +71,7 @@ class Fracgyro {
 
   // The controller alone, in double or in single precision. Call `step` once every run.step.
   async controller(scenario, changes = {}, { single = false } = {}) {
-    const { core, reported } = await this.#prepare(scenario, changes);
+    const { core, reported, observed } = await this.#prepare(scenario, changes);
     const lasting = reported.filter((column) => !this.#data.momentary.includes(channelOf(column)));
     core.controller_start(single);
     const number = single ? "float" : "double";
@@ -77,9 +79,10 @@ class Fracgyro {
     const saved = () => new Uint8Array(core.memory.buffer, core.controller_saved(), core.controller_saved_size());
     return {
       step(position, velocity) {
-        const motion = [...position, ...velocity];
+        const motion = [...position, ...(observed ? [0, 0] : velocity)];
         if (motion.length !== 4 || !motion.every(Number.isFinite)) {
-          throw new RangeError(`position and velocity are ${motion}: each must be two finite numbers`);
+          const given = observed ? `position is ${position}: it` : `position and velocity are ${motion}: each`;
+          throw new RangeError(`${given} must be two finite numbers`);
         }
         return [...core.doubles(core.controller_step(...motion), 2)];
       },
@@ -123,6 +126,11 @@ class Fracgyro {
     const settings = this.#checked(scenario.settings, changes);
     const core = new Core(await WebAssembly.instantiate(this.#module));
     const steps = roundHalfToEven(settings["run.duration"] / settings["run.step"]);
+    const { device } = scenario;
+    if (device && settings["run.step"] !== scenario.settings["run.step"]) {
+      const why = `it must be ${scenario.settings["run.step"]}, which the noise and times of its device are for`;
+      throw new RangeError(`run.step is ${settings["run.step"]}: ${why}`);
+    }
     if (!(settings["run.duration"] >= settings["run.step"] && steps <= 1e9)) {
       throw new RangeError(`run.duration is ${settings["run.duration"]}: it must be 1 to 1000000000 times run.step`);
     }
@@ -141,10 +149,16 @@ class Fracgyro {
     });
     core.doubles(core.setting_values(), values.length).set(values);
     const place = this.fields["controller.kind"].choices.indexOf(kind);
-    if (!core.setup_done(place, settings["run.duration"], settings["run.kernel_tolerance"])) {
+    const observed = settings["device.sensing"] === "position";
+    const bandwidth = observed ? settings["controller.observer_bandwidth"] : 0;
+    const at = device ? core.room_for(device.length) : 0;
+    if (device) {
+      core.doubles(at, device.length).set(device.map((number) => number ?? Infinity));
+    }
+    if (!core.setup_done(place, bandwidth, settings["run.duration"], settings["run.kernel_tolerance"], at)) {
       throw new RangeError(`run.step is ${settings["run.step"]}: it must lie between 1e-200 and 1e200`);
     }
-    return { core, settings, steps, reported: reported[core.chosen_type()] };
+    return { core, settings, steps, reported: reported[core.chosen_type()], observed };
   }
 
   // The settings of the kind. What a scenario says of another one's is left out.
@@ -185,17 +199,6 @@ class Core {
   }
   doubles(at, count) {
     return new Float64Array(this.memory.buffer, at, count);
-  }
-  // Room behind everything that the module has of its own; null where there is none.
-  reserve(count) {
-    const at = Math.ceil(this.__heap_base.value / 8) * 8;
-    const missing = at + 8 * count - this.memory.buffer.byteLength;
-    try {
-      this.memory.grow(Math.max(0, Math.ceil(missing / 65536)));
-    } catch {
-      return null;
-    }
-    return this.doubles(at, count);
   }
 }
 

@@ -1,8 +1,9 @@
 // What fracgyro.mjs calls: the simulator, and the controller by itself. One instance of the module holds one of them,
-// in these globals, and JavaScript owns the memory behind them: nothing is allocated here and nothing is imported.
+// in these globals and in pages behind them that go when it does. Nothing is imported.
+#define _LIBCPP_VERBOSE_ABORT(...) __builtin_trap()  // of a vector that would be too long
 #include "fracgyro/control/guard.hpp"
 #include "fracgyro/core/kernel_design.hpp"
-#include "fracgyro/sim/recorder.hpp"
+#include "fracgyro/sim/device_settings.hpp"
 #include "fracgyro/sim/settings.hpp"
 
 #include <cstring>
@@ -21,7 +22,7 @@ constexpr std::size_t most_settings = []<std::size_t... I>(std::index_sequence<I
     return std::max({count({.controller = ControllerParams(std::in_place_index<I>)})...});
 }(std::make_index_sequence<controller_kinds.size()>{});
 
-Setup setup;
+[[clang::no_destroy]] constinit DeviceSetup setup;
 std::array<double, most_settings> values;  // those of the kind, in the order of settings.hpp
 KernelDesign kernel_design;                // room to design the exponentials in
 bool single_precision = false;             // of the controller by itself
@@ -45,8 +46,9 @@ constexpr std::size_t most_of(auto measure) {
 }
 // One at a time, in room for any: objects of each kind would lie in the module as they begin.
 template <Scalar T>
-constexpr std::size_t room_for_any =
-    most_of<T>([]<class... Types>(List<Types...>) { return std::max({sizeof(Held<Types>)...}); });
+constexpr std::size_t room_for_any = most_of<T>([]<class... Types>(List<Types...>) {
+    return std::max({sizeof(Held<Types>)..., sizeof(Held<typename FromPositions<Types>::Type>)...});
+});
 alignas(16) std::array<std::byte, std::max(room_for_any<double>, room_for_any<float>)> room;
 std::array<double, most_of<double>([]<class... Types>(List<Types...>) {
                return std::max({width_of<typename Types::Report>()...});
@@ -65,11 +67,25 @@ Held<Controller>& held() {
 
 template <class Act>
 void with_held(Act&& act) {
+    const bool observed = setup.common.observer_bandwidth > 0.0;
     if (single_precision) {
-        with_controller<float>(setup.controller, act);
+        with_controller<float>(setup.controller, observed, act);
     } else {
-        with_controller<double>(setup.controller, act);
+        with_controller<double>(setup.controller, observed, act);
     }
+}
+
+template <class Report>
+[[gnu::noinline]] void keep_report(const Report& found) {
+    double* next = report.data();
+    for_each_number<Reported::between_steps>(found, [&](auto number) { *next++ = static_cast<double>(number); });
+}
+
+// Pages of memory; nullptr: there are none left.
+void* pages(std::size_t bytes) {
+    constexpr std::size_t page = 65536;
+    const std::size_t before = __builtin_wasm_memory_grow(0, (bytes + page - 1) / page);
+    return before == ~std::size_t{0} ? nullptr : reinterpret_cast<void*>(before * page);
 }
 
 }  // namespace
@@ -77,15 +93,35 @@ void with_held(Act&& act) {
 
 using namespace fracgyro;
 
+// For the points of rates and temperatures.
+void* operator new(std::size_t bytes) {
+    void* const found = pages(bytes);
+    if (found == nullptr) {
+        __builtin_trap();
+    }
+    return found;
+}
+void operator delete(void*) noexcept {}
+void operator delete(void*, std::size_t) noexcept {}
+
 #define EXPORT extern "C" [[gnu::visibility("default")]]
+
+// Room for so many numbers; nullptr: there is none left.
+EXPORT double* room_for(std::size_t count) { return static_cast<double*>(pages(count * sizeof(double))); }
 
 // To be filled in before `setup_done`.
 EXPORT double* setting_values() { return values.data(); }
-// The kind is a place in the registry. Designs the exponentials of a controller with memory. Returns whether there are
-// such.
-EXPORT bool setup_done(std::size_t kind, double duration, double tolerance) {
+// The kind is a place in the registry; the bandwidth, that of the observer of velocity, 0: the velocity is measured.
+// `device`: the numbers of a rate that moves and a device that is not ideal (device_settings.hpp), or nullptr. Designs
+// the exponentials of a controller with memory. Returns whether there are such.
+EXPORT bool setup_done(std::size_t kind, double observer_bandwidth, double duration, double tolerance,
+                       const double* device) {
     setup.controller = params_of_kind(kind);
     take_settings(setup, values.data());
+    setup.common.observer_bandwidth = observer_bandwidth;
+    if (device != nullptr) {
+        take_device_settings(setup, device);
+    }
     ExponentialSum* const kernel = kernel_of(setup.controller);
     if (kernel == nullptr || !has_memory(setup.controller)) {
         return true;
@@ -100,8 +136,11 @@ EXPORT std::size_t chosen_type() {
     return chosen;
 }
 
-// A run into `rows`, with room for steps / every + 1 of them. Returns the number of samples before divergence.
-EXPORT int simulate(int every, double* rows) { return static_cast<int>(record<double>(setup, every, rows)); }
+// A run into `rows`, with room for steps / every + 1 of them, with the channels of the device or without. Returns the
+// number of samples before divergence. The loop is that of any device: of two the module would be larger.
+EXPORT int simulate(int every, double* rows, bool device) {
+    return static_cast<int>(record_device(setup, every, rows, device));
+}
 
 EXPORT void controller_start(bool single) {
     single_precision = single;
@@ -120,6 +159,7 @@ EXPORT void controller_start(bool single) {
 EXPORT std::uint32_t controller_key() {
     const std::size_t kind = setup.controller.index();
     std::uint32_t sum = checksum(&kind, sizeof kind);
+    sum = checksum(&setup.common.observer_bandwidth, sizeof(double), sum);
     sum = checksum(values.data(), sizeof values, sum);
     if (const ExponentialSum* const kernel = kernel_of(setup.controller)) {
         sum = checksum(kernel->poles.data(), kernel->count * sizeof kernel->poles[0], sum);
@@ -127,7 +167,7 @@ EXPORT std::uint32_t controller_key() {
     }
     return sum;
 }
-// One step, from the motion measured now. Returns the force.
+// One step, from the motion measured now; without a sensor of velocity that is not looked at. Returns the force.
 EXPORT const double* controller_step(double x, double y, double vx, double vy) {
     with_held([&]<class C>() {
         using T = typename C::Value;
@@ -139,11 +179,7 @@ EXPORT const double* controller_step(double x, double y, double vx, double vy) {
 }
 // What it reports, as it stands after the last step.
 EXPORT const double* controller_report() {
-    with_held([]<class C>() {
-        double* next = report.data();
-        for_each_number<Reported::between_steps>(Guard<C>::report(held<C>().state, held<C>().coefficients),
-                                                 [&](auto number) { *next++ = static_cast<double>(number); });
-    });
+    with_held([]<class C>() { keep_report(Guard<C>::report(held<C>().state, held<C>().coefficients)); });
     return report.data();
 }
 // What was thought of the last sample.

@@ -2,7 +2,7 @@
 #include "paper.hpp"
 #include "scalars.hpp"
 
-#include "fracgyro/sim/device_loop.hpp"
+#include "fracgyro/sim/device_settings.hpp"
 #include "fracgyro/control/guard.hpp"
 
 #include <cmath>
@@ -101,6 +101,25 @@ TEST(MovingRate, AProfileIsLinearBetweenItsTimesAndConstantBeyondThem) {
     EXPECT_EQ(profile.at(7), 1.5);
     EXPECT_EQ(profile.at(11), 0.0);
     EXPECT_EQ(Profile{}.at(3), 0.0);
+}
+
+TEST(DeviceSettings, ComeBackFromNumbersWithHowManyBeforeEachList) {
+    constexpr double off = Quantizer::unlimited;
+    DeviceSetup setup;
+    setup.rate = {.kind = AngularRateKind::table, .seed = 7, .table = {{0.0, 5.0}, {1.0, 2.0}}, .inertial = true};
+    setup.device = {.position = {{2.0, off}, 24}, .delay = 3, .temperature = {{4.0}, {6.0}}, .rate_random_walk = 8.0};
+    const std::vector<double> numbers = device_settings(setup);
+    const std::vector<double> of_rate{5, 0, 0, 1, 1, 0, 0, 7, 2, 0, 5, 2, 1, 2, 1};
+    EXPECT_EQ(std::vector<double>(numbers.begin(), numbers.begin() + 15), of_rate);
+    DeviceSetup other;
+    take_device_settings(other, numbers.data());
+    EXPECT_EQ(device_settings(other), numbers);
+    EXPECT_EQ(other.rate.kind, AngularRateKind::table);
+    EXPECT_EQ(other.rate.table.values, (std::vector<double>{1.0, 2.0}));
+    EXPECT_EQ(other.device.position.range.y(), off);
+    EXPECT_EQ(other.device.position.bits, 24);
+    EXPECT_EQ(other.device.temperature.values, std::vector<double>{6.0});
+    EXPECT_EQ(other.device.rate_random_walk, 8.0);
 }
 
 // -- The plant that varies --------------------------------------------------------------------------------------------

@@ -185,9 +185,9 @@ TEST(Members, AreCountedAndVisitedInTheirOrder) {
     int wanted = 0;
     EXPECT_TRUE(with_members(twenty, [&](const auto&... members) { return ((members == ++wanted) && ...); }));
     EXPECT_EQ(wanted, 20);
-    EXPECT_EQ(
-        with_members(Five{}, [](int a, double b, const auto&, const auto&, bool e) { return a + b + (e ? 4 : 0); }),
-        7.0);
+    const Five five;
+    EXPECT_EQ(with_members(five, [](int a, double b, const auto&, const auto&, bool e) { return a + b + (e ? 4 : 0); }),
+              7.0);
 }
 
 }  // namespace

@@ -20,7 +20,7 @@ from fmpy.validation import validate_fmu
 from fracgyro.cli import cli
 from fracgyro.export import settings
 from fracgyro.export.fmu import FMI2_FOLDERS, Content, Fmi, export
-from fracgyro.scenario.kinds import KINDS, LOOP_CHANNELS, reports
+from fracgyro.scenario.kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, reports
 
 SHORT = fg.Scenario.paper().replace({"run.duration": 2.0, "controller.switching_limit": 0.5})
 SI = SHORT.replace(
@@ -48,12 +48,36 @@ SINE = SHORT.replace(
         "disturbance.frequency": (2.0, 7.0),
     }
 )
+# Everything that a device can have and a rate that moves; no disturbance, so that the seed is only that of its noise.
+DEVICE = SHORT.replace(
+    {
+        "adaptation.kind": "joint",
+        "disturbance.kind": "none",
+        "rate.kind": "table",
+        "rate.points": [[0.0, 95.0], [1e-3, 105.0]],
+        "device.sensing": "position",
+        "device.position_noise": 1e-11,
+        "device.position_noise_corner": 1e4,
+        "device.position_range": [2e-6, 3e-6],
+        "device.position_bits": 24,
+        "device.actuator_limit": 1e-5,
+        "device.actuator_bits": 24,
+        "device.force_gain_error": [1e-3, -1e-3],
+        "device.force_misalignment": 1e-3,
+        "device.pickoff_gain_error": [1e-3, 2e-3],
+        "device.delay": 1,
+        "device.stiffness_drift": 50.0,
+        "device.temperature_ramp": 1e4,
+        "device.bias_instability": 0.3,
+        "device.rate_random_walk": 20.0,
+    }
+)
 SCENARIOS = {
     "the paper's, whole": fg.Scenario.paper(),
     "as printed": fg.Scenario.paper("printed").replace({"run.duration": 2.0}),
     "in SI units": SI,
     "composite adaptation": SHORT.replace({"adaptation.kind": "composite", "adaptation.rate_forgetting": 2.0}),
-    "joint adaptation": SHORT.replace({"adaptation.kind": "joint", "adaptation.rate_forgetting": 2.0}),
+    "joint adaptation of a device": DEVICE,
     "known parameters, sine": SINE,
     "PID, which reports nothing": SHORT.replace({"controller.kind": "pid"}),
     "super-twisting": SHORT.replace({"controller.kind": "super_twisting"}),
@@ -79,7 +103,11 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., str]:
 
 def columns(run: Any) -> dict[str, np.ndarray]:
     """A run of ours under the names of an FMU's outputs."""
-    channels = (*LOOP_CHANNELS, *(c for kind in KINDS for channels in reports(kind) for c in channels))
+    channels = (
+        *LOOP_CHANNELS,
+        *DEVICE_CHANNELS,
+        *(c for kind in KINDS for channels in reports(kind) for c in channels),
+    )
     found = {}
     for channel in channels:
         if channel.name in run:
@@ -171,7 +199,7 @@ def test_one_step_of_the_importer_takes_many_of_the_loop(made: Callable[..., str
 
 
 @pytest.mark.parametrize("fmi", VERSIONS)
-@pytest.mark.parametrize("scenario", [SHORT, SI], ids=["nondimensional", "SI"])
+@pytest.mark.parametrize("scenario", [SHORT, SI, DEVICE], ids=["nondimensional", "SI", "positions only"])
 def test_the_controller_alone_answers_each_motion_with_the_force_of_the_loop(
     made: Callable[..., str], tmp_path: Path, scenario: fg.Scenario, fmi: Fmi
 ) -> None:
@@ -181,13 +209,18 @@ def test_the_controller_alone_answers_each_motion_with_the_force_of_the_loop(
     fmu = Instance(made(scenario, fmi, "controller"), tmp_path).start()
     assert fmu.get("rate_estimate") == pytest.approx(0.095 * (scales.rate if scenario is SI else 1.0))
     step = scenario.run.step * factors[3]
+    motion = {"position": ("position", factors[0]), "velocity": ("velocity", factors[1])}
+    if scenario is DEVICE:
+        motion = {"position": ("measured_position", 1.0)}
+    inputs = [v.name for v in fmu.description.modelVariables if v.causality == "input"]
+    assert inputs == [f"{name}.{axis}" for name in motion for axis in "xy"]
     for n in range(500):
-        for name, factor in (("position", factors[0]), ("velocity", factors[1])):
+        for name, (measured, factor) in motion.items():
             for axis in "xy":
-                fmu.set(f"{name}.{axis}", float(expected[name].sel(axis=axis)[n]) * factor)
+                fmu.set(f"{name}.{axis}", float(expected[measured].sel(axis=axis)[n]) * factor)
         fmu.step(n * step, step)
         force = np.array([fmu.get("control.x"), fmu.get("control.y")]) / factors[2]
-        if scenario is SHORT:
+        if scenario is not SI:
             np.testing.assert_array_equal(force, expected["control"].values[n])
         else:  # the motion is rounded on its way
             np.testing.assert_allclose(force, expected["control"].values[n], rtol=1e-6)
@@ -223,9 +256,17 @@ def test_gains_can_be_tuned_while_it_runs_and_starts_cannot(made: Callable[..., 
     assert fmu.complaint(lambda: fmu.set("controller.order", 0.8)) == "controller.order cannot be set"
 
 
-@pytest.mark.parametrize("fmi", VERSIONS)
-def test_a_saved_state_resumes_bit_for_bit_even_elsewhere(made: Callable[..., str], tmp_path: Path, fmi: Fmi) -> None:
-    fmu = Instance(made(SHORT, fmi), tmp_path / "1").start()
+def test_the_seed_is_that_of_the_noise_of_the_sensors_too(made: Callable[..., str]) -> None:
+    simulated = fmpy.simulate_fmu(made(DEVICE), start_values={"disturbance.seed": 7}, output_interval=0.001)
+    expected = columns(fg.simulate(DEVICE.replace({"disturbance.seed": 7})))["measured_position.x"]
+    assert_same_bits(np.ascontiguousarray(simulated["measured_position.x"]), expected, "measured_position.x")
+
+
+@pytest.mark.parametrize(("fmi", "scenario"), [("2.0", DEVICE), ("3.0", SHORT)], ids=["device", "ideal"])
+def test_a_saved_state_resumes_bit_for_bit_even_elsewhere(
+    made: Callable[..., str], tmp_path: Path, fmi: Fmi, scenario: fg.Scenario
+) -> None:
+    fmu = Instance(made(scenario, fmi), tmp_path / "1").start()
     fmu.set("controller.layer_thickness", 0.1)
     fmu.step(0.0, 0.7)
     saved = fmu.save()
@@ -234,7 +275,7 @@ def test_a_saved_state_resumes_bit_for_bit_even_elsewhere(made: Callable[..., st
     fmu.load(saved)
     fmu.step(0.7, 0.3)
     assert [fmu.get("position.x"), fmu.get("bound_estimate[2]")] == expected
-    other = Instance(made(SHORT, fmi), tmp_path / "2").start()
+    other = Instance(made(scenario, fmi), tmp_path / "2").start()
     other.load(saved)
     assert other.get("controller.layer_thickness") == 0.1
     other.step(0.7, 0.3)
@@ -441,6 +482,11 @@ def test_a_seed_that_fmi_cannot_hold_is_refused(tmp_path: Path) -> None:
     too_large = SHORT.replace({"disturbance.seed": 2**31})
     with pytest.raises(ValueError, match=r"disturbance.seed is 2147483648: it must be at most 2147483647 in an FMU"):
         export(too_large, tmp_path / "x.fmu")
+
+
+def test_a_device_that_is_not_ideal_is_simulated_in_double_only(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"^number is float: it must be double for a closed loop whose rate moves or"):
+        export(DEVICE, tmp_path / "x.fmu", number="float", unbounded=True)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,13 @@ from fracgyro.export import compilers, web
 from fracgyro.export.settings import core_numbers, offered, settings, unit
 from fracgyro.scenario.kinds import KINDS, numbers, reports
 
-RUN = {"run.duration", "run.record_every", "run.kernel_tolerance"}
+BESIDES = {
+    "run.duration",
+    "run.record_every",
+    "run.kernel_tolerance",
+    "device.sensing",
+    "controller.observer_bandwidth",
+}
 ROOT = Path(__file__).resolve().parents[2]
 SHORT = fg.Scenario.paper()
 OTHER = SHORT.replace(
@@ -50,7 +56,7 @@ def test_every_setting_of_every_kind_has_its_type_and_meaning(kind: str, tmp_pat
     fields, typed = module_data(tmp_path)["fields"], types_of(kind)
     web.export(SHORT.replace({"controller.kind": kind}), tmp_path / "own.json", unbounded=True)
     said = json.loads((tmp_path / "own.json").read_text())["settings"]
-    assert set(typed) == set(said) == {"controller.kind", *(n.name for n in offered(kind)), *RUN}
+    assert set(typed) == set(said) == {"controller.kind", *(n.name for n in offered(kind)), *BESIDES}
     words = {True: "boolean", False: "boolean"}
     for name, value in said.items():
         field = fields[name]

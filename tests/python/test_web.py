@@ -15,7 +15,7 @@ from embedded import need
 from fracgyro import _core
 from fracgyro.export import web
 from fracgyro.scenario.kinds import KINDS
-from fracgyro.scenario.to_core import core_setup
+from fracgyro.scenario.to_core import core_setup, is_ideal
 
 SHORT = fg.Scenario.paper().replace({"run.duration": 3.0})
 
@@ -48,7 +48,9 @@ def in_node(module: Path, folder: Path, code: str, scenario: fg.Scenario = SHORT
 
 
 def recorded(scenario: fg.Scenario) -> np.ndarray:
-    rows: np.ndarray = _core.record_runs([core_setup(scenario)], scenario.run.record_every, 1)[0][0]
+    rows: np.ndarray = _core.record_runs([core_setup(scenario)], scenario.run.record_every, 1, not is_ideal(scenario))[
+        0
+    ][0]
     return rows
 
 
@@ -57,8 +59,8 @@ def assert_same_bits(got: np.ndarray, expected: np.ndarray) -> None:
 
 
 def test_the_module_is_small_and_imports_nothing(module: Path, tmp_path: Path) -> None:
-    assert (module / "fracgyro.wasm").stat().st_size < 190_000
-    assert sum(file.stat().st_size for file in module.iterdir()) < 245_000
+    assert (module / "fracgyro.wasm").stat().st_size < 245_000
+    assert sum(file.stat().st_size for file in module.iterdir()) < 300_000
     imports = 'console.log(WebAssembly.Module.imports(new WebAssembly.Module(read("fracgyro.wasm"))).length)'
     assert in_node(module, tmp_path, imports) == "0\n"
 
@@ -68,8 +70,28 @@ SCENARIOS = {
     "as printed": fg.Scenario.paper("printed").replace({"run.duration": 3.0}),
     "any c, held noise": SHORT.replace({"controller.terminal_exponent": 0.7, "disturbance.hold": 4e-3}),
     "fractional": SHORT.replace({"controller.kind": "fractional", "controller.order": 0.35}),
-    "composite adaptation": SHORT.replace({"adaptation.kind": "composite", "adaptation.rate_forgetting": 2.0}),
-    "joint adaptation": SHORT.replace({"adaptation.kind": "joint", "adaptation.rate_forgetting": 2.0}),
+    "composite adaptation behind an observer, moving rate": SHORT.replace(
+        {
+            "adaptation.kind": "composite",
+            "device.sensing": "position",
+            "rate.kind": "table",
+            "rate.points": [[0.0, 95.0], [1e-3, 105.0]],
+        }
+    ),
+    "joint adaptation of a device": SHORT.replace(
+        {
+            "adaptation.kind": "joint",
+            "device.sensing": "position",
+            "device.position_noise": 1e-11,
+            "device.actuator_limit": 1e-5,
+            "device.actuator_bits": 24,
+            "device.delay": 1,
+            "device.damping_drift": 5e3,
+            "device.temperature_ramp": 1e4,
+            "device.bias_instability": 0.3,
+            "run.record_every": 3,
+        }
+    ),
     "PID, which reports nothing": SHORT.replace({"controller.kind": "pid", "controller.force_limit": 6000.0}),
     "super-twisting": SHORT.replace({"controller.kind": "super_twisting"}),
     "integer order": SHORT.replace({"controller.order": 1.0}),
@@ -114,6 +136,7 @@ CHANGES = {
     "a longer run": ({"controller.order": 0.05, "run.duration": 120.0}, 120.0),
     "a coarse tolerance": ({"run.kernel_tolerance": 1e-2}, 3.0),
     "few steps": ({"run.duration": 0.005}, 0.005),
+    "positions only": ({"device.sensing": "position", "controller.observer_bandwidth": 200.0}, 3.0),
 }
 
 
@@ -180,8 +203,8 @@ def test_the_controller_alone_has_the_bits_of_the_python_one_and_resumes(module:
     assert "rate_trusted" not in double
 
 
-def test_so_has_the_controller_with_composite_adaptation(module: Path, tmp_path: Path) -> None:
-    scenario = SHORT.replace({"adaptation.kind": "composite"})
+def test_so_has_the_controller_with_composite_adaptation_from_positions(module: Path, tmp_path: Path) -> None:
+    scenario = SHORT.replace({"adaptation.kind": "composite", "device.sensing": "position"})
     double, controller = check_controller_alone(module, tmp_path, scenario)
     assert double["rate_deviation"] == controller.estimates.rate_deviation
     assert double["rate_trusted"] == 1
@@ -214,6 +237,8 @@ WRONG = {
     '{ "controller.natural_frequency": 1 }': "controller.natural_frequency is not a setting of the controller "
     "fractional_fast_terminal",
     '{ "controller.kind": "pid" }': "controller.natural_frequency is missing: it must be given",
+    '{ "device.sensing": "velocity" }': "device.sensing is velocity: it must be one of full, position",
+    '{ "controller.observer_bandwidth": 0 }': "controller.observer_bandwidth is 0: it must be greater than 0",
     '{ "controller.adaptive": 1 }': "controller.adaptive is 1: it must be one of false, true",
     '{ "plant.angular_rate": NaN }': "plant.angular_rate is NaN: it must be a finite number",
     '{ "run.record_every": 2**32 + 1 }': "run.record_every is 4294967297: it must be at most 1000000000",
@@ -243,6 +268,12 @@ def test_a_scenario_that_is_none_is_refused_in_one_sentence(module: Path, tmp_pa
     """
     missing = "RangeError: disturbance.seed is missing: it must be given"
     assert in_node(module, tmp_path, code).splitlines() == [missing]
+
+
+def test_the_noise_of_a_device_is_for_one_step(module: Path, tmp_path: Path) -> None:
+    code = 'await fracgyro.simulate(own, { "run.step": 5e-4 }).catch((e) => console.log(e.message));'
+    refused = "run.step is 0.0005: it must be 0.001, which the noise and times of its device are for\n"
+    assert in_node(module, tmp_path, code, SCENARIOS["joint adaptation of a device"]) == refused
 
 
 def test_a_state_of_another_controller_is_refused(module: Path, tmp_path: Path) -> None:

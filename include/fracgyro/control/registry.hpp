@@ -156,13 +156,13 @@ struct SizedController<C, Capacity> {
 // Of a controller that is the one for these parameters.
 template <class C>
 typename C::Coefficients prepare(const ControllerParams& any, const Common& common) {
-    typename C::Coefficients prepared{};
+    const typename C::Params* own = nullptr;
     with_params(any, [&]<class Params>(const Params& p, auto) {
         if constexpr (std::is_same_v<Params, typename C::Params>) {
-            prepared = C::prepare(p, common);
+            own = &p;
         }
     });
-    return prepared;
+    return own == nullptr ? typename C::Coefficients{} : C::prepare(*own, common);
 }
 // Of one that need not be in the registry, from its own.
 template <class C>

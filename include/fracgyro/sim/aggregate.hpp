@@ -24,70 +24,70 @@ consteval std::size_t count_members() {
 
 // Calls visit(members...). A language without reflection needs one line for each number of members.
 template <class Struct, class Visit>
-constexpr decltype(auto) with_members(const Struct& value, Visit&& visit) {
-    constexpr std::size_t count = count_members<Struct>();
+constexpr decltype(auto) with_members(Struct& value, Visit&& visit) {
+    constexpr std::size_t count = count_members<std::remove_const_t<Struct>>();
     static_assert(count <= 20);
     if constexpr (count == 0) {
         return visit();
     } else if constexpr (count == 1) {
-        const auto& [a] = value;
+        auto& [a] = value;
         return visit(a);
     } else if constexpr (count == 2) {
-        const auto& [a, b] = value;
+        auto& [a, b] = value;
         return visit(a, b);
     } else if constexpr (count == 3) {
-        const auto& [a, b, c] = value;
+        auto& [a, b, c] = value;
         return visit(a, b, c);
     } else if constexpr (count == 4) {
-        const auto& [a, b, c, d] = value;
+        auto& [a, b, c, d] = value;
         return visit(a, b, c, d);
     } else if constexpr (count == 5) {
-        const auto& [a, b, c, d, e] = value;
+        auto& [a, b, c, d, e] = value;
         return visit(a, b, c, d, e);
     } else if constexpr (count == 6) {
-        const auto& [a, b, c, d, e, f] = value;
+        auto& [a, b, c, d, e, f] = value;
         return visit(a, b, c, d, e, f);
     } else if constexpr (count == 7) {
-        const auto& [a, b, c, d, e, f, g] = value;
+        auto& [a, b, c, d, e, f, g] = value;
         return visit(a, b, c, d, e, f, g);
     } else if constexpr (count == 8) {
-        const auto& [a, b, c, d, e, f, g, h] = value;
+        auto& [a, b, c, d, e, f, g, h] = value;
         return visit(a, b, c, d, e, f, g, h);
     } else if constexpr (count == 9) {
-        const auto& [a, b, c, d, e, f, g, h, i] = value;
+        auto& [a, b, c, d, e, f, g, h, i] = value;
         return visit(a, b, c, d, e, f, g, h, i);
     } else if constexpr (count == 10) {
-        const auto& [a, b, c, d, e, f, g, h, i, j] = value;
+        auto& [a, b, c, d, e, f, g, h, i, j] = value;
         return visit(a, b, c, d, e, f, g, h, i, j);
     } else if constexpr (count == 11) {
-        const auto& [a, b, c, d, e, f, g, h, i, j, k] = value;
+        auto& [a, b, c, d, e, f, g, h, i, j, k] = value;
         return visit(a, b, c, d, e, f, g, h, i, j, k);
     } else if constexpr (count == 12) {
-        const auto& [a, b, c, d, e, f, g, h, i, j, k, l] = value;
+        auto& [a, b, c, d, e, f, g, h, i, j, k, l] = value;
         return visit(a, b, c, d, e, f, g, h, i, j, k, l);
     } else if constexpr (count == 13) {
-        const auto& [a, b, c, d, e, f, g, h, i, j, k, l, m] = value;
+        auto& [a, b, c, d, e, f, g, h, i, j, k, l, m] = value;
         return visit(a, b, c, d, e, f, g, h, i, j, k, l, m);
     } else if constexpr (count == 14) {
-        const auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n] = value;
+        auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n] = value;
         return visit(a, b, c, d, e, f, g, h, i, j, k, l, m, n);
     } else if constexpr (count == 15) {
-        const auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o] = value;
+        auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o] = value;
         return visit(a, b, c, d, e, f, g, h, i, j, k, l, m, n, o);
     } else if constexpr (count == 16) {
-        const auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p] = value;
+        auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p] = value;
         return visit(a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p);
     } else if constexpr (count == 17) {
-        const auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q] = value;
+        auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q] = value;
         return visit(a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q);
     } else if constexpr (count == 18) {
-        const auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r] = value;
+        auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r] = value;
         return visit(a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r);
     } else if constexpr (count == 19) {
-        const auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s] = value;
+        auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s] = value;
         return visit(a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s);
     } else if constexpr (count == 20) {
-        const auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t] = value;
+        auto& [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t] = value;
         return visit(a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t);
     }
 }

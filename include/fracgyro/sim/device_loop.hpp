@@ -181,15 +181,19 @@ std::int64_t run_device_loop(const DeviceSetupOf<Params>& setup, Observe&& obser
     return state.step;
 }
 
-// As record(), with rows longer by device_width.
-inline std::int64_t record_device(const DeviceSetup& setup, std::int64_t every, double* rows) {
+// As record(), with rows longer by device_width, unless the channels of the device are left out.
+inline std::int64_t record_device(const DeviceSetup& setup, std::int64_t every, double* rows, bool device = true) {
     std::int64_t samples = 0;
     with_controller<double>(setup.controller, setup.common.observer_bandwidth > 0.0, [&]<class C>() {
         using Report = typename C::Report;
         samples = run_device_loop<C>(setup, [&](const DeviceSnapshot<Report>& at) {
             if (at.step % every == 0) {
-                write_device_row(at, rows);
-                rows += row_width<Report> + device_width;
+                if (device) {
+                    write_device_row(at, rows);
+                } else {
+                    write_row<double, Report>(at, rows);
+                }
+                rows += row_width<Report> + (device ? device_width : 0);
             }
         });
     });

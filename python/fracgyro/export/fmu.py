@@ -26,10 +26,20 @@ from .. import _core
 from ..files import whole_file
 from ..scenario import Scenario, ScenarioError
 from ..scenario.bounded import check_bounded
-from ..scenario.kinds import LOOP_CHANNELS, reported
-from ..scenario.to_core import core_setup
+from ..scenario.kinds import DEVICE_CHANNELS, LOOP_CHANNELS, reported
+from ..scenario.to_core import core_setup, is_ideal
 from .compilers import FLAGS, SOURCES, Number, include, join_macos, system_compiler, zig
-from .settings import columns, core_kernel, core_numbers, meaning, settings, unit, without_plant
+from .settings import (
+    columns,
+    core_kernel,
+    core_numbers,
+    device_settings,
+    meaning,
+    observer_bandwidth,
+    settings,
+    unit,
+    without_plant,
+)
 from .units import base_unit, shown
 
 Content = Literal["loop", "controller"]
@@ -100,11 +110,17 @@ def export(
     """Writes the FMU, whole or not at all. `number` is what it computes with; an importer sees doubles.
 
     Raises ValueError, in one sentence, when a compiler or FMPy is missing, the seed is too large for an FMU, the file
-    cannot be written, or the controller would not stay bounded (bounded.py) and `unbounded` does not allow that.
+    cannot be written, a device that is not ideal is to be simulated in float, or the controller would not stay bounded
+    (bounded.py) and `unbounded` does not allow that.
     """
     check_bounded(scenario, unbounded)
     if content == "controller":
         scenario = without_plant(scenario)
+    ideal = content == "controller" or is_ideal(scenario)
+    if number == "float" and not ideal:
+        raise ValueError(
+            "number is float: it must be double for a closed loop whose rate moves or whose device is not ideal"
+        )
     variables = list(_variables(scenario, content, fmi))
     token = _token(scenario, content, fmi, number)
     header = _header(scenario, content, number, token, variables)
@@ -114,7 +130,7 @@ def export(
         (folder / "exported.hpp").write_text(header, encoding="utf-8")
         files = {"modelDescription.xml": description.encode(), "resources/scenario.toml": scenario.to_toml().encode()}
         for system in systems:
-            files |= _binaries(folder, system, content, fmi)
+            files |= _binaries(folder, system, content, fmi, "cc" if ideal else "c++")
         with zipfile.ZipFile(scratch, "w", zipfile.ZIP_DEFLATED) as archive:
             for file, data in files.items():
                 entry = zipfile.ZipInfo(file, FIRST_DATE)
@@ -134,13 +150,15 @@ def _variables(scenario: Scenario, content: Content, fmi: Fmi) -> Iterator[Varia
 
 def _parameters(scenario: Scenario, content: Content) -> Iterator[Variable]:
     places = {name: place for place, name in enumerate(core_numbers(scenario))}
+    of_device = () if is_ideal(scenario) else ("seed",)  # of the sensors' noise, too
+    used = (*OF_DISTURBANCE[scenario.disturbance.kind], *of_device)
     for s in settings(scenario):
         n, table, field = s.number, s.number.table, s.number.field
         if n.choices:
             continue
         if content == "controller" and table in ("plant", "disturbance"):
             continue
-        if table == "disturbance" and field not in OF_DISTURBANCE[scenario.disturbance.kind]:
+        if table == "disturbance" and field not in used:
             continue
         high = MAX_SEED if field == "seed" else n.high
         if s.value > high:
@@ -151,7 +169,8 @@ def _parameters(scenario: Scenario, content: Content) -> Iterator[Variable]:
 
 
 def _inputs(scenario: Scenario) -> Iterator[Variable]:
-    measured = [(name, c) for c in LOOP_CHANNELS if c.name in INPUTS for name in columns(c)]
+    names = INPUTS[:1] if scenario.device.sensing == "position" else INPUTS
+    measured = [(name, c) for c in LOOP_CHANNELS if c.name in names for name in columns(c)]
     for place, (name, channel) in enumerate(measured):
         scale, symbol = _shown(channel.units[0], scenario)
         said = f"{channel.meaning}, measured"
@@ -160,7 +179,8 @@ def _inputs(scenario: Scenario) -> Iterator[Variable]:
 
 def _outputs(scenario: Scenario, content: Content) -> Iterator[Variable]:
     place = 0
-    for channel in (*LOOP_CHANNELS, *reported(core_setup(scenario))):
+    device = DEVICE_CHANNELS if content == "loop" and not is_ideal(scenario) else ()
+    for channel in (*LOOP_CHANNELS, *reported(core_setup(scenario)), *device):
         for part, name in enumerate(columns(channel)):
             scale, symbol = _shown(channel.units[part % len(channel.units)], scenario)
             if content == "loop" or channel.name not in NOT_OF_THE_CONTROLLER:
@@ -184,6 +204,7 @@ def _header(scenario: Scenario, content: Content, number: Number, token: str, va
     poles, weights = core_kernel(scenario)
     kind, chosen = _core.chosen_type(core_setup(scenario))
     step = scenario.run.step * _shown("1/omega0", scenario)[0]
+    device = device_settings(scenario) if content == "loop" else []
     rows = []
     for v in variables:
         flags = [_cpp(v.strict), _cpp(v.integer)]
@@ -202,9 +223,11 @@ def _header(scenario: Scenario, content: Content, number: Number, token: str, va
         f"inline constexpr bool closed_loop = {_cpp(content == 'loop')};",
         f'inline constexpr char token[] = "{token}";',
         f"inline constexpr double step = {_cpp(step)};",
+        f"inline constexpr double observer_bandwidth = {_cpp(observer_bandwidth(scenario))};",
         _array("numbers", core_numbers(scenario).values()),
         _array("poles", poles),
         _array("weights", weights),
+        _array("device", device),
         "inline constexpr Variable variables[] = {",
         *rows,
         "};",
@@ -250,8 +273,8 @@ def _identifier(content: Content) -> str:
     return f"fracgyro_{content}"
 
 
-def _binaries(folder: Path, system: System, content: Content, fmi: Fmi) -> dict[str, bytes]:
-    """{path in the archive: binary} for one system."""
+def _binaries(folder: Path, system: System, content: Content, fmi: Fmi, linker: str) -> dict[str, bytes]:
+    """{path in the archive: binary} for one system. Only what simulates a device needs the C++ library of zig's c++."""
     face = SOURCES / "integrations/fmu"
     source = face / f"fmi{fmi[0]}.cpp"
     headers = include(folder, face, SOURCES / "include", _fmi_headers())
@@ -268,7 +291,7 @@ def _binaries(folder: Path, system: System, content: Content, fmi: Fmi) -> dict[
             zig("c++", "-target", target, *options, *position, "-c", source, "-o", compiled)
             # Else the path to the scratch folder would be in it.
             itself = ["-install_name", f"@rpath/{_identifier(content)}.dylib"] if system == "macos" else []
-            zig("cc", "-target", target, "-O2", "-shared", "-s", *itself, compiled, "-o", binary)
+            zig(linker, "-target", target, "-O2", "-shared", "-s", *itself, compiled, "-o", binary)
         built[tuple_name] = binary
     name = f"{_identifier(content)}{TARGETS[system][0][2]}"
     if fmi == "3.0":

@@ -14,8 +14,7 @@ from ..scenario import Scenario, ScenarioError
 from ..scenario.device import Device, Rate
 from ..scenario.kinds import Channel, Number, numbers
 from ..scenario.schema import Plant
-from ..scenario.table import toml_value
-from ..scenario.to_core import core_setup, datasheet, guard
+from ..scenario.to_core import core_setup, datasheet, guard, is_ideal
 from .units import shown
 
 MAX_EXACT = 2**53 - 1  # faces take their numbers as doubles
@@ -35,30 +34,32 @@ class Setting:
 
 
 def without_plant(scenario: Scenario) -> Scenario:
-    """For only the controller, which knows neither the rate nor the device, unless it is to observe the velocity."""
-    if scenario.device.sensing != "full":
-        return scenario
+    """For only the controller, which knows neither the rate nor the device, but which sensors there are."""
     known = {"guard": guard(scenario), "datasheet": datasheet(scenario)}
-    return scenario.model_copy(update={"rate": Rate(), "device": Device(), **known})
+    device = Device(sensing=scenario.device.sensing)
+    return scenario.model_copy(update={"rate": Rate(), "device": device, **known})
 
 
 def core_numbers(scenario: Scenario) -> dict[str, float]:
-    """Every number of a run as the core takes it, in its order (include/fracgyro/sim/settings.hpp).
-
-    Raises ScenarioError for what the faces that take numbers do not simulate: a moving rate, a device not ideal.
-    """
-    for table, ideal in (("rate", Rate()), ("device", Device())):
-        for name, value in getattr(scenario, table):
-            wanted = getattr(ideal, name)
-            if value != wanted and (table, name) != ("rate", "seed"):
-                raise ScenarioError(
-                    f"{table}.{name} is {toml_value(value)[:80]}: it must be {toml_value(wanted)} to be exported, as "
-                    "FMU, browser and lanes know only a constant rate and an ideal device"
-                )
+    """Every number of a run as the core takes it, in its order (include/fracgyro/sim/settings.hpp)."""
     if scenario.disturbance.seed > MAX_EXACT:
         raise ScenarioError(f"disturbance.seed is {scenario.disturbance.seed}: it must be below 2^53 to be exported")
     names = [number.name for number in numbers(scenario.controller.kind)]
     return dict(zip(names, _core.setup_settings(core_setup(scenario)), strict=True))
+
+
+def observer_bandwidth(scenario: Scenario) -> float:
+    """As the core takes it: 0 where the velocity is measured."""
+    return float(core_setup(scenario).observer_bandwidth)
+
+
+def device_settings(scenario: Scenario) -> list[float]:
+    """The numbers of [rate] and [device] as the core takes them; none where the one is constant, the other ideal."""
+    if is_ideal(scenario):
+        return []
+    if scenario.rate.seed > MAX_EXACT:
+        raise ScenarioError(f"rate.seed is {scenario.rate.seed}: it must be below 2^53 to be exported")
+    return list(_core.device_settings(core_setup(scenario)))
 
 
 def core_kernel(scenario: Scenario) -> tuple[list[float], list[float]]:

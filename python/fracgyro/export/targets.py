@@ -21,7 +21,7 @@ from ..simulation.controller import Controller
 from . import fmu, web
 from .compilers import FLAGS, SOURCES, Number, compiler, include, make, need, run, system_compiler
 from .firmware import export_firmware
-from .settings import columns, core_kernel, core_numbers, without_plant
+from .settings import columns, core_kernel, core_numbers, observer_bandwidth
 
 Target = Literal["python", "lanes", "host", "m4f", "m7", "wasm", "fmu"]
 
@@ -71,8 +71,9 @@ def _lanes(scenario: Scenario, number: Number, motion: NDArray[np.floating], fol
     """In the widest registers that this processor has."""
     source, headers = SOURCES / "integrations/lanes/replay.cpp", include(SOURCES / "include")
     system_compiler(*FLAGS, "-O2", "-march=native", *headers, source, "-o", folder / "replay")
-    np.array(list(core_numbers(without_plant(scenario)).values())).tofile(folder / "numbers")
-    for name, values in zip(("poles", "weights"), core_kernel(scenario), strict=True):
+    poles, weights = core_kernel(scenario)
+    numbers, observer = list(core_numbers(scenario).values()), [observer_bandwidth(scenario)]
+    for name, values in {"numbers": numbers, "poles": poles, "weights": weights, "observer": observer}.items():
         np.array(values).tofile(folder / name)
     motion.tofile(folder / "motion")
     run([str(folder / "replay"), str(KINDS.index(scenario.controller.kind)), number], folder)
@@ -109,7 +110,7 @@ def _firmware(
 def _wasm(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
     need("node")
     web.build(folder)
-    web.export(without_plant(scenario), folder / "own.json", unbounded=True)
+    web.export(scenario, folder / "own.json", unbounded=True)
     shutil.copyfile(SOURCES / "integrations/web/replay.mjs", folder / "replay.mjs")
     motion.astype(np.float64).tofile(folder / "motion")
     run(["node", "replay.mjs", "own.json", number], folder)
@@ -130,7 +131,8 @@ def _fmu(scenario: Scenario, number: Number, motion: NDArray[np.floating], folde
 
     description = fmpy.read_model_description(str(path))
     place = {variable.name: variable.valueReference for variable in description.modelVariables}
-    inputs = [place[f"{name}.{axis}"] for name in MOTION for axis in "xy"]
+    columns_of_motion = [name for channel in LOOP_CHANNELS if channel.name in MOTION for name in columns(channel)]
+    inputs = {column: place[name] for column, name in enumerate(columns_of_motion) if name in place}
     outputs = [place[name] for name in answer_columns(scenario)]
     unpacked = fmpy.extract(str(path), unzipdir=str(folder / "unpacked"))
     instance = instantiate_fmu(unpacked, description, logger=lambda *_: None)
@@ -140,7 +142,7 @@ def _fmu(scenario: Scenario, number: Number, motion: NDArray[np.floating], folde
     instance.exitInitializationMode()
     rows, step = [], scenario.run.step
     for n, measured in enumerate(motion.tolist()):
-        instance.setReal(inputs, measured)
+        instance.setReal(list(inputs.values()), [measured[column] for column in inputs])
         instance.doStep(n * step, step)
         rows.append(instance.getReal(outputs))
     instance.terminate()

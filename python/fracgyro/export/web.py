@@ -15,21 +15,30 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from importlib.metadata import version
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
 from ..files import whole_file
 from ..scenario import Scenario
 from ..scenario.bounded import check_bounded
-from ..scenario.kinds import KINDS, LOOP_CHANNELS, Channel, Number, numbers, reports
-from ..scenario.schema import Run
+from ..scenario.device import Device
+from ..scenario.kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, Channel, Number, numbers, reports
+from ..scenario.schema import Controller, Run
 from .compilers import FLAGS, SOURCES, include, zig
-from .settings import columns, meaning, offered, settings, unit
+from .settings import columns, device_settings, meaning, offered, settings, unit
 
 TARGET = ["-target", "wasm32-wasi"]
-# What a run says besides the core's numbers.
-RUN = Run.model_json_schema()["properties"]
-OF_RUN = ["duration", "record_every", "kernel_tolerance"]
+# What a scenario says besides the core's numbers, as JSON Schema has it.
+BESIDES: dict[str, dict[str, Any]] = {
+    f"{table}.{name}": model.model_json_schema()["properties"][name]
+    for table, model, names in (
+        ("run", Run, ("duration", "record_every", "kernel_tolerance")),
+        ("device", Device, ("sensing",)),
+        ("controller", Controller, ("observer_bandwidth",)),
+    )
+    for name in names
+}
 SWITCH = ("false", "true")
 
 
@@ -49,6 +58,7 @@ def write_module_data(path: str | os.PathLike[str]) -> None:
         "version": version("fracgyro"),
         "fields": _fields(),
         "loop": _columns(LOOP_CHANNELS),
+        "device": _columns(DEVICE_CHANNELS),
         "kinds": {kind: _kind(kind) for kind in KINDS},
         "momentary": sorted({c.name for kind in KINDS for of in reports(kind) for c in of if c.momentary}),
         "paper": {name: _document(Scenario.paper(name)) for name in ("corrected", "printed")},
@@ -66,8 +76,9 @@ def build(folder: Path) -> None:
     with tempfile.TemporaryDirectory() as scratch:
         compiled = Path(scratch) / "web.o"
         # 128-bit vectors are in every browser since 2023.
-        zig("c++", *TARGET, *FLAGS, "-Os", "-msimd128", *headers, "-c", face / "web.cpp", "-o", compiled)
-        link = ["-nostdlib", "-s", "-Wl,--no-entry", "-Wl,--export-dynamic", "-Wl,--export=__heap_base"]
+        small = ["-Os", "-Xclang", "-fmerge-functions"]
+        zig("c++", *TARGET, *FLAGS, *small, "-msimd128", *headers, "-c", face / "web.cpp", "-o", compiled)
+        link = ["-nostdlib", "-s", "-Wl,--no-entry", "-Wl,--export-dynamic"]
         zig("cc", *TARGET, *link, compiled, "-o", folder / "fracgyro.wasm")
     write_module_data(folder / "fracgyro.json")
     shutil.copyfile(face / "fracgyro.mjs", folder / "fracgyro.mjs")
@@ -81,9 +92,9 @@ def settings_types() -> str:
     for kind in KINDS:
         groups.setdefault(tuple(number.name for number in offered(kind)), []).append(kind)
     of_all = set.intersection(*map(set, groups))
-    typed = {f"run.{name}": "number" for name in OF_RUN}
+    typed = {name: _union(schema["enum"]) if "enum" in schema else "number" for name, schema in BESIDES.items()}
     typed |= {number.name: _type(number) for kind in KINDS for number in offered(kind)}
-    shared = {name: said for name, said in typed.items() if name in of_all or name.partition(".")[2] in OF_RUN}
+    shared = {name: said for name, said in typed.items() if name in of_all or name in BESIDES}
     blocks = ["/** Of every kind of controller. */", *_interface("CommonSettings", shared)]
     names = []
     for group, kinds in groups.items():
@@ -108,19 +119,21 @@ def _union(words: Sequence[str]) -> str:
 
 
 def _document(scenario: Scenario) -> dict[str, Any]:
-    said: dict[str, Any] = {f"run.{name}": getattr(scenario.run, name) for name in OF_RUN}
+    said: dict[str, Any] = {name: attrgetter(name)(scenario) for name in BESIDES}
     said["controller.kind"] = scenario.controller.kind
     found = settings(scenario)
     for setting in found:
         value, choices = setting.value, _choices(setting.number)
         # JSON has no infinity: null is none.
         said[setting.name] = choices[int(value)] if choices else value if math.isfinite(value) else None
-    return {"settings": said, "scales": {setting.name: setting.scale for setting in found if setting.scale != 1.0}}
+    scales = {setting.name: setting.scale for setting in found if setting.scale != 1.0}
+    device = [number if math.isfinite(number) else None for number in device_settings(scenario)]
+    return {"settings": said, "scales": scales, **({"device": device} if device else {})}
 
 
 def _fields() -> dict[str, Any]:
     """What every setting of any kind means and may be."""
-    found: dict[str, Any] = {f"run.{name}": _of_run(RUN[name]) for name in OF_RUN}
+    found: dict[str, Any] = {name: _besides(schema) for name, schema in BESIDES.items()}
     kind = type(Scenario().controller).model_fields["kind"]
     found["controller.kind"] = {"description": kind.description, "choices": KINDS}
     for number in (number for kind in KINDS for number in offered(kind)):
@@ -133,10 +146,11 @@ def _fields() -> dict[str, Any]:
     return found
 
 
-def _of_run(schema: dict[str, Any]) -> dict[str, Any]:
-    words = ("description", "minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum")
+def _besides(schema: dict[str, Any]) -> dict[str, Any]:
+    words = ("unit", "description", "minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum")
     found = {word: schema[word] for word in words if word in schema}
-    return found | ({"whole": True} if schema["type"] == "integer" else {})
+    choices = {"choices": schema["enum"]} if "enum" in schema else {}
+    return found | choices | ({"whole": True} if schema["type"] == "integer" else {})
 
 
 def _kind(kind: str) -> dict[str, Any]:

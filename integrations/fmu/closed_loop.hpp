@@ -1,0 +1,38 @@
+// The loop that an FMU steps: with an ideal device in any precision, with any other in double.
+#pragma once
+
+#include "exported.hpp"
+
+#include "fracgyro/sim/device_settings.hpp"
+#include "fracgyro/sim/settings.hpp"
+
+namespace fracgyro {
+
+template <Controller C>
+struct IdealLoop : Stepper<C> {
+    using RunSetup = Setup;
+    using Draw = Disturbance;
+    static constexpr std::size_t width = row_width<typename C::Report>;
+
+    static void take_device(RunSetup&) {}
+    static Draw draw(const RunSetup& setup) { return {setup.disturbance, setup.common.step}; }
+    static void write(const typename Stepper<C>::State& state, const typename Stepper<C>::Coefficients&, double* row) {
+        write_row(state.snapshot(), row);
+    }
+};
+
+template <Controller C>
+struct DeviceLoop : Stepper<C, DeviceGyroscope> {
+    using RunSetup = DeviceSetup;
+    using Draw = DeviceGyroscope::Draw;
+    using Loop = Stepper<C, DeviceGyroscope>;
+    static constexpr std::size_t width = row_width<typename C::Report> + device_width;
+
+    static void take_device(RunSetup& setup) { take_device_settings(setup, exported::device.data()); }
+    static Draw draw(const RunSetup& setup) { return Draw(setup); }
+    static void write(const typename Loop::State& state, const typename Loop::Coefficients& c, double* row) {
+        write_device_row(DeviceGyroscope::snapshot(state, c.gyroscope, state.signals), row);
+    }
+};
+
+}  // namespace fracgyro
