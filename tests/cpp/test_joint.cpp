@@ -8,6 +8,7 @@
 #include "fracgyro/control/sliding_mode.hpp"
 
 #include <cmath>
+#include <complex>
 #include <functional>
 #include <random>
 #include <vector>
@@ -438,16 +439,43 @@ TEST(Joint, TheRateIsTrustedOnlyWhereTheMotionTellsIt) {
     EXPECT_EQ(still.trusted(), 0.0);
 }
 
-TEST(Joint, AMovingRateIsFollowedAsFastAsItIsAskedFor) {
-    Case a = finely_sensed();
-    a.law.adaptation.rate_forgetting = 0.02;
-    Loop<Both<double>> loop(a);
-    loop.run(20000);
-    const double before = loop.rate();
-    a.plant.rate += 1e-4;
-    loop.map = Gyroscope<double>::prepare(a.plant, a.common.step);
-    loop.run(1000);  // 1/0.02
-    EXPECT_NEAR((loop.rate() - before) / 1e-4, 1.0 - std::exp(-1.0), 0.08);
+// Amplitude of the estimate's answer to a rate that oscillates at the bandwidth asked for, over that of the rate.
+template <class C>
+double seen_at_the_corner(Case a, double bandwidth) {
+    a.law.adaptation.rate_forgetting = bandwidth;
+    Loop<C> still(a);
+    still.run(20000);
+    auto moved = still;  // with the same noise
+    constexpr double size = 1e-4, pi = 3.141592653589793;
+    constexpr int held = 20, periods = 3;
+    const int period = static_cast<int>(std::round(2.0 * pi / bandwidth / a.common.step / held)) * held;
+    const double mean = a.plant.rate;
+    std::complex<double> sum{};
+    for (int n = 0; n < (2 + periods) * period; ++n) {
+        const double phase = 2.0 * pi * n / period;
+        if (n % held == 0) {
+            a.plant.rate = mean + size * std::sin(phase);
+            moved.map = Gyroscope<double>::prepare(a.plant, a.common.step);
+        }
+        moved.step();
+        still.step();
+        if (n >= 2 * period) {
+            sum += (moved.rate() - still.rate()) * std::polar(1.0, -phase);
+        }
+    }
+    return 2.0 * std::abs(sum) / (periods * period) / size;
+}
+
+TEST(Joint, AMovingRateIsFollowedAsFastAsItIsAskedForWhateverTheSensorsNoise) {
+    const double half_power = std::sqrt(0.5);
+    EXPECT_NEAR(seen_at_the_corner<Both<double>>(finely_sensed(), 0.02), half_power, 0.02);
+    EXPECT_NEAR(seen_at_the_corner<Positions<double>>(finely_sensed(), 0.02), half_power, 0.02);
+    Case noisy;
+    EXPECT_NEAR(seen_at_the_corner<Both<double>>(noisy, 0.02), half_power, 0.08);
+    EXPECT_NEAR(seen_at_the_corner<Positions<double>>(noisy, 0.02), half_power, 0.08);
+    EXPECT_NEAR(seen_at_the_corner<Positions<double>>(noisy, 0.005), half_power, 0.08);
+    noisy.law.datasheet.position_noise = noisy.position_noise = 1e-4;
+    EXPECT_NEAR(seen_at_the_corner<Positions<double>>(noisy, 0.02), half_power, 0.08);
 }
 
 TEST(Joint, WhatDriftsIsFollowed) {

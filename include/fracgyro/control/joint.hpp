@@ -333,8 +333,8 @@ private:
     }
 
     static void drift(State& state, const Coefficients& c, std::size_t j, T steps) {
-        const T known = Covariance::variance(state.covariance, motions + j) / c.prior.plant[j];
-        const T grows = steps * c.drift[j] * maximum(T(0.0), T(1.0) - known);
+        const T prior = c.prior.plant[j], known = Covariance::variance(state.covariance, motions + j) / prior;
+        const T grows = minimum(steps * c.drift[j], prior) * maximum(T(0.0), T(1.0) - known);
         Covariance::add(state.covariance, motions + j, grows);
     }
 

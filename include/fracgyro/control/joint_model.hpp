@@ -112,20 +112,22 @@ struct JointModel {
         const double of_rate = square_of(prior_deviation * natural) / unit, of_stiffness = of_rate * natural * natural;
         c.prior.plant = {T(of_rate),      T(of_rate),      T(of_rate),     T(of_rate),
                          T(of_stiffness), T(of_stiffness), T(of_stiffness)};
-        // Information per unit of time, of a motion on the reference: mean squares over the density of the force.
-        const Vec2<double> in_speed = 0.5 * (speed * speed), in_motion = 0.5 * (r.amplitude * r.amplitude);
-        const auto drift = [&](double bandwidth, double mean_square) {
-            const double density = disturbed * h;
-            return T(mean_square > 0.0 ? bandwidth * bandwidth * span * density / mean_square / unit : 0.0);
+        const Information known{.nominal = nominal,
+                                .reference = r,
+                                .force = disturbed * h,
+                                .position = unit * h,
+                                .velocity = velocity_measured ? slip * unit * h : 0.0};
+        const auto drift = [&](double bandwidth, double information) {
+            return T(information > 0.0 ? bandwidth * bandwidth * span / information / unit : 0.0);
         };
-        const double of_both = in_speed.x() + in_speed.y();
-        c.drift = {drift(p.rate_forgetting, 4.0 * of_both),
-                   drift(p.forgetting, in_speed.x()),
-                   drift(p.forgetting, of_both),
-                   drift(p.forgetting, in_speed.y()),
-                   drift(p.forgetting, in_motion.x()),
-                   drift(p.forgetting, in_motion.x() + in_motion.y()),
-                   drift(p.forgetting, in_motion.y())};
+        const double v = p.rate_forgetting, w = p.forgetting;
+        c.drift = {drift(v, 4.0 * (known.of_damping(0, 1, v) + known.of_damping(1, 0, v))),
+                   drift(w, known.of_damping(0, 0, w)),
+                   drift(w, known.of_damping(0, 1, w) + known.of_damping(1, 0, w)),
+                   drift(w, known.of_damping(1, 1, w)),
+                   drift(w, known.of_stiffness(0, 0, w)),
+                   drift(w, known.of_stiffness(0, 1, w) + known.of_stiffness(1, 0, w)),
+                   drift(w, known.of_stiffness(1, 1, w))};
         c.drifts = p.forgetting > 0.0;
         c.trusted_variance = T(square_of(largest_deviation * natural) / unit);
         return c;
@@ -135,6 +137,32 @@ private:
     static constexpr double least_noise = 1e-6, least_force = 1e-10;
 
     static double square_of(double a) { return a * a; }
+
+    // What a motion on the reference tells of a parameter that acts as a force, per unit of time, where the parameter
+    // changes at frequency w: that force has lines at the reference's frequency plus and minus w, where it competes
+    // with the disturbance and with the sensing noise over what the plant makes of a force there. Densities, two-sided.
+    struct Information {
+        PlantModel<double> nominal;
+        ReferenceParams reference;
+        double force, position, velocity;  // velocity = 0: not measured
+
+        // Of what the motion of axis `of` does to axis `on` through a damping (or twice a rate), or a stiffness.
+        double of_damping(std::size_t on, std::size_t of, double w) const {
+            return square_of(component(reference.frequency, of)) * of_stiffness(on, of, w);
+        }
+        double of_stiffness(std::size_t on, std::size_t of, double w) const {
+            const double line = component(reference.frequency, of);
+            const double mean_square = 0.5 * square_of(component(reference.amplitude, of));
+            return 0.5 * mean_square * (1.0 / noise(on, line + w) + 1.0 / noise(on, line - w));
+        }
+        double noise(std::size_t on, double w) const {
+            const double k = component(nominal.stiffness.diagonal, on), d = component(nominal.damping.diagonal, on);
+            const double inverse_response = square_of(k - w * w) + square_of(d * w);
+            const double precision = 1.0 / position + (velocity > 0.0 ? w * w / velocity : 0.0);
+            return force + inverse_response / precision;
+        }
+        static double component(const Vec2<double>& v, std::size_t i) { return i == 0 ? v.x() : v.y(); }
+    };
 
     // Of the Taylor series of a motion that turns by so much in a step: what is left out is below rounding.
     static std::int32_t terms_for(double angle) {
