@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from ..arguments import number, signal
-from .noise_terms import FLICKER, WALK, WHITE, Curve, Fit
+from .noise_terms import FLICKER, WALK, WHITE, Curve, Fit, Response
 
 Array = NDArray[np.float64]
 
@@ -44,17 +44,19 @@ class Allan:
     fitted: tuple[float, float] | None  # s, from and to which averaging time the terms account for the deviation
 
 
-def allan(values: Array, interval: float) -> Allan:
+def allan(values: Array, interval: float, shortest: float = 0.0) -> Allan:
     """Overlapping Allan deviation of one or more records of equal length, (samples) or (records, samples), in rad/s.
 
     N, B and K are fitted to its square at once; those that the record does not show have a limit instead, and N is
     None. The shortest averages, at which a sensor of finite bandwidth shows less noise than it has, are divided by the
-    response of first order that fits them, and left out where none does. Records are independent; their variances are
-    averaged and their degrees of freedom add up. `interval`: time between samples, s.
+    response of first or second order that fits them, and left out where none does. Records are independent; their
+    variances are averaged and their degrees of freedom add up. `interval`: time between samples, s. `shortest`:
+    averages below this, s, are not fitted, as the sensor's response is in them and is not of first or second order.
 
     Raises TypeError where these are no numbers, ValueError where a record has less than 20 samples, one that is not
-    finite or more than two dimensions, or `interval` is not above 0.
+    finite or more than two dimensions, `interval` is not above 0 or `shortest` below 0.
     """
+    shortest = number("shortest", shortest, least=0.0)
     records, interval = np.atleast_2d(signal("values", values)), number("interval", interval, above=0.0)
     if records.ndim > 2:
         raise ValueError(f"values has {records.ndim} dimensions: it must have (samples) or (records, samples)")
@@ -65,7 +67,7 @@ def allan(values: Array, interval: float) -> Allan:
     variance = np.mean([_overlapping(record, averaged) for record in records], axis=0)
     tau = averaged * interval
     curve = Curve(tau, variance, interval, samples, count)
-    fit = curve.fit()
+    fit = curve.fit(shortest)
     deviation = np.sqrt(variance)
     low, high = deviation[:, None].T * _factors(curve.freedom(fit))
     least = _limits(curve, fit, high)
@@ -78,7 +80,7 @@ def allan(values: Array, interval: float) -> Allan:
         None if walk.limit else walk,
         _estimate(fit, FLICKER, least[FLICKER]),
         _estimate(fit, WALK, least[WALK]),
-        fit.time if fit else 0.0,
+        fit.response.time if fit else 0.0,
         (float(tau[fit.part][0]), float(tau[fit.part][-1])) if fit else None,
     )
 
@@ -117,5 +119,5 @@ def _limits(curve: Curve, fit: Fit | None, high: Array) -> Array:
     The longest where the response of the sensor is not known.
     """
     times = slice(None) if fit else slice(-1, None)
-    columns = curve.columns(fit.time if fit else 0.0)
+    columns = curve.columns(fit.response if fit else Response())
     return np.asarray(np.min(high[times, None] / np.sqrt(columns[times]), axis=0), dtype=float)

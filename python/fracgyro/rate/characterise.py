@@ -38,7 +38,7 @@ def characterise(
     Rates are set from outside, plant.angular_rate notwithstanding; all else is as the scenario says. `controller`, in
     the place of the scenario's own: as in `fracgyro.simulate`; it must report rate_estimate. A callable's reset is
     called before each run with its scenario, which has the rate to be sensed. `quick`: 2 seeds instead of 8, for a
-    look. `rest`: device time of the record at rest in s, half a million steps if left out; bias instability and rate
+    look. `rest`: device time of the record at rest in s, two million steps if left out; bias instability and rate
     random walk take minutes to hours. `imu`: writes the noise as that navigation simulation takes it, too: imu.yaml or
     gnss_ins_sim.py.
 

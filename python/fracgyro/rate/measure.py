@@ -101,6 +101,7 @@ def measure(
         next_one("sinusoidal rates")
         gains.append(_gains(few, float(frequency)))
     answered = response(frequencies, np.array(gains), line.scale_factor.mean)
+    bandwidth = answered.bandwidth.mean
     leaks = []
     for name, size, offered in _couplings(scenario):
         pair = []
@@ -121,7 +122,7 @@ def measure(
         outputs[-1],
         turn_on_time(outputs[-1].time, outputs[-1].rate),
         at_rest,
-        allan(at_rest.rate, at_rest.interval),
+        allan(at_rest.rate, at_rest.interval, shortest=1 / bandwidth if 0 < bandwidth < math.inf else 0.0),
         bound_angle_random_walk(scenario.replace({"plant.angular_rate": 0.0}), controller),
         answered,
         *leaks,

@@ -23,7 +23,7 @@ Progress = Callable[[int], object]
 KEPT = 100_000  # samples of a run that are looked at: many to a period of the drive
 OUTPUTS = 2_000  # of the sensor in run.duration
 MIN_OUTPUTS = 20  # of which there is an Allan deviation
-REST_STEPS = 1_000_000
+REST_STEPS = 4_000_000
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class Sensor:
         return Output(found * scales.rate, every * block * self.scenario.run.step * scales.time)
 
     def steps_at_rest(self, seconds: float | None) -> int:
-        """Of a run that has a steady record so long; half a million if None.
+        """Of a run that has a steady record so long; two million if None.
 
         Raises ValueError where these are more than a run can have, or leave too few outputs.
         """
