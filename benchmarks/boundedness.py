@@ -10,7 +10,7 @@ import math
 import fracgyro as fg
 import numpy as np
 from fracgyro.scenario.bounded import gain
-from fracgyro.scenario.shipped import shipped
+from fracgyro.scenario.shipped import exactly_sensed
 from machine import write
 
 PAPER = fg.Scenario.paper()
@@ -25,7 +25,7 @@ STILL = {
     "run.initial_velocity": (math.pi, 0.0),
     "run.duration": 20.0,
 }
-RESONANT = shipped("paper_resonance").replace(
+RESONANT = exactly_sensed("paper_resonance").replace(
     {
         "controller.adaptive": False,
         "controller.force_limit": math.inf,

@@ -13,7 +13,7 @@ from typing import Any
 
 import fracgyro as fg
 import numpy as np
-from fracgyro.scenario.shipped import shipped
+from fracgyro.scenario.shipped import exactly_sensed
 from fracgyro.scenario.to_core import core_setup
 from machine import command, machine, write
 from numpy.typing import NDArray
@@ -44,7 +44,7 @@ def cases() -> list[Case]:
     paper = fg.Scenario.paper()
     found = [Case(f"paper, order {order:g}", paper.replace({"controller.order": order})) for order in (0.3, 0.6, 0.9)]
     for name in ("hardware", "dual_mass", "paper_resonance"):
-        scenario = shipped(name)
+        scenario = exactly_sensed(name)
         kind = {} if scenario.controller.kind.startswith("fractional") else {"controller.kind": "fractional"}
         span = {"run.duration": 20_000 * scenario.run.step}
         found.append(Case(name.replace("_", " "), scenario.replace({**kind, **span})))

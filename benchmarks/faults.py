@@ -22,7 +22,7 @@ import numpy as np
 from fracgyro import _core
 from fracgyro.export.compilers import FLAGS, SOURCES, Number, include, system_compiler
 from fracgyro.scenario.kinds import KINDS
-from fracgyro.scenario.shipped import SHIPPED, shipped
+from fracgyro.scenario.shipped import SHIPPED, exactly_sensed
 from fracgyro.scenario.to_core import core_setup
 from machine import command, machine, write
 
@@ -175,7 +175,7 @@ def noticed(program: Program) -> list[str]:
 
 def alarms(program: Program, steps: int) -> list[str]:
     lines = ["| scenario | steps | refused, double | refused, float | at the force limit |", "|---|---|---|---|---|"]
-    scenarios = {name: shipped(name) for name in SHIPPED}
+    scenarios = {name: exactly_sensed(name) for name in SHIPPED}
     bounded = PAPER.replace({"controller.switching_limit": 0.5})  # else noise ends the loop
     scenarios |= {f"paper, limit 6000, {name}": bounded.replace(change) for name, change in ADAPTATIONS.items()}
     # A limit that the start, and in the last one every period, runs into.

@@ -15,7 +15,7 @@ from fracgyro.analysis.style import own_style
 from fracgyro.rate.allan import Allan, Estimate, allan
 from fracgyro.rate.bound import bound_angle_random_walk
 from fracgyro.rate.units import DEG_PER_H, DEG_PER_ROOT_H
-from fracgyro.scenario.shipped import shipped
+from fracgyro.scenario.shipped import exactly_sensed
 from fracgyro.simulation.rate_means import rate_means
 from machine import RESULTS, command, machine, write
 from matplotlib.figure import Figure
@@ -32,7 +32,7 @@ WALK = DEG_PER_H.to_si(2.7) / 60.0  # K: 2.7 deg/h/sqrt(h)
 def sensor() -> fg.Scenario:
     """dual_mass at rest with composite adaptation, and error torques that act as a rate."""
     changes = {"plant.angular_rate": 0.0, "adaptation.initial_rate": 0.0}
-    return shipped("dual_mass").replace(
+    return exactly_sensed("dual_mass").replace(
         {**changes, "device.bias_instability": FLICKER, "device.rate_random_walk": WALK}
     )
 
@@ -57,13 +57,13 @@ def costs() -> list[str]:
     """Processor time of an hour of device time, by what is in [device]; the least of five spans, in turn."""
     electronics = {
         "device.position_noise_density": 1e-13,
-        "device.velocity_noise_density": 1e-13 * shipped("dual_mass").plant.reference_frequency,
+        "device.velocity_noise_density": 1e-13 * exactly_sensed("dual_mass").plant.reference_frequency,
     }
     corners = {"device.position_noise_corner": 100.0, "device.velocity_noise_corner": 100.0}
     of = {
-        "ideal": shipped("dual_mass"),
-        "white noise of both sensors": shipped("dual_mass").replace(electronics),
-        "… and flicker noise": shipped("dual_mass").replace({**electronics, **corners}),
+        "ideal": exactly_sensed("dual_mass"),
+        "white noise of both sensors": exactly_sensed("dual_mass").replace(electronics),
+        "… and flicker noise": exactly_sensed("dual_mass").replace({**electronics, **corners}),
         "B and K of the rate": sensor(),
         "all of these": sensor().replace({**electronics, **corners}),
     }
@@ -72,7 +72,7 @@ def costs() -> list[str]:
         for name, scenario in of.items():
             best[name] = min(best[name], timed(scenario, span, range(1))[3])
     lines = ["| device | processor time a step (ns) | of an hour of device time (minutes) |", "|---" * 3 + "|"]
-    step = shipped("dual_mass").run.step * shipped("dual_mass").plant.scales.time
+    step = exactly_sensed("dual_mass").run.step * exactly_sensed("dual_mass").plant.scales.time
     for name, took in best.items():
         lines.append(f"| {name} | {1e9 * took / span * step:.0f} | {3600 * took / span / 60:.1f} |")
     return lines

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +17,8 @@ import xarray as xr
 from fracgyro.analysis.style import own_style
 from fracgyro.rate.merit import gain_and_lag, response
 from fracgyro.rate.units import DEG_PER_S
-from fracgyro.scenario.shipped import shipped
+from fracgyro.scenario.shipped import exactly_sensed, shipped
+from fracgyro.scenario.to_core import datasheet
 from machine import command, machine, write
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -25,6 +27,7 @@ Array = NDArray[np.float64]
 
 DRAWING = Path(__file__).resolve().parents[1] / "docs" / "rate_response.svg"
 SCENARIOS = ["paper_resonance", "dual_mass"]
+DEVICES = ["paper_resonance", "dual_mass", "tuned_in_air", "disc"]
 RATE = DEG_PER_S.to_si(100.0)
 CORNERS = [10.0, 30.0, 100.0, 300.0]  # Hz, of adaptation.rate_forgetting
 SPREAD = np.geomspace(0.25, 4.0, 7)  # sine frequencies over the corner
@@ -73,12 +76,11 @@ def _matrix(entries: Array) -> Array:
     return np.array([[xx, xy], [xy, yy]])
 
 
-def settings(scenario: fg.Scenario, corner: float) -> dict[str, object]:
-    rate = 2 * math.pi * corner * scenario.plant.scales.time
-    return {"adaptation.kind": "composite", "adaptation.forgetting": 0.0, "adaptation.rate_forgetting": rate}
+Changes = dict[str, object]
+Outputs = Callable[[Changes], tuple[Array, ...]]  # time in s, and estimates in rad/s at these times
 
 
-def both(scenario: fg.Scenario, walk: float, changes: dict[str, object]) -> tuple[Array, Array, Array]:
+def both(scenario: fg.Scenario, walk: float, changes: Changes) -> tuple[Array, Array, Array]:
     """Time in s; Omega_z in rad/s as least squares have it, and as the Kalman filter has it, in the same run.
 
     The filter knows of the scenario, and not of these changes to the run.
@@ -130,40 +132,63 @@ class Answer:
     step: Step
 
 
-def measure(scenario: fg.Scenario, corner: float) -> tuple[Answer, Answer]:
-    """Of least squares and of the Kalman filter."""
+def answers(scenario: fg.Scenario, corner: float, outputs: Outputs, quiet: Changes) -> list[Answer]:
+    """Of each estimator; `quiet` takes nearly all noise away, which their answers do not depend on."""
     scales = scenario.plant.scales
-    # The steady filter is of first order: corner sqrt(walk)/N, with N^2 = S/(4 mean |v|^2).
-    speed = fg.simulate(scenario.replace({"run.duration": 2000.0}))["velocity"].values
-    density = scenario.disturbance.density or 0.0
-    walk = (2 * math.pi * corner * scales.time) ** 2 * density / (4 * float((speed**2).sum(axis=1).mean()))
-
-    resting = [both(scenario, walk, {"disturbance.seed": seed})[1:] for seed in SEEDS]
+    resting = [outputs({"disturbance.seed": seed})[1:] for seed in SEEDS]
     deviations = [noise(list(records)) for records in zip(*resting, strict=True)]
 
-    # Answers do not depend on the noise, so that a millionth of it will do.
-    moving: dict[str, object] = {"rate.amplitude": RATE, "disturbance.density": density * 1e-6}
+    moving: Changes = {"rate.amplitude": RATE, **quiet}
     frequencies = corner * SPREAD
     gains: list[list[complex]] = []
     for frequency in frequencies.tolist():
-        sine = {"rate.kind": "sine", "rate.frequency": 2 * math.pi * frequency}
-        at, *answers = both(scenario, walk, {**moving, **sine})
+        at, *found = outputs({**moving, "rate.kind": "sine", "rate.frequency": 2 * math.pi * frequency})
         half = len(at) // 2
-        gains.append([gain_and_lag(at[half:], answer[half:], RATE, frequency, 0.0) for answer in answers])
+        gains.append([gain_and_lag(at[half:], answer[half:], RATE, frequency, 0.0) for answer in found])
 
     h = scenario.run.step
     start = EVERY * h * round(10_000 / (EVERY * h))
     until = start + EVERY * h * round(10 / (2 * math.pi * corner * scales.time * EVERY * h))
     jump = {"rate.kind": "step", "rate.start": start * scales.time, "run.duration": until}
-    at, *answers = both(scenario, walk, {**moving, **jump})
+    at, *found = outputs({**moving, **jump})
     after = at >= start * scales.time
 
-    found = []
-    for i, answer in enumerate(answers):
+    answered = []
+    for i, answer in enumerate(found):
         wide = response(frequencies, np.array(gains)[:, i : i + 1].repeat(2, axis=1), 1.0)
         step = Step(at[after] - start * scales.time, answer[after] / RATE)
-        found.append(Answer(deviations[i], wide.bandwidth.mean, wide.lag_at_bandwidth, step))
-    return found[0], found[1]
+        answered.append(Answer(deviations[i], wide.bandwidth.mean, wide.lag_at_bandwidth, step))
+    return answered
+
+
+def measure(scenario: fg.Scenario, corner: float) -> tuple[Answer, Answer]:
+    """Of least squares and of the Kalman filter."""
+    # The steady filter is of first order: corner sqrt(walk)/N, with N^2 = S/(4 mean |v|^2).
+    speed = fg.simulate(scenario.replace({"run.duration": 2000.0}))["velocity"].values
+    density = scenario.disturbance.density or 0.0
+    square = (2 * math.pi * corner * scenario.plant.scales.time) ** 2
+    walk = square * density / (4 * float((speed**2).sum(axis=1).mean()))
+    quiet: Changes = {"disturbance.density": density * 1e-6}
+    ours, best = answers(scenario, corner, lambda changes: both(scenario, walk, changes), quiet)
+    return ours, best
+
+
+def of_positions(scenario: fg.Scenario, corner: float) -> Answer:
+    """Of the joint filter of a shipped device, which goes by the noise of its datasheet whatever the noise is."""
+    noise_of = datasheet(scenario)
+    named = {f"datasheet.{name}": getattr(noise_of, name) for name in ("force_noise", "position_noise")}
+    scenario = scenario.replace({**named, "run.record_every": EVERY})
+    scales = scenario.plant.scales
+
+    def outputs(changes: Changes) -> tuple[Array, ...]:
+        run = fg.simulate(scenario.replace(changes))
+        return run["time"].values * scales.time, run["rate_estimate"].values * scales.rate
+
+    quiet: Changes = {
+        "disturbance.density": (scenario.disturbance.density or 0.0) * 1e-6,
+        "device.position_noise_density": scenario.device.position_noise_density * 1e-3,
+    }
+    return answers(scenario, corner, outputs, quiet)[0]
 
 
 def ratio(ours: Answer, best: Answer) -> float:
@@ -171,19 +196,37 @@ def ratio(ours: Answer, best: Answer) -> float:
     return ours.noise / math.sqrt(ours.bandwidth) / (best.noise / math.sqrt(best.bandwidth))
 
 
-def row(name: str, corner: float, ours: Answer, best: Answer) -> str:
-    cells = [name, f"{corner:g} Hz"]
-    for answer in (ours, best):
-        step = answer.step
-        cells += [
-            f"{answer.bandwidth:.1f} Hz",
-            f"{math.degrees(answer.lag):.0f}°",
-            f"{1e2 * step.overshoot:.1f} %",
-            f"{1e3 * step.rise:.3g} ms",
-            f"{1e3 * step.settling:.3g} ms",
-            f"{1e3 * DEG_PER_S.of(answer.noise):.3g} mdeg/s",
-        ]
-    return f"| {' | '.join(cells)} | {ratio(ours, best):.2f} |"
+def cells(answer: Answer) -> list[str]:
+    step = answer.step
+    return [
+        f"{answer.bandwidth:.1f} Hz",
+        f"{math.degrees(answer.lag):.0f}°",
+        f"{1e2 * step.overshoot:.1f} %",
+        f"{1e3 * step.rise:.3g} ms",
+        f"{1e3 * step.settling:.3g} ms",
+        f"{1e3 * DEG_PER_S.of(answer.noise):.3g} mdeg/s",
+    ]
+
+
+def line(*words: str) -> str:
+    found = f"| {' | '.join(words)} |"
+    print(found, flush=True)
+    return found
+
+
+def long_enough(scenario: fg.Scenario, corner: float) -> fg.Scenario:
+    """For 12 periods of the slowest sine in the steady half, as far as the exponentials reach."""
+    steps = min(24 / (corner * SPREAD[0]) / scenario.plant.scales.time / scenario.run.step, 900_000)
+    steps = EVERY * round(max(steps, 80_000) / EVERY)
+    rate = 2 * math.pi * corner * scenario.plant.scales.time
+    return scenario.replace(
+        {
+            "plant.angular_rate": 0.0,
+            "adaptation.forgetting": 0.0,
+            "adaptation.rate_forgetting": rate,
+            "run.duration": steps * scenario.run.step,
+        }
+    )
 
 
 def main() -> None:
@@ -206,18 +249,27 @@ def main() -> None:
     ]
     measured: dict[str, list[tuple[Answer, Answer]]] = {}
     for name in SCENARIOS:
-        base = shipped(name).replace({"plant.angular_rate": 0.0})
         for corner in CORNERS:
-            # Long enough for 12 periods of the slowest sine in the steady half, as far as the exponentials reach.
-            steps = min(24 / (corner * SPREAD[0]) / base.plant.scales.time / base.run.step, 900_000)
-            steps = EVERY * round(max(steps, 80_000) / EVERY)
-            scenario = base.replace({**settings(base, corner), "run.duration": steps * base.run.step})
+            scenario = long_enough(exactly_sensed(name), corner)
             measured.setdefault(name, []).append(measure(scenario, corner))
-            lines.append(row(name, corner, *measured[name][-1]))
-            print(lines[-1], flush=True)
+            ours, best = measured[name][-1]
+            lines.append(line(name, f"{corner:g} Hz", *cells(ours), *cells(best), f"{ratio(ours, best):.2f}"))
     draw(measured)
     ratios = [ratio(*pair) for pairs in measured.values() for pair in pairs]
     lines += ["", f"The ratio is {min(ratios):.2f} to {max(ratios):.2f}; {WITHIN:g} was to be kept."]
+    lines += [
+        "",
+        "## Joint adaptation, positions with sensing noise",
+        "",
+        "The shipped devices, at the same settings.",
+        "",
+        f"| scenario | set | {columns} |",
+        "|---" * 8 + "|",
+    ]
+    for name in DEVICES:
+        for corner in CORNERS:
+            scenario = long_enough(shipped(name), corner)
+            lines.append(line(name, f"{corner:g} Hz", *cells(of_positions(scenario, corner))))
     lines += ["", f"{time.perf_counter() - begin:.0f} s."]
     write("rate_response", lines)
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import fracgyro as fg
@@ -19,7 +20,7 @@ from fracgyro.rate.report import value_of
 from fracgyro.rate.results import results, short
 from fracgyro.rate.runs import Sensor
 from fracgyro.rate.units import DEG_PER_H, DEG_PER_ROOT_H, PERCENT, PPM
-from fracgyro.scenario.shipped import shipped
+from fracgyro.scenario.shipped import exactly_sensed, shipped
 from machine import command, machine, write
 from matplotlib.figure import Figure
 
@@ -27,7 +28,8 @@ DRAWING = Path(__file__).resolve().parents[1] / "docs" / "rate_sensor.svg"
 SEEDS = 4
 DEVICES = ["dual_mass", "tuned_in_air"]
 RANGE = 1.25  # of the sensors, over the largest amplitude
-PICK_OFF = 1e-13  # m/sqrt(Hz), one-sided
+PICK_OFF = 1e-13  # m/sqrt(Hz), one-sided, as the devices are shipped
+CORNER = 1e3  # Hz, of flicker noise
 WARMING = 10.0  # K over a run
 DRIFT = -30.0  # ppm/K, silicon
 KEYS = [
@@ -59,28 +61,40 @@ def cases() -> list[tuple[str, str, fg.Scenario]]:
         ("paper, thermal noise, off resonance", "composite", sensing(shipped("paper_thermal"))),
     ]
     for name in ("paper_resonance", "dual_mass", "tuned_in_air", "disc"):
-        scenario = shipped(name)
+        scenario = exactly_sensed(name)
         found.append((name, "laws (44), gains for resonance", scenario.replace({"adaptation.kind": "gradient"})))
         found.append((name, "composite", scenario))
+        found.append((f"{name}, positions only, {PICK_OFF:g} m/√Hz", "joint", shipped(name)))
     return found
 
 
-def effects(scenario: fg.Scenario) -> list[tuple[str, dict[str, object]]]:
+def converters(scenario: fg.Scenario, bits: int, *quantities: str) -> dict[str, object]:
+    plant = scenario.plant
+    largest = {"position": plant.reference_length, "velocity": plant.reference_length * plant.reference_frequency}
+    ranges = {f"device.{quantity}_range": RANGE * largest[quantity] for quantity in quantities}
+    return {**ranges, **{f"device.{quantity}_bits": bits for quantity in quantities}}
+
+
+def falling(scenario: fg.Scenario) -> dict[str, object]:
+    pace = WARMING / (scenario.run.duration * scenario.plant.scales.time)
+    return {"device.stiffness_drift": DRIFT, "device.temperature_ramp": pace}
+
+
+def forgetting(scenario: fg.Scenario, bandwidth: float) -> dict[str, object]:
+    return {"adaptation.forgetting": 2 * math.pi * bandwidth * scenario.plant.scales.time}
+
+
+Effects = list[tuple[str, dict[str, object]]]
+
+
+def of_exact_sensing(scenario: fg.Scenario) -> Effects:
     """What a device has that the ideal one has not, one at a time, and then together."""
-    plant, step = scenario.plant, scenario.run.step
-    length, speed = plant.reference_length, plant.reference_length * plant.reference_frequency
-
-    def converters(bits: int) -> dict[str, object]:
-        ranges = {"device.position_range": RANGE * length, "device.velocity_range": RANGE * speed}
-        return {**ranges, "device.position_bits": bits, "device.velocity_bits": bits}
-
     noise: dict[str, object] = {
         "device.position_noise_density": PICK_OFF,
-        "device.velocity_noise_density": PICK_OFF * plant.reference_frequency,
+        "device.velocity_noise_density": PICK_OFF * scenario.plant.reference_frequency,
     }
     delay: dict[str, object] = {"device.delay": 1}
-    pace = WARMING / (scenario.run.duration * plant.scales.time)
-    drift: dict[str, object] = {"device.stiffness_drift": DRIFT, "device.temperature_ramp": pace}
+    drift, fine = falling(scenario), converters(scenario, 16, "position", "velocity")
     # The observer starts at rest, and so does the mass: where it turns.
     x, y = scenario.reference.amplitude
     position: dict[str, object] = {
@@ -90,22 +104,47 @@ def effects(scenario: fg.Scenario) -> list[tuple[str, dict[str, object]]]:
         "run.initial_position": (x, y),
         "run.initial_velocity": (0.0, 0.0),
     }
-    steps = scenario.run.steps
+    step, steps = scenario.run.step, scenario.run.steps
     finer = {"controller.observer_bandwidth": 30.0, "run.step": step / 5, "run.duration": steps * step / 5}
-    forgets = {"adaptation.forgetting": 2 * math.pi * 10.0 * plant.scales.time}
-    rising = f"{DRIFT:g} ppm/K over {WARMING:g} K in {WARMING / pace:.2g} s"
     return [
         ("ideal", {}),
-        ("16 bit sensing", converters(16)),
-        ("12 bit sensing", converters(12)),
+        ("16 bit sensing", fine),
+        ("12 bit sensing", converters(scenario, 12, "position", "velocity")),
         ("sensing noise", noise),
         ("loop delay of one step", delay),
-        (f"stiffness drift of {rising}", drift),
-        ("… D and K forgotten at 10 Hz", {**drift, **forgets}),
-        ("16 bit, noise, delay and drift", {**converters(16), **noise, **delay, **drift}),
-        ("position alone, observer at 10 ω0", position),
+        (f"stiffness drift of {DRIFT:g} ppm/K, {WARMING:g} K", drift),
+        ("… D and K forgotten at 10 Hz", {**drift, **forgetting(scenario, 10.0)}),
+        ("16 bit, noise, delay and drift", {**fine, **noise, **delay, **drift}),
+        ("positions only, observer at 10 ω0", position),
         ("… at 30 ω0, a fifth of the step", {**position, **finer}),
-        ("… and 16 bit", {**position, **finer, **converters(16)}),
+        ("… and 16 bit", {**position, **finer, **converters(scenario, 16, "position", "velocity")}),
+    ]
+
+
+def of_positions(scenario: fg.Scenario) -> Effects:
+    """The same of a device that senses positions, with noise."""
+    fine, drift, tracked = converters(scenario, 16, "position"), falling(scenario), forgetting(scenario, 100.0)
+    flicker: dict[str, object] = {"device.position_noise_corner": CORNER}
+    delay: dict[str, object] = {"device.delay": 1}
+    return [
+        ("as shipped", {}),
+        ("without sensing noise", {"device.position_noise_density": 0.0}),
+        (f"flicker noise too, corner {CORNER:g} Hz", flicker),
+        ("16 bit", fine),
+        ("12 bit", converters(scenario, 12, "position")),
+        ("delay of one step, in the datasheet", delay),
+        ("… not in the datasheet", {**delay, "datasheet.delay": 0}),
+        (f"stiffness drift of {DRIFT:g} ppm/K, {WARMING:g} K", drift),
+        ("… D and K forgotten at 100 Hz", {**drift, **tracked}),
+        (
+            "damping drift of 3000 ppm/K, the same",
+            {**drift, "device.stiffness_drift": 0.0, "device.damping_drift": 3e3},
+        ),
+        ("pick-off of x 1 % off", {"device.pickoff_gain_error": (0.01, 0.0)}),
+        ("force on x 1 % off", {"device.force_gain_error": (0.01, 0.0)}),
+        ("pick-offs turned by 1 mrad", {"device.pickoff_misalignment": 1e-3}),
+        ("actuators turned by 1 mrad", {"device.force_misalignment": 1e-3}),
+        ("16 bit, flicker, delay known, drift tracked", {**fine, **flicker, **delay, **drift, **tracked}),
     ]
 
 
@@ -131,29 +170,46 @@ def device_row(name: str, effect: str, scenario: fg.Scenario) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-def device_lines() -> list[str]:
-    """The second table."""
+def device_lines(
+    title: str, words: str, scenario_of: Callable[[str], fg.Scenario], effects: Callable[[fg.Scenario], Effects]
+) -> list[str]:
+    """A table of effects on each device."""
     lines = [
         "",
-        "## The same on devices that are not ideal",
+        f"## {title}",
         "",
-        "Composite adaptation, thermal noise; `[device]` as said, and the rest as shipped. Rates of ±10, ±100, ±300 "
-        f"deg/s and 0. Converters reach to ±{RANGE:g} times the largest amplitude and speed. Sensing noise: "
-        f"{PICK_OFF:g} m/√Hz of position, ω0 times that of velocity, a supposition. In brackets the 95 % interval over "
-        "seeds. No angle random walk where the Allan deviation shows no white noise; the last column is the "
-        "deviation over the longest time that the record has ten of. With positions alone the mass starts where it "
-        "turns.",
+        words,
         "",
         "| scenario | effect | scale factor error (ppm) | non-linearity (%) | zero-rate output (deg/h) | "
         "angle random walk (deg/sqrt(h)) | Allan deviation (deg/h) |",
         "|---" * 7 + "|",
     ]
     for name in DEVICES:
-        scenario = shipped(name)
+        scenario = scenario_of(name)
         for effect, changes in effects(scenario):
             lines.append(device_row(name, effect, scenario.replace(changes)))
             print(lines[-1], flush=True)
     return lines
+
+
+def not_ideal() -> list[str]:
+    shared = (
+        "Rates of ±10, ±100, ±300 deg/s and 0. In brackets the 95 % interval over seeds. No angle random walk where "
+        "the Allan deviation shows no white noise; the last column is the deviation over the longest time that the "
+        f"record has ten of. Converters reach to ±{RANGE:g} times the largest amplitude and speed."
+    )
+    exact = (
+        "Composite adaptation, thermal noise; `[device]` as said, and the rest as shipped. Sensing noise: "
+        f"{PICK_OFF:g} m/√Hz of position, ω0 times that of velocity. With positions only the mass starts where it "
+        "turns."
+    )
+    noisy = f"Joint adaptation; {PICK_OFF:g} m/√Hz of the position, thermal noise, and what is said."
+    return [
+        *device_lines(
+            "Exact sensors, and what a device is not ideal in", f"{exact} {shared}", exactly_sensed, of_exact_sensing
+        ),
+        *device_lines("Positions with sensing noise, and more", f"{noisy} {shared}", shipped, of_positions),
+    ]
 
 
 def main() -> None:
@@ -192,7 +248,7 @@ def main() -> None:
         lines.append(f"| {' | '.join(cells)} |")
         print(lines[-1], flush=True)
     draw(measured)
-    lines += device_lines()
+    lines += not_ideal()
     lines += ["", f"{time.perf_counter() - begin:.0f} s."]
     write("rate_sensor", lines)
 

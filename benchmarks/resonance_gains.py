@@ -10,7 +10,7 @@ import numpy as np
 from fracgyro.rate.merit import turn_on_time
 from fracgyro.rate.runs import Sensor
 from fracgyro.rate.units import DEG_PER_S
-from fracgyro.scenario.shipped import shipped
+from fracgyro.scenario.shipped import exactly_sensed
 from machine import command, machine, write
 
 NAME = "paper_resonance"
@@ -22,7 +22,7 @@ SEEDS = 4
 
 def changes(rate_gain: float, switching: float) -> dict[str, object]:
     """The laws alone; M and N a third of P, as in the shipped scenario."""
-    layer = shipped(NAME).controller.layer_thickness
+    layer = exactly_sensed(NAME).controller.layer_thickness
     return {
         "adaptation.kind": "gradient",
         "adaptation.rate_gain": rate_gain,
@@ -83,7 +83,7 @@ def thrown(base: fg.Scenario) -> str:
 
 def main() -> None:
     begin = time.perf_counter()
-    base = shipped(NAME)
+    base = exactly_sensed(NAME)
     papers = {
         "adaptation.kind": "gradient",
         "adaptation.damping_gain": 150.0,

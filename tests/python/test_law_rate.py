@@ -14,9 +14,9 @@ from fracgyro.export.compilers import system_compiler
 from fracgyro.rate.bound import bound_angle_random_walk
 from fracgyro.rate.runs import Sensor
 from fracgyro.scenario import ScenarioError
-from fracgyro.scenario.shipped import shipped
+from fracgyro.scenario.shipped import exactly_sensed
 
-DEVICE = shipped("dual_mass").replace({"run.duration": 400.0})
+DEVICE = exactly_sensed("dual_mass").replace({"run.duration": 400.0})
 D, K = DEVICE.plant.nondimensional()[:2]
 GAIN = 0.05
 NUMBERS = {"gain": GAIN, **{f"{m}{i}": float(of[i]) for m, of in (("d", D), ("k", K)) for i in range(3)}}

@@ -38,6 +38,18 @@ def shipped(name: str) -> Scenario:
     return Scenario.from_toml(shipped_text(name), source=name)
 
 
+def exactly_sensed(name: str) -> Scenario:
+    """A shipped scenario with position and velocity known exactly, as the laws suppose, and composite adaptation.
+
+    Those without sensing noise are as shipped. Raises ScenarioError when there is none of this name.
+    """
+    scenario = shipped(name)
+    if scenario.adaptation.kind != "joint":
+        return scenario
+    exact = {"device.sensing": "full", "device.position_noise_density": 0.0}
+    return scenario.replace({**exact, "adaptation.kind": "composite"})
+
+
 def _parts(name: str) -> list[str]:
     """The head of a file and each of its tables, without the blank lines between them."""
     lines = (files(__package__) / f"{name}.toml").read_text(encoding="utf-8").splitlines()
