@@ -1,11 +1,10 @@
 // The closed loop of soak.py: up to eight runs side by side in the lanes of a register, without contraction, so that
-// each has the bits of its single run. Standard input: number of runs and of steps; then of each run the place of its
-// kind, its settings (settings.hpp), and its exponentials. Standard output: one line for each run at each mark.
+// each has the bits of its single run. Standard output: one line for each run at each mark.
+#include "soak_input.hpp"
+
 #include "fracgyro/sim/batch.hpp"
-#include "fracgyro/sim/settings.hpp"
 
 #include <cmath>
-#include <iostream>
 
 namespace fracgyro {
 namespace {
@@ -66,11 +65,7 @@ void soak(const std::vector<Setup>& runs, std::int64_t steps) {
         for (std::size_t k = 0; k < lanes; ++k) {
             disturbances[k].fill(n, coming[k]);
         }
-        std::int64_t mark = 10 * window;
-        while (mark <= n) {
-            mark = mark < steps / 2 ? std::min(mark * 10, steps / 2) : steps;
-        }
-        mark = n < window ? window : mark;
+        const std::int64_t mark = next_mark(n, window, steps);
         const bool counting = n >= mark - window;
         T x{}, y{}, rate{}, squared{}, gain{};
         Signals<T, typename C::Report> signals;
@@ -125,24 +120,8 @@ void soak(const std::vector<Setup>& runs, std::int64_t steps) {
 
 template <class Number>
 int run() {
-    std::size_t count = 0;
     std::int64_t steps = 0;
-    std::cin >> count >> steps;
-    std::vector<Setup> runs(count);
-    for (Setup& run : runs) {
-        std::size_t kind = 0;
-        std::cin >> kind;
-        run.controller = params_of_kind(kind);
-        std::vector<double> values(setting_count(run));
-        for (double& value : values) {
-            std::cin >> value;
-        }
-        take_settings(run, values.data());
-        ExponentialSum* const kernel = kernel_of(run.controller);
-        for (std::size_t i = 0; i < kernel_terms(run); ++i) {
-            std::cin >> kernel->poles[i] >> kernel->weights[i];
-        }
-    }
+    const std::vector<Setup> runs = read_runs(steps);
     if (!std::cin || runs.empty() || runs.size() > lanes) {
         return 1;
     }

@@ -22,7 +22,7 @@ from fracgyro import _core
 from fracgyro.export.compilers import FLAGS, SOURCES, Number, include, system_compiler
 from fracgyro.files import whole_file
 from fracgyro.scenario import kinds
-from fracgyro.scenario.shipped import SHIPPED, shipped
+from fracgyro.scenario.shipped import SHIPPED, exactly_sensed
 from fracgyro.scenario.to_core import core_setup
 from machine import wrapped
 
@@ -56,7 +56,7 @@ Row = tuple[str, Block, list[str]]
 
 def scenarios(block: Block) -> Iterator[fg.Scenario]:
     for name in SHIPPED:
-        base = shipped(name)
+        base = exactly_sensed(name)
         limit = min(base.controller.force_limit, NO_LIMIT)
         yield base.replace(
             {
@@ -105,7 +105,7 @@ def power(count: float) -> str:
 
 def seconds(steps: int) -> str:
     """Of each device."""
-    found = {name: shipped(name) for name in SHIPPED}
+    found = {name: exactly_sensed(name) for name in SHIPPED}
     return ", ".join(f"{s.run.step * steps * s.plant.scales.time:.3g} ({name})" for name, s in found.items())
 
 
