@@ -132,6 +132,12 @@ def address(record: np.ndarray) -> int:
     return record.__array_interface__["data"][0]
 
 
+def kept_from_others(place: int, size: int) -> bool:
+    """Whether nobody else is given this memory: malloc, which had it back, would give it to the next who asks."""
+    others = [np.empty(size, np.uint8) for _ in range(8)]
+    return not any(address(other) < place + size and place < address(other) + size for other in others)
+
+
 def rows_of(scenario: fg.Scenario) -> np.ndarray:
     return _core.record_runs([core_setup(scenario)], 1, 1)[0]
 
@@ -151,6 +157,7 @@ def test_the_memory_of_a_record_that_is_gone_serves_the_next_of_its_size() -> No
     assert address(third) not in (place, address(second))
     assert np.isnan(view).all()
     del view
+    assert kept_from_others(place, second.nbytes)
     fourth = rows_of(LARGE)
     assert address(fourth) == place
     for record in (second, third, fourth):
@@ -159,12 +166,17 @@ def test_the_memory_of_a_record_that_is_gone_serves_the_next_of_its_size() -> No
 
 def test_a_dataset_gives_its_memory_back_when_it_dies() -> None:
     """At once: nothing in it refers to itself."""
+    size = rows_of(LARGE).nbytes
     place = address(fg.simulate(LARGE)["position"].values)
+    assert kept_from_others(place, size)
     assert address(fg.simulate(LARGE)["position"].values) == place
-    law = fg.simulate(LARGE, pd)
-    place = address(law["position"].values)
+    long = LARGE.replace({"run.duration": 60.0})  # a callable reports less
+    law = fg.simulate(long, pd)
+    place, size = address(law["position"].values), _owner(law["position"].values).nbytes
+    assert size > 4 << 20
     del law
-    assert address(fg.simulate(LARGE, pd)["position"].values) == place
+    assert kept_from_others(place, size)
+    assert address(fg.simulate(long, pd)["position"].values) == place
 
 
 def test_as_many_records_are_kept_for_later_as_64_mb_hold() -> None:
