@@ -16,7 +16,13 @@ FRACGYRO_FOR_EACH_PROCESSOR MetricValues measure_one(const Setup& setup, const M
 template <Scalar T>
 MetricValues measure_by_itself(const Setup& setup, const MetricsParams& params, FillNoise noise) {
     MetricValues values{};
-    with_controller<T>(setup.controller, [&]<class C>() { values = measure_one<C>(setup, params, noise); });
+    with_controller<T>(setup.controller, [&]<class C>() {
+        if constexpr (has_copies<C>) {
+            values = measure_one<C>(setup, params, noise);
+        } else {
+            values = measure_alone<C>(setup, params, noise);
+        }
+    });
     return values;
 }
 

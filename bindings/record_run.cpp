@@ -12,23 +12,23 @@ FRACGYRO_FOR_EACH_PROCESSOR std::int64_t record_one(const Setup& setup, std::int
                                                     FillNoise noise) {
     return record<C>(setup, every, rows, noise);
 }
-template <Controller C>
-FRACGYRO_FOR_EACH_PROCESSOR std::int64_t rate_means_of_one(const Setup& setup, const RateBlocks& blocks,
-                                                           std::span<double> out, FillNoise noise) {
-    return rate_means<C>(setup, blocks, out, noise);
-}
 
 }  // namespace
 
 std::int64_t record_run(const Setup& setup, std::int64_t every, double* rows, FillNoise noise) {
     std::int64_t samples = 0;
-    with_controller<double>(setup.controller, [&]<class C>() { samples = record_one<C>(setup, every, rows, noise); });
+    with_controller<double>(setup.controller, [&]<class C>() {
+        if constexpr (has_copies<C>) {
+            samples = record_one<C>(setup, every, rows, noise);
+        } else {
+            samples = record<C>(setup, every, rows, noise);
+        }
+    });
     return samples;
 }
 std::int64_t rate_means_of_run(const Setup& setup, const RateBlocks& blocks, std::span<double> out, FillNoise noise) {
     std::int64_t samples = 0;
-    with_controller<double>(setup.controller,
-                            [&]<class C>() { samples = rate_means_of_one<C>(setup, blocks, out, noise); });
+    with_controller<double>(setup.controller, [&]<class C>() { samples = rate_means<C>(setup, blocks, out, noise); });
     return samples;
 }
 

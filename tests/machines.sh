@@ -39,11 +39,12 @@ copy() {  # of what is committed and what is not, with a build of its own
   cd "$out/$1" && git init -q
 }
 
-# Instruction by instruction, so that a minute takes an hour: the tests of the core, and what the package computes.
+# Instruction by instruction, so that a minute takes an hour: the tests of numbers and lanes, and what the package
+# computes.
 emulated() {
   command -v qemu-x86_64 >/dev/null || lacking "qemu-x86_64, which \`make setup-machines\` installs"
   local test run="-m fracgyro simulate --set run.duration=2.0 --json"
-  for test in build/tests-plain/tests/cpp/test_*; do
+  for test in build/tests-optimized/tests/cpp/test_*; do
     [ ! -x "$test" ] || [ ! -f "$test" ] || qemu-x86_64 -cpu "$1" "$test" --gtest_brief=1 || return 1
   done
   cmp <(.venv/bin/python $run) <(qemu-x86_64 -cpu "$1" .venv/bin/python $run)
@@ -83,7 +84,7 @@ all="here zen haswell skylakex nehalem emulated-nehalem emulated-haswell one-cor
   python3.11 python3.12 python3.13 python3.14 spaces"
 [ $# -gt 0 ] || set -- $all
 
-make .venv/installed-test build/tests-plain/built || exit 1
+make .venv/installed-test build/tests-optimized/built || exit 1
 failed=0
 for name in "$@"; do
   begin=$SECONDS

@@ -3,6 +3,7 @@
 
 #include "kernel.hpp"
 
+#include "fracgyro/sim/cpu_dispatch.hpp"
 #include "fracgyro/sim/loop.hpp"
 
 #include <numbers>
@@ -39,6 +40,19 @@ inline Tuning tuning(Setup setup) { return {law(setup), setup.common}; }
 template <class C>
 typename C::Coefficients prepared(const Setup& setup) {
     return prepare<C>(setup.controller, setup.common);
+}
+
+// Calls visit.template operator()<Controller>() for that of the setup, which has no joint adaptation (test_joint.cpp):
+// to compile that too would take as long again.
+template <Scalar T, class Visit>
+void with_light_controller(const Setup& setup, Visit&& visit) {
+    with_controller<T>(setup.controller, [&]<class C>() {
+        if constexpr (has_copies<C>) {
+            visit.template operator()<C>();
+        } else {
+            throw std::invalid_argument("joint adaptation");
+        }
+    });
 }
 
 // The paper's simulation study, eqs. (48)-(53), in the corrected reading: noise of variance 1, redrawn every step.

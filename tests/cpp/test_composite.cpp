@@ -395,7 +395,7 @@ TYPED_TEST(Composed, WhatIsForgottenIsNeverMoreThanThePrior) {
 template <Scalar T>
 Estimates<T> last_estimates(const Setup& setup) {
     Estimates<T> last{};
-    with_controller<T>(setup.controller, [&]<class Controller>() {
+    with_light_controller<T>(setup, [&]<class Controller>() {
         run_loop<Controller>(setup, [&](const auto& at) {
             if constexpr (requires { at.signals.report.bound; }) {
                 last = at.signals.report;

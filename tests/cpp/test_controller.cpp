@@ -1,10 +1,7 @@
 #include "paper.hpp"
 #include "scalars.hpp"
 
-#include "fracgyro/sim/recorder.hpp"
-
 #include <cmath>
-#include <cstring>
 #include <vector>
 
 namespace fracgyro::testing {
@@ -438,7 +435,7 @@ template <Scalar T>
 std::vector<Sampled<T>> simulate(const Setup& setup) {
     std::vector<Sampled<T>> run;
     std::int64_t samples = 0;
-    with_controller<T>(setup.controller, [&]<class Controller>() {
+    with_light_controller<T>(setup, [&]<class Controller>() {
         samples = run_loop<Controller>(setup, [&](const auto& at) {
             run.push_back({at.motion, at.signals.error, at.signals.force, {}});
             for_each_number(at.signals.report, [&](T a) { run.back().reported.push_back(number(a)); });
@@ -519,28 +516,6 @@ TEST(ClosedLoop, ACopiedControllerResumesBitForBit) {
         ASSERT_EQ(a.y(), b.y());
     }
 }
-
-// As include/fracgyro/sim/cpu_dispatch.hpp compiles the loop. Only where everything is inlined do the two differ.
-#if defined(__x86_64__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__)
-__attribute__((target("avx2"), flatten, noinline)) void record_with_avx2(const Setup& setup, double* rows) {
-    record<double>(setup, 1, rows);
-}
-__attribute__((flatten, noinline)) void record_without(const Setup& setup, double* rows) {
-    record<double>(setup, 1, rows);
-}
-
-TEST(ClosedLoop, AProcessorWithAvx2ComputesTheSameBits) {
-    if (!__builtin_cpu_supports("avx2")) {
-        GTEST_SKIP() << "this processor has no AVX2";
-    }
-    const auto setup = paper(5000);
-    const std::size_t count = 5001 * row_width_of(setup.controller);
-    std::vector<double> with(count), without(count);
-    record_with_avx2(setup, with.data());
-    record_without(setup, without.data());
-    EXPECT_EQ(std::memcmp(with.data(), without.data(), with.size() * sizeof(double)), 0);
-}
-#endif
 
 }  // namespace
 }  // namespace fracgyro::testing

@@ -15,3 +15,12 @@
 #else
 #define FRACGYRO_FOR_EACH_PROCESSOR
 #endif
+
+namespace fracgyro {
+
+// Whether a run of this controller on an ideal device has such copies. A controller that estimates the motion too is
+// several times as much code, and is for devices that are not ideal.
+template <class C>
+inline constexpr bool has_copies = !requires { requires C::estimates_motion; };
+
+}  // namespace fracgyro

@@ -7,7 +7,7 @@ import platform
 import shutil
 import tempfile
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -67,16 +67,24 @@ def _python(scenario: Scenario, number: Number, motion: NDArray[np.floating], _:
     return np.array(rows)
 
 
+@cache
+def _lanes_program(_: tuple[str, ...]) -> tempfile.TemporaryDirectory[str]:
+    """Of this compiler: for every scenario, and gone with the process."""
+    folder = tempfile.TemporaryDirectory()
+    source, headers = SOURCES / "integrations/lanes/replay.cpp", include(SOURCES / "include")
+    system_compiler(*FLAGS, "-O2", "-march=native", *headers, source, "-o", Path(folder.name) / "replay")
+    return folder
+
+
 def _lanes(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
     """In the widest registers that this processor has."""
-    source, headers = SOURCES / "integrations/lanes/replay.cpp", include(SOURCES / "include")
-    system_compiler(*FLAGS, "-O2", "-march=native", *headers, source, "-o", folder / "replay")
+    program = Path(_lanes_program(tuple(compiler())).name) / "replay"
     poles, weights = core_kernel(scenario)
     numbers, observer = list(core_numbers(scenario).values()), [observer_bandwidth(scenario)]
     for name, values in {"numbers": numbers, "poles": poles, "weights": weights, "observer": observer}.items():
         np.array(values).tofile(folder / name)
     motion.tofile(folder / "motion")
-    run([str(folder / "replay"), str(KINDS.index(scenario.controller.kind)), number], folder)
+    run([str(program), str(KINDS.index(scenario.controller.kind)), number], folder)
     return np.fromfile(folder / "answer", DTYPES[number]).reshape(len(motion), -1)
 
 
