@@ -15,7 +15,7 @@ from fracgyro.analysis.style import own_style
 from fracgyro.rate.allan import Allan, Estimate, allan
 from fracgyro.rate.bound import bound_angle_random_walk
 from fracgyro.rate.units import DEG_PER_H, DEG_PER_ROOT_H
-from fracgyro.scenario.shipped import exactly_sensed
+from fracgyro.scenario.shipped import exactly_sensed, shipped
 from fracgyro.simulation.rate_means import rate_means
 from machine import RESULTS, command, machine, write
 from matplotlib.figure import Figure
@@ -66,6 +66,7 @@ def costs() -> list[str]:
         "… and flicker noise": exactly_sensed("dual_mass").replace({**electronics, **corners}),
         "B and K of the rate": sensor(),
         "all of these": sensor().replace({**electronics, **corners}),
+        "as shipped: positions with white noise, joint adaptation": shipped("dual_mass"),
     }
     span, best = 1.0, dict.fromkeys(of, math.inf)
     for _ in range(5):
@@ -111,7 +112,16 @@ def draw(found: Allan, walk: float) -> None:
             ("K", WALK * np.sqrt(tau / 3)),
         ):
             axes.loglog(tau, DEG_PER_H.per_si * one, color="black", linewidth=0.7, dashes=(4, 2))
-            axes.annotate(label, (tau[-1], DEG_PER_H.per_si * one[-1]), fontsize=7)
+            # Inside the frame, and off the points.
+            place = 0 if label == "K" else -1
+            axes.annotate(
+                label,
+                (tau[place], DEG_PER_H.per_si * one[place]),
+                (6 if place == 0 else -6, 4),
+                textcoords="offset points",
+                ha="left" if place == 0 else "right",
+                fontsize=7,
+            )
         axes.loglog(tau, DEG_PER_H.per_si * model(tau, walk), color="black", linewidth=0.8, label="N, B and K together")
         axes.set_xlabel("averaging time (s)")
         axes.set_ylabel("Allan deviation (deg/h)")
