@@ -37,8 +37,13 @@ TESTS: dict[str, list[str]] = {
     ],
     "rate": [
         "test_knowing_damping_and_stiffness_lowers_the_bound_where_the_speeds_differ",
-        "test_the_bound_is_of_the_density_that_held_noise_has_and_of_the_steady_motion",
+        "test_the_bound_is_of_the_density_that_held_noise_has_and_the_start_does_not_matter",
         "test_without_noise_the_bound_is_0_and_a_motion_that_tells_nothing_apart_has_none",
+    ],
+    "bound": [
+        "test_the_table_of_bounds_is_reproduced_to_three_digits",
+        "test_with_known_damping_and_stiffness_each_line_counts_by_the_axis_that_feels_it",
+        "test_an_exact_sensor_leaves_the_noise_of_the_force_and_a_silent_force_that_of_sensing",
     ],
     "law_rate": ["test_the_bound_is_of_the_motion_that_the_controller_brings_about"],
     "reproduce": [

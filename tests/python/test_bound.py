@@ -11,7 +11,7 @@ import pytest
 from fracgyro.rate.bound import Bound, _bound, _nondimensional, bound_of_motion, noise_of
 from fracgyro.rate.innovation import Noise, Plant, information_of_motion
 from fracgyro.rate.units import DEG_PER_ROOT_H
-from fracgyro.scenario.shipped import shipped
+from fracgyro.scenario.shipped import exactly_sensed, shipped
 
 bound_angle_random_walk = fg.rate.bound_angle_random_walk
 
@@ -20,7 +20,7 @@ def device(name: str, position: float = 0.0, velocity: float | None = None) -> f
     """At rest; noise in m/sqrt(Hz), and of the velocity in omega0 times that, or positions only."""
     scenario = shipped(name).replace({"plant.angular_rate": 0.0})
     if position == 0.0:
-        return scenario.replace({"device.sensing": "full"})
+        return exactly_sensed(name).replace({"plant.angular_rate": 0.0})
     sensing: dict[str, Any] = {"device.sensing": "position", "device.position_noise_density": position}
     if velocity is not None:
         density = velocity * scenario.plant.reference_frequency

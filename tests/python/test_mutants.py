@@ -25,6 +25,12 @@ def test_a_listed_mutant_of_the_package_is_there_once(entry: dict[str, Any]) -> 
     compile(python_kills.edited(entry), entry["file"], "exec")
 
 
+def test_the_tests_that_may_kill_are_there() -> None:
+    for name, tests in python_kills.TESTS.items():
+        text = (Path(__file__).parent / f"test_{name}.py").read_text(encoding="utf-8")
+        assert [test for test in tests if f"def {test}(" not in text] == []
+
+
 def test_the_rules_find_what_they_say_and_nothing_that_the_compiler_computes() -> None:
     code = """#pragma once
 inline constexpr double limit = 2.0 * 3.0;
