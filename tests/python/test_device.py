@@ -15,8 +15,6 @@ import numpy as np
 import pytest
 import xarray as xr
 from fracgyro import _core
-from fracgyro.export import web
-from fracgyro.export.fmu import export as export_fmu
 from fracgyro.rate.allan import allan
 from fracgyro.scenario import Scenario, ScenarioError
 from fracgyro.scenario.kinds import DEVICE_CHANNELS
@@ -545,27 +543,6 @@ def test_bad_values_are_refused_in_one_sentence(changes: dict[str, Any], said: s
 
 
 # -- Other faces ---------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("changes", "said"),
-    [
-        (
-            RATES["step"],
-            'rate.kind is "step": it must be "constant" to be exported, as FMU, browser and lanes know only',
-        ),
-        (EFFECTS["delay"], "device.delay is 1: it must be 0 to be exported"),
-        (EFFECTS["walk of the rate"], "device.rate_random_walk is 10000.0: it must be 0.0 to be exported"),
-        ({"device.position_range": 1e-6}, "device.position_range is [1e-06, 1e-06]: it must be [inf, inf] to be"),
-        (EFFECTS["position alone"], 'device.sensing is "position": it must be "full" to be exported'),
-    ],
-)
-def test_fmu_and_browser_refuse_what_they_do_not_simulate(changes: dict[str, Any], said: str, tmp_path: Path) -> None:
-    for export in (web.export, export_fmu):
-        with pytest.raises(ScenarioError) as caught:
-            export(PAPER.replace(changes), tmp_path / "out", unbounded=True)
-        assert said in str(caught.value)
-    assert not list(tmp_path.iterdir())
 
 
 def test_the_controller_alone_observes_the_velocity_and_resumes() -> None:

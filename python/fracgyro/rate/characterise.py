@@ -38,9 +38,9 @@ def characterise(
     Rates are set from outside, plant.angular_rate notwithstanding; all else is as the scenario says. `controller`, in
     the place of the scenario's own: as in `fracgyro.simulate`; it must report rate_estimate. A callable's reset is
     called before each run with its scenario, which has the rate to be sensed. `quick`: 2 seeds instead of 8, for a
-    look. `rest`: device time of the record at rest in s, two million steps if left out; bias instability and rate
-    random walk take minutes to hours. `imu`: writes the noise as that navigation simulation takes it, too: imu.yaml or
-    gnss_ins_sim.py.
+    look. `rest`: device time of the record at rest in s, if left out two million steps, or half a million where nothing
+    is known to bound the switching gain; bias instability and rate random walk take minutes to hours. `imu`: writes the
+    noise as that navigation simulation takes it, too: imu.yaml or gnss_ins_sim.py.
 
     Raises ValueError in one sentence: a scenario or a controller without an estimate, an `out` that is there already, a
     `rest` of too few outputs or too many steps, a run that diverges within the range; and what `simulate` raises of a

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scenario import Scenario, ScenarioError
+from ..scenario.bounded import is_bounded
 from ..scenario.kinds import reported
 from ..scenario.table import MAX_STEPS
 from ..scenario.to_core import core_setup
@@ -24,6 +25,7 @@ KEPT = 100_000  # samples of a run that are looked at: many to a period of the d
 OUTPUTS = 2_000  # of the sensor in run.duration
 MIN_OUTPUTS = 20  # of which there is an Allan deviation
 REST_STEPS = 4_000_000
+SHORT_REST_STEPS = 1_000_000  # of what may diverge some time
 
 
 @dataclass(frozen=True)
@@ -104,12 +106,15 @@ class Sensor:
         return Output(found * scales.rate, every * block * self.scenario.run.step * scales.time)
 
     def steps_at_rest(self, seconds: float | None) -> int:
-        """Of a run that has a steady record so long; two million if None.
+        """Of a run that has a steady record so long.
+
+        If None two million, or half a million where nothing is known to bound the switching gain (EQUATIONS.md, 4).
 
         Raises ValueError where these are more than a run can have, or leave too few outputs.
         """
         if seconds is None:
-            return REST_STEPS
+            bounded = self.controller is None and is_bounded(self.scenario)
+            return REST_STEPS if bounded else SHORT_REST_STEPS
         run, (every, block) = self.scenario.run, self.block
         start, step = run.steps // 2, run.step * self.scenario.plant.scales.time
         least, most = MIN_OUTPUTS * every * block * step, (MAX_STEPS - start) * step
