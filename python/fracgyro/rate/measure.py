@@ -26,6 +26,7 @@ WITHIN = np.array([1 / 30, 0.1, 1 / 3, 2 / 3, 1.0]) * RANGE  # 10, 30, 100, 200,
 BEYOND = np.array([2.0, 4.0, 8.0, 16.0, 32.0]) * RANGE
 SINE = RANGE / 3  # amplitude of the sinusoidal rates
 FREQUENCIES = 12  # from two periods in the steady half up
+FIRST_ORDER_LAG = math.radians(50.0)  # at the bandwidth: more is of another order
 COUPLING = 0.1  # of sqrt(dxx dyy): the damping deviation that is tried
 
 
@@ -101,7 +102,6 @@ def measure(
         next_one("sinusoidal rates")
         gains.append(_gains(few, float(frequency)))
     answered = response(frequencies, np.array(gains), line.scale_factor.mean)
-    bandwidth = answered.bandwidth.mean
     leaks = []
     for name, size, offered in _couplings(scenario):
         pair = []
@@ -122,11 +122,16 @@ def measure(
         outputs[-1],
         turn_on_time(outputs[-1].time, outputs[-1].rate),
         at_rest,
-        allan(at_rest.rate, at_rest.interval, shortest=1 / bandwidth if 0 < bandwidth < math.inf else 0.0),
+        allan(at_rest.rate, at_rest.interval, _shortest(answered)),
         bound_angle_random_walk(scenario.replace({"plant.angular_rate": 0.0}), controller),
         answered,
         *leaks,
     )
+
+
+def _shortest(answered: Response) -> float:
+    """s, of the averages whose noise is fitted: all, where the response is of first order, with 45 degrees of lag."""
+    return 1 / answered.bandwidth.mean if answered.lag_at_bandwidth > FIRST_ORDER_LAG else 0.0
 
 
 def _mean_or_nan(sensor: Sensor, rate: float) -> Array:
