@@ -12,7 +12,7 @@ enum class Role {
     constant,  // what the exponentials were designed for
     fixed,     // a number of settings.hpp, which can be set until the first sample
     tunable,   // the same, at any time
-    input,     // of the controller alone: x, y and, where they are measured, vx, vy
+    input,     // of the controller by itself: x, y and, where they are measured, vx, vy
     output     // a column of recorder.hpp's rows
 };
 

@@ -15,7 +15,7 @@ export interface Fracgyro {
    * the bit. Throws RangeError, in one sentence, for a setting that is unknown or out of range.
    */
   simulate(scenario: Scenario, changes?: Partial<Settings>): Promise<Run>;
-  /** The controller alone, for a loop of your own; in double precision unless `single`. */
+  /** The controller by itself, for a loop of your own; in double precision unless `single`. */
   controller(scenario: Scenario, changes?: Partial<Settings>, options?: { single?: boolean }): Promise<Controller>;
 }
 

@@ -1,4 +1,4 @@
-// fracgyro in a browser or in node: the simulator, and the controller alone, one sample at a time.
+// fracgyro in a browser or in node: the simulator, and the controller by itself, one sample at a time.
 //
 //     import { load } from "./fracgyro.mjs";
 //     const fracgyro = await load();
@@ -69,7 +69,7 @@ class Fracgyro {
     return { time, columns, column, diverged, rows: rows.subarray(0, length * columns.length) };
   }
 
-  // The controller alone, in double or in single precision. Call `step` once every run.step.
+  // The controller by itself, in double or in single precision. Call `step` once every run.step.
   async controller(scenario, changes = {}, { single = false } = {}) {
     const { core, reported, observed } = await this.#prepare(scenario, changes);
     const lasting = reported.filter((column) => !this.#data.momentary.includes(channelOf(column)));

@@ -52,7 +52,7 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
     made = f"fracgyro {version('fracgyro')}, scenario {scenario.content_hash()}, {number}"
     lines = [
         f"/* Made by `fracgyro export firmware`: {made}.",
-        " * Do not edit: export anew. The scenario stands at the end. */",
+        " * Do not edit: export again. The scenario stands at the end. */",
         "#ifndef FRACGYRO_COEFFICIENTS_H",
         "#define FRACGYRO_COEFFICIENTS_H",
         "",
