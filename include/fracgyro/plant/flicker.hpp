@@ -44,7 +44,7 @@ private:
         constexpr double spacing = 1.15129254649702284 / 3.14159265358979324;  // ln √10 over π
         constexpr int above = 60;           // terms of the sum before the first pole, which fall as √r rises
         double root = 3.16227766016837933;  // √r
-        const auto weight = [](double a) { return spacing * a / (1.0 + a * a); };
+        const auto weight = [&](double a) { return spacing * a / (1.0 + a * a); };
         Coefficients c;
         double beyond = root;
         for (int k = 0; k < above; ++k) {
