@@ -55,8 +55,8 @@ def main() -> None:
         f"Made by `{command()}`, which is part of `make bench`. Machine: {machine()}.",
         "",
         f"The shipped devices as shipped for {power(STEPS)} steps, the controller in double or in float. Over the "
-        "million steps before each mark: RMS error of x and y, in units of the amplitude; Ω̂z less Ωz in deg/s, mean "
-        "and standard deviation; the deviation that it states; how often Ω̂z was trusted.",
+        "million steps before each mark: RMS error of x and y, in units of the amplitude; Ω̂z less Ωz in deg/s, "
+        "mean and standard deviation; the deviation that it states; how often Ω̂z was trusted.",
         "",
         "| device | controller | steps | error x, y | Ω̂z − Ωz (deg/s) | stated | trusted |",
         "|---" * 7 + "|",
