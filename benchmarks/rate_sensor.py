@@ -263,7 +263,7 @@ def draw(measured: list[tuple[str, str, Characterisation]]) -> None:
         for panel, title, head in zip(panels, titles, heads, strict=True):
             for i, (_, law, found) in enumerate(m for m in measured if m[0] == title):
                 deviation = DEG_PER_H.per_si * found.allan.deviation
-                label = "least squares beside them" if law == "composite" else "the laws (44)"
+                label = "with least squares" if law == "composite" else "the laws (44)"
                 panel.loglog(found.allan.tau, deviation, marker="o", markersize=2.5, color=COLOURS[i], label=label)
             if found.bound:
                 bound = DEG_PER_H.per_si * found.bound.known / np.sqrt(found.allan.tau)
