@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 
 import fracgyro as fg
@@ -43,7 +44,7 @@ def test_the_time_column_gives_the_rate(tmp_path: Path, head: str, column: str) 
     record = read_record(written(tmp_path / "a.csv", numbered(), head), column)
     np.testing.assert_allclose(record.values, RATES * DEG, rtol=1e-14)
     assert record.interval == pytest.approx(0.01, rel=1e-9)
-    assert read_record(tmp_path / "a.csv", "y", rate=50.0).interval == 0.02  # the rate counts where both are given
+    assert read_record(tmp_path / "a.csv", "y", rate=101.0).interval == 1 / 101  # which counts where both are given
 
 
 def test_times_in_nanoseconds_are_read_as_such(tmp_path: Path) -> None:
@@ -52,6 +53,83 @@ def test_times_in_nanoseconds_are_read_as_such(tmp_path: Path) -> None:
     assert record.interval == pytest.approx(0.005, rel=1e-6)
     assert record.column == "w_RS_S_x [rad s^-1]"
     np.testing.assert_array_equal(record.values, RATES)
+
+
+@pytest.mark.parametrize(
+    ("name", "seconds"),
+    [("t [ms]", 1e-3), ("Time_us", 1e-6), ("timestamp (\u00b5s)", 1e-6), ("time [\u03bcs]", 1e-6), ("T(NS)", 1e-9)],
+)
+def test_a_time_column_names_its_unit(tmp_path: Path, name: str, seconds: float) -> None:
+    rows = [f"{i * 0.01 / seconds:.3f},{value!r}" for i, value in enumerate(RATES.tolist())]
+    record = read_record(written(tmp_path / "a.csv", rows, f"{name},x\n"))
+    assert record.interval == pytest.approx(0.01, rel=1e-9)
+    assert record.note == ""
+
+
+def ticks(per_second: float, name: str = "timestamp") -> list[str]:
+    """200 samples a second, their times in ticks."""
+    return [f"{name},x", *(f"{i * per_second / 200:.12g},{value!r}" for i, value in enumerate(RATES.tolist()))]
+
+
+@pytest.mark.parametrize("per_second", [1e3, 1e6, 1e9])
+@pytest.mark.parametrize("name", ["timestamp", "t", "time"])
+def test_ticks_without_a_unit_are_not_taken_for_seconds(tmp_path: Path, name: str, per_second: float) -> None:
+    path = written(tmp_path / "a.csv", ticks(per_second, name))
+    said = f"{name} has no unit, and in seconds its samples would be {per_second / 200:g} s apart"
+    with pytest.raises(ValueError, match=re.escape(said)):
+        read_record(path)
+    assert read_record(path, rate=200.0).interval == 0.005  # as the sentence advises, with each of these units
+    written(path, ticks(per_second, f"{name} [{ {1e3: 'ms', 1e6: 'us', 1e9: 'ns'}[per_second] }]"))
+    assert read_record(path).interval == pytest.approx(0.005, rel=1e-9)
+
+
+def test_a_thousand_samples_a_second_in_milliseconds_are_not_taken_for_one_a_second(tmp_path: Path) -> None:
+    rows = ["t,x", *(f"{i},{value!r}" for i, value in enumerate(RATES.tolist()))]
+    with pytest.raises(ValueError, match="t has no unit, and in seconds its samples would be 1 s apart"):
+        read_record(written(tmp_path / "a.csv", rows))
+
+
+def test_a_time_that_names_no_unit_is_said_to_be_taken_for_seconds(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.csv", ticks(1.0))
+    words = "timestamp names no unit and is taken for seconds"
+    assert read_record(path).note == words
+    assert f"Note: {words}" in run("allan", path).stdout
+    assert json.loads(run("allan", path, "--json").stdout)["note"] == words
+
+
+@pytest.mark.parametrize("given", ["200", "209", "191"])
+def test_a_rate_within_five_percent_of_the_times_is_taken(tmp_path: Path, given: str) -> None:
+    path = written(tmp_path / "a.csv", ticks(1.0, "time [s]"))
+    assert f", {given} a second\n" in run("allan", path, "--rate", given).stdout
+
+
+def test_a_rate_hides_gaps_but_they_are_named(tmp_path: Path) -> None:
+    rows = ticks(1.0)
+    gaps = [*rows[:50], *rows[51:100], *rows[101:]]
+    said = run("allan", written(tmp_path / "a.csv", gaps), "--rate", "200").stdout
+    assert "Note: timestamp has 2 gaps, the first at line 51, which --rate hides" in said
+    said = run("allan", written(tmp_path / "b.csv", [*rows[:50], *rows[51:]]), "--rate", "200").stdout
+    assert "Note: timestamp has a gap at line 51, which --rate hides" in said
+
+
+def test_a_rate_serves_where_the_times_jitter_or_are_dates_or_no_times(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    jitter = np.sort(np.arange(400) * 0.005 + rng.uniform(0, 0.02, 400))
+    temperature = 25 + rng.normal(size=400)
+    for times in (jitter.tolist(), temperature.tolist(), [f"2026-01-01T00:00:{i / 200:06.3f}" for i in range(400)]):
+        rows = ["t,x", *(f"{time},{value!r}" for time, value in zip(times, RATES.tolist(), strict=True))]
+        record = read_record(written(tmp_path / "a.csv", rows), rate=200.0)
+        assert (record.interval, record.note) == (0.005, "")
+        np.testing.assert_allclose(record.values, RATES * DEG, rtol=1e-14)
+        with pytest.raises(ValueError, match=r"give rate$|must be a finite number"):
+            read_record(tmp_path / "a.csv")
+
+
+def test_sentences_name_arguments_in_python_and_options_on_the_command_line(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.csv", ["x", *map(repr, RATES.tolist())])
+    with pytest.raises(ValueError, match=r"^rate is needed, in Hz"):
+        analyse_record(path)
+    assert sentence(run("allan", path)).startswith("--rate is needed, in Hz")
 
 
 @pytest.mark.parametrize("delimiter", [";", "\t"])
@@ -111,23 +189,40 @@ GOOD = ["time,x,y", *numbered()]
 @pytest.mark.parametrize(
     ("lines", "words", "expected"),
     [
-        (GOOD, [], "column is not given: it must be one of those of {path}: x, y"),
-        (GOOD, ["--column", "z"], "column is 'z': it must be one of those of {path}: x, y"),
-        (GOOD, ["--column", "x", "--unit", "dps"], "unit is 'dps': it must be one of deg/s, rad/s, deg/h, mdeg/s"),
-        (GOOD, ["--column", "x", "--rate", "0"], "rate is 0.0: it must be greater than 0"),
+        (GOOD, [], "--column is needed: it must be one of those of {path}: x, y"),
+        (GOOD, ["--column", "z"], "--column is 'z': it must be one of those of {path}: x, y"),
+        (
+            GOOD,
+            ["--column", "time"],
+            "--column is 'time', which is the time: it must be one of those of {path}: x, y",
+        ),
+        (
+            GOOD,
+            ["--column", "x", "--rate", "50"],
+            "--rate is 50: it must be that of time in {path} within 5 %, whose samples are 0.01 apart in an unnamed "
+            "unit; rename that column if it is not the time",
+        ),
+        (
+            ["time [s],x,y", *numbered()],
+            ["--column", "x", "--rate", "106"],
+            "--rate is 106: it must be that of time [s] in {path} within 5 %, whose samples are 100 a second; rename "
+            "that column if it is not the time",
+        ),
+        (GOOD, ["--column", "x", "--unit", "dps"], "--unit is 'dps': it must be one of deg/s, rad/s, deg/h, mdeg/s"),
+        (GOOD, ["--column", "x", "--rate", "0"], "--rate is 0.0: it must be greater than 0"),
         (GOOD[:15], ["--column", "x"], "{path} has 14 rows: it must have at least 20"),
         (["time,x,y"], ["--column", "x"], "{path} has 0 rows: it must have at least 20"),
         ([], ["--rate", "1"], "{path} has 0 rows: it must have at least 20"),
         (
             ["x", *map(str, RATES)],
             [],
-            "rate is not given: it must be, in Hz, as {path} has no column of the name time",
+            "--rate is needed, in Hz, as {path} has no column called time, timestamp or t, as in time [ns]",
         ),
         (["x", *["1.5"] * 50], ["--rate", "1"], "{path}: x is 1.5 in every row: it must vary"),
         (
             ["x,x", *["1,2"] * 50],
             ["--column", "x", "--rate", "1"],
-            "column is 'x': {path} must have one of that name, not 2",
+            "--column is 'x': {path} must have one of that name, not 2",
         ),
         (
             [*GOOD[:30], "0.3,abc,1", *GOOD[30:]],
@@ -153,13 +248,25 @@ GOOD = ["time,x,y", *numbered()]
         (
             [*GOOD[:30], *GOOD[31:]],
             ["--column", "x"],
-            "{path}, line 31: time is 0.02 later than in the line before: it must be 0.01 later, as in most lines, to "
-            "one half; fill the gap, or give the rate",
+            "{path}, line 31: time is 0.02 later than in the line before: it must be 0.01 later, as in most lines, "
+            "within 50 %; samples are missing there; split the record at this gap",
+        ),
+        (
+            [*GOOD[:30], *GOOD[31:60], *GOOD[62:]],
+            ["--column", "x"],
+            "{path}, line 31: time is 0.02 later than in the line before: it must be 0.01 later, as in most lines, "
+            "within 50 %; samples are missing there; split the record at this gap, the first of 2",
+        ),
+        (
+            [*GOOD[:30], GOOD[30].replace("0.29", "0.297"), *GOOD[31:]],
+            ["--column", "x"],
+            "{path}, line 31: time is 0.017 later than in the line before: it must be 0.01 later, as in most lines, "
+            "within 50 %; if samples are evenly spaced and only their times jitter, give --rate",
         ),
         (
             ["time,x", *["0.0,1", "0.0,2"] * 20],
             [],
-            "{path}: time does not rise from line to line: it must, or give the rate",
+            "{path}: time does not rise from line to line: it must, or give --rate",
         ),
     ],
 )

@@ -19,8 +19,14 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("scenario", type=click.Path(path_type=Path))
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
-@click.option("--quick", is_flag=True, help="Use 2 noise seeds instead of 8: takes seconds.")
-@click.option("--rest", type=float, metavar="SECONDS", help="Device time of the record at rest, for B and K: 1800.")
+@click.option("--quick", is_flag=True, help="Use 2 noise seeds instead of 8: a third of the time, wider intervals.")
+@click.option(
+    "--rest",
+    type=float,
+    metavar="SECONDS",
+    help="Length of the record at rest, in device time. Bias instability and rate random walk take minutes to hours to "
+    "show.  [default: 2 million steps]",
+)
 @click.option(
     "--imu",
     type=click.Choice(["kalibr", "gnss-ins-sim"]),
@@ -44,13 +50,20 @@ def rate(
         click.echo((out / "rate.json").read_text(encoding="utf-8"), nl=False)
         return
     _print_figures(found)
-    click.echo(f"\nThe report: {out / 'report.html'}")
+    click.echo(f"The report: {out / 'report.html'}")
 
 
 @click.command(name="allan")
 @click.argument("record", type=click.Path(path_type=Path))
 @click.option("--column", metavar="NAME", help="Column of the rate; without names, columns are 1, 2, ...")
-@click.option("--rate", "rate_hz", type=float, metavar="HZ", help="Sampling rate.  [default: from the column time]")
+@click.option(
+    "--rate",
+    "rate_hz",
+    type=float,
+    metavar="HZ",
+    help="Sampling rate. Needed unless a column is called time, timestamp or t; its unit may follow, as in "
+    "'time [ns]': s, ms, us or ns.",
+)
 @click.option("--unit", default="deg/s", show_default=True, help="Unit of the rate: deg/s, rad/s, deg/h or mdeg/s.")
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write allan.json and allan.svg there.")
 @click.option("--json", "as_json", is_flag=True, help="Print the figures and the curve as JSON.")
@@ -60,18 +73,23 @@ def allan_command(
     """Find the noise terms in RECORD, a CSV file of a gyroscope at rest. Report N, B and K with their intervals."""
     from ..rate.of_record import analyse_record
 
-    found, content = analyse_record(record, out, column=column, rate=rate_hz, unit=unit)
+    found, content = analyse_record(record, out, column=column, rate=rate_hz, unit=unit, dashes="--")
     if as_json:
         click.echo(json.dumps(content, ensure_ascii=False, allow_nan=False))
         return
-    click.echo(f"{content['column']}: {content['samples']} samples in {unit}, {content['rate_hz']:.6g} a second\n")
+    click.echo(f"{content['column']}: {content['samples']} samples in {unit}, {content['rate_hz']:.6g} a second")
+    if content["note"]:
+        click.echo(f"Note: {content['note']}")
+    click.echo()
     _print_figures(found)
     if out:
-        click.echo(f"\nThe plot: {out / 'allan.svg'}")
+        click.echo(f"The plot: {out / 'allan.svg'}")
 
 
 def _print_figures(found: Sequence[Result]) -> None:
-    from ..rate.report import interval_of, value_of
+    from ..rate.report import grade_of, interval_of, value_of
 
     titles = ("figure", "value", "unit", "interval", "grade")
-    print_table(titles, [(r.name, value_of(r), r.unit, interval_of(r), r.grade or "") for r in found])
+    print_table(titles, [(r.name, value_of(r), r.unit, interval_of(r), grade_of(r)) for r in found])
+    notes = [f"{r.name}: {r.note}." for r in found if r.note]
+    click.echo("\n".join(["", *notes] if notes else []))

@@ -24,15 +24,17 @@ def analyse_record(
     column: str | None = None,
     rate: float | None = None,
     unit: str = "deg/s",
+    dashes: str = "",
 ) -> tuple[list[Result], dict[str, Any]]:
     """N, B and K of a record in a CSV file, and all of it as JSON has it; into `out`/allan.json and allan.svg if given.
 
-    `column`, `rate` and `unit`: as in `read_record`, whose ValueErrors it raises, and those of an `out` that is there.
+    `column`, `rate`, `unit` and `dashes`: as in `read_record`, whose ValueErrors it raises, and those of an `out` that
+    is there.
     """
     if out is None:
-        return _analysed(path, read_record(path, column, rate, unit), unit)[:2]
+        return _analysed(path, read_record(path, column, rate, unit, dashes=dashes), unit)[:2]
     with whole_folder(out) as folder:
-        results, content, found = _analysed(path, read_record(path, column, rate, unit), unit)
+        results, content, found = _analysed(path, read_record(path, column, rate, unit, dashes=dashes), unit)
         text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
         (folder / "allan.json").write_text(text + "\n", encoding="utf-8")
         _draw(found, folder / "allan.svg")
@@ -49,6 +51,7 @@ def _analysed(path: str | os.PathLike[str], record: Record, unit: str) -> tuple[
         "unit": unit,
         "samples": len(record.values),
         "rate_hz": 1 / record.interval,
+        "note": record.note,
         "figures": [result.plain() for result in results],
         "response_time_s": found.response_time or None,
         "fitted_s": found.fitted,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import unicodedata
 from dataclasses import dataclass
 from itertools import takewhile
 
@@ -24,17 +25,21 @@ BLOCK = 2**22  # bytes read at a time
 BEGINNING = 2**16  # bytes that header and comments may have
 MOST_NAMED = 20  # columns in a sentence
 UNEVEN = 0.5  # of the median interval: how far any other may be off; a missing sample is off by 1
-TIME = re.compile(r"(?:time|timestamp|t)(?:[ _]*[\[(]?(s|sec|seconds|ms|us|µs|ns)[\])]?)?", re.IGNORECASE)
-SECONDS = {"ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
+# What a time column may be called, and its units; names are compared in NFKC, where both signs for micro are one.
+SECONDS = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "μs": 1e-6, "ns": 1e-9}
+TIME = re.compile(rf"(?:time|timestamp|t)(?:[ _]*[\[(]?({'|'.join(SECONDS)})[\])]?)?", re.IGNORECASE)
+SLOWEST = 2.0  # Hz: below this a time without a unit is hardly in seconds. 1000 Hz in ms would be 1 Hz
+AGREES = 0.05  # of a rate that is given: how far that of the times may be off
 
 
 @dataclass(frozen=True)
 class Record:
-    """Rates in rad/s, `interval` s apart."""
+    """Rates in rad/s, `interval` s apart; `note`: what was assumed of the times, for the user to judge."""
 
     column: str
     values: Array
     interval: float
+    note: str = ""
 
 
 @dataclass(frozen=True)
@@ -45,40 +50,76 @@ class _Layout:
     before: int
     delimiter: str
 
+    @property
+    def times(self) -> list[str]:
+        return [name for name in self.names if _time(name)]
+
 
 def read_record(
-    path: str | os.PathLike[str], column: str | None = None, rate: float | None = None, unit: str = "deg/s"
+    path: str | os.PathLike[str],
+    column: str | None = None,
+    rate: float | None = None,
+    unit: str = "deg/s",
+    *,
+    dashes: str = "",
 ) -> Record:
     """The record in a CSV file, with a line of names or without: its columns then are 1, 2, and so on.
 
     `column`: need not be given where there is only one but the time. `rate`: in Hz; need not be given where a column
-    is called time, timestamp or t, in seconds or the unit that its name ends with, as in `time [ns]`. Commas,
-    semicolons or tabs separate columns; lines that begin with # are comments, but for the names.
+    is called time, timestamp or t, in the unit that its name ends with (s, ms, us, ns), as in `time [ns]`, else in
+    seconds. Where both are there, they must agree. Commas, semicolons or tabs separate columns; lines that begin with #
+    are comments, but for the names. `dashes`: what sentences write before the name of an argument, for a command line.
     Raises ValueError in one sentence for what is not a record of evenly spaced, finite numbers.
     """
     if unit not in RATES:
-        raise ValueError(f"unit is {shown(unit)}: it must be one of {', '.join(RATES)}")
-    interval = None if rate is None else 1 / number("rate", rate, above=0.0)
+        raise ValueError(f"{dashes}unit is {shown(unit)}: it must be one of {', '.join(RATES)}")
+    if rate is not None:
+        rate = number(f"{dashes}rate", rate, above=0.0)
     try:
         check_regular(path)
         with open(path, "rb") as file:
             layout = _layout(file.read(BEGINNING))
-        times = [name for name in layout.names if TIME.fullmatch(name)] if interval is None else []
-        chosen = _chosen(path, layout, column)
-        if interval is None and not times:
-            raise ValueError(f"rate is not given: it must be, in Hz, as {path} has no column of the name time")
-        columns = _numbers(path, layout, [chosen, *times[:1]])
+        chosen = _chosen(path, layout, column, dashes)
+        if rate is None and not layout.times:
+            raise ValueError(
+                f"{dashes}rate is needed, in Hz, as {path} has no column called time, timestamp or t, as in time [ns]"
+            )
+        values, times = _columns(path, layout, chosen, needed=rate is None)
     except OSError as error:
         raise ValueError(f"{path} cannot be read: {reason(error)}") from None
-    values = columns[0]
     if len(values) < 2 * MIN_RECORD:
         raise ValueError(f"{path} has {len(values)} rows: it must have at least {2 * MIN_RECORD}")
     if (values == values[0]).all():
         raise ValueError(f"{path}: {chosen} is {values[0]:g} in every row: it must vary")
-    if interval is None:
-        interval = _interval(path, layout, times[0], columns[1])
+    if rate is None:
+        assert times is not None
+        interval, note = _interval(path, layout, times, f"{dashes}rate")
+    else:
+        interval, note = 1 / rate, "" if times is None else _compared(path, layout, times, rate, f"{dashes}rate")
     values /= RATES[unit].per_si
-    return Record(chosen, values, interval)
+    return Record(chosen, values, interval, note)
+
+
+def _time(name: str) -> re.Match[str] | None:
+    return TIME.fullmatch(unicodedata.normalize("NFKC", name))
+
+
+def _unit(name: str) -> float | None:
+    """Seconds in the unit of a time column; None where it names none."""
+    matched = _time(name)
+    return SECONDS[matched[1].lower()] if matched and matched[1] else None
+
+
+def _columns(path: str | os.PathLike[str], layout: _Layout, chosen: str, *, needed: bool) -> tuple[Array, Array | None]:
+    """The chosen column and the times, if there are any; those that are not needed need not be numbers."""
+    if layout.times:
+        try:
+            values, times = _numbers(path, layout, [chosen, layout.times[0]])
+            return values, times
+        except ValueError:
+            if needed:
+                raise
+    return _numbers(path, layout, [chosen])[0], None
 
 
 def _layout(beginning: bytes) -> _Layout:
@@ -107,18 +148,19 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _chosen(path: str | os.PathLike[str], layout: _Layout, column: str | None) -> str:
-    others = [name for name in layout.names if not TIME.fullmatch(name)]
+def _chosen(path: str | os.PathLike[str], layout: _Layout, column: str | None, dashes: str) -> str:
+    others = [name for name in layout.names if not _time(name)]
     if column is None and len(others) == 1:
         return others[0]
-    if column is None or column not in layout.names:
-        given = "not given" if column is None else shown(column)
+    if column not in others:
+        given = "is needed" if column is None else f"is {shown(column)}"
+        what = ", which is the time" if column in layout.names else ""
         more = ", ..." if len(others) > MOST_NAMED else ""
         allowed = ", ".join(map(cut, others[:MOST_NAMED])) + more
-        raise ValueError(f"column is {given}: it must be one of those of {path}: {allowed}")
+        raise ValueError(f"{dashes}column {given}{what}: it must be one of those of {path}: {allowed}")
     if layout.names.count(column) > 1:
         raise ValueError(
-            f"column is {shown(column)}: {path} must have one of that name, not {layout.names.count(column)}"
+            f"{dashes}column is {shown(column)}: {path} must have one of that name, not {layout.names.count(column)}"
         )
     return column
 
@@ -164,19 +206,55 @@ def _refusal(path: str | os.PathLike[str], layout: _Layout, error: str) -> str:
     return f"{path} cannot be read as CSV: {cut(error)}"
 
 
-def _interval(path: str | os.PathLike[str], layout: _Layout, name: str, times: Array) -> float:
-    """Mean interval of evenly spaced times, s."""
-    matched = TIME.fullmatch(name)
-    scale = SECONDS.get((matched[1] or "").lower(), 1.0) if matched else 1.0
+def _interval(path: str | os.PathLike[str], layout: _Layout, times: Array, option: str) -> tuple[float, str]:
+    """Mean interval of evenly spaced times, s, and what was assumed for it."""
+    name = layout.times[0]
     steps = np.diff(times)
     median = float(np.median(steps))
-    off = np.abs(steps - median) > UNEVEN * median if median > 0 else np.ones(len(steps), dtype=bool)
-    if off.any():
-        at = int(np.argmax(off))
+    if median <= 0:
+        raise ValueError(f"{path}: {name} does not rise from line to line: it must, or give {option}")
+    late, early = _uneven(steps)
+    if late.any() or early.any():
+        at = int(np.argmax(late | early))
+        advice = f"if samples are evenly spaced and only their times jitter, give {option}"
+        if not early.any():
+            more = f", the first of {late.sum()}" if late.sum() > 1 else ""
+            advice = f"samples are missing there; split the record at this gap{more}"
         raise ValueError(
             f"{path}, line {layout.before + at + 2}: {name} is {steps[at]:g} later than in the line before: it must be "
-            f"{median:g} later, as in most lines, to one half; fill the gap, or give the rate"
-            if median > 0
-            else f"{path}: {name} does not rise from line to line: it must, or give the rate"
+            f"{median:g} later, as in most lines, within {100 * UNEVEN:g} %; {advice}"
         )
-    return float(times[-1] - times[0]) / (len(times) - 1) * scale
+    interval = float(times[-1] - times[0]) / (len(times) - 1)
+    unit = _unit(name)
+    if unit is None and interval * SLOWEST > 1:
+        raise ValueError(
+            f"{path}: {name} has no unit, and in seconds its samples would be {interval:.6g} s apart: name the unit in "
+            f"the first line, as {name} [s], {name} [ms], {name} [us] or {name} [ns], or give {option}"
+        )
+    return interval * (unit or 1.0), "" if unit else f"{name} names no unit and is taken for seconds"
+
+
+def _compared(path: str | os.PathLike[str], layout: _Layout, times: Array, rate: float, option: str) -> str:
+    """What to know of a rate that is given; that of the times must be the same, in any unit where they name none."""
+    name, steps = layout.times[0], np.diff(times)
+    if (steps < 0).any() or times[-1] == times[0]:
+        return ""  # what does not rise tells no time
+    interval, unit = float(times[-1] - times[0]) / len(steps), _unit(name)
+    units = SECONDS.values() if unit is None else [unit]
+    if not any(abs(rate * interval * each - 1) <= AGREES for each in units):
+        have = f"{1 / (interval * unit):.6g} a second" if unit else f"{interval:.6g} apart in an unnamed unit"
+        raise ValueError(
+            f"{option} is {rate:g}: it must be that of {name} in {path} within {100 * AGREES:g} %, whose samples are "
+            f"{have}; rename that column if it is not the time"
+        )
+    late, early = _uneven(steps)
+    if not late.any() or early.any():
+        return ""
+    gaps = "a gap" if late.sum() == 1 else f"{late.sum()} gaps, the first"
+    return f"{name} has {gaps} at line {layout.before + int(np.argmax(late)) + 2}, which {option} hides"
+
+
+def _uneven(steps: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which samples come late and which early. Times that jitter are both; where samples are missing, none is early."""
+    median = float(np.median(steps))
+    return steps > (1 + UNEVEN) * median, steps < (1 - UNEVEN) * median
