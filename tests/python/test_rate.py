@@ -281,6 +281,13 @@ def test_the_measured_noise_is_near_the_bound_and_its_figures_are_finite(
 ) -> None:
     measured = measure(scenario.replace({"run.duration": 8000.0}), seeds=2)
     found = {result.key: result for result in results(measured)}
+    # Only the largest rate tried is known of the full scale: a lower limit.
+    assert measured.full_scale_is_last
+    assert math.isnan(found["full_scale"].value)
+    assert found["full_scale"].low == pytest.approx(9600)
+    further = results(replace(measured, full_scale_is_last=False))
+    reached = next(result for result in further if result.key == "full_scale")
+    assert (reached.value, reached.note) == (pytest.approx(9600), "")
     walk = measured.allan.angle_random_walk
     assert walk is not None
     assert measured.bound is not None

@@ -6,9 +6,12 @@ import math
 
 import numpy as np
 import pytest
+from fracgyro.cli.rate import _print_figures
 from fracgyro.rate.allan import allan
-from fracgyro.rate.grades import grade
+from fracgyro.rate.grades import Grade, grade
 from fracgyro.rate.merit import full_scale, gain_and_lag, response, static, turn_on_time
+from fracgyro.rate.report import grade_of, interval_of, value_of
+from fracgyro.rate.results import Result
 from fracgyro.rate.units import (
     DEG_PER_H,
     DEG_PER_H_PER_ROOT_H,
@@ -144,6 +147,37 @@ def test_a_walking_rate_is_found_behind_a_slow_answer() -> None:
 def test_a_record_too_short_or_not_finite_is_refused(record: NDArray[np.float64]) -> None:
     with pytest.raises(ValueError, match="at least 20, all finite"):
         allan(record, 1.0)
+
+
+# -- What is shown of a figure -------------------------------------------------------------------------------
+
+
+def figure(value: float, low: float = math.nan, high: float = math.nan, graded: Grade | None = "tactical") -> Result:
+    return Result("key", "Figure", "what it is", "deg/h", value, low, high, "a note", graded)
+
+
+@pytest.mark.parametrize(
+    ("result", "value", "interval", "graded"),
+    [
+        (figure(5.0, 4.0, 6.0), "5", "4 to 6", "tactical"),
+        (figure(math.nan, high=4.97), "< 4.97", "", "tactical (limit only)"),
+        (figure(math.nan, low=9600.0), "≥ 9600", "", "tactical (limit only)"),
+        (figure(math.nan, graded=None), "–", "", ""),
+    ],
+)
+def test_a_figure_that_is_only_bounded_is_shown_as_that(result: Result, value: str, interval: str, graded: str) -> None:
+    assert (value_of(result), interval_of(result), grade_of(result)) == (value, interval, graded)
+
+
+def test_the_terminal_shows_the_notes_below_the_table(capsys: pytest.CaptureFixture[str]) -> None:
+    _print_figures([figure(5.0), figure(math.nan, low=9600.0)])
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split() for line in lines[:3]] == [
+        ["figure", "value", "unit", "interval", "grade"],
+        ["Figure", "5", "deg/h", "tactical"],
+        ["Figure", "≥", "9600", "deg/h", "tactical", "(limit", "only)"],
+    ]
+    assert lines[3:] == ["", "Figure: a note.", "Figure: a note."]
 
 
 # -- A gyroscope with known errors ---------------------------------------------------------------------------

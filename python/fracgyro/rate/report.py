@@ -23,7 +23,7 @@ def write_report(path: Path, measured: Characterisation, found: list[Result]) ->
         version=version("fracgyro"),
         measured=measured,
         outside=controller_words(measured.controller),
-        found=[(result, value_of(result), interval_of(result)) for result in found],
+        found=[(result, value_of(result), interval_of(result), grade_of(result)) for result in found],
         output_rate=f"{1 / rest.interval:.4g}",
         record=f"{rest.rate.shape[1] * rest.interval:.3g}",
         grades=GRADES,
@@ -43,13 +43,20 @@ def value_of(result: Result) -> str:
         return short(result.value)
     if math.isfinite(result.high):
         return f"< {short(result.high)}"
-    return f"> {short(result.low)}" if math.isfinite(result.low) else "–"
+    return f"≥ {short(result.low)}" if math.isfinite(result.low) else "–"
 
 
 def interval_of(result: Result) -> str:
     """Of 95 %, where there is one."""
     whole = all(map(math.isfinite, (result.value, result.low, result.high)))
     return f"{short(result.low)} to {short(result.high)}" if whole else ""
+
+
+def grade_of(result: Result) -> str:
+    """The grade; of a figure that was not observed, that of its limit."""
+    if result.grade is None:
+        return ""
+    return result.grade if math.isfinite(result.value) else f"{result.grade} (limit only)"
 
 
 def _limit(value: float) -> str:

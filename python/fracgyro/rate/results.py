@@ -108,7 +108,7 @@ def noise_terms(found: Allan, bound: Bound | None = None) -> list[Result]:
         _estimate(
             "bias_instability",
             "Bias instability",
-            "flicker noise in the Allan variance, whose deviation is 0.664 of it",
+            "B of the flicker noise: the flat part of the Allan deviation is 0.664 B",
             DEG_PER_H,
             found.bias_instability,
             "bias",
@@ -116,7 +116,8 @@ def noise_terms(found: Allan, bound: Bound | None = None) -> list[Result]:
         _estimate(
             "rate_random_walk",
             "Rate random walk",
-            "part of the Allan variance whose deviation rises as the root of the averaging time, at 3 s",
+            "K of a rate that walks: the part of the Allan deviation that rises as the root of the averaging time is "
+            "K at 3 s",
             DEG_PER_H_PER_ROOT_H,
             found.rate_random_walk,
         ),
@@ -141,7 +142,7 @@ def _estimate(
             unit.name,
             math.nan,
             high=high,
-            note="not observed: the record is too short, or has other noise",
+            note="not observed, only bounded: the record is too short, or has other noise",
             grade=of,
         )
     return Result(key, name, definition, unit.name, value, low, high, "", of)
@@ -149,17 +150,22 @@ def _estimate(
 
 def _angle_random_walk(found: Estimate | None, bound: Bound | None) -> Result:
     name = "Angle random walk"
-    definition = "part of the Allan variance whose deviation falls as the root of the averaging time, at 1 s"
+    definition = (
+        "N of the white noise: the part of the Allan deviation that falls as the root of the averaging time is N at 1 s"
+    )
     unit = DEG_PER_ROOT_H
     if found is None:
-        note = "not observed: nowhere does the Allan deviation fall as that of white noise"
+        note = (
+            "not observed: over no four octaves does the Allan deviation fall as that of white noise; a longer record "
+            "may show where it does"
+        )
         return Result("angle_random_walk", name, definition, unit.name, math.nan, note=note)
     note = ""
     if bound:
         known, unknown = bound.known, bound.unknown
         note = (
-            f"{found.value / known:.2f} times the Cramér-Rao bound of this noise of force and sensing if D and K are "
-            f"known, {short(unit.of(known))}; {found.value / unknown:.2f} times that if they are not, "
+            f"{found.value / known:.2f} times the Cramér-Rao bound of this noise of force and sensing if damping and "
+            f"stiffness are known, {short(unit.of(known))}; {found.value / unknown:.2f} times that if they are not, "
             f"{short(unit.of(unknown))}"
         )
     value, low, high = (unit.of(number) for number in (found.value, found.low, found.high))
@@ -192,14 +198,19 @@ def _response(m: Characterisation) -> list[Result]:
 
 
 def _full_scale(m: Characterisation) -> Result:
-    value = DEG_PER_S.of(m.full_scale)
-    note = "the largest rate tried: it may go further" if m.full_scale_is_last else ""
-    if m.full_scale == 0:
-        note = "none: the mean output is further off at the smallest rate already"
-    definition = "largest rate tried up to which, both ways, the mean output keeps within 1 % of the rate of the line"
-    return Result(
-        "full_scale", "Full scale", definition, DEG_PER_S.name, value, note=note, grade=grade("full_scale", value)
+    names = (
+        "full_scale",
+        "Full scale",
+        "largest rate tried up to which, both ways, the mean output keeps within 1 % of the rate of the line",
+        DEG_PER_S.name,
     )
+    value = DEG_PER_S.of(m.full_scale)
+    graded = grade("full_scale", value)
+    if m.full_scale_is_last:
+        note = "at least this, the largest rate tried; it may go further"
+        return Result(*names, math.nan, low=value, note=note, grade=graded)
+    note = "none: the mean output is further off at the smallest rate already" if value == 0 else ""
+    return Result(*names, value, note=note, grade=graded)
 
 
 def short(number: float) -> str:
