@@ -1,38 +1,55 @@
-/* What a control loop looks like. Put your sensors and actuators in place of the two functions. */
+/* What a control loop looks like, tried on a simulated gyroscope. Put your sensors and actuators in place of
+   read_motion and apply_force. */
 #include "fracgyro.h"
 
-#include <math.h>
 #include <stdio.h>
 
-/* A mass at rest one unit off centre, and a sensor that once loses contact. */
-static void read_motion(int tick, fracgyro_motion* motion) {
-    const fracgyro_motion rest = {{1, 0}, {0, 0}};
-    *motion = rest;
-    if (tick == 2) {
-        motion->position.x = NAN;
-    }
+/* The gyroscope of the scenario, without noise: from x, y, their rates and the force to the motion one step later. */
+static const fracgyro_number gyroscope[4][6] = FRACGYRO_EXAMPLE_GYROSCOPE;
+static fracgyro_number motion_now[4] = FRACGYRO_EXAMPLE_START;
+
+static void read_motion(fracgyro_motion* motion) {
+    motion->position.x = motion_now[0];
+    motion->position.y = motion_now[1];
+    motion->velocity.x = motion_now[2];
+    motion->velocity.y = motion_now[3];
 }
 
-static void apply_force(int tick, fracgyro_status status, fracgyro_vector force) {
-    printf("tick %d: status %d, force %.6f %.6f\n", tick, (int)status, (double)force.x, (double)force.y);
+static void apply_force(fracgyro_vector force) {
+    const fracgyro_number from[6] = {motion_now[0], motion_now[1], motion_now[2], motion_now[3], force.x, force.y};
+    for (int i = 0; i < 4; ++i) {
+        motion_now[i] = 0;
+        for (int j = 0; j < 6; ++j) {
+            motion_now[i] += gyroscope[i][j] * from[j];
+        }
+    }
 }
 
 int main(void) {
-    fracgyro_state state;
+    static fracgyro_state state;
     fracgyro_init(&state);
 
+    printf("status 0: computed, 1: the force is at its limit; README.md has the others\n");
     /* In a timer interrupt, every FRACGYRO_STEP_SECONDS. */
-    for (int tick = 0; tick < 5; ++tick) {
+    for (int tick = 0; tick <= 1000; ++tick) {
         fracgyro_motion motion;
         fracgyro_vector force;
-        read_motion(tick, &motion);
+        read_motion(&motion);
         const fracgyro_status status = fracgyro_step(&state, &motion, &force);
-        apply_force(tick, status, force);
+        apply_force(force);
+        if (tick % 100 == 0) {
+            printf("tick %d: status %d, position %.6f %.6f, force %.6f %.6f\n", tick, (int)status,
+                   (double)motion.position.x, (double)motion.position.y, (double)force.x, (double)force.y);
+        }
     }
 
-    fracgyro_report report; /* fracgyro_coefficients.h names its members */
+    /* What the controller knows by now. Your own code reads the members: report.rate_estimate, for example. */
+    fracgyro_report report;
     fracgyro_read_report(&state, &report);
-    printf("%d numbers reported\n", FRACGYRO_REPORTED);
+    static const char* const names[] = FRACGYRO_EXAMPLE_NAMES;
+    for (int i = 0; i < FRACGYRO_REPORTED; ++i) {
+        printf("%s: %g\n", names[i], (double)((const fracgyro_number*)&report)[i]);
+    }
 
     fracgyro_saved saved; /* to flash, say */
     fracgyro_save(&state, &saved);

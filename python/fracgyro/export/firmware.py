@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
+from collections.abc import Iterable
 from dataclasses import asdict
 from importlib.metadata import version
 from typing import Any
@@ -16,6 +17,7 @@ from ..scenario.bounded import check_bounded
 from ..scenario.kinds import ENTRIES, KINDS, Channel, lasting
 from ..scenario.to_core import core_numbers, core_setup
 from .compilers import SOURCES, Number
+from .settings import columns
 
 
 def export_firmware(
@@ -67,7 +69,9 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
         *_report(channels),
         "",
         "/* Of the plant as it is taken to be: xx, xy, yy, nondimensional. */",
-        f"#define FRACGYRO_NOMINAL_STIFFNESS {{{', '.join(_float(entry, number) for entry in stiffness)}}}",
+        f"#define FRACGYRO_NOMINAL_STIFFNESS {_list(stiffness, number)}",
+        "",
+        *_example(scenario, setup, channels, number),
         "",
         "#ifdef __cplusplus",
         "#define FRACGYRO_PACKS false",
@@ -107,6 +111,23 @@ def _report(channels: tuple[Channel, ...]) -> list[str]:
         *(members or ["    fracgyro_number unused; /* there is nothing to report */"]),
         "} fracgyro_report;",
     ]
+
+
+def _example(scenario: Scenario, setup: _core.DeviceSetup, channels: tuple[Channel, ...], number: Number) -> list[str]:
+    """What main.c tries the controller on, and how it calls what is reported."""
+    rows = [_list(map(float, row), number) for row in _core.plant_map(setup)]
+    start = _list((*scenario.run.initial_position, *scenario.run.initial_velocity), number)
+    names = [f'"{name}"' for channel in channels for name in columns(channel)] or ['""']
+    return [
+        "/* For main.c only: the gyroscope over one step, its motion at the start, and the names in fracgyro_report */",
+        f"#define FRACGYRO_EXAMPLE_GYROSCOPE {{{', '.join(rows)}}}",
+        f"#define FRACGYRO_EXAMPLE_START {start}",
+        f"#define FRACGYRO_EXAMPLE_NAMES {{{', '.join(names)}}}",
+    ]
+
+
+def _list(values: Iterable[float], number: Number) -> str:
+    return f"{{{', '.join(_float(value, number) for value in values)}}}"
 
 
 def _controller(setup: _core.DeviceSetup, number: Number, capacity: int) -> list[str]:
