@@ -11,6 +11,9 @@ import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Literal
+
+Replaced = Literal["any", "its kind", "nothing"]  # which file that is there may go
 
 MAX_SENTENCE = 900  # characters, of which names of files may have any number
 MAX_INPUT = 16 * 2**20  # bytes; a scenario with two tables of 100,000 points has about 10 million
@@ -59,10 +62,10 @@ def read_input(path: str | os.PathLike[str]) -> bytes:
 
 
 @contextmanager
-def whole_file(path: str | os.PathLike[str], *, replaces_any: bool = True) -> Iterator[Path]:
+def whole_file(path: str | os.PathLike[str], *, replaces: Replaced = "any") -> Iterator[Path]:
     """A scratch path next to `path`, moved there when the block ends without an error and removed otherwise.
 
-    `replaces_any`: whatever file is there; otherwise only one that begins with the same bytes, as files of one kind do.
+    `replaces`: a file of its kind is one that begins with the same bytes.
     Raises ValueError in one sentence when it cannot be written.
     """
     target = Path(os.path.realpath(path))
@@ -71,8 +74,10 @@ def whole_file(path: str | os.PathLike[str], *, replaces_any: bool = True) -> It
         there = _exists(path)
         if there and not target.is_file():
             raise ValueError(f"{path} cannot be written: it is not a regular file")
+        if there and replaces == "nothing" and target.stat().st_size:
+            raise ValueError(f"{path} cannot be written: it is there already; name an empty or a new file")
         yield scratch
-        if there and not replaces_any and _beginning(target) not in (b"", _beginning(scratch)):
+        if there and replaces == "its kind" and _beginning(target) not in (b"", _beginning(scratch)):
             raise ValueError(f"{path} cannot be written: it is a file of another kind; choose another name")
         os.replace(scratch, target)
     except OSError as error:

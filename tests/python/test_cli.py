@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -72,8 +73,21 @@ def test_a_run_is_saved_and_drawn(tmp_path: Path) -> None:
 def test_a_table_of_metrics_is_printed_for_people() -> None:
     result = run("simulate", *SHORT)
     assert result.returncode == 0
-    assert "error_settling_time" in result.stdout
     assert "never" in result.stdout
+    in_si = run("simulate", *SHORT, "--set", "run.units=SI")
+    for printed, unit, length, of_bounds in (
+        (result, "1/ω0", "q0", "m ω0² q0, m ω0², m ω0"),
+        (in_si, "s", "m", "N, N/m, N s/m"),
+    ):
+        lines = [line.rstrip() for line in printed.stdout.splitlines()]
+        assert lines[0].split() == ["metric", "value", "unit"]
+        ends = {line.split()[0]: line for line in lines[1:] if line and line[0] != " "}
+        assert re.search(rf"\d  +{re.escape(unit)}$", ends["error_settling_time"])
+        assert re.search(rf"  {length}$", ends["rmse"])
+        assert re.search(rf"\d  +{re.escape(of_bounds)}$", ends["bound_final"])
+        assert re.search(r"\d$", ends["stiffness_error"])
+    assert "q0 is 1e-06 m, ω0 1000 rad/s, m 1.8e-07 kg." in result.stdout
+    assert "q0 is" not in in_si.stdout
 
 
 @pytest.mark.parametrize(
@@ -98,7 +112,7 @@ def test_a_table_of_metrics_is_printed_for_people() -> None:
         (["simulate", "half.toml\n"], "half.toml\\n cannot be read"),
         (
             ["export", "web", "whole.toml", "--out", "whole.toml"],
-            "whole.toml cannot be written: it is a file of another",
+            "whole.toml cannot be written: it is there already",
         ),
         (["simulate", "whole.toml", *SHORT, "--out", "whole.toml"], "whole.toml cannot be written: it is a file of"),
         (["simulate", "nowhere.toml"], "nowhere.toml cannot be read: No such file or directory"),
@@ -198,6 +212,12 @@ def test_a_narrow_terminal_cuts_nothing_off(tmp_path: Path, columns: str) -> Non
     wide, narrow = (through_shell("simulate --set run.duration=2.0", tmp_path, COLUMNS=c) for c in ("200", columns))
     assert narrow.stdout == wide.stdout
     assert "surface_settling_time" in narrow.stdout
+
+
+def test_a_terminal_without_greek_letters_shows_the_table(tmp_path: Path) -> None:
+    shown = through_shell("simulate --set run.duration=2.0", tmp_path, PYTHONIOENCODING="ascii")
+    assert (shown.returncode, shown.stderr) == (0, "")
+    assert "1/\\u03c90" in shown.stdout
 
 
 def test_a_file_whose_name_is_not_text_is_read_and_named_by_its_bytes(tmp_path: Path) -> None:

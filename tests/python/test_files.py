@@ -6,12 +6,15 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import fracgyro as fg
 import pytest
 from children import PATIENCE
 from fracgyro.export.firmware import export_firmware
+from fracgyro.export.fmu import export as export_fmu
+from fracgyro.export.web import export as export_web
 from fracgyro.files import MAX_INPUT, one_line, reason, whole_file
 
 PAPER = fg.Scenario.paper()
@@ -101,7 +104,7 @@ def test_a_file_of_another_kind_is_not_replaced_where_that_is_asked_for(tmp_path
     PAPER.save(path)
     with (
         pytest.raises(ValueError, match=r"mine\.toml cannot be written: it is a file of another kind"),
-        whole_file(path, replaces_any=False) as scratch,
+        whole_file(path, replaces="its kind") as scratch,
     ):
         scratch.write_bytes(b"\x89HDF...")
     assert fg.Scenario.load(path) == PAPER
@@ -111,9 +114,26 @@ def test_a_file_of_another_kind_is_not_replaced_where_that_is_asked_for(tmp_path
 @pytest.mark.parametrize("before", [b"", b"\x89HDF of an older run"])
 def test_an_empty_file_and_one_of_the_same_kind_are_replaced(tmp_path: Path, before: bytes) -> None:
     (tmp_path / "run.nc").write_bytes(before)
-    with whole_file(tmp_path / "run.nc", replaces_any=False) as scratch:
+    with whole_file(tmp_path / "run.nc", replaces="its kind") as scratch:
         scratch.write_bytes(b"\x89HDF...")
     assert (tmp_path / "run.nc").read_bytes() == b"\x89HDF..."
+
+
+@pytest.mark.parametrize("export", [export_fmu, export_web, export_firmware])
+@pytest.mark.parametrize("mine", [b"PK\x03\x04", b'{"version"', b"any"])
+def test_no_export_replaces_what_is_there(export: Callable[..., None], mine: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "mine"
+    path.write_bytes(mine)
+    with pytest.raises(ValueError, match="mine cannot be written: it is there already; name an empty or a new f"):
+        export(PAPER, path, unbounded=True)
+    assert path.read_bytes() == mine
+    assert [entry.name for entry in tmp_path.iterdir()] == ["mine"]
+
+
+def test_an_empty_file_is_as_good_as_a_new_one(tmp_path: Path) -> None:
+    (tmp_path / "own.json").touch()
+    export_web(PAPER, tmp_path / "own.json", unbounded=True)
+    assert json.loads((tmp_path / "own.json").read_text(encoding="utf-8"))["version"] == fg.__version__
 
 
 @pytest.mark.parametrize("name", ["loop", "loop/run.nc", "file/run.nc", "/", ".", "x" * 300])

@@ -50,6 +50,12 @@ UNITS = {
 SI = {"length": "m", "time": "s", "velocity": "m/s", "force": "N", "rate": "rad/s"}
 
 
+def nondimensional_unit(metric: str) -> str:
+    """Of a metric, which has one column or several; theirs one after the other where they differ."""
+    columns = [metric] if metric in METRICS else [name for name in METRICS if name.startswith(f"{metric}_")]
+    return ", ".join(dict.fromkeys(METRICS[name][1] for name in columns))
+
+
 def metric_hint(name: str) -> str:
     """What may be meant by a name that is not a column of METRICS."""
     near = difflib.get_close_matches(name, METRICS)

@@ -53,5 +53,5 @@ def _plot_run(run: xr.Dataset, path: Path) -> None:
     panels[-1].set_xlabel("time (s)" if si else "time (nondimensional)", fontsize=9)
     figure.align_ylabels()
     figure.subplots_adjust(left=0.12, right=0.91, top=0.98, bottom=0.07, hspace=0.12)
-    with whole_file(path, replaces_any=False) as scratch:
+    with whole_file(path, replaces="its kind") as scratch:
         figure.savefig(scratch, dpi=150)

@@ -40,7 +40,7 @@ def export() -> None:
 
 @export.command(name="web")
 @click.argument("scenario", type=click.Path(path_type=Path))
-@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="JSON file to write.")
+@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="A new JSON file.")
 @_unbounded
 def web_command(scenario: Path, out: Path, unbounded: bool) -> None:
     """Write SCENARIO as JSON for the browser. The WebAssembly module is built by `make web`."""
@@ -52,7 +52,7 @@ def web_command(scenario: Path, out: Path, unbounded: bool) -> None:
 
 @export.command()
 @click.argument("scenario", type=click.Path(path_type=Path))
-@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="FMU to write.")
+@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="A new FMU.")
 @click.option("--controller", is_flag=True, help="Export the controller only, without the plant.")
 @click.option("--fmi", type=click.Choice(["2.0", "3.0"]), default="2.0", show_default=True, help="FMI version.")
 @click.option("--windows", is_flag=True, help="Add a binary for Windows to that for Linux; needs ziglang.")

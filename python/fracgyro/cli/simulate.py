@@ -10,6 +10,7 @@ from typing import Any
 
 import click
 
+from ..analysis.metric_names import nondimensional_unit
 from ..scenario import Scenario
 from ..scenario.shipped import SHIPPED, shipped_text
 from ..simulation.simulate import DivergedError, simulate
@@ -59,7 +60,14 @@ def simulate_command(
     if as_json:
         click.echo(json.dumps({name: _plain(values) for name, values in figures.items()}))
         return
-    print_table(("metric", "value"), _rows(figures))
+    si = chosen.run.units == "SI"
+    print_table(("metric", "value", "unit"), _rows(figures, si))
+    if not si:
+        plant = chosen.plant
+        click.echo(
+            f"\nq0 is {plant.reference_length:g} m, ω0 {plant.reference_frequency:g} rad/s, m {plant.mass:g} kg. "
+            "For SI units: --set run.units=SI"
+        )
 
 
 @click.command(name="scenario")
@@ -108,11 +116,12 @@ def _plain(values: Any) -> Any:
     return {str(label): _plain(values[i]) for i, label in enumerate(values[values.dims[0]].values)}
 
 
-def _rows(figures: Any) -> Iterator[tuple[str, str]]:
+def _rows(figures: Any, si: bool) -> Iterator[tuple[str, str, str]]:
     for name, values in figures.items():
+        unit = values.attrs["units"].removeprefix("1") if si else nondimensional_unit(name)
         text = json.dumps(_plain(values), default=str)
         cells = json.loads(text, parse_float=lambda number: f"{float(number):.6g}")
-        yield str(name), _words(cells)
+        yield str(name), _words(cells), unit
 
 
 def _words(cells: Any) -> str:

@@ -125,7 +125,7 @@ def export(
     token = _token(scenario, content, fmi, number)
     header = _header(scenario, content, number, token, variables)
     description = _description(scenario, content, fmi, token, variables)
-    with whole_file(path, replaces_any=False) as scratch, tempfile.TemporaryDirectory() as name:
+    with whole_file(path, replaces="nothing") as scratch, tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "exported.hpp").write_text(header, encoding="utf-8")
         files = {"modelDescription.xml": description.encode(), "resources/scenario.toml": scenario.to_toml().encode()}

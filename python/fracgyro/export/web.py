@@ -19,7 +19,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
-from ..files import whole_file
+from ..files import Replaced, whole_file
 from ..scenario import Scenario
 from ..scenario.bounded import check_bounded
 from ..scenario.device import Device
@@ -49,7 +49,7 @@ def export(scenario: Scenario, path: str | os.PathLike[str], *, unbounded: bool 
     and `unbounded` does not say that it need not.
     """
     check_bounded(scenario, unbounded)
-    _write({"version": version("fracgyro"), **_document(scenario)}, path)
+    _write({"version": version("fracgyro"), **_document(scenario)}, path, "nothing")
 
 
 def write_module_data(path: str | os.PathLike[str]) -> None:
@@ -63,7 +63,7 @@ def write_module_data(path: str | os.PathLike[str]) -> None:
         "momentary": sorted({c.name for kind in KINDS for of in reports(kind) for c in of if c.momentary}),
         "paper": {name: _document(Scenario.paper(name)) for name in ("corrected", "printed")},
     }
-    _write(module, path)
+    _write(module, path, "its kind")
 
 
 def build(folder: Path) -> None:
@@ -176,8 +176,8 @@ def _limits(number: Number) -> dict[str, Any]:
     return {word: limit for word, limit in limits if math.isfinite(limit)}
 
 
-def _write(document: dict[str, Any], path: str | os.PathLike[str]) -> None:
-    with whole_file(path, replaces_any=False) as scratch:
+def _write(document: dict[str, Any], path: str | os.PathLike[str], replaces: Replaced) -> None:
+    with whole_file(path, replaces=replaces) as scratch:
         scratch.write_text(json.dumps(document, allow_nan=False) + "\n", encoding="utf-8", newline="\n")
 
 

@@ -119,5 +119,5 @@ def _metrics_form(runs: int, plain: tuple[str, ...]) -> xr.Dataset:
 
 def write_run(run: xr.Dataset, path: Path) -> None:
     """As NetCDF-4."""
-    with whole_file(path, replaces_any=False) as scratch:
+    with whole_file(path, replaces="its kind") as scratch:
         run.to_netcdf(scratch, engine="h5netcdf")
