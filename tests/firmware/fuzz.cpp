@@ -1,11 +1,13 @@
 // For libFuzzer: any bytes are motions, saves and damage, and the C interface must keep its promises through them. The
-// firmware is exported with controller.force_limit = 1000, and with guard.checked or without.
+// firmware is exported with controller.force_limit = 1000, with guard.checked or without, and with any [device].
 #include "fracgyro.h"
 
 #include <cmath>
+#include <concepts>
 #include <cstddef>
 #include <cstring>
 #include <initializer_list>
+#include <type_traits>
 
 namespace {
 
@@ -28,12 +30,11 @@ Answer answer(fracgyro_state& state, const fracgyro_motion& motion) {
     return a;
 }
 
-// How much of a report rests while no sample is believed: all but whether the rate is trusted, where that is reported.
-template <class Report>
-constexpr std::size_t resting = sizeof(Report);
-template <class Report>
-    requires requires(Report r) { r.rate_trusted; }
-constexpr std::size_t resting<Report> = offsetof(Report, rate_trusted);
+// How many numbers of a report rest while no sample is believed: all but those that say how well the rate is known.
+using Report = fracgyro_exported::Controller::Report;
+constexpr bool says_how_well = std::derived_from<Report, fracgyro::CompositeReport<fracgyro_number>>;
+using Resting = std::conditional_t<says_how_well, fracgyro::AdaptiveReport<fracgyro_number>, Report>;
+constexpr std::size_t resting = fracgyro::width_of<Resting, fracgyro::Reported::between_steps>();
 
 bool same(const void* a, const void* b, std::size_t size) { return std::memcmp(a, b, size) == 0; }
 
@@ -77,8 +78,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         for (int repeat = 0; repeat <= (what & 6) * 8; ++repeat) {
             const Answer now = answer(state, motion);
             must(std::fabs(now.force.x) <= 1000 && std::fabs(now.force.y) <= 1000);  // false for NaN
-            const fracgyro_number size = std::fabs(motion.position.x) + std::fabs(motion.position.y) +
-                                         std::fabs(motion.velocity.x) + std::fabs(motion.velocity.y);
+            fracgyro_number size = std::fabs(motion.position.x) + std::fabs(motion.position.y);
+            if (fracgyro::measures_velocity<fracgyro_exported::Controller>) {  // else it is not looked at
+                size += std::fabs(motion.velocity.x) + std::fabs(motion.velocity.y);
+            }
             const bool answered = now.status == FRACGYRO_OK || now.status == FRACGYRO_SATURATED;
             const bool lost = now.status == FRACGYRO_LOST || now.status == FRACGYRO_RESTARTED;
             const bool held = now.status == FRACGYRO_NOT_FINITE || now.status == FRACGYRO_OUT_OF_RANGE ||
@@ -95,7 +98,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
                 must(same(&now.force, &last.force, sizeof now.force));
             }
             if (held || now.status == FRACGYRO_LOST) {  // what was learnt rests
-                must(same(&now.report, &last.report, resting<fracgyro_report>));
+                must(same(&now.report, &last.report, resting * sizeof(fracgyro_number)));
             }
             last = now;
         }

@@ -29,10 +29,23 @@ MADE, INITIALIZING, RUNNING, TERMINATED = range(4)
 STEP = 1e-3
 TOKEN = 39  # a GUID in braces and the zero that ends it
 NUMBERS = [0.0, 1.0, -1.0, 0.5, 1e-3, 1e9, -1e300, 1.7976931348623157e308, float("nan"), float("inf"), 5e-324]
-FACES: dict[str, tuple[Literal["2.0", "3.0"], Literal["loop", "controller"]]] = {
-    "fmi2-loop": ("2.0", "loop"),
-    "fmi2-controller": ("2.0", "controller"),
-    "fmi3-loop": ("3.0", "loop"),
+# Of the device: noise, converters and a moving rate have a loop of their own.
+DEVICE = {
+    "adaptation.kind": "joint",
+    "rate.kind": "sine",
+    "rate.amplitude": 1.0,
+    "rate.frequency": 10.0,
+    "device.sensing": "position",
+    "device.position_noise_density": 1e-13,
+    "device.position_range": 2e-6,
+    "device.position_bits": 16,
+    "device.delay": 1,
+}
+FACES: dict[str, tuple[Literal["2.0", "3.0"], Literal["loop", "controller"], dict[str, object]]] = {
+    "fmi2-loop": ("2.0", "loop", {}),
+    "fmi2-controller": ("2.0", "controller", {}),
+    "fmi3-loop": ("3.0", "loop", {}),
+    "fmi3-device": ("3.0", "loop", DEVICE),
 }
 Log2 = ctypes.CFUNCTYPE(None, c_void_p, c_char_p, c_int, c_char_p, c_char_p)
 Log3 = ctypes.CFUNCTYPE(None, c_void_p, c_int, c_char_p, c_char_p)
@@ -275,10 +288,10 @@ class Importer:
 @cache
 def importer(face: str) -> Importer:
     """With the library, and what it reads in the model description."""
-    fmi, content = FACES[face]
+    fmi, content, device = FACES[face]
     folder = Path(tempfile.mkdtemp())
     changes = {"run.duration": 2.0, "adaptation.kind": "composite", "controller.switching_limit": 0.5}
-    export(fg.Scenario.paper().replace(changes), folder / "made.fmu", fmi=fmi, content=content)
+    export(fg.Scenario.paper().replace({**changes, **device}), folder / "made.fmu", fmi=fmi, content=content)
     unpacked = Path(fmpy.extract(str(folder / "made.fmu"), str(folder / "made")))
     (library,) = unpacked.glob("binaries/*/*.so")
     description = fmpy.read_model_description(str(unpacked))

@@ -319,7 +319,16 @@ def test_nothing_is_called_but_arithmetic(number: Number, tmp_path: Path) -> Non
         assert set(re.findall(r"\t(\w+)$", frames, re.MULTILINE)) == {"static"}, "a stack of fixed size"
 
 
-@pytest.mark.parametrize("scenario", [LIMITED, CHECKED, CHECKED.replace(KINDS["composite"])])
+@pytest.mark.parametrize(
+    "scenario",
+    [
+        LIMITED,
+        CHECKED,
+        CHECKED.replace(KINDS["composite"]),
+        CHECKED.replace({**KINDS["joint"], "device.sensing": "position", "device.position_noise_density": 1e-13}),
+    ],
+    ids=["limited", "checked", "composite", "positions"],
+)
 def test_no_bits_of_memory_are_misused_whatever_the_input(scenario: fg.Scenario, tmp_path: Path) -> None:
     """The corpus of the fuzzer, under the sanitizers."""
     export_firmware(scenario, tmp_path / "out")
