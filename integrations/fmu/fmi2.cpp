@@ -1,5 +1,5 @@
 // The names of FMI 2.0 for co-simulation.
-#include "instance.hpp"
+#include "shared.hpp"
 
 #include "fmi2Functions.h"
 
@@ -35,34 +35,6 @@ struct Component {
 Component& of(fmi2Component c) { return *static_cast<Component*>(c); }
 
 fmi2Status not_offered(fmi2Component c) { return of(c).failed("this FMU offers no such function"); }
-
-template <class Value>
-fmi2Status get(fmi2Component c, const fmi2ValueReference* references, std::size_t count, Value* values) {
-    if (count > 0 && (references == nullptr || values == nullptr)) {
-        return of(c).failed("there are no references or no values");
-    }
-    for (std::size_t i = 0; i < count; ++i) {
-        double value = 0.0;
-        if (!of(c).instance.get(references[i], std::is_integral_v<Value>, value)) {
-            return of(c).status(false);
-        }
-        values[i] = static_cast<Value>(value);
-    }
-    return fmi2OK;
-}
-
-template <class Value>
-fmi2Status set(fmi2Component c, const fmi2ValueReference* references, std::size_t count, const Value* values) {
-    if (count > 0 && (references == nullptr || values == nullptr)) {
-        return of(c).failed("there are no references or no values");
-    }
-    for (std::size_t i = 0; i < count; ++i) {
-        if (!of(c).instance.set(references[i], std::is_integral_v<Value>, static_cast<double>(values[i]))) {
-            return of(c).status(false);
-        }
-    }
-    return fmi2OK;
-}
 
 }  // namespace
 
@@ -107,10 +79,10 @@ fmi2Status fmi2Reset(fmi2Component c) {
 }
 
 fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Real values[]) {
-    return get(c, vr, n, values);
+    return fracgyro::get_values(of(c), vr, n, values);
 }
 fmi2Status fmi2GetInteger(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Integer values[]) {
-    return get(c, vr, n, values);
+    return fracgyro::get_values(of(c), vr, n, values);
 }
 fmi2Status fmi2GetBoolean(fmi2Component c, const fmi2ValueReference[], size_t n, fmi2Boolean[]) {
     return n == 0 ? fmi2OK : not_offered(c);
@@ -119,10 +91,10 @@ fmi2Status fmi2GetString(fmi2Component c, const fmi2ValueReference[], size_t n, 
     return n == 0 ? fmi2OK : not_offered(c);
 }
 fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Real values[]) {
-    return set(c, vr, n, values);
+    return fracgyro::set_values(of(c), vr, n, values);
 }
 fmi2Status fmi2SetInteger(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Integer values[]) {
-    return set(c, vr, n, values);
+    return fracgyro::set_values(of(c), vr, n, values);
 }
 fmi2Status fmi2SetBoolean(fmi2Component c, const fmi2ValueReference[], size_t n, const fmi2Boolean[]) {
     return n == 0 ? fmi2OK : not_offered(c);
@@ -131,26 +103,10 @@ fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference[], size_t n, 
     return n == 0 ? fmi2OK : not_offered(c);
 }
 
-fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate* state) {
-    if (*state == nullptr) {
-        *state = fracgyro::make<Instance::State>(of(c).instance.state());
-    } else {
-        *static_cast<Instance::State*>(*state) = of(c).instance.state();
-    }
-    return *state == nullptr ? of(c).failed("there is no memory left for a state") : fmi2OK;
-}
-fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state) {
-    if (state == nullptr) {
-        return of(c).failed("there is no state to set");
-    }
-    of(c).instance.restore(*static_cast<Instance::State*>(state));
-    return fmi2OK;
-}
+fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate* state) { return fracgyro::get_state(of(c), state); }
+fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state) { return fracgyro::set_state(of(c), state); }
 fmi2Status fmi2FreeFMUstate(fmi2Component, fmi2FMUstate* state) {
-    if (state != nullptr) {
-        fracgyro::destroy(static_cast<Instance::State*>(*state));
-        *state = nullptr;
-    }
+    fracgyro::free_state(state);
     return fmi2OK;
 }
 fmi2Status fmi2SerializedFMUstateSize(fmi2Component, fmi2FMUstate, size_t* size) {
@@ -158,23 +114,10 @@ fmi2Status fmi2SerializedFMUstateSize(fmi2Component, fmi2FMUstate, size_t* size)
     return fmi2OK;
 }
 fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size) {
-    if (state == nullptr || bytes == nullptr || size < Instance::saved_size) {
-        return of(c).failed("there is no state to serialize, or too little room for it");
-    }
-    Instance::write(*static_cast<Instance::State*>(state), reinterpret_cast<unsigned char*>(bytes));
-    return fmi2OK;
+    return fracgyro::serialize(of(c), state, bytes, size);
 }
 fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate* state) {
-    auto* const read = fracgyro::make<Instance::State>();
-    if (read == nullptr) {
-        return of(c).failed("there is no memory left for a state");
-    }
-    if (!of(c).instance.read(reinterpret_cast<const unsigned char*>(bytes), size, *read)) {
-        fracgyro::destroy(read);
-        return of(c).status(false);
-    }
-    *state = read;
-    return fmi2OK;
+    return fracgyro::deserialize(of(c), bytes, size, state);
 }
 
 fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference[], size_t, const fmi2ValueReference[],

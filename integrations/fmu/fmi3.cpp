@@ -1,5 +1,5 @@
 // The names of FMI 3.0 for co-simulation, with scalar variables.
-#include "instance.hpp"
+#include "shared.hpp"
 
 #include "fmi3Functions.h"
 
@@ -35,34 +35,6 @@ struct Component {
 Component& of(fmi3Instance c) { return *static_cast<Component*>(c); }
 
 fmi3Status not_scalar(fmi3Instance c) { return of(c).failed("all variables are scalars: each has one value"); }
-
-template <class Value>
-fmi3Status get(fmi3Instance c, const fmi3ValueReference* references, std::size_t count, Value* values) {
-    if (count > 0 && (references == nullptr || values == nullptr)) {
-        return of(c).failed("there are no references or no values");
-    }
-    for (std::size_t i = 0; i < count; ++i) {
-        double value = 0.0;
-        if (!of(c).instance.get(references[i], std::is_integral_v<Value>, value)) {
-            return of(c).status(false);
-        }
-        values[i] = static_cast<Value>(value);
-    }
-    return fmi3OK;
-}
-
-template <class Value>
-fmi3Status set(fmi3Instance c, const fmi3ValueReference* references, std::size_t count, const Value* values) {
-    if (count > 0 && (references == nullptr || values == nullptr)) {
-        return of(c).failed("there are no references or no values");
-    }
-    for (std::size_t i = 0; i < count; ++i) {
-        if (!of(c).instance.set(references[i], std::is_integral_v<Value>, static_cast<double>(values[i]))) {
-            return of(c).status(false);
-        }
-    }
-    return fmi3OK;
-}
 
 }  // namespace
 
@@ -111,39 +83,23 @@ fmi3Status fmi3Reset(fmi3Instance c) {
 }
 
 fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Float64 values[], size_t m) {
-    return n == m ? get(c, vr, n, values) : not_scalar(c);
+    return n == m ? fracgyro::get_values(of(c), vr, n, values) : not_scalar(c);
 }
 fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Float64 values[],
                           size_t m) {
-    return n == m ? set(c, vr, n, values) : not_scalar(c);
+    return n == m ? fracgyro::set_values(of(c), vr, n, values) : not_scalar(c);
 }
 fmi3Status fmi3GetInt32(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Int32 values[], size_t m) {
-    return n == m ? get(c, vr, n, values) : not_scalar(c);
+    return n == m ? fracgyro::get_values(of(c), vr, n, values) : not_scalar(c);
 }
 fmi3Status fmi3SetInt32(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Int32 values[], size_t m) {
-    return n == m ? set(c, vr, n, values) : not_scalar(c);
+    return n == m ? fracgyro::set_values(of(c), vr, n, values) : not_scalar(c);
 }
 
-fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState* state) {
-    if (*state == nullptr) {
-        *state = fracgyro::make<Instance::State>(of(c).instance.state());
-    } else {
-        *static_cast<Instance::State*>(*state) = of(c).instance.state();
-    }
-    return *state == nullptr ? of(c).failed("there is no memory left for a state") : fmi3OK;
-}
-fmi3Status fmi3SetFMUState(fmi3Instance c, fmi3FMUState state) {
-    if (state == nullptr) {
-        return of(c).failed("there is no state to set");
-    }
-    of(c).instance.restore(*static_cast<Instance::State*>(state));
-    return fmi3OK;
-}
+fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState* state) { return fracgyro::get_state(of(c), state); }
+fmi3Status fmi3SetFMUState(fmi3Instance c, fmi3FMUState state) { return fracgyro::set_state(of(c), state); }
 fmi3Status fmi3FreeFMUState(fmi3Instance, fmi3FMUState* state) {
-    if (state != nullptr) {
-        fracgyro::destroy(static_cast<Instance::State*>(*state));
-        *state = nullptr;
-    }
+    fracgyro::free_state(state);
     return fmi3OK;
 }
 fmi3Status fmi3SerializedFMUStateSize(fmi3Instance, fmi3FMUState, size_t* size) {
@@ -151,23 +107,10 @@ fmi3Status fmi3SerializedFMUStateSize(fmi3Instance, fmi3FMUState, size_t* size) 
     return fmi3OK;
 }
 fmi3Status fmi3SerializeFMUState(fmi3Instance c, fmi3FMUState state, fmi3Byte bytes[], size_t size) {
-    if (state == nullptr || bytes == nullptr || size < Instance::saved_size) {
-        return of(c).failed("there is no state to serialize, or too little room for it");
-    }
-    Instance::write(*static_cast<Instance::State*>(state), bytes);
-    return fmi3OK;
+    return fracgyro::serialize(of(c), state, bytes, size);
 }
 fmi3Status fmi3DeserializeFMUState(fmi3Instance c, const fmi3Byte bytes[], size_t size, fmi3FMUState* state) {
-    auto* const read = fracgyro::make<Instance::State>();
-    if (read == nullptr) {
-        return of(c).failed("there is no memory left for a state");
-    }
-    if (!of(c).instance.read(bytes, size, *read)) {
-        fracgyro::destroy(read);
-        return of(c).status(false);
-    }
-    *state = read;
-    return fmi3OK;
+    return fracgyro::deserialize(of(c), bytes, size, state);
 }
 
 fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time, fmi3Float64 length, fmi3Boolean, fmi3Boolean* event,
