@@ -175,7 +175,7 @@ ROOMS = [
     ["export", "paper", "rate", "study"],
     ["study.sweep", "study.tune"],
     ["the door of study"],
-    ["selfcheck"],
+    ["selfcheck", "compare"],
     ["cli"],
     ["", "__main__"],  # what `import fracgyro` and `python -m fracgyro` run
 ]

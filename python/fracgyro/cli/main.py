@@ -11,6 +11,7 @@ import sys
 import click
 
 from ..files import one_line, reason
+from .compare import compare
 from .export import export, replay
 from .rate import allan_command, rate
 from .reproduce import reproduce, selfcheck
@@ -29,6 +30,7 @@ def cli() -> None:
 
 COMMANDS = (
     allan_command,
+    compare,
     export,
     rate,
     replay,

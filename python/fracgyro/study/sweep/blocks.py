@@ -37,6 +37,10 @@ class Block:
     controller: ControllerLike | None  # from outside
 
     @property
+    def name(self) -> str:
+        return f"block {self.number}"
+
+    @property
     def runs(self) -> int:
         return len(self.values) * len(self.seeds)
 

@@ -13,10 +13,10 @@ import pyarrow as pa
 
 from ...scenario.table import shown
 from ...simulation.outside import ControllerLike
+from ..cluster import connected, measured_there
 from ..folder import free_if_nothing_came
 from .block_files import BlockFiles
 from .blocks import Block, blocks
-from .cluster import connected, measured_there
 from .design import read_plan
 from .summary import write_summary
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
@@ -17,8 +18,9 @@ from ...files import one_line
 from ...scenario import Scenario, ScenarioError
 from ...scenario.table import Table, shown
 from ...scenario.toml import read_text
+from ...simulation.native import Law
 from ...simulation.outside import ControllerLike
-from ..controller import fields_of_scenario, recorded
+from ..controller import fields_of_scenario, of_each, recorded
 from ..file import Thresholds, base_scenario, load_study, refuse_both, seeds_of
 from ..folder import digest
 from ..space import MAX_POINTS, Dimension, read_space, value_of
@@ -65,6 +67,7 @@ class Plan:
     dimensions: tuple[Dimension, ...]
     held_out: list[int]
     controller: ControllerLike | None  # from outside, in the place of the scenario's own
+    joined: bool = False  # Optuna is given one objective: the mean of the logarithms
 
     @property
     def batch(self) -> int:
@@ -82,6 +85,10 @@ class Plan:
             return self.base.replace(fields_of_scenario(values))
         except ScenarioError:
             return None
+
+    def controllers(self, points: Sequence[dict[str, Any]]) -> ControllerLike | Sequence[Law] | None:
+        """Those from outside for scenarios of these values."""
+        return of_each(self.controller, points)
 
     def base_values(self) -> dict[str, Any] | None:
         """The base scenario as a point of the space, or None when it lies outside."""

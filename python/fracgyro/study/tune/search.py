@@ -23,12 +23,12 @@ from sqlalchemy import URL, make_url
 from sqlalchemy.exc import SAWarning, SQLAlchemyError
 
 from ...scenario import ScenarioError
-from ..controller import of_each
 from ..space import Dimension
 from .criteria import Measured, Score, measure, score
 from .plan import Plan, rounded
 
 WORST = 1e3  # told to Optuna for an objective without a value, and from here on for cmaes' infeasible trials
+SCORE = TypeAdapter(Score)
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Search:
 
     def _finished(self, stored: optuna.trial.FrozenTrial) -> Trial:
         values, file = stored.user_attrs["values"], self._plan.file
-        found = TypeAdapter(Score).validate_python(stored.user_attrs["score"])
+        found = SCORE.validate_python(stored.user_attrs["score"])
         sizes = len(found.objectives), len(found.constraints), len(found.excess)
         numbers = (*found.objectives, *found.constraints, *found.excess, found.diverged)
         point = {d.field: _value(d, stored.params[d.field]) for d in self._plan.dimensions}
@@ -79,7 +79,7 @@ class Search:
             scenarios = [self._plan.scenario(point) for _, point in batch]
             valid = [s for s in scenarios if s is not None]
             points = [point for (_, point), s in zip(batch, scenarios, strict=True) if s is not None]
-            seeds, controllers = self._plan.file.seeds, of_each(self._plan.controller, points)
+            seeds, controllers = self._plan.file.seeds, self._plan.controllers(points)
             measured = iter(measure(valid, seeds, self._plan.thresholds, progress, controllers) if valid else [])
             progress((len(batch) - len(valid)) * len(seeds))
             with _undamaged(self._resumed):
@@ -158,6 +158,8 @@ class Search:
         trial.set_user_attr("score", asdict(found))
         # Logarithms of ratios, or the hypervolume that tpe goes by would be ruled by the objective that spreads most.
         values = [_log(ratio) if math.isfinite(ratio) else WORST for ratio in ratios(found, self.base)]
+        if self._plan.joined:
+            values = [sum(values) / len(values)]
         if file.tune.sampler == "cmaes":
             # It takes no constraints, but goes only by rank: after all that is feasible, least excess first.
             if not found.feasible:
@@ -171,8 +173,8 @@ class Search:
 
 
 @contextmanager
-def opened(plan: Plan, address: str, base: Measured, *, resume: bool) -> Iterator[Search]:
-    """The study in the database at `address`, made there if need be.
+def opened(plan: Plan, address: str | None, base: Measured, *, resume: bool) -> Iterator[Search]:
+    """The study in the database at `address`, made there if need be; without one, in memory.
 
     Raises ScenarioError in one sentence when there is no such database, or when it holds the study already and
     `resume` is false.
@@ -181,12 +183,12 @@ def opened(plan: Plan, address: str, base: Measured, *, resume: bool) -> Iterato
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     storage = None
     try:
-        storage = _storage(address)
+        storage = None if address is None else storage_at(address)
         with _undamaged(resume):
             study = optuna.create_study(
                 storage=storage,
                 study_name=f"fracgyro-{plan.hash}",
-                directions=["minimize"] * len(plan.file.objective),
+                directions=["minimize"] * (1 if plan.joined else len(plan.file.objective)),
                 load_if_exists=resume,
             )
         yield Search(plan, study, base, resume=resume)
@@ -201,7 +203,8 @@ def opened(plan: Plan, address: str, base: Measured, *, resume: bool) -> Iterato
             storage.engine.dispose()
 
 
-def _storage(address: str) -> optuna.storages.RDBStorage:
+def storage_at(address: str) -> optuna.storages.RDBStorage:
+    """The database, with its tables. Raises ScenarioError in one sentence."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", SAWarning)  # of options that the driver does not have
@@ -210,8 +213,10 @@ def _storage(address: str) -> optuna.storages.RDBStorage:
         raise ScenarioError(f"{_safe(address)} cannot be opened as a database: {_words(error, address)}") from None
 
 
-def _safe(address: str) -> str:
+def _safe(address: str | None) -> str:
     """Without user, password and options, which may hold a password too."""
+    if address is None:
+        return "memory"
     try:
         url = make_url(address)
     except (SQLAlchemyError, ValueError):
@@ -219,9 +224,12 @@ def _safe(address: str) -> str:
     return URL.create(url.drivername, None, None, url.host, url.port, url.database).render_as_string()
 
 
-def _words(error: BaseException, address: str) -> str:
+def _words(error: BaseException, address: str | None) -> str:
     """The first line of the error, without what `_safe` leaves out."""
-    words = str(error).partition("\n")[0].replace(address, _safe(address))
+    words = str(error).partition("\n")[0]
+    if address is None:
+        return words
+    words = words.replace(address, _safe(address))
     with suppress(SQLAlchemyError, ValueError):
         url = make_url(address)
         values = [value for found in url.query.values() for value in ((found,) if isinstance(found, str) else found)]

@@ -1,4 +1,4 @@
-"""Blocks on a Dask cluster. The files are written only here, so the workers need no common disk."""
+"""Work on a Dask cluster. The files are written only here, so the workers need no common disk."""
 
 from __future__ import annotations
 
@@ -8,16 +8,28 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from importlib.metadata import version
 from itertools import islice
-from typing import Any
+from typing import Any, Generic, Protocol, TypeVar
 
-import pyarrow as pa
+from ..files import reason
+from ..scenario.table import shown
 
-from ...files import reason
-from ...scenario.table import shown
-from .blocks import Block
+Result = TypeVar("Result", covariant=True)
 
-RETRIES = 3  # of a block that raises; one whose worker dies goes to another by itself
-PER_THREAD = 2  # blocks under way for each thread of the cluster: one runs, one waits
+
+class Work(Protocol, Generic[Result]):
+    """What can be sent to another machine: a block of runs, a tuning."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def runs(self) -> int: ...
+    def measure(self) -> Result: ...
+
+
+W = TypeVar("W", bound=Work[Any])
+
+RETRIES = 3  # of work that raises; what a dying worker had goes to another by itself
+PER_THREAD = 2  # pieces under way for each thread of the cluster: one runs, one waits
 PATIENCE = 6  # s, for an answer, for the scheduler and for a first worker
 
 
@@ -60,39 +72,37 @@ async def _asked(address: str) -> Any:
             comm.abort()
 
 
-def measured_there(
-    client: Any, work: list[Block], progress: Callable[[int], object]
-) -> Iterator[tuple[Block, pa.Table]]:
-    """Each block with its table, in the order in which they are finished.
+def measured_there(client: Any, work: list[W], progress: Callable[[int], object]) -> Iterator[tuple[W, Any]]:
+    """Each piece with its result, in the order in which they are finished.
 
     A worker uses all processors of its machine for a block: start one per machine, with one thread.
-    Raises ValueError in one sentence when a block fails time and again.
+    Raises ValueError in one sentence when a piece fails time and again.
     """
     from distributed import as_completed
 
     waiting = iter(work)
 
-    def submit(block: Block) -> Any:
-        return client.submit(_measure, block, version("fracgyro"), retries=RETRIES, pure=False)
+    def submit(piece: W) -> Any:
+        return client.submit(_measure, piece, version("fracgyro"), retries=RETRIES, pure=False)
 
-    running = {submit(block): block for block in islice(waiting, PER_THREAD * sum(client.nthreads().values()))}
+    running = {submit(piece): piece for piece in islice(waiting, PER_THREAD * sum(client.nthreads().values()))}
     finished = as_completed(list(running), loop=client.loop)
     for future in finished:
-        block = running.pop(future)
+        piece = running.pop(future)
         try:
-            table = future.result()
+            result = future.result()
         except Exception as error:
             text = " ".join(str(error).split())
-            raise ValueError(f"block {block.number} failed on the cluster: {text}; --resume goes on") from None
+            raise ValueError(f"{piece.name} failed on the cluster: {text}; --resume goes on") from None
         for following in islice(waiting, 1):
             new = submit(following)
             running[new] = following
             finished.add(new)
-        progress(block.runs)
-        yield block, table
+        progress(piece.runs)
+        yield piece, result
 
 
-def _measure(block: Block, wanted: str) -> pa.Table:
+def _measure(piece: Work[Result], wanted: str) -> Result:
     if version("fracgyro") != wanted:
         raise ValueError(f"the worker has fracgyro {version('fracgyro')}, not {wanted}")
-    return block.measure()
+    return piece.measure()

@@ -1,0 +1,57 @@
+"""`fracgyro compare`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from .terminal import print_table, progress
+
+
+def _listed(context: click.Context, parameter: click.Parameter, value: str | None) -> tuple[str, ...]:
+    return tuple(word.strip() for word in value.split(",")) if value else ()
+
+
+def _numbers(context: click.Context, parameter: click.Parameter, value: str | None) -> tuple[float, ...]:
+    try:
+        return tuple(map(float, value.split(","))) if value else ()
+    except ValueError:
+        raise click.BadParameter(f"{value}: it must be numbers, as in 0,1e-13") from None
+
+
+@click.command()
+@click.argument("task", metavar="TASK")
+@click.argument("scenarios", nargs=-1, type=click.Path(path_type=Path), metavar="[SCENARIO.toml...]")
+@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="Folder for the results.")
+@click.option("--only", callback=_listed, metavar="A,B", help="Compare only these contenders.")
+@click.option("--class", "classes", callback=_listed, metavar="F,P", help="Measured: F all, P positions only.")
+@click.option("--noise", callback=_numbers, metavar="N,N", help="Noise of the positions in m/sqrt(Hz), as 0,1e-13.")
+@click.option("--controller", metavar="FILE.py:NAME", help="Compare a controller of your own, too.")
+@click.option("--trials", type=int, metavar="N", help="Trials of each tuning.")
+@click.option("--quick", is_flag=True, help="A minute's look: 20 trials, 2 seeds, nothing really tuned.")
+@click.option("--resume", is_flag=True, help="Finish the comparison that DIR holds.")
+@click.option("--scheduler", metavar="ADDRESS", help="Run on this Dask cluster, for example tcp://host:8786.")
+@click.option("--storage", metavar="ADDRESS", help="Keep trials in this database, for example postgresql://host/name.")
+@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
+def compare(task: str, scenarios: tuple[Path, ...], out: Path, as_json: bool, **options: Any) -> None:
+    """Compare controllers on TASK, which is track: tune each, judge all on unseen seeds and plants."""
+    from ..compare.run import compare as run
+
+    with progress("starting", rate="runs/s") as show:
+        result = run(task, out, scenarios=scenarios, progress=show, **options)
+    if as_json:
+        click.echo(result.data.read_text(encoding="utf-8"))
+        return
+    print_table(("contender", "class", "noise", "ceiling", "error", "over the paper's"), map(_line, result.rows))
+    click.echo(f"{result.seconds:.0f} s. Report: {result.report}, data: {result.data}")
+
+
+def _line(row: dict[str, Any]) -> list[str]:
+    error, ratio = row["metrics"].get("error", {}).get("value"), row["ratio"] or {}
+    marks = "" if row["tuned"] or not row["gains"] else " (untuned)"
+    shown = f"{ratio['value']:.3g} [{ratio['low']:.3g}, {ratio['high']:.3g}]" if ratio.get("value") else "-"
+    missing = "diverges" if row["diverged"] else "none kept the ceiling"
+    cells = [row["name"] + marks, row["class"], f"{row['noise']:g}", f"{row['ceiling']:g}"]
+    return [*cells, missing if error is None else f"{error:.3g}", shown]

@@ -1,0 +1,79 @@
+"""What takes part in a comparison, as data: one entry each."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..scenario import Scenario, ScenarioError
+from ..study.space import Dimension
+
+NEAR = 0.05  # of a range: a best value this close to an end is flagged
+
+
+@dataclass(frozen=True)
+class Gain:
+    """A number that is tuned: one field of the scenario, or several that get the same value."""
+
+    field: str
+    low: float
+    high: float
+    log: bool = True
+    also: tuple[str, ...] = ()
+    limit: str = ""  # why the range cannot be wider at its ends; without a reason a value there is flagged
+
+    @property
+    def dimension(self) -> Dimension:
+        return Dimension(self.field, self.low, self.high, "log" if self.log else "linear")
+
+    def changes(self, value: Any) -> dict[str, Any]:
+        return dict.fromkeys((self.field, *self.also), value)
+
+    def at_end(self, value: float) -> bool:
+        """Whether a wider range might have had something better."""
+        low, high, at = self.low, self.high, value
+        if self.log:
+            low, high, at = math.log(low), math.log(high), math.log(at)
+        return not self.limit and min(at - low, high - at) < NEAR * (high - low)
+
+
+@dataclass(frozen=True)
+class Contender:
+    """A controller as it takes part."""
+
+    name: str
+    words: str
+    source: str  # of the method
+    fixed: Mapping[str, Any]  # changes of the scenario, of which controller.kind is one
+    gains: tuple[Gain, ...]  # none: it runs as it is
+    classes: tuple[str, ...] = ("F", "P")
+    observes: bool = False  # has an observer of its own, and needs no other where positions only are measured
+    own: tuple[str, str] | None = None  # a user's: the text of its file, and its name there
+    group: str = field(default="", compare=False)  # of the ablations, what they are of
+
+    def tuned(self, information: str) -> tuple[Gain, ...]:
+        """The gains in this class of information."""
+        return self.gains if self.observes or information == "F" or not self.gains else (*self.gains, OBSERVER)
+
+    def scenario(self, base: Scenario, values: Mapping[str, Any] | None = None) -> Scenario:
+        """Raises ScenarioError where these values make none."""
+        gains = {gain.field: gain for gain in (*self.gains, OBSERVER)}
+        changes = dict(self.fixed)
+        for name, value in (values or {}).items():
+            if name in gains:
+                changes |= gains[name].changes(value)
+        return base.replace({name: value for name, value in changes.items() if not name.startswith("law.")})
+
+
+OBSERVER = Gain("controller.observer_bandwidth", 20.0, 800.0, limit="0.8 over the step: above, it rings")
+
+
+def chosen(known: tuple[Contender, ...], only: tuple[str, ...]) -> tuple[Contender, ...]:
+    """Those with these names; all without any. Raises ScenarioError for a name that is none's."""
+    names = [contender.name for contender in known]
+    for name in only:
+        if name not in names:
+            raise ScenarioError(f'--only is "{name}": it must be among {", ".join(names)}')
+    return tuple(contender for contender in known if not only or contender.name in only)

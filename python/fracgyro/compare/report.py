@@ -1,0 +1,90 @@
+"""report.html: what was compared, how, and every number with its interval."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from importlib.metadata import version
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+from ..analysis.html import embedded, page
+from ..analysis.style import own_style
+from ..files import whole_file
+from .plan import Comparison
+from .plots import Row, error_figure, front_figure, robustness_figure
+
+
+def write_report(path: Path, plan: Comparison, rows: Sequence[Row]) -> None:
+    tables = _tables(rows, with_ceiling=True, named=len(plan.scenarios) > 1)
+    ranked = [(title, sorted(of, key=_rank)) for title, of in tables]
+    loose = [(title, of) for title, of in ranked if of[0]["ceiling"] == plan.task.ceilings[-1]]
+    base = next(iter(plan.scenarios.values()))
+    conditions = list(plan.task.conditions(base, base.controller.kind))
+    plants = list(dict.fromkeys(name for row in rows for name in row["others"] if name not in conditions))
+    with own_style():
+        errors = embedded(error_figure(ranked))
+        fronts = embedded(
+            front_figure(_tables(rows, with_ceiling=False, named=len(plan.scenarios) > 1), plan.task.ceilings)
+        )
+        robustness = embedded(robustness_figure(loose, conditions))
+    text = page(
+        "fracgyro.compare",
+        "report.html.jinja",
+        filters={"number": _number, "interval": _interval, "times": _times},
+        title=f"{plan.task.title}: controllers compared",
+        version=version("fracgyro"),
+        plan=plan,
+        effort=plan.effort,
+        tables=ranked,
+        metrics=[(name, *plan.task.words(name)) for name in plan.task.metrics],
+        names={contender.name: contender for contender in plan.contenders},
+        conditions=conditions,
+        plants=plants,
+        errors=errors,
+        fronts=fronts,
+        robustness=robustness,
+    )
+    with whole_file(path) as scratch:
+        scratch.write_text(text, encoding="utf-8")
+
+
+def _tables(rows: Sequence[Row], *, with_ceiling: bool, named: bool) -> list[tuple[str, list[Row]]]:
+    """Rows by what they have in common, under its words. Classes of information are never in one table."""
+
+    def key(row: Row) -> tuple[Any, ...]:
+        return row["scenario"] if named else "", row["class"], row["noise"], row["ceiling"] if with_ceiling else 0.0
+
+    return [(_title(*of), list(found)) for of, found in groupby(sorted(rows, key=key), key)]
+
+
+def _title(scenario: str, information: str, noise: float, ceiling: float) -> str:
+    sensing = f"{noise:g} m/√Hz" if noise else "no noise"
+    words = f"{scenario}{', ' if scenario else ''}class {information}, {sensing}"
+    return f"{words}, chattering ≤ {ceiling:g}" if ceiling else words
+
+
+def _rank(row: Row) -> tuple[bool, float]:
+    """Those that keep the ceiling first, by their error."""
+    error = row["metrics"].get("error", {}).get("value")
+    return not row["kept"], math.inf if error is None else error
+
+
+def _number(value: float | None, digits: int = 3) -> str:
+    if value is None:
+        return "–"
+    return f"{value:.{digits}g}".replace("e-0", "e-").replace("-", "\N{MINUS SIGN}")
+
+
+def _interval(found: dict[str, float | None] | None) -> str:
+    if not found or found["value"] is None:
+        return "–"
+    return f"{_number(found['value'])} [{_number(found['low'])}, {_number(found['high'])}]"
+
+
+def _times(found: dict[str, Any]) -> str:
+    """A ratio, or in how many runs there is none."""
+    if found["diverged"]:
+        return f"diverges {found['diverged']}/{found['seeds']}"
+    return _number(found["value"])

@@ -1,0 +1,148 @@
+"""The rows of compare.json: one for each contender in each cell."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..analysis.confidence import mean_interval
+from .plan import Comparison, Row
+from .track import Cell, Track
+
+RESAMPLES = 2000
+Values = NDArray[np.float64]
+Interval = dict[str, float | None]
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """What the tunings of a contender in a cell found."""
+
+    values: dict[str, Any] | None  # of the median of the samplers; None where it kept no ceiling
+    errors: list[float]  # of each sampler, in the order of their seeds; infinite where no trial kept the ceilings
+    trials: list[list[Any]]  # of all samplers: error, chattering, feasible
+
+
+def median_of(results: Sequence[dict[str, Any]]) -> Tuned:
+    """The middle one by error; of an even number the worse."""
+    errors = [math.inf if result["error"] is None else float(result["error"]) for result in results]
+    trials = [trial for result in results for trial in result["trials"]]
+    if not results:
+        return Tuned({}, [], [])
+    middle = sorted(range(len(results)), key=lambda i: errors[i])[len(results) // 2]
+    return Tuned(results[middle]["best"], errors, trials)
+
+
+def made(plan: Comparison, tuned: dict[str, Tuned], judged: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """All rows by name. What is not among `judged` kept no ceiling in any trial."""
+    found = {}
+    for row in plan.rows():
+        reference = judged.get(f"{plan.task.reference}-{row.cell.name}")
+        found[row.name] = _of_tuning(plan, row, tuned[row.name])
+        if row.name in judged:
+            found[row.name] |= _of_judging(plan.task, row.cell, judged[row.name], reference)
+    return found
+
+
+def _of_tuning(plan: Comparison, row: Row, tuned: Tuned) -> dict[str, Any]:
+    """With what a judging adds, as it is without one."""
+    contender, cell, values = row.contender, row.cell, tuned.values or {}
+    gains = contender.tuned(cell.information)
+    return {
+        "name": contender.name,
+        "words": contender.words,
+        "source": contender.source,
+        "ablation_of": contender.group or None,
+        "scenario": cell.scenario,
+        "class": cell.information,
+        "noise": cell.noise,
+        "ceiling": cell.ceiling,
+        "tuned": bool(gains) and not plan.effort.quick,
+        "gains": {gain.field: values[gain.field] for gain in gains if gain.field in values},
+        "trials": plan.effort.trials * len(tuned.errors),
+        "sampler_errors": [_exp(error) for error in tuned.errors],
+        "range_ends": [gain.field for gain in gains if gain.field in values and gain.at_end(values[gain.field])],
+        "seeds": 0,
+        "diverged": None,
+        "metrics": {},
+        "ratio": None,
+        "kept": False,
+        "others": {},
+        "front": front(tuned.trials),
+    }
+
+
+def _of_judging(task: Track, cell: Cell, judged: dict[str, Any], reference: dict[str, Any] | None) -> dict[str, Any]:
+    """`reference`: that of the contender to which ratios are."""
+    error = _array(judged["error"])
+    return {
+        "seeds": len(error),
+        "diverged": judged["diverged"],
+        "metrics": {"error": _logged(error), **_metrics(judged["metrics"])},
+        "ratio": None if reference is None else ratio(error, _array(reference["error"])),
+        "kept": not judged["diverged"] and _keeps(task, cell, judged["metrics"]),
+        "others": {name: _other(error, _array(listed)) for name, listed in judged["others"].items()},
+    }
+
+
+def _metrics(by_seed: dict[str, list[float | None]]) -> dict[str, Interval]:
+    return {name: _interval(_array(listed)) for name, listed in by_seed.items()}
+
+
+def _keeps(task: Track, cell: Cell, metrics: dict[str, list[float | None]]) -> bool:
+    return all(c.of(_array(metrics[c.metric])) <= (c.at_most or 0.0) for c in task.constraints(cell.ceiling))
+
+
+def _other(error: Values, other: Values) -> dict[str, Any]:
+    """Against the same seeds without the change."""
+    return {**ratio(other, error[: len(other)]), "diverged": int(np.isinf(other).sum()), "seeds": len(other)}
+
+
+def ratio(mine: Values, theirs: Values) -> Interval:
+    """Of the errors, from their logarithms paired by seed: the mean with a 95 % bootstrap interval.
+
+    Without a value where either diverged, as runs that did are not left out.
+    """
+    gaps = mine - theirs if np.isfinite(mine).all() and np.isfinite(theirs).all() else np.array([math.nan])
+    draws = np.random.default_rng(0).integers(0, len(gaps), size=(RESAMPLES, len(gaps)))
+    low, high = np.quantile(gaps[draws].mean(axis=1), [0.025, 0.975])
+    return {"value": _exp(gaps.mean()), "low": _exp(low), "high": _exp(high)}
+
+
+def front(trials: Sequence[Sequence[Any]]) -> list[list[float]]:
+    """[chattering, error] of the trials that no other beats in both, feasible or not, by rising chattering."""
+    points = sorted((c, e) for e, c, _ in trials if e is not None and c is not None)
+    kept: list[list[float]] = []
+    for chattering, error in points:
+        if not kept or error < kept[-1][1]:
+            kept.append([chattering, error])
+    return [[chattering, math.exp(error)] for chattering, error in kept]
+
+
+def _interval(values: Values) -> Interval:
+    if not np.isfinite(values).all():
+        return {"value": None, "low": None, "high": None}
+    mean, low, high = mean_interval(values)
+    return {"value": mean, "low": _finite(low), "high": _finite(high)}
+
+
+def _logged(logs: Values) -> Interval:
+    found = _interval(logs)
+    return {name: None if value is None else _exp(value) for name, value in found.items()}
+
+
+def _array(listed: Sequence[float | None]) -> Values:
+    return np.array([math.inf if value is None else value for value in listed])
+
+
+def _exp(value: float) -> float | None:
+    return _finite(math.exp(value)) if value < 700 else None
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None

@@ -1,0 +1,117 @@
+"""One tuning: a contender in a cell with one sampler's seed. It can be sent to another process or machine."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..scenario import Scenario, ScenarioError
+from ..simulation.native import Law
+from ..simulation.outside import ControllerLike
+from ..study.file import Thresholds
+from ..study.tune.criteria import Constraint, Measured
+from ..study.tune.plan import Plan, Tune, TuningFile
+from ..study.tune.search import Trial, opened
+from .contender import Contender
+from .own import controller_of
+from .track import Cell, Track
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContenderPlan(Plan):
+    """A tuning that starts from nothing: no published gains, and no base scenario to compare with."""
+
+    contender: Contender
+
+    def scenario(self, values: dict[str, Any]) -> Scenario | None:
+        try:
+            return self.contender.scenario(self.base, values)
+        except ScenarioError:
+            return None
+
+    def controllers(self, points: Sequence[dict[str, Any]]) -> ControllerLike | Sequence[Law] | None:
+        if self.contender.own is None:
+            return None
+        (values,) = points  # TPE proposes one at a time
+        return controller_of(self.contender, values)
+
+    def base_values(self) -> dict[str, Any] | None:
+        return None
+
+    def parts(self) -> dict[str, Any]:
+        return {**super().parts(), "contender": repr(self.contender)}
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """What is tuned, and how."""
+
+    task: Track
+    contender: Contender
+    cell: Cell
+    base: Scenario  # as the cell senses it
+    trials: int
+    seeds: list[int]
+    sampler: int  # its seed
+    storage: str | None  # of the trials, as they are finished
+
+    @property
+    def name(self) -> str:
+        return f"{self.contender.name}-{self.cell.name}-{self.sampler}"
+
+    @property
+    def runs(self) -> int:
+        return self.trials * len(self.seeds)
+
+    def measure(self) -> dict[str, Any]:
+        """Of each trial [error, chattering, feasible], and the values of the best, as JSON has them."""
+        constraints = self.task.constraints(self.cell.ceiling)
+        plan = self._plan(constraints)
+        one = np.ones(1)  # ratios to it are the values themselves
+        unit = Measured({c.metric: one for c in (*plan.file.objective, *constraints)}, np.zeros(1, dtype=bool))
+        with opened(plan, self.storage, unit, resume=self.storage is not None) as search:
+            search.run(lambda runs: None)
+            trials = search.finished()[: self.trials]
+        feasible = [trial for trial in trials if trial.score.feasible]
+        best = min(feasible, key=_error, default=None)
+        return {
+            "best": best and best.values,
+            "error": best and _error(best),
+            "trials": [[_finite(_error(t)), _finite(max(t.score.constraints)), t.score.feasible] for t in trials],
+        }
+
+    def _plan(self, constraints: list[Constraint]) -> ContenderPlan:
+        gains = self.contender.tuned(self.cell.information)
+        file = TuningFile(
+            seeds=self.seeds,
+            objective=list(self.task.objectives),
+            constraint=constraints,
+            metrics=Thresholds(**self.task.thresholds(self.base)),
+            tune=Tune(trials=self.trials, seed=self.sampler),
+        )
+        return ContenderPlan(
+            self.name,
+            "",
+            file,
+            self.contender.scenario(self.base),
+            tuple(gain.dimension for gain in gains),
+            [],
+            None,
+            joined=True,
+            contender=self.contender,
+        )
+
+
+def _error(trial: Trial) -> float:
+    """The mean logarithm of the objectives."""
+    if not all(0 < value < math.inf for value in trial.score.objectives):
+        return math.inf
+    return sum(map(math.log, trial.score.objectives)) / len(trial.score.objectives)
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

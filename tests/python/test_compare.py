@@ -1,0 +1,386 @@
+"""`fracgyro compare`: who takes part and with what, how the work goes on after a kill, and what is said of it."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import fracgyro as fg
+import numpy as np
+import pytest
+from children import PATIENCE, run_until
+from fracgyro.compare.contender import Contender, Gain
+from fracgyro.compare.plan import FIRST_HELD_OUT, FULL, QUICK, planned
+from fracgyro.compare.rows import front, median_of, ratio
+from fracgyro.compare.run import Compared, compare
+from fracgyro.compare.track import Cell, Track
+from fracgyro.scenario.schema import ZERO
+from fracgyro.scenario.to_core import core_numbers, device_params
+from fracgyro.study.tune.criteria import Measured, measure
+
+TRACK = Track()
+COMPARE = "fracgyro.compare.run", "compare"
+SMALL: dict[str, Any] = {"only": ["paper", "pid"], "classes": ["F"], "noise": [0.0], "trials": 4, "quick": True}
+WORDS = ["--only", "paper,pid", "--class", "F", "--noise", "0", "--trials", "4", "--quick"]
+METRICS = [*(f"rmse_{window}_{axis}" for window in ("steady", "transient") for axis in "xy"), "chattering_x"]
+
+MINE = '''
+"""PD with feedforward of the reference's acceleration."""
+
+
+class MyController:
+    ranges = {"kp": (1e3, 1e5), "kd": (10.0, 500.0), "offset": (-1.0, 1.0)}
+
+    def __init__(self, kp, kd, offset):
+        self.kp, self.kd, self.offset = kp, kd, offset
+
+    def __call__(self, s):
+        return tuple(
+            s.reference_acceleration[i] - self.kp * (s.position[i] - s.reference[i])
+            - self.kd * (s.velocity[i] - s.reference_velocity[i]) + self.offset
+            for i in range(2)
+        )
+'''
+
+
+def sentence(*words: str | Path) -> str:
+    command = [sys.executable, "-m", "fracgyro", "compare", *map(str, words)]
+    ran = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
+    assert ran.returncode == 2, ran
+    (line,) = ran.stderr.splitlines()
+    return line.removeprefix("fracgyro: ")
+
+
+def plan(**options: Any) -> Any:
+    given = {"scenarios": (), "only": (), "classes": (), "noise": (), "controller": None, "trials": None}
+    return planned("track", **{**given, "quick": False, "storage": None, **options})
+
+
+def without_cost(path: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    for row in found["contenders"]:
+        del row["cost"]  # which is measured time
+    return found
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Compared:
+    done: list[float] = []
+    folder = tmp_path_factory.mktemp("compare")
+    result = compare("track", folder / "out", **SMALL, progress=lambda now, total, _: done.append(now / total))
+    assert done == sorted(done), "progress goes forward"
+    assert done[-1] == pytest.approx(1.0)
+    return result
+
+
+# -- Who takes part ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("contender", TRACK.contenders, ids=lambda contender: contender.name)
+@pytest.mark.parametrize("information", ["F", "P"])
+def test_every_contender_is_a_scenario_at_both_ends_of_every_range(contender: Contender, information: str) -> None:
+    if information not in contender.classes:
+        pytest.skip(f"{contender.name} does not take part in class {information}")
+    base = TRACK.sensed(TRACK.scenario(None), information, 1e-13)
+    gains = contender.tuned(information)
+    assert len(gains) <= 8
+    for end in ("low", "high"):
+        values = {gain.field: getattr(gain, end) for gain in gains}
+        numbers = core_numbers(contender.scenario(base, values))
+        for gain in gains:
+            for field in gain.changes(0.0):
+                found = [value for name, value in numbers.items() if name in (field, f"{field}.x", f"{field}.y")]
+                assert found == [getattr(gain, end)] * len(found), field
+                assert found or field == "controller.observer_bandwidth"
+
+
+def test_all_contenders_have_the_same_task_but_for_their_own_tables() -> None:
+    base = TRACK.sensed(TRACK.scenario(None), "F", 1e-13)
+    for contender in TRACK.contenders:
+        mine = contender.scenario(base)
+        for table in ("plant", "reference", "disturbance", "rate", "device", "run", "datasheet"):
+            assert getattr(mine, table) == getattr(base, table), (contender.name, table)
+        assert mine.controller.force_limit == 1000.0
+        nominal = {n: v for n, v in core_numbers(mine).items() if n.startswith(("adaptation.initial_", "reference."))}
+        of_plant = {n: v for n, v in nominal.items() if "bound" not in n}
+        assert of_plant == {n: v for n, v in core_numbers(base).items() if n in of_plant}, contender.name
+
+
+def test_positions_only_means_no_velocity_and_the_noise_is_the_same_on_what_is_measured() -> None:
+    base = TRACK.scenario(None)
+    full, positions = TRACK.sensed(base, "F", 1e-13), TRACK.sensed(base, "P", 1e-13)
+    assert (full.device.sensing, positions.device.sensing) == ("full", "position")
+    # 1e-13 m/sqrt(Hz), one-sided, at 1 MHz over q0 = 1 um.
+    sigma = 1e-13 * math.sqrt(0.5e6) / 1e-6
+    assert device_params(full).position_noise == pytest.approx(sigma)
+    assert device_params(full).velocity_noise == pytest.approx(sigma)
+    assert device_params(positions).position_noise == pytest.approx(sigma)
+    assert device_params(positions).velocity_noise == 0.0
+
+
+def test_an_observer_is_tuned_where_one_is_needed_and_nowhere_else() -> None:
+    fields = {
+        (c.name, of): "controller.observer_bandwidth" in [gain.field for gain in c.tuned(of)]
+        for c in TRACK.contenders
+        for of in ("F", "P")
+    }
+    assert fields["pid", "P"]
+    assert fields["paper", "P"]
+    assert not fields["paper_joint", "P"], "its filter needs no velocity"
+    assert not any(found for (_, information), found in fields.items() if information == "F")
+    assert not fields["paper_as_published", "P"], "it runs as it is"
+
+
+def test_every_contender_has_the_same_effort_and_no_seed_of_training_judges() -> None:
+    whole = plan()
+    assert (FULL.trials, FULL.seeds, FULL.samplers, FULL.held_out) == (200, 8, 3, 100)
+    for row in whole.rows():
+        tunings = whole.tunings(row)
+        assert [t.sampler for t in tunings] == ([1, 2, 3] if row.contender.gains else [])
+        assert {(t.trials, tuple(t.seeds)) for t in tunings} <= {(200, tuple(range(8)))}
+        judging = whole.judging(row, {})
+        assert min(judging.seeds) >= FIRST_HELD_OUT
+        assert len(judging.seeds) == 100
+    assert len({row.name for row in whole.rows()}) == len(whole.rows())
+
+
+def test_a_best_value_near_the_end_of_its_range_is_flagged_unless_the_end_is_a_limit() -> None:
+    gain = Gain("controller.surface_gain", 1.0, 100.0)
+    assert [gain.at_end(value) for value in (1.0, 1.2, 1.3, 10.0, 79.0, 80.0, 100.0)] == [
+        *(True, True, False),
+        *(False, False, True, True),
+    ]
+    linear = Gain("controller.order", 0.0, 1.0, log=False)
+    assert [linear.at_end(value) for value in (0.04, 0.06, 0.94, 0.96)] == [True, False, False, True]
+    assert not Gain("controller.order", 0.0, 1.0, log=False, limit="by definition").at_end(1.0)
+
+
+# -- What it is judged by ------------------------------------------------------------------------------------
+
+
+def test_the_error_is_the_mean_logarithm_of_the_four_and_infinite_where_a_run_diverged() -> None:
+    names = ("rmse_steady_x", "rmse_steady_y", "rmse_transient_x", "rmse_transient_y")
+    metrics = {name: np.array([10.0**-i, 1.0, np.nan]) for i, name in enumerate(names)}
+    found = TRACK.error(Measured(metrics, np.array([False, False, True])))
+    assert found[:2] == pytest.approx([-1.5 * math.log(10), 0.0])
+    assert found[2] == math.inf
+
+
+def test_ratios_are_paired_by_seed_and_have_no_value_where_a_run_diverged() -> None:
+    theirs = np.random.default_rng(1).normal(size=50)  # far more from seed to seed than between the two
+    found = ratio(theirs + math.log(2), theirs)
+    assert [found["value"], found["low"], found["high"]] == pytest.approx([2.0, 2.0, 2.0])
+    assert ratio(np.array([0.0, np.inf]), np.zeros(2)) == {"value": None, "low": None, "high": None}
+    assert ratio(np.zeros(2), np.array([0.0, np.inf]))["value"] is None
+    wide = ratio(np.array([1.0, -1.0, 1.0, -1.0]), np.zeros(4))
+    assert wide["low"] is not None
+    assert wide["high"] is not None
+    assert wide["low"] < 1.0 < wide["high"]
+
+
+def test_of_three_samplers_the_median_counts() -> None:
+    results = [{"best": {"a": i}, "error": e, "trials": []} for i, e in enumerate([3.0, 1.0, 2.0])]
+    assert median_of(results).values == {"a": 2}
+    assert median_of([*results[:1], {"best": None, "error": None, "trials": []}, results[1]]).values == {"a": 0}
+    lost = {"best": None, "error": None, "trials": []}
+    assert median_of([lost, results[0], lost]).values is None, "most samplers found nothing"
+    assert median_of([]).values == {}, "what is not tuned runs as it is"
+
+
+def test_the_front_is_what_no_trial_beats_in_error_and_chattering() -> None:
+    trials = [[0.0, 1.0, True], [1.0, 0.5, False], [2.0, 0.7, True], [None, None, False], [0.0, 2.0, True]]
+    assert front(trials) == [[0.5, pytest.approx(math.e)], [1.0, 1.0]]
+
+
+def test_another_plant_changes_the_truth_and_nothing_that_a_contender_knows() -> None:
+    base = TRACK.sensed(TRACK.scenario(None), "F", 1e-13)
+    known = {n: v for n, v in core_numbers(base).items() if n.startswith(("adaptation.", "datasheet."))}
+    seen = set()
+    for name, change in TRACK.plants(base).items():
+        other = base.replace(change)
+        numbers = core_numbers(other)
+        if "noise" not in name:  # whose density all know
+            assert {n: numbers[n] for n in known} == known, name
+        seen.add(other.content_hash())
+        assert other != base
+    assert len(seen) == len(TRACK.plants(base)) == 15
+    stiffer = base.replace(TRACK.plants(base)["K +5 %"]).plant
+    assert stiffer.stiffness_deviation.entries() == pytest.approx(0.05 * base.plant.stiffness.entries())
+    wider = base.replace(TRACK.plants(base)["split +20 %"]).plant
+    before = np.sqrt(base.plant.stiffness.entries()[[0, 2]] / base.plant.mass)
+    total = base.plant.stiffness.entries() + wider.stiffness_deviation.entries()
+    after = np.sqrt(total[[0, 2]] / base.plant.mass)
+    assert after[1] - after[0] == pytest.approx(1.2 * (before[1] - before[0]))
+    assert base.plant.stiffness_deviation == ZERO
+
+
+def test_a_hidden_delay_is_hidden_from_those_who_would_use_it() -> None:
+    base = TRACK.sensed(TRACK.scenario(None), "F", 1e-13)
+    joint = base.replace({"adaptation.kind": "joint"})
+    conditions = TRACK.conditions(joint, joint.controller.kind)
+    known, hidden = (joint.replace(conditions[n]) for n in ("one step of delay", "one step of hidden delay"))
+    assert core_numbers(known)["datasheet.delay"] == 1.0
+    assert core_numbers(hidden)["datasheet.delay"] == 0.0
+    assert known.device == hidden.device
+    pid = base.replace({"controller.kind": "pid"})
+    of_pid = TRACK.conditions(pid, "pid")
+    assert of_pid["one step of delay"] == of_pid["one step of hidden delay"]
+    assert all(pid.replace(change) != pid for change in of_pid.values())
+
+
+# -- A whole comparison --------------------------------------------------------------------------------------
+
+
+def test_compare_json_has_what_others_rely_on(small: Compared) -> None:
+    found = json.loads(small.data.read_text(encoding="utf-8"))
+    assert found["task"] == "track"
+    assert found["class"] == ["F"]
+    assert found["noise"] == [0.0]
+    assert [(row["name"], row["ceiling"]) for row in found["contenders"]] == [
+        *(("paper", 0.0035), ("pid", 0.0035)),
+        *(("paper", 0.05), ("pid", 0.05)),
+    ]
+    for row in found["contenders"]:
+        assert row["tuned"] is False, "--quick tunes nothing"
+        assert row["trials"] == 4
+        if not row["metrics"]:
+            continue
+        assert len(row["gains"]) == {"paper": 6, "pid": 3}[row["name"]]
+        assert row["diverged"] == 0
+        assert row["seeds"] == QUICK.held_out
+        for name in ("error", *METRICS):
+            interval = row["metrics"][name]
+            assert interval["low"] <= interval["value"] <= interval["high"]
+        assert set(row["others"]) == {
+            *TRACK.plants(TRACK.scenario(None)),
+            *TRACK.conditions(TRACK.scenario(None), "pid"),
+        }
+        assert row["cost"]["ns_per_step"] > 0
+        assert row["cost"]["state_bytes"] > 0
+    assert [row["ratio"]["value"] for row in found["contenders"] if row["name"] == "paper" and row["metrics"]]
+    assert {row["ratio"]["value"] for row in found["contenders"] if row["name"] == "paper" and row["ratio"]} == {1.0}
+
+
+def test_the_gains_are_scenarios_that_give_the_numbers_again(small: Compared) -> None:
+    files = sorted((small.data.parent / "gains").glob("*.toml"))
+    rows = {f"{r['name']}-paper-F-0-{r['ceiling']:g}": r for r in small.rows if r["metrics"]}
+    assert [path.stem for path in files] == sorted(rows)
+    for path in files:
+        scenario, row = fg.Scenario.load(path), rows[path.stem]
+        assert ", untuned: by fracgyro" in path.read_text(encoding="utf-8")
+        seeds = range(FIRST_HELD_OUT, FIRST_HELD_OUT + QUICK.held_out)
+        (again,) = measure([scenario], seeds, {})
+        for name in METRICS:
+            assert again.metrics[name].mean() == pytest.approx(row["metrics"][name]["value"], rel=1e-6)
+
+
+def test_a_comparison_killed_anywhere_goes_on_to_the_same_numbers(small: Compared, tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    words = ["compare", "track", *WORDS, "--out", folder]
+    killed = run_until("doing == 'judging'", signal.SIGKILL, *COMPARE, *words)
+    assert killed.returncode == -signal.SIGKILL
+    assert not (folder / "compare.json").exists()
+    assert len(list((folder / "tunings").glob("*.json"))) == 4
+    (folder / "tunings" / "pid-paper-F-0-0.05-1.json").unlink()
+    resumed = compare("track", folder, **SMALL, resume=True)
+    assert resumed.resumed == 3
+    assert without_cost(resumed.data) == without_cost(small.data)
+
+
+def test_an_interrupt_ends_in_one_sentence_and_leaves_whole_files(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    ran = run_until("done > 0", signal.SIGINT, *COMPARE, "compare", "track", *WORDS, "--out", folder)
+    assert ran.returncode == 130, ran.stderr
+    assert "Traceback" not in ran.stderr
+    assert all(json.loads(path.read_text(encoding="utf-8")) for path in (folder / "tunings").glob("*.json"))
+
+
+def test_a_damaged_file_is_one_sentence(small: Compared, tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    compare("track", folder, **{**SMALL, "only": ["pid"], "trials": 1})
+    (path,) = (folder / "tunings").glob("pid-*-0.05-1.json")
+    path.write_text('{"best": ', encoding="utf-8")
+    with pytest.raises(ValueError, match=r"is damaged: remove it, and --resume makes it again$"):
+        compare("track", folder, **{**SMALL, "only": ["pid"], "trials": 1}, resume=True)
+
+
+# -- A controller of one's own -------------------------------------------------------------------------------
+
+
+def test_a_controller_of_ones_own_takes_part_with_the_same_effort(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(MINE, encoding="utf-8")
+    given = f"{tmp_path / 'mine.py'}:MyController"
+    result = compare("track", tmp_path / "out", **{**SMALL, "only": ["MyController", "pid"]}, controller=given)
+    mine = [row for row in result.rows if row["name"] == "MyController"]
+    theirs = [row for row in result.rows if row["name"] == "pid"]
+    assert [row["trials"] for row in mine] == [row["trials"] for row in theirs]
+    assert any(row["metrics"] for row in mine)
+    for row in mine:
+        if row["metrics"]:
+            assert set(row["gains"]) == {"law.kp", "law.kd", "law.offset"}
+            assert 1e3 <= row["gains"]["law.kp"] <= 1e5
+            assert row["diverged"] == 0
+    (tmp_path / "mine.py").write_text(MINE.replace("500.0", "400.0"), encoding="utf-8")
+    with pytest.raises(fg.ScenarioError, match="differs in the contenders and the file of --controller"):
+        compare("track", tmp_path / "out", **{**SMALL, "only": ["MyController", "pid"]}, controller=given, resume=True)
+
+
+@pytest.mark.parametrize(
+    ("text", "given", "said"),
+    [
+        (MINE, "mine.py", "it must be FILE.py:NAME"),
+        (MINE, "none.py:MyController", "cannot be read: No such file"),
+        (MINE, "mine.py:Yours", "names Yours: it must be a class or function"),
+        ("1 +", "mine.py:MyController", "cannot be run: SyntaxError"),
+        (MINE.replace("ranges", "range"), "mine.py:MyController", "MyController.ranges is not set: it must be a dict"),
+        (MINE.replace("(1e3, 1e5)", "(1e5, 1e3)"), "mine.py:MyController", "low must be less than high"),
+        (MINE.replace("(1e3, 1e5)", "1e3"), "mine.py:MyController", "it must be (low, high), two finite numbers"),
+        (MINE.replace("kp, kd, offset):", "kp, kd):"), "mine.py:MyController", "raised TypeError"),
+    ],
+)
+def test_what_is_no_controller_is_refused_in_one_sentence(tmp_path: Path, text: str, given: str, said: str) -> None:
+    (tmp_path / "mine.py").write_text(text, encoding="utf-8")
+    with pytest.raises(ValueError, match=re.escape(said)) as caught:
+        compare("track", tmp_path / "out", **SMALL, controller=str(tmp_path / given))
+    assert len(str(caught.value).splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+# -- Bad input -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["walk"], 'the task is "walk": it must be track'),
+        (["track", "--only", "paper,lqr"], '--only is "lqr": it must be among paper, paper_as_published'),
+        (["track", "--class", "Q"], '--class is "Q": it must be F, P or both, as in F,P'),
+        (["track", "--noise", "1e-13,x"], "it must be numbers, as in 0,1e-13"),
+        (["track", "--noise", "-1"], "--noise is -1.0: it must be finite and not negative"),
+        (["track", "--trials", "0"], "--trials is 0: it must lie between 1 and 1000000"),
+        (["track", "--storage", "nowhere://me:secret@y/z"], "nowhere://y/z cannot be opened as a database"),
+        (["track", "none.toml"], "none.toml cannot be read"),
+    ],
+)
+def test_bad_input_is_one_sentence(tmp_path: Path, words: list[str], said: str) -> None:
+    line = sentence(*words, "--out", tmp_path / "out")
+    assert said in line
+    assert "secret" not in line
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_scenario_whose_noise_has_no_seeds_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "still.toml"
+    fg.Scenario.paper().replace({"disturbance.kind": "none"}).save(path)
+    with pytest.raises(fg.ScenarioError, match=r"disturbance\.kind is .*none.*: it must be noise"):
+        compare("track", tmp_path / "out", scenarios=[path], **SMALL)
+
+
+def test_cells_have_names_of_their_own() -> None:
+    assert Cell("paper", "F", 1e-13, 0.0035).name == "paper-F-1e-13-0.0035"
