@@ -15,8 +15,7 @@ struct JointModel {
 
     // Standard deviations before the first sample: of Ωz and D over the natural frequency, of K over its square.
     static constexpr double prior_deviation = 0.05;
-    // As in composite.hpp: Ω̂z is trusted below this fraction of the natural frequency; noise is never so far off.
-    static constexpr double largest_deviation = 0.01, largest_innovation = 8.0;
+    static constexpr double largest_innovation = 8.0;  // noise is never so far off
     static constexpr int most_terms = 16;
 
     struct Noise {
@@ -42,7 +41,6 @@ struct JointModel {
     Prior prior{};
     Row drift{};  // variances that are added over a span
     bool drifts = false;
-    T trusted_variance{};
 
     [[gnu::noinline]] static JointModel prepare(const AdaptationParams& p, const Datasheet& said,
                                                 const Common& common) {
@@ -129,7 +127,6 @@ struct JointModel {
                    drift(w, known.of_stiffness(0, 1, w) + known.of_stiffness(1, 0, w)),
                    drift(w, known.of_stiffness(1, 1, w))};
         c.drifts = p.forgetting > 0.0;
-        c.trusted_variance = T(square_of(largest_deviation * natural) / unit);
         return c;
     }
 

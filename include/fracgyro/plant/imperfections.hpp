@@ -75,7 +75,7 @@ struct Imperfections {
     static constexpr std::size_t longest_delay = 1000;  // steps
     // From one pair of axes to another: what one unit of x becomes, and one of y.
     struct Map {
-        Vec2<double> x{1.0, 0.0}, y{0.0, 1.0};
+        Vec2<double> x{}, y{};
 
         Vec2<double> operator()(const Vec2<double>& a) const { return a.x() * x + a.y() * y; }
     };
