@@ -134,6 +134,25 @@ def test_an_exact_sensor_leaves_the_noise_of_the_force_and_a_silent_force_that_o
     assert ten.known == pytest.approx(10 * one.known, rel=1e-9)
 
 
+def test_axes_that_move_at_one_frequency_do_not_separate_the_parameters_whatever_their_phases() -> None:
+    for phase in ((0.0, 0.0), (0.0, 0.5 * math.pi), (1.0, 2.0)):
+        scenario = device("dual_mass").replace({"reference.frequency": [1.0, 1.0], "reference.phase": list(phase)})
+        assert bound_angle_random_walk(scenario) is None
+
+
+def test_the_phases_do_not_matter_where_each_axis_has_its_frequency() -> None:
+    scenario = device("tuned_in_air", 1e-13)
+    bound = bound_angle_random_walk(scenario)
+    assert bound is not None
+    assert bound_angle_random_walk(scenario.replace({"reference.phase": [0.3, 2.0]})) == bound
+
+
+def test_exact_sensors_and_silent_forces_leave_a_bound_of_0_along_a_motion_too() -> None:
+    silent = {"disturbance.density": None, "disturbance.standard_deviation": 0.0, "run.duration": 1000.0}
+    scenario = device("tuned_in_air").replace(silent)
+    assert bound_of_motion(scenario) == Bound(0.0, 0.0) == bound_angle_random_walk(scenario)
+
+
 # -- The plant's exact step ----------------------------------------------------------------------------------
 
 
@@ -144,6 +163,18 @@ def test_the_step_of_the_sensitivities_is_that_of_the_plant() -> None:
     state = np.concatenate([run["position"].values, run["velocity"].values], axis=1)
     known = np.concatenate([state, run["control"].values], axis=1)
     np.testing.assert_allclose(known[:-1] @ exact.T, state[1:], rtol=0, atol=1e-13)
+
+
+def test_the_force_of_a_motion_is_the_one_that_acts_and_the_units_are_the_cores() -> None:
+    # Actuators that are strong by a tenth and late: the motion goes by what they give, whatever its units.
+    quiet = {"disturbance.density": None, "disturbance.standard_deviation": 0.0, "run.duration": 5.0}
+    faulty = {"device.force_gain_error": [0.1, 0.1], "device.delay": 1, "run.units": "SI"}
+    scenario = shipped("tuned_in_air").replace(quiet | faulty)
+    position, velocity, force = _nondimensional(scenario, fg.simulate(scenario))
+    exact, _ = Plant.of(scenario).steps(scenario.run.step)
+    known = np.concatenate([position, velocity, force], axis=1)
+    np.testing.assert_allclose(known[:-1] @ exact.T, known[1:, :4], rtol=0, atol=1e-13)
+    assert len(known) == scenario.run.steps - scenario.run.steps // 2 + 1  # the second half, with the last sample
 
 
 def test_its_derivatives_are_differences_of_steps() -> None:

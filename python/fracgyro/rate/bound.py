@@ -60,18 +60,11 @@ def bound_angle_random_walk(scenario: Scenario, controller: ControllerLike | Non
     exact = noise.force == 0 and not noise.of_sensing
     information = np.zeros((7, 7))
     for frequency in sorted(set(reference.frequency)):
-        position = np.array(
-            [
-                amplitude * np.exp(1j * phase) / 1j if of_axis == frequency else 0.0
-                for amplitude, of_axis, phase in zip(
-                    reference.amplitude, reference.frequency, reference.phase, strict=True
-                )
-            ]
-        )
+        # Its phase does not matter: where a bound exists, one axis moves at each frequency.
+        position = np.where(np.equal(reference.frequency, frequency), reference.amplitude, 0.0)
         rows = _regressors(position, 1j * frequency * position)
         inverse = plant.inverse_response(frequency)
-        sensing = inverse * noise.at(frequency) @ inverse.conj().T if noise.of_sensing else 0.0
-        density = (1.0 if exact else noise.force) * np.eye(2) + sensing
+        density = (1.0 if exact else noise.force) * np.eye(2) + inverse * noise.at(frequency) @ inverse.conj().T
         information += 0.5 * np.real(rows.conj() @ np.linalg.solve(density, rows.T))
     return _bound(information, scenario, 0.0 if exact else 1.0)
 
