@@ -186,6 +186,10 @@ def mutated(text: str, mutants: list[tuple[int, Mutant]]) -> str:
             puts.append((m.end, 0, length, m.after))
     for at, _, _, words in sorted(puts, reverse=True):
         text = text[:at] + words + text[at:]
+    # A table that the compiler computes is computed when the program starts, with its mutants.
+    for name in re.findall(r"^inline constexpr [^=;]* = \w+::(\w+)\(\);$", text, re.MULTILINE):
+        text = re.sub(rf"^inline constexpr (?=[^=;]* = \w+::{name}\(\);$)", "inline const ", text, flags=re.MULTILINE)
+        text = re.sub(rf"\bconstexpr (?=[\w:]+ {name}\(\) \{{)", "", text)
     return text.replace("#pragma once\n", '#pragma once\n#include "fracgyro/core/switch.hpp"\n', 1)
 
 

@@ -2,6 +2,8 @@
 
 Ends with 1 where less than 95 % are killed, or one survives that survivors.toml says nothing of. Its parts, each of
 which keeps what it found in build/mutants: cpp, python; log writes benchmarks/results/mutants.md from them.
+`make mutants ARGS="python/fracgyro/rate/bound.py include/fracgyro/control/joint.hpp"` prints what survives of these
+files only.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ import subprocess
 import sys
 import tomllib
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from compile_in import HERE, ROOT
@@ -31,12 +33,12 @@ def keep(part: str, found: Mapping[str, list[list[str]]]) -> None:
     (BUILD / f"{part}.json").write_text(json.dumps(found, indent=1, ensure_ascii=False), encoding="utf-8")
 
 
-def cpp() -> None:
-    """Of the headers."""
+def cpp(only: Collection[str] = ()) -> Found:
+    """Of the headers, or only of some."""
     from compiled import build
     from cpp_kills import killed_by_cpp_tests, killed_by_python_tests
 
-    mutants = build()
+    mutants = build(only)
     killed = killed_by_cpp_tests(range(len(mutants)), JOBS)
     print(f"{len(killed)} of {len(mutants)} mutants of the headers killed by C++ tests", flush=True)
     by_python, unreached = killed_by_python_tests(set(range(len(mutants))) - killed, JOBS)
@@ -47,23 +49,26 @@ def cpp() -> None:
         if state == "survived" and number in unreached:
             state = "survived, no Python test comes by"
         found[mutant.file].append([mutant.words, state])
-    keep("cpp", found)
+    return found
 
 
-def python() -> None:
-    """Of the package."""
-    from python_kills import by_mutmut, killed_listed, listed
+def python(only: Collection[str] = ()) -> Found:
+    """Of the package, or only of some files."""
+    from python_kills import MODULES, by_mutmut, killed_listed, listed
 
     found: Found = defaultdict(list)
     files = {entry["id"]: f"python/fracgyro/{entry['file']}" for entry in listed()}
-    for identifier, killed in killed_listed(JOBS).items():
+    chosen = [entry for entry in listed() if not only or files[entry["id"]] in only]
+    for identifier, killed in killed_listed(chosen, JOBS).items():
         found[files[identifier]].append([identifier, "Python" if killed else "survived"])
-    for name, (state, diff) in by_mutmut(JOBS).items():
+    for name, (state, diff) in by_mutmut(
+        [m for m in MODULES if not only or f"python/fracgyro/{m}" in only], JOBS
+    ).items():
         file = "python/" + name.partition(".x")[0].replace(".", "/") + ".py"
         lines = [line[1:].strip() for line in diff.splitlines() if re.match(r"[-+](?![-+])", line)]
         words = " -> ".join(f"`{line}`" for line in lines) or name
         found[file].append([words, "Python" if state == "killed" else state])
-    keep("python", found)
+    return found
 
 
 def explained() -> dict[str, str]:
@@ -116,10 +121,28 @@ def log() -> int:
     return int(dead < KILLED * total or silent > 0)
 
 
+def of_files(files: list[str]) -> int:
+    """Only prints what survives, and ends with 1 where something does that is not explained."""
+    found: Found = {}
+    for part, suffix in ((cpp, ".hpp"), (python, ".py")):
+        if only := [file for file in files if file.endswith(suffix)]:
+            found |= part(only)
+    why, silent = explained(), 0
+    for file, mutants in found.items():
+        left = [words for words, state in mutants if state not in ("C++", "Python")]
+        print(f"{file}: {len(mutants) - len(left)} of {len(mutants)} killed")
+        for words in left:
+            silent += f"{file}: {words}" not in why
+            print(f"  {words}\n    {why.get(f'{file}: {words}', 'NOT EXPLAINED')}")
+    return int(silent > 0)
+
+
 def main() -> int:
     parts = sys.argv[1:] or ["cpp", "python", "log"]
+    if all("/" in part for part in parts):
+        return of_files(parts)
     for part in parts[:-1] if parts[-1] == "log" else parts:
-        {"cpp": cpp, "python": python}[part]()
+        keep(part, {"cpp": cpp, "python": python}[part]())
     return log() if parts[-1] == "log" else 0
 
 

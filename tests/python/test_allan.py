@@ -9,7 +9,7 @@ import allantools
 import fracgyro as fg
 import numpy as np
 import pytest
-from fracgyro.rate.noise_terms import FLICKER, WALK, WHITE, Curve, Response
+from fracgyro.rate.noise_terms import FLICKER, WALK, WHITE, Curve, Fit, Response
 from numpy.typing import NDArray
 from scipy.signal import butter, lfilter
 
@@ -112,7 +112,17 @@ def test_records_without_noise_show_nothing() -> None:
     assert found.angle_random_walk is None
     assert found.bias_instability.limit
     assert found.fitted is None
+    assert found.response_time == 0.0
     assert fg.rate.allan(white(1.0, 40, 1.0, 0), 1.0).angle_random_walk is None  # two octaves do not tell terms apart
+
+
+def test_where_no_terms_fit_only_the_longest_averages_limit_them() -> None:
+    # Two octaves of a sensor slower than all of them: its shortest averages show far less noise than there is.
+    found = fg.rate.allan(slow(white(1.0, 40, 1.0, 0), 1.0, 50.0), 1.0)
+    assert found.fitted is None
+    assert found.high[0] < found.high[1] < found.high[2]
+    assert found.bias_instability.high == pytest.approx(found.high[2] / allan.FLOOR, rel=0.1)
+    assert found.rate_random_walk.high == pytest.approx(found.high[2] / math.sqrt(4 / 3), rel=0.1)
 
 
 # -- Deviations without noise --------------------------------------------------------------------------------
@@ -196,6 +206,10 @@ def test_intervals_are_those_of_chi_square() -> None:
     assert allan._factors(np.array([10.0]))[:, 0] == pytest.approx(
         [math.sqrt(10 / 20.483), math.sqrt(10 / 3.247)], rel=1e-4
     )
+    # 10 degrees of freedom: a power of 4 of variance 2 4^2/10.
+    fit = Fit({WHITE: 4.0}, {WHITE: 3.2}, Response(), slice(0, 15))
+    found = allan._estimate(fit, WHITE, math.inf)
+    assert (found.low, found.value, found.high) == pytest.approx((1.3974, 2.0, 3.5098), rel=1e-4)
 
 
 def test_the_averaging_times_go_by_octaves_up_to_a_tenth_of_the_record() -> None:

@@ -13,6 +13,7 @@ sys.path.append(str(HERE))
 
 import compile_in  # noqa: E402
 import python_kills  # noqa: E402
+import run  # noqa: E402
 
 
 @pytest.mark.parametrize("entry", compile_in.listed(), ids=lambda entry: entry["id"])
@@ -23,6 +24,19 @@ def test_a_listed_mutant_of_the_headers_is_there_once(entry: dict[str, str]) -> 
 @pytest.mark.parametrize("entry", python_kills.listed(), ids=lambda entry: entry["id"])
 def test_a_listed_mutant_of_the_package_is_there_once(entry: dict[str, Any]) -> None:
     compile(python_kills.edited(entry), entry["file"], "exec")
+
+
+def test_what_is_explained_of_a_survivor_is_of_a_mutant_that_is_there() -> None:
+    written = {entry["id"] for entry in python_kills.listed()}
+    there = {mutant.key for mutant in compile_in.sample()}
+    for key in run.explained():
+        file, mutant = key.split(": ", 1)
+        if file.endswith(".hpp"):
+            assert key in there
+        else:
+            line = mutant.partition("` -> `")[0].removeprefix("`")
+            text = (compile_in.ROOT / file).read_text(encoding="utf-8")
+            assert mutant in written or line in [each.strip() for each in text.splitlines()], key
 
 
 def test_the_tests_that_may_kill_are_there() -> None:
