@@ -54,9 +54,11 @@ def reached_by_cpp_tests() -> list[tuple[float, Path, set[int]]]:
     found = []
     for program in tests():
         report = BUILD / f"{program.name}.reached"
+        report.unlink(missing_ok=True)
         before = os.times().children_user
         subprocess.run([program, "--gtest_brief=1"], check=True, env={**os.environ, "FRACGYRO_REACHED": str(report)})
-        found.append((os.times().children_user - before, program, set(map(int, report.read_text().split()))))
+        numbers = report.read_text().split() if report.is_file() else []  # none where it includes no mutated header
+        found.append((os.times().children_user - before, program, set(map(int, numbers))))
     return sorted(found)
 
 
