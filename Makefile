@@ -4,10 +4,12 @@
 # make test-machines    every test as on other processors, with other compilers and Pythons: for a release
 # make web         the WebAssembly module, into build/web
 # make bench       the measurements that docs/performance.md and others quote
+# make compare     the controllers compared, in full; into benchmarks/results/compare.md
 # make mutants     edits of the code, and which of them the tests notice; into benchmarks/results/mutants.md
 # make check-deep  what takes ten minutes: fuzzing files, folders, the command line, states, FMUs, firmware; clang-tidy
 # make setup-embedded   compilers, emulator and node, from Debian's packages; without them the tests of firmware or
 #                  browser are skipped
+# make setup-postgres   a database server, from Debian's packages; without it the test of a shared database is skipped
 # make check-sanitized  FMUs, the Python module and many runs at once under the sanitizers
 # Parts of them: check, test-core, test-python, setup-test; and clean. ARGS="..." goes to reproduce.
 
@@ -26,7 +28,7 @@ unexport PYTHONDONTWRITEBYTECODE
 SUDO = $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 
 .PHONY: reproduce test test-quick test-machines check check-deep check-sanitized fuzz-firmware mutants test-core \
-  test-python web bench setup-test setup-embedded setup-machines clean
+  test-python web bench compare setup-test setup-embedded setup-postgres setup-machines clean
 .SECONDARY:
 .NOTPARALLEL:  # pip installs one thing at a time; compilers and tests use every processor by themselves
 
@@ -93,6 +95,10 @@ bench: .venv/installed-bench .venv/installed-export
 	$(BIN)/python benchmarks/outside.py
 	$(BIN)/python benchmarks/readme_picture.py
 
+# Resumes what build/compare holds. ARGS="--quick": the log is then marked as untuned.
+compare: .venv/installed-test
+	$(BIN)/python benchmarks/compare.py $(ARGS)
+
 # Inputs made at random: every one works or is refused in one sentence. One line for each fuzzer.
 FUZZ_SECONDS := 40
 FUZZ_SEED := 1
@@ -146,6 +152,11 @@ EMBEDDED := gcc-arm-none-eabi libnewlib-arm-none-eabi libstdc++-arm-none-eabi-ne
 setup-embedded:
 	@{ dpkg -s $(EMBEDDED) >/dev/null 2>&1; } \
 	  || { $(SUDO) apt-get -qq update && $(SUDO) apt-get -qq install -y --no-install-recommends $(EMBEDDED); }
+
+# What the test of a shared database runs.
+setup-postgres:
+	@ls /usr/lib/postgresql/*/bin/initdb >/dev/null 2>&1 \
+	  || { $(SUDO) apt-get -qq update && $(SUDO) apt-get -qq install -y --no-install-recommends postgresql; }
 
 # GoogleTest, from Debian's packages where it is missing and they can be installed unasked; else CMake downloads it.
 setup-test:

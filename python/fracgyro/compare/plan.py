@@ -41,7 +41,7 @@ class Effort:
 
 
 FULL = Effort(200, 8, 3, 100, 10, False)
-QUICK = Effort(20, 2, 1, 10, 2, True)
+QUICK = Effort(20, 2, 1, 4, 1, True)
 
 
 @dataclass(frozen=True)

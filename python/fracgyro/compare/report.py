@@ -18,8 +18,8 @@ from .plots import Row, error_figure, front_figure, robustness_figure
 
 def write_report(path: Path, plan: Comparison, rows: Sequence[Row]) -> None:
     tables = _tables(rows, with_ceiling=True, named=len(plan.scenarios) > 1)
-    ranked = [(title, sorted(of, key=_rank)) for title, of in tables]
-    loose = [(title, of) for title, of in ranked if of[0]["ceiling"] == plan.task.ceilings[-1]]
+    ranked = [(words, sorted(of, key=rank)) for words, of in tables]
+    loose = [(words, of) for words, of in ranked if of[0]["ceiling"] == plan.task.ceilings[-1]]
     base = next(iter(plan.scenarios.values()))
     conditions = list(plan.task.conditions(base, base.controller.kind))
     plants = list(dict.fromkeys(name for row in rows for name in row["others"] if name not in conditions))
@@ -32,7 +32,7 @@ def write_report(path: Path, plan: Comparison, rows: Sequence[Row]) -> None:
     text = page(
         "fracgyro.compare",
         "report.html.jinja",
-        filters={"number": _number, "interval": _interval, "times": _times},
+        filters={"number": number, "interval": interval, "times": times},
         title=f"{plan.task.title}: controllers compared",
         version=version("fracgyro"),
         plan=plan,
@@ -56,35 +56,35 @@ def _tables(rows: Sequence[Row], *, with_ceiling: bool, named: bool) -> list[tup
     def key(row: Row) -> tuple[Any, ...]:
         return row["scenario"] if named else "", row["class"], row["noise"], row["ceiling"] if with_ceiling else 0.0
 
-    return [(_title(*of), list(found)) for of, found in groupby(sorted(rows, key=key), key)]
+    return [(title(*of), list(found)) for of, found in groupby(sorted(rows, key=key), key)]
 
 
-def _title(scenario: str, information: str, noise: float, ceiling: float) -> str:
+def title(scenario: str, information: str, noise: float, ceiling: float) -> str:
     sensing = f"{noise:g} m/√Hz" if noise else "no noise"
     words = f"{scenario}{', ' if scenario else ''}class {information}, {sensing}"
     return f"{words}, chattering ≤ {ceiling:g}" if ceiling else words
 
 
-def _rank(row: Row) -> tuple[bool, float]:
+def rank(row: Row) -> tuple[bool, float]:
     """Those that keep the ceiling first, by their error."""
     error = row["metrics"].get("error", {}).get("value")
     return not row["kept"], math.inf if error is None else error
 
 
-def _number(value: float | None, digits: int = 3) -> str:
+def number(value: float | None, digits: int = 3) -> str:
     if value is None:
         return "–"
     return f"{value:.{digits}g}".replace("e-0", "e-").replace("-", "\N{MINUS SIGN}")
 
 
-def _interval(found: dict[str, float | None] | None) -> str:
+def interval(found: dict[str, float | None] | None) -> str:
     if not found or found["value"] is None:
         return "–"
-    return f"{_number(found['value'])} [{_number(found['low'])}, {_number(found['high'])}]"
+    return f"{number(found['value'])} [{number(found['low'])}, {number(found['high'])}]"
 
 
-def _times(found: dict[str, Any]) -> str:
+def times(found: dict[str, Any]) -> str:
     """A ratio, or in how many runs there is none."""
     if found["diverged"]:
         return f"diverges {found['diverged']}/{found['seeds']}"
-    return _number(found["value"])
+    return number(found["value"])

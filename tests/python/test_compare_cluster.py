@@ -1,0 +1,114 @@
+"""`fracgyro compare` on several workers that keep their trials in one database."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+import pytest
+from children import PATIENCE
+from fracgyro.compare.run import compare
+from fracgyro.study.tune.search import Search
+from postgres import postgres
+from sqlalchemy import create_engine, text
+
+SMALL: dict[str, Any] = {"only": ["linear", "pid"], "classes": ["F"], "noise": [0.0], "trials": 6, "quick": True}
+
+
+def rows(path: Path) -> list[dict[str, Any]]:
+    found = json.loads(path.read_text(encoding="utf-8"))["contenders"]
+    return [{name: value for name, value in row.items() if name != "cost"} for row in found]
+
+
+def states(address: str) -> dict[str, int]:
+    """How many trials the database has, by state."""
+    engine = create_engine(address)
+    with engine.connect() as connection:
+        found = connection.execute(text("SELECT state, count(*) FROM trials GROUP BY state")).all()
+    engine.dispose()
+    return dict(map(tuple, found))
+
+
+def linger(inside: str) -> None:
+    """In a worker: its next tuning stops within the third trial, says so, and never ends."""
+    tell, told = Search._tell, []
+
+    def stop(self: Search, *arguments: Any) -> None:
+        told.append(self)
+        if len(told) == 3:
+            Path(inside).touch()
+            time.sleep(PATIENCE)
+        tell(self, *arguments)
+
+    Search._tell = stop  # type: ignore[method-assign]
+
+
+@pytest.mark.takes_a_minute
+@pytest.mark.filterwarnings("ignore::DeprecationWarning:distributed", "ignore::ResourceWarning")
+def test_a_tuning_whose_worker_is_killed_goes_on_from_the_trials_in_the_database(tmp_path: Path) -> None:
+    from distributed import Client, LocalCluster
+
+    expected = compare("track", tmp_path / "here", **SMALL)
+    with (
+        postgres() as address,
+        LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0") as cluster,
+        Client(cluster, set_as_default=False) as client,
+    ):
+        pids = client.run(os.getpid)
+        victim = min(pids)
+        client.run(linger, str(tmp_path / "inside"), workers=[victim])
+        results: list[Any] = []
+        there = {"scheduler": cluster.scheduler_address, "storage": address}
+        running = Thread(target=lambda: results.append(compare("track", tmp_path / "there", **SMALL, **there)))
+        running.start()
+        while running.is_alive() and not (tmp_path / "inside").exists():
+            time.sleep(0.01)
+        assert states(address)["RUNNING"] >= 1
+        os.kill(pids[victim], signal.SIGKILL)
+        running.join(timeout=PATIENCE)
+        assert states(address) == {"COMPLETE": 4 * 6}, "no trial is lost, and none is made twice"
+    assert len(results) == 1
+    assert rows(tmp_path / "there" / "compare.json") == rows(expected.data)
+
+
+def test_what_the_database_holds_is_not_tuned_again(tmp_path: Path) -> None:
+    with postgres() as address:
+        compare("track", tmp_path / "first", **SMALL, storage=address)
+        assert states(address) == {"COMPLETE": 4 * 6}
+        compare("track", tmp_path / "second", **SMALL, storage=address)
+        assert states(address) == {"COMPLETE": 4 * 6}
+    assert rows(tmp_path / "first" / "compare.json") == rows(tmp_path / "second" / "compare.json")
+
+
+def test_no_process_outlives_a_comparison_that_is_killed(tmp_path: Path) -> None:
+    words = ["compare", "track", "--only", "pid", "--class", "F", "--quick", "--out", str(tmp_path / "out")]
+    command = [sys.executable, "-m", "fracgyro", *words]
+    alone = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True)
+    tunings = tmp_path / "out" / "tunings"
+    while alone.poll() is None and not (tunings.is_dir() and any(tunings.iterdir())):
+        time.sleep(0.01)
+    assert alone.poll() is None
+    alone.kill()
+    alone.wait(timeout=PATIENCE)
+    deadline = time.monotonic() + PATIENCE
+    while time.monotonic() < deadline:
+        try:
+            os.killpg(alone.pid, 0)
+        except ProcessLookupError:
+            return
+        time.sleep(0.05)
+    pytest.fail("a process is left")
+
+
+def test_a_scheduler_takes_no_controller_of_ones_own(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.py"
+    mine.write_text("def law(kp):\n    return lambda s: (0.0, 0.0)\nlaw.ranges = {'kp': (1, 2)}\n", encoding="utf-8")
+    with pytest.raises(ValueError, match="it must be left out with --controller"):
+        compare("track", tmp_path / "out", **SMALL | {"only": []}, controller=f"{mine}:law", scheduler="tcp://x:1")
