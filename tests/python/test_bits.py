@@ -84,6 +84,8 @@ RUNS = [
         {"adaptation.kind": "composite", "adaptation.forgetting": 0.1},
         {"adaptation.kind": "joint", "adaptation.forgetting": 0.1, "controller.kind": "linear"},
         {"controller.kind": "super_twisting", "run.duration": 2.5},
+        {"controller.kind": "nonsingular_terminal", "run.duration": 2.0},
+        {"controller.kind": "force_rebalance", "controller.force_limit": 900.0},
         {"controller.fractional_gain": 3000.0},  # diverges
     )
     for seed in range(9)

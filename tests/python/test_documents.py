@@ -109,6 +109,8 @@ def test_every_unit_of_the_equations_is_that_of_the_scenario() -> None:
         "unit ": "",
         "ω": "omega",
         "α": "alpha",
+        "γ": "gamma",
+        "ρ": "rho",
         "−": "-",
         "²": "^2",
         "³": "^3",

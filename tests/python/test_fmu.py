@@ -81,6 +81,7 @@ SCENARIOS = {
     "known parameters, sine": SINE,
     "PID, which reports nothing": SHORT.replace({"controller.kind": "pid"}),
     "super-twisting": SHORT.replace({"controller.kind": "super_twisting"}),
+    **{kind: SHORT.replace({"controller.kind": kind}) for kind in ("nonsingular_terminal", "lqg", "force_rebalance")},
     "undisturbed": SHORT.replace({"controller.kind": "linear", "disturbance.kind": "none"}),
 }
 VERSIONS: tuple[Fmi, ...] = get_args(Fmi)

@@ -112,6 +112,10 @@ SHORT = PAPER.replace({"run.duration": 0.2})
 SINE = {"disturbance.kind": "sine", "disturbance.amplitude": (50.0, 70.0), "disturbance.frequency": (30.0, 40.0)}
 COMPOSITE, JOINT = {"adaptation.kind": "composite"}, {"adaptation.kind": "joint"}
 PID, TWISTING = {"controller.kind": "pid"}, {"controller.kind": "super_twisting"}
+NONSINGULAR, RESONANT = {"controller.kind": "nonsingular_terminal"}, {"controller.kind": "park_horowitz"}
+REJECTION, CONVENTIONAL = {"controller.kind": "disturbance_rejection"}, {"controller.kind": "force_rebalance"}
+LAYERED = NONSINGULAR | {"controller.switching_gain": 0.1, "controller.reaching_exponent": 0.0}
+LAYERED |= {"controller.nonsingular_layer": 10.0}
 # By field: what both runs have besides, and the value of the second. A field that is not here fails a test.
 DIFFERENCES: dict[str, tuple[dict[str, object], object]] = {
     "plant.mass": ({}, 2e-7),
@@ -165,6 +169,24 @@ DIFFERENCES: dict[str, tuple[dict[str, object], object]] = {
     "controller.surface_gain": (TWISTING, 20.0),
     "controller.twisting_gain": (TWISTING, 10.0),
     "controller.integral_gain": (TWISTING, 100.0),
+    "controller.nonsingular_position_gain": (NONSINGULAR, 0.5),
+    "controller.nonsingular_velocity_gain": (NONSINGULAR, 0.02),
+    "controller.position_exponent": (NONSINGULAR, 1.8),
+    "controller.velocity_exponent": (NONSINGULAR, 1.5),
+    "controller.reaching_gain": (NONSINGULAR, 400.0),
+    "controller.switching_gain": (NONSINGULAR, 0.1),
+    "controller.reaching_exponent": (LAYERED, 0.5),
+    "controller.nonsingular_layer": (LAYERED, 20.0),
+    "controller.velocity_gain": (RESONANT, 20.0),
+    "controller.extended_observer_bandwidth": (REJECTION, 500.0),
+    "controller.rate_bandwidth": (REJECTION, 2.0),
+    "controller.nominal_model": (REJECTION, False),
+    "controller.pll_bandwidth": (CONVENTIONAL, 0.1),
+    "controller.amplitude_bandwidth": (CONVENTIONAL, 0.1),
+    "controller.amplitude_integral": (CONVENTIONAL, 0.1),
+    "controller.demodulation_bandwidth": (CONVENTIONAL, 1.0),
+    "controller.output_bandwidth": (CONVENTIONAL, 0.1),
+    "controller.rebalance_bandwidth": (CONVENTIONAL, 0.1),
     "disturbance.kind": ({}, "none"),
     "disturbance.standard_deviation": ({}, 2.0),
     "disturbance.density": ({"disturbance.standard_deviation": None, "disturbance.density": 1e-3}, 2e-3),

@@ -19,6 +19,7 @@ from fracgyro.export.compilers import Number
 from fracgyro.export.firmware import export_firmware
 from fracgyro.export.host import Host
 from fracgyro.export.targets import DTYPES, Target, answer_columns, answered, answers
+from fracgyro.scenario.kinds import KINDS
 from fracgyro.simulation.dataset import write_run
 
 STEPS = 100_000
@@ -64,6 +65,7 @@ SCENARIOS = {
     ),
     "PID, which reports nothing": fg.Scenario.paper().replace({"controller.kind": "pid"}),
     "super-twisting": fg.Scenario.paper().replace({"controller.kind": "super_twisting"}),
+    **{kind: fg.Scenario.paper().replace({"controller.kind": kind}) for kind in KINDS[6:]},
     "fast terminal, sine": fg.Scenario.paper().replace(
         {
             "controller.kind": "fast_terminal",

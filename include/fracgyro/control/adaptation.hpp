@@ -112,6 +112,33 @@ struct AdaptationParams {
                   "value. 0.0: off."),
         };
     }
+    // Of least squares and of the joint filter.
+    static constexpr auto forgetting_fields() {
+        using P = AdaptationParams;
+        return std::tuple{
+            field("forgetting", &P::forgetting, "omega0", at_least_0,
+                  "Unit omega0: rate at which composite and joint forget, all parameters alike. 0.0: off."),
+            field("rate_forgetting", &P::rate_forgetting, "omega0", at_least_0,
+                  "Unit omega0: rate at which they forget Omega_z besides, which is their bandwidth for it: a fast "
+                  "rate, a noisy estimate. 0.0: off, Omega_z is taken for constant."),
+        };
+    }
+    static constexpr auto covariance_field() {
+        return settable(Settable::beforehand,
+                        field("covariance_steps", &AdaptationParams::covariance_steps, "h",
+                              Range{.low = 1.0, .high = 8.0, .whole = true},
+                              "Steps, at most 8, among which joint divides the work on its covariance, for a "
+                              "microcontroller. 1: off, all of it each step."));
+    }
+    // Of a controller that has the laws for D, K and Ωz, and no bounds.
+    static constexpr auto plant_fields() {
+        return std::tuple_cat(std::tuple{adaptive_field()}, law_fields(), robustness_fields());
+    }
+    constexpr AdaptationParams without_bounds() const {
+        AdaptationParams p = *this;
+        p.bound_gain = p.initial_bound = {};
+        return p;
+    }
     static constexpr auto fields() {
         using P = AdaptationParams;
         return std::tuple_cat(
@@ -134,21 +161,33 @@ struct AdaptationParams {
                 fixed(field("initial_bound", &P::initial_bound, "m*omega0^2*q0, m*omega0^2, m*omega0", at_least_0,
                             "[b0, b1, b2] at t = 0, units of (12), >= 0: initial switching gain. Zeros: none.")),
             },
-            robustness_fields(),
-            std::tuple{
-                field("forgetting", &P::forgetting, "omega0", at_least_0,
-                      "Unit omega0: rate at which composite and joint forget, all parameters alike. 0.0: off."),
-                field("rate_forgetting", &P::rate_forgetting, "omega0", at_least_0,
-                      "Unit omega0: rate at which they forget Omega_z besides, which is their bandwidth for it: a fast "
-                      "rate, a noisy estimate. 0.0: off, Omega_z is taken for constant."),
-                settable(
-                    Settable::beforehand,
-                    field("covariance_steps", &P::covariance_steps, "h", Range{.low = 1.0, .high = 8.0, .whole = true},
-                          "Steps, at most 8, among which joint divides the work on its covariance, for a "
-                          "microcontroller. 1: off, all of it each step.")),
-            });
+            robustness_fields(), forgetting_fields(), std::tuple{covariance_field()});
     }
 };
+
+// What a controller reports that estimates the plant.
+template <Scalar T>
+struct PlantReport {
+    Sym2<T> damping{}, stiffness{};
+    T rate{};
+
+    static constexpr auto fields() {
+        using R = PlantReport;
+        return std::tuple{
+            channel("damping_estimate", &R::damping, "m*omega0", "estimate of the damping D"),
+            channel("stiffness_estimate", &R::stiffness, "m*omega0^2", "estimate of the stiffness K"),
+            channel("rate_estimate", &R::rate, "omega0", "estimate of the angular rate: skew part of Omega"),
+        };
+    }
+};
+
+// (D̂ + 2Ω̂) v + K̂ q + a: the force that accelerates the plant by a, as far as it is known.
+template <Scalar T>
+Vec2<T> plant_force(const PlantReport<T>& known, const Motion<T>& motion, const Vec2<T>& acceleration) {
+    const Vec2<T>& v = motion.velocity;
+    const Vec2<T> coriolis = T(2.0) * (known.rate * turned(v));
+    return known.damping * v + coriolis + known.stiffness * motion.position + acceleration;
+}
 
 // What a controller with adaptation reports. Estimates are those known when the force was computed.
 template <Scalar T>

@@ -30,20 +30,22 @@
 
 namespace fracgyro {
 
-// How well the angular rate is known, too.
+// How well the angular rate is known.
+template <class R>
+constexpr auto rate_quality_fields() {
+    return std::tuple{channel("rate_deviation", &R::rate_deviation, "omega0",
+                              "standard deviation of the estimate of the angular rate; 0 without data"),
+                      channel("rate_trusted", &R::rate_trusted, "1",
+                              "1 where the motion tells the angular rate from the other parameters")};
+}
+
 template <Scalar T>
 struct CompositeReport : AdaptiveReport<T> {
     T rate_deviation{};
     T rate_trusted{};
 
     static constexpr auto fields() {
-        using R = CompositeReport;
-        return std::tuple_cat(
-            AdaptiveReport<T>::fields(),
-            std::tuple{channel("rate_deviation", &R::rate_deviation, "omega0",
-                               "standard deviation of the estimate of the angular rate; 0 without data"),
-                       channel("rate_trusted", &R::rate_trusted, "1",
-                               "1 where the motion tells the angular rate from the other parameters")});
+        return std::tuple_cat(AdaptiveReport<T>::fields(), rate_quality_fields<CompositeReport>());
     }
 };
 

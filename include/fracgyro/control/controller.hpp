@@ -36,6 +36,13 @@ struct EmptyReport {
     static constexpr std::tuple<> fields() { return {}; }
 };
 
+// Of all that hold the error by a spring and a damper.
+template <class Member>
+constexpr auto loop_frequency_field(Member member) {
+    return field("natural_frequency", member, "omega0", above_0,
+                 "omega_n, unit omega0, > 0: of the loop. omega_n times run.step must stay below about 0.6.");
+}
+
 // The force that keeps the nominal plant on the reference: (D̂₀ + 2Ω̂₀) ṙ + K̂₀ r + r̈.
 template <Scalar T>
 struct Feedforward {

@@ -2,7 +2,7 @@
 //
 //        u = (D̂₀ + 2Ω̂₀) ṙ + K̂₀ r + r̈ - ω² e - 2ζω ė - I        dI/dt = ωᵢ ω² e
 //
-//    where the index 0 marks the nominal plant: it learns nothing. At the force limit I rests where it would wind up.
+//    where the index 0 marks the nominal plant: it learns nothing. At the force limit I learns where it would wind up.
 #pragma once
 
 #include "fracgyro/control/controller.hpp"
@@ -17,8 +17,7 @@ struct PidParams {
     static constexpr auto fields() {
         using P = PidParams;
         return std::tuple{
-            field("natural_frequency", &P::natural_frequency, "omega0", above_0,
-                  "omega_n, unit omega0, > 0: of the loop. omega_n times run.step must stay below about 0.6."),
+            loop_frequency_field(&P::natural_frequency),
             field("damping_ratio", &P::damping_ratio, "1", above_0, "zeta, no unit, > 0: of the loop."),
             field("integral_frequency", &P::integral_frequency, "omega0", at_least_0,
                   "omega_i, unit omega0: integral action grows by omega_i omega_n^2 e. 0.0: off."),
@@ -64,22 +63,21 @@ struct Pid {
 
     static Signals<T, Report> step(State& state, const Coefficients& c, const Motion<T>& measured,
                                    const Sample<T>* missing = nullptr) {
+        return step(state, c, measured, missing, c.nominal);
+    }
+    // With this plant in the place of the nominal one.
+    static Signals<T, Report> step(State& state, const Coefficients& c, const Motion<T>& measured,
+                                   const Sample<T>* missing, const typename Feedforward<T>::Coefficients& plant) {
         Signals<T, Report> signals{.reference = Reference<T>::update(state.reference, c.reference)};
         const ReferencePoint<T>& r = signals.reference;
         const Sample<T>& e = signals.error = missing == nullptr ? tracking_error(measured, r) : *missing;
-        const Vec2<T> feedforward = Feedforward<T>::force(c.nominal, r);
+        const Vec2<T> feedforward = Feedforward<T>::force(plant, r);
         const Vec2<T> wanted =
             feedforward - c.position_gain * e.value - c.velocity_gain * e.derivative - state.integral;
-        signals.force = wanted;
-        T active = T(missing == nullptr ? 1.0 : 0.0);
-        if (c.saturation.limited) {
-            signals.force = Saturation<T>::within(c.saturation, wanted);
-            signals.excess = wanted - signals.force;
-            // Growing with e, I moves the force against it: beyond the limit that way it would wind up.
-            const T unwinding = dot(signals.excess, e.value);
-            active = if_less(unwinding, T(0.0), T(0.0), active);
-        }
-        state.integral = state.integral + (active * c.integral_step) * e.value;
+        // Growing with e, I moves the force against it.
+        const T active = Saturation<T>::apply(signals, c.saturation, wanted, e.value);
+        const T learns = T(missing == nullptr ? 1.0 : 0.0);
+        state.integral = state.integral + ((learns * active) * c.integral_step) * e.value;
         return signals;
     }
 };

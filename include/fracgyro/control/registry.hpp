@@ -1,7 +1,13 @@
 // The controllers by name. A new one is its own file plus one line here.
 #pragma once
 
+#include "fracgyro/control/conventional.hpp"
+#include "fracgyro/control/disturbance_rejection.hpp"
+#include "fracgyro/control/least_squares_pid.hpp"
+#include "fracgyro/control/lqg.hpp"
+#include "fracgyro/control/nonsingular_terminal.hpp"
 #include "fracgyro/control/observer.hpp"
+#include "fracgyro/control/park_horowitz.hpp"
 #include "fracgyro/control/pid.hpp"
 #include "fracgyro/control/sliding_mode.hpp"
 #include "fracgyro/control/super_twisting.hpp"
@@ -56,7 +62,14 @@ using Registry = std::tuple<
     Entry<"fast_terminal", SlidingMode<FastTerminalSurface>, "sliding mode on (15): alpha = 1">,
     Entry<"linear", SlidingMode<LinearSurface>, "sliding mode with alpha = 1, lambda2 = 0">,
     Entry<"pid", One<Pid>, "PID with feedforward of the nominal plant">,
-    Entry<"super_twisting", One<SuperTwisting>, "adaptive super-twisting">>;
+    Entry<"super_twisting", One<SuperTwisting>, "adaptive super-twisting">,
+    Entry<"nonsingular_terminal", One<NonsingularTerminal>, "adaptive nonsingular (fast) terminal sliding mode">,
+    Entry<"park_horowitz", One<ParkHorowitz>, "adaptive control of Park and Horowitz">,
+    Entry<"disturbance_rejection", One<DisturbanceRejection>, "active disturbance rejection (ADRC)">,
+    Entry<"least_squares_pid", One<LeastSquaresPid>, "PID on the plant that least squares find">,
+    Entry<"lqg", One<Lqg>, "linear-quadratic feedback on a joint Kalman filter">,
+    Entry<"open_loop", One<OpenLoop>, "conventional gyroscope, sense axis free">,
+    Entry<"force_rebalance", One<ForceRebalance>, "conventional gyroscope, sense axis held at rest">>;
 
 namespace detail {
 

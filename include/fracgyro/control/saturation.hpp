@@ -15,6 +15,20 @@ struct Saturation {
         return {.limit = T(limit), .limited = limit < std::numeric_limits<double>::infinity()};
     }
     static Vec2<T> within(const Coefficients& c, const Vec2<T>& force) { return clamp(force, -c.limit, c.limit); }
+
+    // Of a controller's signals the force that acts, and what the limit takes from it. Returns 1, or 0 where what moves
+    // the force against `error` would wind up: it is beyond the limit that way.
+    template <class Signals>
+    static T apply(Signals& signals, const Coefficients& c, const Vec2<T>& wanted, const Vec2<T>& error) {
+        signals.force = wanted;
+        if (!c.limited) {
+            return T(1.0);
+        }
+        signals.force = within(c, wanted);
+        signals.excess = wanted - signals.force;
+        const T unwinding = dot(signals.excess, error);
+        return if_less(unwinding, T(0.0), T(0.0), T(1.0));
+    }
 };
 
 }  // namespace fracgyro

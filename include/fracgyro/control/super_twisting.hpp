@@ -29,29 +29,22 @@ struct SuperTwistingParams {
                   "k1, > 0: of |s|^(1/2) sign(s); about 1.5 times the root of the mismatch's largest rate of change."),
             field("integral_gain", &P::integral_gain, "q0*omega0^3", above_0,
                   "k2, > 0: of the integral of sign(s); above the mismatch's largest rate of change."),
-            Inner{"adaptation", &P::adaptation,
-                  std::tuple_cat(std::tuple{AdaptationParams::adaptive_field()}, AdaptationParams::law_fields(),
-                                 AdaptationParams::robustness_fields())},
+            Inner{"adaptation", &P::adaptation, AdaptationParams::plant_fields()},
         };
     }
 };
 
 template <Scalar T>
-struct SuperTwistingReport {
+struct SuperTwistingReport : PlantReport<T> {
     Vec2<T> surface{};
-    Sym2<T> damping{}, stiffness{};
-    T rate{};
     Vec2<T> integral{};  // w
 
     static constexpr auto fields() {
         using R = SuperTwistingReport;
-        return std::tuple{
-            momentary(channel("surface", &R::surface, "q0*omega0", "sliding surface s")),
-            channel("damping_estimate", &R::damping, "m*omega0", "estimate of the damping D"),
-            channel("stiffness_estimate", &R::stiffness, "m*omega0^2", "estimate of the stiffness K"),
-            channel("rate_estimate", &R::rate, "omega0", "estimate of the angular rate: skew part of Omega"),
-            channel("twisting_integral", &R::integral, "m*omega0^2*q0", "integral w of the super-twisting law"),
-        };
+        return std::tuple_cat(std::tuple{momentary(channel("surface", &R::surface, "q0*omega0", "sliding surface s"))},
+                              PlantReport<T>::fields(),
+                              std::tuple{channel("twisting_integral", &R::integral, "m*omega0^2*q0",
+                                                 "integral w of the super-twisting law")});
     }
 };
 
@@ -74,19 +67,18 @@ struct SuperTwisting {
     };
 
     static Coefficients prepare(const Params& p, const Common& common) {
-        AdaptationParams laws = p.adaptation;
-        laws.bound_gain = laws.initial_bound = {};
-        return {.reference = Reference<T>::prepare(common.reference, common.step),
-                .saturation = Saturation<T>::prepare(common.force_limit),
-                .adaptation = GradientAdaptation<T>::prepare(laws, common.nominal, common.step),
-                .surface_gain = T(p.surface_gain),
-                .twisting_gain = T(p.twisting_gain),
-                .integral_step = T(common.step * p.integral_gain)};
+        return {
+            .reference = Reference<T>::prepare(common.reference, common.step),
+            .saturation = Saturation<T>::prepare(common.force_limit),
+            .adaptation = GradientAdaptation<T>::prepare(p.adaptation.without_bounds(), common.nominal, common.step),
+            .surface_gain = T(p.surface_gain),
+            .twisting_gain = T(p.twisting_gain),
+            .integral_step = T(common.step * p.integral_gain)};
     }
 
     static Report report(const State& state, const Coefficients& c) {
         const Estimates<T> e = GradientAdaptation<T>::estimates(state.adaptation, c.adaptation);
-        return {.damping = e.damping, .stiffness = e.stiffness, .rate = e.rate, .integral = state.integral};
+        return {{e.damping, e.stiffness, e.rate}, {}, state.integral};
     }
     static bool sound(const State&, const Coefficients&) { return true; }  // all of it is numbers
     static std::uint64_t steps(const State& state) { return state.reference.steps; }
@@ -103,25 +95,15 @@ struct SuperTwisting {
                                    .report = report(state, c)};
         const ReferencePoint<T>& r = signals.reference;
         const Sample<T>& e = signals.error = missing == nullptr ? tracking_error(measured, r) : *missing;
-        const Vec2<T> q = r.position + e.value, v = r.velocity + e.derivative;
+        const Motion<T> motion{.position = r.position + e.value, .velocity = r.velocity + e.derivative};
         const Vec2<T> s = signals.report.surface = e.derivative + c.surface_gain * e.value;
-        const Report& known = signals.report;
-        const Vec2<T> coriolis = T(2.0) * (known.rate * turned(v));
         const Vec2<T> equivalent =
-            known.damping * v + coriolis + known.stiffness * q + r.acceleration - c.surface_gain * e.derivative;
+            plant_force<T>(signals.report, motion, r.acceleration) - c.surface_gain * e.derivative;
         const Vec2<T> twist = with_sign_of(s, square_root(absolute(s)));
         const Vec2<T> wanted = equivalent - c.twisting_gain * twist + state.integral;
-        signals.force = wanted;
-        T active = T(1.0);
-        if (c.saturation.limited) {
-            signals.force = Saturation<T>::within(c.saturation, wanted);
-            signals.excess = wanted - signals.force;
-            const T unwinding = dot(signals.excess, s);
-            active = if_less(unwinding, T(0.0), T(0.0), T(1.0));
-        }
+        const T active = Saturation<T>::apply(signals, c.saturation, wanted, s);
         if (missing == nullptr) {
             const Vec2<T> learnt_from = active * s;
-            const Motion<T> motion{.position = q, .velocity = v};
             GradientAdaptation<T>::update(state.adaptation, c.adaptation, motion, learnt_from,
                                           norms_of(motion, learnt_from));
             state.integral = state.integral - (active * c.integral_step) * sign(s);

@@ -18,9 +18,10 @@
 
 namespace fracgyro {
 
-// Whether a run of this controller on an ideal device has such copies. A controller that estimates the motion too is
-// several times as much code, and is for devices that are not ideal.
+// Whether a run of this controller on an ideal device has such copies: those of the paper's family, whose memory they
+// speed up. A controller that estimates the motion too is several times as much code, and is for devices that are not
+// ideal.
 template <class C>
-inline constexpr bool has_copies = !requires { requires C::estimates_motion; };
+inline constexpr bool has_copies = requires { C::has_memory; } && !requires { requires C::estimates_motion; };
 
 }  // namespace fracgyro

@@ -33,7 +33,10 @@ template <Controller C>
 [[gnu::flatten]] std::int64_t advance_block(Block<C>& block, std::int64_t n, std::int64_t end) {
     using T = typename C::Value;
     do {
-        const auto signals = C::step(block.state, block.controller, block.motion);  // 1 to 5
+        auto signals = C::step(block.state, block.controller, block.motion);  // 1 to 5
+        if constexpr (!measures_velocity<C>) {
+            signals.error = tracking_error(block.motion, signals.reference);
+        }
         block.sums.add(signals);
         Gyroscope<T>::step(block.motion, block.plant, signals.force,
                            block.disturbance[static_cast<std::size_t>(n)]);  // 6

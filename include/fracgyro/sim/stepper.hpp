@@ -61,9 +61,13 @@ struct IdealGyroscope {
         state.disturbance = {T(drawn.x()), T(drawn.y())};
         return state.motion;
     }
-    // The answer at the sample n.
+    // The answer at the sample n. The error is the true one, whatever the controller measures.
     template <class C, class Report>
-    static void actuate(State&, const Coefficients&, Signals<T, Report>&, std::int64_t) {}
+    static void actuate(State& state, const Coefficients&, Signals<T, Report>& signals, std::int64_t) {
+        if constexpr (!measures_velocity<C>) {
+            signals.error = tracking_error(state.motion, signals.reference);
+        }
+    }
     // To the next sample.
     template <class Report>
     static void step(State& state, const Coefficients& c, const Signals<T, Report>& signals, std::int64_t) {

@@ -1,0 +1,83 @@
+// Certainty equivalence: the PID of pid.hpp with the plant that least squares find (composite.hpp) in the place of the
+// nominal one, from when the angular rate is first trusted. No sliding surface, and no law that s drives.
+#pragma once
+
+#include "fracgyro/control/composite.hpp"
+#include "fracgyro/control/pid.hpp"
+
+namespace fracgyro {
+
+struct LeastSquaresPidParams {
+    PidParams pid{};
+    AdaptationParams adaptation{};  // of which only forgetting is used
+
+    static constexpr auto fields() {
+        using P = LeastSquaresPidParams;
+        return std::tuple{Inner{"controller", &P::pid},
+                          Inner{"adaptation", &P::adaptation, AdaptationParams::forgetting_fields()}};
+    }
+};
+
+// How well the angular rate is known, too.
+template <Scalar T>
+struct LearntPlantReport : PlantReport<T> {
+    T rate_deviation{}, rate_trusted{};
+
+    static constexpr auto fields() {
+        return std::tuple_cat(PlantReport<T>::fields(), rate_quality_fields<LearntPlantReport>());
+    }
+};
+
+template <Scalar T>
+struct LeastSquaresPid {
+    using Value = T;
+    using Params = LeastSquaresPidParams;
+    using Report = LearntPlantReport<T>;
+    using Learning = CompositeAdaptation<T>;
+    using Law = Pid<T>;
+
+    struct Coefficients {
+        typename Law::Coefficients pid{};
+        typename Learning::Coefficients learning{};
+    };
+    struct State {
+        typename Law::State pid{};
+        typename Learning::State learning{};
+    };
+
+    static Coefficients prepare(const Params& p, const Common& common) {
+        return {.pid = Law::prepare(p.pid, common),
+                .learning = Learning::prepare(p.adaptation.without_bounds(), common.nominal, common.step)};
+    }
+
+    static Report report(const State& state, const Coefficients& c) {
+        const auto found = Learning::report(state.learning, c.learning);
+        return {{found.damping, found.stiffness, found.rate}, found.rate_deviation, found.rate_trusted};
+    }
+    static bool sound(const State& state, const Coefficients& c) { return Learning::sound(state.learning, c.learning); }
+    static std::uint64_t steps(const State& state) { return Law::steps(state.pid); }
+    static void start_over(State& state, bool keep_estimates) {
+        Law::start_over(state.pid, keep_estimates);
+        if (keep_estimates) {
+            Learning::rest(state.learning);
+        } else {
+            state.learning = {};
+        }
+    }
+
+    static Signals<T, Report> step(State& state, const Coefficients& c, const Motion<T>& measured,
+                                   const Sample<T>* missing = nullptr) {
+        const Report known = report(state, c);
+        const Estimates<T> believed = Learning::control_estimates(state.learning, c.learning, {});
+        const auto law = Law::step(state.pid, c.pid, measured, missing,
+                                   {believed.damping, believed.stiffness, T(2.0) * believed.rate});
+        if (missing == nullptr) {
+            Learning::update(state.learning, c.learning, measured, {}, {}, law.force);
+        } else {
+            Learning::rest(state.learning);
+        }
+        return {law.reference, law.error, law.force, law.excess, known};
+    }
+};
+
+}  // namespace fracgyro
