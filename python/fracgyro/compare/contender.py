@@ -15,28 +15,35 @@ NEAR = 0.05  # of a range: a best value this close to an end is flagged
 
 @dataclass(frozen=True)
 class Gain:
-    """A number that is tuned: one field of the scenario, or several that get the same value."""
+    """A number that is tuned: one field of the scenario, several that get the same value, or the scale of a list."""
 
     field: str
     low: float
     high: float
     log: bool = True
     also: tuple[str, ...] = ()
-    limit: str = ""  # why the range cannot be wider at its ends; without a reason a value there is flagged
+    shape: tuple[float, ...] = ()  # of the list that the field holds
+    times: str = ""  # another gain, which the field is that often as large as
+    below: str = ""  # why the range cannot begin lower; without a reason a value there is flagged
+    above: str = ""  # why it cannot end higher
 
     @property
     def dimension(self) -> Dimension:
         return Dimension(self.field, self.low, self.high, "log" if self.log else "linear")
 
-    def changes(self, value: Any) -> dict[str, Any]:
-        return dict.fromkeys((self.field, *self.also), value)
+    def changes(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Of the scenario, with these values of all gains."""
+        value = values[self.field] * (values[self.times] if self.times else 1.0)
+        held = tuple(value * part for part in self.shape) if self.shape else value
+        return dict.fromkeys((self.field, *self.also), held)
 
     def at_end(self, value: float) -> bool:
         """Whether a wider range might have had something better."""
         low, high, at = self.low, self.high, value
         if self.log:
             low, high, at = math.log(low), math.log(high), math.log(at)
-        return not self.limit and min(at - low, high - at) < NEAR * (high - low)
+        near = NEAR * (high - low)
+        return (not self.below and at - low < near) or (not self.above and high - at < near)
 
 
 @dataclass(frozen=True)
@@ -61,13 +68,13 @@ class Contender:
         """Raises ScenarioError where these values make none."""
         gains = {gain.field: gain for gain in (*self.gains, OBSERVER)}
         changes = dict(self.fixed)
-        for name, value in (values or {}).items():
+        for name in values or {}:
             if name in gains:
-                changes |= gains[name].changes(value)
+                changes |= gains[name].changes(values or {})
         return base.replace({name: value for name, value in changes.items() if not name.startswith("law.")})
 
 
-OBSERVER = Gain("controller.observer_bandwidth", 20.0, 800.0, limit="0.8 over the step: above, it rings")
+OBSERVER = Gain("controller.observer_bandwidth", 20.0, 800.0, above="0.8 over the step, where it rings")
 
 
 def chosen(known: tuple[Contender, ...], only: tuple[str, ...]) -> tuple[Contender, ...]:

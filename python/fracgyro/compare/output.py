@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..files import one_line, whole_file, writable_folder
+from ..scenario.table import toml_value
 from .judging import Judging
 
 
@@ -36,5 +37,5 @@ def _said(piece: Judging, row: Mapping[str, Any]) -> list[str]:
     return [
         f"{piece.contender.words}{tuned}: by fracgyro {version('fracgyro')}, `fracgyro compare {piece.task.name}`.",
         f"{sensing}, noise {cell.noise:g} m/sqrt(Hz), chattering at most {cell.ceiling:g}; {row['trials']} trials.",
-        *(f"  {field} = {value:g}" for field, value in row["gains"].items()),
+        *(f"  {field} = {toml_value(value)}" for field, value in row["gains"].items()),
     ]

@@ -12,6 +12,7 @@ from typing import Any
 from ..analysis.html import embedded, page
 from ..analysis.style import own_style
 from ..files import whole_file
+from ..scenario.table import toml_value
 from .plan import Comparison
 from .plots import Row, error_figure, front_figure, robustness_figure
 
@@ -32,7 +33,7 @@ def write_report(path: Path, plan: Comparison, rows: Sequence[Row]) -> None:
     text = page(
         "fracgyro.compare",
         "report.html.jinja",
-        filters={"number": number, "interval": interval, "times": times},
+        filters={"number": number, "interval": interval, "times": times, "toml": toml_value},
         title=f"{plan.task.title}: controllers compared",
         version=version("fracgyro"),
         plan=plan,

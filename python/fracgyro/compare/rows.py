@@ -53,6 +53,7 @@ def _of_tuning(plan: Comparison, row: Row, tuned: Tuned) -> dict[str, Any]:
     """With what a judging adds, as it is without one."""
     contender, cell, values = row.contender, row.cell, tuned.values or {}
     gains = contender.tuned(cell.information)
+    found = [gain for gain in gains if gain.field in values]
     return {
         "name": contender.name,
         "words": contender.words,
@@ -63,10 +64,10 @@ def _of_tuning(plan: Comparison, row: Row, tuned: Tuned) -> dict[str, Any]:
         "noise": cell.noise,
         "ceiling": cell.ceiling,
         "tuned": bool(gains) and not plan.effort.quick,
-        "gains": {gain.field: values[gain.field] for gain in gains if gain.field in values},
+        "gains": {name: held for gain in found for name, held in gain.changes(values).items()},
         "trials": plan.effort.trials * len(tuned.errors),
         "sampler_errors": [_exp(error) for error in tuned.errors],
-        "range_ends": [gain.field for gain in gains if gain.field in values and gain.at_end(values[gain.field])],
+        "range_ends": [gain.field for gain in found if gain.at_end(values[gain.field])],
         "seeds": 0,
         "diverged": None,
         "metrics": {},

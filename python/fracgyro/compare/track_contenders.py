@@ -11,24 +11,30 @@ from .contender import Contender, Gain
 
 PAPER = "paper"  # the reference of all ratios
 
-BY_PERIOD = "0.6 over the step: above, the sampled loop is unstable"
-BY_DEFINITION = "by definition"
+BY_PERIOD = "0.6 over the step, where the sampled loop is unstable"
 
-# Of sliding surfaces. rho over layer_thickness, the gain within the layer, stays below 0.8 over the step.
-LINEAR_GAIN = Gain("controller.fractional_gain", 1.0, 300.0)
-TERMINAL_GAIN = Gain("controller.terminal_gain", 1e-2, 100.0)
-EXPONENT = Gain("controller.terminal_exponent", 0.35, 0.95, log=False, limit="below, the loop magnifies rounding")
-ORDER = Gain("controller.order", 0.3, 1.0, log=False, limit=BY_DEFINITION)
-LAYER = Gain("controller.layer_thickness", 1e-4, 2.0)
-LAWS = Gain("adaptation.damping_gain", 1e-2, 1e4, also=("adaptation.stiffness_gain", "adaptation.rate_gain"))
+# Of sliding surfaces. The gain within the layer, rho/delta, stays below 0.8 over the step.
+ORDER = Gain("controller.order", 0.1, 1.0, log=False, above="1 is the integer order")
+FRACTIONAL_GAIN = Gain("controller.fractional_gain", 1.0, 3000.0)
+LINEAR_GAIN = Gain("controller.fractional_gain", 1.0, 1000.0, above="1 over the step")
+TERMINAL_GAIN = Gain("controller.terminal_gain", 1e-2, 100.0, below="0 is the law without it")
+EXPONENT = Gain(
+    "controller.terminal_exponent", 0.35, 0.95, log=False, below="the loop magnifies rounding", above="1 is linear"
+)
+LAYER = Gain("controller.layer_thickness", 1e-2, 10.0, above="the limit of the force ends before the layer")
+RHO = Gain("adaptation.initial_bound", 1.0, 800.0, shape=(1.0, 0.0, 0.0), times=LAYER.field, above="0.8 over the step")
+LAWS = Gain(
+    "adaptation.damping_gain",
+    1e-2,
+    1e4,
+    also=("adaptation.stiffness_gain", "adaptation.rate_gain"),
+    below="0 learns nothing",
+)
 STABLE: dict[str, Any] = {"controller.switching_limit": 0.8}
 NO_LAWS = dict.fromkeys((LAWS.field, *LAWS.also), 1e-12)
-CONSTANT_BOUND: dict[str, Any] = {
-    "adaptation.initial_bound": (10.0, 0.0, 0.0),
-    "adaptation.bound_gain": (1e-12, 1e-12, 1e-12),
-}
+CONSTANT_BOUND: dict[str, Any] = {"adaptation.bound_gain": (1e-12, 1e-12, 1e-12)}
 PID = (
-    Gain("controller.natural_frequency", 5.0, 600.0, limit=BY_PERIOD),
+    Gain("controller.natural_frequency", 5.0, 600.0, above=BY_PERIOD),
     Gain("controller.damping_ratio", 0.1, 10.0),
     Gain("controller.integral_frequency", 0.01, 300.0),
 )
@@ -38,38 +44,39 @@ TWISTING = (
     Gain("controller.integral_gain", 1.0, 1e5),
 )
 
-FEI = "Fei and Lu, Complexity 2020, 8542961"
-BATUR = "Fei and Batur, ISA Transactions 48 (2009) 73, doi 10.1016/j.isatra.2008.08.004"
+ORIGINAL = "Complexity 2020, 8542961"
+BATUR = "Fei and Batur, ISA Transactions 48 (2009) 73, doi 10.1016/j.isatra.2008.08.004 (from memory)"
+TWISTED = "doi 10.1371/journal.pone.0189457 (abstract read)"
 
 
 def kind(name: str, **adaptation: str) -> dict[str, Any]:
     return {"controller.kind": name, **{f"adaptation.{field}": value for field, value in adaptation.items()}}
 
 
-SURFACE = (ORDER, LINEAR_GAIN, TERMINAL_GAIN, EXPONENT, LAYER)
+SURFACE = (ORDER, FRACTIONAL_GAIN, TERMINAL_GAIN, EXPONENT, LAYER, RHO)
 CONTENDERS = (
-    Contender(PAPER, "the paper's controller", FEI, kind("fractional_fast_terminal") | STABLE, (*SURFACE, LAWS)),
-    Contender("paper_as_published", "the paper's own gains, not tuned", FEI, kind("fractional_fast_terminal"), ()),
+    Contender(PAPER, "the paper's controller", ORIGINAL, kind("fractional_fast_terminal") | STABLE, (*SURFACE, LAWS)),
+    Contender("paper_as_published", "the paper's own gains, not tuned", ORIGINAL, kind("fractional_fast_terminal"), ()),
     Contender(
         "paper_no_terminal",
         "the paper's without λ2",
-        FEI,
+        ORIGINAL,
         kind("fractional") | STABLE,
-        (ORDER, LINEAR_GAIN, LAYER, LAWS),
+        (ORDER, FRACTIONAL_GAIN, LAYER, RHO, LAWS),
         group=PAPER,
     ),
     Contender(
         "paper_integer_order",
         "the paper's with α = 1: conventional fast terminal",
-        FEI,
+        ORIGINAL,
         kind("fast_terminal") | STABLE,
-        (LINEAR_GAIN, TERMINAL_GAIN, EXPONENT, LAYER, LAWS),
+        (LINEAR_GAIN, TERMINAL_GAIN, EXPONENT, LAYER, RHO, LAWS),
         group=PAPER,
     ),
     Contender(
         "paper_no_adaptation",
         "the paper's, which learns nothing of the plant",
-        FEI,
+        ORIGINAL,
         kind("fractional_fast_terminal") | STABLE | NO_LAWS,
         SURFACE,
         group=PAPER,
@@ -77,7 +84,7 @@ CONTENDERS = (
     Contender(
         "paper_least_squares",
         "the paper's with least squares",
-        f"{FEI}; docs/decisions/0016",
+        f"{ORIGINAL}; docs/decisions/0016",
         kind("fractional_fast_terminal", kind="composite") | STABLE,
         (*SURFACE, LAWS),
         group=PAPER,
@@ -85,7 +92,7 @@ CONTENDERS = (
     Contender(
         "paper_joint",
         "the paper's with the joint Kalman filter",
-        f"{FEI}; docs/decisions/0024",
+        f"{ORIGINAL}; docs/decisions/0024",
         kind("fractional_fast_terminal", kind="joint") | STABLE,
         SURFACE,
         observes=True,
@@ -96,26 +103,26 @@ CONTENDERS = (
         "adaptive linear sliding mode",
         BATUR,
         kind("linear") | STABLE | CONSTANT_BOUND,
-        (LINEAR_GAIN, LAYER, LAWS),
+        (LINEAR_GAIN, LAYER, RHO, LAWS),
     ),
     Contender(
         "linear_least_squares",
         "linear sliding mode with least squares",
         f"{BATUR}; docs/decisions/0016",
         kind("linear", kind="composite") | STABLE | CONSTANT_BOUND,
-        (LINEAR_GAIN, LAYER, LAWS),
+        (LINEAR_GAIN, LAYER, RHO, LAWS),
     ),
     Contender(
         "super_twisting",
         "super-twisting with the nominal plant",
-        "Levant 1993; for gyroscopes doi 10.1371/journal.pone.0189457",
+        f"Levant 1993 (from memory); for gyroscopes {TWISTED}",
         kind("super_twisting") | NO_LAWS,
         TWISTING,
     ),
     Contender(
         "super_twisting_adaptive",
         "adaptive super-twisting",
-        "doi 10.1371/journal.pone.0189457",
+        TWISTED,
         kind("super_twisting"),
         (*TWISTING, LAWS),
     ),
