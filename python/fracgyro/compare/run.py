@@ -120,6 +120,7 @@ class _Work:
         judgings = {
             row.name: plan.judging(row, values) for row in rows if (values := tuned[row.name].values) is not None
         }
+        self._total = self._runs + sum(piece.runs for piece in judgings.values())
         self._run(list(judgings.values()), "judging")
         judged = {name: self._finished.read(piece) for name, piece in judgings.items()}
         found = made(plan, tuned, judged)

@@ -53,6 +53,25 @@ def kind(name: str, **adaptation: str) -> dict[str, Any]:
     return {"controller.kind": name, **{f"adaptation.{field}": value for field, value in adaptation.items()}}
 
 
+# Of the nonsingular surfaces, whose second exponent is the first of e.
+NONSINGULAR = (
+    Gain("controller.nonsingular_velocity_gain", 1e-5, 10.0),
+    Gain("controller.velocity_exponent", 1.05, 1.95, log=False, below="1 is linear", above="2 is the first exponent"),
+    Gain("controller.reaching_gain", 5.0, 1e5),
+    Gain("controller.switching_gain", 0.1, 1e5, below="0 is the law without it"),
+)
+FAST = Gain("controller.nonsingular_position_gain", 1e-3, 1000.0, below="0 is the law without it")
+NONSINGULAR_LAYER = Gain("controller.nonsingular_layer", 1e-5, 10.0)
+POWER = Gain("controller.reaching_exponent", 0.05, 0.95, log=False, below="0 is the layer", above="1 is linear")
+ESO = (
+    Gain("controller.natural_frequency", 5.0, 600.0, above=BY_PERIOD),
+    Gain("controller.extended_observer_bandwidth", 20.0, 800.0, above="0.8 over the step"),
+)
+DAMPER = Gain("controller.velocity_gain", 0.3, 1500.0)
+ZHENG = "Zheng, Dong and Gao, doi 10.1109/CCA.2007.4389216 (abstract read)"
+HOROWITZ = "Park and Horowitz, JMEMS 12 (2003) 101, doi 10.1109/JMEMS.2002.807468 (from memory)"
+YANG = "Feng, Yu and Man, doi 10.1016/S0005-1098(02)00147-4; Yang and Yang 2011 (both from memory)"
+
 SURFACE = (ORDER, FRACTIONAL_GAIN, TERMINAL_GAIN, EXPONENT, LAYER, RHO)
 CONTENDERS = (
     Contender(PAPER, "the paper's controller", ORIGINAL, kind("fractional_fast_terminal") | STABLE, (*SURFACE, LAWS)),
@@ -127,4 +146,55 @@ CONTENDERS = (
         (*TWISTING, LAWS),
     ),
     Contender("pid", "PID with feedforward of the nominal plant", "textbook", kind("pid"), PID),
+    Contender(
+        "pid_least_squares",
+        "PID on the plant that least squares find",
+        "certainty equivalence; docs/decisions/0016",
+        kind("least_squares_pid"),
+        PID,
+    ),
+    Contender(
+        "lqg",
+        "linear-quadratic feedback on the joint Kalman filter",
+        "textbook; docs/decisions/0024",
+        kind("lqg"),
+        PID[:1],
+        observes=True,
+    ),
+    Contender(
+        "park_horowitz", "adaptive control of Park and Horowitz", HOROWITZ, kind("park_horowitz"), (DAMPER, LAWS)
+    ),
+    Contender(
+        "nonsingular_terminal",
+        "adaptive nonsingular terminal sliding mode with a layer",
+        YANG,
+        kind("nonsingular_terminal")
+        | {"controller.nonsingular_position_gain": 0.0, "controller.reaching_exponent": 0.0},
+        (*NONSINGULAR, NONSINGULAR_LAYER, LAWS),
+    ),
+    Contender(
+        "nonsingular_fast_terminal",
+        "adaptive nonsingular fast terminal sliding mode with power reaching",
+        f"{YANG}; for gyroscopes doi 10.1155/2019/6840639 (abstract read)",
+        kind("nonsingular_terminal"),
+        (FAST, *NONSINGULAR, POWER, LAWS),
+    ),
+    Contender(
+        "adrc",
+        "active disturbance rejection without a model",
+        ZHENG,
+        kind("disturbance_rejection") | {"controller.nominal_model": False},
+        ESO,
+        classes=("P",),
+        observes=True,
+    ),
+    Contender(
+        "adrc_nominal",
+        "active disturbance rejection with the nominal plant",
+        ZHENG,
+        kind("disturbance_rejection") | {"controller.nominal_model": True},
+        ESO,
+        classes=("P",),
+        observes=True,
+    ),
 )
