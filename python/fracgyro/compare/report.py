@@ -14,7 +14,7 @@ from ..analysis.style import own_style
 from ..files import whole_file
 from ..scenario.table import toml_value
 from .plan import Comparison
-from .plots import Row, error_figure, front_figure, robustness_figure
+from .plots import Fronts, Robustness, Row, error_legend, error_panel
 
 
 def write_report(path: Path, plan: Comparison, rows: Sequence[Row]) -> None:
@@ -25,11 +25,13 @@ def write_report(path: Path, plan: Comparison, rows: Sequence[Row]) -> None:
     conditions = list(plan.task.conditions(base, base.controller.kind))
     plants = list(dict.fromkeys(name for row in rows for name in row["others"] if name not in conditions))
     with own_style():
-        errors = embedded(error_figure(ranked))
-        fronts = embedded(
-            front_figure(_tables(rows, with_ceiling=False, named=len(plan.scenarios) > 1), plan.task.ceilings)
-        )
-        robustness = embedded(robustness_figure(loose, conditions))
+        fronts, robustness = Fronts(rows, plan.task.ceilings), Robustness(conditions)
+        joined = _tables(rows, with_ceiling=False, named=len(plan.scenarios) > 1)
+        panels = {
+            "errors": [embedded(error_legend()), *(embedded(error_panel(*table)) for table in ranked)],
+            "fronts": [embedded(fronts.legend()), *(embedded(fronts.panel(*table)) for table in joined)],
+            "robustness": [embedded(robustness.legend()), *(embedded(robustness.panel(*table)) for table in loose)],
+        }
     text = page(
         "fracgyro.compare",
         "report.html.jinja",
@@ -43,9 +45,7 @@ def write_report(path: Path, plan: Comparison, rows: Sequence[Row]) -> None:
         names={contender.name: contender for contender in plan.contenders},
         conditions=conditions,
         plants=plants,
-        errors=errors,
-        fronts=fronts,
-        robustness=robustness,
+        panels=panels,
     )
     with whole_file(path) as scratch:
         scratch.write_text(text, encoding="utf-8")
