@@ -15,18 +15,18 @@ BY_PERIOD = "0.6 over the step, where the sampled loop is unstable"
 
 # Of sliding surfaces. The gain within the layer, rho/delta, stays below 0.8 over the step.
 ORDER = Gain("controller.order", 0.1, 1.0, log=False, above="1 is the integer order")
-FRACTIONAL_GAIN = Gain("controller.fractional_gain", 1.0, 3000.0)
+FRACTIONAL_GAIN = Gain("controller.fractional_gain", 1.0, 1e5)
 LINEAR_GAIN = Gain("controller.fractional_gain", 1.0, 1000.0, above="1 over the step")
-TERMINAL_GAIN = Gain("controller.terminal_gain", 1e-2, 100.0, below="0 is the law without it")
+TERMINAL_GAIN = Gain("controller.terminal_gain", 1e-2, 1000.0, below="0 is the law without it")
 EXPONENT = Gain(
     "controller.terminal_exponent", 0.35, 0.95, log=False, below="the loop magnifies rounding", above="1 is linear"
 )
-LAYER = Gain("controller.layer_thickness", 1e-2, 10.0, above="the limit of the force ends before the layer")
+LAYER = Gain("controller.layer_thickness", 1e-3, 10.0, above="the limit of the force ends before the layer")
 RHO = Gain("adaptation.initial_bound", 1.0, 800.0, shape=(1.0, 0.0, 0.0), times=LAYER.field, above="0.8 over the step")
 LAWS = Gain(
     "adaptation.damping_gain",
     1e-2,
-    1e4,
+    1e5,
     also=("adaptation.stiffness_gain", "adaptation.rate_gain"),
     below="0 learns nothing",
 )
@@ -36,10 +36,10 @@ CONSTANT_BOUND: dict[str, Any] = {"adaptation.bound_gain": (1e-12, 1e-12, 1e-12)
 PID = (
     Gain("controller.natural_frequency", 5.0, 600.0, above=BY_PERIOD),
     Gain("controller.damping_ratio", 0.1, 10.0),
-    Gain("controller.integral_frequency", 0.01, 300.0),
+    Gain("controller.integral_frequency", 0.01, 2000.0),
 )
 TWISTING = (
-    Gain("controller.surface_gain", 1.0, 500.0),
+    Gain("controller.surface_gain", 1.0, 1000.0, above="1 over the step"),
     Gain("controller.twisting_gain", 0.1, 500.0),
     Gain("controller.integral_gain", 1.0, 1e5),
 )
@@ -58,7 +58,7 @@ NONSINGULAR = (
     Gain("controller.nonsingular_velocity_gain", 1e-5, 10.0),
     Gain("controller.velocity_exponent", 1.05, 1.95, log=False, below="1 is linear", above="2 is the first exponent"),
     Gain("controller.reaching_gain", 5.0, 1e5),
-    Gain("controller.switching_gain", 0.1, 1e5, below="0 is the law without it"),
+    Gain("controller.switching_gain", 0.1, 1e6, below="0 is the law without it"),
 )
 FAST = Gain("controller.nonsingular_position_gain", 1e-3, 1000.0, below="0 is the law without it")
 NONSINGULAR_LAYER = Gain("controller.nonsingular_layer", 1e-5, 10.0)
