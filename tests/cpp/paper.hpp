@@ -47,7 +47,7 @@ typename C::Coefficients prepared(const Setup& setup) {
 template <Scalar T, class Visit>
 void with_light_controller(const Setup& setup, Visit&& visit) {
     with_controller<T>(setup.controller, [&]<class C>() {
-        if constexpr (has_copies<C>) {
+        if constexpr (!requires { requires C::estimates_motion; }) {
             visit.template operator()<C>();
         } else {
             throw std::invalid_argument("joint adaptation");

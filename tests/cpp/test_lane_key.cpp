@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <map>
 #include <string>
 
@@ -18,6 +19,12 @@ std::string key_with(const fracgyro::Setup& setup, const std::string& name, doub
 const std::map<std::string, Switch> switches_of_composite{
     {"adaptation.forgetting", {0.0, 1.0, 2.0}},
     {"controller.adaptive", {1.0, 0.0, 0.0}},
+};
+
+const std::map<std::string, Switch> switches_of_others{
+    {"adaptation.forgetting", {0.0, 1.0, 2.0}},
+    {"controller.reaching_exponent", {0.5, 0.0, 0.0}},
+    {"controller.position_exponent", {1.8, 2.0, 2.5}},
 };
 
 struct Kind {
@@ -36,7 +43,11 @@ std::vector<Kind> every_kind() {
         all.push_back({setup, had});
     };
     for (const std::string_view kind : controller_kinds) {
-        add(paper(2000, kind), switches);
+        auto some = switches;
+        if (std::ranges::find(sliding_modes, kind) == std::end(sliding_modes)) {
+            some.insert(switches_of_others.begin(), switches_of_others.end());
+        }
+        add(paper(2000, kind), some);
     }
     for (const std::string_view kind : sliding_modes) {
         EXPECT_EQ(all[kind_of(kind)].switches.size(), switches.size());

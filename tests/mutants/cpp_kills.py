@@ -40,6 +40,7 @@ PYTHON = [
     "claims",
     "outside",
     "law_rate",
+    "kinds",
 ]
 LONGEST = 20.0  # s of tests for one mutant, the quickest first
 STUCK = 600.0  # s of waiting for nothing

@@ -127,7 +127,7 @@ struct ConventionalGyroscope {
         }
         const bool limited = common.force_limit < std::numeric_limits<double>::infinity();
         return {.reference = Reference<T>::prepare(common.reference, h),
-                .limit = T(limited ? common.force_limit : std::numeric_limits<float>::max()),
+                .limit = T(limited ? common.force_limit : static_cast<double>(std::numeric_limits<float>::max())),
                 .limited = limited,
                 .step = T(h),
                 .amplitude = T(common.reference.amplitude.x()),
@@ -209,7 +209,9 @@ struct ConventionalGyroscope {
         const Vec2<T> ahead = product(state.oscillator, product(c.lead, small_turn(c.lead_steps * extra)));  // e^jθ′
         Vec2<T> force{drive * ahead.x(), zero};
 
-        const T double_speed = T(2.0) * frequency, per_rate = one / (double_speed * c.amplitude);
+        // Without a reference there is nothing to divide by.
+        const auto sound_divisor = [&](T a) { return if_less(absolute(a), T(1e-9), one, a); };
+        const T double_speed = T(2.0) * frequency, per_rate = one / sound_divisor(double_speed * c.amplitude);
         Vec2<T> coupling;  // the force on y that the rate makes, times -1
         if constexpr (rebalanced) {
             const Vec2<T> held = -(c.rebalance_gain * state.sense) - state.rebalance;  // W
@@ -221,7 +223,7 @@ struct ConventionalGyroscope {
             const T saturated = if_less(zero, absolute(asked - acts), zero, one);
             state.rebalance = state.rebalance + (saturated * c.rebalance_step) * state.sense;
         } else {
-            const T split = (c.stiffness - frequency * frequency) / double_speed;
+            const T split = (c.stiffness - frequency * frequency) / sound_divisor(double_speed);
             coupling = -(double_speed * turned(product(Vec2<T>{c.damping, -split}, state.sense)));
         }
         signals.excess = {wanted - drive, signals.excess.y()};
