@@ -23,8 +23,8 @@ struct NonsingularTerminalParams {
     double velocity_gain = 0.01;           // b
     double position_exponent = 2.0;        // γ₁
     double velocity_exponent = 5.0 / 3.0;  // γ₂
-    double reaching_gain = 500.0;          // k
-    double switching_gain = 0.0;           // k_s
+    double reaching_gain = 2000.0;         // k
+    double switching_gain = 100.0;         // k_s
     double reaching_exponent = 0.5;        // ρ
     double layer_thickness = 0.01;         // δ
     AdaptationParams adaptation{};         // of which the bounds are not used
