@@ -90,17 +90,17 @@ def test_what_the_database_holds_is_not_tuned_again(tmp_path: Path) -> None:
 def test_no_process_outlives_a_comparison_that_is_killed(tmp_path: Path) -> None:
     words = ["compare", "track", "--only", "pid", "--class", "F", "--quick", "--out", str(tmp_path / "out")]
     command = [sys.executable, "-m", "fracgyro", *words]
-    alone = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True)
+    lone = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True)
     tunings = tmp_path / "out" / "tunings"
-    while alone.poll() is None and not (tunings.is_dir() and any(tunings.iterdir())):
+    while lone.poll() is None and not (tunings.is_dir() and any(tunings.iterdir())):
         time.sleep(0.01)
-    assert alone.poll() is None
-    alone.kill()
-    alone.wait(timeout=PATIENCE)
+    assert lone.poll() is None
+    lone.kill()
+    lone.wait(timeout=PATIENCE)
     deadline = time.monotonic() + PATIENCE
     while time.monotonic() < deadline:
         try:
-            os.killpg(alone.pid, 0)
+            os.killpg(lone.pid, 0)
         except ProcessLookupError:
             return
         time.sleep(0.05)

@@ -15,8 +15,8 @@
 //        open loop          u_y = 0,  F_c = 2jω̂ (½dyy - jδ) Y,  Ω̂z = -Re F_c/(2 A_r ω̂),
 //                           δ = (kyy - ω̂²)/(2ω̂)
 //
-//    followed by a low-pass filter of first order. θ′ = θ + ω̂h (½ + delay): the center of the hold, and the delay
-//    that the datasheet declares. AGC and PLL: Leland 2005, doi 10.1109/JSEN.2005.844538 (abstract read).
+//    followed by a low-pass filter of first order. θ′ = θ + ω̂h (½ + delay): the center of the hold, and the
+//    delay that the datasheet declares. AGC and PLL: Leland 2005, doi 10.1109/JSEN.2005.844538 (abstract read).
 //
 //    A dxy acts as a rate dxy/2, and no conventional gyroscope can tell them apart.
 #pragma once

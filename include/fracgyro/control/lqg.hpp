@@ -1,10 +1,10 @@
-// Linear-quadratic control on a joint Kalman filter of the motion, D, K and Ωz (joint.hpp): with e and ė as the filter
-// estimates them,
+// Linear-quadratic control on a joint Kalman filter of the motion, D, K and Ωz (joint.hpp): with e and ė as the
+// filter estimates them,
 //
 //        u = (D̂ + 2Ω̂) ṙ + K̂ r + r̈ - ω² e - √2 ω ė
 //
-//    The feedback is the optimal one for ë = u with the weights ω⁴ of e² and 1 of u²: far below ω the plant's own
-//    forces on e do not count.
+//    The feedback is the optimal one for ë = u with the weights ω⁴ of e² and 1 of u²: far below ω the
+//    plant's own forces on e do not count.
 #pragma once
 
 #include "fracgyro/control/joint.hpp"

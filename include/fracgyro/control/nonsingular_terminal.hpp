@@ -8,8 +8,8 @@
 //    terminal (Yang and Yang 2011, cited from memory; for gyroscopes doi 10.1155/2019/6840639, of which the abstract
 //    was read). ρ between 0 and 1 is the power reaching law of the continuous variants, ρ = 0 the boundary layer.
 //
-//    No power of the force is negative, so that nothing is singular; but ds/du = b γ₂ |ė|^(γ₂-1) vanishes with ė, and
-//    there the force has no authority over s. The estimates follow the laws (44) with (ds/du) s in the place of s.
+//    No power of the force is negative, so that nothing is singular; but ds/du = b γ₂ |ė|^(γ₂-1) vanishes with ė,
+//    and there the force has no authority over s. The estimates follow the laws (44) with (ds/du) s in the place of s.
 #pragma once
 
 #include "fracgyro/control/gradient.hpp"

@@ -3,8 +3,9 @@
 //
 //        u = (D̂ + 2Ω̂) v + K̂ q - K_m q - γ ė,      so that  ë + γ ė + K_m e = -Φᵀθ̃
 //
-//    and the estimates follow the laws (44) with ė in the place of s. Only K_m brings the position back: off resonance,
-//    where K_m is far below K, no γ makes the error small. The method is designed for operation at resonance.
+//    and the estimates follow the laws (44) with ė in the place of s. Only K_m brings the position back: off
+//    resonance, where K_m is far below K, no γ makes the error small. The method is designed for operation at
+//    resonance.
 #pragma once
 
 #include "fracgyro/control/gradient.hpp"

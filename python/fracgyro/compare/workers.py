@@ -57,7 +57,7 @@ def _here(pool: ProcessPoolExecutor, work: Sequence[W], progress: Progress) -> I
 
 
 def _begin(begun: Any) -> None:
-    """In a new process: it has a processor to itself, and ends with its parent, which alone hears of Ctrl-C."""
+    """In a new process: it has a processor to itself, and ends with its parent, which hears of Ctrl-C in its place."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with begun.get_lock():
         number = begun.value
