@@ -45,13 +45,13 @@ auto get_state(Component& c, void** state) {
     } else {
         *static_cast<Instance::State*>(*state) = c.instance.state();
     }
-    return *state == nullptr ? c.failed("there is no memory left for a state") : c.status(true);
+    return *state == nullptr ? c.failed("no memory is left for a state") : c.status(true);
 }
 
 template <class Component>
 auto set_state(Component& c, const void* state) {
     if (state == nullptr) {
-        return c.failed("there is no state to set");
+        return c.failed("no state was given");
     }
     c.instance.restore(*static_cast<const Instance::State*>(state));
     return c.status(true);
@@ -68,7 +68,7 @@ inline void free_state(void** state) {
 template <class Component, class Byte>
 auto serialize(Component& c, const void* state, Byte* bytes, std::size_t size) {
     if (state == nullptr || bytes == nullptr || size < Instance::saved_size) {
-        return c.failed("there is no state to serialize, or too little room for it");
+        return c.failed("no state was given, or too little room for it");
     }
     Instance::write(*static_cast<const Instance::State*>(state), reinterpret_cast<unsigned char*>(bytes));
     return c.status(true);
@@ -78,7 +78,7 @@ template <class Component, class Byte>
 auto deserialize(Component& c, const Byte* bytes, std::size_t size, void** state) {
     auto* const read = make<Instance::State>();
     if (read == nullptr) {
-        return c.failed("there is no memory left for a state");
+        return c.failed("no memory is left for a state");
     }
     if (!c.instance.read(reinterpret_cast<const unsigned char*>(bytes), size, *read)) {
         destroy(read);

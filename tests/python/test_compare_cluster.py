@@ -38,11 +38,11 @@ def states(address: str) -> dict[str, int]:
 
 def linger(inside: str) -> None:
     """In a worker: its next tuning stops within the third trial, says so, and never ends."""
-    tell, told = Search._tell, []
+    tell, reported = Search._tell, []
 
     def stop(self: Search, *arguments: Any) -> None:
-        told.append(self)
-        if len(told) == 3:
+        reported.append(self)
+        if len(reported) == 3:
             Path(inside).touch()
             time.sleep(PATIENCE)
         tell(self, *arguments)

@@ -57,7 +57,7 @@ struct NonsingularTerminalParams {
 
 template <Scalar T>
 struct NonsingularTerminalReport : PlantReport<T> {
-    Vec2<T> sliding{};  // s, which is no rate as other surfaces are
+    Vec2<T> sliding{};  // s, a length where other surfaces are rates
 
     static constexpr auto fields() {
         using R = NonsingularTerminalReport;

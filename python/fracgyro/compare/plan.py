@@ -125,7 +125,7 @@ def planned(
     quick: bool,
     storage: str | None,
 ) -> Comparison:
-    """Raises ScenarioError in one sentence when this is no comparison."""
+    """Raises ScenarioError in one sentence when these cannot be compared."""
     if task not in TASKS:
         raise ScenarioError(f"the task is {shown(task)}: it must be {' or '.join(TASKS)}")
     one = TASKS[task]
