@@ -5,6 +5,7 @@
 # make web         the WebAssembly module, into build/web
 # make bench       the measurements that docs/performance.md and others quote
 # make compare     the controllers compared, in full; into benchmarks/results/compare.md
+# make article     the replication article, as PDF; into build/article/article.pdf
 # make mutants     edits of the code, and which of them the tests notice; into benchmarks/results/mutants.md
 # make check-deep  what takes ten minutes: fuzzing files, folders, the command line, states, FMUs, firmware; clang-tidy
 # make setup-embedded   compilers, emulator and node, from Debian's packages; without them the tests of firmware or
@@ -28,7 +29,7 @@ unexport PYTHONDONTWRITEBYTECODE
 SUDO = $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 
 .PHONY: reproduce test test-quick test-machines check check-deep check-sanitized fuzz-firmware mutants test-core \
-  test-python web bench compare setup-test setup-embedded setup-postgres setup-machines clean
+  test-python web bench compare article setup-test setup-embedded setup-postgres setup-machines clean
 .SECONDARY:
 .NOTPARALLEL:  # pip installs one thing at a time; compilers and tests use every processor by themselves
 
@@ -98,6 +99,10 @@ bench: .venv/installed-bench .venv/installed-export
 # Resumes what build/compare holds. ARGS="--quick": the log is then marked as untuned.
 compare: .venv/installed-test
 	$(BIN)/python benchmarks/compare.py $(ARGS)
+
+# Its own runs take half a minute. ARGS="--seeds 8": with fewer noise seeds than the 100 of the study.
+article: .venv/installed-article
+	$(BIN)/python article/build.py $(ARGS)
 
 # Inputs made at random: every one works or is refused in one sentence. One line for each fuzzer.
 FUZZ_SECONDS := 40

@@ -1,0 +1,269 @@
+"""The article: it builds, has the length of one, and its numbers and sentences are those of runs, logs and results."""
+
+from __future__ import annotations
+
+import html
+import importlib.util
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typst
+from fracgyro.compare.track_contenders import CONTENDERS
+
+ROOT = Path(__file__).resolve().parents[2]
+ARTICLE = ROOT / "article"
+sys.path.append(str(ARTICLE))
+
+import comparison  # noqa: E402
+import logs  # noqa: E402
+import replication  # noqa: E402
+import sensing  # noqa: E402
+import words  # noqa: E402
+
+# By its path, as a package of PyPI has the same name.
+_spec = importlib.util.spec_from_file_location("article_build", ARTICLE / "build.py")
+assert _spec is not None
+assert _spec.loader is not None
+build = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(build)
+
+CEILINGS = (0.0035, 0.05)
+CONDITIONS = ("one step of delay", "12 bit", "K -300 ppm, drifting", "4 times as long", "K +5 %", "rate 0")
+EFFORT = {"trials": 200, "seeds": 8, "samplers": 3, "held_out": 100, "few": 10, "quick": False}
+Row = dict[str, Any]
+
+
+def about(value: float, by: float = 0.02) -> dict[str, float]:
+    return {"value": value, "low": value * (1 - by), "high": value * (1 + by)}
+
+
+def row(name: str, information: str, noise: float, ceiling: float, error: float, **changes: Any) -> Row:
+    """Of compare-track.json: a made-up contender whose error is so many times that of the paper's."""
+    return {
+        "name": name,
+        "words": f"the controller called {name}",
+        "class": information,
+        "noise": noise,
+        "ceiling": ceiling,
+        "gains": {"controller.kp": 1.0},
+        "sampler_errors": [error * 1e-4 * factor for factor in (1.0, 1.1, 1.2)],
+        "range_ends": [],
+        "diverged": 0,
+        "metrics": {"error": about(error * 1e-4)},
+        "ratio": about(error),
+        "kept": True,
+        "others": {name: {**about(1.5), "diverged": 0, "seeds": 10} for name in CONDITIONS},
+        "front": [[ceiling / 2, error * 2e-4], [ceiling, error * 1e-4]],
+        "cost": {"ns_per_step": 100.0, "relative": 1.0, "state_bytes": 100},
+        **changes,
+    }
+
+
+def track(errors: dict[str, float], **changes: dict[str, Any]) -> dict[str, Any]:
+    """Contenders by name, with their errors in every cell; `changes` to rows, by name."""
+    rows = [
+        row(name, information, noise, ceiling, error, **changes.get(name, {}))
+        for information in ("F", "P")
+        for noise in (0.0, 1e-13)
+        for ceiling in CEILINGS
+        for name, error in errors.items()
+    ]
+    return {"task": "track", "version": "0.1.0", "effort": EFFORT, "contenders": rows}
+
+
+def rate(**walks: float) -> dict[str, Any]:
+    found = []
+    for name, walk in walks.items():
+        made = row(name, "P", 1e-13, 0.0, 1.0, scenario="dual_mass", front=[], others={})
+        made["metrics"] = {"angle_random_walk": about(walk), "scale_factor_error": about(-10 * walk)}
+        found.append(made)
+    return {"task": "rate", "version": "0.1.0", "effort": EFFORT, "contenders": found}
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The article on few seeds, with a comparison of all contenders of the package, made up."""
+    out = tmp_path_factory.mktemp("article")
+    errors = {contender.name: 0.5 + 0.1 * place for place, contender in enumerate(CONTENDERS)}
+    rates = rate(force_rebalance=0.02, open_loop=0.021, adrc=0.03, lqg=0.018, paper=0.05, paper_joint=0.018)
+    data = {"track": track({**errors, "paper": 1.0}), "rate": rates}
+    build.write(out, replication.replicate(2), sensing.errors(2), data)
+    return out
+
+
+def pages(out: Path) -> int:
+    found = typst.compile(out / "article.typ", format="png", ppi=10, **build.fonts())
+    return len(found) if isinstance(found, list) else 1
+
+
+def text(out: Path) -> str:
+    """What a reader reads, tables included, which typst's HTML loses where they reach into the margin."""
+    main = out / "text.typ"
+    main.write_text('#show pad: it => it.body\n#include "article.typ"\n', encoding="utf-8")
+    page = typst.compile(main, format="html", **build.fonts()).decode()
+    page = re.sub(r"<style.*?</style>", "", page, flags=re.DOTALL)
+    return re.sub(r"\s+", " ", html.unescape(re.sub(r"<[^>]+>", " ", page)))
+
+
+def test_the_article_is_a_pdf_of_6_to_10_pages(written: Path) -> None:
+    assert (written / "article.pdf").read_bytes().startswith(b"%PDF")
+    assert 6 <= pages(written) <= 10
+
+
+def test_the_article_has_its_tables_and_no_hole_where_a_value_belongs(written: Path) -> None:
+    found = text(written)
+    for there in ("least squares added", "nonsingular fast terminal", "force rebalance", "Mathematische Zeitschrift"):
+        assert there in found
+    assert not re.findall(r"\b(?:None|none|NaN|nan|inf|null)\b", found.replace("since the paper has none", ""))
+    values = json.loads((written / "values.json").read_text(encoding="utf-8"))
+    assert not [place for place, value in leaves(values) if value is None or value in ("", "nan", "inf", "None")]
+
+
+def leaves(value: Any, place: str = "") -> list[tuple[str, Any]]:
+    """Everything that a text can show, with where it stands."""
+    items: Any = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    return [leaf for key, each in items for leaf in leaves(each, f"{place}.{key}")] or (
+        [] if isinstance(value, dict | list) else [(place, value)]
+    )
+
+
+def test_a_value_that_the_article_shows_and_nobody_wrote_stops_it(written: Path, tmp_path: Path) -> None:
+    values = json.loads((written / "values.json").read_text(encoding="utf-8"))
+    del values["end"]["threshold"]
+    (tmp_path / "figures").symlink_to(written / "figures")
+    with pytest.raises(typst.TypstError, match="threshold"):
+        build.typeset(values, tmp_path)
+
+
+def test_the_article_shows_verdicts_of_the_claims_code(written: Path) -> None:
+    values = json.loads((written / "values.json").read_text(encoding="utf-8"))
+    claims = values["claims"]
+    printed = [line["id"] for line in claims["rows"] if line["printed"]["held"]]
+    assert claims["names"]["printed"] == printed
+    assert claims["held"]["printed"] == words.spelled(len(printed))
+    assert f"{claims['held']['printed']} of nine claims hold as printed ({', '.join(printed)})" in text(written)
+
+
+# What the original states, and limits that the text chooses: everything else with a point is a value.
+STATED = {"0.9", "0.08", "3.11", "1.3", "1.5e-5"}
+
+
+def test_no_measured_number_is_typed_by_hand() -> None:
+    source = (ARTICLE / "article.typ").read_text(encoding="utf-8")
+    source = re.sub(r"//.*|#image\([^)]*\)|\b\d+(?:\.\d+)?(?:mm|pt|em|%|fr)", "", source)
+    assert set(re.findall(r"(?<![\w.])\d+\.\d+(?:e-?\d+)?", source)) <= STATED
+
+
+def test_a_missing_comparison_ends_in_one_sentence(tmp_path: Path) -> None:
+    command = [sys.executable, ARTICLE / "build.py", "--comparison", tmp_path, "--out", tmp_path / "out"]
+    ran = subprocess.run(command, capture_output=True, text=True)
+    sentence = f"article: {tmp_path / 'compare-track.json'} is missing: `make compare` writes it\n"
+    assert (ran.returncode, ran.stderr) == (1, sentence)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("content", ["[1, 2]", "{", '{"task": "track", "effort": {}, "contenders": []}'])
+def test_what_is_no_comparison_is_refused(content: str, tmp_path: Path) -> None:
+    (tmp_path / "compare-rate.json").write_text(content, encoding="utf-8")
+    with pytest.raises(ValueError, match=r"compare-rate\.json"):
+        comparison.load(tmp_path, "rate")
+
+
+# -- The sentences -------------------------------------------------------------------------------------------
+
+
+def ranking(errors: dict[str, float], **changes: dict[str, Any]) -> str:
+    found: str = comparison.track(track({"paper": 1.0, **errors}, **changes))["verdicts"]["P"]["sentence"]
+    return found
+
+
+def test_who_is_better_and_who_is_worse_is_read_from_the_intervals() -> None:
+    found = ranking({"pid": 0.9, "lqg": 0.1, "adrc": 1.01, "linear": 9.0, "paper_joint": 0.1})
+    assert "two have less error than the paper's (pid and lqg*)" in found
+    assert "one has more error or no gains within a ceiling (linear*)" in found
+    assert "undecided (adrc)" in found
+    assert "joint" not in found  # a variant of the paper's own
+
+
+def test_a_contender_without_gains_within_a_ceiling_is_not_called_better() -> None:
+    assert "(pid*)" in ranking({"pid": 0.1})
+    lost = ranking({"pid": 0.1}, pid={"kept": False})
+    assert "less error" not in lost
+    assert "no gains within a ceiling (pid" in lost
+
+
+def test_a_difference_within_the_spread_of_the_samplers_has_no_mark() -> None:
+    wide = {"sampler_errors": [1e-5, 1e-4, 1.1e-4]}
+    assert "(pid)" in ranking({"pid": 0.1}, pid=wide)
+    failed = {"sampler_errors": [1e-5, None, 1e-5]}
+    assert "(pid)" in ranking({"pid": 0.1}, pid=failed)
+
+
+def test_a_run_that_diverged_is_counted_in_its_cell() -> None:
+    lost = {"diverged": 3, "metrics": {"error": dict.fromkeys(("value", "low", "high"))}, "kept": False}
+    found = comparison.track(track({"paper": 1.0, "pid": 2.0}, pid={**lost, "ratio": None}))
+    (pid,) = (line for line in found["tables"]["F"] if line["name"] == "pid")
+    assert pid["cells"] == ["3 diverged"] * 4
+    assert pid["ratio"] == "–"
+
+
+def test_the_spread_of_the_samplers_is_over_that_of_the_seeds() -> None:
+    samplers = comparison.track(track({"paper": 1.0, "pid": 2.0}, pid={"sampler_errors": [1.0, 2.0, 4.0]}))["samplers"]
+    assert (samplers["median"], samplers["largest"], samplers["failed"]) == ("2.6", "4.0", "no rows")
+    assert samplers["seeds"] == "1.04"
+
+
+def test_the_rate_table_shows_what_is_there_from_the_least_walk_up() -> None:
+    found = comparison.rate(rate(adrc=0.04, lqg=0.02, force_rebalance=0.0201))
+    assert found["heads"] == ["ARW, deg/√h", "scale factor, ppm"]
+    (table,) = found["tables"]
+    assert [line["name"] for line in table["rows"]] == ["lqg", "force rebalance", "adrc"]
+    assert table["rows"][0]["cells"] == ["0.0200 ± 0.0004", "−0.200 ± 0.004"]
+    assert table["sentences"][0].startswith("ARW: lqg has the least")
+    assert table["sentences"][0].endswith("from which force rebalance cannot be distinguished")
+
+
+def test_metrics_that_nobody_named_are_shown_by_their_own_name() -> None:
+    data = rate(lqg=1.0, adrc=2.0)
+    for each in data["contenders"]:
+        each["metrics"] = {"some_figure": about(1.0)}
+    assert comparison.rate(data)["heads"] == ["some figure"]
+
+
+# -- Logs and words ------------------------------------------------------------------------------------------
+
+
+def test_a_log_gives_the_cell_that_it_prints() -> None:
+    paper = logs.row("boundedness", surface="fractional fast terminal (paper)")
+    text_of_log = (ROOT / "benchmarks/results/boundedness.md").read_text(encoding="utf-8")
+    assert f"| fractional fast terminal (paper) | {paper['predicted']} | {paper['measured']} |" in text_of_log
+    with pytest.raises(ValueError, match="0 rows"):
+        logs.row("boundedness", surface="no such surface")
+    with pytest.raises(ValueError, match="no table"):
+        logs.rows("boundedness", "no such heading")
+    with pytest.raises(ValueError, match="make bench"):
+        logs.rows("no_such_log", "surface")
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "expected"),
+    [
+        (0.0, 2, "0"),
+        (1234.5, 2, "1200"),
+        (0.05, 2, "0.050"),
+        (-0.051, 1, "−0.05"),
+        (1.5e-5, 2, "1.5e-5"),
+        (-1e-5, 2, "−1e-5"),
+        (1e7, 2, "1e7"),
+        (0.9996, 3, "1.00"),
+        (float("nan"), 2, "–"),
+        (None, 2, "–"),
+    ],
+)
+def test_numbers_are_short(value: float | None, digits: int, expected: str) -> None:
+    assert words.short(value, digits) == expected
