@@ -72,6 +72,8 @@ def track(data: dict[str, Any]) -> Values:
     ceilings = sorted({float(row["ceiling"]) for row in rows})
     classes = sorted({row["class"] for row in rows})
     noises = sorted({float(row["noise"]) for row in rows})
+    if classes != ["F", "P"]:
+        raise ValueError(f"compare-track.json has the classes {listed(classes)}: F and P are needed")
     return {
         "effort": effort(data),
         "contenders": spelled(len({row["name"] for row in rows})),
@@ -234,8 +236,8 @@ def _verdict(rows: list[Row], information: str, noise: float, ceilings: Sequence
     names = [n for n in dict.fromkeys(row["name"] for row in here) if not n.startswith(PAPER)]
     pairs = {n: [cell(here, name=n, ceiling=c) for c in (ceilings[0], ceilings[-1])] for n in names}
     papers = [cell(here, name=PAPER, ceiling=c) for c in (ceilings[0], ceilings[-1])]
-    better = [n for n, both in pairs.items() if all(_sign(row) < 0 for row in both)]
-    worse = [n for n, both in pairs.items() if all(_sign(row) > 0 for row in both)]
+    better = [n for n, both in pairs.items() if all(_sign(*pair) < 0 for pair in zip(both, papers, strict=True))]
+    worse = [n for n, both in pairs.items() if all(_sign(*pair) > 0 for pair in zip(both, papers, strict=True))]
     clear = {n for n in (*better, *worse) if all(map(_apart, pairs[n], papers))}
     open_ = [n for n in names if n not in better and n not in worse]
     best = {}
@@ -248,6 +250,8 @@ def _verdict(rows: list[Row], information: str, noise: float, ceilings: Sequence
                 "error": short(UNIT * error(first), 3),
                 "interval": interval(UNIT * error(first, "low"), UNIT * error(first, "high"), 3),
             }
+    if not best:
+        raise ValueError(f"compare-track.json has no contender of class {information} that kept a ceiling")
     return {
         "others": spelled(len(names)),
         "sentence": _ranking(better, worse, open_, clear),
@@ -260,12 +264,13 @@ def _verdict(rows: list[Row], information: str, noise: float, ceilings: Sequence
     }
 
 
-def _sign(row: Row | None) -> int:
-    """-1: less error than the paper's controller, by its interval; 1: more, or no result that counts; 0: undecided."""
-    if row is None:
+def _sign(row: Row | None, paper: Row | None) -> int:
+    """-1: less error than the paper's controller, by its interval; 1: more; 0: undecided. To keep the ceiling counts
+    as less error than not to keep it."""
+    if row is None or paper is None:
         return 0
-    if not row["kept"]:
-        return 1
+    if not row["kept"] or not paper["kept"]:
+        return int(paper["kept"]) - int(row["kept"])
     ratio = row["ratio"] or {}
     if ratio.get("value") is None:
         return 0
@@ -394,8 +399,8 @@ def _least(rows: list[Row], name: str) -> str:
     near = [row["name"].replace("_", " ") for row in known if row is not first and _overlap(row, first, name)]
     near = near if len(near) <= 3 else [*near[:2], f"{len(near) - 2} others"]
     heading = RATE_COLUMNS.get(name, (name.replace("_", " "), 1.0))[0].split(",")[0]
-    text = f"{heading}: {first['name'].replace('_', ' ')} has the least, {_rate_cell(first, name)}"
-    return f"{text}, from which {listed(near)} cannot be distinguished" if near else text
+    text = f"{heading}, {first['name'].replace('_', ' ')} ({_rate_cell(first, name)})"
+    return f"{text}, with {listed(near)}" if near else text
 
 
 def _overlap(row: Row, first: Row, name: str) -> bool:

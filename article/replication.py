@@ -17,7 +17,7 @@ from fracgyro.paper.runs import ORDERS, PAPER_ORDER, VARIANTS, Runs, Study, reco
 from fracgyro.paper.step_cost import StepCost, time_steps
 from fracgyro.scenario import bounded
 from fracgyro.simulation.simulate import DivergedError, simulate
-from words import short, spelled
+from words import short, spelled, uncertain
 
 LONG, LIMIT = 5000.0, 0.5  # of the runs to the end: their length, and the switching limit of one of them
 EACH = 1000  # samples to a unit of time
@@ -127,7 +127,7 @@ def _short(claim: Claim, r: Replication) -> str:
     if claim.id == "b":
         theirs, mine = of("error_settling_time", "fractional"), of("error_settling_time")
         share = float((theirs > mine).mean())
-        return f"from t = {short(middle(theirs), 3)}; the slower one in {share:.0%} of seeds".replace("%", " %")
+        return f"from t = {short(middle(theirs), 3)}; the slower one in {100 * share:.0f} % of seeds"
     if claim.id == "c":
         ratio = of("rmse").mean("run") / of("rmse", "conventional").mean("run")
         x, y = (float(ratio.sel(window="steady", axis=axis)) for axis in "xy")
@@ -180,8 +180,7 @@ def _seen(r: Replication) -> Values:
     return {
         "moved": short(float(abs(printed["rate_estimate"] - printed["rate_estimate"][0]).max())),
         "symmetric": short(float(abs(printed["rate_symmetric_estimate"]).max())),
-        "element": short(float(entry.mean())),
-        "element_spread": short(float(entry.std())),
+        "element": uncertain(float(entry.mean()), float(entry.std())),
         "peak": short(float(results["corrected"]["rate_error_peak"].median()) / RATE, 3),
         "layer": layers,
         "order_whole": {axis: f"{orders['whole', axis]:g}" for axis in "xy"},

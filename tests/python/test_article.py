@@ -195,6 +195,19 @@ def test_a_contender_without_gains_within_a_ceiling_is_not_called_better() -> No
     lost = ranking({"pid": 0.1}, pid={"kept": False})
     assert "less error" not in lost
     assert "no gains within a ceiling (pid" in lost
+    assert "less error than the paper's (pid" in ranking({"pid": 2.0}, paper={"kept": False})
+    assert "undecided (pid)" in ranking({"pid": 2.0, "lqg": 1.0}, paper={"kept": False}, pid={"kept": False})
+
+
+def test_a_comparison_that_the_text_cannot_speak_of_is_refused() -> None:
+    half = track({"paper": 1.0})
+    half["contenders"] = [each for each in half["contenders"] if each["class"] == "F"]
+    with pytest.raises(ValueError, match="F and P are needed"):
+        comparison.track(half)
+    with pytest.raises(ValueError, match="no contender of class F that kept"):
+        comparison.track(track({"paper": 1.0}, paper={"kept": False}))
+    with pytest.raises(ValueError, match="no contender paper"):
+        comparison.track(track({"pid": 1.0}))
 
 
 def test_a_difference_within_the_spread_of_the_samplers_has_no_mark() -> None:
@@ -224,8 +237,7 @@ def test_the_rate_table_shows_what_is_there_from_the_least_walk_up() -> None:
     (table,) = found["tables"]
     assert [line["name"] for line in table["rows"]] == ["lqg", "force rebalance", "adrc"]
     assert table["rows"][0]["cells"] == ["0.0200 ± 0.0004", "−0.200 ± 0.004"]
-    assert table["sentences"][0].startswith("ARW: lqg has the least")
-    assert table["sentences"][0].endswith("from which force rebalance cannot be distinguished")
+    assert table["sentences"][0] == "ARW, lqg (0.0200 ± 0.0004), with force rebalance"
 
 
 def test_metrics_that_nobody_named_are_shown_by_their_own_name() -> None:
