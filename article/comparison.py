@@ -13,7 +13,7 @@ from typing import Any
 from words import interval, listed, short, spelled, uncertain
 
 PAPER, PUBLISHED = "paper", "paper_as_published"
-NOISE = 1e-13  # m/sqrt(Hz), the one whose results are told in sentences
+NOISE = 1e-13  # m/sqrt(Hz), the one whose results are put in sentences
 END = "†"  # marks a gain at the end of its range
 UNIT = 1e6  # errors of tracking are shown in millionths of q0
 Row = dict[str, Any]

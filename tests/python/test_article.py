@@ -168,7 +168,7 @@ def test_a_missing_comparison_ends_in_one_sentence(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", ["[1, 2]", "{", '{"task": "track", "effort": {}, "contenders": []}'])
-def test_what_is_no_comparison_is_refused(content: str, tmp_path: Path) -> None:
+def test_what_is_not_a_comparison_is_refused(content: str, tmp_path: Path) -> None:
     (tmp_path / "compare-rate.json").write_text(content, encoding="utf-8")
     with pytest.raises(ValueError, match=r"compare-rate\.json"):
         comparison.load(tmp_path, "rate")
