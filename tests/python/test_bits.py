@@ -120,6 +120,8 @@ def test_a_run_in_a_lane_has_the_bits_of_a_single_run(lanes: int) -> None:
         if "bound_estimate" in run:
             assert row[names.index("bound_0_halfway")] == run["bound_estimate"].values[len(rate) // 2, 0]
         assert row[names.index("largest_force")] == np.abs(run["control"].values).max()
+        limit = scenario.controller.force_limit
+        assert row[names.index("saturated_share")] == (np.abs(run["control"].values) >= limit).any(axis=-1).mean()
 
 
 # -- The published hashes -----------------------------------------------------------------------------------

@@ -18,15 +18,17 @@ from children import PATIENCE, run_until
 from fracgyro.compare.contender import Contender, Gain
 from fracgyro.compare.own import own_contender
 from fracgyro.compare.plan import FIRST_HELD_OUT, FULL, QUICK, planned
-from fracgyro.compare.rows import front, median_of, ratio
+from fracgyro.compare.rows import front, median_of, ratio, verdict
 from fracgyro.compare.run import Compared, compare
-from fracgyro.compare.track import Cell, Track
+from fracgyro.compare.task import Cell, sensed
+from fracgyro.compare.track import Track
 from fracgyro.scenario.schema import ZERO
 from fracgyro.scenario.to_core import core_numbers, device_params
 from fracgyro.study.space import value_of
 from fracgyro.study.tune.criteria import Measured, measure
 
 TRACK = Track()
+PAPER = TRACK.scenarios()["paper"]
 COMPARE = "fracgyro.compare.run", "compare"
 SMALL: dict[str, Any] = {"only": ["paper", "pid"], "classes": ["F"], "noise": [0.0], "trials": 4, "quick": True}
 WORDS = ["--only", "paper,pid", "--class", "F", "--noise", "0", "--trials", "4", "--quick"]
@@ -89,7 +91,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Compared:
     [pytest.param(c, information, id=f"{c.name}-{information}") for c in TRACK.contenders for information in c.classes],
 )
 def test_every_contender_is_a_scenario_at_both_ends_of_every_range(contender: Contender, information: str) -> None:
-    base = TRACK.sensed(TRACK.scenario(None), information, 1e-13)
+    base = sensed(PAPER, information, 1e-13)
     gains = contender.tuned(information)
     assert len(gains) <= 8
     for end in ("low", "high"):
@@ -102,7 +104,7 @@ def test_every_contender_is_a_scenario_at_both_ends_of_every_range(contender: Co
 
 
 def test_all_contenders_have_the_same_task_but_for_their_own_tables() -> None:
-    base = TRACK.sensed(TRACK.scenario(None), "F", 1e-13)
+    base = sensed(PAPER, "F", 1e-13)
     for contender in TRACK.contenders:
         mine = contender.scenario(base)
         for table in ("plant", "reference", "disturbance", "rate", "device", "run", "datasheet"):
@@ -114,8 +116,7 @@ def test_all_contenders_have_the_same_task_but_for_their_own_tables() -> None:
 
 
 def test_positions_only_means_no_velocity_and_the_noise_is_the_same_on_what_is_measured() -> None:
-    base = TRACK.scenario(None)
-    full, positions = TRACK.sensed(base, "F", 1e-13), TRACK.sensed(base, "P", 1e-13)
+    full, positions = sensed(PAPER, "F", 1e-13), sensed(PAPER, "P", 1e-13)
     assert (full.device.sensing, positions.device.sensing) == ("full", "position")
     # 1e-13 m/sqrt(Hz), one-sided, at 1 MHz over q0 = 1 um.
     sigma = 1e-13 * math.sqrt(0.5e6) / 1e-6
@@ -205,7 +206,23 @@ def test_of_three_samplers_the_median_counts() -> None:
     assert median_of([*results[:1], {"best": None, "error": None, "trials": []}, results[1]]).values == {"a": 0}
     lost = {"best": None, "error": None, "trials": []}
     assert median_of([lost, results[0], lost]).values is None, "most samplers found nothing"
-    assert median_of([]).values == {}, "what is not tuned runs as it is"
+
+
+def test_an_error_is_less_or_more_only_where_all_tunings_agree() -> None:
+    def row(value: float, low: float, high: float, samplers: list[float | None], kept: bool = True) -> dict[str, Any]:
+        ratio = {"value": value, "low": low, "high": high}
+        return {"ratio": ratio, "kept": kept, "sampler_errors": samplers, "metrics": {"error": {"value": value}}}
+
+    theirs = row(1.0, 1.0, 1.0, [1.0, 1.2, 0.9])
+    assert verdict(row(0.5, 0.4, 0.6, [0.5, 0.6, 0.8]), theirs) == "less"
+    assert verdict(row(0.5, 0.4, 0.6, [0.5, 0.6, 0.95]), theirs) == "undecided", "one tuning is worse than one of theirs"
+    assert verdict(row(0.5, 0.4, 0.6, [0.5, 0.6, None]), theirs) == "undecided", "one found nothing"
+    assert verdict(row(0.5, 0.4, 1.1, [0.5, 0.6, 0.8]), theirs) == "undecided"
+    assert verdict(row(2.0, 1.5, 2.5, [1.3, 2.0, None]), theirs) == "more"
+    assert verdict(row(2.0, 1.5, 2.5, [1.1, 2.0, 3.0]), theirs) == "undecided"
+    assert verdict(row(2.0, 1.5, 2.5, []), theirs) == "more", "what is not tuned has its own error"
+    assert verdict(row(0.5, 0.4, 0.6, [0.5], kept=False), theirs) is None
+    assert verdict({"ratio": None}, theirs) is None
 
 
 def test_the_front_is_what_no_trial_beats_in_error_and_chattering() -> None:
@@ -214,7 +231,7 @@ def test_the_front_is_what_no_trial_beats_in_error_and_chattering() -> None:
 
 
 def test_another_plant_changes_the_truth_and_nothing_that_a_contender_knows() -> None:
-    base = TRACK.sensed(TRACK.scenario(None), "F", 1e-13)
+    base = sensed(PAPER, "F", 1e-13)
     known = {n: v for n, v in core_numbers(base).items() if n.startswith(("adaptation.", "datasheet."))}
     seen = set()
     for name, change in TRACK.plants(base).items():
@@ -224,7 +241,7 @@ def test_another_plant_changes_the_truth_and_nothing_that_a_contender_knows() ->
             assert {n: numbers[n] for n in known} == known, name
         seen.add(other.content_hash())
         assert other != base
-    assert len(seen) == len(TRACK.plants(base)) == 15
+    assert len(seen) == len(TRACK.plants(base)) == 17
     stiffer = base.replace(TRACK.plants(base)["K +5 %"]).plant
     assert stiffer.stiffness_deviation.entries() == pytest.approx(0.05 * base.plant.stiffness.entries())
     wider = base.replace(TRACK.plants(base)["split +20 %"]).plant
@@ -236,15 +253,15 @@ def test_another_plant_changes_the_truth_and_nothing_that_a_contender_knows() ->
 
 
 def test_a_hidden_delay_is_hidden_from_those_who_would_use_it() -> None:
-    base = TRACK.sensed(TRACK.scenario(None), "F", 1e-13)
+    base = sensed(PAPER, "F", 1e-13)
     joint = base.replace({"adaptation.kind": "joint"})
-    conditions = TRACK.conditions(joint, joint.controller.kind)
+    conditions = TRACK.conditions(joint)
     known, hidden = (joint.replace(conditions[n]) for n in ("one step of delay", "one step of hidden delay"))
     assert core_numbers(known)["datasheet.delay"] == 1.0
     assert core_numbers(hidden)["datasheet.delay"] == 0.0
     assert known.device == hidden.device
     pid = base.replace({"controller.kind": "pid"})
-    of_pid = TRACK.conditions(pid, "pid")
+    of_pid = TRACK.conditions(pid)
     assert of_pid["one step of delay"] == of_pid["one step of hidden delay"]
     assert all(pid.replace(change) != pid for change in of_pid.values())
 
@@ -273,8 +290,8 @@ def test_compare_json_has_what_others_rely_on(small: Compared) -> None:
             interval = row["metrics"][name]
             assert interval["low"] <= interval["value"] <= interval["high"]
         assert set(row["others"]) == {
-            *TRACK.plants(TRACK.scenario(None)),
-            *TRACK.conditions(TRACK.scenario(None), "pid"),
+            *TRACK.plants(PAPER),
+            *TRACK.conditions(PAPER),
         }
         assert row["cost"]["ns_per_step"] > 0
         assert row["cost"]["state_bytes"] > 0
@@ -334,7 +351,7 @@ def test_a_damaged_file_is_one_sentence(tmp_path: Path) -> None:
 def test_a_controller_of_ones_own_takes_part_with_the_same_effort(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(MINE, encoding="utf-8")
     given = f"{tmp_path / 'mine.py'}:MyController"
-    scales = {gain.field: (gain.low, gain.high, gain.log) for gain in own_contender(given).gains}
+    scales = {gain.field: (gain.low, gain.high, gain.log) for gain in own_contender(given, TRACK).gains}
     assert scales == {"law.kp": (1e3, 1e5, True), "law.kd": (10.0, 500.0, True), "law.offset": (-1.0, 1.0, False)}
     result = compare("track", tmp_path / "out", **{**SMALL, "only": ["MyController", "pid"]}, controller=given)
     mine = [row for row in result.rows if row["name"] == "MyController"]
@@ -418,7 +435,7 @@ def test_what_is_no_controller_is_refused_in_one_sentence(tmp_path: Path, text: 
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["walk"], 'the task is "walk": it must be track'),
+        (["walk"], 'the task is "walk": it must be track or rate'),
         (["track", "--only", "paper,lqr"], '--only is "lqr": it must be among paper, paper_as_published'),
         (["track", "--class", "Q"], '--class is "Q": it must be F, P or both, as in F,P'),
         (["track", "--noise", "1e-13,x"], "it must be numbers, as in 0,1e-13"),
@@ -444,3 +461,4 @@ def test_a_scenario_whose_noise_has_no_seeds_is_refused(tmp_path: Path) -> None:
 
 def test_cells_have_names_of_their_own() -> None:
     assert Cell("paper", "F", 1e-13, 0.0035).name == "paper-F-1e-13-0.0035"
+    assert Cell("dual_mass", "P", 0.0, 0.0).name == "dual_mass-P-0"

@@ -92,7 +92,8 @@ def made_up() -> xr.Dataset:
         },
         coords={"time": t, "axis": ["x", "y"], "bound": [0, 1, 2]},
     )
-    return run.assign_attrs(units="nondimensional", scenario=PAPER.to_toml())
+    limited = PAPER.replace({"controller.force_limit": 49.0})
+    return run.assign_attrs(units="nondimensional", scenario=limited.to_toml())
 
 
 def test_the_metrics_of_ten_samples_are_those_worked_by_hand() -> None:
@@ -115,6 +116,7 @@ def test_the_metrics_of_ten_samples_are_those_worked_by_hand() -> None:
     assert found["bound_final"].values.tolist() == [10.0, 90.0, 180.0]
     assert float(found["bound_0_halfway"]) == 5.0  # the last sample before 4.5
     assert float(found["largest_force"]) == 81.0
+    assert float(found["saturated_share"]) == 0.3  # |u| of 7, 8 and 9 squared
     assert set(found.coords) == {"window", "axis", "bound"}
 
 

@@ -110,6 +110,7 @@ void measure_block(const Kernels<Number, count>& kernels, std::span<const Setup*
         block->alive.lane[k] = alive[k] ? Number(1) : Number(0);
         sums.rate.lane[k] = static_cast<Number>(run.plant.rate);
         sums.rate_bound.lane[k] = static_cast<Number>(params.rate_tolerance * absolute(run.plant.rate));
+        sums.force_limit.lane[k] = static_cast<Number>(run.common.force_limit);
     }
     sums.error_bound_squared = T(params.error_bound * params.error_bound);
     sums.surface_bound_squared = T(params.surface_bound * params.surface_bound);

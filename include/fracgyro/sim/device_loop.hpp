@@ -213,7 +213,8 @@ std::array<double, metric_names.size()> measure_device(const DeviceSetupOf<Param
     }
     MetricsSums<double> sums{.error_bound_squared = params.error_bound * params.error_bound,
                              .surface_bound_squared = params.surface_bound * params.surface_bound,
-                             .rate_bound = params.rate_tolerance * largest};
+                             .rate_bound = params.rate_tolerance * largest,
+                             .force_limit = setup.common.force_limit};
     MetricsTotals totals{};
     LastReport last{};
     double bound_halfway = 0.0;

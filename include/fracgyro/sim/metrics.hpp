@@ -15,7 +15,7 @@ struct MetricsParams {
     double rate_tolerance = 0.1;  // |Ω̂z - Ωz| / |Ωz| below which the rate counts as settled
 };
 
-inline constexpr std::array<std::string_view, 24> metric_names{"rmse_whole_x",
+inline constexpr std::array<std::string_view, 25> metric_names{"rmse_whole_x",
                                                                "rmse_whole_y",
                                                                "rmse_transient_x",
                                                                "rmse_transient_y",
@@ -38,21 +38,22 @@ inline constexpr std::array<std::string_view, 24> metric_names{"rmse_whole_x",
                                                                "bound_2",
                                                                "bound_0_halfway",
                                                                "largest_force",
+                                                               "saturated_share",
                                                                "diverged_at"};
 
 // What a metric needs of every sample, for one run or, in lanes, for several: over a stretch of samples, short enough
 // for sums in single precision, after which MetricsTotals takes it.
 template <Scalar T>
 struct MetricsSums {
-    T error_bound_squared{}, surface_bound_squared{}, rate{}, rate_bound{};  // set once
-    std::array<Vec2<T>, 2> past{};                                           // the last two u
+    T error_bound_squared{}, surface_bound_squared{}, rate{}, rate_bound{}, force_limit{};  // set once
+    std::array<Vec2<T>, 2> past{};                                                          // the last two u
 
     struct Stretch {
         Vec2<T> squares{}, force{}, bend{};  // Σ e², Σ u², Σ (second difference of u)²
         T rate_squares{};
         T step = T(0.0);                                                               // samples seen
         T error_outside = T(-1.0), surface_outside = T(-1.0), rate_outside = T(-1.0);  // the last samples outside
-        T peak_rate_error{}, largest_force{};
+        T peak_rate_error{}, largest_force{}, saturated{};
     } stretch{};
 
     // What the controller does not report is left at rest, and its metrics are NaN.
@@ -77,7 +78,9 @@ struct MetricsSums {
         const Vec2<T> difference = (u - past[0]) - (past[0] - past[1]);
         s.bend = s.bend + difference * difference;
         s.force = s.force + u * u;
-        s.largest_force = maximum(s.largest_force, maximum(absolute(u.x()), absolute(u.y())));
+        const T force = maximum(absolute(u.x()), absolute(u.y()));
+        s.largest_force = maximum(s.largest_force, force);
+        s.saturated = s.saturated + if_less(force, force_limit, T(0.0), T(1.0));
         past = {u, past[0]};
         s.step = s.step + T(1.0);
     }
@@ -96,7 +99,8 @@ typename MetricsSums<double>::Stretch stretch_of(const typename MetricsSums<T>::
             .surface_outside = number(s.surface_outside),
             .rate_outside = number(s.rate_outside),
             .peak_rate_error = number(s.peak_rate_error),
-            .largest_force = number(s.largest_force)};
+            .largest_force = number(s.largest_force),
+            .saturated = number(s.saturated)};
 }
 
 // The same of a whole run.
@@ -107,7 +111,7 @@ struct MetricsTotals {
     Vec2<double> bend{};        // from the third sample of the steady window on
     double rate_squares = 0.0;  // of the steady window
     std::int64_t error_outside = -1, surface_outside = -1, rate_outside = -1;
-    double peak_rate_error = 0.0, largest_force = 0.0;
+    double peak_rate_error = 0.0, largest_force = 0.0, saturated = 0.0;
 
     // A stretch from sample `first` on, which lies within one window; `steady_from` is the first sample of the steady
     // one.
@@ -131,6 +135,7 @@ struct MetricsTotals {
         last(rate_outside, s.rate_outside);
         peak_rate_error = std::max(peak_rate_error, s.peak_rate_error);
         largest_force = std::max(largest_force, s.largest_force);
+        saturated += s.saturated;
     }
 };
 
@@ -244,6 +249,7 @@ std::array<double, metric_names.size()> metric_values(const MetricsParams& param
             last.bound[2],
             bound_halfway,
             totals.largest_force,
+            ratio(totals.saturated, count(samples)),
             samples > setup.steps ? nan : count(samples) * h};
 }
 
@@ -263,7 +269,8 @@ std::array<double, metric_names.size()> measure_alone(const SetupOf<Params>& set
     MetricsSums<T> sums{.error_bound_squared = T(params.error_bound * params.error_bound),
                         .surface_bound_squared = T(params.surface_bound * params.surface_bound),
                         .rate = T(setup.plant.rate),
-                        .rate_bound = T(params.rate_tolerance * absolute(setup.plant.rate))};
+                        .rate_bound = T(params.rate_tolerance * absolute(setup.plant.rate)),
+                        .force_limit = T(setup.common.force_limit)};
     MetricsTotals totals{};
     LastReport last{}, halfway{};
     const auto reported = [&] { return LastReport::of(C::report(state.controller, coefficients.controller), number); };

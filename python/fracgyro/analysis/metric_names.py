@@ -27,6 +27,7 @@ METRICS = {
     "stiffness_error": ("relative error of K at the end", ""),
     "bound_0_halfway": ("estimate of b0 halfway", "m ω0² q0"),
     "largest_force": ("largest force", "m ω0² q0"),
+    "saturated_share": ("share of samples at the force limit", ""),
 }
 
 # The quantity of each metric, and its unit in SI.
@@ -45,6 +46,7 @@ UNITS = {
     "bound_final": "",  # each its own
     "bound_0_halfway": "force",
     "largest_force": "force",
+    "saturated_share": "",
     "diverged_at": "time",
 }
 SI = {"length": "m", "time": "s", "velocity": "m/s", "force": "N", "rate": "rad/s"}

@@ -62,6 +62,14 @@ def chattering(run: xr.Dataset, window: Window | None = None) -> xr.DataArray:
     return _rms(bend) / _rms(force)
 
 
+def saturated_share(run: xr.Dataset) -> xr.DataArray:
+    """Share of the samples in which the force of either axis is at controller.force_limit."""
+    limit = Scenario.from_toml(run.attrs["scenario"]).controller.force_limit
+    at_limit = abs(run["control"]) >= limit * (1 - 1e-12)  # which units other than the run's round
+    found: xr.DataArray = at_limit.any("axis").mean("time")
+    return found
+
+
 def effort(run: xr.Dataset, window: Window = (None, None)) -> xr.DataArray:
     """Root mean square of the control force over `axis`, in the unit of force."""
     return _rms(cut(run, window)["control"])
@@ -177,6 +185,7 @@ def summary(
             "bound_final": run["bound_estimate"].isel(time=-1, drop=True),
             "bound_0_halfway": run["bound_estimate"].sel(bound=0, time=slice(None, half)).isel(time=-1, drop=True),
             "largest_force": abs(run["control"]).max(["time", "axis"]),
+            "saturated_share": saturated_share(run),
         }
     )
     for name, values in figures.items():

@@ -36,7 +36,7 @@ def _numbers(context: click.Context, parameter: click.Parameter, value: str | No
 @click.option("--storage", metavar="ADDRESS", help="Keep trials in this database, for example postgresql://host/name.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def compare(task: str, scenarios: tuple[Path, ...], out: Path, as_json: bool, **options: Any) -> None:
-    """Compare controllers on TASK, which is track: tune each, judge all on unseen seeds and plants."""
+    """Compare controllers on TASK, track or rate: tune each, judge all on unseen seeds and plants."""
     from ..compare.run import compare as run
 
     with progress("starting", rate="runs/s") as show:
@@ -44,14 +44,15 @@ def compare(task: str, scenarios: tuple[Path, ...], out: Path, as_json: bool, **
     if as_json:
         click.echo(result.data.read_text(encoding="utf-8"))
         return
-    print_table(("contender", "class", "noise", "ceiling", "error", "over the paper's"), map(_line, result.rows))
+    what, over = ", ".join(result.task.error_words), f"over {result.task.over}"
+    print_table(("contender", "class", "noise", "ceiling", what, over), map(_line, result.rows))
     click.echo(f"{result.seconds:.0f} s. Report: {result.report}, data: {result.data}")
 
 
 def _line(row: dict[str, Any]) -> list[str]:
     error, ratio = row["metrics"].get("error", {}).get("value"), row["ratio"] or {}
-    marks = "" if row["tuned"] or not row["gains"] else " (untuned)"
+    marks = "" if row["tuned"] or not row["trials"] else " (untuned)"
     shown = f"{ratio['value']:.3g} [{ratio['low']:.3g}, {ratio['high']:.3g}]" if ratio.get("value") else "-"
-    missing = "diverges" if row["diverged"] else "none kept the ceiling"
-    cells = [row["name"] + marks, row["class"], f"{row['noise']:g}", f"{row['ceiling']:g}"]
+    missing = "diverges" if row["diverged"] else "none kept the limits"
+    cells = [row["name"] + marks, row["class"], f"{row['noise']:g}", f"{row['ceiling'] or '-'}"]
     return [*cells, missing if error is None else f"{error:.3g}", shown]

@@ -56,25 +56,23 @@ class Contender:
     fixed: Mapping[str, Any]  # changes of the scenario, of which controller.kind is one
     gains: tuple[Gain, ...]  # none: it runs as it is
     classes: tuple[str, ...] = ("F", "P")
-    observes: bool = False  # has an observer of its own, and needs no other where positions only are measured
+    observer: Gain | None = None  # tuned too, where positions only are measured
+    bandwidth: Gain | None = None  # of the rate estimate: found, not tuned
     own: tuple[str, str] | None = None  # a user's: the text of its file, and its name there
     group: str = field(default="", compare=False)  # of the ablations, what they are of
 
     def tuned(self, information: str) -> tuple[Gain, ...]:
         """The gains in this class of information."""
-        return self.gains if self.observes or information == "F" or not self.gains else (*self.gains, OBSERVER)
+        return (*self.gains, self.observer) if self.observer and information == "P" else self.gains
 
     def scenario(self, base: Scenario, values: Mapping[str, Any] | None = None) -> Scenario:
         """Raises ScenarioError where these values make none."""
-        gains = {gain.field: gain for gain in (*self.gains, OBSERVER)}
+        gains = {gain.field: gain for gain in (*self.gains, self.observer, self.bandwidth) if gain}
         changes = dict(self.fixed)
         for name in values or {}:
             if name in gains:
                 changes |= gains[name].changes(values or {})
         return base.replace({name: value for name, value in changes.items() if not name.startswith("law.")})
-
-
-OBSERVER = Gain("controller.observer_bandwidth", 20.0, 800.0, above="0.8 over the step, where it rings")
 
 
 def chosen(known: tuple[Contender, ...], only: tuple[str, ...]) -> tuple[Contender, ...]:

@@ -11,7 +11,7 @@ from ..simulation.controller import Controller
 from ..simulation.measure import measure_many
 
 REPEATS = 7
-DURATION = 5.0  # long against what setting up takes
+STEPS = 5000  # long against what setting up takes
 
 
 def costs(scenarios: Mapping[str, Scenario]) -> dict[str, dict[str, Any]]:
@@ -19,7 +19,7 @@ def costs(scenarios: Mapping[str, Scenario]) -> dict[str, dict[str, Any]]:
 
     The least of several measurements, taken in turns, so that what else the machine does weighs on all alike.
     """
-    short = {name: s.replace({"run.duration": min(DURATION, s.run.duration)}) for name, s in scenarios.items()}
+    short = {name: s.replace({"run.duration": min(STEPS, s.run.steps) * s.run.step}) for name, s in scenarios.items()}
     least: dict[str, float] = {}
     for _ in range(REPEATS):
         for name, scenario in short.items():

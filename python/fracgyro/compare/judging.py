@@ -9,17 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scenario import Scenario
-from ..study.tune.criteria import measure
 from .contender import Contender
 from .own import controller_of
-from .track import Cell, Track
+from .task import Cell, Task
 
 
 @dataclass(frozen=True)
 class Judging:
     """What is judged, and on what."""
 
-    task: Track
+    task: Task
     contender: Contender
     cell: Cell
     base: Scenario  # as the cell senses it
@@ -38,13 +37,14 @@ class Judging:
     def measure(self) -> dict[str, Any]:
         """By seed: every metric, and the error as it is and with each change; null where a run diverged."""
         controller = controller_of(self.contender, self.values)
-        mine, thresholds = self.scenario(), self.task.thresholds(self.base)
-        (held,) = measure([mine], self.seeds, thresholds, controller=controller)
+        mine, few = self.scenario(), self.seeds[: self.few]
+        (held,) = self.task.measure([mine], self.seeds, self.base, controller)
         changed = self._changed()
-        others = measure(list(changed.values()), self.seeds[: self.few], thresholds, controller=controller)
+        others = self.task.measure(list(changed.values()), few, self.base, controller)
         errors = {name: _listed(self.task.error(found)) for name, found in zip(changed, others, strict=True)}
+        metrics = held.metrics | self.task.figures(mine, few, controller)
         return {
-            "metrics": {name: _listed(values) for name, values in held.metrics.items()},
+            "metrics": {name: _listed(values) for name, values in metrics.items()},
             "error": _listed(self.task.error(held)),
             "diverged": int(held.diverged.sum()),
             "others": errors,
@@ -55,7 +55,7 @@ class Judging:
 
     def _changed(self) -> dict[str, Scenario]:
         mine = self.scenario()
-        changes = self.task.plants(mine) | self.task.conditions(mine, mine.controller.kind)
+        changes = self.task.plants(mine) | self.task.conditions(mine)
         return {name: mine.replace(change) for name, change in changes.items()}
 
 

@@ -32,10 +32,11 @@ def write_gains(folder: Path, judgings: Mapping[str, Judging], rows: Mapping[str
 
 def _said(piece: Judging, row: Mapping[str, Any]) -> list[str]:
     cell = piece.cell
-    tuned = "" if row["tuned"] else ", untuned"
+    tuned = "" if row["tuned"] or not row["trials"] else ", untuned"
     sensing = "positions and velocities" if cell.information == "F" else "positions only"
+    ceiling = f", chattering at most {cell.ceiling:g}" if cell.ceiling else ""
     return [
         f"{piece.contender.words}{tuned}: by fracgyro {version('fracgyro')}, `fracgyro compare {piece.task.name}`.",
-        f"{sensing}, noise {cell.noise:g} m/sqrt(Hz), chattering at most {cell.ceiling:g}; {row['trials']} trials.",
+        f"{sensing}, noise {cell.noise:g} m/sqrt(Hz){ceiling}; {row['trials']} trials.",
         *(f"  {field} = {toml_value(value)}" for field, value in row["gains"].items()),
     ]

@@ -14,11 +14,12 @@ from ..scenario import ScenarioError
 from ..scenario.table import shown
 from ..simulation.outside import ControllerLike
 from .contender import Contender, Gain
+from .task import Task
 
 GAIN = "law."  # before the name of a user's gain, where fields of a scenario stand, too
 
 
-def own_contender(given: str) -> Contender:
+def own_contender(given: str, task: Task) -> Contender:
     """Of FILE.py:NAME. Raises ScenarioError in one sentence when it is none."""
     path, colon, name = given.rpartition(":")
     if not colon or not path or not name.isidentifier():
@@ -27,9 +28,27 @@ def own_contender(given: str) -> Contender:
     ranges = getattr(_factory(text, path, name), "ranges", None)
     if not isinstance(ranges, Mapping) or not ranges:
         raise ScenarioError(f"{name}.ranges is {shown(ranges)}: it must be a dict of gains to their (low, high)")
-    gains = tuple(_gain(name, gain, ends) for gain, ends in ranges.items())
-    found = Contender(name, f"{name} of {Path(path).name}", "the user's own", {}, gains, own=(text, path))
-    controller_of(found, {gain.field: gain.low for gain in gains})
+    gains = {gain: _gain(name, gain, ends) for gain, ends in ranges.items()}
+    lowest = {gain.field: gain.low for gain in gains.values()}
+    bandwidth = None
+    if task.finds_bandwidth:
+        if "bandwidth" not in gains:
+            raise ScenarioError(
+                f"{name}.ranges has no bandwidth: it must have one, of the rate estimate, which the task "
+                f"{task.name} sets so that all have the same"
+            )
+        bandwidth = gains.pop("bandwidth")
+    found = Contender(
+        name,
+        f"{name} of {Path(path).name}",
+        "the user's own",
+        {},
+        tuple(gains.values()),
+        observer=task.observer,
+        bandwidth=bandwidth,
+        own=(text, path),
+    )
+    controller_of(found, lowest)
     return found
 
 

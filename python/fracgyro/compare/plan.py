@@ -19,12 +19,13 @@ from ..study.space import MAX_POINTS
 from .contender import Contender, chosen
 from .judging import Judging
 from .own import own_contender
-from .track import Cell, Track
+from .rate import Rate
+from .task import Cell, Task, sensed
+from .track import Track
 from .tuning import Tuning
 
-TASKS = {Track.name: Track()}
+TASKS: dict[str, Task] = {task.name: task for task in (Track(), Rate())}
 CLASSES = ("F", "P")
-NOISE = (0.0, 1e-13)
 FIRST_HELD_OUT = 10_000  # seeds from here on are never trained on
 
 
@@ -60,7 +61,7 @@ class Row:
 class Comparison:
     """The plan in full."""
 
-    task: Track
+    task: Task
     scenarios: dict[str, Scenario]
     contenders: tuple[Contender, ...]
     classes: tuple[str, ...]
@@ -75,7 +76,7 @@ class Comparison:
     def tunings(self, row: Row) -> list[Tuning]:
         """One for each seed of the sampler; none where there is nothing to tune."""
         effort, cell = self.effort, row.cell
-        if not row.contender.tuned(cell.information):
+        if not row.contender.gains:  # an observer by itself is left as the scenario has it
             return []
         return [
             Tuning(
@@ -91,12 +92,16 @@ class Comparison:
             for sampler in range(1, effort.samplers + 1)
         ]
 
+    def untuned(self, row: Row) -> dict[str, Any] | None:
+        """The values of a contender with nothing to tune; None where it cannot do the task."""
+        return self.task.completed(row.contender, self._base(row.cell), {})
+
     def judging(self, row: Row, values: dict[str, Any]) -> Judging:
         seeds = list(range(FIRST_HELD_OUT, FIRST_HELD_OUT + self.effort.held_out))
         return Judging(self.task, row.contender, row.cell, self._base(row.cell), values, seeds, self.effort.few)
 
     def _base(self, cell: Cell) -> Scenario:
-        return self.task.sensed(self.scenarios[cell.scenario], cell.information, cell.noise)
+        return sensed(self.scenarios[cell.scenario], cell.information, cell.noise)
 
     def parts(self) -> dict[str, Any]:
         """For study.json, under the words of the command."""
@@ -140,16 +145,16 @@ def planned(
     given = {Path(path).stem: one.scenario(Scenario.load(path)) for path in scenarios}
     if len(given) < len(scenarios):
         raise ScenarioError("two scenarios have the same name: their files must be called differently")
-    known = one.contenders if controller is None else (*one.contenders, own_contender(controller))
+    known = one.contenders if controller is None else (*one.contenders, own_contender(controller, one))
     effort = QUICK if quick else FULL
     if trials is not None:
         effort = dataclasses.replace(effort, trials=trials)
     return Comparison(
         one,
-        given or {"paper": one.scenario(None)},
+        given or one.scenarios(),
         chosen(known, tuple(only)),
-        tuple(dict.fromkeys(classes)) or CLASSES,
-        tuple(dict.fromkeys(noise)) or NOISE,
+        tuple(dict.fromkeys(classes)) or one.classes,
+        tuple(dict.fromkeys(noise)) or one.noise,
         effort,
         storage,
     )

@@ -22,8 +22,8 @@ PLANT = "#b8c4cc"
 FAR = 30.0  # times as large: what is more stands here, with its number
 
 
-def error_panel(title: str, rows: Sequence[Row]) -> Figure:
-    """Contenders from the least error down, with intervals; hollow: above the ceiling."""
+def error_panel(title: str, rows: Sequence[Row], words: str) -> Figure:
+    """Contenders from the least error down, with intervals; hollow: beyond a limit. `words`: what the error is."""
     figure, panel = _lines(title, rows)
     for place, row in enumerate(reversed(rows)):
         error = row["metrics"].get("error", {})
@@ -34,7 +34,7 @@ def error_panel(title: str, rows: Sequence[Row]) -> Figure:
         panel.plot([error["low"], error["high"]], [place, place], color=own, linewidth=1.2)
         panel.plot(error["value"], place, "o", color=own, markerfacecolor=filled, markersize=4)
     _logarithmic(panel.xaxis, "x")
-    panel.set_xlabel("error, q0")
+    panel.set_xlabel(words)
     return figure
 
 
@@ -43,7 +43,7 @@ def error_legend() -> Figure:
         [
             Line2D([], [], marker="o", color=COLORS[1], markersize=4, label="the paper's and its variants"),
             Line2D([], [], marker="o", color=COLORS[0], markersize=4, label="others"),
-            Line2D([], [], marker="o", color="gray", markerfacecolor="white", markersize=4, label="above the ceiling"),
+            Line2D([], [], marker="o", color="gray", markerfacecolor="white", markersize=4, label="beyond a limit"),
         ]
     )
 

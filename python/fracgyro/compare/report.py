@@ -22,26 +22,32 @@ def write_report(path: Path, plan: Comparison, rows: Sequence[Row]) -> None:
     ranked = [(words, sorted(of, key=rank)) for words, of in tables]
     loose = [(words, of) for words, of in ranked if of[0]["ceiling"] == plan.task.ceilings[-1]]
     base = next(iter(plan.scenarios.values()))
-    conditions = list(plan.task.conditions(base, base.controller.kind))
+    conditions = list(plan.task.conditions(base))
     plants = list(dict.fromkeys(name for row in rows for name in row["others"] if name not in conditions))
     with own_style():
-        fronts, robustness = Fronts(rows, plan.task.ceilings), Robustness(conditions)
-        joined = _tables(rows, with_ceiling=False, named=len(plan.scenarios) > 1)
+        robustness = Robustness(conditions)
         panels = {
-            "errors": [embedded(error_legend()), *(embedded(error_panel(*table)) for table in ranked)],
-            "fronts": [embedded(fronts.legend()), *(embedded(fronts.panel(*table)) for table in joined)],
+            "errors": [
+                embedded(error_legend()),
+                *(embedded(error_panel(*table, labelled(plan.task.error_words))) for table in ranked),
+            ],
             "robustness": [embedded(robustness.legend()), *(embedded(robustness.panel(*table)) for table in loose)],
         }
+        if len(plan.task.ceilings) > 1:
+            fronts = Fronts(rows, plan.task.ceilings)
+            joined = _tables(rows, with_ceiling=False, named=len(plan.scenarios) > 1)
+            panels["fronts"] = [embedded(fronts.legend()), *(embedded(fronts.panel(*table)) for table in joined)]
     text = page(
         "fracgyro.compare",
-        "report.html.jinja",
+        f"{plan.task.name}.html.jinja",
         filters={"number": number, "interval": interval, "times": times, "toml": toml_value},
         title=f"{plan.task.title}: controllers compared",
         version=version("fracgyro"),
         plan=plan,
         effort=plan.effort,
         tables=ranked,
-        metrics=[(name, *plan.task.words(name)) for name in plan.task.metrics],
+        metrics=[labelled(plan.task.words(name)) for name in plan.task.metrics],
+        error_words=labelled(plan.task.error_words),
         names={contender.name: contender for contender in plan.contenders},
         conditions=conditions,
         plants=plants,
@@ -66,8 +72,13 @@ def title(scenario: str, information: str, noise: float, ceiling: float) -> str:
     return f"{words}, chattering ≤ {ceiling:g}" if ceiling else words
 
 
+def labelled(words: tuple[str, str]) -> str:
+    """A quantity with its unit."""
+    return ", ".join(filter(None, words))
+
+
 def rank(row: Row) -> tuple[bool, float]:
-    """Those that keep the ceiling first, by their error."""
+    """Those that keep the limits first, by their error."""
     error = row["metrics"].get("error", {}).get("value")
     return not row["kept"], math.inf if error is None else error
 
@@ -81,6 +92,8 @@ def number(value: float | None, digits: int = 3) -> str:
 def interval(found: dict[str, float | None] | None) -> str:
     if not found or found["value"] is None:
         return "–"
+    if found["low"] is None:  # of a single value
+        return number(found["value"])
     return f"{number(found['value'])} [{number(found['low'])}, {number(found['high'])}]"
 
 

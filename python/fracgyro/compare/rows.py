@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..analysis.confidence import mean_interval
 from .plan import Comparison, Row
-from .track import Cell, Track
+from .task import Cell, Task
 
 RESAMPLES = 2000
 Values = NDArray[np.float64]
@@ -23,37 +22,55 @@ Interval = dict[str, float | None]
 class Tuned:
     """What the tunings of a contender in a cell found."""
 
-    values: dict[str, Any] | None  # of the median of the samplers; None where it kept no ceiling
-    errors: list[float]  # of each sampler, in the order of their seeds; infinite where no trial kept the ceilings
-    trials: list[list[Any]]  # of all samplers: error, chattering, feasible
+    values: dict[str, Any] | None  # of the median of the samplers; None where it kept no limit
+    errors: list[float]  # of each sampler, in the order of their seeds; infinite where no trial kept the limits
+    trials: list[list[Any]]  # of all samplers: error, largest constraint, feasible
 
 
 def median_of(results: Sequence[dict[str, Any]]) -> Tuned:
     """The middle one by error; of an even number the worse."""
     errors = [math.inf if result["error"] is None else float(result["error"]) for result in results]
     trials = [trial for result in results for trial in result["trials"]]
-    if not results:
-        return Tuned({}, [], [])
     middle = sorted(range(len(results)), key=lambda i: errors[i])[len(results) // 2]
     return Tuned(results[middle]["best"], errors, trials)
 
 
 def made(plan: Comparison, tuned: dict[str, Tuned], judged: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
-    """All rows by name. What is not among `judged` kept no ceiling in any trial."""
+    """All rows by name. What is not among `judged` kept no limit in any trial."""
     found = {}
     for row in plan.rows():
         reference = judged.get(f"{plan.task.reference}-{row.cell.name}")
         found[row.name] = _of_tuning(plan, row, tuned[row.name])
         if row.name in judged:
             found[row.name] |= _of_judging(plan.task, row.cell, judged[row.name], reference)
+    for row in plan.rows():
+        against = found.get(f"{plan.task.reference}-{row.cell.name}")
+        if against is not None and row.contender.name != plan.task.reference:
+            found[row.name]["verdict"] = verdict(found[row.name], against)
     return found
+
+
+def verdict(mine: Mapping[str, Any], theirs: Mapping[str, Any]) -> str | None:
+    """ "less" or "more" error than the reference's, or "undecided"; None where either has none.
+
+    It is decided where the interval of the ratio leaves 1 out, and so do all pairs of tunings: those of one contender
+    often differ by more than the seeds of the noise do.
+    """
+    if mine["ratio"] is None or mine["ratio"]["value"] is None or not (mine["kept"] and theirs["kept"]):
+        return None
+    low, high = mine["ratio"]["low"], mine["ratio"]["high"]
+    own, other = (row["sampler_errors"] or [row["metrics"]["error"]["value"]] for row in (mine, theirs))
+    own, other = ([math.inf if error is None else error for error in errors] for errors in (own, other))
+    if high < 1 and max(own) < min(other):
+        return "less"
+    return "more" if low > 1 and min(own) > max(other) else "undecided"
 
 
 def _of_tuning(plan: Comparison, row: Row, tuned: Tuned) -> dict[str, Any]:
     """With what a judging adds, as it is without one."""
     contender, cell, values = row.contender, row.cell, tuned.values or {}
-    gains = contender.tuned(cell.information)
-    found = [gain for gain in gains if gain.field in values]
+    gains = contender.tuned(cell.information) if contender.gains else ()
+    found = [gain for gain in (*gains, contender.bandwidth) if gain and gain.field in values]
     return {
         "name": contender.name,
         "words": contender.words,
@@ -67,35 +84,36 @@ def _of_tuning(plan: Comparison, row: Row, tuned: Tuned) -> dict[str, Any]:
         "gains": {name: held for gain in found for name, held in gain.changes(values).items()},
         "trials": plan.effort.trials * len(tuned.errors),
         "sampler_errors": [_exp(error) for error in tuned.errors],
-        "range_ends": [gain.field for gain in found if gain.at_end(values[gain.field])],
+        "range_ends": [gain.field for gain in gains if gain.field in values and gain.at_end(values[gain.field])],
         "seeds": 0,
         "diverged": None,
         "metrics": {},
         "ratio": None,
+        "verdict": None,
         "kept": False,
         "others": {},
-        "front": front(tuned.trials),
+        "front": front(tuned.trials) if cell.ceiling else [],
     }
 
 
-def _of_judging(task: Track, cell: Cell, judged: dict[str, Any], reference: dict[str, Any] | None) -> dict[str, Any]:
+def _of_judging(task: Task, cell: Cell, judged: dict[str, Any], reference: dict[str, Any] | None) -> dict[str, Any]:
     """`reference`: that of the contender to which ratios are."""
     error = _array(judged["error"])
     return {
         "seeds": len(error),
         "diverged": judged["diverged"],
-        "metrics": {"error": _logged(error), **_metrics(judged["metrics"])},
+        "metrics": {"error": interval(task, "error", error), **_metrics(task, judged["metrics"])},
         "ratio": None if reference is None else ratio(error, _array(reference["error"])),
         "kept": not judged["diverged"] and _keeps(task, cell, judged["metrics"]),
         "others": {name: _other(error, _array(listed)) for name, listed in judged["others"].items()},
     }
 
 
-def _metrics(by_seed: dict[str, list[float | None]]) -> dict[str, Interval]:
-    return {name: _interval(_array(listed)) for name, listed in by_seed.items()}
+def _metrics(task: Task, by_seed: dict[str, list[float | None]]) -> dict[str, Interval]:
+    return {name: interval(task, name, _array(listed)) for name, listed in by_seed.items()}
 
 
-def _keeps(task: Track, cell: Cell, metrics: dict[str, list[float | None]]) -> bool:
+def _keeps(task: Task, cell: Cell, metrics: dict[str, list[float | None]]) -> bool:
     return all(c.of(_array(metrics[c.metric])) <= (c.at_most or 0.0) for c in task.constraints(cell.ceiling))
 
 
@@ -125,16 +143,12 @@ def front(trials: Sequence[Sequence[Any]]) -> list[list[float]]:
     return [[chattering, math.exp(error)] for chattering, error in kept]
 
 
-def _interval(values: Values) -> Interval:
+def interval(task: Task, metric: str, values: Values) -> Interval:
+    """Without a value where a run has none."""
     if not np.isfinite(values).all():
         return {"value": None, "low": None, "high": None}
-    mean, low, high = mean_interval(values)
+    mean, low, high = task.interval(metric, values)
     return {"value": mean, "low": _finite(low), "high": _finite(high)}
-
-
-def _logged(logs: Values) -> Interval:
-    found = _interval(logs)
-    return {name: None if value is None else _exp(value) for name, value in found.items()}
 
 
 def _array(listed: Sequence[float | None]) -> Values:

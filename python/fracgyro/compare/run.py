@@ -17,9 +17,10 @@ from ..study.tune.search import storage_at
 from .cost import costs
 from .files import Finished, Piece
 from .output import write_gains, write_json
-from .plan import CLASSES, NOISE, Comparison, planned
+from .plan import Comparison, Row, planned
 from .report import write_report
-from .rows import made, median_of
+from .rows import Tuned, made, median_of
+from .task import Task
 from .workers import Workers, workers
 
 
@@ -27,6 +28,7 @@ from .workers import Workers, workers
 class Compared:
     """Where the results are, and what they are."""
 
+    task: Task
     data: Path
     report: Path
     rows: list[dict[str, Any]]
@@ -40,8 +42,8 @@ def compare(
     *,
     scenarios: Sequence[str | os.PathLike[str]] = (),
     only: Sequence[str] = (),
-    classes: Sequence[str] = CLASSES,
-    noise: Sequence[float] = NOISE,
+    classes: Sequence[str] = (),
+    noise: Sequence[float] = (),
     controller: str | None = None,
     trials: int | None = None,
     quick: bool = False,
@@ -52,10 +54,10 @@ def compare(
 ) -> Compared:
     """Tunes and judges every contender of the task; compare.json, report.html and gains/ in the folder `out`.
 
-    `scenarios`: files, in the place of the task's own. `only`: names of contenders. `controller`: FILE.py:NAME, which
-    takes part, too. `trials`, `quick`: another effort than the full one. `scheduler`: the address of a Dask cluster;
-    `storage`: of a database that keeps trials as they are finished. `progress` is called with (runs finished, all runs,
-    what is being done).
+    `scenarios`: files, in the place of the task's own, as are `classes` and `noise`. `only`: names of contenders.
+    `controller`: FILE.py:NAME, which takes part, too. `trials`, `quick`: another effort than the full one.
+    `scheduler`: the address of a Dask cluster; `storage`: of a database that keeps trials as they are finished.
+    `progress` is called with (runs finished, all runs, what is being done).
     Raises ValueError in one sentence: bad input, before anything runs; an `out` that is in use or holds another
     comparison; a cluster or database that cannot be used; and what a user's controller raises.
     """
@@ -92,7 +94,9 @@ def compare(
     }
     write_report(report, plan, list(found.values()))
     write_json(folder / "compare.json", head, list(found.values()))
-    return Compared(folder / "compare.json", report, list(found.values()), work.resumed, time.perf_counter() - begin)
+    return Compared(
+        plan.task, folder / "compare.json", report, list(found.values()), work.resumed, time.perf_counter() - begin
+    )
 
 
 class _Work:
@@ -116,7 +120,7 @@ class _Work:
         """The rows, by name."""
         plan, rows = self._plan, self._plan.rows()
         self._run([piece for row in rows for piece in plan.tunings(row)], "tuning")
-        tuned = {row.name: median_of(list(map(self._finished.read, plan.tunings(row)))) for row in rows}
+        tuned = {row.name: self._tuned(row) for row in rows}
         judgings = {
             row.name: plan.judging(row, values) for row in rows if (values := tuned[row.name].values) is not None
         }
@@ -130,6 +134,12 @@ class _Work:
             found[row.name]["cost"] = timed.get(row.contender.name)
         write_gains(self._finished.folder / "gains", judgings, found)
         return found
+
+    def _tuned(self, row: Row) -> Tuned:
+        tunings = self._plan.tunings(row)
+        return (
+            median_of([self._finished.read(t) for t in tunings]) if tunings else Tuned(self._plan.untuned(row), [], [])
+        )
 
     def _run(self, pieces: Sequence[Piece], doing: str) -> None:
         left = [piece for piece in pieces if not self._finished.has(piece)]

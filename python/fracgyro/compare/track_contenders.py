@@ -23,6 +23,7 @@ EXPONENT = Gain(
 )
 LAYER = Gain("controller.layer_thickness", 1e-3, 10.0, above="the limit of the force ends before the layer")
 RHO = Gain("adaptation.initial_bound", 1.0, 800.0, shape=(1.0, 0.0, 0.0), times=LAYER.field, above="0.8 over the step")
+OBSERVER = Gain("controller.observer_bandwidth", 20.0, 800.0, above="0.8 over the step, where it rings")
 LAWS = Gain(
     "adaptation.damping_gain",
     1e-2,
@@ -74,7 +75,14 @@ YANG = "Feng, Yu and Man, doi 10.1016/S0005-1098(02)00147-4; Yang and Yang 2011 
 
 SURFACE = (ORDER, FRACTIONAL_GAIN, TERMINAL_GAIN, EXPONENT, LAYER, RHO)
 CONTENDERS = (
-    Contender(PAPER, "the paper's controller", ORIGINAL, kind("fractional_fast_terminal") | STABLE, (*SURFACE, LAWS)),
+    Contender(
+        PAPER,
+        "the paper's controller",
+        ORIGINAL,
+        kind("fractional_fast_terminal") | STABLE,
+        (*SURFACE, LAWS),
+        observer=OBSERVER,
+    ),
     Contender("paper_as_published", "the paper's own gains, not tuned", ORIGINAL, kind("fractional_fast_terminal"), ()),
     Contender(
         "paper_no_terminal",
@@ -83,6 +91,7 @@ CONTENDERS = (
         kind("fractional") | STABLE,
         (ORDER, FRACTIONAL_GAIN, LAYER, RHO, LAWS),
         group=PAPER,
+        observer=OBSERVER,
     ),
     Contender(
         "paper_integer_order",
@@ -91,6 +100,7 @@ CONTENDERS = (
         kind("fast_terminal") | STABLE,
         (LINEAR_GAIN, TERMINAL_GAIN, EXPONENT, LAYER, RHO, LAWS),
         group=PAPER,
+        observer=OBSERVER,
     ),
     Contender(
         "paper_no_adaptation",
@@ -99,6 +109,7 @@ CONTENDERS = (
         kind("fractional_fast_terminal") | STABLE | NO_LAWS,
         SURFACE,
         group=PAPER,
+        observer=OBSERVER,
     ),
     Contender(
         "paper_least_squares",
@@ -107,6 +118,7 @@ CONTENDERS = (
         kind("fractional_fast_terminal", kind="composite") | STABLE,
         (*SURFACE, LAWS),
         group=PAPER,
+        observer=OBSERVER,
     ),
     Contender(
         "paper_joint",
@@ -114,7 +126,6 @@ CONTENDERS = (
         f"{ORIGINAL}; docs/decisions/0024",
         kind("fractional_fast_terminal", kind="joint") | STABLE,
         SURFACE,
-        observes=True,
         group=PAPER,
     ),
     Contender(
@@ -123,6 +134,7 @@ CONTENDERS = (
         BATUR,
         kind("linear") | STABLE | CONSTANT_BOUND,
         (LINEAR_GAIN, LAYER, RHO, LAWS),
+        observer=OBSERVER,
     ),
     Contender(
         "linear_least_squares",
@@ -130,6 +142,7 @@ CONTENDERS = (
         f"{BATUR}; docs/decisions/0016",
         kind("linear", kind="composite") | STABLE | CONSTANT_BOUND,
         (LINEAR_GAIN, LAYER, RHO, LAWS),
+        observer=OBSERVER,
     ),
     Contender(
         "super_twisting",
@@ -137,6 +150,7 @@ CONTENDERS = (
         f"Levant 1993 (from memory); for gyroscopes {TWISTED}",
         kind("super_twisting") | NO_LAWS,
         TWISTING,
+        observer=OBSERVER,
     ),
     Contender(
         "super_twisting_adaptive",
@@ -144,14 +158,16 @@ CONTENDERS = (
         TWISTED,
         kind("super_twisting"),
         (*TWISTING, LAWS),
+        observer=OBSERVER,
     ),
-    Contender("pid", "PID with feedforward of the nominal plant", "textbook", kind("pid"), PID),
+    Contender("pid", "PID with feedforward of the nominal plant", "textbook", kind("pid"), PID, observer=OBSERVER),
     Contender(
         "pid_least_squares",
         "PID on the plant that least squares find",
         "certainty equivalence; docs/decisions/0016",
         kind("least_squares_pid"),
         PID,
+        observer=OBSERVER,
     ),
     Contender(
         "lqg",
@@ -159,10 +175,14 @@ CONTENDERS = (
         "textbook; docs/decisions/0024",
         kind("lqg"),
         PID[:1],
-        observes=True,
     ),
     Contender(
-        "park_horowitz", "adaptive control of Park and Horowitz", HOROWITZ, kind("park_horowitz"), (DAMPER, LAWS)
+        "park_horowitz",
+        "adaptive control of Park and Horowitz",
+        HOROWITZ,
+        kind("park_horowitz"),
+        (DAMPER, LAWS),
+        observer=OBSERVER,
     ),
     Contender(
         "nonsingular_terminal",
@@ -171,6 +191,7 @@ CONTENDERS = (
         kind("nonsingular_terminal")
         | {"controller.nonsingular_position_gain": 0.0, "controller.reaching_exponent": 0.0},
         (*NONSINGULAR, NONSINGULAR_LAYER, LAWS),
+        observer=OBSERVER,
     ),
     Contender(
         "nonsingular_fast_terminal",
@@ -178,6 +199,7 @@ CONTENDERS = (
         f"{YANG}; for gyroscopes doi 10.1155/2019/6840639 (abstract read)",
         kind("nonsingular_terminal"),
         (FAST, *NONSINGULAR, POWER, LAWS),
+        observer=OBSERVER,
     ),
     Contender(
         "adrc",
@@ -186,7 +208,6 @@ CONTENDERS = (
         kind("disturbance_rejection") | {"controller.nominal_model": False},
         ESO,
         classes=("P",),
-        observes=True,
     ),
     Contender(
         "adrc_nominal",
@@ -195,6 +216,5 @@ CONTENDERS = (
         kind("disturbance_rejection") | {"controller.nominal_model": True},
         ESO,
         classes=("P",),
-        observes=True,
     ),
 )

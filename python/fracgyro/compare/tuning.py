@@ -3,54 +3,56 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ..scenario import Scenario, ScenarioError
-from ..simulation.native import Law
-from ..simulation.outside import ControllerLike
-from ..study.file import Thresholds
 from ..study.tune.criteria import Constraint, Measured
 from ..study.tune.plan import Plan, Tune, TuningFile
 from ..study.tune.search import Trial, opened
 from .contender import Contender
 from .own import controller_of
-from .track import Cell, Track
+from .task import Cell, Task
 
 
 @dataclass(frozen=True, kw_only=True)
 class ContenderPlan(Plan):
     """A tuning that starts from nothing: no published gains, and no base scenario to compare with."""
 
+    task: Task
     contender: Contender
 
-    def scenario(self, values: dict[str, Any]) -> Scenario | None:
+    def measure(self, points: Sequence[dict[str, Any]], progress: Callable[[int], object]) -> list[Measured | None]:
+        found = [self._measured(point) for point in points]
+        progress(len(points) * len(self.file.seeds))
+        return found
+
+    def _measured(self, point: dict[str, Any]) -> Measured | None:
+        values = self.task.completed(self.contender, self.base, point)
+        if values is None:
+            return None
         try:
-            return self.contender.scenario(self.base, values)
+            scenario = self.contender.scenario(self.base, values)
         except ScenarioError:
             return None
-
-    def controllers(self, points: Sequence[dict[str, Any]]) -> ControllerLike | Sequence[Law] | None:
-        if self.contender.own is None:
-            return None
-        (values,) = points  # TPE proposes one at a time
-        return controller_of(self.contender, values)
+        controller = controller_of(self.contender, values)
+        return self.task.train(scenario, self.file.seeds, self.base, controller)
 
     def base_values(self) -> dict[str, Any] | None:
         return None
 
     def parts(self) -> dict[str, Any]:
-        return {**super().parts(), "contender": repr(self.contender)}
+        return {**super().parts(), "task": self.task.name, "contender": repr(self.contender)}
 
 
 @dataclass(frozen=True)
 class Tuning:
     """What is tuned, and how."""
 
-    task: Track
+    task: Task
     contender: Contender
     cell: Cell
     base: Scenario  # as the cell senses it
@@ -68,7 +70,7 @@ class Tuning:
         return self.trials * len(self.seeds)
 
     def measure(self) -> dict[str, Any]:
-        """Of each trial [error, chattering, feasible], and the values of the best, as JSON has them."""
+        """Of each trial [error, largest constraint, feasible], and the values of the best, as JSON has them."""
         constraints = self.task.constraints(self.cell.ceiling)
         plan = self._plan(constraints)
         one = np.ones(1)  # ratios to it are the values themselves
@@ -79,7 +81,7 @@ class Tuning:
         feasible = [trial for trial in trials if trial.score.feasible]
         best = min(feasible, key=_error, default=None)
         return {
-            "best": best and best.values,
+            "best": best and self.task.completed(self.contender, plan.base, best.values),
             "error": best and _error(best),
             "trials": [[_finite(_error(t)), _finite(max(t.score.constraints)), t.score.feasible] for t in trials],
         }
@@ -90,18 +92,18 @@ class Tuning:
             seeds=self.seeds,
             objective=list(self.task.objectives),
             constraint=constraints,
-            metrics=Thresholds(**self.task.thresholds(self.base)),
             tune=Tune(trials=self.trials, seed=self.sampler),
         )
         return ContenderPlan(
             self.name,
             "",
             file,
-            self.contender.scenario(self.base),
+            self.base,
             tuple(gain.dimension for gain in gains),
             [],
             None,
             joined=True,
+            task=self.task,
             contender=self.contender,
         )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
@@ -24,7 +24,7 @@ from ..controller import fields_of_scenario, of_each, recorded
 from ..file import Thresholds, base_scenario, load_study, refuse_both, seeds_of
 from ..folder import digest
 from ..space import MAX_POINTS, Dimension, read_space, value_of
-from .criteria import Constraint, Objective
+from .criteria import Constraint, Measured, Objective, measure
 
 DIGITS = 4  # significant ones of a tuned value: nobody sets a gain more finely
 
@@ -89,6 +89,18 @@ class Plan:
     def controllers(self, points: Sequence[dict[str, Any]]) -> ControllerLike | Sequence[Law] | None:
         """Those from outside for scenarios of these values."""
         return of_each(self.controller, points)
+
+    def measure(self, points: Sequence[dict[str, Any]], progress: Callable[[int], object]) -> list[Measured | None]:
+        """Of each the runs of all seeds of training, or None where its values make no valid scenario."""
+        scenarios = [self.scenario(point) for point in points]
+        pairs = [(s, point) for s, point in zip(scenarios, points, strict=True) if s is not None]
+        seeds = self.file.seeds
+        progress((len(points) - len(pairs)) * len(seeds))
+        if not pairs:
+            return [None] * len(points)
+        controllers = self.controllers([point for _, point in pairs])
+        found = iter(measure([s for s, _ in pairs], seeds, self.thresholds, progress, controllers))
+        return [None if scenario is None else next(found) for scenario in scenarios]
 
     def base_values(self) -> dict[str, Any] | None:
         """The base scenario as a point of the space, or None when it lies outside."""

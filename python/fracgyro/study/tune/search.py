@@ -24,7 +24,7 @@ from sqlalchemy.exc import SAWarning, SQLAlchemyError
 
 from ...scenario import ScenarioError
 from ..space import Dimension
-from .criteria import Measured, Score, measure, score
+from .criteria import Measured, Score, score
 from .plan import Plan, rounded
 
 WORST = 1e3  # told to Optuna for an objective without a value, and from here on for cmaes' infeasible trials
@@ -76,15 +76,10 @@ class Search:
     def run(self, progress: Callable[[int], object]) -> None:
         """Trials, batch by batch, until there are as many as the plan asks for; `progress` counts runs."""
         while batch := self._next_batch():
-            scenarios = [self._plan.scenario(point) for _, point in batch]
-            valid = [s for s in scenarios if s is not None]
-            points = [point for (_, point), s in zip(batch, scenarios, strict=True) if s is not None]
-            seeds, controllers = self._plan.file.seeds, self._plan.controllers(points)
-            measured = iter(measure(valid, seeds, self._plan.thresholds, progress, controllers) if valid else [])
-            progress((len(batch) - len(valid)) * len(seeds))
+            measured = self._plan.measure([point for _, point in batch], progress)
             with _undamaged(self._resumed):
-                for (trial, point), scenario in zip(batch, scenarios, strict=True):
-                    self._tell(trial, point, None if scenario is None else next(measured))
+                for (trial, point), found in zip(batch, measured, strict=True):
+                    self._tell(trial, point, found)
 
     def _next_batch(self) -> list[tuple[optuna.Trial, dict[str, Any]]]:
         """Trials and their points: what was proposed before a kill and not measured, then new ones up to a batch."""
