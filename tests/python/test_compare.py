@@ -215,7 +215,9 @@ def test_an_error_is_less_or_more_only_where_all_tunings_agree() -> None:
 
     theirs = row(1.0, 1.0, 1.0, [1.0, 1.2, 0.9])
     assert verdict(row(0.5, 0.4, 0.6, [0.5, 0.6, 0.8]), theirs) == "less"
-    assert verdict(row(0.5, 0.4, 0.6, [0.5, 0.6, 0.95]), theirs) == "undecided", "one tuning is worse than one of theirs"
+    assert verdict(row(0.5, 0.4, 0.6, [0.5, 0.6, 0.95]), theirs) == "undecided", (
+        "one tuning is worse than one of theirs"
+    )
     assert verdict(row(0.5, 0.4, 0.6, [0.5, 0.6, None]), theirs) == "undecided", "one found nothing"
     assert verdict(row(0.5, 0.4, 1.1, [0.5, 0.6, 0.8]), theirs) == "undecided"
     assert verdict(row(2.0, 1.5, 2.5, [1.3, 2.0, None]), theirs) == "more"
