@@ -10,7 +10,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from words import interval, listed, short, spelled, uncertain
+from words import concise, interval, listed, short, spelled
 
 PAPER, PUBLISHED = "paper", "paper_as_published"
 NOISE = 1e-13  # m/sqrt(Hz), the one whose results are put in sentences
@@ -19,16 +19,16 @@ UNIT = 1e6  # errors of tracking are shown in millionths of q0
 Row = dict[str, Any]
 Values = dict[str, Any]
 
-# What a table of `rate` shows of `metrics`, in this order: heading and the factor to its unit.
-RATE_COLUMNS: dict[str, tuple[str, float]] = {
-    "angle_random_walk": ("ARW, deg/√h", 1.0),
-    "over_bound": ("over the bound", 1.0),
-    "scale_factor_error": ("scale factor, ppm", 1.0),
-    "bias": ("bias, deg/h", 1.0),
-    "bias_by_damping": ("bias by dxy, deg/h", 1.0),
-    "bias_by_quadrature": ("by quadrature, hidden delay, deg/h", 1.0),
-    "bandwidth": ("bandwidth, Hz", 1.0),
-    "start_up": ("start-up, ms", 1.0),
+# What a table of `rate` shows of `metrics`, in this order, in words, with its unit and the factor to it.
+RATE_COLUMNS = {
+    "error": ("ARW", "deg/√h", 1.0),
+    "equal_motion": ("ARW at equal total motion", "deg/√h", 1.0),
+    "over_bound": ("ARW over the bound", "", 1.0),
+    "scale_factor_error": ("scale factor", "ppm", 1.0),
+    "bias_damping": ("bias by dxy", "10³ deg/h", 1e-3),
+    "bias_quadrature_hidden": ("bias by quadrature, hidden delay", "10³ deg/h", 1e-3),
+    "bias_drift": ("bias by drift of K", "10³ deg/h", 1e-3),
+    "start_up": ("start-up", "ms", 1.0),
 }
 MOST_COLUMNS, MOST_TABLES = 8, 2
 
@@ -328,13 +328,13 @@ def _ratio(row: Row | None) -> str:
 def rate(data: dict[str, Any]) -> Values:
     rows: list[Row] = data["contenders"]
     columns = _columns(rows)
-    cells = sorted({_place(row) for row in rows}, key=lambda of: (of[1] != "P", of[2] != NOISE, of))
+    cells = sorted({_place(row) for row in rows}, key=lambda of: (of[2] != NOISE, of[1] != "P", of))
     shown = cells[:MOST_TABLES]
     tables = [_rate_table(of, [row for row in rows if _place(row) == of], columns) for of in shown]
     return {
         "effort": effort(data),
         "contenders": spelled(len({row["name"] for row in rows})),
-        "heads": [RATE_COLUMNS.get(name, (name.replace("_", " "), 1.0))[0] for name in columns],
+        "heads": [", ".join(filter(None, _of_column(name)[:2])) for name in columns],
         "tables": tables,
         "others": str(len(cells) - len(shown)),
     }
@@ -372,15 +372,20 @@ def _rate_table(of: tuple[str, str, float, float], rows: list[Row], columns: lis
     }
 
 
+def _of_column(name: str) -> tuple[str, str, float]:
+    """Words, unit, factor; of what RATE_COLUMNS lacks the name."""
+    return RATE_COLUMNS.get(name, (name.replace("_", " "), "", 1.0))
+
+
 def _rate_cell(row: Row, name: str) -> str:
     if row["diverged"]:
         return f"{row['diverged']} diverged"
-    found, factor = row["metrics"].get(name) or {}, RATE_COLUMNS.get(name, ("", 1.0))[1]
+    found, factor = row["metrics"].get(name) or {}, _of_column(name)[2]
     if found.get("value") is None:
         return "–"
     if found.get("low") is None or found.get("high") is None:
-        return short(factor * found["value"])
-    return uncertain(factor * found["value"], factor * abs(found["high"] - found["low"]) / 2)
+        return short(factor * found["value"], 3)
+    return concise(factor * found["value"], factor * abs(found["high"] - found["low"]) / 2)
 
 
 def _size(row: Row, name: str) -> float:
@@ -390,16 +395,13 @@ def _size(row: Row, name: str) -> float:
 
 def _least(rows: list[Row], name: str) -> str:
     """Who has the smallest magnitude, and who cannot be distinguished from it by the intervals."""
-    if RATE_COLUMNS.get(name, (name,))[0].startswith("bandwidth"):
-        return ""
     known = [row for row in rows if row["kept"] and math.isfinite(_size(row, name))]
     if len(known) < 2:
         return ""
     first = min(known, key=lambda row: _size(row, name))
     near = [row["name"].replace("_", " ") for row in known if row is not first and _overlap(row, first, name)]
     near = near if len(near) <= 3 else [*near[:2], f"{len(near) - 2} others"]
-    heading = RATE_COLUMNS.get(name, (name.replace("_", " "), 1.0))[0].split(",")[0]
-    text = f"{heading}, {first['name'].replace('_', ' ')} ({_rate_cell(first, name)})"
+    text = f"{_of_column(name)[0]}: {first['name'].replace('_', ' ')}, {_rate_cell(first, name)}"
     return f"{text}, with {listed(near)}" if near else text
 
 

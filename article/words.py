@@ -29,6 +29,17 @@ def uncertain(value: float, half: float) -> str:
     return f"{value:.{places}f} ± {half:.{places}f}".replace("-", "−")
 
 
+def concise(value: float, half: float) -> str:
+    """The same as 0.018(2): in parentheses the half width, in units of the last digit. Without it where it is less."""
+    if not abs(value) * 1e-4 <= half < math.inf or half == 0:
+        return short(value, 4)
+    exponent = int(f"{half:.0e}".partition("e")[2])
+    scale = 10.0**exponent
+    if exponent > 0:
+        return f"{round(value / scale) * scale:.0f}({round(half / scale) * scale:.0f})".replace("-", "−")
+    return f"{value:.{-exponent}f}({half / scale:.0f})".replace("-", "−")
+
+
 def interval(low: float | None, high: float | None, digits: int = 2) -> str:
     return f"{short(low, digits)} to {short(high, digits)}"
 

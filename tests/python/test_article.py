@@ -80,7 +80,7 @@ def rate(**walks: float) -> dict[str, Any]:
     found = []
     for name, walk in walks.items():
         made = row(name, "P", 1e-13, 0.0, 1.0, scenario="dual_mass", front=[], others={})
-        made["metrics"] = {"angle_random_walk": about(walk), "scale_factor_error": about(-10 * walk)}
+        made["metrics"] = {"error": about(walk), "scale_factor_error": about(-10 * walk)}
         found.append(made)
     return {"task": "rate", "version": "0.1.0", "effort": EFFORT, "contenders": found}
 
@@ -236,8 +236,8 @@ def test_the_rate_table_shows_what_is_there_from_the_least_walk_up() -> None:
     assert found["heads"] == ["ARW, deg/√h", "scale factor, ppm"]
     (table,) = found["tables"]
     assert [line["name"] for line in table["rows"]] == ["lqg", "force rebalance", "adrc"]
-    assert table["rows"][0]["cells"] == ["0.0200 ± 0.0004", "−0.200 ± 0.004"]
-    assert table["sentences"][0] == "ARW, lqg (0.0200 ± 0.0004), with force rebalance"
+    assert table["rows"][0]["cells"] == ["0.0200(4)", "−0.200(4)"]
+    assert table["sentences"][0] == "ARW: lqg, 0.0200(4), with force rebalance"
 
 
 def test_metrics_that_nobody_named_are_shown_by_their_own_name() -> None:
@@ -279,3 +279,18 @@ def test_a_log_gives_the_cell_that_it_prints() -> None:
 )
 def test_numbers_are_short(value: float | None, digits: int, expected: str) -> None:
     assert words.short(value, digits) == expected
+
+
+@pytest.mark.parametrize(
+    ("value", "half", "expected"),
+    [
+        (0.0181, 0.0021, "0.018(2)"),
+        (-125.4, 13.0, "−130(10)"),
+        (7.26, 1.0, "7(1)"),
+        (7.26, 0.096, "7.3(1)"),
+        (53.98, 0.001, "53.98"),
+        (5.0, 0.0, "5.000"),
+    ],
+)
+def test_an_interval_is_the_last_digits(value: float, half: float, expected: str) -> None:
+    assert words.concise(value, half) == expected
