@@ -1,20 +1,26 @@
-"""The controllers compared in full; writes benchmarks/results/compare.md. Resumes what build/compare holds."""
+"""The controllers compared in full; writes benchmarks/results/compare.md. Resumes what build/compare holds.
+
+The numbers are in compare-track.json and compare-rate.json beside it, which the article reads.
+"""
 
 from __future__ import annotations
 
 import argparse
+import json
 import shutil
 import sys
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from fracgyro.compare.report import interval, number, rank, times, title
+from fracgyro.compare.plan import TASKS
+from fracgyro.compare.report import interval, labelled, number, rank, times, title
 from fracgyro.compare.run import Compared, compare
-from machine import command, machine, write
+from fracgyro.compare.task import Task
+from machine import RESULTS, command, machine, write
 
 OUT = Path(__file__).parents[1] / "build" / "compare"
-TASKS = ["track"]
+DIGITS = 4  # of the numbers in the JSON files
 Row = dict[str, Any]
 
 
@@ -34,20 +40,20 @@ def compared(task: str, quick: bool) -> Compared:
         return compare(task, folder, quick=quick, progress=show)
 
 
-def lines_of(rows: list[Row]) -> list[str]:
-    metrics = ["rmse_steady_x", "rmse_steady_y", "rmse_transient_x", "rmse_transient_y", "chattering_x", "chattering_y"]
-    heads = ["contender", "error (95 %)", "over the paper's (95 %)", "samplers", *metrics, "largest force", "diverged"]
-    heads += ["time", "state (B)", "remarks"]
+def lines_of(task: Task, rows: list[Row]) -> list[str]:
+    heads = ["contender", f"{labelled(task.error_words)} (95 %)", f"over {task.over} (95 %)", "decided", "samplers"]
+    heads += [*(labelled(task.words(name)) for name in task.metrics), "diverged", "time", "state (B)", "remarks"]
     lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     for row in sorted(rows, key=rank):
         found, cost = row["metrics"], row["cost"] or {}
-        values = [number(found.get(name, {}).get("value")) for name in (*metrics, "largest_force")]
-        remarks = ["" if row["kept"] else "above the ceiling" if found else "no trial kept the ceiling"]
+        values = [number(found.get(name, {}).get("value")) for name in task.metrics]
+        remarks = ["" if row["kept"] else "beyond a limit" if found else "no trial kept the limits"]
         remarks += [f"at range end: {', '.join(row['range_ends'])}"] if row["range_ends"] else []
         cells = [
-            row["name"] + ("" if row["tuned"] or not row["gains"] else " (untuned)"),
+            row["name"] + ("" if row["tuned"] or not row["trials"] else " (untuned)"),
             interval(found.get("error")),
             interval(row["ratio"]),
+            row["verdict"] or "–",
             ", ".join(map(number, row["sampler_errors"])) or "–",
             *values,
             f"{row['diverged']}/{row['seeds']}" if found else "–",
@@ -69,24 +75,43 @@ def others(rows: list[Row]) -> list[str]:
     ]
 
 
+def rounded(value: Any) -> Any:
+    """Numbers to DIGITS significant ones."""
+    if isinstance(value, float):
+        return float(f"{value:.{DIGITS}g}")
+    if isinstance(value, dict):
+        return {name: rounded(part) for name, part in value.items()}
+    return [rounded(part) for part in value] if isinstance(value, list) else value
+
+
+def keep(data: Path, name: str) -> None:
+    """compare.json with fewer digits, a line for each row."""
+    found = json.loads(data.read_text(encoding="utf-8"))
+    rows = ",\n".join(json.dumps(rounded(row), ensure_ascii=False) for row in found.pop("contenders"))
+    head = json.dumps(rounded(found), ensure_ascii=False)[:-1]
+    (RESULTS / name).write_text(f'{head}, "contenders": [\n{rows}\n]}}\n', encoding="utf-8")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="a minute's look; the log is marked as untuned")
     quick = parser.parse_args().quick
     lines = ["# Which controller?", ""]
     lines += [f"Made by `{command()}`, which is `make compare`. Machine: {machine('optuna')}.", ""]
-    for task in TASKS:
-        result = compared(task, quick)
-        lines += ["**Untuned.**" if quick else "Rules and words: [the comparison](../../docs/compare.md)."]
+    lines += ["**Untuned.**" if quick else "Rules and words: [the comparison](../../docs/compare.md).", ""]
+    for name, task in TASKS.items():
+        result = compared(name, quick)
+        if not quick:
+            keep(result.data, f"compare-{name}.json")
+        lines += [f"## {name}", ""]
         lines += [f"{len(result.rows)} rows, {result.seconds:.0f} s, {result.resumed} pieces found finished.", ""]
-        lines += [f"## {task}", ""]
 
         def key(row: Row) -> tuple[Any, ...]:
             return "", row["class"], row["noise"], row["ceiling"]
 
         for of, found in groupby(sorted(result.rows, key=key), key):
             rows = list(found)
-            lines += [f"### {title(*of)}", "", *lines_of(rows), "", *others(rows), ""]
+            lines += [f"### {title(*of)}", "", *lines_of(task, rows), "", *others(rows), ""]
     write("compare", lines[:-1])
 
 

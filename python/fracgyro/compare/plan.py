@@ -64,13 +64,13 @@ class Comparison:
     task: Task
     scenarios: dict[str, Scenario]
     contenders: tuple[Contender, ...]
-    classes: tuple[str, ...]
-    noise: tuple[float, ...]
+    sensing: tuple[tuple[str, float], ...]  # class of information and noise of each table
     effort: Effort
     storage: str | None
 
     def rows(self) -> list[Row]:
-        cells = [Cell(*of) for of in product(self.scenarios, self.classes, self.noise, self.task.ceilings)]
+        each = product(self.scenarios, self.sensing, self.task.ceilings)
+        cells = [Cell(scenario, *sensing, ceiling) for scenario, sensing, ceiling in each]
         return [Row(c, cell) for cell in cells for c in self.contenders if cell.information in c.classes]
 
     def tunings(self, row: Row) -> list[Tuning]:
@@ -112,8 +112,7 @@ class Comparison:
             "the scenarios": {name: scenario.model_dump() for name, scenario in self.scenarios.items()},
             "the contenders": [repr(dataclasses.replace(c, own=None)) for c in self.contenders],
             "the file of --controller": own,
-            "--class": self.classes,
-            "--noise": self.noise,
+            "--class or --noise": self.sensing,
             "--trials or --quick": dataclasses.asdict(self.effort),
         }
 
@@ -153,8 +152,16 @@ def planned(
         one,
         given or one.scenarios(),
         chosen(known, tuple(only)),
-        tuple(dict.fromkeys(classes)) or one.classes,
-        tuple(dict.fromkeys(noise)) or one.noise,
+        _sensing(one, classes, noise),
         effort,
         storage,
     )
+
+
+def _sensing(task: Task, classes: Sequence[str], noise: Sequence[float]) -> tuple[tuple[str, float], ...]:
+    """The task's own, or every class with every noise where either is given."""
+    if not classes and not noise:
+        return task.sensing
+    known = zip(*task.sensing, strict=True)
+    each = (given or own for given, own in zip((classes, noise), known, strict=True))
+    return tuple(dict.fromkeys(product(*each)))

@@ -94,8 +94,7 @@ class Rate(Task):
     over = "force rebalance's"
     error_words = ("angle random walk", "deg/√h")
     metrics = tuple(WORDS)[1:]
-    classes = ("F", "P")
-    noise = (0.0, 1e-13)
+    sensing = (("F", 0.0), ("F", 1e-13), ("P", 1e-13))
     ceilings = (0.0,)
     finds_bandwidth = True
     objectives = (Figure(metric="angle_random_walk"), Figure(metric="output_noise"))

@@ -87,8 +87,8 @@ def compare(
     report = folder / "report.html"
     head = {
         "task": plan.task.name,
-        "class": list(plan.classes),
-        "noise": list(plan.noise),
+        "class": list(dict.fromkeys(information for information, _ in plan.sensing)),
+        "noise": list(dict.fromkeys(noise for _, noise in plan.sensing)),
         "version": version("fracgyro"),
         "effort": asdict(plan.effort),
     }

@@ -51,8 +51,7 @@ class Task(ABC):
     over: ClassVar[str]  # words of those ratios
     error_words: ClassVar[tuple[str, str]]  # what is compared, and its unit
     metrics: ClassVar[tuple[str, ...]]  # what tables show besides
-    classes: ClassVar[tuple[str, ...]]
-    noise: ClassVar[tuple[float, ...]]
+    sensing: ClassVar[tuple[tuple[str, float], ...]]  # class of information and noise of each table
     ceilings: ClassVar[tuple[float, ...]]
     finds_bandwidth: ClassVar[bool] = False  # of the rate estimate: `completed` finds it
     objectives: ClassVar[tuple[Objective, ...]]  # of which the mean logarithm is made least
