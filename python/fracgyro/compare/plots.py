@@ -19,6 +19,7 @@ Row = dict[str, Any]
 LINE, ROOM = 4.2, 18.0  # mm: height of a contender's line, and of what is above and below them
 MARKERS = "osD^v<>PXph*"
 PLANT = "#b8c4cc"
+SAMPLER = "#7a868e"
 FAR = 30.0  # times as large: what is more stands here, with its number
 
 
@@ -30,6 +31,8 @@ def error_panel(title: str, rows: Sequence[Row], words: str) -> Figure:
         if error.get("value") is None:
             continue
         own = COLORS[row["name"].startswith("paper")]
+        samplers = [found for found in row["sampler_errors"] if found is not None]
+        panel.plot(samplers, [place] * len(samplers), "|", color=SAMPLER, markersize=6)
         filled = own if row["kept"] else "white"
         panel.plot([error["low"], error["high"]], [place, place], color=own, linewidth=1.2)
         panel.plot(error["value"], place, "o", color=own, markerfacecolor=filled, markersize=4)
@@ -44,6 +47,9 @@ def error_legend() -> Figure:
             Line2D([], [], marker="o", color=COLORS[1], markersize=4, label="the paper's and its variants"),
             Line2D([], [], marker="o", color=COLORS[0], markersize=4, label="others"),
             Line2D([], [], marker="o", color="gray", markerfacecolor="white", markersize=4, label="beyond a limit"),
+            Line2D(
+                [], [], marker="|", color=SAMPLER, ls="none", markersize=6, label="one tuning, on seeds of training"
+            ),
         ]
     )
 

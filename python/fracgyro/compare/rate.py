@@ -98,6 +98,7 @@ class Rate(Task):
     ceilings = (0.0,)
     finds_bandwidth = True
     objectives = (Figure(metric="angle_random_walk"), Figure(metric="output_noise"))
+    compared = 1
 
     def scenarios(self) -> dict[str, Scenario]:
         return {"dual_mass": self.scenario(shipped("dual_mass"))}

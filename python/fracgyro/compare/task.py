@@ -55,6 +55,7 @@ class Task(ABC):
     ceilings: ClassVar[tuple[float, ...]]
     finds_bandwidth: ClassVar[bool] = False  # of the rate estimate: `completed` finds it
     objectives: ClassVar[tuple[Objective, ...]]  # of which the mean logarithm is made least
+    compared: ClassVar[int]  # so many of the first of them make the error
 
     @abstractmethod
     def scenarios(self) -> dict[str, Scenario]:

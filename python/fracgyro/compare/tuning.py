@@ -70,7 +70,7 @@ class Tuning:
         return self.trials * len(self.seeds)
 
     def measure(self) -> dict[str, Any]:
-        """Of each trial [error, largest constraint, feasible], and the values of the best, as JSON has them."""
+        """Of each trial [objective, largest constraint, feasible], and the values of the best with their error."""
         constraints = self.task.constraints(self.cell.ceiling)
         plan = self._plan(constraints)
         one = np.ones(1)  # ratios to it are the values themselves
@@ -79,11 +79,11 @@ class Tuning:
             search.run(lambda runs: None)
             trials = search.finished()[: self.trials]
         feasible = [trial for trial in trials if trial.score.feasible]
-        best = min(feasible, key=_error, default=None)
+        best = min(feasible, key=_objective, default=None)
         return {
             "best": best and self.task.completed(self.contender, plan.base, best.values),
-            "error": best and _error(best),
-            "trials": [[_finite(_error(t)), _finite(max(t.score.constraints)), t.score.feasible] for t in trials],
+            "error": best and _mean_log(best.score.objectives[: self.task.compared]),
+            "trials": [[_finite(_objective(t)), _finite(max(t.score.constraints)), t.score.feasible] for t in trials],
         }
 
     def _plan(self, constraints: list[Constraint]) -> ContenderPlan:
@@ -108,11 +108,14 @@ class Tuning:
         )
 
 
-def _error(trial: Trial) -> float:
-    """The mean logarithm of the objectives."""
-    if not all(0 < value < math.inf for value in trial.score.objectives):
+def _objective(trial: Trial) -> float:
+    return _mean_log(trial.score.objectives)
+
+
+def _mean_log(values: Sequence[float]) -> float:
+    if not all(0 < value < math.inf for value in values):
         return math.inf
-    return sum(map(math.log, trial.score.objectives)) / len(trial.score.objectives)
+    return sum(map(math.log, values)) / len(values)
 
 
 def _finite(value: float) -> float | None:
