@@ -22,6 +22,8 @@ from .rate_contenders import CONTENDERS, OBSERVER, REBALANCE
 from .rate_runs import (
     BANDWIDTH,
     RANGE,
+    SETTLED,
+    SETTLING,
     at_range,
     bound,
     found_bandwidth,
@@ -150,10 +152,12 @@ class Rate(Task):
         base: Scenario,
         controller: ControllerLike | None,
     ) -> list[Measured]:
-        return [self._measured(scenario, seeds, controller) for scenario in scenarios]
+        return [self._measured(scenario, seeds, controller, SETTLED) for scenario in scenarios]
 
-    def _measured(self, scenario: Scenario, seeds: Sequence[int], controller: ControllerLike | None) -> Measured:
-        walk, spread, mean = noise_at_rest(scenario, seeds, controller)
+    def _measured(
+        self, scenario: Scenario, seeds: Sequence[int], controller: ControllerLike | None, wait: float
+    ) -> Measured:
+        walk, spread, mean = noise_at_rest(scenario, seeds, controller, wait)
         level, settling = at_range(scenario, seeds[:1], controller)
         ones = np.ones(len(seeds))
         metrics = {
@@ -174,7 +178,7 @@ class Rate(Task):
         level, settling = at_range(scenario, seeds[:1], controller)
         at_once = {"scale_factor_error": abs(1e6 * (level / RANGE - 1)), "settling_time": settling}
         if all(limit.of(at_once[limit.metric]) <= HOPELESS * (limit.at_most or 0.0) for limit in limits):
-            return self._measured(scenario, seeds, controller)
+            return self._measured(scenario, seeds, controller, SETTLING)
         nothing = {objective.metric: np.full(len(seeds), np.nan) for objective in self.objectives}
         return Measured({**nothing, **at_once}, np.isnan(np.repeat(level, len(seeds))))
 

@@ -24,8 +24,8 @@ WITHIN = 0.01  # of the gain there: some 2 Hz
 RANGE = DEG_PER_S.to_si(300.0)
 SINE = RANGE / 3  # amplitude
 OUTPUT = 5e-4  # s that an output is the mean of
-SETTLING = 0.1  # s
-SETTLED = 2.5e-3  # s that the output is averaged over where settling is judged
+SETTLING, SETTLED = 0.1, 0.3  # s that a run is left to settle, in a tuning and where it is judged
+SMOOTHED = 2.5e-3  # s that the output is averaged over for its settling time
 AVERAGE, AVERAGES = 0.05, 5  # s; long against the bandwidth and 1/split
 LOW = math.sqrt(0.5)  # -3 dB
 TRIES = 14
@@ -56,14 +56,14 @@ def _middles(found: Values, interval: float) -> Values:
 
 
 def noise_at_rest(
-    scenario: Scenario, seeds: Sequence[int], controller: ControllerLike | None
+    scenario: Scenario, seeds: Sequence[int], controller: ControllerLike | None, settling: float = SETTLED
 ) -> tuple[Values, Values, Values]:
     """By seed: the angle random walk, deg/sqrt(h); the output's standard deviation, mdeg/s; its mean, deg/h.
 
     The angle random walk is the Allan deviation of averages over 50 ms, times the root of that time: where white noise
     is all that there is, at a bandwidth of 100 Hz.
     """
-    found, interval = outputs(scenario, SETTLING + AVERAGE * AVERAGES, seeds, controller)
+    found, interval = outputs(scenario, settling + AVERAGE * AVERAGES, seeds, controller)
     each = round(AVERAGE / interval)
     late = found[:, -each * AVERAGES :]
     means = late.reshape(len(seeds), AVERAGES, each).mean(axis=2)
@@ -74,8 +74,8 @@ def noise_at_rest(
 
 def settled(scenario: Scenario, rate: float, seeds: Sequence[int], controller: ControllerLike | None) -> Values:
     """By seed: the mean output at a constant rate, both in rad/s."""
-    found, interval = outputs(scenario, 2 * SETTLING, seeds, controller, {"plant.angular_rate": rate})
-    return _late_mean(found, interval)
+    found, interval = outputs(scenario, SETTLED + 2 * AVERAGE, seeds, controller, {"plant.angular_rate": rate})
+    return _late_mean(found, SETTLED / interval)
 
 
 def at_range(
@@ -93,7 +93,7 @@ def at_range(
     found, interval = outputs(
         scenario, 2 * SETTLING, seeds, controller, {"plant.angular_rate": RANGE, **(changes or {})}
     )
-    each = round(SETTLED / interval)
+    each = round(SMOOTHED / interval)
     blocks = found[:, : found.shape[1] // each * each].reshape(len(seeds), -1, each).mean(axis=2)
     time = each * interval * (np.arange(blocks.shape[1], dtype=np.float64) + 0.5)
     times = []
@@ -102,7 +102,7 @@ def at_range(
         furthest = float(np.max(abs(half - half.mean())) / (0.01 * abs(half.mean())))
         on = turn_on_time(time, run[np.newaxis])
         times.append(1e3 * (on if math.isfinite(on) else time[-1] * max(furthest, 1.0)))
-    return _late_mean(found, interval), np.array(times)
+    return _late_mean(found, SETTLING / interval), np.array(times)
 
 
 def start_up_from_rest(scenario: Scenario, seeds: Sequence[int], controller: ControllerLike | None) -> Values:
@@ -116,8 +116,8 @@ def start_up_from_rest(scenario: Scenario, seeds: Sequence[int], controller: Con
     return np.where(times < 1e3 * SETTLING, times, np.nan)
 
 
-def _late_mean(found: Values, interval: float) -> Values:
-    return np.asarray(found[:, round(SETTLING / interval) :].mean(axis=1))
+def _late_mean(found: Values, first: float) -> Values:
+    return np.asarray(found[:, round(first) :].mean(axis=1))
 
 
 def response(
