@@ -12,9 +12,7 @@
 //    and there the force has no authority over s. The estimates follow the laws (44) with (ds/du) s in the place of s.
 #pragma once
 
-#include "fracgyro/control/gradient.hpp"
-#include "fracgyro/control/controller.hpp"
-#include "fracgyro/control/reference.hpp"
+#include "fracgyro/control/adaptive.hpp"
 
 namespace fracgyro {
 
@@ -72,12 +70,10 @@ struct NonsingularTerminal {
     using Value = T;
     using Params = NonsingularTerminalParams;
     using Report = NonsingularTerminalReport<T>;
-    using Laws = GradientAdaptation<T>;
+    using Base = Adaptive<T>;
 
     struct Coefficients {
-        typename Reference<T>::Coefficients reference{};
-        typename Saturation<T>::Coefficients saturation{};
-        typename Laws::Coefficients adaptation{};
+        typename Base::Coefficients base{};
         T position_gain{}, velocity_gain{};    // a, b
         T position_power{}, velocity_power{};  // γ₁ - 1, less 1 where it is at least 1; γ₂ - 1
         T position_slope{}, inverse_slope{};   // a γ₁, 1/(b γ₂)
@@ -86,16 +82,13 @@ struct NonsingularTerminal {
         bool steep = false, layered = false;  // γ₁ >= 2, ρ = 0
     };
     struct State {
-        typename Reference<T>::State reference{};
-        typename Laws::State adaptation{};
+        typename Base::State base{};
     };
 
     static Coefficients prepare(const Params& p, const Common& common) {
         const bool steep = p.position_exponent >= 2.0;
         const double slope = p.velocity_gain * p.velocity_exponent;
-        return {.reference = Reference<T>::prepare(common.reference, common.step),
-                .saturation = Saturation<T>::prepare(common.force_limit),
-                .adaptation = Laws::prepare(p.adaptation.without_bounds(), common.nominal, common.step),
+        return {.base = Base::prepare(p.adaptation, common),
                 .position_gain = T(p.position_gain),
                 .velocity_gain = T(p.velocity_gain),
                 .position_power = T(p.position_exponent - (steep ? 2.0 : 1.0)),
@@ -111,25 +104,16 @@ struct NonsingularTerminal {
                 .layered = !(p.reaching_exponent > 0.0)};
     }
 
-    static Report report(const State& state, const Coefficients& c) {
-        const Estimates<T> e = Laws::estimates(state.adaptation, c.adaptation);
-        return {{e.damping, e.stiffness, e.rate}, {}};
-    }
+    static Report report(const State& state, const Coefficients& c) { return {Base::report(state.base, c.base), {}}; }
     static bool sound(const State&, const Coefficients&) { return true; }  // all of it is numbers
-    static std::uint64_t steps(const State& state) { return state.reference.steps; }
-    static void start_over(State& state, bool keep_estimates) {
-        if (!keep_estimates) {
-            state.adaptation = {};
-        }
-    }
+    static std::uint64_t steps(const State& state) { return state.base.reference.steps; }
+    static void start_over(State& state, bool keep_estimates) { Base::start_over(state.base, keep_estimates); }
 
     static Signals<T, Report> step(State& state, const Coefficients& c, const Motion<T>& measured,
                                    const Sample<T>* missing = nullptr) {
-        Signals<T, Report> signals{.reference = Reference<T>::update(state.reference, c.reference),
-                                   .report = report(state, c)};
-        const ReferencePoint<T>& r = signals.reference;
-        const Sample<T>& e = signals.error = missing == nullptr ? tracking_error(measured, r) : *missing;
-        const Motion<T> motion{.position = r.position + e.value, .velocity = r.velocity + e.derivative};
+        Signals<T, Report> signals{.report = report(state, c)};
+        const Motion<T> motion = Base::begin(state.base, c.base, signals, measured, missing);
+        const Sample<T>& e = signals.error;
 
         const Vec2<T> size = absolute(e.value), speed = absolute(e.derivative);
         Vec2<T> steepness = raised(size, c.position_power);  // |e|^(γ₁-1)
@@ -144,13 +128,12 @@ struct NonsingularTerminal {
         const Vec2<T> one{T(1.0), T(1.0)};
         const Vec2<T> slow = with_sign_of(e.derivative, raised(speed, T(1.0) - c.velocity_power));  // sig(ė, 2-γ₂)
         const Vec2<T> drift = c.inverse_slope * (slow * (one + c.position_slope * steepness));
-        const Vec2<T> wanted = plant_force<T>(signals.report, motion, r.acceleration) - drift - c.reaching_gain * s -
-                               c.switching_gain * reach(c, s);
+        const Vec2<T> wanted = plant_force<T>(signals.report, motion, signals.reference.acceleration) - drift -
+                               c.reaching_gain * s - c.switching_gain * reach(c, s);
         const Vec2<T> weighted = c.velocity_slope * (authority * s);
-        const T active = Saturation<T>::apply(signals, c.saturation, wanted, weighted);
+        const T active = Saturation<T>::apply(signals, c.base.saturation, wanted, weighted);
         if (missing == nullptr) {
-            const Vec2<T> learnt_from = active * weighted;
-            Laws::update(state.adaptation, c.adaptation, motion, learnt_from, norms_of(motion, learnt_from));
+            Base::learn(state.base, c.base, motion, active * weighted);
         }
         return signals;
     }

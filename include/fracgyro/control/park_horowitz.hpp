@@ -8,9 +8,7 @@
 //    resonance.
 #pragma once
 
-#include "fracgyro/control/gradient.hpp"
-#include "fracgyro/control/controller.hpp"
-#include "fracgyro/control/reference.hpp"
+#include "fracgyro/control/adaptive.hpp"
 
 namespace fracgyro {
 
@@ -33,52 +31,36 @@ struct ParkHorowitz {
     using Value = T;
     using Params = ParkHorowitzParams;
     using Report = PlantReport<T>;
-    using Laws = GradientAdaptation<T>;
+    using Base = Adaptive<T>;
 
     struct Coefficients {
-        typename Reference<T>::Coefficients reference{};
-        typename Saturation<T>::Coefficients saturation{};
-        typename Laws::Coefficients adaptation{};
+        typename Base::Coefficients base{};
         T velocity_gain{};
     };
     struct State {
-        typename Reference<T>::State reference{};
-        typename Laws::State adaptation{};
+        typename Base::State base{};
     };
 
     static Coefficients prepare(const Params& p, const Common& common) {
-        return {.reference = Reference<T>::prepare(common.reference, common.step),
-                .saturation = Saturation<T>::prepare(common.force_limit),
-                .adaptation = Laws::prepare(p.adaptation.without_bounds(), common.nominal, common.step),
-                .velocity_gain = T(p.velocity_gain)};
+        return {.base = Base::prepare(p.adaptation, common), .velocity_gain = T(p.velocity_gain)};
     }
 
-    static Report report(const State& state, const Coefficients& c) {
-        const Estimates<T> e = Laws::estimates(state.adaptation, c.adaptation);
-        return {.damping = e.damping, .stiffness = e.stiffness, .rate = e.rate};
-    }
+    static Report report(const State& state, const Coefficients& c) { return Base::report(state.base, c.base); }
     static bool sound(const State&, const Coefficients&) { return true; }  // all of it is numbers
-    static std::uint64_t steps(const State& state) { return state.reference.steps; }
-    static void start_over(State& state, bool keep_estimates) {
-        if (!keep_estimates) {
-            state.adaptation = {};
-        }
-    }
+    static std::uint64_t steps(const State& state) { return state.base.reference.steps; }
+    static void start_over(State& state, bool keep_estimates) { Base::start_over(state.base, keep_estimates); }
 
     static Signals<T, Report> step(State& state, const Coefficients& c, const Motion<T>& measured,
                                    const Sample<T>* missing = nullptr) {
-        Signals<T, Report> signals{.reference = Reference<T>::update(state.reference, c.reference),
-                                   .report = report(state, c)};
-        const ReferencePoint<T>& r = signals.reference;
-        const Sample<T>& e = signals.error = missing == nullptr ? tracking_error(measured, r) : *missing;
-        const Motion<T> motion{.position = r.position + e.value, .velocity = r.velocity + e.derivative};
+        Signals<T, Report> signals{.report = report(state, c)};
+        const Motion<T> motion = Base::begin(state.base, c.base, signals, measured, missing);
+        const Sample<T>& e = signals.error;
         // -K_m q: what a motion of the reference's frequency is accelerated by.
-        const Vec2<T> resonance = c.reference.curvature * motion.position;
+        const Vec2<T> resonance = c.base.reference.curvature * motion.position;
         const Vec2<T> wanted = plant_force<T>(signals.report, motion, resonance) - c.velocity_gain * e.derivative;
-        const T active = Saturation<T>::apply(signals, c.saturation, wanted, e.derivative);
+        const T active = Saturation<T>::apply(signals, c.base.saturation, wanted, e.derivative);
         if (missing == nullptr) {
-            const Vec2<T> learnt_from = active * e.derivative;
-            Laws::update(state.adaptation, c.adaptation, motion, learnt_from, norms_of(motion, learnt_from));
+            Base::learn(state.base, c.base, motion, active * e.derivative);
         }
         return signals;
     }

@@ -8,9 +8,7 @@
 //    wind up, and never grows beyond it.
 #pragma once
 
-#include "fracgyro/control/gradient.hpp"
-#include "fracgyro/control/controller.hpp"
-#include "fracgyro/control/reference.hpp"
+#include "fracgyro/control/adaptive.hpp"
 
 namespace fracgyro {
 
@@ -53,62 +51,50 @@ struct SuperTwisting {
     using Value = T;
     using Params = SuperTwistingParams;
     using Report = SuperTwistingReport<T>;
+    using Base = Adaptive<T>;
 
     struct Coefficients {
-        typename Reference<T>::Coefficients reference{};
-        typename Saturation<T>::Coefficients saturation{};
-        typename GradientAdaptation<T>::Coefficients adaptation{};
+        typename Base::Coefficients base{};
         T surface_gain{}, twisting_gain{}, integral_step{};
     };
     struct State {
-        typename Reference<T>::State reference{};
-        typename GradientAdaptation<T>::State adaptation{};
+        typename Base::State base{};
         Vec2<T> integral{};
     };
 
     static Coefficients prepare(const Params& p, const Common& common) {
-        return {
-            .reference = Reference<T>::prepare(common.reference, common.step),
-            .saturation = Saturation<T>::prepare(common.force_limit),
-            .adaptation = GradientAdaptation<T>::prepare(p.adaptation.without_bounds(), common.nominal, common.step),
-            .surface_gain = T(p.surface_gain),
-            .twisting_gain = T(p.twisting_gain),
-            .integral_step = T(common.step * p.integral_gain)};
+        return {.base = Base::prepare(p.adaptation, common),
+                .surface_gain = T(p.surface_gain),
+                .twisting_gain = T(p.twisting_gain),
+                .integral_step = T(common.step * p.integral_gain)};
     }
 
     static Report report(const State& state, const Coefficients& c) {
-        const Estimates<T> e = GradientAdaptation<T>::estimates(state.adaptation, c.adaptation);
-        return {{e.damping, e.stiffness, e.rate}, {}, state.integral};
+        return {Base::report(state.base, c.base), {}, state.integral};
     }
     static bool sound(const State&, const Coefficients&) { return true; }  // all of it is numbers
-    static std::uint64_t steps(const State& state) { return state.reference.steps; }
+    static std::uint64_t steps(const State& state) { return state.base.reference.steps; }
     static void start_over(State& state, bool keep_estimates) {
-        if (!keep_estimates) {
-            state.adaptation = {};
-        }
+        Base::start_over(state.base, keep_estimates);
         state.integral = {};
     }
 
     static Signals<T, Report> step(State& state, const Coefficients& c, const Motion<T>& measured,
                                    const Sample<T>* missing = nullptr) {
-        Signals<T, Report> signals{.reference = Reference<T>::update(state.reference, c.reference),
-                                   .report = report(state, c)};
-        const ReferencePoint<T>& r = signals.reference;
-        const Sample<T>& e = signals.error = missing == nullptr ? tracking_error(measured, r) : *missing;
-        const Motion<T> motion{.position = r.position + e.value, .velocity = r.velocity + e.derivative};
+        Signals<T, Report> signals{.report = report(state, c)};
+        const Motion<T> motion = Base::begin(state.base, c.base, signals, measured, missing);
+        const Sample<T>& e = signals.error;
         const Vec2<T> s = signals.report.surface = e.derivative + c.surface_gain * e.value;
         const Vec2<T> equivalent =
-            plant_force<T>(signals.report, motion, r.acceleration) - c.surface_gain * e.derivative;
+            plant_force<T>(signals.report, motion, signals.reference.acceleration) - c.surface_gain * e.derivative;
         const Vec2<T> twist = with_sign_of(s, square_root(absolute(s)));
         const Vec2<T> wanted = equivalent - c.twisting_gain * twist + state.integral;
-        const T active = Saturation<T>::apply(signals, c.saturation, wanted, s);
+        const T active = Saturation<T>::apply(signals, c.base.saturation, wanted, s);
         if (missing == nullptr) {
-            const Vec2<T> learnt_from = active * s;
-            GradientAdaptation<T>::update(state.adaptation, c.adaptation, motion, learnt_from,
-                                          norms_of(motion, learnt_from));
+            Base::learn(state.base, c.base, motion, active * s);
             state.integral = state.integral - (active * c.integral_step) * sign(s);
-            if (c.saturation.limited) {
-                state.integral = Saturation<T>::within(c.saturation, state.integral);
+            if (c.base.saturation.limited) {
+                state.integral = Saturation<T>::within(c.base.saturation, state.integral);
             }
         }
         return signals;

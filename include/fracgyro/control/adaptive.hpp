@@ -1,0 +1,56 @@
+// What controllers share whose estimates follow the laws (44), with or without a little memory of their own.
+#pragma once
+
+#include "fracgyro/control/controller.hpp"
+#include "fracgyro/control/gradient.hpp"
+#include "fracgyro/control/reference.hpp"
+
+namespace fracgyro {
+
+template <Scalar T>
+struct Adaptive {
+    using Laws = GradientAdaptation<T>;
+
+    struct Coefficients {
+        typename Reference<T>::Coefficients reference{};
+        typename Saturation<T>::Coefficients saturation{};
+        typename Laws::Coefficients adaptation{};
+    };
+    struct State {
+        typename Reference<T>::State reference{};
+        typename Laws::State adaptation{};
+    };
+
+    static Coefficients prepare(const AdaptationParams& p, const Common& common) {
+        return {.reference = Reference<T>::prepare(common.reference, common.step),
+                .saturation = Saturation<T>::prepare(common.force_limit),
+                .adaptation = Laws::prepare(p.without_bounds(), common.nominal, common.step)};
+    }
+
+    static PlantReport<T> report(const State& state, const Coefficients& c) {
+        const Estimates<T> e = Laws::estimates(state.adaptation, c.adaptation);
+        return {.damping = e.damping, .stiffness = e.stiffness, .rate = e.rate};
+    }
+
+    static void start_over(State& state, bool keep_estimates) {
+        if (!keep_estimates) {
+            state.adaptation = {};
+        }
+    }
+
+    // The reference and the error of this step; returns the motion, which the error tells where nothing was measured.
+    template <class Signals>
+    static Motion<T> begin(State& state, const Coefficients& c, Signals& signals, const Motion<T>& measured,
+                           const Sample<T>* missing) {
+        const ReferencePoint<T>& r = signals.reference = Reference<T>::update(state.reference, c.reference);
+        const Sample<T>& e = signals.error = missing == nullptr ? tracking_error(measured, r) : *missing;
+        return {.position = r.position + e.value, .velocity = r.velocity + e.derivative};
+    }
+
+    // `learnt_from` stands where the laws have s; 0 where the limit of the force keeps them from learning.
+    static void learn(State& state, const Coefficients& c, const Motion<T>& motion, const Vec2<T>& learnt_from) {
+        Laws::update(state.adaptation, c.adaptation, motion, learnt_from, norms_of(motion, learnt_from));
+    }
+};
+
+}  // namespace fracgyro
