@@ -93,6 +93,13 @@ def test_the_angle_random_walk_of_white_noise_is_its_own(monkeypatch: pytest.Mon
     assert np.exp(RATE.error(measured)) == pytest.approx(walk)
 
 
+def test_a_constant_output_has_an_error_and_has_not_diverged() -> None:
+    """As of converters too coarse for an axis that is held at rest."""
+    found = RATE.error(Measured({"angle_random_walk": np.array([0.0, 0.02, np.nan])}, np.array([False, False, True])))
+    assert np.isfinite(found[:2]).all()
+    assert found[2] == math.inf
+
+
 def test_the_bandwidth_that_is_found_is_100_hz_and_where_there_is_none_it_is_none() -> None:
     contender, base = CONTENDERS["force_rebalance"], sensed(DUAL_MASS, "P", 0.0)
     found = RATE.completed(contender, base, REBALANCE)

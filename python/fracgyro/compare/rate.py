@@ -71,6 +71,7 @@ SQUARED = ("angle_random_walk", "over_bound", "output_noise", "equal_motion")  #
 
 
 HOPELESS = 10.0  # times a limit
+NOTHING = 1e-9  # deg/sqrt(h): a converter too coarse for what moves puts out a constant
 
 
 class Figure(Objective):
@@ -220,8 +221,8 @@ class Rate(Task):
         }
 
     def error(self, measured: Measured) -> Values:
-        walk = np.where(measured.diverged, np.inf, measured.metrics["angle_random_walk"])
-        return np.log(walk)
+        walk = np.maximum(measured.metrics["angle_random_walk"], NOTHING)
+        return np.log(np.where(measured.diverged, np.inf, walk))
 
     def interval(self, metric: str, values: Values) -> Mean:
         """Of what is a standard deviation: the root of the mean square, as those of few samples are biased."""
