@@ -336,7 +336,35 @@ def rate(data: dict[str, Any]) -> Values:
         "contenders": spelled(len({row["name"] for row in rows})),
         "heads": [", ".join(filter(None, _of_column(name)[:2])) for name in columns],
         "tables": tables,
-        "others": str(len(cells) - len(shown)),
+        "others": spelled(len(cells) - len(shown), "further setting"),
+        "industry": _industry([row for row in rows if row["class"] == "P" and row["noise"] == NOISE]),
+    }
+
+
+REBALANCE, FILTER, CLASSICAL = "force_rebalance", "lqg", "park_horowitz"
+
+
+def _industry(rows: list[Row]) -> Values:
+    """Force rebalance, the joint filter and Park and Horowitz's control; `known`: all three keep the limits."""
+    by_name = {row["name"]: row for row in rows if row["kept"]}
+    if not {REBALANCE, FILTER, CLASSICAL} <= by_name.keys():
+        return {"known": False}
+
+    def of(name: str, metric: str, digits: int = 2) -> str:
+        return short((by_name[name]["metrics"].get(metric) or {}).get("value"), digits)
+
+    ratio = by_name[FILTER]["ratio"]
+    return {
+        "known": True,
+        "ratio": f"{short(ratio['value'])} ({_within(ratio)})",
+        "paper": PAPER in by_name,
+        **{
+            f"{key}_{metric}": of(name, metric)
+            for key, name in (("rebalance", REBALANCE), ("filter", FILTER), ("classical", CLASSICAL))
+            for metric in RATE_COLUMNS
+        },
+        "motion": {name: _rate_cell(by_name[name], "equal_motion") for name in (REBALANCE, FILTER)},
+        "stiffness": {name: short(by_name[name]["others"]["K +5 %"]["value"]) for name in (FILTER, CLASSICAL)},
     }
 
 
@@ -354,7 +382,7 @@ def _place(row: Row) -> tuple[str, str, float, float]:
 
 def _rate_table(of: tuple[str, str, float, float], rows: list[Row], columns: list[str]) -> Values:
     first = columns[0]
-    ordered = sorted(rows, key=lambda row: (not row["kept"], _size(row, first)))
+    ordered = sorted((row for row in rows if row["kept"]), key=lambda row: _size(row, first))
     return {
         "scenario": of[0].replace("_", " "),
         "class": of[1],
@@ -363,12 +391,11 @@ def _rate_table(of: tuple[str, str, float, float], rows: list[Row], columns: lis
             {
                 "name": row["name"].replace("_", " "),
                 "paper": row["name"].startswith(PAPER),
-                "kept": bool(row["kept"]),
                 "cells": [_rate_cell(row, name) for name in columns],
             }
             for row in ordered
         ],
-        "sentences": [text for name in columns if (text := _least(rows, name))],
+        "outside": listed([row["name"].replace("_", " ") for row in rows if not row["kept"]]),
     }
 
 
@@ -391,27 +418,3 @@ def _rate_cell(row: Row, name: str) -> str:
 def _size(row: Row, name: str) -> float:
     value = (row["metrics"].get(name) or {}).get("value")
     return math.inf if value is None else abs(value)
-
-
-def _least(rows: list[Row], name: str) -> str:
-    """Who has the smallest magnitude, and who cannot be distinguished from it by the intervals."""
-    known = [row for row in rows if row["kept"] and math.isfinite(_size(row, name))]
-    if len(known) < 2:
-        return ""
-    first = min(known, key=lambda row: _size(row, name))
-    near = [row["name"].replace("_", " ") for row in known if row is not first and _overlap(row, first, name)]
-    near = near if len(near) <= 3 else [*near[:2], f"{len(near) - 2} others"]
-    text = f"{_of_column(name)[0]}: {first['name'].replace('_', ' ')}, {_rate_cell(first, name)}"
-    return f"{text}, with {listed(near)}" if near else text
-
-
-def _overlap(row: Row, first: Row, name: str) -> bool:
-    mine, theirs = (_range(each["metrics"][name]) for each in (row, first))
-    return mine[0] <= theirs[1] and theirs[0] <= mine[1]
-
-
-def _range(found: dict[str, Any]) -> tuple[float, float]:
-    """Of the magnitude."""
-    low, high = (found["value"] if found.get(end) is None else found[end] for end in ("low", "high"))
-    sizes = abs(low), abs(high)
-    return (0.0 if low * high < 0 else min(sizes)), max(sizes)

@@ -237,7 +237,30 @@ def test_the_rate_table_shows_what_is_there_from_the_least_walk_up() -> None:
     (table,) = found["tables"]
     assert [line["name"] for line in table["rows"]] == ["lqg", "force rebalance", "adrc"]
     assert table["rows"][0]["cells"] == ["0.0200(4)", "−0.200(4)"]
-    assert table["sentences"][0] == "ARW: lqg, 0.0200(4), with force rebalance"
+
+
+def test_who_keeps_no_limit_is_named_and_not_shown() -> None:
+    data = rate(lqg=1.0, adrc=2.0, paper=3.0)
+    for each in data["contenders"][1:]:
+        each["kept"] = False
+    (table,) = comparison.rate(data)["tables"]
+    assert [line["name"] for line in table["rows"]] == ["lqg"]
+    assert table["outside"] == "adrc and paper"
+
+
+def test_what_is_said_of_force_rebalance_needs_all_three_that_it_is_about() -> None:
+    def known(**walks: float) -> dict[str, Any]:
+        data = rate(**walks)
+        for each in data["contenders"]:
+            each["others"] = {"K +5 %": {**about(4.0), "diverged": 0, "seeds": 10}}
+        return comparison.rate(data)["industry"]
+
+    assert known(lqg=1.0, force_rebalance=2.0) == {"known": False}
+    found = known(lqg=1.0, force_rebalance=2.0, park_horowitz=3.0)
+    assert found["known"]
+    assert (found["filter_error"], found["rebalance_error"], found["classical_error"]) == ("1.0", "2.0", "3.0")
+    assert found["ratio"] == "1.0 (0.98 to 1.0)"
+    assert found["stiffness"] == {"lqg": "4.0", "park_horowitz": "4.0"}
 
 
 def test_metrics_that_nobody_named_are_shown_by_their_own_name() -> None:
