@@ -395,7 +395,7 @@ def _rate_table(of: tuple[str, str, float, float], rows: list[Row], columns: lis
             }
             for row in ordered
         ],
-        "outside": listed([row["name"].replace("_", " ") for row in rows if not row["kept"]]),
+        "outside": [row["name"].replace("_", " ") for row in rows if not row["kept"]],
     }
 
 

@@ -245,7 +245,7 @@ def test_who_keeps_no_limit_is_named_and_not_shown() -> None:
         each["kept"] = False
     (table,) = comparison.rate(data)["tables"]
     assert [line["name"] for line in table["rows"]] == ["lqg"]
-    assert table["outside"] == "adrc and paper"
+    assert table["outside"] == ["adrc", "paper"]
 
 
 def test_what_is_said_of_force_rebalance_needs_all_three_that_it_is_about() -> None:
