@@ -213,32 +213,31 @@ def _robustness(rows: list[Row], information: str, noise: float, ceiling: float)
     lines = []
     for row in shown:
         worst = [row["others"][name] for name in plants]
-        lost = sum(found["diverged"] > 0 for found in worst)
+        lost = sum(found["lost"] > 0 for found in worst)
         most = max((found["value"] or 0.0 for found in worst), default=0.0)
         lines.append(
             {
                 "name": row["name"].replace("_", " "),
                 "paper": row["name"].startswith(PAPER),
                 "cells": [_changed(row["others"][name]) for name in heads],
-                "plants": f"diverges on {lost}" if lost else short(most),
+                "plants": f"lost on {lost}" if lost else short(most),
             }
         )
     return {"heads": heads, "rows": lines, "plants": str(len(plants))}
 
 
 def _changed(found: dict[str, Any]) -> str:
-    return "diverges" if found["diverged"] else short(found["value"])
+    return "lost" if found["lost"] else short(found["value"])
 
 
 def _verdict(rows: list[Row], information: str, noise: float, ceilings: Sequence[float]) -> Values:
-    """Who is better than the paper's controller, who worse: only where the intervals say so under both ceilings."""
+    """Who is better than the paper's controller, who worse: only where that is decided under both ceilings."""
     here = [row for row in rows if row["class"] == information and row["noise"] == noise]
     names = [n for n in dict.fromkeys(row["name"] for row in here) if not n.startswith(PAPER)]
     pairs = {n: [cell(here, name=n, ceiling=c) for c in (ceilings[0], ceilings[-1])] for n in names}
     papers = [cell(here, name=PAPER, ceiling=c) for c in (ceilings[0], ceilings[-1])]
     better = [n for n, both in pairs.items() if all(_sign(*pair) < 0 for pair in zip(both, papers, strict=True))]
     worse = [n for n, both in pairs.items() if all(_sign(*pair) > 0 for pair in zip(both, papers, strict=True))]
-    clear = {n for n in (*better, *worse) if all(map(_apart, pairs[n], papers))}
     open_ = [n for n in names if n not in better and n not in worse]
     best = {}
     for c in ceilings:
@@ -254,7 +253,7 @@ def _verdict(rows: list[Row], information: str, noise: float, ceilings: Sequence
         raise ValueError(f"compare-track.json has no contender of class {information} that kept a ceiling")
     return {
         "others": spelled(len(names)),
-        "sentence": _ranking(better, worse, open_, clear),
+        "sentence": _ranking(better, worse, open_),
         "best": [{"ceiling": c, **found} for c, found in best.items()],
         "papers": [
             {"ceiling": short(c), "error": _cell(row).replace(END, "")}
@@ -265,29 +264,18 @@ def _verdict(rows: list[Row], information: str, noise: float, ceilings: Sequence
 
 
 def _sign(row: Row | None, paper: Row | None) -> int:
-    """-1: less error than the paper's controller, by its interval; 1: more; 0: undecided. To keep the ceiling counts
-    as less error than not to keep it."""
+    """-1: less error than the paper's controller, by intervals and all samplers; 1: more; 0: undecided. To keep the
+    ceiling counts as less error than not to keep it."""
     if row is None or paper is None:
         return 0
     if not row["kept"] or not paper["kept"]:
         return int(paper["kept"]) - int(row["kept"])
-    ratio = row["ratio"] or {}
-    if ratio.get("value") is None:
-        return 0
-    return -1 if ratio["high"] < 1 else 1 if ratio["low"] > 1 else 0
+    return {"less": -1, "more": 1}.get(row["verdict"] or "", 0)
 
 
-def _apart(row: Row | None, paper: Row | None) -> bool:
-    """Whether every sampler of the one ended better than every sampler of the other."""
-    if row is None or paper is None:
-        return False
-    mine, theirs = ([math.inf if e is None else e for e in r["sampler_errors"]] for r in (row, paper))
-    return bool(mine and theirs) and (max(mine) < min(theirs) or min(mine) > max(theirs))
-
-
-def _ranking(better: list[str], worse: list[str], open_: list[str], clear: set[str]) -> str:
+def _ranking(better: list[str], worse: list[str], open_: list[str]) -> str:
     def group(names: list[str]) -> str:
-        return listed([n.replace("_", " ") + ("*" if n in clear else "") for n in names])
+        return listed([n.replace("_", " ") for n in names])
 
     parts = []
     if better:

@@ -41,7 +41,13 @@ def compared(task: str, quick: bool) -> Compared:
 
 
 def lines_of(task: Task, rows: list[Row]) -> list[str]:
-    heads = ["contender", f"{labelled(task.error_words)} (95 %)", f"over {task.over} (95 %)", "decided", "samplers"]
+    heads = [
+        "contender",
+        f"{labelled(task.error_words)} (95 %)",
+        f"over {task.over} (95 %)",
+        "decided",
+        "samplers, training seeds",
+    ]
     heads += [*(labelled(task.words(name)) for name in task.metrics), "diverged", "time", "state (B)", "remarks"]
     lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     for row in sorted(rows, key=rank):

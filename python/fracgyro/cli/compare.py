@@ -37,6 +37,7 @@ def _numbers(context: click.Context, parameter: click.Parameter, value: str | No
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def compare(task: str, scenarios: tuple[Path, ...], out: Path, as_json: bool, **options: Any) -> None:
     """Compare controllers on TASK, track or rate: tune each, judge all on unseen seeds and plants."""
+    from ..compare.report import rank
     from ..compare.run import compare as run
 
     with progress("starting", rate="runs/s") as show:
@@ -45,7 +46,10 @@ def compare(task: str, scenarios: tuple[Path, ...], out: Path, as_json: bool, **
         click.echo(result.data.read_text(encoding="utf-8"))
         return
     what, over = ", ".join(result.task.error_words), f"over {result.task.over}"
-    print_table(("contender", "class", "noise", "ceiling", what, over), map(_line, result.rows))
+    ranked = sorted(
+        result.rows, key=lambda row: (row["scenario"], row["class"], row["noise"], row["ceiling"], *rank(row))
+    )
+    print_table(("contender", "class", "noise", "ceiling", what, over, "decided", ""), map(_line, ranked))
     click.echo(f"{result.seconds:.0f} s. Report: {result.report}, data: {result.data}")
 
 
@@ -55,4 +59,5 @@ def _line(row: dict[str, Any]) -> list[str]:
     shown = f"{ratio['value']:.3g} [{ratio['low']:.3g}, {ratio['high']:.3g}]" if ratio.get("value") else "-"
     missing = "diverges" if row["diverged"] else "none kept the limits"
     cells = [row["name"] + marks, row["class"], f"{row['noise']:g}", f"{row['ceiling'] or '-'}"]
-    return [*cells, missing if error is None else f"{error:.3g}", shown]
+    remark = "" if row["kept"] or error is None else "beyond a limit"
+    return [*cells, missing if error is None else f"{error:.3g}", shown, row["verdict"] or "-", remark]

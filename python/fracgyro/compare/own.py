@@ -12,6 +12,7 @@ from typing import Any
 from ..files import read_input, reason
 from ..scenario import ScenarioError
 from ..scenario.table import shown
+from ..simulation.native import Law
 from ..simulation.outside import ControllerLike
 from .contender import Contender, Gain
 from .task import Task
@@ -48,7 +49,9 @@ def own_contender(given: str, task: Task) -> Contender:
         bandwidth=bandwidth,
         own=(text, path),
     )
-    controller_of(found, lowest)
+    made = controller_of(found, lowest)
+    if not callable(made) and not isinstance(made, Law):
+        raise ScenarioError(f"{name} of {path} gives {shown(made)}: it must give a function or a fracgyro.native.Law")
     return found
 
 

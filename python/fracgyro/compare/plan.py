@@ -144,18 +144,29 @@ def planned(
     given = {Path(path).stem: one.scenario(Scenario.load(path)) for path in scenarios}
     if len(given) < len(scenarios):
         raise ScenarioError("two scenarios have the same name: their files must be called differently")
-    known = one.contenders if controller is None else (*one.contenders, own_contender(controller, one))
+    own = () if controller is None else (own_contender(controller, one),)
+    for contender in own:
+        if any(contender.name == theirs.name for theirs in one.contenders):
+            raise ScenarioError(
+                f"--controller is {shown(controller)}: it must have a name that no contender of the task has"
+            )
     effort = QUICK if quick else FULL
     if trials is not None:
         effort = dataclasses.replace(effort, trials=trials)
-    return Comparison(
+    asked = chosen((*one.contenders, *own), tuple(only))
+    plan = Comparison(
         one,
         given or one.scenarios(),
-        chosen(known, tuple(only)),
+        tuple(c for c in (*one.contenders, *own) if c in asked or c in own),  # one's own takes part in any case
         _sensing(one, classes, noise),
         effort,
         storage,
     )
+    if not plan.rows():
+        raise ScenarioError(
+            f"--only is {shown(list(only))} and --class {shown(list(classes))}: together they must leave a contender"
+        )
+    return plan
 
 
 def _sensing(task: Task, classes: Sequence[str], noise: Sequence[float]) -> tuple[tuple[str, float], ...]:

@@ -47,9 +47,7 @@ def error_legend() -> Figure:
             Line2D([], [], marker="o", color=COLORS[1], markersize=4, label="the paper's and its variants"),
             Line2D([], [], marker="o", color=COLORS[0], markersize=4, label="others"),
             Line2D([], [], marker="o", color="gray", markerfacecolor="white", markersize=4, label="beyond a limit"),
-            Line2D(
-                [], [], marker="|", color=SAMPLER, ls="none", markersize=6, label="one tuning, on seeds of training"
-            ),
+            Line2D([], [], marker="|", color=SAMPLER, ls="none", markersize=6, label="one tuning (training seeds)"),
         ]
     )
 
@@ -103,19 +101,17 @@ class Robustness:
         panel.axvline(1.0, color="black", linewidth=0.5)
         for place, row in enumerate(reversed(rows)):
             for name, found in row["others"].items():
-                if found["value"] is None:
+                if found["lost"] or found["value"] is None:
                     continue
                 marker, color = self._looks.get(name, ("|", PLANT))
                 at = min(found["value"], FAR)
                 panel.plot(at, place, marker, color=color, markersize=4, zorder=2 + (name in self._looks))
                 if found["value"] > FAR:
                     panel.text(1.15 * FAR, place, f"{found['value']:.2g}", fontsize=5.5, va="center", color=color)
-            lost = sum(found["diverged"] > 0 for found in row["others"].values())
+            lost = sum(found["lost"] > 0 for found in row["others"].values())
             if lost:
                 there = panel.get_yaxis_transform()
-                panel.text(
-                    1, place + 0.35, f"diverges in {lost}", transform=there, fontsize=5.5, va="center", ha="right"
-                )
+                panel.text(1, place + 0.35, f"lost in {lost}", transform=there, fontsize=5.5, va="center", ha="right")
         values = [found["value"] for row in rows for found in row["others"].values() if found["value"] is not None]
         panel.set_xlim(0.8 * min([0.5, *values]), 2.5 * FAR if max([1.0, *values]) > FAR else None)
         _logarithmic(panel.xaxis, "x")

@@ -102,6 +102,7 @@ class Rate(Task):
     finds_bandwidth = True
     objectives = (Figure(metric="angle_random_walk"), Figure(metric="output_noise"))
     compared = 1
+    lost = math.inf  # only what diverged
 
     def scenarios(self) -> dict[str, Scenario]:
         return {"dual_mass": self.scenario(shipped("dual_mass"))}

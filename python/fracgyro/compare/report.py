@@ -16,6 +16,8 @@ from ..scenario.table import toml_value
 from .plan import Comparison
 from .plots import Fronts, Robustness, Row, error_legend, error_panel
 
+DEAD = 1e-6  # a ratio that only a converter has that sees nothing move
+
 
 def write_report(path: Path, plan: Comparison, rows: Sequence[Row]) -> None:
     tables = _tables(rows, with_ceiling=True, named=len(plan.scenarios) > 1)
@@ -99,6 +101,6 @@ def interval(found: dict[str, float | None] | None) -> str:
 
 def times(found: dict[str, Any]) -> str:
     """A ratio, or in how many runs there is none."""
-    if found["diverged"]:
-        return f"diverges {found['diverged']}/{found['seeds']}"
-    return number(found["value"])
+    if found["lost"]:
+        return f"lost {found['lost']}/{found['seeds']}"
+    return number(found["value"]) if found["value"] is None or found["value"] > DEAD else "dead zone"

@@ -45,6 +45,10 @@ def made(plan: Comparison, tuned: dict[str, Tuned], judged: dict[str, dict[str, 
             found[row.name] |= _of_judging(plan.task, row.cell, judged[row.name], reference)
     for row in plan.rows():
         against = found.get(f"{plan.task.reference}-{row.cell.name}")
+        if against is None or not against["kept"]:  # a ratio to what breaks a limit ranks nothing
+            found[row.name]["ratio"] = None
+    for row in plan.rows():
+        against = found.get(f"{plan.task.reference}-{row.cell.name}")
         if against is not None and row.contender.name != plan.task.reference:
             found[row.name]["verdict"] = verdict(found[row.name], against)
     return found
@@ -105,7 +109,7 @@ def _of_judging(task: Task, cell: Cell, judged: dict[str, Any], reference: dict[
         "metrics": {"error": interval(task, "error", error), **_metrics(task, judged["metrics"])},
         "ratio": None if reference is None else ratio(error, _array(reference["error"])),
         "kept": not judged["diverged"] and _keeps(task, cell, judged["metrics"]),
-        "others": {name: _other(error, _array(listed)) for name, listed in judged["others"].items()},
+        "others": {name: _other(task, error, _array(listed)) for name, listed in judged["others"].items()},
     }
 
 
@@ -117,9 +121,9 @@ def _keeps(task: Task, cell: Cell, metrics: dict[str, list[float | None]]) -> bo
     return all(c.of(_array(metrics[c.metric])) <= (c.at_most or 0.0) for c in task.constraints(cell.ceiling))
 
 
-def _other(error: Values, other: Values) -> dict[str, Any]:
-    """Against the same seeds without the change."""
-    return {**ratio(other, error[: len(other)]), "diverged": int(np.isinf(other).sum()), "seeds": len(other)}
+def _other(task: Task, error: Values, other: Values) -> dict[str, Any]:
+    """Against the same seeds without the change. `lost`: runs that diverged, or have lost what they had to follow."""
+    return {**ratio(other, error[: len(other)]), "lost": int((other >= task.lost).sum()), "seeds": len(other)}
 
 
 def ratio(mine: Values, theirs: Values) -> Interval:

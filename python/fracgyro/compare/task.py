@@ -55,6 +55,7 @@ class Task(ABC):
     ceilings: ClassVar[tuple[float, ...]]
     finds_bandwidth: ClassVar[bool] = False  # of the rate estimate: `completed` finds it
     objectives: ClassVar[tuple[Objective, ...]]  # of which the mean logarithm is made least
+    lost: ClassVar[float]  # the logarithm of an error with which nothing is controlled any more
     compared: ClassVar[int]  # so many of the first of them make the error
 
     @abstractmethod
