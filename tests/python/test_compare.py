@@ -18,7 +18,8 @@ from children import PATIENCE, run_until
 from fracgyro.compare.contender import Contender, Gain
 from fracgyro.compare.own import own_contender
 from fracgyro.compare.plan import FIRST_HELD_OUT, FULL, QUICK, planned
-from fracgyro.compare.rows import front, median_of, ratio, verdict
+from fracgyro.compare.rate import Rate
+from fracgyro.compare.rows import Tuned, front, made, median_of, other, ratio, verdict
 from fracgyro.compare.run import Compared, compare
 from fracgyro.compare.task import Cell, sensed
 from fracgyro.compare.track import Track
@@ -227,6 +228,28 @@ def test_an_error_is_less_or_more_only_where_all_tunings_agree() -> None:
     assert verdict({"ratio": None}, theirs) is None
 
 
+def test_a_run_with_an_error_as_large_as_the_reference_is_lost() -> None:
+    base = np.full(4, math.log(1e-3))
+    with_change = np.array([math.log(1e-3), math.log(0.9), math.log(1.1), math.inf])
+    assert other(TRACK, base, with_change)["lost"] == 2
+    assert other(Rate(), base, with_change)["lost"] == 1
+
+
+def test_nothing_is_a_multiple_of_what_breaks_a_limit() -> None:
+    whole = plan(only=["paper", "pid"], classes=["F"], noise=[0.0], quick=True)
+    errors: dict[str, Any] = {"error": [0.0, 0.1], "diverged": 0, "others": {}}
+    names = [row.name for row in whole.rows()]
+    tuned = {name: Tuned({}, [0.0], []) for name in names}
+
+    def judged(chattering: float) -> dict[str, Any]:
+        return {**errors, "metrics": {axis: [chattering] * 2 for axis in ("chattering_x", "chattering_y")}}
+
+    kept = made(whole, tuned, dict.fromkeys(names, judged(0.001)))
+    assert all(row["ratio"] for row in kept.values())
+    above = {name: judged(1.0 if name.startswith("paper") else 0.001) for name in names}
+    assert not any(row["ratio"] or row["verdict"] for row in made(whole, tuned, above).values())
+
+
 def test_the_front_is_what_no_trial_beats_in_error_and_chattering() -> None:
     trials = [[0.0, 1.0, True], [1.0, 0.5, False], [2.0, 0.7, True], [None, None, False], [0.0, 2.0, True]]
     assert front(trials) == [[0.5, pytest.approx(math.e)], [1.0, 1.0]]
@@ -391,6 +414,12 @@ law.ranges = {"kp": (1e3, 1e5), "kd": (10.0, 500.0)}
 """
 
 
+def test_a_controller_of_ones_own_takes_part_whatever_else_does(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(MINE, encoding="utf-8")
+    both = plan(only=["paper"], controller=f"{tmp_path / 'mine.py'}:MyController")
+    assert [contender.name for contender in both.contenders] == ["paper", "MyController"]
+
+
 def test_a_native_law_takes_part_and_does_what_the_same_in_python_does(tmp_path: Path) -> None:
     pytest.importorskip("numba", reason="this Python has no Numba, which the test extra asks for up to 3.14")
     (tmp_path / "mine.py").write_text(
@@ -421,6 +450,12 @@ def test_a_native_law_takes_part_and_does_what_the_same_in_python_does(tmp_path:
         (MINE.replace("(1e3, 1e5)", "(1e5, 1e3)"), "mine.py:MyController", "low must be less than high"),
         (MINE.replace("(1e3, 1e5)", "1e3"), "mine.py:MyController", "it must be (low, high), two finite numbers"),
         (MINE.replace("kp, kd, offset):", "kp, kd):"), "mine.py:MyController", "raised TypeError"),
+        (MINE.replace("MyController", "paper"), "mine.py:paper", "a name that no contender of the task has"),
+        (
+            f"{MINE}\ndef law(kp):\n    return 3\n\nlaw.ranges = {{'kp': (1, 2)}}\n",
+            "mine.py:law",
+            "gives 3: it must give",
+        ),
     ],
 )
 def test_what_is_no_controller_is_refused_in_one_sentence(tmp_path: Path, text: str, given: str, said: str) -> None:
@@ -440,6 +475,7 @@ def test_what_is_no_controller_is_refused_in_one_sentence(tmp_path: Path, text: 
         (["walk"], 'the task is "walk": it must be track or rate'),
         (["track", "--only", "paper,lqr"], '--only is "lqr": it must be among paper, paper_as_published'),
         (["track", "--class", "Q"], '--class is "Q": it must be F, P or both, as in F,P'),
+        (["track", "--only", "adrc", "--class", "F"], "together they must leave a contender"),
         (["track", "--noise", "1e-13,x"], "it must be numbers, as in 0,1e-13"),
         (["track", "--noise", "-1"], "--noise is -1.0: it must be finite and not negative"),
         (["track", "--trials", "0"], "--trials is 0: it must lie between 1 and 1000000"),

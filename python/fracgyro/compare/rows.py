@@ -109,7 +109,7 @@ def _of_judging(task: Task, cell: Cell, judged: dict[str, Any], reference: dict[
         "metrics": {"error": interval(task, "error", error), **_metrics(task, judged["metrics"])},
         "ratio": None if reference is None else ratio(error, _array(reference["error"])),
         "kept": not judged["diverged"] and _keeps(task, cell, judged["metrics"]),
-        "others": {name: _other(task, error, _array(listed)) for name, listed in judged["others"].items()},
+        "others": {name: other(task, error, _array(listed)) for name, listed in judged["others"].items()},
     }
 
 
@@ -121,9 +121,9 @@ def _keeps(task: Task, cell: Cell, metrics: dict[str, list[float | None]]) -> bo
     return all(c.of(_array(metrics[c.metric])) <= (c.at_most or 0.0) for c in task.constraints(cell.ceiling))
 
 
-def _other(task: Task, error: Values, other: Values) -> dict[str, Any]:
+def other(task: Task, error: Values, changed: Values) -> dict[str, Any]:
     """Against the same seeds without the change. `lost`: runs that diverged, or have lost what they had to follow."""
-    return {**ratio(other, error[: len(other)]), "lost": int((other >= task.lost).sum()), "seeds": len(other)}
+    return {**ratio(changed, error[: len(changed)]), "lost": int((changed >= task.lost).sum()), "seeds": len(changed)}
 
 
 def ratio(mine: Values, theirs: Values) -> Interval:
