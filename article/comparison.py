@@ -25,12 +25,13 @@ RATE_COLUMNS = {
     "equal_motion": ("ARW at equal total motion", "deg/√h", 1.0),
     "over_bound": ("ARW over the bound", "", 1.0),
     "scale_factor_error": ("scale factor", "ppm", 1.0),
-    "bias_damping": ("bias by dxy", "10³ deg/h", 1e-3),
-    "bias_quadrature_hidden": ("bias by quadrature, hidden delay", "10³ deg/h", 1e-3),
-    "bias_drift": ("bias by drift of K", "10³ deg/h", 1e-3),
+    "bias_damping": ("bias by dxy", "deg/h", 1.0),
+    "bias_quadrature_hidden": ("bias by quadrature, hidden delay", "deg/h", 1.0),
+    "bias_drift": ("bias by drift of K", "deg/h", 1.0),
     "start_up": ("start-up", "ms", 1.0),
 }
 MOST_COLUMNS, MOST_TABLES = 8, 2
+NOTHING = 0.01  # what is less, in any of these units, is shown as that
 
 
 def load(folder: Path, task: str) -> dict[str, Any]:
@@ -80,7 +81,7 @@ def track(data: dict[str, Any]) -> Values:
         "ceilings": [short(c) for c in ceilings],
         "noises": [short(n) if n else "0" for n in noises],
         "tables": {c: _track_table([row for row in rows if row["class"] == c], noises, ceilings) for c in classes},
-        "robustness": {c: _robustness(rows, c, noises[-1], ceilings[-1]) for c in classes},
+        "robustness": _robustness(rows, noises[-1]),
         "samplers": _samplers(rows),
         "ceiling": _of_ceiling(rows, ceilings),
         "ends": _ends(rows),
@@ -202,32 +203,29 @@ def _conditions(rows: list[Row]) -> list[str]:
     return [name for name in rows[0]["others"] if not name.startswith(plants)]
 
 
-def _robustness(rows: list[Row], information: str, noise: float, ceiling: float) -> Values:
-    """Of the rows of one table that kept the ceiling: the error under each condition over that without it."""
-    shown = [r for r in rows if (r["class"], r["noise"], r["ceiling"]) == (information, noise, ceiling) and r["others"]]
-    shown.sort(key=lambda row: (not row["kept"], error(row)))
-    if not shown:
-        return {"heads": [], "rows": []}
-    heads = _conditions(shown)
-    plants = [name for name in shown[0]["others"] if name not in heads]
+def _robustness(rows: list[Row], noise: float) -> Values:
+    """The error under each condition over that without it: the largest of all classes and ceilings."""
+    here = [row for row in rows if row["noise"] == noise and row["others"]]
+    heads = _conditions(here)
+    plants = [name for name in here[0]["others"] if name not in heads]
     lines = []
-    for row in shown:
-        worst = [row["others"][name] for name in plants]
-        lost = sum(found["lost"] > 0 for found in worst)
-        most = max((found["value"] or 0.0 for found in worst), default=0.0)
+    for name in dict.fromkeys(row["name"] for row in sorted(here, key=lambda row: (row["class"] != "P", error(row)))):
+        mine = [row["others"] for row in here if row["name"] == name]
         lines.append(
             {
-                "name": row["name"].replace("_", " "),
-                "paper": row["name"].startswith(PAPER),
-                "cells": [_changed(row["others"][name]) for name in heads],
-                "plants": f"lost on {lost}" if lost else short(most),
+                "name": name.replace("_", " "),
+                "paper": name.startswith(PAPER),
+                "cells": [_changed([others[head] for others in mine]) for head in heads],
+                "plants": _changed([others[plant] for others in mine for plant in plants]),
             }
         )
     return {"heads": heads, "rows": lines, "plants": str(len(plants))}
 
 
-def _changed(found: dict[str, Any]) -> str:
-    return "lost" if found["lost"] else short(found["value"])
+def _changed(found: list[Values]) -> str:
+    """The largest ratio, or in how many there is none."""
+    lost = sum(each["lost"] > 0 for each in found)
+    return f"lost in {lost}" if lost else short(max(each["value"] for each in found))
 
 
 def _verdict(rows: list[Row], information: str, noise: float, ceilings: Sequence[float]) -> Values:
@@ -400,6 +398,8 @@ def _rate_cell(row: Row, name: str) -> str:
         return "–"
     if found.get("low") is None or found.get("high") is None:
         return short(factor * found["value"], 3)
+    if max(abs(found["low"]), abs(found["high"])) < NOTHING:
+        return f"< {NOTHING:g}"
     return concise(factor * found["value"], factor * abs(found["high"] - found["low"]) / 2)
 
 

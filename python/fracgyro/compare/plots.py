@@ -21,6 +21,7 @@ MARKERS = "osD^v<>PXph*"
 PLANT = "#b8c4cc"
 SAMPLER = "#7a868e"
 FAR = 30.0  # times as large: what is more stands here, with its number
+DEAD = 1e-6  # a ratio that only a converter has that sees nothing move
 
 
 def error_panel(title: str, rows: Sequence[Row], words: str) -> Figure:
@@ -47,7 +48,7 @@ def error_legend() -> Figure:
             Line2D([], [], marker="o", color=COLORS[1], markersize=4, label="the paper's and its variants"),
             Line2D([], [], marker="o", color=COLORS[0], markersize=4, label="others"),
             Line2D([], [], marker="o", color="gray", markerfacecolor="white", markersize=4, label="beyond a limit"),
-            Line2D([], [], marker="|", color=SAMPLER, ls="none", markersize=6, label="one tuning (training seeds)"),
+            Line2D([], [], marker="|", color=SAMPLER, ls="none", markersize=6, label="one tuning, when trained"),
         ]
     )
 
@@ -100,20 +101,19 @@ class Robustness:
         figure, panel = _lines(title, rows)
         panel.axvline(1.0, color="black", linewidth=0.5)
         for place, row in enumerate(reversed(rows)):
-            for name, found in row["others"].items():
-                if found["lost"] or found["value"] is None:
-                    continue
+            for name, ratio in _shown(row).items():
                 marker, color = self._looks.get(name, ("|", PLANT))
-                at = min(found["value"], FAR)
-                panel.plot(at, place, marker, color=color, markersize=4, zorder=2 + (name in self._looks))
-                if found["value"] > FAR:
-                    panel.text(1.15 * FAR, place, f"{found['value']:.2g}", fontsize=5.5, va="center", color=color)
+                panel.plot(min(ratio, FAR), place, marker, color=color, markersize=4, zorder=2 + (name in self._looks))
+            far = [ratio for ratio in _shown(row).values() if ratio > FAR]
+            if far:
+                words = " – ".join(dict.fromkeys(f"{ratio:.2g}" for ratio in (min(far), max(far))))
+                panel.text(1.2 * FAR, place, words, fontsize=5.5, va="center")
             lost = sum(found["lost"] > 0 for found in row["others"].values())
             if lost:
                 there = panel.get_yaxis_transform()
                 panel.text(1, place + 0.35, f"lost in {lost}", transform=there, fontsize=5.5, va="center", ha="right")
-        values = [found["value"] for row in rows for found in row["others"].values() if found["value"] is not None]
-        panel.set_xlim(0.8 * min([0.5, *values]), 2.5 * FAR if max([1.0, *values]) > FAR else None)
+        values = [ratio for row in rows for ratio in _shown(row).values()]
+        panel.set_xlim(0.8 * min([0.5, *values]), 6 * FAR if max([1.0, *values]) > FAR else None)
         _logarithmic(panel.xaxis, "x")
         panel.set_xlabel("error over that without the change")
         return figure
@@ -125,6 +125,12 @@ class Robustness:
         ]
         plant = Line2D([], [], marker="|", color=PLANT, linestyle="", markersize=6, label="another plant or noise")
         return _legend([*handles, plant])
+
+
+def _shown(row: Row) -> dict[str, float]:
+    """The ratios that can be drawn: no run is lost, and something moves."""
+    ratios = {name: found["value"] for name, found in row["others"].items() if not found["lost"]}
+    return {name: ratio for name, ratio in ratios.items() if ratio is not None and ratio > DEAD}
 
 
 def _lines(title: str, rows: Sequence[Row]) -> tuple[Figure, Axes]:

@@ -14,9 +14,7 @@ from ..analysis.style import own_style
 from ..files import whole_file
 from ..scenario.table import toml_value
 from .plan import Comparison
-from .plots import Fronts, Robustness, Row, error_legend, error_panel
-
-DEAD = 1e-6  # a ratio that only a converter has that sees nothing move
+from .plots import DEAD, Fronts, Robustness, Row, error_legend, error_panel
 
 
 def write_report(path: Path, plan: Comparison, rows: Sequence[Row]) -> None:
