@@ -93,6 +93,7 @@ bench: .venv/installed-bench .venv/installed-export
 	$(BIN)/python benchmarks/web.py
 	$(BIN)/python benchmarks/parity.py
 	$(BIN)/python benchmarks/firmware.py
+	$(BIN)/python benchmarks/flops.py
 	$(BIN)/python benchmarks/outside.py
 	$(BIN)/python benchmarks/readme_picture.py
 
