@@ -1,6 +1,6 @@
 """The controllers compared in full; writes benchmarks/results/compare.md. Resumes what build/compare holds.
 
-The numbers are in compare-track.json and compare-rate.json beside it, which the article reads.
+The numbers are in compare-track.json and compare-rate.json of the same folder, which the article reads.
 """
 
 from __future__ import annotations
