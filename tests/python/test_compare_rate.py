@@ -223,6 +223,15 @@ def test_what_has_nothing_to_tune_has_its_bandwidth_found() -> None:
     assert abs(gain) == pytest.approx(math.sqrt(0.5), rel=0.011)
 
 
+def test_the_bandwidth_of_ones_own_is_found_and_not_tuned(tmp_path: Path) -> None:
+    pytest.importorskip("numba", reason="this Python has no Numba, which the test extra asks for up to 3.14")
+    (tmp_path / "mine.py").write_text(NATIVE, encoding="utf-8")
+    mine = own_contender(f"{tmp_path / 'mine.py'}:law", RATE)
+    assert [gain.field for gain in mine.gains] == ["law.kp", "law.kd"]
+    assert mine.bandwidth is not None
+    assert mine.bandwidth.field == "law.bandwidth"
+
+
 def test_a_controller_without_a_bandwidth_is_refused(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(NATIVE.replace(', "bandwidth": (1e-3, 1.0)}', "}"), encoding="utf-8")
     with pytest.raises(fg.ScenarioError, match=r"law\.ranges has no bandwidth: it must have one"):
