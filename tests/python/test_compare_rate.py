@@ -233,7 +233,8 @@ def test_the_bandwidth_of_ones_own_is_found_and_not_tuned(tmp_path: Path) -> Non
 
 
 def test_a_controller_without_a_bandwidth_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "mine.py").write_text(NATIVE.replace(', "bandwidth": (1e-3, 1.0)}', "}"), encoding="utf-8")
+    text = "def law(kp):\n    return lambda sample: (0.0, 0.0)\n\n\nlaw.ranges = {'kp': (1.0, 2.0)}\n"
+    (tmp_path / "mine.py").write_text(text, encoding="utf-8")
     with pytest.raises(fg.ScenarioError, match=r"law\.ranges has no bandwidth: it must have one"):
         own_contender(f"{tmp_path / 'mine.py'}:law", RATE)
 
