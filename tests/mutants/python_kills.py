@@ -22,14 +22,23 @@ from compile_in import HERE, ROOT
 FOLDER = ROOT / "build/mutants/python"
 SHARE = 0.3
 MODULES = [
-    "analysis/confidence.py", "analysis/metrics.py", "paper/claims.py", "paper/step_cost.py", "rate/allan.py",
-    "rate/bound.py", "rate/merit.py", "rate/units.py", "scenario/to_core.py", "study/sweep/effects.py",
+    "analysis/confidence.py", "analysis/metrics.py", "compare/rows.py", "paper/claims.py", "paper/step_cost.py",
+    "rate/allan.py", "rate/bound.py", "rate/merit.py", "rate/units.py", "scenario/to_core.py", "study/sweep/effects.py",
     "study/tune/criteria.py", "study/tune/hold_out.py",
 ]  # fmt: skip
 # The tests that may kill: of the last files those alone that run in this process, where a mutant is active.
 TESTS: dict[str, list[str]] = {
     "metrics": [], "claims": [], "allan": [], "effects": [], "hold_out": [], "rate_figures": [], "lanes": [],
     "device": [], "setup": [], "kinds": [], "bound": [],
+    "compare": [
+        "test_ratios_are_paired_by_seed_and_have_no_value_where_a_run_diverged",
+        "test_of_three_samplers_the_median_counts",
+        "test_an_error_is_less_or_more_only_where_all_tunings_agree",
+        "test_a_run_with_an_error_as_large_as_the_reference_is_lost",
+        "test_nothing_is_a_multiple_of_what_breaks_a_limit",
+        "test_the_front_is_what_no_trial_beats_in_error_and_chattering",
+        "test_compare_json_has_what_others_rely_on",
+    ],
     "joint": [
         "test_it_is_told_the_truth_unless_something_else_is_said",
         "test_noise_that_is_held_counts_with_its_density",

@@ -205,6 +205,8 @@ def test_of_three_samplers_the_median_counts() -> None:
     results = [{"best": {"a": i}, "error": e, "trials": []} for i, e in enumerate([3.0, 1.0, 2.0])]
     assert median_of(results).values == {"a": 2}
     assert median_of([*results[:1], {"best": None, "error": None, "trials": []}, results[1]]).values == {"a": 0}
+    five = [{"best": {"a": i}, "error": float(i), "trials": []} for i in range(5)]
+    assert median_of(five).values == {"a": 2}
     lost = {"best": None, "error": None, "trials": []}
     assert median_of([lost, results[0], lost]).values is None, "most samplers found nothing"
 
@@ -223,6 +225,8 @@ def test_an_error_is_less_or_more_only_where_all_tunings_agree() -> None:
     assert verdict(row(0.5, 0.4, 1.1, [0.5, 0.6, 0.8]), theirs) == "undecided"
     assert verdict(row(2.0, 1.5, 2.5, [1.3, 2.0, None]), theirs) == "more"
     assert verdict(row(2.0, 1.5, 2.5, [1.1, 2.0, 3.0]), theirs) == "undecided"
+    assert verdict(row(2.0, 1.0, 2.5, [2.0]), theirs) == "undecided", "1 is in the interval"
+    assert verdict(row(2.0, 1.5, 2.5, [1.2, 2.0]), theirs) == "undecided", "one is as good as the worst of theirs"
     assert verdict(row(2.0, 1.5, 2.5, []), theirs) == "more", "what is not tuned has its own error"
     assert verdict(row(0.5, 0.4, 0.6, [0.5], kept=False), theirs) is None
     assert verdict({"ratio": None}, theirs) is None
@@ -246,6 +250,8 @@ def test_nothing_is_a_multiple_of_what_breaks_a_limit() -> None:
 
     kept = made(whole, tuned, dict.fromkeys(names, judged(0.001)))
     assert all(row["ratio"] for row in kept.values())
+    assert {row["verdict"] for row in kept.values() if row["name"] == "paper"} == {None}
+    assert {row["seeds"] for row in made(whole, tuned, {}).values()} == {0}
     above = {name: judged(1.0 if name.startswith("paper") else 0.001) for name in names}
     assert not any(row["ratio"] or row["verdict"] for row in made(whole, tuned, above).values())
 

@@ -201,6 +201,17 @@ def test_a_controller_of_ones_own_gives_a_rate_at_the_bandwidth_of_all(tmp_path:
     assert set(row["gains"]) == {"law.kp", "law.kd", "law.bandwidth"}
 
 
+def test_a_quick_look_is_at_positions_with_noise() -> None:
+    def cells(**options: Any) -> list[tuple[str, float]]:
+        given: dict[str, Any] = {"scenarios": (), "only": (), "controller": None, "trials": None, "storage": None}
+        found = planned("rate", **{**given, "classes": (), "noise": (), "quick": True, **options})
+        return list(dict.fromkeys((row.cell.information, row.cell.noise) for row in found.rows()))
+
+    assert cells() == [("P", 1e-13)]
+    assert cells(noise=(0.0,)) == [("F", 0.0), ("P", 0.0)]
+    assert cells(quick=False) == [("F", 0.0), ("F", 1e-13), ("P", 1e-13)]
+
+
 def test_what_has_nothing_to_tune_has_its_bandwidth_found() -> None:
     plan = planned(
         "rate",

@@ -158,7 +158,7 @@ def planned(
         one,
         given or one.scenarios(),
         tuple(c for c in (*one.contenders, *own) if c in asked or c in own),  # one's own takes part in any case
-        _sensing(one, classes, noise),
+        _sensing(one, classes, noise, quick),
         effort,
         storage,
     )
@@ -169,10 +169,10 @@ def planned(
     return plan
 
 
-def _sensing(task: Task, classes: Sequence[str], noise: Sequence[float]) -> tuple[tuple[str, float], ...]:
+def _sensing(task: Task, classes: Sequence[str], noise: Sequence[float], quick: bool) -> tuple[tuple[str, float], ...]:
     """The task's own, or every class with every noise where either is given."""
     if not classes and not noise:
-        return task.sensing
+        return task.looked_at if quick else task.sensing
     known = zip(*task.sensing, strict=True)
     each = (given or own for given, own in zip((classes, noise), known, strict=True))
     return tuple(dict.fromkeys(product(*each)))

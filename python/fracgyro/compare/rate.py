@@ -98,6 +98,7 @@ class Rate(Task):
     error_words = ("angle random walk", "deg/√h")
     metrics = tuple(WORDS)[1:]
     sensing = (("F", 0.0), ("F", 1e-13), ("P", 1e-13))
+    looked_at = (("P", 1e-13),)
     ceilings = (0.0,)
     finds_bandwidth = True
     objectives = (Figure(metric="angle_random_walk"), Figure(metric="output_noise"))

@@ -73,7 +73,7 @@ def verdict(mine: Mapping[str, Any], theirs: Mapping[str, Any]) -> str | None:
 def _of_tuning(plan: Comparison, row: Row, tuned: Tuned) -> dict[str, Any]:
     """With what a judging adds, as it is without one."""
     contender, cell, values = row.contender, row.cell, tuned.values or {}
-    gains = contender.tuned(cell.information) if contender.gains else ()
+    gains = contender.tuned(cell.information)
     found = [gain for gain in (*gains, contender.bandwidth) if gain and gain.field in values]
     return {
         "name": contender.name,
@@ -84,7 +84,7 @@ def _of_tuning(plan: Comparison, row: Row, tuned: Tuned) -> dict[str, Any]:
         "class": cell.information,
         "noise": cell.noise,
         "ceiling": cell.ceiling,
-        "tuned": bool(gains) and not plan.effort.quick,
+        "tuned": bool(contender.gains) and not plan.effort.quick,
         "gains": {name: held for gain in found for name, held in gain.changes(values).items()},
         "trials": plan.effort.trials * len(tuned.errors),
         "sampler_errors": [_exp(error) for error in tuned.errors],

@@ -52,6 +52,7 @@ class Task(ABC):
     error_words: ClassVar[tuple[str, str]]  # what is compared, and its unit
     metrics: ClassVar[tuple[str, ...]]  # what tables show besides
     sensing: ClassVar[tuple[tuple[str, float], ...]]  # class of information and noise of each table
+    looked_at: ClassVar[tuple[tuple[str, float], ...]]  # the same where nothing is really tuned: a minute's work
     ceilings: ClassVar[tuple[float, ...]]
     finds_bandwidth: ClassVar[bool] = False  # of the rate estimate: `completed` finds it
     objectives: ClassVar[tuple[Objective, ...]]  # of which the mean logarithm is made least
