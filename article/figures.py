@@ -12,6 +12,7 @@ import numpy as np
 import sensing
 import xarray as xr
 from fracgyro.analysis.style import COLORS, MM, own_style
+from fracgyro.compare.plots import joined
 from fracgyro.paper.table import draw_table, table
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -164,7 +165,7 @@ def _fronts(rows: list[dict[str, Any]]) -> Figure:
         for ceiling in ceilings:
             panel.axvline(ceiling, color="gray", lw=0.6, dashes=(3, 2))
         for name in dict.fromkeys(row["name"] for row in here[information] if row["front"]):
-            points = _joined([p for row in here[information] if row["name"] == name for p in row["front"]])
+            points = joined([p for row in here[information] if row["name"] == name for p in row["front"]])
             xs, ys = np.array(points).T
             if name == comparison.PAPER:
                 look: dict[str, Any] = {"color": COLORS[1], "marker": "o", "lw": 1.6, "zorder": 4}
@@ -198,12 +199,3 @@ def _best(rows: list[dict[str, Any]]) -> dict[str, tuple[str, str]]:
     most = max((len(found) for found in tables.values()), default=0)
     names = dict.fromkeys(found[i]["name"] for i in range(most) for found in tables.values() if i < len(found))
     return dict(zip(list(names)[:NAMED], LOOKS, strict=False))
-
-
-def _joined(points: Sequence[Sequence[float]]) -> list[tuple[float, float]]:
-    """The front of several."""
-    kept: list[tuple[float, float]] = []
-    for chattering, error in sorted((point[0], point[1]) for point in points):
-        if not kept or error < kept[-1][1]:
-            kept.append((chattering, error))
-    return kept

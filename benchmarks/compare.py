@@ -9,6 +9,7 @@ import argparse
 import json
 import shutil
 import sys
+from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -90,10 +91,19 @@ def rounded(value: Any) -> Any:
     return [rounded(part) for part in value] if isinstance(value, list) else value
 
 
-def keep(data: Path, name: str) -> None:
+def shortened(row: Row, metrics: Sequence[str]) -> Row:
+    """Without what no table shows."""
+    shown = {name: value for name, value in row["metrics"].items() if name in metrics}
+    others = {name: {"value": found["value"], "lost": found["lost"]} for name, found in row["others"].items()}
+    return {**row, "metrics": shown, "others": others}
+
+
+def keep(data: Path, name: str, task: Task) -> None:
     """compare.json with fewer digits, a line for each row."""
     found = json.loads(data.read_text(encoding="utf-8"))
-    rows = ",\n".join(json.dumps(rounded(row), ensure_ascii=False) for row in found.pop("contenders"))
+    metrics = ("error", *task.metrics)
+    short = [rounded(shortened(row, metrics)) for row in found.pop("contenders")]
+    rows = ",\n".join(json.dumps(row, ensure_ascii=False) for row in short)
     head = json.dumps(rounded(found), ensure_ascii=False)[:-1]
     (RESULTS / name).write_text(f'{head}, "contenders": [\n{rows}\n]}}\n', encoding="utf-8")
 
@@ -108,7 +118,7 @@ def main() -> None:
     for name, task in TASKS.items():
         result = compared(name, quick)
         if not quick:
-            keep(result.data, f"compare-{name}.json")
+            keep(result.data, f"compare-{name}.json", task)
         lines += [f"## {name}", ""]
         lines += [f"{len(result.rows)} rows, {result.seconds:.0f} s, {result.resumed} pieces found finished.", ""]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import importlib
 import importlib.util
 import json
 import re
@@ -19,11 +20,8 @@ ROOT = Path(__file__).resolve().parents[2]
 ARTICLE = ROOT / "article"
 sys.path.append(str(ARTICLE))
 
-import comparison  # noqa: E402
-import logs  # noqa: E402
-import replication  # noqa: E402
-import sensing  # noqa: E402
-import words  # noqa: E402
+MODULES = ("comparison", "logs", "replication", "sensing", "words")
+comparison, logs, replication, sensing, words = map(importlib.import_module, MODULES)
 
 # By its path, as a package of PyPI has the same name.
 _spec = importlib.util.spec_from_file_location("article_build", ARTICLE / "build.py")

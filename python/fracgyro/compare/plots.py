@@ -68,7 +68,7 @@ class Fronts:
         for ceiling in self._ceilings:
             panel.axvline(ceiling, color="gray", linewidth=0.6, dashes=(3, 2))
         for name, (color, marker) in self._looks.items():
-            points = _joined([point for row in rows if row["name"] == name for point in row["front"]])
+            points = joined([point for row in rows if row["name"] == name for point in row["front"]])
             if points:
                 xs, ys = zip(*points, strict=True)
                 panel.plot(xs, ys, marker, color=color, markersize=2.2, linewidth=0.9, ls="-", drawstyle="steps-post")
@@ -152,8 +152,8 @@ def _legend(handles: Sequence[Line2D]) -> Figure:
     return figure
 
 
-def _joined(points: Sequence[Sequence[float]]) -> list[tuple[float, float]]:
-    """The front of several."""
+def joined(points: Sequence[Sequence[float]]) -> list[tuple[float, float]]:
+    """The front of several fronts, [chattering, error], by rising chattering."""
     kept: list[tuple[float, float]] = []
     for chattering, error in sorted((point[0], point[1]) for point in points):
         if not kept or error < kept[-1][1]:
