@@ -240,7 +240,7 @@ def test_a_run_with_an_error_as_large_as_the_reference_is_lost() -> None:
 
 
 def test_nothing_is_a_multiple_of_what_breaks_a_limit() -> None:
-    whole = plan(only=["paper", "pid"], classes=["F"], noise=[0.0], quick=True)
+    whole = plan(only=["paper", "pid"], classes=["F"], noise=[0.0])
     errors: dict[str, Any] = {"error": [0.0, 0.1], "diverged": 0, "others": {}}
     names = [row.name for row in whole.rows()]
     tuned = {name: Tuned({}, [0.0], []) for name in names}
@@ -251,6 +251,10 @@ def test_nothing_is_a_multiple_of_what_breaks_a_limit() -> None:
     kept = made(whole, tuned, dict.fromkeys(names, judged(0.001)))
     assert all(row["ratio"] for row in kept.values())
     assert {row["verdict"] for row in kept.values() if row["name"] == "paper"} == {None}
+    assert {row["verdict"] for row in kept.values() if row["name"] == "pid"} == {"undecided"}
+    hasty = plan(only=["paper", "pid"], classes=["F"], noise=[0.0], quick=True)
+    of_none = made(hasty, tuned, dict.fromkeys(names, judged(0.001))).values()
+    assert {row["verdict"] for row in of_none} == {None}, "nothing was tuned"
     assert {row["seeds"] for row in made(whole, tuned, {}).values()} == {0}
     above = {name: judged(1.0 if name.startswith("paper") else 0.001) for name in names}
     assert not any(row["ratio"] or row["verdict"] for row in made(whole, tuned, above).values())

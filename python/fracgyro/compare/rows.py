@@ -49,7 +49,8 @@ def made(plan: Comparison, tuned: dict[str, Tuned], judged: dict[str, dict[str, 
             found[row.name]["ratio"] = None
     for row in plan.rows():
         against = found.get(f"{plan.task.reference}-{row.cell.name}")
-        if against is not None and row.contender.name != plan.task.reference:
+        decides = not plan.effort.quick  # which tunes nothing
+        if decides and against is not None and row.contender.name != plan.task.reference:
             found[row.name]["verdict"] = verdict(found[row.name], against)
     return found
 
