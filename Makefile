@@ -2,14 +2,18 @@
 # make test        every check and every test
 # make test-quick  what a change breaks most often, in less than a minute
 # make test-machines    every test as on other processors, with other compilers and Pythons: for a release
-# make web         the WebAssembly module, into build/web
+# make web         the WebAssembly module, and the live page, into build/web
 # make bench       the measurements that docs/performance.md and others quote
 # make compare     the controllers compared, in full; into benchmarks/results/compare.md
 # make article     the replication article, as PDF; into build/article/article.pdf
+# make docs      the documentation site, into build/site
+# make stub      what the compiled module offers, for type checkers: after a change of bindings/
+# make wheel     sdist and wheel, tried in a clean environment; into dist
 # make mutants     edits of the code, and which of them the tests notice; into benchmarks/results/mutants.md
 # make check-deep  what takes ten minutes: fuzzing files, folders, the command line, states, FMUs, firmware; clang-tidy
 # make setup-embedded   compilers, emulator and node, from Debian's packages; without them the tests of firmware or
 #                  browser are skipped
+# make setup-browser    Chromium, from Debian's packages; without it the tests of pages in a browser are skipped
 # make setup-postgres   a database server, from Debian's packages; without it the test of a shared database is skipped
 # make check-sanitized  FMUs, the Python module and many runs at once under the sanitizers
 # Parts of them: check, test-core, test-python, setup-test; and clean. ARGS="..." goes to reproduce.
@@ -29,11 +33,12 @@ unexport PYTHONDONTWRITEBYTECODE
 SUDO = $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 
 .PHONY: reproduce test test-quick test-machines check check-deep check-sanitized fuzz-firmware mutants test-core \
-  test-python web bench compare article setup-test setup-embedded setup-postgres setup-machines clean
+  test-python web bench compare article docs stub wheel setup-test setup-embedded setup-browser setup-postgres \
+  setup-machines clean
 .SECONDARY:
 .NOTPARALLEL:  # pip installs one thing at a time; compilers and tests use every processor by themselves
 
-reproduce: .venv/installed
+reproduce: .venv/installed-netcdf,report
 	$(BIN)/fracgyro reproduce $(ARGS)
 
 # Compilers need not wait until everything is downloaded. What fails here fails again, with its reason, where it is
@@ -68,7 +73,7 @@ test-python: .venv/installed-test
 	$(PYTEST)
 
 web: .venv/installed-export
-	$(BIN)/python -m fracgyro.export.web build/web
+	$(BIN)/python -m fracgyro.export.live build/web
 
 bench: .venv/installed-bench .venv/installed-export
 	$(BIN)/python benchmarks/operator_accuracy.py
@@ -91,11 +96,24 @@ bench: .venv/installed-bench .venv/installed-export
 	$(BIN)/python benchmarks/soak.py
 	$(BIN)/python benchmarks/soak_joint.py
 	$(BIN)/python benchmarks/web.py
+	$(BIN)/python benchmarks/live.py
 	$(BIN)/python benchmarks/parity.py
 	$(BIN)/python benchmarks/firmware.py
 	$(BIN)/python benchmarks/flops.py
 	$(BIN)/python benchmarks/outside.py
 	$(BIN)/python benchmarks/readme_picture.py
+
+# Classes that the module makes by hand are in bindings/stub.pat; the import that stands for them goes.
+STUB := python/fracgyro/_core.pyi
+stub: .venv/installed-test
+	$(BIN)/python -m nanobind.stubgen --quiet --module fracgyro._core --pattern-file bindings/stub.pat \
+	  --output-file $(STUB)
+	sed -i '/^from fracgyro import /d' $(STUB)
+	$(BIN)/ruff check --quiet --fix --unsafe-fixes --ignore E501 $(STUB)
+	$(BIN)/ruff format --quiet $(STUB)
+
+wheel:
+	PYTHON=$(PYTHON) tests/wheel.sh
 
 # Resumes what build/compare holds. ARGS="--quick": the log is then marked as untuned.
 compare: .venv/installed-test
@@ -104,6 +122,14 @@ compare: .venv/installed-test
 # Its own runs take half a minute. ARGS="--seeds 8": with fewer noise seeds than the 100 of the study.
 article: .venv/installed-article
 	$(BIN)/python article/build.py $(ARGS)
+
+# With every example of the reference run, the gallery's scripts for their pictures, and the live page.
+SPHINX = $(BIN)/sphinx-build -c docs/site -d build/site-doctrees -W --keep-going -q
+docs: .venv/installed-docs
+	$(BIN)/python docs/site/pages.py build/site-source
+	$(SPHINX) -b html build/site-source build/site
+	$(BIN)/python -m fracgyro.export.live build/web && cp -r build/web/live build/site/
+	$(SPHINX) -b doctest build/site-source build/site-doctest
 
 # Inputs made at random: every one works or is refused in one sentence. One line for each fuzzer.
 FUZZ_SECONDS := 40
@@ -159,6 +185,11 @@ setup-embedded:
 	@{ dpkg -s $(EMBEDDED) >/dev/null 2>&1; } \
 	  || { $(SUDO) apt-get -qq update && $(SUDO) apt-get -qq install -y --no-install-recommends $(EMBEDDED); }
 
+# What pages are tested in.
+setup-browser:
+	@command -v chromium >/dev/null \
+	  || { $(SUDO) apt-get -qq update && $(SUDO) apt-get -qq install -y --no-install-recommends chromium; }
+
 # What the test of a shared database runs.
 setup-postgres:
 	@ls /usr/lib/postgresql/*/bin/initdb >/dev/null 2>&1 \
@@ -201,14 +232,10 @@ export NEEDED
 	$(BIN)/pip install --quiet --disable-pip-version-check cmake ninja
 	@touch $@
 
-.venv/installed: $(BUILT_FROM) | $(BIN)/pip
-	$(BIN)/pip install --quiet --disable-pip-version-check --editable .
-	@touch $@
-
 # Python compiles what is imported; most is not.
 .venv/installed-%: $(BUILT_FROM) | $(BIN)/pip
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-compile --editable ".[$*]"
-	@touch .venv/installed $@
+	@touch $@
 
 # The C++ tests under the sanitizers, and those of numbers and lanes once more as shipped. Warnings are shown; in
 # .ci/run they are errors.

@@ -11,7 +11,7 @@ import logs
 import numpy as np
 import sensing
 import xarray as xr
-from fracgyro.analysis.style import COLORS, MM, own_style
+from fracgyro.analysis.style import COLORS, MM, PAGE, own_style
 from fracgyro.compare.plots import joined
 from fracgyro.paper.table import draw_table, table
 from matplotlib.axes import Axes
@@ -30,7 +30,7 @@ LOOKS = [(COLORS[0], "s"), (GREEN, "^"), (PURPLE, "D"), (GOLD, "v"), (SKY, "P"),
 
 def draw(r: Replication, errors: sensing.Errors, track: dict[str, Any], folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
-    with own_style():
+    with own_style(PAGE | {"svg.fonttype": "path"}):  # Typst may lack the font
         _save(_tracking(r), folder / "tracking.svg")
         _save(_end(r), folder / "end.svg")
         _save(_sensing(errors), folder / "sensing.svg")

@@ -139,7 +139,7 @@ def tables(program: Program, faults: list[Fault]) -> tuple[list[str], list[str]]
                 runs[number, guard] = program(scenario, number, "run", BEGIN, END, faults=faults)
         usual = runs["double", "on"][0]
         lines += [
-            f"### {name}",
+            f"## {name}",
             "",
             f"Without a fault the error is at most {usual['error']:.2g} and that of the rate {usual['off']:.2g} of it.",
             "",

@@ -21,7 +21,6 @@ import fracgyro as fg
 import numpy as np
 from fracgyro import _core
 from fracgyro.export.compilers import Number, make
-from fracgyro.export.firmware import export_firmware
 from fracgyro.export.host import Host, rmse
 from fracgyro.scenario.to_core import core_setup
 
@@ -91,7 +90,7 @@ step; code and constants added to an image. c = 1/2 and no force limit where not
 
 def measure(scenario: fg.Scenario, number: Number, folder: Path) -> dict[str, str]:
     """Cells by column."""
-    export_firmware(scenario, folder, number, unbounded=True)
+    fg.export.firmware(scenario, folder, number, unbounded=True)
     counts = dict(re.findall(r"(Cortex-\w+): (\d+ \d+)", make(folder, "count")))
     sizes = re.findall(r"^\s*(\d+)\s+(\d+).*?(\w+)/image", make(folder, "size"), re.MULTILINE)
     symbols = subprocess.run(
@@ -171,7 +170,7 @@ def errors() -> list[str]:
             continue
         with tempfile.TemporaryDirectory() as folder:
             scenario = PAPER.replace(changes)
-            export_firmware(scenario, Path(folder) / "out", unbounded=True)
+            fg.export.firmware(scenario, Path(folder) / "out", unbounded=True)
             found = [[rmse(run, Host(Path(folder) / "out", "float"), start) for start in (0.0, 10.0)] for run in runs]
         whole, late = 100 * (np.mean(found, axis=0) / np.mean(base, axis=0) - 1)
         cells = [f"{x:+.2f} %, {y:+.2f} %" for x, y in (whole, late)]

@@ -14,7 +14,7 @@ from fracgyro import _core
 from fracgyro.export.compilers import Number, compiler
 from fracgyro.export.replay import Difference, first_difference, load, parity_hash
 from fracgyro.export.targets import Target, answer_columns, answers
-from fracgyro.selfcheck import PUBLISHED, SCENARIO
+from fracgyro.parity import PUBLISHED, SCENARIO
 from fracgyro.simulation.dataset import write_run
 from fracgyro.simulation.simulate import simulate
 from machine import command, machine, write
@@ -83,7 +83,7 @@ def main() -> None:
     if any(problems):
         raise SystemExit("targets differ")
     if hashes != PUBLISHED:
-        raise SystemExit(f"fracgyro.selfcheck has other hashes: it must have {hashes}")
+        raise SystemExit(f"fracgyro.parity has other hashes: it must have {hashes}")
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import fracgyro as fg
 import xarray as xr
-from fracgyro.analysis.style import COLORS, PAGE, own_style
+from fracgyro.analysis.style import COLORS, PAGE, own_style, svg
 from fracgyro.files import whole_file
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -31,7 +31,7 @@ def draw(path: Path) -> None:
             panel.spines[["top", "right"]].set_visible(False)
         figure.tight_layout(w_pad=2)
         with whole_file(path) as scratch:
-            figure.savefig(scratch, metadata={"Date": None})
+            scratch.write_text(svg(figure, "A simulated run"), encoding="utf-8", newline="\n")
 
 
 def draw_tracking(panel: Axes, run: xr.Dataset) -> None:

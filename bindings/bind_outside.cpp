@@ -56,7 +56,12 @@ PyTypeObject* sample_type() {
     static PyType_Slot slots[] = {
         {Py_tp_doc,
          const_cast<char*>("What a controller is given at one sample: floats and pairs of floats, in SI units "
-                           "if run.units is SI.")},
+                           "if run.units is SI.\n\n"
+                           ">>> times = []\n"
+                           ">>> law = lambda sample: times.append(sample.time) or (0.0, 0.0)\n"
+                           ">>> scenario = fg.Scenario.paper().replace({\"run.duration\": 0.002})\n"
+                           ">>> run = fg.simulate(scenario, controller=law)\n"
+                           ">>> times[:2]\n[0.0, 0.001]")},
         {Py_tp_getset, members},
         {Py_tp_repr, reinterpret_cast<void*>(&sample_text)},
         {Py_tp_dealloc, reinterpret_cast<void*>(&free_sample)},

@@ -3,7 +3,7 @@
 #include "numbers.hpp"
 
 #include "fracgyro/sim/law.hpp"
-#include "fracgyro/core/saved.hpp"
+#include "fracgyro/sim/running_loop.hpp"
 
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
@@ -18,7 +18,10 @@ PyTypeObject* motion_type() {
                                               {"position", "as measured, (x, y)"},
                                               {"velocity", "as measured, (x, y); NaN where there is no sensor of it"},
                                               {nullptr, nullptr}};
-    static PyStructSequence_Desc about{"fracgyro.Motion", "The motion that is measured at a sample.", fields, 3};
+    static PyStructSequence_Desc about{"fracgyro.Motion",
+                                       "The motion that is measured at a sample, in the units of the run.\n\n"
+                                       ">>> fg.Plant(fg.Scenario.paper()).motion.time\n0.0",
+                                       fields, 3};
     static PyTypeObject* const type = PyStructSequence_NewType(&about);
     return type;
 }
@@ -96,23 +99,21 @@ public:
 
 template <class C, class Setup>
 class HeldLoop final : public AnyLoop {
-    using Loop = Stepper<C, DeviceGyroscope>;
-    using Pending = typename Loop::Pending;
+    using Loop = RunningLoop<C, Setup>;
 
 public:
-    explicit HeldLoop(const Setup& s) : held_(new Held{s, Loop::prepare(s), Loop::begin(s)}), draw_(s) {}
+    explicit HeldLoop(const Setup& s) : loop_(new Loop(s)) {}
 
     nb::object run(std::int64_t samples, bool device) override {
         using Report = typename C::Report;
         Rows rows;
         std::size_t width = 0;
-        const std::int64_t first = held_->state.step;
-        Loop::run(held_->state, held_->coefficients, first + samples, draw_, [&](const DeviceSnapshot<Report>& at) {
+        loop_->run(samples, [&](const DeviceSnapshot<Report>& at) {
             std::array<double, row_width<Report>> row;
             write_row<double, Report>(at, row.data());
             rows.insert(rows.end(), row.begin(), row.end());
             if constexpr (of_law) {
-                const auto& reported = held_->setup.controller.law->report();
+                const auto& reported = loop_->setup().controller.law->report();
                 rows.insert(rows.end(), reported.begin(), reported.end());
             }
             if (device) {
@@ -127,58 +128,31 @@ public:
         const std::size_t count = width == 0 ? 0 : rows.size() / width;
         return nb::cast(owned_rows<2>(std::move(rows), {count, width}));
     }
-    std::int64_t step() const override { return held_->state.step; }
+    std::int64_t step() const override { return loop_->step(); }
     nb::bytes state() const override {
-        std::vector<unsigned char> bytes(Saved<Pending>::size);
-        Saved<Pending>::write(held_->state, bytes.data());
+        std::vector<unsigned char> bytes(Loop::saved_size);
+        loop_->save(bytes.data());
         return nb::bytes(bytes.data(), bytes.size());
     }
     void restore(const nb::bytes& saved) override {
-        const auto* bytes = static_cast<const unsigned char*>(saved.data());
-        auto read = std::make_unique<Pending>();
-        if (!Saved<Pending>::read(bytes, saved.size(), *read) || read->step < 0 ||
-            !C::sound(read->controller, held_->coefficients.controller) ||
-            C::steps(read->controller) != static_cast<std::uint64_t>(read->step)) {
+        if (!loop_->restore(static_cast<const unsigned char*>(saved.data()), saved.size())) {
             throw nb::value_error("state is damaged: it is not as it was saved");
         }
-        held_->state = *read;
     }
     bool set(const DeviceSetup& other) override {
-        Setup setup = held_->setup;
         if constexpr (of_law) {
-            setup = outside_setup(other, setup.controller.law, setup.controller.units);
+            const LawParams& own = loop_->setup().controller;
+            return loop_->set(outside_setup(other, own.law, own.units));
         } else {
-            if (!same_controller(setup.controller, other.controller)) {
-                return false;
-            }
-            setup = other;
+            return loop_->set(other);
         }
-        held_->coefficients = Loop::prepare(setup);
-        held_->setup = std::move(setup);
-        draw_ = DeviceGyroscope::Draw(held_->setup);
-        return true;
     }
 
 private:
     static constexpr bool of_law = std::is_same_v<typename C::Params, LawParams>;
 
-    static bool same_controller(const ControllerParams& a, const ControllerParams& b) {
-        std::size_t chosen[2] = {};
-        with_params(a, [&](const auto& p, auto family) { chosen[0] = family.chosen(p); });
-        with_params(b, [&](const auto& p, auto family) { chosen[1] = family.chosen(p); });
-        const ExponentialSum *const one = kernel_of(a), *const other = kernel_of(b);
-        return a.index() == b.index() && chosen[0] == chosen[1] &&
-               (one == nullptr || (one->count == other->count && one->poles == other->poles));
-    }
-
     // Apart: its alignment is that of wide registers, and Python frees a loop as one of any controller.
-    struct Held {
-        Setup setup;
-        typename Loop::Coefficients coefficients;
-        Pending state;
-    };
-    std::unique_ptr<Held> held_;
-    DeviceGyroscope::Draw draw_;
+    std::unique_ptr<Loop> loop_;
 };
 
 std::unique_ptr<AnyLoop> make_loop(const DeviceSetup& s) {

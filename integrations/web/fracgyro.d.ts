@@ -15,6 +15,8 @@ export interface Fracgyro {
    * the bit. Throws RangeError, in one sentence, for a setting that is unknown or out of range.
    */
   simulate(scenario: Scenario, changes?: Partial<Settings>): Promise<Run>;
+  /** The closed loop in parts, tuned while it runs. Without changes its rows are those of `simulate`, bit for bit. */
+  loop(scenario: Scenario, changes?: Partial<Settings>): Promise<Loop>;
   /** The controller by itself, for a loop of your own; in double precision unless `single`. */
   controller(scenario: Scenario, changes?: Partial<Settings>, options?: { single?: boolean }): Promise<Controller>;
 }
@@ -35,6 +37,8 @@ export interface Field {
   /** null or Infinity is allowed, and switches off. */
   infinite?: true;
   whole?: true;
+  /** Acts only at the start: a loop that runs does not take it. */
+  fixed?: true;
   minimum?: number;
   maximum?: number;
   exclusiveMinimum?: number;
@@ -52,6 +56,33 @@ export interface Run {
   rows: Float64Array;
   /** When the motion left all bounds; null if it did not. */
   diverged: number | null;
+}
+
+/** As Python's fracgyro.Loop. All of it nondimensional. */
+export interface Loop {
+  /** As those of a run. */
+  readonly columns: string[];
+  /** When the coming sample is, in units of 1/omega0. */
+  readonly time: number;
+  /** When the motion left all bounds; null if it did not. */
+  readonly diverged: number | null;
+  /**
+   * The coming samples: rows of all columns at the samples that `every` divides, fewer where the motion diverges. It
+   * may go on beyond run.duration, the longest time that a fractional memory is accurate for.
+   */
+  run(samples: number, every?: number): Float64Array;
+  /**
+   * Other settings from the coming sample on; what the controller has learnt stays. Throws RangeError for one that is
+   * out of range, acts only at the start, or would make it another controller; then nothing changes.
+   */
+  set(changes: Partial<Settings>): void;
+  /** An impulse on the mass just before the coming sample: what it adds to the velocity. */
+  kick(velocity: [number, number]): void;
+  /**
+   * All that changes while running, what was set included: assign it to a loop of the same scenario to resume, bit for
+   * bit. Throws RangeError as that of a controller.
+   */
+  state: Uint8Array;
 }
 
 export interface Controller {

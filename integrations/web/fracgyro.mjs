@@ -1,4 +1,4 @@
-// fracgyro in a browser or in node: the simulator, and the controller by itself, one sample at a time.
+// fracgyro in a browser or in node: runs, closed loops that are tuned while they run, and the controller by itself.
 //
 //     import { load } from "./fracgyro.mjs";
 //     const fracgyro = await load();
@@ -24,6 +24,7 @@ export async function load({ wasm, data } = {}) {
 }
 
 const LARGEST_RECORD = 2e9; // bytes
+const BUFFERED = 4096; // rows
 // What the guard thinks of a sample, by number; 5 is a saved state refused.
 const STATUSES = ["ok", "saturated", "not_finite", "out_of_range", "restarted", "", "implausible", "lost"];
 
@@ -43,30 +44,112 @@ class Fracgyro {
 
   // The closed loop from t = 0 to run.duration.
   async simulate(scenario, changes = {}) {
-    const { core, settings, steps, reported, observed } = await this.#prepare(scenario, changes);
-    const every = settings["run.record_every"];
-    const device = observed || "device" in scenario;
-    const columns = [...this.#data.loop, ...reported, ...(device ? this.#data.device : [])];
-    const samples = Math.floor(steps / every) + 1;
-    const fits = 8 * columns.length * samples <= LARGEST_RECORD;
-    const room = fits && core.room_for(columns.length * samples) >>> 0;
-    if (!room) {
-      const why = `as ${samples} samples do not fit into memory`;
-      throw new RangeError(`run.record_every is ${every}: it must be larger, ${why}`);
-    }
-    const lasted = core.simulate(every, room, device);
-    const rows = core.doubles(room, columns.length * samples);
-    const length = Math.ceil(lasted / every);
-    const time = Float64Array.from({ length }, (_, i) => i * (settings["run.step"] * every));
+    const { settings, loop } = await this.#started(scenario, changes);
+    const { "run.step": step, "run.record_every": every } = settings;
+    const samples = stepsOf(settings) + 1;
+    const width = loop.columns.length;
+    const rows = roomFor(Math.ceil(samples / every) * width, () => {
+      const why = `as ${Math.ceil(samples / every)} samples do not fit into memory`;
+      return `run.record_every is ${every}: it must be larger, ${why}`;
+    });
+    const length = loop.runInto(rows, samples, every);
+    const time = Float64Array.from({ length }, (_, i) => i * (step * every));
     const column = (name) => {
-      const at = columns.indexOf(name);
+      const at = loop.columns.indexOf(name);
       if (at < 0) {
-        throw new RangeError(`${name} is no column; known are ${columns.join(", ")}`);
+        throw new RangeError(`${name} is no column; known are ${loop.columns.join(", ")}`);
       }
-      return Float64Array.from({ length }, (_, i) => rows[i * columns.length + at]);
+      return Float64Array.from({ length }, (_, i) => rows[i * width + at]);
     };
-    const diverged = lasted <= steps ? lasted * settings["run.step"] : null;
-    return { time, columns, column, diverged, rows: rows.subarray(0, length * columns.length) };
+    const diverged = loop.diverged ? loop.samples * step : null;
+    return { time, columns: loop.columns, column, diverged, rows: rows.subarray(0, length * width) };
+  }
+
+  // The closed loop in parts, from t = 0 on, and beyond run.duration if asked.
+  async loop(scenario, changes = {}) {
+    const { settings, core, loop, valuesOf } = await this.#started(scenario, changes);
+    const step = settings["run.step"];
+    const first = { ...settings };
+    // Of what the loop was started from; kind, sensors and exponentials are not among the values.
+    const design = ["controller.kind", "device.sensing", "controller.observer_bandwidth", "run.kernel_tolerance"];
+    const started = [design.map((name) => first[name]), valuesOf(first), scenario.device ?? []];
+    const key = utf8(`fracgyro ${this.version} loop ${checksum(utf8(JSON.stringify(started))).toString(16)}\n`);
+    const saved = () => new Uint8Array(core.memory.buffer, core.loop_saved(), core.loop_saved_size());
+    const checked = (before, changes) => this.#checked(before, changes);
+    const isFixed = (name) => this.fields[name].fixed;
+    // Whether a loop that runs can take these settings.
+    const takes = (wanted) => {
+      const values = valuesOf(wanted);
+      core.doubles(core.setting_values(), values.length).set(values);
+      const can = core.loop_set();
+      if (can) {
+        Object.assign(settings, wanted);
+      }
+      return can;
+    };
+    return {
+      columns: loop.columns,
+      get time() {
+        return loop.samples * step;
+      },
+      get diverged() {
+        return loop.diverged ? loop.samples * step : null;
+      },
+      run(samples, every = 1) {
+        for (const [name, value] of Object.entries({ samples, every })) {
+          if (!Number.isSafeInteger(value) || value < 1 || value > 1e9) {
+            throw new RangeError(`${name} is ${value}: it must be a whole number from 1 to 1000000000`);
+          }
+        }
+        const ahead = Math.ceil((loop.samples + samples) / every) - Math.ceil(loop.samples / every);
+        const rows = roomFor(ahead * loop.columns.length, () => {
+          return `samples is ${samples}: it must be smaller, as ${ahead} rows do not fit into memory`;
+        });
+        return rows.subarray(0, loop.runInto(rows, samples, every) * loop.columns.length);
+      },
+      set(changes) {
+        checked(settings, changes);
+        const kept = Object.keys(changes).find(isFixed);
+        if (kept) {
+          throw new RangeError(`${kept} cannot be set while the loop runs: it acts only at the start`);
+        }
+        if (!takes({ ...settings, ...changes })) {
+          const names = Object.keys(changes).join(", ");
+          throw new RangeError(`${names} cannot be set while the loop runs: the controller would be another one`);
+        }
+      },
+      kick(velocity) {
+        if (velocity.length !== 2 || !velocity.every(Number.isFinite)) {
+          throw new RangeError(`velocity is ${velocity}: it must be two finite numbers`);
+        }
+        core.loop_kick(...velocity);
+      },
+      get state() {
+        core.loop_save();
+        const content = joined(utf8(`${JSON.stringify(settings, toJson)}\n`), saved());
+        return joined(key, bytesOf(checksum(content)), content);
+      },
+      set state(bytes) {
+        const own = ownPart(bytes, key, "by a loop of another scenario");
+        const content = own.subarray(4);
+        const damaged = () => new RangeError("state is damaged: it is not as it was saved");
+        if (!bytesOf(checksum(content)).every((byte, i) => own[i] === byte)) {
+          throw damaged();
+        }
+        const end = content.indexOf(10);
+        const wanted = checked(first, JSON.parse(new TextDecoder().decode(content.subarray(0, end))));
+        const before = { ...settings };
+        if (content.length - (end + 1) !== saved().length || !takes(wanted)) {
+          throw damaged();
+        }
+        saved().set(content.subarray(end + 1));
+        if (!core.loop_restore()) {
+          takes(before);
+          throw damaged();
+        }
+        loop.diverged = false;
+      },
+    };
   }
 
   // The controller by itself, in double or in single precision. Call `step` once every run.step.
@@ -75,7 +158,7 @@ class Fracgyro {
     const lasting = reported.filter((column) => !this.#data.momentary.includes(channelOf(column)));
     core.controller_start(single);
     const number = single ? "float" : "double";
-    const key = new TextEncoder().encode(`fracgyro ${this.version} ${core.controller_key() >>> 0} ${number}\n`);
+    const key = utf8(`fracgyro ${this.version} ${core.controller_key() >>> 0} ${number}\n`);
     const saved = () => new Uint8Array(core.memory.buffer, core.controller_saved(), core.controller_saved_size());
     return {
       step(position, velocity) {
@@ -100,17 +183,10 @@ class Fracgyro {
       },
       get state() {
         core.controller_save();
-        return Uint8Array.of(...key, ...saved());
+        return joined(key, saved());
       },
       set state(bytes) {
-        if (!(bytes instanceof Uint8Array)) {
-          throw new TypeError("state must be a Uint8Array, as it was saved");
-        }
-        if (bytes.length <= key.length || !key.every((byte, i) => bytes[i] === byte)) {
-          const other = "another version, or by a controller of another scenario or precision";
-          throw new RangeError(`state was saved by ${other}`);
-        }
-        const own = bytes.subarray(key.length);
+        const own = ownPart(bytes, key, "by a controller of another scenario or precision");
         if (own.length === saved().length) {
           saved().set(own);
         }
@@ -121,11 +197,44 @@ class Fracgyro {
     };
   }
 
-  // An instance of its own for each run and each controller: whatever it holds goes with it.
+  // A loop, in an instance of its own, that writes rows of its columns.
+  async #started(scenario, changes) {
+    const prepared = await this.#prepare(scenario, changes);
+    const { core, reported, observed } = prepared;
+    const device = observed || "device" in scenario;
+    const columns = [...this.#data.loop, ...reported, ...(device ? this.#data.device : [])];
+    const width = columns.length;
+    const buffer = core.room_for(BUFFERED * width) >>> 0;
+    core.loop_start();
+    const loop = {
+      columns,
+      diverged: false,
+      get samples() {
+        return core.loop_step(); // so far
+      },
+      // How many rows there are: of the coming samples those that `every` divides.
+      runInto(rows, samples, every) {
+        const end = this.samples + samples;
+        let length = 0;
+        while (this.samples < end && !this.diverged) {
+          const asked = Math.min(end - this.samples, BUFFERED * every, 1e9);
+          const before = Math.ceil(this.samples / every);
+          this.diverged = core.loop_run(asked, every, buffer, device) < asked;
+          const more = Math.ceil(this.samples / every) - before;
+          rows.set(core.doubles(buffer, more * width), length * width);
+          length += more;
+        }
+        return length;
+      },
+    };
+    return { ...prepared, loop };
+  }
+
+  // An instance of its own for each loop and each controller: whatever it holds goes with it.
   async #prepare(scenario, changes) {
     const settings = this.#checked(scenario.settings, changes);
     const core = new Core(await WebAssembly.instantiate(this.#module));
-    const steps = roundHalfToEven(settings["run.duration"] / settings["run.step"]);
+    const steps = stepsOf(settings);
     const { device } = scenario;
     if (device && settings["run.step"] !== scenario.settings["run.step"]) {
       const why = `it must be ${scenario.settings["run.step"]}, which the noise and times of its device are for`;
@@ -136,17 +245,19 @@ class Fracgyro {
     }
     const kind = settings["controller.kind"];
     const { numbers, reported } = this.#data.kinds[kind];
-    // A number stands for one that the module finds itself.
-    const values = numbers.map((name) => {
-      if (typeof name === "number") {
-        return name;
-      }
-      if (name === "run.steps") {
-        return steps;
-      }
-      const { choices } = this.fields[name];
-      return choices ? choices.indexOf(settings[name]) : (settings[name] ?? Infinity) / (scenario.scales[name] ?? 1);
-    });
+    // In the core's order; a number stands for one that the module finds itself.
+    const valuesOf = (wanted) =>
+      numbers.map((name) => {
+        if (typeof name === "number") {
+          return name;
+        }
+        if (name === "run.steps") {
+          return steps;
+        }
+        const { choices } = this.fields[name];
+        return choices ? choices.indexOf(wanted[name]) : (wanted[name] ?? Infinity) / (scenario.scales[name] ?? 1);
+      });
+    const values = valuesOf(settings);
     core.doubles(core.setting_values(), values.length).set(values);
     const place = this.fields["controller.kind"].choices.indexOf(kind);
     const observed = settings["device.sensing"] === "position";
@@ -158,7 +269,7 @@ class Fracgyro {
     if (!core.setup_done(place, bandwidth, settings["run.duration"], settings["run.kernel_tolerance"], at)) {
       throw new RangeError(`run.step is ${settings["run.step"]}: it must lie between 1e-200 and 1e200`);
     }
-    return { core, settings, steps, reported: reported[core.chosen_type()], observed };
+    return { core, settings, reported: reported[core.chosen_type()], observed, valuesOf };
   }
 
   // The settings of the kind. What a scenario says of another one's is left out.
@@ -223,6 +334,58 @@ function wrong(value, field) {
     [value >= exclusiveMaximum, `less than ${exclusiveMaximum}`],
   ];
   return rules.find(([broken]) => broken)?.[1] ?? "";
+}
+
+const stepsOf = (settings) => roundHalfToEven(settings["run.duration"] / settings["run.step"]);
+
+// Throws RangeError with the sentence where so many numbers do not fit into memory.
+function roomFor(numbers, sentence) {
+  try {
+    if (8 * numbers <= LARGEST_RECORD) {
+      return new Float64Array(numbers);
+    }
+  } catch {
+    // as above
+  }
+  throw new RangeError(sentence());
+}
+
+const utf8 = (text) => new TextEncoder().encode(text);
+const bytesOf = (sum) => new Uint8Array(Uint32Array.of(sum).buffer);
+// JSON has no infinity: null is none.
+const toJson = (_, value) => (value === Infinity ? null : value);
+
+function joined(...parts) {
+  const all = new Uint8Array(parts.reduce((length, part) => length + part.length, 0));
+  let end = 0;
+  for (const part of parts) {
+    all.set(part, end);
+    end += part.length;
+  }
+  return all;
+}
+
+// Of a saved state, what follows the key.
+function ownPart(bytes, key, other) {
+  if (!(bytes instanceof Uint8Array)) {
+    throw new TypeError("state must be a Uint8Array, as it was saved");
+  }
+  if (bytes.length <= key.length || !key.every((byte, i) => bytes[i] === byte)) {
+    throw new RangeError(`state was saved by another version, or ${other}`);
+  }
+  return bytes.subarray(key.length);
+}
+
+// CRC-32, as in saved.hpp.
+function checksum(bytes) {
+  let sum = ~0;
+  for (const byte of bytes) {
+    sum ^= byte;
+    for (let bit = 0; bit < 8; ++bit) {
+      sum = (sum >>> 1) ^ (sum & 1 ? 0xedb88320 : 0);
+    }
+  }
+  return ~sum >>> 0;
 }
 
 // As Python rounds.

@@ -7,49 +7,22 @@
 Equation numbers throughout are those of Complexity 2020, article 8542961; EQUATIONS.md lists them all.
 """
 
+import sys
 from importlib import import_module
-from importlib.metadata import version
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from . import fractional
-from ._core import Motion, Sample
-from .analysis import metrics
-from .scenario import Scenario, ScenarioError
-from .simulation import native
-from .simulation.controller import Controller
-from .simulation.measure import measure_many
-from .simulation.outside import ControllerError
-from .simulation.plant import Loop, Plant
-from .simulation.simulate import DivergedError, simulate, simulate_many
+from .extras import public
 
-if TYPE_CHECKING:
-    from . import rate, study
-
-__version__ = version("fracgyro")
-__all__ = [
-    "Controller",
-    "ControllerError",
-    "DivergedError",
-    "Loop",
-    "Motion",
-    "Plant",
-    "Sample",
-    "Scenario",
-    "ScenarioError",
-    "__version__",
-    "fractional",
-    "measure_many",
-    "metrics",
-    "native",
-    "rate",
-    "simulate",
-    "simulate_many",
-    "study",
-]
+_load, __dir__, __all__ = public(__name__, __file__, "report")
 
 
 def __getattr__(name: str) -> Any:
-    """Rooms that take long to import, or need much, when they are first asked for."""
-    if name in ("rate", "study"):
-        return import_module(f".{name}", __name__)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    """What __init__.pyi lists, loaded when it is first asked for."""
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version(__name__)
+    found = _load(name)
+    if "xarray" in sys.modules:
+        import_module(".analysis.accessor", __name__)  # Datasets have `run.fracgyro` from now on
+    return found

@@ -1,4 +1,7 @@
-"""Reading files that may be anything; writing files whole: nobody ever meets half a file."""
+"""Reading files that may be anything; writing files whole: neither a reader nor a kill meets half a file.
+
+A power cut may: files are not flushed to disk one by one, which would take longer than most of them take to make.
+"""
 
 from __future__ import annotations
 

@@ -3,6 +3,7 @@
 #include "scalars.hpp"
 
 #include "fracgyro/sim/device_settings.hpp"
+#include "fracgyro/sim/running_loop.hpp"
 #include "fracgyro/control/guard.hpp"
 
 #include <cmath>
@@ -472,6 +473,61 @@ TEST(Observing, ItsGuardHoldsTheForceThroughBadSamplesAndGoesOn) {
         }
     }
     expect_near(motion.position, {std::sin(std::numbers::pi * 3.0), std::cos(0.5 * std::numbers::pi * 3.0)}, 0.05);
+}
+
+// -- A loop that is held on to ----------------------------------------------------------------------------------------
+
+DeviceSetup held_setup() {
+    DeviceSetup setup;
+    static_cast<Setup&>(setup) = paper(1'000);
+    return setup;
+}
+using Held = RunningLoop<Proposed, DeviceSetup>;
+
+Motion<double> motion_after(Held& loop, std::int64_t samples) {
+    Motion<double> last{};
+    loop.run(samples, [&](const auto& at) { last = at.motion; });
+    return last;
+}
+
+TEST(RunningLoop, AKickChangesTheVelocityOfTheComingSampleAndNotItsPosition) {
+    Held one(held_setup()), other(held_setup());
+    motion_after(one, 100), motion_after(other, 100);
+    one.kick({0.25, -2.0});
+    const Motion<double> kicked = motion_after(one, 1), plain = motion_after(other, 1);
+    EXPECT_EQ(kicked.position, plain.position);
+    EXPECT_EQ(kicked.velocity, plain.velocity + Vec2<double>(0.25, -2.0));
+}
+
+TEST(RunningLoop, WhatIsSetActsFromTheComingSampleOnAndAnotherControllerIsRefused) {
+    Held one(held_setup()), other(held_setup());
+    DeviceSetup faster = held_setup();
+    faster.plant.rate = 0.3;
+    motion_after(one, 100), motion_after(other, 100);
+    ASSERT_TRUE(one.set(faster));
+    EXPECT_EQ(motion_after(one, 1).velocity, motion_after(other, 1).velocity);
+    EXPECT_NE(motion_after(one, 1).velocity, motion_after(other, 1).velocity);
+    DeviceSetup composite = held_setup();
+    law(composite).adaptation.kind = AdaptationKind::composite;
+    EXPECT_FALSE(one.set(composite));
+    DeviceSetup shorter = held_setup();
+    *kernel_of(shorter.controller) = log_trapezoid(0.9, 2e-3, 1.0);
+    EXPECT_FALSE(one.set(shorter)) << "its memory would be another";
+    EXPECT_EQ(one.setup().plant.rate, 0.3);
+}
+
+TEST(RunningLoop, ASavedStateResumesAndADamagedOneIsRefused) {
+    Held one(held_setup()), other(held_setup());
+    motion_after(one, 300);
+    std::array<unsigned char, Held::saved_size> bytes{};
+    one.save(bytes.data());
+    ASSERT_TRUE(other.restore(bytes.data(), bytes.size()));
+    EXPECT_EQ(other.step(), 300);
+    EXPECT_EQ(motion_after(one, 50).position, motion_after(other, 50).position);
+    EXPECT_FALSE(other.restore(bytes.data(), bytes.size() - 1));
+    bytes[100] ^= 1;
+    EXPECT_FALSE(other.restore(bytes.data(), bytes.size()));
+    EXPECT_EQ(other.step(), 350);
 }
 
 }  // namespace

@@ -6,6 +6,7 @@ An input is JSON: the words, and the files that lie in the current folder beside
 from __future__ import annotations
 
 import contextlib
+import importlib
 import io
 import json
 import os
@@ -21,9 +22,10 @@ import fuzz_scenarios
 import harness
 import mutate
 from fracgyro.cli import main
-from fracgyro.export import fmu
-from fracgyro.paper import reproduce
 from fracgyro.scenario.sentences import paths
+
+FMU = importlib.import_module("fracgyro.export.fmu")
+REPRODUCE = importlib.import_module("fracgyro.paper.reproduce")
 
 STUDY = '[fixed]\nrun.duration = 0.02\n[vary]\ncontroller.kind = ["linear", "fractional"]\n'
 SCENARIOS = ["good.toml", "any.toml", "link.toml", "line\nbreak.toml", "\udcff.toml", "empty", "any.nc"]  # may be valid
@@ -135,8 +137,8 @@ def check(case: bytes, folder: Path) -> str:
     for name, text in given["files"].items():
         (folder / name).write_bytes(text.encode("latin-1"))
     precious = {p: p.read_bytes() for p in [folder / "good.toml", folder / "full" / "precious"]}
-    fmu._binaries = lambda *_: {}  # compilers take seconds, and are not asked here
-    reproduce.time_steps = _left_out
+    FMU._binaries = lambda *_: {}  # compilers take seconds, and are not asked here
+    REPRODUCE.time_steps = _left_out
     out, err = io.StringIO(), io.StringIO()
     sys.argv = ["fracgyro", *given["words"]]
     with warnings.catch_warnings(), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):

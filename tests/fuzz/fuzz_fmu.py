@@ -21,7 +21,6 @@ from typing import Any, Literal
 import fmpy
 import fracgyro as fg
 import harness
-from fracgyro.export.fmu import export
 from payloads import payload
 
 OK, WARNING, ERROR = 0, 1, 3
@@ -291,7 +290,7 @@ def importer(face: str) -> Importer:
     fmi, content, device = FACES[face]
     folder = Path(tempfile.mkdtemp())
     changes = {"run.duration": 2.0, "adaptation.kind": "composite", "controller.switching_limit": 0.5}
-    export(fg.Scenario.paper().replace({**changes, **device}), folder / "made.fmu", fmi=fmi, content=content)
+    fg.export.fmu(fg.Scenario.paper().replace({**changes, **device}), folder / "made.fmu", fmi=fmi, content=content)
     unpacked = Path(fmpy.extract(str(folder / "made.fmu"), str(folder / "made")))
     (library,) = unpacked.glob("binaries/*/*.so")
     description = fmpy.read_model_description(str(unpacked))

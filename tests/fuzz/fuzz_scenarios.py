@@ -13,8 +13,8 @@ from pathlib import Path
 import fracgyro as fg
 import harness
 import mutate
+from fracgyro.export import web
 from fracgyro.export.firmware import coefficients_header
-from fracgyro.export.web import export
 from fracgyro.scenario.sentences import paths
 from fracgyro.scenario.shipped import SHIPPED, shipped_text
 
@@ -87,7 +87,7 @@ USES: tuple[Callable[[fg.Scenario], object], ...] = (
     lambda scenario: fg.measure_many([scenario], seeds=[0, 1]),
     _step,
     lambda scenario: coefficients_header(scenario, "float"),
-    lambda scenario: export(scenario, "scenario.json"),
+    lambda scenario: web(scenario, "scenario.json"),
 )
 
 

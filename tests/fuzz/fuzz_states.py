@@ -20,7 +20,7 @@ from pathlib import Path
 
 import fracgyro as fg
 import harness
-from fracgyro.export import web
+from fracgyro.export.web import build, web
 from payloads import payload
 
 PAPER = fg.Scenario.paper().replace({"run.duration": 2.0, "controller.switching_limit": 0.5})
@@ -143,10 +143,10 @@ for await (const line of createInterface({ input: process.stdin })) {
 class Browser:
     def __init__(self) -> None:
         folder = Path(tempfile.mkdtemp())
-        web.build(folder)
+        build(folder)
         names = [f"{i}.json" for i in range(IN_BROWSER)]
         for name, scenario in zip(names, SCENARIOS, strict=False):
-            web.export(scenario, folder / name)
+            web(scenario, folder / name)
         (folder / "scenarios.json").write_text(json.dumps(names))
         command = ["node", "--input-type=module", "-e", BROWSER, str(folder)]
         self._node = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)

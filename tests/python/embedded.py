@@ -17,7 +17,10 @@ TOOLS = {
     "clang": ("clang", "clang++"),
     "WebAssembly": ("node", "zig"),
     "other systems": ("zig",),
+    "browser": ("chromium", "node", "zig"),
+    "pages": ("chromium",),
 }
+BROUGHT_BY = {"chromium": "make setup-browser"}
 
 
 def need(face: str) -> None:
@@ -25,7 +28,8 @@ def need(face: str) -> None:
     found = {tool: compilers.has_zig() if tool == "zig" else shutil.which(tool) for tool in TOOLS.get(face, ())}
     missing = [tool for tool, there in found.items() if not there]
     if missing:
-        reason = f"face {face}: {', '.join(missing)} missing, which `make setup-embedded` installs"
+        setup = BROUGHT_BY.get(missing[0], "make setup-embedded")
+        reason = f"face {face}: {', '.join(missing)} missing, which `{setup}` installs"
         if STRICT:
             pytest.fail(reason)
         pytest.skip(reason)

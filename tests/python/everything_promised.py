@@ -115,7 +115,7 @@ for name in ("caputo", "riemann_liouville", "integral"):
 keep("units", *(base_unit(unit, SHORT.plant)["factor"] for unit in ("m*omega0^2/q0^2", "q0*omega0", "m*omega0^2")))
 
 with tempfile.TemporaryDirectory() as folder:
-    web.export(KINDS["gradient"], Path(folder) / "own.json", unbounded=True)
+    web(KINDS["gradient"], Path(folder) / "own.json", unbounded=True)
     keep("web", (Path(folder) / "own.json").read_text())
     for kind, points in (("grid", "steps = 7"), ("latin_hypercube", ""), ("sobol", ""), ("random", "")):
         study = Path(folder) / "study.toml"

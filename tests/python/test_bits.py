@@ -13,7 +13,7 @@ import fracgyro as fg
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from fracgyro import _core, selfcheck
+from fracgyro import _core, parity
 from fracgyro.cli import cli
 from fracgyro.scenario.to_core import core_setup
 from numpy._core._multiarray_umath import __cpu_dispatch__, __cpu_features__
@@ -130,27 +130,27 @@ def test_a_run_in_a_lane_has_the_bits_of_a_single_run(lanes: int) -> None:
 def test_this_installation_has_the_published_bits() -> None:
     said = CliRunner().invoke(cli, ["selfcheck", "--json"])
     found = json.loads(said.output)
-    assert found["hashes"] == selfcheck.PUBLISHED
+    assert found["hashes"] == parity.PUBLISHED
     assert found["sound"] is True
     assert said.exit_code == 0
 
 
 def test_the_published_hashes_are_those_of_the_committed_log() -> None:
     log = (Path(__file__).resolve().parents[2] / "benchmarks/results/parity.md").read_text(encoding="utf-8")
-    for number, published in selfcheck.PUBLISHED.items():
+    for number, published in parity.PUBLISHED.items():
         assert f"## {number}: `{published}`" in log
 
 
 def test_the_command_names_what_it_checked_and_fails_where_a_bit_differs(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(selfcheck, "SCENARIO", fg.Scenario.paper().replace({"run.duration": 0.2}))
+    monkeypatch.setattr(parity, "SCENARIO", fg.Scenario.paper().replace({"run.duration": 0.2}))
     said = CliRunner().invoke(cli, ["selfcheck"])
     assert said.exit_code == 1
     first, second, *hashes = said.output.splitlines()
     assert first.startswith("fracgyro ")
     assert _core.compiler in first
-    assert second == f"processor: {selfcheck.processor()}; lanes of " + ", ".join(
+    assert second == f"processor: {parity.processor()}; lanes of " + ", ".join(
         f"{8 * count} bytes" for count in _core.lane_counts()
     )
-    for line, (number, published) in zip(hashes, selfcheck.PUBLISHED.items(), strict=True):
+    for line, (number, published) in zip(hashes, parity.PUBLISHED.items(), strict=True):
         assert line.startswith(f"parity hash, {number}: ")
         assert line.endswith(f", NOT the published {published}")

@@ -17,8 +17,7 @@ import pytest
 import xarray as xr
 from click.testing import CliRunner
 from fracgyro.cli import cli
-from fracgyro.export import fmu, web
-from fracgyro.export.firmware import coefficients_header, export_firmware
+from fracgyro.export.firmware import coefficients_header
 from fracgyro.scenario.bounded import check_bounded, gain, is_bounded
 from fracgyro.scenario.shipped import COMMON, SHIPPED, shipped, shipped_text
 from fracgyro.scenario.table import toml_value
@@ -181,13 +180,13 @@ def test_bounded_is_what_cannot_grow_to_where_the_loop_diverges(changes: dict[st
 
 def test_an_unbounded_controller_is_exported_only_if_asked_for(tmp_path: Path) -> None:
     said = "controller.switching_limit is inf: it must be at most 1 for a controller that runs on"
-    for export in (export_firmware, fmu.export, web.export):
+    for export in (fg.export.firmware, fg.export.fmu, fg.export.web):
         with pytest.raises(fg.ScenarioError, match=said):
             export(PAPER, tmp_path / "out")
     assert not list(tmp_path.iterdir())
-    export_firmware(PAPER, tmp_path / "firmware", unbounded=True)
-    web.export(PAPER, tmp_path / "paper.json", unbounded=True)
-    web.export(LIMITED, tmp_path / "limited.json")
+    fg.export.firmware(PAPER, tmp_path / "firmware", unbounded=True)
+    fg.export.web(PAPER, tmp_path / "paper.json", unbounded=True)
+    fg.export.web(LIMITED, tmp_path / "limited.json")
     assert json.loads((tmp_path / "paper.json").read_text())["settings"]["controller.switching_limit"] is None
     assert json.loads((tmp_path / "limited.json").read_text())["settings"]["controller.switching_limit"] == 0.5
     with pytest.raises(fg.ScenarioError, match=r"controller\.layer_thickness is 0\.0: it must be greater than 0"):

@@ -10,6 +10,7 @@ import sys
 import tomllib
 import unicodedata
 from collections.abc import Iterator
+from itertools import takewhile
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -17,6 +18,7 @@ import click
 import fracgyro as fg
 import matplotlib
 import pytest
+from fracgyro import study_files
 from fracgyro.cli import cli
 from fracgyro.export.compilers import system_compiler
 from fracgyro.scenario import reference
@@ -131,6 +133,10 @@ def test_the_reference_is_what_the_core_and_the_tables_say() -> None:
     assert read("docs/reference.md") == reference.page(), "make it again, as its first lines say"
 
 
+def test_the_reference_of_study_files_is_what_their_models_say() -> None:
+    assert read("docs/study_files.md") == study_files.page(), "make it again, as its first lines say"
+
+
 # -- Versions ------------------------------------------------------------------------------------------------
 
 
@@ -169,7 +175,7 @@ def test_every_relative_link_resolves(path: Path) -> None:
 
 # -- Width ---------------------------------------------------------------------------------------------------
 
-TEXT = {".md", ".py", ".cpp", ".hpp", ".c", ".h", ".mjs", ".ts", ".toml", ".txt", ".sh", ".cff", ""}
+TEXT = {".md", ".py", ".cpp", ".hpp", ".c", ".h", ".mjs", ".ts", ".css", ".html", ".toml", ".txt", ".sh", ".cff", ""}
 WIDE = ("tests/fuzz/corpus", "tests/firmware/corpus")  # data
 # Mutants are named by their lines of code.
 WIDE += ("benchmarks/results/mutants.md", "tests/mutants/survivors.toml")
@@ -229,7 +235,7 @@ def commands() -> list[str]:
 @pytest.mark.parametrize("line", commands())
 def test_every_command_of_the_documents_is_one(line: str) -> None:
     words = shlex.split(line, comments=True)[1:]
-    words = words[: words.index(">")] if ">" in words else words
+    words = list(takewhile(lambda word: word not in (">", "|"), words))
     group: click.Command = cli
     while isinstance(group, click.Group):
         name, command, words = group.resolve_command(click.Context(group), words)

@@ -42,8 +42,9 @@ def drawn(runs: Runs, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def texts(svg: Path) -> list[str]:
-    """Letters are drawn as paths; each text stands beside them as a comment."""
-    return re.findall(r"<!-- (.*?) -->", svg.read_text(encoding="utf-8"))
+    """Formulas stand beside their letters as comments."""
+    found = re.findall(r"<!-- (.*?) -->|<text[^>]*>([^<]+)</text>", svg.read_text(encoding="utf-8"))
+    return [formula or text for formula, text in found]
 
 
 def test_the_papers_figures_are_three_to_nineteen() -> None:

@@ -12,9 +12,6 @@ from pathlib import Path
 import fracgyro as fg
 import pytest
 from children import PATIENCE
-from fracgyro.export.firmware import export_firmware
-from fracgyro.export.fmu import export as export_fmu
-from fracgyro.export.web import export as export_web
 from fracgyro.files import MAX_INPUT, one_line, reason, whole_file
 
 PAPER = fg.Scenario.paper()
@@ -119,7 +116,7 @@ def test_an_empty_file_and_one_of_the_same_kind_are_replaced(tmp_path: Path, bef
     assert (tmp_path / "run.nc").read_bytes() == b"\x89HDF..."
 
 
-@pytest.mark.parametrize("export", [export_fmu, export_web, export_firmware])
+@pytest.mark.parametrize("export", [fg.export.fmu, fg.export.web, fg.export.firmware])
 @pytest.mark.parametrize("mine", [b"PK\x03\x04", b'{"version"', b"any"])
 def test_no_export_replaces_what_is_there(export: Callable[..., None], mine: bytes, tmp_path: Path) -> None:
     path = tmp_path / "mine"
@@ -132,7 +129,7 @@ def test_no_export_replaces_what_is_there(export: Callable[..., None], mine: byt
 
 def test_an_empty_file_is_as_good_as_a_new_one(tmp_path: Path) -> None:
     (tmp_path / "own.json").touch()
-    export_web(PAPER, tmp_path / "own.json", unbounded=True)
+    fg.export.web(PAPER, tmp_path / "own.json", unbounded=True)
     assert json.loads((tmp_path / "own.json").read_text(encoding="utf-8"))["version"] == fg.__version__
 
 
@@ -156,7 +153,7 @@ def test_a_full_disk_while_firmware_is_written_is_the_systems_few_words(
 
     monkeypatch.setattr("shutil.copyfile", full)
     with pytest.raises(ValueError, match=r"firmware cannot be written: No space left on device$"):
-        export_firmware(BOUNDED, tmp_path / "firmware")
+        fg.export.firmware(BOUNDED, tmp_path / "firmware")
     assert not list(tmp_path.iterdir())
 
 

@@ -16,7 +16,6 @@ from children import PATIENCE
 from embedded import STRICT, need
 from fracgyro import _core
 from fracgyro.export.compilers import Number, compiler, make
-from fracgyro.export.firmware import export_firmware
 from fracgyro.export.host import SCALARS, Host, flags, plant_of, rmse
 from fracgyro.export.replay import first_difference
 from fracgyro.export.settings import columns
@@ -42,7 +41,7 @@ NAN, INF = math.nan, math.inf
 
 @pytest.fixture
 def limited(tmp_path: Path) -> Host:
-    export_firmware(LIMITED, tmp_path / "limited")
+    fg.export.firmware(LIMITED, tmp_path / "limited")
     return Host(tmp_path / "limited", "float")
 
 
@@ -51,7 +50,7 @@ def limited(tmp_path: Path) -> Host:
 
 def test_the_same_scenario_gives_the_same_bytes_and_the_cores_headers_unchanged(tmp_path: Path) -> None:
     for name in "ab":
-        export_firmware(PAPER, tmp_path / name)
+        fg.export.firmware(PAPER, tmp_path / name)
     a, b = (
         {p.relative_to(f): p.read_bytes() for p in f.rglob("*") if p.is_file()}
         for f in (tmp_path / "a", tmp_path / "b")
@@ -69,7 +68,7 @@ def test_the_same_scenario_gives_the_same_bytes_and_the_cores_headers_unchanged(
 
 def test_another_scenario_gives_another_key(tmp_path: Path) -> None:
     for name, scenario in {"a": PAPER, "b": PAPER.replace({"controller.order": 0.8})}.items():
-        export_firmware(scenario, tmp_path / name)
+        fg.export.firmware(scenario, tmp_path / name)
     keys = {re.findall(r"KEY (\S+)", (tmp_path / name / "fracgyro_coefficients.h").read_text())[0] for name in "ab"}
     assert len(keys) == 2
 
@@ -80,7 +79,7 @@ def test_every_kind_of_controller_answers_as_the_simulator_does(kind: str, numbe
     scenario = PAPER.replace({**KINDS[kind], "run.duration": 0.5})
     if scenario.controller.kind in kinds.having("controller.terminal_exponent"):
         scenario = scenario.replace({"controller.terminal_exponent": 0.6})
-    export_firmware(scenario, tmp_path / "out", number)
+    fg.export.firmware(scenario, tmp_path / "out", number)
     host, ours = Host(tmp_path / "out", number), fg.Controller(scenario)
     run = fg.simulate(scenario)
     for n in range(run.sizes["time"]):
@@ -109,7 +108,7 @@ def test_every_kind_of_controller_answers_as_the_simulator_does(kind: str, numbe
 @pytest.mark.parametrize("number", SCALARS)
 def test_without_a_sensor_of_velocity_it_observes_it_and_looks_at_none(number: Number, tmp_path: Path) -> None:
     scenario = PAPER.replace({"device.sensing": "position", "run.duration": 0.5})
-    export_firmware(scenario, tmp_path / "out", number)
+    fg.export.firmware(scenario, tmp_path / "out", number)
     host = Host(tmp_path / "out", number)
     run = fg.simulate(scenario)
     for n, q in enumerate(run["position"].values):
@@ -129,7 +128,7 @@ def example(folder: Path) -> str:
 
 
 def test_the_header_is_clean_c99(tmp_path: Path) -> None:
-    export_firmware(PAPER, tmp_path / "out")
+    fg.export.firmware(PAPER, tmp_path / "out")
     cc = os.environ.get("CC", "cc")
     strict = ["-std=c99", "-pedantic-errors", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-fsyntax-only", "-xc"]
     subprocess.run([*cc.split(), *strict, "fracgyro.h"], cwd=tmp_path / "out", check=True)
@@ -148,7 +147,7 @@ def test_the_header_is_clean_c99(tmp_path: Path) -> None:
 def test_the_example_closes_the_loop_on_the_gyroscope_and_prints_what_is_reported(
     scenario: fg.Scenario, number: Number, at_first: int, tmp_path: Path
 ) -> None:
-    export_firmware(scenario, tmp_path / "out", number)
+    fg.export.firmware(scenario, tmp_path / "out", number)
     said = example(tmp_path / "out")
     assert [int(status) for status in re.findall(r"tick \d+: status (\d)", said)] == [at_first, *[OK] * 10]
     # After a thousand steps the motion is that of the simulator, which has noise.
@@ -230,7 +229,7 @@ def test_before_the_first_measurement_the_force_is_zero_and_time_does_not_start(
 
 def test_the_loop_survives_a_sensor_that_fails_for_a_while(tmp_path: Path) -> None:
     scenario = LIMITED.replace({"run.duration": 20.0, "disturbance.standard_deviation": 0.1})
-    export_firmware(scenario, tmp_path / "out")
+    fg.export.firmware(scenario, tmp_path / "out")
     # Closed here by hand: 40 samples, 0.04 units of time, are lost at t = 5, a quarter of a natural period later on.
     host, plant = Host(tmp_path / "out", "float"), plant_of(scenario)
     x, y, v, w = 0.5, 0.5, 0.0, 0.0
@@ -261,7 +260,7 @@ def test_at_the_limit_the_estimates_rest_where_they_would_wind_up(limited: Host)
 
 @pytest.mark.parametrize("place", range(4))
 def test_a_sample_that_the_plant_cannot_have_moved_to_is_held_through(place: int, tmp_path: Path) -> None:
-    export_firmware(CHECKED, tmp_path / "out")
+    fg.export.firmware(CHECKED, tmp_path / "out")
     host, run = Host(tmp_path / "out", "float"), fg.simulate(CHECKED.replace({"run.duration": 0.2}))
     motion = np.hstack([run["position"].values, run["velocity"].values])
     for n, (x, y, v, w) in enumerate(motion.tolist()):
@@ -278,7 +277,7 @@ def test_a_sample_that_the_plant_cannot_have_moved_to_is_held_through(place: int
 
 
 def test_sensors_that_are_lost_leave_the_force_of_the_reference_until_enough_samples_agree(tmp_path: Path) -> None:
-    export_firmware(CHECKED, tmp_path / "out")
+    fg.export.firmware(CHECKED, tmp_path / "out")
     host, run = Host(tmp_path / "out", "float"), fg.simulate(CHECKED.replace({"run.duration": 1.0}))
     motion, stiffness = np.hstack([run["position"].values, run["velocity"].values]), CHECKED.plant.nondimensional()[1]
     patience = guard(CHECKED).patience
@@ -296,7 +295,7 @@ def test_sensors_that_are_lost_leave_the_force_of_the_reference_until_enough_sam
 
 
 def test_long_at_the_limit_the_controller_starts_anew_in_time(tmp_path: Path) -> None:
-    export_firmware(LIMITED.replace({"guard.saturation_patience": 100}), tmp_path / "out")
+    fg.export.firmware(LIMITED.replace({"guard.saturation_patience": 100}), tmp_path / "out")
     host = Host(tmp_path / "out", "float")
     before = host.report
     reported = [host.step((20.0, 0.0), (0.0, 0.0)) for _ in range(200)]
@@ -307,7 +306,7 @@ def test_long_at_the_limit_the_controller_starts_anew_in_time(tmp_path: Path) ->
 @pytest.mark.parametrize("number", SCALARS)
 def test_nothing_is_called_but_arithmetic(number: Number, tmp_path: Path) -> None:
     need("Cortex-M")
-    export_firmware(LIMITED.replace({"controller.terminal_exponent": 0.6}), tmp_path / "out", number)
+    fg.export.firmware(LIMITED.replace({"controller.terminal_exponent": 0.6}), tmp_path / "out", number)
     for target in ("m4f", "m7"):
         make(tmp_path / "out", f"build/{target}/fracgyro.o")
         command = ["arm-none-eabi-nm", "--undefined-only", "--format=just-symbols", f"build/{target}/fracgyro.o"]
@@ -332,7 +331,7 @@ def test_nothing_is_called_but_arithmetic(number: Number, tmp_path: Path) -> Non
 )
 def test_no_bits_of_memory_are_misused_whatever_the_input(scenario: fg.Scenario, tmp_path: Path) -> None:
     """The corpus of the fuzzer, under the sanitizers."""
-    export_firmware(scenario, tmp_path / "out")
+    fg.export.firmware(scenario, tmp_path / "out")
     sanitize = ["-O1", "-g1", "-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all"]
     sources = ["fracgyro.cpp", ROOT / "tests/firmware/fuzz.cpp", ROOT / "tests/firmware/replay_corpus.cpp"]
     command = [
@@ -369,7 +368,7 @@ def test_a_fault_on_the_way_changes_no_bit_between_processors_and_compilers(
     change = {"controller.terminal_exponent": 0.6, "run.duration": steps * 1e-3, "adaptation.kind": adaptation}
     scenario = LIMITED.replace(change)
     out = tmp_path / "out"
-    export_firmware(scenario, out, number)
+    fg.export.firmware(scenario, out, number)
     run = fg.simulate(scenario)
     motion = np.hstack([run["position"].values, run["velocity"].values])[:steps].astype(DTYPES[number])
     motion[1000:1010, 2] = NAN
@@ -414,7 +413,7 @@ def test_in_single_precision_estimates_of_some_355_still_follow_increments_of_a_
     # Resting at x = 0.1 on a linear surface with r = 0: s = λ1 x = 1, and K̂xx loses h N x s = 1e-6 a step.
     gains = {"adaptation.stiffness_gain": 0.01, "controller.kind": "linear"}
     scenario = PAPER.replace({**gains, "reference.amplitude": (0.0, 0.0)})
-    export_firmware(scenario, tmp_path / "out")
+    fg.export.firmware(scenario, tmp_path / "out")
     host = Host(tmp_path / "out", "float")
     before = host.report["stiffness_estimate"][0]
     assert before == pytest.approx(0.95 * 355.3, rel=1e-3)
@@ -424,7 +423,7 @@ def test_in_single_precision_estimates_of_some_355_still_follow_increments_of_a_
 
 
 def test_in_single_precision_the_late_error_is_that_of_double(tmp_path: Path) -> None:
-    export_firmware(PAPER, tmp_path / "out")
+    fg.export.firmware(PAPER, tmp_path / "out")
     double = fg.metrics.rmse(fg.simulate(PAPER), window=(10, None)).values
     np.testing.assert_allclose(rmse(PAPER, Host(tmp_path / "out", "float"), start=10.0), double, rtol=0.05)
 
@@ -444,7 +443,7 @@ def test_a_restored_controller_goes_on_as_the_saved_one(limited: Host, tmp_path:
 
 
 def test_what_is_damaged_or_of_another_controller_is_refused_and_changes_nothing(limited: Host, tmp_path: Path) -> None:
-    export_firmware(LIMITED.replace({"controller.order": 0.8}), tmp_path / "other")
+    fg.export.firmware(LIMITED.replace({"controller.order": 0.8}), tmp_path / "other")
     limited.step((0.5, 0.9), (0.1, 0.1))
     saved = limited.save()
     damaged = bytearray(saved)

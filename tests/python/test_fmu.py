@@ -19,7 +19,7 @@ from fmpy.simulation import instantiate_fmu
 from fmpy.validation import validate_fmu
 from fracgyro.cli import cli
 from fracgyro.export import settings
-from fracgyro.export.fmu import FMI2_FOLDERS, Content, Fmi, export
+from fracgyro.export.fmu import FMI2_FOLDERS, Content, Fmi
 from fracgyro.scenario.kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, reports
 
 SHORT = fg.Scenario.paper().replace({"run.duration": 2.0, "controller.switching_limit": 0.5})
@@ -96,7 +96,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., str]:
         key = (scenario.content_hash(), fmi, content)
         if key not in known:
             known[key] = str(folder / f"{len(known)}.fmu")
-            export(scenario, known[key], fmi=fmi, content=content, unbounded=True)
+            fg.export.fmu(scenario, known[key], fmi=fmi, content=content, unbounded=True)
         return known[key]
 
     return make
@@ -454,14 +454,14 @@ def test_the_description_says_what_may_be_changed_and_what_it_means(made: Callab
 
 @pytest.mark.parametrize("fmi", VERSIONS)
 def test_the_same_scenario_gives_the_same_bytes(made: Callable[..., str], tmp_path: Path, fmi: Fmi) -> None:
-    export(SHORT, tmp_path / "again.fmu", fmi=fmi)
+    fg.export.fmu(SHORT, tmp_path / "again.fmu", fmi=fmi)
     assert (tmp_path / "again.fmu").read_bytes() == Path(made(SHORT, fmi)).read_bytes()
 
 
 @pytest.mark.takes_a_minute
 def test_zig_makes_the_binaries_of_other_systems(tmp_path: Path) -> None:
     need("other systems")
-    export(SHORT, tmp_path / "all.fmu", systems=["linux", "windows", "macos"])
+    fg.export.fmu(SHORT, tmp_path / "all.fmu", systems=["linux", "windows", "macos"])
     with zipfile.ZipFile(tmp_path / "all.fmu") as archive:
         binaries = {
             name.split("/")[1]: archive.read(name) for name in archive.namelist() if name.startswith("binaries/")
@@ -482,12 +482,12 @@ def test_zig_makes_the_binaries_of_other_systems(tmp_path: Path) -> None:
 def test_a_seed_that_fmi_cannot_hold_is_refused(tmp_path: Path) -> None:
     too_large = SHORT.replace({"disturbance.seed": 2**31})
     with pytest.raises(ValueError, match=r"disturbance.seed is 2147483648: it must be at most 2147483647 in an FMU"):
-        export(too_large, tmp_path / "x.fmu")
+        fg.export.fmu(too_large, tmp_path / "x.fmu")
 
 
 def test_a_device_that_is_not_ideal_is_simulated_in_double_only(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"^number is float: it must be double for a closed loop whose rate moves or"):
-        export(DEVICE, tmp_path / "x.fmu", number="float", unbounded=True)
+        fg.export.fmu(DEVICE, tmp_path / "x.fmu", number="float", unbounded=True)
 
 
 @pytest.mark.parametrize(
@@ -499,7 +499,7 @@ def test_without_a_compiler_nothing_is_written(
 ) -> None:
     monkeypatch.setenv("CXX", compiler)
     with pytest.raises(ValueError, match=said):
-        export(SHORT, tmp_path / "x.fmu")
+        fg.export.fmu(SHORT, tmp_path / "x.fmu")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -507,7 +507,7 @@ def test_without_fmpy_it_says_what_to_install(tmp_path: Path, monkeypatch: pytes
     find = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "fmpy" else find(name))
     with pytest.raises(ValueError, match="FMI's headers are missing: install FMPy"):
-        export(SHORT, tmp_path / "x.fmu")
+        fg.export.fmu(SHORT, tmp_path / "x.fmu")
     assert list(tmp_path.iterdir()) == []
 
 

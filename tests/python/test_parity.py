@@ -14,10 +14,10 @@ import xarray as xr
 from click.testing import CliRunner, Result
 from embedded import need
 from fracgyro.cli import cli
-from fracgyro.export import compilers, replay
+from fracgyro.export import compilers
 from fracgyro.export.compilers import Number
-from fracgyro.export.firmware import export_firmware
 from fracgyro.export.host import Host
+from fracgyro.export.replay import Difference, Trace, first_difference, load, parity_hash
 from fracgyro.export.targets import DTYPES, Target, answer_columns, answered, answers
 from fracgyro.simulation.dataset import write_run
 
@@ -80,28 +80,28 @@ SCENARIOS = {
 }
 
 
-def record(scenario: fg.Scenario, path: Path) -> replay.Trace:
+def record(scenario: fg.Scenario, path: Path) -> Trace:
     write_run(fg.simulate(scenario), path)
-    return replay.load(path)
+    return load(path)
 
 
 @pytest.fixture(scope="session")
-def trace(tmp_path_factory: pytest.TempPathFactory) -> replay.Trace:
+def trace(tmp_path_factory: pytest.TempPathFactory) -> Trace:
     return record(PAPER, tmp_path_factory.mktemp("parity") / "run.nc")
 
 
 @pytest.fixture(scope="session")
-def expected(trace: replay.Trace) -> dict[Number, np.ndarray]:
+def expected(trace: Trace) -> dict[Number, np.ndarray]:
     """In float one target has to be believed: firmware on this computer."""
     return {"double": trace.answers, "float": answers("host", PAPER, "float", trace.motion)}
 
 
-def compare(name: str, number: Number, trace: replay.Trace, expected: np.ndarray) -> None:
+def compare(name: str, number: Number, trace: Trace, expected: np.ndarray) -> None:
     target, _, _ = TARGETS[name]
     found = answers(target, trace.scenario, number, trace.motion)
     assert found.dtype.itemsize == {"float": 4, "double": 8}[number]
-    difference = replay.first_difference(found, expected, answer_columns(trace.scenario))
-    assert difference is None, f"{name}, {number}: {difference}, hash {replay.parity_hash(trace.scenario, found)}"
+    difference = first_difference(found, expected, answer_columns(trace.scenario))
+    assert difference is None, f"{name}, {number}: {difference}, hash {parity_hash(trace.scenario, found)}"
 
 
 @pytest.mark.parametrize("number", NUMBERS)
@@ -109,7 +109,7 @@ def compare(name: str, number: Number, trace: replay.Trace, expected: np.ndarray
 def test_every_target_answers_a_recorded_run_with_the_same_bits(
     name: str,
     number: Number,
-    trace: replay.Trace,
+    trace: Trace,
     expected: dict[Number, np.ndarray],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -147,7 +147,7 @@ def test_a_run_with_faults_has_the_same_bits_on_every_face(
     motion[700:740] = motion[699]
     motion[900, 2] += 0.5
     motion[1200:1400, :2] *= -1.0
-    export_firmware(scenario, tmp_path / "firmware", number, unbounded=True)
+    fg.export.firmware(scenario, tmp_path / "firmware", number, unbounded=True)
     compared = [channel.name for channel in answered(scenario)[1:]]
     host, rows, statuses = Host(tmp_path / "firmware", number), [], set()
     for x, y, vx, vy in motion.tolist():
@@ -159,9 +159,7 @@ def test_a_run_with_faults_has_the_same_bits_on_every_face(
     assert np.isfinite(expected).all()
     targets: tuple[Target, ...] = ("python", "fmu", "wasm")
     for target in targets:
-        difference = replay.first_difference(
-            answers(target, scenario, number, motion), expected, answer_columns(scenario)
-        )
+        difference = first_difference(answers(target, scenario, number, motion), expected, answer_columns(scenario))
         assert difference is None, f"{target}, {number}: {difference}"
 
 
@@ -198,7 +196,7 @@ def test_the_command_says_equal_and_the_hash(short: Path, number: Number) -> Non
     assert last == f"parity hash (SHA-256): {found['hash']}"
     assert (found["steps"], found["difference"]) == (201, None)
     if number == "double":
-        assert found["hash"] == replay.parity_hash(PAPER, replay.load(short).answers)
+        assert found["hash"] == parity_hash(PAPER, load(short).answers)
 
 
 def test_the_command_names_the_first_bit_that_differs_and_fails(short: Path, tmp_path: Path) -> None:
@@ -207,7 +205,7 @@ def test_the_command_names_the_first_bit_that_differs_and_fails(short: Path, tmp
     run["stiffness_estimate"].values[17, 1] = 1.0
     run["control"].values[100, 0] = 0.0  # comes later
     write_run(run, tmp_path / "changed.nc")
-    is_really = int(replay.load(short).answers.view(np.uint64)[17, 6])
+    is_really = int(load(short).answers.view(np.uint64)[17, 6])
     said = command(tmp_path / "changed.nc", "--target", "host")
     assert said.exit_code == 1
     bits = f"is 0x{is_really:016x}, in the trace 0x3ff0000000000000"
@@ -219,14 +217,14 @@ def test_the_command_names_the_first_bit_that_differs_and_fails(short: Path, tmp
 def test_a_last_bit_and_the_sign_of_zero_are_differences() -> None:
     table = np.zeros((3, 15), np.float32)
     other = table.copy()
-    assert replay.first_difference(table, other, answer_columns(PAPER)) is None
+    assert first_difference(table, other, answer_columns(PAPER)) is None
     other[2, 14] = -0.0
-    found = replay.first_difference(other, table, answer_columns(PAPER))
-    assert found == replay.Difference(2, "bound_estimate[2]", "0x80000000", "0x00000000")
+    found = first_difference(other, table, answer_columns(PAPER))
+    assert found == Difference(2, "bound_estimate[2]", "0x80000000", "0x00000000")
     other[1, 0] = np.nextafter(np.float32(0), np.float32(1))
-    found = replay.first_difference(other, table, answer_columns(PAPER))
-    assert found == replay.Difference(1, "control.x", "0x00000001", "0x00000000")
-    assert replay.parity_hash(PAPER, other) != replay.parity_hash(PAPER, table)
+    found = first_difference(other, table, answer_columns(PAPER))
+    assert found == Difference(1, "control.x", "0x00000001", "0x00000000")
+    assert parity_hash(PAPER, other) != parity_hash(PAPER, table)
 
 
 def refused(path: Path, *words: str) -> str:

@@ -18,7 +18,7 @@ from fracgyro.scenario import Scenario, ScenarioError
 from fracgyro.scenario.kinds import KINDS, having
 from fracgyro.scenario.schema import ERRATA_SWITCHES
 from fracgyro.scenario.sentences import paths
-from fracgyro.scenario.table import Symmetric
+from fracgyro.scenario.table import Symmetric, toml_value
 from fracgyro.simulation.simulate import simulate
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -721,6 +721,11 @@ def test_the_scales_take_any_nondimensional_plant_back_to_si(scenario: Scenario)
 def test_the_smallest_eigenvalue_is_numpys(xx: float, xy: float, yy: float) -> None:
     expected = np.linalg.eigvalsh([[xx, xy], [xy, yy]])[0]
     assert Symmetric(xx=xx, xy=xy, yy=yy).smallest_eigenvalue() == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+@given(st.text(max_size=20) | st.text(alphabet="\x00\x1f\x7f\x80\\\"'\n\u2028", max_size=6))
+def test_any_text_is_written_so_that_it_reads_back(text: str) -> None:
+    assert tomllib.loads(f"value = {toml_value(text)}") == {"value": text}
 
 
 @given(st.text(max_size=60) | st.text(alphabet='[]{}="\n.#01ab_- run step', max_size=60))

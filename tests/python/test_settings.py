@@ -10,8 +10,9 @@ from typing import Any
 
 import fracgyro as fg
 import pytest
-from fracgyro.export import compilers, web
+from fracgyro.export import compilers
 from fracgyro.export.settings import core_numbers, offered, settings, unit
+from fracgyro.export.web import settings_types, web, write_module_data
 from fracgyro.scenario.kinds import KINDS, numbers, reports
 
 BESIDES = {
@@ -34,7 +35,7 @@ OTHER = SHORT.replace(
 
 
 def module_data(tmp_path: Path) -> dict[str, Any]:
-    web.write_module_data(tmp_path / "fracgyro.json")
+    write_module_data(tmp_path / "fracgyro.json")
     data: dict[str, Any] = json.loads((tmp_path / "fracgyro.json").read_text())
     return data
 
@@ -42,9 +43,7 @@ def module_data(tmp_path: Path) -> dict[str, Any]:
 def types_of(kind: str) -> dict[str, str]:
     """TypeScript's types of the settings of one kind, by name."""
     found: dict[str, str] = {}
-    for head, body in re.findall(
-        r"^export interface ([\w ]+) {\n(.*?)^}", web.settings_types(), re.MULTILINE | re.DOTALL
-    ):
+    for head, body in re.findall(r"^export interface ([\w ]+) {\n(.*?)^}", settings_types(), re.MULTILINE | re.DOTALL):
         members = dict(re.findall(r'^  "([^"]+)": (.+);$', body, re.MULTILINE))
         if head == "CommonSettings" or f'"{kind}"' in members["controller.kind"]:
             found |= members
@@ -54,7 +53,7 @@ def types_of(kind: str) -> dict[str, str]:
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_setting_of_every_kind_has_its_type_and_meaning(kind: str, tmp_path: Path) -> None:
     fields, typed = module_data(tmp_path)["fields"], types_of(kind)
-    web.export(SHORT.replace({"controller.kind": kind}), tmp_path / "own.json", unbounded=True)
+    web(SHORT.replace({"controller.kind": kind}), tmp_path / "own.json", unbounded=True)
     said = json.loads((tmp_path / "own.json").read_text())["settings"]
     assert set(typed) == set(said) == {"controller.kind", *(n.name for n in offered(kind)), *BESIDES}
     words = {True: "boolean", False: "boolean"}
@@ -71,7 +70,7 @@ def test_every_setting_of_every_kind_has_its_type_and_meaning(kind: str, tmp_pat
 
 
 def test_the_types_that_are_written_are_those_and_every_name_in_them_is_known(tmp_path: Path) -> None:
-    text = web.settings_types()
+    text = settings_types()
     interfaces = re.findall(r"^export interface (\w+)", text, re.MULTILINE)
     union = text.splitlines()[-1]
     assert union == f"export type Settings = {' | '.join(interfaces[1:])};"

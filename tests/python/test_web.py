@@ -13,7 +13,7 @@ import pytest
 from children import PATIENCE
 from embedded import need
 from fracgyro import _core
-from fracgyro.export import web
+from fracgyro.export.web import build, web
 from fracgyro.scenario.kinds import KINDS
 from fracgyro.scenario.to_core import core_setup, is_ideal
 
@@ -34,14 +34,14 @@ const own = JSON.parse(readFileSync(process.argv[2] + "/own.json"));
 def module(tmp_path_factory: pytest.TempPathFactory) -> Path:
     need("WebAssembly")
     folder = tmp_path_factory.mktemp("web")
-    web.build(folder)
+    build(folder)
     return folder
 
 
 def in_node(module: Path, folder: Path, code: str, scenario: fg.Scenario = SHORT) -> str:
     """What `code` prints."""
     (folder / "own.json").unlink(missing_ok=True)
-    web.export(scenario, folder / "own.json", unbounded=True)
+    web(scenario, folder / "own.json", unbounded=True)
     command = ["node", "--input-type=module", "-e", PRELUDE + code, str(module), str(folder)]
     ran = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
     assert ran.returncode == 0, ran.stderr
@@ -60,8 +60,8 @@ def assert_same_bits(got: np.ndarray, expected: np.ndarray) -> None:
 
 
 def test_the_module_is_small_and_imports_nothing(module: Path, tmp_path: Path) -> None:
-    assert (module / "fracgyro.wasm").stat().st_size < 320_000
-    assert sum(file.stat().st_size for file in module.iterdir()) < 400_000
+    assert (module / "fracgyro.wasm").stat().st_size < 360_000
+    assert sum(file.stat().st_size for file in module.iterdir()) < 460_000
     imports = 'console.log(WebAssembly.Module.imports(new WebAssembly.Module(read("fracgyro.wasm"))).length)'
     assert in_node(module, tmp_path, imports) == "0\n"
 
@@ -158,6 +158,232 @@ def test_order_step_and_length_can_be_changed_in_the_browser_and_keep_the_bits(
     assert_same_bits(np.fromfile(tmp_path / "rows"), recorded(scenario))
     expected = scenario.run.step * np.arange(scenario.run.steps + 1)
     np.testing.assert_allclose(np.fromfile(tmp_path / "time"), expected, rtol=1e-15)
+
+
+# -- The loop in parts
+
+
+def loop_rows(scenario: fg.Scenario, samples: list[int], sets: list[dict[str, Any]]) -> np.ndarray:
+    """As fg.Loop has them: after each number of samples but the last, something is set."""
+    loop, parts = fg.Loop(scenario), []
+    for count, changes in zip(samples, [*sets, {}], strict=True):
+        found = loop.run(count)
+        parts.append(np.hstack([values.values.reshape(count, -1) for values in found.values()]))
+        loop.set(changes)
+    return np.vstack(parts)
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_a_loop_in_parts_has_the_bits_of_simulate(module: Path, tmp_path: Path, name: str) -> None:
+    scenario = SCENARIOS[name]
+    code = f"""
+    const loop = await fracgyro.loop(own);
+    const every = own.settings["run.record_every"];
+    const rows = [loop.run(1, every), loop.run(999, every), loop.run({scenario.run.steps - 999}, every)];
+    write("rows", Buffer.concat(rows.map((part) => new Uint8Array(part.buffer, 0, part.byteLength))));
+    console.log(loop.time);
+    """
+    expected = recorded(scenario)
+    assert float(in_node(module, tmp_path, code, scenario)) == (scenario.run.steps + 1) * scenario.run.step
+    assert_same_bits(np.fromfile(tmp_path / "rows"), expected)
+
+
+TUNED: dict[str, Any] = {
+    "plant.angular_rate": 50.0,
+    "plant.stiffness_deviation": {"xx": 2.0, "xy": 0.5, "yy": -3.0},
+    "disturbance.standard_deviation": 3.0,
+    "reference.amplitude": [0.9, 0.8],
+    "controller.force_limit": 2000.0,
+}
+LAW: dict[str, Any] = {
+    "controller.fractional_gain": [12.0, 9.0],
+    "controller.layer_thickness": 0.03,
+    "controller.rate_law": "printed",
+    "adaptation.rate_gain": 80.0,
+    "adaptation.rate_forgetting": 0.4,
+}
+TUNABLE = {
+    "the paper's": ("the paper's, whole", TUNED | LAW),
+    "composite, positions only, a moving rate": (
+        "composite adaptation behind an observer, moving rate",
+        {key: value for key, value in (TUNED | LAW).items() if key != "plant.angular_rate"},
+    ),
+    "joint, a real device": ("joint adaptation of a device", TUNED | LAW),
+    "PID": ("PID, which reports nothing", TUNED | {"controller.damping_ratio": 0.9}),
+    "force rebalance": ("force_rebalance", TUNED | {"controller.rebalance_bandwidth": 0.03}),
+}
+
+
+def parts(changes: dict[str, Any]) -> dict[str, Any]:
+    """By the names of their parts."""
+    found: dict[str, Any] = {}
+    for name, value in changes.items():
+        if isinstance(value, list):
+            found |= {f"{name}.{axis}": number for axis, number in zip("xy", value, strict=True)}
+        else:
+            found |= {f"{name}.{part}": n for part, n in value.items()} if isinstance(value, dict) else {name: value}
+    return found
+
+
+@pytest.mark.parametrize("name", TUNABLE)
+def test_what_is_set_while_it_runs_acts_as_in_python(module: Path, tmp_path: Path, name: str) -> None:
+    of, changes = TUNABLE[name]
+    scenario = SCENARIOS[of].replace({"run.record_every": 1, "run.duration": 2.0})
+    code = f"""
+    const changes = {json.dumps(parts(changes))};
+    const back = Object.fromEntries(Object.keys(changes).map((name) => [name, own.settings[name]]));
+    const loop = await fracgyro.loop(own);
+    const rows = [loop.run(700)];
+    loop.set(changes);
+    rows.push(loop.run(600));
+    loop.set(back);
+    rows.push(loop.run(701));
+    write("rows", Buffer.concat(rows.map((part) => new Uint8Array(part.buffer, 0, part.byteLength))));
+    """
+    in_node(module, tmp_path, code, scenario)
+    tables = scenario.model_dump()
+    back = {path: tables[path.split(".")[0]][path.split(".")[1]] for path in changes}
+    expected = loop_rows(scenario, [700, 600, 701], [changes, back])
+    assert not np.array_equal(expected[:2001], recorded(scenario)[:2001])
+    assert_same_bits(np.fromfile(tmp_path / "rows"), expected)
+
+
+def test_a_kick_adds_to_the_velocity_and_nothing_else_at_once(module: Path, tmp_path: Path) -> None:
+    code = """
+    const [kicked, plain] = [await fracgyro.loop(own), await fracgyro.loop(own)];
+    kicked.run(100), plain.run(100);
+    kicked.kick([0.25, -3]);
+    const [a, b] = [kicked.run(50), plain.run(50)];
+    console.log(JSON.stringify([...a.subarray(0, 4)].map((number, i) => number - b[i])));
+    console.log(JSON.stringify(kicked.columns.slice(0, 4)), a.every((number, i) => number === b[i]));
+    try { kicked.kick([1, NaN]); } catch (e) { console.log(e.message); }
+    """
+    difference, rest, refused = in_node(module, tmp_path, code).splitlines()
+    assert json.loads(difference) == pytest.approx([0.0, 0.0, 0.25, -3.0], abs=1e-12)
+    assert rest == '["position.x","position.y","velocity.x","velocity.y"] false'
+    assert refused == "velocity is 1,NaN: it must be two finite numbers"
+
+
+@pytest.mark.parametrize("name", ["the paper's, whole", "joint adaptation of a device", "force_rebalance"])
+def test_a_saved_loop_resumes_to_the_bit_with_what_was_set(module: Path, tmp_path: Path, name: str) -> None:
+    code = """
+    const loop = await fracgyro.loop(own);
+    loop.run(300);
+    loop.set({ "plant.angular_rate": 60, "controller.force_limit": null });
+    loop.kick([0.1, 0]);
+    const { state } = loop;
+    const expected = loop.run(500);
+    loop.set({ "plant.angular_rate": 80 });
+    loop.state = state;
+    const same = (a, b) => Buffer.compare(Buffer.from(a.buffer), Buffer.from(b.buffer)) === 0;
+    console.log(same(loop.run(500), expected));
+    const other = await fracgyro.loop(own);
+    other.state = state;
+    console.log(other.time, same(other.run(500), expected));
+    """
+    scenario = SCENARIOS[name].replace({"run.record_every": 1})
+    assert in_node(module, tmp_path, code, scenario).splitlines() == ["true", "0.3 true"]
+
+
+def test_a_loop_takes_no_other_state_and_goes_on(module: Path, tmp_path: Path) -> None:
+    code = """
+    const loop = await fracgyro.loop(own);
+    loop.run(20);
+    const { state } = loop;
+    const reported = (bytes) => {
+      try { loop.state = bytes; } catch (e) { console.log(`${e.name}: ${e.message}`); }
+    };
+    reported((await fracgyro.loop(own, { "controller.layer_thickness": 0.05 })).state);
+    reported((await fracgyro.loop(own, { "run.duration": 90 })).state);
+    reported("state");
+    reported(state.slice(0, -1));
+    for (const place of [1, 5000, state.length - 300]) {
+      const bad = state.slice();
+      bad[bad.length - place] ^= 1;
+      reported(bad);
+    }
+    const again = loop.state;
+    console.log(again.length === state.length && again.every((byte, i) => byte === state[i]));
+    """
+    other = "RangeError: state was saved by another version, or by a loop of another scenario"
+    none = "TypeError: state must be a Uint8Array, as it was saved"
+    damaged = "RangeError: state is damaged: it is not as it was saved"
+    assert in_node(module, tmp_path, code).splitlines() == [other, other, none, *4 * [damaged], "true"]
+
+
+NOT_SET = {
+    '{ "reference.frequency.x": 1 }': "reference.frequency.x cannot be set while the loop runs: "
+    "it acts only at the start",
+    '{ "run.step": 2e-3 }': "run.step cannot be set while the loop runs: it acts only at the start",
+    '{ "disturbance.seed": 3 }': "disturbance.seed cannot be set while the loop runs: it acts only at the start",
+    '{ "controller.order": 0.8 }': "controller.order cannot be set while the loop runs: it acts only at the start",
+    '{ "controller.kind": "linear" }': "controller.kind cannot be set while the loop runs: it acts only at the start",
+    '{ "adaptation.kind": "joint" }': "adaptation.kind cannot be set while the loop runs: "
+    "the controller would be another one",
+    '{ "controller.layer_thickness": -1 }': "controller.layer_thickness is -1: it must be at least 0",
+    '{ "controller.nothing": 1 }': "controller.nothing is not a known setting; see fracgyro.fields",
+    '{ "controller.damping_ratio": 1 }': "controller.damping_ratio is not a setting of the controller "
+    "fractional_fast_terminal",
+}
+
+
+def test_what_cannot_be_set_is_refused_in_one_sentence_and_changes_nothing(module: Path, tmp_path: Path) -> None:
+    code = f"""
+    const [loop, plain] = [await fracgyro.loop(own), await fracgyro.loop(own)];
+    loop.run(50), plain.run(50);
+    for (const wrong of [{", ".join(NOT_SET)}]) {{
+      try {{ loop.set(wrong); }} catch (e) {{ console.log(e.message); }}
+    }}
+    const [a, b] = [loop.run(50), plain.run(50)];
+    console.log(a.every((number, i) => number === b[i]));
+    try {{ loop.run(0); }} catch (e) {{ console.log(e.message); }}
+    """
+    few = "samples is 0: it must be a whole number from 1 to 1000000000"
+    assert in_node(module, tmp_path, code).splitlines() == [*NOT_SET.values(), "true", few]
+
+
+def test_a_loop_that_is_tuned_again_and_again_takes_no_more_memory(module: Path, tmp_path: Path) -> None:
+    """With points of a rate, which its setup keeps in memory of its own."""
+    code = """
+    let taken;
+    const { instantiate } = WebAssembly;
+    WebAssembly.instantiate = async (...given) => {
+      const instance = await instantiate(...given);
+      taken = instance.exports.memory;
+      return instance;
+    };
+    const loop = await fracgyro.loop(own);
+    const tune = (times) => {
+      for (let i = 0; i < times; ++i) {
+        loop.set({ "disturbance.standard_deviation": i % 7 });
+        loop.run(1);
+      }
+      return taken.buffer.byteLength;
+    };
+    console.log(tune(10) === tune(2000));
+    """
+    scenario = SCENARIOS["composite adaptation behind an observer, moving rate"]
+    assert in_node(module, tmp_path, code, scenario) == "true\n"
+
+
+def test_a_loop_that_diverges_says_when(module: Path, tmp_path: Path) -> None:
+    coarse = SHORT.replace({"run.step": 1e-2, "disturbance.hold": None, "run.duration": 20.0})
+    code = """
+    const loop = await fracgyro.loop(own);
+    console.log(loop.diverged);
+    const rows = loop.run(2001);
+    console.log(loop.diverged, rows.length / loop.columns.length * own.settings["run.step"], loop.run(5).length);
+    """
+    before, after = in_node(module, tmp_path, code, coarse).splitlines()
+    with pytest.raises(fg.DivergedError) as raised:
+        fg.simulate(coarse)
+    diverged, rows, more = map(float, after.split())
+    assert before == "null"
+    assert diverged == pytest.approx(rows) == pytest.approx(coarse.run.step * raised.value.run.sizes["time"])
+    assert more == 0
+
+
+# -- The controller
 
 
 def check_controller_alone(module: Path, tmp_path: Path, scenario: fg.Scenario) -> tuple[dict[str, Any], fg.Controller]:

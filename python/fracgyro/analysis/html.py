@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import base64
-import io
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
+
+from .style import svg
 
 
 def page(package: str, template: str, filters: Mapping[str, Callable[..., Any]] | None = None, **values: Any) -> str:
@@ -24,10 +25,8 @@ def page(package: str, template: str, filters: Mapping[str, Callable[..., Any]] 
     return environment.get_template(template).render(**values)
 
 
-def embedded(picture: Figure | bytes) -> str:
-    """The source of an HTML image, of a figure or of the contents of an SVG file."""
+def embedded(picture: Figure | bytes, title: str = "") -> str:
+    """The source of an HTML image, of a figure with a title or of the contents of an SVG file."""
     if isinstance(picture, Figure):
-        svg = io.BytesIO()
-        picture.savefig(svg, format="svg", metadata={"Date": None})
-        picture = svg.getvalue()
+        picture = svg(picture, title).encode()
     return "data:image/svg+xml;base64," + base64.b64encode(picture).decode("ascii")

@@ -17,9 +17,27 @@ from ..arguments import number
 from ..scenario import Scenario, check_scenario
 from ..scenario.kinds import AXES, ENTRIES
 from ..scenario.to_core import core_setup, only_laws
-from ..simulation.dataset import metrics_dataset
+from ..simulation.dataset import metrics_dataset, units_of
 from .metric_names import SI, UNITS
 
+__all__ = [
+    "chattering",
+    "cut",
+    "damping_error",
+    "effort",
+    "lyapunov",
+    "rate_error",
+    "rate_settling_time",
+    "rmse",
+    "saturated_share",
+    "settling_time",
+    "stiffness_error",
+    "summary",
+    "surface_settling_time",
+    "true_rate",
+]
+
+BOUND_UNITS = ["N", "N/m", "N s/m"]
 Window = tuple[float | None, float | None]
 STEADY: Window = (10.0, None)  # nondimensional
 
@@ -28,7 +46,13 @@ TRANSIENT, ERROR_BOUND, SURFACE_BOUND, RATE_TOLERANCE = 10.0, 0.01, 0.06, 0.1
 
 
 def cut(run: xr.Dataset, window: Window) -> xr.Dataset:
-    """The samples with window[0] <= t < window[1]; None is open. Raises ValueError if there are none."""
+    """The samples with window[0] <= t < window[1], in the unit of time of the run; None is open.
+
+    Raises ValueError if there are none.
+
+    >>> fg.metrics.cut(fg.simulate(fg.Scenario.paper()), (10, None)).sizes["time"]
+    70001
+    """
     inside = _inside(run, window)
     if not inside.any():
         raise ValueError(f"window is {window}: the run has no sample in it")
@@ -36,18 +60,31 @@ def cut(run: xr.Dataset, window: Window) -> xr.Dataset:
 
 
 def rmse(run: xr.Dataset, window: Window = (None, None)) -> xr.DataArray:
-    """Root mean square of the tracking error over `axis`, in the unit of position."""
+    """Root mean square of the tracking error over `axis`, in the unit of position; `window` as in `cut`.
+
+    >>> run = fg.simulate(fg.Scenario.paper())
+    >>> bool((fg.metrics.rmse(run, window=(10, None)) < 1e-4).all())
+    True
+    """
     return _rms(cut(run, window)["error"])
 
 
 def settling_time(run: xr.Dataset, bound: float | None = None) -> xr.DataArray:
-    """Time after which ‖e‖ stays within `bound` (unit of position; 0.01 q0 if left out); NaN if it never does."""
+    """Time after which ‖e‖ stays within `bound` (unit of position; 0.01 q0 if left out); NaN if it never does.
+
+    >>> float(fg.metrics.settling_time(fg.simulate(fg.Scenario.paper()))) < 5
+    True
+    """
     bound = ERROR_BOUND * _scale(run, "length") if bound is None else bound
     return _settled(_size(run["error"]) <= bound, run["time"])
 
 
 def surface_settling_time(run: xr.Dataset, bound: float | None = None) -> xr.DataArray:
-    """Time after which ‖s‖ stays within `bound` (unit of velocity; 0.06 q0 ω0 if left out); NaN if it never does."""
+    """Time after which ‖s‖ stays within `bound` (unit of velocity; 0.06 q0 ω0 if left out); NaN if it never does.
+
+    >>> float(fg.metrics.surface_settling_time(fg.simulate(fg.Scenario.paper()))) < 5
+    True
+    """
     bound = SURFACE_BOUND * _scale(run, "velocity") if bound is None else bound
     return _settled(_size(run["surface"]) <= bound, run["time"])
 
@@ -56,6 +93,9 @@ def chattering(run: xr.Dataset, window: Window | None = None) -> xr.DataArray:
     """RMS of the second difference of u between samples, over the RMS of u; by `axis`. From t = 10 on if left out.
 
     A smooth force of angular frequency w sampled every h has (w h)², one that flips sign at every sample has 4.
+
+    >>> bool((fg.metrics.chattering(fg.simulate(fg.Scenario.paper())) < 0.01).all())
+    True
     """
     force = cut(run, (TRANSIENT * _scale(run, "time"), None) if window is None else window)["control"]
     bend = force.diff("time", n=2)
@@ -63,7 +103,11 @@ def chattering(run: xr.Dataset, window: Window | None = None) -> xr.DataArray:
 
 
 def saturated_share(run: xr.Dataset) -> xr.DataArray:
-    """Share of the samples in which the force of either axis is at controller.force_limit."""
+    """Share of the samples in which the force of either axis is at controller.force_limit.
+
+    >>> float(fg.metrics.saturated_share(fg.simulate(fg.Scenario.paper())))
+    0.0
+    """
     limit = Scenario.from_toml(run.attrs["scenario"]).controller.force_limit
     at_limit = abs(run["control"]) >= limit * (1 - 1e-12)  # which units other than the run's round
     found: xr.DataArray = at_limit.any("axis").mean("time")
@@ -71,17 +115,30 @@ def saturated_share(run: xr.Dataset) -> xr.DataArray:
 
 
 def effort(run: xr.Dataset, window: Window = (None, None)) -> xr.DataArray:
-    """Root mean square of the control force over `axis`, in the unit of force."""
+    """Root mean square of the control force over `axis`, in the unit of force; `window` as in `cut`.
+
+    >>> fg.metrics.effort(fg.simulate(fg.Scenario.paper())).round(-1).values.tolist()
+    [250.0, 380.0]
+    """
     return _rms(cut(run, window)["control"])
 
 
 def rate_error(run: xr.Dataset) -> xr.DataArray:
-    """Estimate of the angular rate minus its true value, over `time`, in the unit of rate."""
+    """Estimate of the angular rate minus its true value, over `time`, in the unit of rate.
+
+    >>> run = fg.simulate(fg.Scenario.paper().replace({"adaptation.kind": "composite"}))
+    >>> abs(float(fg.metrics.rate_error(run)[-1])) < 0.005
+    True
+    """
     return run["rate_estimate"] - true_rate(run)
 
 
 def true_rate(run: xr.Dataset) -> xr.DataArray:
-    """The angular rate in the unit of rate: over `time` where it was recorded, since it may move."""
+    """The angular rate in the unit of rate: over `time` where it was recorded, since it may move.
+
+    >>> float(fg.metrics.true_rate(fg.simulate(fg.Scenario.paper())))
+    0.1
+    """
     if "angular_rate" in run:
         return run["angular_rate"]
     return _truth(run, lambda s: _in_units(s, s.plant.nondimensional()[2], s.plant.scales.rate))
@@ -91,6 +148,10 @@ def rate_settling_time(run: xr.Dataset, tolerance: float = 0.1) -> xr.DataArray:
     """Time after which the rate estimate stays within `tolerance` of the truth; NaN if it never does.
 
     Relative to the truth, to the largest size that it has in the run where it moves.
+
+    >>> run = fg.simulate(fg.Scenario.paper().replace({"adaptation.kind": "composite"}))
+    >>> float(fg.metrics.rate_settling_time(run)) < 10
+    True
     """
     size = abs(true_rate(run))
     size = size.max("time") if "time" in size.dims else size
@@ -98,7 +159,11 @@ def rate_settling_time(run: xr.Dataset, tolerance: float = 0.1) -> xr.DataArray:
 
 
 def damping_error(run: xr.Dataset) -> xr.DataArray:
-    """‖D̂ - D‖/‖D‖ over `time` (Frobenius norms); D includes what the controller does not know."""
+    """‖D̂ - D‖/‖D‖ over `time` (Frobenius norms); D includes what the controller does not know.
+
+    >>> round(float(fg.metrics.damping_error(fg.simulate(fg.Scenario.paper()))[0]), 3)
+    0.05
+    """
     truth = _truth(run, lambda s: _true_matrices(s)[0], "entry")
     if "damping_drift" in run:
         truth = truth * (1.0 + run["damping_drift"])
@@ -106,7 +171,11 @@ def damping_error(run: xr.Dataset) -> xr.DataArray:
 
 
 def stiffness_error(run: xr.Dataset) -> xr.DataArray:
-    """‖K̂ - K‖/‖K‖ over `time` (Frobenius norms); K includes what the controller does not know."""
+    """‖K̂ - K‖/‖K‖ over `time` (Frobenius norms); K includes what the controller does not know.
+
+    >>> round(float(fg.metrics.stiffness_error(fg.simulate(fg.Scenario.paper()))[0]), 3)
+    0.05
+    """
     truth = _truth(run, lambda s: _true_matrices(s)[1], "entry")
     if "stiffness_drift" in run:
         truth = truth * (1.0 + run["stiffness_drift"])
@@ -116,7 +185,13 @@ def stiffness_error(run: xr.Dataset) -> xr.DataArray:
 def lyapunov(run: xr.Dataset, bounds: tuple[float, float, float]) -> xr.DataArray:
     """V of eq. (39) over `time`, for a nondimensional run and the true bounds (b0, b1, b2) of eq. (12).
 
-    V = ½ sᵀs + tr(D̃M⁻¹D̃ᵀ)/2 + tr(K̃N⁻¹K̃ᵀ)/2 + tr(Ω̃P⁻¹Ω̃ᵀ)/2 + ½ Σ b̃ᵢ²/xᵢ.
+    V = ½ sᵀs + tr(D̃M⁻¹D̃ᵀ)/2 + tr(K̃N⁻¹K̃ᵀ)/2 + tr(Ω̃P⁻¹Ω̃ᵀ)/2 + ½ Σ b̃ᵢ²/xᵢ. Raises ValueError for a run in SI units,
+    or with another adaptation.kind than gradient.
+
+    >>> run = fg.simulate(fg.Scenario.paper().replace({"disturbance.kind": "none"}))
+    >>> v = fg.metrics.lyapunov(run, bounds=(2.0, 1.0, 1.0))
+    >>> bool(v[-1] < v[0])
+    True
     """
     if run.attrs.get("units") != "nondimensional":
         raise ValueError(f"units is {run.attrs.get('units')}: V of eq. (39) needs a nondimensional run")
@@ -149,12 +224,16 @@ def summary(
     surface_bound: float | None = None,
     rate_tolerance: float = RATE_TOLERANCE,
 ) -> xr.Dataset:
-    """All of the above as one row, under the names that `measure_many` uses.
+    """All metrics of a run as one row, under the names that `measure_many` uses.
 
     Metrics of what the controller does not report are NaN.
 
-    The first three in the units of the run; left out they are 10, 0.01 and 0.06, nondimensional. The run should be
-    recorded at every step: a thinned record (run.record_every > 1) gives estimates, of chattering a wrong one.
+    `transient`, `error_bound` and `surface_bound` are in the units of the run; left out they are 10, 0.01 and 0.06,
+    nondimensional. The run should be recorded at every step: a thinned record (run.record_every > 1) gives estimates,
+    of chattering a wrong one. Raises TypeError or ValueError for a bound that is not a positive number.
+
+    >>> sorted(fg.metrics.summary(fg.simulate(fg.Scenario.paper())))[:3]
+    ['bound_0_halfway', 'bound_final', 'chattering']
     """
     transient = TRANSIENT * _scale(run, "time") if transient is None else number("transient", transient, least=0.0)
     for threshold, bound in {"error_bound": error_bound, "surface_bound": surface_bound}.items():
@@ -192,7 +271,7 @@ def summary(
         quantity = UNITS.get(str(name), "")
         values.attrs = {"units": SI[quantity] if quantity and run.attrs["units"] == "SI" else "1"}
     if run.attrs["units"] == "SI":
-        figures["bound_final"].attrs["units"] = run["bound_estimate"].attrs["units"]
+        figures["bound_final"].attrs = units_of(BOUND_UNITS)
     return figures
 
 
@@ -228,8 +307,8 @@ def measured(scenario: Scenario) -> xr.Dataset:
         for figure, quantity in UNITS.items():
             if quantity:
                 figures[figure] = (figures[figure] * getattr(scales, quantity)).assign_attrs(units=SI[quantity])
-        bounds = figures["bound_final"] * [scales.force, scales.stiffness, scales.damping]
-        figures["bound_final"] = bounds.assign_attrs(units="N, N/m, N s/m")
+        figures["bound_final"] *= [scales.force, scales.stiffness, scales.damping]
+        figures["bound_final"].attrs = units_of(BOUND_UNITS)
     return figures
 
 

@@ -3,47 +3,51 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from ..files import whole_file
 from . import metrics
-from .style import COLORS, own_style
+from .style import COLORS, LETTERS, own_style, svg
+
+SIZE = 6.7, 7.5  # inches
+REFERENCE: dict[str, Any] = {"color": "black", "linestyle": ":", "linewidth": 0.9}
+MAX_POINTS = 8000  # of a curve
 
 
-def plot_run(run: xr.Dataset, path: Path) -> None:
-    """Tracking, error, control force and rate estimate over time; the format is that of the suffix.
+def plot(run: xr.Dataset, figure: Figure | None = None) -> Figure:
+    """Draws position, tracking error, control force and, where the controller estimates it, the angular rate over time.
 
-    Raises ValueError when the suffix is not a format that Matplotlib writes, or the file cannot be written.
+    `run`: of `simulate`. `figure`: to draw into; a new one of pyplot if left out. Returns the figure. Needs the extra
+    report.
+
+    >>> figure = fg.plot(fg.simulate(fg.Scenario.paper()))
+    >>> len(figure.axes)
+    4
     """
-    with own_style({}):
-        _plot_run(run, path)
+    if figure is None:
+        from matplotlib import pyplot
 
-
-def _plot_run(run: xr.Dataset, path: Path) -> None:
-    figure = Figure(figsize=(6.7, 7.5))
-    canvas = FigureCanvasAgg(figure)
-    formats = canvas.get_supported_filetypes()
-    if path.suffix.lstrip(".") not in formats:
-        raise ValueError(f"{path} cannot be drawn: its suffix must be one of {', '.join(sorted(formats))}")
+        figure = pyplot.figure(figsize=SIZE)
     si = run.attrs["units"] == "SI"
-    time = run["time"]
-    stride = slice(None, None, max(1, time.size // 8000))
+    shown = run.isel(time=slice(None, None, -(-run.sizes["time"] // MAX_POINTS)))
+    time = shown["time"]
     senses = "rate_estimate" in run
     panels = figure.subplots(4 if senses else 3, 1, sharex=True)
     for i, axis in enumerate(("x", "y")):
-        panels[0].plot(time[stride], run["position"][stride, i], color=COLORS[i], label=f"{axis}")
-        panels[0].plot(time[stride], run["reference"][stride, i], color="black", linestyle=":", linewidth=0.8)
-        size = np.maximum(abs(run["error"][stride, i]), 1e-300)
-        panels[1].semilogy(time[stride], size, color=COLORS[i], linewidth=0.7, label=axis)
-        panels[2].plot(time[stride], run["control"][stride, i], color=COLORS[i], linewidth=0.7, label=axis)
+        panels[0].plot(time, shown["position"][:, i], color=COLORS[i], label=axis)
+        panels[0].plot(time, shown["reference"][:, i], label="reference" if i else "", **REFERENCE)
+        size = np.maximum(abs(shown["error"][:, i]), 1e-300)
+        panels[1].semilogy(time, size, color=COLORS[i], linewidth=0.7, label=axis)
+        panels[2].plot(time, shown["control"][:, i], color=COLORS[i], linewidth=0.7, label=axis)
     if senses:
-        off = np.maximum(abs(metrics.rate_error(run)), 1e-300)
-        panels[3].semilogy(time[stride], off[stride], color=COLORS[0], linewidth=0.9, label="Ωz")
-    names = ("position q, reference (dotted)", "error |e|", "control force u", "error of rate estimate")
+        _draw_rate(panels[3], shown)
+    names = ("position", "tracking error", "control force", "angular rate")
     for panel, name, variable in zip(panels, names, ("position", "error", "control", "rate_estimate"), strict=False):
         unit = f" ({run[variable].attrs['units']})" if si else ""
         panel.set_ylabel(name + unit, fontsize=8)
@@ -52,6 +56,39 @@ def _plot_run(run: xr.Dataset, path: Path) -> None:
         panel.tick_params(labelsize=8)
     panels[-1].set_xlabel("time (s)" if si else "time (nondimensional)", fontsize=9)
     figure.align_ylabels()
-    figure.subplots_adjust(left=0.12, right=0.91, top=0.98, bottom=0.07, hspace=0.12)
-    with whole_file(path, replaces="its kind") as scratch:
-        figure.savefig(scratch, dpi=150)
+    figure.subplots_adjust(left=0.13, right=0.83, top=0.97, bottom=0.07, hspace=0.12)
+    return figure
+
+
+def _draw_rate(panel: Axes, run: xr.Dataset) -> None:
+    """The estimate with its band of two standard deviations, and the true rate; as high as these need once settled."""
+    time, estimate = run["time"], run["rate_estimate"]
+    truth = metrics.true_rate(run) * xr.ones_like(estimate)
+    band = 2 * run["rate_deviation"] if "rate_deviation" in run else 0 * estimate
+    if band.any():
+        panel.fill_between(time, estimate - band, estimate + band, color=COLORS[0], alpha=0.25, linewidth=0)
+    panel.plot(time, estimate, color=COLORS[0], linewidth=0.9, label="estimate\n± 2σ" if band.any() else "estimate")
+    panel.plot(time, truth, label="true", **REFERENCE)
+    later = slice(time.size // 4, None)
+    values = np.concatenate([(estimate + band)[later], (estimate - band)[later], truth])
+    low, high = float(np.min(values)), float(np.max(values))
+    margin = 0.15 * (high - low) or 1.0
+    panel.set_ylim(low - margin, high + margin)
+
+
+def write_plot(run: xr.Dataset, path: Path) -> None:
+    """`plot` as a file, in the format of its suffix.
+
+    Raises ValueError when the suffix is not a format that Matplotlib writes, or the file cannot be written.
+    """
+    with own_style(LETTERS):
+        figure = Figure(figsize=SIZE)
+        formats = FigureCanvasAgg(figure).get_supported_filetypes()
+        if path.suffix.lstrip(".") not in formats:
+            raise ValueError(f"{path} cannot be drawn: its suffix must be one of {', '.join(sorted(formats))}")
+        plot(run, figure)
+        with whole_file(path, replaces="its kind") as scratch:
+            if path.suffix == ".svg":
+                scratch.write_text(svg(figure, "A run"), encoding="utf-8", newline="\n")
+            else:
+                figure.savefig(scratch, dpi=150)

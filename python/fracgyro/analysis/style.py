@@ -2,24 +2,36 @@
 
 from __future__ import annotations
 
+import html
+import io
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
 import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 WIDTH = 170.0  # of a picture, mm
 MM = 1 / 25.4  # in inches, which Matplotlib counts in
 DPI = 200
 COLORS = ("#0072B2", "#D55E00")  # of x and y, from Okabe and Ito's palette, which is safe for color-blind readers
 
+# DejaVu Sans comes with matplotlib: pictures are laid out for it on every machine. Letters stay text, which can be
+# searched, copied and read aloud; Verdana is as wide, for browsers that have no DejaVu Sans.
+LETTERS: dict[Any, Any] = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans", "Verdana"],
+    "svg.fonttype": "none",
+}
+FAMILY = "font-family: 'DejaVu Sans', 'Verdana', sans-serif"
 PAGE: dict[Any, Any] = {
-    "font.family": "DejaVu Sans",  # comes with matplotlib: the same letters on every machine
+    **LETTERS,
     "font.size": 8,
     "mathtext.fontset": "dejavusans",
     "legend.fontsize": 7,
     "legend.frameon": False,
-    "svg.fonttype": "path",
     "svg.hashsalt": "fracgyro",
 }
 
@@ -31,3 +43,21 @@ def own_style(changes: Mapping[Any, Any] = PAGE) -> Iterator[None]:
         mpl.rcdefaults()
         mpl.rcParams.update(changes)
         yield
+
+
+def svg(figure: Figure, title: str, description: str | None = None) -> str:
+    """The figure as SVG with title and description, for those who hear it; left out, the latter names its axes."""
+    written = io.StringIO()
+    figure.savefig(written, format="svg", metadata={"Date": None, "Title": title})
+    words = "; ".join(filter(None, map(_axes, figure.axes))) if description is None else description
+    described = f"</title>\n <desc>{html.escape(words, quote=False)}</desc>"
+    # Matplotlib names only the font itself for letters of formulas.
+    text = re.sub(r"font-family: 'DejaVu Sans'(?!,)", FAMILY, written.getvalue())
+    return text.replace("</title>", described, 1) if words else text
+
+
+def _axes(panel: Axes) -> str:
+    """What a panel shows over what, and the names of its curves."""
+    over = " over ".join(filter(None, (panel.get_ylabel(), panel.get_xlabel())))
+    names = ", ".join(filter(None, panel.get_legend_handles_labels()[1]))
+    return ": ".join(filter(None, (panel.get_title(), over, names))) if panel.get_visible() else ""

@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from .completion import toml_files
 from .terminal import print_table, progress
 
 
@@ -23,7 +24,9 @@ def _numbers(context: click.Context, parameter: click.Parameter, value: str | No
 
 @click.command()
 @click.argument("task", metavar="TASK")
-@click.argument("scenarios", nargs=-1, type=click.Path(path_type=Path), metavar="[SCENARIO.toml...]")
+@click.argument(
+    "scenarios", nargs=-1, type=click.Path(path_type=Path), metavar="[SCENARIO.toml...]", shell_complete=toml_files
+)
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="Folder for the results.")
 @click.option("--only", callback=_listed, metavar="A,B", help="Compare only these contenders.")
 @click.option("--class", "classes", callback=_listed, metavar="F,P", help="Measured: F all, P positions only.")
@@ -37,8 +40,8 @@ def _numbers(context: click.Context, parameter: click.Parameter, value: str | No
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def compare(task: str, scenarios: tuple[Path, ...], out: Path, as_json: bool, **options: Any) -> None:
     """Compare controllers on TASK, track or rate: tune each, judge all on unseen seeds and plants."""
+    from ..compare import compare as run
     from ..compare.report import rank
-    from ..compare.run import compare as run
 
     with progress("starting", rate="runs/s") as show:
         result = run(task, out, scenarios=scenarios, progress=show, **options)

@@ -11,6 +11,7 @@ from typing import Literal
 import click
 
 from ..scenario import Scenario
+from .completion import toml_files
 
 DIFFERENT = 1
 Number = Literal["float", "double"]
@@ -39,19 +40,19 @@ def export() -> None:
 
 
 @export.command(name="web")
-@click.argument("scenario", type=click.Path(path_type=Path))
+@click.argument("scenario", type=click.Path(path_type=Path), shell_complete=toml_files)
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="A new JSON file.")
 @_unbounded
 def web_command(scenario: Path, out: Path, unbounded: bool) -> None:
     """Write SCENARIO as JSON for the browser. The WebAssembly module is built by `make web`."""
-    from ..export.web import export as write
+    from ..export import web
 
-    write(Scenario.load(scenario), out, unbounded=unbounded)
+    web(Scenario.load(scenario), out, unbounded=unbounded)
     click.echo(f"{out}: load it with fracgyro.mjs, whose first lines show how")
 
 
-@export.command()
-@click.argument("scenario", type=click.Path(path_type=Path))
+@export.command(name="fmu")
+@click.argument("scenario", type=click.Path(path_type=Path), shell_complete=toml_files)
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="A new FMU.")
 @click.option("--controller", is_flag=True, help="Export the controller only, without the plant.")
 @click.option("--fmi", type=click.Choice(["2.0", "3.0"]), default="2.0", show_default=True, help="FMI version.")
@@ -59,7 +60,7 @@ def web_command(scenario: Path, out: Path, unbounded: bool) -> None:
 @click.option("--macos", is_flag=True, help="Add a binary for macOS to that for Linux; needs ziglang.")
 @_number("double")
 @_unbounded
-def fmu(
+def fmu_command(
     scenario: Path,
     out: Path,
     controller: bool,
@@ -70,28 +71,28 @@ def fmu(
     unbounded: bool,
 ) -> None:
     """Write SCENARIO as an FMU. It has the closed loop, for co-simulation in Simulink, OpenModelica and others."""
+    from ..export import fmu
     from ..export.fmu import System
-    from ..export.fmu import export as write
 
     wanted: dict[System, bool] = {"linux": True, "windows": windows, "macos": macos}
     systems = [system for system, chosen in wanted.items() if chosen]
     content: Literal["controller", "loop"] = "controller" if controller else "loop"
     loaded = Scenario.load(scenario)
-    write(loaded, out, content=content, fmi=fmi, systems=systems, number=number, unbounded=unbounded)
+    fmu(loaded, out, content=content, fmi=fmi, systems=systems, number=number, unbounded=unbounded)
     words = ["controller" if controller else "closed loop", f"FMI {fmi}", *(["float"] if number == "float" else [])]
     click.echo(f"{out}: {', '.join(words)}, for {', '.join(systems)}")
 
 
-@export.command()
-@click.argument("scenario", type=click.Path(path_type=Path))
+@export.command(name="firmware")
+@click.argument("scenario", type=click.Path(path_type=Path), shell_complete=toml_files)
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
 @_number("float")
 @_unbounded
-def firmware(scenario: Path, out: Path, number: Number, unbounded: bool) -> None:
+def firmware_command(scenario: Path, out: Path, number: Number, unbounded: bool) -> None:
     """Write SCENARIO as firmware. The controller is C++ with a C interface, for a microcontroller."""
-    from ..export.firmware import export_firmware
+    from ..export import firmware
 
-    export_firmware(Scenario.load(scenario), out, number, unbounded=unbounded)
+    firmware(Scenario.load(scenario), out, number, unbounded=unbounded)
     click.echo(f"{out}: add it to your project, as its README.md says")
 
 
@@ -115,7 +116,7 @@ def replay(
 
     Double is compared with the record, float with the Python Controller. Exit with 1 if a bit differs.
     """
-    from ..export.replay import replay as run
+    from ..export import replay as run
 
     found = run(trace, target, number)
     against = "the trace" if number == "double" else "the Python Controller"

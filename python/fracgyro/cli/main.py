@@ -10,8 +10,10 @@ import sys
 
 import click
 
+from ..extras import MissingExtraError
 from ..files import one_line, reason
 from .compare import compare
+from .editors import schema_command
 from .export import export, replay
 from .rate import allan_command, rate
 from .reproduce import reproduce, selfcheck
@@ -36,6 +38,7 @@ COMMANDS = (
     replay,
     reproduce,
     scenario_command,
+    schema_command,
     selfcheck,
     simulate_command,
     sweep,
@@ -59,6 +62,8 @@ def main() -> None:
         _refused("interrupted; the files written so far are complete")
         code = INTERRUPTED
     except ValueError as error:
+        code = _refused(str(error))
+    except MissingExtraError as error:
         code = _refused(str(error))
     except MemoryError:
         code = _refused("there is not enough memory: make run.record_every larger, or record fewer runs")

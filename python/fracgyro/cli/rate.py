@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from ..scenario import Scenario
+from .completion import toml_files
 from .terminal import print_table, progress
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("scenario", type=click.Path(path_type=Path))
+@click.argument("scenario", type=click.Path(path_type=Path), shell_complete=toml_files)
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
 @click.option("--quick", is_flag=True, help="Use 2 noise seeds instead of 8: a third of the time, wider intervals.")
 @click.option(
@@ -42,7 +43,7 @@ def rate(
     as_json: bool,
 ) -> None:
     """Measure SCENARIO as a rate sensor. Report scale factor, Allan deviation, bandwidth, grade and more."""
-    from ..rate.characterise import characterise
+    from ..rate import characterise
 
     with progress("starting") as show:
         found = characterise(Scenario.load(scenario), out, quick=quick, rest=rest, imu=imu, progress=show)
@@ -71,7 +72,7 @@ def allan_command(
     record: Path, column: str | None, rate_hz: float | None, unit: str, out: Path | None, as_json: bool
 ) -> None:
     """Find the noise terms in RECORD, a CSV file of a gyroscope at rest. Report N, B and K with their intervals."""
-    from ..rate.of_record import analyse_record
+    from ..rate import analyse_record
 
     found, content = analyse_record(record, out, column=column, rate=rate_hz, unit=unit, dashes="--")
     if as_json:

@@ -17,7 +17,7 @@ from .terminal import progress
 @click.option("--json", "as_json", is_flag=True, help="Print the verdicts as JSON.")
 def reproduce(out: str, seeds: int | None, quick: bool, as_json: bool) -> None:
     """Rerun the paper and write a report. It has every figure, Table 1 and a verdict on every claim."""
-    from ..paper.reproduce import reproduce as run_all
+    from ..paper import reproduce as run_all
 
     with progress("starting") as show:
         result = run_all(out, seeds=seeds, quick=quick, progress=show)
@@ -37,7 +37,7 @@ def reproduce(out: str, seeds: int | None, quick: bool, as_json: bool) -> None:
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def selfcheck(as_json: bool) -> None:
     """Compute the published parity hashes again. Exit with 1 if they differ. For problem reports."""
-    from ..selfcheck import selfcheck as check
+    from ..parity import selfcheck as check
 
     found = check()
     if as_json:

@@ -11,20 +11,22 @@ from typing import Any
 import click
 
 from ..analysis.metric_names import nondimensional_unit
+from ..extras import needs
 from ..scenario import Scenario
 from ..scenario.shipped import SHIPPED, shipped_text
-from ..simulation.simulate import DivergedError, simulate
+from .completion import changes, toml_files
 from .terminal import print_table
 
 UNASKED = 100_000  # samples of a record that is kept nowhere, at most
 
 
 @click.command(name="simulate")
-@click.argument("scenario", required=False, type=click.Path(path_type=Path))
+@click.argument("scenario", required=False, type=click.Path(path_type=Path), shell_complete=toml_files)
 @click.option(
     "--set",
     "changes",
     multiple=True,
+    shell_complete=changes,
     metavar="FIELD=VALUE",
     help="Change a field, for example controller.order=0.8; nothing after = unsets it. Repeatable.",
 )
@@ -37,6 +39,7 @@ def simulate_command(
     """Simulate SCENARIO and print its metrics. Without SCENARIO: the paper, corrected."""
     from ..analysis.metrics import measured
     from ..simulation.dataset import write_run
+    from ..simulation.simulate import DivergedError, simulate
 
     chosen = Scenario.load(scenario) if scenario else Scenario.paper()
     chosen = chosen.replace(dict(map(_change, changes)))
@@ -50,9 +53,9 @@ def simulate_command(
     if out:
         write_run(run, out)
     if plot:
-        from ..analysis.plots import plot_run
-
-        plot_run(run, plot)
+        with needs("report"):
+            from ..analysis.plots import write_plot
+        write_plot(run, plot)
     if diverged:
         kept = f"; the samples until then are in {out}" if out else ""
         raise click.UsageError(f"{diverged}{kept}")
@@ -118,7 +121,8 @@ def _plain(values: Any) -> Any:
 
 def _rows(figures: Any, si: bool) -> Iterator[tuple[str, str, str]]:
     for name, values in figures.items():
-        unit = values.attrs["units"].removeprefix("1") if si else nondimensional_unit(name)
+        in_si = values.attrs.get("units") or values.attrs["column_units"]
+        unit = in_si.removeprefix("1") if si else nondimensional_unit(name)
         text = json.dumps(_plain(values), default=str)
         cells = json.loads(text, parse_float=lambda number: f"{float(number):.6g}")
         yield str(name), _words(cells), unit

@@ -9,18 +9,19 @@ from typing import Any
 
 import click
 
+from .completion import toml_files
 from .terminal import progress
 
 
 @click.command()
-@click.argument("study", type=click.Path(path_type=Path))
+@click.argument("study", type=click.Path(path_type=Path), shell_complete=toml_files)
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="Folder for the results.")
 @click.option("--resume", is_flag=True, help="Finish the study that DIR holds.")
 @click.option("--scheduler", metavar="ADDRESS", help="Run on this Dask cluster, for example tcp://host:8786.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def sweep(study: Path, out: Path, resume: bool, scheduler: str | None, as_json: bool) -> None:
     """Run every scenario of STUDY. Write one row of metrics per run, and a summary page."""
-    from ..study.sweep.run import sweep as run_all
+    from ..study import sweep as run_all
 
     with progress("simulating", rate="runs/s") as show:
         result = run_all(study, out, resume=resume, scheduler=scheduler, progress=show)
@@ -36,13 +37,13 @@ def sweep(study: Path, out: Path, resume: bool, scheduler: str | None, as_json: 
 
 
 @click.command()
-@click.argument("study", type=click.Path(path_type=Path))
+@click.argument("study", type=click.Path(path_type=Path), shell_complete=toml_files)
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="Folder for the results.")
 @click.option("--resume", is_flag=True, help="Continue the study that DIR holds, up to its number of trials.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def tune(study: Path, out: Path, resume: bool, as_json: bool) -> None:
     """Search for the best parameters of STUDY. Write the scenario, tested on unseen noise seeds."""
-    from ..study.tune.run import tune as run_all
+    from ..study import tune as run_all
 
     with progress("starting") as show:
         result = run_all(study, out, resume=resume, progress=show)

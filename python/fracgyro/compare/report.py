@@ -28,15 +28,21 @@ def write_report(path: Path, plan: Comparison, rows: Sequence[Row]) -> None:
         robustness = Robustness(conditions)
         panels = {
             "errors": [
-                embedded(error_legend()),
-                *(embedded(error_panel(*table, labelled(plan.task.error_words))) for table in ranked),
+                embedded(error_legend(), "Legend"),
+                *(embedded(error_panel(*table, labelled(plan.task.error_words)), "Errors") for table in ranked),
             ],
-            "robustness": [embedded(robustness.legend()), *(embedded(robustness.panel(*table)) for table in loose)],
+            "robustness": [
+                embedded(robustness.legend(), "Legend"),
+                *(embedded(robustness.panel(*table), "Robustness") for table in loose),
+            ],
         }
         if len(plan.task.ceilings) > 1:
             fronts = Fronts(rows, plan.task.ceilings)
             joined = _tables(rows, with_ceiling=False, named=len(plan.scenarios) > 1)
-            panels["fronts"] = [embedded(fronts.legend()), *(embedded(fronts.panel(*table)) for table in joined)]
+            panels["fronts"] = [
+                embedded(fronts.legend(), "Legend"),
+                *(embedded(fronts.panel(*table), "Error over chattering or effort") for table in joined),
+            ]
     text = page(
         "fracgyro.compare",
         f"{plan.task.name}.html.jinja",

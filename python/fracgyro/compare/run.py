@@ -26,13 +26,13 @@ from .workers import Workers, workers
 
 @dataclass(frozen=True)
 class Compared:
-    """Where the results are, and what they are."""
+    """Where the results are, and what they are: `rows` as in compare.json."""
 
     task: Task
-    data: Path
+    data: Path  #: compare.json
     report: Path
     rows: list[dict[str, Any]]
-    resumed: int  # pieces of work that were found finished
+    resumed: int  #: pieces of work that were found finished
     seconds: float
 
 
@@ -52,14 +52,23 @@ def compare(
     storage: str | None = None,
     progress: Callable[[float, float, str], object] | None = None,
 ) -> Compared:
-    """Tunes and judges every contender of the task; compare.json, report.html and gains/ in the folder `out`.
+    """Tunes and judges every contender of a task, track or rate.
 
-    `scenarios`: files, in the place of the task's own, as are `classes` and `noise`. `only`: names of contenders.
-    `controller`: FILE.py:NAME, which takes part, too. `trials`, `quick`: another effort than the full one.
+    Writes compare.json, report.html and gains/ into the folder `out`.
+
+    `scenarios`: files, in the place of the task's own, as are `classes` (F: all is measured, P: positions only) and
+    `noise` (of the positions, m/sqrt(Hz)). `only`: names of contenders. `controller`: FILE.py:NAME, which takes part,
+    too. `trials`, `quick`: another effort than the full one. `resume`: finish the comparison that `out` holds.
     `scheduler`: the address of a Dask cluster; `storage`: of a database that keeps trials as they are finished.
-    `progress` is called with (runs finished, all runs, what is being done).
+    `progress` is called with (runs finished, all runs, what is being done). docs/compare.md has the rules.
+
     Raises ValueError in one sentence: bad input, before anything runs; an `out` that is in use or holds another
     comparison; a cluster or database that cannot be used; and what a user's controller raises.
+
+    >>> chosen = {"only": ["pid"], "classes": ["F"], "noise": [0.0]}
+    >>> found = fg.compare.compare("track", "look", **chosen, quick=True)  # doctest: +SKIP
+    >>> found.rows[0]["name"]  # doctest: +SKIP
+    'pid'
     """
     begin = time.perf_counter()
     plan = planned(

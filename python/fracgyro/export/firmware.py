@@ -20,13 +20,16 @@ from .compilers import SOURCES, Number
 from .settings import columns
 
 
-def export_firmware(
+def firmware(
     scenario: Scenario, folder: str | os.PathLike[str], number: Number = "float", *, unbounded: bool = False
 ) -> None:
-    """Writes the folder whole or not at all.
+    """Writes a scenario's controller as a self-contained folder of C++ with a C interface, whole or not at all.
 
-    Raises ValueError, in one sentence, when it cannot be written, or the controller would not stay bounded (bounded.py)
-    and `unbounded` does not say that it need not.
+    `number`: what it computes with, float or double. Raises ValueError, in one sentence, when the folder cannot be
+    written, or the controller would not stay bounded and `unbounded` does not say that it need not.
+
+    >>> from fracgyro.scenario.shipped import shipped
+    >>> fg.export.firmware(shipped("hardware"), "firmware")
     """
     check_bounded(scenario, unbounded)
     header = coefficients_header(scenario, number)

@@ -20,9 +20,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Literal
 
-import jinja2
-
 from .. import _core
+from ..extras import needs
 from ..files import whole_file
 from ..scenario import Scenario, ScenarioError
 from ..scenario.bounded import check_bounded
@@ -97,7 +96,7 @@ class Variable:
         return self.role if self.role in ("constant", "fixed", "tunable") else "continuous"
 
 
-def export(
+def fmu(
     scenario: Scenario,
     path: str | os.PathLike[str],
     *,
@@ -107,11 +106,18 @@ def export(
     number: Number = "double",
     unbounded: bool = False,
 ) -> None:
-    """Writes the FMU, whole or not at all. `number` is what it computes with; an importer sees doubles.
+    """Writes a scenario as an FMU for co-simulation, whole or not at all; needs the extra export and a C++ compiler.
+
+    `content`: the closed loop, "loop", or only the "controller". `fmi`: "2.0" or "3.0". `systems`: of linux, windows
+    and macos, of which the last two need ziglang. `number`: what it computes with, "double" or "float"; an importer
+    sees doubles.
 
     Raises ValueError, in one sentence, when a compiler or FMPy is missing, the seed is too large for an FMU, the file
     cannot be written, a device that is not ideal is to be simulated in float, or the controller would not stay bounded
-    (bounded.py) and `unbounded` does not allow that.
+    and `unbounded` does not allow that.
+
+    >>> from fracgyro.scenario.shipped import shipped
+    >>> fg.export.fmu(shipped("hardware"), "gyro.fmu")  # doctest: +SKIP
     """
     check_bounded(scenario, unbounded)
     if content == "controller":
@@ -250,6 +256,9 @@ def _cpp(value: float | bool) -> str:
 def _description(scenario: Scenario, content: Content, fmi: Fmi, token: str, variables: Sequence[Variable]) -> str:
     run = scenario.run
     scale, second = _shown("1/omega0", scenario)
+    with needs("export"):
+        import jinja2
+
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("fracgyro", "export"), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )

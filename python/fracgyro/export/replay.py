@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from ..extras import require
 from ..files import check_regular, reason
 from ..scenario import Scenario
 from .compilers import Number
@@ -18,7 +19,7 @@ from .targets import MOTION, Target, answer_columns, answered, answers
 
 @dataclass(frozen=True)
 class Difference:
-    """The first: at which step, of which variable, and its bits there in hexadecimal."""
+    """The first bit that differs: at which step, of which variable, and the number there in hexadecimal."""
 
     step: int
     variable: str
@@ -34,7 +35,7 @@ class Replay:
     number: Number
     steps: int
     hash: str
-    difference: Difference | None
+    difference: Difference | None  #: None: every bit is the same
 
 
 @dataclass(frozen=True)
@@ -49,8 +50,14 @@ class Trace:
 def replay(path: str | os.PathLike[str], target: Target, number: Number = "double") -> Replay:
     """Hands the motion recorded in `path` (by `fracgyro simulate --out`) to the controller on the target.
 
-    In double its answers are compared to those recorded; in float, to those of the Python Controller in single
-    precision. Raises ValueError, in one sentence, when the file is not such a record or a program is missing.
+    `target`: host, m4f, m7, wasm, fmu or lanes. In double its answers are compared to those recorded; in float, to
+    those of the Python Controller in single precision. Raises ValueError, in one sentence, when the file is not such a
+    record or a program is missing.
+
+    >>> run = fg.simulate(fg.Scenario.paper().replace({"run.duration": 1.0}))
+    >>> run.to_netcdf("run.nc", engine="h5netcdf")
+    >>> fg.export.replay("run.nc", "host").difference is None
+    True
     """
     trace = load(path)
     expected = trace.answers if number == "double" else answers("python", trace.scenario, number, trace.motion)
@@ -61,6 +68,7 @@ def replay(path: str | os.PathLike[str], target: Target, number: Number = "doubl
 
 def load(path: str | os.PathLike[str]) -> Trace:
     """Raises ValueError, in one sentence, when it is not every step of one nondimensional run."""
+    require("netcdf", "h5netcdf")
     try:
         check_regular(path)
     except OSError as error:

@@ -18,10 +18,11 @@ from ..scenario import Scenario
 from ..scenario.kinds import KINDS, LOOP_CHANNELS, Channel, lasting
 from ..scenario.to_core import core_setup
 from ..simulation.controller import Controller
-from . import fmu, web
 from .compilers import FLAGS, SOURCES, Number, compiler, include, make, need, run, system_compiler
-from .firmware import export_firmware
+from .firmware import firmware
+from .fmu import System, fmu
 from .settings import columns, core_kernel, core_numbers, observer_bandwidth
+from .web import build, web
 
 Target = Literal["python", "lanes", "host", "m4f", "m7", "wasm", "fmu"]
 
@@ -31,7 +32,7 @@ FAULT = 2  # and more: what the firmware's status says of a motion that it does 
 
 BOARDS = {"m4f": "mps2-an386", "m7": "mps2-an500"}
 EMULATOR = ["qemu-system-arm", "-nographic", "-monitor", "none", "-serial", "none", "-semihosting"]
-SYSTEMS: dict[str, fmu.System] = {"Linux": "linux", "Windows": "windows", "Darwin": "macos"}
+SYSTEMS: dict[str, System] = {"Linux": "linux", "Windows": "windows", "Darwin": "macos"}
 
 
 def answered(scenario: Scenario) -> list[Channel]:
@@ -104,7 +105,7 @@ def _firmware(
     else:
         need("arm-none-eabi-g++", "qemu-system-arm")
         command = [*EMULATOR, "-M", BOARDS[target], "-kernel", image]
-    export_firmware(scenario, exported, number, unbounded=True)
+    firmware(scenario, exported, number, unbounded=True)
     motion.tofile(exported / "motion")
     make(exported, image, *choice)
     run(command, exported)
@@ -117,8 +118,8 @@ def _firmware(
 
 def _wasm(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
     need("node")
-    web.build(folder)
-    web.export(scenario, folder / "own.json", unbounded=True)
+    build(folder)
+    web(scenario, folder / "own.json", unbounded=True)
     shutil.copyfile(SOURCES / "integrations/web/replay.mjs", folder / "replay.mjs")
     motion.astype(np.float64).tofile(folder / "motion")
     run(["node", "replay.mjs", "own.json", number], folder)
@@ -133,7 +134,7 @@ def _fmu(scenario: Scenario, number: Number, motion: NDArray[np.floating], folde
     """Only the controller, as FMPy imports it."""
     path = folder / "replay.fmu"
     system = SYSTEMS[platform.system()]
-    fmu.export(scenario, path, content="controller", systems=[system], number=number, unbounded=True)
+    fmu(scenario, path, content="controller", systems=[system], number=number, unbounded=True)
     import fmpy
     from fmpy.simulation import instantiate_fmu
 

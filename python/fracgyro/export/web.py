@@ -2,7 +2,7 @@
 
 Two kinds of file, both read by integrations/web/fracgyro.mjs and typed in fracgyro.d.ts. `export` writes one scenario,
 whose run equals `fracgyro.simulate` to the bit. `write_module_data` writes what goes with the module: the paper's two
-scenarios, and what each setting means and may be. `build` makes the module: `python -m fracgyro.export.web DIR`.
+scenarios, and what each setting means and may be. `build` makes the module; live.py makes the page that shows it.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import json
 import math
 import os
 import shutil
-import sys
 import tempfile
 from collections.abc import Sequence
 from importlib.metadata import version
@@ -42,28 +41,35 @@ BESIDES: dict[str, dict[str, Any]] = {
 SWITCH = ("false", "true")
 
 
-def export(scenario: Scenario, path: str | os.PathLike[str], *, unbounded: bool = False) -> None:
-    """Writes the scenario.
+def web(scenario: Scenario, path: str | os.PathLike[str], *, unbounded: bool = False) -> None:
+    """Writes a scenario as JSON for the WebAssembly module, whose run of it equals `fracgyro.simulate` to the bit.
 
-    Raises ValueError, in one sentence, when it cannot be written, or the controller would not stay bounded (bounded.py)
-    and `unbounded` does not say that it need not.
+    Raises ValueError, in one sentence, when it cannot be written, or the controller would not stay bounded and
+    `unbounded` does not say that it need not.
+
+    >>> from fracgyro.scenario.shipped import shipped
+    >>> fg.export.web(shipped("hardware"), "gyro.json")
     """
     check_bounded(scenario, unbounded)
-    _write({"version": version("fracgyro"), **_document(scenario)}, path, "nothing")
+    _write({"version": version("fracgyro"), **document(scenario)}, path, "nothing")
 
 
 def write_module_data(path: str | os.PathLike[str]) -> None:
     """Writes what fracgyro.mjs loads with the module."""
-    module = {
+    paper = {name: document(Scenario.paper(name)) for name in ("corrected", "printed")}
+    _write({**module_data(), "paper": paper}, path, "its kind")
+
+
+def module_data() -> dict[str, Any]:
+    """What the module needs to know besides: what settings are called and may be, and what each kind reports."""
+    return {
         "version": version("fracgyro"),
         "fields": _fields(),
         "loop": _columns(LOOP_CHANNELS),
         "device": _columns(DEVICE_CHANNELS),
         "kinds": {kind: _kind(kind) for kind in KINDS},
         "momentary": sorted({c.name for kind in KINDS for of in reports(kind) for c in of if c.momentary}),
-        "paper": {name: _document(Scenario.paper(name)) for name in ("corrected", "printed")},
     }
-    _write(module, path, "its kind")
 
 
 def build(folder: Path) -> None:
@@ -118,7 +124,8 @@ def _union(words: Sequence[str]) -> str:
     return " | ".join(f'"{word}"' for word in words)
 
 
-def _document(scenario: Scenario) -> dict[str, Any]:
+def document(scenario: Scenario) -> dict[str, Any]:
+    """As fracgyro.mjs takes it."""
     said: dict[str, Any] = {name: attrgetter(name)(scenario) for name in BESIDES}
     said["controller.kind"] = scenario.controller.kind
     found = settings(scenario)
@@ -135,13 +142,14 @@ def _fields() -> dict[str, Any]:
     """What every setting of any kind means and may be."""
     found: dict[str, Any] = {name: _besides(schema) for name, schema in BESIDES.items()}
     kind = type(Scenario().controller).model_fields["kind"]
-    found["controller.kind"] = {"description": kind.description, "choices": KINDS}
+    found["controller.kind"] = {"description": kind.description, "choices": KINDS, "fixed": True}
     for number in (number for kind in KINDS for number in offered(kind)):
+        fixed = number.settable != "any_time" or number.table == "run"
+        words = {"whole": number.whole, "infinite": number.infinite, "fixed": fixed}
+        said = {word: True for word, so in words.items() if so}
         if choices := _choices(number):
-            found[number.name] = {"description": meaning(number), "choices": choices}
+            found[number.name] = {"description": meaning(number), "choices": choices, **said}
         else:
-            words = {"whole": number.whole, "infinite": number.infinite}
-            said = {word: True for word, said in words.items() if said}
             found[number.name] = {"unit": unit(number), "description": meaning(number), **_limits(number), **said}
     return found
 
@@ -150,7 +158,7 @@ def _besides(schema: dict[str, Any]) -> dict[str, Any]:
     words = ("unit", "description", "minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum")
     found = {word: schema[word] for word in words if word in schema}
     choices = {"choices": schema["enum"]} if "enum" in schema else {}
-    return found | choices | ({"whole": True} if schema["type"] == "integer" else {})
+    return found | choices | ({"whole": True} if schema["type"] == "integer" else {}) | {"fixed": True}
 
 
 def _kind(kind: str) -> dict[str, Any]:
@@ -179,7 +187,3 @@ def _limits(number: Number) -> dict[str, Any]:
 def _write(document: dict[str, Any], path: str | os.PathLike[str], replaces: Replaced) -> None:
     with whole_file(path, replaces=replaces) as scratch:
         scratch.write_text(json.dumps(document, allow_nan=False) + "\n", encoding="utf-8", newline="\n")
-
-
-if __name__ == "__main__":
-    build(Path(sys.argv[1]))

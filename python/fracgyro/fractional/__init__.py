@@ -1,7 +1,5 @@
 """Fractional operators: in fixed memory as in the controller, and the full-history references that check them."""
 
-from . import full_history
-from .kernel import ExponentialSum, design
-from .operators import caputo, integral, riemann_liouville
+from ..extras import public
 
-__all__ = ["ExponentialSum", "caputo", "design", "full_history", "integral", "riemann_liouville"]
+__getattr__, __dir__, __all__ = public(__name__, __file__, "report")

@@ -21,6 +21,8 @@ import numpy.typing as npt
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.special import beta, gamma
 
+__all__ = ["grunwald_letnikov", "hermite"]
+
 Array = npt.NDArray[np.float64]
 
 
@@ -28,16 +30,20 @@ def hermite(values: npt.ArrayLike, rates: npt.ArrayLike, step: float, order: flo
     """I^(1-order) and the Caputo derivative D^order of the cubic Hermite interpolant of a record.
 
     values, rates: the signal and its time derivative at t_k = k step, both of shape (n,) or (n, channels).
-    step: sampling step, > 0.  order: order of the derivative, in [0, 1].
+    step: sampling step, > 0. order: order of the derivative, in [0, 1].
 
-    Returns (integral, caputo), each of the shape of `values`; integral is I^(1-order) = D^(order-1) of the
-    signal.  At order 1 they are (values, rates).  At order 0 the integral is the running integral from 0 and
-    caputo is `values`, for eq. (7) of the paper defines D^0 f = f; the limit order -> 0+ is different:
-    values - values[0].
+    Returns (integral, caputo), each of the shape of `values`; integral is I^(1-order) = D^(order-1) of the signal. At
+    order 1 they are (values, rates). At order 0 the integral is the running integral from 0 and caputo is `values`, for
+    eq. (7) of the paper defines D^0 f = f; the limit order -> 0+ is different: values - values[0].
 
-    The error is that of the interpolant, O(step^3) or better for smooth signals (about step^(4-order)), plus
-    rounding of some 1e-15 relative to the greatest result.  Raises ValueError for mismatched or empty arrays,
-    non-finite samples, step <= 0 or order outside [0, 1].
+    The error is that of the interpolant, O(step^3) or better for smooth signals (about step^(4-order)), plus rounding
+    of some 1e-15 relative to the greatest result. Raises ValueError for mismatched or empty arrays, non-finite samples,
+    step <= 0 or order outside [0, 1].
+
+    >>> t = np.linspace(0.0, 1.0, 1001)
+    >>> integral, derivative = fg.fractional.full_history.hermite(t, np.ones_like(t), 1e-3, order=0.5)
+    >>> bool(abs(derivative - 2 * np.sqrt(t / np.pi)).max() < 1e-12)
+    True
     """
     values, rates = _record(values, "values"), _record(rates, "rates")
     if values.shape != rates.shape:
@@ -80,12 +86,17 @@ def hermite(values: npt.ArrayLike, rates: npt.ArrayLike, step: float, order: flo
 def grunwald_letnikov(values: npt.ArrayLike, step: float, order: float) -> Array:
     """Gruenwald-Letnikov derivative step^(-order) sum_k (-1)^k binom(order, k) values[n-k], full window.
 
-    values: shape (n,) or (n, channels), sampled at t_k = k step.  step: sampling step, > 0.
-    order: in [-1, 1]; a negative order integrates.  Order 0 returns `values`.
+    values: shape (n,) or (n, channels), sampled at t_k = k step. step: sampling step, > 0.
+    order: in [-1, 1]; a negative order integrates. Order 0 returns `values`.
 
-    Returns the shape of `values`.  Approximates the Riemann-Liouville derivative of a signal that is zero
-    before t = 0, to first order in step away from t = 0 (a jump values[0] != 0 adds its t^(-order)).
-    Raises ValueError for empty or non-finite values, step <= 0 or order outside [-1, 1].
+    Returns the shape of `values`. Approximates the Riemann-Liouville derivative of a signal that is zero before t = 0,
+    to first order in step away from t = 0 (a jump values[0] != 0 adds its t^(-order)). Raises ValueError for empty or
+    non-finite values, step <= 0 or order outside [-1, 1].
+
+    >>> t = np.linspace(0.0, 1.0, 1001)
+    >>> found = fg.fractional.full_history.grunwald_letnikov(t, 1e-3, order=0.5)
+    >>> bool(abs(found - 2 * np.sqrt(t / np.pi)).max() < 0.02)
+    True
     """
     values = _record(values, "values")
     _check_step(step)

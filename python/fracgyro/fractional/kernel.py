@@ -22,21 +22,22 @@ MIN_RANGE = 10.0  # the exponentials cover at least this many steps, however sho
 
 @dataclass(frozen=True, eq=False)
 class ExponentialSum:
-    """A sum of exponentials for t^(-order)/Gamma(1-order); see `design`.
+    """A sum of exponentials for t^(-order)/Gamma(1-order), made by `design`. Arrays are read-only.
 
-    order, shortest, longest, tolerance: as asked for, the times in one unit of the caller's choice.
-    poles: shape (count,), ascending, unit 1/time, all positive.  Read-only.
-    weights: shape (count,), unit time^(-order), all positive.  Read-only.
-    error: proven bound on |sum/kernel - 1| over all of [shortest, longest]; error <= tolerance.
+    >>> kernel = fg.fractional.design(order=0.9, shortest=1e-3, longest=10.0, tolerance=1e-6)
+    >>> t = np.geomspace(1e-3, 10.0)
+    >>> found = np.exp(-np.outer(t, kernel.poles)) @ kernel.weights
+    >>> bool((abs(found / (t**-0.9 / 9.513507698668732) - 1) <= kernel.error).all())  # Gamma(0.1)
+    True
     """
 
-    order: float
-    shortest: float
+    order: float  #: as asked for, as are the next three
+    shortest: float  #: times in one unit of the caller's choice
     longest: float
     tolerance: float
-    poles: Vector
-    weights: Vector
-    error: float
+    poles: Vector  #: shape (count,), ascending, unit 1/time, all positive
+    weights: Vector  #: shape (count,), unit time^(-order), all positive
+    error: float  #: proven bound of the relative error over all of [shortest, longest]; at most the tolerance
 
     @property
     def count(self) -> int:
@@ -52,9 +53,13 @@ def design(order: float, shortest: float, longest: float, tolerance: float) -> E
     shortest, longest: ends of the range of time lags, one common unit, longest/shortest in (1, 1e10].
     tolerance: largest relative error of the kernel, in [1e-11, 1e-1].
 
-    Results are cached and deterministic.  The design depends only on longest/shortest; the unit of time
-    scales it: poles ~ 1/shortest, weights ~ shortest^(-order).  Raises ValueError for arguments outside the
-    ranges above (ArithmeticError if none were found; no such arguments are known).
+    Results are cached and deterministic. The design depends only on longest/shortest; the unit of time scales it:
+    poles ~ 1/shortest, weights ~ shortest^(-order). Raises ValueError for arguments outside the ranges above
+    (ArithmeticError if none were found; no such arguments are known).
+
+    >>> kernel = fg.fractional.design(order=0.9, shortest=1e-3, longest=80.0, tolerance=1e-6)
+    >>> kernel.count, kernel.error <= 1e-6
+    (21, True)
     """
     order, shortest, longest, tolerance = map(float, (order, shortest, longest, tolerance))
     check(order, shortest, longest, tolerance)

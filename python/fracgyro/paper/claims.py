@@ -26,7 +26,7 @@ ERROR_BOUND = 0.01  # 1 % of the reference's amplitude, and what the eye can sti
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim of the paper and what became of it."""
+    """A claim of the paper and what became of it, as printed or as corrected."""
 
     id: str
     claim: str

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 import re
 from dataclasses import dataclass
@@ -16,7 +15,7 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Affine2D, Bbox, Transform, TransformedBbox
 from numpy.typing import NDArray
 
-from ..analysis.style import DPI, MM, WIDTH, own_style
+from ..analysis.style import DPI, MM, WIDTH, own_style, svg
 from ..files import whole_file
 
 Array = NDArray[np.float64]
@@ -106,6 +105,7 @@ class Plan:
     """A figure ready to be drawn, small enough to be sent to another process."""
 
     stem: str
+    title: str
     height: float  # mm
     panels: list[Panel]
     legends: list[dict[str, str]]  # of each block: text by style
@@ -193,11 +193,12 @@ def render(plan: Plan, folder: Path) -> list[Path]:
                     handletextpad=0.5,
                     columnspacing=1.1,
                 )
-        svg = io.StringIO()
-        figure.savefig(svg, format="svg", metadata={"Date": None})
+        shown = dict.fromkeys(f"{panel.label} over {panel.time_label}" for panel in plan.panels if panel.label)
+        plain = re.sub(r"\\,|[$\\]", "", "; ".join(shown))  # without the signs of formulas
+        drawn = svg(figure, plan.title, plain)
         paths = [folder / f"{plan.stem}.svg", folder / f"{plan.stem}.png"]
         with whole_file(paths[0]) as scratch:
-            scratch.write_text(_shorter(svg.getvalue()), encoding="utf-8", newline="\n")
+            scratch.write_text(_shorter(drawn), encoding="utf-8", newline="\n")
         with whole_file(paths[1]) as scratch:
             figure.savefig(scratch, format="png", dpi=DPI, pil_kwargs={"compress_level": 4})
     return paths

@@ -232,7 +232,7 @@ def _plan(number: int, runs: Runs) -> Plan:
     pair = [runs[variant, spec.controller] for variant in HEADINGS]
     panels = [panel for cell in _cells(spec) for panel in _panels(pair, spec.layout, cell)]
     height = max(panel.cell.box[1] + panel.cell.box[3] for panel in panels) + FOOT
-    return Plan(spec.stem, height, panels, [_legend(run, spec) for run in pair])
+    return Plan(spec.stem, spec.caption, height, panels, [_legend(run, spec) for run in pair])
 
 
 def draw(number: int, runs: Runs, folder: Path) -> list[Path]:

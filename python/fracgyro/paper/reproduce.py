@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
+from ..extras import require
 from ..files import writable_folder
 from ..simulation.dataset import write_run
 from ..simulation.many import threads_available
@@ -43,15 +44,20 @@ def reproduce(
     quick: bool = False,
     progress: Callable[[float, float, str], object] | None = None,
 ) -> Reproduction:
-    """Writes report.html, figures/, table1.csv, claims.json and runs/*.nc into the folder `out`.
+    """Reruns the paper; writes report.html, figures/, table1.csv, claims.json and `runs/*.nc` into the folder `out`.
 
-    `seeds`: noise seeds for Table 1 and the claims, 2 or more (100; 8 when `quick`).
-    `progress` is called with (done, total, what is being done).
-    Every file is complete or absent. Raises ValueError when `out` cannot be written or `seeds` is too small.
+    `seeds`: noise seeds for Table 1 and the claims, 2 or more (100; 8 when `quick`, which takes seconds). `progress` is
+    called with (done, total, what is being done). Every file is complete or absent. Raises ValueError when `out` cannot
+    be written or `seeds` is too small.
+
+    >>> result = fg.paper.reproduce("out", quick=True)  # doctest: +SKIP
+    >>> {claim.id: claim.verdict for claim in result.claims if claim.variant == "printed"}["e"]  # doctest: +SKIP
+    'reproduced'
     """
     seeds = (QUICK_SEEDS if quick else SEEDS) if seeds is None else seeds
     if seeds < 2:
         raise ValueError(f"seeds is {seeds}: it must be at least 2, or there are no confidence intervals")
+    require("netcdf", "h5netcdf")
     begin = time.perf_counter()
     folder = writable_folder(out)
     drawn, kept = writable_folder(folder / "figures"), writable_folder(folder / "runs")

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from ..analysis.confidence import mean_interval
-from ..analysis.style import COLORS, own_style
+from ..analysis.style import COLORS, LETTERS, own_style, svg
 from ..files import whole_file
 from .runs import ORDERS, VARIANTS, Study
 
@@ -55,7 +55,7 @@ def write_table(rows: list[Row], path: Path) -> None:
 
 def draw_table(rows: list[Row], path: Path) -> None:
     """RMSE against order, as SVG: one panel per window, logarithmic, with confidence intervals."""
-    with own_style({}):
+    with own_style(LETTERS):
         _draw_table(rows, path)
 
 
@@ -95,4 +95,6 @@ def _draw_table(rows: list[Row], path: Path) -> None:
     figure.legend(*panels[0].get_legend_handles_labels(), loc="lower center", ncols=4, fontsize=7.5, frameon=False)
     figure.subplots_adjust(left=0.1, right=0.99, top=0.9, bottom=0.27, wspace=0.42)
     with whole_file(path) as scratch:
-        figure.savefig(scratch, metadata={"Date": None})
+        scratch.write_text(
+            svg(figure, "RMSE against order, by axis, window and variant"), encoding="utf-8", newline="\n"
+        )

@@ -21,7 +21,12 @@ MIN_RECORD = 10  # times tau that a record must last
 
 @dataclass(frozen=True)
 class Estimate:
-    """A figure in SI and its 95 % interval. `limit`: the record does not show it, it is at most `high`."""
+    """A figure in SI and its 95 % interval. `limit`: the record does not show it, it is at most `high`.
+
+    >>> noise = np.random.default_rng(0).normal(size=10_000) * 0.002
+    >>> fg.rate.allan(noise, interval=0.01).bias_instability.limit
+    True
+    """
 
     value: float
     low: float
@@ -31,30 +36,41 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Allan:
-    """The deviation (rad/s) over averaging times `tau` (s), with its 95 % interval, and the terms found in it."""
+    """The Allan deviation of a record and the noise terms found in it, in SI.
 
-    tau: Array
-    deviation: Array
-    low: Array
+    >>> noise = np.random.default_rng(0).normal(size=10_000) * 0.002
+    >>> fg.rate.allan(noise, interval=0.01).tau[:3].tolist()
+    [0.01, 0.02, 0.04]
+    """
+
+    tau: Array  #: averaging times, s
+    deviation: Array  #: at each, rad/s
+    low: Array  #: ends of its 95 % interval, rad/s
     high: Array
-    angle_random_walk: Estimate | None  # N, rad/sqrt(s)
-    bias_instability: Estimate  # B, rad/s
-    rate_random_walk: Estimate  # K, rad/s/sqrt(s)
-    response_time: float  # s, of the sensor's response, which was divided out; 0 where it does not show
-    fitted: tuple[float, float] | None  # s, from and to which averaging time the terms account for the deviation
+    angle_random_walk: Estimate | None  #: N, rad/sqrt(s)
+    bias_instability: Estimate  #: B, rad/s
+    rate_random_walk: Estimate  #: K, rad/s/sqrt(s)
+    response_time: float  #: s, of the sensor's response, which was divided out; 0 where it does not show
+    fitted: tuple[float, float] | None  #: s, from and to which averaging time the terms account for the deviation
 
 
 def allan(values: Array, interval: float, shortest: float = 0.0) -> Allan:
-    """Overlapping Allan deviation of one or more records of equal length, (samples) or (records, samples), in rad/s.
+    """Overlapping Allan deviation of one or more records of equal length, and the noise terms found in it.
 
-    N, B and K are fitted to its square at once; those that the record does not show have a limit instead, and N is
-    None. The shortest averages, at which a sensor of finite bandwidth shows less noise than it has, are divided by the
-    response of first or second order that fits them, and left out where none does. Records are independent; their
-    variances are averaged and their degrees of freedom add up. `interval`: time between samples, s. `shortest`:
-    averages below this, s, are not fitted, as the sensor's response is in them and is not of first or second order.
+    `values`: (samples) or (records, samples), in rad/s. `interval`: time between samples, s. `shortest`: averages below
+    this, s, are not fitted, as the sensor's response is in them and is not of first or second order.
+
+    N, B and K of IEEE Std 952 are fitted to its square at once; those that the record does not show have a limit
+    instead, and N is None. The shortest averages, at which a sensor of finite bandwidth shows less noise than it has,
+    are divided by the response of first or second order that fits them, and left out where none does. Records are
+    independent; their variances are averaged and their degrees of freedom add up.
 
     Raises TypeError where these are no numbers, ValueError where a record has less than 20 samples, one that is not
     finite or more than two dimensions, `interval` is not above 0 or `shortest` below 0.
+
+    >>> noise = np.random.default_rng(0).normal(size=100_000) * 0.002
+    >>> round(fg.rate.allan(noise, interval=0.01).angle_random_walk.value, 5)  # 0.002 * sqrt(0.01) rad/sqrt(s)
+    0.0002
     """
     shortest = number("shortest", shortest, least=0.0)
     records, interval = np.atleast_2d(signal("values", values)), number("interval", interval, above=0.0)

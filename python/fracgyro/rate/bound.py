@@ -34,22 +34,28 @@ TOLD_APART = 1e10  # largest condition number of the information, scaled
 class Bound:
     """N in rad/sqrt(s) of the best unbiased estimate of a constant Omega_z: no angle random walk can be less.
 
-    `known`: D and K are known, as to an estimator that has long watched them and forgets only Omega_z. `unknown`: they
-    are unknown constants, found from the same span of time as Omega_z.
+    >>> bound = fg.rate.bound_angle_random_walk(fg.Scenario.paper())
+    >>> 0 < bound.known < bound.unknown
+    True
     """
 
-    known: float
-    unknown: float
+    known: float  #: D and K are known, as to an estimator that has long watched them and forgets only Omega_z
+    unknown: float  #: D and K are unknown constants, found from the same span of time as Omega_z
 
 
 def bound_angle_random_walk(scenario: Scenario, controller: ControllerLike | None = None) -> Bound | None:
-    """Both bounds of a scenario at its plant.angular_rate; in milliseconds, as nothing is run.
+    """The Cramér-Rao bounds of the rate estimate at plant.angular_rate; in milliseconds, as nothing is run.
 
     Noise is that of [disturbance] and [device]: densities or standard deviations, and the steps of converters, as white
     noise of a twelfth of their square; with device.sensing position the speed is not sensed. The motion is the
-    reference; with a `controller` from outside it is run, and the motion is what it brings about.
+    reference; with a `controller` from outside it is run, and the motion is what it brings about. bound.py has the
+    derivation.
 
     None without noise, where the disturbance is not noise, or the motion does not separate the parameters.
+
+    >>> quiet = fg.Scenario.paper().replace({"disturbance.kind": "none"})
+    >>> print(fg.rate.bound_angle_random_walk(quiet))
+    None
     """
     if controller is not None:
         return bound_of_motion(scenario, controller)

@@ -40,11 +40,18 @@ def characterise(
     called before each run with its scenario, which has the rate to be sensed. `quick`: 2 seeds instead of 8, for a
     look. `rest`: device time of the record at rest in s, if left out two million steps, or half a million where nothing
     is known to bound the switching gain; bias instability and rate random walk take minutes to hours. `imu`: writes the
-    noise as that navigation simulation takes it, too: imu.yaml or gnss_ins_sim.py.
+    noise as that navigation simulation takes it, too: imu.yaml or gnss_ins_sim.py. `progress` is called with (done,
+    total, what is being done).
 
     Raises ValueError in one sentence: a scenario or a controller without an estimate, an `out` that is there already, a
     `rest` of too few outputs or too many steps, a run that diverges within the range; and what `simulate` raises of a
     controller.
+
+    >>> from fracgyro.scenario.shipped import shipped
+    >>> device = shipped("dual_mass").replace({"run.duration": 200.0})
+    >>> figures = fg.rate.characterise(device, "sensor", quick=True, rest=0.1)
+    >>> [figure.name for figure in figures][:2]
+    ['Scale factor error', 'Non-linearity']
     """
     check_scenario(scenario)
     if rest is not None:

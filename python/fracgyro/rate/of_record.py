@@ -28,8 +28,17 @@ def analyse_record(
 ) -> tuple[list[Result], dict[str, Any]]:
     """N, B and K of a record in a CSV file, and all of it as JSON has it; into `out`/allan.json and allan.svg if given.
 
-    `column`, `rate`, `unit` and `dashes`: as in `read_record`, whose ValueErrors it raises, and those of an `out` that
-    is there.
+    `column`: its name, or its number where there are no names; need not be given where there is only one but the time.
+    `rate`: in Hz; need not be given where a column has the times. `unit`: deg/s, rad/s, deg/h or mdeg/s. `dashes`: what
+    sentences write before the name of an argument, for a command line. docs/record.md has the format.
+
+    Raises ValueError in one sentence for what is not a record of evenly spaced, finite numbers, or an `out` that is
+    there.
+
+    >>> np.savetxt("record.csv", np.random.default_rng(0).normal(size=(2000, 2)), header="x,y", delimiter=",")
+    >>> figures, content = fg.rate.analyse_record("record.csv", column="x", rate=100.0)
+    >>> content["samples"]
+    2000
     """
     if out is None:
         return _analysed(path, read_record(path, column, rate, unit, dashes=dashes), unit)[:2]
@@ -62,8 +71,8 @@ def _analysed(path: str | os.PathLike[str], record: Record, unit: str) -> tuple[
 
 
 def _draw(found: Allan, path: Path) -> None:
-    from ..analysis.style import own_style
+    from ..analysis.style import own_style, svg
     from .plots import allan_figure
 
     with own_style():
-        allan_figure(found).savefig(path, metadata={"Date": None})
+        path.write_text(svg(allan_figure(found), "Allan deviation"), encoding="utf-8", newline="\n")

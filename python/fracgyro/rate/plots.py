@@ -23,7 +23,7 @@ FAR = 10.0  # times the range: from here on a turn-on is drawn on a logarithmic 
 def allan_chart(m: Characterisation) -> str:
     """`allan_figure` as the source of an image."""
     with own_style():
-        return embedded(allan_figure(m.allan, m.bound))
+        return embedded(allan_figure(m.allan, m.bound), "Allan deviation over averaging time")
 
 
 def allan_figure(found: Allan, bound: Bound | None = None) -> Figure:
@@ -68,7 +68,7 @@ def ladder_chart(m: Characterisation) -> str:
         )
         panel.set_xlabel("rate (deg/s)")
         panel.set_ylabel("mean output less the line (deg/s)")
-        return embedded(figure)
+        return embedded(figure, "Deviation from the line over the rate")
 
 
 def turn_on_chart(m: Characterisation) -> str:
@@ -92,7 +92,7 @@ def turn_on_chart(m: Characterisation) -> str:
         panel.set_xlabel("time (ms)")
         panel.set_ylabel("output (deg/s)")
         _beside(panel)
-        return embedded(figure)
+        return embedded(figure, "Output from the start")
 
 
 def response_chart(m: Characterisation) -> str:
@@ -112,7 +112,7 @@ def response_chart(m: Characterisation) -> str:
         lag.set_xlabel("frequency of the rate (Hz)")
         for panel in (gain, lag):
             _plain(panel)
-        return embedded(figure)
+        return embedded(figure, "Gain and phase lag over frequency")
 
 
 def _one_panel(height: float) -> tuple[Figure, Axes]:

@@ -27,7 +27,14 @@ from .units import (
 
 @dataclass(frozen=True)
 class Result:
-    """One line of the datasheet; numbers in `unit`, NaN where there is none and `note` says why."""
+    """One line of the datasheet; numbers in `unit`, NaN where there is none and `note` says why.
+
+    >>> noise = np.random.default_rng(0).normal(size=2000)
+    >>> np.savetxt("still.csv", noise, header="rate")
+    >>> figures, content = fg.rate.analyse_record("still.csv", rate=100.0)
+    >>> figures[0].name, figures[0].unit
+    ('Angle random walk', 'deg/sqrt(h)')
+    """
 
     key: str
     name: str

@@ -10,7 +10,7 @@ from itertools import pairwise
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
 
 from ..files import read_input, reason
@@ -39,7 +39,12 @@ def _points(value: Any) -> Points | None:
     return tuple((float(time), float(number)) for time, number in value)
 
 
-OptionalPoints = Annotated[Points | None, BeforeValidator(_points)]
+PAIR = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
+OptionalPoints = Annotated[
+    Points | None,
+    BeforeValidator(_points),
+    WithJsonSchema({"type": "array", "items": PAIR, "minItems": 1, "maxItems": MAX_POINTS}),
+]
 ForEachAxis = Annotated[tuple[float, float], as_tuple("x y", expand=True)]
 Reach = Annotated[float, Field(gt=0, allow_inf_nan=True)]
 Range = Annotated[tuple[Reach, Reach], as_tuple("x y", expand=True)]

@@ -16,7 +16,7 @@ from .scenario import Scenario
 from .table import Table, toml_value
 from .to_core import core_setup
 
-HEAD = """# Reference
+HEAD = """# Scenario reference
 
 Made by `python -m fracgyro.scenario.reference > docs/reference.md` from what the core and the tables of a scenario say
 of themselves. The unit of time is 1/omega0, of length q0, of mass m: `plant.reference_frequency`,
@@ -32,21 +32,21 @@ def page() -> str:
 
 
 def _kinds() -> Iterator[str]:
-    rows = [(f"`{kind}`", _escaped(meaning)) for kind, meaning in zip(KINDS, MEANINGS, strict=True)]
-    yield from ["## Controllers", "", *_rows(("`controller.kind`", "what it is"), rows)]
+    rows = [(f"`{kind}`", escaped(meaning)) for kind, meaning in zip(KINDS, MEANINGS, strict=True)]
+    yield from ["## Controllers", "", *rows_of(("`controller.kind`", "what it is"), rows)]
 
 
 def _scenario() -> Iterator[str]:
     scenario = Scenario()
     for name, table in scenario:
-        yield from [f"## [{name}]", "", _sentences(table), ""]
+        yield from [f"## [{name}]", "", sentences_of(type(table)), ""]
         schema = type(table).model_json_schema()
         groups: dict[tuple[str, ...], list[Sequence[str]]] = {(): []}
         for field, said in schema["properties"].items():
             groups.setdefault(_having(name, field), []).append(_field(name, field, said, table))
         for kinds, rows in groups.items():
             yield from [f"Of {', '.join(kinds)}:", ""] if kinds else []
-            yield from _rows(FIELDS, rows)
+            yield from rows_of(FIELDS, rows)
 
 
 def _having(table: str, field: str) -> tuple[str, ...]:
@@ -60,25 +60,28 @@ def _field(table: str, name: str, said: dict[str, Any], model: Table) -> Sequenc
     shown = "–" if default is None else f"`{toml_value(default)}`"
     return (
         f"`{table}.{name}`",
-        _unit(said.get("unit", "1")),
-        _range(said, default),
+        unit_of(said.get("unit", "1")),
+        range_of(said, default),
         shown,
-        _escaped(said["description"]),
+        escaped(said["description"]),
     )
 
 
-def _range(said: dict[str, Any], default: Any) -> str:
-    if "anyOf" in said:  # or not given
-        return _range(said["anyOf"][0], default)
+def range_of(said: dict[str, Any], default: Any) -> str:
+    if "anyOf" in said:
+        return " or ".join(range_of(each, default) for each in said["anyOf"] if each.get("type") != "null")
     if "enum" in said:
         return ", ".join(f"`{choice}`" for choice in said["enum"])
     if "prefixItems" in said:
         entries = said["prefixItems"]
-        limits = _range(entries[0], None)
+        limits = range_of(entries[0], None)
         return f"{len(entries)} numbers" + ("" if limits == "any" else f", each {limits}")
     if "$ref" in said:
         return "`{xx, xy, yy}`"
-    words = {"boolean": "`true`, `false`", "string": "text", "array": "list of pairs"}
+    if said["type"] == "array":
+        lists = {"array": "list of pairs", "integer": "list of whole numbers"}
+        return lists.get(said["items"].get("type"), "list of names")
+    words = {"boolean": "`true`, `false`", "string": "text", "object": "table"}
     return words[said["type"]] if said["type"] in words else _limits(said, default)
 
 
@@ -97,7 +100,7 @@ def _limits(said: dict[str, Any], default: Any) -> str:
 
 def _recorded() -> Iterator[str]:
     yield from ["## What is recorded", "", "Of every run:", ""]
-    yield from _rows(VARIABLES, map(_variable, LOOP_CHANNELS))
+    yield from rows_of(VARIABLES, map(_variable, LOOP_CHANNELS))
     groups: dict[tuple[str, tuple[Channel, ...]], list[str]] = {}
     for kind in KINDS:
         for adaptation, channels in _reports(kind):
@@ -105,9 +108,9 @@ def _recorded() -> Iterator[str]:
     for (adaptation, channels), kinds in groups.items():
         of = ", ".join(kinds) + (f", with `adaptation.kind` {adaptation}" if adaptation else "")
         yield from [f"Of {of}{'' if channels else ', nothing'} besides{':' if channels else '.'}", ""]
-        yield from _rows(VARIABLES, map(_variable, channels)) if channels else []
+        yield from rows_of(VARIABLES, map(_variable, channels)) if channels else []
     yield from ["Of a run whose rate moves or whose device is not ideal, besides:", ""]
-    yield from _rows(VARIABLES, map(_variable, DEVICE_CHANNELS))
+    yield from rows_of(VARIABLES, map(_variable, DEVICE_CHANNELS))
 
 
 def _reports(kind: str) -> Iterator[tuple[str, tuple[Channel, ...]]]:
@@ -121,24 +124,24 @@ def _reports(kind: str) -> Iterator[tuple[str, tuple[Channel, ...]]]:
 
 def _variable(channel: Channel) -> Sequence[str]:
     parts = ", ".join(map(str, channel.labels)) if channel.dimension else "–"
-    return f"`{channel.name}`", _unit(", ".join(channel.units)), parts, _escaped(channel.meaning)
+    return f"`{channel.name}`", unit_of(", ".join(channel.units)), parts, escaped(channel.meaning)
 
 
-def _unit(unit: str) -> str:
+def unit_of(unit: str) -> str:
     return "–" if unit == "1" else unit.replace("*", " ")
 
 
-def _escaped(text: str) -> str:
+def escaped(text: str) -> str:
     """What Markdown would take for emphasis or the end of a cell."""
     return text.replace("*", "\\*").replace("|", "\\|")
 
 
-def _sentences(table: Table) -> str:
+def sentences_of(table: type[Table]) -> str:
     """What the table is of, as its heading in the TOML says it."""
-    return _escaped(" ".join((type(table).__doc__ or "").split()))
+    return escaped(" ".join((table.__doc__ or "").split()))
 
 
-def _rows(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+def rows_of(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
     return [*(f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows)), ""]
 
 

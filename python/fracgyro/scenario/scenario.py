@@ -45,7 +45,14 @@ FILES = [("rate", "file"), ("device", "temperature_file")]
 
 
 class Scenario(Table):
-    """Everything that a run depends on. Frozen: `replace` makes a changed copy."""
+    """Everything that a run depends on: tables of fields, as plant.mass. Frozen: `replace` makes a changed copy.
+
+    `Scenario()` has the paper's corrected values, as has every table or field that is left out. Raises ScenarioError,
+    in one sentence, for a value that is not allowed.
+
+    >>> fg.Scenario.paper().controller.order
+    0.9
+    """
 
     plant: Plant = Plant()
     reference: Reference = Reference()
@@ -146,7 +153,13 @@ class Scenario(Table):
 
     @classmethod
     def paper(cls, variant: Literal["corrected", "printed"] = "corrected") -> Scenario:
-        """Eqs (47)-(53), with every row of ERRATA_SWITCHES in the reading asked for."""
+        """The paper's study, eqs (47)-(53), with its errata corrected, or as printed: see EQUATIONS.md.
+
+        Raises ScenarioError for another `variant`.
+
+        >>> fg.Scenario.paper("printed").controller.rate_law, fg.Scenario.paper().controller.rate_law
+        ('printed', 'skew')
+        """
         if variant not in ("corrected", "printed"):
             raise ScenarioError(f"variant is {shown(variant)}: it must be corrected or printed")
         switches = {path: getattr(erratum, variant) for path, erratum in ERRATA_SWITCHES.items()}
@@ -156,10 +169,23 @@ class Scenario(Table):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Scenario:
+        """Reads a TOML file, as `save` or a person wrote it.
+
+        Raises ScenarioError, in one sentence, when it cannot be read or is not a scenario.
+
+        >>> fg.Scenario.paper().save("paper.toml")
+        >>> fg.Scenario.load("paper.toml") == fg.Scenario.paper()
+        True
+        """
         return cls.from_toml(read_text(path), source=str(path), folder=Path(path).parent)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """All or nothing: neither a reader nor a crash meets half a file."""
+        """Writes the file whole or not at all: neither a reader nor a kill meets half a file.
+
+        Raises ScenarioError when it cannot be written.
+
+        >>> fg.Scenario.paper().replace({"controller.order": 0.8}).save("mine.toml")
+        """
         try:
             with whole_file(path) as scratch:
                 scratch.write_text(self.to_toml(), encoding="utf-8", newline="\n")
@@ -168,8 +194,14 @@ class Scenario(Table):
 
     @classmethod
     def from_toml(cls, text: str, *, source: str = "the text", folder: str | os.PathLike[str] = Path()) -> Scenario:
-        """Missing tables and fields take the paper's corrected values; `source` names the text in errors, and files
-        that it names are looked for in `folder`."""
+        """A scenario from TOML. Missing tables and fields take the paper's corrected values.
+
+        `source` names the text in errors, and files that it names are looked for in `folder`. Raises ScenarioError, in
+        one sentence, when the text is not a scenario.
+
+        >>> fg.Scenario.from_toml("controller.order = 0.8").controller.order
+        0.8
+        """
         if text.startswith(BEGIN) and END not in text:
             raise ScenarioError(f"{source} is cut off: its last line, {END!r}, is missing")
         tables = read_tables(text, source)
@@ -180,11 +212,23 @@ class Scenario(Table):
         return cls(**tables)
 
     def to_toml(self) -> str:
-        """Complete and commented; reading it gives this scenario back, and writing that the same text."""
+        """Complete and commented TOML; reading it gives this scenario back, and writing that the same text.
+
+        >>> text = fg.Scenario.paper().to_toml()
+        >>> "order = 0.9" in text, fg.Scenario.from_toml(text).to_toml() == text
+        (True, True)
+        """
         return _text(self)
 
     def replace(self, changes: Mapping[str, Any]) -> Scenario:
-        """A copy with {"controller.order": 0.8, ...} changed, validated as a whole; None unsets."""
+        """A copy with fields changed, by their dotted names, and validated as a whole; None unsets.
+
+        Fields that another controller.kind does not have are dropped. Raises ScenarioError, in one sentence, for a name
+        or a value that is not allowed.
+
+        >>> fg.Scenario.paper().replace({"controller.order": 0.8, "run.duration": 20.0}).run.duration
+        20.0
+        """
         tables = self.model_dump()
         kind = changes.get("controller.kind", self.controller.kind)
         for name in BY_KIND:  # what another kind does not have is not taken along
@@ -208,6 +252,11 @@ class Scenario(Table):
         return Scenario(**tables)
 
     def content_hash(self) -> str:
+        """SHA-256 of `to_toml`, in hexadecimal: equal for equal scenarios.
+
+        >>> fg.Scenario.paper().content_hash() == fg.Scenario.paper().replace({}).content_hash()
+        True
+        """
         return hashlib.sha256(self.to_toml().encode()).hexdigest()
 
 

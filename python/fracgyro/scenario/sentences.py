@@ -7,6 +7,7 @@ from functools import cache
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from ..files import cut, one_line
@@ -14,7 +15,14 @@ from .table import shown
 
 
 class ScenarioError(ValueError):
-    """Bad input, in one sentence that names the field, the value and what is allowed."""
+    """Bad input, in one sentence that names the field, the value and what is allowed.
+
+    >>> try:
+    ...     fg.Scenario.paper().replace({"controller.ordr": 0.8})
+    ... except fg.ScenarioError as error:
+    ...     print(error)
+    controller.ordr is not a known field; did you mean controller.order?
+    """
 
     def __init__(self, sentence: str) -> None:
         super().__init__(one_line(sentence))
@@ -29,6 +37,19 @@ def paths(model: type[BaseModel]) -> tuple[str, ...]:
         if isinstance(info.annotation, type) and issubclass(info.annotation, BaseModel):
             found += [f"{name}.{inner}" for inner in paths(info.annotation)]
     return tuple(found)
+
+
+@cache
+def leaves(model: type[BaseModel]) -> dict[str, FieldInfo]:
+    """Every field that is not a table, by its dotted path."""
+    found: dict[str, FieldInfo] = {}
+    for name, info in model.model_fields.items():
+        if isinstance(info.annotation, type) and issubclass(info.annotation, BaseModel):
+            inner = leaves(info.annotation)
+            found |= {f"{name}.{path}": each if each.description else info for path, each in inner.items()}
+        else:
+            found[name] = info
+    return found
 
 
 def unknown(path: str, model: type[BaseModel]) -> str:

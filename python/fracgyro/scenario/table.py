@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
@@ -33,7 +34,9 @@ def toml_value(value: Any, depth: int = 0) -> str:
         return "[" + ", ".join(toml_value(entry, depth + 1) for entry in value) + "]"
     if isinstance(value, int) and value.bit_length() > 1024:
         return f"an integer of {value.bit_length()} bits"  # only for sentences: Python refuses to print it
-    return json.dumps(value, ensure_ascii=False) if isinstance(value, str | bool) else str(value)
+    if isinstance(value, str | bool):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", r"\u007f")  # TOML forbids it raw, JSON does not
+    return str(value)
 
 
 def shown(value: Any) -> str:
@@ -54,20 +57,26 @@ def field(default: Any, description: str, *, unit: str = "1", **limits: Any) -> 
     return Field(default, description=description, json_schema_extra={"unit": unit} if unit != "1" else None, **limits)
 
 
-def as_tuple(names: str, *, expand: bool = False) -> BeforeValidator:
-    """TOML has lists, frozen models hold tuples; `expand`: one number stands for every entry."""
-    count = len(names.split())
-    rule = f"it must be a list of {count} numbers [{', '.join(names.split())}]"
-    rule += " or one number for all of them" if expand else ""
+@dataclass(frozen=True)
+class AsTuple:
+    """Of a list of `names` numbers a tuple, which frozen models hold; `expand`: one number stands for every entry."""
 
-    def convert(value: Any) -> tuple[Any, ...]:
-        if expand and isinstance(value, int | float) and not isinstance(value, bool):
+    names: tuple[str, ...]
+    expand: bool
+
+    def __call__(self, value: Any) -> tuple[Any, ...]:
+        count = len(self.names)
+        if self.expand and isinstance(value, int | float) and not isinstance(value, bool):
             return (value,) * count
         if not isinstance(value, list | tuple) or len(value) != count:
+            rule = f"it must be a list of {count} numbers [{', '.join(self.names)}]"
+            rule += " or one number for all of them" if self.expand else ""
             raise PydanticCustomError("rule", "{rule}", {"rule": rule})
         return tuple(value)
 
-    return BeforeValidator(convert)
+
+def as_tuple(names: str, *, expand: bool = False) -> BeforeValidator:
+    return BeforeValidator(AsTuple(tuple(names.split()), expand))
 
 
 NonNegative = Annotated[float, Field(ge=0)]

@@ -1,1 +1,5 @@
 """Runs: a scenario, or a controller from outside, in the compiled loop; recorded, measured or step by step."""
+
+from ..extras import public
+
+__getattr__, __dir__, __all__ = public(__name__, __file__, "report")

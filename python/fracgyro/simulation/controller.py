@@ -24,28 +24,35 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Estimates:
-    """What the controller believes: damping and stiffness as [xx, xy, yy], the angular rate, b0, b1, b2.
+    """What the controller believes, in the units of the run; NaN and False where it does not know.
 
-    With adaptation.kind composite also the standard deviation of the rate, and whether the motion separates it from the
-    other parameters; with gradient, which does not know, NaN and False.
+    >>> estimates = fg.Controller(fg.Scenario.paper()).estimates
+    >>> round(estimates.rate, 3), estimates.rate_trusted
+    (0.095, False)
     """
 
-    damping: Vector
-    stiffness: Vector
-    rate: float
-    bound: Vector
-    rate_deviation: float
-    rate_trusted: bool
+    damping: Vector  #: D as xx, xy, yy
+    stiffness: Vector  #: K as xx, xy, yy
+    rate: float  #: the angular rate
+    bound: Vector  #: b0, b1, b2
+    rate_deviation: float  #: standard deviation of the rate; of composite and joint adaptation
+    rate_trusted: bool  #: whether the motion separates the rate from the other parameters
 
 
 class Controller:
     """The controller of a scenario: eqs (16), (35), (44), (46), or another `controller.kind`.
 
     Call `step` once every `scenario.run.step`. Times, positions, velocities and forces are in the units that
-    `scenario.run.units` names. `scenario.run.duration` is the longest time the fractional memory is accurate for.
-    With `single_precision` it computes in float, as firmware exported so does, to the same bits.
-    Raises TypeError for an argument that is not a number, ValueError for one that is not finite, or a time that is not
-    that of the next step. It can be copied and pickled: the copy goes on by itself from where this one is.
+    `scenario.run.units` names. `scenario.run.duration` is the longest time the fractional memory is accurate for. With
+    `single_precision` it computes in float, as firmware exported so does, to the same bits. It can be copied and
+    pickled: the copy goes on by itself from where this one is.
+
+    Raises TypeError where `scenario` is not one.
+
+    >>> controller = fg.Controller(fg.Scenario.paper())
+    >>> force = controller.step(0.0, position=[0.5, 0.5], velocity=[0.0, 0.0])
+    >>> force.shape, controller.status
+    ((2,), 'ok')
     """
 
     def __init__(self, scenario: Scenario, *, single_precision: bool = False) -> None:
@@ -71,6 +78,13 @@ class Controller:
         Whatever finite numbers are measured, the force is finite and within the limit; `status` says whether they were
         believed. Until the first that are, time does not start. With device.sensing = "position" the velocity is
         observed and what is given for it not looked at.
+
+        Raises TypeError for an argument that is not a number, ValueError for one that is not finite, or a time that is
+        not that of the next step.
+
+        >>> controller = fg.Controller(fg.Scenario.paper())
+        >>> for i in range(3):
+        ...     force = controller.step(1e-3 * i, (0.5, 0.5), (0.0, 0.0))
         """
         if self._observes:
             velocity = None
@@ -102,12 +116,19 @@ class Controller:
 
         Not believed: not_finite, out_of_range, implausible, the last force being held; lost, the force being that of
         the reference until samples agree again; restarted, nothing being remembered.
+
+        >>> fg.Controller(fg.Scenario.paper()).status
+        'ok'
         """
         return str(self._core.status.name)
 
     @property
     def estimates(self) -> Estimates:
-        """The estimates as they stand after the last step; NaN where the controller has none."""
+        """The estimates as they stand after the last step; NaN where the controller has none.
+
+        >>> fg.Controller(fg.Scenario.paper()).estimates.stiffness.shape
+        (3,)
+        """
         found = self.report
         nothing = np.full(3, math.nan)
         return Estimates(
@@ -124,6 +145,9 @@ class Controller:
         """What the controller reports besides the force, by channel, as it stands after the last step.
 
         What is known only within a step, as the sliding surface, is none of them.
+
+        >>> "rate_estimate" in fg.Controller(fg.Scenario.paper()).report
+        True
         """
         numbers, found, column = np.asarray(self._core.report), {}, 0
         for channel, scales in zip(self._reported, self._scales, strict=True):
@@ -134,7 +158,16 @@ class Controller:
 
     @property
     def state(self) -> bytes:
-        """Everything that changes while running. Assign it to a controller of the same scenario to resume."""
+        """Everything that changes while running. Assign it to a controller of the same scenario to resume, bit for bit.
+
+        Assigning raises TypeError or ValueError for what was not saved so, or was damaged since.
+
+        >>> one, other = fg.Controller(fg.Scenario.paper()), fg.Controller(fg.Scenario.paper())
+        >>> force = one.step(0.0, (0.5, 0.5), (0.0, 0.0))
+        >>> other.state = one.state
+        >>> bool((one.step(1e-3, (0.4, 0.4), (0.0, 0.0)) == other.step(1e-3, (0.4, 0.4), (0.0, 0.0))).all())
+        True
+        """
         return self._key + bytes(self._core.state)
 
     @state.setter

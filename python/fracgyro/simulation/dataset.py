@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
@@ -12,6 +13,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from .. import _core
+from ..extras import require
 from ..files import whole_file
 from ..scenario import Scenario
 from ..scenario.kinds import AXES, QUANTITIES, Channel
@@ -73,15 +75,20 @@ def _form(
     coordinates: dict[str, Any] = {}
     leading = ["run"] * (len(shape) - 1)
     for channel in channels:
-        unit = ", ".join(QUANTITIES[unit][1] for unit in channel.units) if si else "1"
+        units = units_of([QUANTITIES[unit][1] for unit in channel.units] if si else ["1"])
         inner = [channel.dimension] if channel.dimension else []
         if channel.dimension:
             coordinates[channel.dimension] = _fixed(channel.labels)
         values = np.broadcast_to(0.0, (*shape, channel.width) if inner else shape)
-        variables[channel.name] = ([*leading, "time", *inner], values, {"long_name": channel.meaning, "units": unit})
+        variables[channel.name] = ([*leading, "time", *inner], values, {"long_name": channel.meaning, **units})
     time = _fixed(np.arange(first, first + shape[-1]) * step * scale)
     attributes = {"long_name": "time", "units": "s" if si else "1"}
     return xr.Dataset(variables, coords={"time": ("time", time, attributes), **coordinates})
+
+
+def units_of(columns: Sequence[str]) -> dict[str, str]:
+    """The attribute `units`, as pint and others read it; columns of several units have `column_units` instead."""
+    return {"units": columns[0]} if len(set(columns)) == 1 else {"column_units": ", ".join(columns)}
 
 
 def _fixed(values: ArrayLike) -> np.ndarray:
@@ -119,5 +126,6 @@ def _metrics_form(runs: int, plain: tuple[str, ...]) -> xr.Dataset:
 
 def write_run(run: xr.Dataset, path: Path) -> None:
     """As NetCDF-4."""
+    require("netcdf", "h5netcdf")
     with whole_file(path, replaces="its kind") as scratch:
         run.to_netcdf(scratch, engine="h5netcdf")

@@ -36,22 +36,28 @@ def measure_many(
 ) -> xr.Dataset:
     """The metrics of many runs, in memory that does not grow with their length.
 
-    Those of `fracgyro.metrics.summary`, whose parameters `transient` to `rate_tolerance` are, over `run`,
-    nondimensional; NaN where a controller does not report what they are of. `seeds`: as in `simulate_many`. Scenarios
-    may differ in everything. A run that diverges is measured until then, and `diverged_at` says when; it is NaN for the
-    others.
+    Returns the variables of `fracgyro.metrics.summary`, whose parameters `transient` to `rate_tolerance` are, over
+    `run`, nondimensional; NaN where a controller does not report what they are of. `seeds` and `progress`: as in
+    `simulate_many`. Scenarios may differ in everything. A run that diverges is measured until then, and `diverged_at`
+    says when; it is NaN for the others.
+
     Runs go side by side in the lanes of a register (docs/decisions/0011): the metrics are those of `simulate` to
     rounding, and the same whatever the number of processors. Where the loop itself magnifies rounding, as it does with
     controller.terminal_exponent below some 0.35, they differ as much as those of two runs whose gains differ in the
     last place do: by percents. Runs whose rate moves or whose device is not ideal go one by one (docs/decisions/0017).
+
     `single_precision`: twice as many runs in a register. Metrics of a run then differ by some percent, their means over
-    seeds by less (docs/decisions/0011 has figures).
-    `controller`, in the place of the scenarios' own: as in `simulate_many`, one run by one, in double precision; of its
-    reports only rate_estimate is looked at. A list of native.Law has one for each scenario.
-    `progress` is called with the number of runs finished since the last call.
+    seeds by less (docs/decisions/0011 has figures). `controller`, in the place of the scenarios' own: as in
+    `simulate_many`, one run by one, in double precision; of its reports only rate_estimate is looked at. A list of
+    native.Law has one for each scenario.
+
     Raises TypeError when `scenarios` is not a list of scenarios or `seeds` no list of integers; ValueError when one of
     them is empty, a seed is given twice or outside 0 to 2^63 - 1, `single_precision` comes with a `controller`, or a
     list does not have a law for each scenario; and what `simulate` raises of a controller.
+
+    >>> rows = fg.measure_many([fg.Scenario.paper()], seeds=range(20))
+    >>> rows["rmse"].dims, bool((rows["rmse"].sel(window="steady") < 1e-4).all())
+    (('run', 'window', 'axis'), True)
     """
     times = check_many(scenarios, seeds)
     laws = controller if isinstance(controller, list | tuple) else None

@@ -12,6 +12,8 @@ from typing import Any, NoReturn
 from .. import _core
 from ..arguments import number, short
 
+__all__ = ["Law"]
+
 MAX_STATE = 10**6  # doubles
 
 
@@ -20,13 +22,17 @@ class Law:
 
     It is called once a step. `in`: 11 doubles, the time, then pairs [x, y] of position, velocity, reference and the
     reference's velocity and acceleration; positions and velocities as measured. `state`: `state_size` doubles of its
-    own, zeros before the first step of each run. `parameters`: the values of `parameters`, in their order. `out`:
-    the force [x, y], then one double for each name in `reports`, which is recorded as a channel; rate_estimate makes it
-    a rate sensor. In SI units if run.units is SI, nondimensional otherwise.
+    own, zeros before the first step of each run. `parameters`: the values of `parameters`, in their order. `out`: the
+    force [x, y], then one double for each name in `reports`, which is recorded as a channel; rate_estimate makes it a
+    rate sensor. In SI units if run.units is SI, nondimensional otherwise.
 
     `function`: an address, or what has one, a `numba.cfunc` or a function pointer of ctypes or cffi. It must not touch
     Python, and two of its calls may happen at once, each with its own state.
+
     Raises TypeError where `function` is nothing of that, ValueError where the other arguments are not as said.
+
+    >>> fg.native.Law(0x1000, parameters={"kp": 1e4}).parameters  # the address of a compiled function
+    {'kp': 10000.0}
     """
 
     def __init__(
@@ -53,7 +59,12 @@ class Law:
                 raise ValueError(f"reports is {short(list(self.reports))}: it must be a list of different names")
 
     def replace(self, changes: Mapping[str, float]) -> Law:
-        """The same law with some parameters changed. Raises ValueError for one that it does not have."""
+        """The same law with some parameters changed. Raises ValueError for one that it does not have.
+
+        >>> law = fg.native.Law(0x1000, parameters={"kp": 1e4, "kd": 200.0})
+        >>> law.replace({"kd": 300.0}).parameters["kd"]
+        300.0
+        """
         for name in changes:
             if name not in self.parameters:
                 raise ValueError(

@@ -20,7 +20,14 @@ ControllerLike = Callable[[Any], Any] | Law
 
 
 class ControllerError(ValueError):
-    """A controller from outside raised an exception, which is the cause of this one."""
+    """A controller from outside raised an exception, which is the cause of this one.
+
+    >>> try:
+    ...     fg.simulate(fg.Scenario.paper(), controller=lambda sample: 1 / 0)
+    ... except fg.ControllerError as error:
+    ...     print(type(error.__cause__).__name__)
+    ZeroDivisionError
+    """
 
 
 def units(scenario: Scenario) -> _core.Units:
@@ -91,15 +98,15 @@ class Outside:
         return _core.PythonLaw(self.controller)
 
     @contextmanager
-    def running(self, law: _core.Law) -> Iterator[None]:
+    def running(self, law: _core.Law | None) -> Iterator[None]:
         """While the law is called. Raises ControllerError where the callable raised something."""
         try:
             yield
         except Exception as error:
-            if self.is_native or law.failed_at is None:
+            if not isinstance(law, _core.PythonLaw) or law.failed_at is None:
                 raise
             raise ControllerError(f"the controller raised {_told(error)} at t = {law.failed_at:.9g}") from error
-        if not self.is_native and self.reports is None:
+        if isinstance(law, _core.PythonLaw) and self.reports is None:
             self.reports = _channels(law.names)
 
     def record(
@@ -146,7 +153,7 @@ class Outside:
         self,
         scenarios: Sequence[Scenario],
         setups: Sequence[_core.DeviceSetup],
-        params: object,
+        params: _core.MetricsParams,
         threads: int,
         laws: Sequence[Law] | None = None,
     ) -> np.ndarray:

@@ -8,7 +8,7 @@ import struct
 import zlib
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import xarray as xr
@@ -31,7 +31,11 @@ class Plant:
 
     A step is exact for a force that is held over it. Times, forces, positions and velocities are in the units that
     `scenario.run.units` names. The noise is that of `simulate`: under the same forces the motion is the same, bit for
-    bit.
+    bit. Raises TypeError where `scenario` is not one.
+
+    >>> plant = fg.Plant(fg.Scenario.paper())
+    >>> plant.step((0.0, 0.0)).time
+    0.001
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -41,7 +45,11 @@ class Plant:
 
     @property
     def motion(self) -> _core.Motion:
-        """What is measured now: `.time`, `.position` (x, y) and `.velocity` (x, y), NaN where no velocity is sensed."""
+        """What is measured now: `.time`, `.position` (x, y) and `.velocity` (x, y), NaN where no velocity is sensed.
+
+        >>> fg.Plant(fg.Scenario.paper()).motion.position
+        (0.5, 0.5)
+        """
         return self._core.motion
 
     def step(self, force: Sequence[float]) -> _core.Motion:
@@ -49,17 +57,26 @@ class Plant:
 
         device.delay and the actuator come in between. Raises TypeError where the force holds no numbers, ValueError for
         others than two finite ones, and where the motion has diverged.
+
+        >>> plant = fg.Plant(fg.Scenario.paper())
+        >>> plant.step((0.0, 0.0)) == plant.motion
+        True
         """
         # None: something is not a plain finite number, though it may be one of NumPy's.
-        motion = self._core.step(force)
-        return self._core.step(pair("force", force)) if motion is None else motion
+        motion: _core.Motion | None = self._core.step(force)
+        return motion or cast(_core.Motion, self._core.step(pair("force", force)))
 
 
 class Loop:
     """The closed loop of a scenario, run in parts and tuned while it runs.
 
     `controller`: as in `simulate`. It may go on beyond run.duration, the longest time that a fractional memory is
-    accurate for. Samples are recorded at every step, whatever run.record_every is.
+    accurate for. Samples are recorded at every step, whatever run.record_every is. Raises TypeError where `scenario` is
+    not one, and what `simulate` raises of a controller.
+
+    >>> loop = fg.Loop(fg.Scenario.paper())
+    >>> loop.run(1000).sizes["time"], loop.time
+    (1000, 1.0)
     """
 
     def __init__(self, scenario: Scenario, controller: ControllerLike | None = None) -> None:
@@ -69,6 +86,7 @@ class Loop:
         self._outside = None if controller is None else Outside(controller)
         self._device = not is_ideal(scenario)
         setup = core_setup(scenario)
+        self._law: _core.Law | None = None
         if self._outside:
             self._law = self._outside.start(scenario)
             self._core = _core.law_loop(setup, self._law, units(scenario))
@@ -78,7 +96,11 @@ class Loop:
 
     @property
     def time(self) -> float:
-        """Of the coming sample."""
+        """Of the coming sample, in the unit of the run.
+
+        >>> fg.Loop(fg.Scenario.paper()).time
+        0.0
+        """
         return float(self._core.steps * self.scenario.run.step * time_scale(self.scenario))
 
     def run(self, samples: int) -> xr.Dataset:
@@ -86,6 +108,10 @@ class Loop:
 
         Without changes they are those of `simulate`, bit for bit. Raises ValueError where `samples` is less than 1 or
         the record too large, DivergedError where the motion diverges, and what `simulate` raises of a controller.
+
+        >>> scenario = fg.Scenario.paper().replace({"run.duration": 1.0})
+        >>> fg.Loop(scenario).run(1001)["position"].equals(fg.simulate(scenario)["position"])
+        True
         """
         try:
             count = operator.index(samples)
@@ -105,15 +131,24 @@ class Loop:
         return found
 
     def step(self) -> dict[str, Any]:
-        """The coming sample: the variables of `run`, each a number or an array, by name. Raises what `run` does."""
+        """The coming sample: the variables of `run`, each a number or an array, by name. Raises what `run` does.
+
+        >>> fg.Loop(fg.Scenario.paper()).step()["position"].tolist()
+        [0.5, 0.5]
+        """
         found = self.run(1).isel(time=0)
         return {"time": float(found["time"]), **{str(name): values.values[()] for name, values in found.items()}}
 
     def set(self, changes: Mapping[str, Any]) -> None:
-        """Other values of the scenario's fields from the coming sample on, as {"plant.angular_rate": 50.0}.
+        """Other values of the scenario's fields from the coming sample on.
 
         What the controller has learnt stays, and so do its first estimates. Raises ScenarioError where a value is not
         allowed, or a field cannot be set: one that acts only at the start, or that another controller would have.
+
+        >>> loop = fg.Loop(fg.Scenario.paper())
+        >>> loop.set({"plant.angular_rate": 50.0})
+        >>> loop.scenario.plant.angular_rate
+        50.0
         """
         of_kind = numbers(self.scenario.controller.kind)
         settable = {number.path for number in of_kind if number.settable != "at_start" and number.table != "run"}
@@ -133,10 +168,17 @@ class Loop:
         """Everything that changes while running, what was set included.
 
         Assign it to a loop of the same scenario and controller to resume, bit for bit. Raises ValueError where the
-        controller is a Python callable, whose memory is its own.
+        controller is a Python callable, whose memory is its own; assigning raises TypeError or ValueError for what was
+        not saved so, or was damaged since.
+
+        >>> one, other = fg.Loop(fg.Scenario.paper()), fg.Loop(fg.Scenario.paper())
+        >>> first = one.run(100)
+        >>> other.state = one.state
+        >>> one.run(10).equals(other.run(10))
+        True
         """
         self._check_restorable()
-        law = self._law.state if self._outside else []
+        law = self._law.state if isinstance(self._law, _core.NativeLaw) else []
         saved_from = {"scenario": self.scenario.to_toml(), "law": np.array(law, dtype="<f8").tobytes().hex()}
         content = json.dumps(saved_from).encode() + b"\n" + bytes(self._core.state)
         return self._key + CHECKSUM.pack(zlib.crc32(content)) + content
@@ -164,7 +206,7 @@ class Loop:
         except (KeyError, TypeError, ValueError):
             raise damaged from None
         self._core.state = core
-        if self._outside:
+        if isinstance(self._law, _core.NativeLaw):
             self._law.state = law
         self.scenario = scenario
 

@@ -21,7 +21,15 @@ MAX_RECORD = 2 * 10**9  # bytes; a limit that depends on no machine, as its memo
 
 
 class DivergedError(ValueError):
-    """The run left all bounds. `run` holds what was computed until then."""
+    """The run left all bounds. `run` holds what was computed until then.
+
+    >>> try:
+    ...     run = fg.simulate(fg.Scenario.paper().replace({"run.step": 0.05, "disturbance.hold": 0.05}))
+    ... except fg.DivergedError as error:
+    ...     run = error.run
+    >>> run.sizes["time"] < 1600
+    True
+    """
 
     def __init__(self, scenario: Scenario, time: float, run: xr.Dataset) -> None:
         step = scenario.run.step
@@ -42,21 +50,25 @@ def simulate(scenario: Scenario, controller: ControllerLike | None = None) -> xr
     """One closed-loop run.
 
     Returns a Dataset with position, velocity, reference, error, error_rate, control, disturbance and what the
-    controller reports over `time` (and axis, entry or bound), sampled every `scenario.run.record_every` steps, in the
-    units that `scenario.run.units` names. Position, velocity and error are the true ones. With adaptation.kind
-    composite the estimates of D, K and Omega_z are those of its least squares, which the force believes from when
-    rate_trusted is first true; rate_deviation and rate_trusted say how well Omega_z is known; gradient, which does not
-    know, reports neither. `kinds.DEVICE_CHANNELS` are there when [rate] moves or [device] is not the ideal one.
+    controller reports over `time` (and `axis`, `entry` or `bound`), sampled every `scenario.run.record_every` steps, in
+    the units that `scenario.run.units` names. Position, velocity and error are the true ones. With adaptation.kind
+    composite or joint the estimate of the rate comes with its standard deviation, rate_deviation, and the force uses
+    the estimates from when rate_trusted is first true. Where [rate] moves or [device] is not the ideal one, their
+    channels are recorded, too. All variables are listed in docs/reference.md.
+
     `controller`, in the place of the scenario's: a `native.Law`, or a callable that takes a `Sample` and returns the
-    force (ux, uy), two floats. The Sample has time, and the pairs (x, y) position and velocity, as measured (with
-    device.sensing = "position" the velocity is observed), reference, reference_velocity and reference_acceleration; in
-    SI units if run.units is SI. Two methods are optional: reset(scenario), called before a run, and report(), called
-    after each recorded sample, which returns a dict of names to numbers or pairs of numbers. These become variables,
-    in the units of the run; rate_estimate makes the controller a rate sensor. Of the scenario's controller only the
-    force limit and the observer's bandwidth count.
+    force (ux, uy), two floats. Two methods are optional: reset(scenario), called before a run, and report(), called
+    after each recorded sample, which returns a dict of names to numbers or pairs of numbers. These become variables, in
+    the units of the run; rate_estimate makes the controller a rate sensor. Of the scenario's controller only the force
+    limit and the observer's bandwidth count.
+
     Raises DivergedError, which carries the samples until then, when the motion leaves all bounds; ControllerError,
     which names the time, from the exception that a callable raised; ValueError where the controller returns anything
     but two finite numbers or reports other names than before; TypeError where it is neither callable nor a Law.
+
+    >>> run = fg.simulate(fg.Scenario.paper())
+    >>> run["position"].dims, run.sizes["time"]
+    (('time', 'axis'), 80001)
     """
     check_scenario(scenario)
     setup, device = core_setup(scenario), not is_ideal(scenario)
@@ -87,15 +99,21 @@ def simulate_many(
     """Many runs on all processors: the variables of `simulate` with a leading `run` dimension.
 
     With `seeds`: every scenario once with each of these values of disturbance.seed in place of its own; the runs of the
-    first scenario come first, and a coordinate `seed` says which is which.
-    `controller`, in the place of the scenarios' own: as in `simulate`. A `native.Law` runs on all processors, a
-    callable on one, one run after another, each after reset(scenario) if it has that.
+    first scenario come first, and a coordinate `seed` says which is which. `controller`, in the place of the scenarios'
+    own: as in `simulate`. A `native.Law` runs on all processors, a callable on one, one run after another, each after
+    reset(scenario) if it has that. `progress` is called with the number of runs finished since the last call.
+
     All scenarios must share run.duration, run.step, run.record_every and run.units. A run that diverges holds NaN from
     then on, and `diverged_at` says when; it is NaN for the others. What only some controllers report is NaN for the
-    others. `progress` is called with the number of runs finished since the last call.
+    others.
+
     Raises TypeError when `scenarios` is not a list of scenarios or `seeds` no list of integers; ValueError when one of
     them is empty, a seed is given twice or outside 0 to 2^63 - 1, the scenarios do not match, or the record would be
     larger than 2 GB (`measure_many` keeps none); and what `simulate` raises of a controller.
+
+    >>> scenario = fg.Scenario.paper().replace({"run.duration": 2.0})
+    >>> fg.simulate_many([scenario], seeds=range(4))["position"].shape
+    (4, 2001, 2)
     """
     times = check_many(scenarios, seeds)
     _check_alike(scenarios)

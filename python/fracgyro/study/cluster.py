@@ -10,6 +10,7 @@ from importlib.metadata import version
 from itertools import islice
 from typing import Any, Generic, Protocol, TypeVar
 
+from ..extras import needs
 from ..files import reason
 from ..scenario.table import shown
 
@@ -36,10 +37,8 @@ PATIENCE = 6  # s, for an answer, for the scheduler and for a first worker
 @contextmanager
 def connected(address: str) -> Iterator[Any]:
     """A Dask client. Raises ValueError in one sentence when the cluster cannot be reached or has no worker."""
-    try:
+    with needs("cluster"):
         from distributed import Client
-    except ImportError:
-        raise ValueError("--scheduler needs Dask: install it with pip install 'fracgyro[cluster]'") from None
     place = f"scheduler is {shown(address)}"
     try:
         with ThreadPoolExecutor(1) as thread:  # where no event loop runs

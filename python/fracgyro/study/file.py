@@ -7,27 +7,37 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import BaseModel, ValidationError, WithJsonSchema
 
+from ..analysis.metric_names import METRICS
 from ..analysis.metrics import ERROR_BOUND, RATE_TOLERANCE, SURFACE_BOUND, TRANSIENT
 from ..scenario import Scenario, ScenarioError
 from ..scenario.sentences import explained
-from ..scenario.table import Table, sentence, shown
+from ..scenario.table import Table, field, sentence, shown
 from ..scenario.toml import read_tables, read_text
 from .controller import is_parameter
 from .space import MAX_POINTS, flat
 
 Model = TypeVar("Model", bound=BaseModel)
+# What both kinds of files have.
+TITLE = "Of the summary and the report."
+SCENARIO = 'What is studied: "paper", "paper-printed", or a scenario file, relative to this one.'
+FIXED = "Fields of the scenario with other values, by their dotted names."
+VARY = "Fields of the scenario that vary, by their dotted names, or law.NAME: each a list of values, or a range."
 BASES: dict[str, Literal["corrected", "printed"]] = {"paper": "corrected", "paper-printed": "printed"}
 
 
 class Thresholds(Table):
-    """Of the metrics, nondimensional: see `fracgyro.metrics.summary`."""
+    """Thresholds of the metrics, nondimensional."""
 
-    transient: float = Field(default=TRANSIENT, gt=0)
-    error_bound: float = Field(default=ERROR_BOUND, gt=0)
-    surface_bound: float = Field(default=SURFACE_BOUND, gt=0)
-    rate_tolerance: float = Field(default=RATE_TOLERANCE, gt=0)
+    transient: float = field(TRANSIENT, "End of the transient and start of what is steady.", unit="1/omega0", gt=0)
+    error_bound: float = field(ERROR_BOUND, "Of error_settling_time: the bound of the error.", unit="q0", gt=0)
+    surface_bound: float = field(
+        SURFACE_BOUND, "Of surface_settling_time: the bound of the surface.", unit="q0*omega0", gt=0
+    )
+    rate_tolerance: float = field(
+        RATE_TOLERANCE, "Of rate_settling_time: the bound of the rate error, relative to the rate.", gt=0
+    )
 
 
 def seeds_of(value: Any) -> Any:
@@ -43,6 +53,17 @@ def seeds_of(value: Any) -> Any:
     return value
 
 
+METRIC = WithJsonSchema({"enum": list(METRICS)})
+SEEDS = WithJsonSchema(
+    {
+        "anyOf": [
+            {"type": "integer", "minimum": 1, "maximum": MAX_POINTS},
+            {"type": "array", "items": {"type": "integer", "minimum": 0}, "minItems": 1, "uniqueItems": True},
+        ]
+    }
+)
+
+
 def load_study(path: str | os.PathLike[str], model: type[Model]) -> Model:
     """The TOML file as an instance of `model`. Raises ScenarioError in one sentence when it is not one."""
     tables = read_tables(read_text(path), str(path))
@@ -56,13 +77,13 @@ def base_scenario(name: str, folder: Path, fixed: Mapping[str, Any]) -> Scenario
     """ "paper" (corrected), "paper-printed" or a file, relative to `folder`; then with the changes `fixed`."""
     base = Scenario.paper(BASES[name]) if name in BASES else Scenario.load(folder / name)
     changes = flat(fixed)
-    for field in filter(is_parameter, changes):
-        raise ScenarioError(f"{field} is in [fixed]: it must be set in the controller that the study is given")
+    for name in filter(is_parameter, changes):
+        raise ScenarioError(f"{name} is in [fixed]: it must be set in the controller that the study is given")
     return base.replace(changes)
 
 
 def refuse_both(fixed: Mapping[str, Any], vary: Mapping[str, Any]) -> None:
     """Raises ScenarioError when a field stands under both."""
-    for field in flat(fixed):
-        if field in flat(vary):
-            raise ScenarioError(f"{field} is in [fixed] and in [vary]: it must be in one of them")
+    for name in flat(fixed):
+        if name in flat(vary):
+            raise ScenarioError(f"{name} is in [fixed] and in [vary]: it must be in one of them")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
 from .. import _core
@@ -16,6 +16,7 @@ from ..arguments import number
 from ..scenario import Scenario, ScenarioError
 from ..scenario.sentences import explained, paths, unknown
 from ..scenario.table import Table, shown
+from ..scenario.table import field as described
 from ..simulation.outside import ControllerLike
 from .controller import check_read, is_parameter, parameter
 
@@ -57,13 +58,17 @@ class Dimension:
 
 
 class Range(Table):
-    """low to high, or relative: the base scenario's value, more or less by this fraction of it."""
+    """A range: low to high, or relative to the base scenario's value."""
 
-    low: float | None = None
-    high: float | None = None
-    relative: float | None = Field(None, gt=0)
-    scale: Literal["linear", "log"] = "linear"
-    steps: int | None = Field(None, ge=2, le=MAX_POINTS)
+    low: float | None = described(None, "Its least value; with high.")
+    high: float | None = described(None, "Its greatest value; with low.")
+    relative: float | None = described(
+        None, "In the place of low and high: the base scenario's value, more or less by this fraction of it.", gt=0
+    )
+    scale: Literal["linear", "log"] = described("linear", "How values are spaced or drawn; log: low > 0.")
+    steps: int | None = described(
+        None, "Of a grid or a list: how many values, ends included; left out elsewhere.", ge=2, le=MAX_POINTS
+    )
 
 
 def read_space(

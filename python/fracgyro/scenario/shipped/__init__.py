@@ -34,7 +34,14 @@ def shipped_text(name: str) -> str:
 
 
 def shipped(name: str) -> Scenario:
-    """A shipped scenario. Raises ScenarioError when there is none of this name."""
+    """A device from the literature, or the paper's with what hardware needs, as `fracgyro scenario --list` names them.
+
+    Raises ScenarioError when there is none of this name.
+
+    >>> from fracgyro.scenario.shipped import shipped
+    >>> shipped("dual_mass").device.sensing
+    'position'
+    """
     return Scenario.from_toml(shipped_text(name), source=name)
 
 

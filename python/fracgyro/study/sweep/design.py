@@ -11,15 +11,28 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator
 
 from ...analysis.metric_names import METRICS, metric_hint
 from ...scenario import Scenario, ScenarioError
 from ...scenario.table import Table, sentence, shown
+from ...scenario.table import field as described
 from ...scenario.toml import read_text
 from ...simulation.outside import ControllerLike
 from ..controller import fields_of_scenario
-from ..file import Thresholds, base_scenario, load_study, refuse_both, seeds_of
+from ..file import (
+    FIXED,
+    METRIC,
+    SCENARIO,
+    SEEDS,
+    TITLE,
+    VARY,
+    Thresholds,
+    base_scenario,
+    load_study,
+    refuse_both,
+    seeds_of,
+)
 from ..space import MAX_POINTS, Dimension, read_space
 
 SHOWN = ("rmse_steady_x", "rmse_steady_y", "error_settling_time", "rate_error_rms")
@@ -33,24 +46,32 @@ def _show(value: Any) -> Any:
 
 
 class Design(Table):
-    """How the points are chosen. grid: every combination; list: the lists side by side, row by row."""
+    """How the points are chosen."""
 
-    kind: Literal["grid", "list", "random", "latin_hypercube", "sobol"] = "grid"
-    points: int | None = Field(default=None, ge=1, le=MAX_POINTS)
-    seed: int = Field(default=0, ge=0)
+    kind: Literal["grid", "list", "random", "latin_hypercube", "sobol"] = described(
+        "grid", "grid: every combination; list: the lists side by side, row by row; else drawn from the ranges."
+    )
+    points: int | None = described(
+        None, "How many are drawn; a power of 2 for sobol. Of grid and list left out.", ge=1, le=MAX_POINTS
+    )
+    seed: int = described(0, "Of what is drawn.", ge=0)
 
 
 class Study(Table):
-    """A study file."""
+    """A study file for `fracgyro sweep`."""
 
-    title: str = ""
-    scenario: str = "paper"
-    seeds: Annotated[list[int] | None, BeforeValidator(seeds_of)] = None
-    fixed: dict[str, Any] = Field(default={})
-    vary: dict[str, Any] = Field(default={})
+    title: str = described("", TITLE)
+    scenario: str = described("paper", SCENARIO)
+    seeds: Annotated[list[int] | None, BeforeValidator(seeds_of), SEEDS] = described(
+        None, "Noise seeds that every point runs with: a list, or their number. Left out: the scenario's own."
+    )
+    fixed: dict[str, Any] = described({}, FIXED)
+    vary: dict[str, Any] = described({}, VARY)
     design: Design = Design()
     metrics: Thresholds = Thresholds()
-    show: Annotated[list[str], BeforeValidator(_show), Field(min_length=1)] = Field(default=list(SHOWN))
+    show: Annotated[list[Annotated[str, METRIC]], BeforeValidator(_show)] = described(
+        list(SHOWN), "Names of the metrics that the summary shows.", min_length=1
+    )
 
 
 @dataclass

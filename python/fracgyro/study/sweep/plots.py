@@ -57,7 +57,7 @@ def effects_chart(metric: str, effects: Sequence[Effect]) -> str:
         if log:
             panels[0].set_yscale("log")
         figure.supylabel(label(metric, power), fontsize=8)
-        return embedded(figure)
+        return embedded(figure, f"{METRICS[metric][0]} along every field")
 
 
 def heat_map(metric: str, cells: Cells, limits: tuple[float, float]) -> str:
@@ -90,7 +90,7 @@ def heat_map(metric: str, cells: Cells, limits: tuple[float, float]) -> str:
         else:
             bar = figure.colorbar(drawn, ax=panel)
         bar.set_label(label(metric, power))
-        return embedded(figure)
+        return embedded(figure, f"{METRICS[metric][0]} over {cells.across.field} and {cells.up.field}")
 
 
 def correlation_chart(metrics: Sequence[str], fields: Sequence[str], values: NDArray[np.float64]) -> str:
@@ -108,7 +108,7 @@ def correlation_chart(metrics: Sequence[str], fields: Sequence[str], values: NDA
         panel.tick_params(length=0)
         panel.invert_yaxis()
         figure.colorbar(drawn, ax=panel).set_label("rank correlation")
-        return embedded(figure)
+        return embedded(figure, "Rank correlations of metrics and fields")
 
 
 def _draw_effect(panel: Axes, effect: Effect, unit: float) -> None:

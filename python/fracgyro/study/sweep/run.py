@@ -25,10 +25,10 @@ from .summary import write_summary
 class Sweep:
     """Where the rows and their summary are, and what it took."""
 
-    data: Path
+    data: Path  #: folder of Parquet files
     summary: Path
     runs: int
-    resumed: int  # of the runs: found finished
+    resumed: int  #: of the runs: found finished
     diverged: int
     seconds: float
 
@@ -42,7 +42,25 @@ def sweep(
     scheduler: str | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> Sweep:
-    """See `fracgyro.study.sweep`."""
+    """Every run of the study file, as Parquet in the folder `out`/runs, and `out`/summary.html.
+
+    The rows are the same whatever the processors, the interruptions and their order. `controller`, in the place of the
+    scenarios' own: as in `fracgyro.simulate`. Parameters of a native.Law may vary in the study, as `law.NAME`.
+    study.json says which controller it was: its name, its parameters, and the hash of its code, of what it takes from
+    its own package and of its attributes, or of the library that a C function lies in. `resume`: finish what lies in
+    `out`, with the same controller. `scheduler`: the address of a Dask cluster to run on, without a controller; left
+    out, this machine. `progress` is called with (runs finished, all runs).
+
+    Raises ValueError in one sentence: a bad study, before anything runs; an `out` that is in use, or holds another
+    study or one of another controller; a cluster that cannot be reached or keeps failing; and what `simulate` raises of
+    a controller.
+
+    >>> with open("orders.toml", "w") as file:
+    ...     print("fixed.run.duration = 12.0", file=file)
+    ...     print("vary.controller.order = [0.8, 0.9]", file=file)
+    >>> fg.study.sweep("orders.toml", "orders").runs
+    2
+    """
     begin = time.perf_counter()
     if controller is not None and scheduler is not None:
         raise ValueError(

@@ -9,17 +9,21 @@ from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, model_validator
+from pydantic import AfterValidator, ConfigDict, WithJsonSchema, model_validator
 
 from ...analysis.metric_names import METRICS, metric_hint
 from ...scenario import Scenario
-from ...scenario.table import Table, sentence, shown
+from ...scenario.table import Table, field, sentence, shown
 from ...simulation.measure import measure_many
 from ...simulation.native import Law
 from ...simulation.outside import ControllerLike
+from ..file import METRIC
 
 Values = NDArray[np.float64]
 STATISTICS: dict[str, Callable[[Values], Any]] = {"mean": np.mean, "median": np.median, "max": np.max}
+
+
+STATISTIC = WithJsonSchema({"type": "string", "pattern": rf"^({'|'.join(STATISTICS)}|quantile [^a-df-zA-DF-Z]+)$"})
 
 
 def _metric(name: str) -> str:
@@ -49,8 +53,10 @@ def _quantile(text: str) -> float | None:
 class Objective(Table):
     """A statistic of a metric over the seeds, the smaller the better. Of signed metrics the magnitude counts."""
 
-    metric: Annotated[str, AfterValidator(_metric)]
-    statistic: Annotated[str, AfterValidator(_statistic)] = "mean"
+    metric: Annotated[str, AfterValidator(_metric), METRIC] = field(..., "Name of a metric, as rmse_steady_x.")
+    statistic: Annotated[str, AfterValidator(_statistic), STATISTIC] = field(
+        "mean", 'Over the seeds: mean, median, max, or a quantile, as "quantile 0.95".'
+    )
 
     @property
     def label(self) -> str:
@@ -68,8 +74,12 @@ class Objective(Table):
 class Constraint(Objective):
     """An objective that must only stay within a limit: a number, or a multiple of the base scenario's own value."""
 
-    at_most: float | None = None
-    at_most_base: float | None = None
+    model_config = ConfigDict(
+        json_schema_extra={"oneOf": [{"required": [limit]} for limit in ("at_most", "at_most_base")]}
+    )
+
+    at_most: float | None = field(None, "The limit of the statistic; exactly one of this and at_most_base is given.")
+    at_most_base: float | None = field(None, "The limit as a multiple of the base scenario's own value.")
 
     @model_validator(mode="after")
     def _check(self) -> Self:

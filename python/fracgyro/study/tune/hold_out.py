@@ -33,8 +33,8 @@ class Objected:
     searched: float
     base: float
     tuned: float
-    difference: Mean  # tuned - base on the held-out seeds, paired by seed
-    verdict: Literal["confirmed", "refuted", "undecided"]  # is it less than the base's? By the interval
+    difference: Mean  #: tuned - base on the held-out seeds, paired by seed
+    verdict: Literal["confirmed", "refuted", "undecided"]  #: is it less than the base's? By the interval
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Compared:
     tuned: float
     never_base: int
     never_tuned: int
-    difference: Mean | None  # paired, over the seeds in which both came about; None when there are fewer than two
+    difference: Mean | None  #: paired, over the seeds in which both came about; None when there are fewer than two
 
     @property
     def neutral(self) -> bool:
@@ -80,7 +80,7 @@ class Compared:
 
 @dataclass(frozen=True)
 class HoldOut:
-    """All of it."""
+    """A tuned scenario and its base, on seeds that the search did not see."""
 
     objectives: list[Objected]
     constraints: list[Constrained]

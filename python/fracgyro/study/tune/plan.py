@@ -17,11 +17,23 @@ from pydantic import BeforeValidator, Field
 from ...files import one_line
 from ...scenario import Scenario, ScenarioError
 from ...scenario.table import Table, shown
+from ...scenario.table import field as described
 from ...scenario.toml import read_text
 from ...simulation.native import Law
 from ...simulation.outside import ControllerLike
 from ..controller import fields_of_scenario, of_each, recorded
-from ..file import Thresholds, base_scenario, load_study, refuse_both, seeds_of
+from ..file import (
+    FIXED,
+    SCENARIO,
+    SEEDS,
+    TITLE,
+    VARY,
+    Thresholds,
+    base_scenario,
+    load_study,
+    refuse_both,
+    seeds_of,
+)
 from ..folder import digest
 from ..space import MAX_POINTS, Dimension, read_space, value_of
 from .criteria import Constraint, Measured, Objective, measure
@@ -32,24 +44,36 @@ DIGITS = 4  # significant ones of a tuned value: nobody sets a gain more finely
 class Tune(Table):
     """How the search goes."""
 
-    sampler: Literal["tpe", "cmaes", "nsga2"] = "tpe"
-    trials: int = Field(default=400, ge=1, le=MAX_POINTS)
-    seed: int = Field(default=1, ge=0)
-    batch: int | None = Field(
-        default=None, ge=2, le=MAX_POINTS
-    )  # trials proposed together; the population of cmaes and nsga2
-    held_out_seeds: int = Field(default=200, ge=2, le=MAX_POINTS)
-    storage: str | None = None  # address for SQLAlchemy
+    sampler: Literal["tpe", "cmaes", "nsga2"] = described(
+        "tpe", "Optuna's; cmaes: for one objective and ranges only; nsga2: for several objectives."
+    )
+    trials: int = described(400, "How many.", ge=1, le=MAX_POINTS)
+    seed: int = described(1, "Of the sampler.", ge=0)
+    batch: int | None = described(
+        None,
+        "Trials proposed together, the population of cmaes and nsga2. Left out: 1 for tpe, 32 for nsga2, Hansen's for "
+        "cmaes.",
+        ge=2,
+        le=MAX_POINTS,
+    )
+    held_out_seeds: int = described(
+        200, "Noise seeds, after the greatest of seeds, that judge what was chosen.", ge=2, le=MAX_POINTS
+    )
+    storage: str | None = described(
+        None, "Address of a database, as SQLAlchemy has it, that keeps the trials. Left out: study.db in the folder."
+    )
 
 
 class TuningFile(Table):
     """A study file for `fracgyro tune`."""
 
-    title: str = ""
-    scenario: str = "paper"
-    seeds: Annotated[list[int], BeforeValidator(seeds_of)] = Field(default=list(range(8)))
-    fixed: dict[str, Any] = Field(default={})
-    vary: dict[str, Any] = Field(default={})
+    title: str = described("", TITLE)
+    scenario: str = described("paper", SCENARIO)
+    seeds: Annotated[list[int], BeforeValidator(seeds_of), SEEDS] = described(
+        list(range(8)), "Noise seeds that every trial runs with: a list, or their number."
+    )
+    fixed: dict[str, Any] = described({}, FIXED)
+    vary: dict[str, Any] = described({}, VARY)
     metrics: Thresholds = Thresholds()
     tune: Tune = Tune()
     objective: list[Objective] = Field(min_length=1)

@@ -9,7 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from ...analysis.html import embedded, page
-from ...analysis.style import DPI, own_style
+from ...analysis.style import DPI, own_style, svg
 from ...files import one_line, whole_file
 from ...scenario import Scenario
 from ...scenario.table import toml_value
@@ -101,6 +101,9 @@ def _base(plan: Plan, field: str) -> str:
     return toml_value(value_of(field, plan.base, plan.controller))
 
 
+PARETO = "Pairs of objectives over those of the base scenario"
+
+
 def write_report(result: Result, folder: Path) -> None:
     """tune.html, which needs nothing but itself, and with several objectives pareto.svg and pareto.png."""
     plan, file = result.plan, result.plan.file
@@ -111,9 +114,12 @@ def write_report(result: Result, folder: Path) -> None:
             figure = pareto_figure(file.objective, result.base, result.trials, result.members, result.chosen)
             for kind in ("svg", "png"):
                 with whole_file(folder / f"pareto.{kind}") as scratch:
-                    figure.savefig(scratch, dpi=DPI, metadata={"Date": None} if kind == "svg" else None)
+                    if kind == "svg":
+                        scratch.write_text(svg(figure, PARETO), encoding="utf-8", newline="\n")
+                    else:
+                        figure.savefig(scratch, dpi=DPI)
             pareto = embedded((folder / "pareto.svg").read_bytes())
-        drawn = embedded(history)
+        drawn = embedded(history, "Objectives by trial")
     text = page(
         "fracgyro.study.tune",
         "report.html.jinja",

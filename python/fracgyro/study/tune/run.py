@@ -25,16 +25,16 @@ DATABASE = "study.db"
 
 @dataclass(frozen=True)
 class Tuned:
-    """Where the tuned scenario and the report are, and what they say; with `controller`, if the study was given one."""
+    """Where the tuned scenario and the report are, and what they say."""
 
     scenario: Path
     report: Path
     trials: int
     feasible: int
-    trial: int  # the chosen one
+    trial: int  #: the chosen one
     held_out: HoldOut
     seconds: float
-    controller: ControllerLike | None  # a law with its tuned parameters
+    controller: ControllerLike | None  #: a law with its tuned parameters
 
 
 def tune(
@@ -45,7 +45,28 @@ def tune(
     resume: bool = False,
     progress: Callable[[float, float, str], object] | None = None,
 ) -> Tuned:
-    """See `fracgyro.study.tune`."""
+    """Searches as the study file says, and compares what it chose with the base scenario on held-out seeds.
+
+    Writes tuned.toml, tune.html, trials.csv and, of several objectives, pareto.csv, pareto.svg and pareto.png into the
+    folder `out`. The trials are kept in `out`/study.db or in the study's storage as they are finished. `controller`: as
+    in `sweep`; the result has it, with the parameters that were chosen. `resume`: go on with the study that `out`
+    holds, up to the file's number of trials. `progress` is called with (runs finished, all runs, what is being done).
+    On one machine the result depends only on the study file and the controller, not on interruptions or the number of
+    processors.
+
+    Raises ValueError in one sentence: a bad study, before anything runs; an `out` that is in use or holds another study
+    or one of another controller; a storage that cannot be used; no trial that keeps every constraint; and what
+    `simulate` raises of a controller.
+
+    >>> with open("gains.toml", "w") as file:
+    ...     print("seeds = 2", file=file)
+    ...     print("fixed.run.duration = 12.0", file=file)
+    ...     print("vary.controller.fractional_gain = { low = 5.0, high = 20.0 }", file=file)
+    ...     print("tune = { trials = 4, held_out_seeds = 2 }", file=file)
+    ...     print('objective = [{ metric = "rmse_steady_x" }]', file=file)
+    >>> fg.study.tune("gains.toml", "gains").trials
+    4
+    """
     begin = time.perf_counter()
     plan = read_tuning(study, controller)
     folder = claim(Path(out), plan.parts(), {"study": plan.text}, resume=resume)

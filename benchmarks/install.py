@@ -1,0 +1,91 @@
+"""Installs the wheel with each extra into an empty environment; writes benchmarks/results/install.md.
+
+    make wheel && python benchmarks/install.py [--wheel FILE]
+
+How many distributions and megabytes that makes, pip left out, and how long `import fracgyro` takes there: the median of
+new processes, and of a first simulation of one step.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from machine import command, machine, write
+
+ROOT = Path(__file__).resolve().parent.parent
+EXTRAS = ("", "netcdf", "report", "rate", "study", "export", "cluster", "interop", "all")
+REPEATS = 7
+IMPORT = "import fracgyro"
+FIRST = "import fracgyro as fg; fg.simulate(fg.Scenario.paper().replace({'run.duration': 1e-3}))"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--wheel", type=Path, help="the one in dist/ if left out")
+    wheel = parser.parse_args().wheel or _only(sorted((ROOT / "dist").glob("*.whl")))
+    rows = [_row(wheel, extra) for extra in EXTRAS]
+    imported, first = rows[0][1]
+    write(
+        "install",
+        [
+            "# What an installation brings",
+            "",
+            f"Made by `{command()}`: the wheel installed into an empty environment, pip left out.",
+            "",
+            f"Machine: {machine()}.",
+            "",
+            "| extra | distributions | MB |",
+            "|---|---|---|",
+            *(row for row, _ in rows),
+            "",
+            f"Without extras, `import fracgyro` takes {imported:.2f} s, with a first simulation {first:.2f} s. "
+            "Python's own start is left out. Medians of new processes, compiled files in place.",
+        ],
+    )
+
+
+def _only(found: list[Path]) -> Path:
+    if len(found) != 1:
+        raise SystemExit(f"dist/ has {len(found)} wheels: it must have one, which `make wheel` makes")
+    return found[0]
+
+
+def _row(wheel: Path, extra: str) -> tuple[str, tuple[float, float]]:
+    with tempfile.TemporaryDirectory() as name:
+        room = Path(name) / "venv"
+        subprocess.run([sys.executable, "-m", "venv", room], check=True)
+        before = _size(room)
+        what = f"{wheel}[{extra}]" if extra else str(wheel)
+        pip = [room / "bin/python", "-m", "pip", "--disable-pip-version-check"]
+        subprocess.run([*pip, "install", "--quiet", what], check=True)
+        listed = subprocess.run([*pip, "list", "--format=freeze"], check=True, capture_output=True, text=True).stdout
+        count = sum(not line.startswith(("pip=", "setuptools=")) for line in listed.splitlines())
+        row = f"| {extra or 'none'} | {count} | {_size(room) - before:.0f} |"
+        took = (_seconds(room, IMPORT), _seconds(room, FIRST)) if not extra else (0.0, 0.0)
+        return row, took
+
+
+def _size(folder: Path) -> float:
+    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file() and not path.is_symlink()) / 1e6
+
+
+def _seconds(room: Path, code: str) -> float:
+    """Beyond an empty program's."""
+
+    def once(what: str) -> float:
+        begin = time.perf_counter()
+        subprocess.run([room / "bin/python", "-c", what], check=True)
+        return time.perf_counter() - begin
+
+    once(code)
+    return statistics.median(once(code) - once("") for _ in range(REPEATS))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,160 @@
+"""The live page: bytes, and frames while it plays; writes benchmarks/results/live.md. `--pictures DIR`: every preset.
+
+With `--readme` it makes docs/live.png only.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gzip
+import statistics
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import BytesIO
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from fracgyro.export.live import FACE, bundled, packed, write_page
+from fracgyro.export.web import build
+from machine import machine, write
+from PIL import Image
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "tests/python"))
+from browser import chromium, served  # noqa: E402
+
+PICTURE = ROOT / "docs/live.png"
+ENDS = ("#plots", ".plot.timed")  # from the one to the other
+SECONDS = 6
+SPEED = 40  # units of time a second
+FRAMES = f"""
+new Promise((resolve) => {{
+  const times = [];
+  const clock = () => parseFloat(document.getElementById("clock").textContent.slice(4));
+  const begin = clock();
+  const next = (now) => {{
+    times.push(now);
+    if (now - times[0] < {1000 * SECONDS}) {{
+      requestAnimationFrame(next);
+    }} else {{
+      resolve({{ times, units: clock() - begin }});
+    }}
+  }};
+  requestAnimationFrame(next);
+}})
+"""
+SETTINGS = {
+    "two runs, the time of 20 units shown": "",
+    "80 units shown": "&window=80",
+    "two runs with the Kalman filter, from noisy positions": "&a=joint&b=lqg&sensors=positions",
+    "one run": "&b=none",
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--pictures", type=Path, metavar="DIR")
+    parser.add_argument("--readme", action="store_true")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name, chromium() as browser:
+        folder = Path(name)
+        build(folder)
+        write_page(folder / "live", folder / "fracgyro.wasm")
+        with served(folder / "live") as address:
+            if options.pictures:
+                draw_presets(browser, address, options.pictures)
+            elif options.readme:
+                draw(browser, address, PICTURE)
+            else:
+                log(browser, address, folder)
+
+
+def log(browser: Any, address: str, folder: Path) -> None:
+    rows = [row(browser, address, what, hash) for what, hash in SETTINGS.items()]
+    page = (folder / "live/index.html").read_bytes()
+    parts = {
+        "module, packed": len(packed((folder / "fracgyro.wasm").read_bytes())),
+        "scripts of the page": len(bundled(FACE / "live/live.mjs").encode()),
+        "scripts of the worker": len(bundled(FACE / "live/worker.mjs").encode()),
+        "style": (FACE / "live/live.css").stat().st_size,
+    }
+    parts["text, and data of every law"] = len(page) - sum(parts.values())
+    lines = [
+        "# The live page",
+        "",
+        "Made by `python benchmarks/live.py`.",
+        "",
+        f"Machine: {machine('ziglang', 'playwright')}; "
+        f"Chromium {browser.version}, headless, without a GPU, at 1280 × 800.",
+        "",
+        f"Frames over {SECONDS} s, of the preset that the page begins with, playing {SPEED} units of time a second:",
+        "",
+        "| | median, ms | 95 %, ms | longest, ms | units simulated a second |",
+        "|---|---|---|---|---|",
+        *rows,
+        "",
+        "Bytes:",
+        "",
+        "| | bytes |",
+        "|---|---|",
+        *(f"| {what} | {count:,} |" for what, count in parts.items()),
+        f"| **index.html**, all that is loaded | **{len(page):,}** |",
+        f"| the same as a server compresses it | {len(gzip.compress(page, mtime=0)):,} |",
+    ]
+    write("live", lines)
+
+
+def row(browser: Any, address: str, what: str, hash: str) -> str:
+    with opened(browser, address, f"#follow&speed={SPEED}{hash}") as page:
+        page.wait_for_timeout(2000)
+        found = page.evaluate(FRAMES)
+        times = found["times"]
+        frames = [after - before for before, after in pairwise(times)]
+        last = statistics.quantiles(frames, n=20)[-1]
+        rate = found["units"] / (times[-1] - times[0]) * 1e3
+        return f"| {what} | {statistics.median(frames):.1f} | {last:.1f} | {max(frames):.1f} | {rate:.1f} |"
+
+
+@contextmanager
+def opened(browser: Any, address: str, hash: str, **options: Any) -> Iterator[Any]:
+    page = browser.new_page(**{"viewport": {"width": 1280, "height": 800}, **options})
+    page.goto(address + hash)
+    page.wait_for_function("document.getElementById('clock').textContent !== ''")
+    yield page
+    page.close()
+
+
+def draw_presets(browser: Any, address: str, folder: Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    with opened(browser, address, "") as page:
+        keys = page.evaluate("[...document.querySelectorAll('#presets a')].map((link) => link.hash)")
+    for key in keys:
+        for scheme in ("light", "dark"):
+            for width in (360, 1280):
+                options = {"color_scheme": scheme, "viewport": {"width": width, "height": 800}}
+                with opened(browser, address, key, **options) as page:
+                    page.wait_for_timeout(6000)
+                    page.keyboard.press(" ")
+                    page.screenshot(path=folder / f"{key[1:]}-{width}-{scheme}.png", full_page=True)
+
+
+def draw(browser: Any, address: str, path: Path) -> None:
+    """The first preset, with the rate reversed after 5 units of time."""
+    clock = "document.getElementById('clock').textContent"
+    with opened(browser, address, "#follow&speed=20", viewport={"width": 1100, "height": 1000}) as page:
+        for until, act in ((5, "#rate-reverse"), (16, "#play")):
+            page.wait_for_function(f"parseFloat({clock}.slice(4)) >= {until}")
+            page.click(act)
+        page.wait_for_function(f"{clock}.includes('paused')")
+        page.mouse.move(0, 0)
+        page.wait_for_timeout(200)
+        top, bottom = (page.evaluate(f"document.querySelector('{of}').getBoundingClientRect().top") for of in ENDS)
+        shot = page.screenshot(clip={"x": 0, "y": top - 8, "width": 1100, "height": bottom - top})
+    Image.open(BytesIO(shot)).convert("RGB").quantize(48).save(path, optimize=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,82 @@
+# What nanobind.stubgen cannot know of the compiled module, or would write of this machine.
+fracgyro._core.__prefix__:
+    \from typing import Any, NamedTuple
+    _Vector = tuple[float, float]
+    class Motion(NamedTuple):
+        """The motion that is measured at a sample."""
+        time: float
+        position: _Vector
+        velocity: _Vector
+    class Sample:
+        """What a controller is given at one sample: floats and pairs of floats, in SI units if run.units is SI."""
+        @property
+        def time(self) -> float: ...
+        @property
+        def position(self) -> _Vector: ...
+        @property
+        def velocity(self) -> _Vector: ...
+        @property
+        def reference(self) -> _Vector: ...
+        @property
+        def reference_velocity(self) -> _Vector: ...
+        @property
+        def reference_acceleration(self) -> _Vector: ...
+
+fracgyro._core.compiler:
+    compiler: str
+
+fracgyro._core.design_kernel:
+    def design_kernel(order: float, shortest: float, longest: float, tolerance: float) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64], float]: ...
+
+fracgyro._core.kernel$:
+    def kernel(times: NDArray[Any], order: float) -> NDArray[numpy.float64]: ...
+
+fracgyro._core.(controller_kinds|controller_meanings|metric_names):
+    \1: list[str]
+
+fracgyro._core.(loop_channels|device_channels):
+    \1: tuple[tuple[str, int, str, str, str, bool], ...]
+
+fracgyro._core.fields_of_kind:
+    def fields_of_kind(kind: int) -> list[dict[str, Any]]:
+        \doc
+
+fracgyro._core.reports_of_kind:
+    def reports_of_kind(kind: int) -> list[tuple[tuple[str, int, str, str, str, bool], ...]]:
+        \doc
+
+fracgyro._core.PythonLaw.failed_at:
+    @property
+    def failed_at(self) -> float | None: ...
+
+fracgyro._core.PythonLaw.names:
+    @property
+    def names(self) -> list[tuple[str, int]]: ...
+
+fracgyro._core.record_laws:
+    def record_laws(setups: Sequence[DeviceSetup], laws: Sequence[Law], units: Sequence[Units], every: int, device: bool, native: bool, threads: int) -> list[tuple[NDArray[numpy.float64], int | None]]:
+        \doc
+
+fracgyro._core.law_rate_means:
+    def law_rate_means(setups: Sequence[DeviceSetup], laws: Sequence[Law], units: Sequence[Units], every: int, block: int, native: bool, threads: int) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]:
+        \doc
+
+fracgyro._core.chosen_type:
+    def chosen_type(setup: Setup) -> tuple[int, int]:
+        \doc
+
+fracgyro._core.Controller.checked_step:
+    def checked_step(self, step: float, units: Units, time: object, position: object, velocity: object) -> Any: ...
+
+fracgyro._core.record_runs:
+    def record_runs(setups: Sequence[DeviceSetup], every: int, threads: int, device: bool = False) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]: ...
+
+fracgyro._core.rate_means:
+    def rate_means(setups: Sequence[DeviceSetup], every: int, block: int, threads: int, device: bool) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]: ...
+
+fracgyro._core.Gyroscope.motion:
+    @property
+    def motion(self) -> Motion: ...
+
+fracgyro._core.Gyroscope.step:
+    def step(self, force: object) -> Any: ...

@@ -1,0 +1,754 @@
+// The page: what is played, what is drawn, and what the controls do.
+import { CHANNELS, place } from "./channels.mjs";
+import { element, selectField, settingField, sliderField } from "./controls.mjs";
+import { History } from "./history.mjs";
+import { Plot } from "./plot.mjs";
+import { presets } from "./presets.mjs";
+import { Scene, figureOf } from "./scene.mjs";
+import {
+  NO_LAW,
+  RUNS,
+  WINDOWS,
+  fromHash,
+  isOffered,
+  isShared,
+  kindOf,
+  scenarioOf,
+  settingNames,
+  stateOf,
+  tableOf,
+  toCommand,
+  toHash,
+  toToml,
+} from "./state.mjs";
+
+const BIN = 0.01; // of what is kept for the plots, units of time
+const TAP = 20; // what a tap adds to the velocity
+const SPOKEN_EVERY = 2000; // ms
+const SHOWN_EVERY = 100; // numbers, ms
+const LONGEST_FRAME = 0.05; // s; where frames take longer, time slows down
+
+const $ = (id) => document.getElementById(id);
+const still = matchMedia("(prefers-reduced-motion: reduce)");
+
+let data, state, theme;
+let history = new History(0, 1, 1);
+let scenarios = [];
+let points = []; // the channels of each run's last sample
+let ended = []; // when each run diverged, or null
+let playing = false;
+let busy = false; // the worker has been asked for samples
+let owed = 0; // samples that time has passed for
+let sample = 0; // the coming one
+let started = 0; // how often: what was asked for before is void
+let cursor = null;
+let figure = [];
+let dirty = true;
+
+// -- The worker
+
+const waiting = new Map();
+let asked = 0;
+let worker;
+
+function startWorker() {
+  const source = new Blob([$("worker").textContent], { type: "text/javascript" });
+  worker = new Worker(URL.createObjectURL(source));
+  worker.onmessage = ({ data: message }) => {
+    const { resolve, reject } = waiting.get(message.id);
+    waiting.delete(message.id);
+    if (message.problem === undefined) {
+      resolve(message);
+    } else {
+      reject(new RangeError(message.problem));
+    }
+  };
+  worker.onerror = (event) => {
+    event.preventDefault();
+    pause();
+    problem("The simulation has stopped with an error. Reload the page to start again.");
+  };
+}
+
+function ask(is, content = {}) {
+  return new Promise((resolve, reject) => {
+    const id = ++asked;
+    waiting.set(id, { resolve, reject });
+    worker.postMessage({ is, id, ...content });
+  });
+}
+
+function problem(sentence) {
+  $("problem").hidden = !sentence;
+  $("problem").textContent = sentence;
+}
+
+// -- Running
+
+const runs = () => RUNS.filter((run) => state[run] !== NO_LAW);
+const stepOf = () => scenarios[0].settings["run.step"];
+// A unit of time in ms.
+const unitOfTime = () => 1e3 / (scenarios[0].scales["plant.angular_rate"] ?? 1e3);
+const milliseconds = (samples) => samples * stepOf() * unitOfTime();
+
+// From t = 0, with the settings as they are. Returns whether they can be run.
+async function restart() {
+  const attempt = ++started;
+  busy = true;
+  const wanted = runs().map((run) => scenarioOf(data, state, run));
+  const bin = Math.max(1, Math.round(BIN / wanted[0].settings["run.step"]));
+  try {
+    await ask("start", { scenarios: wanted, bin });
+  } catch (error) {
+    if (attempt === started) {
+      busy = false;
+      problem(error.message);
+    }
+    return false;
+  }
+  if (attempt !== started) {
+    return true;
+  }
+  scenarios = wanted;
+  history = new History(wanted.length, milliseconds(bin), milliseconds(1));
+  points = wanted.map(() => new Float64Array(CHANNELS.length).fill(NaN));
+  ended = wanted.map(() => null);
+  [sample, owed, cursor] = [0, 0, null];
+  figure = figureOf(wanted[0]);
+  scene.restart();
+  problem("");
+  showRuns();
+  await advance(1);
+  return true;
+}
+
+let advanced = Promise.resolve();
+function advance(samples) {
+  advanced = taken(samples);
+  return advanced;
+}
+async function taken(samples) {
+  const attempt = started;
+  busy = true;
+  try {
+    const { found, diverged } = await ask("advance", { first: sample, samples });
+    if (attempt !== started) {
+      return;
+    }
+    sample += samples;
+    found.forEach(({ count, bins, point }, run) => {
+      history.add(run, bins);
+      points[run] = count ? point : points[run];
+      ended[run] = diverged[run] === null ? null : diverged[run] * unitOfTime();
+    });
+    scene.turn(turning(), samples * stepOf(), samples / Math.max(1, state.speed / milliseconds(1)));
+    dirty = true;
+    if (ended.every((time) => time !== null)) {
+      pause();
+    }
+  } catch (error) {
+    pause();
+    problem(error.message);
+  } finally {
+    if (attempt === started) {
+      busy = false;
+      dirty = true;
+    }
+  }
+}
+
+// Ωz in rad per unit of time.
+function turning() {
+  const rate = points[0][place.rate] / (scenarios[0].scales["plant.angular_rate"] ?? 1);
+  return still.matches ? 0 : rate;
+}
+
+async function play() {
+  if (ended.length && ended.every((time) => time !== null)) {
+    await restart();
+  }
+  playing = true;
+  $("play").textContent = "Pause";
+}
+function pause() {
+  playing = false;
+  $("play").textContent = "Play";
+  dirty = true;
+}
+
+async function oneStep() {
+  pause();
+  await advanced;
+  await advance(1);
+}
+
+function kick(velocity) {
+  ask("kick", { velocity }).catch((error) => problem(error.message));
+}
+
+// -- Settings
+
+const valueOf = (name, run) => scenarios[runs().indexOf(run)]?.settings[name] ?? null;
+const restarts = (name) => Boolean(data.fields[name].fixed);
+
+// One of the settings of both runs, or of one.
+async function set(name, value, run) {
+  const into = run ? state.own[run] : state.shared;
+  const had = Object.hasOwn(into, name);
+  const before = into[name];
+  into[name] = value;
+  const done = restarts(name) ? await restart() : await tune(name, value, run);
+  if (!done && into[name] === value) {
+    if (had) {
+      into[name] = before;
+    } else {
+      delete into[name];
+    }
+  }
+  refresh();
+}
+
+async function tune(name, value, run) {
+  const changes = runs().map((each) => (!run || each === run ? { [name]: value } : {}));
+  try {
+    await ask("set", { changes });
+  } catch (error) {
+    problem(error.message);
+    return false;
+  }
+  scenarios.forEach((scenario, i) => Object.assign(scenario.settings, changes[i]));
+  figure = figureOf(scenarios[0]);
+  if (run) {
+    showRuns();
+  }
+  problem("");
+  return true;
+}
+
+// Another law, sensor or way of the rate: what is set of the law before goes.
+async function choose(name, key) {
+  const before = structuredClone(state);
+  state[name] = key;
+  if (RUNS.includes(name)) {
+    state.own[name] = {};
+  }
+  if (!(await restart())) {
+    state = before;
+  }
+  build();
+}
+
+const refreshed = [];
+function refresh() {
+  refreshed.forEach((field) => field.refresh());
+  const rate = valueOf("plant.angular_rate", "a");
+  if (document.activeElement !== $("rate")) {
+    $("rate").value = rate;
+  }
+  $("rate-value").textContent = `${String(rate).replace("-", "−")} rad/s`;
+  showSpeed();
+  remember();
+}
+
+function showSpeed() {
+  $("speed").value = Math.log10(state.speed);
+  $("speed-value").textContent = `${Number(state.speed.toPrecision(2))} ms a second`;
+  $("speed").setAttribute("aria-valuetext", $("speed-value").textContent);
+  $("slow").textContent = `Slowed down ${spaced(Math.round(1e3 / state.speed))} times. The frame turns with the chip.`;
+}
+const spaced = (number) => String(Number(number.toPrecision(2))).replace(/(?<=\d)(?=(\d{3})+$)/g, ",");
+
+// The address is that of what is shown. Browsers allow only so many changes of it.
+let remembering;
+function remember() {
+  clearTimeout(remembering);
+  remembering = setTimeout(() => {
+    window.history.replaceState(null, "", toHash(presets, state));
+  }, 300);
+}
+
+// -- Controls
+
+function build() {
+  refreshed.length = 0;
+  const added = (field) => {
+    refreshed.push(field);
+    return field;
+  };
+  const laws = Object.entries(data.laws).map(([key, { label }]) => [key, label]);
+  $("laws").replaceChildren(
+    ...RUNS.map((run) => {
+      const options = run === "a" ? laws : [[NO_LAW, "no second run"], ...laws];
+      const law = selectField("Controller", options, { value: () => state[run], set: (key) => choose(run, key) });
+      const fields = element("fieldset", {}, element("legend", {}, `Run ${run.toUpperCase()}`), added(law));
+      if (state[run] !== NO_LAW) {
+        fields.append(...ownFields(run, added));
+      }
+      return fields;
+    }),
+  );
+  $("shared").replaceChildren($("shared").firstElementChild, ...sharedFields(added));
+  $("sentence").textContent = presets.find(({ key }) => key === state.preset).sentence;
+  for (const link of $("presets").querySelectorAll("a")) {
+    const chosen = link.hash === `#${state.preset}`;
+    chosen ? link.setAttribute("aria-current", "true") : link.removeAttribute("aria-current");
+  }
+  $("out").querySelectorAll("button")[B_AS_TOML].disabled = state.b === NO_LAW;
+  $("window").value = state.window;
+  $("peaks").checked = state.peaks;
+  refresh();
+}
+
+function plain(name, run, added) {
+  const set_ = (value) => set(name, value, run);
+  const label = name.split(".").slice(1).join(".");
+  return added(settingField(name, data.fields[name], { label, value: () => valueOf(name, run ?? "a"), set: set_ }));
+}
+
+// Folded away, by the tables of a scenario.
+function details(words, names, run, added) {
+  const groups = [...new Set(names.map(tableOf))].flatMap((table) => [
+    element("h3", {}, table),
+    element(
+      "div",
+      { class: "settings", role: "group", "aria-label": table },
+      ...names.filter((name) => tableOf(name) === table).map((name) => plain(name, run, added)),
+    ),
+  ]);
+  return element("details", {}, element("summary", {}, `${words} (${names.length})`), ...groups);
+}
+
+function ownFields(run, added) {
+  const names = settingNames(data, kindOf(data, state, run)).filter((name) => isOffered(name) && !isShared(name));
+  const order = "controller.order";
+  const fields = [];
+  if (names.includes(order)) {
+    const { minimum: low, maximum: high } = data.fields[order];
+    const slider = {
+      low,
+      high,
+      step: 0.02,
+      live: false,
+      words: (value) => String(value),
+      value: () => valueOf(order, run),
+      set: (value) => set(order, value, run),
+    };
+    fields.push(added(sliderField("Fractional order α", data.fields[order], slider)));
+  }
+  const rest = names.filter((name) => name !== order);
+  return [...fields, details("All settings of this controller", rest, run, added)];
+}
+
+const QUIET = -2.02; // the slider's position of no noise
+function sharedFields(added) {
+  const noise = "disturbance.standard_deviation";
+  const names = settingNames(data, kindOf(data, state, "a")).filter((name) => isOffered(name) && isShared(name));
+  const apart = ["plant.angular_rate", noise, "disturbance.seed"];
+  const rest = names.filter((name) => !apart.includes(name));
+  const choices = (of) => Object.entries(of).map(([key, { label }]) => [key, label]);
+  return [
+    added(
+      sliderField("Noise σ of the disturbing force", data.fields[noise], {
+        low: QUIET,
+        high: 1,
+        step: 0.01,
+        to: (position) => (Number(position) <= QUIET ? 0 : Number((10 ** position).toPrecision(3))),
+        from: (value) => (value > 0 ? Math.log10(value) : QUIET),
+        live: true,
+        words: (value) => String(value),
+        value: () => valueOf(noise, "a"),
+        set: (value) => set(noise, value),
+      }),
+    ),
+    added(
+      selectField("Angular rate", choices(data.rates), {
+        value: () => state.rate,
+        set: (key) => choose("rate", key),
+        help: "Restarts.",
+      }),
+    ),
+    added(
+      selectField("Sensors", choices(data.sensors), {
+        value: () => state.sensors,
+        set: (key) => choose("sensors", key),
+        help: "Restarts.",
+      }),
+    ),
+    plain("disturbance.seed", undefined, added),
+    details("All settings of gyroscope, reference, noise and run", rest, undefined, added),
+  ];
+}
+
+// -- Plots and numbers
+
+// Which channels, and how a run's line of each looks.
+const PLOTS = [
+  { title: "Angular rate", unit: "rad/s", tall: true, least: 20, curves: [["rate_estimate", "estimated"]] },
+  { title: "Tracking error |e|", unit: "µm", log: true, curves: [["error.x", "x"], ["error.y", "y"]] },
+  { title: "Force u", unit: "m ω₀² q₀", least: 2, curves: [["control.x", "x"], ["control.y", "y"]] },
+  {
+    title: "Error of the estimated springs K and dampers D",
+    unit: "of the true ones",
+    log: true,
+    curves: [["stiffness_error", "K"], ["damping_error", "D"]],
+  },
+];
+const FORCE = 2;
+const DASHES = [
+  [[], [3, 3]],
+  [[10, 4], [10, 3, 2, 3]],
+];
+const TRUE_RATE = { run: 0, channel: place.rate, color: "text", dash: [4, 3], wide: false, label: "true" };
+
+let plots = [];
+let legends = [];
+
+function buildPlots() {
+  plots = PLOTS.map(({ title, unit, tall, log, least }, i) => {
+    const canvas = element("canvas", { role: "img", "aria-label": `${title} over time; the table has the numbers` });
+    const legend = element("ul", { class: "legend" });
+    const heading = element("h2", {}, title, element("small", {}, ` in ${unit}`));
+    const classes = `plot${tall ? " tall" : ""}${i === PLOTS.length - 1 ? " timed" : ""}`;
+    $("plot-list").append(element("div", { class: classes }, heading, legend, canvas));
+    canvas.addEventListener("pointermove", ({ offsetX }) => moveCursor(plots[i].timeAt(offsetX, view())));
+    canvas.addEventListener("pointerleave", () => moveCursor(null));
+    return Object.assign(new Plot(canvas, { log, least, times: i === PLOTS.length - 1 }), { legend });
+  });
+}
+
+// Its law, and what of that is set otherwise.
+function described(run) {
+  const own = Object.entries(state.own[run]).map(([name, value]) => `, ${name.split(".").pop()} ${value ?? "inf"}`);
+  return data.laws[state[run]].label + own.join("");
+}
+
+// The lines of the runs there are.
+function showRuns() {
+  const names = runs();
+  const lines = names.map((run, i) =>
+    element("li", {}, swatch(run, DASHES[i][0]), `${run.toUpperCase()}: ${described(run)}`),
+  );
+  $("runs").replaceChildren(element("ul", { class: "legend" }, ...lines));
+  legends = [];
+  plots.forEach((plot, i) => {
+    const curves = names.flatMap((run, at) =>
+      PLOTS[i].curves.map(([channel, label], k) => ({
+        run: at,
+        channel: place[channel],
+        color: run,
+        dash: DASHES[at][k],
+        wide: k === 0,
+        band: channel === "rate_estimate" ? place.rate_deviation : undefined,
+        rare: channel === "rate_estimate" || channel.startsWith("control"),
+        label: `${run.toUpperCase()} ${label}`,
+      })),
+    );
+    plot.curves = i === 0 ? [...curves, TRUE_RATE] : curves;
+    plot.legend.replaceChildren(
+      ...plot.curves.map(({ run, channel, color, dash, label, band }) => {
+        const value = element("span");
+        legends.push(() => {
+          const number = at(run, channel);
+          const deviation = band === undefined ? NaN : at(run, band);
+          value.textContent = `${label} ${text(number)}${deviation > 0 ? ` ± ${text(deviation)}` : ""}`;
+        });
+        return element("li", {}, swatch(color, dash), value);
+      }),
+    );
+  });
+  showLimits();
+  const cells = names.map((run) => element("th", { scope: "col" }, run.toUpperCase()));
+  const table = $("now").querySelector("table");
+  table.tHead.replaceChildren(element("tr", {}, element("th", { scope: "col" }, "of run"), ...cells));
+  table.tBodies[0].replaceChildren(...VALUES.map(([channel, words, unit]) => valueRow(channel, words, unit, names)));
+}
+
+// Of the force.
+function showLimits() {
+  const limits = scenarios.map(({ settings }) => settings["controller.force_limit"]);
+  plots[FORCE].lines = runs().flatMap((color, i) =>
+    Number.isFinite(limits[i]) ? [-1, 1].map((sign) => ({ value: sign * limits[i], color })) : [],
+  );
+}
+
+const VALUES = [
+  ["rate", "true angular rate", "rad/s"],
+  ["rate_estimate", "estimated angular rate", "rad/s"],
+  ["rate_deviation", "its standard deviation", "rad/s"],
+  ["error.x", "tracking error |x|", "µm"],
+  ["error.y", "tracking error |y|", "µm"],
+  ["control.x", "force x", "m ω₀² q₀"],
+  ["control.y", "force y", "m ω₀² q₀"],
+  ["stiffness_error", "error of K, of K", ""],
+  ["damping_error", "error of D, of D", ""],
+];
+function valueRow(channel, words, unit, names) {
+  const cells = names.map((run, i) => {
+    const cell = element("td", { "data-run": run, "data-channel": channel });
+    legends.push(() => (cell.textContent = text(at(i, place[channel]))));
+    return cell;
+  });
+  return element("tr", {}, element("th", { scope: "row" }, unit ? `${words}, ${unit}` : words), ...cells);
+}
+
+function swatch(color, dash) {
+  const made = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+  made.setAttribute("viewBox", "0 0 32 10");
+  made.setAttribute("aria-hidden", "true");
+  const path = document.createElementNS("http://www.w3.org/2000/svg", "path");
+  path.setAttribute("d", "M0 5H32");
+  const pattern = dash.join(" ") || "none";
+  path.setAttribute("style", `stroke: var(--${color}); stroke-width: 2.5; stroke-dasharray: ${pattern}`);
+  made.append(path);
+  return made;
+}
+
+// Of the last sample, or of the one at the cursor.
+function at(run, channel) {
+  return cursor === null ? points[run][channel] : history.last(run, channel, cursorBin(run));
+}
+const cursorBin = (run) =>
+  Math.max(history.first(run), Math.min(history.count(run) - 1, Math.max(0, history.at(cursor))));
+const shownTime = () => (cursor === null ? milliseconds(sample - 1) : history.time(Math.max(0, cursorBin(0))));
+
+function text(number) {
+  if (!Number.isFinite(number)) {
+    return "–";
+  }
+  const size = Math.abs(number);
+  const words = size !== 0 && (size < 1e-3 || size >= 1e6) ? number.toExponential(3) : number.toPrecision(4);
+  return words.replace("-", "−").replace("e−", "e-").replace("e+", "e");
+}
+
+function view() {
+  const now = milliseconds(Math.max(0, sample - 1));
+  const length = state.window * unitOfTime();
+  const to = Math.max(now, length);
+  return { from: to - length, to, cursor, peaks: state.peaks };
+}
+
+function moveCursor(time) {
+  cursor = history.runs && history.count(0) ? time : null;
+  dirty = true;
+}
+
+function showNumbers() {
+  legends.forEach((show) => show());
+  const ends = ended.flatMap((time, i) => {
+    return time === null ? [] : [`Run ${runs()[i].toUpperCase()} diverged at ${time.toPrecision(4)} ms.`];
+  });
+  const paused = playing || busy ? "" : ", paused";
+  $("clock").textContent = `t = ${shownTime().toFixed(3)} ms${paused}. ${ends.join(" ")}`;
+  const where = cursor === null ? "" : ", at the cursor";
+  $("now").querySelector("caption").textContent = `At t = ${shownTime().toFixed(3)} ms${where}`;
+}
+
+function spoken() {
+  const parts = runs().map((run, i) => {
+    const [estimate, deviation] = [points[i][place.rate_estimate], points[i][place.rate_deviation]];
+    const band = deviation > 0 ? ` plus or minus ${text(deviation)}` : "";
+    const rate = Number.isFinite(estimate) ? `estimate ${text(estimate)}${band}` : "no estimate";
+    const error = `error x ${text(points[i][place["error.x"]])} µm`;
+    return ended[i] === null ? `run ${run.toUpperCase()} ${rate}, ${error}` : `run ${run.toUpperCase()} has diverged`;
+  });
+  return `t ${milliseconds(sample).toFixed(1)} ms: rate ${text(points[0][place.rate])}; ${parts.join("; ")}`;
+}
+
+// -- Frames
+
+const scene = new Scene($("scene"));
+let [frameBefore, shownAt, spokenAt] = [0, 0, 0];
+
+function frame(now) {
+  const seconds = Math.min((now - frameBefore) / 1e3, LONGEST_FRAME);
+  frameBefore = now;
+  if (playing && !busy) {
+    owed += (state.speed * seconds) / milliseconds(1);
+    const samples = Math.floor(owed);
+    if (samples > 0) {
+      owed -= samples;
+      advance(samples);
+    }
+  }
+  if (dirty && scenarios.length) {
+    dirty = false;
+    const seen = view();
+    plots.forEach((plot) => plot.draw(history, seen, theme));
+    scene.draw(history, points, figure, theme);
+    if (!(playing || busy) || now - shownAt >= SHOWN_EVERY) {
+      shownAt = now;
+      showNumbers();
+    }
+  }
+  if (playing && now - spokenAt >= SPOKEN_EVERY) {
+    spokenAt = now;
+    $("spoken").textContent = spoken();
+  }
+  requestAnimationFrame(frame);
+}
+
+function readTheme() {
+  const style = getComputedStyle(document.documentElement);
+  const names = ["surface", "text", "muted", "grid", "a", "b"];
+  theme = Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
+  dirty = true;
+}
+
+// -- Taking it along
+
+async function copy(words, what) {
+  $("text").hidden = false;
+  $("text").value = words;
+  try {
+    await navigator.clipboard.writeText(words);
+    $("copied").textContent = `${what} copied.`;
+  } catch {
+    $("text").select();
+    $("copied").textContent = `${what}: copy it from below.`;
+  }
+}
+
+async function saveSeen() {
+  const { from } = view();
+  const { text: content } = await ask("csv", { since: Math.round(from / milliseconds(1)), step: stepOf() });
+  const url = URL.createObjectURL(new Blob([content], { type: "text/csv" }));
+  element("a", { href: url, download: "fracgyro.csv" }).click();
+  setTimeout(() => URL.revokeObjectURL(url), 1000);
+}
+
+const B_AS_TOML = 3;
+function buildOut() {
+  const button = (words, act) => element("button", { type: "button", onclick: act }, words);
+  const both = (words) => runs().map((run) => words(data, state, run));
+  const link = () => location.href.replace(/#.*$/, "") + toHash(presets, state);
+  $("out").append(
+    button("Copy the address", () => copy(link(), "The address was")),
+    button("Copy as command", () => copy(both(toCommand).join("\n"), "The command was")),
+    button("Copy A as TOML", () => copy(toToml(data, state, "a"), "The scenario was")),
+    button("Copy B as TOML", () => copy(toToml(data, state, "b"), "The scenario was")),
+    button("Save what is seen as CSV", saveSeen),
+  );
+}
+
+// -- Events
+
+function listen() {
+  const setRate = (rate) => set("plant.angular_rate", rate);
+  const rate = () => valueOf("plant.angular_rate", "a");
+  $("play").addEventListener("click", () => (playing ? pause() : play()));
+  $("step").addEventListener("click", oneStep);
+  $("restart").addEventListener("click", restart);
+  $("kick").addEventListener("click", () => kick([TAP, 0]));
+  $("rate").addEventListener("input", () => setRate(Number($("rate").value)));
+  $("rate-double").addEventListener("click", () => setRate(2 * rate()));
+  $("rate-reverse").addEventListener("click", () => setRate(-rate()));
+  $("rate-zero").addEventListener("click", () => setRate(0));
+  $("speed").addEventListener("input", () => {
+    state.speed = Number((10 ** $("speed").value).toPrecision(3));
+    showSpeed();
+    remember();
+  });
+  $("window").append(...WINDOWS.map((units) => element("option", { value: units }, `${units} ms`)));
+  $("window").addEventListener("change", () => {
+    state.window = Number($("window").value);
+    dirty = true;
+    remember();
+  });
+  $("peaks").addEventListener("change", () => {
+    state.peaks = $("peaks").checked;
+    dirty = true;
+    remember();
+  });
+  document.addEventListener("keydown", onKey);
+  $("plot-list").addEventListener("keydown", onArrow);
+  $("plot-list").addEventListener("blur", () => moveCursor(null));
+  let from = null;
+  $("scene").addEventListener("pointerdown", ({ offsetX, offsetY }) => (from = [offsetX, offsetY]));
+  addEventListener("pointerup", ({ clientX, clientY }) => {
+    if (from) {
+      const { left, top } = $("scene").getBoundingClientRect();
+      const [x, y] = scene.inFrame(clientX - left - from[0], clientY - top - from[1]);
+      kick([x * TAP, y * TAP]);
+      from = null;
+    }
+  });
+  addEventListener("pointercancel", () => (from = null));
+  addEventListener("hashchange", fromAddress);
+  new ResizeObserver(() => (dirty = true)).observe(document.body);
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", readTheme);
+}
+
+function onKey(event) {
+  const { target, key, ctrlKey, metaKey, altKey } = event;
+  const takesKeys = target.closest("input:not([type=range]):not([type=checkbox]), select, textarea");
+  const act = { " ": () => (playing ? pause() : play()), ".": oneStep, r: restart, k: () => kick([TAP, 0]) }[
+    key.toLowerCase()
+  ];
+  if (!act || takesKeys || ctrlKey || metaKey || altKey || !$("keys").checked) {
+    return;
+  }
+  if (key === " " && target.closest("button, a, summary, input[type=checkbox]")) {
+    return;
+  }
+  event.preventDefault();
+  act();
+}
+
+function onArrow(event) {
+  const way = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+  if (event.key === "Escape") {
+    moveCursor(null);
+  }
+  if (way) {
+    event.preventDefault();
+    const { from, to } = view();
+    moveCursor(Math.max(from, Math.min(to, (cursor ?? to) + (way * (to - from)) / (event.shiftKey ? 10 : 100))));
+  }
+}
+
+// Shows what the address says; if no page can, the first preset and why.
+async function fromAddress() {
+  let why = "";
+  try {
+    state = fromHash(data, presets, location.hash);
+  } catch (error) {
+    why = error.message;
+    state = stateOf(presets[0]);
+  }
+  if (!(await restart())) {
+    why = $("problem").textContent;
+    state = stateOf(presets.find(({ key }) => key === state.preset));
+    await restart();
+  }
+  build();
+  problem(why);
+}
+
+async function unpacked(id) {
+  if (!("DecompressionStream" in window)) {
+    throw new Error("This page needs a browser of 2023 or later: this one cannot unpack it.");
+  }
+  const bytes = Uint8Array.from(atob($(id).textContent), (letter) => letter.charCodeAt(0));
+  return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
+}
+
+async function main() {
+  data = JSON.parse(new TextDecoder().decode(await unpacked("data")));
+  readTheme();
+  startWorker();
+  await ask("load", { wasm: await unpacked("module"), data });
+  $("presets").append(
+    ...presets.map(({ key, title }) => element("li", {}, element("a", { href: `#${key}` }, title))),
+  );
+  $("version").textContent = `fracgyro ${data.version}`;
+  buildPlots();
+  buildOut();
+  listen();
+  await fromAddress();
+  requestAnimationFrame(frame);
+  if (!still.matches) {
+    play();
+  }
+}
+
+main().catch((error) => problem(error.message));

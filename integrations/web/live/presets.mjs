@@ -1,0 +1,95 @@
+// What the page offers to look at: two laws, what is set besides, and one sentence, which tests/python/test_live.py
+// checks on runs. `shared`: settings of both runs; `own`: of one. #key is the preset's address.
+export const presets = [
+  {
+    key: "follow",
+    title: "Follow the rate",
+    sentence:
+      "Move the angular rate: the law as printed (A) never learns it; with least squares (B) the estimate " +
+      "follows and shows how sure it is.",
+    a: "printed",
+    b: "least_squares",
+  },
+  {
+    key: "thrown",
+    title: "Thrown by the start",
+    sentence:
+      "With the sign of its law corrected, the estimate (A) does learn, but the start throws it off by more " +
+      "than 200 times the rate, and 20 ms later it is still off by half.",
+    a: "corrected",
+    speed: 0.2,
+    window: 2,
+    peaks: true,
+  },
+  {
+    key: "first",
+    title: "Least squares: 1 ms",
+    sentence:
+      "Least squares that assume a constant rate know it to 10 % after 1 ms and to 2 % after 20 ms; the band is" +
+      " one standard deviation.",
+    a: "least_squares",
+    speed: 1,
+    own: { a: { "adaptation.rate_forgetting": 0 } },
+  },
+  {
+    key: "moving",
+    title: "A rate that moves",
+    sentence:
+      "An estimator that expects a slow rate lags behind a fast one; forgetting four times as fast (B) more than " +
+      "halves the error, and doubles the band.",
+    a: "least_squares",
+    b: "least_squares",
+    rate: "sine",
+    speed: 6,
+    own: { b: { "adaptation.rate_forgetting": 2 } },
+  },
+  {
+    key: "sensors",
+    title: "Real sensors",
+    sentence:
+      "With noisy positions and no velocities, least squares (A) have a standard deviation of 75 rad/s, a " +
+      "Kalman filter that knows the noise (B) has 5 rad/s.",
+    a: "least_squares",
+    b: "joint",
+    sensors: "positions",
+  },
+  {
+    key: "quiet",
+    title: "Without noise",
+    sentence:
+      "Without noise, least squares (B) have the rate at once, while the corrected law (A) takes as long as " +
+      "with noise: noise is not its problem.",
+    a: "corrected",
+    b: "least_squares",
+    shared: { "disturbance.standard_deviation": 0 },
+  },
+  {
+    key: "order",
+    title: "Fractional or not",
+    sentence: "The fractional order 0.9 (A) starts with less error, the ordinary order 1 (B) ends with less error.",
+    a: "corrected",
+    b: "corrected",
+    own: { b: { "controller.order": 1 } },
+  },
+  {
+    key: "lqg",
+    title: "Another controller",
+    sentence:
+      "Linear-quadratic feedback on a Kalman filter (B) has less than a third of the corrected controller's " +
+      "error (A), from the start on.",
+    a: "corrected",
+    b: "lqg",
+  },
+  {
+    key: "long-step",
+    title: "Too long a step",
+    sentence:
+      "With 6 µs between samples instead of 1 µs, the corrected controller (A) diverges after 1 ms; a PID with " +
+      "the same model of the plant (B) does not.",
+    a: "corrected",
+    b: "pid",
+    speed: 0.4,
+    window: 5,
+    shared: { "run.step": 0.006 },
+  },
+];

@@ -1,0 +1,146 @@
+// The proof mass from above: springs, where it was, where it should be, the force, and the frame that turns with the
+// chip.
+import { fitted } from "./plot.mjs";
+import { place } from "./channels.mjs";
+
+const REACH = 1.75; // from the middle to the frame, in units of q0
+const FASTEST = 0.6; // the frame's turning on the screen, rad/s
+const TRAIL = 2; // units of time
+
+export class Scene {
+  #angle = 0;
+  #strongest = 1;
+
+  constructor(canvas) {
+    this.canvas = canvas;
+  }
+
+  // Turns the frame: `rate` in rad per unit of time, of which so many passed in `seconds`.
+  turn(rate, units, seconds) {
+    const most = FASTEST * seconds;
+    this.#angle += Math.max(-most, Math.min(most, rate * units));
+  }
+  restart() {
+    this.#angle = 0;
+    this.#strongest = 1;
+  }
+
+  // From the screen to the frame's axes, in units of q0.
+  inFrame(x, y) {
+    const size = Math.min(this.canvas.clientWidth, this.canvas.clientHeight) / 2 / (REACH * 1.45);
+    const [cosine, sine] = [Math.cos(this.#angle), Math.sin(this.#angle)];
+    return [(x * cosine - y * sine) / size, -(x * sine + y * cosine) / size];
+  }
+
+  // points: the channels of each run's last sample. figure: points of the reference.
+  draw(history, points, figure, theme) {
+    const { context, width, height } = fitted(this.canvas);
+    const size = Math.min(width, height) / 2 / (REACH * 1.45);
+    context.translate(width / 2, height / 2);
+    context.rotate(-this.#angle);
+    context.scale(size, -size);
+    context.lineJoin = "round";
+    const pixel = 1 / size;
+    context.lineWidth = 3 * pixel;
+    context.strokeStyle = theme.text;
+    context.strokeRect(-REACH, -REACH, 2 * REACH, 2 * REACH);
+    context.fillStyle = theme.text;
+    context.fillRect(-0.06, REACH, 0.12, 0.14); // so that turning shows
+    stroke(context, figure, theme.muted, 1.5 * pixel, [4 * pixel, 4 * pixel]);
+    points.forEach((point, run) => this.#trail(context, history, run, theme, pixel));
+    [...points.entries()].reverse().forEach(([run, point]) => this.#mass(context, run, point, theme, pixel));
+  }
+
+  #trail(context, history, run, theme, pixel) {
+    const end = history.count(run);
+    const begin = Math.max(history.first(run), end - Math.ceil(TRAIL / history.bin));
+    const at = (name, i) => history.last(run, place[name], i);
+    const path = [];
+    for (let i = begin; i < end; ++i) {
+      path.push([at("position.x", i), at("position.y", i)]);
+    }
+    stroke(context, path, theme["ab"[run]], 2 * pixel, run ? [7 * pixel, 3 * pixel] : []);
+  }
+
+  #mass(context, run, point, theme, pixel) {
+    const color = theme["ab"[run]];
+    const [x, y] = [bounded(point[place["position.x"]]), bounded(point[place["position.y"]])];
+    const half = 0.3;
+    if (run === 0) {
+      const springs = [
+        [[-REACH, 0], [x - half, y]],
+        [[REACH, 0], [x + half, y]],
+        [[0, -REACH], [x, y - half]],
+        [[0, REACH], [x, y + half]],
+      ];
+      springs.forEach(([from, to]) => stroke(context, spring(from, to), theme.muted, 1.5 * pixel, []));
+    }
+    context.lineWidth = 2 * pixel;
+    context.strokeStyle = color;
+    context.fillStyle = theme.surface;
+    if (run === 0) {
+      context.fillRect(x - half, y - half, 2 * half, 2 * half);
+    }
+    context.setLineDash(run ? [7 * pixel, 3 * pixel] : []);
+    context.strokeRect(x - half, y - half, 2 * half, 2 * half);
+    context.setLineDash([]);
+    this.#force(context, [x, y], [point[place["control.x"]], point[place["control.y"]]], color, pixel);
+  }
+
+  // As long as the frame for the strongest of late.
+  #force(context, [x, y], [ux, uy], color, pixel) {
+    const strength = Math.hypot(ux, uy);
+    if (!Number.isFinite(strength)) {
+      return;
+    }
+    this.#strongest = Math.max(strength, this.#strongest * 0.998, 1);
+    const [dx, dy] = [ux / this.#strongest, uy / this.#strongest];
+    stroke(context, [[x, y], [x + dx, y + dy]], color, 3 * pixel, []);
+    const length = Math.hypot(dx, dy) || 1;
+    const [ex, ey] = [(0.14 * dx) / length, (0.14 * dy) / length];
+    context.fillStyle = color;
+    context.beginPath();
+    context.moveTo(x + dx + ex, y + dy + ey);
+    context.lineTo(x + dx - ey * 0.6, y + dy + ex * 0.6);
+    context.lineTo(x + dx + ey * 0.6, y + dy - ex * 0.6);
+    context.fill();
+  }
+}
+
+// A motion that leaves the frame is drawn at its edge.
+const bounded = (a) => Math.max(-REACH, Math.min(REACH, a)) || 0;
+
+function stroke(context, points, color, width, dash) {
+  context.strokeStyle = color;
+  context.lineWidth = width;
+  context.setLineDash(dash);
+  context.beginPath();
+  points.forEach(([x, y]) => context.lineTo(bounded(x), bounded(y)));
+  context.stroke();
+  context.setLineDash([]);
+}
+
+// Its turns, from one end to the other.
+function spring([fromX, fromY], [toX, toY]) {
+  const turns = 12;
+  const length = Math.hypot(toX - fromX, toY - fromY) || 1;
+  const [sideX, sideY] = [(-0.07 * (toY - fromY)) / length, (0.07 * (toX - fromX)) / length];
+  const points = [[fromX, fromY]];
+  for (let i = 1; i < turns; ++i) {
+    const [part, side] = [i / turns, i % 2 ? 1 : -1];
+    points.push([fromX + part * (toX - fromX) + side * sideX, fromY + part * (toY - fromY) + side * sideY]);
+  }
+  return [...points, [toX, toY]];
+}
+
+// The reference from its settings, for as long as a figure takes.
+export function figureOf({ settings }) {
+  const at = (time) =>
+    ["x", "y"].map((axis) => {
+      const of = (name) => settings[`reference.${name}.${axis}`];
+      return of("amplitude") * Math.sin(of("frequency") * time + of("phase"));
+    });
+  const slowest = Math.min(...["x", "y"].map((axis) => Math.abs(settings[`reference.frequency.${axis}`]) || Infinity));
+  const period = Number.isFinite(slowest) ? (2 * Math.PI) / slowest : 1;
+  return Array.from({ length: 201 }, (_, i) => at((i * period) / 200));
+}

@@ -1,0 +1,214 @@
+// What the page shows: two laws and what differs from their settings. From it come the scenarios that are run, the
+// address, and the scenario as a command or as TOML.
+
+export const RUNS = ["a", "b"];
+export const NO_LAW = "none";
+const SPEEDS = { minimum: 0.1, maximum: 40 };
+export const WINDOWS = [2, 5, 20, 80];
+const SHARED = ["plant", "reference", "disturbance", "run"];
+// What a scenario derives from others. Fields that it derives them from, or that are chosen in other ways, are not
+// offered.
+const DERIVED = /^(guard\.|adaptation\.initial_(damping|stiffness))/;
+const NOT_OFFERED =
+  /^(device\.|plant\.(damping|stiffness)\.|controller\.(kind|adaptive)|adaptation\.kind|run\.record_every)/;
+
+export const tableOf = (name) => name.split(".")[0];
+export const isShared = (name) => SHARED.includes(tableOf(name));
+export const isOffered = (name) => !DERIVED.test(name) && !NOT_OFFERED.test(name);
+
+// The page as a preset has it.
+export function stateOf(preset) {
+  return {
+    preset: preset.key,
+    a: preset.a,
+    b: preset.b ?? NO_LAW,
+    rate: preset.rate ?? "constant",
+    sensors: preset.sensors ?? "exact",
+    speed: preset.speed ?? 2,
+    window: preset.window ?? 20,
+    peaks: preset.peaks ?? false,
+    shared: { ...preset.shared },
+    own: { a: { ...preset.own?.a }, b: { ...preset.own?.b } },
+  };
+}
+
+export const kindOf = (data, state, run) => data.laws[state[run]].settings["controller.kind"];
+
+// Of a run, in the core's order.
+export function settingNames(data, kind) {
+  return [...data.besides, ...data.kinds[kind].numbers.filter((name) => name in data.fields)];
+}
+
+// What the module runs.
+export function scenarioOf(data, state, run) {
+  const settings = {
+    ...data.base.settings,
+    ...data.laws[state[run]].settings,
+    ...data.sensors[state.sensors].settings,
+    ...state.shared,
+    ...state.own[run],
+  };
+  const known = settingNames(data, kindOf(data, state, run));
+  const own = Object.fromEntries(known.map((name) => [name, settings[name]]));
+  const device = data.devices[`${state.rate} ${state.sensors}`];
+  return { settings: own, scales: data.base.scales, ...(device ? { device } : {}) };
+}
+
+// -- The address
+
+function word(value) {
+  return value === null || value === Infinity ? "inf" : String(value);
+}
+
+function parsed(field, text) {
+  if (field.choices) {
+    return field.choices.find((choice) => String(choice) === text) ?? text;
+  }
+  return field.infinite && text === "inf" ? null : text.trim() === "" ? NaN : Number(text);
+}
+
+// Only what differs from the preset.
+export function toHash(presets, state) {
+  const preset = stateOf(presets.find(({ key }) => key === state.preset));
+  const words = new URLSearchParams();
+  for (const name of ["a", "b", "rate", "sensors", "speed", "window", "peaks"]) {
+    if (state[name] !== preset[name]) {
+      words.set(name, state[name]);
+    }
+  }
+  const changed = (settings, before, prefix) => {
+    for (const [name, value] of Object.entries(settings)) {
+      if (value !== before[name]) {
+        words.set(prefix + name, word(value));
+      }
+    }
+  };
+  changed(state.shared, preset.shared, "");
+  RUNS.forEach((run) => changed(state.own[run], preset.own[run], `${run}.`));
+  const rest = words.toString();
+  return `#${state.preset}${rest ? `&${rest}` : ""}`;
+}
+
+// Throws RangeError, in one sentence, for what no page can show. Ranges of settings are checked where they are used.
+export function fromHash(data, presets, hash) {
+  const [key, ...rest] = hash.replace(/^#/, "").split("&");
+  const state = stateOf(chosen(presets, "preset", key || presets[0].key));
+  for (const [name, text] of new URLSearchParams(rest.join("&"))) {
+    take(data, state, name, text);
+  }
+  RUNS.filter((run) => state[run] !== NO_LAW).forEach((run) => {
+    const known = settingNames(data, kindOf(data, state, run));
+    const foreign = Object.keys(state.own[run]).find((name) => !known.includes(name));
+    if (foreign) {
+      throw new RangeError(`${run}.${foreign} is not a setting of ${data.laws[state[run]].label}`);
+    }
+  });
+  return state;
+}
+
+function chosen(presets, name, key) {
+  const found = presets.find((preset) => preset.key === key);
+  if (!found) {
+    throw new RangeError(`${name} is ${key}: it must be one of ${presets.map((preset) => preset.key).join(", ")}`);
+  }
+  return found;
+}
+
+function take(data, state, name, text) {
+  const laws = Object.keys(data.laws);
+  const choices = {
+    a: laws,
+    b: [NO_LAW, ...laws],
+    rate: Object.keys(data.rates),
+    sensors: Object.keys(data.sensors),
+    window: WINDOWS.map(String),
+    peaks: ["true", "false"],
+  };
+  if (Object.hasOwn(choices, name)) {
+    if (!choices[name].includes(text)) {
+      throw new RangeError(`${name} is ${text}: it must be one of ${choices[name].join(", ")}`);
+    }
+    state[name] = { window: Number, peaks: (word) => word === "true" }[name]?.(text) ?? text;
+    return;
+  }
+  if (name === "speed") {
+    state.speed = Number(text);
+    if (!(state.speed >= SPEEDS.minimum && state.speed <= SPEEDS.maximum)) {
+      throw new RangeError(`speed is ${text}: it must be from ${SPEEDS.minimum} to ${SPEEDS.maximum}`);
+    }
+    return;
+  }
+  const [, run, setting] = /^(?:([ab])\.)?(.*)$/.exec(name);
+  if (!Object.hasOwn(data.fields, setting) || !isOffered(setting) || isShared(setting) === Boolean(run)) {
+    throw new RangeError(`${name} is nothing that this page can set`);
+  }
+  (run ? state.own[run] : state.shared)[setting] = parsed(data.fields[setting], text);
+}
+
+// -- The scenario elsewhere
+
+// [field, value in TOML] of all that differs from `defaults`.
+function differing(data, state, run, defaults) {
+  const { settings } = scenarioOf(data, state, run);
+  const found = new Map();
+  const noise = ["disturbance.", "run.step"];
+  const otherNoise = Object.keys(settings).some(
+    (name) => noise.some((start) => name.startsWith(start)) && settings[name] !== defaults[name],
+  );
+  // A scenario derives them where they are not stated.
+  const stated = (name) =>
+    (name === "adaptation.initial_rate" && settings["plant.angular_rate"] !== defaults["plant.angular_rate"]) ||
+    (name.startsWith("datasheet.") && otherNoise);
+  for (const name of Object.keys(settings)) {
+    if ((settings[name] !== defaults[name] || stated(name)) && !DERIVED.test(name)) {
+      const [, path, part] = /^(.*?)(\.[xy]|\.(?:xx|xy|yy)|\[\d\])?$/.exec(name);
+      found.set(path, part ? parts(path, settings) : toml(settings[name]));
+    }
+  }
+  if (found.has("disturbance.hold_steps") || found.has("run.step")) {
+    found.delete("disturbance.hold_steps");
+    found.set("disturbance.hold", toml(settings["disturbance.hold_steps"] * settings["run.step"]));
+  }
+  for (const changes of [data.rates[state.rate].scenario, data.sensors[state.sensors].scenario]) {
+    Object.entries(changes).forEach(([path, value]) => found.set(path, toml(value)));
+  }
+  return [...found];
+}
+
+function parts(path, settings) {
+  const of = (...names) => names.map((part) => toml(settings[path + part]));
+  if (`${path}.xx` in settings) {
+    const [xx, xy, yy] = of(".xx", ".xy", ".yy");
+    return `{xx = ${xx}, xy = ${xy}, yy = ${yy}}`;
+  }
+  if (`${path}.x` in settings) {
+    return `[${of(".x", ".y").join(", ")}]`;
+  }
+  const places = Object.keys(settings).filter((name) => name.startsWith(`${path}[`));
+  return `[${places.map((name) => toml(settings[name])).join(", ")}]`;
+}
+
+function toml(value) {
+  return typeof value === "string" ? JSON.stringify(value) : word(value);
+}
+
+// `fracgyro simulate` of a run.
+export function toCommand(data, state, run) {
+  const words = differing(data, state, run, data.defaults.command).map(([path, value]) => {
+    const change = `${path}=${value.replace(/^"(\w+)"$/, "$1")}`;
+    return ` --set ${/^[\w.=+-]+$/.test(change) ? change : `'${change}'`}`;
+  });
+  return `fracgyro simulate${words.join("")}`;
+}
+
+// A scenario file of a run.
+export function toToml(data, state, run) {
+  const tables = new Map();
+  for (const [path, value] of differing(data, state, run, data.defaults.toml)) {
+    const [table, field] = path.split(".");
+    tables.set(table, [...(tables.get(table) ?? []), `${field} = ${value}`]);
+  }
+  const head = "# What is left out has the paper's values, in the corrected reading.";
+  const bodies = [...tables].map(([table, lines]) => `[${table}]\n${lines.join("\n")}\n`);
+  return [`${head}\n`, ...bodies].join("\n");
+}

@@ -1,0 +1,55 @@
+"""`run.fracgyro`: what this package knows of a Dataset that `simulate` made, or that was read from its file."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import xarray as xr
+
+from ..extras import needs
+from ..scenario import Scenario
+from . import metrics
+
+
+@xr.register_dataset_accessor("fracgyro")
+class RunAccessor:
+    """`run.fracgyro`: the functions of `fracgyro.metrics` and `fracgyro.plot` as methods of a run, and its scenario.
+
+    >>> run = fg.simulate(fg.Scenario.paper())
+    >>> bool((run.fracgyro.rmse(window=(10, None)) == fg.metrics.rmse(run, window=(10, None))).all())
+    True
+    """
+
+    def __init__(self, run: xr.Dataset) -> None:
+        self._run = run
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario of the run.
+
+        Raises ValueError where the Dataset has none, ScenarioError where it cannot be read.
+
+        >>> fg.simulate(fg.Scenario.paper()).fracgyro.scenario == fg.Scenario.paper()
+        True
+        """
+        if "scenario" not in self._run.attrs:
+            raise ValueError("the Dataset has no attribute scenario: it is not a run of fracgyro")
+        return Scenario.from_toml(self._run.attrs["scenario"])
+
+    def plot(self, figure: Any = None) -> Any:
+        """As `fracgyro.plot`.
+
+        >>> figure = fg.simulate(fg.Scenario.paper()).fracgyro.plot()
+        """
+        with needs("report"):
+            from .plots import plot
+        return plot(self._run, figure)
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in metrics.__all__:
+            raise AttributeError(f"{name} is not a metric: known are {', '.join(metrics.__all__)}")
+        return partial(getattr(metrics, name), self._run)
+
+    def __dir__(self) -> list[str]:
+        return sorted({*super().__dir__(), *metrics.__all__})

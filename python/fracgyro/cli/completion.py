@@ -1,0 +1,38 @@
+"""What a shell completes: fields and their choices after --set, TOML files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, get_args
+
+import click
+from click.shell_completion import CompletionItem
+
+
+def changes(context: click.Context, parameter: click.Parameter, begun: str) -> list[CompletionItem]:
+    """FIELD= of every field that begins so; of the only one that does, its choices."""
+    from ..scenario import Scenario
+    from ..scenario.sentences import leaves
+
+    field, equals, _ = begun.partition("=")
+    fields = leaves(Scenario)
+    near = {path: info for path, info in fields.items() if path.startswith(field) and (path == field or not equals)}
+    if len(near) != 1:
+        return [CompletionItem(f"{path}=", help=info.description) for path, info in near.items()]
+    [(path, info)] = near.items()
+    words = ["true", "false"] if info.annotation is bool else _choices(info.annotation)
+    found = [f"{path}={word}" for word in words or ([] if equals else [""])]
+    return [CompletionItem(each, help=info.description) for each in found if each.startswith(begun)]
+
+
+def _choices(annotation: Any) -> list[str]:
+    return [choice for choice in get_args(annotation) if isinstance(choice, str)]
+
+
+def toml_files(context: click.Context, parameter: click.Parameter, begun: str) -> list[CompletionItem]:
+    """Files that begin so and end in .toml; folders are the shell's to complete."""
+    head, slash, _ = begun.rpartition("/")
+    folder = Path(head + slash)
+    names = sorted(path.name for path in folder.glob("*.toml")) if folder.is_dir() else []
+    files = [name for name in (f"{head}{slash}{name}" for name in names) if name.startswith(begun)]
+    return [CompletionItem(begun, type="dir"), *map(CompletionItem, files)]

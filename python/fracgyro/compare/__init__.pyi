@@ -1,0 +1,2 @@
+from .run import Compared as Compared
+from .run import compare as compare

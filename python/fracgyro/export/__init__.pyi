@@ -1,0 +1,5 @@
+from .firmware import firmware as firmware
+from .fmu import fmu as fmu
+from .replay import Replay as Replay
+from .replay import replay as replay
+from .web import web as web

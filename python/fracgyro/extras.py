@@ -1,0 +1,49 @@
+"""Public names that load when they are first used, and the extras that bring the libraries which some of them need."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from typing import Any
+
+import lazy_loader
+
+
+class MissingExtraError(ImportError):
+    """A library of an extra is not installed."""
+
+
+@contextmanager
+def needs(extra: str) -> Iterator[None]:
+    """Raises MissingExtraError, one sentence with what to install, where a library of the extra cannot be imported."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        missing = str(error.name).partition(".")[0]
+        if missing == "fracgyro":
+            raise
+        raise MissingExtraError(
+            f"{missing} is not installed; the extra {extra} brings it: pip install 'fracgyro[{extra}]'", name=missing
+        ) from None
+
+
+def require(extra: str, *modules: str) -> None:
+    """Imports the modules, which the extra brings. Raises MissingExtraError."""
+    with needs(extra):
+        for module in modules:
+            import_module(module)
+
+
+def public(package: str, file: str, extra: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+    """__getattr__, __dir__ and __all__ of a package whose public names its stub, next to `file`, lists.
+
+    `extra`: what brings the libraries that base dependencies leave out.
+    """
+    load, names, offered = lazy_loader.attach_stub(package, file)
+
+    def get(name: str) -> Any:
+        with needs(extra):
+            return load(name)
+
+    return get, names, offered

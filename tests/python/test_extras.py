@@ -1,0 +1,154 @@
+"""What is loaded when, and what is said where an optional library is not installed."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import fracgyro as fg
+import pint_xarray
+import pytest
+import xarray as xr
+from pint import UnitRegistry
+
+# Modules of what each extra brings, besides those of other extras.
+MODULES = {
+    "netcdf": ["h5netcdf", "h5py"],
+    "report": ["jinja2", "matplotlib"],
+    "rate": ["jinja2", "matplotlib", "pyarrow"],
+    "study": ["cmaes", "jinja2", "matplotlib", "optuna", "pyarrow", "sqlalchemy"],
+    "export": ["fmpy", "jinja2", "ziglang"],
+    "cluster": ["dask", "distributed", "psycopg"],
+}
+ALL = sorted({module for modules in MODULES.values() for module in modules})
+
+
+def without(modules: list[str], code: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """Runs the code where the modules are not installed."""
+    lines = [f"import sys; sys.modules.update(dict.fromkeys({modules!r}))", code]
+    return subprocess.run([sys.executable, "-c", "\n".join(lines)], cwd=folder, capture_output=True, text=True)
+
+
+def command(words: str) -> str:
+    return f"import sys; sys.argv = {['fracgyro', *words.split()]!r}\nfrom fracgyro.cli import main; main()"
+
+
+def test_importing_the_package_loads_no_library_that_takes_long(tmp_path: Path) -> None:
+    code = "import json, sys; import fracgyro; dir(fracgyro); print(json.dumps(sorted(sys.modules)))"
+    loaded = json.loads(without([], code, tmp_path).stdout)
+    assert "fracgyro.extras" in loaded
+    slow = {"numpy", "pandas", "pydantic", "rich", "scipy", "xarray", *ALL}
+    assert not slow & {name.partition(".")[0] for name in loaded}
+
+
+@pytest.mark.parametrize("package", [fg, fg.compare, fg.export, fg.fractional, fg.paper, fg.rate, fg.study])
+def test_every_public_name_is_there_and_described(package: object) -> None:
+    names = package.__all__  # type: ignore[attr-defined]
+    assert names
+    for name in names:
+        assert getattr(package, name).__doc__, name
+
+
+def test_a_function_is_not_hidden_by_its_module() -> None:
+    for module in ("export.fmu", "rate.allan", "study.sweep.run"):
+        importlib.import_module(f"fracgyro.{module}")
+    assert all(map(callable, (fg.export.fmu, fg.rate.allan, fg.study.sweep)))
+
+
+@pytest.mark.parametrize(
+    ("missing", "words"),
+    [
+        ("netcdf", "simulate --set run.duration=1.0 --out run.nc"),
+        ("netcdf", "replay run.nc --target host"),
+        ("netcdf", "reproduce --quick --out out"),
+        ("report", "simulate --set run.duration=1.0 --plot run.svg"),
+        ("report", "reproduce --quick --out out"),
+        ("rate", "rate my.toml --out out"),
+        ("rate", "allan record.csv"),
+        ("study", "sweep study.toml --out out"),
+        ("study", "tune study.toml --out out"),
+        ("study", "compare track --quick --out out"),
+        ("export", "export fmu my.toml --out my.fmu --unbounded"),
+        ("cluster", "sweep study.toml --out out --scheduler tcp://127.0.0.1:1"),
+    ],
+)
+def test_a_command_without_its_extra_says_what_to_install_and_writes_nothing(
+    missing: str, words: str, tmp_path: Path
+) -> None:
+    fg.Scenario.paper().replace({"controller.force_limit": 1e3}).save(tmp_path / "my.toml")
+    (tmp_path / "study.toml").write_text("[vary]\ncontroller.order = [0.5, 0.9]\n", encoding="utf-8")
+    before = sorted(tmp_path.iterdir())
+    said = without(MODULES[missing], command(words), tmp_path)
+    assert said.returncode == 2, said.stderr
+    assert said.stdout == ""
+    (line,) = said.stderr.splitlines()
+    assert line.startswith("fracgyro: ")
+    assert line.endswith(f"; the extra {missing} brings it: pip install 'fracgyro[{missing}]'")
+    assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["simulate --set run.duration=1.0", "scenario paper", "selfcheck", "export firmware my.toml --out f --unbounded"],
+)
+def test_these_commands_need_no_extra(words: str, tmp_path: Path) -> None:
+    fg.Scenario.paper().save(tmp_path / "my.toml")
+    said = without(ALL, command(words), tmp_path)
+    assert (said.returncode, said.stderr) == (0, "")
+
+
+def test_in_python_too_a_missing_library_is_named_with_its_extra(tmp_path: Path) -> None:
+    code = "import fracgyro as fg\ntry: fg.plot\nexcept ImportError as error: print(error)"
+    said = without(["matplotlib"], code, tmp_path)
+    assert said.stdout == "matplotlib is not installed; the extra report brings it: pip install 'fracgyro[report]'\n"
+
+
+def test_a_run_knows_its_metrics_and_its_scenario(tmp_path: Path) -> None:
+    scenario = fg.Scenario.paper().replace({"run.duration": 1.0})
+    run = fg.simulate(scenario)
+    assert run.fracgyro.scenario == scenario
+    xr.testing.assert_identical(run.fracgyro.rmse(window=(0.5, None)), fg.metrics.rmse(run, window=(0.5, None)))
+    assert {"chattering", "plot", "rmse", "scenario"} <= set(dir(run.fracgyro))
+    with pytest.raises(AttributeError, match="rsme is not a metric: known are chattering, "):
+        _ = run.fracgyro.rsme
+    with pytest.raises(ValueError, match="the Dataset has no attribute scenario: it is not a run"):
+        _ = xr.Dataset().fracgyro.scenario
+
+
+def test_pint_reads_the_units_of_a_run() -> None:
+    registry: UnitRegistry = pint_xarray.setup_registry(UnitRegistry(force_ndarray_like=True))
+    for units in ("SI", "nondimensional"):
+        run = fg.simulate(fg.Scenario.paper().replace({"run.duration": 1.0, "run.units": units}))
+        with_units = run.pint.quantify(unit_registry=registry)
+        for product, unit in (
+            (with_units["control"] * with_units["velocity"], "W"),
+            (with_units["damping_estimate"], "kg/s"),
+            (with_units["rate_estimate"] * with_units["time"], "rad"),
+        ):
+            assert registry.Quantity(1, product.pint.units).to(unit if units == "SI" else "").magnitude == 1
+
+
+def test_the_plot_of_a_run_shows_the_rate_where_it_is_estimated() -> None:
+    from matplotlib.figure import Figure
+
+    scenario = fg.Scenario.paper().replace({"run.duration": 1.0})
+    for kind, panels in (("fractional_fast_terminal", 4), ("pid", 3)):
+        run = fg.simulate(scenario.replace({"controller.kind": kind}))
+        figure = Figure()
+        assert fg.plot(run, figure) is figure
+        assert len(figure.axes) == panels
+        assert run.fracgyro.plot(Figure()).axes[0].get_ylabel() == "position"
+
+
+def test_what_to_cite_names_the_paper_and_the_source_of_the_controller() -> None:
+    paper = fg.Scenario.paper()
+    assert fg.cite().count("@") == fg.cite(paper).count("@") == 2
+    assert f"version = {{{fg.__version__}}}" in fg.cite()
+    assert "10.1155/2020/8542961" in fg.cite()
+    assert "@book{composite," in fg.cite(paper.replace({"adaptation.kind": "composite"}))
+    assert "10.1109/JMEMS.2002.807468" in fg.cite(paper.replace({"controller.kind": "park_horowitz"}))
+    with pytest.raises(TypeError, match="scenario is 'paper': it must be a Scenario"):
+        fg.cite("paper")  # type: ignore[arg-type]

@@ -1,0 +1,588 @@
+"""The live page: what it says of its state in node, and the page itself in Chromium."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import fracgyro as fg
+import numpy as np
+import pytest
+import xarray as xr
+from browser import chromium, served, violations, watched
+from children import PATIENCE
+from embedded import need
+from fracgyro.cli.simulate import _change
+from fracgyro.export.live import FACE, bundled, laws, page_data, write_page
+from fracgyro.export.web import build, document
+from fracgyro.scenario.kinds import KINDS
+
+# -- What the page knows and says, in node -------------------------------------------------------------------------
+
+PRELUDE = """
+import { readFileSync } from "node:fs";
+const folder = process.argv[1];
+const data = JSON.parse(readFileSync(process.argv[2]));
+const state = await import(folder + "/live/state.mjs");
+const { presets } = await import(folder + "/live/presets.mjs");
+const at = (hash) => state.fromHash(data, presets, hash);
+"""
+
+
+@pytest.fixture(scope="session")
+def data_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    need("WebAssembly")
+    path = tmp_path_factory.mktemp("live") / "data.json"
+    path.write_text(json.dumps(page_data()), encoding="utf-8")
+    return path
+
+
+def in_node(data_file: Path, code: str) -> str:
+    command = ["node", "--input-type=module", "-e", PRELUDE + code, str(FACE), str(data_file)]
+    ran = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
+    assert ran.returncode == 0, ran.stderr
+    return ran.stdout
+
+
+ADDRESSES = {
+    "the first": "",
+    "another rate": "plant.angular_rate=50.25",
+    "noise": "disturbance.standard_deviation=0.3&disturbance.seed=7",
+    "no noise": "disturbance.kind=none",
+    "a sine of noise": "disturbance.kind=sine&disturbance.amplitude.x=5&disturbance.frequency.y=3",
+    "gains": "a.controller.order=0.6&a.controller.fractional_gain.y=12.5&a.controller.force_limit=2000",
+    "arrays": "a.adaptation.bound_gain[1]=2&a.adaptation.initial_rate=0.05",
+    "a deviation": "plant.stiffness_deviation.xx=2.5&plant.damping_deviation.xy=1e-7",
+    "a step": "run.step=0.0005",
+    "held noise": "disturbance.hold_steps=3&run.step=0.002",
+    "a sine": "rate=sine",
+    "positions": "sensors=positions",
+    "both, with another strength of noise": "rate=sine&sensors=positions&disturbance.standard_deviation=2",
+    **{f"law {law}": f"a={law}" for law in laws()},
+    **{f"law {law}, from positions": f"a={law}&sensors=positions" for law in ("least_squares", "joint", "lqg")},
+}
+
+
+def test_toml_and_command_are_the_scenario_that_is_run(data_file: Path) -> None:
+    """Every number that the module is handed is the one that Python makes of them."""
+    code = f"""
+    const said = Object.fromEntries(Object.entries({json.dumps(ADDRESSES)}).map(([name, rest]) => {{
+      const of = at(`#follow&a=corrected${{rest && "&" + rest}}`);
+      return [name, {{
+        scenario: state.scenarioOf(data, of, "a"),
+        toml: state.toToml(data, of, "a"),
+        command: state.toCommand(data, of, "a"),
+      }}];
+    }}));
+    console.log(JSON.stringify(said));
+    """
+    for name, said in json.loads(in_node(data_file, code)).items():
+        expected = said["scenario"]
+        for made in (fg.Scenario.from_toml(said["toml"]), scenario_of(said["command"])):
+            found = document(made)
+            assert acting(found["settings"]) == acting(expected["settings"]), name
+            assert found.get("device") == expected.get("device"), name
+
+
+def scenario_of(command: str) -> fg.Scenario:
+    program, verb, *words = shlex.split(command)
+    assert (program, verb, *words[::2]) == ("fracgyro", "simulate", *["--set"] * (len(words) // 2))
+    return fg.Scenario.paper().replace(dict(map(_change, words[1::2])))
+
+
+def acting(settings: dict[str, Any]) -> dict[str, Any]:
+    """Without the guard, which no closed loop asks."""
+    return {name: value for name, value in settings.items() if not name.startswith("guard.")}
+
+
+def test_an_address_says_what_differs_and_comes_back(data_file: Path) -> None:
+    code = f"""
+    for (const rest of {json.dumps(list(ADDRESSES.values()))}) {{
+      const of = at(`#follow&b=pid${{rest && "&" + rest}}`);
+      const again = state.toHash(presets, of);
+      console.log(JSON.stringify(at(again)) === JSON.stringify(of), again === state.toHash(presets, at(again)));
+    }}
+    console.log(state.toHash(presets, at("#follow&plant.angular_rate=50&a.controller.order=0.5&speed=0.5")));
+    console.log(presets.every(({{ key }}) => state.toHash(presets, at("#" + key)) === "#" + key), at("").preset);
+    """
+    *rounds, said, presets = in_node(data_file, code).splitlines()
+    assert set(rounds) == {"true true"}
+    assert said == "#follow&speed=0.5&plant.angular_rate=50&a.controller.order=0.5"
+    assert presets == "true follow"
+
+
+@pytest.fixture(scope="module")
+def preset_runs(data_file: Path) -> dict[str, list[fg.Scenario]]:
+    """The scenarios of each preset, for as long as two swings of a rate that moves."""
+    code = """
+    const runs = (of) => state.RUNS.filter((run) => of[run] !== state.NO_LAW);
+    console.log(JSON.stringify(Object.fromEntries(presets.map(({ key }) => {
+      const of = at("#" + key);
+      return [key, runs(of).map((run) => state.toToml(data, of, run))];
+    }))));
+    """
+    said = json.loads(in_node(data_file, code))
+    return {
+        key: [fg.Scenario.from_toml(toml).replace({"run.duration": 42.0}) for toml in tomls]
+        for key, tomls in said.items()
+    }
+
+
+def rms(run: xr.Dataset, begin: float, end: float) -> np.ndarray:
+    """Of the tracking error, on each axis."""
+    errors: np.ndarray = run["error"].sel(time=slice(begin, end)).values
+    return np.sqrt((errors**2).mean(axis=0))
+
+
+def rate_error(run: xr.Dataset) -> np.ndarray:
+    """rad/s."""
+    true = run["angular_rate"].values if "angular_rate" in run else 0.1
+    off: np.ndarray = 1e3 * (run["rate_estimate"].values - true)
+    return off
+
+
+def test_what_the_presets_say_is_so(preset_runs: dict[str, list[fg.Scenario]]) -> None:
+    def run(key: str) -> list[xr.Dataset]:
+        return [fg.simulate(scenario) for scenario in preset_runs.pop(key)]
+
+    def deviation(of: xr.Dataset, time: float) -> float:
+        return 1e3 * float(of["rate_deviation"].sel(time=time, method="nearest"))
+
+    printed, least_squares = run("follow")  # moved: in Chromium, below
+    assert (printed["rate_estimate"] == printed["rate_estimate"][0]).all()
+
+    (thrown,) = run("thrown")
+    assert np.abs(rate_error(thrown)).max() > 200 * 100.0
+    assert 40 < abs(rate_error(thrown)[20_000]) < 60
+
+    (first,) = run("first")
+    for time, percent in ((1.0, 10.0), (20.0, 2.0)):
+        assert 0.8 * percent < deviation(first, time) < percent
+        assert abs(rate_error(first)[round(time / 1e-3)]) < 1.5 * percent
+
+    slow, fast = run("moving")
+    assert rms_rate(fast, 21.0) < 0.5 * rms_rate(slow, 21.0)
+    assert deviation(fast, 20.0) == pytest.approx(2 * deviation(slow, 20.0), rel=0.1)
+
+    squares, filtered = run("sensors")
+    assert deviation(squares, 20.0) == pytest.approx(75.0, rel=0.05)
+    assert deviation(filtered, 20.0) == pytest.approx(5.0, rel=0.1)
+    assert rms_rate(filtered, 5.0) < 10.0
+
+    corrected, least_squares = run("quiet")
+    with_noise = fg.simulate(fg.Scenario.paper().replace({"run.duration": 42.0}))
+    assert np.abs(rate_error(least_squares)[1000:]).max() < 0.1
+    assert rms_rate(corrected, 5.0) == pytest.approx(rms_rate(with_noise, 5.0), rel=0.2)
+
+    fractional, ordinary = run("order")
+    assert (rms(fractional, 0, 10) < rms(ordinary, 0, 10)).all()
+    assert (rms(ordinary, 10, 20) < rms(fractional, 10, 20)).all()
+
+    paper, lqg = run("lqg")
+    for window in ((0, 10), (10, 20)):
+        assert (rms(lqg, *window) < rms(paper, *window) / 3).all()
+
+    corrected_law, pid = preset_runs.pop("long-step")
+    assert corrected_law.run.step == 6e-3
+    with pytest.raises(fg.DivergedError, match=r"t = 1\.1"):
+        fg.simulate(corrected_law)
+    assert (rms(fg.simulate(pid), 10, 20) < 1e-3).all()
+    assert not preset_runs, "a preset that nobody checks"
+
+
+def rms_rate(run: xr.Dataset, begin: float) -> float:
+    """From there on, rad/s."""
+    return float(np.sqrt((rate_error(run)[round(begin / 1e-3) :] ** 2).mean()))
+
+
+WRONG = {
+    "#nothing": "preset is nothing: it must be one of ",
+    "#follow&a=none": "a is none: it must be one of printed, corrected, ",
+    "#follow&speed=1000": "speed is 1000: it must be from 0.1 to 40",
+    "#follow&speed=x": "speed is x: it must be from 0.1 to 40",
+    "#follow&window=7": "window is 7: it must be one of 2, 5, 20, 80",
+    "#follow&plant.mass=1": "plant.mass is nothing that this page can set",
+    "#follow&controller.order=1": "controller.order is nothing that this page can set",
+    "#follow&a.plant.angular_rate=1": "a.plant.angular_rate is nothing that this page can set",
+    "#follow&plant.stiffness.xx=1": "plant.stiffness.xx is nothing that this page can set",
+    "#follow&toString=1": "toString is nothing that this page can set",
+    "#follow&b.controller.damping_ratio=1": "b.controller.damping_ratio is not a setting of the paper with ",
+}
+
+
+def test_an_address_that_no_page_has_is_refused_in_one_sentence(data_file: Path) -> None:
+    code = f"""
+    for (const hash of {json.dumps(list(WRONG))}) {{
+      try {{ at(hash); console.log("taken"); }} catch (e) {{ console.log(`${{e.name}}: ${{e.message}}`); }}
+    }}
+    """
+    for found, sentence in zip(in_node(data_file, code).splitlines(), WRONG.values(), strict=True):
+        assert found.startswith(f"RangeError: {sentence}")
+
+
+def test_every_kind_of_controller_is_offered_with_all_of_its_own_settings(data_file: Path) -> None:
+    code = """
+    for (const key of Object.keys(data.laws)) {
+      const of = at(`#follow&a=${key}`);
+      const names = state.settingNames(data, state.kindOf(data, of, "a"));
+      const { settings } = state.scenarioOf(data, of, "a");
+      console.log(state.kindOf(data, of, "a"), names.every((name) => settings[name] !== undefined));
+    }
+    """
+    kinds, complete = zip(*(line.split() for line in in_node(data_file, code).splitlines()), strict=True)
+    assert set(kinds) == set(KINDS)
+    assert set(complete) == {"true"}
+
+
+def test_scripts_that_become_one_declare_no_name_twice(tmp_path: Path) -> None:
+    for script in ("live", "worker"):
+        whole = bundled(FACE / "live" / f"{script}.mjs")
+        assert not re.search(r"^(import|export) ", whole, re.MULTILINE)
+    (tmp_path / "one.mjs").write_text("export const a = 1;\n", encoding="utf-8")
+    (tmp_path / "two.mjs").write_text('import { a } from "./one.mjs";\nfunction a() {}\n', encoding="utf-8")
+    with pytest.raises(ValueError, match=r"^two.mjs declares a twice"):
+        bundled(tmp_path / "two.mjs")
+
+
+# -- The page in Chromium --------------------------------------------------------------------------------------------
+
+MOST_BYTES = 300_000
+STILL = {"reduced_motion": "reduce"}  # starts paused at t = 0
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    need("browser")
+    made = tmp_path_factory.mktemp("live")
+    build(made)
+    write_page(made / "live", made / "fracgyro.wasm")
+    return made / "live"
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    need("browser")
+    with chromium() as started:
+        yield started
+
+
+@pytest.fixture(scope="session")
+def address(folder: Path) -> Iterator[str]:
+    with served(folder) as found:
+        yield found
+
+
+@contextmanager
+def opened(browser: Any, address: str, hash: str = "", **options: Any) -> Iterator[Any]:
+    """The page once it has its first sample; it must say nothing and ask nobody."""
+    page = browser.new_page(**{"viewport": {"width": 1280, "height": 800}, **STILL, **options})
+    page.set_default_timeout(1000 * PATIENCE)
+    faults = watched(page, address)
+    page.goto(address + hash)
+    ready(page, playing=options.get("reduced_motion") == "no-preference")
+    yield page
+    page.close()
+    assert faults == []
+
+
+def ready(page: Any, playing: bool = False) -> None:
+    wanted = "" if playing else "paused"
+    page.wait_for_function(f"/^t = .*{wanted}/.test(document.getElementById('clock').textContent)")
+
+
+def time(page: Any) -> float:
+    """Of the sample that is shown, ms."""
+    found = re.match(r"t = ([\d.]+) ms", page.text_content("#clock"))
+    assert found
+    return float(found[1])
+
+
+def run_to(page: Any, until: float) -> int:
+    """Plays to a sample at this time or later; returns which it is."""
+    page.keyboard.press(" ")
+    page.wait_for_function("!document.getElementById('clock').textContent.includes('paused')")
+    page.wait_for_function(f"parseFloat(document.getElementById('clock').textContent.slice(4)) >= {until}")
+    page.keyboard.press(" ")
+    page.wait_for_function("document.getElementById('clock').textContent.includes('paused')")
+    return round(time(page) / 1e-3)
+
+
+def value(page: Any, channel: str, run: str = "a") -> str:
+    found: str = page.text_content(f'td[data-run="{run}"][data-channel="{channel}"]')
+    return found.replace("−", "-")
+
+
+def digits(number: float) -> str:
+    """As the page shows them."""
+    return str(float(f"{number:.3e}"))
+
+
+def test_the_page_is_one_small_file(folder: Path) -> None:
+    assert [path.name for path in folder.iterdir()] == ["index.html"]
+    assert (folder / "index.html").stat().st_size < MOST_BYTES
+
+
+def test_it_runs_from_a_file_too(browser: Any, folder: Path) -> None:
+    with opened(browser, (folder / "index.html").as_uri()) as page:
+        page.keyboard.press(".")
+        page.wait_for_function("document.getElementById('clock').textContent.startsWith('t = 0.001 ms')")
+
+
+def test_what_it_shows_is_what_python_computes(browser: Any, address: str) -> None:
+    with opened(browser, address, "#follow&a=corrected&b=least_squares&speed=40&disturbance.seed=3") as page:
+        for until in (1.0, 5.0):
+            sample = run_to(page, until)
+            for run, (_, law) in (("a", laws()["corrected"]), ("b", laws()["least_squares"])):
+                at = fg.simulate(law.replace({"disturbance.seed": 3, "run.duration": 80.0})).isel(time=sample)
+                scale = law.plant.scales.rate
+                expected = {
+                    "rate": law.plant.angular_rate,
+                    "rate_estimate": scale * float(at["rate_estimate"]),
+                    "error.x": abs(float(at["error"][0])),
+                    "control.y": float(at["control"][1]),
+                }
+                if "rate_deviation" in at:
+                    expected["rate_deviation"] = scale * float(at["rate_deviation"])
+                for channel, number in expected.items():
+                    assert str(float(value(page, channel, run))) == digits(number), channel
+
+
+def test_the_estimate_follows_the_slider_within_its_band_and_the_printed_law_does_not(
+    browser: Any, address: str
+) -> None:
+    with opened(browser, address, "#follow&speed=40") as page:
+        page.fill("#rate", "-200")
+        page.focus("#plot-list")
+        run_to(page, 15.0)
+        assert float(value(page, "rate")) == -200.0
+        estimate, deviation = float(value(page, "rate_estimate", "b")), float(value(page, "rate_deviation", "b"))
+        assert abs(estimate + 200.0) < 4 * deviation < 40.0
+        assert float(value(page, "rate_estimate", "a")) == 95.0
+        page.click("#rate-reverse")
+        page.focus("#plot-list")
+        run_to(page, 35.0)
+        estimate, deviation = float(value(page, "rate_estimate", "b")), float(value(page, "rate_deviation", "b"))
+        assert abs(estimate - 200.0) < 4 * deviation < 40.0
+
+
+def test_what_is_moved_while_it_runs_acts_as_in_a_loop_in_python(browser: Any, address: str) -> None:
+    with opened(browser, address, "#follow&a=corrected&b=none&speed=40") as page:
+        page.click("#rate-reverse")
+        page.get_by_text("All settings of this controller").click()
+        page.get_by_label("layer_thickness").fill("0.03")
+        page.keyboard.press("Enter")
+        page.focus("#plot-list")
+        sample = run_to(page, 3.0)
+        shown = value(page, "error.y")
+    loop = fg.Loop(fg.Scenario.paper())
+    loop.run(1)
+    loop.set({"plant.angular_rate": -100.0, "controller.layer_thickness": 0.03})
+    at = loop.run(sample).isel(time=-1)
+    assert str(float(shown)) == digits(abs(float(at["error"][1])))
+
+
+DRAWN = """
+(canvas) => {
+  const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+  const near = (color) => {
+    let count = 0;
+    for (let i = 0; i < data.length; i += 4) {
+      count += data[i + 3] > 200 && color.every((part, k) => Math.abs(data[i + k] - part) < 40);
+    }
+    return count;
+  };
+  return [near([0x00, 0x64, 0xa6]), near([0xc2, 0x4e, 0x00])];
+}
+"""
+
+
+def test_the_plots_draw_both_runs_and_their_cursor_shows_a_sample(browser: Any, address: str) -> None:
+    with opened(browser, address, "#follow&a=corrected&speed=40&window=2", color_scheme="light") as page:
+        sample = run_to(page, 3.0)
+        for canvas in page.query_selector_all(".plot canvas, #scene"):
+            assert min(canvas.evaluate(DRAWN)) > 100
+        page.focus("#plot-list")
+        for _ in range(3):
+            page.keyboard.press("Shift+ArrowLeft")
+        page.wait_for_function("document.querySelector('caption').textContent.includes('at the cursor')")
+        found = re.search(r"t = ([\d.]+) ms", page.text_content("caption"))
+        assert found
+        at_cursor = round(float(found[1]) / 1e-3)
+        assert at_cursor >= sample - 610  # what was on its way when it was stopped comes besides
+        at = fg.simulate(fg.Scenario.paper()).isel(time=at_cursor)
+        assert str(float(value(page, "error.x"))) == digits(abs(float(at["error"][0])))
+        page.keyboard.press("Escape")
+        page.wait_for_function("!document.querySelector('caption').textContent.includes('at the cursor')")
+
+
+def test_keys_play_step_tap_and_restart_and_reach_every_control(browser: Any, address: str) -> None:
+    with opened(browser, address) as page:
+        for _ in range(3):
+            page.keyboard.press(".")
+        page.wait_for_function("document.getElementById('clock').textContent.startsWith('t = 0.003 ms')")
+        page.keyboard.press("k")
+        page.keyboard.press(".")
+        page.wait_for_function("document.getElementById('clock').textContent.startsWith('t = 0.004 ms')")
+        run_to(page, 0.02)
+        page.keyboard.press("r")
+        page.wait_for_function("document.getElementById('clock').textContent.startsWith('t = 0.000 ms')")
+        page.uncheck("#keys")
+        page.focus("#plot-list")
+        page.keyboard.press(".")
+        page.check("#keys")
+        page.wait_for_timeout(100)
+        assert time(page) == 0.0
+        page.click("h1")
+        reached = set()
+        for _ in range(80):
+            page.keyboard.press("Tab")
+            reached.add(page.evaluate("document.activeElement.id || document.activeElement.textContent"))
+        assert {"play", "step", "restart", "kick", "rate", "speed", "plot-list", "window", "keys"} <= reached
+        page.focus("#rate")
+        page.keyboard.press("ArrowRight")
+        page.wait_for_function("document.getElementById('rate-value').textContent === '101 rad/s'")
+
+
+def test_the_address_brings_everything_back(browser: Any, address: str) -> None:
+    with opened(browser, address, "#follow") as page:
+        page.click("#rate-double")
+        page.get_by_label("Controller").nth(0).select_option("joint")
+        page.get_by_label("Sensors").select_option("positions")
+        page.get_by_label("Fractional order α").first.fill("0.7")
+        page.get_by_label("seed").fill("12")
+        page.keyboard.press("Enter")
+        page.select_option("#window", "5")
+        page.wait_for_function("location.hash.includes('window=5')")
+        hash = page.evaluate("location.hash")
+        shown = page.evaluate("[...document.querySelectorAll('input, select')].map((each) => each.value).join()")
+        page.goto("about:blank")
+        page.goto(address + hash)
+        ready(page)
+        again = page.evaluate("[...document.querySelectorAll('input, select')].map((each) => each.value).join()")
+        assert again == shown
+        assert page.evaluate("location.hash") == hash
+    assert dict(pair.split("=") for pair in hash.split("&")[1:]) == {
+        "a": "joint",
+        "sensors": "positions",
+        "window": "5",
+        "plant.angular_rate": "200",
+        "disturbance.seed": "12",
+        "a.controller.order": "0.7",
+    }
+
+
+REFUSED = {
+    "#nothing": "preset is nothing: it must be one of ",
+    "#follow&a.controller.order=2": "controller.order is 2: it must be at most 1",
+    "#follow&plant.angular_rate=fast": "plant.angular_rate is NaN: it must be a finite number",
+    "#follow&sensors=positions&run.step=0.002": "run.step is 0.002: it must be 0.001, which the noise ",
+    "#follow&a.controller.layer=cubic": "controller.layer is cubic: it must be one of linear, quadratic",
+}
+
+
+def test_an_address_that_cannot_be_run_shows_one_sentence_and_the_preset(browser: Any, address: str) -> None:
+    for hash, sentence in REFUSED.items():
+        with opened(browser, address, hash) as page:
+            assert page.is_visible("#problem")
+            assert page.text_content("#problem").startswith(sentence)
+            assert float(value(page, "rate")) == 100.0
+            page.keyboard.press(".")
+            page.wait_for_function("document.getElementById('clock').textContent.startsWith('t = 0.001 ms')")
+
+
+def test_a_setting_that_is_refused_is_named_and_the_old_one_stays(browser: Any, address: str) -> None:
+    with opened(browser, address, "#follow&b=none") as page:
+        page.get_by_text("All settings of this controller").click()
+        field = page.get_by_label("layer_thickness")
+        field.fill("-1")
+        page.keyboard.press("Enter")
+        page.wait_for_selector("#problem:visible")
+        assert page.text_content("#problem") == "controller.layer_thickness is -1: it must be at least 0"
+        assert field.input_value() == "0.06"
+        page.click("#restart")  # not with the one that was refused
+        page.wait_for_selector("#problem", state="hidden")
+        field.fill("0.05")
+        page.keyboard.press("Enter")
+        page.wait_for_selector("#problem", state="hidden")
+
+
+def test_a_worker_that_dies_shows_one_sentence(browser: Any, address: str) -> None:
+    page = browser.new_page(**STILL)
+    page.add_init_script(
+        "const Real = Worker;"
+        "window.Worker = class extends Real { constructor(...a) { super(...a); window.own = this; } };"
+    )
+    page.goto(address)
+    ready(page)
+    page.evaluate("own.dispatchEvent(new ErrorEvent('error', { message: 'out of memory', cancelable: true }))")
+    assert page.text_content("#problem") == (
+        "The simulation has stopped with an error. Reload the page to start again."
+    )
+    page.close()
+
+
+def test_the_csv_file_has_the_numbers_of_the_run(browser: Any, address: str, tmp_path: Path) -> None:
+    with opened(browser, address, "#follow&a=corrected&b=pid&speed=40") as page:
+        run_to(page, 0.5)
+        with page.expect_download() as saved:
+            page.get_by_text("Save what is seen as CSV").click()
+        saved.value.save_as(tmp_path / "seen.csv")
+    names, *lines = (tmp_path / "seen.csv").read_text().splitlines()
+    rows = np.array([[float(cell) for cell in line.split(",")] for line in lines])
+    columns = dict(zip(names.split(","), rows.T, strict=True))
+    samples = np.round(columns["time"] / 1e-3).astype(int)
+    assert list(samples[:3]) == [9, 19, 29]
+    for run, scenario in (("a", fg.Scenario.paper()), ("b", laws()["pid"][1])):
+        expected = fg.simulate(scenario).isel(time=samples)
+        np.testing.assert_array_equal(columns[f"{run}.error.x"], expected["error"].values[:, 0])
+        np.testing.assert_array_equal(columns[f"{run}.control.y"], expected["control"].values[:, 1])
+
+
+def test_the_copied_scenario_is_that_of_the_run(browser: Any, address: str) -> None:
+    with opened(browser, address, "#follow&a=joint&b=none&sensors=positions&speed=40") as page:
+        sample = run_to(page, 0.3)
+        page.get_by_text("Copy A as TOML").click()
+        scenario = fg.Scenario.from_toml(page.input_value("#text"))
+        at = fg.simulate(scenario).isel(time=sample)
+        assert str(float(value(page, "control.x"))) == digits(float(at["control"][0]))
+
+
+def test_every_preset_is_an_address_and_plays(browser: Any, address: str, data_file: Path) -> None:
+    keys = json.loads(in_node(data_file, "console.log(JSON.stringify(presets.map(({ key }) => key)));"))
+    with opened(browser, address, reduced_motion="no-preference") as page:
+        links = page.locator("#presets a")
+        assert [link.get_attribute("href") for link in links.all()] == [f"#{key}" for key in keys]
+        for link, key in zip(links.all(), keys, strict=True):
+            assert page.query_selector(f"#{key}") is None, "the browser would go there"
+            link.click()
+            page.wait_for_selector(f'a[href="#{key}"][aria-current]')
+            page.wait_for_function("parseFloat(document.getElementById('clock').textContent.slice(4)) > 0.05")
+            assert page.is_hidden("#problem")
+            assert page.evaluate("location.hash") == f"#{key}"
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [360, 1280])
+def test_it_is_accessible_and_fits(browser: Any, address: str, scheme: str, width: int) -> None:
+    options = {"color_scheme": scheme, "viewport": {"width": width, "height": 800}}
+    with opened(browser, address, **options) as page:
+        page.evaluate("document.querySelectorAll('details').forEach((each) => (each.open = true))")
+        assert violations(page) == []
+        assert page.evaluate("document.scrollingElement.scrollWidth") <= width
+
+
+def test_it_plays_by_itself_unless_motion_is_to_be_reduced_and_speaks(browser: Any, address: str) -> None:
+    with opened(browser, address, reduced_motion="no-preference") as page:
+        page.wait_for_function("document.getElementById('spoken').textContent.includes('estimate')")
+        page.wait_for_function("parseFloat(document.getElementById('clock').textContent.slice(4)) > 0.1")
+        said = page.text_content("#spoken")
+        assert re.match(r"^t [\d.]+ ms: rate 100.0; run A estimate ", said)
+    with opened(browser, address) as page:
+        page.wait_for_timeout(300)
+        assert time(page) == 0.0

@@ -1,0 +1,48 @@
+"""SVG pictures: letters are text, and who hears a picture is told what it shows."""
+
+from __future__ import annotations
+
+import base64
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+
+import fracgyro as fg
+from fracgyro.analysis.html import embedded
+from fracgyro.analysis.plots import write_plot
+from fracgyro.analysis.style import own_style, svg
+from matplotlib.figure import Figure
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def texts(picture: ElementTree.Element) -> list[str]:
+    return ["".join(each.itertext()).strip() for each in picture.iter(f"{SVG}text")]
+
+
+def test_the_letters_of_a_run_are_text_in_fonts_that_stand_in_for_one_another(tmp_path: Path) -> None:
+    path = tmp_path / "run.svg"
+    write_plot(fg.simulate(fg.Scenario.paper().replace({"run.duration": 1.0})), path)
+    picture = ElementTree.parse(path).getroot()
+    assert {"position", "tracking error", "time (nondimensional)", "reference"} <= set(texts(picture))
+    families = set(re.findall(r"font-family: ([^;\"]+)", path.read_text(encoding="utf-8")))
+    assert families == {"'DejaVu Sans', 'Verdana', sans-serif"}
+    assert picture.findtext(f"{SVG}title") == "A run"
+    assert "tracking error: x, y" in str(picture.findtext(f"{SVG}desc"))
+
+
+def test_a_picture_is_described_by_its_axes_and_curves_unless_it_says_itself() -> None:
+    with own_style():
+        figure = Figure()
+        panel = figure.add_subplot()
+        panel.plot([0, 1], [0, 1], label="R & D < 1")
+        panel.set_xlabel("time")
+        panel.set_ylabel("noise")
+        described = ElementTree.fromstring(svg(figure, "a < b"))
+        own = ElementTree.fromstring(svg(figure, "a", "said"))
+        source = embedded(figure, "a")
+    assert described.findtext(f"{SVG}title") == "a < b"
+    assert described.findtext(f"{SVG}desc") == "noise over time: R & D < 1"
+    assert own.findtext(f"{SVG}desc") == "said"
+    again = base64.b64decode(re.sub("^data:.*base64,", "", source))
+    assert ElementTree.fromstring(again).findtext(f"{SVG}title") == "a"
