@@ -1,0 +1,81 @@
+"""How the documentation site is made: `make docs`. pages.py gathers the texts, most of them guides in docs/."""
+
+from __future__ import annotations
+
+import sys
+from importlib.metadata import version as version_of
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE))
+
+project = "fracgyro"
+author = "The fracgyro authors"
+project_copyright = author
+version = release = version_of("fracgyro")
+
+extensions = [
+    "mathml",
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.doctest",
+    "sphinx_click",
+    "sphinx_copybutton",
+    "sphinx_design",
+    "sphinx_gallery.gen_gallery",
+]
+nitpicky = True
+# Types of libraries whose own pages cannot be asked offline.
+nitpick_ignore_regex = [
+    ("py:.*", r"(collections|ctypes|matplotlib|numpy|np|os|pathlib|typing|xarray|xr)\..*"),
+    # Tables of fields, which have their own reference.
+    ("py:class", r"fracgyro\.(compare\.task|scenario\.(device|schema))\..*"),
+    ("py:class", r"(Any|Array|ArrayLike|Callable|ControllerLike|Figure|Iterable|Mapping|NDArray|Path|Sequence|Vector)"),
+]
+
+# Markdown
+myst_enable_extensions = ["colon_fence"]
+myst_fence_as_directive = ["math"]  # as GitHub writes it
+myst_heading_anchors = 4  # by GitHub's names
+html_math_renderer = "mathml"
+
+# Docstrings: backticks mark code, as in Markdown
+default_role = "code"
+autodoc_member_order = "bysource"
+autodoc_typehints_format = "short"
+autodoc_inherit_docstrings = False
+python_maximum_signature_line_length = 88
+doctest_global_setup = """
+import os, tempfile
+import numpy as np
+import fracgyro as fg
+os.chdir(tempfile.mkdtemp())
+"""
+
+sphinx_gallery_conf = {
+    "examples_dirs": str(HERE.parent / "gallery"),
+    "gallery_dirs": "gallery",
+    "filename_pattern": r"/plot_",
+    "abort_on_example_error": True,
+    "copyfile_regex": "",
+    "image_scrapers": ("matplotlib",),
+    "image_srcset": ["2x"],
+    "min_reported_time": 1e9,
+    "reset_modules": ("matplotlib",),
+    "show_memory": False,
+    "show_signature": False,
+    "within_subsection_order": "FileNameSortKey",
+    "write_computation_times": False,
+}
+
+html_theme = "furo"
+html_title = f"fracgyro {version}"
+html_static_path = [str(HERE / "static")]
+html_css_files = ["fracgyro.css"]
+html_js_files = ["fracgyro.js"]
+html_favicon = str(HERE / "static" / "favicon.svg")
+html_show_sphinx = False
+html_show_copyright = False
+html_copy_source = False
+copybutton_prompt_text = r">>> |\.\.\. "
+copybutton_prompt_is_regexp = True

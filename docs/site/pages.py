@@ -1,0 +1,150 @@
+"""Gathers the texts of the documentation site: `python docs/site/pages.py FOLDER`, then sphinx-build on FOLDER.
+
+Most pages are files that stand somewhere else in the repository: guides, equations, decisions, logs. PAGES says which.
+In all of them links to files are made links to pages, to pictures, or to the repository where there is no page.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import unquote
+
+from fracgyro.export.firmware import coefficients_header
+from fracgyro.export.web import settings_types
+from fracgyro.scenario.shipped import shipped
+from headers import c_reference
+
+SITE = Path(__file__).resolve().parent
+ROOT = SITE.parents[1]
+REPOSITORY = "https://github.com/fracgyro/fracgyro"
+
+PAGES = {
+    "how-to/runs": "docs/usage.md",
+    "how-to/controllers": "docs/controllers.md",
+    "how-to/studies": "docs/studies.md",
+    "how-to/cluster": "docs/cluster.md",
+    "how-to/record": "docs/record.md",
+    "how-to/compare": "docs/compare.md",
+    "how-to/fmu": "docs/fmu.md",
+    "how-to/browser": "integrations/web/README.md",
+    "how-to/firmware": "docs/firmware.md",
+    "how-to/firmware-folder": "integrations/firmware/README.md",
+    "how-to/tuned-gains": "examples/tuning/README.md",
+    "understand/equations": "EQUATIONS.md",
+    "understand/paper": "docs/paper.md",
+    "understand/best-order": "docs/best_order.md",
+    "understand/rate-sensor": "docs/rate_sensor.md",
+    "understand/performance": "docs/performance.md",
+    "understand/architecture": "ARCHITECTURE.md",
+    "reference/scenario": "docs/reference.md",
+    "reference/studies": "docs/study_files.md",
+    "reference/cpp": "docs/cpp.md",
+    "reference/firmware-measured": "integrations/firmware/measured.md",
+    "contributing": "CONTRIBUTING.md",
+    "changelog": "CHANGELOG.md",
+}
+LEFT_OUT = {"mutants.md"}  # a list of edits of the code, for those who change it
+PICTURES = {".svg", ".png"}
+# Listed on a page, but not in the bar at the side of every page, which would take a third of the time.
+LISTED = {"decisions", "measured"}
+ORPHAN = "---\norphan: true\n---\n\n"
+
+
+def pages() -> dict[str, Path]:
+    """Every page that is Markdown: its name, and the file that it is made of."""
+    own = {path.relative_to(SITE).with_suffix("").as_posix(): path for path in sorted(SITE.rglob("*.md"))}
+    elsewhere = {name: ROOT / file for name, file in PAGES.items()}
+    decisions = {f"decisions/{path.stem}": path for path in sorted((ROOT / "docs/decisions").glob("*.md"))}
+    logs = {f"measured/{path.stem}": path for path in sorted((ROOT / "benchmarks/results").glob("*.md"))}
+    return own | elsewhere | decisions | {name: path for name, path in logs.items() if path.name not in LEFT_OUT}
+
+
+class Gathered:
+    """A folder with all of them."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.pages = pages()
+        self.name_of = {path: name for name, path in self.pages.items()}
+        self.name_of[ROOT / "README.md"] = "index"
+        self.name_of |= {ROOT / "docs/decisions": "decisions/index", ROOT / "benchmarks/results": "measured/index"}
+        self.name_of[ROOT / "docs/gallery"] = "gallery/index"
+        self.written: set[Path] = set()
+
+    def write(self) -> None:
+        for name, path in self.pages.items():
+            folder, _, page = name.rpartition("/")
+            text = "\n".join(self.linked(path.read_text(encoding="utf-8"), path, name))
+            if folder in LISTED:
+                text = "\n".join([text, "", *self.listed(folder)]) if page == "index" else f"{ORPHAN}{text}"
+            self.put(f"{name}.md", text)
+        made = coefficients_header(shipped("hardware"), "float")
+        self.put("reference/c.md", c_reference(ROOT / "integrations/firmware/fracgyro.h", made))
+        types = (ROOT / "integrations/web/fracgyro.d.ts").read_text(encoding="utf-8")
+        self.put("reference/fracgyro.d.ts", types)
+        self.put("reference/settings.d.ts", settings_types())
+        stale = {path for path in self.folder.rglob("*") if path.is_file()} - self.written
+        for path in stale:
+            if path.relative_to(self.folder).parts[0] not in {"gallery", "sg_execution_times.rst"}:
+                path.unlink()
+
+    def listed(self, folder: str) -> Iterator[str]:
+        """A link to each page of a folder, by its title."""
+        for name, path in self.pages.items():
+            if name.startswith(f"{folder}/") and not name.endswith("/index"):
+                title = re.search(r"^# (.*)$", path.read_text(encoding="utf-8"), re.MULTILINE)
+                assert title is not None, path
+                yield f"- [{title[1]}]({name.removeprefix(f'{folder}/')}.md)"
+
+    def put(self, name: str, text: str) -> None:
+        """Only what changed: Sphinx reads no page again without need."""
+        target = self.folder / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if not target.is_file() or target.read_text(encoding="utf-8") != text:
+            target.write_text(text, encoding="utf-8", newline="\n")
+        self.written.add(target)
+
+    def linked(self, text: str, path: Path, name: str) -> Iterator[str]:
+        """The lines of a text, with its links as they are on the site."""
+        fence = ""
+        for line in text.splitlines():
+            opened = re.match(r"\s*(`{3,}|~{3,})", line)
+            if opened and (not fence or opened[1].startswith(fence)):
+                fence = "" if fence else opened[1]
+            yield line if fence or opened else self.line_linked(line, path, name)
+
+    def line_linked(self, line: str, path: Path, name: str) -> str:
+        def replaced(match: re.Match[str]) -> str:
+            return f"]({self.target(match[1], path, name)})"
+
+        parts = re.split(r"(`[^`]*`)", line)
+        parts[::2] = [re.sub(r"\]\(([^)\s]+)\)", replaced, part) for part in parts[::2]]
+        return "".join(parts)
+
+    def target(self, link: str, path: Path, name: str) -> str:
+        if re.match(r"[a-z]+:|#", link):
+            return link
+        file, hash_sign, anchor = unquote(link).partition("#")
+        found = Path(os.path.normpath(path.parent / file))
+        if found in self.name_of:
+            page = self.name_of[found]
+            suffix = ".md" if page in self.pages else ".rst"  # of the gallery
+            return f"{os.path.relpath(page + suffix, Path(name).parent)}{hash_sign}{anchor}"
+        if found.suffix in PICTURES:
+            copied = self.folder / "pictures" / found.name
+            copied.parent.mkdir(parents=True, exist_ok=True)
+            if not copied.is_file() or copied.read_bytes() != found.read_bytes():
+                shutil.copyfile(found, copied)
+            self.written.add(copied)
+            return f"/pictures/{found.name}"
+        kind = "tree" if found.is_dir() else "blob"
+        return f"{REPOSITORY}/{kind}/main/{found.relative_to(ROOT).as_posix()}{hash_sign}{anchor}"
+
+
+if __name__ == "__main__":
+    Gathered(Path(sys.argv[1]).resolve()).write()

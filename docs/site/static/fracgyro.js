@@ -1,0 +1,14 @@
+// What scrolls can be scrolled with a keyboard, too.
+for (const each of document.querySelectorAll(".table-wrapper, .highlight pre")) {
+  if (each.scrollWidth > each.clientWidth) {
+    each.tabIndex = 0;
+  }
+}
+// Captions of the bar at the side say that they are headings, but not of which level.
+for (const each of document.querySelectorAll("[role=heading]:not([aria-level])")) {
+  each.ariaLevel = "2";
+}
+// Parameters of a signature stand in lists of definitions that define nothing.
+for (const each of document.querySelectorAll("dt.sig dl, dt.sig dd")) {
+  each.role = "presentation";
+}

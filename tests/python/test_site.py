@@ -1,0 +1,161 @@
+"""The documentation site: made without a warning, complete, its links alive, its examples run, its pages usable.
+
+The pictures of the gallery are left out here: test_gallery.py runs its scripts.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import inspect
+import re
+import subprocess
+import sys
+import zlib
+from collections.abc import Iterator
+from functools import cache
+from html.parser import HTMLParser
+from pathlib import Path
+from types import ModuleType
+from urllib.parse import unquote, urljoin, urlsplit
+
+import fracgyro as fg
+import pytest
+from browser import chromium, served, violations, watched
+from children import PATIENCE
+from embedded import need
+
+ROOT = Path(__file__).resolve().parents[2]
+MAX_BYTES = 15e6
+
+
+@pytest.fixture(scope="session")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Made once, by whichever process asks first."""
+    shared = tmp_path_factory.getbasetemp()
+    shared = (shared.parent if shared.name.startswith("popen-") else shared) / "site"
+    shared.mkdir(exist_ok=True)
+    with open(shared / "lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not (shared / "made").exists():
+            make(shared, "html")
+            (shared / "made").touch()
+    return shared / "html"
+
+
+def make(folder: Path, builder: str) -> None:
+    words = ["-c", ROOT / "docs/site", "-W", "--keep-going", "-q", "-D", "plot_gallery=0", "-d", folder / "doctrees"]
+    for command in (
+        [ROOT / "docs/site/pages.py", folder / "source"],
+        ["-m", "sphinx", "-b", builder, *words, folder / "source", folder / builder],
+    ):
+        ran = subprocess.run([sys.executable, *command], capture_output=True, text=True, timeout=PATIENCE)
+        assert ran.returncode == 0, ran.stdout + ran.stderr
+
+
+def test_the_site_is_made_without_a_warning_and_is_small(site: Path) -> None:
+    assert (site / "index.html").is_file()
+    assert sum(path.stat().st_size for path in site.rglob("*") if path.is_file()) < MAX_BYTES
+
+
+def test_the_examples_of_the_reference_do_as_they_say(site: Path) -> None:
+    make(site.parent, "doctest")
+
+
+# -- Names ---------------------------------------------------------------------------------------------------
+
+
+def public(module: ModuleType, name: str = "fracgyro") -> Iterator[tuple[str, object]]:
+    """Every public name below a module, with its object; modules themselves left out."""
+    for each in module.__all__:
+        found = getattr(module, each)
+        if isinstance(found, ModuleType):
+            yield from public(found, f"{name}.{each}")
+        else:
+            yield f"{name}.{each}", found
+
+
+NAMES = dict(public(fg))
+
+
+def documented(site: Path) -> set[str]:
+    """The names in the site's inventory."""
+    content = (site / "objects.inv").read_bytes().split(b"\n", 4)[4]
+    return {line.split(" ")[0] for line in zlib.decompress(content).decode().splitlines()}
+
+
+def test_every_public_name_is_on_a_page(site: Path) -> None:
+    assert len(NAMES) > 50
+    assert NAMES.keys() - documented(site) == set()
+
+
+def returned(function: object) -> set[str]:
+    """The names in what a function says that it returns."""
+    said = inspect.signature(function).return_annotation if inspect.isfunction(function) else ""
+    return set(re.findall(r"\w+", said if isinstance(said, str) else ""))
+
+
+def test_every_public_function_and_class_has_an_example() -> None:
+    """Except what functions return, or what is in that: the examples of the functions show it."""
+    results = set().union(*map(returned, NAMES.values()))
+    fields = [inspect.get_annotations(found) for name, found in NAMES.items() if name.rpartition(".")[2] in results]
+    results |= set(re.findall(r"\w+", " ".join(str(said) for each in fields for said in each.values())))
+    without = [name for name, found in NAMES.items() if ">>>" not in (inspect.getdoc(found) or "")]
+    assert [name for name in without if name.rpartition(".")[2] not in results] == []
+
+
+# -- Links ---------------------------------------------------------------------------------------------------
+
+
+class Page(HTMLParser):
+    """What a page refers to, and what in it can be referred to."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.links: list[str] = []
+        self.ids: set[str] = set()
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
+        for name, value in attributes:
+            if name in ("href", "src") and value is not None:
+                self.links.append(value)
+            elif name == "id" and value:
+                self.ids.add(value)
+
+
+def test_every_link_within_the_site_leads_somewhere(site: Path) -> None:
+    parsed = cache(Page)
+    dead = []
+    for path in sorted(site.rglob("*.html")):
+        for link in parsed(path).links:
+            parts = urlsplit(link)
+            if parts.scheme or parts.path == "live/index.html":  # which only `make docs` puts there
+                continue
+            target = (path.parent / unquote(parts.path)).resolve() if parts.path else path
+            alive = target.is_file()
+            if alive and parts.fragment and target.suffix == ".html":
+                alive = unquote(parts.fragment) in parsed(target).ids
+            if not alive:
+                dead.append(f"{path.relative_to(site)}: {link}")
+    assert dead == []
+
+
+# -- In a browser --------------------------------------------------------------------------------------------
+
+WIDE = "Math.max(document.scrollingElement.scrollWidth, document.querySelector('article').scrollWidth)"
+LOOKED_AT = ["index", "tour/1-simulate", "gallery/index", "reference/scenario", "reference/python/runs"]
+
+
+@pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 360)])
+def test_pages_are_quiet_fit_and_accessible(site: Path, scheme: str, width: int) -> None:
+    """No message on the console, no request to anybody else, nothing wider than the window, no serious violation."""
+    need("pages")
+    with chromium() as browser, served(site) as address:
+        page = browser.new_page(viewport={"width": width, "height": 800}, color_scheme=scheme)
+        faults = watched(page, address)
+        for name in LOOKED_AT:
+            page.goto(urljoin(address, f"{name}.html"), wait_until="load")
+            wide = page.evaluate(WIDE)
+            faults += [f"{name}: {wide} wide"] if wide > width else []
+            faults += [f"{name}: {each}" for each in violations(page, ("serious", "critical"))]
+    assert faults == []
