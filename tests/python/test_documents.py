@@ -1,4 +1,4 @@
-"""The documents say what is so: identifiers, defaults and links exist, versions agree, examples run."""
+"""The documents say what is so: identifiers, defaults and links exist, examples run."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import re
 import shlex
 import subprocess
 import sys
-import tomllib
 import unicodedata
 from collections.abc import Iterator
 from itertools import takewhile
@@ -135,18 +134,6 @@ def test_the_reference_is_what_the_core_and_the_tables_say() -> None:
 
 def test_the_reference_of_study_files_is_what_their_models_say() -> None:
     assert read("docs/study_files.md") == study_files.page(), "make it again, as its first lines say"
-
-
-# -- Versions ------------------------------------------------------------------------------------------------
-
-
-def test_the_versions_agree() -> None:
-    version = tomllib.loads(read("pyproject.toml"))["project"]["version"]
-    assert re.findall(r"^version: (.*)$", read("CITATION.cff"), re.MULTILINE) == [version]
-    sections = re.findall(r"^## \[([^\]]+)\]", read("CHANGELOG.md"), re.MULTILINE)
-    released = [section for section in sections if section != "Unreleased"]
-    assert sections, "CHANGELOG.md has no section"
-    assert released[:1] in ([], [version])
 
 
 # -- Links ---------------------------------------------------------------------------------------------------
