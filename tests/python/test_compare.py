@@ -15,6 +15,7 @@ import fracgyro as fg
 import numpy as np
 import pytest
 from children import PATIENCE, run_until
+from figure_data import column, figure_data
 from fracgyro.compare.contender import Contender, Gain
 from fracgyro.compare.own import own_contender
 from fracgyro.compare.plan import FIRST_HELD_OUT, FULL, QUICK, planned
@@ -332,6 +333,28 @@ def test_compare_json_has_what_others_rely_on(small: Compared) -> None:
         assert row["cost"]["state_bytes"] > 0
     assert [row["ratio"]["value"] for row in found["contenders"] if row["name"] == "paper" and row["metrics"]]
     assert {row["ratio"]["value"] for row in found["contenders"] if row["name"] == "paper" and row["ratio"]} == {1.0}
+
+
+def test_the_numbers_behind_the_figures_are_those_of_compare_json(small: Compared) -> None:
+    data = figure_data(small.report)
+    assert list(data) == ["errors", "fronts", "robustness"]
+    contenders = json.loads(small.data.read_text(encoding="utf-8"))["contenders"]
+    found = {(row["table"].rpartition(" ")[2], row["contender"]): row for row in data["errors"]}
+    error = "error (q0)"
+    for row in contenders:
+        told = found[f"{row['ceiling']:g}", row["name"]]
+        wanted = row["metrics"].get("error", {"value": None})["value"]
+        assert told[error] == ("" if wanted is None else f"{wanted:.9g}")
+        assert told["within the limits"] == str(row["kept"]).lower()
+        assert told[f"{error}: tuning 1, when trained"] == "".join(f"{e:.9g}" for e in row["sampler_errors"] if e)
+    others = {(row["name"], what): of["value"] for row in contenders[2:] for what, of in row["others"].items()}
+    ratio = "error over that without the change"
+    told = {(row["contender"], row["condition, plant or noise"]): row[ratio] for row in data["robustness"]}
+    assert told == {key: "" if value is None else f"{value:.9g}" for key, value in others.items()}
+    points = [p for row in contenders if row["name"] == "pid" for p in row["front"]]
+    pid = [row for row in data["fronts"] if row["contender"] == "pid"]
+    assert min(column(pid, "error on the seeds of training (q0)")) == pytest.approx(min(e for _, e in points))
+    assert min(column(pid, "chattering index, larger axis")) == pytest.approx(min(c for c, _ in points))
 
 
 def test_the_gains_are_scenarios_that_give_the_numbers_again(small: Compared) -> None:

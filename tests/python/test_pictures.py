@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import base64
+import html
+import math
 import re
 from pathlib import Path
+from urllib.parse import unquote
 from xml.etree import ElementTree
 
 import fracgyro as fg
-from fracgyro.analysis.html import embedded
+from figure_data import LINK, read
+from fracgyro.analysis.html import csv_text, data_link, embedded
 from fracgyro.analysis.plots import write_plot
 from fracgyro.analysis.style import own_style, svg
 from matplotlib.figure import Figure
@@ -29,6 +33,18 @@ def test_the_letters_of_a_run_are_text_in_fonts_that_stand_in_for_one_another(tm
     assert families == {"'DejaVu Sans', 'Verdana', sans-serif"}
     assert picture.findtext(f"{SVG}title") == "A run"
     assert "tracking error: x, y" in str(picture.findtext(f"{SVG}desc"))
+
+
+def test_numbers_are_saved_as_they_are_whatever_is_in_their_names() -> None:
+    names = ['a, "b" (%41)', "ω & <1> #2"]
+    link = data_link(csv_text(names, [[1 / 3, math.nan], [1e-12, "x\ny"]]), "numbers")
+    (found,) = LINK.findall(link)
+    assert found[0] == "numbers"
+    assert not re.search(r"[\s#<>]", found[1]), "an address ends there, or loses it"
+    assert read(unquote(html.unescape(found[1]))) == [
+        dict(zip(names, ["0.333333333", ""], strict=True)),
+        dict(zip(names, ["1e-12", "x\ny"], strict=True)),
+    ]
 
 
 def test_a_picture_is_described_by_its_axes_and_curves_unless_it_says_itself() -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 import fracgyro as fg
 import numpy as np
 import pytest
+from figure_data import column, figure_data
 from fracgyro.rate.bound import Bound, bound_angle_random_walk
 from fracgyro.rate.measure import _couplings, measure
 from fracgyro.rate.results import results
@@ -164,6 +165,33 @@ def test_the_report_needs_nothing_but_itself(report: Path) -> None:
     assert not re.findall(r"(?:src|href)=\"(?!data:|#)", page)
     for figure in json.loads((report / "rate.json").read_text(encoding="utf-8"))["figures"]:
         assert f"<td>{figure['name']}</td>" in page
+
+
+def test_the_numbers_behind_the_figures_give_the_figures_of_merit(report: Path) -> None:
+    data = figure_data(report / "report.html")
+    assert list(data) == ["allan_deviation", "constant_rates", "response", "turn_on"]
+    content = json.loads((report / "rate.json").read_text(encoding="utf-8"))
+    found = {figure["key"]: figure["value"] for figure in content["figures"]}
+    rates = data["constant_rates"]
+    assert column(rates, "rate (deg/s)") == pytest.approx([-300, -200, -100, -30, -10, 0, 10, 30, 100, 200, 300])
+    worst = max(map(abs, column(rates, "mean output less the line (deg/s)")))
+    assert 100 * worst / 300 == pytest.approx(abs(found["nonlinearity"]), rel=1e-6)
+    allan = data["allan_deviation"]
+    tau, walk = (column(allan, name) for name in ("averaging time (s)", "slope −1/2: angle random walk (deg/h)"))
+    assert walk == pytest.approx([60 * found["angle_random_walk"] / math.sqrt(t) for t in tau], rel=1e-6)
+    low, output, high = (
+        np.array(column(allan, f"{name} (deg/h)")) for name in ("low end of the 95 % interval", "output", "high end")
+    )
+    assert (low < output).all()
+    assert (output < high).all()
+    frequency, gain = (column(data["response"], name) for name in ("frequency of the rate (Hz)", "gain (dB)"))
+    below = [f for f, g in zip(frequency, gain, strict=True) if g > -3]
+    assert below[-1] < found["bandwidth"] < frequency[len(below)]
+    runs = np.array([column(data["turn_on"], name) for name in data["turn_on"][0] if "run" in name])
+    time = np.array(column(data["turn_on"], "time (ms)"))
+    assert runs.shape == (2, len(time)), "two seeds"
+    mean = runs.mean(axis=0)
+    assert time[abs(mean - mean[-1]) > 3.0][-1] == pytest.approx(found["turn_on_time"], rel=0.5)
 
 
 def test_a_folder_that_is_there_is_left_alone(report: Path, tmp_path: Path) -> None:

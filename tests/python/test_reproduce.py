@@ -7,12 +7,14 @@ import json
 import re
 import signal
 import xml.etree.ElementTree as ET
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
 from children import run_until
+from figure_data import column, figure_data
 from fracgyro.analysis.confidence import Mean, mean_interval
 from fracgyro.files import writable_folder
 from fracgyro.paper import claims, errata, runs
@@ -36,7 +38,7 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_every_file_is_there_and_nothing_else(out: Path) -> None:
-    figures = {f"figures/figure{n:02d}.{kind}" for n in range(3, 20) for kind in ("svg", "png")}
+    figures = {f"figures/figure{n:02d}.{kind}" for n in range(3, 20) for kind in ("svg", "png", "csv")}
     kept = {f"runs/{v}_{c}.nc" for v in runs.VARIANTS for c in runs.CONTROLLERS}
     expected = figures | kept | {"figures/table1.svg", "table1.csv", "claims.json", "report.html"}
     assert {str(p.relative_to(out)) for p in out.rglob("*") if p.is_file()} == expected
@@ -93,6 +95,29 @@ def test_the_report_needs_nothing_but_itself(out: Path) -> None:
     assert all(f'id="{anchor}"' in page for anchor in anchors)
     assert "{{" not in page
     assert "{%" not in page
+
+
+def test_the_numbers_behind_a_figure_are_those_of_the_run(out: Path) -> None:
+    data = figure_data(out / "report.html")
+    assert list(data) == ["table1", *(f"figure{number:02d}" for number in range(3, 20))]
+    run = runs.record_all()["corrected", "proposed"]
+    error, time = run["error"].values[:, 1], run["time"].values
+    name = "error y (q0), corrected, whole run"
+    times, values = (np.array(column(data["figure04"], title)) for title in (f"t (1/omega0) of {name}", name))
+    np.testing.assert_allclose(values, error[np.searchsorted(time, times - 1e-9)], rtol=1e-8)
+    assert 600 < len(values) < 700, "thinned"
+    assert (values.min(), values.max()) == pytest.approx((error.min(), error.max()), rel=1e-8)
+    largest = column(data["figure04"], "error y (q0), corrected, largest magnitude")
+    assert max(largest) == pytest.approx(abs(error).max(), rel=1e-8)
+    truth = column(data["figure16"], "rate estimate (omega0): true value, corrected, whole run")
+    rate = runs.scenario("corrected", "proposed").plant.nondimensional()[2]
+    assert (min(truth), max(truth)) == (pytest.approx(rate), pytest.approx(rate))
+    with open(out / "table1.csv", newline="", encoding="utf-8") as file:
+        rows = [list(row.values()) for row in csv.DictReader(file)]
+    told = [list(row.values()) for row in data["table1"]]
+    words, numbers = itemgetter(0, 2, 3), itemgetter(1, 4, 5, 6, 7)
+    assert list(map(words, told)) == list(map(words, rows))
+    np.testing.assert_allclose(*(np.array([numbers(row) for row in table], dtype=float) for table in (told, rows)))
 
 
 def test_saved_runs_carry_their_scenario_and_can_be_simulated_again(out: Path) -> None:

@@ -24,6 +24,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from children import PATIENCE, run_until
+from figure_data import figure_data
 from fracgyro import _core
 from fracgyro.analysis.metric_names import METRICS
 from fracgyro.scenario import ScenarioError
@@ -415,12 +416,56 @@ def test_a_worker_killed_inside_a_block_costs_nothing(whole: Path, tmp_path: Pat
 def test_the_summary_needs_nothing_but_itself(small: Path) -> None:
     page = (small / "out" / "summary.html").read_text(encoding="utf-8")
     sources = re.findall(r'(?:src|href)="([^"]*)"', page)
-    assert all(source.startswith(("data:image/svg+xml;base64,", "#")) for source in sources)
+    assert all(source.startswith(("data:image/svg+xml;base64,", "data:text/csv", "#")) for source in sources)
     assert all(f'id="{source[1:]}"' in page for source in sources if source.startswith("#"))
     assert "{{" not in page
     assert "{%" not in page
     assert "8 runs: 4 points" in page
     assert "No run diverged." in page
+
+
+def test_the_numbers_behind_a_figure_are_means_of_the_rows(small: Path) -> None:
+    data = figure_data(small / "out" / "summary.html")["rmse_steady_x"]
+    runs = pd.read_parquet(small / "out" / "runs")
+    mean, value = "mean of RMS error of x, steady (q0)", "value (of a bin: its middle)"
+    found = {(row["field"], row[value], row["its value"]): float(row[mean]) for row in data}
+    assert len(found) == len(data) == 8, "two levels of each of two fields, and their four pairs"
+    for (field, of, other), number in found.items():
+        chosen = runs[runs[field].astype(str) == {"1": "1.0"}.get(of, of)]
+        chosen = chosen if not other else chosen[chosen["controller.kind"] == other]
+        assert number == pytest.approx(chosen["rmse_steady_x"].mean(), rel=1e-8)
+
+
+def test_the_numbers_of_a_sample_have_medians_and_correlations(tmp_path: Path) -> None:
+    text = """
+show = ["effort_x", "rate_settling_time"]
+[design]
+kind = "random"
+points = 8
+[fixed]
+run.duration = 1.0
+[vary]
+controller.order = { low = 0.5, high = 0.9 }
+adaptation.rate_gain = { low = 1.0, high = 100.0, scale = "log" }
+"""
+    sweep(study(tmp_path, text), tmp_path / "out")
+    data, runs = figure_data(tmp_path / "out" / "summary.html"), pd.read_parquet(tmp_path / "out" / "runs")
+    assert list(data) == ["rank_correlation", "effort_x"], "no run has the other metric"
+    effort, other = data["rank_correlation"]
+    ranks = runs["controller.order"].corr(runs["effort_x"], method="spearman")
+    assert float(effort["rank correlation with controller.order"]) == pytest.approx(ranks)
+    assert other["rank correlation with controller.order"] == ""
+    lower = runs[runs["controller.order"] < 0.7]["effort_x"]
+    row = data["effort_x"][0]
+    assert (row["field"], float(row["value (of a bin: its middle)"])) == ("controller.order", pytest.approx(0.6))
+    assert float(row["mean of RMS force in x (m ω0² q0)"]) == pytest.approx(lower.mean(), rel=1e-8)
+    assert float(row["95 % quantile"]) == pytest.approx(lower.max(), rel=1e-8)
+    pair = next(row for row in data["effort_x"] if row["second field"])
+    gain = "adaptation.rate_gain"
+    inside = runs[(runs["controller.order"] < 0.7) & (runs[gain] < 10.0)]["effort_x"]
+    assert pair["second field"] == gain
+    assert float(pair["its value"]) == pytest.approx(10**0.5)
+    assert float(pair["50 % quantile"] or "nan") == pytest.approx(inside.median(), rel=1e-8, nan_ok=True)
 
 
 def test_the_summary_says_what_it_leaves_out(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ import fracgyro as fg
 import numpy as np
 import pytest
 from children import PATIENCE, run_until
+from figure_data import column, figure_data
 from fracgyro.analysis.metric_names import METRICS
 from fracgyro.study import tune
 from fracgyro.study.tune.criteria import Constraint, Measured, Objective, Score, measure, score
@@ -165,6 +166,21 @@ def test_the_report_needs_nothing_but_itself_and_says_the_hold_out(out: Path) ->
     assert "{%" not in page
     assert re.search(r"confirmed</td>|refuted</td>|undecided</td>", page)
     assert all(f"<code>{metric}</code>" in page for metric in METRICS)
+
+
+def test_the_numbers_behind_the_figures_are_those_of_the_trials(out: Path) -> None:
+    data = figure_data(out / "tune.html")["objectives"]
+    found, front = rows(out / "trials.csv"), {row["trial"] for row in rows(out / "pareto.csv")}
+    assert [row["trial"] for row in data] == [row["trial"] for row in found]
+    assert {row["trial"] for row in data if row["on the front"] == "true"} == front
+    assert [row["feasible"] for row in data] == [row["feasible"] for row in found]
+    (chosen,) = (row["trial"] for row in data if row["chosen"] == "true")
+    assert f"trial {chosen} of 10" in (out / "tuned.toml").read_text(encoding="utf-8")
+    ratios = []
+    for name in ("mean of rmse_steady_x over base", "quantile 0.9 of rate_error_rms over base"):
+        ratios.append([float(row[name]) for row in found])
+        assert column(data, name) == pytest.approx(ratios[-1], rel=1e-8)
+    assert column(data, "geometric mean") == pytest.approx(np.sqrt(np.prod(ratios, axis=0)), rel=1e-8)
 
 
 @pytest.mark.parametrize(("sampler", "tail"), [("tpe", TWO), ("nsga2", TWO), ("cmaes", ONE)])

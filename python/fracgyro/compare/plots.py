@@ -13,9 +13,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from ..analysis.html import csv_text
 from ..analysis.style import COLORS, MM, WIDTH
 
 Row = dict[str, Any]
+Table = tuple[str, Sequence[Row]]  # with its title
 LINE, ROOM = 4.2, 18.0  # mm: height of a contender's line, and of what is above and below them
 MARKERS = "osD^v<>PXph*"
 PLANT = "#b8c4cc"
@@ -57,7 +59,7 @@ class Fronts:
     """The best error of any trial up to each amount of chattering; a contender looks the same in all panels."""
 
     def __init__(self, rows: Sequence[Row], ceilings: Sequence[float]) -> None:
-        names = dict.fromkeys(row["name"] for row in rows if row["front"])
+        names = _names(rows)
         looks = zip(mpl.color_sequences["tab20"], cycle(MARKERS), strict=False)
         self._looks = dict(zip(names, cycle(looks), strict=False))
         self._ceilings = ceilings
@@ -68,7 +70,7 @@ class Fronts:
         for ceiling in self._ceilings:
             panel.axvline(ceiling, color="gray", linewidth=0.6, dashes=(3, 2))
         for name, (color, marker) in self._looks.items():
-            points = joined([point for row in rows if row["name"] == name for point in row["front"]])
+            points = _front(rows, name)
             if points:
                 xs, ys = zip(*points, strict=True)
                 panel.plot(xs, ys, marker, color=color, markersize=2.2, linewidth=0.9, ls="-", drawstyle="steps-post")
@@ -127,6 +129,33 @@ class Robustness:
         return _legend([*handles, plant])
 
 
+def error_data(tables: Sequence[Table], words: str) -> str:
+    """The numbers of all `error_panel`s as CSV, as are those below of theirs."""
+    count = max(len(row["sampler_errors"]) for _, rows in tables for row in rows)
+    header = ["table", "contender", words, "low end of its 95 % interval", "high end", "within the limits"]
+    header += [f"{words}: tuning {i + 1}, when trained" for i in range(count)]
+    found = []
+    for title, rows in tables:
+        for row in rows:
+            error, kept = row["metrics"].get("error", {}), str(row["kept"]).lower()
+            numbers = [error.get(end) for end in ("value", "low", "high")]
+            found.append([title, row["name"], *numbers, kept, *row["sampler_errors"]])
+    return csv_text(header, found)
+
+
+def front_data(tables: Sequence[Table]) -> str:
+    header = ["table", "contender", "chattering index, larger axis", "error on the seeds of training (q0)"]
+    fronts = ((title, name, _front(rows, name)) for title, rows in tables for name in _names(rows))
+    return csv_text(header, ([title, name, *point] for title, name, points in fronts for point in points))
+
+
+def robustness_data(tables: Sequence[Table]) -> str:
+    header = ["table", "contender", "condition, plant or noise", "error over that without the change", "runs lost"]
+    every = ((title, row["name"], row["others"].items()) for title, rows in tables for row in rows)
+    found = ([title, name, what, of["value"], of["lost"]] for title, name, others in every for what, of in others)
+    return csv_text(header, found)
+
+
 def _shown(row: Row) -> dict[str, float]:
     """The ratios that can be drawn: no run is lost, and something moves."""
     ratios = {name: found["value"] for name, found in row["others"].items() if not found["lost"]}
@@ -150,6 +179,15 @@ def _legend(handles: Sequence[Line2D]) -> Figure:
     figure = Figure(figsize=(WIDTH / 2 * MM, (3.9 * -(-len(handles) // 2) + 4) * MM))
     figure.legend(handles=handles, loc="center", ncols=2)
     return figure
+
+
+def _names(rows: Sequence[Row]) -> list[str]:
+    """Contenders that have a front."""
+    return list(dict.fromkeys(row["name"] for row in rows if row["front"]))
+
+
+def _front(rows: Sequence[Row], name: str) -> list[tuple[float, float]]:
+    return joined([point for row in rows if row["name"] == name for point in row["front"]])
 
 
 def joined(points: Sequence[Sequence[float]]) -> list[tuple[float, float]]:

@@ -13,6 +13,7 @@ from ..analysis.html import embedded, page
 from ..analysis.style import own_style
 from ..files import whole_file
 from ..scenario.table import toml_value
+from . import plots
 from .plan import Comparison
 from .plots import DEAD, Fronts, Robustness, Row, error_legend, error_panel
 
@@ -36,6 +37,10 @@ def write_report(path: Path, plan: Comparison, rows: Sequence[Row]) -> None:
                 *(embedded(robustness.panel(*table), "Robustness") for table in loose),
             ],
         }
+        data = {
+            "errors": plots.error_data(ranked, "{} ({})".format(*plan.task.error_words)),
+            "robustness": plots.robustness_data(loose),
+        }
         if len(plan.task.ceilings) > 1:
             fronts = Fronts(rows, plan.task.ceilings)
             joined = _tables(rows, with_ceiling=False, named=len(plan.scenarios) > 1)
@@ -43,6 +48,7 @@ def write_report(path: Path, plan: Comparison, rows: Sequence[Row]) -> None:
                 embedded(fronts.legend(), "Legend"),
                 *(embedded(fronts.panel(*table), "Error over chattering or effort") for table in joined),
             ]
+            data["fronts"] = plots.front_data(joined)
     text = page(
         "fracgyro.compare",
         f"{plan.task.name}.html.jinja",
@@ -58,6 +64,7 @@ def write_report(path: Path, plan: Comparison, rows: Sequence[Row]) -> None:
         conditions=conditions,
         plants=plants,
         panels=panels,
+        data=data,
     )
     with whole_file(path) as scratch:
         scratch.write_text(text, encoding="utf-8")

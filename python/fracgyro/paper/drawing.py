@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any, Literal
 
@@ -15,6 +16,7 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Affine2D, Bbox, Transform, TransformedBbox
 from numpy.typing import NDArray
 
+from ..analysis.html import csv_text
 from ..analysis.style import DPI, MM, WIDTH, own_style, svg
 from ..files import whole_file
 
@@ -27,6 +29,10 @@ COLUMNS_PER_MM = 5.0  # thinner than the lines
 # mm: a figure's two blocks and their narrow panels
 BLOCKS, BLOCK = (14.5, 98.0), 69.0
 NARROW = 18.5
+
+# As columns of numbers are called.
+VIEWS = {"whole": "whole run", "early": "start", "late": "whole run", "envelope": "largest magnitude"}
+OTHERS = {"reference": ": reference", "truth": ": true value", "element": ": skew + symmetric"}
 
 # Okabe and Ito's palette, which is safe for color-blind readers.
 STYLES: dict[str, dict[str, Any]] = {
@@ -48,6 +54,7 @@ class Row:
     symbol: str
     unit: str
     style: str  # x and y for the axes
+    words: str  # what it is, with its unit in brackets
 
 
 @dataclass(frozen=True)
@@ -169,8 +176,21 @@ def _add_panel(figure: Figure, mm: Transform, panel: Panel) -> None:
             figure.text(left + 0.5 * width, -top - tall - 4.6, panel.time_label, transform=mm, ha="center", va="top")
 
 
+def numbers(plan: Plan) -> str:
+    """The curves as they are drawn, as CSV. Each has its own times, as each stretch keeps its own extremes."""
+    columns: dict[str, Array] = {}
+    for panel in plan.panels:
+        cell, variant = panel.cell, list(HEADINGS.values())[panel.left >= BLOCKS[1]]
+        for style, (time, values) in panel.curves.items():
+            row = next((row for row in cell.rows if row.style == style), cell.rows[0])
+            what = f"{row.words}{OTHERS.get(style, '')}, {variant.lower()}, {VIEWS[cell.view]}"
+            columns[f"t (1/omega0) of {what}"] = time
+            columns[what] = 10.0**values if cell.view == "envelope" else values
+    return csv_text(columns, zip_longest(*columns.values()))
+
+
 def render(plan: Plan, folder: Path) -> list[Path]:
-    """Writes the plan as SVG and PNG into `folder`."""
+    """Writes the plan as SVG, PNG and CSV into `folder`."""
     with own_style():
         figure = Figure(figsize=(WIDTH * MM, plan.height * MM))
         mm = Affine2D().translate(0.0, plan.height).scale(1.0 / WIDTH, 1.0 / plan.height) + figure.transFigure
@@ -196,11 +216,13 @@ def render(plan: Plan, folder: Path) -> list[Path]:
         shown = dict.fromkeys(f"{panel.label} over {panel.time_label}" for panel in plan.panels if panel.label)
         plain = re.sub(r"\\,|[$\\]", "", "; ".join(shown))  # without the signs of formulas
         drawn = svg(figure, plan.title, plain)
-        paths = [folder / f"{plan.stem}.svg", folder / f"{plan.stem}.png"]
+        paths = [folder / f"{plan.stem}.{kind}" for kind in ("svg", "png", "csv")]
         with whole_file(paths[0]) as scratch:
             scratch.write_text(_shorter(drawn), encoding="utf-8", newline="\n")
         with whole_file(paths[1]) as scratch:
             figure.savefig(scratch, format="png", dpi=DPI, pil_kwargs={"compress_level": 4})
+    with whole_file(paths[2]) as scratch:
+        scratch.write_text(numbers(plan), encoding="utf-8", newline="\n")
     return paths
 
 

@@ -12,6 +12,7 @@ Data are decimated before they are drawn: each pixel column keeps its extremes, 
 
 from __future__ import annotations
 
+import re
 import signal
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor
@@ -96,9 +97,18 @@ def _specs() -> Iterator[FigureSpec]:
         names: Any = channel.labels if channel.dimension else [""]
         styles = names if channel.dimension == "axis" else ["estimate"] * len(names)
         columns = zip(range(len(names)), names, units, styles, strict=True)
-        rows = tuple(Row(variable, i, symbol.replace("?", str(name)), *rest) for i, name, *rest in columns)
+        rows = tuple(
+            Row(variable, i, symbol.replace("?", str(name)), unit, style, _words(variable, name, unit))
+            for i, name, unit, style in columns
+        )
         for number, controller in enumerate(controllers, start=first):
             yield FigureSpec(number, controller, f"{what}: {NAMES[controller]}", layout, rows)
+
+
+def _words(variable: str, name: Any, unit: str) -> str:
+    """`damping_estimate`, xx and its unit for formulas: damping estimate xx (m omega0)."""
+    plain = re.sub(r"\\?(omega|q)_0", r" \g<1>0", unit.strip("()")).strip()
+    return f"{variable.replace('_', ' ')} {name}".strip() + f" ({plain})"
 
 
 FIGURES = {spec.number: spec for spec in _specs()}
@@ -236,7 +246,7 @@ def _plan(number: int, runs: Runs) -> Plan:
 
 
 def draw(number: int, runs: Runs, folder: Path) -> list[Path]:
-    """Writes figureNN.svg and figureNN.png, each whole; the same runs give the same bytes."""
+    """Writes figureNN.svg, .png and .csv, each whole; the same runs give the same bytes."""
     return render(_plan(number, runs), folder)
 
 

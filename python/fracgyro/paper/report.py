@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..analysis.html import embedded, page
+from ..analysis.html import csv_text, embedded, page
 from ..files import whole_file
 from .claims import Claim
 from .errata import Erratum
@@ -16,6 +16,11 @@ from .table import WINDOWS, Row
 
 DEGREES_PER_SECOND = 180.0 / np.pi
 UNITS = {"whole": 1e-3, "transient": 1e-3, "steady": 1e-6}  # of the RMSE in the tables
+
+TABLE_COLUMNS = (
+    *("variant", "order alpha", "axis", "window"),
+    *("mean RMSE (q0)", "low end of its 95 % interval (q0)", "high end (q0)", "seeds"),
+)
 
 
 def write_report(
@@ -30,7 +35,7 @@ def write_report(
     version: str,
     seconds: float,
 ) -> None:
-    """Writes `path` from the results and the SVG files in the folder `figures`, which become part of it."""
+    """Writes `path` from the results and the SVG and CSV files in the folder `figures`, which become part of it."""
     corrected = scenario("corrected", "proposed")
     by_id: dict[str, dict[str, Claim]] = {}
     for claim in claims:
@@ -49,10 +54,16 @@ def write_report(
         hold=f"{corrected.disturbance.hold:g}",
         tolerance=f"{corrected.run.kernel_tolerance:g}",
         table_figure=embedded((figures / "table1.svg").read_bytes()),
+        table_data=csv_text(TABLE_COLUMNS, rows),
         tables=[_table(variant, rows) for variant in VARIANTS],
         errata=errata,
         figures=[
-            {"number": n, "caption": caption, "source": embedded((figures / f"figure{n:02d}.svg").read_bytes())}
+            {
+                "number": n,
+                "caption": caption,
+                "source": embedded((figures / f"figure{n:02d}.svg").read_bytes()),
+                "data": (figures / f"figure{n:02d}.csv").read_text(encoding="utf-8"),
+            }
             for n, caption in captions.items()
         ],
         scenario=corrected.to_toml(),

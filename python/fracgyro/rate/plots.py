@@ -1,15 +1,15 @@
-"""The figures of the report, as sources of HTML images."""
+"""The figures of the report, with their numbers."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..analysis.html import embedded
+from ..analysis.html import csv_text, embedded
 from ..analysis.style import COLORS, MM, WIDTH, own_style
 from .allan import FLOOR, Allan
 from .bound import Bound
@@ -20,10 +20,27 @@ SHOWN = 5.0  # times the turn-on time
 FAR = 10.0  # times the range: from here on a turn-on is drawn on a logarithmic scale
 
 
-def allan_chart(m: Characterisation) -> str:
-    """`allan_figure` as the source of an image."""
+class Chart(NamedTuple):
+    """A figure as the source of an image, and its numbers as CSV."""
+
+    source: str
+    data: str
+
+
+def allan_chart(m: Characterisation) -> Chart:
+    """`allan_figure` with its numbers."""
+    unit, tau = DEG_PER_H.per_si, m.allan.tau
+    columns = {
+        "averaging time (s)": tau,
+        "low end of the 95 % interval (deg/h)": m.allan.low * unit,
+        "high end (deg/h)": m.allan.high * unit,
+    }
     with own_style():
-        return embedded(allan_figure(m.allan, m.bound), "Allan deviation over averaging time")
+        figure = allan_figure(m.allan, m.bound)
+        for line in figure.axes[0].lines:  # a level has one number for all times
+            columns[f"{line.get_label()} (deg/h)"] = np.resize(np.asarray(line.get_ydata()), tau.shape)
+        source = embedded(figure, "Allan deviation over averaging time")
+    return Chart(source, _data(columns))
 
 
 def allan_figure(found: Allan, bound: Bound | None = None) -> Figure:
@@ -57,21 +74,20 @@ def allan_figure(found: Allan, bound: Bound | None = None) -> Figure:
     return figure
 
 
-def ladder_chart(m: Characterisation) -> str:
+def ladder_chart(m: Characterisation) -> Chart:
     """What the mean output has beyond the line, over the rate."""
     with own_style():
         figure, panel = _one_panel(62)
-        rate = DEG_PER_S.per_si * m.rates
+        rate, deviation = DEG_PER_S.per_si * m.rates, DEG_PER_S.per_si * m.static.deviation
         panel.axhline(0, color="black", linewidth=0.5)
-        panel.plot(
-            rate, DEG_PER_S.per_si * m.static.deviation, color=COLORS[0], marker="o", markersize=3, linewidth=0.8
-        )
+        panel.plot(rate, deviation, color=COLORS[0], marker="o", markersize=3, linewidth=0.8)
         panel.set_xlabel("rate (deg/s)")
         panel.set_ylabel("mean output less the line (deg/s)")
-        return embedded(figure, "Deviation from the line over the rate")
+        source = embedded(figure, "Deviation from the line over the rate")
+    return Chart(source, _data({"rate (deg/s)": rate, "mean output less the line (deg/s)": deviation}))
 
 
-def turn_on_chart(m: Characterisation) -> str:
+def turn_on_chart(m: Characterisation) -> Chart:
     """The output of every run from its start, at the end of the range."""
     with own_style():
         figure, panel = _one_panel(62)
@@ -92,18 +108,22 @@ def turn_on_chart(m: Characterisation) -> str:
         panel.set_xlabel("time (ms)")
         panel.set_ylabel("output (deg/s)")
         _beside(panel)
-        return embedded(figure, "Output from the start")
+        source = embedded(figure, "Output from the start")
+        seen = time <= panel.get_xlim()[1]
+    runs = {f"output of run {i} (deg/s)": DEG_PER_S.per_si * run[seen] for i, run in enumerate(m.turn_on.rate, 1)}
+    return Chart(source, _data({"time (ms)": time[seen], **runs}))
 
 
-def response_chart(m: Characterisation) -> str:
+def response_chart(m: Characterisation) -> Chart:
     """Gain and lag over the frequency of the rate."""
     with own_style():
         figure = Figure(figsize=(WIDTH * MM, 82 * MM), layout="constrained")
         gain, lag = figure.subplots(2, 1, sharex=True)
         style = {"color": COLORS[0], "marker": "o", "markersize": 3, "linewidth": 0.8}
-        gain.semilogx(m.response.frequency, 20 * np.log10(m.response.gain), **style)
+        decibels, degrees = 20 * np.log10(m.response.gain), DEGREE.per_si * m.response.lag
+        gain.semilogx(m.response.frequency, decibels, **style)
         gain.axhline(20 * math.log10(math.sqrt(0.5)), color="black", linewidth=0.7, dashes=(4, 2.5))
-        lag.semilogx(m.response.frequency, DEGREE.per_si * m.response.lag, **style)
+        lag.semilogx(m.response.frequency, degrees, **style)
         if 0 < m.response.bandwidth.mean < math.inf:
             for panel in (gain, lag):
                 panel.axvline(m.response.bandwidth.mean, color=COLORS[1], linewidth=0.9)
@@ -112,7 +132,13 @@ def response_chart(m: Characterisation) -> str:
         lag.set_xlabel("frequency of the rate (Hz)")
         for panel in (gain, lag):
             _plain(panel)
-        return embedded(figure, "Gain and phase lag over frequency")
+        source = embedded(figure, "Gain and phase lag over frequency")
+    columns = {"frequency of the rate (Hz)": m.response.frequency, "gain (dB)": decibels, "phase lag (deg)": degrees}
+    return Chart(source, _data(columns))
+
+
+def _data(columns: dict[str, Any]) -> str:
+    return csv_text(columns, zip(*columns.values(), strict=True))
 
 
 def _one_panel(height: float) -> tuple[Figure, Axes]:

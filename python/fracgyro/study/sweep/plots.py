@@ -13,10 +13,10 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator
 from numpy.typing import NDArray
 
-from ...analysis.html import embedded
+from ...analysis.html import csv_text, embedded
 from ...analysis.metric_names import METRICS
 from ...analysis.style import MM, WIDTH, own_style
-from .effects import Axis, Cells, Effect
+from .effects import QUANTILES, Axis, Cells, Effect
 
 INK = "#0072B2"
 ACROSS = 4  # panels side by side
@@ -91,6 +91,29 @@ def heat_map(metric: str, cells: Cells, limits: tuple[float, float]) -> str:
             bar = figure.colorbar(drawn, ax=panel)
         bar.set_label(label(metric, power))
         return embedded(figure, f"{METRICS[metric][0]} over {cells.across.field} and {cells.up.field}")
+
+
+def numbers(metric: str, effects: Sequence[Effect], maps: Sequence[Cells], *, sampled: bool) -> str:
+    """What the figures of a metric show, as CSV: along each field, then over each pair of fields."""
+    what = label(metric)
+    header = ["field", "value (of a bin: its middle)", "second field", "its value", f"mean of {what}"]
+    header += ["low end of its 95 % interval", "high end"]
+    header += [f"{100 * q:g} % quantile" for q in QUANTILES] if sampled else []
+    rows: list[list[Any]] = []
+    for effect in effects:
+        bands = np.full((len(effect.means), 0), np.nan) if effect.quantiles is None else effect.quantiles.T
+        for place, mean, band in zip(_places(effect.axis), effect.means, bands, strict=True):
+            rows.append([effect.axis.field, place, "", "", *(mean or [None] * 3), *band])
+    for cells in maps:
+        across, up = _places(cells.across), _places(cells.up)
+        for (j, i), value in np.ndenumerate(cells.values):
+            median = [None] * (3 + list(QUANTILES).index(0.5)) if sampled else []
+            rows.append([cells.across.field, across[i], cells.up.field, up[j], *median, value])
+    return csv_text(header, rows)
+
+
+def _places(axis: Axis) -> list[Any]:
+    return axis.places.tolist() if axis.numeric else axis.names
 
 
 def correlation_chart(metrics: Sequence[str], fields: Sequence[str], values: NDArray[np.float64]) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 
 from ...analysis.confidence import Mean
-from ...analysis.html import page
+from ...analysis.html import csv_text, page
 from ...analysis.metric_names import METRICS
 from ...files import whole_file
 from ...scenario import Scenario
@@ -58,7 +58,7 @@ def write_summary(path: Path, plan: Plan, table: pa.Table) -> None:
         metrics=[_metric(rows, name) for name in plan.study.show],
         max_mapped=MAX_MAPPED,
         quantiles=[f"{100 * q:g} %" for q in QUANTILES],
-        correlation=_correlation(rows, numeric) if correlated else None,
+        **(_correlation(rows, numeric) if correlated else {"correlation": None}),
         chance=1.96 / np.sqrt(max(len(plan.points) - 1, 1)),
         thresholds=plan.study.metrics.model_dump(),
     )
@@ -75,7 +75,7 @@ def _metric(rows: Rows, name: str) -> dict[str, Any]:
     never = int((np.isnan(values) & rows.kept).sum())
     found, eligible = effects.best(rows, name, plan.study.show, BEST)
     dimensions = plan.dimensions if never + rows.diverged < plan.runs else ()
-    maps, blank = [], False
+    maps, pairs, blank = [], [], False
     if 2 <= len(dimensions) <= MAX_MAPPED and plan.study.design.kind != "list":
         pairs = [effects.cells(rows, name, a, b) for a, b in combinations(dimensions, 2)]
         blank = any(bool(pair.empty.any()) for pair in pairs)
@@ -95,6 +95,7 @@ def _metric(rows: Rows, name: str) -> dict[str, Any]:
         "quantiles": [_number(q / 10.0**power) for q in spread],
         "effects": plots.effects_chart(name, along) if along else None,
         "maps": maps,
+        "data": plots.numbers(name, along, pairs, sampled=rows.sampled),
         "blank": blank,
         "mapped_partial": never + rows.diverged > 0,
         "eligible": eligible,
@@ -121,10 +122,12 @@ def _reported(plan: Plan, name: str, found: bool) -> bool:
     return any(channel == own.name for kind in plan.facts.controllers for listed in reports(kind) for own in listed)
 
 
-def _correlation(rows: Rows, numeric: list[Dimension]) -> str:
-    shown = rows.plan.study.show
+def _correlation(rows: Rows, numeric: list[Dimension]) -> dict[str, str]:
+    shown, fields = rows.plan.study.show, [dimension.field for dimension in numeric]
     values = [[effects.rank_correlation(rows, name, dimension) for dimension in numeric] for name in shown]
-    return plots.correlation_chart(shown, [dimension.field for dimension in numeric], np.array(values))
+    header = ["metric", *(f"rank correlation with {field}" for field in fields)]
+    table = csv_text(header, ([name, *line] for name, line in zip(shown, values, strict=True)))
+    return {"correlation": plots.correlation_chart(shown, fields, np.array(values)), "correlation_data": table}
 
 
 def _diverged_where(rows: Rows) -> list[tuple[str, list[tuple[str, int, int]]]]:

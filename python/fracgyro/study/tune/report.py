@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-from ...analysis.html import embedded, page
+from ...analysis.html import csv_text, embedded, page
+from ...analysis.metric_names import METRICS
 from ...analysis.style import DPI, own_style, svg
 from ...files import one_line, whole_file
 from ...scenario import Scenario
@@ -20,7 +21,7 @@ from .criteria import Score
 from .hold_out import HoldOut
 from .plan import Plan
 from .plots import history_figure, pareto_figure
-from .search import Trial
+from .search import Trial, ratios
 
 SAMPLERS = {"tpe": "TPE", "cmaes": "CMA-ES", "nsga2": "NSGA-II"}
 EDGE = 0.02  # of a range: this close to its end is at it
@@ -145,10 +146,27 @@ def write_report(result: Result, folder: Path) -> None:
         parameters=[_parameter(d, result) for d in plan.dimensions],
         pareto=pareto,
         history=drawn,
+        data=_data(result),
         scenario=tuned_toml(result),
     )
     with whole_file(folder / "tune.html") as scratch:
         scratch.write_text(text, encoding="utf-8")
+
+
+def _data(result: Result) -> str:
+    """What both figures show of each trial, as CSV."""
+    header, front = ["trial"], {trial.number for trial in result.members}
+    for objective, base in zip(result.plan.file.objective, result.base.objectives, strict=True):
+        unit = METRICS[objective.metric][1]
+        over = " over base" if 0 < base < math.inf else f" ({unit})" if unit else ""
+        header.append(f"{objective.label}{over}")
+    rows = []
+    for trial in result.trials:
+        found, number = ratios(trial.score, result.base), trial.number
+        mean = math.prod(found) ** (1 / len(found))
+        stands = trial.score.feasible, number in front, number == result.chosen.number
+        rows.append([number, *found, mean, *(str(yes).lower() for yes in stands)])
+    return csv_text([*header, "geometric mean", "feasible", "on the front", "chosen"], rows)
 
 
 def _parameter(dimension: Dimension, result: Result) -> dict[str, str]:
