@@ -90,6 +90,7 @@ def test_a_base_scenario_is_named_or_a_file_beside_the_study(tmp_path: Path) -> 
 
 PAIR = "[vary]\ncontroller.order = [0.3, 0.6]\ncontroller.terminal_exponent = { low = 0.2, high = 0.8, steps = 2 }\n"
 RANGES = "[vary]\ncontroller.order = { low = 0.2, high = 0.8 }\nplant.angular_rate = { low = -100.0, high = 100.0 }\n"
+INDICES = '[design]\nkind = "sobol_indices"\n'
 
 
 def test_a_grid_has_every_combination_the_last_field_fastest(tmp_path: Path) -> None:
@@ -156,7 +157,7 @@ def test_blocks_cover_every_run_once_in_order(tmp_path: Path) -> None:
         ("seeds = true", "seeds is true: it must be"),
         ('show = ["rmse_stedy_x"]', 'show has "rmse_stedy_x", which is not a known metric; did you mean rmse_steady'),
         ("[design]\npoint = 3", "design.point is not a known field; did you mean design.points?"),
-        ('[design]\nkind = "sobool"', 'design.kind is "sobool": it must be grid, list, random, latin_hypercube or'),
+        ('[design]\nkind = "sobool"', '"sobool": it must be grid, list, random, latin_hypercube, sobol or'),
         ("[metrics]\ntransient = -1.0", "metrics.transient is -1.0: it must be greater than 0"),
         ('scenario = "nowhere.toml"', "nowhere.toml cannot be read: No such file"),
         ("[fixed]\ncontroller.oder = 0.5", "controller.oder is not a known field; did you mean controller.order?"),
@@ -184,6 +185,12 @@ def test_blocks_cover_every_run_once_in_order(tmp_path: Path) -> None:
         (PAIR + '[design]\nkind = "random"\npoints = 4', "terminal_exponent: steps is 2: it must be left out"),
         (RANGES + '[design]\nkind = "random"', 'design.points is missing: "random" must have a number of points'),
         (RANGES + '[design]\nkind = "sobol"\npoints = 100', "a Sobol design must have a power of 2, such as 128"),
+        (RANGES + INDICES + "points = 100", "design.points is 100: a Sobol design must have a power of 2, such as 128"),
+        (RANGES + INDICES + "points = 8", "design.points is 8: it must be from 16 to 250000 for Sobol indices"),
+        (RANGES + INDICES + "points = 262144", "262144: it must be from 16 to 250000 for Sobol indices, which need 4 "),
+        (RANGES + INDICES, 'design.points is missing: "sobol_indices" must have a number of points'),
+        (PAIR + INDICES + "points = 16", "terminal_exponent: steps is 2: it must be left out"),
+        (INDICES + "points = 16", "vary is empty: at least one field must vary when design.kind is sobol_indices"),
         ('[design]\nkind = "list"', "vary is empty: at least one field must vary"),
         (PAIR.replace("0.6]", "0.6, 0.7]") + '[design]\nkind = "list"', "has 2 values: it must have 3"),
         ('seeds = 2\n[fixed]\ndisturbance.kind = "none"\n' + PAIR, "it must be one, as disturbance.kind is \"none\""),

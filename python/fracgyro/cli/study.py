@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from .completion import toml_files
-from .terminal import progress
+from .terminal import print_table, progress
 
 
 @click.command()
@@ -33,6 +33,11 @@ def sweep(study: Path, out: Path, resume: bool, scheduler: str | None, as_json: 
     did = (
         f"{result.runs} runs{found}, {result.diverged} diverged" if new else "it was finished: nothing was left to run"
     )
+    if result.sensitivity is not None:
+        titles = ("metric", "field", "S [95 %]", "S_T [95 %]")
+        print_table(titles, [(i.metric, i.field, *i.cells()) for i in result.sensitivity.indices])
+        for metric, why in result.sensitivity.missing.items():
+            click.echo(f"{metric} has no Sobol indices: {why}.")
     click.echo(f"{did}; {result.seconds:.1f} s. Rows: {result.data}, summary: {result.summary}")
 
 

@@ -35,6 +35,7 @@ from ..file import (
 )
 from ..space import MAX_POINTS, Dimension, read_space
 
+MIN_BLOCK = 16  # points, of which an interval can be made
 SHOWN = ("rmse_steady_x", "rmse_steady_y", "error_settling_time", "rate_error_rms")
 
 
@@ -48,11 +49,16 @@ def _show(value: Any) -> Any:
 class Design(Table):
     """How the points are chosen."""
 
-    kind: Literal["grid", "list", "random", "latin_hypercube", "sobol"] = described(
-        "grid", "grid: every combination; list: the lists side by side, row by row; else drawn from the ranges."
+    kind: Literal["grid", "list", "random", "latin_hypercube", "sobol", "sobol_indices"] = described(
+        "grid",
+        "grid: every combination; list: the lists side by side, row by row; else drawn from the ranges. "
+        "sobol_indices: in d + 2 blocks of points, d the number of fields, for Sobol's indices of each.",
     )
     points: int | None = described(
-        None, "How many are drawn; a power of 2 for sobol. Of grid and list left out.", ge=1, le=MAX_POINTS
+        None,
+        "How many are drawn, by sobol_indices of each block; a power of 2 for both sobol. Of grid and list left out.",
+        ge=1,
+        le=MAX_POINTS,
     )
     seed: int = described(0, "Of what is drawn.", ge=0)
 
@@ -194,12 +200,33 @@ def _latin_hypercube(design: Design, dimensions: tuple[Dimension, ...]) -> list[
 
 
 def _sobol(design: Design, dimensions: tuple[Dimension, ...]) -> list[tuple[Any, ...]]:
-    if design.points is not None and design.points.bit_count() != 1:
-        near = 1 << design.points.bit_length()
-        raise ScenarioError(f"design.points is {design.points}: a Sobol design must have a power of 2, such as {near}")
+    return _sampled(design, dimensions, _sobol_points)
+
+
+def _sobol_indices(design: Design, dimensions: tuple[Dimension, ...]) -> list[tuple[Any, ...]]:
+    """A, B and, for each field i, AB_i: A with the values of that field from B."""
+    most = MAX_POINTS // (len(dimensions) + 2)
+    if design.points is not None and not MIN_BLOCK <= design.points <= most:
+        raise ScenarioError(
+            f"design.points is {design.points}: it must be from {MIN_BLOCK} to {most} for Sobol indices, which need "
+            f"{len(dimensions) + 2} blocks of it"
+        )
+
+    def blocks(n: int, d: int, rng: np.random.Generator) -> Any:
+        a, b = np.split(_sobol_points(n, 2 * d, rng), 2, axis=1)
+        mixed = [np.where(np.arange(d) == i, b, a) for i in range(d)]
+        return np.concatenate([a, b, *mixed])
+
+    return _sampled(design, dimensions, blocks)
+
+
+def _sobol_points(n: int, d: int, rng: np.random.Generator) -> Any:
+    if n.bit_count() != 1:
+        near = 1 << n.bit_length()
+        raise ScenarioError(f"design.points is {n}: a Sobol design must have a power of 2, such as {near}")
     from scipy.stats.qmc import Sobol
 
-    return _sampled(design, dimensions, lambda n, d, rng: Sobol(d, seed=rng).random(n))
+    return Sobol(d, seed=rng).random(n)
 
 
 def _sampled(
@@ -231,4 +258,5 @@ DESIGNS: dict[str, Callable[[Design, tuple[Dimension, ...]], list[tuple[Any, ...
     "random": _random,
     "latin_hypercube": _latin_hypercube,
     "sobol": _sobol,
+    "sobol_indices": _sobol_indices,
 }

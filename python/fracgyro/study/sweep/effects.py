@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from ...analysis.confidence import Mean, mean_interval
@@ -36,7 +37,7 @@ class Rows:
     @property
     def sampled(self) -> bool:
         """Whether the points are a random sample of the space."""
-        return self.plan.study.design.kind in ("random", "latin_hypercube", "sobol")
+        return self.plan.study.design.kind in ("random", "latin_hypercube", "sobol", "sobol_indices")
 
     @property
     def diverged(self) -> int:
@@ -45,6 +46,19 @@ class Rows:
     def metric(self, name: str) -> Array:
         """NaN also where the run diverged."""
         return np.where(self.kept, _column(self.table, name), np.nan)
+
+    def by_point(self, name: str) -> Array:
+        """The metric, (point, seed)."""
+        order = np.lexsort((np.array(self.table["seed"]), np.array(self.table["point"])))
+        return self.metric(name)[order].reshape(len(self.plan.points), -1)
+
+    def independent(self) -> Rows:
+        """Those of points that are independent: of a design for Sobol indices blocks A and B, otherwise all."""
+        if self.plan.study.design.kind != "sobol_indices":
+            return self
+        count = 2 * len(self.plan.points) // (len(self.plan.dimensions) + 2)
+        plan = replace(self.plan, points=self.plan.points[:count])
+        return Rows.of(plan, self.table.filter(pc.less(self.table["point"], count)))
 
     def units(self) -> NDArray[np.int64]:
         """What varies independently from one mean to the next: the points of a sample, otherwise the seeds."""
@@ -169,9 +183,7 @@ def rank_correlation(rows: Rows, name: str, dimension: Dimension) -> float:
 def best(rows: Rows, name: str, shown: Sequence[str], count: int) -> tuple[list[Best], int]:
     """The `count` points of the least mean magnitude of the metric, and how many of all points were eligible:
     those of which no run diverged or is without the metric."""
-    shape = len(rows.plan.points), len(rows.plan.seeds)
-    order = np.lexsort((np.array(rows.table["seed"]), np.array(rows.table["point"])))
-    by_point = {metric: rows.metric(metric)[order].reshape(shape) for metric in {name, *shown}}
+    by_point = {metric: rows.by_point(metric) for metric in {name, *shown}}
     means = np.abs(by_point[name].mean(axis=1))  # NaN unless all runs count
     ranked = np.argsort(means, kind="stable")[: min(count, int(np.isfinite(means).sum()))]
     found = [

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pyarrow as pa
 
+from ...files import whole_file
 from ...scenario.table import shown
 from ...simulation.outside import ControllerLike
 from ..cluster import connected, measured_there
@@ -18,6 +19,8 @@ from ..folder import free_if_nothing_came
 from .block_files import BlockFiles
 from .blocks import Block, blocks
 from .design import read_plan
+from .effects import Rows
+from .indices import Sensitivity, sensitivity
 from .summary import write_summary
 
 
@@ -31,6 +34,7 @@ class Sweep:
     resumed: int  #: of the runs: found finished
     diverged: int
     seconds: float
+    sensitivity: Sensitivity | None = None  #: of the design sobol_indices
 
 
 def sweep(
@@ -44,6 +48,7 @@ def sweep(
 ) -> Sweep:
     """Every run of the study file, as Parquet in the folder `out`/runs, and `out`/summary.html.
 
+    The design sobol_indices also writes `out`/indices.csv.
     The rows are the same whatever the processors, the interruptions and their order. `controller`, in the place of the
     scenarios' own: as in `fracgyro.simulate`. Parameters of a native.Law may vary in the study, as `law.NAME`.
     study.json says which controller it was: its name, its parameters, and the hash of its code, of what it takes from
@@ -84,11 +89,14 @@ def sweep(
             measured = measured_there(cluster, waiting, advance) if cluster else measured_here(waiting, advance)
             for block, table in measured:
                 folder.write(block, table)
-    rows = folder.read(work, list(dict.fromkeys(["point", "seed", "diverged_at", *plan.study.show])))
+    rows = Rows.of(plan, folder.read(work, list(dict.fromkeys(["point", "seed", "diverged_at", *plan.study.show]))))
+    found = sensitivity(rows) if plan.study.design.kind == "sobol_indices" else None
+    if found is not None:
+        with whole_file(folder.path / "indices.csv") as scratch:
+            scratch.write_text(found.csv(), encoding="utf-8", newline="\n")
     summary = folder.path / "summary.html"
-    write_summary(summary, plan, rows)
-    diverged = plan.runs - rows["diverged_at"].null_count
-    return Sweep(folder.runs, summary, plan.runs, resumed, diverged, time.perf_counter() - begin)
+    write_summary(summary, rows, found)
+    return Sweep(folder.runs, summary, plan.runs, resumed, rows.diverged, time.perf_counter() - begin, found)
 
 
 def measured_here(work: list[Block], progress: Callable[[int], object]) -> Iterator[tuple[Block, pa.Table]]:

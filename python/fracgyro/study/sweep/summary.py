@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 
 from ...analysis.confidence import Mean
 from ...analysis.html import csv_text, page
@@ -23,6 +22,7 @@ from ..space import Dimension
 from . import effects, plots
 from .design import Plan
 from .effects import QUANTILES, Rows
+from .indices import Sensitivity
 
 BEST = 5  # points listed for each metric
 MAX_MAPPED = 4  # fields: more make more maps than anyone looks at
@@ -32,12 +32,13 @@ DESIGN_WORDS = {
     "random": "a random sample",
     "latin_hypercube": "a Latin hypercube sample",
     "sobol": "a scrambled Sobol sample",
+    "sobol_indices": "the blocks of a scrambled Sobol sample that Sobol’s indices need",
 }
 
 
-def write_summary(path: Path, plan: Plan, table: pa.Table) -> None:
+def write_summary(path: Path, rows: Rows, sensitivity: Sensitivity | None) -> None:
     """Writes `path` from all rows of the plan."""
-    rows = Rows.of(plan, table)
+    plan, sample = rows.plan, rows.independent()
     numeric = [d for d in plan.dimensions if effects.axis(rows, d, 2).numeric]
     correlated = rows.sampled and len(numeric) > 1
     text = page(
@@ -55,11 +56,14 @@ def write_summary(path: Path, plan: Plan, table: pa.Table) -> None:
         diverged=rows.diverged,
         diverged_where=_diverged_where(rows) if rows.diverged else [],
         fields=[_field(dimension) for dimension in plan.dimensions],
-        metrics=[_metric(rows, name) for name in plan.study.show],
+        metrics=[_metric(rows, sample, name) for name in plan.study.show],
+        sample=sample,
+        sensitivity=sensitivity,
+        words={name: METRICS[name][0] for name in plan.study.show},
         max_mapped=MAX_MAPPED,
         quantiles=[f"{100 * q:g} %" for q in QUANTILES],
-        **(_correlation(rows, numeric) if correlated else {"correlation": None}),
-        chance=1.96 / np.sqrt(max(len(plan.points) - 1, 1)),
+        **(_correlation(sample, numeric) if correlated else {"correlation": None}),
+        chance=1.96 / np.sqrt(max(len(sample.plan.points) - 1, 1)),
         thresholds=plan.study.metrics.model_dump(),
     )
     with whole_file(path) as scratch:
@@ -69,21 +73,21 @@ def write_summary(path: Path, plan: Plan, table: pa.Table) -> None:
 BASE_WORDS = {"paper": "the paper's, corrected", "paper-printed": "the paper's, as printed"}
 
 
-def _metric(rows: Rows, name: str) -> dict[str, Any]:
-    """Everything that the page says of one metric."""
+def _metric(rows: Rows, sample: Rows, name: str) -> dict[str, Any]:
+    """Everything that the page says of one metric; `sample`: the rows of points that are independent."""
     plan, values = rows.plan, rows.metric(name)
     never = int((np.isnan(values) & rows.kept).sum())
     found, eligible = effects.best(rows, name, plan.study.show, BEST)
-    dimensions = plan.dimensions if never + rows.diverged < plan.runs else ()
+    dimensions = plan.dimensions if np.isfinite(sample.metric(name)).any() else ()
     maps, pairs, blank = [], [], False
     if 2 <= len(dimensions) <= MAX_MAPPED and plan.study.design.kind != "list":
-        pairs = [effects.cells(rows, name, a, b) for a, b in combinations(dimensions, 2)]
+        pairs = [effects.cells(sample, name, a, b) for a, b in combinations(dimensions, 2)]
         blank = any(bool(pair.empty.any()) for pair in pairs)
         every = np.concatenate([pair.values[np.isfinite(pair.values)] for pair in pairs])
         limits = float(every.min()), float(every.max())
         maps = [(pair.across.field, pair.up.field, plots.heat_map(name, pair, limits)) for pair in pairs]
-    along = [effects.effect(rows, name, dimension) for dimension in dimensions]
-    spread = effects.quantiles(rows, name) if rows.sampled else np.empty(0)
+    along = [effects.effect(sample, name, dimension) for dimension in dimensions]
+    spread = effects.quantiles(sample, name) if rows.sampled else np.empty(0)
     power = plots.power_of(spread)
     return {
         "name": name,
