@@ -50,7 +50,7 @@ test: .venv/tools setup-test
 	@echo "All checks and tests passed."
 
 # Without processes, compilers and reports: less than a minute on two cores where nothing has to be built.
-QUICK := composite device documents fractional full_history kernel lanes layers loop rate_figures scenario \
+QUICK := composite device documents fractional full_history kernel lanes layers loop rate_figures repository scenario \
   settings study
 test-quick: check
 	$(CTEST)/tests-optimized

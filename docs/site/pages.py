@@ -46,6 +46,9 @@ PAGES = {
     "reference/cpp": "docs/cpp.md",
     "reference/firmware-measured": "integrations/firmware/measured.md",
     "contributing": "CONTRIBUTING.md",
+    "conduct": "CODE_OF_CONDUCT.md",
+    "security": "SECURITY.md",
+    "releasing": "RELEASING.md",
     "changelog": "CHANGELOG.md",
 }
 LEFT_OUT = {"mutants.md"}  # a list of edits of the code, for those who change it

@@ -1,16 +1,23 @@
-"""What is said of a release in several places agrees, and scenario files of released versions can be loaded."""
+"""What is around the code: one version everywhere, scenario files of releases, what GitHub reads."""
 
 from __future__ import annotations
 
 import re
+import shutil
+import subprocess
+import sys
 import tomllib
+from importlib.util import find_spec
 from pathlib import Path
 
 import fracgyro as fg
 import pytest
+import yaml
+from children import PATIENCE
+from embedded import STRICT
 
 ROOT = Path(__file__).resolve().parents[2]
-VERSION = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 SCENARIOS = ROOT / "tests/data"
 
 
@@ -23,7 +30,7 @@ def test_the_version_and_its_date_are_the_same_everywhere() -> None:
     cited = re.search(r'^version: (\S+)\ndate-released: "(\S+)"$', read("CITATION.cff"), re.MULTILINE)
     assert cited is not None
     assert cited.groups() == releases[0]
-    assert cited[1] == VERSION
+    assert cited[1] == PYPROJECT["project"]["version"]
     links = re.findall(r"^\[(\d[^\]]*)\]: ", read("CHANGELOG.md"), re.MULTILINE)
     assert links == [version for version, _ in releases]
 
@@ -40,3 +47,80 @@ def test_a_scenario_file_of_a_release_loads_with_every_value_in_it(path: Path) -
         for field, value in fields.items():
             found = loaded[table][field]
             assert (list(found) if isinstance(found, tuple) else found) == value, f"{table}.{field}"
+
+
+# -- GitHub --------------------------------------------------------------------------------------------------
+
+WORKFLOWS = sorted((ROOT / ".github/workflows").glob("*.yml"))
+FORMS = {path.name: path for path in (ROOT / ".github/ISSUE_TEMPLATE").glob("*.yml")}
+SCHEMAS = {
+    "github-workflows": WORKFLOWS,
+    "github-issue-forms": [path for name, path in FORMS.items() if name != "config.yml"],
+    "github-issue-config": [FORMS["config.yml"]],
+    "citation-file-format": [ROOT / "CITATION.cff"],
+}
+ACTIONLINT = "github.com/rhysd/actionlint/cmd/actionlint@v1.7.12"
+
+
+@pytest.mark.parametrize("schema", SCHEMAS)
+def test_what_github_reads_is_valid(schema: str) -> None:
+    assert SCHEMAS[schema]
+    if find_spec("check_jsonschema") is None and not STRICT:
+        pytest.skip("check-jsonschema is missing")
+    words = ["-m", "check_jsonschema", "--builtin-schema", f"vendor.{schema}"]
+    ran = subprocess.run([sys.executable, *words, *SCHEMAS[schema]], capture_output=True, text=True, timeout=PATIENCE)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+
+
+def test_actionlint_has_no_complaint() -> None:
+    """Also where nothing may be skipped this needs Go, and the network once: it is skipped without them."""
+    if shutil.which("go") is None:
+        pytest.skip("go is missing")
+    got = subprocess.run(["go", "run", ACTIONLINT, "-version"], capture_output=True, text=True, timeout=PATIENCE)
+    if got.returncode != 0:
+        pytest.skip(f"actionlint cannot be had: {got.stderr.strip().splitlines()[-1:]}")
+    words = ["-shellcheck=", "-pyflakes=", *map(str, WORKFLOWS)]  # only itself, not what a machine may have
+    ran = subprocess.run(["go", "run", ACTIONLINT, *words], capture_output=True, text=True, timeout=PATIENCE)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+
+
+@pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.stem)
+def test_a_workflow_runs_only_pinned_actions_and_may_write_only_to_publish(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    uses = re.findall(r"uses: (.*)", text)
+    assert uses
+    for action in uses:
+        assert re.fullmatch(r"[\w./-]+@[0-9a-f]{40} # v[\d.]+", action), action
+    workflow = yaml.safe_load(text)
+    assert workflow["permissions"] == {"contents": "read"}
+    for name, job in workflow["jobs"].items():
+        writes = "id-token" in job.get("permissions", {})
+        assert writes == (name in {"deploy", "publish"}), name
+        assert "timeout-minutes" in job, name
+    assert len({action.split()[0] for action in uses}) == len({action.split("@")[0] for action in uses})
+
+
+def test_the_pythons_are_the_same_everywhere() -> None:
+    project = PYPROJECT["project"]
+    pythons = [each.rpartition(" ")[2] for each in project["classifiers"] if ":: Python :: 3." in each]
+    assert project["requires-python"] == f">={pythons[0]}"
+    ci = yaml.safe_load(read(".github/workflows/ci.yml"))
+    assert ci["jobs"]["pythons"]["strategy"]["matrix"]["python"] == pythons
+    assert PYPROJECT["tool"]["cibuildwheel"]["build"] == [f"cp{python.replace('.', '')}-*" for python in pythons]
+
+
+def test_every_wheel_is_asked_for_its_bits() -> None:
+    jobs = yaml.safe_load(read(".github/workflows/release.yml"))["jobs"]
+    assert jobs["bits"]["strategy"]["matrix"]["os"] == jobs["wheels"]["strategy"]["matrix"]["os"]
+    assert {"sdist", "wheels", "bits"} == set(jobs["publish"]["needs"])
+
+
+def test_hooks_before_a_commit_are_the_checks_of_make() -> None:
+    """Each tool by the name that `make check` gives it; versions are in pyproject.toml only."""
+    checks = re.search(r"^check: .*\n((?:\t.*\n)+)", read("Makefile"), re.MULTILINE)
+    assert checks is not None
+    hooks = yaml.safe_load(read(".pre-commit-config.yaml"))["repos"]
+    assert [repo["repo"] for repo in hooks] == ["local"]
+    tool = r"(?:\$\(BIN\)|\.venv/bin)/(ruff \w+|\S+)"
+    entries = [re.findall(tool, hook["entry"]) for hook in hooks[0]["hooks"]]
+    assert [each for found in entries for each in found] == re.findall(tool, checks[1])
