@@ -1,4 +1,5 @@
-# make reproduce   the paper's study, into out/report.html
+# make reproduce   the paper's study, into out/report.html; LOCKED=1, in a fresh clone: with the libraries of
+#                  requirements.lock
 # make test        every check and every test
 # make test-quick  what a change breaks most often, in less than a minute
 # make test-machines    every test as on other processors, with other compilers and Pythons: for a release
@@ -9,6 +10,7 @@
 # make docs      the documentation site, into build/site
 # make stub      what the compiled module offers, for type checkers: after a change of bindings/
 # make wheel     sdist and wheel, tried in a clean environment; into dist
+# make lock        requirements.lock: the newest libraries that `make reproduce` may have, with their hashes
 # make mutants     edits of the code, and which of them the tests notice; into benchmarks/results/mutants.md
 # make check-deep  what takes ten minutes: fuzzing files, folders, the command line, states, FMUs, firmware; clang-tidy
 # make setup-embedded   compilers, emulator and node, from Debian's packages; without them the tests of firmware or
@@ -33,12 +35,14 @@ unexport PYTHONDONTWRITEBYTECODE
 SUDO = $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 
 .PHONY: reproduce test test-quick test-machines check check-deep check-sanitized fuzz-firmware mutants test-core \
-  test-python web bench compare article docs stub wheel setup-test setup-embedded setup-browser setup-postgres \
+  test-python web bench compare article docs stub wheel lock setup-test setup-embedded setup-browser setup-postgres \
   setup-machines clean
 .SECONDARY:
 .NOTPARALLEL:  # pip installs one thing at a time; compilers and tests use every processor by themselves
 
-reproduce: .venv/installed-netcdf,report
+COMMA := ,
+DRAWN := netcdf,report
+reproduce: .venv/installed-$(if $(LOCKED),locked,$(DRAWN))
 	$(BIN)/fracgyro reproduce $(ARGS)
 
 # Compilers need not wait until everything is downloaded. What fails here fails again, with its reason, where it is
@@ -114,6 +118,14 @@ stub: .venv/installed-test
 
 wheel:
 	PYTHON=$(PYTHON) tests/wheel.sh
+
+# For every system and Python. What the build requires is in it, too.
+REQUIRES := import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["build-system"]["requires"], sep="\n")
+lock: $(BIN)/pip
+	$(BIN)/pip install --quiet --disable-pip-version-check uv
+	{ $(BIN)/python -c '$(REQUIRES)'; printf 'cmake\nninja\n'; } | $(BIN)/uv pip compile --quiet --upgrade --universal \
+	  --fork-strategy fewest --python-version 3.11 --generate-hashes --no-annotate --no-header \
+	  $(patsubst %,--extra %,$(subst $(COMMA), ,$(DRAWN))) --output-file requirements.lock pyproject.toml -
 
 # Resumes what build/compare holds. ARGS="--quick": the log is then marked as untuned.
 compare: .venv/installed-test
@@ -235,6 +247,11 @@ export NEEDED
 # Python compiles what is imported; most is not.
 .venv/installed-%: $(BUILT_FROM) | $(BIN)/pip
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-compile --editable ".[$*]"
+	@touch $@
+
+.venv/installed-locked: requirements.lock $(BUILT_FROM) | $(BIN)/pip
+	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes --only-binary :all: --requirement $<
+	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	@touch $@
 
 # The C++ tests under the sanitizers, and those of numbers and lanes once more as shipped. Warnings are shown; in

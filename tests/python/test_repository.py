@@ -1,4 +1,4 @@
-"""What is around the code: one version everywhere, scenario files of releases, what GitHub reads."""
+"""What is around the code: one version everywhere, scenario files of releases, what GitHub reads, the lock file."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ import pytest
 import yaml
 from children import PATIENCE
 from embedded import STRICT
+from packaging.requirements import Requirement
 
 ROOT = Path(__file__).resolve().parents[2]
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -124,3 +125,23 @@ def test_hooks_before_a_commit_are_the_checks_of_make() -> None:
     tool = r"(?:\$\(BIN\)|\.venv/bin)/(ruff \w+|\S+)"
     entries = [re.findall(tool, hook["entry"]) for hook in hooks[0]["hooks"]]
     assert [each for found in entries for each in found] == re.findall(tool, checks[1])
+
+
+# -- requirements.lock ---------------------------------------------------------------------------------------
+
+
+def test_the_lock_meets_every_requirement_of_the_reproduction() -> None:
+    locked = dict(re.findall(r"^([\w.-]+)==(\S+)", read("requirements.lock"), re.MULTILINE))
+    project = PYPROJECT["project"]
+    extras = project["optional-dependencies"]
+    direct = [*project["dependencies"], *extras["netcdf"], *extras["report"], *PYPROJECT["build-system"]["requires"]]
+    for requirement in map(Requirement, direct):
+        assert requirement.specifier.contains(locked[requirement.name]), f"{requirement}: run `make lock`"
+
+
+def test_the_lock_has_hashes_and_names_no_server() -> None:
+    text = read("requirements.lock")
+    entries = re.split(r"\n(?=\w)", text.rstrip())
+    assert all("--hash=sha256:" in entry for entry in entries)
+    assert "://" not in text
+    assert "index" not in text
