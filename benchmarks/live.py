@@ -23,9 +23,6 @@ from machine import machine, write
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "tests/python"))
-from browser import chromium, served  # noqa: E402
-
 PICTURE = ROOT / "docs/live.png"
 ENDS = ("#plots", ".plot.timed")  # from the one to the other
 SECONDS = 6
@@ -59,6 +56,9 @@ def main() -> None:
     parser.add_argument("--pictures", type=Path, metavar="DIR")
     parser.add_argument("--readme", action="store_true")
     options = parser.parse_args()
+    sys.path.insert(0, str(ROOT / "tests/python"))
+    from browser import chromium, served
+
     with tempfile.TemporaryDirectory() as name, chromium() as browser:
         folder = Path(name)
         build(folder)

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "exported.hpp"
+#include "without_exceptions.hpp"
 
 #include "fracgyro/sim/device_settings.hpp"
 #include "fracgyro/sim/settings.hpp"

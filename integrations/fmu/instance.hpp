@@ -202,7 +202,7 @@ private:
                           report.bound;
                       }) {
             const auto number = [](auto a) { return static_cast<double>(a); };
-            const auto size = [&](const auto& a) { return std::hypot(number(a.x()), number(a.y())); };
+            const auto size = [&](const auto& a) { return number(norm(a)); };
             const SwitchingParams& control = params.control;
             if (!params.adaptation.adaptive || !(size(report.surface) < control.layer_thickness)) {
                 return;

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from browser import chromium
+from embedded import need
 from hypothesis import HealthCheck, settings
 
 # Neither the clock nor chance decides: `make check-deep` is where new examples are searched for.
@@ -25,6 +28,14 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Tests that take a minute come first: at the end no worker waits for one of them."""
     items.sort(key=lambda item: item.get_closest_marker("takes_a_minute") is None)
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    """One for all tests of a process: Playwright starts no second one while it runs."""
+    need("pages")
+    with chromium() as started:
+        yield started
 
 
 def pytest_terminal_summary(terminalreporter: Any) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib.util
+import re
 import struct
+import subprocess
 import sys
 import zipfile
 from collections.abc import Callable
@@ -456,6 +458,24 @@ def test_the_description_says_what_may_be_changed_and_what_it_means(made: Callab
 def test_the_same_scenario_gives_the_same_bytes(made: Callable[..., str], tmp_path: Path, fmi: Fmi) -> None:
     fg.export.fmu(SHORT, tmp_path / "again.fmu", fmi=fmi)
     assert (tmp_path / "again.fmu").read_bytes() == Path(made(SHORT, fmi)).read_bytes()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="a binary of Linux is looked at with its own tool")
+@pytest.mark.parametrize(
+    ("scenario", "content"), [(SHORT, "controller"), (SHORT, "loop"), (DEVICE, "loop")], ids=["law", "loop", "device"]
+)
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_a_binary_for_linux_needs_only_libc(
+    made: Callable[..., str], tmp_path: Path, scenario: fg.Scenario, content: Content, fmi: Fmi
+) -> None:
+    """And none of its newer parts, so that it runs on systems older than the one that made it."""
+    with zipfile.ZipFile(made(scenario, fmi, content)) as archive:
+        (name,) = (name for name in archive.namelist() if name.endswith(".so"))
+        binary = archive.extract(name, tmp_path)
+    said = subprocess.run(["readelf", "-dVW", binary], capture_output=True, text=True, check=True).stdout
+    assert re.findall(r"Shared library: \[(.+)\]", said) == ["libc.so.6"]
+    parts = {tuple(map(int, part.split("."))) for part in re.findall(r"\bGLIBC_([\d.]+)", said)}
+    assert (2, 2, 5) <= max(parts) <= (2, 17)
 
 
 @pytest.mark.takes_a_minute

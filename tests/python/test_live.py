@@ -15,7 +15,7 @@ import fracgyro as fg
 import numpy as np
 import pytest
 import xarray as xr
-from browser import chromium, served, violations, watched
+from browser import served, violations, watched
 from children import PATIENCE
 from embedded import need
 from fracgyro.cli.simulate import _change
@@ -263,13 +263,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     build(made)
     write_page(made / "live", made / "fracgyro.wasm")
     return made / "live"
-
-
-@pytest.fixture(scope="session")
-def browser() -> Iterator[Any]:
-    need("browser")
-    with chromium() as started:
-        yield started
 
 
 @pytest.fixture(scope="session")

@@ -16,13 +16,13 @@ from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 from urllib.parse import unquote, urljoin, urlsplit
 
 import fracgyro as fg
 import pytest
-from browser import chromium, served, violations, watched
+from browser import served, violations, watched
 from children import PATIENCE
-from embedded import need
 
 ROOT = Path(__file__).resolve().parents[2]
 MAX_BYTES = 15e6
@@ -147,11 +147,10 @@ LOOKED_AT = ["index", "tour/1-simulate", "gallery/index", "reference/scenario", 
 
 
 @pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 360)])
-def test_pages_are_quiet_fit_and_accessible(site: Path, scheme: str, width: int) -> None:
+def test_pages_are_quiet_fit_and_accessible(site: Path, browser: Any, scheme: str, width: int) -> None:
     """No message on the console, no request to anybody else, nothing wider than the window, no serious violation."""
-    need("pages")
-    with chromium() as browser, served(site) as address:
-        page = browser.new_page(viewport={"width": width, "height": 800}, color_scheme=scheme)
+    size = {"width": width, "height": 800}
+    with served(site) as address, browser.new_page(viewport=size, color_scheme=scheme) as page:
         faults = watched(page, address)
         for name in LOOKED_AT:
             page.goto(urljoin(address, f"{name}.html"), wait_until="load")
