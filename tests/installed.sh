@@ -7,7 +7,9 @@ tree=$(cd "$(dirname "$0")/.." && pwd)
 python=$(command -v "${1:-python}")
 room=$(mktemp -d)
 trap 'rm -rf "$room"' EXIT
-mkdir "$room/tests" && cp -r "$tree/tests/python" "$room/tests/python"
-cd "$room"
+mkdir "$room/tests" "$room/docs"
+cp -r "$tree/tests/python" "$room/tests/python"
+cp -r "$tree/docs/gallery" "$room/docs/gallery"
+cd "$room/tests/python"
 "$python" -m pytest -q -n 2 -c "$tree/pyproject.toml" --rootdir "$room" -p no:cacheprovider \
-  tests/python/test_{composite,device,fractional,full_history,kernel,lanes,loop,metrics,rate_figures,scenario}.py
+  test_{composite,device,fractional,full_history,gallery,kernel,lanes,loop,metrics,rate_figures,scenario}.py

@@ -43,11 +43,7 @@ done
 
 say "its tests, against what is installed"
 venv/bin/pip install --quiet --disable-pip-version-check "$(ls "$dist"/*.whl)[all,test-wheel]"
-mkdir tests docs && cp -r "$tree/tests/python" tests/python && cp -r "$tree/docs/gallery" docs/gallery
-cd tests/python
-../../venv/bin/python -m pytest -q -n 2 -c "$tree/pyproject.toml" --rootdir "$room" -p no:cacheprovider \
-  test_{composite,device,fractional,full_history,gallery,kernel,lanes,loop,metrics,rate_figures,scenario}.py
-cd "$room"
+"$tree/tests/installed.sh" "$room/venv/bin/python"
 
 say "nothing is left of it"
 venv/bin/pip uninstall --quiet --yes fracgyro
