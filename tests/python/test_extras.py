@@ -17,9 +17,9 @@ from pint import UnitRegistry
 # Modules of what each extra brings, besides those of other extras.
 MODULES = {
     "netcdf": ["h5netcdf", "h5py"],
-    "report": ["jinja2", "matplotlib"],
-    "rate": ["jinja2", "matplotlib", "pyarrow"],
-    "study": ["cmaes", "jinja2", "matplotlib", "optuna", "pyarrow", "sqlalchemy"],
+    "report": ["jinja2", "matplotlib", "scipy"],
+    "rate": ["jinja2", "matplotlib", "pyarrow", "scipy"],
+    "study": ["cmaes", "jinja2", "matplotlib", "optuna", "pyarrow", "scipy", "sqlalchemy"],
     "export": ["fmpy", "jinja2", "ziglang"],
     "cluster": ["dask", "distributed", "psycopg"],
 }

@@ -18,8 +18,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from scipy.fft import irfft, next_fast_len, rfft
-from scipy.special import beta, gamma
 
 __all__ = ["grunwald_letnikov", "hermite"]
 
@@ -73,7 +71,7 @@ def hermite(values: npt.ArrayLike, rates: npt.ArrayLike, step: float, order: flo
         ],
         values.shape,
     )
-    scale = step ** (1.0 - order) / gamma(1.0 - order)
+    scale = step ** (1.0 - order) / math.gamma(1.0 - order)
     if order == 0.0:
         return scale * integral, values.copy()
     kappa = -fall / step - 0.5 * (rate_left + rate_right)
@@ -131,7 +129,7 @@ class _Moments:
         self._kernel = (np.arange(1, max(count, 1))[:, None] + self._nodes) ** power
 
     def __call__(self, i: int, j: int) -> Array:
-        nearest = beta(self._power + 1.0 + i, j + 1.0)
+        nearest = math.gamma(self._power + 1.0 + i) * math.gamma(j + 1.0) / math.gamma(self._power + i + j + 2.0)
         farther = self._kernel @ (self._weights * self._nodes**i * (1.0 - self._nodes) ** j)
         return np.concatenate([[nearest], farther])[: self._count]
 
@@ -150,12 +148,12 @@ def _causal_sum(terms: Sequence[tuple[Array, Array]]) -> Array:
     The terms are added as spectra (zero-padded against wrap-around), so that one inverse FFT serves them all.
     """
     count = len(terms[0][1])
-    length = next_fast_len(2 * count, real=True)
+    length = 1 << (2 * count - 1).bit_length()
     spectrum = sum(
-        rfft(kernel.reshape(-1, *[1] * (data.ndim - 1)), length, axis=0) * rfft(data, length, axis=0)
+        np.fft.rfft(kernel.reshape(-1, *[1] * (data.ndim - 1)), length, axis=0) * np.fft.rfft(data, length, axis=0)
         for kernel, data in terms
     )
-    result: Array = irfft(np.asarray(spectrum), length, axis=0)[:count]
+    result: Array = np.fft.irfft(np.asarray(spectrum), length, axis=0)[:count]
     return result
 
 
