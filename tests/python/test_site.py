@@ -158,3 +158,11 @@ def test_pages_are_quiet_fit_and_accessible(site: Path, browser: Any, scheme: st
             faults += [f"{name}: {wide} wide"] if wide > width else []
             faults += [f"{name}: {each}" for each in violations(page, ("serious", "critical"))]
     assert faults == []
+
+
+def test_the_picture_on_the_first_page_becomes_the_live_page(site: Path, browser: Any) -> None:
+    with served(site) as address, browser.new_page() as page:
+        page.goto(urljoin(address, "index.html"))
+        assert page.locator("iframe").count() == 0
+        page.locator("img.live-page").click()
+        assert page.locator("iframe.live-page").get_attribute("src") == urljoin(address, "live/index.html")

@@ -12,3 +12,17 @@ for (const each of document.querySelectorAll("[role=heading]:not([aria-level])")
 for (const each of document.querySelectorAll("dt.sig dl, dt.sig dd")) {
   each.role = "presentation";
 }
+// The picture of the live page is a link to it, and becomes it when clicked: nothing runs before.
+const live = document.querySelector("img.live-page")?.closest("a");
+live?.addEventListener("click", (event) => {
+  if (event.ctrlKey || event.metaKey || event.shiftKey) {
+    return;
+  }
+  event.preventDefault();
+  const page = document.createElement("iframe");
+  page.src = live.href;
+  page.title = "Live page";
+  page.className = "live-page";
+  live.replaceWith(page);
+  page.focus();
+});
