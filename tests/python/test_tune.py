@@ -494,6 +494,18 @@ def test_a_storage_of_ones_own_holds_the_trials(tmp_path: Path) -> None:
         tune(path, tmp_path / "another")
 
 
+def test_no_file_shows_a_password(tmp_path: Path) -> None:
+    """Python's own driver takes what is asked of SQLite, and so opens the file."""
+    address = f"sqlite:///file:{tmp_path / 'mine.db'}?uri=true&nolock=1&vfs=unix"
+    path = study(tmp_path, trials=3, storage=address)
+    tune(path, tmp_path / "out")
+    assert finished(tmp_path / "mine.db") == 3
+    for name in ("study.json", "tune.html"):
+        text = (tmp_path / "out" / name).read_text(encoding="utf-8")
+        assert "mine.db" in text, name
+        assert "nolock" not in text, name
+
+
 # -- What is shipped -----------------------------------------------------------------------------------------
 
 

@@ -21,7 +21,7 @@ from .criteria import Score
 from .hold_out import HoldOut
 from .plan import Plan
 from .plots import history_figure, pareto_figure
-from .search import Trial, ratios
+from .search import Trial, ratios, shown
 
 SAMPLERS = {"tpe": "TPE", "cmaes": "CMA-ES", "nsga2": "NSGA-II"}
 EDGE = 0.02  # of a range: this close to its end is at it
@@ -128,6 +128,7 @@ def write_report(result: Result, folder: Path) -> None:
         title=file.title or f"Tuning {plan.name}",
         version=version("fracgyro"),
         plan=plan,
+        shown=shown(plan),
         sampler=SAMPLERS[file.tune.sampler],
         trials=len(result.trials),
         feasible=sum(trial.score.feasible for trial in result.trials),

@@ -219,6 +219,14 @@ def _safe(address: str | None) -> str:
     return URL.create(url.drivername, None, None, url.host, url.port, url.database).render_as_string()
 
 
+def shown(plan: Plan) -> str:
+    """The study's text with its storage as in sentences, as others may read a report."""
+    address = plan.file.tune.storage
+    if address is None or _safe(address) == address:
+        return plan.text
+    return plan.text.replace(address, _safe(address)) if address in plan.text else "Its storage may hold a password."
+
+
 def _words(error: BaseException, address: str | None) -> str:
     """The first line of the error, without what `_safe` leaves out."""
     words = str(error).partition("\n")[0]
