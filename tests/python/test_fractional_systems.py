@@ -1,0 +1,98 @@
+"""The fractional integral as a linear system: its frequency response, the bound of its error, its matrices."""
+
+from __future__ import annotations
+
+import math
+
+import mpmath
+import numpy as np
+import pytest
+from fracgyro.fractional import ExponentialSum, design
+from fracgyro.fractional.kernel import _ramp
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.signal import StateSpace, dlsim, dlti, freqresp
+
+orders = pytest.mark.parametrize("order", [0.1, 0.5, 0.9])
+
+
+def kernel(order: float) -> ExponentialSum:
+    return design(order, shortest=1e-4, longest=1e2, tolerance=1e-6)
+
+
+def relative(modes: ExponentialSum, frequency: np.ndarray) -> np.ndarray:
+    """The error of the response, over s^(order-1)."""
+    return modes.frequency_response(frequency) * (1j * frequency) ** (1.0 - modes.order) - 1.0
+
+
+@orders
+def test_the_direct_term_is_the_integral_of_what_the_exponentials_lack(order: float) -> None:
+    modes = kernel(order)
+
+    def exponentials(t: float) -> mpmath.mpf:
+        return mpmath.fsum(w * mpmath.exp(-p * t) for p, w in zip(modes.poles, modes.weights, strict=True))
+
+    kernels = mpmath.mpf(1e-4) ** (1 - order) / mpmath.gamma(2 - order)
+    expected = kernels - mpmath.quad(exponentials, [0, 1e-6, 1e-5, 1e-4])
+    assert modes.direct == pytest.approx(float(expected), rel=1e-9)
+
+
+def test_29_exponentials_are_within_2e_5_of_the_exact_response_from_0_1_to_316_rad_per_second() -> None:
+    modes = design(0.9, shortest=1e-5, longest=80.0, tolerance=1e-6)
+    assert modes.count == 29
+    assert modes.frequency_error(0.1, 316.0) <= 2e-5
+    without = modes.frequency_response(1.0) - modes.direct
+    assert abs(without - 1j**-0.1) > 0.2  # without the direct term it is another operator
+
+
+@orders
+@pytest.mark.parametrize("band", [(0.05, 0.05), (0.05, 3.0), (1.0, 1e3), (200.0, 3e4)])
+def test_the_bound_of_the_error_holds_everywhere_and_is_tight(order: float, band: tuple[float, float]) -> None:
+    modes = kernel(order)
+    bound = modes.frequency_error(*band)
+    worst = abs(relative(modes, np.geomspace(*band, 30_011))).max()
+    assert worst <= bound <= 1.001 * worst + 1e-8
+
+
+@given(st.floats(0.02, 0.98), st.floats(-3.0, 4.0), st.floats(0.0, 1e-3), st.floats(0.0, 1.0))
+def test_the_bound_holds_within_a_narrow_band(order: float, low: float, width: float, at: float) -> None:
+    modes = kernel(round(order, 2))
+    found = abs(relative(modes, np.exp([low + at * width])))[0]
+    assert found <= modes.frequency_error(math.exp(low), math.exp(low + width)) * (1 + 1e-9) + 1e-13
+
+
+@orders
+def test_the_matrices_have_the_frequency_response(order: float) -> None:
+    modes = kernel(order)
+    frequency = np.geomspace(1e-2, 1e4, 50)
+    _, found = freqresp(StateSpace(*modes.state_space()), frequency)
+    assert found == pytest.approx(modes.frequency_response(frequency), rel=1e-9)
+
+
+@orders
+@pytest.mark.parametrize("step", [1e-3, 0.3])
+def test_sampled_it_is_exact_for_a_ramp(order: float, step: float) -> None:
+    modes = kernel(order)
+    t = (1 + np.arange(200)) * step  # nothing before the first sample is a ramp from 0, a step earlier
+    _, found, _ = dlsim(dlti(*modes.state_space(step)[:4], dt=step), t)
+    expected = modes.direct * t + t**2 * (_ramp(t[:, None] * modes.poles) @ modes.weights)
+    assert found[:, 0] == pytest.approx(expected, rel=1e-12)
+
+
+def test_the_response_to_a_ramp_loses_no_digit_where_a_pole_is_slow() -> None:
+    x = np.concatenate([np.geomspace(1e-12, 700.0, 400), [0.0499999, 0.05]])
+    with mpmath.workdps(50):
+        expected = [float((mpmath.mpf(a) - 1 + mpmath.exp(-mpmath.mpf(a))) / mpmath.mpf(a) ** 2) for a in x]
+    assert _ramp(x) == pytest.approx(expected, rel=2e-14)
+
+
+@pytest.mark.parametrize("band", [(0.0, 1.0), (2.0, 1.0), (1.0, math.inf), (math.nan, 1.0)])
+def test_a_band_that_is_none_is_refused(band: tuple[float, float]) -> None:
+    with pytest.raises(ValueError, match=r"^lowest and highest must be positive, finite and in this order, got "):
+        kernel(0.5).frequency_error(*band)
+
+
+@pytest.mark.parametrize("step", [0.0, -1.0, math.inf, math.nan])
+def test_a_step_that_is_none_is_refused(step: float) -> None:
+    with pytest.raises(ValueError, match=r"^step must be positive and finite, got "):
+        kernel(0.5).state_space(step)
