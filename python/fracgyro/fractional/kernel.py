@@ -96,35 +96,57 @@ class ExponentialSum:
             worst = max(worst, float(near.max()))
         return worst
 
-    def state_space(self, step: float | None = None) -> tuple[Any, ...]:
+    def state_space(self, step: float | None = None, *, derivative: bool = False) -> tuple[Any, ...]:
         """The fractional integral I^(1-order) as matrices (A, B, C, D); with `step`, sampled: (A, B, C, D, step).
 
-        One state for each exponential; A is diagonal. `python-control`'s `ss` and scipy's `StateSpace` and `dlti` take
-        them. Sampled, it is exact for a signal that is linear between samples, and 0 one step before the first. Raises
-        ValueError for a step that is not positive and finite.
+        One state for each exponential and, sampled, one for the last sample. python-control's `ss` and scipy's
+        `StateSpace` take them. Sampled, nothing is left out: of a signal that is linear between samples, and 0 one step
+        before the first, the result is wrong by no more than the kernel is. `derivative` gives the Caputo derivative
+        D^order, which exists sampled only. Raises ValueError for a step that is not finite or below `shortest`.
 
-        >>> kernel = fg.fractional.design(order=0.9, shortest=1e-5, longest=80.0, tolerance=1e-6)
+        >>> kernel = fg.fractional.design(order=0.9, shortest=1e-3, longest=80.0, tolerance=1e-6)
         >>> [matrix.shape for matrix in kernel.state_space()]
-        [(29, 29), (29, 1), (1, 29), (1, 1)]
+        [(21, 21), (21, 1), (1, 21), (1, 1)]
+        >>> A, B, C, D, step = kernel.state_space(1e-3, derivative=True)
         """
-        weights, direct = self.weights[None, :], np.array([[self.direct]])
+        poles, weights = self.poles, self.weights
         if step is None:
-            return np.diag(-self.poles), np.ones((self.count, 1)), weights, direct
-        if not 0.0 < step < math.inf:
-            raise ValueError(f"step must be positive and finite, got {step}")
-        x = self.poles * step
-        passed = -np.expm1(-x)
-        # Over a step a ramp from 0 to 1 brings `ramp`, a one `passed / poles`. The state is that without the sample's
-        # own ramp, so that it needs none of the next sample.
-        ramp = step * _ramp(x)
-        drive = np.exp(-x) * ramp + passed / self.poles - ramp
-        return np.diag(np.exp(-x)), drive[:, None], weights, direct + self.weights @ ramp, step
+            if derivative:
+                raise ValueError("step must be given for a derivative, which is no state space in continuous time")
+            return np.diag(-poles), np.ones((self.count, 1)), weights[None, :], np.array([[self.direct]])
+        if not self.shortest <= step < math.inf:
+            raise ValueError(f"step must be finite and at least shortest = {self.shortest}, got {step}")
+        kept, passed = np.exp(-poles * step), -np.expm1(-poles * step) / poles
+        if derivative:  # of a slope, which is constant over a step
+            now = (float(weights @ passed) + self.direct) / step
+            return _sampled(kept, passed / step, -passed / step, weights * kept, -now, now, step)
+        # What a step brings of the sample at its end and of that at its beginning.
+        late = step * _ramp(poles * step)
+        early = passed - late
+        # The kernel below `shortest` once more: the first moment of what the exponentials lack there.
+        x = poles * self.shortest
+        moment = math.pow(self.shortest, 2.0 - self.order) / ((2.0 - self.order) * math.gamma(1.0 - self.order))
+        moment -= self.shortest**2 * float(weights @ (np.exp(-x) * _ramp(-x)))
+        now = float(weights @ late) + self.direct - moment / step
+        last = float(weights @ early) + moment / step
+        return _sampled(kept, late, early, weights * kept, last, now, step)
+
+
+def _sampled(
+    kept: Vector, late: Vector, early: Vector, seen: Vector, last: float, now: float, step: float
+) -> tuple[Any, ...]:
+    """x+ = kept x + late u + early u-,  y = seen x + last u- + now u,  where u- is the last sample, as matrices."""
+    count = len(kept)
+    a = np.diag(np.append(kept, 0.0))
+    a[:count, count] = early
+    return a, np.append(late, 1.0)[:, None], np.append(seen, last)[None, :], np.array([[now]]), step
 
 
 def _ramp(x: Vector) -> Vector:
-    """(x - 1 + exp(-x)) / x^2, without cancellation where x is small."""
+    """(x - 1 + exp(-x)) / x^2, without cancellation where |x| is small."""
     series = 1 / 2 - x / 6 * (1 - x / 4 * (1 - x / 5 * (1 - x / 6 * (1 - x / 7 * (1 - x / 8)))))
-    return np.where(x < 0.05, series, (x + np.expm1(-x)) / np.maximum(x, 0.05) ** 2)
+    small = abs(x) < 0.05
+    return np.where(small, series, (x + np.expm1(-x)) / np.where(small, 1.0, x) ** 2)
 
 
 @lru_cache(maxsize=256)
