@@ -7,7 +7,7 @@ import math
 import mpmath
 import numpy as np
 import pytest
-from fracgyro.fractional import ExponentialSum, design
+from fracgyro.fractional import ExponentialSum, design, pid
 from fracgyro.fractional.kernel import _ramp
 from hypothesis import given
 from hypothesis import strategies as st
@@ -109,3 +109,54 @@ def test_a_step_that_is_none_is_refused(step: float) -> None:
 def test_a_derivative_in_continuous_time_is_refused() -> None:
     with pytest.raises(ValueError, match=r"^step must be given for a derivative"):
         kernel(0.5).state_space(derivative=True)
+
+
+@pytest.mark.parametrize(("lam", "mu"), [(0.3, 0.7), (0.9, 1.0), (1.0, 0.2), (1.0, 1.0)])
+def test_a_fractional_pid_is_the_sum_of_its_terms_for_lines_between_samples(lam: float, mu: float) -> None:
+    step, count = 1e-2, 200
+    slopes = np.random.default_rng(2).uniform(0.5, 2.0, count)
+    t, samples = (1 + np.arange(count)) * step, np.cumsum(slopes) * step
+    controller = pid(3.0, 5.0, lam, 0.7, mu, step=step, longest=10.0, tolerance=1e-8)
+    since, changes = np.maximum(t[:, None] - np.append(0.0, t[:-1]), 0.0), np.diff(slopes, prepend=0.0)
+    integral = since ** (1.0 + lam) @ changes / math.gamma(2.0 + lam)
+    derivative = np.where(since > 0.0, since ** (1.0 - mu), 0.0) @ changes / math.gamma(2.0 - mu)
+    expected = 3.0 * samples + 5.0 * integral + 0.7 * derivative
+    found = [controller.step(sample) for sample in samples]
+    assert found == pytest.approx(expected, rel=1.1e-8)
+    controller.reset()
+    assert [controller.step(sample) for sample in samples] == found
+
+
+def test_a_fractional_pid_is_the_same_as_matrices_and_by_frequency() -> None:
+    controller = pid(3.0, -5.0, 0.4, 0.7, 0.6, step=1e-2, longest=10.0)
+    samples = np.random.default_rng(3).normal(size=300)
+    system = dlti(*controller.state_space()[:4], dt=1e-2)
+    found = [controller.step(sample) for sample in samples]
+    assert found == pytest.approx(dlsim(system, samples)[1][:, 0], rel=1e-9, abs=1e-9)
+    angle, unit = np.geomspace(1e-3, 3.0, 40), np.eye(len(system.A))
+    solved = [system.C @ np.linalg.solve(np.exp(1j * each) * unit - system.A, system.B) + system.D for each in angle]
+    assert controller.frequency_response(angle / 1e-2) == pytest.approx(np.reshape(solved, -1), rel=1e-9)
+
+
+def test_at_low_frequency_a_fractional_pid_has_the_exact_response() -> None:
+    """From ten times the reciprocal of the memory to where a line between samples is good to 1e-5."""
+    controller = pid(3.0, 5.0, 0.4, 0.7, 0.6, step=1e-3, longest=1e3, tolerance=1e-9)
+    s = 1j * np.geomspace(0.1, 5.0, 20)
+    assert controller.frequency_response(s.imag) == pytest.approx(3.0 + 5.0 * s**-0.4 + 0.7 * s**0.6, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ({"kp": math.nan}, "kp must be finite, got nan"),
+        ({"kd": math.inf}, "kd must be finite, got inf"),
+        ({"lam": 0.0}, r"lam must lie in \(0, 1\], got 0.0"),
+        ({"mu": 1.1}, r"mu must lie in \(0, 1\], got 1.1"),
+        ({"step": 0.0}, "step must be positive and finite, got 0.0"),
+        ({"longest": 1e-9}, "longest must be finite and greater than shortest = 0.001, got 1e-09"),
+    ],
+)
+def test_a_pid_that_is_none_is_refused(words: dict[str, float], message: str) -> None:
+    good = {"kp": 1.0, "ki": 1.0, "lam": 0.5, "kd": 1.0, "mu": 0.5, "step": 1e-3, "longest": 1.0}
+    with pytest.raises(ValueError, match=f"^{message}$"):
+        pid(**(good | words))

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import _core
+from .sampled import Sampled
 
 Vector = npt.NDArray[np.float64]
 GRID = 1e-4  # of the logarithm of frequency, where errors are bounded
@@ -109,17 +110,30 @@ class ExponentialSum:
         [(21, 21), (21, 1), (1, 21), (1, 1)]
         >>> A, B, C, D, step = kernel.state_space(1e-3, derivative=True)
         """
-        poles, weights = self.poles, self.weights
         if step is None:
             if derivative:
                 raise ValueError("step must be given for a derivative, which is no state space in continuous time")
-            return np.diag(-poles), np.ones((self.count, 1)), weights[None, :], np.array([[self.direct]])
+            direct = np.array([[self.direct]])
+            return np.diag(-self.poles), np.ones((self.count, 1)), self.weights[None, :], direct
+        return self.sampled(step, derivative=derivative).state_space()
+
+    def sampled(self, step: float, *, derivative: bool = False) -> Sampled:
+        """The operator of `state_space`, sample by sample. Raises ValueError as that does.
+
+        >>> kernel = fg.fractional.design(order=0.5, shortest=1e-2, longest=10.0, tolerance=1e-9)
+        >>> half_integral = kernel.sampled(1e-2)
+        >>> for t in 1e-2 * np.arange(1, 101):  # of a ramp: t^1.5 / Gamma(2.5)
+        ...     found = half_integral.step(t)
+        >>> round(found, 6)
+        0.752253
+        """
         if not self.shortest <= step < math.inf:
             raise ValueError(f"step must be finite and at least shortest = {self.shortest}, got {step}")
+        poles, weights = self.poles, self.weights
         kept, passed = np.exp(-poles * step), -np.expm1(-poles * step) / poles
         if derivative:  # of a slope, which is constant over a step
             now = (float(weights @ passed) + self.direct) / step
-            return _sampled(kept, passed / step, -passed / step, weights * kept, -now, now, step)
+            return Sampled(step, kept, passed / step, -passed / step, weights * kept, -now, now)
         # What a step brings of the sample at its end and of that at its beginning.
         late = step * _ramp(poles * step)
         early = passed - late
@@ -129,17 +143,7 @@ class ExponentialSum:
         moment -= self.shortest**2 * float(weights @ (np.exp(-x) * _ramp(-x)))
         now = float(weights @ late) + self.direct - moment / step
         last = float(weights @ early) + moment / step
-        return _sampled(kept, late, early, weights * kept, last, now, step)
-
-
-def _sampled(
-    kept: Vector, late: Vector, early: Vector, seen: Vector, last: float, now: float, step: float
-) -> tuple[Any, ...]:
-    """x+ = kept x + late u + early u-,  y = seen x + last u- + now u,  where u- is the last sample, as matrices."""
-    count = len(kept)
-    a = np.diag(np.append(kept, 0.0))
-    a[:count, count] = early
-    return a, np.append(late, 1.0)[:, None], np.append(seen, last)[None, :], np.array([[now]]), step
+        return Sampled(step, kept, late, early, weights * kept, last, now)
 
 
 def _ramp(x: Vector) -> Vector:
