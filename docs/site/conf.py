@@ -57,6 +57,7 @@ sphinx_gallery_conf = {
     "gallery_dirs": "gallery",
     "filename_pattern": r"/plot_",
     "abort_on_example_error": True,
+    "capture_repr": (),
     "copyfile_regex": "",
     "image_scrapers": ("matplotlib",),
     "image_srcset": ["2x"],

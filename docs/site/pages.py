@@ -119,7 +119,8 @@ class Gathered:
             opened = re.match(r"\s*(`{3,}|~{3,})", line)
             if opened and (not fence or opened[1].startswith(fence)):
                 fence = "" if fence else opened[1]
-            yield line if fence or opened else self.line_linked(line, path, name)
+            # MyST takes a line that begins with % for a comment.
+            yield line if fence or opened else re.sub(r"^(\s*)%", r"\1\\%", self.line_linked(line, path, name))
 
     def line_linked(self, line: str, path: Path, name: str) -> str:
         def replaced(match: re.Match[str]) -> str:

@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
+from runpy import run_path
 from types import ModuleType
 from typing import Any
 from urllib.parse import unquote, urljoin, urlsplit
@@ -158,6 +159,14 @@ def test_pages_are_quiet_fit_and_accessible(site: Path, browser: Any, scheme: st
             faults += [f"{name}: {wide} wide"] if wide > width else []
             faults += [f"{name}: {each}" for each in violations(page, ("serious", "critical"))]
     assert faults == []
+
+
+def test_a_line_that_begins_with_a_percent_sign_is_no_comment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(ROOT / "docs/site")
+    gathered = run_path(str(ROOT / "docs/site/pages.py"))["Gathered"](tmp_path)
+    text = "95\n% of\n\n- 2\n  % more\n```\n% code\n```"
+    found = list(gathered.linked(text, ROOT / "docs/x.md", "x"))
+    assert found == ["95", "\\% of", "", "- 2", "  \\% more", "```", "% code", "```"]
 
 
 def test_the_picture_on_the_first_page_becomes_the_live_page(site: Path, browser: Any) -> None:

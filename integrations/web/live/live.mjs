@@ -383,12 +383,12 @@ function sharedFields(added) {
 
 // Which channels, and how a run's line of each looks.
 const PLOTS = [
-  { title: "Angular rate", unit: "rad/s", tall: true, least: 20, curves: [["rate_estimate", "estimated"]] },
-  { title: "Tracking error |e|", unit: "µm", log: true, curves: [["error.x", "x"], ["error.y", "y"]] },
-  { title: "Force u", unit: "m ω₀² q₀", least: 2, curves: [["control.x", "x"], ["control.y", "y"]] },
+  { title: "Angular rate", unit: "in rad/s", tall: true, least: 20, curves: [["rate_estimate", "estimated"]] },
+  { title: "Tracking error |e|", unit: "in µm", log: true, curves: [["error.x", "x"], ["error.y", "y"]] },
+  { title: "Force u", unit: "in m ω₀² q₀", least: 2, curves: [["control.x", "x"], ["control.y", "y"]] },
   {
     title: "Error of the estimated springs K and dampers D",
-    unit: "of the true ones",
+    unit: "relative to the true ones",
     log: true,
     curves: [["stiffness_error", "K"], ["damping_error", "D"]],
   },
@@ -407,7 +407,7 @@ function buildPlots() {
   plots = PLOTS.map(({ title, unit, tall, log, least }, i) => {
     const canvas = element("canvas", { role: "img", "aria-label": `${title} over time; the table has the numbers` });
     const legend = element("ul", { class: "legend" });
-    const heading = element("h2", {}, title, element("small", {}, ` in ${unit}`));
+    const heading = element("h2", {}, title, element("small", {}, ` ${unit}`));
     const classes = `plot${tall ? " tall" : ""}${i === PLOTS.length - 1 ? " timed" : ""}`;
     $("plot-list").append(element("div", { class: classes }, heading, legend, canvas));
     canvas.addEventListener("pointermove", ({ offsetX }) => moveCursor(plots[i].timeAt(offsetX, view())));

@@ -57,7 +57,7 @@ def main() -> None:
     except click.exceptions.Exit as stop:
         code = stop.exit_code
     except click.ClickException as error:
-        code = _refused(error.format_message())
+        code = _refused(error.format_message().replace("\n\t", " "))  # of a list of choices
     except (KeyboardInterrupt, click.Abort):
         _refused("interrupted; the files written so far are complete")
         code = INTERRUPTED

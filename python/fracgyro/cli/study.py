@@ -61,7 +61,7 @@ def tune(study: Path, out: Path, resume: bool, as_json: bool) -> None:
     for constraint in result.held_out.constraints:
         kept = "kept" if constraint.kept else "broken"
         click.echo(f"{constraint.label}: {constraint.tuned:.5g}, at most {constraint.limit:.5g}: {kept}")
-    found = f"trial {result.trial} of {result.trials}, {result.feasible} feasible"
+    found = f"{result.trials} trials, {result.feasible} feasible, the best is number {result.trial}"
     click.echo(f"{found}; {result.seconds:.0f} s. Scenario: {result.scenario}, report: {result.report}")
 
 

@@ -67,7 +67,7 @@ class ExponentialSum:
         return found
 
     def frequency_error(self, lowest: float, highest: float) -> float:
-        """Bound, proven but for rounding, of |`frequency_response` / s^(order-1) - 1| from `lowest` to `highest`.
+        """Bound of the relative error of `frequency_response` from `lowest` to `highest`, proven but for rounding.
 
         The error is that of a grid, plus what it can change by between two of its points. Small errors need a range of
         times that reaches from well below 1/highest to well above 1/lowest. Raises ValueError unless
