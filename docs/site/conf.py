@@ -27,7 +27,7 @@ extensions = [
 nitpicky = True
 # Types of libraries whose own pages cannot be asked offline.
 nitpick_ignore_regex = [
-    ("py:.*", r"(collections|ctypes|matplotlib|numpy|np|os|pathlib|typing|xarray|xr)\..*"),
+    ("py:.*", r"(collections|control|ctypes|matplotlib|numpy|np|os|pathlib|scipy|typing|xarray|xr)\..*"),
     # Tables of fields, which have their own reference.
     ("py:class", r"fracgyro\.(compare\.task|scenario\.(device|schema))\..*"),
     ("py:class", r"(Any|Array|ArrayLike|Callable|ControllerLike|Figure|Iterable|Mapping|NDArray|Path|Sequence|Vector)"),

@@ -30,6 +30,7 @@ PAGES = {
     "how-to/cluster": "docs/cluster.md",
     "how-to/record": "docs/record.md",
     "how-to/compare": "docs/compare.md",
+    "how-to/control": "docs/control.md",
     "how-to/fmu": "docs/fmu.md",
     "how-to/browser": "integrations/web/README.md",
     "how-to/firmware": "docs/firmware.md",

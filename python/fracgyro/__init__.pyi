@@ -3,6 +3,7 @@
 from . import compare as compare
 from . import export as export
 from . import fractional as fractional
+from . import interop as interop
 from . import paper as paper
 from . import rate as rate
 from . import study as study

@@ -22,6 +22,7 @@ MODULES = {
     "study": ["cmaes", "jinja2", "matplotlib", "optuna", "pyarrow", "scipy", "sqlalchemy"],
     "export": ["fmpy", "jinja2", "ziglang"],
     "cluster": ["dask", "distributed", "psycopg"],
+    "interop": ["control", "pint", "pint_xarray", "scipy"],
 }
 ALL = sorted({module for modules in MODULES.values() for module in modules})
 

@@ -173,7 +173,7 @@ ROOMS = [
     ["scenario"],
     ["simulation"],
     ["analysis"],
-    ["export", "paper", "rate", "study"],
+    ["export", "interop", "paper", "rate", "study"],
     ["study.sweep", "study.tune"],
     ["the door of study"],
     ["cite", "compare", "json_schema", "parity", "study_files"],

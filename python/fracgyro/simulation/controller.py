@@ -111,6 +111,17 @@ class Controller:
         return force
 
     @property
+    def time(self) -> float:
+        """Of the coming step, in the unit of the run.
+
+        >>> controller = fg.Controller(fg.Scenario.paper())
+        >>> force = controller.step(controller.time, (0.5, 0.5), (0.0, 0.0))
+        >>> controller.time
+        0.001
+        """
+        return float(self._core.steps * self._step * self._units.time)
+
+    @property
     def status(self) -> str:
         """What was thought of the last sample: ok, or saturated, the force being at its limit.
 

@@ -1,0 +1,2 @@
+from . import control as control
+from . import scipy as scipy

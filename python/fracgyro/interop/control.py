@@ -1,0 +1,143 @@
+"""Gyroscope, controller and closed loop of a scenario as systems of python-control, and runs as its responses.
+
+The systems are nondimensional, whatever run.units is: times in 1/omega0, positions in q0, velocities in q0 omega0,
+forces in m omega0^2 q0.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import control as ct
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ..arguments import short
+from ..scenario import Scenario, check_scenario
+from ..simulation.controller import Controller
+from .matrices import FORCES, STATES, matrices
+
+__all__ = ["controller", "loop", "plant", "response"]
+
+Vector = NDArray[np.float64]
+
+
+def plant(scenario: Scenario, *, sampled: bool = True) -> ct.StateSpace:
+    """The ideal gyroscope: inputs u_x, u_y; states and outputs x, y, vx, vy.
+
+    It has neither disturbance nor [device], and the constant rate plant.angular_rate. `sampled`: with dt = run.step,
+    exact for a held force; else continuous. Raises TypeError where `scenario` is not one.
+
+    >>> fg.interop.control.plant(fg.Scenario.paper()).dt
+    0.001
+    """
+    found = matrices(scenario, sampled)
+    dt = scenario.run.step if sampled else 0
+    return ct.ss(*found, dt, inputs=FORCES, outputs=STATES, states=STATES, name="plant")
+
+
+def controller(scenario: Scenario) -> ct.NonlinearIOSystem:
+    """The scenario's controller, as fg.Controller: inputs x, y, vx, vy; outputs u_x, u_y; dt = run.step.
+
+    Its state is that of fg.Controller, 32 bits in each number, and zeros are the start: it can be copied and stored,
+    but not computed with, so `linearize` does not apply. The time is counted in the state, from 0. Raises TypeError
+    where `scenario` is not one; in a simulation, ValueError for inputs that are not finite and numbers that are no
+    state.
+
+    >>> system = fg.interop.control.controller(fg.Scenario.paper())
+    >>> system.input_labels, system.output_labels
+    (['x', 'y', 'vx', 'vy'], ['u_x', 'u_y'])
+    """
+    check_scenario(scenario)
+    pure = _Pure(scenario.replace({"run.units": "nondimensional"}))
+    return ct.nlsys(
+        lambda t, x, u, params: pure.step(x, u)[1],
+        lambda t, x, u, params: pure.step(x, u)[0],
+        inputs=STATES,
+        outputs=FORCES,
+        states=pure.states,
+        dt=scenario.run.step,
+        name="controller",
+    )
+
+
+def loop(scenario: Scenario) -> tuple[ct.InterconnectedSystem, Vector]:
+    """`plant` and `controller` connected, and the state at the start of a run.
+
+    Inputs d_x, d_y: a disturbance, added to the force. Outputs x, y, vx, vy, u_x, u_y. Raises TypeError where
+    `scenario` is not one.
+
+    >>> import control as ct
+    >>> scenario = fg.Scenario.paper()
+    >>> system, start = fg.interop.control.loop(scenario)
+    >>> time = scenario.run.step * np.arange(100)
+    >>> response = ct.input_output_response(system, time, 0, start)
+    >>> response.outputs[:2, 0].tolist()
+    [0.5, 0.5]
+    """
+    law = controller(scenario)
+    connected = ct.interconnect(
+        [plant(scenario), law],
+        inplist=[f"plant.{force}" for force in FORCES],
+        inputs=["d_x", "d_y"],
+        outputs=[*STATES, *FORCES],
+        name="loop",
+    )
+    run = scenario.run
+    return connected, np.array([*run.initial_position, *run.initial_velocity, *np.zeros(law.nstates)])
+
+
+def response(run: xr.Dataset, variable: str) -> ct.TimeResponseData:
+    """A variable of one run, in the run's units, one output for each of its columns.
+
+    Raises ValueError for a name that is not one of its variables, and for a Dataset of several runs.
+
+    >>> run = fg.simulate(fg.Scenario.paper().replace({"run.duration": 1.0}))
+    >>> fg.interop.control.response(run, "error").output_labels
+    ['error_x', 'error_y']
+    """
+    if variable not in run:
+        raise ValueError(f"variable is {short(variable)}: the run has {', '.join(map(str, run))}")
+    values = run[variable]
+    if "run" in values.dims:
+        raise ValueError("run has several runs: select one, as with run.isel(run=0)")
+    columns = [dim for dim in values.dims if dim != "time"]
+    labels = [f"{variable}_{label}" for label in values[columns[0]].values] if columns else [variable]
+    outputs = values.transpose(*columns, "time").values.reshape(len(labels), -1)
+    return ct.TimeResponseData(run["time"].values, outputs, output_labels=labels, issiso=False)
+
+
+class _Pure:
+    """fg.Controller as a function of state and input.
+
+    The words of the state, less those at the start by exclusive or, are whole numbers below 2^32: no copy or sum with
+    zero changes a bit of them, as one may that of bytes read as floating-point numbers, some of which are NaN.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._controller = Controller(scenario)
+        self._size = len(self._controller.state)
+        self._start = self._words()
+        self.states = len(self._start)
+        # python-control asks for the same step up to six times, in turns with the step under an input of zeros.
+        self._stepped = lru_cache(maxsize=4)(self._step)
+
+    def step(self, state: Vector, motion: Vector) -> tuple[Vector, Vector]:
+        """The force, and the next state."""
+        return self._stepped(np.asarray(state, dtype=float).tobytes(), np.asarray(motion, dtype=float).tobytes())
+
+    def _step(self, state: bytes, motion: bytes) -> tuple[Vector, Vector]:
+        words = np.frombuffer(state)
+        if not ((words >= 0) & (words < 2**32) & (words % 1 == 0)).all():
+            raise ValueError("the state is not one of the controller's: it must be copied, not computed with")
+        self._controller.state = (words.astype("<u4") ^ self._start).tobytes()[: self._size]
+        x, y, vx, vy = np.frombuffer(motion).tolist()
+        force = self._controller.step(self._controller.time, (x, y), (vx, vy))
+        found = force, (self._words() ^ self._start).astype(float)
+        for kept in found:
+            kept.flags.writeable = False
+        return found
+
+    def _words(self) -> NDArray[np.uint32]:
+        return np.frombuffer(self._controller.state.ljust(self._size + 3 & ~3, b"\0"), dtype="<u4")
