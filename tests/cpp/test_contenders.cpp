@@ -4,7 +4,11 @@
 
 #include "fracgyro/sim/device_loop.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <complex>
+#include <limits>
+#include <utility>
 
 namespace fracgyro::testing {
 namespace {
@@ -163,6 +167,139 @@ TEST(OnTheReference, WithThePlantKnownTheErrorIsThatOfTheHeldForce) {
     expect_first_order<ParkHorowitz<double>>({.velocity_gain = 10.0, .adaptation = {.adaptive = false}}, 2.0);
     expect_first_order<LeastSquaresPid<double>>({.pid = {.natural_frequency = 20.0, .integral_frequency = 0.0}}, 0.1);
     expect_first_order<Lqg<double>>({.natural_frequency = 20.0, .datasheet = {1e-4, 1e-6, 1e-6, 0}}, 0.1);
+}
+
+// The same equations in complex numbers and the C library's functions, which a demodulator in vectors must agree with.
+template <bool rebalanced>
+class InComplexNumbers {
+public:
+    using Complex = std::complex<double>;
+    struct Answer {
+        Complex force, speed, excess;  // x as real, y as imaginary part
+    };
+
+    double bandwidth = 0.02, limit = 3.0;
+    ConventionalParams p{.pll_bandwidth = 0.3,
+                         .amplitude_bandwidth = 0.05,
+                         .amplitude_integral = 0.4,
+                         .demodulation_bandwidth = 0.7,
+                         .output_bandwidth = 0.25};
+    Common common{.step = 0.1, .force_limit = limit};
+    Complex oscillator, drive, sense, held;
+    double detuning = 0.0, force = 0.0, offset = 0.0, rate = 0.0, quadrature = 0.0;
+
+    InComplexNumbers() {
+        p.datasheet.delay = 1;
+        common.reference = {.amplitude = {1.5, 1.0}, .frequency = {2.0, 2.1}, .phase = {0.7, 0.0}};
+        common.nominal = {.damping = {0.01, 0.0, 0.06}, .stiffness = {4.0, 0.0, 4.7}};
+        oscillator = std::polar(1.0, 0.7);
+    }
+    auto params() const {
+        if constexpr (rebalanced) {
+            return RebalanceParams{.loop = p, .bandwidth = bandwidth};
+        } else {
+            return p;
+        }
+    }
+
+    Answer step(double x, double y, bool measured) {
+        const Complex j{0.0, 1.0};
+        const double step = common.step, w = 2.0, wanted_amplitude = 1.5, known = w + offset;
+        Answer found{};
+        if (measured) {
+            for (auto [phasor, z] : {std::pair{&drive, x}, std::pair{&sense, y}}) {
+                const double missed = z - (*phasor * oscillator).real();
+                *phasor += 2.0 * p.demodulation_bandwidth * step * missed * std::conj(oscillator);
+            }
+            found.speed = {-known * (drive * oscillator).imag(), -known * (sense * oscillator).imag()};
+        }
+        const double a = -drive.imag(), b = drive.real(), size = std::abs(drive);
+        const double phase = a > 0.0 ? b / size : std::copysign(1.0, b), most = 0.1 * w, pll = p.pll_bandwidth;
+        detuning = std::clamp(detuning + step * pll * pll * phase, -most, most);
+        offset = std::clamp(detuning + 1.4 * pll * phase, -most, most);
+        const double now = w + offset, gain = 2.0 * w * p.amplitude_bandwidth;
+
+        const double lacks = wanted_amplitude - size, wanted = gain * lacks + force;
+        const double acts = std::clamp(wanted, 0.0, limit);
+        if ((wanted - acts) * lacks <= 0.0) {
+            force = std::clamp(force + step * gain * p.amplitude_integral * lacks, 0.0, limit);
+        }
+        const Complex ahead = oscillator * std::exp(j * now * step * 1.5);
+        found.force = acts * ahead.real();
+        found.excess = wanted - acts;
+
+        Complex coupling;
+        if (rebalanced) {
+            coupling = 2.0 * now * j * (-bandwidth * sense - held);
+            const double asked = (coupling * ahead).real(), answered = std::clamp(asked, -limit, limit);
+            if (asked == answered) {
+                held += 0.25 * bandwidth * bandwidth * step * sense;
+            }
+            found.force += j * answered;
+            found.excess += j * (asked - answered);
+        } else {
+            const double split = (4.7 - now * now) / (2.0 * now);
+            coupling = -2.0 * now * j * (0.03 - j * split) * sense;
+        }
+        if (limit == std::numeric_limits<double>::infinity()) {
+            found.excess = 0.0;
+        }
+        const double passes = 1.0 - std::exp(-p.output_bandwidth * step);
+        rate += passes * (coupling.real() / (2.0 * now * wanted_amplitude) - rate);
+        quadrature += passes * (coupling.imag() / (2.0 * now * wanted_amplitude) - quadrature);
+        oscillator *= std::exp(j * now * step);
+        return found;
+    }
+    void start_over(bool keep_estimates) {
+        drive = sense = held = force = 0.0;
+        if (!keep_estimates) {
+            detuning = offset = rate = quadrature = 0.0;
+        }
+    }
+};
+
+template <bool rebalanced>
+void expect_the_same_as_in_complex_numbers(double limit, double bandwidth) {
+    using C = ConventionalGyroscope<double, rebalanced>;
+    InComplexNumbers<rebalanced> expected;
+    expected.limit = expected.common.force_limit = limit;
+    expected.bandwidth = bandwidth;
+    const auto c = C::prepare(expected.params(), expected.common);
+    typename C::State state{};
+    const double near = 1e-9;
+    for (int n = 0; n < 900; ++n) {
+        if (n == 300 || n == 600) {
+            C::start_over(state, n == 300);
+            expected.start_over(n == 300);
+        }
+        const double t = 0.1 * n, x = std::min(0.02 * n, 1.3) * std::cos(2.13 * t + 0.2), y = 0.4 * std::sin(2.05 * t);
+        const Sample<double> missing{.value = {0.5, -0.25}, .derivative = {2.0, 4.0}};
+        const bool measured = n % 50 != 49;
+        const auto report = C::report(state, c);
+        EXPECT_NEAR(report.rate, expected.rate, near) << n;
+        EXPECT_NEAR(report.quadrature, expected.quadrature, near) << n;
+        EXPECT_NEAR(report.amplitude, std::abs(expected.drive), near) << n;
+        EXPECT_NEAR(report.frequency, 2.0 + expected.offset, near) << n;
+        const auto signals = C::step(state, c, {.position = {x, y}, .velocity = {}}, measured ? nullptr : &missing);
+        const auto answer = expected.step(x, y, measured);
+        const auto& r = signals.reference;
+        const Vec2<double> position = measured ? Vec2<double>{x, y} - r.position : missing.value;
+        const Vec2<double> velocity =
+            measured ? Vec2<double>{answer.speed.real(), answer.speed.imag()} - r.velocity : missing.derivative;
+        expect_near(signals.error.value, position, near);
+        expect_near(signals.error.derivative, velocity, near);
+        expect_near(signals.force, {answer.force.real(), answer.force.imag()}, near);
+        expect_near(signals.excess, {answer.excess.real(), answer.excess.imag()}, near);
+        ASSERT_FALSE(::testing::Test::HasFailure()) << n;
+    }
+}
+TEST(ForceRebalance, IsTheSameInComplexNumbers) {
+    expect_the_same_as_in_complex_numbers<true>(std::numeric_limits<double>::infinity(), 0.02);
+    expect_the_same_as_in_complex_numbers<true>(0.2, 0.3);
+}
+TEST(OpenLoop, IsTheSameInComplexNumbers) {
+    expect_the_same_as_in_complex_numbers<false>(std::numeric_limits<double>::infinity(), 0.0);
+    expect_the_same_as_in_complex_numbers<false>(0.2, 0.0);
 }
 
 // By hand: a = 3, b = 0.5, γ₁ = 2, γ₂ = 1.5, e = (1, -4), ė = (4, 1).
