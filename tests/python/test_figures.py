@@ -42,7 +42,7 @@ def drawn(runs: Runs, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def texts(svg: Path) -> list[str]:
-    """Formulas stand beside their letters as comments."""
+    """Formulas follow their letters as comments."""
     found = re.findall(r"<!-- (.*?) -->|<text[^>]*>([^<]+)</text>", svg.read_text(encoding="utf-8"))
     return [formula or text for formula, text in found]
 

@@ -89,10 +89,10 @@ def test_the_indices_of_the_ishigami_function_are_its_closed_forms(tmp_path: Pat
     values = ishigami(uniform(read_plan(study(tmp_path, text)))).tolist()
     found = indices.sensitivity(rows_of(tmp_path, text, values, [None] * len(values))).indices
     assert [each.field for each in found] == ["controller.order", "adaptation.rate_gain", "plant.angular_rate"]
-    alone = 0.5 * (1 + 0.1 * np.pi**4 / 5) ** 2, 49 / 8, 0.0
+    single = 0.5 * (1 + 0.1 * np.pi**4 / 5) ** 2, 49 / 8, 0.0
     together = 0.01 * np.pi**8 * (1 / 18 - 1 / 50)  # of the first and the third
-    first = np.array(alone) / (sum(alone) + together)
-    total = first + np.array([1, 0, 1]) * together / (sum(alone) + together)
+    first = np.array(single) / (sum(single) + together)
+    total = first + np.array([1, 0, 1]) * together / (sum(single) + together)
     for order, exact in (("first", first), ("total", total)):
         for (value, low, high), wanted in zip(of(found, order), exact, strict=True):
             assert low < wanted < high

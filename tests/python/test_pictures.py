@@ -1,4 +1,4 @@
-"""SVG pictures: letters are text, and who hears a picture is told what it shows."""
+"""SVG pictures: letters are text, and a title and a description say what a picture shows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What type checkers are told of the compiled module is so, and is what `make stub` writes."""
+"""The types of the compiled module that type checkers read are right, and are what `make stub` writes."""
 
 from __future__ import annotations
 
