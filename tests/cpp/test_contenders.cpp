@@ -330,5 +330,62 @@ TYPED_TEST(ByHand, TheNonsingularSurfaceAndItsForce) {
     expect_near(signals.force, {-2.0 * 7.0 / 0.75 - 16.0 - 5.0, -25.0 / 0.75 + 103.0 + 10.0}, 1e-4);
 }
 
+TYPED_TEST(ByHand, TheIntegralOfASuperTwistStaysWithinTheForceLimit) {
+    using T = TypeParam;
+    using C = SuperTwisting<T>;
+    for (const double limit : {3.0, std::numeric_limits<double>::infinity()}) {
+        Common common{.step = 0.125, .force_limit = limit};
+        common.reference.amplitude = {0.0, 0.0};
+        const SuperTwistingParams p{.integral_gain = 80.0, .adaptation = {.adaptive = false}};
+        typename C::State state{};
+        C::step(state, C::prepare(p, common), {.position = vec2<T>(0.0001, -0.0001), .velocity = {}});
+        const double expected = std::min(limit, 0.125 * 80.0);
+        expect_near(state.integral, {-expected, expected}, 1e-6);
+    }
+}
+TEST(NonsingularTerminal, LearnsFromItsSurfaceTimesTheSlopeOfTheVelocity) {
+    using C = NonsingularTerminal<double>;
+    Common common{.step = 0.125};
+    common.reference.amplitude = {0.0, 0.0};
+    const NonsingularTerminalParams p{
+        .position_gain = 3.0, .velocity_gain = 0.5, .position_exponent = 2.0, .velocity_exponent = 1.5};
+    const auto c = C::prepare(p, common);
+    const Motion<double> motion{.position = {1.0, -4.0}, .velocity = {4.0, 1.0}};
+    C::State state{}, expected{};
+    C::step(state, c, motion);
+    // b γ₂ |ė|^½ s, with the surface of the test above
+    C::Base::learn(expected.base, c.base, motion, {0.75 * 2.0 * 8.0, 0.75 * -51.5});
+    const auto found = C::report(state, c), wanted = C::report(expected, c);
+    expect_near(found.stiffness, wanted.stiffness, 1e-9);
+    expect_near(found.damping, wanted.damping, 1e-9);
+    EXPECT_NEAR(found.rate, wanted.rate, 1e-9);
+    EXPECT_GT(std::abs(wanted.rate - C::report({}, c).rate), 1e-3);
+}
+TEST(LeastSquaresPid, LearnsNothingAcrossAMissingSample) {
+    using C = LeastSquaresPid<double>;
+    Common common{.step = 0.05};
+    common.nominal = {.damping = {0.01, 0.0, 0.01}, .stiffness = {1.0, 0.0, 1.1}};
+    const auto c = C::prepare({}, common);
+    const auto at = [](double t) {
+        return Motion<double>{.position = {std::cos(t), std::sin(1.1 * t)}, .velocity = {-std::sin(t), std::cos(t)}};
+    };
+    C::State state{};
+    for (int n = 0; n < 50; ++n) {
+        C::step(state, c, at(0.05 * n));
+    }
+    C::State rested = state;
+    C::Learning::rest(rested.learning);
+    const Sample<double> missing{};
+    C::step(state, c, at(2.5), &missing);
+    const C::Report before = C::report(state, c);
+    for (C::State* each : {&state, &rested}) {
+        C::Learning::update(each->learning, c.learning, at(2.55), {}, {}, {0.3, -0.2});
+    }
+    const C::Report found = C::report(state, c), wanted = C::report(rested, c);
+    EXPECT_EQ(found.rate, wanted.rate);
+    expect_near(found.stiffness, wanted.stiffness, 0.0);
+    EXPECT_EQ(before.rate, wanted.rate);  // one sample brings no difference
+}
+
 }  // namespace
 }  // namespace fracgyro::testing
