@@ -245,9 +245,11 @@ export NEEDED
 	@touch $@
 
 # Python compiles what is imported; most is not.
+# The tests' libraries are those of others, too, for which nothing is then built again.
+OF_TESTS := $(patsubst %,.venv/installed-%,$(DRAWN) export article docs)
 .venv/installed-%: $(BUILT_FROM) | $(BIN)/pip
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-compile --editable ".[$*]"
-	@touch $@
+	@touch $@ $(if $(filter test,$*),$(OF_TESTS))
 
 .venv/installed-locked: requirements.lock $(BUILT_FROM) | $(BIN)/pip
 	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes --only-binary :all: --requirement $<
