@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import sysconfig
 
 import pytest
 from fracgyro.export import compilers
@@ -19,13 +20,22 @@ TOOLS = {
     "other systems": ("zig",),
     "browser": ("chromium", "node", "zig"),
     "pages": ("chromium",),
+    "editor": ("taplo",),
 }
-BROUGHT_BY = {"chromium": "make setup-browser"}
+BROUGHT_BY = {
+    "chromium": "make setup-browser",
+    "taplo": "pip install '.[test]'",
+}
+
+
+def where(tool: str) -> str | None:
+    """Also what comes with Python's packages."""
+    return shutil.which(tool, path=f"{sysconfig.get_path('scripts')}{os.pathsep}{os.environ['PATH']}")
 
 
 def need(face: str) -> None:
     """Skips the test where a tool is missing, unless nothing may be skipped."""
-    found = {tool: compilers.has_zig() if tool == "zig" else shutil.which(tool) for tool in TOOLS.get(face, ())}
+    found = {tool: compilers.has_zig() if tool == "zig" else where(tool) for tool in TOOLS.get(face, ())}
     missing = [tool for tool, there in found.items() if not there]
     if missing:
         setup = BROUGHT_BY.get(missing[0], "make setup-embedded")

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import re
-import shutil
 import subprocess
-import sysconfig
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import fracgyro as fg
 import pytest
+from embedded import need, where
 from fracgyro.scenario.sentences import paths
 from fracgyro.scenario.shipped import SHIPPED, shipped_text
 from fracgyro.scenario.table import toml_value
@@ -26,15 +24,14 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 ROOT = Path(__file__).resolve().parents[2]
-TAPLO = shutil.which("taplo", path=f"{sysconfig.get_path('scripts')}{os.pathsep}{os.environ['PATH']}")
+TAPLO = str(where("taplo"))
 Kind = Literal["scenario", "study", "tuning"]
 FIELDS = [path for path in paths(fg.Scenario) if not any(other.startswith(f"{path}.") for other in paths(fg.Scenario))]
 
 
 def complaints(kind: Kind, texts: Sequence[str], folder: Path) -> list[set[int]]:
     """Of each text the numbers of the lines that taplo complains of."""
-    if TAPLO is None:
-        pytest.skip("face editor: taplo is missing")
+    need("editor")
     schema = folder / "schema.json"
     schema.write_text(json.dumps(fg.schema(kind), allow_nan=False), encoding="utf-8")
     files = [folder / f"{number}.toml" for number in range(len(texts))]
@@ -129,6 +126,17 @@ at_most_base = 1.1
 """
 
 
+def expect_refused(kind: Kind, good: str, bad: str, read: Callable[[Path], object], folder: Path) -> None:
+    """By the software as by the editor, which both take the good text."""
+    file = folder / "file.toml"
+    file.write_text(good)
+    read(file)
+    file.write_text(bad)
+    with pytest.raises(fg.ScenarioError):
+        read(file)
+    assert refused(kind, [good, bad], folder) == [False, True]
+
+
 @pytest.mark.parametrize(
     ("old", "new"),
     [
@@ -152,13 +160,7 @@ at_most_base = 1.1
     ],
 )
 def test_what_a_sweep_refuses_is_refused(old: str, new: str, tmp_path: Path) -> None:
-    file, text = tmp_path / "study.toml", without(STUDY, old, new)
-    file.write_text(STUDY)
-    read_plan(file)
-    file.write_text(text)
-    with pytest.raises(fg.ScenarioError):
-        read_plan(file)
-    assert refused("study", [STUDY, text], tmp_path) == [False, True]
+    expect_refused("study", STUDY, without(STUDY, old, new), read_plan, tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -175,13 +177,7 @@ def test_what_a_sweep_refuses_is_refused(old: str, new: str, tmp_path: Path) -> 
     ],
 )
 def test_what_a_tuning_refuses_is_refused(old: str, new: str, tmp_path: Path) -> None:
-    file, text = tmp_path / "tuning.toml", without(TUNING, old, new)
-    file.write_text(TUNING)
-    read_tuning(file)
-    file.write_text(text)
-    with pytest.raises(fg.ScenarioError):
-        read_tuning(file)
-    assert refused("tuning", [TUNING, text], tmp_path) == [False, True]
+    expect_refused("tuning", TUNING, without(TUNING, old, new), read_tuning, tmp_path)
 
 
 def test_a_misspelt_field_is_refused(tmp_path: Path) -> None:
@@ -195,8 +191,7 @@ def test_the_line_for_the_editor_may_follow_the_first_of_a_scenario(tmp_path: Pa
     assert fg.Scenario.from_toml(text) == fg.Scenario.paper()
     with pytest.raises(fg.ScenarioError, match="cut off"):
         fg.Scenario.from_toml(text[:-20])
-    if TAPLO is None:
-        pytest.skip("face editor: taplo is missing")
+    need("editor")
     (tmp_path / "fracgyro.schema.json").write_text(json.dumps(fg.schema("scenario")))
     file = tmp_path / "my.toml"
     for changed, code in ((text, 0), (without(text, "order = 0.9", "order = 1.9"), 1)):
@@ -206,4 +201,4 @@ def test_the_line_for_the_editor_may_follow_the_first_of_a_scenario(tmp_path: Pa
 
 def test_another_kind_of_file_has_no_schema() -> None:
     with pytest.raises(fg.ScenarioError, match=r"kind is .*tune.*: it must be one of scenario, study, tuning"):
-        fg.schema("tune")  # type: ignore[arg-type]
+        fg.schema(cast(Any, "tune"))
