@@ -51,15 +51,8 @@ bool write(const char* name, const std::vector<Row>& rows) {
 }
 
 Setup stored_setup(std::size_t kind) {
-    Setup setup{.controller = params_of_kind(kind)};
-    const auto numbers = read<double>("numbers"), poles = read<double>("poles"), weights = read<double>("weights");
-    take_settings(setup, numbers.data());
-    setup.common.observer_bandwidth = read<double>("observer").front();
-    if (ExponentialSum* const kernel = kernel_of(setup.controller)) {
-        std::copy(poles.begin(), poles.end(), kernel->poles.begin());
-        std::copy(weights.begin(), weights.end(), kernel->weights.begin());
-    }
-    return setup;
+    return setup_from(kind, read<double>("numbers"), read<double>("observer").front(), read<double>("poles"),
+                      read<double>("weights"));
 }
 
 // One row after another.

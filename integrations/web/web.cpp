@@ -135,16 +135,7 @@ template <class C>
 int run_into(int samples, std::int64_t every, double* rows, bool device) {
     using Report = typename C::Report;
     const std::int64_t first = running<C>().step();
-    running<C>().run(samples, [&](const DeviceSnapshot<Report>& at) {
-        if (at.step % every == 0) {
-            if (device) {
-                write_device_row(at, rows);
-            } else {
-                write_row<double, Report>(at, rows);
-            }
-            rows += row_width<Report> + (device ? device_width : 0);
-        }
-    });
+    running<C>().run(samples, [&](const DeviceSnapshot<Report>& at) { write_each(at, every, rows, device); });
     return static_cast<int>(running<C>().step() - first);
 }
 template <class C>

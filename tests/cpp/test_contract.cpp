@@ -75,6 +75,23 @@ TEST(Registry, EveryKindPreparesTheControllerOfItsParameters) {
     }
 }
 
+TEST(Registry, WhatAControllerIsGivenUnlessAskedOtherwiseIsAllowed) {
+    for (std::size_t kind = 0; kind < controller_kinds.size(); ++kind) {
+        const ControllerParams chosen = params_of_kind(kind);
+        with_params(chosen, [&](const auto& params, auto) {
+            for_each_field("controller", params, [&](std::string_view, const auto& field, const auto& value) {
+                for_each_part(value, [&](std::string_view, const auto& part) {
+                    const auto found = static_cast<double>(part);
+                    const Range& r = field.range;
+                    const bool inside = r.strict ? r.low < found && found < r.high : r.low <= found && found <= r.high;
+                    EXPECT_TRUE(inside || (r.infinite && std::isinf(found)) || !field.choices.empty())
+                        << controller_kinds[kind] << " " << field.name << " " << found;
+                });
+            });
+        });
+    }
+}
+
 TEST(Registry, OfEveryKindTheGuardedForceIsFiniteAndWithinTheLimitWhateverIsMeasured) {
     std::mt19937_64 random(7);
     const auto expect = [&](fracgyro::Setup setup, std::string_view kind) {

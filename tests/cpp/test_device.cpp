@@ -516,6 +516,19 @@ TEST(RunningLoop, WhatIsSetActsFromTheComingSampleOnAndAnotherControllerIsRefuse
     EXPECT_EQ(one.setup().plant.rate, 0.3);
 }
 
+TEST(RunningLoop, ADisturbanceThatIsSetActsFromTheComingSampleOn) {
+    Held one(held_setup()), other(held_setup());
+    DeviceSetup pushed = held_setup();
+    pushed.disturbance = {
+        .kind = DisturbanceKind::sine, .amplitude = {0.0, 50.0}, .frequency = {0.0, 1.0}, .phase = {0.0, 1.5}};
+    motion_after(one, 100), motion_after(other, 100);
+    ASSERT_TRUE(one.set(pushed));
+    motion_after(one, 1), motion_after(other, 1);
+    const double step = held_setup().common.step, force = 50.0 * std::sin(100.0 * step + 1.5);
+    const Vec2<double> difference = motion_after(one, 1).velocity - motion_after(other, 1).velocity;
+    EXPECT_NEAR(difference.y(), force * step, 1e-2 * force * step);
+}
+
 TEST(RunningLoop, ASavedStateResumesAndADamagedOneIsRefused) {
     Held one(held_setup()), other(held_setup());
     motion_after(one, 300);

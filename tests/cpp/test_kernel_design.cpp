@@ -17,6 +17,13 @@ double relative_error(const KernelDesign& found, double order, double time) {
     return static_cast<double>(sum * std::tgamma(1.0L - a) * std::pow(static_cast<long double>(time), a) - 1.0L);
 }
 
+// K(1/√2) is Γ(1/4)²/(4√π); K(k) → ln(4/√(1-k²)) as k → 1, here with 1-k² = 1/R².
+TEST(KernelDesign, StartsFromTheQuarterPeriodOfEllipticFunctions) {
+    EXPECT_NEAR(quarter_period(std::sqrt(2.0) - 1.0), 1.85407467730137191843, 1e-14);
+    EXPECT_NEAR(quarter_period(1e5), std::log(4.0 * (1.0 + 1e5)), 1e-9);
+    EXPECT_NEAR(quarter_period(0.0), 0.5 * std::acos(-1.0), 1e-15);
+}
+
 TEST(KernelDesign, IsPositiveAscendingAndWithinItsCertifiedErrorBetweenSamplesToo) {
     const auto found = std::make_unique<KernelDesign>();
     for (const double order : {5e-324, 1e-300, 1e-9, 1e-3, 0.1, 0.5, 0.9, 0.999, 1.0 - 0x1p-53}) {

@@ -76,10 +76,10 @@ struct CompositeAdaptation {
         T noise{}, draws{};                            // mean square of d on one axis, and of how many draws
         Motion<T> motion{};                            // at the last sample, and the force from then on
         Vec2<T> force{};
-        Vec2<T> left{};         // 1/α on either axis in the last step
-        T adopted{};            // 1 once Ω̂z has been trusted
-        T surprises{};          // residuals beyond the bound, in a row, as many as matter
-        bool measured = false;  // there is a last sample
+        Vec2<T> left{};                  // 1/α on either axis in the last step
+        T adopted{};                     // 1 once Ω̂z has been trusted
+        T surprises{};                   // residuals beyond the bound, in a row, as many as matter
+        Kept<T, bool> measured = false;  // there is a last sample
     };
 
     using Report = CompositeReport<T>;

@@ -37,8 +37,8 @@ struct Guard {
         typename Sensed::State plausibility{};
         Sample<T> error{};  // the last that was measured, and the force that acts
         Vec2<T> force{};
-        std::uint32_t saturated = 0;  // samples in a row
-        bool going = false;           // there is an error to go on from
+        Kept<T, std::uint32_t> saturated = 0;  // samples in a row
+        Kept<T, bool> going = false;           // there is an error to go on from
         Status status = Status::ok;
     };
 

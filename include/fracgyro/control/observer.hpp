@@ -27,7 +27,7 @@ struct Observer {
     struct State {
         Motion<T> motion{};      // predicted for the coming sample
         Vec2<T> acceleration{};  // f
-        bool started = false;
+        Kept<T, bool> started = false;
     };
 
     static Coefficients prepare(const PlantModel<double>& nominal, double bandwidth, double step) {

@@ -88,11 +88,11 @@ struct Plausibility {
     struct State {
         Motion<T> motion{};                    // the last sample, or what is predicted in its place
         T position_slack{}, velocity_slack{};  // by how much more that may be wrong
-        std::uint32_t chain = 0;               // samples that agree in a row, as many as matter
-        std::uint32_t refused = 0;             // samples in a row
-        bool settled =
+        Kept<T, std::uint32_t> chain = 0;      // samples that agree in a row, as many as matter
+        Kept<T, std::uint32_t> refused = 0;    // samples in a row
+        Kept<T, bool> settled =
             false;  // as many agree as matter, and none was refused since: what the counts above say is plain
-        bool doubted = false;  // none is accepted for now
+        Kept<T, bool> doubted = false;  // none is accepted for now
     };
     enum class Answer { accepted, missed, none };  // none: nor is there a last one to go on from
 

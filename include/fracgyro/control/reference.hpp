@@ -53,8 +53,8 @@ struct Reference {
         Vec2<T> amplitude{}, peak_velocity{}, curvature{};  // a, a·f, -f²
     };
     struct State {
-        std::uint64_t steps = 0;  // time is steps·h
-        Turn at{};                // the present step
+        Kept<T, std::uint64_t> steps = 0;  // time is steps·h
+        Turn at{};                         // the present step
     };
 
     // An angle in 2^-64 turns, whole turns left out; 0 for one that is not finite.
@@ -87,7 +87,9 @@ struct Reference {
     }
 
     // The position alone, at any step.
-    static Vec2<T> position(const Coefficients& c, std::uint64_t step) { return c.amplitude * exactly(c, step).sine; }
+    static Vec2<T> position(const Coefficients& c, Kept<T, std::uint64_t> step) {
+        return c.amplitude * exactly(c, step).sine;
+    }
 
     // The point at the present step; then one step on.
     static ReferencePoint<T> update(State& state, const Coefficients& c) {
@@ -105,7 +107,7 @@ private:
     static Turn turned(const Turn& a, const Turn& by) {
         return {.sine = a.sine * by.cosine + a.cosine * by.sine, .cosine = a.cosine * by.cosine - a.sine * by.sine};
     }
-    static Turn exactly(const Coefficients& c, std::uint64_t step) {
+    static Turn exactly(const Coefficients& c, Kept<T, std::uint64_t> step) {
         const auto x = PhaseOf<T>::sine_cosine(c.start[0] + step * c.increment[0]);
         const auto y = PhaseOf<T>::sine_cosine(c.start[1] + step * c.increment[1]);
         return {.sine = {x.sine, y.sine}, .cosine = {x.cosine, y.cosine}};

@@ -55,6 +55,11 @@ struct BuiltFor<T> {
 template <class T>
 using Built = typename BuiltFor<T>::Type;
 
+// Less than the rounding of any number that matters. Without it, what decays for ever would become subnormal, which
+// slows processors down.
+template <class T>
+constexpr double vanishing = std::same_as<Built<T>, float> ? 1e-24 : 1e-290;
+
 template <class T, int Terms, class Function>
 consteval std::array<T, Terms> table(Function coefficient) {
     std::array<T, Terms> values{};
@@ -89,10 +94,9 @@ T round_to_nearest(T x) {
     return (x + shift) - shift;
 }
 
-// For a normal x = 2^exponent * m with m in [sqrt(1/2), sqrt(2)): log2(m), whose error is below 2^-53 * 1.5 (double).
-// With z = (m - 1)/(m + 1), |z| <= 0.1716: ln m = 2 artanh z = 2 (z + z³/3 + z⁵/5 + …).
+// For a normal x = 2^exponent * m with m in [sqrt(1/2), sqrt(2)): m.
 template <class T>
-T log2_split(T x, T& exponent) {
+[[gnu::always_inline]] inline T mantissa_split(T x, T& exponent) {
     using B = Bits<T>;
     using Value = typename B::Value;
     using Integer = typename B::Integer;
@@ -107,12 +111,29 @@ T log2_split(T x, T& exponent) {
     constexpr auto lift_bits = static_cast<typename Bits<Value>::Unsigned>(lift) << B::fraction;
     const auto lifted = (std::bit_cast<Unsigned>(shifted) + lift_bits) >> B::fraction;
     exponent = std::bit_cast<T>(std::bit_cast<Integer>(lifted) + (large - lift)) - T(B::round_to_integer);
-    const T m = std::bit_cast<T>((shifted & ((one << B::fraction) - one)) + origin);
+    return std::bit_cast<T>((shifted & ((one << B::fraction) - one)) + origin);
+}
+
+// For the same x: log2(m), whose error is below 2^-53 * 1.5 (double).
+// With z = (m - 1)/(m + 1), |z| <= 0.1716: ln m = 2 artanh z = 2 (z + z³/3 + z⁵/5 + …).
+template <class T>
+T log2_split(T x, T& exponent) {
+    using B = Bits<T>;
+    using Value = typename B::Value;
+    const T m = mantissa_split(x, exponent);
     const T z = (m - T(Value(1))) / (m + T(Value(1)));
     const T square = z * z;
     static constexpr auto odd_reciprocals = table<Value, B::log_terms>([](int k) { return 1.0 / (2 * k + 1); });
     const T series = horner(odd_reciprocals, square);
     return T(static_cast<Value>(2.88539008177792681472)) * (z * series);  // 2/ln 2
+}
+
+// mantissa·2^whole, a normal number, for an integer `whole` in the last places of `placed`. It is added to the
+// exponent: 2^whole itself may exceed the range.
+template <class T>
+[[gnu::always_inline]] inline T times_two_to_the(T mantissa, T placed) {
+    using Unsigned = typename Bits<T>::Unsigned;
+    return std::bit_cast<T>(std::bit_cast<Unsigned>(mantissa) + (std::bit_cast<Unsigned>(placed) << Bits<T>::fraction));
 }
 
 // 2^(whole + part), a normal number, for an integer `whole` and |part| <= ½: Taylor series of e^(part ln 2).
@@ -124,11 +145,7 @@ T exp2_split(T whole, T part) {
     static constexpr auto inverse_factorials =
         table<Value, B::exp_terms - 1>([](int k) { return inverse_factorial(k + 1); });
     const T series = horner(inverse_factorials, x);
-    // `whole` as an integer in the last places, added to the exponent: 2^whole itself may exceed the range.
-    const T placed = whole + T(B::round_to_integer);
-    const T mantissa = T(Value(1)) + x * series;
-    return std::bit_cast<T>(std::bit_cast<typename B::Unsigned>(mantissa) +
-                            (std::bit_cast<typename B::Unsigned>(placed) << B::fraction));
+    return times_two_to_the(T(Value(1)) + x * series, whole + T(B::round_to_integer));
 }
 
 }  // namespace detail
@@ -203,6 +220,12 @@ struct SineCosine {
     T sine{}, cosine{};
 };
 
+// The angle of a phase that is `radians` away from a quadrant.
+template <Scalar T>
+[[gnu::always_inline]] inline T angle(detail::Built<T> radians) {
+    return T(radians);
+}
+
 // Sine and cosine of `phase` turns, a fraction of 2^32 or 2^64 (Phase std::uint32_t or std::uint64_t). Integer phase
 // wraps exactly, so a reference that runs for ever neither drifts nor loses precision, in any scalar type.
 template <Scalar T, std::unsigned_integral Phase>
@@ -215,7 +238,7 @@ template <Scalar T, std::unsigned_integral Phase>
         const Phase quadrant = (phase + (Phase{1} << (bits - 3))) >> (bits - 2);
         const auto remainder = static_cast<std::make_signed_t<Phase>>(phase - (quadrant << (bits - 2)));
         constexpr double unit = 6.28318530717958647693 / (bits == 32 ? 0x1p32 : 0x1p64);
-        const T x = T(static_cast<detail::Built<T>>(remainder) * static_cast<detail::Built<T>>(unit));
+        const T x = angle<T>(static_cast<detail::Built<T>>(remainder) * static_cast<detail::Built<T>>(unit));
         // Taylor series on |x| <= π/4: x - x³/3! + … and 1 - x²/2! + …
         constexpr int terms = single ? 6 : 9;
         static constexpr auto of_sine =

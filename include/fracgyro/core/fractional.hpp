@@ -33,8 +33,8 @@
 #pragma once
 
 #include "fracgyro/core/exponential_sum.hpp"
-#include "fracgyro/core/elementary.hpp"
 #include "fracgyro/core/linear.hpp"
+#include "fracgyro/core/moments.hpp"
 #include "fracgyro/core/saved.hpp"
 
 #include <array>
@@ -125,8 +125,8 @@ struct Fractional {
     };
 
     struct State {
-        bool started = false;
-        std::size_t onset_pairs = 0;
+        Kept<T, bool> started = false;
+        Kept<T, std::size_t> onset_pairs = 0;
         T onset_age{};  // samples seen while there are any
         Vec2<T> initial_value{};
         Sample<T> past{};
@@ -205,7 +205,7 @@ struct Fractional {
             state.onset_pairs = c.pairs;
             state.onset = c.initial_onset;
         } else {
-            const Vec2<T> trace{T(vanishing), T(vanishing)};
+            const Vec2<T> trace{T(detail::vanishing<T>), T(detail::vanishing<T>)};
             move(Two::both(state.past.derivative + trace), Two::both(state.past_bump),
                  [](auto, auto, const Part& decay, const Part& from_bump, const Part& rate, const Part& bump,
                     const Part& g) { return moved(g, decay, from_bump * bump + rate); });
@@ -232,14 +232,11 @@ private:
     static Packed moved(const Packed& a, const Packed& decay, const Packed& gain) {
         return a + (decay * a + gain);
     }
-    // Less than the rounding of any number that matters. Without it, what decays for ever would become subnormal, which
-    // slows processors down.
-    static constexpr double vanishing = std::same_as<detail::Built<T>, float> ? 1e-24 : 1e-290;
 
     static Vec2<T> sum(const Memory& m) { return {m[0] + m[2], m[1] + m[3]}; }
 
     static T onset(State& state, const Coefficients& c) {
-        const Part trace = Part{} + T(vanishing);
+        const Part trace = Part{} + T(detail::vanishing<T>);
         PerTerm sum{};
         for (std::size_t j = 0; j < state.onset_pairs; ++j) {
 #pragma GCC unroll 2
@@ -278,22 +275,7 @@ typename Fractional<T, Capacity>::Coefficients Fractional<T, Capacity>::prepare(
     for (std::size_t i = 0; i < kernel.count; ++i) {
         const double s = kernel.poles[i];
         const double z = s * step;
-        // Moments μ_k = ∫ x^k exp(-z x) dx over [0, 1]: by series where the recurrence would cancel.
-        double moments[3] = {};
-        if (z < 1.0) {
-            for (int power = 0; power < 3; ++power) {
-                double term = 1.0;
-                for (int n = 0; n < 24; ++n) {
-                    moments[power] += term / (power + 1 + n);
-                    term *= -z / (n + 1);
-                }
-            }
-        } else {
-            const double end = exponential(-z);
-            moments[0] = (1.0 - end) / z;
-            moments[1] = (moments[0] - end) / z;
-            moments[2] = (2.0 * moments[1] - end) / z;
-        }
+        const std::array<double, 3> moments = exponential_moments(z);
         const double decay = -z * moments[0];  // r - 1
         const double r = 1.0 + decay;
         const double a = step * moments[1];

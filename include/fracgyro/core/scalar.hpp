@@ -26,6 +26,15 @@ concept Scalar = std::copyable<T> && std::constructible_from<T, double> && requi
     a < b;
 };
 
+// An integer or a switch in the state of what computes with numbers T. A number that is not computed with but recorded
+// (integrations/fpga/trace.hpp) brings its own.
+template <class T, class Built>
+struct KeptBy {
+    using Type = Built;
+};
+template <class T, class Built>
+using Kept = typename KeptBy<T, Built>::Type;
+
 template <Scalar T>
 constexpr T if_less(T a, T b, T yes, T no) {
     return a < b ? yes : no;

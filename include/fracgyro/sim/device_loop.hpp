@@ -181,21 +181,25 @@ std::int64_t run_device_loop(const DeviceSetupOf<Params>& setup, Observe&& obser
     return state.step;
 }
 
+// One row more, of the samples that `every` divides, with or without the channels of the device.
+template <class Report>
+void write_each(const DeviceSnapshot<Report>& at, std::int64_t every, double*& rows, bool device) {
+    if (at.step % every == 0) {
+        if (device) {
+            write_device_row(at, rows);
+        } else {
+            write_row<double, Report>(at, rows);
+        }
+        rows += row_width<Report> + (device ? device_width : 0);
+    }
+}
+
 // As record(), with rows longer by device_width, unless the channels of the device are left out.
 inline std::int64_t record_device(const DeviceSetup& setup, std::int64_t every, double* rows, bool device = true) {
     std::int64_t samples = 0;
     with_controller<double>(setup.controller, setup.common.observer_bandwidth > 0.0, [&]<class C>() {
-        using Report = typename C::Report;
-        samples = run_device_loop<C>(setup, [&](const DeviceSnapshot<Report>& at) {
-            if (at.step % every == 0) {
-                if (device) {
-                    write_device_row(at, rows);
-                } else {
-                    write_row<double, Report>(at, rows);
-                }
-                rows += row_width<Report> + (device ? device_width : 0);
-            }
-        });
+        samples = run_device_loop<C>(
+            setup, [&](const DeviceSnapshot<typename C::Report>& at) { write_each(at, every, rows, device); });
     });
     return samples;
 }

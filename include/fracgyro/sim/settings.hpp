@@ -41,4 +41,19 @@ inline void take_settings(Setup& setup, const double* values) {
     });
 }
 
+// A setup of this kind from its numbers, the bandwidth of the observer and its exponentials.
+inline Setup setup_from(std::size_t kind, std::span<const double> numbers, double observer_bandwidth,
+                        std::span<const double> poles, std::span<const double> weights) {
+    Setup setup{.controller = params_of_kind(kind)};
+    take_settings(setup, numbers.data());
+    setup.common.observer_bandwidth = observer_bandwidth;
+    if (ExponentialSum* const kernel = kernel_of(setup.controller)) {
+        for (std::size_t k = 0; k < poles.size(); ++k) {
+            kernel->poles[k] = poles[k];
+            kernel->weights[k] = weights[k];
+        }
+    }
+    return setup;
+}
+
 }  // namespace fracgyro
