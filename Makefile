@@ -81,6 +81,7 @@ web: .venv/installed-export
 
 bench: .venv/installed-bench .venv/installed-export
 	$(BIN)/python benchmarks/operator_accuracy.py
+	$(BIN)/python benchmarks/operator_cost.py
 	$(BIN)/python benchmarks/kernel_design.py
 	$(BIN)/python benchmarks/lane_contraction.py
 	$(BIN)/python benchmarks/loop.py

@@ -69,7 +69,7 @@ def fonts() -> dict[str, Any]:
 
 def method() -> Values:
     """How far the implementation can be trusted, from its logs."""
-    ours = logs.row("operator_accuracy", method="modes, tolerance 1e-6, double")
+    ours = logs.row("operator_accuracy", method="exponentials, tolerance 1e-6, double")
     history = logs.row("operator_accuracy", method="whole history, Grünwald-Letnikov (FFT)")
     targets = logs.rows("parity", "target", "parity hash")
     hashes = {row["parity hash"] for row in targets}

@@ -13,11 +13,13 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import get_args
 
 import fracgyro as fg
 import mpmath
 import numpy as np
 from fracgyro.fractional import full_history
+from fracgyro.fractional.sampled import Between
 from machine import command, machine, on_one_core, write
 from peers import operators
 
@@ -65,6 +67,15 @@ def ours(values: np.ndarray, rates: np.ndarray) -> list[Method]:
         kernel("exponentials, tolerance 1e-6, double", 1e-6, np.float64),
         kernel("exponentials, tolerance 1e-9, double", 1e-9, np.float64),
         kernel("exponentials, tolerance 1e-6, single", 1e-6, np.float32),
+        *(
+            Method(f"exponentials, tolerance 1e-6, values only, {between}", online(values, between), True)
+            for between in get_args(Between)
+        ),
+        Method(
+            "exponentials, tolerance 1e-9, rates of seven samples",
+            lambda n: fg.fractional.caputo(values[:n], None, STEP, ORDER),
+            False,
+        ),
         Method(
             "whole history, Hermite (FFT)",
             lambda n: full_history.hermite(values[:n], rates[:n], STEP, ORDER)[1],
@@ -76,6 +87,11 @@ def ours(values: np.ndarray, rates: np.ndarray) -> list[Method]:
             False,
         ),
     ]
+
+
+def online(values: np.ndarray, between: Between) -> Callable[[int], object]:
+    sampled = fg.fractional.design(ORDER, STEP, STEP * SAMPLES, 1e-6).sampled(STEP, derivative=True, between=between)
+    return lambda n: sampled.run(values[:n] - values[0])
 
 
 def others(values: np.ndarray, folder: Path) -> list[Method]:
@@ -144,10 +160,10 @@ def main() -> None:
         "|---|---|---|---|---|---|---|",
         *rows,
         "",
-        "Ours has values and rates, BirkSong the rate as a function of time, the others have values. fracmem's filter",
-        "is fitted to four records of random sines and run by its own C; its formula and differint's GL are those of",
-        "Grünwald and Letnikov, of value minus first value. differint's GL does not pad its FFT, so that the record's",
-        "end leaks into its beginning.",
+        "Ours has values and rates where it does not say otherwise, BirkSong the rate as a function of time, the "
+        "others have values. fracmem's filter is fitted to four records of random sines and run by its own C; its "
+        "formula and differint's GL are those of Grünwald and Letnikov, of value minus first value. differint's GL "
+        "does not pad its FFT, so that the record's end leaks into its beginning.",
     ]
     write("operator_accuracy", lines, keep=not options.quick)
 

@@ -2,7 +2,10 @@
 #include "bindings.hpp"
 
 #include "fracgyro/core/kernel_design.hpp"
+#include "fracgyro/core/sampled.hpp"
 #include "fracgyro/sim/cpu_dispatch.hpp"
+
+#include <vector>
 
 namespace fracgyro::bindings {
 
@@ -88,6 +91,78 @@ nb::ndarray<nb::numpy, double> kernel(const Doubles& times, double order) {
     return owned<double, 1>(std::move(values), {times.shape(0)});
 }
 
+using Terms = nb::ndarray<const double, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
+
+using Gains4 = std::array<double, 4>;  // of this sample, the last, the change, the last change
+
+// Terms as rows of decay and weight, then the gains.
+nb::tuple sampled(const Doubles& poles, const Doubles& weights, double order, double shortest, double step,
+                  bool derivative, bool parabolas) {
+    const std::size_t count = poles.shape(0);
+    if (weights.shape(0) != count) {
+        throw nb::value_error("poles and weights must be equally many");
+    }
+    std::vector<SampledTerm> terms(count);
+    const SampledGains gains = sampled_operator({poles.data(), count}, weights.data(), order, shortest, step,
+                                                {.derivative = derivative, .parabolas = parabolas}, terms.data());
+    auto rows = std::make_unique<double[]>(2 * count);
+    for (std::size_t j = 0; j < count; ++j) {
+        rows[2 * j] = terms[j].decay;
+        rows[2 * j + 1] = terms[j].weight;
+    }
+    return nb::make_tuple(owned<double, 2>(std::move(rows), {count, 2}),
+                          Gains4{gains.now, gains.past, gains.change, gains.past_change});
+}
+
+template <class Number, class Gains, class Term, class Past>
+class Recursion {
+public:
+    Recursion(const Terms& of_values, const Terms& of_changes, const Gains4& gains)
+        : gains_{.of_values = static_cast<int>(of_values.shape(0)),
+                 .of_changes = static_cast<int>(of_changes.shape(0)),
+                 .now = static_cast<Number>(gains[0]),
+                 .past = static_cast<Number>(gains[1]),
+                 .change = static_cast<Number>(gains[2]),
+                 .past_change = static_cast<Number>(gains[3]),
+                 .trace = static_cast<Number>(detail::vanishing<Number>)} {
+        for (const Terms* const some : {&of_values, &of_changes}) {
+            for (std::size_t j = 0; j < some->shape(0); ++j) {
+                const double* const row = some->data() + 2 * j;
+                terms_.push_back({.decay = static_cast<Number>(row[0]), .weight = static_cast<Number>(row[1])});
+            }
+        }
+        reset();
+    }
+    void reset() {
+        memory_.assign(terms_.size(), Number{});
+        past_ = Past{};
+    }
+    Number step(Number sample) { return fracgyro_step_sample(&gains_, terms_.data(), memory_.data(), &past_, sample); }
+    nb::ndarray<nb::numpy, Number> run(const nb::ndarray<const Number, nb::ndim<1>, nb::device::cpu>& samples) {
+        auto found = std::make_unique<Number[]>(samples.shape(0));
+        for (std::size_t n = 0; n < samples.shape(0); ++n) {
+            found[n] = step(samples(n));
+        }
+        return owned<Number, 1>(std::move(found), {samples.shape(0)});
+    }
+
+private:
+    Gains gains_;
+    std::vector<Term> terms_;
+    std::vector<Number> memory_;
+    Past past_{};
+};
+
+template <class R>
+void bind_recursion(nb::module_& m, const char* name) {
+    nb::class_<R>(m, name, "A sum of first-order recursions: sampled_step.h.")
+        .def(nb::init<const Terms&, const Terms&, const Gains4&>(), nb::arg("of_values"), nb::arg("of_changes"),
+             nb::arg("gains"))
+        .def("reset", &R::reset)
+        .def("step", &R::step, nb::arg("sample"))
+        .def("run", &R::run, nb::arg("samples"));
+}
+
 }  // namespace
 
 void bind_fractional(nb::module_& m) {
@@ -125,6 +200,14 @@ void bind_fractional(nb::module_& m) {
           nb::arg("step"));
     m.def("apply_operator_single", &apply_operator<float>, nb::arg("values"), nb::arg("rates"), nb::arg("kernel"),
           nb::arg("step"));
+    m.def("sampled_operator", &sampled, nb::arg("poles"), nb::arg("weights"), nb::arg("order"), nb::arg("shortest"),
+          nb::arg("step"), nb::arg("derivative"), nb::arg("parabolas"));
+    bind_recursion<Recursion<double, in_double::fracgyro_gains, in_double::fracgyro_term, in_double::fracgyro_past>>(
+        m, "Recursion");
+    bind_recursion<Recursion<float, in_single::fracgyro_gains, in_single::fracgyro_term, in_single::fracgyro_past>>(
+        m, "RecursionSingle");
+    m.attr("trace") = detail::vanishing<double>;
+    m.attr("trace_single") = detail::vanishing<float>;
     m.def("power", &power<double>, nb::arg("base"), nb::arg("exponent"), "base^exponent by the core's own log2/exp2.");
 }
 

@@ -28,6 +28,9 @@ fracgyro._core.compiler:
 fracgyro._core.design_kernel:
     def design_kernel(order: float, shortest: float, longest: float, tolerance: float) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64], float]: ...
 
+fracgyro._core.sampled_operator:
+    def sampled_operator(poles: NDArray[Any], weights: NDArray[Any], order: float, shortest: float, step: float, derivative: bool, parabolas: bool) -> tuple[NDArray[numpy.float64], tuple[float, float, float, float]]: ...
+
 fracgyro._core.kernel$:
     def kernel(times: NDArray[Any], order: float) -> NDArray[numpy.float64]: ...
 

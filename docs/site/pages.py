@@ -31,6 +31,7 @@ PAGES = {
     "how-to/record": "docs/record.md",
     "how-to/compare": "docs/compare.md",
     "how-to/control": "docs/control.md",
+    "how-to/operators": "docs/operators.md",
     "how-to/fmu": "docs/fmu.md",
     "how-to/browser": "integrations/web/README.md",
     "how-to/firmware": "docs/firmware.md",

@@ -86,6 +86,58 @@ def apply_operator_single(
     kernel: ExponentialSum,
     step: float,
 ) -> NDArray[numpy.float32]: ...
+def sampled_operator(
+    poles: NDArray[Any],
+    weights: NDArray[Any],
+    order: float,
+    shortest: float,
+    step: float,
+    derivative: bool,
+    parabolas: bool,
+) -> tuple[NDArray[numpy.float64], tuple[float, float, float, float]]: ...
+
+class Recursion:
+    """A sum of first-order recursions: sampled_step.h."""
+
+    def __init__(
+        self,
+        of_values: Annotated[
+            NDArray[numpy.float64], {"shape": (None, 2), "order": "C", "device": "cpu", "writable": False}
+        ],
+        of_changes: Annotated[
+            NDArray[numpy.float64], {"shape": (None, 2), "order": "C", "device": "cpu", "writable": False}
+        ],
+        gains: Sequence[float],
+    ) -> None: ...
+    def reset(self) -> None: ...
+    def step(self, sample: float) -> float: ...
+    def run(
+        self, samples: Annotated[NDArray[numpy.float64], {"shape": (None,), "device": "cpu", "writable": False}]
+    ) -> NDArray[numpy.float64]: ...
+
+class RecursionSingle:
+    """A sum of first-order recursions: sampled_step.h."""
+
+    def __init__(
+        self,
+        of_values: Annotated[
+            NDArray[numpy.float64], {"shape": (None, 2), "order": "C", "device": "cpu", "writable": False}
+        ],
+        of_changes: Annotated[
+            NDArray[numpy.float64], {"shape": (None, 2), "order": "C", "device": "cpu", "writable": False}
+        ],
+        gains: Sequence[float],
+    ) -> None: ...
+    def reset(self) -> None: ...
+    def step(self, sample: float) -> float: ...
+    def run(
+        self, samples: Annotated[NDArray[numpy.float32], {"shape": (None,), "device": "cpu", "writable": False}]
+    ) -> NDArray[numpy.float32]: ...
+
+trace: float = 1e-290
+
+trace_single: float = 1e-24
+
 def power(base: float, exponent: float) -> float:
     """base^exponent by the core's own log2/exp2."""
 

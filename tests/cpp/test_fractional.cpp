@@ -1,7 +1,12 @@
 #include "kernel.hpp"
 #include "scalars.hpp"
 
+#include "fracgyro/core/kernel_design.hpp"
+#include "fracgyro/core/sampled.hpp"
+
 #include <cmath>
+#include <functional>
+#include <memory>
 #include <vector>
 
 namespace fracgyro::testing {
@@ -224,6 +229,91 @@ TEST(FractionalConvergence, TheIntegralIsOfOrderFourAndTheDerivativeOfOrderFourM
         for (std::size_t i = 1; i < integral.size(); ++i) {
             EXPECT_NEAR(std::log2(integral[i - 1] / integral[i]), 4.0, 0.15) << "order " << order;
             EXPECT_NEAR(std::log2(derivative[i - 1] / derivative[i]), 4.0 - order, 0.12) << "order " << order;
+        }
+    }
+}
+
+// -- Of values only --------------------------------------------------------------------------------------------------
+
+// The last output for samples from step on.
+template <class Number, class Gains, class Term, class Past>
+double last_output(const ExponentialSum& kernel, double shortest, double step, const SampledOperator& kind, int samples,
+                   const std::function<double(double)>& signal) {
+    std::vector<SampledTerm> terms(kernel.count);
+    const SampledGains made = sampled_operator({kernel.poles.data(), kernel.count}, kernel.weights.data(), kernel.order,
+                                               shortest, step, kind, terms.data());
+    std::vector<Term> own;
+    for (const SampledTerm& term : terms) {
+        own.push_back({static_cast<Number>(term.decay), static_cast<Number>(term.weight)});
+    }
+    const Gains gains{made.of_values,
+                      made.of_changes,
+                      static_cast<Number>(made.now),
+                      static_cast<Number>(made.past),
+                      static_cast<Number>(made.change),
+                      static_cast<Number>(made.past_change),
+                      static_cast<Number>(detail::vanishing<Number>)};
+    std::vector<Number> memory(kernel.count);
+    Past past{};
+    Number found{};
+    for (int n = 1; n <= samples; ++n) {
+        found = fracgyro_step_sample(&gains, own.data(), memory.data(), &past, static_cast<Number>(signal(n * step)));
+    }
+    return number(found);
+}
+const auto in_doubles =
+    last_output<double, in_double::fracgyro_gains, in_double::fracgyro_term, in_double::fracgyro_past>;
+const auto in_floats =
+    last_output<float, in_single::fracgyro_gains, in_single::fracgyro_term, in_single::fracgyro_past>;
+
+class Sampled : public ::testing::TestWithParam<std::tuple<double, double, bool>> {
+protected:
+    static constexpr double shortest = 0x1p-10;
+    const double order = std::get<0>(GetParam()), step = std::get<1>(GetParam());
+    const bool derivative = std::get<2>(GetParam());
+    const ExponentialSum kernel = designed_kernel(*std::make_unique<KernelDesign>(), order, shortest, 1000.0, 1e-8);
+
+    // Of (t - since)^p.
+    double exact(int p, double t, double since = 0.0) const {
+        return t < since ? 0.0 : of_monomial(p, derivative ? -order : 1.0 - order, t - since);
+    }
+};
+// The shortest time, and longer than some exponentials last.
+INSTANTIATE_TEST_SUITE_P(Operators, Sampled,
+                         ::testing::Combine(::testing::Values(0.1, 0.5, 0.9), ::testing::Values(0x1p-10, 0x1p-4, 3.0),
+                                            ::testing::Bool()));
+
+TEST_P(Sampled, OfLinesBetweenSamplesIsAsExactAsItsKernel) {
+    const double bend = 100 * step, end = 200 * step;
+    const auto bent = [&](double t) { return t + (t > bend ? t - bend : 0.0); };
+    const double expected = exact(1, end) + exact(1, end, bend);
+    EXPECT_NEAR(in_doubles(kernel, shortest, step, {derivative, false}, 200, bent), expected, 1e-8 * expected);
+    EXPECT_NEAR(in_floats(kernel, shortest, step, {derivative, false}, 200, bent), expected, 2e-5 * expected);
+}
+
+// Of t², whose first parabola is another: it goes through 0 a step before the start. What that makes fades as the
+// kernel or its derivative do.
+TEST_P(Sampled, OfParabolasThroughSamplesIsAsExactAsItsKernel) {
+    const auto square = [](double t) { return t * t; };
+    const double expected = exact(2, 200 * step);
+    const double start = std::pow(200.0, -order - (derivative ? 1.0 : 0.0)) * std::pow(step, 3.0 - order);
+    EXPECT_NEAR(in_doubles(kernel, shortest, step, {derivative, true}, 200, square), expected,
+                2e-8 * expected + (derivative ? start / step : start));
+    EXPECT_GT(std::abs(in_doubles(kernel, shortest, step, {derivative, false}, 200, square) - expected),
+              1e-6 * expected);
+}
+
+TEST_P(Sampled, OfASmoothSignalParabolasHaveOneOrderMoreThanLines) {
+    if (step != 3.0) {
+        const auto fourth = [](double t) { return t * t * t * t; };
+        for (const bool parabolas : {false, true}) {
+            const auto error = [&](double h) {
+                const int samples = static_cast<int>(std::lround(64 * step / h));
+                return std::abs(in_doubles(kernel, shortest, h, {derivative, parabolas}, samples, fourth) -
+                                exact(4, 64 * step));
+            };
+            const double at_least = (derivative ? 2.0 - order : 2.0) + (parabolas ? 1.0 : 0.0);
+            EXPECT_GT(error(4.0 * step), 0.85 * std::pow(2.0, at_least) * error(2.0 * step)) << parabolas;
         }
     }
 }

@@ -92,6 +92,8 @@ KINDS = {
 for order, longest, tolerance in ((0.9, 80.0, 1e-6), (0.1, 1e3, 1e-9), (0.5, 0.01, 1e-3), (0.999, 1e6, 1e-11)):
     kernel = fg.fractional.design(order, 1e-3, longest, tolerance)
     keep(f"design of {order}", kernel.poles, kernel.weights, kernel.error)
+    for derivative in (False, True):
+        keep(f"sampled, {order}, {derivative}", kernel.sampled(7e-3, derivative=derivative).run(np.arange(99.0)))
 
 for name, scenario in KINDS.items():
     run = fg.simulate(scenario)
@@ -111,6 +113,8 @@ for single in (False, True):
 times = 1e-2 * np.arange(500.0)
 for name in ("caputo", "riemann_liouville", "integral"):
     keep(name, getattr(fg.fractional, name)(1.0 + times, np.ones(500), 1e-2, 0.37))
+
+keep("local rates", fg.fractional.local_rates(times * times * times, 1e-2).rates)
 
 keep("units", *(base_unit(unit, SHORT.plant)["factor"] for unit in ("m*omega0^2/q0^2", "q0*omega0", "m*omega0^2")))
 

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
+from typing import Any, cast
 
 import mpmath
 import numpy as np
 import pytest
 from fracgyro.fractional import ExponentialSum, design, pid
-from fracgyro.fractional.kernel import _ramp
+from fracgyro.fractional.sampled import Between
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import StateSpace, dlsim, dlti, freqresp
 
+between = pytest.mark.parametrize("between", ["lines", "parabolas"])
 orders = pytest.mark.parametrize("order", [0.1, 0.5, 0.9])
 
 
@@ -87,13 +89,6 @@ def test_sampled_it_is_as_exact_as_the_kernel_for_lines_between_samples(
     assert found[:, 0] != pytest.approx(expected, rel=1e-3 * modes.error)
 
 
-def test_the_response_to_a_ramp_loses_no_digit_where_a_pole_is_slow() -> None:
-    x = np.concatenate([np.geomspace(1e-12, 700.0, 400), -np.geomspace(1e-12, 1.0, 200), [0.0499999, 0.05]])
-    with mpmath.workdps(50):
-        expected = [float((mpmath.mpf(a) - 1 + mpmath.exp(-mpmath.mpf(a))) / mpmath.mpf(a) ** 2) for a in x]
-    assert _ramp(x) == pytest.approx(expected, rel=2e-14)
-
-
 @pytest.mark.parametrize("band", [(0.0, 1.0), (2.0, 1.0), (1.0, math.inf), (math.nan, 1.0)])
 def test_a_band_that_is_none_is_refused(band: tuple[float, float]) -> None:
     with pytest.raises(ValueError, match=r"^lowest and highest must be positive, finite and in this order, got "):
@@ -127,8 +122,9 @@ def test_a_fractional_pid_is_the_sum_of_its_terms_for_lines_between_samples(lam:
     assert [controller.step(sample) for sample in samples] == found
 
 
-def test_a_fractional_pid_is_the_same_as_matrices_and_by_frequency() -> None:
-    controller = pid(3.0, -5.0, 0.4, 0.7, 0.6, step=1e-2, longest=10.0)
+@between
+def test_a_fractional_pid_is_the_same_as_matrices_and_by_frequency(between: Between) -> None:
+    controller = pid(3.0, -5.0, 0.4, 0.7, 0.6, step=1e-2, longest=10.0, between=between)
     samples = np.random.default_rng(3).normal(size=300)
     system = dlti(*controller.state_space()[:4], dt=1e-2)
     found = [controller.step(sample) for sample in samples]
@@ -136,6 +132,38 @@ def test_a_fractional_pid_is_the_same_as_matrices_and_by_frequency() -> None:
     angle, unit = np.geomspace(1e-3, 3.0, 40), np.eye(len(system.A))
     solved = [system.C @ np.linalg.solve(np.exp(1j * each) * unit - system.A, system.B) + system.D for each in angle]
     assert controller.frequency_response(angle / 1e-2) == pytest.approx(np.reshape(solved, -1), rel=1e-9)
+
+
+@pytest.mark.parametrize(("lam", "mu"), [(1.0, 1.0), (0.999999, 0.999999)])
+def test_with_parabolas_a_pid_of_whole_orders_is_exact_for_parabolas(lam: float, mu: float) -> None:
+    """From the second sample on: the parabola of the first goes through 0 one step before the start."""
+    t = 0.01 * np.arange(300)
+    found = pid(3.0, 5.0, lam, 0.7, mu, step=0.01, longest=10.0, between="parabolas").run(t**2)
+    np.testing.assert_allclose(found[2:], (3.0 * t**2 + 5.0 * t**3 / 3.0 + 0.7 * 2.0 * t)[2:], rtol=1e-4, atol=1e-5)
+    lines = pid(3.0, 5.0, lam, 0.7, mu, step=0.01, longest=10.0).run(t**2)
+    assert abs(lines - found)[2:].min() > 5e-3
+
+
+def test_parabolas_are_many_times_as_exact_for_sines() -> None:
+    frequency = np.geomspace(0.1, 30.0, 20)
+    errors = [
+        abs(
+            kernel(0.9).sampled(1e-3, derivative=derivative, between=between).frequency_response(frequency)
+            / (1j * frequency) ** (0.9 if derivative else -0.1)
+            - 1.0
+        ).max()
+        for derivative in (True, False)
+        for between in ("lines", "parabolas")
+    ]
+    assert errors[0] > 30 * errors[1]
+    assert errors[2] > 3 * errors[3]
+
+
+def test_what_a_signal_is_not_taken_for_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"^between is 'cubics': it must be lines or parabolas$"):
+        kernel(0.5).sampled(1e-3, between=cast(Any, "cubics"))
+    with pytest.raises(ValueError, match=r"^between is 'cubics': it must be lines or parabolas$"):
+        pid(1.0, 0.0, 1.0, 0.0, 1.0, step=1e-3, longest=1.0, between=cast(Any, "cubics"))
 
 
 def test_at_low_frequency_a_fractional_pid_has_the_exact_response() -> None:

@@ -23,7 +23,7 @@ def _number(default: Number) -> Callable[[Callable[..., None]], Callable[..., No
         type=click.Choice(["float", "double"]),
         default=default,
         show_default=True,
-        help="Number type of the controller.",
+        help="Number type to compute with.",
     )
 
 
@@ -94,6 +94,59 @@ def firmware_command(scenario: Path, out: Path, number: Number, unbounded: bool)
 
     firmware(Scenario.load(scenario), out, number, unbounded=unbounded)
     click.echo(f"{out}: add it to your project, as its README.md says")
+
+
+@export.command(name="operator")
+@click.option("--order", type=float, metavar="A", help="Derivative D^A, 0 < A <= 1, or integral, -1 <= A < 0.")
+@click.option(
+    "--pid", type=float, nargs=5, metavar="KP KI LAM KD MU", help="Five numbers: kp e + ki I^lam e + kd D^mu e."
+)
+@click.option("--step", type=float, default=1e-3, show_default=True, help="Time between samples, in any unit.")
+@click.option("--longest", type=float, default=100.0, show_default=True, help="Time after which the past fades.")
+@click.option("--tolerance", type=float, default=1e-6, show_default=True, help="Relative error of the kernel.")
+@click.option(
+    "--between",
+    type=click.Choice(["lines", "parabolas"]),
+    default="lines",
+    show_default=True,
+    help="The signal between samples; parabolas are more exact for smooth ones.",
+)
+@click.option("--name", default="operator", show_default=True, help="Name of the files and of the functions in them.")
+@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
+@_number("float")
+def operator_command(
+    order: float | None,
+    pid: tuple[float, float, float, float, float] | None,
+    step: float,
+    longest: float,
+    tolerance: float,
+    between: Literal["lines", "parabolas"],
+    name: str,
+    out: Path,
+    number: Number,
+) -> None:
+    """Write a fractional derivative, integral or PID as C. It is one file of C99 and its header, without heap or libm.
+
+    It needs no scenario.
+    """
+    from ..export import operator
+    from ..fractional import pid as fractional_pid
+
+    if (order is None) == (pid is None):
+        raise click.UsageError("one of --order and --pid must be given")
+    if order is not None and not 0 < abs(order) <= 1:
+        raise click.UsageError(f"--order is {order:g}: it must be above 0 and at most 1, or at least -1 and below 0")
+    if pid is not None:
+        gains = pid
+        meaning = "{:g} e + {:g} I^{:g} e + {:g} D^{:g} e".format(*gains)
+    elif order is not None and order > 0:
+        gains, meaning = (0.0, 0.0, 1.0, 1.0, order), f"Derivative of order {order:g} of a signal that starts from 0"
+    else:
+        gains, meaning = (0.0, 1.0, -(order or 0.0), 0.0, 1.0), f"Integral of order {-(order or 0.0):g}"
+    found = fractional_pid(*gains, step=step, longest=longest, tolerance=tolerance, between=between)
+    meaning += f", its kernels to {tolerance:g} up to times of {longest:g}, {between} between samples"
+    operator(found, out, number, name=name, meaning=meaning)
+    click.echo(f"{out / name}.c: {found.count} exponentials, {number}, one sample every {step:g}")
 
 
 @click.command()

@@ -1,5 +1,6 @@
 from .firmware import firmware as firmware
 from .fmu import fmu as fmu
+from .operator import operator as operator
 from .replay import Replay as Replay
 from .replay import replay as replay
 from .web import web as web

@@ -5,4 +5,6 @@ from .operators import caputo as caputo
 from .operators import integral as integral
 from .operators import riemann_liouville as riemann_liouville
 from .pid import pid as pid
+from .rates import LocalRates as LocalRates
+from .rates import local_rates as local_rates
 from .sampled import Sampled as Sampled

@@ -16,7 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import _core
-from .sampled import Sampled
+from ..arguments import real
+from .sampled import Between, Sampled, has_parabolas
 
 Vector = npt.NDArray[np.float64]
 GRID = 1e-4  # of the logarithm of frequency, where errors are bounded
@@ -77,6 +78,7 @@ class ExponentialSum:
         >>> kernel.count, kernel.frequency_error(0.1, 316.0) < 2e-5
         (29, True)
         """
+        lowest, highest = real("lowest", lowest), real("highest", highest)
         if not 0.0 < lowest <= highest < math.inf:
             raise ValueError(f"lowest and highest must be positive, finite and in this order, got {lowest}, {highest}")
         beta = 1.0 - self.order
@@ -97,13 +99,14 @@ class ExponentialSum:
             worst = max(worst, float(near.max()))
         return worst
 
-    def state_space(self, step: float | None = None, *, derivative: bool = False) -> tuple[Any, ...]:
+    def state_space(
+        self, step: float | None = None, *, derivative: bool = False, between: Between = "lines"
+    ) -> tuple[Any, ...]:
         """The fractional integral I^(1-order) as matrices (A, B, C, D); with `step`, sampled: (A, B, C, D, step).
 
-        One state for each exponential and, sampled, one for the last sample. python-control's `ss` and scipy's
-        `StateSpace` take them. Sampled, nothing is left out: of a signal that is linear between samples, and 0 one step
-        before the first, the result is wrong by no more than the kernel is. `derivative` gives the Caputo derivative
-        D^order, which exists sampled only. Raises ValueError for a step that is not finite or below `shortest`.
+        One state for each exponential and, sampled, one for the last sample and one for the last change.
+        python-control's `ss` and scipy's `StateSpace` take them. For the rest see `sampled`; the derivative exists
+        sampled only. Raises ValueError for a step that is not finite or below `shortest`.
 
         >>> kernel = fg.fractional.design(order=0.9, shortest=1e-3, longest=80.0, tolerance=1e-6)
         >>> [matrix.shape for matrix in kernel.state_space()]
@@ -112,13 +115,20 @@ class ExponentialSum:
         """
         if step is None:
             if derivative:
-                raise ValueError("step must be given for a derivative, which is no state space in continuous time")
+                raise ValueError("step must be given for a derivative, which has no state space in continuous time")
             direct = np.array([[self.direct]])
             return np.diag(-self.poles), np.ones((self.count, 1)), self.weights[None, :], direct
-        return self.sampled(step, derivative=derivative).state_space()
+        return self.sampled(step, derivative=derivative, between=between).state_space()
 
-    def sampled(self, step: float, *, derivative: bool = False) -> Sampled:
-        """The operator of `state_space`, sample by sample. Raises ValueError as that does.
+    def sampled(self, step: float, *, derivative: bool = False, between: Between = "lines") -> Sampled:
+        """The integral I^(1-order), or the derivative D^order, sample by sample.
+
+        The signal is 0 up to one step before the first sample, so that Caputo's derivative and Riemann-Liouville's are
+        the same: for Caputo's of a signal that starts elsewhere, subtract its first value. between: of a signal of
+        lines between samples, or of parabolas through this sample and the two before, the result is wrong by no more
+        than the kernel is. Parabolas are far more exact for smooth signals. After a jump or a kink, as a slope at the
+        start is one, they overshoot, and of noise the derivative of order 0.9 becomes 1.7 times as large. Raises
+        TypeError or ValueError for a step that is not a finite number or below `shortest`.
 
         >>> kernel = fg.fractional.design(order=0.5, shortest=1e-2, longest=10.0, tolerance=1e-9)
         >>> half_integral = kernel.sampled(1e-2)
@@ -127,33 +137,16 @@ class ExponentialSum:
         >>> round(found, 6)
         0.752253
         """
+        step = real("step", step)
         if not self.shortest <= step < math.inf:
             raise ValueError(f"step must be finite and at least shortest = {self.shortest}, got {step}")
-        poles, weights = self.poles, self.weights
-        kept, passed = np.exp(-poles * step), -np.expm1(-poles * step) / poles
-        if derivative:  # of a slope, which is constant over a step
-            now = (float(weights @ passed) + self.direct) / step
-            return Sampled(step, kept, passed / step, -passed / step, weights * kept, -now, now)
-        # What a step brings of the sample at its end and of that at its beginning.
-        late = step * _ramp(poles * step)
-        early = passed - late
-        # The kernel below `shortest` once more: the first moment of what the exponentials lack there.
-        x = poles * self.shortest
-        moment = math.pow(self.shortest, 2.0 - self.order) / ((2.0 - self.order) * math.gamma(1.0 - self.order))
-        moment -= self.shortest**2 * float(weights @ (np.exp(-x) * _ramp(-x)))
-        now = float(weights @ late) + self.direct - moment / step
-        last = float(weights @ early) + moment / step
-        return Sampled(step, kept, late, early, weights * kept, last, now)
+        terms, gains = _core.sampled_operator(
+            self.poles, self.weights, self.order, self.shortest, step, derivative, has_parabolas(between)
+        )
+        nothing = np.zeros((0, 2))
+        return Sampled(step, nothing, terms, *gains) if derivative else Sampled(step, terms, nothing, *gains)
 
 
-def _ramp(x: Vector) -> Vector:
-    """(x - 1 + exp(-x)) / x^2, without cancellation where |x| is small."""
-    series = 1 / 2 - x / 6 * (1 - x / 4 * (1 - x / 5 * (1 - x / 6 * (1 - x / 7 * (1 - x / 8)))))
-    small = abs(x) < 0.05
-    return np.where(small, series, (x + np.expm1(-x)) / np.where(small, 1.0, x) ** 2)
-
-
-@lru_cache(maxsize=256)
 def design(order: float, shortest: float, longest: float, tolerance: float) -> ExponentialSum:
     """Fewest positive exponentials (to within one) for t^(-order)/Gamma(1-order) on [shortest, longest].
 
@@ -169,7 +162,12 @@ def design(order: float, shortest: float, longest: float, tolerance: float) -> E
     >>> kernel.count, kernel.error <= 1e-6
     (21, True)
     """
-    order, shortest, longest, tolerance = map(float, (order, shortest, longest, tolerance))
+    given = {"order": order, "shortest": shortest, "longest": longest, "tolerance": tolerance}
+    return _designed(*(real(name, value) for name, value in given.items()))
+
+
+@lru_cache(maxsize=256)
+def _designed(order: float, shortest: float, longest: float, tolerance: float) -> ExponentialSum:
     check(order, shortest, longest, tolerance)
     poles, weights, error = _core.design_kernel(order, shortest, longest, tolerance)
     if not len(poles):

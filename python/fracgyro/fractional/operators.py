@@ -1,7 +1,8 @@
-"""Fractional operators of sampled signals whose values and rates are both known, eq. (7).
+"""Fractional operators of sampled signals, best where values and rates are both known, eq. (7).
 
-Causal and in fixed memory per sample: the same code as in the controller, include/fracgyro/core/fractional.hpp. Between
-samples a signal is its cubic Hermite interpolant. For the full-history reference methods see `full_history`.
+Causal, where rates are given, and in fixed memory per sample: the same code as in the controller,
+include/fracgyro/core/fractional.hpp. Between samples a signal is its cubic Hermite interpolant. For the full-history
+reference methods see `full_history`.
 """
 
 from __future__ import annotations
@@ -15,19 +16,21 @@ from numpy.typing import ArrayLike, NDArray
 from .. import _core
 from ..arguments import real, signal
 from .kernel import core_kernel
+from .rates import local_rates
 
 TOLERANCE = 1e-9  # relative error of the kernel, unless asked otherwise
 
 
 def caputo(
-    values: ArrayLike, rates: ArrayLike, step: float, order: float, *, tolerance: float = TOLERANCE
+    values: ArrayLike, rates: ArrayLike | None, step: float, order: float, *, tolerance: float = TOLERANCE
 ) -> NDArray[Any]:
     """Caputo derivative of `order` in [0, 1] from t = 0, eq. (7).
 
     values, rates: shape (samples,) or (samples, channels), at 0, step, 2 step, …; float32 input is computed in single
-    precision. tolerance: relative error of the kernel. Returns the same shape, in units of values per time^order. Order
-    0 returns the values, as eq. (7) says, and order 1 the rates; between them the derivative at t = 0 is 0, and the
-    limit of order -> 0 is values - values[0]. Raises TypeError or ValueError naming the argument that is not allowed.
+    precision. rates None: those of `local_rates`, which look three samples ahead. tolerance: relative error of the
+    kernel. Returns the same shape, in units of values per time^order. Order 0 returns the values, as eq. (7) says, and
+    order 1 the rates; between them the derivative at t = 0 is 0, and the limit of order -> 0 is values - values[0].
+    Raises TypeError or ValueError naming the argument that is not allowed.
 
     >>> t = np.linspace(0.0, 1.0, 1001)
     >>> found = fg.fractional.caputo(t, np.ones_like(t), 1e-3, order=0.5)
@@ -38,13 +41,12 @@ def caputo(
 
 
 def integral(
-    values: ArrayLike, rates: ArrayLike, step: float, order: float, *, tolerance: float = TOLERANCE
+    values: ArrayLike, rates: ArrayLike | None, step: float, order: float, *, tolerance: float = TOLERANCE
 ) -> NDArray[Any]:
     """Riemann-Liouville integral I^order, 0 <= order <= 1, from t = 0; the surface's D^(alpha-1) is order 1-alpha.
 
     Arguments and errors as for `caputo`; units of values times time^order. In single precision, orders near 1 lose
-    accuracy over long records (after 80,000 samples 1e-5 of the peak at order 0.1, 4e-3 at 0.5, all of it at 0.9): use
-    double precision there.
+    accuracy over long records: use double precision there.
 
     >>> t = np.linspace(0.0, 1.0, 1001)
     >>> found = fg.fractional.integral(np.ones_like(t), np.zeros_like(t), 1e-3, order=0.5)
@@ -56,7 +58,7 @@ def integral(
 
 
 def riemann_liouville(
-    values: ArrayLike, rates: ArrayLike, step: float, order: float, *, tolerance: float = TOLERANCE
+    values: ArrayLike, rates: ArrayLike | None, step: float, order: float, *, tolerance: float = TOLERANCE
 ) -> NDArray[Any]:
     """Riemann-Liouville derivative: the Caputo one plus values[0] t^(-order)/Gamma(1-order).
 
@@ -85,10 +87,11 @@ def _check_order(order: float) -> None:
 
 
 def _apply(
-    values: ArrayLike, rates: ArrayLike, step: float, order: float, tolerance: float
+    values: ArrayLike, rates: ArrayLike | None, step: float, order: float, tolerance: float
 ) -> tuple[NDArray[Any], NDArray[Any]]:
     """I^(1-order) of the signal and of its rate."""
-    given, slopes = signal("values", values), signal("rates", rates)
+    given = signal("values", values)
+    slopes = local_rates(given, step).rates if rates is None else signal("rates", rates)
     single = given.dtype == np.float32 and slopes.dtype == np.float32
     dtype = np.float32 if single else np.float64
     if given.shape != slopes.shape or given.ndim not in (1, 2) or given.size == 0:

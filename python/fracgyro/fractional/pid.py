@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
+from ..arguments import real
 from .kernel import design
-from .sampled import Sampled
+from .sampled import Between, Sampled, has_parabolas
 
 
 def pid(
@@ -20,18 +21,23 @@ def pid(
     step: float,
     longest: float,
     tolerance: float = 1e-6,
+    between: Between = "lines",
 ) -> Sampled:
-    """kp e + ki I^lam e + kd D^mu e, sample by sample, for e that is linear between samples.
+    """kp e + ki I^lam e + kd D^mu e, sample by sample.
 
     lam, mu: orders of integral and derivative, in (0, 1]; 1 is the ordinary one. step: time between samples. longest:
-    time to which the past counts in full, in the unit of step; what is older fades. tolerance: largest relative error
-    of the kernels up to there (`design`), and with it of integral and derivative. Nothing filters the derivative, and
-    nothing limits the integral. Raises ValueError for gains that are not finite, and as `design` does.
+    time to which the past counts in full, in the unit of step; what is older fades. So for lam < 1 the gain at rest is
+    finite, and an error that lasts far longer is not removed. tolerance: largest relative error of the kernels up to
+    there (`design`), and with it of integral and derivative. between: what e is taken for between samples, as in
+    `ExponentialSum.sampled`. Nothing filters the derivative, and nothing limits the integral. Raises TypeError or
+    ValueError for gains that are not finite, and as `design` does.
 
     >>> controller = fg.fractional.pid(10.0, 5.0, 0.8, 1.0, 0.6, step=1e-3, longest=10.0)
-    >>> len(controller.kept), round(controller.step(0.1), 3)  # states, first output
+    >>> controller.count, round(controller.step(0.1), 3)  # recursions, first output
     (32, 8.112)
     """
+    kp, ki, lam, kd, mu = map(real, ("kp", "ki", "lam", "kd", "mu"), (kp, ki, lam, kd, mu))
+    step, longest, tolerance = map(real, ("step", "longest", "tolerance"), (step, longest, tolerance))
     for name, gain in (("kp", kp), ("ki", ki), ("kd", kd)):
         if not math.isfinite(gain):
             raise ValueError(f"{name} must be finite, got {gain}")
@@ -40,21 +46,21 @@ def pid(
             raise ValueError(f"{name} must lie in (0, 1], got {order}")
     if not 0.0 < step < math.inf:
         raise ValueError(f"step must be positive and finite, got {step}")
-    nothing, one = np.zeros(0), np.ones(1)
-    found = Sampled(step, nothing, nothing, nothing, nothing, 0.0, kp)
+    bend = 0.5 if has_parabolas(between) else 0.0  # of each change, its difference from the last one
+    nothing = np.zeros((0, 2))
+    found = Sampled(step, nothing, nothing, kp, 0.0, 0.0, 0.0)
     if ki != 0.0:
-        half = step / 2
-        integral = (
-            Sampled(step, one, half * one, half * one, one, half, half)
+        integral = (  # the trapezoidal rule; what parabolas add to it telescopes
+            Sampled(step, np.array([[0.0, step]]), nothing, step / 2.0, step, -bend * step / 6.0, 0.0)
             if lam == 1.0
-            else design(1.0 - lam, step, longest, tolerance).sampled(step)
+            else design(1.0 - lam, step, longest, tolerance).sampled(step, between=between)
         )
         found = found.plus(integral.times(ki))
     if kd != 0.0:
         derivative = (
-            Sampled(step, nothing, nothing, nothing, nothing, -1.0 / step, 1.0 / step)
+            Sampled(step, nothing, nothing, 0.0, 0.0, (1.0 + bend) / step, -bend / step)
             if mu == 1.0
-            else design(mu, step, longest, tolerance).sampled(step, derivative=True)
+            else design(mu, step, longest, tolerance).sampled(step, derivative=True, between=between)
         )
         found = found.plus(derivative.times(kd))
     return found

@@ -1,21 +1,38 @@
-"""Fractional operators and fractional PID, sample by sample in fixed memory, exact for lines between samples."""
+"""Fractional operators and fractional PID, sample by sample in fixed memory."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
+from .. import _core
+from ..arguments import real, short, signal
+
 Vector = npt.NDArray[np.float64]
+Between = Literal["lines", "parabolas"]  # what a signal is taken for between samples
+
+
+def has_parabolas(between: Between) -> bool:
+    """Raises ValueError, in one sentence, for anything else."""
+    if between not in ("lines", "parabolas"):
+        raise ValueError(f"between is {between!r}: it must be lines or parabolas")
+    return between == "parabolas"
 
 
 @dataclass(eq=False)
 class Sampled:
-    """A linear system with one input and one output that also needs the last sample.
+    """A linear system with one input and one output: a sum of first-order recursions, and shares of the last samples.
 
-    With u_k the samples, x' = kept x + late u_k + early u_(k-1) and y_k = seen x + last u_(k-1) + now u_k, where x' is
-    the next state. It starts with states and last sample 0: as if the signal began one step before the first sample.
+    With u_k the samples and d_k = u_k - u_(k-1),
+
+        y_k = sum_j weight_j g_j + now u_k + past u_(k-1) + change d_k + past_change d_(k-1),
+        then  g_j += decay_j g_j + u_(k-1), or d_k.
+
+    All starts from 0: as if the signal began one step before the first sample.
+    include/fracgyro/core/sampled_step.h is the code, here and in C as `fg.export.operator` writes it.
 
     >>> controller = fg.fractional.pid(1.0, 2.0, 0.5, 0.1, 0.5, step=1e-3, longest=10.0)
     >>> force = [controller.step(error) for error in (0.0, 0.1, 0.2)]
@@ -23,59 +40,108 @@ class Sampled:
     """
 
     interval: float  #: time between samples
-    kept: Vector  #: shape (count,), as are the next three
-    late: Vector
-    early: Vector
-    seen: Vector
-    last: float
+    of_values: Vector  #: decay_j and weight_j of the g that are fed samples, shape (count, 2)
+    of_changes: Vector  #: of those that are fed changes
     now: float
-    _state: Vector = field(init=False, repr=False)
-    _sample: float = field(init=False, repr=False)
+    past: float
+    change: float
+    past_change: float
+    _running: _core.Recursion = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        self.reset()
+        for numbers in self._numbers():
+            if not np.isfinite(numbers).all():
+                raise ValueError("a weight of the operator is not finite: its gains must be smaller")
+        self._running = _core.Recursion(*self._numbers())
+
+    def _numbers(self) -> tuple[Vector, Vector, tuple[float, float, float, float]]:
+        return self.of_values, self.of_changes, (self.now, self.past, self.change, self.past_change)
+
+    @property
+    def count(self) -> int:
+        """Number of recursions."""
+        return len(self.of_values) + len(self.of_changes)
 
     def reset(self) -> None:
         """Forgets all samples."""
-        self._state, self._sample = np.zeros(len(self.kept)), 0.0
+        self._running.reset()
 
     def step(self, sample: float) -> float:
-        """The output at the next sample."""
-        sample = float(sample)
-        found = float(self.seen @ self._state) + self.last * self._sample + self.now * sample
-        self._state = self.kept * self._state + self.late * sample + self.early * self._sample
-        self._sample = sample
+        """The output at the next sample. One that is not finite stays in the state until `reset`.
+
+        Raises TypeError for what is not a number.
+        """
+        try:
+            return self._running.step(float(sample))
+        except (TypeError, ValueError):
+            raise TypeError(f"sample is {short(sample)}: it must be a number") from None
+
+    def run(self, samples: npt.ArrayLike) -> npt.NDArray[Any]:
+        """The outputs of a whole signal from its start; what `step` has seen does not matter and stays.
+
+        samples: shape (samples,) or (samples, channels); float32 is computed in single precision, with the bits of the
+        exported C code. Returns the same shape. Raises TypeError or ValueError for what is not such an array.
+
+        >>> fg.fractional.pid(2.0, 0.0, 1.0, 1.0, 1.0, step=0.5, longest=10.0).run([0.0, 1.0, 1.0])
+        array([0., 4., 2.])
+        """
+        given = signal("samples", samples)
+        if given.ndim not in (1, 2):
+            raise ValueError(f"samples has shape {given.shape}: it must be (samples,) or (samples, channels)")
+        found = np.empty(given.shape, np.float32 if given.dtype == np.float32 else np.float64)
+        recursion = _core.RecursionSingle if found.dtype == np.float32 else _core.Recursion
+        columns = found.reshape(len(found), 1) if found.ndim == 1 else found
+        for column, channel in zip(columns.T, given.astype(found.dtype).reshape(columns.shape).T, strict=True):
+            column[:] = recursion(*self._numbers()).run(channel)
         return found
 
     def state_space(self) -> tuple[Vector, Vector, Vector, Vector, float]:
-        """(A, B, C, D, interval), the last sample as the last state; for python-control's `ss` and scipy's `dlti`."""
-        count = len(self.kept)
-        a = np.diag(np.append(self.kept, 0.0))
-        a[:count, count] = self.early
-        b, c = np.append(self.late, 1.0)[:, None], np.append(self.seen, self.last)[None, :]
-        return a, b, c, np.array([[self.now]]), self.interval
+        """(A, B, C, D, interval), the last sample and the last change as the last states.
+
+        For python-control's `ss` and scipy's `dlti`.
+        """
+        values, count = len(self.of_values), self.count
+        decay, weight = np.concatenate([self.of_values, self.of_changes]).T
+        a = np.diag(np.append(1.0 + decay, [0.0, 0.0]))
+        a[:values, count], a[values:count, count], a[count + 1, count] = 1.0, -1.0, -1.0
+        b = np.append(np.repeat([0.0, 1.0], [values, count - values]), [1.0, 1.0])[:, None]
+        c = np.append(weight, [self.past - self.change, self.past_change])[None, :]
+        return a, b, c, np.array([[self.now + self.change]]), self.interval
 
     def frequency_response(self, frequency: npt.ArrayLike) -> npt.NDArray[np.complex128]:
         """At z = exp(j frequency interval), frequency in rad per unit of time; the shape is that of `frequency`."""
         z = np.exp(1j * self.interval * np.asarray(frequency, dtype=np.float64))
-        states = (self.seen * (self.late + self.early / z[..., None]) / (z[..., None] - self.kept)).sum(axis=-1)
-        found: npt.NDArray[np.complex128] = states + self.last / z + self.now
+
+        def response(terms: Vector) -> npt.NDArray[np.complex128]:
+            found: npt.NDArray[np.complex128] = (terms[:, 1] / (z[..., None] - 1.0 - terms[:, 0])).sum(axis=-1)
+            return found
+
+        of_changes = response(self.of_changes) + self.change + self.past_change / z
+        found: npt.NDArray[np.complex128] = (
+            (response(self.of_values) + self.past) / z + self.now + of_changes * (1.0 - 1.0 / z)
+        )
         return found
 
     def plus(self, other: Sampled) -> Sampled:
-        """The sum of both outputs."""
+        """The sum of both outputs. Raises TypeError for what is not `Sampled`, ValueError for another interval."""
+        if not isinstance(other, Sampled):
+            raise TypeError(f"other is {short(other)}: it must be Sampled")
+        if other.interval != self.interval:
+            raise ValueError(f"other has interval {other.interval}: it must be that of this one, {self.interval}")
         return Sampled(
             self.interval,
-            np.append(self.kept, other.kept),
-            np.append(self.late, other.late),
-            np.append(self.early, other.early),
-            np.append(self.seen, other.seen),
-            self.last + other.last,
+            np.concatenate([self.of_values, other.of_values]),
+            np.concatenate([self.of_changes, other.of_changes]),
             self.now + other.now,
+            self.past + other.past,
+            self.change + other.change,
+            self.past_change + other.past_change,
         )
 
     def times(self, gain: float) -> Sampled:
-        """The output times a number."""
-        return Sampled(
-            self.interval, self.kept, self.late, self.early, gain * self.seen, gain * self.last, gain * self.now
-        )
+        """The output times a number. Raises TypeError for anything else."""
+        gain = real("gain", gain)
+        weighted, numbers = np.array([1.0, gain]), (self.now, self.past, self.change, self.past_change)
+        with np.errstate(over="ignore", invalid="ignore"):  # infinite weights are refused
+            values, changes = self.of_values * weighted, self.of_changes * weighted
+        return Sampled(self.interval, values, changes, *(gain * each for each in numbers))
