@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import fracgyro as fg
 import numpy as np
@@ -21,8 +22,8 @@ REALISTIC = shipped("dual_mass")
 scenarios = pytest.mark.parametrize("scenario", [PAPER, DEVIATING, REALISTIC], ids=["paper", "deviating", "dual_mass"])
 
 
-def samples(system: object, count: int) -> np.ndarray:
-    return system.dt * np.arange(count)  # type: ignore[attr-defined]
+def samples(system: Any, count: int) -> np.ndarray:
+    return system.dt * np.arange(count)
 
 
 @scenarios
@@ -64,6 +65,22 @@ def test_the_loop_agrees_with_a_run_over_5000_steps(kind: str) -> None:
     assert response.output_labels == ["x", "y", "vx", "vy", "u_x", "u_y"]
     np.testing.assert_allclose(response.outputs[:2].T, run["position"], rtol=0, atol=1e-12)
     np.testing.assert_allclose(response.outputs[4:].T, run["control"], rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize(("connected", "expected"), [(False, 1), (True, 2)])
+def test_a_sample_of_the_loop_costs_one_step_of_the_controller(
+    connected: bool, expected: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    steps = []
+    step, scenario = fg.Controller.step, PAPER.replace({"run.duration": 0.1})
+    monkeypatch.setattr(fg.Controller, "step", lambda *args: steps.append(1) or step(*args))
+    system, start = fg.interop.control.loop(scenario)
+    if connected:
+        parts = [fg.interop.control.plant(scenario), fg.interop.control.controller(scenario)]
+        system = ct.interconnect(parts, inplist=["plant.u_x", "plant.u_y"], outputs=["x", "y"])
+    moved = ct.input_output_response(system, samples(system, 100), 0, start).outputs[:2]
+    assert expected * 100 <= len(steps) <= expected * 100 + 4
+    np.testing.assert_allclose(moved.T, fg.simulate(scenario)["position"][:100], rtol=0, atol=1e-12)
 
 
 def test_the_controller_gives_the_forces_of_fg_controller_bit_for_bit_from_a_state_that_was_stored() -> None:

@@ -159,6 +159,23 @@ def test_the_folder_has_the_report_and_its_numbers(report: Path) -> None:
     assert float(density[1]) == pytest.approx(walk * DEG / 60, rel=1e-5)  # deg/sqrt(h)
 
 
+def test_the_measured_response_is_one_of_python_control(report: Path, tmp_path: Path) -> None:
+    pytest.importorskip("control", reason="python-control, which the extra interop brings, is not installed")
+    found = fg.interop.control.rate_response(report)
+    data = figure_data(report / "report.html")["response"]
+    np.testing.assert_allclose(found.omega / (2 * np.pi), column(data, "frequency of the rate (Hz)"), rtol=1e-8)
+    np.testing.assert_allclose(20 * np.log10(found.magnitude), column(data, "gain (dB)"), atol=1e-7)
+    lag = -np.degrees(np.unwrap(found.phase))
+    np.testing.assert_allclose(lag, column(data, "phase lag (deg)"), rtol=1e-7)
+    assert lag[-1] > lag[0]
+    with pytest.raises(ValueError, match=r"rate\.json has no measured response"):
+        fg.interop.control.rate_response(tmp_path / "none")
+    for content in ("{}", "no JSON", '{"response": {"frequency": [1], "gain": ["a"], "lag": [0]}}'):
+        (tmp_path / "rate.json").write_text(content, encoding="utf-8")
+        with pytest.raises(ValueError, match=r"rate\.json has no measured response: write it by fracgyro rate --out$"):
+            fg.interop.control.rate_response(tmp_path)
+
+
 def test_the_report_needs_nothing_but_itself(report: Path) -> None:
     page = (report / "report.html").read_text(encoding="utf-8")
     assert page.count("data:image/svg+xml;base64,") == 4

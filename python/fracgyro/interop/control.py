@@ -6,7 +6,10 @@ forces in m omega0^2 q0.
 
 from __future__ import annotations
 
+import json
+import os
 from functools import lru_cache
+from pathlib import Path
 
 import control as ct
 import numpy as np
@@ -14,11 +17,12 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ..arguments import short
+from ..files import read_input
 from ..scenario import Scenario, check_scenario
 from ..simulation.controller import Controller
 from .matrices import FORCES, STATES, matrices
 
-__all__ = ["controller", "loop", "plant", "response"]
+__all__ = ["controller", "loop", "plant", "rate_response", "response"]
 
 Vector = NDArray[np.float64]
 
@@ -62,11 +66,12 @@ def controller(scenario: Scenario) -> ct.NonlinearIOSystem:
     )
 
 
-def loop(scenario: Scenario) -> tuple[ct.InterconnectedSystem, Vector]:
-    """`plant` and `controller` connected, and the state at the start of a run.
+def loop(scenario: Scenario) -> tuple[ct.NonlinearIOSystem, Vector]:
+    """`plant` and `controller` in a loop, as one system, and its state at the start of a run.
 
-    Inputs d_x, d_y: a disturbance, added to the force. Outputs x, y, vx, vy, u_x, u_y. Raises TypeError where
-    `scenario` is not one.
+    Inputs d_x, d_y: a disturbance, added to the force. Outputs x, y, vx, vy, u_x, u_y. A sample costs one step of the
+    controller; systems that python-control connects cost two, as it asks for outputs once before it knows the inputs.
+    Raises TypeError where `scenario` is not one.
 
     >>> import control as ct
     >>> scenario = fg.Scenario.paper()
@@ -76,16 +81,24 @@ def loop(scenario: Scenario) -> tuple[ct.InterconnectedSystem, Vector]:
     >>> response.outputs[:2, 0].tolist()
     [0.5, 0.5]
     """
-    law = controller(scenario)
-    connected = ct.interconnect(
-        [plant(scenario), law],
-        inplist=[f"plant.{force}" for force in FORCES],
+    check_scenario(scenario)
+    pure, run = _Pure(scenario.replace({"run.units": "nondimensional"})), scenario.run
+    a, b, _, _ = matrices(scenario, sampled=True)
+
+    def update(t: float, x: Vector, d: Vector, params: object) -> Vector:
+        force, state = pure.step(x[4:], x[:4])
+        return np.concatenate([a @ x[:4] + b @ (force + d), state])
+
+    system = ct.nlsys(
+        update,
+        lambda t, x, d, params: np.concatenate([x[:4], pure.step(x[4:], x[:4])[0]]),
         inputs=["d_x", "d_y"],
         outputs=[*STATES, *FORCES],
+        states=4 + pure.states,
+        dt=run.step,
         name="loop",
     )
-    run = scenario.run
-    return connected, np.array([*run.initial_position, *run.initial_velocity, *np.zeros(law.nstates)])
+    return system, np.array([*run.initial_position, *run.initial_velocity, *np.zeros(pure.states)])
 
 
 def response(run: xr.Dataset, variable: str) -> ct.TimeResponseData:
@@ -106,6 +119,28 @@ def response(run: xr.Dataset, variable: str) -> ct.TimeResponseData:
     labels = [f"{variable}_{label}" for label in values[columns[0]].values] if columns else [variable]
     outputs = values.transpose(*columns, "time").values.reshape(len(labels), -1)
     return ct.TimeResponseData(run["time"].values, outputs, output_labels=labels, issiso=False)
+
+
+def rate_response(folder: str | os.PathLike[str]) -> ct.FrequencyResponseData:
+    """The rate estimate over a sinusoidal rate, as `fracgyro rate --out` measured it; frequencies in rad/s.
+
+    folder: with the file rate.json. The gain is 1 at rest: it is over the scale factor. Raises ValueError, in one
+    sentence, where the file cannot be read or is not one of these.
+
+    >>> from fracgyro.scenario.shipped import shipped
+    >>> device = shipped("dual_mass").replace({"run.duration": 200.0})
+    >>> _ = fg.rate.characterise(device, "response", quick=True, rest=0.1)
+    >>> fg.interop.control.rate_response("response").output_labels
+    ['rate_estimate']
+    """
+    path = Path(folder) / "rate.json"
+    try:
+        content = json.loads(read_input(path))["response"]
+        frequency, gain, lag = (np.array(content[name], dtype=float) for name in ("frequency", "gain", "lag"))
+        measured = gain * np.exp(-1j * lag)
+    except (OSError, ValueError, KeyError, TypeError):
+        raise ValueError(f"{path} has no measured response: write it by fracgyro rate --out") from None
+    return ct.frd(measured, 2.0 * np.pi * frequency, inputs=["rate"], outputs=["rate_estimate"], name="sensor")
 
 
 class _Pure:

@@ -35,6 +35,9 @@ def characterise(
 ) -> list[Result]:
     """Measures `scenario` as a rate sensor and writes `out`/report.html and `out`/rate.json.
 
+    rate.json has the scenario, the figures, and the response to sinusoidal rates: frequency in Hz, gain over the scale
+    factor, lag in rad.
+
     Rates are set from outside, plant.angular_rate notwithstanding; all else is as the scenario says. `controller`, in
     the place of the scenario's own: as in `fracgyro.simulate`; it must report rate_estimate. A callable's reset is
     called before each run with its scenario, which has the rate to be sensed. `quick`: 2 seeds instead of 8, for a
@@ -62,7 +65,10 @@ def characterise(
         measured = measure(scenario, seeds=2 if quick else 8, controller=controller, rest=rest, progress=progress)
         found = results(measured)
         outside = {} if controller is None else {"controller": controller_words(controller)}
-        content = {"scenario": scenario.to_toml(), **outside, "figures": [result.plain() for result in found]}
+        gain, lag = measured.response.gain, measured.response.lag
+        response = {"frequency": measured.response.frequency.tolist(), "gain": gain.tolist(), "lag": lag.tolist()}
+        figures = [result.plain() for result in found]
+        content = {"scenario": scenario.to_toml(), **outside, "figures": figures, "response": response}
         text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
         (folder / "rate.json").write_text(text + "\n", encoding="utf-8")
         if imu is not None:
