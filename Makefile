@@ -106,6 +106,7 @@ bench: .venv/installed-bench .venv/installed-export
 	$(BIN)/python benchmarks/firmware.py
 	$(BIN)/python benchmarks/flops.py
 	$(BIN)/python benchmarks/outside.py
+	$(BIN)/python benchmarks/environments.py
 	$(BIN)/python benchmarks/readme_picture.py
 
 # Classes that the module makes by hand are in bindings/stub.pat; the import that stands for them goes.

@@ -32,6 +32,7 @@ PAGES = {
     "how-to/compare": "docs/compare.md",
     "how-to/control": "docs/control.md",
     "how-to/operators": "docs/operators.md",
+    "how-to/gymnasium": "docs/gymnasium.md",
     "how-to/fmu": "docs/fmu.md",
     "how-to/browser": "integrations/web/README.md",
     "how-to/firmware": "docs/firmware.md",

@@ -198,8 +198,8 @@ GUIDES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 @pytest.mark.parametrize("path", [p for p in GUIDES if "```python" in p.read_text(encoding="utf-8")], ids=relative)
 def test_the_python_of_a_guide_runs(path: Path, tmp_path: Path) -> None:
-    if path.name == "control.md":
-        pytest.importorskip("control", reason="python-control, which the extra interop brings, is not installed")
+    if library := {"control.md": "control", "gymnasium.md": "gymnasium"}.get(path.name):
+        pytest.importorskip(library, reason=f"{library}, which the extra interop brings, is not installed")
     code = "\n".join(blocks(path.read_text(encoding="utf-8"), "python"))
     for law in blocks(path.read_text(encoding="utf-8"), "c"):  # in C that is C++, too
         (tmp_path / "law.cpp").write_text(f'extern "C" {{\n{law}}}\n', encoding="utf-8")

@@ -16,7 +16,7 @@ MAX_LINES = 20
 
 
 def test_there_is_a_gallery() -> None:
-    assert len(SCRIPTS) >= 11
+    assert len(SCRIPTS) >= 13
 
 
 @pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.stem)

@@ -155,11 +155,11 @@ def test_what_is_not_a_scenario_is_refused() -> None:
 
 
 def test_every_public_name_is_described() -> None:
-    assert fg.interop.__all__ == ["control", "scipy"]
+    assert fg.interop.__all__ == ["control", "gymnasium", "scipy"]
     assert all(getattr(fg.interop, name).__doc__ for name in fg.interop.__all__)
 
 
-@pytest.mark.parametrize("module", ["control", "scipy"])
+@pytest.mark.parametrize("module", ["control", "gymnasium", "scipy"])
 def test_a_missing_library_is_named_with_its_extra(module: str, tmp_path: Path) -> None:
     code = f"import fracgyro as fg\ntry: fg.interop.{module}\nexcept ImportError as error: print(error)"
     said = without([module], code, tmp_path)

@@ -1,0 +1,114 @@
+#include "arrays.hpp"
+#include "bindings.hpp"
+
+#include "fracgyro/control/reference.hpp"
+#include "fracgyro/sim/device_loop.hpp"
+
+#include <nanobind/stl/vector.h>
+
+#include <cmath>
+
+namespace fracgyro::bindings {
+
+namespace {
+
+// One gyroscope, at the sample n.
+class Tracked {
+public:
+    static constexpr std::size_t width = 13;
+
+    explicit Tracked(const DeviceSetup& s)
+        : plant_(DeviceGyroscope::prepare(s)),
+          reference_(Reference<double>::prepare(s.common.reference, s.common.step)),
+          draw_(s),
+          state_(DeviceGyroscope::start(s)) {
+        sense();
+    }
+
+    // Under the force that a controller asks for. A motion that has diverged stays as it is.
+    void step(const Vec2<double>& asked) {
+        if (bounded(state_.motion)) {
+            DeviceGyroscope::act(state_, plant_, asked, n_);
+            DeviceGyroscope::step(state_, plant_, n_);
+            ++n_;
+            sense();
+        }
+    }
+    // What is measured and what is to be followed, then what only a simulator knows: the true error and rate.
+    void write(double* row) const {
+        const Vec2<double> error = state_.motion.position - point_.position;
+        const std::array<Vec2<double>, 6> vectors{state_.measured.position, point_.position,          point_.velocity,
+                                                  point_.acceleration,      state_.measured.velocity, error};
+        for (const Vec2<double>& vector : vectors) {
+            *row++ = vector.x();
+            *row++ = vector.y();
+        }
+        *row = plant_.rate.at(n_);
+    }
+
+private:
+    void sense() {
+        DeviceGyroscope::sense(state_, plant_, draw_(n_));
+        point_ = Reference<double>::update(turning_, reference_);
+    }
+
+    DeviceGyroscope::Coefficients plant_;
+    Reference<double>::Coefficients reference_;
+    DeviceGyroscope::Draw draw_;
+    DeviceGyroscope::State state_;
+    Reference<double>::State turning_{};
+    ReferencePoint<double> point_{};
+    std::int64_t n_ = 0;
+};
+
+// Gyroscopes that are stepped together, one after another: those of a learner's environments.
+class Gyroscopes {
+public:
+    explicit Gyroscopes(const std::vector<DeviceSetup>& setups) {
+        for (const DeviceSetup& s : setups) {
+            all_.emplace_back(s);
+        }
+    }
+
+    nb::ndarray<nb::numpy, double> rows() const {
+        std::unique_ptr<double[]> made(new double[all_.size() * Tracked::width]);
+        for (std::size_t i = 0; i < all_.size(); ++i) {
+            all_[i].write(made.get() + i * Tracked::width);
+        }
+        return owned<double, 2>(std::move(made), {all_.size(), Tracked::width});
+    }
+    // The rows after a step. Of the numbers of an action, `acted` for each, the first two are the force, in units of
+    // `limit`, and cut to -1 and 1.
+    nb::ndarray<nb::numpy, double> step(const nb::ndarray<const double, nb::c_contig, nb::device::cpu>& actions,
+                                        std::size_t acted, double limit) {
+        if (actions.size() != acted * all_.size()) {
+            throw nb::value_error("action has another size than the action space");
+        }
+        if (!std::all_of(actions.data(), actions.data() + actions.size(), [](double a) { return std::isfinite(a); })) {
+            throw nb::value_error("action is not finite: it must hold numbers from -1 to 1");
+        }
+        const auto force = [&](double action) { return limit * std::min(std::max(action, -1.0), 1.0); };
+        const double* action = actions.data();
+        for (Tracked& one : all_) {
+            one.step({force(action[0]), force(action[1])});
+            action += acted;
+        }
+        return rows();
+    }
+    void restart(std::size_t place, const DeviceSetup& s) { all_.at(place) = Tracked(s); }
+
+private:
+    std::vector<Tracked> all_;
+};
+
+}  // namespace
+
+void bind_gyroscopes(nb::module_& m) {
+    nb::class_<Gyroscopes>(m, "Gyroscopes")
+        .def(nb::init<const std::vector<DeviceSetup>&>(), nb::arg("setups"))
+        .def("rows", &Gyroscopes::rows)
+        .def("step", &Gyroscopes::step, nb::arg("actions"), nb::arg("acted"), nb::arg("limit"))
+        .def("restart", &Gyroscopes::restart, nb::arg("place"), nb::arg("setup"));
+}
+
+}  // namespace fracgyro::bindings
