@@ -478,16 +478,44 @@ def test_a_binary_for_linux_needs_only_libc(
     assert (2, 2, 5) <= max(parts) <= (2, 17)
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="a binary of Linux is looked at with its own tool")
+@pytest.mark.takes_a_minute
+@pytest.mark.parametrize(
+    ("scenario", "content", "fmi"),
+    [(SHORT, "controller", "3.0"), (SHORT, "loop", "2.0"), (DEVICE, "loop", "3.0")],
+    ids=["law", "loop", "device"],
+)
+def test_a_binary_for_linux_on_arm_needs_only_glibc(
+    tmp_path: Path, scenario: fg.Scenario, content: Content, fmi: Fmi
+) -> None:
+    need("other systems")
+    made = tmp_path / "arm.fmu"
+    fg.export.fmu(scenario, made, content=content, fmi=fmi, systems=["linux-arm"], unbounded=True)
+    with zipfile.ZipFile(made) as archive:
+        binary = archive.extract(f"binaries/aarch64-linux/fracgyro_{content}.so", tmp_path)
+    said = subprocess.run(["readelf", "-hdVW", "--dyn-syms", binary], capture_output=True, text=True, check=True).stdout
+    assert re.search(r"Class: +ELF64\n", said)
+    assert re.search(r"Machine: +AArch64\n", said)
+    libraries = set(re.findall(r"Shared library: \[(\w+)", said))
+    assert libraries <= {"libc", "libdl", "libm", "libpthread", "ld"}, "all of them glibc's"
+    parts = {tuple(map(int, part.split("."))) for part in re.findall(r"\bGLIBC_([\d.]+)", said)}
+    assert parts == {(2, 17)}
+    functions = set(re.findall(rf"FUNC +GLOBAL +DEFAULT +\d+ (fmi{fmi[0]}\w+)", said))
+    assert {f"fmi{fmi[0]}{name}" for name in ("DoStep", "GetVersion", "FreeInstance")} <= functions
+
+
 @pytest.mark.takes_a_minute
 def test_zig_makes_the_binaries_of_other_systems(tmp_path: Path) -> None:
     need("other systems")
-    fg.export.fmu(SHORT, tmp_path / "all.fmu", systems=["linux", "windows", "macos"])
+    fg.export.fmu(SHORT, tmp_path / "all.fmu", systems=list(FMI2_FOLDERS))
     with zipfile.ZipFile(tmp_path / "all.fmu") as archive:
         binaries = {
             name.split("/")[1]: archive.read(name) for name in archive.namelist() if name.startswith("binaries/")
         }
     assert list(binaries) == list(FMI2_FOLDERS.values())
-    assert binaries["linux64"].startswith(b"\x7fELF")
+    for system, processor in (("linux64", 62), ("aarch64-linux", 183)):
+        assert binaries[system].startswith(b"\x7fELF")
+        assert struct.unpack("<H", binaries[system][18:20]) == (processor,)
     assert binaries["win64"].startswith(b"MZ")
     assert struct.unpack(">II", binaries["darwin64"][:8]) == (0xCAFEBABE, 2)
     for i, processor in enumerate((0x01000007, 0x0100000C)):  # Intel, Apple

@@ -56,6 +56,7 @@ def web_command(scenario: Path, out: Path, unbounded: bool) -> None:
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="A new FMU.")
 @click.option("--controller", is_flag=True, help="Export the controller only, without the plant.")
 @click.option("--fmi", type=click.Choice(["2.0", "3.0"]), default="2.0", show_default=True, help="FMI version.")
+@click.option("--linux-arm", is_flag=True, help="Add a binary for Linux on ARM, 64 bit; needs ziglang.")
 @click.option("--windows", is_flag=True, help="Add a binary for Windows to that for Linux; needs ziglang.")
 @click.option("--macos", is_flag=True, help="Add a binary for macOS to that for Linux; needs ziglang.")
 @_number("double")
@@ -65,6 +66,7 @@ def fmu_command(
     out: Path,
     controller: bool,
     fmi: Literal["2.0", "3.0"],
+    linux_arm: bool,
     windows: bool,
     macos: bool,
     number: Number,
@@ -74,7 +76,7 @@ def fmu_command(
     from ..export import fmu
     from ..export.fmu import System
 
-    wanted: dict[System, bool] = {"linux": True, "windows": windows, "macos": macos}
+    wanted: dict[System, bool] = {"linux": True, "linux-arm": linux_arm, "windows": windows, "macos": macos}
     systems = [system for system, chosen in wanted.items() if chosen]
     content: Literal["controller", "loop"] = "controller" if controller else "loop"
     loaded = Scenario.load(scenario)

@@ -43,7 +43,7 @@ from .units import base_unit, shown
 
 Content = Literal["loop", "controller"]
 Fmi = Literal["2.0", "3.0"]
-System = Literal["linux", "windows", "macos"]
+System = Literal["linux", "linux-arm", "windows", "macos"]
 Role = Literal["time", "constant", "fixed", "tunable", "input", "output"]
 
 MAX_DOUBLE = sys.float_info.max  # stands for infinity, which some importers do not read
@@ -58,13 +58,15 @@ OF_DISTURBANCE = {
     "noise": ("standard_deviation", "hold_steps", "seed"),
     "sine": ("amplitude", "frequency", "phase"),
 }
-# zig's name, FMI 3.0's name, ending
+# zig's name, with the oldest C library that will do; FMI 3.0's name; ending
 TARGETS = {
-    "linux": [("x86_64-linux-gnu", "x86_64-linux", ".so")],
+    "linux": [("x86_64-linux-gnu.2.17", "x86_64-linux", ".so")],
+    "linux-arm": [("aarch64-linux-gnu.2.17", "aarch64-linux", ".so")],
     "windows": [("x86_64-windows-gnu", "x86_64-windows", ".dll")],
     "macos": [("x86_64-macos", "x86_64-darwin", ".dylib"), ("aarch64-macos", "aarch64-darwin", ".dylib")],
 }
-FMI2_FOLDERS = {"linux": "linux64", "windows": "win64", "macos": "darwin64"}
+# As FMI 2.0.5 has it, those of FMI 3.0 where it has no names of its own.
+FMI2_FOLDERS = {"linux": "linux64", "linux-arm": "aarch64-linux", "windows": "win64", "macos": "darwin64"}
 
 
 @dataclass(frozen=True)
@@ -108,9 +110,9 @@ def fmu(
 ) -> None:
     """Writes a scenario as an FMU for co-simulation, whole or not at all; needs the extra export and a C++ compiler.
 
-    `content`: the closed loop, "loop", or only the "controller". `fmi`: "2.0" or "3.0". `systems`: of linux, windows
-    and macos, of which the last two need ziglang. `number`: what it computes with, "double" or "float"; an importer
-    sees doubles.
+    `content`: the closed loop, "loop", or only the "controller". `fmi`: "2.0" or "3.0". `systems`: of linux, linux-arm
+    (64 bit), windows and macos, of which all but the system at hand need ziglang. `number`: what it computes with,
+    "double" or "float"; an importer sees doubles.
 
     Raises ValueError, in one sentence, when a compiler or FMPy is missing, the seed is too large for an FMU, the file
     cannot be written, a device that is not ideal is to be simulated in float, or the controller would not stay bounded
@@ -291,7 +293,7 @@ def _binaries(folder: Path, system: System, content: Content, fmi: Fmi, linker: 
     built = {}
     for target, tuple_name, ending in TARGETS[system]:
         binary = folder / f"{tuple_name}{ending}"
-        if system == "linux" and (platform.system(), platform.machine()) == ("Linux", "x86_64"):
+        if tuple_name == f"{platform.machine()}-{platform.system().lower()}" and ending == ".so":
             link = ["-fPIC", "-shared", "-static-libgcc", "-static-libstdc++", "-s"]
             system_compiler(*options, source, *link, "-o", binary)
         else:
