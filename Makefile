@@ -17,6 +17,8 @@
 #                  browser are skipped
 # make setup-browser    Chromium, from Debian's packages; without it the tests of pages in a browser are skipped
 # make setup-postgres   a database server, from Debian's packages; without it the test of a shared database is skipped
+# make setup-octave     Octave and what compiles MEX files for it, from Debian's packages; without them the tests of
+#                  MATLAB's class are skipped
 # make check-sanitized  FMUs, the Python module and many runs at once under the sanitizers
 # Parts of them: check, test-core, test-python, setup-test; and clean. ARGS="..." goes to reproduce.
 
@@ -208,6 +210,11 @@ setup-browser:
 setup-postgres:
 	@ls /usr/lib/postgresql/*/bin/initdb >/dev/null 2>&1 \
 	  || { $(SUDO) apt-get -qq update && $(SUDO) apt-get -qq install -y --no-install-recommends postgresql; }
+
+# What MATLAB's class is tested in. Most of its 370 MB are libraries for plots, which its package depends on.
+setup-octave:
+	@command -v mkoctfile >/dev/null \
+	  || { $(SUDO) apt-get -qq update && $(SUDO) apt-get -qq install -y --no-install-recommends octave octave-dev; }
 
 # GoogleTest, from Debian's packages where it is missing and they can be installed unasked; else CMake downloads it.
 setup-test:

@@ -29,6 +29,7 @@ def targets() -> dict[str, tuple[Target, str, dict[str, str]]]:
     gcc, clang = first_line("g++", "--version"), first_line("clang++", "--version")
     ours = first_line(*compiler(), "--version")
     arm = f"{first_line('arm-none-eabi-g++', '--version')}; {first_line('qemu-system-arm', '--version')}"
+    octave = f"{first_line('octave-cli', '--version')}; {ours}"
     web = f"zig {version('ziglang')}; node {first_line('node', '--version')}"
     return {
         "Python Controller": ("python", ours, {}),
@@ -37,6 +38,7 @@ def targets() -> dict[str, tuple[Target, str, dict[str, str]]]:
         "firmware, this computer, clang": ("host", clang, {"CC": "clang", "CXX": "clang++"}),
         "firmware, Cortex-M4F": ("m4f", arm, {}),
         "firmware, Cortex-M7": ("m7", arm, {}),
+        "Octave, a MEX file": ("octave", octave, {}),
         "WebAssembly": ("wasm", web, {}),
         "FMU": ("fmu", f"{ours}; FMPy {version('fmpy')}", {}),
     }

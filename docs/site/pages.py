@@ -33,6 +33,8 @@ PAGES = {
     "how-to/control": "docs/control.md",
     "how-to/operators": "docs/operators.md",
     "how-to/gymnasium": "docs/gymnasium.md",
+    "how-to/matlab": "docs/matlab.md",
+    "how-to/matlab-folder": "integrations/matlab/README.md",
     "how-to/fmu": "docs/fmu.md",
     "how-to/browser": "integrations/web/README.md",
     "how-to/firmware": "docs/firmware.md",

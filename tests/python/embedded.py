@@ -16,6 +16,7 @@ TOOLS = {
     "Cortex-M": ("arm-none-eabi-g++", "qemu-system-arm"),
     "gcc": ("gcc", "g++"),
     "clang": ("clang", "clang++"),
+    "Octave": ("octave-cli", "mkoctfile"),
     "WebAssembly": ("node", "zig"),
     "other systems": ("zig",),
     "browser": ("chromium", "node", "zig"),
@@ -24,6 +25,8 @@ TOOLS = {
 }
 BROUGHT_BY = {
     "chromium": "make setup-browser",
+    "mkoctfile": "make setup-octave",
+    "octave-cli": "make setup-octave",
     "taplo": "pip install '.[test]'",
 }
 

@@ -162,7 +162,24 @@ def test_every_relative_link_resolves(path: Path) -> None:
 
 # -- Width ---------------------------------------------------------------------------------------------------
 
-TEXT = {".md", ".py", ".cpp", ".hpp", ".c", ".h", ".mjs", ".ts", ".css", ".html", ".toml", ".txt", ".sh", ".cff", ""}
+TEXT = {
+    ".md",
+    ".py",
+    ".cpp",
+    ".hpp",
+    ".c",
+    ".h",
+    ".mjs",
+    ".ts",
+    ".css",
+    ".html",
+    ".toml",
+    ".txt",
+    ".sh",
+    ".cff",
+    ".m",
+    "",
+}
 WIDE = ("tests/fuzz/corpus", "tests/firmware/corpus")  # data
 # Mutants are named by their lines of code.
 WIDE += ("benchmarks/results/mutants.md", "tests/mutants/survivors.toml")

@@ -7,12 +7,16 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
+from typing import Any, cast
 
 import fracgyro as fg
+import numpy as np
 import pint_xarray
 import pytest
 import xarray as xr
 from pint import UnitRegistry
+from scipy.io import loadmat
 
 # Modules of what each extra brings, besides those of other extras.
 MODULES = {
@@ -22,7 +26,7 @@ MODULES = {
     "study": ["cmaes", "jinja2", "matplotlib", "optuna", "pyarrow", "scipy", "sqlalchemy"],
     "export": ["fmpy", "jinja2", "ziglang"],
     "cluster": ["dask", "distributed", "psycopg"],
-    "interop": ["control", "pint", "pint_xarray", "scipy"],
+    "interop": ["control", "gymnasium", "pint", "pint_xarray", "scipy"],
 }
 ALL = sorted({module for modules in MODULES.values() for module in modules})
 
@@ -46,8 +50,8 @@ def test_importing_the_package_loads_no_library_that_takes_long(tmp_path: Path) 
 
 
 @pytest.mark.parametrize("package", [fg, fg.compare, fg.export, fg.fractional, fg.paper, fg.rate, fg.study])
-def test_every_public_name_is_there_and_described(package: object) -> None:
-    names = package.__all__  # type: ignore[attr-defined]
+def test_every_public_name_is_there_and_described(package: ModuleType) -> None:
+    names = package.__all__
     assert names
     for name in names:
         assert getattr(package, name).__doc__, name
@@ -93,7 +97,13 @@ def test_a_command_without_its_extra_says_what_to_install_and_writes_nothing(
 
 @pytest.mark.parametrize(
     "words",
-    ["simulate --set run.duration=1.0", "scenario paper", "selfcheck", "export firmware my.toml --out f --unbounded"],
+    [
+        "simulate --set run.duration=1.0",
+        "scenario paper",
+        "selfcheck",
+        "export firmware my.toml --out f --unbounded",
+        "export matlab my.toml --out m --unbounded",
+    ],
 )
 def test_these_commands_need_no_extra(words: str, tmp_path: Path) -> None:
     fg.Scenario.paper().save(tmp_path / "my.toml")
@@ -117,6 +127,33 @@ def test_a_run_knows_its_metrics_and_its_scenario(tmp_path: Path) -> None:
         _ = run.fracgyro.rsme
     with pytest.raises(ValueError, match="the Dataset has no attribute scenario: it is not a run"):
         _ = xr.Dataset().fracgyro.scenario
+
+
+def test_a_mat_file_has_every_number_of_a_run_with_its_unit(tmp_path: Path) -> None:
+    scenario = fg.Scenario.paper().replace({"run.duration": 1.0, "run.units": "SI"})
+    run = fg.simulate(scenario)
+    run.fracgyro.to_mat(tmp_path / "run.mat")
+    found = loadmat(tmp_path / "run.mat", squeeze_me=True)
+    for name in ("time", *run):
+        np.testing.assert_array_equal(found[name], run[name].values)
+        if unit := run[name].attrs.get("units"):
+            assert found["units"][name].item() == unit
+    assert found["units"]["position"].item() == "m"
+    assert fg.Scenario.from_toml(str(found["scenario"])) == scenario
+    with pytest.raises(ValueError, match=r"run\.mat cannot be written: No such file or directory$"):
+        run.fracgyro.to_mat(tmp_path / "none" / "run.mat")
+
+
+def test_a_mat_file_without_scipy_says_what_to_install(tmp_path: Path) -> None:
+    code = """
+import fracgyro as fg
+run = fg.simulate(fg.Scenario.paper().replace({"run.duration": 1.0}))
+try: run.fracgyro.to_mat("run.mat")
+except ImportError as error: print(error)
+"""
+    said = without(["scipy"], code, tmp_path)
+    assert said.stdout == "scipy is not installed; the extra interop brings it: pip install 'fracgyro[interop]'\n"
+    assert not list(tmp_path.iterdir())
 
 
 def test_pint_reads_the_units_of_a_run() -> None:
@@ -152,4 +189,4 @@ def test_what_to_cite_names_the_paper_and_the_source_of_the_controller() -> None
     assert "@book{composite," in fg.cite(paper.replace({"adaptation.kind": "composite"}))
     assert "10.1109/JMEMS.2002.807468" in fg.cite(paper.replace({"controller.kind": "park_horowitz"}))
     with pytest.raises(TypeError, match="scenario is 'paper': it must be a Scenario"):
-        fg.cite("paper")  # type: ignore[arg-type]
+        fg.cite(cast(Any, "paper"))

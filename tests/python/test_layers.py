@@ -140,6 +140,12 @@ def test_firmware_needs_the_core_alone() -> None:
         assert header == "fracgyro.h" if bracket == '"' else is_standard(header)
 
 
+def test_matlab_needs_the_interface_of_the_firmware_alone() -> None:
+    (path,) = sources("integrations/matlab")
+    for bracket, header in includes(path):
+        assert header in {"fracgyro.h", "mex.h"} if bracket == '"' else is_standard(header)
+
+
 @pytest.mark.parametrize("path", sources("tests/cpp"), ids=name)
 def test_the_core_tests_need_neither_the_bindings_nor_python(path: Path) -> None:
     for bracket, header in includes(path):

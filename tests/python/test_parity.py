@@ -35,6 +35,7 @@ TARGETS: dict[str, tuple[Target, str, dict[str, str]]] = {
     "host, clang": ("host", "clang", CLANG),
     "Cortex-M4F": ("m4f", "Cortex-M", {}),
     "Cortex-M7": ("m7", "Cortex-M", {}),
+    "Octave": ("octave", "Octave", {}),
     "WebAssembly": ("wasm", "WebAssembly", {}),
     "FMU": ("fmu", "", {}),
 }
@@ -270,6 +271,8 @@ def test_a_motion_that_firmware_takes_for_a_fault_is_no_difference_of_bits(short
     [
         ("m7", "arm-none-eabi-g++", "gcc-arm-none-eabi"),
         ("m4f", "qemu-system-arm", "qemu-system-arm"),
+        ("octave", "octave-cli", "octave,"),
+        ("octave", "mkoctfile", "octave-dev"),
         ("wasm", "node", "nodejs"),
         ("host", "make", "make"),
     ],

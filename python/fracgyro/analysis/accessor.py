@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from functools import partial
 from typing import Any
 
@@ -10,6 +11,7 @@ import xarray as xr
 from ..extras import needs
 from ..scenario import Scenario
 from . import metrics
+from .mat import to_mat
 
 
 @xr.register_dataset_accessor("fracgyro")
@@ -45,6 +47,16 @@ class RunAccessor:
         with needs("report"):
             from .plots import plot
         return plot(self._run, figure)
+
+    def to_mat(self, path: str | os.PathLike[str]) -> None:
+        """Writes a MAT-file for `load` in MATLAB and Octave; needs the extra interop.
+
+        It has every variable, with its dimensions in the order of the Dataset, the struct `units`, and `scenario` as
+        TOML. Raises ValueError, in one sentence, when it cannot be written.
+
+        >>> fg.simulate(fg.Scenario.paper()).fracgyro.to_mat("run.mat")
+        """
+        to_mat(self._run, path)
 
     def __getattr__(self, name: str) -> Any:
         if name not in metrics.__all__:

@@ -98,6 +98,19 @@ def firmware_command(scenario: Path, out: Path, number: Number, unbounded: bool)
     click.echo(f"{out}: add it to your project, as its README.md says")
 
 
+@export.command(name="matlab")
+@click.argument("scenario", type=click.Path(path_type=Path), shell_complete=toml_files)
+@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
+@_number("double")
+@_unbounded
+def matlab_command(scenario: Path, out: Path, number: Number, unbounded: bool) -> None:
+    """Write SCENARIO as a class for MATLAB and Octave. It is compiled there."""
+    from ..export import matlab
+
+    matlab(Scenario.load(scenario), out, number, unbounded=unbounded)
+    click.echo(f"{out}: run build in it, then Fracgyro, as its README.md says")
+
+
 @export.command(name="operator")
 @click.option("--order", type=float, metavar="A", help="Derivative D^A, 0 < A <= 1, or integral, -1 <= A < 0.")
 @click.option(
@@ -156,14 +169,14 @@ def operator_command(
 @click.option(
     "--target",
     required=True,
-    type=click.Choice(["host", "m4f", "m7", "wasm", "fmu", "lanes"]),
-    help="Firmware on this computer, an emulated Cortex-M4F or M7; WebAssembly; FMU; SIMD lanes.",
+    type=click.Choice(["host", "m4f", "m7", "octave", "wasm", "fmu", "lanes"]),
+    help="Firmware on this computer, an emulated Cortex-M4F or M7; Octave; WebAssembly; FMU; lanes.",
 )
 @_number("double")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def replay(
     trace: Path,
-    target: Literal["host", "m4f", "m7", "wasm", "fmu", "lanes"],
+    target: Literal["host", "m4f", "m7", "octave", "wasm", "fmu", "lanes"],
     number: Number,
     as_json: bool,
 ) -> None:

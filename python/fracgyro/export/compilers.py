@@ -29,6 +29,8 @@ PACKAGES = {
     "node": "nodejs",
     "arm-none-eabi-g++": "gcc-arm-none-eabi, libnewlib-arm-none-eabi and libstdc++-arm-none-eabi-newlib",
     "qemu-system-arm": "qemu-system-arm",
+    "octave-cli": "octave",
+    "mkoctfile": "octave-dev",
 }
 
 

@@ -8,6 +8,7 @@ import shutil
 from collections.abc import Iterable
 from dataclasses import asdict
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 from .. import _core
@@ -32,12 +33,17 @@ def firmware(
     >>> fg.export.firmware(shipped("hardware"), "firmware")
     """
     check_bounded(scenario, unbounded)
-    header = coefficients_header(scenario, number)
     with whole_folder(folder) as scratch:
         shutil.copytree(SOURCES / "integrations/firmware", scratch, dirs_exist_ok=True)
-        for layer in ("core", "control"):
-            shutil.copytree(SOURCES / "include/fracgyro" / layer, scratch / "include/fracgyro" / layer)
-        (scratch / "fracgyro_coefficients.h").write_text(header, encoding="utf-8", newline="\n")
+        add_controller(scenario, number, scratch)
+
+
+def add_controller(scenario: Scenario, number: Number, folder: Path) -> None:
+    """Adds what is compiled with fracgyro.cpp: the core and the scenario's coefficients."""
+    header = coefficients_header(scenario, number)
+    for layer in ("core", "control"):
+        shutil.copytree(SOURCES / "include/fracgyro" / layer, folder / "include/fracgyro" / layer)
+    (folder / "fracgyro_coefficients.h").write_text(header, encoding="utf-8", newline="\n")
 
 
 def coefficients_header(scenario: Scenario, number: Number) -> str:
@@ -54,6 +60,10 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
     units = {"step": "s", "length": "m", "velocity": "m/s", "force": "N", "damping": "N s/m", "stiffness": "N/m"}
     units["rate"] = "rad/s"
     names = {"step": "STEP_SECONDS", **{name: f"{name.upper()}_UNIT" for name in units if name != "step"}}
+    velocity, meaning = {
+        "full": (1, "fracgyro_motion must have it"),
+        "position": (0, "what fracgyro_motion says of it is not looked at"),
+    }[scenario.device.sensing]
     made = f"fracgyro {version('fracgyro')}, scenario {scenario.content_hash()}, {number}"
     lines = [
         f"/* Made by `fracgyro export firmware`: {made}.",
@@ -70,6 +80,8 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
         *(f"#define FRACGYRO_{names[n]} {scales[n].hex()} /* {scales[n]:.9g} {unit} */" for n, unit in units.items()),
         "",
         *_report(channels),
+        "",
+        f"#define FRACGYRO_VELOCITY_SENSED {velocity} /* {meaning} */",
         "",
         "/* Of the plant as it is taken to be: xx, xy, yy, nondimensional. */",
         f"#define FRACGYRO_NOMINAL_STIFFNESS {_list(stiffness, number)}",

@@ -21,10 +21,11 @@ from ..simulation.controller import Controller
 from .compilers import FLAGS, SOURCES, Number, compiler, include, make, need, run, system_compiler
 from .firmware import firmware
 from .fmu import System, fmu
+from .matlab import matlab
 from .settings import columns, core_kernel, core_numbers, observer_bandwidth
 from .web import build, web
 
-Target = Literal["python", "lanes", "host", "m4f", "m7", "wasm", "fmu"]
+Target = Literal["python", "lanes", "host", "m4f", "m7", "octave", "wasm", "fmu"]
 
 MOTION = ["position", "velocity"]
 DTYPES: dict[Number, np.dtype[np.floating]] = {"float": np.dtype("<f4"), "double": np.dtype("<f8")}
@@ -32,6 +33,7 @@ FAULT = 2  # and more: what the firmware's status says of a motion that it does 
 
 BOARDS = {"m4f": "mps2-an386", "m7": "mps2-an500"}
 EMULATOR = ["qemu-system-arm", "-nographic", "-monitor", "none", "-serial", "none", "-semihosting"]
+OCTAVE = ["octave-cli", "--norc", "--quiet", "--eval"]
 SYSTEMS: dict[str, System] = {"Linux": "linux", "Windows": "windows", "Darwin": "macos"}
 
 
@@ -109,7 +111,22 @@ def _firmware(
     motion.tofile(exported / "motion")
     make(exported, image, *choice)
     run(command, exported)
+    return _without_status(target, scenario, np.fromfile(exported / "answer", DTYPES[number]).reshape(len(motion), -1))
+
+
+def _octave(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
+    """The class for MATLAB, as exported and compiled by its build.m."""
+    need("octave-cli", "mkoctfile")
+    exported = folder / "matlab"
+    matlab(scenario, exported, number, unbounded=True)
+    motion.tofile(exported / "motion")
+    run([*OCTAVE, "build(); replay(Fracgyro())"], exported)
     rows = np.fromfile(exported / "answer", DTYPES[number]).reshape(len(motion), -1)
+    return _without_status("octave", scenario, rows)
+
+
+def _without_status(target: Target, scenario: Scenario, rows: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Force and report of rows that begin with the firmware's status. Raises ValueError where that is a fault."""
     for n, status in enumerate(rows[:, 0].tolist()):
         if status >= FAULT:
             raise ValueError(f"{target} takes the motion at step {n} for a fault of the sensor: status {status:.0f}")
@@ -166,6 +183,7 @@ TARGETS: dict[Target, Run] = {
     "host": partial(_firmware, "host"),
     "m4f": partial(_firmware, "m4f"),
     "m7": partial(_firmware, "m7"),
+    "octave": _octave,
     "wasm": _wasm,
     "fmu": _fmu,
 }
