@@ -16,6 +16,7 @@
 # make setup-embedded   compilers, emulator and node, from Debian's packages; without them the tests of firmware or
 #                  browser are skipped
 # make setup-browser    Chromium, from Debian's packages; without it the tests of pages in a browser are skipped
+# make setup-fpga       Verilator, from Debian's packages; without it the tests of exported hardware are skipped
 # make setup-postgres   a database server, from Debian's packages; without it the test of a shared database is skipped
 # make setup-octave     Octave and what compiles MEX files for it, from Debian's packages; without them the tests of
 #                  MATLAB's class are skipped
@@ -37,8 +38,8 @@ unexport PYTHONDONTWRITEBYTECODE
 SUDO = $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 
 .PHONY: reproduce test test-quick test-machines check check-deep check-sanitized fuzz-firmware mutants test-core \
-  test-python web bench compare article docs stub wheel lock setup-test setup-embedded setup-browser setup-postgres \
-  setup-machines clean
+  test-python web bench compare article docs stub wheel lock setup-test setup-embedded setup-browser setup-fpga \
+  setup-postgres setup-octave setup-machines clean
 .SECONDARY:
 .NOTPARALLEL:  # pip installs one thing at a time; compilers and tests use every processor by themselves
 
@@ -106,6 +107,7 @@ bench: .venv/installed-bench .venv/installed-export
 	$(BIN)/python benchmarks/live.py
 	$(BIN)/python benchmarks/parity.py
 	$(BIN)/python benchmarks/firmware.py
+	$(BIN)/python benchmarks/fpga.py
 	$(BIN)/python benchmarks/flops.py
 	$(BIN)/python benchmarks/outside.py
 	$(BIN)/python benchmarks/environments.py
@@ -205,6 +207,11 @@ setup-embedded:
 setup-browser:
 	@command -v chromium >/dev/null \
 	  || { $(SUDO) apt-get -qq update && $(SUDO) apt-get -qq install -y --no-install-recommends chromium; }
+
+# What exported hardware is simulated by.
+setup-fpga:
+	@command -v verilator >/dev/null \
+	  || { $(SUDO) apt-get -qq update && $(SUDO) apt-get -qq install -y --no-install-recommends verilator; }
 
 # What the test of a shared database runs.
 setup-postgres:

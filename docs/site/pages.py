@@ -39,6 +39,8 @@ PAGES = {
     "how-to/browser": "integrations/web/README.md",
     "how-to/firmware": "docs/firmware.md",
     "how-to/firmware-folder": "integrations/firmware/README.md",
+    "how-to/fpga": "docs/fpga.md",
+    "how-to/fpga-folder": "integrations/fpga/README.md",
     "how-to/tuned-gains": "examples/tuning/README.md",
     "understand/equations": "EQUATIONS.md",
     "understand/paper": "docs/paper.md",

@@ -22,12 +22,14 @@ TOOLS = {
     "browser": ("chromium", "node", "zig"),
     "pages": ("chromium",),
     "editor": ("taplo",),
+    "FPGA": ("verilator", "make"),
 }
 BROUGHT_BY = {
     "chromium": "make setup-browser",
     "mkoctfile": "make setup-octave",
     "octave-cli": "make setup-octave",
     "taplo": "pip install '.[test]'",
+    "verilator": "make setup-fpga",
 }
 
 

@@ -124,13 +124,17 @@ def test_the_bindings_include_the_headers_and_nanobind(path: Path) -> None:
             assert is_ours(header) or (path.parent / header).is_file(), header
 
 
-@pytest.mark.parametrize("path", [p for of in ("fmu", "web", "lanes") for p in sources(f"integrations/{of}")], ids=name)
+OTHERS = [path for of in ("fmu", "fpga", "lanes", "web") for path in sources(f"integrations/{of}")]
+OF_HARDWARE = {"controller.h", "Vfracgyro_controller.h", "verilated.h"}  # what it is simulated with
+
+
+@pytest.mark.parametrize("path", OTHERS, ids=name)
 def test_an_integration_includes_the_headers_itself_and_the_standard_it_speaks(path: Path) -> None:
     for bracket, header in includes(path):
         if bracket == "<":
             assert is_standard(header)
         else:
-            made_or_fmi = {"exported.hpp", "fmi2Functions.h", "fmi3Functions.h"}
+            made_or_fmi = {"exported.hpp", "fmi2Functions.h", "fmi3Functions.h", *OF_HARDWARE}
             assert header in made_or_fmi or is_ours(header) or (path.parent / header).is_file(), header
 
 

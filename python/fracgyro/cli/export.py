@@ -36,7 +36,7 @@ _unbounded = click.option(
 
 @click.group()
 def export() -> None:
-    """Export a scenario: FMU, firmware or WebAssembly."""
+    """Export a scenario, or a fractional operator: FMU, firmware, FPGA, MATLAB or WebAssembly."""
 
 
 @export.command(name="web")
@@ -164,19 +164,31 @@ def operator_command(
     click.echo(f"{out / name}.c: {found.count} exponentials, {number}, one sample every {step:g}")
 
 
+@export.command(name="fpga")
+@click.argument("scenario", type=click.Path(path_type=Path), shell_complete=toml_files)
+@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
+@_unbounded
+def fpga_command(scenario: Path, out: Path, unbounded: bool) -> None:
+    """Write SCENARIO as Verilog for an FPGA. It computes in float, with the bits of the firmware."""
+    from ..export import fpga
+
+    fpga(Scenario.load(scenario), out, unbounded=unbounded)
+    click.echo(f"{out}: add it to your design, as its README.md says")
+
+
 @click.command()
 @click.argument("trace", type=click.Path(path_type=Path))
 @click.option(
     "--target",
     required=True,
-    type=click.Choice(["host", "m4f", "m7", "octave", "wasm", "fmu", "lanes"]),
-    help="Firmware on this computer, an emulated Cortex-M4F or M7; Octave; WebAssembly; FMU; lanes.",
+    type=click.Choice(["host", "m4f", "m7", "octave", "wasm", "fmu", "lanes", "fpga"]),
+    help="Firmware on this computer, an emulated Cortex-M4F or M7; Octave; WebAssembly; FMU; lanes; simulated FPGA.",
 )
 @_number("double")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def replay(
     trace: Path,
-    target: Literal["host", "m4f", "m7", "octave", "wasm", "fmu", "lanes"],
+    target: Literal["host", "m4f", "m7", "octave", "wasm", "fmu", "lanes", "fpga"],
     number: Number,
     as_json: bool,
 ) -> None:

@@ -31,6 +31,7 @@ PACKAGES = {
     "qemu-system-arm": "qemu-system-arm",
     "octave-cli": "octave",
     "mkoctfile": "octave-dev",
+    "verilator": "verilator",
 }
 
 

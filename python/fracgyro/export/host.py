@@ -16,6 +16,7 @@ from .. import _core
 from ..scenario import Scenario
 from ..scenario.to_core import core_setup
 from .compilers import Number, compiler, run
+from .firmware import firmware
 
 SCALARS: dict[Number, Any] = {"float": ctypes.c_float, "double": ctypes.c_double}
 
@@ -115,3 +116,16 @@ def rmse(scenario: Scenario, host: Host, start: float = 0.0) -> NDArray[np.float
     error = position - np.array(r.amplitude) * np.sin(np.outer(t, r.frequency) + np.array(r.phase))
     found: NDArray[np.float64] = np.sqrt(np.mean(error[t >= start] ** 2, axis=0))
     return found
+
+
+def answers(scenario: Scenario, motion: NDArray[np.floating], folder: Path) -> NDArray[np.float32]:
+    """Status, force and report of each step in float, by firmware that is exported to `folder` and compiled here.
+
+    motion: shape (samples, 4), x, y and their rates, nondimensional.
+    """
+    firmware(scenario, folder, "float", unbounded=True)
+    host, rows = Host(folder, "float"), []
+    for x, y, vx, vy in motion.tolist():
+        reported = [number for numbers in host.report.values() for number in numbers]
+        rows.append([host.step((x, y), (vx, vy)), *host.force, *reported])
+    return np.array(rows, np.float32)

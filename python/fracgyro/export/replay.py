@@ -50,9 +50,9 @@ class Trace:
 def replay(path: str | os.PathLike[str], target: Target, number: Number = "double") -> Replay:
     """Hands the motion recorded in `path` (by `fracgyro simulate --out`) to the controller on the target.
 
-    `target`: host, m4f, m7, wasm, fmu or lanes. In double its answers are compared to those recorded; in float, to
-    those of the Python Controller in single precision. Raises ValueError, in one sentence, when the file is not such a
-    record or a program is missing.
+    `target`: host, m4f, m7, octave, wasm, fmu, lanes or fpga, which has float only. In double its answers are compared
+    to those recorded; in float, to those of the Python Controller in single precision. Raises ValueError, in one
+    sentence, when the file is not such a record or a program is missing.
 
     >>> run = fg.simulate(fg.Scenario.paper().replace({"run.duration": 1.0}))
     >>> run.to_netcdf("run.nc", engine="h5netcdf")

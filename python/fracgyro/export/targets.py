@@ -21,11 +21,12 @@ from ..simulation.controller import Controller
 from .compilers import FLAGS, SOURCES, Number, compiler, include, make, need, run, system_compiler
 from .firmware import firmware
 from .fmu import System, fmu
+from .fpga import fpga
 from .matlab import matlab
 from .settings import columns, core_kernel, core_numbers, observer_bandwidth
 from .web import build, web
 
-Target = Literal["python", "lanes", "host", "m4f", "m7", "octave", "wasm", "fmu"]
+Target = Literal["python", "lanes", "host", "m4f", "m7", "octave", "wasm", "fmu", "fpga"]
 
 MOTION = ["position", "velocity"]
 DTYPES: dict[Number, np.dtype[np.floating]] = {"float": np.dtype("<f4"), "double": np.dtype("<f8")}
@@ -176,6 +177,20 @@ def _fmu(scenario: Scenario, number: Number, motion: NDArray[np.floating], folde
     return np.array(rows)
 
 
+def _fpga(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
+    """As exported, simulated by Verilator."""
+    if number != "float":
+        raise ValueError(f"fpga computes in float, not in {number}: add --number float")
+    need("verilator")
+    exported, program = folder / "fpga", "build/controller"
+    fpga(scenario, exported, unbounded=True)
+    motion.tofile(exported / "motion")
+    make(exported, program)
+    run([str(exported / program)], exported)
+    rows = np.fromfile(exported / "answer", DTYPES[number]).reshape(len(motion), -1)
+    return _without_status("fpga", scenario, rows)
+
+
 Run = Callable[[Scenario, Number, NDArray[np.floating], Path], NDArray[np.floating]]
 TARGETS: dict[Target, Run] = {
     "python": _python,
@@ -186,4 +201,5 @@ TARGETS: dict[Target, Run] = {
     "octave": _octave,
     "wasm": _wasm,
     "fmu": _fmu,
+    "fpga": _fpga,
 }

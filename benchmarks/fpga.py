@@ -1,0 +1,146 @@
+"""Exported hardware, simulated: its units, whole runs, cycles; writes benchmarks/results/fpga.md."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import fracgyro as fg
+import numpy as np
+from fracgyro import _core
+from fracgyro.export.compilers import SOURCES, make, run
+from fracgyro.export.fpga import fpga
+from fracgyro.export.host import answers
+from fracgyro.export.replay import parity_hash
+from fracgyro.parity import PUBLISHED, SCENARIO
+from fracgyro.scenario.to_core import core_setup
+from machine import command, machine, write
+
+ROOT = Path(__file__).resolve().parents[1]
+VECTORS = 2_000_000
+STEPS = 100_000
+EIGHT = {"run.kernel_tolerance": 2e-2}
+CHECKED = {
+    "controller.force_limit": 6000.0,
+    "guard.checked": True,
+    "guard.force_tolerance": 3000.0,
+    "guard.patience": 20,
+    "guard.saturation_patience": 50,
+}
+SCENARIOS = {
+    "paper": {},
+    "8 exponentials": EIGHT,
+    "8 exponentials, force limit": EIGHT | {"controller.force_limit": 6000.0},
+    "8 exponentials, samples checked, all limits": EIGHT | CHECKED,
+    "16 exponentials": {"run.kernel_tolerance": 5e-5},
+    "PID, force limit": {"controller.kind": "pid", "controller.force_limit": 6000.0},
+}
+
+
+def motion_of(scenario: fg.Scenario, faults: bool) -> np.ndarray:
+    """As recorded, in float; one sample in a thousand, and some long outages, are none that a sensor should deliver."""
+    recorded = fg.simulate(scenario)
+    motion = np.hstack([recorded["position"].values, recorded["velocity"].values]).astype(np.float32)
+    if faults:
+        random = np.random.default_rng(1)
+        wrong = random.integers(0, len(motion), len(motion) // 1000)
+        kinds = np.array([np.nan, np.inf, -np.inf, 1e30, -3e6, 1e-42, 2.0], np.float32)
+        motion[wrong, random.integers(0, 4, len(wrong))] = random.choice(kinds, len(wrong))
+        for start in random.integers(0, len(motion) - 200, 20):
+            motion[start : start + 100] = np.nan
+    return motion
+
+
+def measured(name: str, scenario: fg.Scenario) -> tuple[list[str], int]:
+    """A row without and one with faults, and how many numbers differ."""
+    rows, different = [], 0
+    with tempfile.TemporaryDirectory() as scratch:
+        folder, start = Path(scratch) / "fpga", time.perf_counter()
+        fpga(scenario, folder, unbounded=True)
+        exported = time.perf_counter()
+        make(folder, "build/controller")
+        built = time.perf_counter()
+        for faults in (False, True):
+            motion = motion_of(scenario, faults)
+            reference = answers(scenario, motion, Path(scratch) / f"firmware{faults}")
+            motion.tofile(folder / "motion")
+            printed = run([str(folder / "build/controller")], folder)
+            found = np.fromfile(folder / "answer", np.float32).reshape(len(motion), -1)[:, : reference.shape[1]]
+            differs = int(np.sum(found.view(np.uint32) != reference.view(np.uint32)))
+            different += differs
+            cycles = re.findall(r"(\d+) to (\d+) cycles, ([\d.]+) on average", printed)
+            texts = [f"{mean} ({least} to {most})" for least, most, mean in cycles]
+            statuses = ", ".join(f"{status:.0f}" for status in np.unique(found[:, 0]))
+            (programs,) = re.findall(r"of (\d+) programs", (folder / "controller.v").read_text(encoding="utf-8"))
+            words = len((folder / "controller.hex").read_text(encoding="utf-8").splitlines())
+            cells = [f"{name}, faults" if faults else name, programs, f"{words:,}"]
+            cells += [f"{found.size:,}", str(differs), statuses, *texts]
+            rows.append(f"| {' | '.join(cells)} |")
+            if scenario == SCENARIO and not faults and parity_hash(scenario, found[:, 1:]) != PUBLISHED["float"]:
+                different += 1
+        print(f"{name}: export {exported - start:.1f} s, build {built - exported:.1f} s", file=sys.stderr)
+    return rows, different
+
+
+def units() -> list[str]:
+    """What tests/fpga/units.cpp finds."""
+    with tempfile.TemporaryDirectory() as folder:
+        sources = [SOURCES / "integrations/fpga/units.v", ROOT / "tests/fpga/bench.v", ROOT / "tests/fpga/units.cpp"]
+        options = ["-O3", "-CFLAGS", "-std=c++20 -O2", "--top-module", "bench", "-Mdir", folder, "-Wno-fatal"]
+        run(["verilator", "--cc", "--exe", "--build", *options, *map(str, sources), "-o", "units"])
+        output = run([f"{folder}/units", str(VECTORS), "2"])
+    rows = re.findall(r"^(.*): (\d+) vectors, (\d+) differ, (\d+) subnormal$", output, re.MULTILINE)
+    return [f"| {name} | {int(count):,} | {differ} | {int(small):,} |" for name, count, differ, small in rows]
+
+
+def main() -> None:
+    verilator = subprocess.run(["verilator", "--version"], capture_output=True, text=True, check=True).stdout.strip()
+    rows, different = [], 0
+    for name, changes in SCENARIOS.items():
+        scenario = SCENARIO.replace({**changes, "run.duration": STEPS * SCENARIO.run.step})
+        found, differs = measured(name, scenario)
+        rows += found
+        different += differs
+    exponentials = len(_core.setup_kernel(core_setup(SCENARIO))[0])
+    lines = [
+        "# Exported hardware, simulated",
+        "",
+        f"Made by `{command()}`.",
+        "",
+        f"Machine: {machine()}; {verilator}.",
+        "",
+        "## Units",
+        "",
+        "Random numbers, among them subnormal and special ones, ties and near the ends of the range; each result is",
+        "compared with this computer's float, bit by bit.",
+        "",
+        "| unit | vectors | differ | subnormal results |",
+        "|---|---|---|---|",
+        *units(),
+        "",
+        "## Whole runs from t = 0",
+        "",
+        f"Each answers {STEPS + 1:,} recorded samples. Status, forces and estimates are compared with those of the",
+        "exported firmware on this computer, bit by bit. With faults, one sample in a thousand is NaN, infinite, far",
+        f"off or otherwise wrong, and 20 outages last 100 samples. The paper's kernel has {exponentials} exponentials.",
+        f"Its run without faults has the parity hash of float, `{PUBLISHED['float'][:16]}…`.",
+        "",
+        "Cycles are means, and in brackets the least and the most of any step. A step that decides otherwise than the",
+        "one before runs two routines or more.",
+        "",
+        "| controller | programs | words of microcode | numbers | differ | statuses | cycles from start to force "
+        "| from start to ready |",
+        "|---|---|---|---|---|---|---|---|",
+        *rows,
+    ]
+    write("fpga", lines)
+    if different:
+        raise SystemExit("the hardware differs from the firmware")
+
+
+if __name__ == "__main__":
+    main()

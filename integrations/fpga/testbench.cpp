@@ -1,0 +1,110 @@
+// Answers every motion in the file "motion" (x, y and their rates as float32, one sample after another) with a row in
+// the file "answer": status, force x, y, and what the controller reported before it. Prints how many cycles that took.
+#include "Vfracgyro_controller.h"
+#include "controller.h"
+#include "verilated.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cstdint>
+#include <cstdio>
+
+namespace {
+
+struct Range {
+    std::uint64_t least = ~std::uint64_t{}, most = 0, sum = 0, count = 0;
+    void add(std::uint64_t cycles) {
+        least = std::min(least, cycles);
+        most = std::max(most, cycles);
+        sum += cycles;
+        ++count;
+    }
+    void print(const char* what) const {
+        std::printf("%s: %llu to %llu cycles, %.1f on average\n", what, static_cast<unsigned long long>(least),
+                    static_cast<unsigned long long>(most), static_cast<double>(sum) / static_cast<double>(count));
+    }
+};
+
+Vfracgyro_controller top;
+std::uint64_t cycle = 0;
+
+void tick() {
+    top.clk = 1;
+    top.eval();
+    top.clk = 0;
+    top.eval();
+    ++cycle;
+}
+
+int hung() {
+    std::fprintf(stderr, "the controller did not answer\n");
+    return 2;
+}
+
+}  // namespace
+
+int main() {
+    constexpr std::uint64_t most_cycles = 100'000;  // of a step
+    std::FILE* const in = std::fopen("motion", "rb");
+    std::FILE* const out = std::fopen("answer", "wb");
+    if (in == nullptr || out == nullptr) {
+        std::fprintf(stderr, in == nullptr ? "the file motion is missing: x, y and their rates as float32, one sample "
+                                             "after another\n"
+                                           : "the file answer cannot be written\n");
+        return 1;
+    }
+    top.reset = 1;
+    tick();
+    tick();
+    top.reset = 0;
+    Range force, step;
+    std::array<std::uint32_t, 4> motion{};
+    std::array<std::uint32_t, 3 + FRACGYRO_REPORTED> row{};
+    while (std::fread(motion.data(), sizeof motion, 1, in) == 1) {
+        for (const std::uint64_t from = cycle; !top.ready; tick()) {
+            if (cycle - from > most_cycles) {
+                return hung();
+            }
+        }
+        for (std::uint32_t k = 0; k < 4; ++k) {
+            top.in_write = 1;
+            top.in_index = k;
+            top.in_word = motion[k];
+            top.start = k == 3;
+            if (k < 3) {
+                tick();
+            }
+        }
+        const std::uint64_t started = cycle;
+        tick();
+        top.in_write = top.start = 0;
+        for (bool there = false; !top.ready; tick()) {
+            if (top.force_valid) {
+                force.add(cycle - started);
+                there = true;
+            }
+            if (top.done && !there) {
+                return hung();
+            }
+            if (cycle - started > most_cycles) {
+                return hung();
+            }
+        }
+        step.add(cycle - started);
+        row[0] = std::bit_cast<std::uint32_t>(static_cast<float>(top.status));
+        row[1] = top.force_x;
+        row[2] = top.force_y;
+        for (std::uint32_t k = 0; k < FRACGYRO_REPORTED; ++k) {
+            top.report_index = k;
+            tick();
+            row[3 + k] = top.report_word;
+        }
+        if (std::fwrite(row.data(), sizeof row, 1, out) != 1) {
+            return 1;
+        }
+    }
+    force.print("from start to force");
+    step.print("from start to ready");
+    return std::fclose(out) == 0 ? 0 : 1;
+}

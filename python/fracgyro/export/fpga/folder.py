@@ -1,0 +1,105 @@
+"""A scenario's controller as a self-contained folder of Verilog, with what simulates and routes it."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from importlib.metadata import version
+
+from ...extras import require
+from ...files import whole_folder
+from ...scenario import Scenario
+from ...scenario.bounded import check_bounded
+from ...scenario.kinds import lasting
+from ...scenario.to_core import core_setup
+from ..compilers import SOURCES
+from ..settings import columns
+from .graph import Graph, trace
+from .microcode import Microcode
+from .proof import check
+from .routines import routines
+from .schedule import Machine, schedule
+from .verilog import constants_hex, deciding, microcode_hex, values
+
+ENTRY = 2  # cycles from `start` to the first word of microcode
+
+
+def fpga(scenario: Scenario, folder: str | os.PathLike[str], *, unbounded: bool = False) -> None:
+    """Writes a scenario's controller as a self-contained folder of Verilog, whole or not at all.
+
+    It computes in float, with the bits of the firmware. Raises ValueError, in one sentence, when the folder cannot be
+    written, the controller cannot be hardware, or it would not stay bounded and `unbounded` does not say that it need
+    not.
+
+    >>> from fracgyro.scenario.shipped import shipped
+    >>> fg.export.fpga(shipped("hardware"), "hardware")
+    """
+    check_bounded(scenario, unbounded)
+    require("export", "jinja2")
+    with whole_folder(folder) as scratch:
+        code = compiled(trace(scenario), Machine())
+        made = f"fracgyro {version('fracgyro')}, scenario {scenario.content_hash()}, float"
+        files = {
+            "controller.v": _controller(code, made),
+            "controller.hex": microcode_hex(code),
+            "constants.hex": constants_hex(code),
+            "controller.h": _header(scenario, made),
+            "cycles.md": _cycles(code),
+            "scenario.toml": scenario.to_toml(),
+        }
+        for name in ("units.v", "testbench.cpp", "Makefile", "README.md"):
+            shutil.copyfile(SOURCES / "integrations/fpga" / name, scratch / name)
+        for name, text in files.items():
+            (scratch / name).write_text(text, encoding="utf-8", newline="\n")
+
+
+def compiled(graph: Graph, machine: Machine) -> Microcode:
+    """What a traced controller becomes on this machine, proved to compute its graph."""
+    wait = deciding(graph)
+    code = Microcode(graph, machine, [schedule(one, machine, wait) for one in routines(graph)])
+    check(code)
+    return code
+
+
+def _controller(code: Microcode, made: str) -> str:
+    import jinja2
+
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("fracgyro", "export/fpga"),
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    return environment.get_template("controller.v.jinja").render(made=made, **values(code))
+
+
+def _cycles(code: Microcode) -> str:
+    """Of each routine."""
+    rows = [
+        f"| {number} | {len(one.routine.programs)} | {len(one.routine.operations)} | {one.settled + ENTRY} "
+        f"| {one.cycles + ENTRY} |"
+        for number, one in enumerate(code.schedules[:-1])
+    ]
+    lines = [
+        "# Cycles of a step",
+        "",
+        f"{code.machine.adders} adders, {code.machine.multipliers} multipliers; one divider, one square root. A",
+        "routine serves programs that differ in what they write. After a step some cycles more pass until `ready`.",
+        "",
+        "| routine | programs | operations | from start to force | from start to done |",
+        "|---|---|---|---|---|",
+        *rows,
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _header(scenario: Scenario, made: str) -> str:
+    """For the test bench, and for what reads the report: its numbers by index."""
+    names = [name for channel in lasting(core_setup(scenario)) for name in columns(channel)]
+    lines = [
+        f"/* Made by `fracgyro export fpga`: {made}. */",
+        f"#define FRACGYRO_REPORTED {len(names)} /* numbers; by report_index: */",
+        *(f"/* {index}: {name} */" for index, name in enumerate(names)),
+    ]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,227 @@
+"""A controller with its guard as a graph of operations, recorded by running the core on a number that traces.
+
+A step has many ways through its decisions. What each word of the state becomes is a diagram: predicates to leaves. All
+words that are numbers together are a program, of which one runs in each step.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property, reduce
+from operator import or_
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, get_args
+
+from ... import _core
+from ...scenario import Scenario
+from ...scenario.kinds import having
+from ...scenario.to_core import core_setup
+from ..compilers import FLAGS, SOURCES, compiler, include, run
+from ..settings import core_kernel, core_numbers, observer_bandwidth
+
+Op = Literal[
+    "constant",
+    "state",
+    "input",
+    "add",
+    "multiply",
+    "divide",
+    "square_root",
+    "select",
+    "copy_sign",
+    "less",
+    "exponent",
+    "mantissa",
+    "scale",
+]
+# As trace.hpp has them.
+OPS: tuple[Op, ...] = get_args(Op)
+SOURCES_OF_NUMBERS = ("constant", "state", "input")
+UNBOUNDED = 2**63 - 1
+
+
+class Operand(NamedTuple):
+    """A node, with what becomes of the sign of its value: first dropped, then changed."""
+
+    node: int
+    negative: bool
+    magnitude: bool
+
+
+class Node(NamedTuple):
+    op: Op
+    bits: int  # of a constant, as float32; else the place among words or inputs
+    operands: tuple[Operand, ...]
+
+
+class Input(NamedTuple):
+    """A measured number by its place in the motion, or, where that is -1, a part of start + increment * word."""
+
+    measured: int
+    part: int  # 0: what is left of whole quadrants; 1: an odd quadrant; 2, 3: sine, cosine are negative; 1.0 or 0.0
+    start: int
+    increment: int
+    word: int
+
+
+class Predicate(NamedTuple):
+    """0: the node `of`, a less, holds; 1: the word `of` is at least `limit`; 2: it is a multiple of it."""
+
+    question: int
+    of: int
+    limit: int
+
+
+class Word(NamedTuple):
+    """One number or integer of the state. What never varies is its initial value."""
+
+    bits: int  # of an integer; 0: a number
+    varies: bool
+    initial: int  # of a number, as float32
+    low: int
+    high: int
+
+
+class Leaf(NamedTuple):
+    """What a word becomes: an operand, or an integer word (-1: none) plus an offset."""
+
+    operand: Operand | None
+    word: int
+    offset: int
+
+
+class Diagram(NamedTuple):
+    predicate: int  # -1: a leaf, whose number is `yes`
+    yes: int
+    no: int
+
+
+@dataclass(frozen=True)
+class Graph:
+    nodes: list[Node]
+    inputs: list[Input]
+    predicates: list[Predicate]
+    words: list[Word]
+    force: list[int]
+    leaves: list[Leaf]
+    diagrams: list[Diagram]
+    programs: list[list[Operand]]  # by program: what all numbers become, then the reported numbers
+    asked: list[list[int]]  # by program: the predicates on all ways to it
+    roots: list[int]  # diagrams: of each word, each reported number, the status, the program
+    paths: int
+
+    @cached_property
+    def numbers(self) -> list[int]:
+        """The words that are numbers, in the order of a program."""
+        return [place for place, word in enumerate(self.words) if not word.bits]
+
+    @cached_property
+    def integers(self) -> list[int]:
+        return [place for place, word in enumerate(self.words) if word.bits]
+
+    @property
+    def reported(self) -> int:
+        """How many numbers are reported."""
+        return len(self.roots) - len(self.words) - 2
+
+    @cached_property
+    def needs(self) -> list[int]:
+        """By node: a bit for each node that it needs, itself included. Operands come before what needs them."""
+        found: list[int] = []
+        for place, node in enumerate(self.nodes):
+            bits = 1 << place
+            for operand in node.operands:
+                bits |= found[operand.node]
+            found.append(bits)
+        return found
+
+    @cached_property
+    def given(self) -> int:
+        """A bit for each node that is not computed."""
+        return sum(1 << place for place, node in enumerate(self.nodes) if node.op in SOURCES_OF_NUMBERS)
+
+    def computed(self, nodes: Iterable[int]) -> int:
+        """A bit for each node that is computed for these, themselves included."""
+        return reduce(or_, (self.needs[node] for node in nodes), 0) & ~self.given
+
+    @cached_property
+    def levels(self) -> list[int]:
+        """By diagram: decisions from it to the furthest of its leaves."""
+        found: list[int] = []
+        for diagram in self.diagrams:  # those that one leads to come before it
+            below = [] if diagram.predicate < 0 else [found[diagram.yes], found[diagram.no]]
+            found.append(1 + max(below) if below else 0)
+        return found
+
+    def compared(self, programs: Iterable[int]) -> list[int]:
+        """The nodes that are compared on the ways to these programs."""
+        asked = {predicate for program in programs for predicate in self.asked[program]}
+        return sorted(self.predicates[one].of for one in asked if self.predicates[one].question == 0)
+
+
+def members(bits: int) -> list[int]:
+    """The places of the ones, in ascending order."""
+    return [place for place, bit in enumerate(reversed(f"{bits:b}")) if bit == "1"]
+
+
+def trace(scenario: Scenario) -> Graph:
+    """Of the scenario's controller with its guard, in float.
+
+    Raises ValueError, in one sentence, when it cannot be traced or the tracer cannot be compiled.
+    """
+    setup = core_setup(scenario)
+    kind, chosen = _core.chosen_type(setup)
+    observed = observer_bandwidth(scenario)
+    which = {
+        "KIND": kind,
+        "CHOSEN": chosen,
+        "OBSERVED": int(observed > 0.0),
+        "CAPACITY": -(-max(setup.kernel.count, 1) // 2) * 2,
+    }
+    lists: list[Iterable[float]] = [core_numbers(scenario).values(), [observed], *core_kernel(scenario)]
+    with tempfile.TemporaryDirectory() as folder:
+        program = Path(folder) / "trace"
+        chosen_by = [f"-DFRACGYRO_{name}={value}" for name, value in which.items()]
+        source, headers = SOURCES / "integrations/fpga/trace.cpp", include(SOURCES / "include")
+        run([*compiler(), *FLAGS, "-O1", *headers, *chosen_by, str(source), "-o", str(program)])
+        try:
+            text = run([str(program), *(" ".join(float(one).hex() for one in numbers) for numbers in lists)])
+        except ValueError as error:
+            why, controller = str(error).partition("failed: ")[2], scenario.controller.kind
+            adaptive = controller in having("adaptation.kind") and scenario.adaptation.kind != "gradient"
+            field, value = (
+                ("adaptation.kind", scenario.adaptation.kind) if adaptive else ("controller.kind", controller)
+            )
+            raise ValueError(
+                f"{field} is {value!r}: it cannot be exported as hardware: {why}; choose another"
+            ) from None
+    return parsed(text)
+
+
+def parsed(text: str) -> Graph:
+    """What the tracer writes."""
+    found: dict[str, Any] = json.loads(text)
+    return Graph(
+        nodes=[Node(OPS[op], bits, tuple(map(_operand, filter(_is_one, of)))) for op, bits, *of in found["nodes"]],
+        inputs=[Input(*one) for one in found["inputs"]],
+        predicates=[Predicate(*one) for one in found["predicates"]],
+        words=[Word(bits, bool(varies), *rest) for bits, varies, *rest in found["words"]],
+        force=found["force"],
+        leaves=[Leaf(_operand(of) if _is_one(of) else None, *rest) for of, *rest in found["leaves"]],
+        diagrams=[Diagram(*one) for one in found["diagrams"]],
+        programs=[list(map(_operand, one)) for one in found["programs"]],
+        asked=found["asked"],
+        roots=found["roots"],
+        paths=found["paths"],
+    )
+
+
+def _is_one(code: int) -> bool:
+    return code >= 0
+
+
+def _operand(code: int) -> Operand:
+    return Operand(code >> 2, bool(code & 1), bool(code & 2))

@@ -1,0 +1,145 @@
+"""Schedules as microcode: one word a cycle, whose fields say what every unit reads and where results go.
+
+Each operand has memories of its own: a copy of every bank that it reads. A unit's results go to one place each within a
+routine, so that nothing is overwritten. The bank "other" has the words of the state, twice: a routine reads those in
+one half and writes all of those in the other half; then the halves change places. It also has inputs and constants.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from .graph import SOURCES_OF_NUMBERS, Graph, Operand
+from .schedule import Machine, Schedule
+
+MEMORY, RESULT, DELAYED = range(3)  # where an operand comes from
+CHOOSE, DIVIDE, ROOT = range(3)  # whose result is that of "other"
+WHAT = {"copy_sign": 1, "exponent": 2, "mantissa": 3, "scale": 4}
+OPERANDS = {"add": 2, "mul": 2, "oth": 4}
+
+Word = dict[str, int]
+
+
+@dataclass
+class Microcode:
+    graph: Graph
+    machine: Machine
+    schedules: list[Schedule]
+    words: list[Word] = field(default_factory=list)
+    bases: list[int] = field(default_factory=list)  # where each routine begins
+    conditions: list[frozenset[int]] = field(default_factory=list)  # condition k + 1: one of these programs runs
+    most: dict[int, int] = field(default_factory=dict)  # by bank: results of a routine
+
+    def __post_init__(self) -> None:
+        for one in self.schedules:
+            self.bases.append(len(self.words))
+            self.words += _Writer(self, one).words()
+
+    @cached_property
+    def other(self) -> int:
+        return len(self.machine.banks) - 1
+
+    @cached_property
+    def state(self) -> dict[int, int]:
+        """Places of the words of the state, in either half of "other"."""
+        varying = [place for place in self.graph.numbers if self.graph.words[place].varies]
+        return {word: place for place, word in enumerate(varying)}
+
+    @cached_property
+    def given(self) -> dict[int, int]:
+        """Places of inputs and constants, by node; they follow the state in the first half."""
+        nodes = self.graph.nodes
+        chosen = [place for place, node in enumerate(nodes) if node.op in ("input", "constant")]
+        return {node: len(self.state) + place for place, node in enumerate(chosen)}
+
+    @cached_property
+    def half(self) -> int:
+        """A power of 2: the places in half of "other"."""
+        results = max(sum(slot.bank == self.other for slot in one.slots) for one in self.schedules)
+        needed = len(self.state) + max(len(self.given), results)
+        return 1 << (needed - 1).bit_length()
+
+    @cached_property
+    def address_bits(self) -> int:
+        return max(self.half.bit_length(), max(self.most.values()).bit_length())
+
+    def ports(self) -> Iterator[tuple[int, int, str]]:
+        """Bank, operand, and the name of each operand of each unit."""
+        for bank, name in enumerate(self.machine.banks):
+            for operand in range(OPERANDS[name[:3]]):
+                yield bank, operand, f"{name}_{'abcd'[operand]}"
+
+    def condition(self, programs: frozenset[int] | None) -> int:
+        if programs is None:
+            return 0
+        if programs not in self.conditions:
+            self.conditions.append(programs)
+        return self.conditions.index(programs) + 1
+
+
+class _Writer:
+    """Of one routine."""
+
+    def __init__(self, code: Microcode, scheduled: Schedule) -> None:
+        self.code, self.scheduled = code, scheduled
+        self.operations = scheduled.routine.operations
+        self.made = {one.node: place for place, one in enumerate(self.operations) if one.node >= 0}
+        self.addresses: list[int] = []
+        used: dict[int, int] = {}
+        for place, one in enumerate(self.operations):
+            bank = scheduled.slots[place].bank
+            if one.output is not None and one.output.word >= 0:
+                self.addresses.append(code.half + code.state[one.output.word])
+                continue
+            base = code.half + len(code.state) if bank == code.other else 0
+            self.addresses.append(base + used.get(bank, 0))
+            used[bank] = used.get(bank, 0) + 1
+        for bank, count in used.items():
+            code.most[bank] = max(code.most.get(bank, 0), count)
+
+    def words(self) -> list[Word]:
+        found: list[Word] = [{} for _ in range(self.scheduled.cycles)]
+        banks = self.code.machine.banks
+        for place, one in enumerate(self.operations):
+            slot, result = self.scheduled.slots[place], self.scheduled.result(place)
+            name = banks[slot.bank]
+            read, written = found[slot.cycle], found[result]
+            # What is only copied is both of what could be chosen.
+            fetched = one.operands if one.node >= 0 else one.operands * 2
+            for port, operand in enumerate(fetched, 0 if one.node >= 0 else 2):
+                read |= self._fetch(f"{name}_{'abcd'[port]}", operand, slot.cycle)
+            written |= {f"{name}_write": 1, f"{name}_place": self.addresses[place]}
+            if name == "other":
+                read["what"] = WHAT.get(one.op, 0)
+                written["from"] = {"divide": DIVIDE, "square_root": ROOT}.get(one.op, CHOOSE)
+                self._other(place, written)
+        found[self.scheduled.settled]["settled"] = 1
+        found[-1]["last"] = 1
+        return found
+
+    def _other(self, place: int, written: Word) -> None:
+        one = self.operations[place]
+        if one.op == "less":
+            asked = [p.of for p in self.code.graph.predicates if p.question == 0]
+            written |= {"other_write": 0, "flag_write": 1, "flag": sorted(set(asked)).index(one.node)}
+        if one.output is not None:
+            written["condition"] = self.code.condition(one.output.programs)
+            written |= {"other_write": int(one.output.word >= 0), "relative": int(one.output.word >= 0)}
+            if one.output.port >= 0:
+                written |= {"out_write": 1, "out": one.output.port}
+
+    def _fetch(self, port: str, operand: Operand, cycle: int) -> Word:
+        node, other = self.code.graph.nodes[operand.node], self.code.other
+        found = {f"{port}_negative": int(operand.negative), f"{port}_magnitude": int(operand.magnitude)}
+        if node.op in SOURCES_OF_NUMBERS:
+            state = node.op == "state"
+            place = self.code.state[node.bits] if state else self.code.given[operand.node]
+            return found | {f"{port}_source": 3 * other, f"{port}_place": place, f"{port}_relative": int(state)}
+        producer = self.made[operand.node]
+        bank = self.scheduled.slots[producer].bank
+        late = cycle + 1 - self.scheduled.result(producer)
+        if late <= 1:
+            return found | {f"{port}_source": 3 * bank + (DELAYED if late else RESULT)}
+        return found | {f"{port}_source": 3 * bank, f"{port}_place": self.addresses[producer]}

@@ -1,0 +1,227 @@
+"""Microcode as Verilog: the datapath around the units, the decisions, and the memories' contents."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from .graph import UNBOUNDED, Graph
+from .microcode import DELAYED, MEMORY, RESULT, Microcode
+
+LEVELS = 4  # choices in a row in one cycle
+BIAS = 129  # what the exponent of a normal number inside exceeds that of float32 by
+
+
+@dataclass(frozen=True)
+class Field:
+    """Bits of a word of microcode."""
+
+    name: str
+    low: int
+    width: int
+
+
+def fields(code: Microcode) -> list[Field]:
+    """As wide as what they hold."""
+    banks, address = code.machine.banks, code.address_bits
+    outputs = len(code.graph.force) + code.graph.reported
+    widths: dict[str, int] = {}
+    for _, _, port in code.ports():
+        source = _bits(3 * len(banks))
+        widths |= {f"{port}_source": source, f"{port}_place": address}
+        widths |= {f"{port}_{name}": 1 for name in ("relative", "negative", "magnitude")}
+    for bank in banks:
+        widths |= {f"{bank}_write": 1, f"{bank}_place": address}
+    widths |= {"relative": 1, "condition": _bits(len(code.conditions) + 1), "what": 3, "from": 2}
+    widths |= {"flag_write": 1, "flag": _bits(len(compared(code.graph))), "out_write": 1, "out": _bits(outputs)}
+    widths |= {"settled": 1, "last": 1}
+    found, low = [], 0
+    for name, width in widths.items():
+        found.append(Field(name, low, width))
+        low += width
+    return found
+
+
+def compared(graph: Graph) -> list[int]:
+    """The nodes whose comparisons are kept, each as one bit."""
+    return sorted({one.of for one in graph.predicates if one.question == 0})
+
+
+def deciding(graph: Graph) -> int:
+    """Cycles from the last comparison until it is known what all of them lead to.
+
+    One is that of the predicates, one that of what is read off the program.
+    """
+    return 2 + max(graph.levels[root] for root in graph.roots) // LEVELS
+
+
+def microcode_hex(code: Microcode) -> str:
+    """One word a line."""
+    layout = fields(code)
+    digits = -(-(layout[-1].low + layout[-1].width) // 4)
+    lines = []
+    for word in code.words:
+        value = 0
+        for one in layout:
+            assert word.get(one.name, 0) < 1 << one.width
+            value |= word.get(one.name, 0) << one.low
+        lines.append(f"{value:0{digits}x}")
+    return "\n".join(lines) + "\n"
+
+
+def constants_hex(code: Microcode) -> str:
+    """What the memories hold from the beginning."""
+    values = {
+        place: inside(code.graph.nodes[node].bits)
+        for node, place in code.given.items()
+        if code.graph.nodes[node].op == "constant"
+    }
+    return "".join(f"{values.get(place, 0):09x}\n" for place in range(1 << code.address_bits))
+
+
+def inside(bits: int) -> int:
+    """A float32 as the 33 bits of integrations/fpga/units.v."""
+    sign, exponent, fraction = bits >> 31, bits >> 23 & 0xFF, bits & 0x7FFFFF
+    if exponent == 255:
+        return (0 if fraction else sign << 32) | 511 << 23 | (1 << 22 if fraction else 0)
+    if exponent == 0:
+        if not fraction:
+            return sign << 32
+        shift = 24 - fraction.bit_length()
+        return sign << 32 | (BIAS + 1 - shift) << 23 | (fraction << shift & 0x7FFFFF)
+    return sign << 32 | (exponent + BIAS) << 23 | fraction
+
+
+def values(code: Microcode) -> dict[str, Any]:
+    """What the template of the controller needs."""
+    graph, layout = code.graph, fields(code)
+    outputs = len(graph.force) + graph.reported
+    parts = [(node, graph.inputs[graph.nodes[node].bits]) for node in code.given if graph.nodes[node].op == "input"]
+    measured = {one.measured: code.given[node] for node, one in parts if one.measured >= 0}
+    turning = [(node, one) for node, one in parts if one.measured < 0]
+    phases = sorted({(one.start, one.increment, one.word) for _, one in turning})
+    program_of = {program: k for k, one in enumerate(code.schedules) for program in one.routine.programs}
+    integers = [place for place in graph.integers if graph.words[place].varies]
+    return {
+        "words": len(code.words),
+        "width": layout[-1].low + layout[-1].width,
+        "programs": len(graph.programs),
+        "machine": f"{code.machine.adders} adders, {code.machine.multipliers} multipliers",
+        "report_bits": _bits(graph.reported),
+        "pc_bits": _bits(len(code.words) + 1),
+        "program_bits": _bits(len(graph.programs)),
+        "part_bits": _bits(max(len(turning) + 3, deciding(graph) + 2)),
+        "source_bits": _bits(3 * len(code.machine.banks)),
+        "address_bits": code.address_bits,
+        "out_bits": _bits(outputs),
+        "outputs": outputs,
+        "half": code.half,
+        "fields": layout,
+        "flags": len(compared(graph)),
+        "integers": [
+            {"word": place, "range": _range(_width(graph, place)), "initial": graph.words[place].low}
+            for place in integers
+        ],
+        "decisions": list(_decisions(graph, integers)),
+        "bases": [(program, code.bases[program_of[program]]) for program in sorted(program_of)],
+        "start_base": code.bases[-1],
+        "conditions": [sorted(one) for one in code.conditions],
+        "rest": max(len(turning) + 2, deciding(graph) + 1),
+        "measured": [measured.get(k, max(code.given.values(), default=0) + 1) for k in range(4)],
+        "phases": [dict(zip(("start", "increment", "word"), one, strict=True)) for one in phases],
+        "parts": [
+            {"place": code.given[node], "whole": _whole(phases.index((one.start, one.increment, one.word)), one.part)}
+            for node, one in turning
+        ],
+        "banks": code.machine.banks,
+        "ports": list(_ports(code)),
+    }
+
+
+def _bits(count: int) -> int:
+    """For numbers below `count`."""
+    return max(1, (count - 1).bit_length())
+
+
+def _range(width: int) -> str:
+    return f"[{width - 1}:0] " if width > 1 else ""
+
+
+def _width(graph: Graph, place: int) -> int:
+    """Of an integer of the state."""
+    word = graph.words[place]
+    return word.bits if word.high == UNBOUNDED else max(1, word.high.bit_length())
+
+
+def _whole(phase: int, part: int) -> str:
+    bits = (f"quadrant{phase}[0]", f"quadrant{phase}[1]", f"next{phase}[1]")
+    return f"rest{phase}" if part == 0 else f"{{31'd0, {bits[part - 1]}}}"
+
+
+def _decisions(graph: Graph, integers: list[int]) -> Iterator[str]:
+    """Each predicate, and what integers, status and program become: one choice for each node of a diagram."""
+    flags = {node: k for k, node in enumerate(compared(graph))}
+    several = len(flags) > 1
+    for number, (question, of, limit) in enumerate(graph.predicates):
+        width = _width(graph, of) if question else 0
+        if question == 0:
+            text = f"flag[{flags[of]}]" if several else "flag"
+        elif question == 1:
+            text = f"i{of} >= {width}'d{limit}"
+        else:
+            text = f"i{of} % {width}'d{limit} == 0"
+        yield f"reg p{number}; always @(posedge clk) p{number} <= {text};"
+    for place in integers:
+        yield from _choices(graph, graph.roots[place], f"next_i{place}", _width(graph, place))
+    yield from _choices(graph, graph.roots[-2], "next_status", 3)
+    yield from _choices(graph, graph.roots[-1], "wanted", _bits(len(graph.programs)), programs=True)
+
+
+def _choices(graph: Graph, root: int, name: str, width: int, programs: bool = False) -> Iterator[str]:
+    def leaf(number: int) -> str:
+        _, word, offset = graph.leaves[number]
+        if word < 0:
+            return f"{width}'d{offset}"
+        step = f" {'+' if offset > 0 else '-'} {width}'d{abs(offset)}" if offset else ""
+        return f"i{word}{step}"
+
+    made: dict[int, str] = {}
+    left = [root]
+    while left:
+        at = left[-1]
+        diagram = graph.diagrams[at]
+        missing = [one for one in (diagram.no, diagram.yes) if diagram.predicate >= 0 and one not in made]
+        if at in made or missing:
+            left = left[:-1] if at in made else [*left, *missing]
+            continue
+        if diagram.predicate < 0:
+            made[at] = f"{width}'d{diagram.yes}" if programs else leaf(diagram.yes)
+        else:
+            made[at] = f"{name}_{at}"
+            text = f"p{diagram.predicate} ? {made[diagram.yes]} : {made[diagram.no]}"
+            if graph.levels[at] % LEVELS == 0:
+                yield f"reg {_range(width)}{made[at]}; always @(posedge clk) {made[at]} <= {text};"
+            else:
+                yield f"wire {_range(width)}{made[at]} = {text};"
+        left.pop()
+    yield f"wire {_range(width)}{name} = {made[root]};"
+
+
+def _ports(code: Microcode) -> Iterator[dict[str, Any]]:
+    """Each operand with the sources that some word of microcode chooses."""
+    banks = code.machine.banks
+    for _, _, name in code.ports():
+        used = sorted({word[f"{name}_source"] for word in code.words if f"{name}_source" in word})
+        texts = {}
+        for source in used:
+            bank, where = divmod(source, 3)
+            texts[source] = {MEMORY: f"{name}_{banks[bank]}", RESULT: banks[bank], DELAYED: f"{banks[bank]}_delayed"}[
+                where
+            ]
+        yield {
+            "name": name,
+            "memories": [banks[source // 3] for source in used if source % 3 == MEMORY],
+            "sources": list(texts.items())[1:],
+            "default": next(iter(texts.values()), "33'd0"),
+        }

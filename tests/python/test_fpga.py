@@ -1,0 +1,217 @@
+"""A controller as hardware: its graph is the core, its units compute as processors do."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+
+import fracgyro as fg
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from embedded import need
+from fracgyro.cli import cli
+from fracgyro.export.compilers import SOURCES, make
+from fracgyro.export.compilers import run as run_command
+from fracgyro.export.fpga.folder import compiled
+from fracgyro.export.fpga.graph import Graph, members, trace
+from fracgyro.export.fpga.interpreter import Interpreter
+from fracgyro.export.fpga.microcode import Microcode
+from fracgyro.export.fpga.proof import check
+from fracgyro.export.fpga.schedule import Machine
+from fracgyro.export.fpga.verilog import inside
+from fracgyro.export.host import answers
+from fracgyro.simulation.dataset import write_run
+
+ROOT = Path(__file__).resolve().parents[2]
+STEPS = 400
+# As much as makes each way through the law short.
+SHORT = fg.Scenario.paper().replace({"run.kernel_tolerance": 2e-2, "run.duration": STEPS * 1e-3})
+GUARDED = {
+    "guard.checked": True,
+    "guard.force_tolerance": 3000.0,
+    "guard.patience": 5,
+    "guard.saturation_patience": 12,
+    "controller.force_limit": 1000.0,
+}
+SCENARIOS = {
+    "the paper's": {},
+    "samples checked, forces limited": GUARDED,
+    "another power": {"controller.terminal_exponent": 0.6},
+    "PID": {"controller.kind": "pid"},
+    "composite": {"adaptation.kind": "composite"},
+    "super-twisting, positions only": {"controller.kind": "super_twisting", "device.sensing": "position"},
+}
+
+
+def faulty_motion(scenario: fg.Scenario) -> np.ndarray:
+    """A recorded one in float, with samples of every kind that is refused."""
+    run = fg.simulate(scenario)
+    motion = np.hstack([run["position"].values, run["velocity"].values]).astype(np.float32)
+    motion[0] = np.nan
+    motion[80, 0] += 1e3
+    motion[90, 3] = 1e30
+    motion[91:95] = np.inf
+    motion[160, 2] += 0.5
+    motion[200:230] = motion[200]
+    motion[300:350, :2] *= -1
+    return motion
+
+
+@cache
+def traced(name: str) -> Graph:
+    return trace(SHORT.replace(SCENARIOS[name]))
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_the_graph_computes_what_the_core_computes(name: str, tmp_path: Path) -> None:
+    scenario = SHORT.replace(SCENARIOS[name])
+    motion = faulty_motion(scenario)
+    graph = traced(name)
+    interpreter, rows = Interpreter(graph), []
+    for sample in motion:
+        force, reported = interpreter.step(sample)
+        rows.append([interpreter.status, *force, *reported])
+    expected = answers(scenario, motion, tmp_path / "firmware")
+    assert len(interpreter.programs) >= 4  # nothing yet, the start, and those of other samples
+    assert set(np.array(rows, np.float32)[:, 0]) >= {2.0}
+    np.testing.assert_array_equal(np.array(rows, np.float32).view(np.uint32), expected.view(np.uint32))
+
+
+def test_a_steady_step_has_no_operation_twice_and_none_that_nobody_needs() -> None:
+    graph = traced("the paper's")
+    assert len(set(graph.nodes)) == len(graph.nodes)
+    needed = {operand.node for program in graph.programs for operand in program}
+    needed |= {predicate.of for predicate in graph.predicates if predicate.question == 0}
+    found = {node for one in needed for node in members(graph.needs[one])}
+    starts = {word.initial for word in graph.words if word.varies and not word.bits}
+    for place, node in enumerate(graph.nodes):
+        assert place in found or (node.op == "constant" and node.bits in starts)
+
+
+def test_a_controller_whose_integers_decide_is_refused_in_one_sentence() -> None:
+    with pytest.raises(
+        ValueError, match=r"^controller\.kind is 'lqg': it cannot be exported as hardware: counters"
+    ) as report:
+        trace(SHORT.replace({"controller.kind": "lqg"}))
+    assert "\n" not in str(report.value)
+
+
+def test_every_unit_computes_the_bits_of_this_processor(tmp_path: Path) -> None:
+    need("FPGA")
+    sources = [SOURCES / "integrations/fpga/units.v", ROOT / "tests/fpga/bench.v", ROOT / "tests/fpga/units.cpp"]
+    options = ["-O3", "-CFLAGS", "-std=c++20 -O1", "--top-module", "bench", "-Mdir", str(tmp_path)]
+    run_command(["verilator", "--cc", "--exe", "--build", *options, *map(str, sources), "-o", "units"])
+    output = run_command([str(tmp_path / "units"), "300000", "1"])
+    rows = re.findall(r"^(.*): (\d+) vectors, (\d+) differ, (\d+) subnormal$", output, re.MULTILINE)
+    assert [name for name, *_ in rows] == ["add", "multiply", "divide", "square root", "choose", "less", "from integer"]
+    for name, vectors, differences, subnormal in rows:
+        assert int(vectors) > 290_000
+        assert int(differences) == 0
+        assert int(subnormal) > 1000 or name in ("square root", "less", "from integer")
+
+
+def simulated(folder: Path, motion: np.ndarray) -> tuple[np.ndarray, str]:
+    """One row for each motion, as testbench.cpp writes them, and what it prints."""
+    motion.tofile(folder / "motion")
+    printed = make(folder, "sim")
+    return np.fromfile(folder / "answer", np.float32).reshape(len(motion), -1), printed
+
+
+def test_exported_hardware_answers_a_run_with_faults_with_the_bits_of_the_firmware(tmp_path: Path) -> None:
+    need("FPGA")
+    scenario = SHORT.replace(GUARDED)
+    motion = faulty_motion(scenario)
+    expected = answers(scenario, motion, tmp_path / "firmware")
+    fg.export.fpga(scenario, tmp_path / "fpga", unbounded=True)
+    found, printed = simulated(tmp_path / "fpga", motion)
+    assert set(expected[:, 0]) >= {0.0, 1.0, 2.0, 6.0, 7.0}
+    np.testing.assert_array_equal(found.view(np.uint32), expected.view(np.uint32))
+    cycles = re.findall(r"from start to (\w+): (\d+) to (\d+) cycles", printed)
+    assert [what for what, *_ in cycles] == ["force", "ready"]
+
+
+def test_the_same_scenario_gives_the_same_bytes_from_the_command_and_from_python(tmp_path: Path) -> None:
+    scenario = SHORT.replace({"controller.kind": "pid"})
+    fg.export.fpga(scenario, tmp_path / "one")
+    (tmp_path / "own.toml").write_text(scenario.to_toml(), encoding="utf-8")
+    said = CliRunner().invoke(cli, ["export", "fpga", str(tmp_path / "own.toml"), "--out", str(tmp_path / "two")])
+    assert (said.exit_code, said.output) == (0, f"{tmp_path / 'two'}: add it to your design, as its README.md says\n")
+    files = sorted(path.name for path in (tmp_path / "one").iterdir())
+    assert "controller.v" in files
+    for file in files:
+        assert (tmp_path / "one" / file).read_bytes() == (tmp_path / "two" / file).read_bytes()
+
+
+@pytest.fixture(scope="module")
+def small() -> Microcode:
+    return compiled(traced("PID"), Machine())
+
+
+def test_what_cannot_be_written_is_refused_in_one_sentence(tmp_path: Path) -> None:
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there" / "file").touch()
+    with pytest.raises(ValueError, match=r"there cannot be written: .*empty") as report:
+        fg.export.fpga(SHORT.replace({"controller.kind": "pid"}), tmp_path / "there")
+    assert "\n" not in str(report.value)
+    with pytest.raises(ValueError, match=r"^controller\.switching_limit is inf"):
+        fg.export.fpga(SHORT, tmp_path / "unbounded")
+    assert not (tmp_path / "unbounded").exists()
+
+
+def test_microcode_that_reads_too_early_is_found(small: Microcode) -> None:
+    check(small)
+    word = next(word for word in small.words if word.get("add0_a_source") == 1)
+    with changed(word, {"add0_a_source": 2}), pytest.raises(ValueError, match=r"before it is there|does not write"):
+        check(small)
+
+
+def test_microcode_that_overwrites_a_result_is_found(small: Microcode) -> None:
+    first, second = [word for word in small.words[: small.bases[1]] if word.get("mul0_write")][:2]
+    with changed(second, {"mul0_place": first["mul0_place"]}), pytest.raises(ValueError, match="overwrites place"):
+        check(small)
+
+
+def test_microcode_that_changes_a_sign_is_found(small: Microcode) -> None:
+    word = next(word for word in small.words if word.get("add0_b_negative") == 1)
+    with changed(word, {"add0_b_negative": 0}), pytest.raises(ValueError, match=r"before it is there|does not write"):
+        check(small)
+
+
+def test_microcode_that_leaves_a_decision_open_is_found(small: Microcode) -> None:
+    word = next(word for word in small.words if word.get("flag_write"))
+    with changed(word, {"flag_write": 0}), pytest.raises(ValueError, match="leaves a decision open"):
+        check(small)
+
+
+@contextmanager
+def changed(word: dict[str, int], changes: dict[str, int]) -> Iterator[None]:
+    before = dict(word)
+    word |= changes
+    try:
+        yield
+    finally:
+        word.clear()
+        word |= before
+
+
+def test_a_constant_is_inside_what_the_hardware_makes_of_it() -> None:
+    assert inside(0x3F800000) == 256 << 23
+    assert inside(0x80000000) == 1 << 32
+    assert inside(0x00000001) == 107 << 23
+    assert inside(0x7F800000) == 511 << 23
+    assert inside(0xFFC00000) == 511 << 23 | 1 << 22
+
+
+def test_replay_on_the_simulated_hardware_has_the_parity_hash_of_float(tmp_path: Path) -> None:
+    need("FPGA")
+    run = fg.simulate(SHORT.replace({"controller.kind": "pid"}))
+    write_run(run, tmp_path / "run.nc")
+    found, expected = (fg.export.replay(tmp_path / "run.nc", target, "float") for target in ("fpga", "host"))
+    assert found.difference is None
+    assert (found.steps, found.hash) == (STEPS + 1, expected.hash)
+    with pytest.raises(ValueError, match=r"^fpga computes in float, not in double: add --number float$"):
+        fg.export.replay(tmp_path / "run.nc", "fpga")
