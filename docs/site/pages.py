@@ -1,7 +1,7 @@
 """Gathers the texts of the documentation site: `python docs/site/pages.py FOLDER`, then sphinx-build on FOLDER.
 
 Most pages are files that stand somewhere else in the repository: guides, equations, decisions, logs. PAGES says which.
-In all of them links to files are made links to pages, to pictures, or to the repository where there is no page.
+In all of them links to files are made links to pages, to pictures, or to the repository where it has none.
 """
 
 from __future__ import annotations

@@ -57,7 +57,7 @@ class Fracgyro {
     const column = (name) => {
       const at = loop.columns.indexOf(name);
       if (at < 0) {
-        throw new RangeError(`${name} is no column; known are ${loop.columns.join(", ")}`);
+        throw new RangeError(`${name} is not a column; known are ${loop.columns.join(", ")}`);
       }
       return Float64Array.from({ length }, (_, i) => rows[i * width + at]);
     };

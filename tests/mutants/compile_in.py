@@ -196,7 +196,7 @@ def mutated(text: str, mutants: list[tuple[int, Mutant]]) -> str:
 def write(mutants: list[Mutant], folder: Path) -> None:
     """The headers with every mutant in them, below `folder`."""
     for source in FOLDERS:
-        for path in sorted((ROOT / source).glob("*.hpp")):
+        for path in sorted((ROOT / source).glob("*.h*")):
             file = str(path.relative_to(ROOT))
             mine = [(number, m) for number, m in enumerate(mutants) if m.file == file]
             text = path.read_text(encoding="utf-8")

@@ -39,6 +39,7 @@ TESTS: dict[str, list[str]] = {
         "test_the_front_is_what_no_trial_beats_in_error_and_chattering",
         "test_compare_json_has_what_others_rely_on",
     ],
+    "indices": ["test_the_page_has_the_indices_and_a_spread_of_independent_points_only"],
     "joint": [
         "test_it_is_told_the_truth_unless_something_else_is_said",
         "test_noise_that_is_held_counts_with_its_density",

@@ -342,15 +342,15 @@ def test_the_numbers_behind_the_figures_are_those_of_compare_json(small: Compare
     found = {(row["table"].rpartition(" ")[2], row["contender"]): row for row in data["errors"]}
     error = "error (q0)"
     for row in contenders:
-        told = found[f"{row['ceiling']:g}", row["name"]]
+        shown = found[f"{row['ceiling']:g}", row["name"]]
         wanted = row["metrics"].get("error", {"value": None})["value"]
-        assert told[error] == ("" if wanted is None else f"{wanted:.9g}")
-        assert told["within the limits"] == str(row["kept"]).lower()
-        assert told[f"{error}: tuning 1, when trained"] == "".join(f"{e:.9g}" for e in row["sampler_errors"] if e)
+        assert shown[error] == ("" if wanted is None else f"{wanted:.9g}")
+        assert shown["within the limits"] == str(row["kept"]).lower()
+        assert shown[f"{error}: tuning 1, when trained"] == "".join(f"{e:.9g}" for e in row["sampler_errors"] if e)
     others = {(row["name"], what): of["value"] for row in contenders[2:] for what, of in row["others"].items()}
     ratio = "error over that without the change"
-    told = {(row["contender"], row["condition, plant or noise"]): row[ratio] for row in data["robustness"]}
-    assert told == {key: "" if value is None else f"{value:.9g}" for key, value in others.items()}
+    shown = {(row["contender"], row["condition, plant or noise"]): row[ratio] for row in data["robustness"]}
+    assert shown == {key: "" if value is None else f"{value:.9g}" for key, value in others.items()}
     points = [p for row in contenders if row["name"] == "pid" for p in row["front"]]
     pid = [row for row in data["fronts"] if row["contender"] == "pid"]
     assert min(column(pid, "error on the seeds of training (q0)")) == pytest.approx(min(e for _, e in points))

@@ -224,5 +224,5 @@ controller.order = { low = 0.5, high = 0.9 }
     assert "32 diverged" in ran.stdout
     assert f"has no indices: {why}." in (tmp_path / "out" / "summary.html").read_text(encoding="utf-8")
     assert table(tmp_path / "out" / "indices.csv") == []
-    told = json.loads(subprocess.run([*command, "--resume", "--json"], capture_output=True, text=True).stdout)
-    assert told["sensitivity"] == {"indices": [], "missing": {"rmse_whole_x": why}}
+    shown = json.loads(subprocess.run([*command, "--resume", "--json"], capture_output=True, text=True).stdout)
+    assert shown["sensitivity"] == {"indices": [], "missing": {"rmse_whole_x": why}}

@@ -114,10 +114,10 @@ def test_the_numbers_behind_a_figure_are_those_of_the_run(out: Path) -> None:
     assert (min(truth), max(truth)) == (pytest.approx(rate), pytest.approx(rate))
     with open(out / "table1.csv", newline="", encoding="utf-8") as file:
         rows = [list(row.values()) for row in csv.DictReader(file)]
-    told = [list(row.values()) for row in data["table1"]]
+    shown = [list(row.values()) for row in data["table1"]]
     words, numbers = itemgetter(0, 2, 3), itemgetter(1, 4, 5, 6, 7)
-    assert list(map(words, told)) == list(map(words, rows))
-    np.testing.assert_allclose(*(np.array([numbers(row) for row in table], dtype=float) for table in (told, rows)))
+    assert list(map(words, shown)) == list(map(words, rows))
+    np.testing.assert_allclose(*(np.array([numbers(row) for row in table], dtype=float) for table in (shown, rows)))
 
 
 def test_saved_runs_carry_their_scenario_and_can_be_simulated_again(out: Path) -> None:

@@ -73,11 +73,11 @@ def contents(folder: Path) -> dict[str, bytes]:
 @pytest.fixture(scope="module")
 def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("small")
-    told: list[tuple[int, int]] = []
-    result = sweep(study(folder), folder / "out", progress=lambda done, total: told.append((done, total)))
+    shown: list[tuple[int, int]] = []
+    result = sweep(study(folder), folder / "out", progress=lambda done, total: shown.append((done, total)))
     assert (result.runs, result.resumed, result.diverged) == (8, 0, 0)
-    assert told[0] == (0, 8)
-    assert told[-1] == (8, 8)
+    assert shown[0] == (0, 8)
+    assert shown[-1] == (8, 8)
     return folder
 
 
@@ -176,9 +176,9 @@ def test_a_killed_study_resumes_to_the_same_bytes(whole: Path, tmp_path: Path) -
         command(whole / "study.toml", "--out", tmp_path / "out", "--resume", "--json"), capture_output=True, text=True
     )
     assert again.returncode == 0, again.stderr
-    told = json.loads(again.stdout)
-    assert told["runs"] == 120
-    assert told["resumed"] == 40
+    shown = json.loads(again.stdout)
+    assert shown["runs"] == 120
+    assert shown["resumed"] == 40
     assert {name: (runs / name).stat().st_mtime_ns for name in kept} == kept, "finished blocks are not run again"
     assert contents(tmp_path / "out") == contents(whole / "out")
 
@@ -554,7 +554,7 @@ def test_a_monotonic_effect_has_rank_correlation_one(tmp_path: Path) -> None:
 def test_every_example_runs(path: Path, tmp_path: Path) -> None:
     result = subprocess.run(command(path, "--out", tmp_path / "out", "--json"), capture_output=True, text=True)
     assert result.returncode == 0, result.stderr
-    told = json.loads(result.stdout)
-    assert told["runs"] == pq.read_table(tmp_path / "out" / "runs").num_rows
-    assert told["diverged"] == 0
-    assert Path(told["summary"]).read_text(encoding="utf-8").count("data:image/svg+xml") >= 4
+    shown = json.loads(result.stdout)
+    assert shown["runs"] == pq.read_table(tmp_path / "out" / "runs").num_rows
+    assert shown["diverged"] == 0
+    assert Path(shown["summary"]).read_text(encoding="utf-8").count("data:image/svg+xml") >= 4
