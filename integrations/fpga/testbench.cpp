@@ -96,9 +96,11 @@ int main() {
         row[1] = top.force_x;
         row[2] = top.force_y;
         for (std::uint32_t k = 0; k < FRACGYRO_REPORTED; ++k) {
-            top.report_index = k;
-            tick();
-            row[3 + k] = top.report_word;
+            top.out_index = k;
+            for (int cycles = 0; cycles < 4; ++cycles) {
+                tick();
+            }
+            row[3 + k] = top.out_word;
         }
         if (std::fwrite(row.data(), sizeof row, 1, out) != 1) {
             return 1;

@@ -6,8 +6,9 @@
 //     511: infinity where the fraction is 0, else NaN, of which there is one.
 //
 //     The stages of a unit, from its operands to a register with its result: fp_add 6, fp_mul 5, fp_div 16,
-//     fp_sqrt 15, fp_choose 1.
+//     fp_sqrt 15, fp_exponent 3, fp_choose 1, fp_from_integer 4.
 `default_nettype none
+`define ORIGIN 23'h3504F3 // the fraction of sqrt(1/2)
 
 // From float32.
 module fp_in (
@@ -45,29 +46,34 @@ module fp_out (
              : {x[32], normal[7:0], x[22:0]};
 endmodule
 
-// From a signed integer. Two stages.
+// From a signed integer.
 module fp_from_integer (
     input wire clk,
     input wire [31:0] x,
     output reg [32:0] z
 );
-    reg [31:0] magnitude;
-    reg sign;
-    always @(posedge clk) begin
-        magnitude <= x[31] ? -x : x;
-        sign <= x[31];
-    end
-    reg [4:0] zeros;
+    reg [31:0] magnitude1, magnitude2, shifted3;
+    reg [4:0] zeros, zeros2;
+    reg [8:0] exponent3;
+    reg sign1, sign2, sign3, nothing3;
     integer i;
     always @* begin
         zeros = 0;
-        for (i = 0; i < 32; i = i + 1) if (magnitude[i]) zeros = 5'd31 - i[4:0];
+        for (i = 0; i < 32; i = i + 1) if (magnitude1[i]) zeros = 5'd31 - i[4:0];
     end
-    wire [31:0] shifted = magnitude << zeros;
-    wire up = shifted[7] & (shifted[8] | |shifted[6:0]);
-    wire [24:0] rounded = {1'b0, shifted[31:8]} + {24'd0, up};
-    wire [8:0] exponent = 9'd287 - {4'd0, zeros} + {8'd0, rounded[24]};
-    always @(posedge clk) z <= magnitude == 0 ? 33'd0 : {sign, exponent, rounded[24] ? 23'd0 : rounded[22:0]};
+    always @(posedge clk) begin
+        magnitude1 <= x[31] ? -x : x;
+        magnitude2 <= magnitude1;
+        zeros2 <= zeros;
+        shifted3 <= magnitude2 << zeros2;
+        exponent3 <= 9'd287 - {4'd0, zeros2};
+        nothing3 <= magnitude2 == 0;
+        {sign3, sign2, sign1} <= {sign2, sign1, x[31]};
+    end
+    wire up = shifted3[7] & (shifted3[8] | |shifted3[6:0]);
+    wire [24:0] rounded = {1'b0, shifted3[31:8]} + {24'd0, up};
+    wire [8:0] exponent = exponent3 + {8'd0, rounded[24]};
+    always @(posedge clk) z <= nothing3 ? 33'd0 : {sign3, exponent, rounded[24] ? 23'd0 : rounded[22:0]};
 endmodule
 
 // Sum. Results that are subnormal outside are exact: there is nothing to round below 2^-149.
@@ -79,6 +85,7 @@ module fp_add (
 );
     // The larger and the smaller magnitude.
     wire swap = a[31:0] < b[31:0];
+    wire [8:0] a_over_b = a[31:23] - b[31:23], b_over_a = b[31:23] - a[31:23];
     wire [32:0] big = swap ? b : a, little = swap ? a : b;
     wire a_nan = a[31:23] == 9'd511 & a[22], b_nan = b[31:23] == 9'd511 & b[22];
     wire both_infinite = a[31:23] == 9'd511 & b[31:23] == 9'd511;
@@ -89,7 +96,7 @@ module fp_add (
         big1 <= {big[31:23] != 0, big[22:0]};
         little1 <= {little[31:23] != 0, little[22:0]};
         exponent1 <= big[31:23];
-        distance1 <= big[31:23] - little[31:23];
+        distance1 <= swap ? b_over_a : a_over_b;
         sign1 <= big[32];
         minus1 <= a[32] ^ b[32];
         nan1 <= a_nan | b_nan | (both_infinite & (a[32] ^ b[32]));
@@ -153,34 +160,48 @@ module fp_add (
            : {sign5, exponent6, rounded[24] ? 23'd0 : rounded[22:0]};
 endmodule
 
+// How many places further up than that of a normal number the last place is of what is subnormal outside, 25 at most;
+// 31: nothing is left. Combinational.
+module fp_places (
+    input wire signed [10:0] exponent,  // as inside
+    output wire [4:0] places
+);
+    wire signed [10:0] below = 11'sd130 - exponent;
+    assign places = below < 0 ? 5'd0 : below > 24 ? 5'd31 : below[4:0];
+endmodule
+
 // Rounds a significand with a leading one, a bit after it and whether anything is left, where float32 has its last
-// place: of what is subnormal outside further up. Two stages.
+// place. Two stages.
 module fp_round (
     input wire clk,
     input wire sign,
     input wire signed [10:0] exponent,  // as inside
+    input wire [4:0] places,  // of this exponent
     input wire [25:0] value,
     input wire nan,
     input wire infinite,
     input wire zero,
     output reg [32:0] z
 );
-    wire signed [10:0] below = 11'sd130 - exponent;  // places
-    wire [4:0] places = below < 0 ? 5'd0 : below > 25 ? 5'd25 : below[4:0];
-    wire [27:0] dropped = (28'd4 << places) - 28'd1;  // bits
-    wire [27:0] half = 28'd2 << places;
+    // Bits from the place of a normal number's last bit on: those that are dropped, and one bit each.
+    reg [27:0] dropped, half, least;
+    integer i;
+    always @* for (i = 0; i < 28; i = i + 1) begin
+        dropped[i] = i < 2 | {1'b0, places} + 6'd2 > i[5:0];
+        half[i] = {1'b0, places} + 6'd1 == i[5:0];
+        least[i] = {1'b0, places} + 6'd2 == i[5:0];
+    end
     wire [27:0] whole = {2'b00, value};
-    wire last = |(whole & (28'd4 << places));
-    wire up = |(whole & half) & (last | |(whole & dropped & ~half));
+    wire up = |(whole & half) & (|(whole & least) | |(whole & dropped & ~half));
     reg [27:0] kept1, unit1;
     reg signed [10:0] exponent1;
     reg sign1, nan1, infinite1, zero1;
     always @(posedge clk) begin
         kept1 <= whole & ~dropped;
-        unit1 <= up ? 28'd4 << places : 28'd0;
+        unit1 <= up ? least : 28'd0;
         exponent1 <= exponent;
         {sign1, nan1, infinite1} <= {sign, nan, infinite};
-        zero1 <= zero | below > 24;
+        zero1 <= zero | places == 5'd31;
     end
     wire [27:0] rounded = kept1 + unit1;
     wire signed [10:0] exponent2 = exponent1 + {10'd0, rounded[26]};
@@ -204,7 +225,12 @@ module fp_mul (
     reg [47:0] product1, product2;
     reg signed [10:0] exponent1, exponent2;
     reg sign1, nan1, infinite1, zero1, sign2, nan2, infinite2, zero2;
+    wire [4:0] places_low, places_high;  // of this exponent, of one more
+    reg [4:0] low2, high2;
+    fp_places low (exponent1, places_low);
+    fp_places high (exponent1 + 11'sd1, places_high);
     always @(posedge clk) begin
+        {high2, low2} <= {places_high, places_low};
         product1 <= {1'b1, a[22:0]} * {1'b1, b[22:0]};
         exponent1 <= $signed({2'b00, a[31:23]}) + $signed({2'b00, b[31:23]}) - 11'sd256;
         sign1 <= a[32] ^ b[32];
@@ -217,13 +243,15 @@ module fp_mul (
     end
     reg [25:0] value3;
     reg signed [10:0] exponent3;
+    reg [4:0] places3;
     reg sign3, nan3, infinite3, zero3;
     always @(posedge clk) begin
+        places3 <= product2[47] ? high2 : low2;
         value3 <= product2[47] ? {product2[47:23], |product2[22:0]} : {product2[46:22], |product2[21:0]};
         exponent3 <= exponent2 + {10'd0, product2[47]};
         {sign3, nan3, infinite3, zero3} <= {sign2, nan2, infinite2, zero2};
     end
-    fp_round round (clk, sign3, exponent3, value3, nan3, infinite3, zero3, z);
+    fp_round round (clk, sign3, exponent3, places3, value3, nan3, infinite3, zero3, z);
 endmodule
 
 // Quotient: 26 bits of it, two in each of 13 stages.
@@ -267,15 +295,22 @@ module fp_div (
     endgenerate
     wire [25:0] found = quotient[STAGES];
     wire left = rest[STAGES] != 0;
+    wire signed [10:0] so_far = $signed(others[STAGES-1][13:3]);
+    wire [4:0] places_low, places_high;
+    reg [4:0] low, high, places;  // of one less than this exponent, and of this
+    fp_places at_low (so_far - 11'sd1, places_low);
+    fp_places at_high (so_far, places_high);
     reg [25:0] value;
     reg signed [10:0] exponent;
     reg sign1, nan1, infinite1, zero1;
     always @(posedge clk) begin
+        {high, low} <= {places_high, places_low};
+        places <= found[25] ? high : low;
         value <= found[25] ? {found[25:1], found[0] | left} : {found[24:0], left};
         exponent <= $signed(others[STAGES][13:3]) - {10'd0, !found[25]};
         {sign1, nan1, infinite1, zero1} <= {others[STAGES][14], others[STAGES][2:0]};
     end
-    fp_round round (clk, sign1, exponent, value, nan1, infinite1, zero1, z);
+    fp_round round (clk, sign1, exponent, places, value, nan1, infinite1, zero1, z);
 endmodule
 
 // Square root: 26 bits of it, two in each of 13 stages.
@@ -321,13 +356,40 @@ module fp_sqrt (
     endgenerate
     wire [25:0] value = {root[STAGES][25:1], root[STAGES][0] | rest[STAGES] != 0};
     wire [14:0] last = others[STAGES];
-    fp_round round (clk, last[14], $signed(last[13:3]), value, last[2], last[1], last[0], z);
+    // No root is subnormal.
+    fp_round round (clk, last[14], $signed(last[13:3]), 5'd0, value, last[2], last[1], last[0], z);
 endmodule
 
-// What moves or takes apart numbers. One stage.
+// The exponent of a > 0, as a number, that goes with a mantissa in [sqrt(1/2), sqrt(2)).
+module fp_exponent (
+    input wire clk,
+    input wire [32:0] a,
+    output reg [32:0] z
+);
+    wire signed [9:0] as_low = $signed({1'b0, a[31:23]}) - 10'sd256, as_high = $signed({1'b0, a[31:23]}) - 10'sd255;
+    reg signed [9:0] exponent1;
+    reg [9:0] size2;
+    reg sign2;
+    reg [3:0] top;  // the place of its leading one
+    integer i;
+    always @* begin
+        top = 0;
+        for (i = 0; i < 10; i = i + 1) if (size2[i]) top = i[3:0];
+    end
+    wire [22:0] fraction = {size2[8:0], 14'd0} << (4'd9 - top);
+    always @(posedge clk) begin
+        exponent1 <= a[22:0] < `ORIGIN ? as_low : as_high;
+        size2 <= exponent1 < 0 ? -exponent1 : exponent1;
+        sign2 <= exponent1 < 0;
+        z <= size2 == 0 ? 33'd0 : {sign2, 9'd256 + {5'd0, top}, fraction};
+    end
+endmodule
+
+// What moves or takes apart numbers, or was computed by the units above. One stage.
 //     0  a < b ? yes : no, and a < b     1  |b| with the sign of a
-//     2  the exponent of a > 0, as a number, with a mantissa in [sqrt(1/2), sqrt(2))     3  that mantissa
-//     4  a·2^n, n being the integer in the last places of b = n + 1.5·2^23
+//     2  the mantissa of a > 0, in [sqrt(1/2), sqrt(2))
+//     3  a·2^n, n being the integer in the last places of b = n + 1.5·2^23
+//     4, 5, 6  exponent, quotient, root
 module fp_choose (
     input wire clk,
     input wire [2:0] what,
@@ -335,6 +397,9 @@ module fp_choose (
     input wire [32:0] b,
     input wire [32:0] yes,
     input wire [32:0] no,
+    input wire [32:0] exponent,
+    input wire [32:0] quotient,
+    input wire [32:0] root,
     output reg [32:0] z,
     output reg less
 );
@@ -342,28 +407,18 @@ module fp_choose (
     wire both_zero = a[31:23] == 0 & b[31:23] == 0;
     wire smaller = a[31:0] < b[31:0], larger = b[31:0] < a[31:0];
     wire below = !nan & !both_zero & (a[32] ? !b[32] | larger : !b[32] & smaller);
-
-    localparam [22:0] ORIGIN = 23'h3504F3;  // of sqrt(1/2)
-    wire low = a[22:0] < ORIGIN;
-    wire signed [9:0] exponent = $signed({1'b0, a[31:23]}) - (low ? 10'sd256 : 10'sd255);
-    wire [9:0] size = exponent < 0 ? -exponent : exponent;
-    reg [3:0] top;  // the place of its leading one
-    integer i;
-    always @* begin
-        top = 0;
-        for (i = 0; i < 10; i = i + 1) if (size[i]) top = i[3:0];
-    end
-    wire [22:0] fraction = {size[8:0], 14'd0} << (4'd9 - top);
-    wire [32:0] as_number = size == 0 ? 33'd0 : {exponent < 0, 9'd256 + {5'd0, top}, fraction};
+    wire low = a[22:0] < `ORIGIN;
 
     always @(posedge clk) begin
         less <= below;
         case (what)
             3'd0: z <= below ? yes : no;
             3'd1: z <= {a[32], b[31:0]};
-            3'd2: z <= as_number;
-            3'd3: z <= {1'b0, low ? 9'd256 : 9'd255, a[22:0]};
-            default: z <= {a[32], a[31:23] + b[8:0], a[22:0]};
+            3'd2: z <= {1'b0, low ? 9'd256 : 9'd255, a[22:0]};
+            3'd3: z <= {a[32], a[31:23] + b[8:0], a[22:0]};
+            3'd4: z <= exponent;
+            3'd5: z <= quotient;
+            default: z <= root;
         endcase
     end
 endmodule

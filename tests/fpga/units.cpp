@@ -26,14 +26,14 @@ class Numbers {
 public:
     explicit Numbers(std::uint64_t seed) : random_(seed) {}
     Vector next() {
-        const std::uint32_t a = one(0x3F800000U), what = static_cast<std::uint32_t>(random_() % 5);
+        const std::uint32_t a = one(0x3F800000U), what = static_cast<std::uint32_t>(random_() % 4);
         if (what < 2) {
             return {a, one(a), what};
         }
         // Of what is taken apart: positive and normal, as is what is put together.
         const std::uint32_t bits = a & 0x7FFFFFFFU, exponent = 1 + (bits >> 23) % 254;
         const auto n = static_cast<std::uint32_t>(random_() % 254) + 1 - exponent;
-        return {exponent << 23 | (bits & 0x7FFFFFU), what == 4 ? 0x4B400000U + n : one(a), what};
+        return {exponent << 23 | (bits & 0x7FFFFFU), what == 3 ? 0x4B400000U + n : one(a), what};
     }
 
 private:
@@ -76,22 +76,23 @@ struct Unit {
     std::size_t stages;
     float (*expected)(const Vector&);
     std::uint32_t (*found)(const Vbench&);
+    bool apart = false;  // only of what is taken apart
     std::uint64_t vectors = 0, differences = 0, subnormal = 0;
 };
 
+constexpr std::uint32_t origin = 0x3F3504F3U;  // sqrt(1/2)
+
+float exponent(const Vector& v) { return static_cast<float>(static_cast<std::int32_t>(v.a - origin) >> 23); }
+
 float chosen(const Vector& v) {
     const float a = number(v.a), b = number(v.b);
-    constexpr std::uint32_t origin = 0x3F3504F3U;  // sqrt(1/2)
-    const std::uint32_t above = v.a - origin;
     switch (v.what) {
         case 0:
             return a < b ? b : a;
         case 1:
             return std::copysign(b, std::isnan(a) ? 1.0F : a);  // the one NaN has no sign
         case 2:
-            return static_cast<float>(static_cast<std::int32_t>(above) >> 23);
-        case 3:
-            return number((above & 0x7FFFFFU) + origin);
+            return number(((v.a - origin) & 0x7FFFFFU) + origin);
         default:
             return number(v.a + (v.b << 23));
     }
@@ -113,10 +114,11 @@ int main(int count, char** words) {
          [](const Vbench& t) { return t.quotient; }},
         {"square root", 15, [](const Vector& v) { return std::sqrt(number(v.a)); },
          [](const Vbench& t) { return t.root; }},
+        {"exponent", 3, exponent, [](const Vbench& t) { return t.exponent; }, true},
         {"choose", 1, chosen, [](const Vbench& t) { return t.chosen; }},
         {"less", 1, [](const Vector& v) { return number(v.a) < number(v.b) ? 1.0F : 0.0F; },
          [](const Vbench& t) { return bits(t.less ? 1.0F : 0.0F); }},
-        {"from integer", 2, [](const Vector& v) { return static_cast<float>(static_cast<std::int32_t>(v.a)); },
+        {"from integer", 4, [](const Vector& v) { return static_cast<float>(static_cast<std::int32_t>(v.a)); },
          [](const Vbench& t) { return t.converted; }},
     };
     Vbench top;
@@ -135,6 +137,9 @@ int main(int count, char** words) {
                 continue;
             }
             const Vector& v = given[unit.stages - 1];
+            if (unit.apart && v.what < 2) {
+                continue;
+            }
             const float expected = unit.expected(v);
             const std::uint32_t found = unit.found(top);
             ++unit.vectors;

@@ -19,9 +19,9 @@ from .microcode import Microcode
 from .proof import check
 from .routines import routines
 from .schedule import Machine, schedule
-from .verilog import constants_hex, deciding, microcode_hex, values
+from .verilog import constants_hex, deciding, microcode_hex, state_words, values
 
-ENTRY = 2  # cycles from `start` to the first word of microcode
+ENTRY = 3  # cycles from `start` to the first word of microcode
 
 
 def fpga(scenario: Scenario, folder: str | os.PathLike[str], *, unbounded: bool = False) -> None:
@@ -43,11 +43,11 @@ def fpga(scenario: Scenario, folder: str | os.PathLike[str], *, unbounded: bool 
             "controller.v": _controller(code, made),
             "controller.hex": microcode_hex(code),
             "constants.hex": constants_hex(code),
-            "controller.h": _header(scenario, made),
+            "controller.h": _header(scenario, code, made),
             "cycles.md": _cycles(code),
             "scenario.toml": scenario.to_toml(),
         }
-        for name in ("units.v", "testbench.cpp", "Makefile", "README.md"):
+        for name in ("units.v", "spi.v", "testbench.cpp", "Makefile", "README.md"):
             shutil.copyfile(SOURCES / "integrations/fpga" / name, scratch / name)
         for name, text in files.items():
             (scratch / name).write_text(text, encoding="utf-8", newline="\n")
@@ -94,12 +94,13 @@ def _cycles(code: Microcode) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _header(scenario: Scenario, made: str) -> str:
+def _header(scenario: Scenario, code: Microcode, made: str) -> str:
     """For the test bench, and for what reads the report: its numbers by index."""
     names = [name for channel in lasting(core_setup(scenario)) for name in columns(channel)]
     lines = [
         f"/* Made by `fracgyro export fpga`: {made}. */",
-        f"#define FRACGYRO_REPORTED {len(names)} /* numbers; by report_index: */",
+        f"#define FRACGYRO_REPORTED {len(names)} /* numbers; by out_index: */",
         *(f"/* {index}: {name} */" for index, name in enumerate(names)),
+        f"#define FRACGYRO_STATE {state_words(code)} /* words: from out_index FRACGYRO_REPORTED, in_index 4 on */",
     ]
     return "\n".join(lines) + "\n"

@@ -11,12 +11,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from .graph import SOURCES_OF_NUMBERS, Graph, Operand
-from .schedule import Machine, Schedule
+from .graph import SOURCES_OF_NUMBERS, Graph, Op, Operand
+from .schedule import FETCH, Machine, Schedule
 
 MEMORY, RESULT, DELAYED = range(3)  # where an operand comes from
-CHOOSE, DIVIDE, ROOT = range(3)  # whose result is that of "other"
-WHAT = {"copy_sign": 1, "exponent": 2, "mantissa": 3, "scale": 4}
+# What fp_choose makes the result of "other".
+CHOICES: tuple[Op, ...] = ("select", "copy_sign", "mantissa", "scale", "exponent", "divide", "square_root")
 OPERANDS = {"add": 2, "mul": 2, "oth": 4}
 
 Word = dict[str, int]
@@ -112,20 +112,19 @@ class _Writer:
                 read |= self._fetch(f"{name}_{'abcd'[port]}", operand, slot.cycle)
             written |= {f"{name}_write": 1, f"{name}_place": self.addresses[place]}
             if name == "other":
-                read["what"] = WHAT.get(one.op, 0)
-                written["from"] = {"divide": DIVIDE, "square_root": ROOT}.get(one.op, CHOOSE)
-                self._other(place, written)
+                self._other(place, found[result - 1], written)
         found[self.scheduled.settled]["settled"] = 1
         found[-1]["last"] = 1
         return found
 
-    def _other(self, place: int, written: Word) -> None:
+    def _other(self, place: int, before: Word, written: Word) -> None:
         one = self.operations[place]
+        before["what"] = CHOICES.index("select" if one.op == "less" else one.op)
         if one.op == "less":
             asked = [p.of for p in self.code.graph.predicates if p.question == 0]
             written |= {"other_write": 0, "flag_write": 1, "flag": sorted(set(asked)).index(one.node)}
         if one.output is not None:
-            written["condition"] = self.code.condition(one.output.programs)
+            before["condition"] = self.code.condition(one.output.programs)
             written |= {"other_write": int(one.output.word >= 0), "relative": int(one.output.word >= 0)}
             if one.output.port >= 0:
                 written |= {"out_write": 1, "out": one.output.port}
@@ -139,7 +138,7 @@ class _Writer:
             return found | {f"{port}_source": 3 * other, f"{port}_place": place, f"{port}_relative": int(state)}
         producer = self.made[operand.node]
         bank = self.scheduled.slots[producer].bank
-        late = cycle + 1 - self.scheduled.result(producer)
+        late = cycle + FETCH - 1 - self.scheduled.result(producer)
         if late <= 1:
             return found | {f"{port}_source": 3 * bank + (DELAYED if late else RESULT)}
         return found | {f"{port}_source": 3 * bank, f"{port}_place": self.addresses[producer]}

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from .graph import SOURCES_OF_NUMBERS, Graph, Operand
-from .microcode import CHOOSE, DELAYED, DIVIDE, MEMORY, OPERANDS, ROOT, WHAT, Microcode, Word
+from .microcode import CHOICES, DELAYED, MEMORY, OPERANDS, Microcode, Word
 from .routines import STAGES, Routine
 from .schedule import FETCH
 
 Written = tuple[int, int, frozenset[int] | None]  # word, port, programs
-OPS = {CHOOSE: "select", DIVIDE: "divide", ROOT: "square_root"}
 
 
 def check(code: Microcode) -> None:
@@ -28,7 +27,7 @@ class _Machine:
             self.memory[code.other, place] = self._leaf(self.graph, word)
         for node, place in code.given.items():
             self.memory[code.other, place] = node
-        self.results: dict[tuple[int, str, int], Operand] = {}  # bank, kind of unit, cycle: what stands in its register
+        self.results: dict[tuple[int, str, int], Operand] = {}  # bank, operation, cycle: what stands in its register
         self.written: dict[Written, Operand] = {}
         self.flags: set[int] = set()
 
@@ -42,7 +41,7 @@ class _Machine:
     def run(self, words: list[Word]) -> None:
         for cycle, word in enumerate(words):
             self._issue(words, cycle, word)
-            self._write(cycle, word)
+            self._write(words, cycle, word)
         expected = {
             (one.output.word, one.output.port, one.output.programs): one.operands[0]
             for one in self.routine.operations
@@ -54,10 +53,11 @@ class _Machine:
         if not compared <= self.flags:
             raise ValueError("microcode leaves a decision open")
 
-    def _register(self, bank: int, cycle: int, word: Word) -> Operand | None:
+    def _register(self, bank: int, cycle: int, words: list[Word]) -> Operand | None:
         name = self.code.machine.banks[bank]
-        kind = OPS[word.get("from", CHOOSE)] if name == "other" else {"add": "add", "mul": "multiply"}[name[:3]]
-        return self.results.get((bank, kind, cycle))
+        other = CHOICES[words[cycle - 1].get("what", 0)]
+        op = other if name == "other" else {"add": "add", "mul": "multiply"}[name[:3]]
+        return self.results.get((bank, op, cycle))
 
     def _issue(self, words: list[Word], cycle: int, word: Word) -> None:
         """What the units begin with what this word fetches."""
@@ -65,26 +65,21 @@ class _Machine:
             operands = [self._fetched(words, cycle, word, f"{name}_{'abcd'[k]}") for k in range(OPERANDS[name[:3]])]
             if name != "other":
                 op = {"add": "add", "mul": "multiply"}[name[:3]]
-                self._begin(bank, op, op, cycle, operands)
+                self._begin(bank, op, cycle, operands)
                 continue
-            for op in ("divide", "square_root"):
-                self._begin(bank, op, op, cycle, operands)
             if operands[0] is None and operands[2] is not None and operands[2] == operands[3]:
                 self.results[bank, "select", cycle + FETCH + STAGES["select"]] = operands[2]  # a copy
                 continue
-            by_code = {code: op for op, code in WHAT.items()}
-            op = by_code.get(word.get("what", 0), "select")
-            self._begin(bank, op, "select", cycle, operands)
-            if op == "select":
-                self._begin(bank, "less", "less", cycle, operands)
+            for op in (*CHOICES, "less"):
+                self._begin(bank, op, cycle, operands)
 
-    def _begin(self, bank: int, op: str, kind: str, cycle: int, operands: list[Operand | None]) -> None:
+    def _begin(self, bank: int, op: str, cycle: int, operands: list[Operand | None]) -> None:
         count = {"square_root": 1, "exponent": 1, "mantissa": 1, "select": 4}.get(op, 2)
         fetched = tuple(one for one in operands[:count] if one is not None)
         node = self.known.get((op, fetched))
-        stages = STAGES.get(kind, STAGES["select"])
+        stages = STAGES.get(op, STAGES["select"])
         if node is not None:
-            self.results[bank, kind, cycle + FETCH + stages] = Operand(node, False, False)
+            self.results[bank, op, cycle + FETCH + stages] = Operand(node, False, False)
 
     def _fetched(self, words: list[Word], cycle: int, word: Word, port: str) -> Operand | None:
         if f"{port}_source" not in word:
@@ -95,19 +90,18 @@ class _Machine:
             node = self.memory.get((bank, word[f"{port}_place"]))
             found = None if node is None else Operand(node, False, False)
         else:
-            at = cycle + 1 - (where == DELAYED)
-            found = self._register(bank, at, words[at])
+            found = self._register(bank, cycle + FETCH - 1 - (where == DELAYED), words)
         if found is None:
             raise ValueError(f"microcode reads {port} in cycle {cycle} before it is there")
         return Operand(found.node, bool(word[f"{port}_negative"]), bool(word[f"{port}_magnitude"]))
 
-    def _write(self, cycle: int, word: Word) -> None:
+    def _write(self, words: list[Word], cycle: int, word: Word) -> None:
         for bank, name in enumerate(self.code.machine.banks):
             if word.get(f"{name}_write") or (name == "other" and word.get("out_write")):
-                found = self._register(bank, cycle, word)
+                found = self._register(bank, cycle, words)
                 if found is None:
                     raise ValueError(f"microcode writes nothing of {name} in cycle {cycle}")
-                self._put(bank, name, word, found)
+                self._put(bank, name, word, found, words[cycle - 1].get("condition", 0))
         if word.get("flag_write"):
             asked = sorted({one.of for one in self.graph.predicates if one.question == 0})
             result = self.results.get((self.code.other, "less", cycle))
@@ -115,12 +109,11 @@ class _Machine:
                 raise ValueError(f"microcode takes another comparison for decision {word['flag']}")
             self.flags.add(asked[word["flag"]])
 
-    def _put(self, bank: int, name: str, word: Word, found: Operand) -> None:
+    def _put(self, bank: int, name: str, word: Word, found: Operand, condition: int) -> None:
         place = word.get(f"{name}_place", -1)
         if name == "other" and (word.get("relative") or word.get("out_write")):
             state = {of: number for number, of in self.code.state.items()}
             number = state[place - self.code.half] if word.get("relative") else -1
-            condition = word.get("condition", 0)
             programs = self.code.conditions[condition - 1] if condition else None
             key = (number, word["out"] if word.get("out_write") else -1, programs)
             if key in self.written:

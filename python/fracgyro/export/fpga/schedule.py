@@ -1,8 +1,9 @@
 """List scheduling of a routine onto pipelined units that take an operation every cycle.
 
-Cycle t reads the operands of an operation, t + 1 chooses them, and from t + 2 on its unit works; in t + 2 + stages the
-result stands in the unit's register. An operation may read it from cycle t + 1 + stages on: from that register in the
-first of these cycles, from a second one in the next, from memory afterwards.
+Cycle t reads the operands of an operation from memory, which takes until t + 2; that cycle chooses them, and from t + 3
+on its unit works. In t + 3 + stages the result stands in the unit's register. An operation may read it from cycle
+t + 1 + stages on: from that register in the first of these cycles, from a second one in the next, not at all in the
+third, and from memory afterwards.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from heapq import heappop, heappush
 
 from .routines import Operation, Routine
 
-FETCH = 2  # cycles until the operands are those of the unit
+FETCH = 3  # cycles until the operands are those of the unit
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,7 @@ def schedule(routine: Routine, machine: Machine, wait: int = 0) -> Schedule:
     waiting: list[tuple[int, tuple[int, int], int]] = []  # the earliest cycle, minus its height, place
     ready: list[tuple[tuple[int, int], int]] = []
     slots: dict[int, Slot] = {}
+    results: dict[int, int] = {}  # in which cycle
     taken: set[int] = set()  # cycles in which "other" has a result
     earliest = [0] * len(operations)
     for place, count in enumerate(waits):
@@ -94,14 +96,16 @@ def schedule(routine: Routine, machine: Machine, wait: int = 0) -> Schedule:
             height, place = heappop(ready)
             one = operations[place]
             result = cycle + FETCH + one.stages
-            if not free[one.unit] or (one.unit == "other" and result in taken):
+            between = any(results[producer] == cycle for producer in one.after)  # in no register, not yet in memory
+            if not free[one.unit] or between or (one.unit == "other" and result in taken):
                 later.append((height, place))
                 continue
             slots[place] = Slot(cycle, free[one.unit].pop(0))
+            results[place] = result
             if one.unit == "other":
                 taken.add(result)
             for reader in readers[place]:
-                earliest[reader] = max(earliest[reader], cycle + 1 + one.stages)
+                earliest[reader] = max(earliest[reader], result - FETCH + 1)
                 waits[reader] -= 1
                 if waits[reader] == 0:
                     heappush(waiting, (earliest[reader], heights[reader], reader))

@@ -10,6 +10,7 @@ from .graph import UNBOUNDED, Graph
 from .microcode import DELAYED, MEMORY, RESULT, Microcode
 
 LEVELS = 4  # choices in a row in one cycle
+CONVERT = 5  # cycles from a new phase until the first of its parts is a number
 BIAS = 129  # what the exponent of a normal number inside exceeds that of float32 by
 
 
@@ -33,7 +34,7 @@ def fields(code: Microcode) -> list[Field]:
         widths |= {f"{port}_{name}": 1 for name in ("relative", "negative", "magnitude")}
     for bank in banks:
         widths |= {f"{bank}_write": 1, f"{bank}_place": address}
-    widths |= {"relative": 1, "condition": _bits(len(code.conditions) + 1), "what": 3, "from": 2}
+    widths |= {"relative": 1, "condition": _bits(len(code.conditions) + 1), "what": 3}
     widths |= {"flag_write": 1, "flag": _bits(len(compared(code.graph))), "out_write": 1, "out": _bits(outputs)}
     widths |= {"settled": 1, "last": 1}
     found, low = [], 0
@@ -51,9 +52,9 @@ def compared(graph: Graph) -> list[int]:
 def deciding(graph: Graph) -> int:
     """Cycles from the last comparison until it is known what all of them lead to.
 
-    One is that of the predicates, one that of what is read off the program.
+    One is that of the predicates, one that of what is read off the program, one that of comparing it.
     """
-    return 2 + max(graph.levels[root] for root in graph.roots) // LEVELS
+    return 3 + max(graph.levels[root] for root in graph.roots) // LEVELS
 
 
 def microcode_hex(code: Microcode) -> str:
@@ -100,18 +101,25 @@ def values(code: Microcode) -> dict[str, Any]:
     parts = [(node, graph.inputs[graph.nodes[node].bits]) for node in code.given if graph.nodes[node].op == "input"]
     measured = {one.measured: code.given[node] for node, one in parts if one.measured >= 0}
     turning = [(node, one) for node, one in parts if one.measured < 0]
-    phases = sorted({(one.start, one.increment, one.word) for _, one in turning})
+    phases = _phases(graph)
     program_of = {program: k for k, one in enumerate(code.schedules) for program in one.routine.programs}
-    integers = [place for place in graph.integers if graph.words[place].varies]
+    integers = _integers(graph)
+    rest = max(len(turning) + CONVERT, deciding(graph) + 1)
     return {
         "words": len(code.words),
         "width": layout[-1].low + layout[-1].width,
         "programs": len(graph.programs),
         "machine": f"{code.machine.adders} adders, {code.machine.multipliers} multipliers",
-        "report_bits": _bits(graph.reported),
+        "reported": graph.reported,
+        "numbers": len(code.state),
+        "whole_words": _whole_words(code),
+        "forces": [(code.state[word], axis) for word, axis in zip(graph.force, "xy", strict=True)],
+        "in_bits": _bits(4 + state_words(code)),
+        "read_bits": _bits(graph.reported + state_words(code)),
         "pc_bits": _bits(len(code.words) + 1),
         "program_bits": _bits(len(graph.programs)),
-        "part_bits": _bits(max(len(turning) + 3, deciding(graph) + 2)),
+        "part_bits": _bits(rest + 1),
+        "convert": CONVERT,
         "source_bits": _bits(3 * len(code.machine.banks)),
         "address_bits": code.address_bits,
         "out_bits": _bits(outputs),
@@ -127,7 +135,7 @@ def values(code: Microcode) -> dict[str, Any]:
         "bases": [(program, code.bases[program_of[program]]) for program in sorted(program_of)],
         "start_base": code.bases[-1],
         "conditions": [sorted(one) for one in code.conditions],
-        "rest": max(len(turning) + 2, deciding(graph) + 1),
+        "rest": rest,
         "measured": [measured.get(k, max(code.given.values(), default=0) + 1) for k in range(4)],
         "phases": [dict(zip(("start", "increment", "word"), one, strict=True)) for one in phases],
         "parts": [
@@ -137,6 +145,34 @@ def values(code: Microcode) -> dict[str, Any]:
         "banks": code.machine.banks,
         "ports": list(_ports(code)),
     }
+
+
+def state_words(code: Microcode) -> int:
+    """Of 32 bits, that are the state: numbers, integers, phases of the reference."""
+    return len(code.state) + len(_whole_words(code))
+
+
+def _whole_words(code: Microcode) -> list[str]:
+    """The integers of the state and the phases, in pieces of at most 32 bits."""
+    graph = code.graph
+    whole = [part for place in _integers(graph) for part in _parts(f"i{place}", _width(graph, place))]
+    return whole + [part for number in range(len(_phases(graph))) for part in _parts(f"phase{number}", 64)]
+
+
+def _integers(graph: Graph) -> list[int]:
+    return [place for place in graph.integers if graph.words[place].varies]
+
+
+def _phases(graph: Graph) -> list[tuple[int, int, int]]:
+    """Start, increment and word of each."""
+    return sorted({(one.start, one.increment, one.word) for one in graph.inputs if one.measured < 0})
+
+
+def _parts(name: str, width: int) -> list[str]:
+    """An integer in pieces of at most 32 bits, the least first."""
+    if width <= 32:
+        return [name]
+    return [f"{name}[{min(low + 32, width) - 1}:{low}]" for low in range(0, width, 32)]
 
 
 def _bits(count: int) -> int:
