@@ -389,7 +389,7 @@ endmodule
 //     0  a < b ? yes : no, and a < b     1  |b| with the sign of a
 //     2  the mantissa of a > 0, in [sqrt(1/2), sqrt(2))
 //     3  a·2^n, n being the integer in the last places of b = n + 1.5·2^23
-//     4, 5, 6  exponent, quotient, root
+//     4, 5, 6  exponent, quotient, root     7  no
 module fp_choose (
     input wire clk,
     input wire [2:0] what,
@@ -418,7 +418,8 @@ module fp_choose (
             3'd3: z <= {a[32], a[31:23] + b[8:0], a[22:0]};
             3'd4: z <= exponent;
             3'd5: z <= quotient;
-            default: z <= root;
+            3'd6: z <= root;
+            default: z <= no;
         endcase
     end
 endmodule

@@ -18,7 +18,7 @@ from .graph import Graph, trace
 from .microcode import Microcode
 from .proof import check
 from .routines import routines
-from .schedule import Machine, schedule
+from .schedule import Machine, Wires, schedule
 from .verilog import constants_hex, deciding, microcode_hex, state_words, values
 
 ENTRY = 3  # cycles from `start` to the first word of microcode
@@ -56,7 +56,8 @@ def fpga(scenario: Scenario, folder: str | os.PathLike[str], *, unbounded: bool 
 def compiled(graph: Graph, machine: Machine) -> Microcode:
     """What a traced controller becomes on this machine, proved to compute its graph."""
     wait = deciding(graph)
-    code = Microcode(graph, machine, [schedule(one, machine, wait) for one in routines(graph)])
+    wires: Wires = set()
+    code = Microcode(graph, machine, [schedule(one, machine, wires, wait) for one in routines(graph)])
     check(code)
     return code
 

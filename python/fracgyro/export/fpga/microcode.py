@@ -11,12 +11,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from .graph import SOURCES_OF_NUMBERS, Graph, Op, Operand
-from .schedule import FETCH, Machine, Schedule
+from .graph import SOURCES_OF_NUMBERS, Graph, Operand
+from .schedule import COPIED, FETCH, Machine, Schedule
 
-MEMORY, RESULT, DELAYED = range(3)  # where an operand comes from
+MEMORY, RESULT = range(2)  # where an operand comes from
 # What fp_choose makes the result of "other".
-CHOICES: tuple[Op, ...] = ("select", "copy_sign", "mantissa", "scale", "exponent", "divide", "square_root")
+CHOICES = ("select", "copy_sign", "mantissa", "scale", "exponent", "divide", "square_root", "copy")
 OPERANDS = {"add": 2, "mul": 2, "oth": 4}
 
 Word = dict[str, int]
@@ -106,9 +106,8 @@ class _Writer:
             slot, result = self.scheduled.slots[place], self.scheduled.result(place)
             name = banks[slot.bank]
             read, written = found[slot.cycle], found[result]
-            # What is only copied is both of what could be chosen.
-            fetched = one.operands if one.node >= 0 else one.operands * 2
-            for port, operand in enumerate(fetched, 0 if one.node >= 0 else 2):
+            fetched = reversed(one.operands) if slot.swapped else one.operands
+            for port, operand in enumerate(fetched, 0 if one.node >= 0 else COPIED):
                 read |= self._fetch(f"{name}_{'abcd'[port]}", operand, slot.cycle)
             written |= {f"{name}_write": 1, f"{name}_place": self.addresses[place]}
             if name == "other":
@@ -119,7 +118,7 @@ class _Writer:
 
     def _other(self, place: int, before: Word, written: Word) -> None:
         one = self.operations[place]
-        before["what"] = CHOICES.index("select" if one.op == "less" else one.op)
+        before["what"] = CHOICES.index("copy" if one.node < 0 else "select" if one.op == "less" else one.op)
         if one.op == "less":
             asked = [p.of for p in self.code.graph.predicates if p.question == 0]
             written |= {"other_write": 0, "flag_write": 1, "flag": sorted(set(asked)).index(one.node)}
@@ -135,10 +134,9 @@ class _Writer:
         if node.op in SOURCES_OF_NUMBERS:
             state = node.op == "state"
             place = self.code.state[node.bits] if state else self.code.given[operand.node]
-            return found | {f"{port}_source": 3 * other, f"{port}_place": place, f"{port}_relative": int(state)}
+            return found | {f"{port}_source": 2 * other, f"{port}_place": place, f"{port}_relative": int(state)}
         producer = self.made[operand.node]
         bank = self.scheduled.slots[producer].bank
-        late = cycle + FETCH - 1 - self.scheduled.result(producer)
-        if late <= 1:
-            return found | {f"{port}_source": 3 * bank + (DELAYED if late else RESULT)}
-        return found | {f"{port}_source": 3 * bank, f"{port}_place": self.addresses[producer]}
+        if cycle + FETCH - 1 == self.scheduled.result(producer):
+            return found | {f"{port}_source": 2 * bank + RESULT}
+        return found | {f"{port}_source": 2 * bank, f"{port}_place": self.addresses[producer]}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from .graph import SOURCES_OF_NUMBERS, Graph, Operand
-from .microcode import CHOICES, DELAYED, MEMORY, OPERANDS, Microcode, Word
+from .microcode import CHOICES, MEMORY, OPERANDS, Microcode, Word
 from .routines import STAGES, Routine
 from .schedule import FETCH
 
@@ -67,16 +67,15 @@ class _Machine:
                 op = {"add": "add", "mul": "multiply"}[name[:3]]
                 self._begin(bank, op, cycle, operands)
                 continue
-            if operands[0] is None and operands[2] is not None and operands[2] == operands[3]:
-                self.results[bank, "select", cycle + FETCH + STAGES["select"]] = operands[2]  # a copy
-                continue
-            for op in (*CHOICES, "less"):
+            if operands[3] is not None:
+                self.results[bank, "copy", cycle + FETCH + STAGES["select"]] = operands[3]
+            for op in ("less", *CHOICES):
                 self._begin(bank, op, cycle, operands)
 
     def _begin(self, bank: int, op: str, cycle: int, operands: list[Operand | None]) -> None:
         count = {"square_root": 1, "exponent": 1, "mantissa": 1, "select": 4}.get(op, 2)
         fetched = tuple(one for one in operands[:count] if one is not None)
-        node = self.known.get((op, fetched))
+        node = self.known.get((op, fetched), self.known.get((op, fetched[::-1])) if op in ("add", "multiply") else None)
         stages = STAGES.get(op, STAGES["select"])
         if node is not None:
             self.results[bank, op, cycle + FETCH + stages] = Operand(node, False, False)
@@ -84,13 +83,13 @@ class _Machine:
     def _fetched(self, words: list[Word], cycle: int, word: Word, port: str) -> Operand | None:
         if f"{port}_source" not in word:
             return None
-        bank, where = divmod(word[f"{port}_source"], 3)
+        bank, where = divmod(word[f"{port}_source"], 2)
         found: Operand | None
         if where == MEMORY:
             node = self.memory.get((bank, word[f"{port}_place"]))
             found = None if node is None else Operand(node, False, False)
         else:
-            found = self._register(bank, cycle + FETCH - 1 - (where == DELAYED), words)
+            found = self._register(bank, cycle + FETCH - 1, words)
         if found is None:
             raise ValueError(f"microcode reads {port} in cycle {cycle} before it is there")
         return Operand(found.node, bool(word[f"{port}_negative"]), bool(word[f"{port}_magnitude"]))

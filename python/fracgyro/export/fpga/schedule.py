@@ -1,9 +1,11 @@
 """List scheduling of a routine onto pipelined units that take an operation every cycle.
 
 Cycle t reads the operands of an operation from memory, which takes until t + 2; that cycle chooses them, and from t + 3
-on its unit works. In t + 3 + stages the result stands in the unit's register. An operation may read it from cycle
-t + 1 + stages on: from that register in the first of these cycles, from a second one in the next, not at all in the
-third, and from memory afterwards.
+on its unit works. In t + 3 + stages the result stands in the unit's register. An operation may read it from that
+register in cycle t + 1 + stages, from memory three cycles later, and not in between.
+
+What every operand is read from is wired: a choice between few sources is fast and small. So an operation goes to the
+unit, and a sum or a product has its operands in the order, that need the fewest wires that are not there yet.
 """
 
 from __future__ import annotations
@@ -14,6 +16,9 @@ from heapq import heappop, heappush
 from .routines import Operation, Routine
 
 FETCH = 3  # cycles until the operands are those of the unit
+IN_MEMORY = 3  # cycles from the first one in which a result can be read until it can be read from memory
+FORCES = (0, 1)  # ports
+COPIED = 3  # the operand of fp_choose that is copied
 
 
 @dataclass(frozen=True)
@@ -28,6 +33,11 @@ class Machine:
         """The units that have a memory of their own for their results."""
         return [*(f"add{k}" for k in range(self.adders)), *(f"mul{k}" for k in range(self.multipliers)), "other"]
 
+    @property
+    def last(self) -> int:
+        """The bank that has state, inputs and constants."""
+        return self.adders + self.multipliers
+
     def of(self, unit: str) -> list[int]:
         """The banks of a kind of unit."""
         first = {"add": 0, "multiply": self.adders, "other": self.adders + self.multipliers}[unit]
@@ -40,6 +50,7 @@ class Slot:
 
     cycle: int
     bank: int
+    swapped: bool = False  # the operands of a sum or a product
 
 
 @dataclass(frozen=True)
@@ -58,7 +69,7 @@ class Schedule:
         last = [
             self.result(place)
             for place, one in enumerate(self.routine.operations)
-            if one.op == "less" or (one.output is not None and one.output.port in (0, 1))
+            if one.op == "less" or (one.output is not None and one.output.port in FORCES)
         ]
         return max(last, default=0) + 1 + self.wait
 
@@ -67,9 +78,14 @@ class Schedule:
         return max(*map(self.result, range(len(self.slots))), self.settled - 1) + 2
 
 
-def schedule(routine: Routine, machine: Machine, wait: int = 0) -> Schedule:
-    """What the forces and the decisions need comes first, then what has most to come after it."""
+Wire = tuple[int, int, int, bool]  # bank, operand; from the memory of which bank, or from its register
+Wires = set[Wire]
+
+
+def schedule(routine: Routine, machine: Machine, wires: Wires, wait: int = 0) -> Schedule:
+    """What the forces and the decisions need comes first, then what has most to come after it. Adds to the wires."""
     operations = routine.operations
+    made = {one.node: place for place, one in enumerate(operations) if one.node >= 0}
     heights = _heights(operations)
     readers: list[list[int]] = [[] for _ in operations]
     waits = [len(one.after) for one in operations]
@@ -96,11 +112,18 @@ def schedule(routine: Routine, machine: Machine, wait: int = 0) -> Schedule:
             height, place = heappop(ready)
             one = operations[place]
             result = cycle + FETCH + one.stages
-            between = any(results[producer] == cycle for producer in one.after)  # in no register, not yet in memory
-            if not free[one.unit] or between or (one.unit == "other" and result in taken):
+            ages = [cycle + FETCH - 1 - results[producer] for producer in one.after]
+            urgent = one.output is None or one.output.port in FORCES  # other copies wait for memory
+            readable = all(age >= IN_MEMORY or (age == 0 and urgent) for age in ages)
+            if not free[one.unit] or not readable or (one.unit == "other" and result in taken):
                 later.append((height, place))
                 continue
-            slots[place] = Slot(cycle, free[one.unit].pop(0))
+            sources = [
+                (slots[made[of]].bank, cycle + FETCH - 1 == results[made[of]]) if of in made else (machine.last, False)
+                for of in (operand.node for operand in one.operands)
+            ]
+            slots[place] = _cheapest(one, cycle, free[one.unit], sources, wires)
+            free[one.unit].remove(slots[place].bank)
             results[place] = result
             if one.unit == "other":
                 taken.add(result)
@@ -115,6 +138,19 @@ def schedule(routine: Routine, machine: Machine, wait: int = 0) -> Schedule:
     return Schedule(routine, [slots[place] for place in range(len(operations))], wait)
 
 
+def _cheapest(one: Operation, cycle: int, banks: list[int], sources: list[tuple[int, bool]], wires: Wires) -> Slot:
+    found: list[tuple[int, bool, int, Wires]] = []
+    for bank in banks:
+        for swapped in (False, True) if one.unit != "other" else (False,):
+            first = COPIED if one.node < 0 else 0
+            order = enumerate(reversed(sources) if swapped else sources, first)
+            needed = {(bank, operand, *source) for operand, source in order}
+            found.append((len(needed - wires), swapped, bank, needed))
+    _, swapped, bank, needed = min(found, key=lambda each: each[:3])
+    wires |= needed
+    return Slot(cycle, bank, swapped)
+
+
 def _heights(operations: list[Operation]) -> list[tuple[int, int]]:
     """Minus the cycles from each operation to the last force or decision, and to the end."""
     force, end = [0] * len(operations), [0] * len(operations)
@@ -122,7 +158,7 @@ def _heights(operations: list[Operation]) -> list[tuple[int, int]]:
         one = operations[place]
         own = 1 + one.stages
         end[place] += own
-        if one.op == "less" or (one.output is not None and one.output.port in (0, 1)):
+        if one.op == "less" or (one.output is not None and one.output.port in FORCES):
             force[place] = max(force[place], 1)
         if force[place]:
             force[place] += own

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .graph import UNBOUNDED, Graph
-from .microcode import DELAYED, MEMORY, RESULT, Microcode
+from .microcode import MEMORY, RESULT, Microcode
 
 LEVELS = 4  # choices in a row in one cycle
 CONVERT = 5  # cycles from a new phase until the first of its parts is a number
@@ -29,7 +29,7 @@ def fields(code: Microcode) -> list[Field]:
     outputs = len(code.graph.force) + code.graph.reported
     widths: dict[str, int] = {}
     for _, _, port in code.ports():
-        source = _bits(3 * len(banks))
+        source = _bits(2 * len(banks))
         widths |= {f"{port}_source": source, f"{port}_place": address}
         widths |= {f"{port}_{name}": 1 for name in ("relative", "negative", "magnitude")}
     for bank in banks:
@@ -120,7 +120,7 @@ def values(code: Microcode) -> dict[str, Any]:
         "program_bits": _bits(len(graph.programs)),
         "part_bits": _bits(rest + 1),
         "convert": CONVERT,
-        "source_bits": _bits(3 * len(code.machine.banks)),
+        "source_bits": _bits(2 * len(code.machine.banks)),
         "address_bits": code.address_bits,
         "out_bits": _bits(outputs),
         "outputs": outputs,
@@ -251,13 +251,11 @@ def _ports(code: Microcode) -> Iterator[dict[str, Any]]:
         used = sorted({word[f"{name}_source"] for word in code.words if f"{name}_source" in word})
         texts = {}
         for source in used:
-            bank, where = divmod(source, 3)
-            texts[source] = {MEMORY: f"{name}_{banks[bank]}", RESULT: banks[bank], DELAYED: f"{banks[bank]}_delayed"}[
-                where
-            ]
+            bank, where = divmod(source, 2)
+            texts[source] = {MEMORY: f"{name}_{banks[bank]}", RESULT: banks[bank]}[where]
         yield {
             "name": name,
-            "memories": [banks[source // 3] for source in used if source % 3 == MEMORY],
+            "memories": [banks[source // 2] for source in used if source % 2 == MEMORY],
             "sources": list(texts.items())[1:],
             "default": next(iter(texts.values()), "33'd0"),
         }
