@@ -1,4 +1,7 @@
-"""Exported hardware, simulated: its units, whole runs, cycles; writes benchmarks/results/fpga.md."""
+"""Exported hardware, simulated: its units, whole runs, cycles.
+
+Writes benchmarks/results/fpga.md and docs/fpga_schedule.svg: what each unit does in each cycle of a step.
+"""
 
 from __future__ import annotations
 
@@ -12,17 +15,27 @@ from pathlib import Path
 import fracgyro as fg
 import numpy as np
 from fracgyro import _core
+from fracgyro.analysis.style import own_style, svg
 from fracgyro.export.compilers import SOURCES, make, run
 from fracgyro.export.fpga import fpga
+from fracgyro.export.fpga.folder import ENTRY, compiled
+from fracgyro.export.fpga.graph import members, trace
+from fracgyro.export.fpga.interpreter import Interpreter
+from fracgyro.export.fpga.routines import STAGES
+from fracgyro.export.fpga.schedule import FETCH, Machine
 from fracgyro.export.host import answers
 from fracgyro.export.replay import parity_hash
+from fracgyro.files import whole_file
 from fracgyro.parity import PUBLISHED, SCENARIO
 from fracgyro.scenario.to_core import core_setup
 from machine import command, machine, write
+from matplotlib.figure import Figure
 
 ROOT = Path(__file__).resolve().parents[1]
+PICTURE = ROOT / "docs/fpga_schedule.svg"
 VECTORS = 2_000_000
 STEPS = 100_000
+WIDE = ("divide", "square_root")  # drawn from beginning to end: one is seldom begun
 EIGHT = {"run.kernel_tolerance": 2e-2}
 CHECKED = {
     "controller.force_limit": 6000.0,
@@ -97,6 +110,46 @@ def units() -> list[str]:
     return [f"| {name} | {int(count):,} | {differ} | {int(small):,} |" for name, count, differ, small in rows]
 
 
+def picture() -> None:
+    """The routine that most steps take, of the paper's controller with 8 exponentials and a limit of the force."""
+    scenario = SCENARIO.replace(SCENARIOS["8 exponentials, force limit"])
+    graph = trace(scenario)
+    interpreter = Interpreter(graph)
+    for sample in motion_of(scenario.replace({"run.duration": 0.2}), faults=False):
+        interpreter.step(sample)
+    program = max(interpreter.programs, key=lambda one: interpreter.programs[one])
+    code = compiled(graph, Machine())
+    (plan,) = (one for one in code.schedules if program in one.routine.programs)
+    forces = [one for one in plan.routine.operations if one.output is not None and one.output.port in (0, 1)]
+    decided = [one.node for one in plan.routine.operations if one.op == "less"]
+    needed = set(members(graph.computed([*(one.operands[0].node for one in forces), *decided])))
+    rows = ["divide", "square_root", "select", "mul1", "mul0", "add1", "add0"]
+    names = ["quotient", "square root", "choice, copy", "product", "product", "sum", "sum"]
+    kinds = {True: ("tab:blue", "needed for the force"), False: ("0.7", "for later steps")}
+    with own_style():
+        figure = Figure(figsize=(9.0, 3.4), layout="constrained")
+        axes = figure.add_subplot()
+        bars: dict[tuple[int, bool], list[tuple[float, float]]] = {}
+        for place, one in enumerate(plan.routine.operations):
+            bank = code.machine.banks[plan.slots[place].bank]
+            row = rows.index(bank if bank != "other" else one.op if one.op in WIDE else "select")
+            begins, lasts = plan.slots[place].cycle + ENTRY + FETCH, STAGES[one.op] if one.op in WIDE else 0.9
+            bars.setdefault((row, one in forces or one.node in needed), []).append((begins, lasts))
+        for (row, urgent), spans in bars.items():
+            color, label = kinds[urgent]
+            axes.broken_barh(spans, (row - 0.4, 0.8), color=color, linewidth=0, label=label)
+        for cycle, text in ((plan.settled + ENTRY, "force"), (plan.cycles + ENTRY, "done")):
+            axes.axvline(cycle, color="black", linewidth=0.8)
+            axes.annotate(text, (cycle, len(rows) - 0.5), (2, 0), textcoords="offset points", va="bottom")
+        handles = dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
+        figure.legend(handles.values(), handles.keys(), loc="outside upper left", ncols=2)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.set(yticks=range(len(rows)), yticklabels=names, xlabel="cycles from start", xlim=(0, None))
+        with whole_file(PICTURE) as scratch:
+            title = "What the units do in each cycle of a step"
+            scratch.write_text(svg(figure, title), encoding="utf-8", newline="\n")
+
+
 def main() -> None:
     verilator = subprocess.run(["verilator", "--version"], capture_output=True, text=True, check=True).stdout.strip()
     rows, different = [], 0
@@ -138,6 +191,7 @@ def main() -> None:
         *rows,
     ]
     write("fpga", lines)
+    picture()
     if different:
         raise SystemExit("the hardware differs from the firmware")
 
