@@ -1,0 +1,125 @@
+"""Exported hardware, placed and routed for a Lattice ECP5: its clock, and what a step takes with it.
+
+    python benchmarks/fpga_route.py [--jobs N]
+
+Writes benchmarks/results/fpga_route.md. Each route takes ten minutes or more; build/fpga_route keeps what was routed
+of the same design by the same tools, so that the script can be stopped and started again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import re
+import shutil
+import statistics
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from fpga import EIGHT, ROOT, SCENARIO, motion_of
+from fracgyro.export.compilers import make, run
+from fracgyro.export.fpga import fpga
+from machine import command, machine, write
+
+BUILD = ROOT / "build/fpga_route"
+TOOLS = {name: version(f"yowasp-{name}") for name in ("yosys", "nextpnr-ecp5")}
+LIMIT = {"controller.force_limit": 6000.0}
+SIXTEEN = {"run.kernel_tolerance": 5e-5}
+DESIGNS: dict[str, dict[str, Any]] = {
+    "8 exponentials": EIGHT,
+    "8 exponentials, force limit": EIGHT | LIMIT,
+    "16 exponentials": SIXTEEN,
+    "16 exponentials, force limit": SIXTEEN | LIMIT,
+}
+GRADES, SEEDS = (8, 6), (1, 2, 3)
+SOURCES = ["units.v", "controller.v", "spi.v", "controller.hex", "constants.hex", "Makefile"]
+CELLS = {"TRELLIS_COMB": "LUT4", "TRELLIS_FF": "FF", "MULT18X18D": "DSP", "DP16KD": "block RAM"}
+STEPS = 2_000
+
+
+def prepared(name: str) -> tuple[Path, list[float]]:
+    """The folder of a design, synthesized, and its mean cycles from start to force and to ready."""
+    scenario = SCENARIO.replace({**DESIGNS[name], "run.duration": STEPS * SCENARIO.run.step})
+    scratch = BUILD / "scratch"
+    shutil.rmtree(scratch, ignore_errors=True)
+    fpga(scenario, scratch, unbounded=True)
+    text = b"".join((scratch / file).read_bytes() for file in SOURCES) + json.dumps(TOOLS).encode()
+    folder = BUILD / hashlib.sha256(text).hexdigest()[:16]
+    if not (folder / "cycles.json").exists():
+        shutil.rmtree(folder, ignore_errors=True)
+        motion_of(scenario, faults=False).tofile(scratch / "motion")
+        make(scratch, "build/controller")
+        cycles = re.findall(r"([\d.]+) on average", run([str(scratch / "build/controller")], scratch))
+        make(scratch, "build/spi.json", *tool("yosys"))
+        (scratch / "cycles.json").write_text(json.dumps([float(one) for one in cycles]), encoding="utf-8")
+        scratch.rename(folder)
+    return folder, json.loads((folder / "cycles.json").read_text(encoding="utf-8"))
+
+
+def tool(name: str) -> list[str]:
+    return [f"{name.partition('-')[0].upper()}={Path(sys.executable).parent / f'yowasp-{name}'}"]
+
+
+def routed(folder: Path, grade: int, seed: int) -> dict[str, Any]:
+    """What nextpnr reports."""
+    report = folder / f"route_{grade}_{seed}.json"
+    if not report.exists():
+        own = folder / f"own_{grade}_{seed}"
+        shutil.copytree(folder, own, ignore=shutil.ignore_patterns("own_*", "route_*"), dirs_exist_ok=True)
+        device = f"DEVICE=--45k --package CABGA381 --speed {grade}"
+        make(own, "route.log", device, f"SEED={seed}", *tool("nextpnr-ecp5"))
+        (own / "route.json").rename(report)
+        shutil.rmtree(own)
+        print(f"{folder.name}, grade {grade}, seed {seed}: {clock(report):.1f} MHz", file=sys.stderr, flush=True)
+    found: dict[str, Any] = json.loads(report.read_text(encoding="utf-8"))
+    return found
+
+
+def clock(report: Path) -> float:
+    (found,) = json.loads(report.read_text(encoding="utf-8"))["fmax"].values()
+    return float(found["achieved"])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--jobs", type=int, default=2, help="routes at a time")
+    options = parser.parse_args()
+    designs = {name: prepared(name) for name in DESIGNS}
+    wanted = [(name, grade, seed) for seed in SEEDS for grade in GRADES for name in DESIGNS]
+    with ThreadPoolExecutor(options.jobs) as pool:
+        reports = dict(zip(wanted, pool.map(lambda one: routed(designs[one[0]][0], *one[1:]), wanted), strict=True))
+    rows = []
+    for name, (_, (force, ready)) in designs.items():
+        for grade in GRADES:
+            some = [reports[name, grade, seed] for seed in SEEDS]
+            clocks = [float(next(iter(one["fmax"].values()))["achieved"]) for one in some]
+            cells = [f"{some[0]['utilization'][cell]['used']:,}" for cell in CELLS]
+            best = max(clocks)
+            times = [f"{force / best:.2f}", f"{ready / best:.2f}"]
+            middle = f"{statistics.median(clocks):.1f} ({min(clocks):.1f} to {best:.1f})"
+            rows.append(f"| {' | '.join([name, str(grade), *cells, f'{force:.0f}', f'{ready:.0f}', middle, *times])} |")
+    lines = [
+        "# Exported hardware, placed and routed",
+        "",
+        f"Made by `{command()}`.",
+        "",
+        f"Machine: {machine()}; {', '.join(f'{name} {number}' for name, number in TOOLS.items())}.",
+        "",
+        "The paper's controller behind SPI in a Lattice LFE5U-45F (43,848 LUT4 and FF, 72 DSP, 108 block RAM), of its",
+        f"speed grades. Clock: median, least and most of {len(SEEDS)} seeds of the placer; times are those of the best",
+        "seed. Cycles are means of the first 2,000 steps.",
+        "",
+        f"| controller | grade | {' | '.join(CELLS.values())} | cycles to the force | a step | MHz | µs to the force "
+        "| µs a step |",
+        f"|{'---|' * 11}",
+        *rows,
+    ]
+    write("fpga_route", lines)
+
+
+if __name__ == "__main__":
+    main()
