@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 
 import fracgyro as fg
@@ -195,9 +196,13 @@ def test_microcode_that_reads_too_early_is_found(small: Microcode) -> None:
         check(small)
 
 
-def test_microcode_that_overwrites_a_result_is_found(small: Microcode) -> None:
-    first, second = [word for word in small.words[: small.bases[1]] if word.get("mul0_write")][:2]
-    with changed(second, {"mul0_place": first["mul0_place"]}), pytest.raises(ValueError, match="overwrites place"):
+@pytest.mark.parametrize("bank", ["mul0", "other"])
+def test_microcode_that_overwrites_a_result_is_found(small: Microcode, bank: str) -> None:
+    written = [word for word in small.words[: small.bases[1]] if word.get(f"{bank}_write")]
+    places = [word[f"{bank}_place"] for word in written if not word.get("relative")]
+    first, second = next(pair for pair in pairwise(written) if {word[f"{bank}_place"] for word in pair} <= {*places})
+    message = "overwrites place" if bank == "other" else "before it is there|does not write|writes nothing"
+    with changed(second, {f"{bank}_place": first[f"{bank}_place"]}), pytest.raises(ValueError, match=message):
         check(small)
 
 

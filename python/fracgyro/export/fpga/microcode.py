@@ -1,8 +1,9 @@
 """Schedules as microcode: one word a cycle, whose fields say what every unit reads and where results go.
 
-Each operand has memories of its own: a copy of every bank that it reads. A unit's results go to one place each within a
-routine, so that nothing is overwritten. The bank "other" has the words of the state, twice: a routine reads those in
-one half and writes all of those in the other half; then the halves change places. It also has inputs and constants.
+Each operand has memories of its own: a copy of every bank that it reads. Those of sums and products are small: a result
+is there from when it is written until it is read for the last time. The bank "other" has the words of the state, twice:
+a routine reads those in one half and writes all of those in the other half; then the halves change places. It also has
+inputs and constants, and its results have one place each within a routine.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ class Microcode:
     words: list[Word] = field(default_factory=list)
     bases: list[int] = field(default_factory=list)  # where each routine begins
     conditions: list[frozenset[int]] = field(default_factory=list)  # condition k + 1: one of these programs runs
-    most: dict[int, int] = field(default_factory=dict)  # by bank: results of a routine
+    most: dict[int, int] = field(default_factory=dict)  # by bank: places for results
 
     def __post_init__(self) -> None:
         for one in self.schedules:
@@ -63,7 +64,12 @@ class Microcode:
 
     @cached_property
     def address_bits(self) -> int:
-        return max(self.half.bit_length(), max(self.most.values()).bit_length())
+        return self.half.bit_length()
+
+    @property
+    def near_bits(self) -> int:
+        """Of the places of sums and products."""
+        return max(1, (max(self.most[bank] for bank in self.most if bank != self.other) - 1).bit_length())
 
     def ports(self) -> Iterator[tuple[int, int, str]]:
         """Bank, operand, and the name of each operand of each unit."""
@@ -86,18 +92,35 @@ class _Writer:
         self.code, self.scheduled = code, scheduled
         self.operations = scheduled.routine.operations
         self.made = {one.node: place for place, one in enumerate(self.operations) if one.node >= 0}
-        self.addresses: list[int] = []
-        used: dict[int, int] = {}
+        self.addresses = self._near()
+        first = used = code.half + len(code.state)
         for place, one in enumerate(self.operations):
-            bank = scheduled.slots[place].bank
             if one.output is not None and one.output.word >= 0:
-                self.addresses.append(code.half + code.state[one.output.word])
-                continue
-            base = code.half + len(code.state) if bank == code.other else 0
-            self.addresses.append(base + used.get(bank, 0))
-            used[bank] = used.get(bank, 0) + 1
-        for bank, count in used.items():
-            code.most[bank] = max(code.most.get(bank, 0), count)
+                self.addresses[place] = code.half + code.state[one.output.word]
+            elif scheduled.slots[place].bank == code.other:
+                self.addresses[place] = used
+                used += 1
+        code.most[code.other] = max(code.most.get(code.other, 0), used - first)
+
+    def _near(self) -> dict[int, int]:
+        """The place of each sum and product that is read from memory."""
+        scheduled, code = self.scheduled, self.code
+        read: dict[int, int] = {}  # by operation: the last cycle that asks for it
+        for place, one in enumerate(self.operations):
+            cycle = scheduled.slots[place].cycle
+            for producer in one.after:
+                if scheduled.slots[producer].bank != code.other and cycle + FETCH - 1 != scheduled.result(producer):
+                    read[producer] = max(read.get(producer, 0), cycle)
+        found: dict[int, int] = {}
+        until: dict[int, list[int]] = {}  # by bank, of each place: the last cycle that asks for what is there
+        for place in sorted(read, key=scheduled.result):
+            of = until.setdefault(scheduled.slots[place].bank, [])
+            free = [number for number, last in enumerate(of) if last < scheduled.result(place)]
+            found[place] = free[0] if free else len(of)
+            of[found[place] : found[place] + 1] = [read[place]]
+        for bank, of in until.items():
+            code.most[bank] = max(code.most.get(bank, 0), len(of))
+        return found
 
     def words(self) -> list[Word]:
         found: list[Word] = [{} for _ in range(self.scheduled.cycles)]
@@ -109,7 +132,8 @@ class _Writer:
             fetched = reversed(one.operands) if slot.swapped else one.operands
             for port, operand in enumerate(fetched, 0 if one.node >= 0 else COPIED):
                 read |= self._fetch(f"{name}_{'abcd'[port]}", operand, slot.cycle)
-            written |= {f"{name}_write": 1, f"{name}_place": self.addresses[place]}
+            if place in self.addresses:
+                written |= {f"{name}_write": 1, f"{name}_place": self.addresses[place]}
             if name == "other":
                 self._other(place, found[result - 1], written)
         found[self.scheduled.settled]["settled"] = 1

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from .graph import SOURCES_OF_NUMBERS, Graph, Operand
 from .microcode import CHOICES, MEMORY, OPERANDS, Microcode, Word
 from .routines import STAGES, Routine
@@ -40,8 +42,10 @@ class _Machine:
 
     def run(self, words: list[Word]) -> None:
         for cycle, word in enumerate(words):
+            self._write(words, cycle, word, range(self.code.other))
             self._issue(words, cycle, word)
-            self._write(words, cycle, word)
+            self._write(words, cycle, word, [self.code.other])
+            self._compare(cycle, word)
         expected = {
             (one.output.word, one.output.port, one.output.programs): one.operands[0]
             for one in self.routine.operations
@@ -94,13 +98,16 @@ class _Machine:
             raise ValueError(f"microcode reads {port} in cycle {cycle} before it is there")
         return Operand(found.node, bool(word[f"{port}_negative"]), bool(word[f"{port}_magnitude"]))
 
-    def _write(self, words: list[Word], cycle: int, word: Word) -> None:
-        for bank, name in enumerate(self.code.machine.banks):
+    def _write(self, words: list[Word], cycle: int, word: Word, banks: Iterable[int]) -> None:
+        for bank in banks:
+            name = self.code.machine.banks[bank]
             if word.get(f"{name}_write") or (name == "other" and word.get("out_write")):
                 found = self._register(bank, cycle, words)
                 if found is None:
                     raise ValueError(f"microcode writes nothing of {name} in cycle {cycle}")
                 self._put(bank, name, word, found, words[cycle - 1].get("condition", 0))
+
+    def _compare(self, cycle: int, word: Word) -> None:
         if word.get("flag_write"):
             asked = sorted({one.of for one in self.graph.predicates if one.question == 0})
             result = self.results.get((self.code.other, "less", cycle))
@@ -119,6 +126,6 @@ class _Machine:
                 raise ValueError("microcode writes a word twice")
             self.written[key] = found
             return
-        if (bank, place) in self.memory:
+        if bank == self.code.other and (bank, place) in self.memory:
             raise ValueError(f"microcode overwrites place {place} of {name}")
         self.memory[bank, place] = found.node

@@ -1,8 +1,8 @@
 """List scheduling of a routine onto pipelined units that take an operation every cycle.
 
-Cycle t reads the operands of an operation from memory, which takes until t + 2; that cycle chooses them, and from t + 3
-on its unit works. In t + 3 + stages the result stands in the unit's register. An operation may read it from that
-register in cycle t + 1 + stages, from memory three cycles later, and not in between.
+Cycle t asks for the operands of an operation, t + 2 chooses them, and from t + 3 on its unit works. In t + 3 + stages
+the result stands in the unit's register. An operation may read it from that register in cycle t + 1 + stages, from
+memory two cycles later, of the last bank three, and not in between.
 
 What every operand is read from is wired: a choice between few sources is fast and small. So an operation goes to the
 unit, and a sum or a product has its operands in the order, that need the fewest wires that are not there yet.
@@ -16,7 +16,6 @@ from heapq import heappop, heappush
 from .routines import Operation, Routine
 
 FETCH = 3  # cycles until the operands are those of the unit
-IN_MEMORY = 3  # cycles from the first one in which a result can be read until it can be read from memory
 FORCES = (0, 1)  # ports
 COPIED = 3  # the operand of fp_choose that is copied
 
@@ -37,6 +36,10 @@ class Machine:
     def last(self) -> int:
         """The bank that has state, inputs and constants."""
         return self.adders + self.multipliers
+
+    def in_memory(self, bank: int) -> int:
+        """Cycles from the first one in which a result can be read until it can be read from memory."""
+        return 3 if bank == self.last else 2
 
     def of(self, unit: str) -> list[int]:
         """The banks of a kind of unit."""
@@ -112,9 +115,12 @@ def schedule(routine: Routine, machine: Machine, wires: Wires, wait: int = 0) ->
             height, place = heappop(ready)
             one = operations[place]
             result = cycle + FETCH + one.stages
-            ages = [cycle + FETCH - 1 - results[producer] for producer in one.after]
             urgent = one.output is None or one.output.port in FORCES  # other copies wait for memory
-            readable = all(age >= IN_MEMORY or (age == 0 and urgent) for age in ages)
+            readable = all(
+                age >= machine.in_memory(slots[producer].bank) or (age == 0 and urgent)
+                for producer in one.after
+                for age in [cycle + FETCH - 1 - results[producer]]
+            )
             if not free[one.unit] or not readable or (one.unit == "other" and result in taken):
                 later.append((height, place))
                 continue

@@ -33,7 +33,7 @@ def fields(code: Microcode) -> list[Field]:
         widths |= {f"{port}_source": source, f"{port}_place": address}
         widths |= {f"{port}_{name}": 1 for name in ("relative", "negative", "magnitude")}
     for bank in banks:
-        widths |= {f"{bank}_write": 1, f"{bank}_place": address}
+        widths |= {f"{bank}_write": 1, f"{bank}_place": address if bank == banks[-1] else code.near_bits}
     widths |= {"relative": 1, "condition": _bits(len(code.conditions) + 1), "what": 3}
     widths |= {"flag_write": 1, "flag": _bits(len(compared(code.graph))), "out_write": 1, "out": _bits(outputs)}
     widths |= {"settled": 1, "last": 1}
@@ -122,6 +122,7 @@ def values(code: Microcode) -> dict[str, Any]:
         "convert": CONVERT,
         "source_bits": _bits(2 * len(code.machine.banks)),
         "address_bits": code.address_bits,
+        "near_bits": code.near_bits,
         "out_bits": _bits(outputs),
         "outputs": outputs,
         "half": code.half,
