@@ -222,7 +222,11 @@ module fp_mul (
 );
     wire a_zero = a[31:23] == 0, b_zero = b[31:23] == 0;
     wire a_special = a[31:23] == 9'd511, b_special = b[31:23] == 9'd511;
-    reg [47:0] product1, product2;
+    wire [23:0] x = {1'b1, a[22:0]}, y = {1'b1, b[22:0]};
+    reg [35:0] low1;  // parts that a multiplier of 18 bits has
+    reg [23:0] cross1, across1;
+    reg [11:0] high1;
+    reg [47:0] product2;
     reg signed [10:0] exponent1, exponent2;
     reg sign1, nan1, infinite1, zero1, sign2, nan2, infinite2, zero2;
     wire [4:0] places_low, places_high;  // of this exponent, of one more
@@ -231,13 +235,16 @@ module fp_mul (
     fp_places high (exponent1 + 11'sd1, places_high);
     always @(posedge clk) begin
         {high2, low2} <= {places_high, places_low};
-        product1 <= {1'b1, a[22:0]} * {1'b1, b[22:0]};
+        low1 <= x[17:0] * y[17:0];
+        cross1 <= x[17:0] * y[23:18];
+        across1 <= x[23:18] * y[17:0];
+        high1 <= x[23:18] * y[23:18];
         exponent1 <= $signed({2'b00, a[31:23]}) + $signed({2'b00, b[31:23]}) - 11'sd256;
         sign1 <= a[32] ^ b[32];
         nan1 <= (a_special & a[22]) | (b_special & b[22]) | (a_special & b_zero) | (b_special & a_zero);
         infinite1 <= a_special | b_special;
         zero1 <= a_zero | b_zero;
-        product2 <= product1;
+        product2 <= {high1, low1} + {5'd0, {1'b0, cross1} + {1'b0, across1}, 18'd0};
         exponent2 <= exponent1;
         {sign2, nan2, infinite2, zero2} <= {sign1, nan1, infinite1, zero1};
     end

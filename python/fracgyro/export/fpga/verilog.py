@@ -165,8 +165,19 @@ def _integers(graph: Graph) -> list[int]:
 
 
 def _phases(graph: Graph) -> list[tuple[int, int, int]]:
-    """Start, increment and word of each."""
-    return sorted({(one.start, one.increment, one.word) for one in graph.inputs if one.measured < 0})
+    """Start, increment and word of each. The word stays or goes on by one, which the hardware relies on."""
+    found = sorted({(one.start, one.increment, one.word) for one in graph.inputs if one.measured < 0})
+    for word in {word for _, _, word in found}:
+        assert {graph.leaves[leaf][1:] for leaf in _reached(graph, graph.roots[word])} <= {(word, 0), (word, 1)}
+    return found
+
+
+def _reached(graph: Graph, root: int) -> set[int]:
+    """The leaves that a diagram leads to."""
+    diagram = graph.diagrams[root]
+    if diagram.predicate < 0:
+        return {diagram.yes}
+    return _reached(graph, diagram.yes) | _reached(graph, diagram.no)
 
 
 def _parts(name: str, width: int) -> list[str]:
