@@ -174,10 +174,16 @@ def _phases(graph: Graph) -> list[tuple[int, int, int]]:
 
 def _reached(graph: Graph, root: int) -> set[int]:
     """The leaves that a diagram leads to."""
-    diagram = graph.diagrams[root]
-    if diagram.predicate < 0:
-        return {diagram.yes}
-    return _reached(graph, diagram.yes) | _reached(graph, diagram.no)
+    seen, left, found = {root}, [root], set()
+    while left:
+        diagram = graph.diagrams[left.pop()]
+        if diagram.predicate < 0:
+            found.add(diagram.yes)
+            continue
+        fresh = {diagram.yes, diagram.no} - seen
+        seen |= fresh
+        left += fresh
+    return found
 
 
 def _parts(name: str, width: int) -> list[str]:
