@@ -183,14 +183,8 @@ module fp_round (
     input wire zero,
     output reg [32:0] z
 );
-    // Bits from the place of a normal number's last bit on: those that are dropped, and one bit each.
-    reg [27:0] dropped, half, least;
-    integer i;
-    always @* for (i = 0; i < 28; i = i + 1) begin
-        dropped[i] = i < 2 | {1'b0, places} + 6'd2 > i[5:0];
-        half[i] = {1'b0, places} + 6'd1 == i[5:0];
-        least[i] = {1'b0, places} + 6'd2 == i[5:0];
-    end
+    // The bits that are dropped, the first of them, and the last that is kept. Each is a function of `places` only.
+    wire [27:0] dropped = ~(28'hFFFFFFC << places), half = 28'd2 << places, least = 28'd4 << places;
     wire [27:0] whole = {2'b00, value};
     wire up = |(whole & half) & (|(whole & least) | |(whole & dropped & ~half));
     reg [27:0] kept1, unit1;
