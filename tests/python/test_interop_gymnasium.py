@@ -70,7 +70,8 @@ def test_under_the_forces_of_a_run_the_gyroscope_moves_as_in_the_run_bit_for_bit
         assert info["angular_rate"] == pytest.approx(rate, rel=1e-15)
         observation, reward, lost, ended, info = env.step(force)
         assert (lost, ended) == (False, n + 1 >= scenario.run.steps)
-        assert reward == -(float(info["error"][0]) ** 2) - float(info["error"][1]) ** 2
+        x, y = info["error"].tolist()
+        assert reward == -(x * x + y * y)
 
 
 def test_the_reference_and_its_derivatives_are_what_is_to_be_followed() -> None:

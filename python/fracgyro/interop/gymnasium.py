@@ -95,7 +95,8 @@ class _Environment(_Tasked, gymnasium.Env[Vector, Vector]):
         x, y = row.item(ERROR), row.item(ERROR + 1)
         if self._share:
             estimate = min(max(float(action[2]), -1.0), 1.0)
-            reward = -((estimate - self._share * row.item(RATE)) ** 2)
+            difference = estimate - self._share * row.item(RATE)
+            reward = -(difference * difference)  # a power's last bit may depend on the processor
         else:
             reward = -(x * x + y * y)
         lost = not (abs(x) <= self._error_limit and abs(y) <= self._error_limit)
