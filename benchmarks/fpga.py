@@ -21,7 +21,6 @@ from fracgyro.export.fpga import fpga
 from fracgyro.export.fpga.folder import ENTRY, compiled
 from fracgyro.export.fpga.graph import members, trace
 from fracgyro.export.fpga.interpreter import Interpreter
-from fracgyro.export.fpga.routines import STAGES
 from fracgyro.export.fpga.schedule import FETCH, Machine
 from fracgyro.export.host import answers
 from fracgyro.export.replay import parity_hash
@@ -133,7 +132,7 @@ def picture() -> None:
         for place, one in enumerate(plan.routine.operations):
             bank = code.machine.banks[plan.slots[place].bank]
             row = rows.index(bank if bank != "other" else one.op if one.op in WIDE else "select")
-            begins, lasts = plan.slots[place].cycle + ENTRY + FETCH, STAGES[one.op] if one.op in WIDE else 0.9
+            begins, lasts = plan.slots[place].cycle + ENTRY + FETCH, one.stages if one.op in WIDE else 0.9
             bars.setdefault((row, one in forces or one.node in needed), []).append((begins, lasts))
         for (row, urgent), spans in bars.items():
             color, label = kinds[urgent]

@@ -1,6 +1,8 @@
-// The controller behind SPI, mode 0: everything that README.md names, in transfers of 56 bits while cs_n is low.
+// The controller behind SPI, mode 0: everything that README.md names, in transfers of 24 + WORD bits while cs_n is
+// low.
 //
-//     bits, most significant first: 4 command, 12 index, 8 of no meaning, 32 a word, which comes back where it is read
+//     bits, most significant first: 4 command, 12 index, 8 of no meaning, WORD a word, which comes back where it is
+//     read
 //     command 0  read the status: bit 0 ready, bits 1 to 3 that of the last step
 //             1  write a word of the motion (index 0 to 3) or of the state (from 4 on); 2  the same, then start a step
 //             3  read a reported number or a word of the state
@@ -8,7 +10,9 @@
 //
 //     clk has to be at least 8 times as fast as sck. A word that is written while the controller is not ready is lost.
 `default_nettype none
-module fracgyro_spi (
+module fracgyro_spi #(
+    parameter WORD = 32
+) (
     input wire clk,
     input wire reset,
     input wire sck,
@@ -18,8 +22,8 @@ module fracgyro_spi (
     output wire ready,
     // For a converter next to it, as those of fracgyro_controller.
     output wire force_valid,
-    output wire [31:0] force_x,
-    output wire [31:0] force_y
+    output wire [WORD-1:0] force_x,
+    output wire [WORD-1:0] force_y
 );
     reg [2:0] sck_seen, cs_seen;
     reg [1:0] mosi_seen;
@@ -31,34 +35,34 @@ module fracgyro_spi (
     wire selected = !cs_seen[1];
     wire rises = selected & sck_seen[2:1] == 2'b01, falls = selected & sck_seen[2:1] == 2'b10;
 
-    reg [5:0] count;  // of bits
-    reg [31:0] taken, given;
+    reg [6:0] count;  // of bits
+    reg [WORD-1:0] taken, given;
     reg [3:0] command;
     reg [11:0] index;
     reg in_write, start;
     wire done;
     wire [2:0] status;
-    wire [31:0] out_word;
-    assign miso = given[31];
-    wire last = rises & count == 6'd55;
+    wire [WORD-1:0] out_word;
+    assign miso = given[WORD-1];
+    wire last = rises & count == 7'd23 + WORD;
     always @(posedge clk) begin
         in_write <= last & (command == 4'd1 | command == 4'd2);
         start <= last & command == 4'd2;
         if (rises) begin
-            taken <= {taken[30:0], mosi_seen[1]};
-            count <= count + 6'd1;
-            if (count == 6'd15) {command, index} <= {taken[14:0], mosi_seen[1]};
+            taken <= {taken[WORD-2:0], mosi_seen[1]};
+            count <= count + 7'd1;
+            if (count == 7'd15) {command, index} <= {taken[14:0], mosi_seen[1]};
         end
         if (falls) begin
-            if (count == 6'd24)
+            if (count == 7'd24)
                 case (command)
-                    4'd0: given <= {28'd0, status, ready};
+                    4'd0: given <= {{(WORD - 4) {1'b0}}, status, ready};
                     4'd3: given <= out_word;
                     default: given <= index[0] ? force_y : force_x;
                 endcase
             else given <= given << 1;
         end
-        if (!selected | reset) count <= 6'd0;
+        if (!selected | reset) count <= 7'd0;
     end
     fracgyro_controller controller (
         .clk(clk),

@@ -1,5 +1,6 @@
-// Answers every motion in the file "motion" (x, y and their rates as float32, one sample after another) with a row in
-// the file "answer": status, force x, y, and what the controller reported before it. Prints how many cycles that took.
+// Answers every motion in the file "motion" (x, y and their rates, one sample after another) with a row in the file
+// "answer": status, force x, y, and what the controller reported before it. Numbers are float32 or, with a fixed point,
+// int64: times 2^28. Prints how many cycles that took.
 #include "Vfracgyro_controller.h"
 #include "controller.h"
 #include "verilated.h"
@@ -26,6 +27,19 @@ struct Range {
     }
 };
 
+#if FRACGYRO_FRACTION
+using Word = std::int64_t;
+constexpr int unused = 64 - FRACGYRO_WORD;  // bits of it
+std::uint64_t handed(Word word) { return static_cast<std::uint64_t>(word) << unused >> unused; }
+Word taken(std::uint64_t bits) { return static_cast<Word>(bits << unused) >> unused; }
+Word number(int whole) { return Word{whole} << FRACGYRO_FRACTION; }
+#else
+using Word = std::uint32_t;
+Word handed(Word word) { return word; }
+Word taken(std::uint32_t bits) { return bits; }
+Word number(int whole) { return std::bit_cast<Word>(static_cast<float>(whole)); }
+#endif
+
 Vfracgyro_controller top;
 std::uint64_t cycle = 0;
 
@@ -49,8 +63,8 @@ int main() {
     std::FILE* const in = std::fopen("motion", "rb");
     std::FILE* const out = std::fopen("answer", "wb");
     if (in == nullptr || out == nullptr) {
-        std::fprintf(stderr, in == nullptr ? "the file motion is missing: x, y and their rates as float32, one sample "
-                                             "after another\n"
+        std::fprintf(stderr, in == nullptr ? "the file motion is missing: x, y and their rates, one sample after "
+                                             "another\n"
                                            : "the file answer cannot be written\n");
         return 1;
     }
@@ -59,8 +73,8 @@ int main() {
     tick();
     top.reset = 0;
     Range force, step;
-    std::array<std::uint32_t, 4> motion{};
-    std::array<std::uint32_t, 3 + FRACGYRO_REPORTED> row{};
+    std::array<Word, 4> motion{};
+    std::array<Word, 3 + FRACGYRO_REPORTED> row{};
     while (std::fread(motion.data(), sizeof motion, 1, in) == 1) {
         for (const std::uint64_t from = cycle; !top.ready; tick()) {
             if (cycle - from > most_cycles) {
@@ -70,7 +84,7 @@ int main() {
         for (std::uint32_t k = 0; k < 4; ++k) {
             top.in_write = 1;
             top.in_index = k;
-            top.in_word = motion[k];
+            top.in_word = handed(motion[k]);
             top.start = k == 3;
             if (k < 3) {
                 tick();
@@ -92,15 +106,15 @@ int main() {
             }
         }
         step.add(cycle - started);
-        row[0] = std::bit_cast<std::uint32_t>(static_cast<float>(top.status));
-        row[1] = top.force_x;
-        row[2] = top.force_y;
+        row[0] = number(top.status);
+        row[1] = taken(top.force_x);
+        row[2] = taken(top.force_y);
         for (std::uint32_t k = 0; k < FRACGYRO_REPORTED; ++k) {
             top.out_index = k;
             for (int cycles = 0; cycles < 4; ++cycles) {
                 tick();
             }
-            row[3 + k] = top.out_word;
+            row[3 + k] = taken(top.out_word);
         }
         if (std::fwrite(row.data(), sizeof row, 1, out) != 1) {
             return 1;

@@ -1,37 +1,25 @@
 // Records a controller with its guard and writes what exported hardware computes, as JSON.
 //
-//     trace NUMBERS OBSERVER POLES WEIGHTS      the numbers of a run in the order of settings.hpp, the bandwidth of the
-//                                               observer and the exponentials, each a list in quotes
+//     trace NUMBERS OBSERVER POLES WEIGHTS      the numbers that chosen.hpp describes
+//
+//    Compiled with FRACGYRO_FIXED 0, for float, or 1, for a fixed point.
 //
 //    A step is run once for each way through its decisions, all of which begin with the state unknown. Words that never
 //    change are constants; that is found by beginning with all constant and going on with what was found to change,
 //    until nothing else does. What each word becomes is a diagram: decisions to its leaves, equal ones kept once.
 #include "trace.hpp"
 
-#include "fracgyro/control/guard.hpp"
+#include "chosen.hpp"
 #include "fracgyro/sim/aggregate.hpp"
-#include "fracgyro/sim/settings.hpp"
 
 #include <cinttypes>
 #include <cstdio>
-#include <cstdlib>
 #include <optional>
 
 namespace fracgyro::trace {
 namespace {
 
-// FRACGYRO_KIND, _CHOSEN, _OBSERVED, _CAPACITY: which controller, as the firmware's coefficients say it.
-using Registered = RegisteredController<Traced, FRACGYRO_KIND, FRACGYRO_CHOSEN>;
-using Sized = typename SizedController<Registered, FRACGYRO_CAPACITY>::Type;
-template <class C, bool observed>
-struct Seen {
-    using Type = C;
-};
-template <class C>
-struct Seen<C, true> {
-    using Type = typename FromPositions<C>::Type;
-};
-using Guarded = Guard<typename Seen<Sized, FRACGYRO_OBSERVED>::Type>;
+using Guarded = ChosenController<Traced>;
 
 constexpr std::size_t most_paths = 200'000;
 
@@ -68,7 +56,7 @@ Became became(const Count& count) { return {.word = count.word, .offset = count.
 struct Word {
     int bits = 0;  // of an integer
     bool varies = false;
-    float initial = 0.0F;
+    Number initial{};
     Bounds bounds{};
 };
 
@@ -118,7 +106,7 @@ struct Tracer {
         walk(state, [&]<class Value>(Value& value) {
             if constexpr (std::same_as<Value, Traced>) {
                 if (words[at].varies) {
-                    value = Traced::of({.op = Op::state, .bits = static_cast<std::uint32_t>(at)});
+                    value = Traced::of({.op = Op::state, .bits = static_cast<std::int64_t>(at)});
                 }
                 ++at;
                 r.bounds.push_back({});
@@ -129,8 +117,7 @@ struct Tracer {
             }
         });
         const auto measured = [&](int place) {
-            const auto input = static_cast<std::uint32_t>(r.inputs.of({.measured = place}));
-            return Traced::of({.op = Op::input, .bits = input});
+            return Traced::of({.op = Op::input, .bits = r.inputs.of({.measured = place})});
         };
         const auto report = Guarded::report(state, coefficients);
         Guarded::step(state, coefficients,
@@ -275,7 +262,7 @@ void write(Tracer& t) {
     std::printf("{\n\"paths\": %zu,\n", t.results.size());
     list("nodes", r.nodes.things, ",", [](const Node& n) {
         const auto& o = n.operands;
-        std::printf("[%d,%" PRIu32 ",%d,%d,%d,%d]", static_cast<int>(n.op), n.bits, o[0], o[1], o[2], o[3]);
+        std::printf("[%d,%" PRId64 ",%d,%d,%d,%d]", static_cast<int>(n.op), n.bits, o[0], o[1], o[2], o[3]);
     });
     list("inputs", r.inputs.things, ",", [](const Input& i) {
         std::printf("[%d,%d,%" PRIu64 ",%" PRIu64 ",%d]", i.measured, static_cast<int>(i.what), i.start, i.increment,
@@ -284,9 +271,9 @@ void write(Tracer& t) {
     list("predicates", r.predicates.things, ",",
          [](const Predicate& p) { std::printf("[%d,%d,%" PRId64 "]", static_cast<int>(p.question), p.of, p.limit); });
     list("words", t.words, ",", [](const Word& w) {
-        std::printf("[%d,%d,%" PRIu32 ",%" PRId64 ",%" PRId64 "]", w.bits,
-                    static_cast<int>(w.bits > 0 ? w.bounds.low != w.bounds.high : w.varies),
-                    std::bit_cast<std::uint32_t>(w.initial), w.bounds.low, w.bounds.high);
+        std::printf("[%d,%d,%" PRId64 ",%" PRId64 ",%" PRId64 "]", w.bits,
+                    static_cast<int>(w.bits > 0 ? w.bounds.low != w.bounds.high : w.varies), bits_of(w.initial),
+                    w.bounds.low, w.bounds.high);
     });
     list("force", t.force, ",", [](std::size_t word) { std::printf("%zu", word); });
     list("leaves", t.leaves.things, ",",
@@ -305,17 +292,6 @@ void write(Tracer& t) {
     list("roots", roots, "}", [](int root) { std::printf("%d", root); });
 }
 
-std::vector<double> numbers_of(const char* text) {
-    std::vector<double> found;
-    for (char* end = nullptr;; text = end) {
-        const double number = std::strtod(text, &end);
-        if (end == text) {
-            return found;
-        }
-        found.push_back(number);
-    }
-}
-
 }  // namespace
 }  // namespace fracgyro::trace
 
@@ -324,9 +300,7 @@ int main(int count, char** words) {
     if (count != 5) {
         return 1;
     }
-    const auto setup = fracgyro::setup_from(FRACGYRO_KIND, numbers_of(words[1]), numbers_of(words[2]).front(),
-                                            numbers_of(words[3]), numbers_of(words[4]));
-    Tracer tracer(fracgyro::prepare<Guarded>(setup.controller, setup.common));
+    Tracer tracer(fracgyro::chosen_coefficients<Guarded>(words));
     if (!tracer.traceable) {
         std::fprintf(stderr, "counters in its state choose what is computed, which is not traced\n");
         return 2;
@@ -337,6 +311,10 @@ int main(int count, char** words) {
             std::fprintf(stderr, "a step has more than %zu ways through it\n", most_paths);
             return 2;
         }
+    }
+    if (recorder().powers) {
+        std::fprintf(stderr, "powers other than the square root are not computed with a fixed point\n");
+        return 2;
     }
     write(tracer);
     return 0;

@@ -1,13 +1,14 @@
 // A number that records what is computed with it. The core, run on it once for each way through its decisions, leaves a
 // graph of operations: what exported hardware computes.
 //
-//    Equal operations are recorded once. Constants are computed in float, at once. What only changes a sign costs
-//    nothing: it is part of an operand. Integers and switches of a state (`Kept` in core/scalar.hpp) are recorded as a
-//    word of the state and what was added to it; a comparison of numbers or words that becomes a bool is a decision,
-//    which is answered as the present path says.
+//    Equal operations are recorded once. Constants are computed at once, in the number that the hardware has: float or,
+//    where FRACGYRO_FIXED is 1, one with a fixed point. What only changes a sign costs nothing: it is part of an
+//    operand. Integers and switches of a state (`Kept` in core/scalar.hpp) are recorded as a word of the state and what
+//    was added to it; a comparison of numbers or words that becomes a bool is a decision, which is answered as the
+//    present path says.
 #pragma once
 
-#include "fracgyro/control/reference.hpp"
+#include "fixed.hpp"
 
 #include <cstdint>
 #include <algorithm>
@@ -16,6 +17,15 @@
 #include <vector>
 
 namespace fracgyro::trace {
+
+#if FRACGYRO_FIXED
+using Number = Fixed48;
+#else
+using Number = float;
+#endif
+constexpr bool is_fixed = FRACGYRO_FIXED;
+constexpr std::int64_t bits_of(float a) { return std::bit_cast<std::uint32_t>(a); }
+constexpr std::int64_t bits_of(Fixed48 a) { return a.places; }
 
 enum class Op {
     constant,
@@ -37,7 +47,7 @@ enum class Op {
 struct Node {
     Op op{};
     std::array<int, 4> operands{-1, -1, -1, -1};
-    std::uint32_t bits = 0;  // of a constant; the place among words or inputs
+    std::int64_t bits = 0;  // of a constant; the place among words or inputs
     auto operator<=>(const Node&) const = default;
 };
 
@@ -91,6 +101,7 @@ struct Recorder {
     std::size_t place = 0;
     std::map<int, bool> answered;
     std::vector<Bounds> bounds;
+    bool powers = false;  // something was raised to one
 
     bool decide(const Predicate& predicate) {
         const int number = predicates.of(predicate);
@@ -125,13 +136,13 @@ inline Recorder& recorder() {
 // A number: a constant, or a node with what becomes of its sign.
 struct Traced {
     int node = -1;
-    float value = 0.0F;
+    Number value{};
     bool negative = false, magnitude = false;
 
     constexpr Traced() = default;
     template <class One>
-        requires std::is_arithmetic_v<One>
-    constexpr explicit Traced(One a) : value(static_cast<float>(a)) {}
+        requires(std::is_arithmetic_v<One> || std::same_as<One, Number>)
+    constexpr explicit Traced(One a) : value(static_cast<Number>(a)) {}
     static Traced of(const Node& recorded) {
         Traced traced;
         traced.node = recorder().nodes.of(recorded);
@@ -140,8 +151,7 @@ struct Traced {
 
     bool constant() const { return node < 0; }
     int operand() const {
-        const int number =
-            constant() ? recorder().nodes.of({.op = Op::constant, .bits = std::bit_cast<std::uint32_t>(value)}) : node;
+        const int number = constant() ? recorder().nodes.of({.op = Op::constant, .bits = bits_of(value)}) : node;
         return 4 * number + (magnitude ? 2 : 0) + (negative ? 1 : 0);
     }
     constexpr Traced operator-() const {
@@ -151,13 +161,16 @@ struct Traced {
         return result;
     }
     friend Traced absolute(Traced a) {
-        a.value = std::fabs(a.value);
+        a.value = fracgyro::absolute(a.value);
         a.negative = false;
         a.magnitude = !a.constant();
         return a;
     }
     friend Traced operator+(Traced a, Traced b) {
-        return a.constant() && b.constant() ? Traced(a.value + b.value) : either_way(Op::add, a, b);
+        if (a.constant() && b.constant()) {
+            return Traced(a.value + b.value);
+        }
+        return a.is_nothing() ? b : b.is_nothing() ? a : either_way(Op::add, a, b);
     }
     friend Traced operator-(Traced a, Traced b) { return a + -b; }
     friend Traced operator*(Traced a, Traced b) {
@@ -165,6 +178,9 @@ struct Traced {
             return Traced(a.value * b.value);
         }
         const bool changed = take_sign(a) != take_sign(b);
+        if (a.is_nothing() || b.is_nothing()) {
+            return Traced(0.0);
+        }
         const Traced product = a.is_one() ? b : b.is_one() ? a : either_way(Op::multiply, a, b);
         return changed ? -product : product;
     }
@@ -177,7 +193,7 @@ struct Traced {
         return changed ? -quotient : quotient;
     }
     friend Traced square_root(Traced a) {
-        return a.constant() ? Traced(std::sqrt(a.value))
+        return a.constant() ? Traced(square_root(a.value))
                             : of({.op = Op::square_root, .operands = {a.operand(), -1, -1, -1}});
     }
     friend Traced if_less(Traced a, Traced b, Traced yes, Traced no) {
@@ -189,7 +205,7 @@ struct Traced {
     }
     friend Traced with_sign_of(Traced sign, Traced magnitude) {
         if (sign.constant() && magnitude.constant()) {
-            return Traced(std::copysign(magnitude.value, sign.value));
+            return Traced(with_sign_of(sign.value, magnitude.value));
         }
         return of({.op = Op::copy_sign, .operands = {sign.operand(), magnitude.operand(), -1, -1}});
     }
@@ -202,13 +218,17 @@ struct Traced {
     }
 
 private:
-    bool is_one() const { return constant() && value == 1.0F; }
+    bool is_one() const { return constant() && value == Number(1.0); }
+    // Of a fixed point, which has one 0 and nothing that is not a number: what is added to it or multiplied by it.
+    bool is_nothing() const { return is_fixed && constant() && value == Number(0.0); }
     // Of a product and a quotient the sign comes from those of the operands, whatever their sizes.
     static bool take_sign(Traced& a) {
-        const bool taken = a.constant() ? std::signbit(a.value) : a.negative;
+        const bool taken = a.constant() ? is_negative(a.value) : a.negative;
         a = taken ? -a : a;
         return taken;
     }
+    static bool is_negative(float a) { return std::signbit(a); }
+    static bool is_negative(Fixed48 a) { return a.places < 0; }
     static Traced either_way(Op op, const Traced& a, const Traced& b) {
         const int first = a.operand(), second = b.operand();
         return of({.op = op, .operands = {std::min(first, second), std::max(first, second), -1, -1}});
@@ -295,6 +315,17 @@ struct Flag {
     operator bool() const { return count.at_least(1); }
 };
 
+// What a remainder is multiplied by: one of a fixed point is in its last places.
+constexpr double radians = is_fixed ? Fixed48::radians_of_remainder : 6.28318530717958647693 / 0x1p32;
+
+// Of a fixed point, for which it is not computed.
+template <std::same_as<Traced> T>
+    requires is_fixed
+T power(T base, T /*exponent*/) {
+    recorder().powers = true;
+    return base;
+}
+
 // A phase of the reference: start + increment·word, modulo 2^64.
 struct Phase {
     std::uint64_t start = 0, increment = 0;
@@ -313,8 +344,10 @@ struct Phase {
 
 namespace fracgyro {
 
+#if !FRACGYRO_FIXED
 template <>
 struct detail::Bits<trace::Traced> : detail::Bits<float> {};
+#endif
 
 template <>
 struct KeptBy<trace::Traced, bool> {
@@ -336,14 +369,10 @@ inline trace::Traced detail::times_two_to_the(trace::Traced mantissa, trace::Tra
     return trace::Traced::of({.op = trace::Op::scale, .operands = {mantissa.operand(), placed.operand(), -1, -1}});
 }
 
-// What stands for the angle of a phase that is not known; nullptr: it is known.
-inline const trace::Traced*& unknown_angle() {
-    static const trace::Traced* angle = nullptr;
-    return angle;
-}
 template <>
-inline trace::Traced angle(float radians) {
-    return unknown_angle() != nullptr ? *unknown_angle() : trace::Traced(radians);
+inline trace::Traced angle(detail::Built<trace::Traced> radians) {
+    const trace::Traced* const known = angle_of_integer<trace::Traced>();
+    return known != nullptr ? *known : trace::Traced(radians);
 }
 
 // The integer part of sine and cosine is left to the hardware's integers; what is computed from it is recorded.
@@ -354,18 +383,10 @@ struct PhaseOf<trace::Traced> {
         using trace::OfPhase;
         const auto input = [&](OfPhase what) {
             const trace::Input found{-1, what, phase.start, phase.increment, phase.word};
-            const auto place = static_cast<std::uint32_t>(trace::recorder().inputs.of(found));
-            return trace::Traced::of({.op = trace::Op::input, .bits = place});
+            return trace::Traced::of({.op = trace::Op::input, .bits = trace::recorder().inputs.of(found)});
         };
-        const trace::Traced zero(0.0);
-        const auto x = input(OfPhase::remainder) * trace::Traced(static_cast<float>(6.28318530717958647693 / 0x1p32));
-        unknown_angle() = &x;
-        const auto [sine, cosine] = fracgyro::sine_cosine<trace::Traced>(std::uint32_t{0});  // of x
-        unknown_angle() = nullptr;
-        const auto odd = input(OfPhase::odd_quadrant);
-        const auto first = if_less(zero, odd, cosine, sine), second = if_less(zero, odd, sine, cosine);
-        return {.sine = if_less(zero, input(OfPhase::negative_sine), -first, first),
-                .cosine = if_less(zero, input(OfPhase::negative_cosine), -second, second)};
+        return sine_cosine_of(input(OfPhase::remainder), trace::Traced(trace::radians), input(OfPhase::odd_quadrant),
+                              input(OfPhase::negative_sine), input(OfPhase::negative_cosine));
     }
 };
 

@@ -13,6 +13,15 @@
 
 namespace {
 
+#if FRACGYRO_FRACTION
+using Word = std::int64_t;
+Word number(std::uint32_t whole) { return Word{whole} << FRACGYRO_FRACTION; }
+#else
+using Word = std::uint32_t;
+Word number(std::uint32_t whole) { return std::bit_cast<Word>(static_cast<float>(whole)); }
+#endif
+constexpr int unused = 64 - FRACGYRO_WORD;  // bits of a transfer's word
+
 Vfracgyro_spi top;
 
 void tick(int cycles) {
@@ -24,13 +33,13 @@ void tick(int cycles) {
     }
 }
 
-std::uint32_t transfer(std::uint64_t command, std::uint64_t index, std::uint32_t word = 0) {
-    const std::uint64_t bits = command << 52 | index << 40 | word;
+Word transfer(std::uint64_t command, std::uint64_t index, Word word = 0) {
+    const std::uint64_t first = command << 20 | index << 8, rest = static_cast<std::uint64_t>(word);
     std::uint64_t read = 0;
     top.cs_n = 0;
     tick(4);
-    for (int k = 55; k >= 0; --k) {
-        top.mosi = bits >> k & 1;
+    for (int k = FRACGYRO_WORD + 23; k >= 0; --k) {
+        top.mosi = (k < FRACGYRO_WORD ? rest >> k : first >> (k - FRACGYRO_WORD)) & 1;
         tick(4);
         top.sck = 1;
         read = read << 1 | top.miso;
@@ -40,14 +49,14 @@ std::uint32_t transfer(std::uint64_t command, std::uint64_t index, std::uint32_t
     tick(4);
     top.cs_n = 1;
     tick(4);
-    return static_cast<std::uint32_t>(read);
+    return static_cast<Word>(static_cast<std::int64_t>(read << unused) >> unused);
 }
 
 std::uint32_t ready_status() {
-    std::uint32_t found = 0;
+    Word found = 0;
     while (((found = transfer(0, 0)) & 1) == 0) {
     }
-    return found >> 1;
+    return static_cast<std::uint32_t>(found >> 1);
 }
 
 void reset() {
@@ -58,11 +67,11 @@ void reset() {
 }
 
 void restart() {
-    std::vector<std::uint32_t> state(FRACGYRO_STATE);
+    std::vector<Word> state(FRACGYRO_STATE);
     for (std::uint32_t k = 0; k < FRACGYRO_STATE; ++k) {
         state[k] = transfer(3, FRACGYRO_REPORTED + k);
     }
-    const std::uint32_t x = transfer(4, 0), y = transfer(4, 1);
+    const Word x = transfer(4, 0), y = transfer(4, 1);
     reset();
     for (std::uint32_t k = 0; k < FRACGYRO_STATE; ++k) {
         transfer(1, 4 + k, state[k]);
@@ -89,8 +98,8 @@ int main(int count, char** words) {
     const long saved_after = std::strtol(words[1], nullptr, 10);
     top.cs_n = 1;
     reset();
-    std::array<std::uint32_t, 4> motion{};
-    std::array<std::uint32_t, 3 + FRACGYRO_REPORTED> row{};
+    std::array<Word, 4> motion{};
+    std::array<Word, 3 + FRACGYRO_REPORTED> row{};
     for (long n = 0; std::fread(motion.data(), sizeof motion, 1, in) == 1; ++n) {
         if (n == saved_after) {
             restart();
@@ -98,7 +107,7 @@ int main(int count, char** words) {
         for (std::uint32_t k = 0; k < 4; ++k) {
             transfer(k == 3 ? 2 : 1, k, motion[k]);
         }
-        row[0] = std::bit_cast<std::uint32_t>(static_cast<float>(ready_status()));
+        row[0] = number(ready_status());
         row[1] = transfer(4, 0);
         row[2] = transfer(4, 1);
         for (std::uint32_t k = 0; k < FRACGYRO_REPORTED; ++k) {

@@ -17,13 +17,14 @@ from embedded import need
 from fracgyro.cli import cli
 from fracgyro.export.compilers import SOURCES, make
 from fracgyro.export.compilers import run as run_command
+from fracgyro.export.fpga.arithmetic import ARITHMETICS, HardwareNumber
+from fracgyro.export.fpga.desk import on_the_desk
 from fracgyro.export.fpga.folder import compiled
 from fracgyro.export.fpga.graph import Graph, members, trace
 from fracgyro.export.fpga.interpreter import Interpreter
 from fracgyro.export.fpga.microcode import Microcode
 from fracgyro.export.fpga.proof import check
 from fracgyro.export.fpga.schedule import Machine
-from fracgyro.export.fpga.verilog import inside
 from fracgyro.export.host import answers
 from fracgyro.simulation.dataset import write_run
 
@@ -63,23 +64,59 @@ def faulty_motion(scenario: fg.Scenario) -> np.ndarray:
 
 
 @cache
-def traced(name: str) -> Graph:
-    return trace(SHORT.replace(SCENARIOS[name]))
+def traced(name: str, number: HardwareNumber = "float") -> Graph:
+    return trace(SHORT.replace(SCENARIOS[name]), number)
 
 
-@pytest.mark.parametrize("name", SCENARIOS)
-def test_the_graph_computes_what_the_core_computes(name: str, tmp_path: Path) -> None:
+def of_the_core(scenario: fg.Scenario, number: HardwareNumber, motion: np.ndarray, folder: Path) -> np.ndarray:
+    """Status, force and report of each step, from a new folder, as int32 or int64."""
+    folder.mkdir()
+    if number == "fixed":
+        return ARITHMETICS["fixed"].words(on_the_desk(scenario, motion, folder))
+    return answers(scenario, motion, folder).view(np.int32)
+
+
+@pytest.mark.parametrize(
+    ("name", "number"), [*((name, "float") for name in SCENARIOS), ("samples checked, forces limited", "fixed")]
+)
+def test_the_graph_computes_what_the_core_computes(name: str, number: HardwareNumber, tmp_path: Path) -> None:
     scenario = SHORT.replace(SCENARIOS[name])
     motion = faulty_motion(scenario)
-    graph = traced(name)
+    graph = traced(name, number)
     interpreter, rows = Interpreter(graph), []
     for sample in motion:
         force, reported = interpreter.step(sample)
-        rows.append([interpreter.status, *force, *reported])
-    expected = answers(scenario, motion, tmp_path / "firmware")
+        rows.append([graph.arithmetic.values(np.array([interpreter.status]))[0], *force, *reported])
+    expected = of_the_core(scenario, number, motion, tmp_path / "core")
     assert len(interpreter.programs) >= 4  # nothing yet, the start, and those of other samples
-    assert set(np.array(rows, np.float32)[:, 0]) >= {2.0}
-    np.testing.assert_array_equal(np.array(rows, np.float32).view(np.uint32), expected.view(np.uint32))
+    found = np.array(rows, graph.arithmetic.rows)
+    assert {2.0} <= set(graph.arithmetic.numbers(found)[:, 0])
+    np.testing.assert_array_equal(found.view(expected.dtype), expected)
+
+
+def test_numbers_with_a_fixed_point_end_at_the_ends_and_take_the_nearest() -> None:
+    fixed = ARITHMETICS["fixed"]
+    assert fixed.values(np.array([1.0, -0.5, 1e300, -np.inf, np.nan, 2.0**-29, -(2.0**-29), 2.0**-30])) == [
+        1 << 28,
+        -(1 << 27),
+        2**47 - 1,
+        1 - 2**47,
+        0,
+        1,
+        -1,
+        0,
+    ]
+    numbers = np.array([524287.5, -0.75, 0.0])
+    np.testing.assert_array_equal(fixed.numbers(fixed.words(numbers)), numbers)
+
+
+def test_a_power_is_refused_in_one_sentence_where_the_point_is_fixed() -> None:
+    with pytest.raises(
+        ValueError,
+        match=r"^controller\.terminal_exponent is 0\.6: it cannot be exported as hardware: powers other than",
+    ) as report:
+        traced("another power", "fixed")
+    assert "\n" not in str(report.value)
 
 
 def test_a_steady_step_has_no_operation_twice_and_none_that_nobody_needs() -> None:
@@ -102,11 +139,7 @@ def test_a_controller_whose_integers_decide_is_refused_in_one_sentence() -> None
 
 
 def test_every_unit_computes_the_bits_of_this_processor(tmp_path: Path) -> None:
-    need("FPGA")
-    sources = [SOURCES / "integrations/fpga/units.v", ROOT / "tests/fpga/bench.v", ROOT / "tests/fpga/units.cpp"]
-    options = ["-O3", "-CFLAGS", "-std=c++20 -O1", "--top-module", "bench", "-Mdir", str(tmp_path)]
-    run_command(["verilator", "--cc", "--exe", "--build", *options, *map(str, sources), "-o", "units"])
-    output = run_command([str(tmp_path / "units"), "300000", "1"])
+    output = compared_units("units.v", "bench.v", "units.cpp", tmp_path)
     rows = re.findall(r"^(.*): (\d+) vectors, (\d+) differ, (\d+) subnormal$", output, re.MULTILINE)
     assert [name for name, *_ in rows] == [
         "add",
@@ -124,41 +157,71 @@ def test_every_unit_computes_the_bits_of_this_processor(tmp_path: Path) -> None:
         assert int(subnormal) > 1000 or name in ("square root", "exponent", "less", "from integer")
 
 
-def simulated(folder: Path, motion: np.ndarray) -> tuple[np.ndarray, str]:
-    """One row for each motion, as testbench.cpp writes them, and what it prints."""
-    motion.tofile(folder / "motion")
-    printed = make(folder, "sim")
-    return np.fromfile(folder / "answer", np.float32).reshape(len(motion), -1), printed
-
-
-def test_exported_hardware_answers_a_run_with_faults_with_the_bits_of_the_firmware(tmp_path: Path) -> None:
+def compared_units(units: str, bench: str, program: str, folder: Path) -> str:
+    """What a program of tests/fpga prints."""
     need("FPGA")
-    scenario = SHORT.replace(GUARDED)
+    sources = [SOURCES / "integrations/fpga" / units, ROOT / "tests/fpga" / bench, ROOT / "tests/fpga" / program]
+    flags = f"-std=c++20 -O1 -I{SOURCES / 'integrations/fpga'} -I{SOURCES / 'include'}"
+    options = ["-O3", "-CFLAGS", flags, "--top-module", "bench", "-Mdir", str(folder)]
+    run_command(["verilator", "--cc", "--exe", "--build", *options, *map(str, sources), "-o", "units"])
+    return run_command([str(folder / "units"), "300000", "1"])
+
+
+def test_every_unit_with_a_fixed_point_computes_the_bits_of_the_core(tmp_path: Path) -> None:
+    output = compared_units("fixed_units.v", "fixed_bench.v", "fixed_units.cpp", tmp_path)
+    rows = re.findall(r"^(.*): (\d+) vectors, (\d+) differ, (\d+) at an end$", output, re.MULTILINE)
+    assert [name for name, *_ in rows] == [
+        "add",
+        "multiply",
+        "divide",
+        "square root",
+        "choose",
+        "less",
+        "from integer",
+    ]
+    for name, vectors, differences, ends in rows:
+        assert int(vectors) > 290_000
+        assert int(differences) == 0
+        assert int(ends) > 1000 or name in ("square root", "less")
+
+
+@pytest.mark.parametrize("number", ["float", "fixed"])
+def test_exported_hardware_answers_a_run_with_faults_with_the_bits_of_the_core(
+    number: HardwareNumber, tmp_path: Path
+) -> None:
+    need("FPGA")
+    scenario, folder, arithmetic = SHORT.replace(GUARDED), tmp_path / "fpga", ARITHMETICS[number]
     motion = faulty_motion(scenario)
-    expected = answers(scenario, motion, tmp_path / "firmware")
-    fg.export.fpga(scenario, tmp_path / "fpga", unbounded=True)
-    found, printed = simulated(tmp_path / "fpga", motion)
-    assert set(expected[:, 0]) >= {0.0, 1.0, 2.0, 6.0, 7.0}
-    np.testing.assert_array_equal(found.view(np.uint32), expected.view(np.uint32))
+    expected = of_the_core(scenario, number, motion, tmp_path / "core")
+    fg.export.fpga(scenario, folder, number, unbounded=True)
+    arithmetic.words(motion).tofile(folder / "motion")
+    printed = make(folder, "sim")
+    found = np.fromfile(folder / "answer", arithmetic.rows).reshape(len(motion), -1)
+    assert set(arithmetic.numbers(found)[:, 0]) >= {0.0, 1.0, 2.0, 6.0, 7.0}
+    np.testing.assert_array_equal(found.view(expected.dtype), expected)
     cycles = re.findall(r"from start to (\w+): (\d+) to (\d+) cycles", printed)
     assert [what for what, *_ in cycles] == ["force", "ready"]
 
 
-def test_over_spi_it_answers_the_same_and_goes_on_from_a_state_that_was_saved(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", ["float", "fixed"])
+def test_over_spi_it_answers_the_same_and_goes_on_from_a_state_that_was_saved(
+    number: HardwareNumber, tmp_path: Path
+) -> None:
     need("FPGA")
     scenario, folder = SHORT.replace({"controller.kind": "pid", **GUARDED}), tmp_path / "fpga"
+    arithmetic = ARITHMETICS[number]
     motion = faulty_motion(scenario)[:110]
-    expected = answers(scenario, motion, tmp_path / "firmware")
-    fg.export.fpga(scenario, folder, unbounded=True)
+    expected = of_the_core(scenario, number, motion, tmp_path / "core")
+    fg.export.fpga(scenario, folder, number, unbounded=True)
     sources = ["units.v", "controller.v", "spi.v", str(ROOT / "tests/fpga/spi.cpp")]
     options = ["-O3", "-CFLAGS", f"-std=c++20 -O1 -I{folder}", "--top-module", "fracgyro_spi", "-Mdir", "build"]
     run_command(["verilator", "--cc", "--exe", "--build", *options, "-Wno-fatal", *sources, "-o", "spi"], folder)
-    motion.tofile(folder / "motion")
+    arithmetic.words(motion).tofile(folder / "motion")
     saved_after = 92  # while samples are refused
     assert run_command(["build/spi", str(saved_after)], folder) == ""
-    found = np.fromfile(folder / "answer", np.float32).reshape(len(motion), -1)
-    assert set(expected[:, 0]) >= {0.0, 2.0}
-    np.testing.assert_array_equal(found.view(np.uint32), expected.view(np.uint32))
+    found = np.fromfile(folder / "answer", arithmetic.rows).reshape(len(motion), -1)
+    assert set(arithmetic.numbers(found)[:, 0]) >= {0.0, 2.0}
+    np.testing.assert_array_equal(found.view(expected.dtype), expected)
 
 
 def test_the_same_scenario_gives_the_same_bytes_from_the_command_and_from_python(tmp_path: Path) -> None:
@@ -230,6 +293,7 @@ def changed(word: dict[str, int], changes: dict[str, int]) -> Iterator[None]:
 
 
 def test_a_constant_is_inside_what_the_hardware_makes_of_it() -> None:
+    inside = ARITHMETICS["float"].encoded
     assert inside(0x3F800000) == 256 << 23
     assert inside(0x80000000) == 1 << 32
     assert inside(0x00000001) == 107 << 23
@@ -244,5 +308,7 @@ def test_replay_on_the_simulated_hardware_has_the_parity_hash_of_float(tmp_path:
     found, expected = (fg.export.replay(tmp_path / "run.nc", target, "float") for target in ("fpga", "host"))
     assert found.difference is None
     assert (found.steps, found.hash) == (STEPS + 1, expected.hash)
-    with pytest.raises(ValueError, match=r"^fpga computes in float, not in double: add --number float$"):
+    with pytest.raises(ValueError, match=r"^fpga computes in float or fixed, not in double: add --number float$"):
         fg.export.replay(tmp_path / "run.nc", "fpga")
+    with pytest.raises(ValueError, match=r"^host computes in float or double, not in fixed: choose the target fpga$"):
+        fg.export.replay(tmp_path / "run.nc", "host", "fixed")

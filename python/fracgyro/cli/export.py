@@ -17,10 +17,10 @@ DIFFERENT = 1
 Number = Literal["float", "double"]
 
 
-def _number(default: Number) -> Callable[[Callable[..., None]], Callable[..., None]]:
+def _number(default: str, *allowed: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
     return click.option(
         "--number",
-        type=click.Choice(["float", "double"]),
+        type=click.Choice(allowed or ["float", "double"]),
         default=default,
         show_default=True,
         help="Number type to compute with.",
@@ -167,12 +167,16 @@ def operator_command(
 @export.command(name="fpga")
 @click.argument("scenario", type=click.Path(path_type=Path), shell_complete=toml_files)
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
+@_number("float", "float", "fixed")
 @_unbounded
-def fpga_command(scenario: Path, out: Path, unbounded: bool) -> None:
-    """Write SCENARIO as Verilog for an FPGA. It computes in float, with the bits of the firmware."""
+def fpga_command(scenario: Path, out: Path, number: Literal["float", "fixed"], unbounded: bool) -> None:
+    """Write SCENARIO as Verilog for an FPGA.
+
+    In float it has the bits of the firmware. Fixed, 48 bits of which 28 are after the point, is faster.
+    """
     from ..export import fpga
 
-    fpga(Scenario.load(scenario), out, unbounded=unbounded)
+    fpga(Scenario.load(scenario), out, number, unbounded=unbounded)
     click.echo(f"{out}: add it to your design, as its README.md says")
 
 
@@ -184,22 +188,23 @@ def fpga_command(scenario: Path, out: Path, unbounded: bool) -> None:
     type=click.Choice(["host", "m4f", "m7", "octave", "wasm", "fmu", "lanes", "fpga"]),
     help="Firmware on this computer, an emulated Cortex-M4F or M7; Octave; WebAssembly; FMU; lanes; simulated FPGA.",
 )
-@_number("double")
+@_number("double", "float", "double", "fixed")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def replay(
     trace: Path,
     target: Literal["host", "m4f", "m7", "octave", "wasm", "fmu", "lanes", "fpga"],
-    number: Number,
+    number: Literal["float", "double", "fixed"],
     as_json: bool,
 ) -> None:
     """Run a recorded motion on a target and compare bits. TRACE is a run that `simulate --out` wrote.
 
-    Double is compared with the record, float with the Python Controller. Exit with 1 if a bit differs.
+    Double is compared with the record, float with the Python Controller, fixed (of fpga only) with the core on this
+    computer. Exit with 1 if a bit differs.
     """
     from ..export import replay as run
 
     found = run(trace, target, number)
-    against = "the trace" if number == "double" else "the Python Controller"
+    against = {"double": "the trace", "float": "the Python Controller", "fixed": "the core in fixed"}[number]
     if as_json:
         click.echo(json.dumps(asdict(found)))
     elif found.difference:

@@ -22,14 +22,21 @@ from .compilers import FLAGS, SOURCES, Number, compiler, include, make, need, ru
 from .firmware import firmware
 from .fmu import System, fmu
 from .fpga import fpga
+from .fpga.arithmetic import ARITHMETICS
+from .fpga.desk import on_the_desk
 from .matlab import matlab
 from .settings import columns, core_kernel, core_numbers, observer_bandwidth
 from .web import build, web
 
-Target = Literal["python", "lanes", "host", "m4f", "m7", "octave", "wasm", "fmu", "fpga"]
+Target = Literal["python", "lanes", "host", "m4f", "m7", "octave", "wasm", "fmu", "fpga", "desk"]
+AnyNumber = Literal["float", "double", "fixed"]  # fixed: of hardware, and of what it is compared with
 
 MOTION = ["position", "velocity"]
-DTYPES: dict[Number, np.dtype[np.floating]] = {"float": np.dtype("<f4"), "double": np.dtype("<f8")}
+DTYPES: dict[AnyNumber, np.dtype[np.floating]] = {
+    "float": np.dtype("<f4"),
+    "double": np.dtype("<f8"),
+    "fixed": np.dtype("<f8"),  # which has room for all of them
+}
 FAULT = 2  # and more: what the firmware's status says of a motion that it does not take for one
 
 BOARDS = {"m4f": "mps2-an386", "m7": "mps2-an500"}
@@ -48,13 +55,15 @@ def answer_columns(scenario: Scenario) -> list[str]:
     return [name for channel in answered(scenario) for name in columns(channel)]
 
 
-def answers(target: Target, scenario: Scenario, number: Number, motion: NDArray[np.float64]) -> NDArray[np.floating]:
+def answers(target: Target, scenario: Scenario, number: AnyNumber, motion: NDArray[np.float64]) -> NDArray[np.floating]:
     """One row of answer_columns for each motion (x, y and their rates, nondimensional), from t = 0 on.
 
     The motion is rounded to `number`, and so typed are the rows. Raises ValueError, in one sentence, when a program is
     missing or fails, or the target takes a motion for a fault of the sensor.
     """
     dtype = DTYPES[number]
+    if number == "fixed" and target not in IN_FIXED:
+        raise ValueError(f"{target} computes in float or double, not in fixed: choose the target fpga")
     with tempfile.TemporaryDirectory() as name:
         rows = TARGETS[target](scenario, number, motion.astype(dtype), Path(name))
     if rows.shape != (len(motion), len(answer_columns(scenario))):
@@ -177,21 +186,27 @@ def _fmu(scenario: Scenario, number: Number, motion: NDArray[np.floating], folde
     return np.array(rows)
 
 
-def _fpga(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
+def _fpga(scenario: Scenario, number: AnyNumber, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
     """As exported, simulated by Verilator."""
-    if number != "float":
-        raise ValueError(f"fpga computes in float, not in {number}: add --number float")
+    if number == "double":
+        raise ValueError("fpga computes in float or fixed, not in double: add --number float")
     need("verilator")
-    exported, program = folder / "fpga", "build/controller"
-    fpga(scenario, exported, unbounded=True)
-    motion.tofile(exported / "motion")
+    exported, program, arithmetic = folder / "fpga", "build/controller", ARITHMETICS[number]
+    fpga(scenario, exported, number, unbounded=True)
+    arithmetic.words(motion).tofile(exported / "motion")
     make(exported, program)
     run([str(exported / program)], exported)
-    rows = np.fromfile(exported / "answer", DTYPES[number]).reshape(len(motion), -1)
-    return _without_status("fpga", scenario, rows)
+    rows = np.fromfile(exported / "answer", arithmetic.rows).reshape(len(motion), -1)
+    return _without_status("fpga", scenario, arithmetic.numbers(rows))
 
 
-Run = Callable[[Scenario, Number, NDArray[np.floating], Path], NDArray[np.floating]]
+def _desk(scenario: Scenario, number: AnyNumber, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
+    """What hardware with a fixed point has to answer, by the core on this computer."""
+    return _without_status("desk", scenario, on_the_desk(scenario, motion, folder))
+
+
+IN_FIXED = ("fpga", "desk")
+Run = Callable[[Scenario, Any, NDArray[np.floating], Path], NDArray[np.floating]]
 TARGETS: dict[Target, Run] = {
     "python": _python,
     "lanes": _lanes,
@@ -202,4 +217,5 @@ TARGETS: dict[Target, Run] = {
     "wasm": _wasm,
     "fmu": _fmu,
     "fpga": _fpga,
+    "desk": _desk,
 }

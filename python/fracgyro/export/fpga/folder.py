@@ -14,6 +14,7 @@ from ...scenario.kinds import lasting
 from ...scenario.to_core import core_setup
 from ..compilers import SOURCES
 from ..settings import columns
+from .arithmetic import HardwareNumber
 from .graph import Graph, trace
 from .microcode import Microcode
 from .proof import check
@@ -24,12 +25,18 @@ from .verilog import constants_hex, deciding, microcode_hex, state_words, values
 ENTRY = 3  # cycles from `start` to the first word of microcode
 
 
-def fpga(scenario: Scenario, folder: str | os.PathLike[str], *, unbounded: bool = False) -> None:
+def fpga(
+    scenario: Scenario,
+    folder: str | os.PathLike[str],
+    number: HardwareNumber = "float",
+    *,
+    unbounded: bool = False,
+) -> None:
     """Writes a scenario's controller as a self-contained folder of Verilog, whole or not at all.
 
-    It computes in float, with the bits of the firmware. Raises ValueError, in one sentence, when the folder cannot be
-    written, the controller cannot be hardware, or it would not stay bounded and `unbounded` does not say that it need
-    not.
+    number: float, with the bits of the firmware; or fixed, 48 bits of which 28 are after the point. Raises ValueError,
+    in one sentence, when the folder cannot be written, the controller cannot be hardware, or it would not stay bounded
+    and `unbounded` does not say that it need not.
 
     >>> from fracgyro.scenario.shipped import shipped
     >>> fg.export.fpga(shipped("hardware"), "hardware")
@@ -37,8 +44,8 @@ def fpga(scenario: Scenario, folder: str | os.PathLike[str], *, unbounded: bool 
     check_bounded(scenario, unbounded)
     require("export", "jinja2")
     with whole_folder(folder) as scratch:
-        code = compiled(trace(scenario), Machine())
-        made = f"fracgyro {version('fracgyro')}, scenario {scenario.content_hash()}, float"
+        code = compiled(trace(scenario, number), Machine())
+        made = f"fracgyro {version('fracgyro')}, scenario {scenario.content_hash()}, {number}"
         files = {
             "controller.v": _controller(code, made),
             "controller.hex": microcode_hex(code),
@@ -47,8 +54,13 @@ def fpga(scenario: Scenario, folder: str | os.PathLike[str], *, unbounded: bool 
             "cycles.md": _cycles(code),
             "scenario.toml": scenario.to_toml(),
         }
-        for name in ("units.v", "spi.v", "testbench.cpp", "Makefile", "README.md"):
-            shutil.copyfile(SOURCES / "integrations/fpga" / name, scratch / name)
+        written = SOURCES / "integrations/fpga"
+        for name in ("testbench.cpp", "Makefile", "README.md"):
+            shutil.copyfile(written / name, scratch / name)
+        arithmetic = code.graph.arithmetic
+        shutil.copyfile(written / arithmetic.units, scratch / "units.v")
+        spi = (written / "spi.v").read_text(encoding="utf-8")
+        files["spi.v"] = spi.replace("parameter WORD = 32", f"parameter WORD = {arithmetic.word}")
         for name, text in files.items():
             (scratch / name).write_text(text, encoding="utf-8", newline="\n")
 
@@ -97,11 +109,14 @@ def _cycles(code: Microcode) -> str:
 
 def _header(scenario: Scenario, code: Microcode, made: str) -> str:
     """For the test bench, and for what reads the report: its numbers by index."""
+    arithmetic = code.graph.arithmetic
     names = [name for channel in lasting(core_setup(scenario)) for name in columns(channel)]
     lines = [
         f"/* Made by `fracgyro export fpga`: {made}. */",
         f"#define FRACGYRO_REPORTED {len(names)} /* numbers; by out_index: */",
         *(f"/* {index}: {name} */" for index, name in enumerate(names)),
+        f"#define FRACGYRO_WORD {arithmetic.word} /* bits */",
+        f"#define FRACGYRO_FRACTION {arithmetic.fraction} /* of them after the point; 0: it floats */",
         f"#define FRACGYRO_STATE {state_words(code)} /* words: from out_index FRACGYRO_REPORTED, in_index 4 on */",
     ]
     return "\n".join(lines) + "\n"

@@ -21,6 +21,7 @@ from ...scenario.kinds import having
 from ...scenario.to_core import core_setup
 from ..compilers import FLAGS, SOURCES, compiler, include, run
 from ..settings import core_kernel, core_numbers, observer_bandwidth
+from .arithmetic import ARITHMETICS, Arithmetic, HardwareNumber
 
 Op = Literal[
     "constant",
@@ -53,7 +54,7 @@ class Operand(NamedTuple):
 
 class Node(NamedTuple):
     op: Op
-    bits: int  # of a constant, as float32; else the place among words or inputs
+    bits: int  # of a constant; else the place among words or inputs
     operands: tuple[Operand, ...]
 
 
@@ -80,7 +81,7 @@ class Word(NamedTuple):
 
     bits: int  # of an integer; 0: a number
     varies: bool
-    initial: int  # of a number, as float32
+    initial: int  # of a number: its bits
     low: int
     high: int
 
@@ -101,6 +102,7 @@ class Diagram(NamedTuple):
 
 @dataclass(frozen=True)
 class Graph:
+    arithmetic: Arithmetic
     nodes: list[Node]
     inputs: list[Input]
     predicates: list[Predicate]
@@ -167,44 +169,61 @@ def members(bits: int) -> list[int]:
     return [place for place, bit in enumerate(reversed(f"{bits:b}")) if bit == "1"]
 
 
-def trace(scenario: Scenario) -> Graph:
-    """Of the scenario's controller with its guard, in float.
+def trace(scenario: Scenario, number: HardwareNumber = "float") -> Graph:
+    """Of the scenario's controller with its guard.
 
     Raises ValueError, in one sentence, when it cannot be traced or the tracer cannot be compiled.
     """
-    setup = core_setup(scenario)
-    kind, chosen = _core.chosen_type(setup)
-    observed = observer_bandwidth(scenario)
-    which = {
-        "KIND": kind,
-        "CHOSEN": chosen,
-        "OBSERVED": int(observed > 0.0),
-        "CAPACITY": -(-max(setup.kernel.count, 1) // 2) * 2,
-    }
-    lists: list[Iterable[float]] = [core_numbers(scenario).values(), [observed], *core_kernel(scenario)]
     with tempfile.TemporaryDirectory() as folder:
-        program = Path(folder) / "trace"
-        chosen_by = [f"-DFRACGYRO_{name}={value}" for name, value in which.items()]
-        source, headers = SOURCES / "integrations/fpga/trace.cpp", include(SOURCES / "include")
-        run([*compiler(), *FLAGS, "-O1", *headers, *chosen_by, str(source), "-o", str(program)])
+        program = compiled_for(scenario, "trace", Path(folder), f"-DFRACGYRO_FIXED={int(number == 'fixed')}", "-O1")
         try:
-            text = run([str(program), *(" ".join(float(one).hex() for one in numbers) for numbers in lists)])
+            text = run([str(program), *numbers_of(scenario)])
         except ValueError as error:
             why, controller = str(error).partition("failed: ")[2], scenario.controller.kind
             adaptive = controller in having("adaptation.kind") and scenario.adaptation.kind != "gradient"
             field, value = (
-                ("adaptation.kind", scenario.adaptation.kind) if adaptive else ("controller.kind", controller)
+                ("controller.terminal_exponent", str(scenario.controller.terminal_exponent))
+                if "powers" in why
+                else ("adaptation.kind", repr(scenario.adaptation.kind))
+                if adaptive
+                else ("controller.kind", repr(controller))
             )
-            raise ValueError(
-                f"{field} is {value!r}: it cannot be exported as hardware: {why}; choose another"
-            ) from None
-    return parsed(text)
+            raise ValueError(f"{field} is {value}: it cannot be exported as hardware: {why}; choose another") from None
+    return parsed(text, number)
 
 
-def parsed(text: str) -> Graph:
+def compiled_for(scenario: Scenario, name: str, folder: Path, *options: str) -> Path:
+    """A program of integrations/fpga that chosen.hpp makes one for the scenario's controller."""
+    setup = core_setup(scenario)
+    kind, chosen = _core.chosen_type(setup)
+    which = {
+        "KIND": kind,
+        "CHOSEN": chosen,
+        "OBSERVED": int(observer_bandwidth(scenario) > 0.0),
+        "CAPACITY": -(-max(setup.kernel.count, 1) // 2) * 2,
+    }
+    program, source = folder / name, SOURCES / f"integrations/fpga/{name}.cpp"
+    chosen_by = [f"-DFRACGYRO_{name}={value}" for name, value in which.items()]
+    headers = include(SOURCES / "include")
+    run([*compiler(), *FLAGS, *options, *headers, *chosen_by, str(source), "-o", str(program)])
+    return program
+
+
+def numbers_of(scenario: Scenario) -> list[str]:
+    """What such a program is called with."""
+    lists: list[Iterable[float]] = [
+        core_numbers(scenario).values(),
+        [observer_bandwidth(scenario)],
+        *core_kernel(scenario),
+    ]
+    return [" ".join(float(one).hex() for one in numbers) for numbers in lists]
+
+
+def parsed(text: str, number: HardwareNumber) -> Graph:
     """What the tracer writes."""
     found: dict[str, Any] = json.loads(text)
     return Graph(
+        arithmetic=ARITHMETICS[number],
         nodes=[Node(OPS[op], bits, tuple(map(_operand, filter(_is_one, of)))) for op, bits, *of in found["nodes"]],
         inputs=[Input(*one) for one in found["inputs"]],
         predicates=[Predicate(*one) for one in found["predicates"]],

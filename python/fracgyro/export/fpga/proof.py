@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from .graph import SOURCES_OF_NUMBERS, Graph, Operand
 from .microcode import CHOICES, MEMORY, OPERANDS, Microcode, Word
-from .routines import STAGES, Routine
+from .routines import Routine
 from .schedule import FETCH
 
 Written = tuple[int, int, frozenset[int] | None]  # word, port, programs
@@ -72,7 +72,7 @@ class _Machine:
                 self._begin(bank, op, cycle, operands)
                 continue
             if operands[3] is not None:
-                self.results[bank, "copy", cycle + FETCH + STAGES["select"]] = operands[3]
+                self.results[bank, "copy", cycle + FETCH + self.graph.arithmetic.stages_of("select")] = operands[3]
             for op in ("less", *CHOICES):
                 self._begin(bank, op, cycle, operands)
 
@@ -80,7 +80,7 @@ class _Machine:
         count = {"square_root": 1, "exponent": 1, "mantissa": 1, "select": 4}.get(op, 2)
         fetched = tuple(one for one in operands[:count] if one is not None)
         node = self.known.get((op, fetched), self.known.get((op, fetched[::-1])) if op in ("add", "multiply") else None)
-        stages = STAGES.get(op, STAGES["select"])
+        stages = self.graph.arithmetic.stages_of(op)
         if node is not None:
             self.results[bank, op, cycle + FETCH + stages] = Operand(node, False, False)
 

@@ -14,16 +14,6 @@ from .graph import Graph, Op, Operand, members
 SHARED = 1.3
 
 Unit = str  # "add", "multiply", "other"
-# Stages of the pipelined units in integrations/fpga/units.v; the last of those that are neither sum nor product is that
-# of fp_choose.
-STAGES: dict[str, int] = {
-    "add": 6,
-    "multiply": 5,
-    "divide": 17,
-    "square_root": 16,
-    "exponent": 4,
-    "select": 1,
-}
 
 
 @dataclass(frozen=True)
@@ -40,6 +30,7 @@ class Operation:
     """One operation of a routine. `node`: what it computes; -1: it copies its operand to an output."""
 
     op: Op
+    stages: int
     operands: tuple[Operand, ...]
     node: int = -1
     output: Output | None = None
@@ -48,10 +39,6 @@ class Operation:
     @property
     def unit(self) -> Unit:
         return self.op if self.op in ("add", "multiply") else "other"
-
-    @property
-    def stages(self) -> int:
-        return STAGES.get(self.op, STAGES["select"])
 
 
 @dataclass(frozen=True)
@@ -98,8 +85,8 @@ def _operations(graph: Graph, programs: list[int]) -> list[Operation]:
     for node in members(_computed(graph, programs)):  # operands come before what needs them
         op, _, operands = graph.nodes[node]
         place_of[node] = len(found)
-        found.append(Operation(op, operands, node))
-    everywhere = frozenset(programs)
+        found.append(Operation(op, graph.arithmetic.stages_of(op), operands, node))
+    everywhere, select = frozenset(programs), graph.arithmetic.stages_of("select")
     numbers = graph.numbers
     for place in range(len(graph.programs[0])):
         word = numbers[place] if place < len(numbers) else -1
@@ -114,16 +101,17 @@ def _operations(graph: Graph, programs: list[int]) -> list[Operation]:
         for operand, of in variants.items():
             condition = None if frozenset(of) == everywhere else frozenset(of)
             stored = word if word >= 0 and graph.words[word].varies else -1
-            found.append(Operation("select", (operand,), output=Output(stored, port, condition)))
+            found.append(Operation("select", select, (operand,), output=Output(stored, port, condition)))
     for operation in found:
         operation.after = sorted({place_of[one.node] for one in operation.operands if one.node in place_of})
     return found
 
 
 def _start(graph: Graph) -> list[Operation]:
+    select = graph.arithmetic.stages_of("select")
     constants = {node.bits: place for place, node in enumerate(graph.nodes) if node.op == "constant"}
     return [
-        Operation("select", (Operand(constants[word.initial], False, False),), output=Output(place))
+        Operation("select", select, (Operand(constants[word.initial], False, False),), output=Output(place))
         for place, word in enumerate(graph.words)
         if word.varies and not word.bits
     ]

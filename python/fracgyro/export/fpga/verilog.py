@@ -6,12 +6,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from .arithmetic import Arithmetic
 from .graph import UNBOUNDED, Graph
 from .microcode import MEMORY, RESULT, Microcode
 
 LEVELS = 4  # choices in a row in one cycle
-CONVERT = 5  # cycles from a new phase until the first of its parts is a number
-BIAS = 129  # what the exponent of a normal number inside exceeds that of float32 by
 
 
 @dataclass(frozen=True)
@@ -73,25 +72,14 @@ def microcode_hex(code: Microcode) -> str:
 
 def constants_hex(code: Microcode) -> str:
     """What the memories hold from the beginning."""
+    arithmetic = code.graph.arithmetic
+    digits = -(-arithmetic.inside // 4)
     values = {
-        place: inside(code.graph.nodes[node].bits)
+        place: arithmetic.encoded(code.graph.nodes[node].bits)
         for node, place in code.given.items()
         if code.graph.nodes[node].op == "constant"
     }
-    return "".join(f"{values.get(place, 0):09x}\n" for place in range(1 << code.address_bits))
-
-
-def inside(bits: int) -> int:
-    """A float32 as the 33 bits of integrations/fpga/units.v."""
-    sign, exponent, fraction = bits >> 31, bits >> 23 & 0xFF, bits & 0x7FFFFF
-    if exponent == 255:
-        return (0 if fraction else sign << 32) | 511 << 23 | (1 << 22 if fraction else 0)
-    if exponent == 0:
-        if not fraction:
-            return sign << 32
-        shift = 24 - fraction.bit_length()
-        return sign << 32 | (BIAS + 1 - shift) << 23 | (fraction << shift & 0x7FFFFF)
-    return sign << 32 | (exponent + BIAS) << 23 | fraction
+    return "".join(f"{values.get(place, 0):0{digits}x}\n" for place in range(1 << code.address_bits))
 
 
 def values(code: Microcode) -> dict[str, Any]:
@@ -104,7 +92,9 @@ def values(code: Microcode) -> dict[str, Any]:
     phases = _phases(graph)
     program_of = {program: k for k, one in enumerate(code.schedules) for program in one.routine.programs}
     integers = _integers(graph)
-    rest = max(len(turning) + CONVERT, deciding(graph) + 1)
+    arithmetic = graph.arithmetic
+    convert = arithmetic.from_integer + 1  # cycles from a new phase until the first of its parts is a number
+    rest = max(len(turning) + convert, deciding(graph) + 1)
     return {
         "words": len(code.words),
         "width": layout[-1].low + layout[-1].width,
@@ -119,7 +109,11 @@ def values(code: Microcode) -> dict[str, Any]:
         "pc_bits": _bits(len(code.words) + 1),
         "program_bits": _bits(len(graph.programs)),
         "part_bits": _bits(rest + 1),
-        "convert": CONVERT,
+        "convert": convert,
+        "prefix": arithmetic.prefix,
+        "word": arithmetic.word,
+        "inside": arithmetic.inside,
+        "exponents": "exponent" in arithmetic.stages,
         "source_bits": _bits(2 * len(code.machine.banks)),
         "address_bits": code.address_bits,
         "near_bits": code.near_bits,
@@ -140,7 +134,10 @@ def values(code: Microcode) -> dict[str, Any]:
         "measured": [measured.get(k, max(code.given.values(), default=0) + 1) for k in range(4)],
         "phases": [dict(zip(("start", "increment", "word"), one, strict=True)) for one in phases],
         "parts": [
-            {"place": code.given[node], "whole": _whole(phases.index((one.start, one.increment, one.word)), one.part)}
+            {
+                "place": code.given[node],
+                "whole": _whole(arithmetic, phases.index((one.start, one.increment, one.word)), one.part),
+            }
             for node, one in turning
         ],
         "banks": code.machine.banks,
@@ -208,9 +205,9 @@ def _width(graph: Graph, place: int) -> int:
     return word.bits if word.high == UNBOUNDED else max(1, word.high.bit_length())
 
 
-def _whole(phase: int, part: int) -> str:
-    bits = (f"quadrant{phase}[0]", f"quadrant{phase}[1]", f"next{phase}[1]")
-    return f"rest{phase}" if part == 0 else f"{{31'd0, {bits[part - 1]}}}"
+def _whole(arithmetic: Arithmetic, phase: int, part: int) -> str:
+    parts = (f"rest{phase}", f"quadrant{phase}[0]", f"quadrant{phase}[1]", f"next{phase}[1]")
+    return arithmetic.whole(part, parts[part])
 
 
 def _decisions(graph: Graph, integers: list[int]) -> Iterator[str]:
@@ -275,5 +272,5 @@ def _ports(code: Microcode) -> Iterator[dict[str, Any]]:
             "name": name,
             "memories": [banks[source // 2] for source in used if source % 2 == MEMORY],
             "sources": list(texts.items())[1:],
-            "default": next(iter(texts.values()), "33'd0"),
+            "default": next(iter(texts.values()), f"{code.graph.arithmetic.inside}'d0"),
         }

@@ -1,0 +1,132 @@
+// Compares every unit of integrations/fpga/fixed_units.v with Fixed48 on this computer, bit by bit, on random numbers.
+//
+//     fixed_units COUNT SEED      prints a line for each unit: vectors, differences, results at the end of the range;
+//                                 fails where one differs
+//
+//    Numbers are of all sizes, and an eighth of them each is 0, at an end of the range, near the other operand, a power
+//    of 2.
+#include "Vbench.h"
+#include "verilated.h"
+
+#include "fixed.hpp"
+
+#include <cstdio>
+#include <cstdlib>
+#include <deque>
+#include <random>
+
+namespace {
+
+using fracgyro::Fixed48;
+
+struct Vector {
+    Fixed48 a, b;
+    bool signs;  // choose takes the sign of a, else the larger one
+};
+
+class Numbers {
+public:
+    explicit Numbers(std::uint64_t seed) : random_(seed) {}
+    Vector next() {
+        const Fixed48 a = one({});
+        return {a, one(a), random_() % 2 == 0};
+    }
+
+private:
+    std::mt19937_64 random_;
+    Fixed48 one(Fixed48 other) {
+        const auto bits = static_cast<std::int64_t>(random_() >> 1);
+        const auto near = Fixed48::of(bits % 5 - 2);
+        const int size = static_cast<int>(random_() % 48);
+        const Fixed48 any = Fixed48::of(bits & ((std::int64_t{1} << size) - 1)),
+                      power = Fixed48::of(std::int64_t{1} << size);
+        const Fixed48 ends = Fixed48::of(Fixed48::most) - Fixed48::of(bits % 3);
+        Fixed48 found = any;
+        switch (random_() % 8) {
+            case 0:
+                found = Fixed48{};
+                break;
+            case 1:
+                found = ends;
+                break;
+            case 2:
+                found = other + near;
+                break;
+            case 3:
+                found = power;
+                break;
+            default:
+                break;
+        }
+        return random_() % 2 == 0 ? found : -found;
+    }
+};
+
+std::uint64_t bits(Fixed48 a) { return static_cast<std::uint64_t>(a.places) & ((std::uint64_t{1} << 48) - 1); }
+
+struct Unit {
+    const char* name;
+    std::size_t stages;
+    std::uint64_t (*expected)(const Vector&);
+    std::uint64_t (*found)(const Vbench&);
+    std::uint64_t vectors = 0, differences = 0, ends = 0;
+};
+
+}  // namespace
+
+int main(int count, char** words) {
+    if (count != 3) {
+        return 2;
+    }
+    const std::uint64_t vectors = std::strtoull(words[1], nullptr, 10);
+    Numbers numbers(std::strtoull(words[2], nullptr, 10));
+    using V = Vector;
+    Unit units[] = {
+        {"add", 2, [](const V& v) { return bits(v.a + v.b); }, [](const Vbench& t) { return t.sum; }},
+        {"multiply", 4, [](const V& v) { return bits(v.a * v.b); }, [](const Vbench& t) { return t.product; }},
+        {"divide", 24, [](const V& v) { return bits(v.a / v.b); }, [](const Vbench& t) { return t.quotient; }},
+        {"square root", 19, [](const V& v) { return bits(square_root(v.a)); }, [](const Vbench& t) { return t.root; }},
+        {"choose", 1, [](const V& v) { return bits(v.signs ? with_sign_of(v.a, absolute(v.b)) : maximum(v.a, v.b)); },
+         [](const Vbench& t) { return t.chosen; }},
+        {"less", 1, [](const V& v) { return std::uint64_t{v.a < v.b}; },
+         [](const Vbench& t) { return std::uint64_t{t.less}; }},
+        {"from integer", 1, [](const V& v) { return bits(v.a); }, [](const Vbench& t) { return t.converted; }},
+    };
+    Vbench top;
+    std::deque<Vector> given;  // the newest first
+    for (std::uint64_t n = 0; n < vectors; ++n) {
+        given.push_front(numbers.next());
+        top.a = bits(given.front().a);
+        top.b = bits(given.front().b);
+        top.what = given.front().signs;
+        top.clk = 0;
+        top.eval();
+        top.clk = 1;
+        top.eval();
+        for (Unit& unit : units) {
+            if (given.size() < unit.stages) {
+                continue;
+            }
+            const Vector& v = given[unit.stages - 1];
+            const std::uint64_t expected = unit.expected(v), found = unit.found(top);
+            ++unit.vectors;
+            unit.ends += expected == bits(Fixed48::of(Fixed48::most)) || expected == bits(-Fixed48::of(Fixed48::most));
+            if (found != expected && unit.differences++ == 0) {
+                std::printf("%s(%012llx, %012llx, %d): %012llx, not %012llx\n", unit.name,
+                            static_cast<unsigned long long>(bits(v.a)), static_cast<unsigned long long>(bits(v.b)),
+                            v.signs, static_cast<unsigned long long>(found), static_cast<unsigned long long>(expected));
+            }
+        }
+        if (given.size() > 24) {
+            given.pop_back();
+        }
+    }
+    bool differs = false;
+    for (const Unit& unit : units) {
+        std::printf("%s: %llu vectors, %llu differ, %llu at an end\n", unit.name,
+                    static_cast<unsigned long long>(unit.vectors), static_cast<unsigned long long>(unit.differences),
+                    static_cast<unsigned long long>(unit.ends));
+        differs = differs || unit.differences > 0;
+    }
+    return differs ? 1 : 0;
+}
