@@ -5,7 +5,9 @@
 //     plus 256, also of what is subnormal outside: every number but 0 has its leading one. Exponent 0: zero. Exponent
 //     511: infinity where the fraction is 0, else NaN, of which there is one.
 //
-//     The stages of a unit, from its operands to a register with its result: fp_add 6, fp_mul 5, fp_div 16,
+//     Rounding adds to exponent and fraction as one number: a fraction that runs over goes on into the exponent.
+//
+//     The stages of a unit, from its operands to a register with its result: fp_add 5, fp_mul 4, fp_div 15,
 //     fp_sqrt 15, fp_exponent 3, fp_choose 1, fp_from_integer 4.
 `default_nettype none
 `define ORIGIN 23'h3504F3 // the fraction of sqrt(1/2)
@@ -55,7 +57,7 @@ module fp_from_integer (
     reg [31:0] magnitude1, magnitude2, shifted3;
     reg [4:0] zeros, zeros2;
     reg [8:0] exponent3;
-    reg sign1, sign2, sign3, nothing3;
+    reg sign1, sign2, sign3;
     integer i;
     always @* begin
         zeros = 0;
@@ -66,17 +68,18 @@ module fp_from_integer (
         magnitude2 <= magnitude1;
         zeros2 <= zeros;
         shifted3 <= magnitude2 << zeros2;
-        exponent3 <= 9'd287 - {4'd0, zeros2};
-        nothing3 <= magnitude2 == 0;
+        exponent3 <= magnitude2 == 0 ? 9'd0 : 9'd287 - {4'd0, zeros2};
         {sign3, sign2, sign1} <= {sign2, sign1, x[31]};
     end
     wire up = shifted3[7] & (shifted3[8] | |shifted3[6:0]);
-    wire [24:0] rounded = {1'b0, shifted3[31:8]} + {24'd0, up};
-    wire [8:0] exponent = exponent3 + {8'd0, rounded[24]};
-    always @(posedge clk) z <= nothing3 ? 33'd0 : {sign3, exponent, rounded[24] ? 23'd0 : rounded[22:0]};
+    always @(posedge clk) z <= {sign3, {exponent3, shifted3[30:8]} + {31'd0, up}};
 endmodule
 
 // Sum. Results that are subnormal outside are exact: there is nothing to round below 2^-149.
+//
+//     Two ways lead to the leading one of the sum. Near: a difference of numbers whose exponents differ by at most 1 may
+//     have many zeros ahead of it, and is found without shifting the smaller one far. Far: of all others it is at most
+//     one place away.
 module fp_add (
     input wire clk,
     input wire [32:0] a,
@@ -91,7 +94,7 @@ module fp_add (
     wire both_infinite = a[31:23] == 9'd511 & b[31:23] == 9'd511;
     reg [23:0] big1, little1;
     reg [8:0] exponent1, distance1;
-    reg sign1, minus1, nan1, infinite1, zero1;
+    reg sign1, minus1, nan1, special1, zero1;
     always @(posedge clk) begin
         big1 <= {big[31:23] != 0, big[22:0]};
         little1 <= {little[31:23] != 0, little[22:0]};
@@ -100,111 +103,169 @@ module fp_add (
         sign1 <= big[32];
         minus1 <= a[32] ^ b[32];
         nan1 <= a_nan | b_nan | (both_infinite & (a[32] ^ b[32]));
-        infinite1 <= big[31:23] == 9'd511;
+        special1 <= a[31:23] == 9'd511 | b[31:23] == 9'd511;
         zero1 <= a[32] & b[32];  // the sign of a sum of zeros
     end
-    // The smaller one shifted, what falls out kept as one bit.
-    wire [53:0] wide = {little1, 30'd0} >> (distance1 > 9'd27 ? 9'd27 : distance1);
+    // Far: the smaller one shifted, what falls out kept as one bit. Near: the difference.
+    reg [25:0] coarse;
+    reg lost;  // something fell out of `coarse`
+    always @* case (distance1[4:3])
+        2'd0: {coarse, lost} = {little1, 2'd0, 1'b0};
+        2'd1: {coarse, lost} = {8'd0, little1[23:6], |little1[5:0]};
+        2'd2: {coarse, lost} = {16'd0, little1[23:14], |little1[13:0]};
+        default: {coarse, lost} = {24'd0, little1[23:22], |little1[21:0]};
+    endcase
+    wire [32:0] fine = {coarse, 7'd0} >> distance1[2:0];
     reg [23:0] big2;
     reg [26:0] little2;
+    reg [24:0] near2;
     reg [8:0] exponent2;
-    reg sign2, minus2, nan2, infinite2, zero2;
+    reg sign2, minus2, nan2, special2, zero2, is_near2;
     always @(posedge clk) begin
         big2 <= big1;
-        little2 <= {wide[53:28], |wide[27:0]};
+        little2 <= distance1[8:5] != 0 ? {26'd0, little1[23]} : {fine[32:7], lost | |fine[6:0]};
+        near2 <= {big1, 1'b0} - (distance1[0] ? {1'b0, little1} : {little1, 1'b0});
+        is_near2 <= minus1 & distance1[8:1] == 0;
         exponent2 <= exponent1;
-        {sign2, minus2, nan2, infinite2, zero2} <= {sign1, minus1, nan1, infinite1, zero1};
+        {sign2, minus2, nan2, special2, zero2} <= {sign1, minus1, nan1, special1, zero1};
     end
+    // Far: the sum. Near: zeros ahead of the leading one, eight at a time.
+    wire [31:0] ahead = {near2, 7'd0};
+    wire [2:0] empty = {ahead[31:24] == 0, ahead[23:16] == 0, ahead[15:8] == 0};
+    wire [1:0] eights = !empty[2] ? 2'd0 : !empty[1] ? 2'd1 : !empty[0] ? 2'd2 : 2'd3;
+    wire [2:0] ones0, ones1, ones2;
+    fp_ahead of_first (ahead[31:25], ones0);
+    fp_ahead of_second (ahead[23:17], ones1);
+    fp_ahead of_third (ahead[15:9], ones2);
     reg [27:0] sum3;
+    reg [24:0] near3;
+    reg [4:0] zeros3;
     reg [8:0] exponent3;
-    reg sign3, nan3, infinite3, zero3;
+    reg sign3, nan3, special3, is_near3, nothing3;
     always @(posedge clk) begin
         sum3 <= minus2 ? {1'b0, big2, 3'd0} - {1'b0, little2} : {1'b0, big2, 3'd0} + {1'b0, little2};
+        case (eights)
+            2'd0: {near3, zeros3} <= {ahead[31:7], eights, ones0};
+            2'd1: {near3, zeros3} <= {ahead[23:0], 1'd0, eights, ones1};
+            2'd2: {near3, zeros3} <= {ahead[15:0], 9'd0, eights, ones2};
+            default: {near3, zeros3} <= {ahead[7:0], 17'd0, eights, 3'd0};
+        endcase
+        nothing3 <= is_near2 ? near2 == 0 : !big2[23];
         exponent3 <= exponent2;
-        {sign3, nan3, infinite3, zero3} <= {sign2, nan2, infinite2, zero2};
+        // Of a difference of equal numbers plus; where zeros are added, theirs.
+        sign3 <= !nan2 & ((is_near2 ? near2 == 0 : !big2[23]) ? zero2 : sign2);
+        {nan3, special3, is_near3} <= {nan2, special2, is_near2};
     end
-    // Zeros ahead of the leading one, from bit 27 on.
-    reg [4:0] zeros;
-    integer i;
-    always @* begin
-        zeros = 5'd28;
-        for (i = 0; i < 28; i = i + 1) if (sum3[i]) zeros = 5'd27 - i[4:0];
-    end
+    // The leading one at bit 27.
+    wire [24:0] near = near3 << zeros3[2:0];
+    wire [27:0] far = sum3[27] ? sum3 : sum3[26] ? {sum3[26:0], 1'b0} : {sum3[25:0], 2'b00};
+    wire [8:0] more = is_near3 ? -{4'd0, zeros3} : sum3[27] ? 9'd1 : sum3[26] ? 9'd0 : -9'd1;
+    wire [8:0] sum_exponent = exponent3 + more;
     reg [27:0] sum4;
-    reg [4:0] zeros4;
     reg [8:0] exponent4;
-    reg sign4, nan4, infinite4, zero4;
+    reg sign4, nan4;
     always @(posedge clk) begin
-        sum4 <= sum3;
-        zeros4 <= zeros;
-        exponent4 <= exponent3;
-        {sign4, nan4, infinite4, zero4} <= {sign3, nan3, infinite3, zero3};
+        sum4 <= special3 ? 28'd0 : is_near3 ? {near, 3'd0} : far;
+        exponent4 <= special3 ? 9'd511 : nothing3 ? 9'd0 : sum_exponent;
+        {sign4, nan4} <= {sign3, nan3};
     end
-    wire [27:0] shifted = sum4 << zeros4;
-    reg [27:0] sum5;
-    reg [8:0] exponent5;
-    reg sign5, nan5, infinite5, nothing5, zero5;
-    always @(posedge clk) begin
-        sum5 <= shifted;
-        exponent5 <= exponent4 + 9'd1 - {4'd0, zeros4};
-        nothing5 <= sum4 == 0;
-        {sign5, nan5, infinite5, zero5} <= {sign4, nan4, infinite4, zero4};
-    end
-    wire up = sum5[3] & (sum5[4] | |sum5[2:0]);
-    wire [24:0] rounded = {1'b0, sum5[27:4]} + {24'd0, up};
-    wire [8:0] exponent6 = exponent5 + {8'd0, rounded[24]};
-    always @(posedge clk)
-        z <= nan5 ? {1'b0, 9'd511, 1'b1, 22'd0}
-           : infinite5 | (exponent6 > 9'd383 & !nothing5) ? {sign5, 9'd511, 23'd0}
-           : nothing5 ? {zero5, 32'd0}
-           : {sign5, exponent6, rounded[24] ? 23'd0 : rounded[22:0]};
+    wire up = sum4[3] & (sum4[4] | |sum4[2:0]);
+    fp_last last (clk, sign4, exponent4, sum4[26:4], 23'd0, up, 1'b0, nan4, z);
 endmodule
 
-// How many places further up than that of a normal number the last place is of what is subnormal outside, 25 at most;
-// 31: nothing is left. Combinational.
-module fp_places (
-    input wire signed [10:0] exponent,  // as inside
-    output wire [4:0] places
+// Zeros ahead of the first one of seven bits and a one. Combinational.
+module fp_ahead (
+    input wire [6:0] x,
+    output reg [2:0] zeros
 );
-    wire signed [10:0] below = 11'sd130 - exponent;
-    assign places = below < 0 ? 5'd0 : below > 24 ? 5'd31 : below[4:0];
+    always @* casez (x)
+        7'b1??????: zeros = 3'd0;
+        7'b01?????: zeros = 3'd1;
+        7'b001????: zeros = 3'd2;
+        7'b0001???: zeros = 3'd3;
+        7'b00001??: zeros = 3'd4;
+        7'b000001?: zeros = 3'd5;
+        7'b0000001: zeros = 3'd6;
+        default: zeros = 3'd7;
+    endcase
 endmodule
 
-// Rounds a significand with a leading one, a bit after it and whether anything is left, where float32 has its last
-// place. Two stages.
+// The last stage: adds one at the last place, or nothing. An exponent that then is more than 383 is that of infinity.
+module fp_last (
+    input wire clk,
+    input wire sign,
+    input wire [8:0] exponent,
+    input wire [22:0] fraction,  // with ones where places are dropped
+    input wire [22:0] dropped,
+    input wire up,
+    input wire none,  // 0 unless it is rounded up
+    input wire nan,
+    output reg [32:0] z
+);
+    wire [31:0] sum = {exponent, fraction} + {31'd0, up};
+    always @(posedge clk) begin
+        z[32] <= sign;
+        z[31:23] <= none & !up ? 9'd0 : sum[31:23] | {9{sum[31] & sum[30]}};
+        // What runs over in this sum leaves no fraction.
+        z[22:0] <= exponent[8] & exponent[7] ? {nan, 22'd0} : sum[22:0] & ~dropped;
+    end
+endmodule
+
+// Which places of a significand are dropped, and the first of them, where float32 has its last place. Combinational.
+module fp_places (
+    input wire signed [10:0] below,  // how far the exponent is below that of the least normal number
+    output wire [25:0] dropped,
+    output wire [25:0] first
+);
+    wire none = below < 1, all = !none & below[9:5] != 0;
+    genvar k;
+    generate
+        for (k = 1; k < 26; k = k + 1) begin : place
+            assign dropped[k] = all | (!none & below[4:0] >= k);
+            assign first[k] = !none & !all & below[4:0] == k;
+        end
+    endgenerate
+    assign dropped[0] = 1'b1;
+    assign first[0] = none;
+endmodule
+
+// Rounds a significand in [1/2, 2) where float32 has its last place. Two stages.
 module fp_round (
     input wire clk,
     input wire sign,
-    input wire signed [10:0] exponent,  // as inside
-    input wire [4:0] places,  // of this exponent
+    input wire signed [10:0] exponent,  // as inside, of a significand below 1, doubled
+    input wire [25:0] dropped,  // of this exponent
+    input wire [25:0] first,
     input wire [25:0] value,
+    input wire left,  // something after it is not 0
     input wire nan,
     input wire infinite,
     input wire zero,
-    output reg [32:0] z
+    output wire [32:0] z
 );
-    // The bits that are dropped, the first of them, and the last that is kept. Each is a function of `places` only.
-    wire [27:0] dropped = ~(28'hFFFFFFC << places), half = 28'd2 << places, least = 28'd4 << places;
-    wire [27:0] whole = {2'b00, value};
-    wire up = |(whole & half) & (|(whole & least) | |(whole & dropped & ~half));
-    reg [27:0] kept1, unit1;
-    reg signed [10:0] exponent1;
-    reg sign1, nan1, infinite1, zero1;
+    // A normal number that is 1 or more has one place more to drop.
+    wire high = value[25];
+    wire [25:0] drop = {dropped[25:2], dropped[1] | high, 1'b1};
+    wire [25:0] half = {first[25:2], first[1] | (first[0] & high), first[0] & !high};
+    wire odd = |(value[25:1] & half[24:0]), more = left | |(value[24:0] & drop[25:1]);
+    wire [25:0] ones = value | drop;
+    wire over = !exponent[10] & (exponent[9] | (exponent[8] & exponent[7]));
+    reg [22:0] fraction1, dropped1;
+    reg [8:0] exponent1;
+    reg sign1, up1, none1, nan1;
     always @(posedge clk) begin
-        kept1 <= whole & ~dropped;
-        unit1 <= up ? least : 28'd0;
-        exponent1 <= exponent;
-        {sign1, nan1, infinite1} <= {sign, nan, infinite};
-        zero1 <= zero | places == 5'd31;
+        {sign1, nan1} <= {sign & !nan, nan};
+        up1 <= |(value & half) & (odd | more);
+        fraction1 <= high ? ones[24:2] : ones[23:1];
+        dropped1 <= high ? drop[24:2] : drop[23:1];
+        none1 <= high ? drop[25] : drop[24];
+        exponent1 <= exponent[8:0] + {8'd0, high};
+        if (nan | infinite | over | zero) begin
+            {up1, none1, fraction1} <= 0;
+            exponent1 <= nan | infinite | over ? 9'd511 : 9'd0;
+        end
     end
-    wire [27:0] rounded = kept1 + unit1;
-    wire signed [10:0] exponent2 = exponent1 + {10'd0, rounded[26]};
-    wire [22:0] fraction = rounded[26] ? 23'd0 : rounded[24:2];
-    always @(posedge clk)
-        z <= nan1 ? {1'b0, 9'd511, 1'b1, 22'd0}
-           : infinite1 | (!zero1 & exponent2 > 383) ? {sign1, 9'd511, 23'd0}
-           : zero1 | rounded == 0 ? {sign1, 32'd0}
-           : {sign1, exponent2[8:0], fraction};
+    fp_last last (clk, sign1, exponent1, fraction1, dropped1, up1, none1, nan1, z);
 endmodule
 
 // Product.
@@ -221,38 +282,32 @@ module fp_mul (
     reg [23:0] cross1, across1;
     reg [11:0] high1;
     reg [47:0] product2;
-    reg signed [10:0] exponent1, exponent2;
+    reg signed [10:0] exponent1, exponent2, below1;
     reg sign1, nan1, infinite1, zero1, sign2, nan2, infinite2, zero2;
-    wire [4:0] places_low, places_high;  // of this exponent, of one more
-    reg [4:0] low2, high2;
-    fp_places low (exponent1, places_low);
-    fp_places high (exponent1 + 11'sd1, places_high);
+    wire [25:0] dropped, first;
+    reg [25:0] dropped2, first2;
+    fp_places places (below1, dropped, first);
+    // Three numbers as two, bit by bit.
+    wire [29:0] p = {high1, low1[35:18]}, q = {6'd0, cross1}, r = {6'd0, across1};
+    wire [29:0] carries = (p & q) | (p & r) | (q & r);
     always @(posedge clk) begin
-        {high2, low2} <= {places_high, places_low};
         low1 <= x[17:0] * y[17:0];
         cross1 <= x[17:0] * y[23:18];
         across1 <= x[23:18] * y[17:0];
         high1 <= x[23:18] * y[23:18];
         exponent1 <= $signed({2'b00, a[31:23]}) + $signed({2'b00, b[31:23]}) - 11'sd256;
+        below1 <= 11'sd386 - $signed({2'b00, a[31:23]}) - $signed({2'b00, b[31:23]});
         sign1 <= a[32] ^ b[32];
         nan1 <= (a_special & a[22]) | (b_special & b[22]) | (a_special & b_zero) | (b_special & a_zero);
         infinite1 <= a_special | b_special;
         zero1 <= a_zero | b_zero;
-        product2 <= {high1, low1} + {5'd0, {1'b0, cross1} + {1'b0, across1}, 18'd0};
+        product2 <= {(p ^ q ^ r) + {carries[28:0], 1'b0}, low1[17:0]};
         exponent2 <= exponent1;
+        {dropped2, first2} <= {dropped, first};
         {sign2, nan2, infinite2, zero2} <= {sign1, nan1, infinite1, zero1};
     end
-    reg [25:0] value3;
-    reg signed [10:0] exponent3;
-    reg [4:0] places3;
-    reg sign3, nan3, infinite3, zero3;
-    always @(posedge clk) begin
-        places3 <= product2[47] ? high2 : low2;
-        value3 <= product2[47] ? {product2[47:23], |product2[22:0]} : {product2[46:22], |product2[21:0]};
-        exponent3 <= exponent2 + {10'd0, product2[47]};
-        {sign3, nan3, infinite3, zero3} <= {sign2, nan2, infinite2, zero2};
-    end
-    fp_round round (clk, sign3, exponent3, places3, value3, nan3, infinite3, zero3, z);
+    wire left = |product2[21:0];
+    fp_round round (clk, sign2, exponent2, dropped2, first2, product2[47:22], left, nan2, infinite2, zero2, z);
 endmodule
 
 // Quotient: 26 bits of it, two in each of 13 stages.
@@ -294,24 +349,18 @@ module fp_div (
             end
         end
     endgenerate
-    wire [25:0] found = quotient[STAGES];
-    wire left = rest[STAGES] != 0;
-    wire signed [10:0] so_far = $signed(others[STAGES-1][13:3]);
-    wire [4:0] places_low, places_high;
-    reg [4:0] low, high, places;  // of one less than this exponent, and of this
-    fp_places at_low (so_far - 11'sd1, places_low);
-    fp_places at_high (so_far, places_high);
-    reg [25:0] value;
-    reg signed [10:0] exponent;
-    reg sign1, nan1, infinite1, zero1;
+    // The exponent of a quotient below 1, doubled.
+    wire signed [10:0] exponent = $signed(others[STAGES][13:3]) - 11'sd1;
+    wire [25:0] dropped, first;
+    reg signed [10:0] below;
+    reg [25:0] dropped_last, first_last;
+    fp_places places (below, dropped, first);
     always @(posedge clk) begin
-        {high, low} <= {places_high, places_low};
-        places <= found[25] ? high : low;
-        value <= found[25] ? {found[25:1], found[0] | left} : {found[24:0], left};
-        exponent <= $signed(others[STAGES][13:3]) - {10'd0, !found[25]};
-        {sign1, nan1, infinite1, zero1} <= {others[STAGES][14], others[STAGES][2:0]};
+        below <= 11'sd131 - $signed(others[STAGES-2][13:3]);
+        {dropped_last, first_last} <= {dropped, first};
     end
-    fp_round round (clk, sign1, exponent, places, value, nan1, infinite1, zero1, z);
+    fp_round round (clk, others[STAGES][14], exponent, dropped_last, first_last, quotient[STAGES], rest[STAGES] != 0,
+        others[STAGES][2], others[STAGES][1], others[STAGES][0], z);
 endmodule
 
 // Square root: 26 bits of it, two in each of 13 stages.
@@ -325,8 +374,8 @@ module fp_sqrt (
     wire nan = (special & a[22]) | (a[32] & !zero);
     wire odd = a[23];
     wire [24:0] radicand = odd ? {1'b1, a[22:0], 1'b0} : {2'b01, a[22:0]};
-    // Half of the exponent, which lies 256 above that of the value.
-    wire signed [10:0] half = $signed({3'b000, a[31:24]}) + 11'sd128;
+    // Half of the exponent, which lies 256 above that of the value; one less, as is that of a root below 1, doubled.
+    wire signed [10:0] half = $signed({3'b000, a[31:24]}) + 11'sd127;
 
     reg [51:0] left[0:STAGES];  // of the radicand
     reg [28:0] rest[0:STAGES];
@@ -355,10 +404,10 @@ module fp_sqrt (
             end
         end
     endgenerate
-    wire [25:0] value = {root[STAGES][25:1], root[STAGES][0] | rest[STAGES] != 0};
     wire [14:0] last = others[STAGES];
-    // No root is subnormal.
-    fp_round round (clk, last[14], $signed(last[13:3]), 5'd0, value, last[2], last[1], last[0], z);
+    // No root is subnormal, or below 1.
+    fp_round round (clk, last[14], $signed(last[13:3]), 26'd1, 26'd1, root[STAGES], rest[STAGES] != 0, last[2], last[1],
+        last[0], z);
 endmodule
 
 // The exponent of a > 0, as a number, that goes with a mantissa in [sqrt(1/2), sqrt(2)).
@@ -410,18 +459,19 @@ module fp_choose (
     wire below = !nan & !both_zero & (a[32] ? !b[32] | larger : !b[32] & smaller);
     wire low = a[22:0] < `ORIGIN;
 
+    reg [32:0] others;
+    always @* case (what)
+        3'd1: others = {a[32], b[31:0]};
+        3'd2: others = {1'b0, low ? 9'd256 : 9'd255, a[22:0]};
+        3'd3: others = {a[32], a[31:23] + b[8:0], a[22:0]};
+        3'd4: others = exponent;
+        3'd5: others = quotient;
+        3'd6: others = root;
+        default: others = no;
+    endcase
     always @(posedge clk) begin
         less <= below;
-        case (what)
-            3'd0: z <= below ? yes : no;
-            3'd1: z <= {a[32], b[31:0]};
-            3'd2: z <= {1'b0, low ? 9'd256 : 9'd255, a[22:0]};
-            3'd3: z <= {a[32], a[31:23] + b[8:0], a[22:0]};
-            3'd4: z <= exponent;
-            3'd5: z <= quotient;
-            3'd6: z <= root;
-            default: z <= no;
-        endcase
+        z <= below & what == 3'd0 ? yes : others;
     end
 endmodule
 `default_nettype wire

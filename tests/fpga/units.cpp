@@ -107,10 +107,10 @@ int main(int count, char** words) {
     const std::uint64_t vectors = std::strtoull(words[1], nullptr, 10);
     Numbers numbers(std::strtoull(words[2], nullptr, 10));
     Unit units[] = {
-        {"add", 6, [](const Vector& v) { return number(v.a) + number(v.b); }, [](const Vbench& t) { return t.sum; }},
-        {"multiply", 5, [](const Vector& v) { return number(v.a) * number(v.b); },
+        {"add", 5, [](const Vector& v) { return number(v.a) + number(v.b); }, [](const Vbench& t) { return t.sum; }},
+        {"multiply", 4, [](const Vector& v) { return number(v.a) * number(v.b); },
          [](const Vbench& t) { return t.product; }},
-        {"divide", 16, [](const Vector& v) { return number(v.a) / number(v.b); },
+        {"divide", 15, [](const Vector& v) { return number(v.a) / number(v.b); },
          [](const Vbench& t) { return t.quotient; }},
         {"square root", 15, [](const Vector& v) { return std::sqrt(number(v.a)); },
          [](const Vbench& t) { return t.root; }},

@@ -76,7 +76,7 @@ class Arithmetic(ABC):
 class Float(Arithmetic):
     number, units, prefix = "float", "units.v", "fp"
     word, inside = 32, 33
-    stages: ClassVar = {"add": 6, "multiply": 5, "divide": 17, "square_root": 16, "exponent": 4, "select": 1}
+    stages: ClassVar = {"add": 5, "multiply": 4, "divide": 16, "square_root": 16, "exponent": 4, "select": 1}
     from_integer, fraction = 4, 0
     rows = np.dtype("<f4")
 
