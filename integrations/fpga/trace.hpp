@@ -170,7 +170,9 @@ struct Traced {
         if (a.constant() && b.constant()) {
             return Traced(a.value + b.value);
         }
-        return a.is_nothing() ? b : b.is_nothing() ? a : either_way(Op::add, a, b);
+        return a.is_zero() && b.keeps_its_bits()   ? b
+               : b.is_zero() && a.keeps_its_bits() ? a
+                                                   : either_way(Op::add, a, b);
     }
     friend Traced operator-(Traced a, Traced b) { return a + -b; }
     friend Traced operator*(Traced a, Traced b) {
@@ -178,7 +180,7 @@ struct Traced {
             return Traced(a.value * b.value);
         }
         const bool changed = take_sign(a) != take_sign(b);
-        if (a.is_nothing() || b.is_nothing()) {
+        if (is_fixed && (a.is_zero() || b.is_zero())) {  // nothing is not a number
             return Traced(0.0);
         }
         const Traced product = a.is_one() ? b : b.is_one() ? a : either_way(Op::multiply, a, b);
@@ -219,8 +221,15 @@ struct Traced {
 
 private:
     bool is_one() const { return constant() && value == Number(1.0); }
-    // Of a fixed point, which has one 0 and nothing that is not a number: what is added to it or multiplied by it.
-    bool is_nothing() const { return is_fixed && constant() && value == Number(0.0); }
+    bool is_zero() const { return constant() && value == Number(0.0); }
+    // That adding 0 leaves its bits: a magnitude or a sum of two, which are not -0, or of a fixed point, which has none.
+    bool keeps_its_bits() const {
+        if (is_fixed || constant() || negative || magnitude) {
+            return is_fixed || (magnitude && !negative);
+        }
+        const Node& made = recorder().nodes.things[static_cast<std::size_t>(node)];
+        return made.op == Op::add && (made.operands[0] & 3) == 2 && (made.operands[1] & 3) == 2;
+    }
     // Of a product and a quotient the sign comes from those of the operands, whatever their sizes.
     static bool take_sign(Traced& a) {
         const bool taken = a.constant() ? is_negative(a.value) : a.negative;
