@@ -95,6 +95,9 @@ int main() {
         top.in_write = top.start = 0;
         for (bool there = false; !top.ready; tick()) {
             if (top.force_valid) {
+                if (there) {
+                    return hung();  // two forces
+                }
                 force.add(cycle - started);
                 there = true;
             }

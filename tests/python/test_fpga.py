@@ -281,6 +281,12 @@ def test_microcode_that_leaves_a_decision_open_is_found(small: Microcode) -> Non
         check(small)
 
 
+def test_microcode_that_lets_go_of_a_force_too_early_is_found(small: Microcode) -> None:
+    first = next(place for place, word in enumerate(small.words) if word.get("settled"))
+    with changed(small.words[first - 1], {"settled": 1}), pytest.raises(ValueError, match=r"open|too early"):
+        check(small)
+
+
 @contextmanager
 def changed(word: dict[str, int], changes: dict[str, int]) -> Iterator[None]:
     before = dict(word)

@@ -136,7 +136,8 @@ class _Writer:
                 written |= {f"{name}_write": 1, f"{name}_place": self.addresses[place]}
             if name == "other":
                 self._other(place, found[result - 1], written)
-        found[self.scheduled.settled]["settled"] = 1
+        for word in found[self.scheduled.settled : self.scheduled.decided + 1]:
+            word["settled"] = 1
         found[-1]["last"] = 1
         return found
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from .graph import SOURCES_OF_NUMBERS, Graph, Operand
 from .microcode import CHOICES, MEMORY, OPERANDS, Microcode, Word
 from .routines import Routine
-from .schedule import FETCH
+from .schedule import FETCH, FORCES
 
 Written = tuple[int, int, frozenset[int] | None]  # word, port, programs
 
@@ -32,6 +32,7 @@ class _Machine:
         self.results: dict[tuple[int, str, int], Operand] = {}  # bank, operation, cycle: what stands in its register
         self.written: dict[Written, Operand] = {}
         self.flags: set[int] = set()
+        self.force_from = 0  # the first cycle in which all forces can be taken
 
     @staticmethod
     def _leaf(graph: Graph, word: int) -> int:
@@ -41,11 +42,18 @@ class _Machine:
         return -1  # nobody reads it
 
     def run(self, words: list[Word]) -> None:
+        compared = set(self.graph.compared(self.routine.programs))
         for cycle, word in enumerate(words):
+            if word.get("settled") and not compared <= self.flags:
+                raise ValueError("microcode leaves a decision open")
+            if word.get("settled") and cycle < self.force_from:
+                raise ValueError("microcode lets go of a force too early")
             self._write(words, cycle, word, range(self.code.other))
             self._issue(words, cycle, word)
             self._write(words, cycle, word, [self.code.other])
             self._compare(cycle, word)
+            if word.get("out_write") and word["out"] in FORCES:
+                self.force_from = cycle + 2
         expected = {
             (one.output.word, one.output.port, one.output.programs): one.operands[0]
             for one in self.routine.operations
@@ -53,9 +61,8 @@ class _Machine:
         }
         if self.written != expected:
             raise ValueError("microcode does not write what its routine does")
-        compared = set(self.graph.compared(self.routine.programs))
-        if not compared <= self.flags:
-            raise ValueError("microcode leaves a decision open")
+        if not any(word.get("settled") for word in words):
+            raise ValueError("microcode never lets go of a force")
 
     def _register(self, bank: int, cycle: int, words: list[Word]) -> Operand | None:
         name = self.code.machine.banks[bank]

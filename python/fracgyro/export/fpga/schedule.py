@@ -60,7 +60,7 @@ class Slot:
 class Schedule:
     routine: Routine
     slots: list[Slot]  # of its operations
-    wait: int  # cycles until it is known what the comparisons lead to
+    wait: int  # cycles until it is known what other comparisons than those of the last step lead to
 
     def result(self, place: int) -> int:
         """The cycle in which the result of an operation stands in its unit's register."""
@@ -68,17 +68,20 @@ class Schedule:
 
     @property
     def settled(self) -> int:
-        """The first cycle in which the forces are known, and whether this routine is the right one."""
-        last = [
-            self.result(place)
-            for place, one in enumerate(self.routine.operations)
-            if one.op == "less" or (one.output is not None and one.output.port in FORCES)
-        ]
-        return max(last, default=0) + 1 + self.wait
+        """The first cycle in which the forces are known, and what was compared; what came out as it did in the last
+        step changes no decision.
+        """
+        ends = [self.result(place) + _after(one) for place, one in enumerate(self.routine.operations)]
+        return max((end for one, end in zip(self.routine.operations, ends, strict=True) if _after(one)), default=1)
+
+    @property
+    def decided(self) -> int:
+        """The first cycle in which it is known in any case whether this routine is the right one."""
+        return self.settled + self.wait
 
     @property
     def cycles(self) -> int:
-        return max(*map(self.result, range(len(self.slots))), self.settled - 1) + 2
+        return max(*map(self.result, range(len(self.slots))), self.decided - 1) + 2
 
 
 Wire = tuple[int, int, int, bool]  # bank, operand; from the memory of which bank, or from its register
@@ -157,6 +160,13 @@ def _cheapest(one: Operation, cycle: int, banks: list[int], sources: list[tuple[
     return Slot(cycle, bank, swapped)
 
 
+def _after(one: Operation) -> int:
+    """Cycles from a result until a comparison counts, until a force can be taken; 0: it is neither."""
+    if one.op == "less":
+        return 1
+    return 2 if one.output is not None and one.output.port in FORCES else 0
+
+
 def _heights(operations: list[Operation]) -> list[tuple[int, int]]:
     """Minus the cycles from each operation to the last force or decision, and to the end."""
     force, end = [0] * len(operations), [0] * len(operations)
@@ -164,8 +174,7 @@ def _heights(operations: list[Operation]) -> list[tuple[int, int]]:
         one = operations[place]
         own = 1 + one.stages
         end[place] += own
-        if one.op == "less" or (one.output is not None and one.output.port in FORCES):
-            force[place] = max(force[place], 1)
+        force[place] = max(force[place], _after(one))
         if force[place]:
             force[place] += own
         for producer in one.after:

@@ -94,7 +94,8 @@ def values(code: Microcode) -> dict[str, Any]:
     integers = _integers(graph)
     arithmetic = graph.arithmetic
     convert = arithmetic.from_integer + 1  # cycles from a new phase until the first of its parts is a number
-    rest = max(len(turning) + convert, deciding(graph) + 1)
+    wait = deciding(graph)
+    rest = max(len(turning) + convert, wait + 1)
     return {
         "words": len(code.words),
         "width": layout[-1].low + layout[-1].width,
@@ -131,6 +132,7 @@ def values(code: Microcode) -> dict[str, Any]:
         "start_base": code.bases[-1],
         "conditions": [sorted(one) for one in code.conditions],
         "rest": rest,
+        "wait": wait,
         "measured": [measured.get(k, max(code.given.values(), default=0) + 1) for k in range(4)],
         "phases": [dict(zip(("start", "increment", "word"), one, strict=True)) for one in phases],
         "parts": [
