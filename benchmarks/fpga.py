@@ -101,7 +101,12 @@ def measured(name: str, scenario: fg.Scenario) -> tuple[list[str], int]:
 def units() -> list[str]:
     """What tests/fpga/units.cpp finds."""
     with tempfile.TemporaryDirectory() as folder:
-        sources = [SOURCES / "integrations/fpga/units.v", ROOT / "tests/fpga/bench.v", ROOT / "tests/fpga/units.cpp"]
+        sources = [
+            SOURCES / "integrations/fpga/units.v",
+            SOURCES / "integrations/fpga/digits.v",
+            ROOT / "tests/fpga/bench.v",
+            ROOT / "tests/fpga/units.cpp",
+        ]
         options = ["-O3", "-CFLAGS", "-std=c++20 -O2", "--top-module", "bench", "-Mdir", folder, "-Wno-fatal"]
         run(["verilator", "--cc", "--exe", "--build", *options, *map(str, sources), "-o", "units"])
         output = run([f"{folder}/units", str(VECTORS), "2"])

@@ -1,10 +1,10 @@
 // Pipelined arithmetic on numbers with a fixed point, 20 bits left of it with the sign and 28 right of it, with the
-// bits of Fixed48 in fixed.hpp. Each unit takes operands in every cycle; no unit is reset.
+// bits of Fixed48 in fixed.hpp. Units take operands in every cycle; no unit is reset.
 //
 //     Inside, a number has 48 bits: a sign, and the size times 2^28. 0 may have either sign.
 //
-//     The stages of a unit, from its operands to a register with its result: fx_add 2, fx_mul 4, fx_div 24,
-//     fx_sqrt 19, fx_choose 1, fx_from_integer 1.
+//     The stages of a unit, from its operands to a register with its result: fx_add 2, fx_mul 4, fx_div 13,
+//     fx_sqrt 11, fx_choose 1, fx_from_integer 1. fx_div and fx_sqrt (digits.v) take operands when they have ended.
 `default_nettype none
 
 // From two's complement.
@@ -95,91 +95,51 @@ module fx_mul (
     end
 endmodule
 
-// Quotient: two of its 48 bits, of which the first is 0, in each of 24 stages.
+// Quotient, from `load` on.
 module fx_div (
     input wire clk,
+    input wire load,
     input wire [47:0] a,
     input wire [47:0] b,
     output wire [47:0] z
 );
-    localparam STAGES = 24;
-    reg [47:0] rest[0:STAGES];
-    reg [46:0] divisor[0:STAGES];
-    reg [47:0] both[0:STAGES];  // what is left of the dividend, and the quotient after it
-    reg sign[0:STAGES], beyond[0:STAGES];
-    always @* begin
-        rest[0] = {21'd0, a[46:20]};
-        divisor[0] = b[46:0];
-        both[0] = {a[19:0], 28'd0};
-        sign[0] = (a[47] & |a[46:0]) ^ (b[47] & |b[46:0]);  // by 0 it counts
-        beyond[0] = {19'd0, a[46:19]} >= b[46:0];
-    end
-    genvar k;
-    generate
-        for (k = 0; k < STAGES; k = k + 1) begin : stage
-            wire [47:0] by = {1'b0, divisor[k]};
-            wire [47:0] one = {rest[k][46:0], both[k][47]};
-            wire first = one >= by;
-            wire [47:0] after = first ? one - by : one;
-            wire [47:0] two = {after[46:0], both[k][46]};
-            wire second = two >= by;
-            always @(posedge clk) begin
-                rest[k+1] <= second ? two - by : two;
-                divisor[k+1] <= divisor[k];
-                both[k+1] <= {both[k][45:0], first, second};
-                sign[k+1] <= sign[k];
-                beyond[k+1] <= beyond[k];
-            end
+    reg sign, beyond;
+    always @(posedge clk)
+        if (load) begin
+            sign <= (a[47] & |a[46:0]) ^ (b[47] & |b[46:0]);  // by 0 it counts
+            beyond <= {19'd0, a[46:19]} >= b[46:0];
         end
-    endgenerate
-    assign z = {sign[STAGES], both[STAGES][46:0] | {47{beyond[STAGES]}}};
+    wire [47:0] quotient;
+    wire inexact;
+    quotient_digits #(47, 12) digits (clk, load, {20'd0, a[46:20]}, {a[19:0], 28'd0}, b[46:0], quotient, inexact);
+    assign z = {sign, quotient[46:0] | {47{beyond}}};
 endmodule
 
-// Square root: two of its 38 bits in each of 19 stages.
+// Square root, from `load` on.
 module fx_sqrt (
     input wire clk,
+    input wire load,
     input wire [47:0] a,
     output wire [47:0] z
 );
-    localparam STAGES = 19;
-    reg [75:0] left[0:STAGES];  // of the radicand
-    reg [40:0] rest[0:STAGES];
-    reg [37:0] root[0:STAGES];
-    always @* begin
-        left[0] = a[47] ? 76'd0 : {1'b0, a[46:0], 28'd0};
-        rest[0] = 0;
-        root[0] = 0;
-    end
-    genvar k;
-    generate
-        for (k = 0; k < STAGES; k = k + 1) begin : stage
-            wire [40:0] one = {rest[k][38:0], left[k][75:74]}, by = {1'b0, root[k], 2'b01};
-            wire first = one >= by;
-            wire [40:0] after = first ? one - by : one;
-            wire [37:0] between = {root[k][36:0], first};
-            wire [40:0] two = {after[38:0], left[k][73:72]}, next = {1'b0, between, 2'b01};
-            wire second = two >= next;
-            always @(posedge clk) begin
-                rest[k+1] <= second ? two - next : two;
-                root[k+1] <= {between[36:0], second};
-                left[k+1] <= left[k] << 4;
-            end
-        end
-    endgenerate
-    assign z = {10'd0, root[STAGES]};
+    wire [39:0] root;
+    wire inexact;
+    root_digits #(10) digits (clk, load, a[47] ? 80'd0 : {5'd0, a[46:0], 28'd0}, root, inexact);
+    assign z = {8'd0, root};
 endmodule
 
 // What moves numbers, or was computed by the units above. One stage.
-//     0  a < b ? yes : no, and a < b     1  |b| with the sign of a     5, 6  quotient, root     7  no
+//     0  a < b ? yes : no, and a < b     1  |b| with the sign of a     5, 6, 8  quotient, one root, the other     7  no
 module fx_choose (
     input wire clk,
-    input wire [2:0] what,
+    input wire [3:0] what,
     input wire [47:0] a,
     input wire [47:0] b,
     input wire [47:0] yes,
     input wire [47:0] no,
     input wire [47:0] quotient,
-    input wire [47:0] root,
+    input wire [47:0] root0,
+    input wire [47:0] root1,
     output reg [47:0] z,
     output reg less
 );
@@ -187,15 +147,17 @@ module fx_choose (
     wire smaller = a[46:0] < b[46:0], larger = b[46:0] < a[46:0];
     wire below = a[47] ? (b[47] ? larger : !(a_nothing & b_nothing)) : !b[47] & smaller;
 
+    reg [47:0] others;
+    always @* case (what)
+        4'd1: others = {a[47] & !a_nothing, b[46:0]};
+        4'd5: others = quotient;
+        4'd6: others = root0;
+        4'd8: others = root1;
+        default: others = no;
+    endcase
     always @(posedge clk) begin
         less <= below;
-        case (what)
-            3'd0: z <= below ? yes : no;
-            3'd1: z <= {a[47] & !a_nothing, b[46:0]};
-            3'd5: z <= quotient;
-            3'd6: z <= root;
-            default: z <= no;
-        endcase
+        z <= below & what == 4'd0 ? yes : others;
     end
 endmodule
 `default_nettype wire

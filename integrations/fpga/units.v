@@ -1,5 +1,5 @@
 // Pipelined arithmetic on IEEE 754 single precision, with the bits of a processor: subnormal numbers included, to the
-// nearest, ties to even. Each unit takes operands in every cycle; no unit is reset.
+// nearest, ties to even. Units take operands in every cycle; no unit is reset.
 //
 //     Inside, a number has 33 bits: sign, 9 bits of exponent, 23 bits of fraction. The exponent is that of the value
 //     plus 256, also of what is subnormal outside: every number but 0 has its leading one. Exponent 0: zero. Exponent
@@ -7,8 +7,9 @@
 //
 //     Rounding adds to exponent and fraction as one number: a fraction that runs over goes on into the exponent.
 //
-//     The stages of a unit, from its operands to a register with its result: fp_add 5, fp_mul 4, fp_div 15,
-//     fp_sqrt 15, fp_exponent 3, fp_choose 1, fp_from_integer 4.
+//     The stages of a unit, from its operands to a register with its result: fp_add 5, fp_mul 4, fp_div 10,
+//     fp_sqrt 10, fp_exponent 3, fp_choose 1, fp_from_integer 4. fp_div and fp_sqrt (digits.v) take operands when their
+//     digits have ended.
 `default_nettype none
 `define ORIGIN 23'h3504F3 // the fraction of sqrt(1/2)
 
@@ -310,104 +311,65 @@ module fp_mul (
     fp_round round (clk, sign2, exponent2, dropped2, first2, product2[47:22], left, nan2, infinite2, zero2, z);
 endmodule
 
-// Quotient: 26 bits of it, two in each of 13 stages.
+// Quotient, from `load` on.
 module fp_div (
     input wire clk,
+    input wire load,
     input wire [32:0] a,
     input wire [32:0] b,
     output wire [32:0] z
 );
-    localparam STAGES = 13;
     wire a_zero = a[31:23] == 0, b_zero = b[31:23] == 0;
     wire a_special = a[31:23] == 9'd511, b_special = b[31:23] == 9'd511;
-    wire signed [10:0] difference = $signed({2'b00, a[31:23]}) - $signed({2'b00, b[31:23]}) + 11'sd256;
-    wire nan = (a_special & a[22]) | (b_special & b[22]) | (a_special & b_special) | (a_zero & b_zero);
-    wire infinite = a_special | b_zero, zero = a_zero | b_special;
-
-    reg [25:0] rest[0:STAGES];
-    reg [23:0] divisor[0:STAGES];
-    reg [25:0] quotient[0:STAGES];
-    reg [14:0] others[0:STAGES];  // sign, exponent, nan, infinite, zero
-    always @* begin
-        rest[0] = {2'b00, 1'b1, a[22:0]};
-        divisor[0] = {1'b1, b[22:0]};
-        quotient[0] = 0;
-        others[0] = {a[32] ^ b[32], difference, nan, infinite, zero};
-    end
-    genvar k;
-    generate
-        for (k = 0; k < STAGES; k = k + 1) begin : stage
-            wire [25:0] by = {2'b00, divisor[k]};
-            wire first = rest[k] >= by;
-            wire [25:0] after = (first ? rest[k] - by : rest[k]) << 1;
-            wire second = after >= by;
-            always @(posedge clk) begin
-                rest[k+1] <= (second ? after - by : after) << 1;
-                divisor[k+1] <= divisor[k];
-                quotient[k+1] <= {quotient[k][23:0], first, second};
-                others[k+1] <= others[k];
-            end
+    reg signed [10:0] exponent;  // of a quotient below 1, doubled
+    reg sign, nan, infinite, zero;
+    always @(posedge clk)
+        if (load) begin
+            exponent <= $signed({2'b00, a[31:23]}) - $signed({2'b00, b[31:23]}) + 11'sd255;
+            sign <= a[32] ^ b[32];
+            nan <= (a_special & a[22]) | (b_special & b[22]) | (a_special & b_special) | (a_zero & b_zero);
+            infinite <= a_special | b_zero;
+            zero <= a_zero | b_special;
         end
-    endgenerate
-    // The exponent of a quotient below 1, doubled.
-    wire signed [10:0] exponent = $signed(others[STAGES][13:3]) - 11'sd1;
+    wire [27:0] quotient;
+    wire inexact;
+    quotient_digits #(24, 7) digits (clk, load, {2'b01, a[22:1]}, {a[0], 27'd0}, {1'b1, b[22:0]}, quotient, inexact);
     wire [25:0] dropped, first;
     reg signed [10:0] below;
     reg [25:0] dropped_last, first_last;
     fp_places places (below, dropped, first);
     always @(posedge clk) begin
-        below <= 11'sd131 - $signed(others[STAGES-2][13:3]);
+        below <= 11'sd130 - exponent;
         {dropped_last, first_last} <= {dropped, first};
     end
-    fp_round round (clk, others[STAGES][14], exponent, dropped_last, first_last, quotient[STAGES], rest[STAGES] != 0,
-        others[STAGES][2], others[STAGES][1], others[STAGES][0], z);
+    fp_round round (clk, sign, exponent, dropped_last, first_last, quotient[27:2], inexact | |quotient[1:0], nan,
+        infinite, zero, z);
 endmodule
 
-// Square root: 26 bits of it, two in each of 13 stages.
+// Square root, from `load` on.
 module fp_sqrt (
     input wire clk,
+    input wire load,
     input wire [32:0] a,
     output wire [32:0] z
 );
-    localparam STAGES = 13;
-    wire zero = a[31:23] == 0, special = a[31:23] == 9'd511;
-    wire nan = (special & a[22]) | (a[32] & !zero);
-    wire odd = a[23];
-    wire [24:0] radicand = odd ? {1'b1, a[22:0], 1'b0} : {2'b01, a[22:0]};
-    // Half of the exponent, which lies 256 above that of the value; one less, as is that of a root below 1, doubled.
-    wire signed [10:0] half = $signed({3'b000, a[31:24]}) + 11'sd127;
-
-    reg [51:0] left[0:STAGES];  // of the radicand
-    reg [28:0] rest[0:STAGES];
-    reg [25:0] root[0:STAGES];
-    reg [14:0] others[0:STAGES];
-    always @* begin
-        left[0] = {radicand, 27'd0};
-        rest[0] = 0;
-        root[0] = 0;
-        others[0] = {a[32], half, nan, special, zero};
-    end
-    genvar k;
-    generate
-        for (k = 0; k < STAGES; k = k + 1) begin : stage
-            wire [28:0] one = {rest[k][26:0], left[k][51:50]}, by = {1'b0, root[k], 2'b01};
-            wire first = one >= by;
-            wire [28:0] after = first ? one - by : one;
-            wire [25:0] between = {root[k][24:0], first};
-            wire [28:0] two = {after[26:0], left[k][49:48]}, next = {1'b0, between, 2'b01};
-            wire second = two >= next;
-            always @(posedge clk) begin
-                rest[k+1] <= second ? two - next : two;
-                root[k+1] <= {between[24:0], second};
-                left[k+1] <= left[k] << 4;
-                others[k+1] <= others[k];
-            end
+    wire nothing = a[31:23] == 0;
+    wire [24:0] radicand = a[23] ? {1'b1, a[22:0], 1'b0} : {2'b01, a[22:0]};
+    reg signed [10:0] half;  // of the exponent, which lies 256 above that of the value; of a root below 1, doubled
+    reg sign, nan, special, zero;
+    always @(posedge clk)
+        if (load) begin
+            half <= $signed({3'b000, a[31:24]}) + 11'sd127;
+            sign <= a[32];
+            nan <= (a[31:23] == 9'd511 & a[22]) | (a[32] & !nothing);
+            special <= a[31:23] == 9'd511;
+            zero <= nothing;
         end
-    endgenerate
-    wire [14:0] last = others[STAGES];
+    wire [27:0] root;
+    wire inexact;
+    root_digits #(7) digits (clk, load, {radicand, 31'd0}, root, inexact);
     // No root is subnormal, or below 1.
-    fp_round round (clk, last[14], $signed(last[13:3]), 26'd1, 26'd1, root[STAGES], rest[STAGES] != 0, last[2], last[1],
-        last[0], z);
+    fp_round round (clk, sign, half, 26'd1, 26'd1, root[27:2], inexact | |root[1:0], nan, special, zero, z);
 endmodule
 
 // The exponent of a > 0, as a number, that goes with a mantissa in [sqrt(1/2), sqrt(2)).
@@ -439,17 +401,18 @@ endmodule
 //     0  a < b ? yes : no, and a < b     1  |b| with the sign of a
 //     2  the mantissa of a > 0, in [sqrt(1/2), sqrt(2))
 //     3  a·2^n, n being the integer in the last places of b = n + 1.5·2^23
-//     4, 5, 6  exponent, quotient, root     7  no
+//     4, 5, 6, 8  exponent, quotient, one root, the other     7  no
 module fp_choose (
     input wire clk,
-    input wire [2:0] what,
+    input wire [3:0] what,
     input wire [32:0] a,
     input wire [32:0] b,
     input wire [32:0] yes,
     input wire [32:0] no,
     input wire [32:0] exponent,
     input wire [32:0] quotient,
-    input wire [32:0] root,
+    input wire [32:0] root0,
+    input wire [32:0] root1,
     output reg [32:0] z,
     output reg less
 );
@@ -461,17 +424,18 @@ module fp_choose (
 
     reg [32:0] others;
     always @* case (what)
-        3'd1: others = {a[32], b[31:0]};
-        3'd2: others = {1'b0, low ? 9'd256 : 9'd255, a[22:0]};
-        3'd3: others = {a[32], a[31:23] + b[8:0], a[22:0]};
-        3'd4: others = exponent;
-        3'd5: others = quotient;
-        3'd6: others = root;
+        4'd1: others = {a[32], b[31:0]};
+        4'd2: others = {1'b0, low ? 9'd256 : 9'd255, a[22:0]};
+        4'd3: others = {a[32], a[31:23] + b[8:0], a[22:0]};
+        4'd4: others = exponent;
+        4'd5: others = quotient;
+        4'd6: others = root0;
+        4'd8: others = root1;
         default: others = no;
     endcase
     always @(posedge clk) begin
         less <= below;
-        z <= below & what == 3'd0 ? yes : others;
+        z <= below & what == 4'd0 ? yes : others;
     end
 endmodule
 `default_nettype wire

@@ -1,9 +1,11 @@
 // Every unit of integrations/fpga/units.v, from float32 to float32.
 module bench (
     input wire clk,
+    input wire load_div,
+    input wire load_sqrt,
     input wire [31:0] a,
     input wire [31:0] b,
-    input wire [2:0] what,
+    input wire [3:0] what,
     output wire [31:0] sum,
     output wire [31:0] product,
     output wire [31:0] quotient,
@@ -18,10 +20,10 @@ module bench (
     fp_in in_b (b, y);
     fp_add add (clk, x, y, z_add);
     fp_mul mul (clk, x, y, z_mul);
-    fp_div div (clk, x, y, z_div);
-    fp_sqrt square_root (clk, x, z_sqrt);
+    fp_div div (clk, load_div, x, y, z_div);
+    fp_sqrt square_root (clk, load_sqrt, x, z_sqrt);
     fp_exponent exponent_of (clk, x, z_exponent);
-    fp_choose choose (clk, what, x, y, y, x, x, y, y, z_choose, less);
+    fp_choose choose (clk, what, x, y, y, x, x, y, y, y, z_choose, less);
     fp_from_integer integer_to (clk, a, z_integer);
     fp_out out_add (z_add, sum);
     fp_out out_mul (z_mul, product);

@@ -1,6 +1,8 @@
 // Every unit of integrations/fpga/fixed_units.v, from two's complement to two's complement.
 module bench (
     input wire clk,
+    input wire load_div,
+    input wire load_sqrt,
     input wire [47:0] a,
     input wire [47:0] b,
     input wire what,
@@ -19,9 +21,9 @@ module bench (
     wire [47:0] u = {x[47] | (x[46:0] == 0 & b[0]), x[46:0]}, v = {y[47] | (y[46:0] == 0 & a[0]), y[46:0]};
     fx_add add (clk, u, v, z_add);
     fx_mul mul (clk, u, v, z_mul);
-    fx_div div (clk, u, v, z_div);
-    fx_sqrt square_root (clk, u, z_sqrt);
-    fx_choose choose (clk, {2'b00, what}, u, v, v, u, v, v, z_choose, less);
+    fx_div div (clk, load_div, u, v, z_div);
+    fx_sqrt square_root (clk, load_sqrt, u, z_sqrt);
+    fx_choose choose (clk, {3'b000, what}, u, v, v, u, v, v, v, z_choose, less);
     fx_from_integer integer_to (clk, a, z_integer);
     fx_out out_add (z_add, sum);
     fx_out out_mul (z_mul, product);

@@ -76,6 +76,7 @@ struct Unit {
     std::size_t stages;
     float (*expected)(const Vector&);
     std::uint32_t (*found)(const Vbench&);
+    std::uint64_t every = 1;
     bool apart = false;  // only of what is taken apart
     std::uint64_t vectors = 0, differences = 0, subnormal = 0;
 };
@@ -106,15 +107,16 @@ int main(int count, char** words) {
     }
     const std::uint64_t vectors = std::strtoull(words[1], nullptr, 10);
     Numbers numbers(std::strtoull(words[2], nullptr, 10));
+    constexpr std::uint64_t of_div = 8, of_sqrt = 8;  // cycles from load to load
     Unit units[] = {
         {"add", 5, [](const Vector& v) { return number(v.a) + number(v.b); }, [](const Vbench& t) { return t.sum; }},
         {"multiply", 4, [](const Vector& v) { return number(v.a) * number(v.b); },
          [](const Vbench& t) { return t.product; }},
-        {"divide", 15, [](const Vector& v) { return number(v.a) / number(v.b); },
-         [](const Vbench& t) { return t.quotient; }},
-        {"square root", 15, [](const Vector& v) { return std::sqrt(number(v.a)); },
-         [](const Vbench& t) { return t.root; }},
-        {"exponent", 3, exponent, [](const Vbench& t) { return t.exponent; }, true},
+        {"divide", 10, [](const Vector& v) { return number(v.a) / number(v.b); },
+         [](const Vbench& t) { return t.quotient; }, of_div},
+        {"square root", 10, [](const Vector& v) { return std::sqrt(number(v.a)); },
+         [](const Vbench& t) { return t.root; }, of_sqrt},
+        {"exponent", 3, exponent, [](const Vbench& t) { return t.exponent; }, 1, true},
         {"choose", 1, chosen, [](const Vbench& t) { return t.chosen; }},
         {"less", 1, [](const Vector& v) { return number(v.a) < number(v.b) ? 1.0F : 0.0F; },
          [](const Vbench& t) { return bits(t.less ? 1.0F : 0.0F); }},
@@ -128,12 +130,14 @@ int main(int count, char** words) {
         top.a = given.front().a;
         top.b = given.front().b;
         top.what = given.front().what;
+        top.load_div = n % of_div == 0;
+        top.load_sqrt = n % of_sqrt == 0;
         top.clk = 0;
         top.eval();
         top.clk = 1;
         top.eval();
         for (Unit& unit : units) {
-            if (given.size() < unit.stages) {
+            if (given.size() < unit.stages || (n + 1 - unit.stages) % unit.every != 0) {
                 continue;
             }
             const Vector& v = given[unit.stages - 1];

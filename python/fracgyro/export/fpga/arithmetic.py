@@ -25,7 +25,7 @@ FRACTION, MOST, BEYOND = 28, 2**47 - 1, 2.0**19  # of Fixed48 in integrations/fp
 
 
 class Arithmetic(ABC):
-    """`stages`: of the pipelined units in `units`; those that are neither sum nor product end with that of choose."""
+    """`stages`: of the units in `units`; those of what is neither sum nor product end with that of choose."""
 
     number: ClassVar[HardwareNumber]
     units: ClassVar[str]  # a file of integrations/fpga, whose modules begin with `prefix`
@@ -33,6 +33,7 @@ class Arithmetic(ABC):
     word: ClassVar[int]  # bits outside
     inside: ClassVar[int]  # and inside, a sign and what it belongs to
     stages: ClassVar[Mapping[str, int]]
+    busy: ClassVar[Mapping[str, int]]  # cycles until a unit that computes digit by digit begins again
     from_integer: ClassVar[int]  # stages, too
     fraction: ClassVar[int]  # bits of a word after the point; 0: it floats
     rows: ClassVar[np.dtype[Any]]  # of the files of testbench.cpp
@@ -76,7 +77,8 @@ class Arithmetic(ABC):
 class Float(Arithmetic):
     number, units, prefix = "float", "units.v", "fp"
     word, inside = 32, 33
-    stages: ClassVar = {"add": 5, "multiply": 4, "divide": 16, "square_root": 16, "exponent": 4, "select": 1}
+    stages: ClassVar = {"add": 5, "multiply": 4, "divide": 11, "square_root": 11, "exponent": 4, "select": 1}
+    busy: ClassVar = {"divide": 8, "square_root": 8}
     from_integer, fraction = 4, 0
     rows = np.dtype("<f4")
 
@@ -139,7 +141,8 @@ class Fixed(Arithmetic):
 
     number, units, prefix = "fixed", "fixed_units.v", "fx"
     word, inside = 48, 48
-    stages: ClassVar = {"add": 2, "multiply": 4, "divide": 25, "square_root": 20, "select": 1}
+    stages: ClassVar = {"add": 2, "multiply": 4, "divide": 14, "square_root": 12, "select": 1}
+    busy: ClassVar = {"divide": 13, "square_root": 11}
     from_integer, fraction = 1, FRACTION
     rows = np.dtype("<i8")
 

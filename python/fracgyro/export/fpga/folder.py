@@ -55,7 +55,7 @@ def fpga(
             "scenario.toml": scenario.to_toml(),
         }
         written = SOURCES / "integrations/fpga"
-        for name in ("testbench.cpp", "Makefile", "README.md"):
+        for name in ("digits.v", "testbench.cpp", "Makefile", "README.md"):
             shutil.copyfile(written / name, scratch / name)
         arithmetic = code.graph.arithmetic
         shutil.copyfile(written / arithmetic.units, scratch / "units.v")
@@ -97,8 +97,9 @@ def _cycles(code: Microcode) -> str:
     lines = [
         "# Cycles of a step",
         "",
-        f"{code.machine.adders} adders, {code.machine.multipliers} multipliers; one divider, one square root. A",
-        "routine serves programs that differ in what they write. After a step some cycles more pass until `ready`. The",
+        f"{code.machine.adders} adders, {code.machine.multipliers} multipliers; units for quotients: "
+        f"{code.machine.dividers}, for roots: {code.machine.roots}. A routine",
+        "serves programs that differ in what they write. After a step some cycles more pass until `ready`. The",
         f"force comes up to {deciding(code.graph)} cycles later where a comparison comes out otherwise than last time.",
         "",
         "| routine | programs | operations | from start to force | from start to done |",

@@ -17,7 +17,7 @@ from .schedule import COPIED, FETCH, Machine, Schedule
 
 MEMORY, RESULT = range(2)  # where an operand comes from
 # What fp_choose makes the result of "other".
-CHOICES = ("select", "copy_sign", "mantissa", "scale", "exponent", "divide", "square_root", "copy")
+CHOICES = ("select", "copy_sign", "mantissa", "scale", "exponent", "divide0", "square_root0", "copy", "square_root1")
 OPERANDS = {"add": 2, "mul": 2, "oth": 4}
 
 Word = dict[str, int]
@@ -70,6 +70,13 @@ class Microcode:
     def near_bits(self) -> int:
         """Of the places of sums and products."""
         return max(1, (max(self.most[bank] for bank in self.most if bank != self.other) - 1).bit_length())
+
+    @property
+    def loaded(self) -> list[str]:
+        """The units that compute digit by digit."""
+        machine = self.machine
+        counts = {"divide": machine.dividers, "square_root": machine.roots}
+        return [f"{op}{number}" for op, count in counts.items() for number in range(count)]
 
     def ports(self) -> Iterator[tuple[int, int, str]]:
         """Bank, operand, and the name of each operand of each unit."""
@@ -134,6 +141,8 @@ class _Writer:
                 read |= self._fetch(f"{name}_{'abcd'[port]}", operand, slot.cycle)
             if place in self.addresses:
                 written |= {f"{name}_write": 1, f"{name}_place": self.addresses[place]}
+            if one.busy:
+                found[slot.cycle + FETCH][f"{one.op}{slot.which}_load"] = 1
             if name == "other":
                 self._other(place, found[result - 1], written)
         for word in found[self.scheduled.settled : self.scheduled.decided + 1]:
@@ -142,8 +151,9 @@ class _Writer:
         return found
 
     def _other(self, place: int, before: Word, written: Word) -> None:
-        one = self.operations[place]
-        before["what"] = CHOICES.index("copy" if one.node < 0 else "select" if one.op == "less" else one.op)
+        one, slot = self.operations[place], self.scheduled.slots[place]
+        op = "copy" if one.node < 0 else "select" if one.op == "less" else one.op
+        before["what"] = CHOICES.index(f"{op}{slot.which}" if one.busy else op)
         if one.op == "less":
             asked = [p.of for p in self.code.graph.predicates if p.question == 0]
             written |= {"other_write": 0, "flag_write": 1, "flag": sorted(set(asked)).index(one.node)}

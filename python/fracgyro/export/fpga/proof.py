@@ -32,6 +32,7 @@ class _Machine:
         self.results: dict[tuple[int, str, int], Operand] = {}  # bank, operation, cycle: what stands in its register
         self.written: dict[Written, Operand] = {}
         self.flags: set[int] = set()
+        self.again: dict[str, int] = {}  # by unit that computes digit by digit: the first cycle to begin in
         self.force_from = 0  # the first cycle in which all forces can be taken
 
     @staticmethod
@@ -82,14 +83,21 @@ class _Machine:
                 self.results[bank, "copy", cycle + FETCH + self.graph.arithmetic.stages_of("select")] = operands[3]
             for op in ("less", *CHOICES):
                 self._begin(bank, op, cycle, operands)
+            for unit in self.code.loaded:
+                if cycle + FETCH < len(words) and words[cycle + FETCH].get(f"{unit}_load"):
+                    if cycle < self.again.get(unit, 0):
+                        raise ValueError(f"microcode loads {unit} in cycle {cycle} before it has ended")
+                    op = unit[:-1]
+                    self.again[unit] = cycle + self.graph.arithmetic.busy[op]
+                    self._begin(bank, op, cycle, operands, unit)
 
-    def _begin(self, bank: int, op: str, cycle: int, operands: list[Operand | None]) -> None:
+    def _begin(self, bank: int, op: str, cycle: int, operands: list[Operand | None], unit: str = "") -> None:
         count = {"square_root": 1, "exponent": 1, "mantissa": 1, "select": 4}.get(op, 2)
         fetched = tuple(one for one in operands[:count] if one is not None)
         node = self.known.get((op, fetched), self.known.get((op, fetched[::-1])) if op in ("add", "multiply") else None)
         stages = self.graph.arithmetic.stages_of(op)
         if node is not None:
-            self.results[bank, op, cycle + FETCH + stages] = Operand(node, False, False)
+            self.results[bank, unit or op, cycle + FETCH + stages] = Operand(node, False, False)
 
     def _fetched(self, words: list[Word], cycle: int, word: Word, port: str) -> Operand | None:
         if f"{port}_source" not in word:

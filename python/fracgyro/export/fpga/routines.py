@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from .graph import Graph, Op, Operand, members
 
 # A routine takes in programs until it has so many times the operations of the largest of them.
-SHARED = 1.3
+SHARED = 1.15
 
 Unit = str  # "add", "multiply", "other"
 
@@ -31,6 +31,7 @@ class Operation:
 
     op: Op
     stages: int
+    busy: int  # cycles until the unit that computes it may begin again; 0: it always may
     operands: tuple[Operand, ...]
     node: int = -1
     output: Output | None = None
@@ -81,12 +82,13 @@ def _computed(graph: Graph, programs: list[int]) -> int:
 
 def _operations(graph: Graph, programs: list[int]) -> list[Operation]:
     found: list[Operation] = []
+    arithmetic = graph.arithmetic
     place_of: dict[int, int] = {}
     for node in members(_computed(graph, programs)):  # operands come before what needs them
         op, _, operands = graph.nodes[node]
         place_of[node] = len(found)
-        found.append(Operation(op, graph.arithmetic.stages_of(op), operands, node))
-    everywhere, select = frozenset(programs), graph.arithmetic.stages_of("select")
+        found.append(Operation(op, arithmetic.stages_of(op), arithmetic.busy.get(op, 0), operands, node))
+    everywhere, select = frozenset(programs), arithmetic.stages_of("select")
     numbers = graph.numbers
     for place in range(len(graph.programs[0])):
         word = numbers[place] if place < len(numbers) else -1
@@ -101,7 +103,7 @@ def _operations(graph: Graph, programs: list[int]) -> list[Operation]:
         for operand, of in variants.items():
             condition = None if frozenset(of) == everywhere else frozenset(of)
             stored = word if word >= 0 and graph.words[word].varies else -1
-            found.append(Operation("select", select, (operand,), output=Output(stored, port, condition)))
+            found.append(Operation("select", select, 0, (operand,), output=Output(stored, port, condition)))
     for operation in found:
         operation.after = sorted({place_of[one.node] for one in operation.operands if one.node in place_of})
     return found
@@ -111,7 +113,7 @@ def _start(graph: Graph) -> list[Operation]:
     select = graph.arithmetic.stages_of("select")
     constants = {node.bits: place for place, node in enumerate(graph.nodes) if node.op == "constant"}
     return [
-        Operation("select", select, (Operand(constants[word.initial], False, False),), output=Output(place))
+        Operation("select", select, 0, (Operand(constants[word.initial], False, False),), output=Output(place))
         for place, word in enumerate(graph.words)
         if word.varies and not word.bits
     ]

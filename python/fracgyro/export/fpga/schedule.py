@@ -10,7 +10,7 @@ unit, and a sum or a product has its operands in the order, that need the fewest
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from heapq import heappop, heappush
 
 from .routines import Operation, Routine
@@ -26,6 +26,8 @@ class Machine:
 
     adders: int = 2
     multipliers: int = 2
+    dividers: int = 1
+    roots: int = 2
 
     @property
     def banks(self) -> list[str]:
@@ -54,6 +56,7 @@ class Slot:
     cycle: int
     bank: int
     swapped: bool = False  # the operands of a sum or a product
+    which: int = 0  # of several units for quotients or roots
 
 
 @dataclass(frozen=True)
@@ -103,6 +106,7 @@ def schedule(routine: Routine, machine: Machine, wires: Wires, wait: int = 0) ->
     slots: dict[int, Slot] = {}
     results: dict[int, int] = {}  # in which cycle
     taken: set[int] = set()  # cycles in which "other" has a result
+    again = {"divide": [0] * machine.dividers, "square_root": [0] * machine.roots}  # when each unit may begin
     earliest = [0] * len(operations)
     for place, count in enumerate(waits):
         if count == 0:
@@ -124,7 +128,8 @@ def schedule(routine: Routine, machine: Machine, wires: Wires, wait: int = 0) ->
                 for producer in one.after
                 for age in [cycle + FETCH - 1 - results[producer]]
             )
-            if not free[one.unit] or not readable or (one.unit == "other" and result in taken):
+            idle = [number for number, at in enumerate(again.get(one.op, [0])) if at <= cycle or not one.busy]
+            if not free[one.unit] or not readable or not idle or (one.unit == "other" and result in taken):
                 later.append((height, place))
                 continue
             sources = [
@@ -132,6 +137,9 @@ def schedule(routine: Routine, machine: Machine, wires: Wires, wait: int = 0) ->
                 for of in (operand.node for operand in one.operands)
             ]
             slots[place] = _cheapest(one, cycle, free[one.unit], sources, wires)
+            if one.busy:
+                slots[place] = replace(slots[place], which=idle[0])
+                again[one.op][idle[0]] = cycle + one.busy
             free[one.unit].remove(slots[place].bank)
             results[place] = result
             if one.unit == "other":

@@ -33,9 +33,9 @@ def fields(code: Microcode) -> list[Field]:
         widths |= {f"{port}_{name}": 1 for name in ("relative", "negative", "magnitude")}
     for bank in banks:
         widths |= {f"{bank}_write": 1, f"{bank}_place": address if bank == banks[-1] else code.near_bits}
-    widths |= {"relative": 1, "condition": _bits(len(code.conditions) + 1), "what": 3}
+    widths |= {"relative": 1, "condition": _bits(len(code.conditions) + 1), "what": 4}
     widths |= {"flag_write": 1, "flag": _bits(len(compared(code.graph))), "out_write": 1, "out": _bits(outputs)}
-    widths |= {"settled": 1, "last": 1}
+    widths |= {"settled": 1, "last": 1} | {f"{unit}_load": 1 for unit in code.loaded}
     found, low = [], 0
     for name, width in widths.items():
         found.append(Field(name, low, width))
