@@ -31,7 +31,6 @@ class Microcode:
     words: list[Word] = field(default_factory=list)
     bases: list[int] = field(default_factory=list)  # where each routine begins
     conditions: list[frozenset[int]] = field(default_factory=list)  # condition k + 1: one of these programs runs
-    most: dict[int, int] = field(default_factory=dict)  # by bank: places for results
 
     def __post_init__(self) -> None:
         for one in self.schedules:
@@ -69,7 +68,7 @@ class Microcode:
     @property
     def near_bits(self) -> int:
         """Of the places of sums and products."""
-        return max(1, (max(self.most[bank] for bank in self.most if bank != self.other) - 1).bit_length())
+        return max(one.near_bits for one in self.schedules)
 
     @property
     def loaded(self) -> list[str]:
@@ -99,35 +98,14 @@ class _Writer:
         self.code, self.scheduled = code, scheduled
         self.operations = scheduled.routine.operations
         self.made = {one.node: place for place, one in enumerate(self.operations) if one.node >= 0}
-        self.addresses = self._near()
-        first = used = code.half + len(code.state)
+        self.addresses = dict(scheduled.near)
+        used = code.half + len(code.state)
         for place, one in enumerate(self.operations):
             if one.output is not None and one.output.word >= 0:
                 self.addresses[place] = code.half + code.state[one.output.word]
             elif scheduled.slots[place].bank == code.other:
                 self.addresses[place] = used
                 used += 1
-        code.most[code.other] = max(code.most.get(code.other, 0), used - first)
-
-    def _near(self) -> dict[int, int]:
-        """The place of each sum and product that is read from memory."""
-        scheduled, code = self.scheduled, self.code
-        read: dict[int, int] = {}  # by operation: the last cycle that asks for it
-        for place, one in enumerate(self.operations):
-            cycle = scheduled.slots[place].cycle
-            for producer in one.after:
-                if scheduled.slots[producer].bank != code.other and cycle + FETCH - 1 != scheduled.result(producer):
-                    read[producer] = max(read.get(producer, 0), cycle)
-        found: dict[int, int] = {}
-        until: dict[int, list[int]] = {}  # by bank, of each place: the last cycle that asks for what is there
-        for place in sorted(read, key=scheduled.result):
-            of = until.setdefault(scheduled.slots[place].bank, [])
-            free = [number for number, last in enumerate(of) if last < scheduled.result(place)]
-            found[place] = free[0] if free else len(of)
-            of[found[place] : found[place] + 1] = [read[place]]
-        for bank, of in until.items():
-            code.most[bank] = max(code.most.get(bank, 0), len(of))
-        return found
 
     def words(self) -> list[Word]:
         found: list[Word] = [{} for _ in range(self.scheduled.cycles)]

@@ -11,12 +11,17 @@ unit, and a sum or a product has its operands in the order, that need the fewest
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from heapq import heappop, heappush
+from random import Random
 
 from .routines import Operation, Routine
 
 FETCH = 3  # cycles until the operands are those of the unit
 FORCES = (0, 1)  # ports
+VARIANTS = 16  # of a schedule that are tried
+JITTER = 4  # cycles by which what is more urgent may be mistaken
+LEAST_BITS = 4  # of the places of the smallest memories
 COPIED = 3  # the operand of fp_choose that is copied
 
 
@@ -86,16 +91,55 @@ class Schedule:
     def cycles(self) -> int:
         return max(*map(self.result, range(len(self.slots))), self.decided - 1) + 2
 
+    @cached_property
+    def near(self) -> dict[int, int]:
+        """The place of each sum and product that is read from memory. A place is free again after the last reading."""
+        operations = self.routine.operations
+        read: dict[int, int] = {}  # by operation: the last cycle that asks for it
+        for place, one in enumerate(operations):
+            cycle = self.slots[place].cycle
+            for producer in one.after:
+                if operations[producer].unit != "other" and cycle + FETCH - 1 != self.result(producer):
+                    read[producer] = max(read.get(producer, 0), cycle)
+        found: dict[int, int] = {}
+        until: dict[int, list[int]] = {}  # by bank, of each place: the last cycle that asks for what is there
+        for place in sorted(read, key=self.result):
+            of = until.setdefault(self.slots[place].bank, [])
+            free = [number for number, last in enumerate(of) if last < self.result(place)]
+            found[place] = free[0] if free else len(of)
+            of[found[place] : found[place] + 1] = [read[place]]
+        return found
+
+    @property
+    def near_bits(self) -> int:
+        """Of these places; no memory is smaller than one of 16."""
+        return max(LEAST_BITS, max(self.near.values(), default=0).bit_length())
+
 
 Wire = tuple[int, int, int, bool]  # bank, operand; from the memory of which bank, or from its register
 Wires = set[Wire]
 
 
 def schedule(routine: Routine, machine: Machine, wires: Wires, wait: int = 0) -> Schedule:
+    """The shortest of several schedules that take the smallest memories of them. Adds to the wires."""
+    tried: list[tuple[tuple[int, ...], Schedule, Wires]] = []
+    for variant in range(VARIANTS):
+        needed = set(wires)
+        one = _listed(routine, machine, needed, wait, variant)
+        tried.append(((one.near_bits, one.settled, one.cycles, len(needed)), one, needed))
+    _, found, needed = min(tried, key=lambda each: each[0])
+    wires |= needed
+    return found
+
+
+def _listed(routine: Routine, machine: Machine, wires: Wires, wait: int, variant: int) -> Schedule:
     """What the forces and the decisions need comes first, then what has most to come after it. Adds to the wires."""
     operations = routine.operations
     made = {one.node: place for place, one in enumerate(operations) if one.node >= 0}
     heights = _heights(operations)
+    if variant:
+        random = Random(variant)
+        heights = [(first - int(JITTER * random.random()), second) for first, second in heights]
     readers: list[list[int]] = [[] for _ in operations]
     waits = [len(one.after) for one in operations]
     for place, one in enumerate(operations):
