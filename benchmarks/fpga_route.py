@@ -20,7 +20,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from fpga import EIGHT, ROOT, SCENARIO, motion_of
+from fpga import EIGHT, ROOT, SCENARIO, SIXTEEN, motion_of
 from fracgyro.export.compilers import make, run
 from fracgyro.export.fpga import fpga
 from machine import command, machine, write
@@ -28,7 +28,6 @@ from machine import command, machine, write
 BUILD = ROOT / "build/fpga_route"
 TOOLS = {name: version(f"yowasp-{name}") for name in ("yosys", "nextpnr-ecp5")}
 LIMIT = {"controller.force_limit": 6000.0}
-SIXTEEN = {"run.kernel_tolerance": 5e-5}
 DESIGNS: dict[str, dict[str, Any]] = {
     "8 exponentials": EIGHT,
     "8 exponentials, force limit": EIGHT | LIMIT,

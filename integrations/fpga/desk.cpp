@@ -13,13 +13,13 @@
 namespace fracgyro {
 
 // The tracer refuses whatever calls it.
-inline Fixed48 power(Fixed48 /*base*/, Fixed48 /*exponent*/) { std::abort(); }
+inline HardwareFixed power(HardwareFixed /*base*/, HardwareFixed /*exponent*/) { std::abort(); }
 
 }  // namespace fracgyro
 
 int main(int count, char** words) {
     using namespace fracgyro;
-    using Controller = ChosenController<Fixed48>;
+    using Controller = ChosenController<HardwareFixed>;
     std::FILE* const in = std::fopen("motion", "rb");
     std::FILE* const out = std::fopen("answer", "wb");
     if (count != 5 || in == nullptr || out == nullptr) {
@@ -28,14 +28,14 @@ int main(int count, char** words) {
     const auto coefficients = chosen_coefficients<Controller>(words);
     Controller::State state{};
     std::vector<std::int64_t> row;
-    const auto put = [&](Fixed48 number) { row.push_back(number.places); };
+    const auto put = [&](HardwareFixed number) { row.push_back(number.places); };
     for (std::array<std::int64_t, 4> m{}; std::fread(m.data(), sizeof m, 1, in) == 1;) {
         const auto report = Controller::report(state, coefficients);
-        Controller::step(
-            state, coefficients,
-            {.position = {Fixed48::of(m[0]), Fixed48::of(m[1])}, .velocity = {Fixed48::of(m[2]), Fixed48::of(m[3])}});
+        Controller::step(state, coefficients,
+                         {.position = {HardwareFixed::of(m[0]), HardwareFixed::of(m[1])},
+                          .velocity = {HardwareFixed::of(m[2]), HardwareFixed::of(m[3])}});
         row.clear();
-        put(Fixed48(static_cast<int>(state.status)));
+        put(HardwareFixed(static_cast<int>(state.status)));
         put(state.force.x());
         put(state.force.y());
         for_each_number<Reported::between_steps>(report, put);

@@ -102,22 +102,26 @@ SineCosine<T> sine_cosine_of(T remainder, T unit, T odd_quadrant, T negative_sin
             .cosine = if_less(zero, negative_cosine, -second, second)};
 }
 
-// What exported hardware has.
-using Fixed48 = Fixed<20, 28>;
+// What exported hardware has; other lengths are only to compare with.
+#ifndef FRACGYRO_FRACTION
+#define FRACGYRO_FRACTION 28
+#endif
+using HardwareFixed = Fixed<20, FRACGYRO_FRACTION>;
 template <>
-inline Fixed48 angle(double radians) {
-    const Fixed48* const known = angle_of_integer<Fixed48>();
-    return known != nullptr ? *known : Fixed48(radians);
+inline HardwareFixed angle(double radians) {
+    const HardwareFixed* const known = angle_of_integer<HardwareFixed>();
+    return known != nullptr ? *known : HardwareFixed(radians);
 }
 template <>
-struct PhaseOf<Fixed48> {
+struct PhaseOf<HardwareFixed> {
     using Type = std::uint64_t;
-    static SineCosine<Fixed48> sine_cosine(Type phase) {
+    static SineCosine<HardwareFixed> sine_cosine(Type phase) {
         const auto turns = static_cast<std::uint32_t>(phase >> 32);
         const std::uint32_t quadrant = (turns + (1U << 29)) >> 30;
         const auto remainder = static_cast<std::int32_t>(turns - (quadrant << 30));
-        return sine_cosine_of(Fixed48::of(remainder), Fixed48(Fixed48::radians_of_remainder), Fixed48(quadrant & 1U),
-                              Fixed48(quadrant >> 1 & 1U), Fixed48((quadrant + 1U) >> 1 & 1U));
+        return sine_cosine_of(HardwareFixed::of(remainder), HardwareFixed(HardwareFixed::radians_of_remainder),
+                              HardwareFixed(quadrant & 1U), HardwareFixed(quadrant >> 1 & 1U),
+                              HardwareFixed((quadrant + 1U) >> 1 & 1U));
     }
 };
 

@@ -1,5 +1,5 @@
 // Pipelined arithmetic on numbers with a fixed point, 20 bits left of it with the sign and 28 right of it, with the
-// bits of Fixed48 in fixed.hpp. Units take operands in every cycle; no unit is reset.
+// bits of HardwareFixed in fixed.hpp. Units take operands in every cycle; no unit is reset.
 //
 //     Inside, a number has 48 bits: a sign, and the size times 2^28. 0 may have either sign.
 //

@@ -19,13 +19,13 @@
 namespace fracgyro::trace {
 
 #if FRACGYRO_FIXED
-using Number = Fixed48;
+using Number = HardwareFixed;
 #else
 using Number = float;
 #endif
 constexpr bool is_fixed = FRACGYRO_FIXED;
 constexpr std::int64_t bits_of(float a) { return std::bit_cast<std::uint32_t>(a); }
-constexpr std::int64_t bits_of(Fixed48 a) { return a.places; }
+constexpr std::int64_t bits_of(HardwareFixed a) { return a.places; }
 
 enum class Op {
     constant,
@@ -237,7 +237,7 @@ private:
         return taken;
     }
     static bool is_negative(float a) { return std::signbit(a); }
-    static bool is_negative(Fixed48 a) { return a.places < 0; }
+    static bool is_negative(HardwareFixed a) { return a.places < 0; }
     static Traced either_way(Op op, const Traced& a, const Traced& b) {
         const int first = a.operand(), second = b.operand();
         return of({.op = op, .operands = {std::min(first, second), std::max(first, second), -1, -1}});
@@ -325,7 +325,7 @@ struct Flag {
 };
 
 // What a remainder is multiplied by: one of a fixed point is in its last places.
-constexpr double radians = is_fixed ? Fixed48::radians_of_remainder : 6.28318530717958647693 / 0x1p32;
+constexpr double radians = is_fixed ? HardwareFixed::radians_of_remainder : 6.28318530717958647693 / 0x1p32;
 
 // Of a fixed point, for which it is not computed.
 template <std::same_as<Traced> T>

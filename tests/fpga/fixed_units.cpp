@@ -1,4 +1,4 @@
-// Compares every unit of integrations/fpga/fixed_units.v with Fixed48 on this computer, bit by bit, on random numbers.
+// Compares every unit of integrations/fpga/fixed_units.v with HardwareFixed on this computer, bit by bit, on random numbers.
 //
 //     fixed_units COUNT SEED      prints a line for each unit: vectors, differences, results at the end of the range;
 //                                 fails where one differs
@@ -17,10 +17,10 @@
 
 namespace {
 
-using fracgyro::Fixed48;
+using fracgyro::HardwareFixed;
 
 struct Vector {
-    Fixed48 a, b;
+    HardwareFixed a, b;
     bool signs;  // choose takes the sign of a, else the larger one
 };
 
@@ -28,23 +28,23 @@ class Numbers {
 public:
     explicit Numbers(std::uint64_t seed) : random_(seed) {}
     Vector next() {
-        const Fixed48 a = one({});
+        const HardwareFixed a = one({});
         return {a, one(a), random_() % 2 == 0};
     }
 
 private:
     std::mt19937_64 random_;
-    Fixed48 one(Fixed48 other) {
+    HardwareFixed one(HardwareFixed other) {
         const auto bits = static_cast<std::int64_t>(random_() >> 1);
-        const auto near = Fixed48::of(bits % 5 - 2);
+        const auto near = HardwareFixed::of(bits % 5 - 2);
         const int size = static_cast<int>(random_() % 48);
-        const Fixed48 any = Fixed48::of(bits & ((std::int64_t{1} << size) - 1)),
-                      power = Fixed48::of(std::int64_t{1} << size);
-        const Fixed48 ends = Fixed48::of(Fixed48::most) - Fixed48::of(bits % 3);
-        Fixed48 found = any;
+        const HardwareFixed any = HardwareFixed::of(bits & ((std::int64_t{1} << size) - 1)),
+                            power = HardwareFixed::of(std::int64_t{1} << size);
+        const HardwareFixed ends = HardwareFixed::of(HardwareFixed::most) - HardwareFixed::of(bits % 3);
+        HardwareFixed found = any;
         switch (random_() % 8) {
             case 0:
-                found = Fixed48{};
+                found = HardwareFixed{};
                 break;
             case 1:
                 found = ends;
@@ -62,7 +62,7 @@ private:
     }
 };
 
-std::uint64_t bits(Fixed48 a) { return static_cast<std::uint64_t>(a.places) & ((std::uint64_t{1} << 48) - 1); }
+std::uint64_t bits(HardwareFixed a) { return static_cast<std::uint64_t>(a.places) & ((std::uint64_t{1} << 48) - 1); }
 
 struct Unit {
     const char* name;
@@ -115,7 +115,8 @@ int main(int count, char** words) {
             const Vector& v = given[unit.stages - 1];
             const std::uint64_t expected = unit.expected(v), found = unit.found(top);
             ++unit.vectors;
-            unit.ends += expected == bits(Fixed48::of(Fixed48::most)) || expected == bits(-Fixed48::of(Fixed48::most));
+            unit.ends += expected == bits(HardwareFixed::of(HardwareFixed::most)) ||
+                         expected == bits(-HardwareFixed::of(HardwareFixed::most));
             if (found != expected && unit.differences++ == 0) {
                 std::printf("%s(%012llx, %012llx, %d): %012llx, not %012llx\n", unit.name,
                             static_cast<unsigned long long>(bits(v.a)), static_cast<unsigned long long>(bits(v.b)),

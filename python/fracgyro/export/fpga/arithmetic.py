@@ -21,7 +21,7 @@ ONE_OF_32 = 0xFFFFFFFF
 MANTISSA = 23  # bits of a float's fraction
 BIAS = 129  # what the exponent of a normal float inside exceeds its own by
 ORIGIN = 0x3F3504F3  # sqrt(1/2), as float32
-FRACTION, MOST, BEYOND = 28, 2**47 - 1, 2.0**19  # of Fixed48 in integrations/fpga/fixed.hpp
+FRACTION, MOST, BEYOND = 28, 2**47 - 1, 2.0**19  # of HardwareFixed in integrations/fpga/fixed.hpp
 
 
 class Arithmetic(ABC):
@@ -137,7 +137,7 @@ class Float(Arithmetic):
 
 
 class Fixed(Arithmetic):
-    """As Fixed48 in integrations/fpga/fixed.hpp."""
+    """As HardwareFixed in integrations/fpga/fixed.hpp."""
 
     number, units, prefix = "fixed", "fixed_units.v", "fx"
     word, inside = 48, 48

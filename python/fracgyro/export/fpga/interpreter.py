@@ -11,13 +11,14 @@ from .graph import Diagram, Graph, Input, Operand, members
 
 
 class Interpreter:
-    """A controller with its state. `programs` counts how often each ran."""
+    """A controller with its state. `programs` counts how often each ran; `values`: of the nodes in the last step."""
 
     def __init__(self, graph: Graph) -> None:
         self.graph = graph
         number = graph.arithmetic.of_bits
         self.words: list[Value] = [word.low if word.bits else number(word.initial) for word in graph.words]
         self.programs: dict[int, int] = {}
+        self.values: dict[int, Value] = {}
         self.status = 0
 
     def step(self, motion: Sequence[float]) -> tuple[list[Value], list[Value]]:
@@ -39,7 +40,7 @@ class Interpreter:
                 found.append(self._integer(leaf))
         self.status = self._integer(status)
         reported = [values.operand(operand) for operand in program[len(graph.numbers) :]]
-        self.words = found
+        self.words, self.values = found, values.known
         return [found[place] for place in graph.force], reported
 
     def _integer(self, leaf: int) -> int:
