@@ -13,19 +13,26 @@
 `default_nettype none
 `define ORIGIN 23'h3504F3 // the fraction of sqrt(1/2)
 
-// From float32.
+// Zeros ahead of the leading one of a subnormal number. Combinational.
+module fp_zeros (
+    input wire [31:0] x,
+    output reg [4:0] zeros
+);
+    integer i;
+    always @* begin
+        zeros = 0;
+        for (i = 0; i < 23; i = i + 1) if (x[i]) zeros = 5'd22 - i[4:0];
+    end
+endmodule
+
+// From float32. Combinational; its zeros are found before, as that takes as long again.
 module fp_in (
     input wire [31:0] x,
+    input wire [4:0] zeros,
     output wire [32:0] z
 );
     wire [7:0] exponent = x[30:23];
     wire [22:0] fraction = x[22:0];
-    reg [4:0] zeros;  // ahead of the leading one of a subnormal number
-    integer i;
-    always @* begin
-        zeros = 0;
-        for (i = 0; i < 23; i = i + 1) if (fraction[i]) zeros = 5'd22 - i[4:0];
-    end
     wire [22:0] shifted = fraction << (zeros + 5'd1);
     wire subnormal = exponent == 0;
     wire special = exponent == 8'd255;
@@ -41,7 +48,7 @@ module fp_out (
 );
     wire [8:0] exponent = x[31:23];
     wire [8:0] normal = exponent - 9'd129;
-    wire [8:0] below = 9'd130 - exponent;
+    wire [4:0] below = 5'd2 - exponent[4:0];  // 130 less the exponent, where that is subnormal
     wire [23:0] shifted = {1'b1, x[22:0]} >> below;
     assign z = exponent == 9'd511 ? {x[32], 8'd255, x[22], 22'd0}
              : exponent == 0 ? {x[32], 31'd0}

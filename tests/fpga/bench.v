@@ -16,8 +16,11 @@ module bench (
     output wire less
 );
     wire [32:0] x, y, z_add, z_mul, z_div, z_sqrt, z_exponent, z_choose, z_integer;
-    fp_in in_a (a, x);
-    fp_in in_b (b, y);
+    wire [4:0] a_zeros, b_zeros;
+    fp_zeros zeros_a (a, a_zeros);
+    fp_zeros zeros_b (b, b_zeros);
+    fp_in in_a (a, a_zeros, x);
+    fp_in in_b (b, b_zeros, y);
     fp_add add (clk, x, y, z_add);
     fp_mul mul (clk, x, y, z_mul);
     fp_div div (clk, load_div, x, y, z_div);

@@ -114,7 +114,7 @@ def values(code: Microcode) -> dict[str, Any]:
         "prefix": arithmetic.prefix,
         "word": arithmetic.word,
         "inside": arithmetic.inside,
-        "exponents": "exponent" in arithmetic.stages,
+        "floats": arithmetic.number == "float",
         "source_bits": _bits(2 * len(code.machine.banks)),
         "address_bits": code.address_bits,
         "near_bits": code.near_bits,
