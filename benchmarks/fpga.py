@@ -21,7 +21,7 @@ from fracgyro.export.fpga import fpga
 from fracgyro.export.fpga.folder import ENTRY, compiled
 from fracgyro.export.fpga.graph import members, trace
 from fracgyro.export.fpga.interpreter import Interpreter
-from fracgyro.export.fpga.schedule import FETCH, Machine
+from fracgyro.export.fpga.schedule import FETCH
 from fracgyro.export.host import answers
 from fracgyro.export.replay import parity_hash
 from fracgyro.files import whole_file
@@ -122,7 +122,7 @@ def picture() -> None:
     for sample in motion_of(scenario.replace({"run.duration": 0.2}), faults=False):
         interpreter.step(sample)
     program = max(interpreter.programs, key=lambda one: interpreter.programs[one])
-    code = compiled(graph, Machine())
+    code = compiled(graph)
     (plan,) = (one for one in code.schedules if program in one.routine.programs)
     forces = [one for one in plan.routine.operations if one.output is not None and one.output.port in (0, 1)]
     decided = [one.node for one in plan.routine.operations if one.op == "less"]

@@ -1,95 +1,88 @@
-// Quotients and square roots, four bits in a cycle. Each begins with `load`, in whose cycle its operands are there, and
-// ends CYCLES + 1 cycles later; until the next load its result stands.
+// Quotients and square roots, three bits in a cycle: all eight digits are tried at once. Each begins with `load`, in
+// whose cycle its operands are there, and ends CYCLES + 1 cycles later.
 `default_nettype none
 
-// A digit of a quotient, 0 to 3, from what is left of the dividend, its next two bits, and the divisor.
-module quotient_digit #(
-    parameter BITS = 24
+// The last of eight candidates that is none below 0; candidate 0 is not. The highest bit of each is its sign.
+module last_of_eight #(
+    parameter BITS = 28
 ) (
-    input wire [BITS-1:0] rest,  // less than the divisor
-    input wire [1:0] bits,
-    input wire [BITS-1:0] divisor,
-    input wire [BITS+1:0] thrice,
+    input wire [8*BITS-1:0] candidates,
     output wire [BITS-1:0] left,
-    output wire [1:0] digit
+    output wire [2:0] digit
 );
-    wire [BITS+2:0] now = {1'b0, rest, bits};
-    wire [BITS+2:0] one = now - {3'd0, divisor}, two = now - {2'd0, divisor, 1'b0}, three = now - {1'b0, thrice};
-    assign digit = !two[BITS+2] ? {1'b1, !three[BITS+2]} : {1'b0, !one[BITS+2]};
-    assign left = digit[1] ? (digit[0] ? three[BITS-1:0] : two[BITS-1:0]) : digit[0] ? one[BITS-1:0] : now[BITS-1:0];
+    wire [BITS-1:0] c0 = candidates[0+:BITS], c1 = candidates[BITS+:BITS], c2 = candidates[2*BITS+:BITS];
+    wire [BITS-1:0] c3 = candidates[3*BITS+:BITS], c4 = candidates[4*BITS+:BITS], c5 = candidates[5*BITS+:BITS];
+    wire [BITS-1:0] c6 = candidates[6*BITS+:BITS], c7 = candidates[7*BITS+:BITS];
+    wire n1 = c1[BITS-1], n2 = c2[BITS-1], n3 = c3[BITS-1], n4 = c4[BITS-1], n5 = c5[BITS-1], n6 = c6[BITS-1];
+    wire n7 = c7[BITS-1];
+    // Each pair is decided by the sign of its own, without waiting for another one's.
+    wire [BITS-1:0] low = n2 ? (n1 ? c0 : c1) : (n3 ? c2 : c3), high = n6 ? (n5 ? c4 : c5) : (n7 ? c6 : c7);
+    assign left = n4 ? low : high;
+    assign digit = n4 ? (n2 ? {2'd0, !n1} : {2'd1, !n3}) : (n6 ? {2'd2, !n5} : {2'd3, !n7});
 endmodule
 
 // {rest, bits} / divisor, rest being less than the divisor.
 module quotient_digits #(
     parameter BITS = 24,
-    parameter CYCLES = 7
+    parameter CYCLES = 9
 ) (
     input wire clk,
     input wire load,
     input wire [BITS-1:0] rest,
-    input wire [4*CYCLES-1:0] bits,
+    input wire [3*CYCLES-1:0] bits,
     input wire [BITS-1:0] divisor,
-    output wire [4*CYCLES-1:0] quotient,
+    output reg [3*CYCLES-1:0] quotient,  // behind what is left of the bits
     output wire inexact
 );
-    reg [BITS-1:0] left, by;
-    reg [BITS+1:0] thrice;
-    reg [4*CYCLES-1:0] both;  // what is left of the bits, and the quotient after them
-    wire [BITS-1:0] between, after;
-    wire [1:0] high, low;
-    quotient_digit #(BITS) first (left, both[4*CYCLES-1-:2], by, thrice, between, high);
-    quotient_digit #(BITS) second (between, both[4*CYCLES-3-:2], by, thrice, after, low);
+    localparam WIDE = BITS + 4;
+    reg [BITS-1:0] left;
+    reg [WIDE-1:0] one, three, five, seven;  // times the divisor
+    wire [WIDE-1:0] now = {1'b0, left, quotient[3*CYCLES-1-:3]}, after, by = {4'd0, divisor};
+    wire [2:0] digit;
+    last_of_eight #(WIDE) choice (
+        {now - seven, now - (three << 1), now - five, now - (one << 2), now - three, now - (one << 1), now - one, now},
+        after, digit);
     always @(posedge clk) begin
-        left <= load ? rest : after;
-        both <= load ? bits : {both[4*CYCLES-5:0], high, low};
+        left <= load ? rest : after[BITS-1:0];
+        quotient <= load ? bits : {quotient[3*CYCLES-4:0], digit};
         if (load) begin
-            by <= divisor;
-            thrice <= {2'd0, divisor} + {1'b0, divisor, 1'b0};
+            one <= by;
+            three <= by + (by << 1);
+            five <= by + (by << 2);
+            seven <= (by << 3) - by;
         end
     end
-    assign quotient = both;
     assign inexact = |left;
-endmodule
-
-// A digit of a root, 0 to 3, from what is left of the radicand, its next four bits, and the root so far.
-module root_digit #(
-    parameter BITS = 28  // of the root
-) (
-    input wire [BITS:0] rest,
-    input wire [3:0] bits,
-    input wire [BITS-1:0] root,
-    output wire [BITS:0] left,
-    output wire [1:0] digit
-);
-    // (4 root + d)^2 exceeds 16 root^2 by d (8 root + d).
-    wire [BITS+5:0] now = {1'b0, rest, bits};
-    wire [BITS+5:0] one = now - {3'd0, root, 3'b001}, two = now - {2'd0, root, 4'b0100};
-    wire [BITS+5:0] three = now - {2'd0, root, 4'b1001} - {3'd0, root, 3'b000};
-    assign digit = !two[BITS+5] ? {1'b1, !three[BITS+5]} : {1'b0, !one[BITS+5]};
-    assign left = digit[1] ? (digit[0] ? three[BITS:0] : two[BITS:0]) : digit[0] ? one[BITS:0] : now[BITS:0];
 endmodule
 
 // The square root of an integer, towards 0.
 module root_digits #(
-    parameter CYCLES = 7
+    parameter CYCLES = 9
 ) (
     input wire clk,
     input wire load,
-    input wire [8*CYCLES-1:0] radicand,
-    output reg [4*CYCLES-1:0] root,
+    input wire [6*CYCLES-1:0] radicand,
+    output reg [3*CYCLES-1:0] root,
     output wire inexact
 );
-    localparam BITS = 4 * CYCLES;
+    localparam BITS = 3 * CYCLES, WIDE = BITS + 8;
+    function [WIDE-1:0] square(input [2:0] d);
+        square = d * d;
+    endfunction
     reg [2*BITS-1:0] bits;  // what is left of the radicand
     reg [BITS:0] left;
-    wire [BITS:0] between, after;
-    wire [1:0] high, low;
-    root_digit #(BITS) first (left, bits[2*BITS-1-:4], root, between, high);
-    root_digit #(BITS) second (between, bits[2*BITS-5-:4], {root[BITS-3:0], high}, after, low);
+    // (8 root + d)^2 exceeds 64 root^2 by d (16 root + d).
+    wire [WIDE-1:0] now = {1'b0, left, bits[2*BITS-1-:6]}, after, of = {4'd0, root, 4'd0};
+    wire [2:0] digit;
+    last_of_eight #(WIDE) choice (
+        {now - (of << 3) + of - square(7), now - (of << 2) - (of << 1) - square(6), now - (of << 2) - of - square(5),
+            now - (of << 2) - square(4), now - (of << 1) - of - square(3), now - (of << 1) - square(2),
+            now - of - square(1), now},
+        after, digit);
     always @(posedge clk) begin
-        left <= load ? {(BITS + 1) {1'b0}} : after;
-        root <= load ? {BITS{1'b0}} : {root[BITS-5:0], high, low};
-        bits <= load ? radicand : bits << 8;
+        left <= load ? {(BITS + 1) {1'b0}} : after[BITS:0];
+        root <= load ? {BITS{1'b0}} : {root[BITS-4:0], digit};
+        bits <= load ? radicand : bits << 6;
     end
     assign inexact = |left;
 endmodule

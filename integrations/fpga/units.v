@@ -7,8 +7,8 @@
 //
 //     Rounding adds to exponent and fraction as one number: a fraction that runs over goes on into the exponent.
 //
-//     The stages of a unit, from its operands to a register with its result: fp_add 5, fp_mul 4, fp_div 10,
-//     fp_sqrt 10, fp_exponent 3, fp_choose 1, fp_from_integer 4. fp_div and fp_sqrt (digits.v) take operands when their
+//     The stages of a unit, from its operands to a register with its result: fp_add 5, fp_mul 4, fp_div 12,
+//     fp_sqrt 12, fp_exponent 3, fp_choose 1, fp_from_integer 4. fp_div and fp_sqrt (digits.v) take operands when their
 //     digits have ended.
 `default_nettype none
 `define ORIGIN 23'h3504F3 // the fraction of sqrt(1/2)
@@ -338,9 +338,9 @@ module fp_div (
             infinite <= a_special | b_zero;
             zero <= a_zero | b_special;
         end
-    wire [27:0] quotient;
+    wire [26:0] quotient;
     wire inexact;
-    quotient_digits #(24, 7) digits (clk, load, {2'b01, a[22:1]}, {a[0], 27'd0}, {1'b1, b[22:0]}, quotient, inexact);
+    quotient_digits #(24, 9) digits (clk, load, {2'b01, a[22:1]}, {a[0], 26'd0}, {1'b1, b[22:0]}, quotient, inexact);
     wire [25:0] dropped, first;
     reg signed [10:0] below;
     reg [25:0] dropped_last, first_last;
@@ -349,7 +349,7 @@ module fp_div (
         below <= 11'sd130 - exponent;
         {dropped_last, first_last} <= {dropped, first};
     end
-    fp_round round (clk, sign, exponent, dropped_last, first_last, quotient[27:2], inexact | |quotient[1:0], nan,
+    fp_round round (clk, sign, exponent, dropped_last, first_last, quotient[26:1], inexact | quotient[0], nan,
         infinite, zero, z);
 endmodule
 
@@ -372,11 +372,11 @@ module fp_sqrt (
             special <= a[31:23] == 9'd511;
             zero <= nothing;
         end
-    wire [27:0] root;
+    wire [26:0] root;
     wire inexact;
-    root_digits #(7) digits (clk, load, {radicand, 31'd0}, root, inexact);
+    root_digits #(9) digits (clk, load, {radicand, 29'd0}, root, inexact);
     // No root is subnormal, or below 1.
-    fp_round round (clk, sign, half, 26'd1, 26'd1, root[27:2], inexact | |root[1:0], nan, special, zero, z);
+    fp_round round (clk, sign, half, 26'd1, 26'd1, root[26:1], inexact | root[0], nan, special, zero, z);
 endmodule
 
 // The exponent of a > 0, as a number, that goes with a mantissa in [sqrt(1/2), sqrt(2)).
@@ -408,7 +408,7 @@ endmodule
 //     0  a < b ? yes : no, and a < b     1  |b| with the sign of a
 //     2  the mantissa of a > 0, in [sqrt(1/2), sqrt(2))
 //     3  a·2^n, n being the integer in the last places of b = n + 1.5·2^23
-//     4, 5, 6, 8  exponent, quotient, one root, the other     7  no
+//     4 to 8  exponent, quotients, roots     9  no
 module fp_choose (
     input wire clk,
     input wire [3:0] what,
@@ -417,7 +417,8 @@ module fp_choose (
     input wire [32:0] yes,
     input wire [32:0] no,
     input wire [32:0] exponent,
-    input wire [32:0] quotient,
+    input wire [32:0] quotient0,
+    input wire [32:0] quotient1,
     input wire [32:0] root0,
     input wire [32:0] root1,
     output reg [32:0] z,
@@ -435,8 +436,9 @@ module fp_choose (
         4'd2: others = {1'b0, low ? 9'd256 : 9'd255, a[22:0]};
         4'd3: others = {a[32], a[31:23] + b[8:0], a[22:0]};
         4'd4: others = exponent;
-        4'd5: others = quotient;
-        4'd6: others = root0;
+        4'd5: others = quotient0;
+        4'd6: others = quotient1;
+        4'd7: others = root0;
         4'd8: others = root1;
         default: others = no;
     endcase

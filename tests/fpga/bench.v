@@ -26,7 +26,7 @@ module bench (
     fp_div div (clk, load_div, x, y, z_div);
     fp_sqrt square_root (clk, load_sqrt, x, z_sqrt);
     fp_exponent exponent_of (clk, x, z_exponent);
-    fp_choose choose (clk, what, x, y, y, x, x, y, y, y, z_choose, less);
+    fp_choose choose (clk, what, x, y, y, x, x, y, y, y, y, z_choose, less);
     fp_from_integer integer_to (clk, a, z_integer);
     fp_out out_add (z_add, sum);
     fp_out out_mul (z_mul, product);

@@ -23,7 +23,7 @@ module bench (
     fx_mul mul (clk, u, v, z_mul);
     fx_div div (clk, load_div, u, v, z_div);
     fx_sqrt square_root (clk, load_sqrt, u, z_sqrt);
-    fx_choose choose (clk, {3'b000, what}, u, v, v, u, v, v, v, z_choose, less);
+    fx_choose choose (clk, {3'b000, what}, u, v, v, u, v, v, v, v, z_choose, less);
     fx_from_integer integer_to (clk, a, z_integer);
     fx_out out_add (z_add, sum);
     fx_out out_mul (z_mul, product);

@@ -34,6 +34,7 @@ class Arithmetic(ABC):
     inside: ClassVar[int]  # and inside, a sign and what it belongs to
     stages: ClassVar[Mapping[str, int]]
     busy: ClassVar[Mapping[str, int]]  # cycles until a unit that computes digit by digit begins again
+    dividers: ClassVar[int]  # how many units compute quotients
     from_integer: ClassVar[int]  # stages, too
     fraction: ClassVar[int]  # bits of a word after the point; 0: it floats
     rows: ClassVar[np.dtype[Any]]  # of the files of testbench.cpp
@@ -77,9 +78,9 @@ class Arithmetic(ABC):
 class Float(Arithmetic):
     number, units, prefix = "float", "units.v", "fp"
     word, inside = 32, 33
-    stages: ClassVar = {"add": 5, "multiply": 4, "divide": 11, "square_root": 11, "exponent": 4, "select": 1}
-    busy: ClassVar = {"divide": 8, "square_root": 8}
-    from_integer, fraction = 4, 0
+    stages: ClassVar = {"add": 5, "multiply": 4, "divide": 13, "square_root": 13, "exponent": 4, "select": 1}
+    busy: ClassVar = {"divide": 10, "square_root": 10}
+    dividers, from_integer, fraction = 1, 4, 0
     rows = np.dtype("<f4")
 
     def of_bits(self, bits: int) -> np.float32:
@@ -141,9 +142,9 @@ class Fixed(Arithmetic):
 
     number, units, prefix = "fixed", "fixed_units.v", "fx"
     word, inside = 48, 48
-    stages: ClassVar = {"add": 2, "multiply": 4, "divide": 14, "square_root": 12, "select": 1}
-    busy: ClassVar = {"divide": 13, "square_root": 11}
-    from_integer, fraction = 1, FRACTION
+    stages: ClassVar = {"add": 1, "multiply": 3, "divide": 18, "square_root": 15, "select": 1}
+    busy: ClassVar = {"divide": 17, "square_root": 14}
+    dividers, from_integer, fraction = 2, 1, FRACTION
     rows = np.dtype("<i8")
 
     def of_bits(self, bits: int) -> int:

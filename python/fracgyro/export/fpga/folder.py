@@ -44,7 +44,7 @@ def fpga(
     check_bounded(scenario, unbounded)
     require("export", "jinja2")
     with whole_folder(folder) as scratch:
-        code = compiled(trace(scenario, number), Machine())
+        code = compiled(trace(scenario, number))
         made = f"fracgyro {version('fracgyro')}, scenario {scenario.content_hash()}, {number}"
         files = {
             "controller.v": _controller(code, made),
@@ -65,8 +65,9 @@ def fpga(
             (scratch / name).write_text(text, encoding="utf-8", newline="\n")
 
 
-def compiled(graph: Graph, machine: Machine) -> Microcode:
-    """What a traced controller becomes on this machine, proved to compute its graph."""
+def compiled(graph: Graph) -> Microcode:
+    """What a traced controller becomes, proved to compute its graph."""
+    machine = Machine(dividers=graph.arithmetic.dividers)
     wait = deciding(graph)
     wires: Wires = set()
     code = Microcode(graph, machine, [schedule(one, machine, wires, wait) for one in routines(graph)])

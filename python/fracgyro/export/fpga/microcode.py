@@ -17,7 +17,18 @@ from .schedule import COPIED, FETCH, Machine, Schedule
 
 MEMORY, RESULT = range(2)  # where an operand comes from
 # What fp_choose makes the result of "other".
-CHOICES = ("select", "copy_sign", "mantissa", "scale", "exponent", "divide0", "square_root0", "copy", "square_root1")
+CHOICES = (
+    "select",
+    "copy_sign",
+    "mantissa",
+    "scale",
+    "exponent",
+    "divide0",
+    "divide1",
+    "square_root0",
+    "square_root1",
+    "copy",
+)
 OPERANDS = {"add": 2, "mul": 2, "oth": 4}
 
 Word = dict[str, int]

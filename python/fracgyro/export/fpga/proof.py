@@ -49,7 +49,9 @@ class _Machine:
                 raise ValueError("microcode leaves a decision open")
             if word.get("settled") and cycle < self.force_from:
                 raise ValueError("microcode lets go of a force too early")
-            self._write(words, cycle, word, range(self.code.other))
+            # What is fetched from memory next to the units is read FETCH - 1 cycles later.
+            if cycle + FETCH - 2 < len(words):
+                self._write(words, cycle + FETCH - 2, words[cycle + FETCH - 2], range(self.code.other))
             self._issue(words, cycle, word)
             self._write(words, cycle, word, [self.code.other])
             self._compare(cycle, word)

@@ -46,7 +46,7 @@ class Machine:
 
     def in_memory(self, bank: int) -> int:
         """Cycles from the first one in which a result can be read until it can be read from memory."""
-        return 3 if bank == self.last else 2
+        return 3 if bank == self.last else 1
 
     def of(self, unit: str) -> list[int]:
         """The banks of a kind of unit."""
@@ -105,7 +105,7 @@ class Schedule:
         until: dict[int, list[int]] = {}  # by bank, of each place: the last cycle that asks for what is there
         for place in sorted(read, key=self.result):
             of = until.setdefault(self.slots[place].bank, [])
-            free = [number for number, last in enumerate(of) if last < self.result(place)]
+            free = [number for number, last in enumerate(of) if last + FETCH - 1 <= self.result(place)]
             found[place] = free[0] if free else len(of)
             of[found[place] : found[place] + 1] = [read[place]]
         return found

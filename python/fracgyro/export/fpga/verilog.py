@@ -112,6 +112,7 @@ def values(code: Microcode) -> dict[str, Any]:
         "part_bits": _bits(rest + 1),
         "convert": convert,
         "prefix": arithmetic.prefix,
+        "dividers": code.machine.dividers,
         "word": arithmetic.word,
         "inside": arithmetic.inside,
         "floats": arithmetic.number == "float",
