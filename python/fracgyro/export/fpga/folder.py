@@ -55,7 +55,7 @@ def fpga(
             "scenario.toml": scenario.to_toml(),
         }
         written = SOURCES / "integrations/fpga"
-        for name in ("digits.v", "testbench.cpp", "Makefile", "README.md"):
+        for name in ("digits.v", "pins.lpf", "testbench.cpp", "Makefile", "README.md"):
             shutil.copyfile(written / name, scratch / name)
         arithmetic = code.graph.arithmetic
         shutil.copyfile(written / arithmetic.units, scratch / "units.v")

@@ -129,7 +129,9 @@ class _Writer:
             for port, operand in enumerate(fetched, 0 if one.node >= 0 else COPIED):
                 read |= self._fetch(f"{name}_{'abcd'[port]}", operand, slot.cycle)
             if place in self.addresses:
-                written |= {f"{name}_write": 1, f"{name}_place": self.addresses[place]}
+                # Next to the units, what is to be written is asked for a cycle before.
+                asked = written if name == "other" else found[result - 1]
+                asked |= {f"{name}_write": 1, f"{name}_place": self.addresses[place]}
             if one.busy:
                 found[slot.cycle + FETCH][f"{one.op}{slot.which}_load"] = 1
             if name == "other":

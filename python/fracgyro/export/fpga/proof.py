@@ -49,9 +49,10 @@ class _Machine:
                 raise ValueError("microcode leaves a decision open")
             if word.get("settled") and cycle < self.force_from:
                 raise ValueError("microcode lets go of a force too early")
-            # What is fetched from memory next to the units is read FETCH - 1 cycles later.
+            # What is fetched from memory next to the units is read FETCH - 1 cycles later; what is written there, asked
+            # for a cycle before.
             if cycle + FETCH - 2 < len(words):
-                self._write(words, cycle + FETCH - 2, words[cycle + FETCH - 2], range(self.code.other))
+                self._write(words, cycle + FETCH - 2, words[cycle + FETCH - 3], range(self.code.other))
             self._issue(words, cycle, word)
             self._write(words, cycle, word, [self.code.other])
             self._compare(cycle, word)

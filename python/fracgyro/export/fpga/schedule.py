@@ -2,7 +2,7 @@
 
 Cycle t asks for the operands of an operation, t + 2 chooses them, and from t + 3 on its unit works. In t + 3 + stages
 the result stands in the unit's register. An operation may read it from that register in cycle t + 1 + stages, from
-memory two cycles later, of the last bank three, and not in between.
+memory from the next one on; of the last bank from three later on, and not in between.
 
 What every operand is read from is wired: a choice between few sources is fast and small. So an operation goes to the
 unit, and a sum or a product has its operands in the order, that need the fewest wires that are not there yet.
@@ -19,7 +19,7 @@ from .routines import Operation, Routine
 
 FETCH = 3  # cycles until the operands are those of the unit
 FORCES = (0, 1)  # ports
-VARIANTS = 16  # of a schedule that are tried
+VARIANTS, MOST_VARIANTS = 16, 64  # of a schedule that are tried; more where memories would become large
 JITTER = 4  # cycles by which what is more urgent may be mistaken
 LEAST_BITS = 4  # of the places of the smallest memories
 COPIED = 3  # the operand of fp_choose that is copied
@@ -123,11 +123,12 @@ Wires = set[Wire]
 def schedule(routine: Routine, machine: Machine, wires: Wires, wait: int = 0) -> Schedule:
     """The shortest of several schedules that take the smallest memories of them. Adds to the wires."""
     tried: list[tuple[tuple[int, ...], Schedule, Wires]] = []
-    for variant in range(VARIANTS):
+    while len(tried) < VARIANTS or (len(tried) < MOST_VARIANTS and tried[0][1].near_bits > LEAST_BITS):
         needed = set(wires)
-        one = _listed(routine, machine, needed, wait, variant)
+        one = _listed(routine, machine, needed, wait, len(tried))
         tried.append(((one.near_bits, one.settled, one.cycles, len(needed)), one, needed))
-    _, found, needed = min(tried, key=lambda each: each[0])
+        tried.sort(key=lambda each: each[0])
+    _, found, needed = tried[0]
     wires |= needed
     return found
 

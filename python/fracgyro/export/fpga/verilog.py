@@ -28,8 +28,7 @@ def fields(code: Microcode) -> list[Field]:
     outputs = len(code.graph.force) + code.graph.reported
     widths: dict[str, int] = {}
     for _, _, port in code.ports():
-        source = _bits(2 * len(banks))
-        widths |= {f"{port}_source": source, f"{port}_place": address}
+        widths |= {f"{port}_source": _bits(len(sources(code, port))), f"{port}_place": address}
         widths |= {f"{port}_{name}": 1 for name in ("relative", "negative", "magnitude")}
     for bank in banks:
         widths |= {f"{bank}_write": 1, f"{bank}_place": address if bank == banks[-1] else code.near_bits}
@@ -41,6 +40,11 @@ def fields(code: Microcode) -> list[Field]:
         found.append(Field(name, low, width))
         low += width
     return found
+
+
+def sources(code: Microcode, port: str) -> list[int]:
+    """What an operand is read from by some word. In hardware its places in this list choose: the choice is small."""
+    return sorted({word[f"{port}_source"] for word in code.words if f"{port}_source" in word})
 
 
 def compared(graph: Graph) -> list[int]:
@@ -60,12 +64,15 @@ def microcode_hex(code: Microcode) -> str:
     """One word a line."""
     layout = fields(code)
     digits = -(-(layout[-1].low + layout[-1].width) // 4)
+    chosen = {f"{port}_source": sources(code, port) for _, _, port in code.ports()}
     lines = []
     for word in code.words:
         value = 0
         for one in layout:
-            assert word.get(one.name, 0) < 1 << one.width
-            value |= word.get(one.name, 0) << one.low
+            part = word.get(one.name, 0)
+            part = chosen[one.name].index(part) if one.name in chosen and one.name in word else part
+            assert part < 1 << one.width
+            value |= part << one.low
         lines.append(f"{value:0{digits}x}")
     return "\n".join(lines) + "\n"
 
@@ -116,7 +123,6 @@ def values(code: Microcode) -> dict[str, Any]:
         "word": arithmetic.word,
         "inside": arithmetic.inside,
         "floats": arithmetic.number == "float",
-        "source_bits": _bits(2 * len(code.machine.banks)),
         "address_bits": code.address_bits,
         "near_bits": code.near_bits,
         "out_bits": _bits(outputs),
@@ -265,15 +271,26 @@ def _choices(graph: Graph, root: int, name: str, width: int, programs: bool = Fa
 def _ports(code: Microcode) -> Iterator[dict[str, Any]]:
     """Each operand with the sources that some word of microcode chooses."""
     banks = code.machine.banks
-    for _, _, name in code.ports():
-        used = sorted({word[f"{name}_source"] for word in code.words if f"{name}_source" in word})
-        texts = {}
-        for source in used:
-            bank, where = divmod(source, 2)
-            texts[source] = {MEMORY: f"{name}_{banks[bank]}", RESULT: banks[bank]}[where]
+    for number, (_, _, name) in enumerate(code.ports()):
+        used = sources(code, name)
+        texts = [
+            {MEMORY: f"{name}_{banks[source // 2]}", RESULT: banks[source // 2]}[source % 2] for source in used
+        ] or [f"{code.graph.arithmetic.inside}'d0"]
         yield {
             "name": name,
+            "number": number % (1 << code.near_bits),
             "memories": [banks[source // 2] for source in used if source % 2 == MEMORY],
-            "sources": list(texts.items())[1:],
-            "default": next(iter(texts.values()), f"{code.graph.arithmetic.inside}'d0"),
+            "high": _bits(len(texts)) - 1,
+            "chosen": _tree(f"{name}_source", texts, _bits(len(texts))),
         }
+
+
+def _tree(name: str, texts: list[str], bits: int) -> str:
+    """One of the texts, chosen by the bits of a number."""
+    if len(texts) == 1:
+        return texts[0]
+    half = 1 << (bits - 1)
+    if len(texts) <= half:
+        return _tree(name, texts, bits - 1)
+    low, high = _tree(name, texts[:half], bits - 1), _tree(name, texts[half:], bits - 1)
+    return f"({name}[{bits - 1}] ? {high} : {low})"
