@@ -18,6 +18,8 @@ from fracgyro import _core
 from fracgyro.analysis.style import own_style, svg
 from fracgyro.export.compilers import SOURCES, make, run
 from fracgyro.export.fpga import fpga
+from fracgyro.export.fpga.arithmetic import ARITHMETICS, HardwareNumber
+from fracgyro.export.fpga.desk import on_the_desk
 from fracgyro.export.fpga.folder import ENTRY, compiled
 from fracgyro.export.fpga.graph import members, trace
 from fracgyro.export.fpga.interpreter import Interpreter
@@ -49,8 +51,16 @@ SCENARIOS = {
     "8 exponentials, force limit": EIGHT | {"controller.force_limit": 6000.0},
     "8 exponentials, samples checked, all limits": EIGHT | CHECKED,
     "16 exponentials": SIXTEEN,
+    "8 exponentials, composite adaptation": EIGHT | {"adaptation.kind": "composite"},
     "PID, force limit": {"controller.kind": "pid", "controller.force_limit": 6000.0},
 }
+
+
+FIXED = ("paper", "8 exponentials", "8 exponentials, samples checked, all limits", "PID, force limit")
+RUNS: list[tuple[str, HardwareNumber]] = [
+    *((name, "float") for name in SCENARIOS),
+    *((name, "fixed") for name in FIXED),
+]
 
 
 def motion_of(scenario: fg.Scenario, faults: bool) -> np.ndarray:
@@ -67,51 +77,58 @@ def motion_of(scenario: fg.Scenario, faults: bool) -> np.ndarray:
     return motion
 
 
-def measured(name: str, scenario: fg.Scenario) -> tuple[list[str], int]:
+def measured(name: str, number: HardwareNumber, scenario: fg.Scenario) -> tuple[list[str], int]:
     """A row without and one with faults, and how many numbers differ."""
     rows, different = [], 0
+    arithmetic = ARITHMETICS[number]
     with tempfile.TemporaryDirectory() as scratch:
         folder, start = Path(scratch) / "fpga", time.perf_counter()
-        fpga(scenario, folder, unbounded=True)
+        fpga(scenario, folder, number, unbounded=True)
         exported = time.perf_counter()
         make(folder, "build/controller")
         built = time.perf_counter()
         for faults in (False, True):
             motion = motion_of(scenario, faults)
-            reference = answers(scenario, motion, Path(scratch) / f"firmware{faults}")
-            motion.tofile(folder / "motion")
+            core = Path(scratch) / f"core{faults}"
+            core.mkdir()
+            reference = on_the_desk(scenario, motion, core) if number == "fixed" else answers(scenario, motion, core)
+            arithmetic.words(motion).tofile(folder / "motion")
             printed = run([str(folder / "build/controller")], folder)
-            found = np.fromfile(folder / "answer", np.float32).reshape(len(motion), -1)[:, : reference.shape[1]]
-            differs = int(np.sum(found.view(np.uint32) != reference.view(np.uint32)))
+            rows_of = np.fromfile(folder / "answer", arithmetic.rows).reshape(len(motion), -1)[:, : reference.shape[1]]
+            found = np.ascontiguousarray(arithmetic.numbers(rows_of))
+            unsigned = f"<u{found.itemsize}"
+            differs = int(np.sum(found.view(unsigned) != np.ascontiguousarray(reference).view(unsigned)))
             different += differs
             cycles = re.findall(r"(\d+) to (\d+) cycles, ([\d.]+) on average", printed)
             texts = [f"{mean} ({least} to {most})" for least, most, mean in cycles]
             statuses = ", ".join(f"{status:.0f}" for status in np.unique(found[:, 0]))
             (programs,) = re.findall(r"of (\d+) programs", (folder / "controller.v").read_text(encoding="utf-8"))
             words = len((folder / "controller.hex").read_text(encoding="utf-8").splitlines())
-            cells = [f"{name}, faults" if faults else name, programs, f"{words:,}"]
+            cells = [f"{name}, faults" if faults else name, number, programs, f"{words:,}"]
             cells += [f"{found.size:,}", str(differs), statuses, *texts]
             rows.append(f"| {' | '.join(cells)} |")
-            if scenario == SCENARIO and not faults and parity_hash(scenario, found[:, 1:]) != PUBLISHED["float"]:
+            if (number, scenario, faults) == ("float", SCENARIO, False) and parity_hash(
+                scenario, found[:, 1:]
+            ) != PUBLISHED["float"]:
                 different += 1
-        print(f"{name}: export {exported - start:.1f} s, build {built - exported:.1f} s", file=sys.stderr)
+        print(f"{name}, {number}: export {exported - start:.1f} s, build {built - exported:.1f} s", file=sys.stderr)
     return rows, different
 
 
 def units() -> list[str]:
-    """What tests/fpga/units.cpp finds."""
-    with tempfile.TemporaryDirectory() as folder:
-        sources = [
-            SOURCES / "integrations/fpga/units.v",
-            SOURCES / "integrations/fpga/digits.v",
-            ROOT / "tests/fpga/bench.v",
-            ROOT / "tests/fpga/units.cpp",
-        ]
-        options = ["-O3", "-CFLAGS", "-std=c++20 -O2", "--top-module", "bench", "-Mdir", folder, "-Wno-fatal"]
-        run(["verilator", "--cc", "--exe", "--build", *options, *map(str, sources), "-o", "units"])
-        output = run([f"{folder}/units", str(VECTORS), "2"])
-    rows = re.findall(r"^(.*): (\d+) vectors, (\d+) differ, (\d+) subnormal$", output, re.MULTILINE)
-    return [f"| {name} | {int(count):,} | {differ} | {int(small):,} |" for name, count, differ, small in rows]
+    """What tests/fpga/units.cpp and fixed_units.cpp find."""
+    lines, written = [], SOURCES / "integrations/fpga"
+    for kind, number in (("", "float"), ("fixed_", "fixed")):
+        with tempfile.TemporaryDirectory() as folder:
+            tests = [ROOT / f"tests/fpga/{kind}{file}" for file in ("bench.v", "units.cpp")]
+            sources = [written / f"{kind}units.v", written / "digits.v", *tests]
+            flags = f"-std=c++20 -O2 -I{written} -I{SOURCES / 'include'}"
+            options = ["-O3", "-CFLAGS", flags, "--top-module", "bench", "-Mdir", folder, "-Wno-fatal"]
+            run(["verilator", "--cc", "--exe", "--build", *options, *map(str, sources), "-o", "units"])
+            output = run([f"{folder}/units", str(VECTORS), "2"])
+        for name, count, differ, odd in re.findall(r"^(.*): (\d+) vectors, (\d+) differ, (\d+) ", output, re.MULTILINE):
+            lines.append(f"| {name} | {number} | {int(count):,} | {differ} | {int(odd):,} |")
+    return lines
 
 
 def picture() -> None:
@@ -157,9 +174,9 @@ def picture() -> None:
 def main() -> None:
     verilator = subprocess.run(["verilator", "--version"], capture_output=True, text=True, check=True).stdout.strip()
     rows, different = [], 0
-    for name, changes in SCENARIOS.items():
-        scenario = SCENARIO.replace({**changes, "run.duration": STEPS * SCENARIO.run.step})
-        found, differs = measured(name, scenario)
+    for name, number in RUNS:
+        scenario = SCENARIO.replace({**SCENARIOS[name], "run.duration": STEPS * SCENARIO.run.step})
+        found, differs = measured(name, number, scenario)
         rows += found
         different += differs
     exponentials = len(_core.setup_kernel(core_setup(SCENARIO))[0])
@@ -173,25 +190,26 @@ def main() -> None:
         "## Units",
         "",
         "Random numbers, among them subnormal and special ones, ties and near the ends of the range; each result is",
-        "compared with this computer's float, bit by bit.",
+        "compared with this computer's float or with the C++ core's number with a fixed point, bit by bit.",
         "",
-        "| unit | vectors | differ | subnormal results |",
-        "|---|---|---|---|",
+        "| unit | computes in | vectors | differ | subnormal results, or at an end of the range |",
+        "|---|---|---|---|---|",
         *units(),
         "",
         "## Whole runs from t = 0",
         "",
-        f"Each answers {STEPS + 1:,} recorded samples. Status, forces and estimates are compared with those of the",
-        "exported firmware on this computer, bit by bit. With faults, one sample in a thousand is NaN, infinite, far",
-        f"off or otherwise wrong, and 20 outages last 100 samples. The paper's kernel has {exponentials} exponentials.",
+        f"Each answers {STEPS + 1:,} recorded samples. Status, forces and estimates are compared, bit by bit, with",
+        "those of the exported firmware on this computer or, with a fixed point, of the C++ core with such numbers.",
+        "With faults, one sample in a thousand is NaN, infinite, far off or otherwise wrong, and 20 outages last 100",
+        f"samples. The paper's kernel has {exponentials} exponentials.",
         f"Its run without faults has the parity hash of float, `{PUBLISHED['float'][:16]}…`.",
         "",
         "Cycles are means, and in brackets the least and the most of any step. A step that decides otherwise than the",
         "one before runs two routines or more.",
         "",
-        "| controller | programs | words of microcode | numbers | differ | statuses | cycles from start to force "
-        "| from start to ready |",
-        "|---|---|---|---|---|---|---|---|",
+        "| controller | computes in | programs | words of microcode | numbers | differ | statuses "
+        "| cycles from start to force | from start to ready |",
+        "|---|---|---|---|---|---|---|---|---|",
         *rows,
     ]
     write("fpga", lines)
