@@ -1,24 +1,20 @@
-// Quotients and square roots, three bits in a cycle: all eight digits are tried at once. Each begins with `load`, in
+// Quotients, three bits in a cycle, and square roots, two: all digits are tried at once. Each begins with `load`, in
 // whose cycle its operands are there, and ends CYCLES + 1 cycles later.
 `default_nettype none
 
-// The last of eight candidates that is none below 0; candidate 0 is not. The highest bit of each is its sign.
-module last_of_eight #(
+// The last of four candidates that is none below 0; candidate 0 is taken for none. The highest bit of each is its sign.
+module last_of_four #(
     parameter BITS = 28
 ) (
-    input wire [8*BITS-1:0] candidates,
+    input wire [4*BITS-1:0] candidates,
     output wire [BITS-1:0] left,
-    output wire [2:0] digit
+    output wire [1:0] digit
 );
     wire [BITS-1:0] c0 = candidates[0+:BITS], c1 = candidates[BITS+:BITS], c2 = candidates[2*BITS+:BITS];
-    wire [BITS-1:0] c3 = candidates[3*BITS+:BITS], c4 = candidates[4*BITS+:BITS], c5 = candidates[5*BITS+:BITS];
-    wire [BITS-1:0] c6 = candidates[6*BITS+:BITS], c7 = candidates[7*BITS+:BITS];
-    wire n1 = c1[BITS-1], n2 = c2[BITS-1], n3 = c3[BITS-1], n4 = c4[BITS-1], n5 = c5[BITS-1], n6 = c6[BITS-1];
-    wire n7 = c7[BITS-1];
+    wire [BITS-1:0] c3 = candidates[3*BITS+:BITS];
     // Each pair is decided by the sign of its own, without waiting for another one's.
-    wire [BITS-1:0] low = n2 ? (n1 ? c0 : c1) : (n3 ? c2 : c3), high = n6 ? (n5 ? c4 : c5) : (n7 ? c6 : c7);
-    assign left = n4 ? low : high;
-    assign digit = n4 ? (n2 ? {2'd0, !n1} : {2'd1, !n3}) : (n6 ? {2'd2, !n5} : {2'd3, !n7});
+    assign left = c2[BITS-1] ? (c1[BITS-1] ? c0 : c1) : (c3[BITS-1] ? c2 : c3);
+    assign digit = c2[BITS-1] ? {1'b0, !c1[BITS-1]} : {1'b1, !c3[BITS-1]};
 endmodule
 
 // {rest, bits} / divisor, rest being less than the divisor.
@@ -38,10 +34,12 @@ module quotient_digits #(
     reg [BITS-1:0] left;
     reg [WIDE-1:0] one, three, five, seven;  // times the divisor
     wire [WIDE-1:0] now = {1'b0, left, quotient[3*CYCLES-1-:3]}, after, by = {4'd0, divisor};
-    wire [2:0] digit;
-    last_of_eight #(WIDE) choice (
-        {now - seven, now - (three << 1), now - five, now - (one << 2), now - three, now - (one << 1), now - one, now},
-        after, digit);
+    wire [WIDE-1:0] four = now - (one << 2), low, high;
+    wire [1:0] low_digit, high_digit;
+    last_of_four #(WIDE) lower ({now - three, now - (one << 1), now - one, now}, low, low_digit);
+    last_of_four #(WIDE) upper ({now - seven, now - (three << 1), now - five, four}, high, high_digit);
+    assign after = four[WIDE-1] ? low : high;
+    wire [2:0] digit = four[WIDE-1] ? {1'b0, low_digit} : {1'b1, high_digit};
     always @(posedge clk) begin
         left <= load ? rest : after[BITS-1:0];
         quotient <= load ? bits : {quotient[3*CYCLES-4:0], digit};
@@ -57,32 +55,27 @@ endmodule
 
 // The square root of an integer, towards 0.
 module root_digits #(
-    parameter CYCLES = 9
+    parameter CYCLES = 13
 ) (
     input wire clk,
     input wire load,
-    input wire [6*CYCLES-1:0] radicand,
-    output reg [3*CYCLES-1:0] root,
+    input wire [4*CYCLES-1:0] radicand,
+    output reg [2*CYCLES-1:0] root,
     output wire inexact
 );
-    localparam BITS = 3 * CYCLES, WIDE = BITS + 8;
-    function [WIDE-1:0] square(input [2:0] d);
-        square = d * d;
-    endfunction
+    localparam BITS = 2 * CYCLES, WIDE = BITS + 6;
     reg [2*BITS-1:0] bits;  // what is left of the radicand
     reg [BITS:0] left;
-    // (8 root + d)^2 exceeds 64 root^2 by d (16 root + d).
-    wire [WIDE-1:0] now = {1'b0, left, bits[2*BITS-1-:6]}, after, of = {4'd0, root, 4'd0};
-    wire [2:0] digit;
-    last_of_eight #(WIDE) choice (
-        {now - (of << 3) + of - square(7), now - (of << 2) - (of << 1) - square(6), now - (of << 2) - of - square(5),
-            now - (of << 2) - square(4), now - (of << 1) - of - square(3), now - (of << 1) - square(2),
-            now - of - square(1), now},
+    // (4 root + d)^2 exceeds 16 root^2 by d (8 root + d).
+    wire [WIDE-1:0] now = {1'b0, left, bits[2*BITS-1-:4]}, after;
+    wire [1:0] digit;
+    last_of_four #(WIDE) choice (
+        {now - {2'd0, root, 4'b1001} - {3'd0, root, 3'd0}, now - {2'd0, root, 4'b0100}, now - {3'd0, root, 3'b001}, now},
         after, digit);
     always @(posedge clk) begin
         left <= load ? {(BITS + 1) {1'b0}} : after[BITS:0];
-        root <= load ? {BITS{1'b0}} : {root[BITS-4:0], digit};
-        bits <= load ? radicand : bits << 6;
+        root <= load ? {BITS{1'b0}} : {root[BITS-3:0], digit};
+        bits <= load ? radicand : bits << 4;
     end
     assign inexact = |left;
 endmodule

@@ -4,7 +4,7 @@
 //     Inside, a number has 48 bits: a sign, and the size times 2^28. 0 may have either sign.
 //
 //     The stages of a unit, from its operands to a register with its result: fx_add 1, fx_mul 3, fx_div 17,
-//     fx_sqrt 14, fx_choose 1, fx_from_integer 1. fx_div and fx_sqrt (digits.v) take operands when they have ended.
+//     fx_sqrt 20, fx_choose 1, fx_from_integer 1. fx_div and fx_sqrt (digits.v) take operands when they have ended.
 `default_nettype none
 
 // From two's complement.
@@ -113,10 +113,10 @@ module fx_sqrt (
     input wire [47:0] a,
     output wire [47:0] z
 );
-    wire [38:0] root;
+    wire [37:0] root;
     wire inexact;
-    root_digits #(13) digits (clk, load, a[47] ? 78'd0 : {3'd0, a[46:0], 28'd0}, root, inexact);
-    assign z = {9'd0, root};
+    root_digits #(19) digits (clk, load, a[47] ? 76'd0 : {1'b0, a[46:0], 28'd0}, root, inexact);
+    assign z = {10'd0, root};
 endmodule
 
 // What moves numbers, or was computed by the units above. One stage.

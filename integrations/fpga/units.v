@@ -8,7 +8,7 @@
 //     Rounding adds to exponent and fraction as one number: a fraction that runs over goes on into the exponent.
 //
 //     The stages of a unit, from its operands to a register with its result: fp_add 5, fp_mul 4, fp_div 12,
-//     fp_sqrt 12, fp_exponent 3, fp_choose 1, fp_from_integer 4. fp_div and fp_sqrt (digits.v) take operands when their
+//     fp_sqrt 16, fp_exponent 3, fp_choose 1, fp_from_integer 4. fp_div and fp_sqrt (digits.v) take operands when their
 //     digits have ended.
 `default_nettype none
 `define ORIGIN 23'h3504F3 // the fraction of sqrt(1/2)
@@ -372,11 +372,11 @@ module fp_sqrt (
             special <= a[31:23] == 9'd511;
             zero <= nothing;
         end
-    wire [26:0] root;
+    wire [25:0] root;
     wire inexact;
-    root_digits #(9) digits (clk, load, {radicand, 29'd0}, root, inexact);
+    root_digits #(13) digits (clk, load, {radicand, 27'd0}, root, inexact);
     // No root is subnormal, or below 1.
-    fp_round round (clk, sign, half, 26'd1, 26'd1, root[26:1], inexact | root[0], nan, special, zero, z);
+    fp_round round (clk, sign, half, 26'd1, 26'd1, root, inexact, nan, special, zero, z);
 endmodule
 
 // The exponent of a > 0, as a number, that goes with a mantissa in [sqrt(1/2), sqrt(2)).

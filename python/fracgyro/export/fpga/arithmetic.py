@@ -78,8 +78,8 @@ class Arithmetic(ABC):
 class Float(Arithmetic):
     number, units, prefix = "float", "units.v", "fp"
     word, inside = 32, 33
-    stages: ClassVar = {"add": 5, "multiply": 4, "divide": 13, "square_root": 13, "exponent": 4, "select": 1}
-    busy: ClassVar = {"divide": 10, "square_root": 10}
+    stages: ClassVar = {"add": 5, "multiply": 4, "divide": 13, "square_root": 17, "exponent": 4, "select": 1}
+    busy: ClassVar = {"divide": 10, "square_root": 14}
     dividers, from_integer, fraction = 1, 4, 0
     rows = np.dtype("<f4")
 
@@ -142,8 +142,8 @@ class Fixed(Arithmetic):
 
     number, units, prefix = "fixed", "fixed_units.v", "fx"
     word, inside = 48, 48
-    stages: ClassVar = {"add": 1, "multiply": 3, "divide": 18, "square_root": 15, "select": 1}
-    busy: ClassVar = {"divide": 17, "square_root": 14}
+    stages: ClassVar = {"add": 1, "multiply": 3, "divide": 18, "square_root": 21, "select": 1}
+    busy: ClassVar = {"divide": 17, "square_root": 20}
     dividers, from_integer, fraction = 2, 1, FRACTION
     rows = np.dtype("<i8")
 

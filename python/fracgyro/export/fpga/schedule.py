@@ -22,6 +22,7 @@ FORCES = (0, 1)  # ports
 VARIANTS, MOST_VARIANTS = 16, 64  # of a schedule that are tried; more where memories would become large
 JITTER = 4  # cycles by which what is more urgent may be mistaken
 LEAST_BITS = 4  # of the places of the smallest memories
+LARGER = 1.25  # how much longer a step may last for memories of half the size
 COPIED = 3  # the operand of fp_choose that is copied
 
 
@@ -122,11 +123,12 @@ Wires = set[Wire]
 
 def schedule(routine: Routine, machine: Machine, wires: Wires, wait: int = 0) -> Schedule:
     """The shortest of several schedules that take the smallest memories of them. Adds to the wires."""
-    tried: list[tuple[tuple[int, ...], Schedule, Wires]] = []
+    tried: list[tuple[tuple[float, ...], Schedule, Wires]] = []
     while len(tried) < VARIANTS or (len(tried) < MOST_VARIANTS and tried[0][1].near_bits > LEAST_BITS):
         needed = set(wires)
         one = _listed(routine, machine, needed, wait, len(tried))
-        tried.append(((one.near_bits, one.settled, one.cycles, len(needed)), one, needed))
+        cost = one.settled * LARGER ** (one.near_bits - LEAST_BITS)
+        tried.append(((cost, one.cycles, len(needed)), one, needed))
         tried.sort(key=lambda each: each[0])
     _, found, needed = tried[0]
     wires |= needed
@@ -138,9 +140,12 @@ def _listed(routine: Routine, machine: Machine, wires: Wires, wait: int, variant
     operations = routine.operations
     made = {one.node: place for place, one in enumerate(operations) if one.node >= 0}
     heights = _heights(operations)
-    if variant:
-        random = Random(variant)
+    random = Random(variant)
+    if 0 < variant < VARIANTS:
         heights = [(first - int(JITTER * random.random()), second) for first, second in heights]
+    elif variant >= VARIANTS:  # of what is about as urgent, what comes first: results are needed for a shorter time
+        grain, start = random.randint(8, 200), random.randint(0, 200)
+        heights = [((first - start) // grain, place) for place, (first, _) in enumerate(heights)]
     readers: list[list[int]] = [[] for _ in operations]
     waits = [len(one.after) for one in operations]
     for place, one in enumerate(operations):
