@@ -1,6 +1,6 @@
 """Exported hardware, placed and routed for a Lattice ECP5: its clock, and what a step takes with it.
 
-    python benchmarks/fpga_route.py [--jobs N] [--only NAME ...] [--grades 8 6] [--seeds N]
+    python benchmarks/fpga_route.py [--jobs N] [--only NAME ...] [--seeds N]
 
 Writes benchmarks/results/fpga_route.md. Each route takes ten minutes or more; build/fpga_route keeps what was routed
 of the same design by the same tools, so that the script can be stopped and started again.
@@ -23,34 +23,38 @@ from typing import Any
 from fpga import EIGHT, ROOT, SCENARIO, SIXTEEN, motion_of
 from fracgyro.export.compilers import make, run
 from fracgyro.export.fpga import fpga
+from fracgyro.export.fpga.arithmetic import ARITHMETICS, HardwareNumber
 from machine import command, machine, write
 
 BUILD = ROOT / "build/fpga_route"
 TOOLS = {name: version(f"yowasp-{name}") for name in ("yosys", "nextpnr-ecp5")}
 LIMIT = {"controller.force_limit": 6000.0}
-DESIGNS: dict[str, dict[str, Any]] = {
-    "8 exponentials": EIGHT,
-    "8 exponentials, force limit": EIGHT | LIMIT,
-    "16 exponentials": SIXTEEN,
-    "16 exponentials, force limit": SIXTEEN | LIMIT,
+DESIGNS: dict[str, tuple[HardwareNumber, dict[str, Any]]] = {
+    "8 exponentials": ("float", EIGHT),
+    "8 exponentials, fixed": ("fixed", EIGHT),
+    "8 exponentials, force limit": ("float", EIGHT | LIMIT),
+    "16 exponentials": ("float", SIXTEEN),
+    "16 exponentials, force limit": ("float", SIXTEEN | LIMIT),
+    "8 exponentials, force limit, fixed": ("fixed", EIGHT | LIMIT),
 }
 GRADES, SEEDS = (8, 6), 3
-SOURCES = ["units.v", "controller.v", "spi.v", "controller.hex", "constants.hex", "Makefile"]
+SOURCES = ["units.v", "digits.v", "controller.v", "spi.v", "controller.hex", "constants.hex", "pins.lpf", "Makefile"]
 CELLS = {"TRELLIS_COMB": "LUT4", "TRELLIS_FF": "FF", "MULT18X18D": "DSP", "DP16KD": "block RAM"}
 STEPS = 2_000
 
 
 def prepared(name: str) -> tuple[Path, list[float]]:
     """The folder of a design, synthesized, and its mean cycles from start to force and to ready."""
-    scenario = SCENARIO.replace({**DESIGNS[name], "run.duration": STEPS * SCENARIO.run.step})
+    number, changes = DESIGNS[name]
+    scenario = SCENARIO.replace({**changes, "run.duration": STEPS * SCENARIO.run.step})
     scratch = BUILD / "scratch"
     shutil.rmtree(scratch, ignore_errors=True)
-    fpga(scenario, scratch, unbounded=True)
+    fpga(scenario, scratch, number, unbounded=True)
     text = b"".join((scratch / file).read_bytes() for file in SOURCES) + json.dumps(TOOLS).encode()
     folder = BUILD / hashlib.sha256(text).hexdigest()[:16]
     if not (folder / "cycles.json").exists():
         shutil.rmtree(folder, ignore_errors=True)
-        motion_of(scenario, faults=False).tofile(scratch / "motion")
+        ARITHMETICS[number].words(motion_of(scenario, faults=False)).tofile(scratch / "motion")
         make(scratch, "build/controller")
         cycles = re.findall(r"([\d.]+) on average", run([str(scratch / "build/controller")], scratch))
         make(scratch, "build/spi.json", *tool("yosys"))
@@ -63,19 +67,23 @@ def tool(name: str) -> list[str]:
     return [f"{name.partition('-')[0].upper()}={Path(sys.executable).parent / f'yowasp-{name}'}"]
 
 
-def routed(folder: Path, grade: int, seed: int) -> dict[str, Any]:
-    """What nextpnr reports."""
-    report = folder / f"route_{grade}_{seed}.json"
-    if not report.exists():
-        own = folder / f"own_{grade}_{seed}"
+def routed(folder: Path, seed: int) -> dict[int, dict[str, Any]]:
+    """What nextpnr reports, by grade. It is placed once, with the delays of the faster one, and routed for each."""
+    reports = {grade: folder / f"route_{grade}_{seed}.json" for grade in GRADES}
+    if not all(report.exists() for report in reports.values()):
+        own = folder / f"own_{seed}"
         shutil.copytree(folder, own, ignore=shutil.ignore_patterns("own_*", "route_*"), dirs_exist_ok=True)
-        device = f"DEVICE=--45k --package CABGA381 --speed {grade}"
-        make(own, "route.log", device, f"SEED={seed}", *tool("nextpnr-ecp5"))
-        (own / "route.json").rename(report)
+        source, options = "build/spi.json", "--placer-heap-beta 0.5 --write placed.json"
+        for grade, report in reports.items():
+            device = f"DEVICE=--45k --package CABGA381 --speed {grade} --lpf pins.lpf"
+            (own / "route.log").unlink(missing_ok=True)
+            routing = f"ROUTING=--router router2 {options}"
+            make(own, "route.log", device, routing, f"SEED={seed}", f"PLACED={source}", *tool("nextpnr-ecp5"))
+            (own / "route.json").rename(report)
+            source, options = "placed.json", "--no-pack --no-place"
+            print(f"{folder.name}, grade {grade}, seed {seed}: {clock(report):.1f} MHz", file=sys.stderr, flush=True)
         shutil.rmtree(own)
-        print(f"{folder.name}, grade {grade}, seed {seed}: {clock(report):.1f} MHz", file=sys.stderr, flush=True)
-    found: dict[str, Any] = json.loads(report.read_text(encoding="utf-8"))
-    return found
+    return {grade: json.loads(report.read_text(encoding="utf-8")) for grade, report in reports.items()}
 
 
 def clock(report: Path) -> float:
@@ -87,18 +95,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--jobs", type=int, default=2, help="routes at a time")
     parser.add_argument("--only", nargs="+", choices=DESIGNS, default=list(DESIGNS), help="designs")
-    parser.add_argument("--grades", nargs="+", type=int, choices=GRADES, default=GRADES, help="of speed")
     parser.add_argument("--seeds", type=int, default=SEEDS, help="how many, of the placer")
     options = parser.parse_args()
     designs = {name: prepared(name) for name in options.only}
     seeds = range(1, options.seeds + 1)
-    wanted = [(name, grade, seed) for seed in seeds for grade in options.grades for name in designs]
+    wanted = [(name, seed) for seed in seeds for name in designs]
     with ThreadPoolExecutor(options.jobs) as pool:
-        reports = dict(zip(wanted, pool.map(lambda one: routed(designs[one[0]][0], *one[1:]), wanted), strict=True))
+        reports = dict(zip(wanted, pool.map(lambda one: routed(designs[one[0]][0], one[1]), wanted), strict=True))
     rows = []
     for name, (_, (force, ready)) in designs.items():
-        for grade in options.grades:
-            some = [reports[name, grade, seed] for seed in seeds]
+        for grade in GRADES:
+            some = [reports[name, seed][grade] for seed in seeds]
             clocks = [float(next(iter(one["fmax"].values()))["achieved"]) for one in some]
             cells = [f"{some[0]['utilization'][cell]['used']:,}" for cell in CELLS]
             best = max(clocks)
@@ -112,9 +119,10 @@ def main() -> None:
         "",
         f"Machine: {machine()}; {', '.join(f'{name} {number}' for name, number in TOOLS.items())}.",
         "",
-        "The paper's controller behind SPI in a Lattice LFE5U-45F (43,848 LUT4 and FF, 72 DSP, 108 block RAM), of its",
-        f"speed grades. Seeds of the placer: {len(seeds)}. Clock: median, least and most of them; times are those of",
-        f"the best one. Cycles are means of the first {STEPS:,} steps.",
+        "The paper's controller, in float or with a fixed point, behind SPI in a Lattice LFE5U-45F (43,848 LUT4, FF,",
+        f"72 DSP, 108 block RAM). Seeds of the placer: {len(seeds)}; each is placed once, routed for either speed",
+        "grade. Clock: median, least and most of them; times are those of the best one. Cycles are means of the first",
+        f"{STEPS:,} steps.",
         "",
         f"| controller | grade | {' | '.join(CELLS.values())} | cycles to the force | a step | MHz | µs to the force "
         "| µs a step |",
