@@ -47,7 +47,7 @@ def prepared(name: str) -> tuple[Path, list[float]]:
     """The folder of a design, synthesized, and its mean cycles from start to force and to ready."""
     number, changes = DESIGNS[name]
     scenario = SCENARIO.replace({**changes, "run.duration": STEPS * SCENARIO.run.step})
-    scratch = BUILD / "scratch"
+    scratch = BUILD / name.replace(", ", "-").replace(" ", "_")
     shutil.rmtree(scratch, ignore_errors=True)
     fpga(scenario, scratch, number, unbounded=True)
     text = b"".join((scratch / file).read_bytes() for file in SOURCES) + json.dumps(TOOLS).encode()
@@ -97,10 +97,10 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", choices=DESIGNS, default=list(DESIGNS), help="designs")
     parser.add_argument("--seeds", type=int, default=SEEDS, help="how many, of the placer")
     options = parser.parse_args()
-    designs = {name: prepared(name) for name in options.only}
     seeds = range(1, options.seeds + 1)
-    wanted = [(name, seed) for seed in seeds for name in designs]
+    wanted = [(name, seed) for seed in seeds for name in options.only]
     with ThreadPoolExecutor(options.jobs) as pool:
+        designs = dict(zip(options.only, pool.map(prepared, options.only), strict=True))
         reports = dict(zip(wanted, pool.map(lambda one: routed(designs[one[0]][0], one[1]), wanted), strict=True))
     rows = []
     for name, (_, (force, ready)) in designs.items():
