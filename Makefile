@@ -108,6 +108,7 @@ bench: .venv/installed-bench .venv/installed-export
 	$(BIN)/python benchmarks/parity.py
 	$(BIN)/python benchmarks/firmware.py
 	$(BIN)/python benchmarks/fpga.py
+	$(BIN)/python benchmarks/fpga_fixed.py
 	$(BIN)/python benchmarks/fpga_route.py
 	$(BIN)/python benchmarks/flops.py
 	$(BIN)/python benchmarks/outside.py

@@ -73,7 +73,7 @@ def routed(folder: Path, seed: int) -> dict[int, dict[str, Any]]:
     if not all(report.exists() for report in reports.values()):
         own = folder / f"own_{seed}"
         shutil.copytree(folder, own, ignore=shutil.ignore_patterns("own_*", "route_*"), dirs_exist_ok=True)
-        source, options = "build/spi.json", "--placer-heap-beta 0.5 --write placed.json"
+        source, options = "build/spi.json", "--placer-heap-beta 0.35 --write placed.json"
         for grade, report in reports.items():
             device = f"DEVICE=--45k --package CABGA381 --speed {grade} --lpf pins.lpf"
             (own / "route.log").unlink(missing_ok=True)

@@ -70,8 +70,8 @@ module root_digits #(
     wire [WIDE-1:0] now = {1'b0, left, bits[2*BITS-1-:4]}, after;
     wire [1:0] digit;
     last_of_four #(WIDE) choice (
-        {now - {2'd0, root, 4'b1001} - {3'd0, root, 3'd0}, now - {2'd0, root, 4'b0100}, now - {3'd0, root, 3'b001}, now},
-        after, digit);
+        {now - {2'd0, root, 4'b1001} - {3'd0, root, 3'd0}, now - {2'd0, root, 4'b0100}, now - {3'd0, root, 3'b001},
+            now}, after, digit);
     always @(posedge clk) begin
         left <= load ? {(BITS + 1) {1'b0}} : after[BITS:0];
         root <= load ? {BITS{1'b0}} : {root[BITS-3:0], digit};

@@ -222,7 +222,7 @@ struct Traced {
 private:
     bool is_one() const { return constant() && value == Number(1.0); }
     bool is_zero() const { return constant() && value == Number(0.0); }
-    // That adding 0 leaves its bits: a magnitude or a sum of two, which are not -0, or of a fixed point, which has none.
+    // That adding 0 leaves its bits: a magnitude or a sum of two, which are not -0, or of a fixed point without a -0.
     bool keeps_its_bits() const {
         if (is_fixed || constant() || negative || magnitude) {
             return is_fixed || (magnitude && !negative);

@@ -85,9 +85,9 @@ endmodule
 
 // Sum. Results that are subnormal outside are exact: there is nothing to round below 2^-149.
 //
-//     Two ways lead to the leading one of the sum. Near: a difference of numbers whose exponents differ by at most 1 may
-//     have many zeros ahead of it, and is found without shifting the smaller one far. Far: of all others it is at most
-//     one place away.
+//     Two ways lead to the leading one of the sum. Near: a difference of numbers whose exponents differ by at most 1
+//     may have many zeros ahead of it, and is found without shifting the smaller one far. Far: of all others it is at
+//     most one place away.
 module fp_add (
     input wire clk,
     input wire [32:0] a,

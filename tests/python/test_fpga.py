@@ -14,7 +14,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from embedded import need
+from fracgyro import parity
 from fracgyro.cli import cli
+from fracgyro.export import targets
 from fracgyro.export.compilers import SOURCES, make
 from fracgyro.export.compilers import run as run_command
 from fracgyro.export.fpga.arithmetic import ARITHMETICS, HardwareNumber
@@ -25,6 +27,7 @@ from fracgyro.export.fpga.interpreter import Interpreter
 from fracgyro.export.fpga.microcode import Microcode
 from fracgyro.export.fpga.proof import check
 from fracgyro.export.host import answers
+from fracgyro.export.replay import parity_hash
 from fracgyro.simulation.dataset import write_run
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -107,6 +110,11 @@ def test_numbers_with_a_fixed_point_end_at_the_ends_and_take_the_nearest() -> No
     ]
     numbers = np.array([524287.5, -0.75, 0.0])
     np.testing.assert_array_equal(fixed.numbers(fixed.words(numbers)), numbers)
+
+
+def test_the_core_with_a_fixed_point_has_its_published_hash() -> None:
+    motion, _ = parity.parity_run()
+    assert parity_hash(parity.SCENARIO, targets.answers("desk", parity.SCENARIO, "fixed", motion)) == parity.IN_FIXED
 
 
 def test_a_power_is_refused_in_one_sentence_where_the_point_is_fixed() -> None:
