@@ -50,8 +50,7 @@ def prepared(name: str) -> tuple[Path, list[float]]:
     scratch = BUILD / name.replace(", ", "-").replace(" ", "_")
     shutil.rmtree(scratch, ignore_errors=True)
     fpga(scenario, scratch, number, unbounded=True)
-    text = b"".join((scratch / file).read_bytes() for file in SOURCES) + json.dumps(TOOLS).encode()
-    folder = BUILD / hashlib.sha256(text).hexdigest()[:16]
+    folder = BUILD / content(scratch)
     if not (folder / "cycles.json").exists():
         shutil.rmtree(folder, ignore_errors=True)
         ARITHMETICS[number].words(motion_of(scenario, faults=False)).tofile(scratch / "motion")
@@ -61,6 +60,12 @@ def prepared(name: str) -> tuple[Path, list[float]]:
         (scratch / "cycles.json").write_text(json.dumps([float(one) for one in cycles]), encoding="utf-8")
         scratch.rename(folder)
     return folder, json.loads((folder / "cycles.json").read_text(encoding="utf-8"))
+
+
+def content(folder: Path) -> str:
+    """A hash of a design and of the tools, without comments and spaces."""
+    text = "".join((folder / file).read_text(encoding="utf-8") for file in SOURCES) + json.dumps(TOOLS)
+    return hashlib.sha256("".join(re.sub(r"//.*", "", text).split()).encode()).hexdigest()[:16]
 
 
 def tool(name: str) -> list[str]:

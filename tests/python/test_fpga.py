@@ -124,6 +124,8 @@ def test_a_power_is_refused_in_one_sentence_where_the_point_is_fixed() -> None:
     ) as report:
         traced("another power", "fixed")
     assert "\n" not in str(report.value)
+    with pytest.raises(ValueError, match=r"^controller\.kind is 'nonsingular_terminal': .* powers other than"):
+        trace(SHORT.replace({"controller.kind": "nonsingular_terminal"}), "fixed")
 
 
 def test_a_steady_step_has_no_operation_twice_and_none_that_nobody_needs() -> None:

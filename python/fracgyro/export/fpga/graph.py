@@ -42,6 +42,7 @@ Op = Literal[
 OPS: tuple[Op, ...] = get_args(Op)
 SOURCES_OF_NUMBERS = ("constant", "state", "input")
 UNBOUNDED = 2**63 - 1
+ROOT = 0.5  # the exponent for which the core takes a square root
 
 
 class Operand(NamedTuple):
@@ -179,15 +180,13 @@ def trace(scenario: Scenario, number: HardwareNumber = "float") -> Graph:
         try:
             text = run([str(program), *numbers_of(scenario)])
         except ValueError as error:
-            why, controller = str(error).partition("failed: ")[2], scenario.controller.kind
-            adaptive = controller in having("adaptation.kind") and scenario.adaptation.kind != "gradient"
-            field, value = (
-                ("controller.terminal_exponent", str(scenario.controller.terminal_exponent))
-                if "powers" in why
-                else ("adaptation.kind", repr(scenario.adaptation.kind))
-                if adaptive
-                else ("controller.kind", repr(controller))
-            )
+            why, controller = str(error).partition("failed: ")[2], scenario.controller
+            named = [("controller.kind", repr(controller.kind))]
+            if controller.kind in having("adaptation.kind") and scenario.adaptation.kind != "gradient":
+                named.append(("adaptation.kind", repr(scenario.adaptation.kind)))
+            if "powers" in why and controller.terminal_exponent != ROOT:
+                named.append(("controller.terminal_exponent", str(controller.terminal_exponent)))
+            field, value = named[-1]
             raise ValueError(f"{field} is {value}: it cannot be exported as hardware: {why}; choose another") from None
     return parsed(text, number)
 
