@@ -1,6 +1,6 @@
 """Exported hardware, placed and routed for a Lattice ECP5: its clock, and what a step takes with it.
 
-    python benchmarks/fpga_route.py [--jobs N] [--only NAME ...] [--seeds N]
+    python benchmarks/fpga_route.py [--jobs N] [--only NAME ...] [--seeds N] [--so-far]
 
 Writes benchmarks/results/fpga_route.md. Each route takes ten minutes or more; build/fpga_route keeps what was routed
 of the same design by the same tools, so that the script can be stopped and started again.
@@ -72,10 +72,14 @@ def tool(name: str) -> list[str]:
     return [f"{name.partition('-')[0].upper()}={Path(sys.executable).parent / f'yowasp-{name}'}"]
 
 
+def is_routed(folder: Path, seed: int) -> bool:
+    return all((folder / f"route_{grade}_{seed}.json").exists() for grade in GRADES)
+
+
 def routed(folder: Path, seed: int) -> dict[int, dict[str, Any]]:
     """What nextpnr reports, by grade. It is placed once, with the delays of the faster one, and routed for each."""
     reports = {grade: folder / f"route_{grade}_{seed}.json" for grade in GRADES}
-    if not all(report.exists() for report in reports.values()):
+    if not is_routed(folder, seed):
         own = folder / f"own_{seed}"
         shutil.copytree(folder, own, ignore=shutil.ignore_patterns("own_*", "route_*"), dirs_exist_ok=True)
         source, options = "build/spi.json", "--placer-heap-beta 0.35 --write placed.json"
@@ -101,21 +105,23 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2, help="routes at a time")
     parser.add_argument("--only", nargs="+", choices=DESIGNS, default=list(DESIGNS), help="designs")
     parser.add_argument("--seeds", type=int, default=SEEDS, help="how many, of the placer")
+    parser.add_argument("--so-far", action="store_true", help="route nothing more, log what is there")
     options = parser.parse_args()
-    seeds = range(1, options.seeds + 1)
-    wanted = [(name, seed) for seed in seeds for name in options.only]
     with ThreadPoolExecutor(options.jobs) as pool:
         designs = dict(zip(options.only, pool.map(prepared, options.only), strict=True))
+        wanted = [(name, seed) for seed in range(1, options.seeds + 1) for name in options.only]
+        if options.so_far:
+            wanted = [(name, seed) for name, seed in wanted if is_routed(designs[name][0], seed)]
         reports = dict(zip(wanted, pool.map(lambda one: routed(designs[one[0]][0], one[1]), wanted), strict=True))
     rows = []
     for name, (_, (force, ready)) in designs.items():
         for grade in GRADES:
-            some = [reports[name, seed][grade] for seed in seeds]
+            some = [report[grade] for (of, _), report in reports.items() if of == name]
             clocks = [float(next(iter(one["fmax"].values()))["achieved"]) for one in some]
             cells = [f"{some[0]['utilization'][cell]['used']:,}" for cell in CELLS]
             best = max(clocks)
             times = [f"{force / best:.2f}", f"{ready / best:.2f}"]
-            middle = f"{statistics.median(clocks):.1f} ({min(clocks):.1f} to {best:.1f})"
+            middle = f"{len(some)} | {statistics.median(clocks):.1f} ({min(clocks):.1f} to {best:.1f})"
             rows.append(f"| {' | '.join([name, str(grade), *cells, f'{force:.0f}', f'{ready:.0f}', middle, *times])} |")
     lines = [
         "# Exported hardware, placed and routed",
@@ -125,13 +131,13 @@ def main() -> None:
         f"Machine: {machine()}; {', '.join(f'{name} {number}' for name, number in TOOLS.items())}.",
         "",
         "The paper's controller, in float or with a fixed point, behind SPI in a Lattice LFE5U-45F (43,848 LUT4, FF,",
-        f"72 DSP, 108 block RAM). Seeds of the placer: {len(seeds)}; each is placed once, routed for either speed",
-        "grade. Clock: median, least and most of them; times are those of the best one. Cycles are means of the first",
+        "72 DSP, 108 block RAM). With each seed of the placer it is placed once, and routed for either speed grade.",
+        "Clock: median, least and most of the seeds; times are those of the best one. Cycles are means of the first",
         f"{STEPS:,} steps.",
         "",
-        f"| controller | grade | {' | '.join(CELLS.values())} | cycles to the force | a step | MHz | µs to the force "
-        "| µs a step |",
-        f"|{'---|' * 11}",
+        f"| controller | grade | {' | '.join(CELLS.values())} | cycles to the force | a step | seeds | MHz "
+        "| µs to the force | µs a step |",
+        f"|{'---|' * 12}",
         *rows,
     ]
     write("fpga_route", lines)
