@@ -46,14 +46,14 @@ STEPS = 2_000
 def prepared(name: str) -> tuple[Path, list[float]]:
     """The folder of a design, synthesized, and its mean cycles from start to force and to ready."""
     number, changes = DESIGNS[name]
-    scenario = SCENARIO.replace({**changes, "run.duration": STEPS * SCENARIO.run.step})
+    scenario = SCENARIO.replace(changes)  # whose duration chooses the exponentials
     scratch = BUILD / name.replace(", ", "-").replace(" ", "_")
     shutil.rmtree(scratch, ignore_errors=True)
     fpga(scenario, scratch, number, unbounded=True)
     folder = BUILD / content(scratch)
     if not (folder / "cycles.json").exists():
         shutil.rmtree(folder, ignore_errors=True)
-        ARITHMETICS[number].words(motion_of(scenario, faults=False)).tofile(scratch / "motion")
+        ARITHMETICS[number].words(motion_of(scenario, faults=False)[:STEPS]).tofile(scratch / "motion")
         make(scratch, "build/controller")
         cycles = re.findall(r"([\d.]+) on average", run([str(scratch / "build/controller")], scratch))
         make(scratch, "build/spi.json", *tool("yosys"))
