@@ -20,8 +20,8 @@ from fracgyro.export.compilers import SOURCES, make, run
 from fracgyro.export.fpga import fpga
 from fracgyro.export.fpga.arithmetic import ARITHMETICS, HardwareNumber
 from fracgyro.export.fpga.desk import on_the_desk
-from fracgyro.export.fpga.folder import ENTRY, compiled
-from fracgyro.export.fpga.graph import members, trace
+from fracgyro.export.fpga.folder import compiled
+from fracgyro.export.fpga.graph import ENTRY, members, trace
 from fracgyro.export.fpga.interpreter import Interpreter
 from fracgyro.export.fpga.schedule import FETCH
 from fracgyro.export.host import answers
@@ -77,8 +77,8 @@ def motion_of(scenario: fg.Scenario, faults: bool) -> np.ndarray:
     return motion
 
 
-def measured(name: str, number: HardwareNumber, scenario: fg.Scenario) -> tuple[list[str], int]:
-    """A row without and one with faults, and how many numbers differ."""
+def measured(name: str, number: HardwareNumber, scenario: fg.Scenario) -> tuple[list[str], int, float, float]:
+    """A row without and one with faults, how many numbers differ, and seconds: of the export, and of a build."""
     rows, different = [], 0
     arithmetic = ARITHMETICS[number]
     with tempfile.TemporaryDirectory() as scratch:
@@ -112,7 +112,7 @@ def measured(name: str, number: HardwareNumber, scenario: fg.Scenario) -> tuple[
             ) != PUBLISHED["float"]:
                 different += 1
         print(f"{name}, {number}: export {exported - start:.1f} s, build {built - exported:.1f} s", file=sys.stderr)
-    return rows, different
+    return rows, different, exported - start, built - exported
 
 
 def units() -> list[str]:
@@ -173,12 +173,14 @@ def picture() -> None:
 
 def main() -> None:
     verilator = subprocess.run(["verilator", "--version"], capture_output=True, text=True, check=True).stdout.strip()
-    rows, different = [], 0
+    rows, different, exports, builds = [], 0, [], []
     for name, number in RUNS:
         scenario = SCENARIO.replace({**SCENARIOS[name], "run.duration": STEPS * SCENARIO.run.step})
-        found, differs = measured(name, number, scenario)
+        found, differs, exported, built = measured(name, number, scenario)
         rows += found
         different += differs
+        exports.append(exported)
+        builds.append(built)
     exponentials = len(_core.setup_kernel(core_setup(SCENARIO))[0])
     lines = [
         "# Exported hardware, simulated",
@@ -206,6 +208,9 @@ def main() -> None:
         "",
         "Cycles are means, and in brackets the least and the most of any step. A step that decides otherwise than the",
         "one before runs two routines or more.",
+        "",
+        f"An export took {min(exports):.0f} to {max(exports):.0f} s, building its simulation {min(builds):.0f} to "
+        f"{max(builds):.0f} s.",
         "",
         "| controller | computes in | programs | words of microcode | numbers | differ | statuses "
         "| cycles from start to force | from start to ready |",

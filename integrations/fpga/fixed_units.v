@@ -139,15 +139,10 @@ module fx_choose (
     wire smaller = a[46:0] < b[46:0], larger = b[46:0] < a[46:0];
     wire below = a[47] ? (b[47] ? larger : !(a_nothing & b_nothing)) : !b[47] & smaller;
 
-    reg [47:0] others;
-    always @* case (what)
-        4'd1: others = {a[47] & !a_nothing, b[46:0]};
-        4'd5: others = quotient0;
-        4'd6: others = quotient1;
-        4'd7: others = root0;
-        4'd8: others = root1;
-        default: others = no;
-    endcase
+    // One of sixteen, chosen by the bits of `what` as they are.
+    wire [47:0] signed_as = {a[47] & !a_nothing, b[46:0]};
+    wire [16*48-1:0] each = {{7{no}}, root1, root0, quotient1, quotient0, {3{no}}, signed_as, no};
+    wire [47:0] others = each[what*48+:48];
     always @(posedge clk) begin
         less <= below;
         z <= below & what == 4'd0 ? yes : others;

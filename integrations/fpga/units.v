@@ -430,18 +430,11 @@ module fp_choose (
     wire below = !nan & !both_zero & (a[32] ? !b[32] | larger : !b[32] & smaller);
     wire low = a[22:0] < `ORIGIN;
 
-    reg [32:0] others;
-    always @* case (what)
-        4'd1: others = {a[32], b[31:0]};
-        4'd2: others = {1'b0, low ? 9'd256 : 9'd255, a[22:0]};
-        4'd3: others = {a[32], a[31:23] + b[8:0], a[22:0]};
-        4'd4: others = exponent;
-        4'd5: others = quotient0;
-        4'd6: others = quotient1;
-        4'd7: others = root0;
-        4'd8: others = root1;
-        default: others = no;
-    endcase
+    // One of sixteen, chosen by the bits of `what` as they are.
+    wire [32:0] signed_as = {a[32], b[31:0]}, mantissa = {1'b0, low ? 9'd256 : 9'd255, a[22:0]};
+    wire [32:0] scaled = {a[32], a[31:23] + b[8:0], a[22:0]};
+    wire [16*33-1:0] each = {{7{no}}, root1, root0, quotient1, quotient0, exponent, scaled, mantissa, signed_as, no};
+    wire [32:0] others = each[what*33+:33];
     always @(posedge clk) begin
         less <= below;
         z <= below & what == 4'd0 ? yes : others;

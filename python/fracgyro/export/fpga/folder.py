@@ -15,14 +15,12 @@ from ...scenario.to_core import core_setup
 from ..compilers import SOURCES
 from ..settings import columns
 from .arithmetic import HardwareNumber
-from .graph import Graph, trace
+from .graph import ENTRY, Graph, trace
 from .microcode import Microcode
 from .proof import check
 from .routines import routines
 from .schedule import Machine, Wires, schedule
 from .verilog import constants_hex, deciding, microcode_hex, state_words, values
-
-ENTRY = 3  # cycles from `start` to the first word of microcode
 
 
 def fpga(
@@ -91,7 +89,7 @@ def _controller(code: Microcode, made: str) -> str:
 def _cycles(code: Microcode) -> str:
     """Of each routine."""
     rows = [
-        f"| {number} | {len(one.routine.programs)} | {len(one.routine.operations)} | {one.settled + ENTRY} "
+        f"| {number} | {len(one.routine.programs)} | {len(one.routine.operations)} | {one.settled + ENTRY + 1} "
         f"| {one.cycles + ENTRY} |"
         for number, one in enumerate(code.schedules[:-1])
     ]

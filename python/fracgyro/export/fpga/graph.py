@@ -42,6 +42,7 @@ Op = Literal[
 OPS: tuple[Op, ...] = get_args(Op)
 SOURCES_OF_NUMBERS = ("constant", "state", "input")
 UNBOUNDED = 2**63 - 1
+ENTRY = 1  # cycles from `start` to the first one of a step
 ROOT = 0.5  # the exponent for which the core takes a square root
 
 
@@ -124,6 +125,14 @@ class Graph:
     @cached_property
     def integers(self) -> list[int]:
         return [place for place, word in enumerate(self.words) if word.bits]
+
+    def given_in(self, node: int) -> int:
+        """The first cycle of a step in which a node's number can be read, if it is one of the motion.
+
+        The four are written in one cycle each, the last one with `start`.
+        """
+        op, place, _ = self.nodes[node]
+        return max(0, self.inputs[place].measured - ENTRY) if op == "input" else 0
 
     @property
     def reported(self) -> int:

@@ -135,16 +135,16 @@ class _Writer:
             if one.busy:
                 found[slot.cycle + FETCH][f"{one.op}{slot.which}_load"] = 1
             if name == "other":
-                self._other(place, found[result - 1], written)
+                self._other(place, found[result - 2], found[result - 1], written)
         for word in found[self.scheduled.settled : self.scheduled.decided + 1]:
             word["settled"] = 1
         found[-1]["last"] = 1
         return found
 
-    def _other(self, place: int, before: Word, written: Word) -> None:
+    def _other(self, place: int, early: Word, before: Word, written: Word) -> None:
         one, slot = self.operations[place], self.scheduled.slots[place]
         op = "copy" if one.node < 0 else "select" if one.op == "less" else one.op
-        before["what"] = CHOICES.index(f"{op}{slot.which}" if one.busy else op)
+        early["what"] = CHOICES.index(f"{op}{slot.which}" if one.busy else op)
         if one.op == "less":
             asked = [p.of for p in self.code.graph.predicates if p.question == 0]
             written |= {"other_write": 0, "flag_write": 1, "flag": sorted(set(asked)).index(one.node)}

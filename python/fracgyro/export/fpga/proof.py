@@ -57,7 +57,7 @@ class _Machine:
             self._write(words, cycle, word, [self.code.other])
             self._compare(cycle, word)
             if word.get("out_write") and word["out"] in FORCES:
-                self.force_from = cycle + 2
+                self.force_from = cycle + 1
         expected = {
             (one.output.word, one.output.port, one.output.programs): one.operands[0]
             for one in self.routine.operations
@@ -70,7 +70,7 @@ class _Machine:
 
     def _register(self, bank: int, cycle: int, words: list[Word]) -> Operand | None:
         name = self.code.machine.banks[bank]
-        other = CHOICES[words[cycle - 1].get("what", 0)]
+        other = CHOICES[words[cycle - 2].get("what", 0)]
         op = other if name == "other" else {"add": "add", "mul": "multiply"}[name[:3]]
         return self.results.get((bank, op, cycle))
 
@@ -109,7 +109,8 @@ class _Machine:
         found: Operand | None
         if where == MEMORY:
             node = self.memory.get((bank, word[f"{port}_place"]))
-            found = None if node is None else Operand(node, False, False)
+            late = node is None or cycle < self.graph.given_in(node)
+            found = None if node is None or late else Operand(node, False, False)
         else:
             found = self._register(bank, cycle + FETCH - 1, words)
         if found is None:

@@ -35,6 +35,7 @@ class Operation:
     operands: tuple[Operand, ...]
     node: int = -1
     output: Output | None = None
+    given: int = 0  # the first cycle in which it can read the motion
     after: list[int] = field(default_factory=list)  # operations whose results it reads
 
     @property
@@ -105,6 +106,7 @@ def _operations(graph: Graph, programs: list[int]) -> list[Operation]:
             stored = word if word >= 0 and graph.words[word].varies else -1
             found.append(Operation("select", select, 0, (operand,), output=Output(stored, port, condition)))
     for operation in found:
+        operation.given = max(graph.given_in(one.node) for one in operation.operands)
         operation.after = sorted({place_of[one.node] for one in operation.operands if one.node in place_of})
     return found
 

@@ -144,7 +144,7 @@ def _listed(routine: Routine, machine: Machine, wires: Wires, wait: int, variant
     if 0 < variant < VARIANTS:
         heights = [(first - int(JITTER * random.random()), second) for first, second in heights]
     elif variant >= VARIANTS:  # of what is about as urgent, what comes first: results are needed for a shorter time
-        grain, start = random.randint(8, 200), random.randint(0, 200)
+        grain, start = 8 + int(193 * random.random()), int(201 * random.random())
         heights = [((first - start) // grain, place) for place, (first, _) in enumerate(heights)]
     readers: list[list[int]] = [[] for _ in operations]
     waits = [len(one.after) for one in operations]
@@ -157,10 +157,10 @@ def _listed(routine: Routine, machine: Machine, wires: Wires, wait: int, variant
     results: dict[int, int] = {}  # in which cycle
     taken: set[int] = set()  # cycles in which "other" has a result
     again = {"divide": [0] * machine.dividers, "square_root": [0] * machine.roots}  # when each unit may begin
-    earliest = [0] * len(operations)
+    earliest = [one.given for one in operations]
     for place, count in enumerate(waits):
         if count == 0:
-            heappush(ready, (heights[place], place))
+            heappush(waiting, (operations[place].given, heights[place], place))
     cycle = 0
     while len(slots) < len(operations):
         while waiting and waiting[0][0] <= cycle:
@@ -219,10 +219,10 @@ def _cheapest(one: Operation, cycle: int, banks: list[int], sources: list[tuple[
 
 
 def _after(one: Operation) -> int:
-    """Cycles from a result until a comparison counts, until a force can be taken; 0: it is neither."""
+    """Cycles from a result until a comparison counts, or a force can be taken; 0: it is neither."""
     if one.op == "less":
         return 1
-    return 2 if one.output is not None and one.output.port in FORCES else 0
+    return 1 if one.output is not None and one.output.port in FORCES else 0
 
 
 def _heights(operations: list[Operation]) -> list[tuple[int, int]]:

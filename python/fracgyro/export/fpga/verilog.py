@@ -102,7 +102,7 @@ def values(code: Microcode) -> dict[str, Any]:
     arithmetic = graph.arithmetic
     convert = arithmetic.from_integer + 1  # cycles from a new phase until the first of its parts is a number
     wait = deciding(graph)
-    rest = max(len(turning) + convert, wait + 1)
+    rest = max(len(turning) + convert, wait + 5)  # the last four fetch the first word of the next step
     return {
         "words": len(code.words),
         "width": layout[-1].low + layout[-1].width,
