@@ -100,7 +100,7 @@ def values(code: Microcode) -> dict[str, Any]:
     program_of = {program: k for k, one in enumerate(code.schedules) for program in one.routine.programs}
     integers = _integers(graph)
     arithmetic = graph.arithmetic
-    convert = arithmetic.from_integer + 1  # cycles from a new phase until the first of its parts is a number
+    convert = arithmetic.from_integer + 2  # cycles from a new phase until the first of its parts is a number
     wait = deciding(graph)
     rest = max(len(turning) + convert, wait + 5)  # the last four fetch the first word of the next step
     return {
