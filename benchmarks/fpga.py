@@ -102,9 +102,9 @@ def measured(name: str, number: HardwareNumber, scenario: fg.Scenario) -> tuple[
             cycles = re.findall(r"(\d+) to (\d+) cycles, ([\d.]+) on average", printed)
             texts = [f"{mean} ({least} to {most})" for least, most, mean in cycles]
             statuses = ", ".join(f"{status:.0f}" for status in np.unique(found[:, 0]))
-            (programs,) = re.findall(r"of (\d+) programs", (folder / "controller.v").read_text(encoding="utf-8"))
-            words = len((folder / "controller.hex").read_text(encoding="utf-8").splitlines())
-            cells = [f"{name}, faults" if faults else name, number, programs, f"{words:,}"]
+            text = (folder / "controller.v").read_text(encoding="utf-8")
+            ((words, programs),) = re.findall(r"are (\d+) words[^{]*of (\d+) programs", text)
+            cells = [f"{name}, faults" if faults else name, number, programs, f"{int(words):,}"]
             cells += [f"{found.size:,}", str(differs), statuses, *texts]
             rows.append(f"| {' | '.join(cells)} |")
             if (number, scenario, faults) == ("float", SCENARIO, False) and parity_hash(

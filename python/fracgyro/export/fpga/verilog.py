@@ -11,6 +11,7 @@ from .graph import UNBOUNDED, Graph
 from .microcode import MEMORY, RESULT, Microcode
 
 LEVELS = 4  # choices in a row in one cycle
+ROWS = 512  # of the memory of microcode: it has registers between its blocks of so many words and their choice
 
 
 @dataclass(frozen=True)
@@ -61,20 +62,25 @@ def deciding(graph: Graph) -> int:
 
 
 def microcode_hex(code: Microcode) -> str:
-    """One word a line."""
+    """In line k the words k, k + ROWS, …, the first one last."""
     layout = fields(code)
-    digits = -(-(layout[-1].low + layout[-1].width) // 4)
+    width = layout[-1].low + layout[-1].width
     chosen = {f"{port}_source": sources(code, port) for _, _, port in code.ports()}
-    lines = []
-    for word in code.words:
+    lines = [0] * ROWS
+    for number, word in enumerate(code.words):
         value = 0
         for one in layout:
             part = word.get(one.name, 0)
             part = chosen[one.name].index(part) if one.name in chosen and one.name in word else part
             assert part < 1 << one.width
             value |= part << one.low
-        lines.append(f"{value:0{digits}x}")
-    return "\n".join(lines) + "\n"
+        lines[number % ROWS] |= value << number // ROWS * width
+    digits = -(-width * _blocks(code) // 4)
+    return "".join(f"{line:0{digits}x}\n" for line in lines)
+
+
+def _blocks(code: Microcode) -> int:
+    return -(-len(code.words) // ROWS)
 
 
 def constants_hex(code: Microcode) -> str:
@@ -106,6 +112,8 @@ def values(code: Microcode) -> dict[str, Any]:
     return {
         "words": len(code.words),
         "width": layout[-1].low + layout[-1].width,
+        "rows": ROWS,
+        "blocks": _blocks(code),
         "programs": len(graph.programs),
         "machine": f"{code.machine.adders} adders, {code.machine.multipliers} multipliers",
         "reported": graph.reported,
@@ -114,7 +122,8 @@ def values(code: Microcode) -> dict[str, Any]:
         "forces": [(code.state[word], axis) for word, axis in zip(graph.force, "xy", strict=True)],
         "in_bits": _bits(4 + state_words(code)),
         "read_bits": _bits(graph.reported + state_words(code)),
-        "pc_bits": _bits(len(code.words) + 1),
+        "pc_bits": _bits(max(len(code.words) + 1, 2 * ROWS)),
+        "row_bits": _bits(ROWS),
         "program_bits": _bits(len(graph.programs)),
         "part_bits": _bits(rest + 1),
         "convert": convert,
