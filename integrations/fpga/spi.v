@@ -4,14 +4,19 @@
 //     bits, most significant first: 4 command, 12 index, 8 of no meaning, WORD a word, which comes back where it is
 //     read
 //     command 0  read the status: bit 0 ready, bits 1 to 3 that of the last step
-//             1  write a word of the motion (index 0 to 3) or of the state (from 4 on); 2  the same, then start a step
+//             1  write a word of the motion (index 0 to 3) or of the state (from 4 on)
+//             2  write a word of the motion, then start a step
 //             3  read a reported number or a word of the state
 //             4  read the force: index 0 x, 1 y
 //
-//     clk has to be at least 8 times as fast as sck. A word that is written while the controller is not ready is lost.
+//     clk has to be at least 8 times as fast as sck, which begins four cycles of clk after cs_n falls; cs_n rises between
+//     transfers. miso is driven all the time. A word that is written while the controller is not ready is lost, as is one
+//     whose index does not exist; what is read there has no meaning.
 `default_nettype none
 module fracgyro_spi #(
-    parameter WORD = 32
+    parameter WORD = 32,
+    parameter IN_BITS = 12,
+    parameter OUT_BITS = 12
 ) (
     input wire clk,
     input wire reset,
@@ -46,7 +51,7 @@ module fracgyro_spi #(
     assign miso = given[WORD-1];
     wire last = rises & count == 7'd23 + WORD;
     always @(posedge clk) begin
-        in_write <= last & (command == 4'd1 | command == 4'd2);
+        in_write <= last & (command == 4'd1 | command == 4'd2) & index >> IN_BITS == 0;
         start <= last & command == 4'd2;
         if (rises) begin
             taken <= {taken[WORD-2:0], mosi_seen[1]};
@@ -68,7 +73,7 @@ module fracgyro_spi #(
         .clk(clk),
         .reset(reset),
         .in_write(in_write),
-        .in_index(index),
+        .in_index(index[IN_BITS-1:0]),
         .in_word(taken),
         .start(start),
         .ready(ready),
@@ -77,7 +82,7 @@ module fracgyro_spi #(
         .force_y(force_y),
         .done(done),
         .status(status),
-        .out_index(index),
+        .out_index(index[OUT_BITS-1:0]),
         .out_word(out_word)
     );
 endmodule

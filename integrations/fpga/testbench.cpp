@@ -68,12 +68,19 @@ int main() {
                                            : "the file answer cannot be written\n");
         return 1;
     }
+    std::array<Word, 4> motion{};
+    std::fseek(in, 0, SEEK_END);
+    const long bytes = std::ftell(in);
+    if (bytes <= 0 || bytes % static_cast<long>(sizeof motion) != 0) {
+        std::fprintf(stderr, "the file motion has %ld bytes: a sample has %zu\n", bytes, sizeof motion);
+        return 1;
+    }
+    std::rewind(in);
     top.reset = 1;
     tick();
     tick();
     top.reset = 0;
     Range force, step;
-    std::array<Word, 4> motion{};
     std::array<Word, 3 + FRACGYRO_REPORTED> row{};
     while (std::fread(motion.data(), sizeof motion, 1, in) == 1) {
         for (const std::uint64_t from = cycle; !top.ready; tick()) {

@@ -47,6 +47,7 @@ SCENARIOS = {
     "another power": {"controller.terminal_exponent": 0.6},
     "PID": {"controller.kind": "pid"},
     "composite": {"adaptation.kind": "composite"},
+    "open loop": {"controller.kind": "open_loop"},
     "super-twisting, positions only": {"controller.kind": "super_twisting", "device.sensing": "position"},
 }
 
@@ -103,7 +104,7 @@ def test_numbers_with_a_fixed_point_end_at_the_ends_and_take_the_nearest() -> No
         -(1 << 27),
         2**47 - 1,
         1 - 2**47,
-        0,
+        2**47 - 1,
         1,
         -1,
         0,
@@ -232,6 +233,31 @@ def test_over_spi_it_answers_the_same_and_goes_on_from_a_state_that_was_saved(
     found = np.fromfile(folder / "answer", arithmetic.rows).reshape(len(motion), -1)
     assert set(arithmetic.numbers(found)[:, 0]) >= {0.0, 2.0}
     np.testing.assert_array_equal(found.view(expected.dtype), expected)
+
+
+def test_the_ports_take_words_as_soon_as_they_are_ready_and_registers_may_begin_at_random(tmp_path: Path) -> None:
+    need("FPGA")
+    scenario, folder = SHORT.replace({"controller.kind": "force_rebalance", **GUARDED}), tmp_path / "fpga"
+    motion = faulty_motion(scenario)
+    expected = of_the_core(scenario, "float", motion, tmp_path / "core")
+    fg.export.fpga(scenario, folder, unbounded=True)
+    sources = ["units.v", "digits.v", "controller.v", str(ROOT / "tests/fpga/ports.cpp")]
+    options = ["-CFLAGS", f"-std=c++20 -O1 -I{folder}", "--x-initial", "unique", "--x-assign", "unique"]
+    names = ["--top-module", "fracgyro_controller", "-Mdir", "build", "-o", "ports"]
+    run_command(["verilator", "--cc", "--exe", "--build", *options, *names, "-Wno-fatal", *sources], folder)
+    motion.tofile(folder / "motion")
+    for seed in ("60", "95", "100"):  # with which something was written before the first reset
+        assert run_command(["build/ports", f"+verilator+seed+{seed}"], folder) == ""
+        found = np.fromfile(folder / "answer", np.int32).reshape(len(motion), -1)
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_a_motion_that_is_cut_short_is_refused(tmp_path: Path) -> None:
+    need("FPGA")
+    fg.export.fpga(SHORT.replace({"controller.kind": "pid"}), tmp_path / "fpga")
+    (tmp_path / "fpga" / "motion").write_bytes(b"123")
+    with pytest.raises(ValueError, match="the file motion has 3 bytes: a sample has 16"):
+        make(tmp_path / "fpga", "sim")
 
 
 def test_the_same_scenario_gives_the_same_bytes_from_the_command_and_from_python(tmp_path: Path) -> None:

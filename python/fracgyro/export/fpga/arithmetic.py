@@ -53,7 +53,7 @@ class Arithmetic(ABC):
 
     @abstractmethod
     def words(self, numbers: NDArray[np.floating]) -> NDArray[Any]:
-        """The same as testbench.cpp reads them."""
+        """The same as testbench.cpp reads them. NaN is the last number where there is none."""
 
     @abstractmethod
     def numbers(self, words: NDArray[Any]) -> NDArray[np.floating]:
@@ -158,7 +158,7 @@ class Fixed(Arithmetic):
         return found
 
     def words(self, numbers: NDArray[np.floating]) -> NDArray[np.int64]:
-        within = np.clip(np.nan_to_num(numbers.astype(np.float64), nan=0.0), -BEYOND, BEYOND) * 2.0**FRACTION
+        within = np.clip(np.nan_to_num(numbers.astype(np.float64), nan=BEYOND), -BEYOND, BEYOND) * 2.0**FRACTION
         nearest = np.copysign(np.minimum(np.floor(np.abs(within) + 0.5), MOST), within)
         return nearest.astype(np.int64)
 

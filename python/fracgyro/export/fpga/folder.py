@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 from importlib.metadata import version
 
@@ -20,7 +21,7 @@ from .microcode import Microcode
 from .proof import check
 from .routines import routines
 from .schedule import Machine, Wires, schedule
-from .verilog import constants_hex, deciding, microcode_hex, state_words, values
+from .verilog import constants_hex, deciding, in_bits, microcode_hex, out_bits, refreshed, state_words, values
 
 
 def fpga(
@@ -49,7 +50,7 @@ def fpga(
             "controller.hex": microcode_hex(code),
             "constants.hex": constants_hex(code),
             "controller.h": _header(scenario, code, made),
-            "cycles.md": _cycles(code),
+            "cycles.md": _cycles(scenario, code),
             "scenario.toml": scenario.to_toml(),
         }
         written = SOURCES / "integrations/fpga"
@@ -58,7 +59,7 @@ def fpga(
         arithmetic = code.graph.arithmetic
         shutil.copyfile(written / arithmetic.units, scratch / "units.v")
         spi = (written / "spi.v").read_text(encoding="utf-8")
-        files["spi.v"] = spi.replace("parameter WORD = 32", f"parameter WORD = {arithmetic.word}")
+        files["spi.v"] = _sized(spi, WORD=arithmetic.word, IN_BITS=in_bits(code), OUT_BITS=out_bits(code))
         for name, text in files.items():
             (scratch / name).write_text(text, encoding="utf-8", newline="\n")
 
@@ -86,23 +87,39 @@ def _controller(code: Microcode, made: str) -> str:
     return environment.get_template("controller.v.jinja").render(made=made, **values(code))
 
 
-def _cycles(code: Microcode) -> str:
+def _sized(text: str, **parameters: int) -> str:
+    """A module of Verilog with other values of its parameters."""
+    for name, value in parameters.items():
+        text = re.sub(rf"parameter {name} = \d+", f"parameter {name} = {value}", text)
+    return text
+
+
+def _cycles(scenario: Scenario, code: Microcode) -> str:
     """Of each routine."""
+    refresh, machine = refreshed(code.graph), code.machine
     rows = [
         f"| {number} | {len(one.routine.programs)} | {len(one.routine.operations)} | {one.settled + ENTRY + 1} "
-        f"| {one.cycles + ENTRY} |"
+        f"| {one.cycles + ENTRY} | {one.cycles + ENTRY + refresh} |"
         for number, one in enumerate(code.schedules[:-1])
     ]
+    longest = max(one.cycles for one in code.schedules[:-1]) + ENTRY + refresh
+    period = scenario.run.step * scenario.plant.scales.time * 1e6
     lines = [
         "# Cycles of a step",
         "",
-        f"{code.machine.adders} adders, {code.machine.multipliers} multipliers; units for quotients: "
-        f"{code.machine.dividers}, for roots: {code.machine.roots}. A routine",
-        "serves programs that differ in what they write. After a step some cycles more pass until `ready`. The",
-        f"force comes up to {deciding(code.graph)} cycles later where a comparison comes out otherwise than last time.",
+        f"{machine.adders} adders, {machine.multipliers} multipliers; units for quotients: {machine.dividers}, "
+        f"for roots: {machine.roots}.",
+        "A routine serves programs that differ in what they write. Its cycles are those of a step whose program is the",
+        "expected one. Where a step decides otherwise than the one before, the routines that this leads to run one",
+        "after another: two, seldom three. Where only a comparison comes out otherwise, the force comes up to "
+        f"{deciding(code.graph)} cycles",
+        "later.",
         "",
-        "| routine | programs | operations | from start to force | from start to done |",
-        "|---|---|---|---|---|",
+        f"The scenario has a sample every {period:.4g} µs. The longest routine ends in this time from "
+        f"{longest / period:.4g} MHz on.",
+        "",
+        "| routine | programs | operations | from start to force | to done | to ready |",
+        "|---|---|---|---|---|---|",
         *rows,
     ]
     return "\n".join(lines) + "\n"
@@ -111,9 +128,13 @@ def _cycles(code: Microcode) -> str:
 def _header(scenario: Scenario, code: Microcode, made: str) -> str:
     """For the test bench, and for what reads the report: its numbers by index."""
     arithmetic = code.graph.arithmetic
+    scales = scenario.plant.scales
     names = [name for channel in lasting(core_setup(scenario)) for name in columns(channel)]
     lines = [
         f"/* Made by `fracgyro export fpga`: {made}. */",
+        f"#define FRACGYRO_LENGTH {scales.length!r} /* m: what a position is divided by */",
+        f"#define FRACGYRO_VELOCITY {scales.velocity!r} /* m/s: what a rate of it is divided by */",
+        f"#define FRACGYRO_FORCE {scales.force!r} /* N: what a force is multiplied by */",
         f"#define FRACGYRO_REPORTED {len(names)} /* numbers; by out_index: */",
         *(f"/* {index}: {name} */" for index, name in enumerate(names)),
         f"#define FRACGYRO_WORD {arithmetic.word} /* bits */",

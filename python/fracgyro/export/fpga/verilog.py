@@ -61,6 +61,17 @@ def deciding(graph: Graph) -> int:
     return 3 + max(graph.levels[root] for root in graph.roots) // LEVELS
 
 
+def refreshed(graph: Graph) -> int:
+    """Cycles after a step: the parts of phases become numbers, the next program is found and its first word fetched."""
+    parts = sum(node.op == "input" and graph.inputs[node.bits].measured < 0 for node in graph.nodes)
+    return max(parts + _converted(graph), deciding(graph) + 5)
+
+
+def _converted(graph: Graph) -> int:
+    """Cycles from a new phase until the first of its parts is a number."""
+    return graph.arithmetic.from_integer + 2
+
+
 def microcode_hex(code: Microcode) -> str:
     """In line k the words k, k + ROWS, …, the first one last."""
     layout = fields(code)
@@ -106,9 +117,6 @@ def values(code: Microcode) -> dict[str, Any]:
     program_of = {program: k for k, one in enumerate(code.schedules) for program in one.routine.programs}
     integers = _integers(graph)
     arithmetic = graph.arithmetic
-    convert = arithmetic.from_integer + 2  # cycles from a new phase until the first of its parts is a number
-    wait = deciding(graph)
-    rest = max(len(turning) + convert, wait + 5)  # the last four fetch the first word of the next step
     return {
         "words": len(code.words),
         "width": layout[-1].low + layout[-1].width,
@@ -120,13 +128,13 @@ def values(code: Microcode) -> dict[str, Any]:
         "numbers": len(code.state),
         "whole_words": _whole_words(code),
         "forces": [(code.state[word], axis) for word, axis in zip(graph.force, "xy", strict=True)],
-        "in_bits": _bits(4 + state_words(code)),
-        "read_bits": _bits(graph.reported + state_words(code)),
+        "in_bits": in_bits(code),
+        "read_bits": out_bits(code),
         "pc_bits": _bits(max(len(code.words) + 1, 2 * ROWS)),
         "row_bits": _bits(ROWS),
         "program_bits": _bits(len(graph.programs)),
-        "part_bits": _bits(rest + 1),
-        "convert": convert,
+        "part_bits": _bits(refreshed(graph) + 1),
+        "convert": _converted(graph),
         "prefix": arithmetic.prefix,
         "dividers": code.machine.dividers,
         "word": arithmetic.word,
@@ -147,8 +155,8 @@ def values(code: Microcode) -> dict[str, Any]:
         "bases": [(program, code.bases[program_of[program]]) for program in sorted(program_of)],
         "start_base": code.bases[-1],
         "conditions": [sorted(one) for one in code.conditions],
-        "rest": rest,
-        "wait": wait,
+        "rest": refreshed(graph),
+        "wait": deciding(graph),
         "measured": [measured.get(k, max(code.given.values(), default=0) + 1) for k in range(4)],
         "phases": [dict(zip(("start", "increment", "word"), one, strict=True)) for one in phases],
         "parts": [
@@ -161,6 +169,16 @@ def values(code: Microcode) -> dict[str, Any]:
         "banks": code.machine.banks,
         "ports": list(_ports(code)),
     }
+
+
+def in_bits(code: Microcode) -> int:
+    """Of the index of what is written: the motion, then the state."""
+    return _bits(4 + state_words(code))
+
+
+def out_bits(code: Microcode) -> int:
+    """Of the index of what is read: the report, then the state."""
+    return _bits(code.graph.reported + state_words(code))
 
 
 def state_words(code: Microcode) -> int:
@@ -180,9 +198,9 @@ def _integers(graph: Graph) -> list[int]:
 
 
 def _phases(graph: Graph) -> list[tuple[int, int, int]]:
-    """Start, increment and word of each. The word stays or goes on by one, which the hardware relies on."""
+    """Start, increment and word (-1: none) of each. A word stays or goes on by one, which the hardware relies on."""
     found = sorted({(one.start, one.increment, one.word) for one in graph.inputs if one.measured < 0})
-    for word in {word for _, _, word in found}:
+    for word in {word for _, _, word in found if word >= 0}:
         assert {graph.leaves[leaf][1:] for leaf in _reached(graph, graph.roots[word])} <= {(word, 0), (word, 1)}
     return found
 
