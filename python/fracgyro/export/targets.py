@@ -139,7 +139,8 @@ def _without_status(target: Target, scenario: Scenario, rows: NDArray[np.floatin
     """Force and report of rows that begin with the firmware's status. Raises ValueError where that is a fault."""
     for n, status in enumerate(rows[:, 0].tolist()):
         if status >= FAULT:
-            raise ValueError(f"{target} takes the motion at step {n} for a fault of the sensor: status {status:.0f}")
+            fault = f"takes the motion at step {n} for a fault of the sensor: status {status:.0f}"
+            raise ValueError(f"{target} {fault}; replay compares motions without faults")
     return rows[:, 1 : 1 + len(answer_columns(scenario))]  # C has no empty report
 
 
