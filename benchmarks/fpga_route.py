@@ -38,6 +38,7 @@ DESIGNS: dict[str, tuple[HardwareNumber, dict[str, Any]]] = {
     "8 exponentials, force limit, fixed": ("fixed", EIGHT | LIMIT),
 }
 GRADES, SEEDS = (8, 6), 3
+ROUTERS: dict[HardwareNumber, str] = {"float": "router2", "fixed": "router1"}
 SOURCES = ["units.v", "digits.v", "controller.v", "spi.v", "controller.hex", "constants.hex", "pins.lpf", "Makefile"]
 CELLS = {"TRELLIS_COMB": "LUT4", "TRELLIS_FF": "FF", "MULT18X18D": "DSP", "DP16KD": "block RAM"}
 STEPS = 2_000
@@ -76,7 +77,7 @@ def is_routed(folder: Path, seed: int) -> bool:
     return all((folder / f"route_{grade}_{seed}.json").exists() for grade in GRADES)
 
 
-def routed(folder: Path, seed: int) -> dict[int, dict[str, Any]]:
+def routed(name: str, folder: Path, seed: int) -> dict[int, dict[str, Any]]:
     """What nextpnr reports, by grade. It is placed once, with the delays of the faster one, and routed for each."""
     reports = {grade: folder / f"route_{grade}_{seed}.json" for grade in GRADES}
     if not is_routed(folder, seed):
@@ -86,11 +87,11 @@ def routed(folder: Path, seed: int) -> dict[int, dict[str, Any]]:
         for grade, report in reports.items():
             device = f"DEVICE=--45k --package CABGA381 --speed {grade} --lpf pins.lpf"
             (own / "route.log").unlink(missing_ok=True)
-            routing = f"ROUTING=--router router2 {options}"
-            make(own, "route.log", device, routing, f"SEED={seed}", f"PLACED={source}", *tool("nextpnr-ecp5"))
+            choice = [f"ROUTER={ROUTERS[DESIGNS[name][0]]}", f"ROUTING={options}", f"PLACED={source}", f"SEED={seed}"]
+            make(own, "route.log", device, *choice, *tool("nextpnr-ecp5"))
             (own / "route.json").rename(report)
             source, options = "placed.json", "--no-pack --no-place"
-            print(f"{folder.name}, grade {grade}, seed {seed}: {clock(report):.1f} MHz", file=sys.stderr, flush=True)
+            print(f"{name}, grade {grade}, seed {seed}: {clock(report):.1f} MHz", file=sys.stderr, flush=True)
         shutil.rmtree(own)
     return {grade: json.loads(report.read_text(encoding="utf-8")) for grade, report in reports.items()}
 
@@ -112,7 +113,9 @@ def main() -> None:
         wanted = [(name, seed) for seed in range(1, options.seeds + 1) for name in options.only]
         if options.so_far:
             wanted = [(name, seed) for name, seed in wanted if is_routed(designs[name][0], seed)]
-        reports = dict(zip(wanted, pool.map(lambda one: routed(designs[one[0]][0], one[1]), wanted), strict=True))
+        reports = dict(
+            zip(wanted, pool.map(lambda one: routed(one[0], designs[one[0]][0], one[1]), wanted), strict=True)
+        )
     rows = []
     for name, (_, (force, ready)) in designs.items():
         for grade in GRADES:
@@ -131,7 +134,8 @@ def main() -> None:
         f"Machine: {machine()}; {', '.join(f'{name} {number}' for name, number in TOOLS.items())}.",
         "",
         "The paper's controller, in float or with a fixed point, behind SPI in a Lattice LFE5U-45F (43,848 LUT4, FF,",
-        "72 DSP, 108 block RAM). With each seed of the placer it is placed once, and routed for either speed grade.",
+        "72 DSP, 108 block RAM). With each seed of the placer it is placed once, and routed for either speed grade, by",
+        "nextpnr's router2 or, with a fixed point, router1.",
         "Clock: median, least and most of the seeds; times are those of the best one. Cycles are means of the first",
         f"{STEPS:,} steps.",
         "",
