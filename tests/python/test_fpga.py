@@ -293,7 +293,7 @@ def test_microcode_that_reads_too_early_is_found(small: Microcode) -> None:
     word = next(word for word in small.words if word.get("add0_a_source", 0) % 2)
     with (
         changed(word, {"add0_a_source": word["add0_a_source"] ^ 2}),
-        pytest.raises(ValueError, match=r"before it is there|does not write"),
+        pytest.raises(ValueError, match=r"before it is there|does not write|writes nothing"),
     ):
         check(small)
 
@@ -301,10 +301,23 @@ def test_microcode_that_reads_too_early_is_found(small: Microcode) -> None:
 @pytest.mark.parametrize("bank", ["mul0", "other"])
 def test_microcode_that_overwrites_a_result_is_found(small: Microcode, bank: str) -> None:
     written = [word for word in small.words[: small.bases[1]] if word.get(f"{bank}_write")]
-    places = [word[f"{bank}_place"] for word in written if not word.get("relative")]
-    first, second = next(pair for pair in pairwise(written) if {word[f"{bank}_place"] for word in pair} <= {*places})
-    message = "overwrites place" if bank == "other" else "before it is there|does not write|writes nothing"
+    first, second = next(pair for pair in pairwise(written) if pair[0][f"{bank}_place"] != pair[1][f"{bank}_place"])
+    message = "before it is there|does not write|writes nothing"
     with changed(second, {f"{bank}_place": first[f"{bank}_place"]}), pytest.raises(ValueError, match=message):
+        check(small)
+
+
+def test_microcode_that_writes_a_word_of_the_state_twice_is_found(small: Microcode) -> None:
+    first, second = [word for word in small.words[: small.bases[1]] if word.get("kept_write")][:2]
+    with changed(second, {"kept_place": first["kept_place"]}), pytest.raises(ValueError, match=r"does not write|twice"):
+        check(small)
+
+
+def test_microcode_that_reads_from_the_wrong_half_is_found(small: Microcode) -> None:
+    word, name = next(
+        (word, name) for word in small.words for name, value in word.items() if name.endswith("_relative") and value
+    )
+    with changed(word, {name: 0}), pytest.raises(ValueError, match="from the wrong half"):
         check(small)
 
 

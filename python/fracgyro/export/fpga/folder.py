@@ -21,7 +21,7 @@ from .microcode import Microcode
 from .proof import check
 from .routines import routines
 from .schedule import Machine, Wires, schedule
-from .verilog import constants_hex, deciding, in_bits, microcode_hex, out_bits, refreshed, state_words, values
+from .verilog import constants_hex, deciding, in_bits, microcode_hex, out_bits, state_words, values
 
 
 def fpga(
@@ -96,13 +96,13 @@ def _sized(text: str, **parameters: int) -> str:
 
 def _cycles(scenario: Scenario, code: Microcode) -> str:
     """Of each routine."""
-    refresh, machine = refreshed(code.graph), code.machine
+    machine = code.machine
     rows = [
         f"| {number} | {len(one.routine.programs)} | {len(one.routine.operations)} | {one.settled + ENTRY + 1} "
-        f"| {one.cycles + ENTRY} | {one.cycles + ENTRY + refresh} |"
+        f"| {one.cycles + ENTRY} |"
         for number, one in enumerate(code.schedules[:-1])
     ]
-    longest = max(one.cycles for one in code.schedules[:-1]) + ENTRY + refresh
+    longest = max(one.cycles for one in code.schedules[:-1]) + ENTRY
     period = scenario.run.step * scenario.plant.scales.time * 1e6
     lines = [
         "# Cycles of a step",
@@ -118,8 +118,8 @@ def _cycles(scenario: Scenario, code: Microcode) -> str:
         f"The scenario has a sample every {period:.4g} µs. The longest routine ends in this time from "
         f"{longest / period:.4g} MHz on.",
         "",
-        "| routine | programs | operations | from start to force | to done | to ready |",
-        "|---|---|---|---|---|---|",
+        "| routine | programs | operations | from start to force | to ready |",
+        "|---|---|---|---|---|",
         *rows,
     ]
     return "\n".join(lines) + "\n"

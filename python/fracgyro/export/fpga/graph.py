@@ -134,6 +134,11 @@ class Graph:
         op, place, _ = self.nodes[node]
         return max(0, self.inputs[place].measured - ENTRY) if op == "input" else 0
 
+    def turns(self, node: int) -> bool:
+        """Whether a node is a part of a phase."""
+        op, place, _ = self.nodes[node]
+        return op == "input" and self.inputs[place].measured < 0
+
     @property
     def reported(self) -> int:
         """How many numbers are reported."""

@@ -9,6 +9,8 @@ from .microcode import CHOICES, MEMORY, OPERANDS, Microcode, Word
 from .routines import Routine
 from .schedule import FETCH, FORCES
 
+OPERATIONS = {"add": "add", "mul": "multiply", "kep": "copy"}  # of a bank, by how its name begins
+
 Written = tuple[int, int, frozenset[int] | None]  # word, port, programs
 
 
@@ -26,9 +28,9 @@ class _Machine:
         self.known = {(str(node.op), node.operands): place for place, node in computed}
         self.memory: dict[tuple[int, int], int] = {}  # bank, place: the node whose number is there
         for word, place in code.state.items():
-            self.memory[code.other, place] = self._leaf(self.graph, word)
+            self.memory[code.kept, place] = self._leaf(self.graph, word)
         for node, place in code.given.items():
-            self.memory[code.other, place] = node
+            self.memory[code.kept, place] = node
         self.results: dict[tuple[int, str, int], Operand] = {}  # bank, operation, cycle: what stands in its register
         self.written: dict[Written, Operand] = {}
         self.flags: set[int] = set()
@@ -52,9 +54,9 @@ class _Machine:
             # What is fetched from memory next to the units is read FETCH - 1 cycles later; what is written there, asked
             # for a cycle before.
             if cycle + FETCH - 2 < len(words):
-                self._write(words, cycle + FETCH - 2, words[cycle + FETCH - 3], range(self.code.other))
+                self._write(words, cycle + FETCH - 2, words[cycle + FETCH - 3], range(self.code.kept))
             self._issue(words, cycle, word)
-            self._write(words, cycle, word, [self.code.other])
+            self._write(words, cycle, word, [self.code.kept])
             self._compare(cycle, word)
             if word.get("out_write") and word["out"] in FORCES:
                 self.force_from = cycle + 1
@@ -71,19 +73,20 @@ class _Machine:
     def _register(self, bank: int, cycle: int, words: list[Word]) -> Operand | None:
         name = self.code.machine.banks[bank]
         other = CHOICES[words[cycle - 2].get("what", 0)]
-        op = other if name == "other" else {"add": "add", "mul": "multiply"}[name[:3]]
+        op = other if name == "other" else OPERATIONS[name[:3]]
         return self.results.get((bank, op, cycle))
 
     def _issue(self, words: list[Word], cycle: int, word: Word) -> None:
         """What the units begin with what this word fetches."""
         for bank, name in enumerate(self.code.machine.banks):
             operands = [self._fetched(words, cycle, word, f"{name}_{'abcd'[k]}") for k in range(OPERANDS[name[:3]])]
-            if name != "other":
-                op = {"add": "add", "mul": "multiply"}[name[:3]]
-                self._begin(bank, op, cycle, operands)
+            if name == "kept":
+                if operands[0] is not None:
+                    self.results[bank, "copy", cycle + FETCH] = operands[0]
                 continue
-            if operands[3] is not None:
-                self.results[bank, "copy", cycle + FETCH + self.graph.arithmetic.stages_of("select")] = operands[3]
+            if name != "other":
+                self._begin(bank, OPERATIONS[name[:3]], cycle, operands)
+                continue
             for op in ("less", *CHOICES):
                 self._begin(bank, op, cycle, operands)
             for unit in self.code.loaded:
@@ -110,6 +113,10 @@ class _Machine:
         if where == MEMORY:
             node = self.memory.get((bank, word[f"{port}_place"]))
             late = node is None or cycle < self.graph.given_in(node)
+            if node is not None and bank == self.code.kept:
+                twice = self.graph.nodes[node].op == "state" or self.graph.turns(node)
+                if bool(word[f"{port}_relative"]) != twice:
+                    raise ValueError(f"microcode reads {port} in cycle {cycle} from the wrong half")
             found = None if node is None or late else Operand(node, False, False)
         else:
             found = self._register(bank, cycle + FETCH - 1, words)
@@ -120,7 +127,7 @@ class _Machine:
     def _write(self, words: list[Word], cycle: int, word: Word, banks: Iterable[int]) -> None:
         for bank in banks:
             name = self.code.machine.banks[bank]
-            if word.get(f"{name}_write") or (name == "other" and word.get("out_write")):
+            if word.get(f"{name}_write") or (name == "kept" and word.get("out_write")):
                 found = self._register(bank, cycle, words)
                 if found is None:
                     raise ValueError(f"microcode writes nothing of {name} in cycle {cycle}")
@@ -129,22 +136,20 @@ class _Machine:
     def _compare(self, cycle: int, word: Word) -> None:
         if word.get("flag_write"):
             asked = sorted({one.of for one in self.graph.predicates if one.question == 0})
-            result = self.results.get((self.code.other, "less", cycle))
+            result = self.results.get((self.code.kept - 1, "less", cycle))
             if result != Operand(asked[word["flag"]], False, False):
                 raise ValueError(f"microcode takes another comparison for decision {word['flag']}")
             self.flags.add(asked[word["flag"]])
 
     def _put(self, bank: int, name: str, word: Word, found: Operand, condition: int) -> None:
         place = word.get(f"{name}_place", -1)
-        if name == "other" and (word.get("relative") or word.get("out_write")):
+        if name == "kept":
             state = {of: number for number, of in self.code.state.items()}
-            number = state[place - self.code.half] if word.get("relative") else -1
+            number = state[place - self.code.half] if word.get("kept_write") else -1
             programs = self.code.conditions[condition - 1] if condition else None
             key = (number, word["out"] if word.get("out_write") else -1, programs)
             if key in self.written:
                 raise ValueError("microcode writes a word twice")
             self.written[key] = found
             return
-        if bank == self.code.other and (bank, place) in self.memory:
-            raise ValueError(f"microcode overwrites place {place} of {name}")
         self.memory[bank, place] = found.node

@@ -13,7 +13,7 @@ from .graph import Graph, Op, Operand, members
 # A routine takes in programs until it has so many times the operations of the largest of them.
 SHARED = 1.15
 
-Unit = str  # "add", "multiply", "other"
+Unit = str  # "add", "multiply", "other", "copy"
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,8 @@ class Operation:
 
     @property
     def unit(self) -> Unit:
+        if self.node < 0:
+            return "copy"
         return self.op if self.op in ("add", "multiply") else "other"
 
 
@@ -89,7 +91,7 @@ def _operations(graph: Graph, programs: list[int]) -> list[Operation]:
         op, _, operands = graph.nodes[node]
         place_of[node] = len(found)
         found.append(Operation(op, arithmetic.stages_of(op), arithmetic.busy.get(op, 0), operands, node))
-    everywhere, select = frozenset(programs), arithmetic.stages_of("select")
+    everywhere = frozenset(programs)
     numbers = graph.numbers
     for place in range(len(graph.programs[0])):
         word = numbers[place] if place < len(numbers) else -1
@@ -104,18 +106,22 @@ def _operations(graph: Graph, programs: list[int]) -> list[Operation]:
         for operand, of in variants.items():
             condition = None if frozenset(of) == everywhere else frozenset(of)
             stored = word if word >= 0 and graph.words[word].varies else -1
-            found.append(Operation("select", select, 0, (operand,), output=Output(stored, port, condition)))
+            found.append(_copied(operand, Output(stored, port, condition)))
     for operation in found:
         operation.given = max(graph.given_in(one.node) for one in operation.operands)
         operation.after = sorted({place_of[one.node] for one in operation.operands if one.node in place_of})
     return found
 
 
+def _copied(operand: Operand, output: Output) -> Operation:
+    """An operand, as it is, is the result."""
+    return Operation("select", 0, 0, (operand,), output=output)
+
+
 def _start(graph: Graph) -> list[Operation]:
-    select = graph.arithmetic.stages_of("select")
     constants = {node.bits: place for place, node in enumerate(graph.nodes) if node.op == "constant"}
     return [
-        Operation("select", select, 0, (Operand(constants[word.initial], False, False),), output=Output(place))
+        _copied(Operand(constants[word.initial], False, False), Output(place))
         for place, word in enumerate(graph.words)
         if word.varies and not word.bits
     ]

@@ -2,7 +2,7 @@
 
 Cycle t asks for the operands of an operation, t + 2 chooses them, and from t + 3 on its unit works. In t + 3 + stages
 the result stands in the unit's register. An operation may read it from that register in cycle t + 1 + stages, from
-memory from the next one on; of the last bank from three later on, and not in between.
+memory from the next one on. What is copied into the state is read in the next step only.
 
 What every operand is read from is wired: a choice between few sources is fast and small. So an operation goes to the
 unit, and a sum or a product has its operands in the order, that need the fewest wires that are not there yet.
@@ -18,41 +18,40 @@ from random import Random
 from .routines import Operation, Routine
 
 FETCH = 3  # cycles until the operands are those of the unit
+SOON = 4  # words from the one in which those of the next step are asked for to the end
 FORCES = (0, 1)  # ports
 VARIANTS, MOST_VARIANTS = 16, 64  # of a schedule that are tried; more where memories would become large
 JITTER = 4  # cycles by which what is more urgent may be mistaken
 LEAST_BITS = 4  # of the places of the smallest memories
 LARGER = 1.25  # how much longer a step may last for memories of half the size
-COPIED = 3  # the operand of fp_choose that is copied
 
 
 @dataclass(frozen=True)
 class Machine:
-    """How many units there are. All that is not a sum or a product shares one register for its results."""
+    """How many units there are. All that is not a sum or a product shares one register for its results.
 
-    adders: int = 2
-    multipliers: int = 2
+    With three of each, results come as fast as they can be copied into the state.
+    """
+
+    adders: int = 3
+    multipliers: int = 3
     dividers: int = 1
     roots: int = 2
 
     @property
     def banks(self) -> list[str]:
-        """The units that have a memory of their own for their results."""
-        return [*(f"add{k}" for k in range(self.adders)), *(f"mul{k}" for k in range(self.multipliers)), "other"]
+        """The units that have a memory of their own for their results. The last one has state, inputs and constants."""
+        sums, products = (f"add{k}" for k in range(self.adders)), (f"mul{k}" for k in range(self.multipliers))
+        return [*sums, *products, "other", "kept"]
 
     @property
-    def last(self) -> int:
-        """The bank that has state, inputs and constants."""
-        return self.adders + self.multipliers
-
-    def in_memory(self, bank: int) -> int:
-        """Cycles from the first one in which a result can be read until it can be read from memory."""
-        return 3 if bank == self.last else 1
+    def kept(self) -> int:
+        return self.adders + self.multipliers + 1
 
     def of(self, unit: str) -> list[int]:
         """The banks of a kind of unit."""
-        first = {"add": 0, "multiply": self.adders, "other": self.adders + self.multipliers}[unit]
-        return list(range(first, first + {"add": self.adders, "multiply": self.multipliers, "other": 1}[unit]))
+        first = {"add": 0, "multiply": self.adders, "other": self.kept - 1, "copy": self.kept}[unit]
+        return list(range(first, first + {"add": self.adders, "multiply": self.multipliers}.get(unit, 1)))
 
 
 @dataclass(frozen=True)
@@ -90,17 +89,18 @@ class Schedule:
 
     @property
     def cycles(self) -> int:
-        return max(*map(self.result, range(len(self.slots))), self.decided - 1) + 2
+        """Its last words are those while it becomes known which routine the next step begins with."""
+        return max(*map(self.result, range(len(self.slots))), self.decided + 2) + 2
 
     @cached_property
     def near(self) -> dict[int, int]:
-        """The place of each sum and product that is read from memory. A place is free again after the last reading."""
+        """The place of each result that is read from memory. A place is free again after the last reading."""
         operations = self.routine.operations
         read: dict[int, int] = {}  # by operation: the last cycle that asks for it
         for place, one in enumerate(operations):
             cycle = self.slots[place].cycle
             for producer in one.after:
-                if operations[producer].unit != "other" and cycle + FETCH - 1 != self.result(producer):
+                if cycle + FETCH - 1 != self.result(producer):
                     read[producer] = max(read.get(producer, 0), cycle)
         found: dict[int, int] = {}
         until: dict[int, list[int]] = {}  # by bank, of each place: the last cycle that asks for what is there
@@ -166,24 +166,20 @@ def _listed(routine: Routine, machine: Machine, wires: Wires, wait: int, variant
         while waiting and waiting[0][0] <= cycle:
             _, height, place = heappop(waiting)
             heappush(ready, (height, place))
-        free = {unit: machine.of(unit) for unit in ("add", "multiply", "other")}
+        free = {unit: machine.of(unit) for unit in ("add", "multiply", "other", "copy")}
         later = []
         while ready and any(free.values()):
             height, place = heappop(ready)
             one = operations[place]
             result = cycle + FETCH + one.stages
             urgent = one.output is None or one.output.port in FORCES  # other copies wait for memory
-            readable = all(
-                age >= machine.in_memory(slots[producer].bank) or (age == 0 and urgent)
-                for producer in one.after
-                for age in [cycle + FETCH - 1 - results[producer]]
-            )
+            readable = all(urgent or cycle + FETCH - 1 > results[producer] for producer in one.after)
             idle = [number for number, at in enumerate(again.get(one.op, [0])) if at <= cycle or not one.busy]
             if not free[one.unit] or not readable or not idle or (one.unit == "other" and result in taken):
                 later.append((height, place))
                 continue
             sources = [
-                (slots[made[of]].bank, cycle + FETCH - 1 == results[made[of]]) if of in made else (machine.last, False)
+                (slots[made[of]].bank, cycle + FETCH - 1 == results[made[of]]) if of in made else (machine.kept, False)
                 for of in (operand.node for operand in one.operands)
             ]
             slots[place] = _cheapest(one, cycle, free[one.unit], sources, wires)
@@ -208,9 +204,8 @@ def _listed(routine: Routine, machine: Machine, wires: Wires, wait: int, variant
 def _cheapest(one: Operation, cycle: int, banks: list[int], sources: list[tuple[int, bool]], wires: Wires) -> Slot:
     found: list[tuple[int, bool, int, Wires]] = []
     for bank in banks:
-        for swapped in (False, True) if one.unit != "other" else (False,):
-            first = COPIED if one.node < 0 else 0
-            order = enumerate(reversed(sources) if swapped else sources, first)
+        for swapped in (False, True) if one.unit in ("add", "multiply") else (False,):
+            order = enumerate(reversed(sources) if swapped else sources)
             needed = {(bank, operand, *source) for operand, source in order}
             found.append((len(needed - wires), swapped, bank, needed))
     _, swapped, bank, needed = min(found, key=lambda each: each[:3])

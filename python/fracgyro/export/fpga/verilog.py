@@ -16,11 +16,12 @@ ROWS = 512  # of the memory of microcode: it has registers between its blocks of
 
 @dataclass(frozen=True)
 class Field:
-    """Bits of a word of microcode."""
+    """Bits of a word of microcode: those that are not 0 in all words, and how many the hardware takes them for."""
 
     name: str
     low: int
     width: int
+    wide: int
 
 
 def fields(code: Microcode) -> list[Field]:
@@ -33,12 +34,15 @@ def fields(code: Microcode) -> list[Field]:
         widths |= {f"{port}_{name}": 1 for name in ("relative", "negative", "magnitude")}
     for bank in banks:
         widths |= {f"{bank}_write": 1, f"{bank}_place": address if bank == banks[-1] else code.near_bits}
-    widths |= {"relative": 1, "condition": _bits(len(code.conditions) + 1), "what": 4}
+    widths |= {"condition": _bits(len(code.conditions) + 1), "what": 4}
     widths |= {"flag_write": 1, "flag": _bits(len(compared(code.graph))), "out_write": 1, "out": _bits(outputs)}
-    widths |= {"settled": 1, "last": 1} | {f"{unit}_load": 1 for unit in code.loaded}
+    widths |= {"settled": 1, "soon": 1, "last": 1} | {f"{unit}_load": 1 for unit in code.loaded}
     found, low = [], 0
-    for name, width in widths.items():
-        found.append(Field(name, low, width))
+    for name, wide in widths.items():
+        used = sources(code, name.removesuffix("_source")) if name.endswith("_source") else None
+        most = max(word.get(name, 0) for word in code.words) if used is None else len(used) - 1
+        width = max(most, 0).bit_length()
+        found.append(Field(name, low, width, wide))
         low += width
     return found
 
@@ -59,17 +63,6 @@ def deciding(graph: Graph) -> int:
     One is that of the predicates, one that of what is read off the program, one that of comparing it.
     """
     return 3 + max(graph.levels[root] for root in graph.roots) // LEVELS
-
-
-def refreshed(graph: Graph) -> int:
-    """Cycles after a step: the parts of phases become numbers, the next program is found and its first word fetched."""
-    parts = sum(node.op == "input" and graph.inputs[node.bits].measured < 0 for node in graph.nodes)
-    return max(parts + _converted(graph), deciding(graph) + 5)
-
-
-def _converted(graph: Graph) -> int:
-    """Cycles from a new phase until the first of its parts is a number."""
-    return graph.arithmetic.from_integer + 2
 
 
 def microcode_hex(code: Microcode) -> str:
@@ -109,14 +102,15 @@ def constants_hex(code: Microcode) -> str:
 def values(code: Microcode) -> dict[str, Any]:
     """What the template of the controller needs."""
     graph, layout = code.graph, fields(code)
+    arithmetic = graph.arithmetic
     outputs = len(graph.force) + graph.reported
     parts = [(node, graph.inputs[graph.nodes[node].bits]) for node in code.given if graph.nodes[node].op == "input"]
     measured = {one.measured: code.given[node] for node, one in parts if one.measured >= 0}
     turning = [(node, one) for node, one in parts if one.measured < 0]
+    convert = arithmetic.from_integer + 2  # cycles from a phase until the first of its parts is a number
     phases = _phases(graph)
     program_of = {program: k for k, one in enumerate(code.schedules) for program in one.routine.programs}
     integers = _integers(graph)
-    arithmetic = graph.arithmetic
     return {
         "words": len(code.words),
         "width": layout[-1].low + layout[-1].width,
@@ -133,8 +127,10 @@ def values(code: Microcode) -> dict[str, Any]:
         "pc_bits": _bits(max(len(code.words) + 1, 2 * ROWS)),
         "row_bits": _bits(ROWS),
         "program_bits": _bits(len(graph.programs)),
-        "part_bits": _bits(refreshed(graph) + 1),
-        "convert": _converted(graph),
+        "part_bits": _bits(len(turning) + convert + 1),
+        "put_bits": _bits(len(turning) + 1),
+        "quiet_bits": _bits(deciding(graph)),
+        "convert": convert,
         "prefix": arithmetic.prefix,
         "dividers": code.machine.dividers,
         "word": arithmetic.word,
@@ -155,7 +151,6 @@ def values(code: Microcode) -> dict[str, Any]:
         "bases": [(program, code.bases[program_of[program]]) for program in sorted(program_of)],
         "start_base": code.bases[-1],
         "conditions": [sorted(one) for one in code.conditions],
-        "rest": refreshed(graph),
         "wait": deciding(graph),
         "measured": [measured.get(k, max(code.given.values(), default=0) + 1) for k in range(4)],
         "phases": [dict(zip(("start", "increment", "word"), one, strict=True)) for one in phases],
