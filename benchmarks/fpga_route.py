@@ -2,7 +2,7 @@
 
     python benchmarks/fpga_route.py [--jobs N] [--only NAME ...] [--seeds N] [--so-far]
 
-Writes benchmarks/results/fpga_route.md. Each route takes ten minutes or more; build/fpga_route keeps what was routed
+Writes benchmarks/results/fpga_route.md. Each route takes some minutes; build/fpga_route keeps what was routed
 of the same design by the same tools, so that the script can be stopped and started again.
 """
 
@@ -38,7 +38,6 @@ DESIGNS: dict[str, tuple[HardwareNumber, dict[str, Any]]] = {
     "8 exponentials, force limit, fixed": ("fixed", EIGHT | LIMIT),
 }
 GRADES, SEEDS = (8, 6), 3
-ROUTERS: dict[HardwareNumber, str] = {"float": "router2", "fixed": "router1"}
 SOURCES = ["units.v", "digits.v", "controller.v", "spi.v", "controller.hex", "constants.hex", "pins.lpf", "Makefile"]
 CELLS = {"TRELLIS_COMB": "LUT4", "TRELLIS_FF": "FF", "MULT18X18D": "DSP", "DP16KD": "block RAM"}
 STEPS = 2_000
@@ -83,11 +82,11 @@ def routed(name: str, folder: Path, seed: int) -> dict[int, dict[str, Any]]:
     if not is_routed(folder, seed):
         own = folder / f"own_{seed}"
         shutil.copytree(folder, own, ignore=shutil.ignore_patterns("own_*", "route_*"), dirs_exist_ok=True)
-        source, options = "build/spi.json", "--placer-heap-beta 0.35 --write placed.json"
+        source, options = "build/spi.json", "--placer static --write placed.json"
         for grade, report in reports.items():
             device = f"DEVICE=--45k --package CABGA381 --speed {grade} --lpf pins.lpf"
             (own / "route.log").unlink(missing_ok=True)
-            choice = [f"ROUTER={ROUTERS[DESIGNS[name][0]]}", f"ROUTING={options}", f"PLACED={source}", f"SEED={seed}"]
+            choice = [f"ROUTING={options}", f"PLACED={source}", f"SEED={seed}"]
             make(own, "route.log", device, *choice, *tool("nextpnr-ecp5"))
             (own / "route.json").rename(report)
             source, options = "placed.json", "--no-pack --no-place"
@@ -134,8 +133,8 @@ def main() -> None:
         f"Machine: {machine()}; {', '.join(f'{name} {number}' for name, number in TOOLS.items())}.",
         "",
         "The paper's controller, in float or with a fixed point, behind SPI in a Lattice LFE5U-45F (43,848 LUT4, FF,",
-        "72 DSP, 108 block RAM). With each seed of the placer it is placed once, and routed for either speed grade, by",
-        "nextpnr's router2 or, with a fixed point, router1.",
+        "72 DSP, 108 block RAM). With each seed it is placed once, and routed for either speed grade, by",
+        "nextpnr's static placer and router2.",
         "Clock: median, least and most of the seeds; times are those of the best one. Cycles are means of the first",
         f"{STEPS:,} steps.",
         "",

@@ -20,7 +20,7 @@ from .graph import ENTRY, Graph, trace
 from .microcode import Microcode
 from .proof import check
 from .routines import routines
-from .schedule import Machine, Wires, schedule
+from .schedule import Machine, schedules
 from .verilog import constants_hex, deciding, in_bits, microcode_hex, out_bits, state_words, values
 
 
@@ -67,9 +67,7 @@ def fpga(
 def compiled(graph: Graph) -> Microcode:
     """What a traced controller becomes, proved to compute its graph."""
     machine = Machine(dividers=graph.arithmetic.dividers)
-    wait = deciding(graph)
-    wires: Wires = set()
-    code = Microcode(graph, machine, [schedule(one, machine, wires, wait) for one in routines(graph)])
+    code = Microcode(graph, machine, schedules(routines(graph), machine, deciding(graph)))
     check(code)
     return code
 

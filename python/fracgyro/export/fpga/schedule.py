@@ -5,11 +5,15 @@ the result stands in the unit's register. An operation may read it from that reg
 memory from the next one on. What is copied into the state is read in the next step only.
 
 What every operand is read from is wired: a choice between few sources is fast and small. So an operation goes to the
-unit, and a sum or a product has its operands in the order, that need the fewest wires that are not there yet.
+unit, and a sum or a product has its operands in the order, that need the fewest wires that are not there yet. All
+routines are scheduled twice: the second time with those wires that were most used in the first, and an operation waits
+for one that is there while that does not make its routine longer.
 """
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from heapq import heappop, heappush
@@ -23,6 +27,8 @@ FORCES = (0, 1)  # ports
 VARIANTS, MOST_VARIANTS = 16, 64  # of a schedule that are tried; more where memories would become large
 JITTER = 4  # cycles by which what is more urgent may be mistaken
 LEAST_BITS = 4  # of the places of the smallest memories
+WIRED = 50  # wires that are there when everything is scheduled for the second time
+PATIENCE = 12  # cycles for which an operation waits for a wire
 LARGER = 1.25  # how much longer a step may last for memories of half the size
 
 
@@ -54,12 +60,17 @@ class Machine:
         return list(range(first, first + {"add": self.adders, "multiply": self.multipliers}.get(unit, 1)))
 
 
+Wire = tuple[int, int, int, bool]  # bank, operand; from the memory of which bank, or from its register
+Wires = set[Wire]
+
+
 @dataclass(frozen=True)
 class Slot:
     """When an operation reads its operands, and in which bank its result is."""
 
     cycle: int
     bank: int
+    wires: Wires
     swapped: bool = False  # the operands of a sum or a product
     which: int = 0  # of several units for quotients or roots
 
@@ -117,16 +128,21 @@ class Schedule:
         return max(LEAST_BITS, max(self.near.values(), default=0).bit_length())
 
 
-Wire = tuple[int, int, int, bool]  # bank, operand; from the memory of which bank, or from its register
-Wires = set[Wire]
+def schedules(routines: Sequence[Routine], machine: Machine, wait: int) -> list[Schedule]:
+    """Of each. `wait`: cycles until it is known what other comparisons lead to."""
+    wires: Wires = set()
+    first = [_shortest(one, machine, wires, wait) for one in routines]
+    uses = Counter(wire for one in first for slot in one.slots for wire in slot.wires)
+    wires = set(sorted(uses, key=lambda wire: (-uses[wire], wire))[:WIRED])
+    return [_shortest(one, machine, wires, wait, before) for one, before in zip(routines, first, strict=True)]
 
 
-def schedule(routine: Routine, machine: Machine, wires: Wires, wait: int = 0) -> Schedule:
+def _shortest(routine: Routine, machine: Machine, wires: Wires, wait: int, before: Schedule | None = None) -> Schedule:
     """The shortest of several schedules that take the smallest memories of them. Adds to the wires."""
     tried: list[tuple[tuple[float, ...], Schedule, Wires]] = []
     while len(tried) < VARIANTS or (len(tried) < MOST_VARIANTS and tried[0][1].near_bits > LEAST_BITS):
         needed = set(wires)
-        one = _listed(routine, machine, needed, wait, len(tried))
+        one = _listed(routine, machine, needed, wait, len(tried), before)
         cost = one.settled * LARGER ** (one.near_bits - LEAST_BITS)
         tried.append(((cost, one.cycles, len(needed)), one, needed))
         tried.sort(key=lambda each: each[0])
@@ -135,11 +151,16 @@ def schedule(routine: Routine, machine: Machine, wires: Wires, wait: int = 0) ->
     return found
 
 
-def _listed(routine: Routine, machine: Machine, wires: Wires, wait: int, variant: int) -> Schedule:
+def _listed(
+    routine: Routine, machine: Machine, wires: Wires, wait: int, variant: int, before: Schedule | None
+) -> Schedule:
     """What the forces and the decisions need comes first, then what has most to come after it. Adds to the wires."""
     operations = routine.operations
     made = {one.node: place for place, one in enumerate(operations) if one.node >= 0}
-    heights = _heights(operations)
+    heights = least = _heights(operations)
+    # The last cycles in which each operation makes its routine no longer than it was before.
+    ends = (before.settled, before.cycles) if before else (0, 0)
+    latest = [min(end + height for end, height in zip(ends, own, strict=True)) - 1 for own in least]
     random = Random(variant)
     if 0 < variant < VARIANTS:
         heights = [(first - int(JITTER * random.random()), second) for first, second in heights]
@@ -182,7 +203,12 @@ def _listed(routine: Routine, machine: Machine, wires: Wires, wait: int, variant
                 (slots[made[of]].bank, cycle + FETCH - 1 == results[made[of]]) if of in made else (machine.kept, False)
                 for of in (operand.node for operand in one.operands)
             ]
-            slots[place] = _cheapest(one, cycle, free[one.unit], sources, wires)
+            slot = _cheapest(one, cycle, free[one.unit], sources, wires)
+            if slot.wires - wires and cycle < min(latest[place], earliest[place] + PATIENCE):
+                later.append((height, place))
+                continue
+            slots[place] = slot
+            wires |= slot.wires
             if one.busy:
                 slots[place] = replace(slots[place], which=idle[0])
                 again[one.op][idle[0]] = cycle + one.busy
@@ -202,15 +228,16 @@ def _listed(routine: Routine, machine: Machine, wires: Wires, wait: int, variant
 
 
 def _cheapest(one: Operation, cycle: int, banks: list[int], sources: list[tuple[int, bool]], wires: Wires) -> Slot:
-    found: list[tuple[int, bool, int, Wires]] = []
+    found: list[tuple[int, int, bool, int, Wires]] = []
+    sizes = Counter(wire[:2] for wire in wires)
     for bank in banks:
         for swapped in (False, True) if one.unit in ("add", "multiply") else (False,):
             order = enumerate(reversed(sources) if swapped else sources)
             needed = {(bank, operand, *source) for operand, source in order}
-            found.append((len(needed - wires), swapped, bank, needed))
-    _, swapped, bank, needed = min(found, key=lambda each: each[:3])
-    wires |= needed
-    return Slot(cycle, bank, swapped)
+            new = needed - wires
+            found.append((len(new), max((sizes[wire[:2]] for wire in new), default=0), swapped, bank, needed))
+    *_, swapped, bank, needed = min(found, key=lambda each: each[:4])
+    return Slot(cycle, bank, needed, swapped)
 
 
 def _after(one: Operation) -> int:

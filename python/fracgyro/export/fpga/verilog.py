@@ -300,7 +300,6 @@ def _ports(code: Microcode) -> Iterator[dict[str, Any]]:
         ] or [f"{code.graph.arithmetic.inside}'d0"]
         yield {
             "name": name,
-            "number": number % (1 << code.near_bits),
             "memories": [banks[source // 2] for source in used if source % 2 == MEMORY],
             "high": _bits(len(texts)) - 1,
             "chosen": _tree(f"{name}_source", texts, _bits(len(texts))),
