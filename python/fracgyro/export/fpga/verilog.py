@@ -293,7 +293,7 @@ def _choices(graph: Graph, root: int, name: str, width: int, programs: bool = Fa
 def _ports(code: Microcode) -> Iterator[dict[str, Any]]:
     """Each operand with the sources that some word of microcode chooses."""
     banks = code.machine.banks
-    for number, (_, _, name) in enumerate(code.ports()):
+    for _, _, name in code.ports():
         used = sources(code, name)
         texts = [
             {MEMORY: f"{name}_{banks[source // 2]}", RESULT: banks[source // 2]}[source % 2] for source in used
