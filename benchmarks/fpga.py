@@ -144,11 +144,12 @@ def picture() -> None:
     forces = [one for one in plan.routine.operations if one.output is not None and one.output.port in (0, 1)]
     decided = [one.node for one in plan.routine.operations if one.op == "less"]
     needed = set(members(graph.computed([*(one.operands[0].node for one in forces), *decided])))
-    rows = ["divide", "square_root", "select", "mul1", "mul0", "add1", "add0"]
-    names = ["quotient", "square root", "choice, copy", "product", "product", "sum", "sum"]
+    named = {"divide": "quotient", "square_root": "square root", "select": "choice", "kept": "copy"}
+    named |= {bank: {"add": "sum", "mul": "product"}.get(bank[:3], "") for bank in code.machine.banks[-3::-1]}
+    rows, names = list(named), list(named.values())
     kinds = {True: ("tab:blue", "needed for the force"), False: ("0.7", "for later steps")}
     with own_style():
-        figure = Figure(figsize=(9.0, 3.4), layout="constrained")
+        figure = Figure(figsize=(9.0, 4.2), layout="constrained")
         axes = figure.add_subplot()
         bars: dict[tuple[int, bool], list[tuple[float, float]]] = {}
         for place, one in enumerate(plan.routine.operations):
