@@ -140,7 +140,8 @@ def schedules(routines: Sequence[Routine], machine: Machine, wait: int) -> list[
 def _shortest(routine: Routine, machine: Machine, wires: Wires, wait: int, before: Schedule | None = None) -> Schedule:
     """The shortest of several schedules that take the smallest memories of them. Adds to the wires."""
     tried: list[tuple[tuple[float, ...], Schedule, Wires]] = []
-    while len(tried) < VARIANTS or (len(tried) < MOST_VARIANTS and tried[0][1].near_bits > LEAST_BITS):
+    most = MOST_VARIANTS if before else VARIANTS  # the first time only counts wires
+    while len(tried) < VARIANTS or (len(tried) < most and tried[0][1].near_bits > LEAST_BITS):
         needed = set(wires)
         one = _listed(routine, machine, needed, wait, len(tried), before)
         cost = one.settled * LARGER ** (one.near_bits - LEAST_BITS)
