@@ -183,6 +183,7 @@ def _listed(
     for place, count in enumerate(waits):
         if count == 0:
             heappush(waiting, (operations[place].given, heights[place], place))
+    sizes = Counter(wire[:2] for wire in wires)  # of choices
     cycle = 0
     while len(slots) < len(operations):
         while waiting and waiting[0][0] <= cycle:
@@ -204,12 +205,14 @@ def _listed(
                 (slots[made[of]].bank, cycle + FETCH - 1 == results[made[of]]) if of in made else (machine.kept, False)
                 for of in (operand.node for operand in one.operands)
             ]
-            slot = _cheapest(one, cycle, free[one.unit], sources, wires)
-            if slot.wires - wires and cycle < min(latest[place], earliest[place] + PATIENCE):
+            slot = _cheapest(one, cycle, free[one.unit], sources, wires, sizes)
+            new = slot.wires - wires
+            if new and cycle < min(latest[place], earliest[place] + PATIENCE):
                 later.append((height, place))
                 continue
             slots[place] = slot
-            wires |= slot.wires
+            wires |= new
+            sizes.update(wire[:2] for wire in new)
             if one.busy:
                 slots[place] = replace(slots[place], which=idle[0])
                 again[one.op][idle[0]] = cycle + one.busy
@@ -228,15 +231,22 @@ def _listed(
     return Schedule(routine, [slots[place] for place in range(len(operations))], wait)
 
 
-def _cheapest(one: Operation, cycle: int, banks: list[int], sources: list[tuple[int, bool]], wires: Wires) -> Slot:
+def _cheapest(
+    one: Operation,
+    cycle: int,
+    banks: list[int],
+    sources: list[tuple[int, bool]],
+    wires: Wires,
+    sizes: Counter[tuple[int, int]],
+) -> Slot:
     found: list[tuple[int, int, bool, int, Wires]] = []
-    sizes = Counter(wire[:2] for wire in wires)
     for bank in banks:
         for swapped in (False, True) if one.unit in ("add", "multiply") else (False,):
             order = enumerate(reversed(sources) if swapped else sources)
             needed = {(bank, operand, *source) for operand, source in order}
             new = needed - wires
-            found.append((len(new), max((sizes[wire[:2]] for wire in new), default=0), swapped, bank, needed))
+            largest = max((sizes[wire[:2]] for wire in new), default=0)
+            found.append((len(new), largest, swapped, bank, needed))
     *_, swapped, bank, needed = min(found, key=lambda each: each[:4])
     return Slot(cycle, bank, needed, swapped)
 
