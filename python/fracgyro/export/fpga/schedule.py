@@ -12,6 +12,7 @@ for one that is there while that does not make its routine longer.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -24,11 +25,12 @@ from .routines import Operation, Routine
 FETCH = 3  # cycles until the operands are those of the unit
 SOON = 4  # words from the one in which those of the next step are asked for to the end
 FORCES = (0, 1)  # ports
-VARIANTS, MOST_VARIANTS = 16, 64  # of a schedule that are tried; more where memories would become large
+VARIANTS, MOST_VARIANTS = 16, 64  # of a schedule that are tried; more where memories or steps would become long
 JITTER = 4  # cycles by which what is more urgent may be mistaken
 LEAST_BITS = 4  # of the places of the smallest memories
 WIRED = 50  # wires that are there when everything is scheduled for the second time
-PATIENCE = 12  # cycles for which an operation waits for a wire
+PATIENCE = 12  # cycles for which an operation waits for a wire; half of them where more is tried
+LONGER = 1.1  # how much longer than the first time a step lasts without more being tried
 LARGER = 1.25  # how much longer a step may last for memories of half the size
 
 
@@ -141,7 +143,10 @@ def _shortest(routine: Routine, machine: Machine, wires: Wires, wait: int, befor
     """The shortest of several schedules that take the smallest memories of them. Adds to the wires."""
     tried: list[tuple[tuple[float, ...], Schedule, Wires]] = []
     most = MOST_VARIANTS if before else VARIANTS  # the first time only counts wires
-    while len(tried) < VARIANTS or (len(tried) < most and tried[0][1].near_bits > LEAST_BITS):
+    enough = LONGER * before.settled if before else math.inf
+    while len(tried) < VARIANTS or (
+        len(tried) < most and (tried[0][1].near_bits > LEAST_BITS or tried[0][1].settled > enough)
+    ):
         needed = set(wires)
         one = _listed(routine, machine, needed, wait, len(tried), before)
         cost = one.settled * LARGER ** (one.near_bits - LEAST_BITS)
@@ -162,7 +167,7 @@ def _listed(
     # The last cycles in which each operation makes its routine no longer than it was before.
     ends = (before.settled, before.cycles) if before else (0, 0)
     latest = [min(end + height for end, height in zip(ends, own, strict=True)) - 1 for own in least]
-    random = Random(variant)
+    random, patience = Random(variant), PATIENCE if variant < VARIANTS else PATIENCE // 2
     if 0 < variant < VARIANTS:
         heights = [(first - int(JITTER * random.random()), second) for first, second in heights]
     elif variant >= VARIANTS:  # of what is about as urgent, what comes first: results are needed for a shorter time
@@ -207,7 +212,7 @@ def _listed(
             ]
             slot = _cheapest(one, cycle, free[one.unit], sources, wires, sizes)
             new = slot.wires - wires
-            if new and cycle < min(latest[place], earliest[place] + PATIENCE):
+            if new and cycle < min(latest[place], earliest[place] + patience):
                 later.append((height, place))
                 continue
             slots[place] = slot
