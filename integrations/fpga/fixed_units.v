@@ -120,7 +120,7 @@ module fx_sqrt (
 endmodule
 
 // What moves numbers, or was computed by the units above. One stage.
-//     0  a < b ? yes : no, and a < b     1  |b| with the sign of a     5 to 8  quotients, roots     9  no
+//     0  a < b ? yes : no, and a < b     1  |b| with the sign of a     5 to 8  quotients, roots
 module fx_choose (
     input wire clk,
     input wire [3:0] what,

@@ -408,7 +408,7 @@ endmodule
 //     0  a < b ? yes : no, and a < b     1  |b| with the sign of a
 //     2  the mantissa of a > 0, in [sqrt(1/2), sqrt(2))
 //     3  a·2^n, n being the integer in the last places of b = n + 1.5·2^23
-//     4 to 8  exponent, quotients, roots     9  no
+//     4 to 8  exponent, quotients, roots
 module fp_choose (
     input wire clk,
     input wire [3:0] what,

@@ -49,10 +49,6 @@ class Microcode:
             self.words += _Writer(self, one).words()
 
     @cached_property
-    def kept(self) -> int:
-        return self.machine.kept
-
-    @cached_property
     def state(self) -> dict[int, int]:
         """Places of the words of the state, in either half of "kept"."""
         varying = [place for place in self.graph.numbers if self.graph.words[place].varies]
@@ -147,7 +143,7 @@ class _Writer:
         return found | ({"out_write": 1, "out": output.port} if output.port >= 0 else {})
 
     def _fetch(self, port: str, operand: Operand, cycle: int) -> Word:
-        node, kept = self.code.graph.nodes[operand.node], self.code.kept
+        node, kept = self.code.graph.nodes[operand.node], self.code.machine.kept
         found = {f"{port}_negative": int(operand.negative), f"{port}_magnitude": int(operand.magnitude)}
         if node.op in SOURCES_OF_NUMBERS:
             place = self.code.state[node.bits] if node.op == "state" else self.code.given[operand.node]

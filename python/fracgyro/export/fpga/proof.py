@@ -28,9 +28,9 @@ class _Machine:
         self.known = {(str(node.op), node.operands): place for place, node in computed}
         self.memory: dict[tuple[int, int], int] = {}  # bank, place: the node whose number is there
         for word, place in code.state.items():
-            self.memory[code.kept, place] = self._leaf(self.graph, word)
+            self.memory[code.machine.kept, place] = self._leaf(self.graph, word)
         for node, place in code.given.items():
-            self.memory[code.kept, place] = node
+            self.memory[code.machine.kept, place] = node
         self.results: dict[tuple[int, str, int], Operand] = {}  # bank, operation, cycle: what stands in its register
         self.written: dict[Written, Operand] = {}
         self.flags: set[int] = set()
@@ -54,9 +54,9 @@ class _Machine:
             # What is fetched from memory next to the units is read FETCH - 1 cycles later; what is written there, asked
             # for a cycle before.
             if cycle + FETCH - 2 < len(words):
-                self._write(words, cycle + FETCH - 2, words[cycle + FETCH - 3], range(self.code.kept))
+                self._write(words, cycle + FETCH - 2, words[cycle + FETCH - 3], range(self.code.machine.kept))
             self._issue(words, cycle, word)
-            self._write(words, cycle, word, [self.code.kept])
+            self._write(words, cycle, word, [self.code.machine.kept])
             self._compare(cycle, word)
             if word.get("out_write") and word["out"] in FORCES:
                 self.force_from = cycle + 1
@@ -113,7 +113,7 @@ class _Machine:
         if where == MEMORY:
             node = self.memory.get((bank, word[f"{port}_place"]))
             late = node is None or cycle < self.graph.given_in(node)
-            if node is not None and bank == self.code.kept:
+            if node is not None and bank == self.code.machine.kept:
                 twice = self.graph.nodes[node].op == "state" or self.graph.turns(node)
                 if bool(word[f"{port}_relative"]) != twice:
                     raise ValueError(f"microcode reads {port} in cycle {cycle} from the wrong half")
@@ -136,7 +136,7 @@ class _Machine:
     def _compare(self, cycle: int, word: Word) -> None:
         if word.get("flag_write"):
             asked = sorted({one.of for one in self.graph.predicates if one.question == 0})
-            result = self.results.get((self.code.kept - 1, "less", cycle))
+            result = self.results.get((self.code.machine.other, "less", cycle))
             if result != Operand(asked[word["flag"]], False, False):
                 raise ValueError(f"microcode takes another comparison for decision {word['flag']}")
             self.flags.add(asked[word["flag"]])

@@ -53,12 +53,16 @@ class Machine:
         return [*sums, *products, "other", "kept"]
 
     @property
+    def other(self) -> int:
+        return self.adders + self.multipliers
+
+    @property
     def kept(self) -> int:
-        return self.adders + self.multipliers + 1
+        return self.other + 1
 
     def of(self, unit: str) -> list[int]:
         """The banks of a kind of unit."""
-        first = {"add": 0, "multiply": self.adders, "other": self.kept - 1, "copy": self.kept}[unit]
+        first = {"add": 0, "multiply": self.adders, "other": self.other, "copy": self.kept}[unit]
         return list(range(first, first + {"add": self.adders, "multiply": self.multipliers}.get(unit, 1)))
 
 
