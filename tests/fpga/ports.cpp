@@ -1,5 +1,5 @@
 // Answers every motion in the file "motion" through the ports, as testbench.cpp does, with registers that begin at
-// random; but every third sample is written in another order and started later, and after each 25th sample the state is
+// random; but every third sample is written in another order and started later, and after each fifth sample the state is
 // read, one word a cycle, the hardware is reset, and the state is written back as soon as `ready` allows.
 #include "Vfracgyro_controller.h"
 #include "controller.h"
@@ -87,7 +87,7 @@ int main(int count, char** words) {
     std::array<Word, 4> motion{};
     std::array<Word, 3 + FRACGYRO_REPORTED> row{};
     for (long n = 0; std::fread(motion.data(), sizeof motion, 1, in) == 1; ++n) {
-        if (n % 25 == 24) {
+        if (n % 5 == 4) {
             restart();
         }
         const bool reversed = n % 3 == 1;

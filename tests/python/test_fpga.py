@@ -235,9 +235,12 @@ def test_over_spi_it_answers_the_same_and_goes_on_from_a_state_that_was_saved(
     np.testing.assert_array_equal(found.view(expected.dtype), expected)
 
 
-def test_the_ports_take_words_as_soon_as_they_are_ready_and_registers_may_begin_at_random(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("kind", "seeds"), [("force_rebalance", (1, 3, 39)), ("pid", (14, 19, 56))])
+def test_the_ports_take_words_as_soon_as_they_are_ready_and_registers_may_begin_at_random(
+    kind: str, seeds: tuple[int, ...], tmp_path: Path
+) -> None:
     need("FPGA")
-    scenario, folder = SHORT.replace({"controller.kind": "force_rebalance", **GUARDED}), tmp_path / "fpga"
+    scenario, folder = SHORT.replace({"controller.kind": kind, **GUARDED}), tmp_path / "fpga"
     motion = faulty_motion(scenario)
     expected = of_the_core(scenario, "float", motion, tmp_path / "core")
     fg.export.fpga(scenario, folder, unbounded=True)
@@ -246,7 +249,7 @@ def test_the_ports_take_words_as_soon_as_they_are_ready_and_registers_may_begin_
     names = ["--top-module", "fracgyro_controller", "-Mdir", "build", "-o", "ports"]
     run_command(["verilator", "--cc", "--exe", "--build", *options, *names, "-Wno-fatal", *sources], folder)
     motion.tofile(folder / "motion")
-    for seed in ("60", "95", "100"):  # with which something was written before the first reset
+    for seed in seeds:  # with which each register that begins at 0 has to
         assert run_command(["build/ports", f"+verilator+seed+{seed}"], folder) == ""
         found = np.fromfile(folder / "answer", np.int32).reshape(len(motion), -1)
         np.testing.assert_array_equal(found, expected)
