@@ -16,6 +16,7 @@ import re
 import shutil
 import statistics
 import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import version
 from pathlib import Path
@@ -86,29 +87,34 @@ def routed(name: str, folder: Path, seed: int) -> dict[int, dict[str, Any]]:
     if not is_routed(folder, seed):
         own = folder / f"own_{seed}"
         shutil.copytree(folder, own, ignore=shutil.ignore_patterns("own_*", "route_*"), dirs_exist_ok=True)
-        source, options = "build/spi.json", "--placer static --write placed.json"
+        choice = [f"SEED={seed}", *tool("nextpnr-ecp5", f"timeout {PATIENCE} ")]
+        placing = "ROUTING=--placer static --no-route --write placed.json"
+        make(own, "route.log", device(GRADES[0]), placing, *choice)
         for grade, report in reports.items():
-            device = f"DEVICE=--45k --package CABGA381 --speed {grade} --lpf pins.lpf"
-            (own / "route.log").unlink(missing_ok=True)
-            choice = [f"ROUTING={options}", f"PLACED={source}", f"SEED={seed}"]
+            (own / "route.log").unlink()
+            (own / "route.json").unlink()
+            began = time.monotonic()
             try:
-                make(own, "route.log", device, *choice, *tool("nextpnr-ecp5", f"timeout {PATIENCE} "))
-                (own / "route.json").rename(report)
+                make(own, "route.log", device(grade), "ROUTING=--no-pack --no-place", "PLACED=placed.json", *choice)
             except ValueError:
-                report.write_text("{}", encoding="utf-8")
-            source, options = "placed.json", "--no-pack --no-place"
+                if time.monotonic() - began < PATIENCE:
+                    raise
+                (own / "route.log").touch()
+                (own / "route.json").write_text("{}", encoding="utf-8")
+            shutil.copyfile(own / "route.json", report)
             print(f"{name}, grade {grade}, seed {seed}: {clock(report):.1f} MHz", file=sys.stderr, flush=True)
-            if not (own / source).exists():  # it is written with the route
-                reports[GRADES[-1]].write_text("{}", encoding="utf-8")
-                break
         shutil.rmtree(own)
     return {grade: json.loads(report.read_text(encoding="utf-8")) for grade, report in reports.items()}
 
 
+def device(grade: int) -> str:
+    return f"DEVICE=--45k --package CABGA381 --speed {grade} --lpf pins.lpf"
+
+
 def clock(report: Path) -> float:
-    for found in json.loads(report.read_text(encoding="utf-8")).get("fmax", {}).values():
-        return float(found["achieved"])
-    return math.nan
+    """In MHz; NaN where it was not routed."""
+    clocks = json.loads(report.read_text(encoding="utf-8")).get("fmax", {"": {"achieved": math.nan}})
+    return float(next(iter(clocks.values()))["achieved"])
 
 
 def main() -> None:
