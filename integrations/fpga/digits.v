@@ -1,6 +1,22 @@
 // Quotients, three bits in a cycle, and square roots, two: all digits are tried at once. Each begins with `load`, in
-// whose cycle its operands are there, and ends CYCLES + 1 cycles later.
+// whose cycle its operands are there, and ends CYCLES + 1 cycles later. And a comparison.
 `default_nettype none
+
+// a < b and b < a. Their halves are compared side by side: half as long a chain of carries.
+module compare #(
+    parameter BITS = 32
+) (
+    input wire [BITS-1:0] a,
+    input wire [BITS-1:0] b,
+    output wire less,
+    output wire greater
+);
+    localparam LOW = BITS / 2;
+    wire low_less = a[LOW-1:0] < b[LOW-1:0], low_greater = b[LOW-1:0] < a[LOW-1:0];
+    wire high_less = a[BITS-1:LOW] < b[BITS-1:LOW], high_greater = b[BITS-1:LOW] < a[BITS-1:LOW];
+    assign less = high_less | !high_greater & low_less;
+    assign greater = high_greater | !high_less & low_greater;
+endmodule
 
 // The last of four candidates that is none below 0; candidate 0 is taken for none. The highest bit of each is its sign.
 module last_of_four #(

@@ -47,7 +47,8 @@ module fx_add (
     wire minus = a[47] ^ b[47];
     wire [47:0] first = minus ? {1'b1, a[46:0]} - {1'b0, b[46:0]} : {1'b0, a[46:0]} + {1'b0, b[46:0]};
     wire [46:0] second = b[46:0] - a[46:0];
-    wire other = minus & !first[47], beyond = !minus & first[47];
+    wire beyond = !minus & first[47], smaller, larger, other = minus & smaller;
+    compare #(47) sizes (a[46:0], b[46:0], smaller, larger);
     always @(posedge clk) z <= {a[47] ^ other, other ? second : first[46:0] | {47{beyond}}};
 endmodule
 
@@ -63,13 +64,15 @@ module fx_mul (
     reg [35:0] p00, p01, p10, p11;
     reg [28:0] p02, p20, p12, p21;
     reg [21:0] p22;
-    reg [93:27] sum;
+    reg [65:0] high;
+    reg [1:0] carry;
     reg sign1, sign2;
-    // Parts in one row do not overlap.
+    // From the last place that is kept on; parts in one row do not overlap. Below it, the first places of the parts that
+    // overlap there, and a half of the last one.
     wire [93:0] r0 = {p22, p11, p00}, r1 = {11'd0, p12, p01, 18'd0}, r2 = {11'd0, p21, p10, 18'd0};
-    wire [93:0] r3 = {29'd0, p02, 36'd0}, r4 = {29'd0, p20, 36'd0};
-    wire [93:0] all = r0 + r1 + r2 + r3 + r4;
-    wire [47:0] rounded = {1'b0, sum[74:28]} + {47'd0, sum[27]};
+    wire [65:0] r3 = {29'd0, p02, 8'd0}, r4 = {29'd0, p20, 8'd0};
+    wire [11:0] low = {2'd0, r0[27:18]} + {2'd0, r1[27:18]} + {2'd0, r2[27:18]} + 12'd512;
+    wire [47:0] rounded = {1'b0, high[46:0]} + {46'd0, carry};
     always @(posedge clk) begin
         p00 <= a0 * b0;
         p01 <= a0 * b1;
@@ -80,8 +83,9 @@ module fx_mul (
         p12 <= a1 * b2;
         p21 <= a2 * b1;
         p22 <= a2 * b2;
-        sum <= all[93:27];
-        z <= {sign2, |sum[93:75] | rounded[47] ? {47{1'b1}} : rounded[46:0]};
+        high <= r0[93:28] + r1[93:28] + r2[93:28] + r3 + r4;
+        carry <= low[11:10];
+        z <= {sign2, |high[65:47] | rounded[47] ? {47{1'b1}} : rounded[46:0]};
         {sign2, sign1} <= {sign1, a[47] ^ b[47]};
     end
 endmodule
@@ -136,7 +140,8 @@ module fx_choose (
     output reg less
 );
     wire a_nothing = a[46:0] == 0, b_nothing = b[46:0] == 0;
-    wire smaller = a[46:0] < b[46:0], larger = b[46:0] < a[46:0];
+    wire smaller, larger;
+    compare #(47) sizes (a[46:0], b[46:0], smaller, larger);
     wire below = a[47] ? (b[47] ? larger : !(a_nothing & b_nothing)) : !b[47] & smaller;
 
     // One of sixteen, chosen by the bits of `what` as they are.

@@ -426,7 +426,8 @@ module fp_choose (
 );
     wire nan = (a[31:23] == 9'd511 & a[22]) | (b[31:23] == 9'd511 & b[22]);
     wire both_zero = a[31:23] == 0 & b[31:23] == 0;
-    wire smaller = a[31:0] < b[31:0], larger = b[31:0] < a[31:0];
+    wire smaller, larger;
+    compare #(32) sizes (a[31:0], b[31:0], smaller, larger);
     wire below = !nan & !both_zero & (a[32] ? !b[32] | larger : !b[32] & smaller);
     wire low = a[22:0] < `ORIGIN;
 
