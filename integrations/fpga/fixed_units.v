@@ -67,8 +67,8 @@ module fx_mul (
     reg [65:0] high;
     reg [1:0] carry;
     reg sign1, sign2;
-    // From the last place that is kept on; parts in one row do not overlap. Below it, the first places of the parts that
-    // overlap there, and a half of the last one.
+    // Parts in one row do not overlap. What is below place 28, the last one that is kept, is added apart from the rest:
+    // places 18 to 27 of three rows, and the half that rounds.
     wire [93:0] r0 = {p22, p11, p00}, r1 = {11'd0, p12, p01, 18'd0}, r2 = {11'd0, p21, p10, 18'd0};
     wire [65:0] r3 = {29'd0, p02, 8'd0}, r4 = {29'd0, p20, 8'd0};
     wire [11:0] low = {2'd0, r0[27:18]} + {2'd0, r1[27:18]} + {2'd0, r2[27:18]} + 12'd512;
