@@ -1,5 +1,5 @@
 // Answers every motion in the file "motion" through the ports, as testbench.cpp does, with registers that begin at
-// random; but every third sample is written in another order and started later, and after each fifth sample the state is
+// random; but every third sample is written in another order and started later, and after each fifth one the state is
 // read, one word a cycle, the hardware is reset, and the state is written back as soon as `ready` allows.
 #include "Vfracgyro_controller.h"
 #include "controller.h"
