@@ -1,6 +1,6 @@
 """Exported hardware, placed and routed for a Lattice ECP5: its clock, and what a step takes with it.
 
-    python benchmarks/fpga_route.py [--jobs N] [--only NAME ...] [--seeds N] [--so-far]
+    python benchmarks/fpga_route.py [--jobs N] [--only NAME ...] [--seeds N]
 
 Writes benchmarks/results/fpga_route.md. Each route takes some minutes; build/fpga_route keeps what was routed
 of the same design by the same tools, so that the script can be stopped and started again.
@@ -72,14 +72,10 @@ def tool(name: str) -> list[str]:
     return [f"{name.partition('-')[0].upper()}={Path(sys.executable).parent / f'yowasp-{name}'}"]
 
 
-def is_routed(folder: Path, seed: int) -> bool:
-    return all((folder / f"route_{grade}_{seed}.json").exists() for grade in GRADES)
-
-
 def routed(name: str, folder: Path, seed: int) -> dict[int, dict[str, Any]]:
     """What nextpnr reports, by grade. It is placed once, with the delays of the faster one, and routed for each."""
     reports = {grade: folder / f"route_{grade}_{seed}.json" for grade in GRADES}
-    if not is_routed(folder, seed):
+    if not all(report.exists() for report in reports.values()):
         own = folder / f"own_{seed}"
         shutil.copytree(folder, own, ignore=shutil.ignore_patterns("own_*", "route_*"), dirs_exist_ok=True)
         choice = [f"SEED={seed}", *tool("nextpnr-ecp5")]
@@ -89,18 +85,21 @@ def routed(name: str, folder: Path, seed: int) -> dict[int, dict[str, Any]]:
             steps = "STEPS=--no-pack --no-place --router router1"
             make(own, "route.log", device(grade), steps, "PLACED=placed.json", *choice)
             shutil.copyfile(own / "route.json", report)
-            print(f"{name}, grade {grade}, seed {seed}: {clock(report):.1f} MHz", file=sys.stderr, flush=True)
         shutil.rmtree(own)
-    return {grade: json.loads(report.read_text(encoding="utf-8")) for grade, report in reports.items()}
+    found = {grade: json.loads(report.read_text(encoding="utf-8")) for grade, report in reports.items()}
+    for grade, one in found.items():
+        print(f"{name}, grade {grade}, seed {seed}: {clock(one):.1f} MHz", file=sys.stderr, flush=True)
+    return found
 
 
 def device(grade: int) -> str:
     return f"DEVICE=--45k --package CABGA381 --speed {grade} --lpf pins.lpf"
 
 
-def clock(report: Path) -> float:
+def clock(report: dict[str, Any]) -> float:
     """In MHz."""
-    return float(next(iter(json.loads(report.read_text(encoding="utf-8"))["fmax"].values()))["achieved"])
+    (found,) = report["fmax"].values()
+    return float(found["achieved"])
 
 
 def main() -> None:
@@ -108,13 +107,10 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2, help="routes at a time")
     parser.add_argument("--only", nargs="+", choices=DESIGNS, default=list(DESIGNS), help="designs")
     parser.add_argument("--seeds", type=int, default=SEEDS, help="how many, of the placer")
-    parser.add_argument("--so-far", action="store_true", help="route nothing more, log what is there")
     options = parser.parse_args()
     with ThreadPoolExecutor(options.jobs) as pool:
         designs = dict(zip(options.only, pool.map(prepared, options.only), strict=True))
         wanted = [(name, seed) for seed in range(1, options.seeds + 1) for name in options.only]
-        if options.so_far:
-            wanted = [(name, seed) for name, seed in wanted if is_routed(designs[name][0], seed)]
         reports = dict(
             zip(wanted, pool.map(lambda one: routed(one[0], designs[one[0]][0], one[1]), wanted), strict=True)
         )
@@ -122,9 +118,7 @@ def main() -> None:
     for name, (_, (force, ready)) in designs.items():
         for grade in GRADES:
             some = [report[grade] for (of, _), report in reports.items() if of == name]
-            if not some:
-                continue
-            clocks = [float(next(iter(one["fmax"].values()))["achieved"]) for one in some]
+            clocks = [clock(one) for one in some]
             cells = [f"{some[0]['utilization'][cell]['used']:,}" for cell in CELLS]
             best = max(clocks)
             times = [f"{force / best:.2f}", f"{ready / best:.2f}"]
