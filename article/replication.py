@@ -11,8 +11,8 @@ import numpy as np
 import xarray as xr
 from fracgyro import fractional
 from fracgyro.analysis import metrics
-from fracgyro.paper import errata
 from fracgyro.paper.claims import Claim, judge
+from fracgyro.paper.errata import ERRATA
 from fracgyro.paper.runs import ORDERS, PAPER_ORDER, VARIANTS, Runs, Study, record_all, scenario, study
 from fracgyro.paper.step_cost import StepCost, time_steps
 from fracgyro.scenario import bounded
@@ -51,10 +51,7 @@ def values(r: Replication) -> Values:
     return {
         "setup": _setup(),
         "claims": _claims(r),
-        "errata": [
-            {"where": e.where, "printed": e.printed, "correct": e.correct, "why": e.why, "runs": e.switch != ""}
-            for e, _ in errata.TABLE
-        ],
+        "errata": [{"where": e.where, "printed": e.printed, "correct": e.correct, "why": e.why} for e in ERRATA],
         "seen": _seen(r),
         "end": _end(r),
     }

@@ -44,6 +44,7 @@ PAGES = {
     "how-to/tuned-gains": "examples/tuning/README.md",
     "understand/equations": "EQUATIONS.md",
     "understand/paper": "docs/paper.md",
+    "understand/errata": "docs/errata.md",
     "understand/best-order": "docs/best_order.md",
     "understand/rate-sensor": "docs/rate_sensor.md",
     "understand/performance": "docs/performance.md",

@@ -1,277 +1,208 @@
-"""The paper's errata: what is printed, what is right, and what the runs show of it."""
+"""The paper's errata: the one list from which report, docs/errata.md, EQUATIONS.md and the article are made."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-import xarray as xr
-
-from .. import fractional
-from ..analysis import metrics
-from ..scenario import Scenario, bounded
-from ..simulation.simulate import DivergedError, simulate
-from .runs import PAPER_ORDER, Runs, scenario
+from . import errata_identities as identities
+from . import errata_runs as seen
+from .runs import Results
 
 
 @dataclass(frozen=True)
 class Erratum:
-    """One row. `switch` names the scenario field that chooses the reading, where there is a choice to make."""
+    """One row, with its evidence: the algebra in `why`, an identity that a program checks, runs that show it."""
 
     where: str
     printed: str
     correct: str
     why: str
-    switch: str = ""
-    seen: str = ""  # in the runs of this reproduction
+    fields: tuple[str, ...] = ()  # of the scenario, that choose the reading or deal with it
+    identity: Callable[[], str] | None = None
+    runs: Callable[[Results], str] | None = None
+
+    def evidence(self, found: Results) -> str:
+        """Sentences of the program and of the runs; empty where the algebra is all."""
+        checked = [self.identity()] if self.identity else []
+        return " ".join(checked + ([self.runs(found)] if self.runs else []))
 
 
-def _proposed(runs: Runs, variant: str) -> xr.Dataset:
-    return runs[variant, "proposed"]
-
-
-def rate_law_seen(runs: Runs) -> str:
-    moved = {v: float(abs(_proposed(runs, v)["rate_estimate"] - 0.095).max()) for v in ("printed", "corrected")}
-    printed = metrics.cut(_proposed(runs, "printed"), (40.0, None))
-    symmetric = float(abs(_proposed(runs, "printed")["rate_symmetric_estimate"]).max())
-    entry = printed["rate_estimate"] + printed["rate_symmetric_estimate"].sel(entry="xy")
-    return (
-        f"As printed, Ω̂z moves by {moved['printed']:.1g} in 80 units of time while a symmetric part, which Ω has not, "
-        f"grows to {symmetric:.1f}; corrected, Ω̂z moves by up to {moved['corrected']:.1f}. The matrix entry Ω̂21, "
-        "both parts together, does come near Ωz = 0.1 as printed "
-        f"({float(entry.mean()):.3f} ± {float(entry.std()):.3f} after t = 40), which may be what figures 16 to 18 of "
-        "the paper show; it is not an estimate of a rotation."
-    )
-
-
-def derivative_seen(runs: Runs) -> str:
-    """ds/dt as recorded against the derivative the control law cancels, early, where the two readings differ."""
-    run = _proposed(runs, "corrected").isel(time=slice(0, 2001))
-    time = run["time"].values
-    step = float(time[1])
-    e, rate = run["error"].values, run["error_rate"].values
-    integral = fractional.integral(e, rate, step, 1.0 - PAPER_ORDER)
-    slope = (integral[2:] - integral[:-2]) / (2 * step)  # second-order accurate away from t = 0
-    readings = {
-        "Caputo": fractional.caputo(e, rate, step, PAPER_ORDER)[1:-1],
-        "Riemann-Liouville": fractional.riemann_liouville(e, rate, step, PAPER_ORDER)[1:-1],
-    }
-    late = slice(99, None)  # from t = 0.1 on
-    off = {name: np.sqrt(np.mean((slope[late] - d[late]) ** 2)) for name, d in readings.items()}
-    scale = np.sqrt(np.mean(slope[late] ** 2))
-    return (
-        "On the recorded error, 0.1 < t < 2, the slope of D^(α-1) e differs from "
-        + " and from ".join(f"the {name} derivative by {100 * value / scale:.2g} %" for name, value in off.items())
-        + " (RMS)."
-    )
-
-
-def layer_seen(runs: Runs) -> str:
-    sizes = {}
-    for variant in ("printed", "corrected"):
-        late = metrics.cut(_proposed(runs, variant), metrics.STEADY)["surface"]
-        sizes[variant] = float(np.sqrt((late**2).sum("axis").mean("time")))
-    return (
-        f"After t = 10 the RMS of ‖s‖ is {sizes['printed']:.2g} with the printed layer and {sizes['corrected']:.2g} "
-        "with the linear one, under the same noise."
-    )
-
-
-def bound_seen(runs: Runs) -> str:
-    b = _proposed(runs, "corrected")["bound_estimate"].sel(bound=0)
-    ends = ", ".join(f"{float(b.sel(time=t, method='nearest')):.3f} at t = {t}" for t in (20, 40, 60, 80))
-    return f"b̂0 = {ends}: it never stops."
-
-
-def end_seen(_: Runs) -> str:
-    """The proposed controller run on, as it is and with a limit."""
-    long = scenario("corrected", "proposed").replace({"run.duration": 5000.0, "run.record_every": 1000})
-    limited = simulate(long.replace({"controller.switching_limit": 0.5}))
-    size = float(np.sqrt((limited["error"][-1000:] ** 2).sum("axis").mean()))
-    try:
-        run, end = simulate(long), "it lasts to t = 5000"
-    except DivergedError as error:
-        run = error.run
-        last = float(run["time"][-1])
-        end = f"it diverges at t = {last:.0f}, after {last / 1000:.1f} s of the device"
-    gains = []
-    for t in range(0, int(run["time"][-1]), 500):
-        at = run.sel(time=float(t), method="nearest")
-        position, speed = (float(np.hypot(*at[name].values)) for name in ("position", "velocity"))
-        gains.append(f"{bounded.gain(long, at['bound_estimate'].values, position, speed):.2f}")
-    return (
-        f"At t = 0, 500, … ρh/δ is {', '.join(gains)}; {end}. With a limit of 0.5 on it the RMS of ‖e‖ over the last "
-        f"1000 of 5000 units is {size:.1e}."
-    )
-
-
-def gaussian_seen(runs: Runs) -> str:
-    run = _proposed(runs, "corrected")
-    force = np.sqrt((run["disturbance"] ** 2).sum("axis"))
-    above = float((force > run["bound_estimate"].sel(bound=0)).mean())
-    return (
-        f"The largest ‖d‖ of the run is {float(force.max()):.1f}, and would be larger in a longer one; it exceeds the "
-        f"estimate b̂0 of its bound in {above:.0%} of the samples."
-    )
-
-
-def finite_time_seen(runs: Runs) -> str:
-    e = metrics.cut(_proposed(runs, "corrected"), (60.0, None))["error"]
-    return f"After t = 60 the RMS of ‖e‖ is still {float(np.sqrt((e**2).sum('axis').mean('time'))):.1e}."
-
-
-def tail_seen(_: Runs) -> str:
-    """The best case: parameters known, no disturbance, no layer."""
-    sizes = {}
-    for controller in ("proposed", "fractional", "conventional"):
-        run = simulate(
-            scenario("corrected", controller).replace(
-                {
-                    "controller.adaptive": False,
-                    "controller.layer_thickness": 0.0,
-                    "disturbance.kind": "none",
-                    "run.duration": 40.0,
-                }
-            )
-        )
-        size = metrics.cut(run, (20.0, None))["error"]
-        sizes[controller] = float(((size**2).sum("axis") ** 0.5).max())
-    return (
-        "With known parameters, no disturbance and pure switching, the largest ‖e‖ after t = 20 is "
-        + ", ".join(f"{size:.1g} ({controller})" for controller, size in sizes.items())
-        + "."
-    )
-
-
-def symmetry_seen(runs: Runs) -> str:
-    run = _proposed(runs, "corrected").isel(time=1000)
-    v, s = run["velocity"].values, run["surface"].values
-    law = -0.5 * np.diag([150.0, 75.0]) @ (np.outer(v, s) + np.outer(s, v))
-    return (
-        f"With M = diag(150, 75) the law (44) at t = 1 would drive D̂xy at {law[1, 0]:.3g} and D̂yx at {law[0, 1]:.3g}."
-    )
-
-
-Evidence = Callable[[Runs], str]
-TABLE: list[tuple[Erratum, Evidence | None]] = [
-    (
-        Erratum(
-            "(42), (44)",
-            "dΩ̂ᵀ/dt = −P (v sᵀ + s vᵀ)",
-            "dΩ̂ᵀ/dt = −P (v sᵀ − s vᵀ), that is dΩ̂z/dt = P (s₁v₂ − s₂v₁)",
-            "Ω̃ is skew, so tr{Ω̃ (v sᵀ + s vᵀ)} ≡ 0: the printed law moves only a symmetric part and leaves Ω̂z at "
-            "0.95 Ωz forever.",
-            "controller.rate_law",
-        ),
-        rate_law_seen,
+# First the three that the two readings switch, then the others in the paper's order.
+ERRATA = (
+    Erratum(
+        "(42), (44)",
+        "dΩ̂ᵀ/dt = −P (v sᵀ + s vᵀ)",
+        "dΩ̂ᵀ/dt = −P (v sᵀ − s vᵀ), that is dΩ̂z/dt = P (s₁v₂ − s₂v₁)",
+        "Ω̃ is skew, so tr{Ω̃ (v sᵀ + s vᵀ)} ≡ 0: the printed law moves only a symmetric part and leaves Ω̂z at "
+        "0.95 Ωz forever.",
+        ("controller.rate_law",),
+        runs=seen.rate_law,
     ),
-    (
-        Erratum(
-            "(16) → (17)",
-            "d/dt D^(α−1) e = D^α e, with the Caputo derivative (7)",
-            "d/dt D^(α−1) e is the Riemann-Liouville derivative; it exceeds Caputo's by e(0) t^(−α)/Γ(1−α)",
-            "Differentiate the integral. With the Riemann-Liouville derivative the equivalent control cancels exactly.",
-            "controller.derivative",
-        ),
-        derivative_seen,
+    Erratum(
+        "(16) → (17)",
+        "d/dt D^(α−1) e = D^α e, with the Caputo derivative (7)",
+        "d/dt D^(α−1) e is the Riemann-Liouville derivative; it exceeds Caputo's by e(0) t^(−α)/Γ(1−α)",
+        "Differentiate the integral. With the Riemann-Liouville derivative the equivalent control cancels exactly.",
+        ("controller.derivative",),
+        runs=seen.derivative,
     ),
-    (
-        Erratum(
-            "(33), (46)",
-            "inside the layer −(s/δ²) ‖s‖ ρ",
-            "−(s/δ) ρ, the usual layer",
-            "The printed one has no gain at s = 0, where s then wanders.",
-            "controller.layer",
-        ),
-        layer_seen,
+    Erratum(
+        "(33), (46)",
+        "inside the layer −(s/δ²) ‖s‖ ρ",
+        "−(s/δ) ρ, the usual layer",
+        "The printed one has no gain at s = 0, where s then wanders.",
+        ("controller.layer",),
+        runs=seen.layer,
     ),
-    (
-        Erratum("(11)", "|K| ≤ b₁, |D| ≤ b₂", "‖ΔK‖ ≤ b₁, ‖ΔD‖ ≤ b₂", "Only so does (12) follow from (10)."),
-        None,
+    Erratum("(1)", "second line begins with m ẍ", "m ÿ; the cross term is m ΩxΩy", "Dimensions."),
+    Erratum(
+        "(1), assumptions",
+        "rotations only about x and y; centrifugal forces are negligible",
+        "rotation about z as well; (1) has the centrifugal forces, (2) neglects them",
+        "Ωz is the rate to be sensed, and the terms in Ωy² + Ωz², Ωx² + Ωz² and ΩxΩy are the centrifugal forces.",
+        ("plant.centrifugal",),
+        identity=identities.centrifugal_terms,
     ),
-    (Erratum("(40)", "K q in the second line", "K̃ q", "Insert (38)."), None),
-    (
-        Erratum(
-            "Remark 2, (26)–(32)",
-            "on the fractional surface the error reaches zero at a finite time",
-            "on a fractional surface it decays like a power of t; only the integer-order one is finite-time",
-            "If e were zero from some t on, D^(α−1) e would still keep a tail of the past, so s could not stay "
-            "zero. The proof bounds that tail by the present error.",
-        ),
-        tail_seen,
+    Erratum("(8)", "∫ e⁻ᵗ t^(c−1) dt", "the same; c is the argument of Γ", "Not the exponent c of (16)."),
+    Erratum("(11)", "|K| ≤ b₁, |D| ≤ b₂", "‖ΔK‖ ≤ b₁, ‖ΔD‖ ≤ b₂", "Only so does (12) follow from (10)."),
+    Erratum(
+        "(11)–(12), section 5",
+        "a bounded disturbance, f = randn",
+        "white noise of density S held for h has variance S/h, and no bound",
+        "A Gaussian exceeds every bound; its power depends on the hold time, which the paper does not state.",
+        ("disturbance.hold", "disturbance.density"),
+        runs=seen.gaussian,
     ),
-    (
-        Erratum(
-            "Remark 4",
-            "tracking error and surface converge to zero in finite time",
-            "V̇ ≤ 0 and Barbalat's lemma give asymptotic convergence, and with a layer an ultimate bound",
-            "(45) bounds ∫‖s‖ dt and no reaching time, since ε vanishes with the margin of b̂.",
-        ),
-        finite_time_seen,
+    Erratum(
+        "(15), before (16)",
+        "e^(q/p) with odd p, q may not be real for e < 0, hence (16)",
+        "it is real, |e|^(q/p) sign(e)",
+        "An odd root of a negative number is real. (16) only frees the exponent c from being a ratio of odd numbers.",
+        identity=identities.odd_roots,
     ),
-    (
-        Erratum(
-            "(44)",
-            "M, N any positive definite matrices",
-            "multiples of the identity",
-            "Transpose (44): otherwise D̂ and K̂ lose their symmetry. The scenario therefore takes numbers.",
-        ),
-        symmetry_seen,
+    Erratum(
+        "(16), abstract, section 6",
+        "D^(α−1) e is a “fractional-order differentiation term”",
+        "the fractional integral of order 1 − α",
+        "α − 1 < 0 for 0 < α < 1.",
+        identity=identities.order_of_a_constant,
     ),
-    (
-        Erratum(
-            "(44), figure 19",
-            "b̂ shows stable convergence",
-            "b̂ grows without bound under noise",
-            "‖s‖ ≥ 0 is integrated forever. Fixed by adaptation.leakage, .dead_zone or .projection, all off in both "
-            "variants, since the paper has none.",
-            "adaptation.leakage, dead_zone, projection",
-        ),
-        bound_seen,
+    Erratum(
+        "(17), (18), contribution 3",
+        "continuous control inputs",
+        "|e|^(c−1) ė in the force is unbounded where e = 0, ė ≠ 0",
+        "c − 1 < 0. Remark 1 leaves it to another surface, but the simulation has this one. A floor under |e| is ours.",
+        ("controller.singularity_floor",),
+        identity=identities.singular_term,
+        runs=seen.singular_term,
     ),
-    (
-        Erratum(
-            "(44), (46), sampled",
-            "the closed loop is stable",
-            "with a step h and the usual layer it is unstable from ρh/δ = 2 − λ₁h on, which b̂ reaches in noise",
-            "A held force takes ρh/δ of s back in one step. No switch fixes the law (44) in either variant; "
-            "controller.switching_limit, a field of ours, bounds ρh/δ.",
-        ),
-        end_seen,
+    Erratum(
+        "(18), (19)",
+        "(18) requires f, which is unknown",
+        "(18) does not contain f; it leaves ṡ = f",
+        "Insert (18) in (17). The force for ṡ = 0, which would require f, is (18) less f.",
+        identity=identities.equivalent_control,
     ),
-    (
-        Erratum("(8)", "∫ e⁻ᵗ t^(c−1) dt", "the same; c is the argument of Γ", "Not the exponent c of (16)."),
-        None,
+    Erratum(
+        "(22)–(25)",
+        "ε = min(ρ − ‖f‖) > 0; t_r is the time to ṡ = 0; t_r ≤ √(2 (V(0) − V(t_r)))/ε",
+        "ε ≥ 0; to s = 0; t_r ≤ (√V(0) − √V(t_r)) √2/ε",
+        "(12) allows ‖f‖ = ρ, so that no time follows. The integral (24) is a difference of roots; both agree if "
+        "V(t_r) = 0. (23) follows from the line ≤ −ε‖s‖ of (22), not from its last, which lacks a √2.",
+        identity=identities.reaching_time,
     ),
-    (
-        Erratum("(1)", "second line begins with m ẍ", "m ÿ; the cross term is m ΩxΩy", "Dimensions."),
-        None,
+    Erratum(
+        "Remark 2, (26)–(32)",
+        "on the fractional surface the error reaches zero at a finite time",
+        "on a fractional surface it decays like a power of t; only the integer-order one is finite-time",
+        "If e were zero from some t on, D^(α−1) e would still keep a tail of the past, so s could not stay "
+        "zero. The proof bounds that tail by the present error.",
+        runs=seen.tail,
     ),
-    (
-        Erratum(
-            "(11)–(12), section 5",
-            "a bounded disturbance, f = randn",
-            "white noise of density S held for h has variance S/h, and no bound",
-            "A Gaussian exceeds every bound; its power depends on the hold time, which the paper does not state.",
-            "disturbance.hold, disturbance.density",
-        ),
-        gaussian_seen,
+    Erratum(
+        "(27)–(32)",
+        "e − ½ ė(t_r)(t − t_r) − e(t_r) = λ1 D^(α−2) e + D^(−1)(λ2 |e|^c sign(e) − C), and t_d from it",
+        "e − ė(t_r)(t − t_r) − e(t_r) = −λ1 D^(−1){D^(α−1) e − (D^(α−1) e)(t_r)} − D^(−1)(λ2 |e|^c sign(e) − C), "
+        "D^(−1) from t_r on",
+        "D^(−2) D^(2) e has (t − t_r)/Γ(2), Γ(2) = 1; (28) lost the minus of (27), and both drop the memory at t_r. "
+        "With it, all that is linear in t − t_r adds up to s(t_r) (t − t_r) = 0, so (31), (32) bound nothing. (31) "
+        "assumes e = ė = 0 at t_d, which is to be proved; (32) divides by the vector ė(t_r), which may be 0.",
+        identity=identities.second_integral,
+        runs=seen.second_integral,
     ),
-]
-
-
-def with_evidence(runs: Runs) -> list[Erratum]:
-    """Every row, with what the runs show where a run can show it."""
-    return [Erratum(e.where, e.printed, e.correct, e.why, e.switch, seen(runs) if seen else "") for e, seen in TABLE]
-
-
-def switches() -> dict[str, tuple[object, object]]:
-    """{field: (printed, corrected)} wherever the two presets differ."""
-    printed, corrected = (Scenario.paper(v).model_dump() for v in ("printed", "corrected"))
-    return {
-        f"{table}.{field}": (value, corrected[table][field])
-        for table, fields in printed.items()
-        for field, value in fields.items()
-        if value != corrected[table][field]
-    }
+    Erratum("(40)", "K q in the second line", "K̃ q", "Insert (38)."),
+    Erratum(
+        "(43)–(45), (46)",
+        "V̇ ≤ 0",
+        "with (36) only. With (46) V̇ = sᵀf − ‖s‖ρ + ‖s‖ρ̂ (1 − ‖s‖²/δ²) inside the layer, which is positive for large ρ̂",
+        "The proof treats (36), the simulation uses (46), and ρ̂ grows. With the usual layer the last factor is "
+        "1 − ‖s‖/δ.",
+        ("controller.layer_thickness",),
+        identity=identities.layer_dissipation,
+        runs=seen.layer_dissipation,
+    ),
+    Erratum(
+        "Remark 4",
+        "tracking error and surface converge to zero in finite time",
+        "V̇ ≤ 0 and Barbalat's lemma give asymptotic convergence, and with a layer an ultimate bound",
+        "(45) bounds ∫‖s‖ dt and no reaching time, since ε vanishes with the margin of b̂.",
+        runs=seen.finite_time,
+    ),
+    Erratum(
+        "(44)",
+        "M, N any positive definite matrices",
+        "multiples of the identity",
+        "Transpose (44): otherwise D̂ and K̂ lose their symmetry. The scenario therefore takes numbers.",
+        runs=seen.symmetry,
+    ),
+    Erratum(
+        "(44), figure 19",
+        "b̂ shows stable convergence",
+        "b̂ grows without bound under noise",
+        "‖s‖ ≥ 0 is integrated forever. Fixed by adaptation.leakage, .dead_zone or .projection, all off in both "
+        "variants, since the paper has none.",
+        ("adaptation.leakage", "adaptation.dead_zone", "adaptation.projection"),
+        runs=seen.bound,
+    ),
+    Erratum(
+        "(44), (46), sampled",
+        "the closed loop is stable",
+        "with a step h and the usual layer it is unstable from ρh/δ = 2 − λ₁h on, which b̂ reaches in noise",
+        "A held force takes ρh/δ of s back in one step. No switch fixes the law (44) in either variant; "
+        "controller.switching_limit, a field of ours, bounds ρh/δ.",
+        ("controller.switching_limit",),
+        runs=seen.end,
+    ),
+    Erratum(
+        "Remark 5",
+        "the resonance frequencies of x and y differ, which is persistent excitation; so (44) finds D, K, Ω",
+        "the reference's frequencies differ; excitation is necessary, not sufficient",
+        "Resonances belong to the plant, not to the reference. As printed, (44) cannot move Ω̂z, however it is excited; "
+        "as corrected, layer, sampling and noise leave errors.",
+        identity=identities.resonances,
+        runs=seen.excitation,
+    ),
+    Erratum(
+        "(47) → (48)",
+        "ω0 = 1 kHz; time in s",
+        "ω0 = 1000 rad/s; time in ms",
+        "1 kHz is 6283 rad/s, with which (48) does not follow. The figures' “s” are units of 1/ω0.",
+        ("plant.reference_frequency",),
+        identity=identities.unit_of_frequency,
+    ),
+    Erratum(
+        "Section 5",
+        "results are plotted in Figures 3–16",
+        "Figures 3–19",
+        "The captions and the text go on to Figure 19.",
+        identity=identities.last_figure,
+    ),
+    Erratum(
+        "Table 1, its text",
+        "the fractional controller is closer to the reference than the integer-order one",
+        "only at some orders; which, depends on axis, time and reading",
+        "Recomputed, since the values of Table 1 are not available: low orders are farther off than α = 1.",
+        runs=seen.table,
+    ),
+)

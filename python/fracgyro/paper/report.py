@@ -28,7 +28,7 @@ def write_report(
     *,
     claims: list[Claim],
     rows: list[Row],
-    errata: list[Erratum],
+    errata: list[tuple[Erratum, str]],
     study: Study,
     captions: Mapping[int, str],
     figures: Path,

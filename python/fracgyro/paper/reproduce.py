@@ -16,9 +16,9 @@ from ..simulation.dataset import write_run
 from ..simulation.many import threads_available
 from . import figures
 from .claims import Claim, judge, write_claims
-from .errata import with_evidence
+from .errata import ERRATA
 from .report import write_report
-from .runs import CONTROLLERS, VARIANTS, record_all, study, study_cases
+from .runs import CONTROLLERS, VARIANTS, Results, record_all, study, study_cases
 from .step_cost import time_steps
 from .table import draw_table, table, write_table
 
@@ -97,7 +97,7 @@ def reproduce(
         report,
         claims=claims,
         rows=rows,
-        errata=with_evidence(runs),
+        errata=[(erratum, erratum.evidence(Results(runs, results))) for erratum in ERRATA],
         study=results,
         captions={number: spec.caption for number, spec in figures.FIGURES.items()},
         figures=drawn,

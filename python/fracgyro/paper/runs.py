@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import xarray as xr
 
@@ -21,6 +22,13 @@ PAPER_ORDER = 0.9
 
 Runs = dict[tuple[str, str], xr.Dataset]  # by (variant, controller)
 Study = dict[tuple[str, str, float], xr.Dataset]  # metrics over `run` by (variant, controller, order)
+
+
+class Results(NamedTuple):
+    """Everything that the reproduction has run."""
+
+    runs: Runs
+    study: Study
 
 
 def scenario(variant: str, controller: str, order: float = PAPER_ORDER, seed: int = 0) -> Scenario:

@@ -153,7 +153,7 @@ class Scenario(Table):
 
     @classmethod
     def paper(cls, variant: Literal["corrected", "printed"] = "corrected") -> Scenario:
-        """The paper's study, eqs (47)-(53), with its errata corrected, or as printed: see EQUATIONS.md.
+        """The paper's study, eqs (47)-(53), with its errata corrected, or as printed: see docs/errata.md.
 
         Raises ScenarioError for another `variant`.
 
@@ -162,7 +162,7 @@ class Scenario(Table):
         """
         if variant not in ("corrected", "printed"):
             raise ScenarioError(f"variant is {shown(variant)}: it must be corrected or printed")
-        switches = {path: getattr(erratum, variant) for path, erratum in ERRATA_SWITCHES.items()}
+        switches = {path: getattr(readings, variant) for path, readings in ERRATA_SWITCHES.items()}
         # The hold is stated, so that a finer step leaves the noise as it is; the tolerance, so that the reproduction
         # has no error of its own.
         return cls().replace({**switches, "disturbance.hold": 1e-3, "run.kernel_tolerance": 1e-6})

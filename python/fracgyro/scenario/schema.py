@@ -21,25 +21,17 @@ HOLD_TOLERANCE = 1e-9  # relative: how far disturbance.hold may be from a whole 
 RANK_TOLERANCE = 1e-12  # relative to the largest entry: an eigenvalue below this is rounding, i.e. zero
 
 
-class Erratum(NamedTuple):
-    """One switch between the paper as printed and as corrected."""
+class Readings(NamedTuple):
+    """Values of one switch between the paper as printed and as corrected; docs/errata.md has the reasons."""
 
     printed: str
     corrected: str
-    equation: str
-    reason: str
 
 
 ERRATA_SWITCHES = {
-    "controller.layer": Erratum(
-        "quadratic", "linear", "(33), (46)", "the printed layer has zero gain at s = 0, where s then rings"
-    ),
-    "controller.derivative": Erratum(
-        "caputo", "riemann_liouville", "(17)", "d/dt of D^(alpha-1) e is the Riemann-Liouville derivative"
-    ),
-    "controller.rate_law": Erratum(
-        "printed", "skew", "(44)", "the printed law moves only a symmetric part, which Omega has not"
-    ),
+    "controller.layer": Readings("quadratic", "linear"),
+    "controller.derivative": Readings("caputo", "riemann_liouville"),
+    "controller.rate_law": Readings("printed", "skew"),
 }
 
 
