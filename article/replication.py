@@ -15,6 +15,7 @@ from fracgyro.paper.claims import Claim, judge
 from fracgyro.paper.errata import ERRATA
 from fracgyro.paper.runs import ORDERS, PAPER_ORDER, VARIANTS, Runs, Study, record_all, scenario, study
 from fracgyro.paper.step_cost import StepCost, time_steps
+from fracgyro.paper.table import farther_off, order_ranges
 from fracgyro.scenario import bounded
 from fracgyro.simulation.simulate import DivergedError, simulate
 from words import short, spelled, uncertain
@@ -182,6 +183,10 @@ def _seen(r: Replication) -> Values:
         "layer": layers,
         "order_whole": {axis: f"{orders['whole', axis]:g}" for axis in "xy"},
         "order_steady": {axis: f"{orders['steady', axis]:g}" for axis in "xy"},
+        "farther": {
+            variant: {axis: order_ranges(farther_off(r.study, variant, "whole", axis)) for axis in "xy"}
+            for variant in VARIANTS
+        },
         "steady": {v: short(float(of["rmse"].sel(window="steady", axis="x").mean())) for v, of in results.items()},
         "largest_force": {v: short(float(of["largest_force"].max()), 3) for v, of in results.items()},
         "bound": [short(float(bound.sel(time=t, method="nearest")), 3) for t in (20, 40, 60, 80)],

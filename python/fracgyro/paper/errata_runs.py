@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from .. import fractional
 from ..analysis import metrics
-from ..analysis.confidence import mean_interval
 from ..scenario import Scenario, bounded
 from ..simulation.simulate import DivergedError, simulate
-from .runs import ORDERS, PAPER_ORDER, VARIANTS, Results, scenario
+from .runs import PAPER_ORDER, VARIANTS, Results, scenario
+from .table import farther_off, order_ranges
 
 
 def _proposed(found: Results, variant: str) -> xr.Dataset:
@@ -251,28 +251,11 @@ def table(found: Results) -> str:
     """The orders at which Table 1, recomputed, contradicts the sentence."""
     texts = []
     for variant in VARIANTS:
-        for window in ("whole", "steady"):
-            ends = {}
-            for axis in ("x", "y"):
-                rmse = {
-                    order: found.study[variant, "proposed", order]["rmse"].sel(window=window, axis=axis)
-                    for order in ORDERS
-                }
-                ends[axis] = [o for o in ORDERS if o < 1 and mean_interval(rmse[o] - rmse[1.0]).low > 0]
-            where = "over the whole run" if window == "whole" else "after t = 10"
-            texts.append(f"{where} {' and '.join(f'{_orders(at)} on {axis}' for axis, at in ends.items())}")
-        texts[-2:] = [f"as {variant}, {', '.join(texts[-2:])}"]
+        parts = []
+        for window, words in (("whole", "over the whole run"), ("steady", "after t = 10")):
+            x, y = (order_ranges(farther_off(found.study, variant, window, axis)) for axis in ("x", "y"))
+            parts.append(f"{words} {x} on x and {y} on y")
+        texts.append(f"as {variant}, {', '.join(parts)}")
     return (
         "The mean RMSE is larger than at α = 1 (paired by seed, 95 % confidence) at these α: " + "; ".join(texts) + "."
     )
-
-
-def _orders(at: list[float]) -> str:
-    """Neighbors as a range: 0.1 to 0.3, 0.7."""
-    ranges: list[list[float]] = []
-    for order in at:
-        if ranges and round(order - ranges[-1][-1], 1) == 0.1:
-            ranges[-1].append(order)
-        else:
-            ranges.append([order])
-    return ", ".join(f"{r[0]:g} to {r[-1]:g}" if len(r) > 1 else f"{r[0]:g}" for r in ranges) or "none"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -43,6 +44,23 @@ def table(study: Study) -> list[Row]:
                     values = rmse.sel(axis=axis, window=window).values
                     rows.append(Row(variant, order, axis, window, *mean_interval(values), values.size))
     return rows
+
+
+def farther_off(study: Study, variant: str, window: str, axis: str) -> list[float]:
+    """The orders below 1 whose mean RMSE is larger than that of order 1, paired by seed, with 95 % confidence."""
+    rmse = {order: study[variant, "proposed", order]["rmse"].sel(window=window, axis=axis) for order in ORDERS}
+    return [order for order in ORDERS if order < 1 and mean_interval(rmse[order] - rmse[1.0]).low > 0]
+
+
+def order_ranges(orders: Sequence[float]) -> str:
+    """Rising orders with their neighbors as ranges: 0.1 to 0.3, 0.7."""
+    ranges: list[list[float]] = []
+    for order in orders:
+        if ranges and round(order - ranges[-1][-1], 1) == 0.1:
+            ranges[-1].append(order)
+        else:
+            ranges.append([order])
+    return ", ".join(f"{r[0]:g} to {r[-1]:g}" if len(r) > 1 else f"{r[0]:g}" for r in ranges) or "no order"
 
 
 def write_table(rows: list[Row], path: Path) -> None:
