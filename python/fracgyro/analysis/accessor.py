@@ -12,6 +12,7 @@ from ..extras import needs
 from ..scenario import Scenario
 from . import metrics
 from .mat import to_mat
+from .scenarios import texts
 
 
 @xr.register_dataset_accessor("fracgyro")
@@ -30,14 +31,15 @@ class RunAccessor:
     def scenario(self) -> Scenario:
         """The scenario of the run.
 
-        Raises ValueError where the Dataset has none, ScenarioError where it cannot be read.
+        Raises ValueError if the Dataset has none or several, ScenarioError if it cannot be read.
 
         >>> fg.simulate(fg.Scenario.paper()).fracgyro.scenario == fg.Scenario.paper()
         True
         """
-        if "scenario" not in self._run.attrs:
-            raise ValueError("the Dataset has no attribute scenario: it is not a run of fracgyro")
-        return Scenario.from_toml(self._run.attrs["scenario"])
+        found = texts(self._run)
+        if found.ndim:
+            raise ValueError(f"the Dataset has {found.size} runs: take one, as run.isel(run=0), for its scenario")
+        return Scenario.from_toml(str(found.item()))
 
     def plot(self, figure: Any = None) -> Any:
         """As `fracgyro.plot`.
@@ -52,7 +54,7 @@ class RunAccessor:
         """Writes a MAT-file for `load` in MATLAB and Octave; needs the extra interop.
 
         It has every variable, with its dimensions in the order of the Dataset, the struct `units`, and `scenario` as
-        TOML. Raises ValueError, in one sentence, when it cannot be written.
+        TOML, of several runs in a cell array. Raises ValueError, in one sentence, when it cannot be written.
 
         >>> fg.simulate(fg.Scenario.paper()).fracgyro.to_mat("run.mat")
         """

@@ -9,6 +9,7 @@ import xarray as xr
 
 from ..extras import needs
 from ..files import whole_file
+from .scenarios import texts
 
 
 def to_mat(run: xr.Dataset, path: str | os.PathLike[str]) -> None:
@@ -18,10 +19,11 @@ def to_mat(run: xr.Dataset, path: str | os.PathLike[str]) -> None:
     variables = {str(name): values for name, values in run.variables.items() if values.dtype.kind in "bfiu"}
     units = {name: str(values.attrs.get("units", "")) for name, values in variables.items()}
     content = {name: np.asarray(values) for name, values in variables.items()}
+    scenarios = texts(run).values  # of several runs a cell array
     with whole_file(path) as scratch, open(scratch, "wb") as file:
         savemat(
             file,
-            {**content, "units": units, "scenario": run.attrs.get("scenario", "")},
+            {**content, "units": units, "scenario": scenarios.astype(object) if scenarios.ndim else str(scenarios)},
             long_field_names=True,
             oned_as="column",
         )

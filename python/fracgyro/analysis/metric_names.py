@@ -4,58 +4,72 @@ from __future__ import annotations
 
 import difflib
 
-METRICS = {
+# Words of each column, and its nondimensional unit as the core writes it.
+COLUMNS = {
     **{
         f"rmse_{window}_{axis}": (f"RMS error of {axis}, {words}", "q0")
         for window, words in (("whole", "whole run"), ("transient", "transient"), ("steady", "steady"))
         for axis in "xy"
     },
-    "chattering_x": ("chattering of u in x", ""),
-    "chattering_y": ("chattering of u in y", ""),
-    "effort_x": ("RMS force in x", "m ω0² q0"),
-    "effort_y": ("RMS force in y", "m ω0² q0"),
-    "bound_final_0": ("estimate of b0 at the end", "m ω0² q0"),
-    "bound_final_1": ("estimate of b1 at the end", "m ω0²"),
-    "bound_final_2": ("estimate of b2 at the end", "m ω0"),
-    "error_settling_time": ("settling time of the error", "1/ω0"),
-    "surface_settling_time": ("settling time of the surface", "1/ω0"),
-    "rate_error": ("rate error at the end", "ω0"),
-    "rate_error_rms": ("RMS rate error, steady", "ω0"),
-    "rate_error_peak": ("largest rate error", "ω0"),
-    "rate_settling_time": ("settling time of the rate", "1/ω0"),
-    "damping_error": ("relative error of D at the end", ""),
-    "stiffness_error": ("relative error of K at the end", ""),
-    "bound_0_halfway": ("estimate of b0 halfway", "m ω0² q0"),
-    "largest_force": ("largest force", "m ω0² q0"),
-    "saturated_share": ("share of samples at the force limit", ""),
+    "chattering_x": ("chattering of u in x", "1"),
+    "chattering_y": ("chattering of u in y", "1"),
+    "effort_x": ("RMS force in x", "m*omega0^2*q0"),
+    "effort_y": ("RMS force in y", "m*omega0^2*q0"),
+    "bound_final_0": ("estimate of b0 at the end", "m*omega0^2*q0"),
+    "bound_final_1": ("estimate of b1 at the end", "m*omega0^2"),
+    "bound_final_2": ("estimate of b2 at the end", "m*omega0"),
+    "error_settling_time": ("settling time of the error", "1/omega0"),
+    "surface_settling_time": ("settling time of the surface", "1/omega0"),
+    "rate_error": ("rate error at the end", "omega0"),
+    "rate_error_rms": ("RMS rate error, steady", "omega0"),
+    "rate_error_peak": ("largest rate error", "omega0"),
+    "rate_settling_time": ("settling time of the rate", "1/omega0"),
+    "damping_error": ("relative error of D at the end", "1"),
+    "stiffness_error": ("relative error of K at the end", "1"),
+    "bound_0_halfway": ("estimate of b0 halfway", "m*omega0^2*q0"),
+    "largest_force": ("largest force", "m*omega0^2*q0"),
+    "saturated_share": ("share of samples at the force limit", "1"),
 }
 
-# The quantity of each metric, and its unit in SI.
-UNITS = {
-    "rmse": "length",
-    "error_settling_time": "time",
-    "surface_settling_time": "time",
-    "chattering": "",
-    "effort": "force",
-    "rate_error": "rate",
-    "rate_error_rms": "rate",
-    "rate_error_peak": "rate",
-    "rate_settling_time": "time",
-    "damping_error": "",
-    "stiffness_error": "",
-    "bound_final": "",  # each its own
-    "bound_0_halfway": "force",
-    "largest_force": "force",
-    "saturated_share": "",
-    "diverged_at": "time",
-}
-SI = {"length": "m", "time": "s", "velocity": "m/s", "force": "N", "rate": "rad/s"}
+
+def written(unit: str) -> str:
+    """A nondimensional unit for people; empty for 1."""
+    return "" if unit == "1" else unit.replace("omega0", "ω0").replace("^2", "²").replace("*", " ")
+
+
+METRICS = {column: (words, written(unit)) for column, (words, unit) in COLUMNS.items()}
+NAMES = (
+    "rmse",
+    "error_settling_time",
+    "surface_settling_time",
+    "chattering",
+    "effort",
+    "rate_error",
+    "rate_error_rms",
+    "rate_error_peak",
+    "rate_settling_time",
+    "damping_error",
+    "stiffness_error",
+    "bound_final",
+    "bound_0_halfway",
+    "largest_force",
+    "saturated_share",
+)
+
+
+def columns(metric: str) -> list[str]:
+    """The columns of a metric, which are one or several."""
+    return [metric] if metric in COLUMNS else [name for name in COLUMNS if name.startswith(f"{metric}_")]
+
+
+# Nondimensional units of each metric: one, or one for each of its columns.
+UNITS = {name: tuple(dict.fromkeys(COLUMNS[column][1] for column in columns(name))) for name in NAMES}
+UNITS["diverged_at"] = ("1/omega0",)
 
 
 def nondimensional_unit(metric: str) -> str:
-    """Of a metric, which has one column or several; theirs one after the other where they differ."""
-    columns = [metric] if metric in METRICS else [name for name in METRICS if name.startswith(f"{metric}_")]
-    return ", ".join(dict.fromkeys(METRICS[name][1] for name in columns))
+    """The units of a metric for people, one after the other where those of its columns differ."""
+    return ", ".join(map(written, UNITS[metric]))
 
 
 def metric_hint(name: str) -> str:

@@ -10,15 +10,17 @@ from collections.abc import Callable
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from .. import _core
 from ..arguments import number
 from ..scenario import Scenario, check_scenario
 from ..scenario.kinds import AXES, ENTRIES
 from ..scenario.to_core import core_setup, only_laws
+from ..scenario.units import si_unit
 from ..simulation.dataset import metrics_dataset, units_of
-from .metric_names import SI, UNITS
+from .metric_names import UNITS
+from .scenarios import of_each, scale, time_unit
 
 __all__ = [
     "chattering",
@@ -37,7 +39,6 @@ __all__ = [
     "true_rate",
 ]
 
-BOUND_UNITS = ["N", "N/m", "N s/m"]
 Window = tuple[float | None, float | None]
 STEADY: Window = (10.0, None)  # nondimensional
 
@@ -75,8 +76,8 @@ def settling_time(run: xr.Dataset, bound: float | None = None) -> xr.DataArray:
     >>> float(fg.metrics.settling_time(fg.simulate(fg.Scenario.paper()))) < 5
     True
     """
-    bound = ERROR_BOUND * _scale(run, "length") if bound is None else bound
-    return _settled(_size(run["error"]) <= bound, run["time"])
+    limit = ERROR_BOUND * scale(run, "q0") if bound is None else xr.DataArray(bound)
+    return _settled(_size(run["error"]) <= limit, run["time"])
 
 
 def surface_settling_time(run: xr.Dataset, bound: float | None = None) -> xr.DataArray:
@@ -85,8 +86,8 @@ def surface_settling_time(run: xr.Dataset, bound: float | None = None) -> xr.Dat
     >>> float(fg.metrics.surface_settling_time(fg.simulate(fg.Scenario.paper()))) < 5
     True
     """
-    bound = SURFACE_BOUND * _scale(run, "velocity") if bound is None else bound
-    return _settled(_size(run["surface"]) <= bound, run["time"])
+    limit = SURFACE_BOUND * scale(run, "q0*omega0") if bound is None else xr.DataArray(bound)
+    return _settled(_size(run["surface"]) <= limit, run["time"])
 
 
 def chattering(run: xr.Dataset, window: Window | None = None) -> xr.DataArray:
@@ -97,7 +98,7 @@ def chattering(run: xr.Dataset, window: Window | None = None) -> xr.DataArray:
     >>> bool((fg.metrics.chattering(fg.simulate(fg.Scenario.paper())) < 0.01).all())
     True
     """
-    force = cut(run, (TRANSIENT * _scale(run, "time"), None) if window is None else window)["control"]
+    force = cut(run, (TRANSIENT * time_unit(run), None) if window is None else window)["control"]
     bend = force.diff("time", n=2)
     return _rms(bend) / _rms(force)
 
@@ -108,7 +109,7 @@ def saturated_share(run: xr.Dataset) -> xr.DataArray:
     >>> float(fg.metrics.saturated_share(fg.simulate(fg.Scenario.paper())))
     0.0
     """
-    limit = Scenario.from_toml(run.attrs["scenario"]).controller.force_limit
+    limit = of_each(run, lambda s: s.controller.force_limit) * scale(run, "m*omega0^2*q0")
     at_limit = abs(run["control"]) >= limit * (1 - 1e-12)  # which units other than the run's round
     found: xr.DataArray = at_limit.any("axis").mean("time")
     return found
@@ -141,7 +142,7 @@ def true_rate(run: xr.Dataset) -> xr.DataArray:
     """
     if "angular_rate" in run:
         return run["angular_rate"]
-    return _truth(run, lambda s: _in_units(s, s.plant.nondimensional()[2], s.plant.scales.rate))
+    return of_each(run, lambda s: s.plant.nondimensional()[2]) * scale(run, "omega0")
 
 
 def rate_settling_time(run: xr.Dataset, tolerance: float = 0.1) -> xr.DataArray:
@@ -164,7 +165,7 @@ def damping_error(run: xr.Dataset) -> xr.DataArray:
     >>> round(float(fg.metrics.damping_error(fg.simulate(fg.Scenario.paper()))[0]), 3)
     0.05
     """
-    truth = _truth(run, lambda s: _true_matrices(s)[0], "entry")
+    truth = of_each(run, lambda s: _true_matrices(s)[0], "entry") * scale(run, "m*omega0")
     if "damping_drift" in run:
         truth = truth * (1.0 + run["damping_drift"])
     return _relative(run["damping_estimate"], truth)
@@ -176,7 +177,7 @@ def stiffness_error(run: xr.Dataset) -> xr.DataArray:
     >>> round(float(fg.metrics.stiffness_error(fg.simulate(fg.Scenario.paper()))[0]), 3)
     0.05
     """
-    truth = _truth(run, lambda s: _true_matrices(s)[1], "entry")
+    truth = of_each(run, lambda s: _true_matrices(s)[1], "entry") * scale(run, "m*omega0^2")
     if "stiffness_drift" in run:
         truth = truth * (1.0 + run["stiffness_drift"])
     return _relative(run["stiffness_estimate"], truth)
@@ -195,23 +196,20 @@ def lyapunov(run: xr.Dataset, bounds: tuple[float, float, float]) -> xr.DataArra
     """
     if run.attrs.get("units") != "nondimensional":
         raise ValueError(f"units is {run.attrs.get('units')}: V of eq. (39) needs a nondimensional run")
-    scenario = Scenario.from_toml(run.attrs["scenario"])
-    gains = scenario.adaptation
-    if not only_laws(scenario):
-        raise ValueError(f"adaptation.kind is {scenario.adaptation.kind}: V of eq. (39) is that of gradient")
-    damping, stiffness = _true_matrices(scenario)
+    if other := max(of_each(run, lambda s: "" if only_laws(s) else s.adaptation.kind).values.flat):
+        raise ValueError(f"adaptation.kind is {other}: V of eq. (39) is that of gradient")
     weights = xr.DataArray([1.0, 2.0, 1.0], dims="entry")  # xy stands twice in the matrix
-    d = run["damping_estimate"] - xr.DataArray(damping, dims="entry")
-    k = run["stiffness_estimate"] - xr.DataArray(stiffness, dims="entry")
+    d = run["damping_estimate"] - of_each(run, lambda s: _true_matrices(s)[0], "entry")
+    k = run["stiffness_estimate"] - of_each(run, lambda s: _true_matrices(s)[1], "entry")
     symmetric = run["rate_symmetric_estimate"]
     rate = 2.0 * rate_error(run) ** 2 + (weights * symmetric**2).sum("entry")
     b = run["bound_estimate"] - xr.DataArray(list(bounds), dims="bound")
-    x = xr.DataArray(list(gains.bound_gain), dims="bound")
+    x = of_each(run, lambda s: s.adaptation.bound_gain, "bound")
     found: xr.DataArray = 0.5 * (
         (run["surface"] ** 2).sum("axis")
-        + (weights * d**2).sum("entry") / gains.damping_gain
-        + (weights * k**2).sum("entry") / gains.stiffness_gain
-        + rate / gains.rate_gain
+        + (weights * d**2).sum("entry") / of_each(run, lambda s: s.adaptation.damping_gain)
+        + (weights * k**2).sum("entry") / of_each(run, lambda s: s.adaptation.stiffness_gain)
+        + rate / of_each(run, lambda s: s.adaptation.rate_gain)
         + (b**2 / x).sum("bound")
     )
     return found
@@ -235,7 +233,7 @@ def summary(
     >>> sorted(fg.metrics.summary(fg.simulate(fg.Scenario.paper())))[:3]
     ['bound_0_halfway', 'bound_final', 'chattering']
     """
-    transient = TRANSIENT * _scale(run, "time") if transient is None else number("transient", transient, least=0.0)
+    transient = TRANSIENT * time_unit(run) if transient is None else number("transient", transient, least=0.0)
     for threshold, bound in {"error_bound": error_bound, "surface_bound": surface_bound}.items():
         if bound is not None:
             number(threshold, bound, above=0.0)
@@ -268,10 +266,7 @@ def summary(
         }
     )
     for name, values in figures.items():
-        quantity = UNITS.get(str(name), "")
-        values.attrs = {"units": SI[quantity] if quantity and run.attrs["units"] == "SI" else "1"}
-    if run.attrs["units"] == "SI":
-        figures["bound_final"].attrs = units_of(BOUND_UNITS)
+        values.attrs = units_of([si_unit(unit) for unit in UNITS[str(name)]] if run.attrs["units"] == "SI" else ["1"])
     return figures
 
 
@@ -303,12 +298,10 @@ def measured(scenario: Scenario) -> xr.Dataset:
     values = _core.measure_run(core_setup(scenario), _core.MetricsParams())
     figures = metrics_dataset(values[np.newaxis], {}).isel(run=0)[list(UNITS)]
     if scenario.run.units == "SI":
-        scales = scenario.plant.scales
-        for figure, quantity in UNITS.items():
-            if quantity:
-                figures[figure] = (figures[figure] * getattr(scales, quantity)).assign_attrs(units=SI[quantity])
-        figures["bound_final"] *= [scales.force, scales.stiffness, scales.damping]
-        figures["bound_final"].attrs = units_of(BOUND_UNITS)
+        for figure, units in UNITS.items():
+            factors = [scenario.plant.scales.of(unit) for unit in units]
+            figures[figure] = figures[figure] * (factors if len(factors) > 1 else factors[0])
+            figures[figure].attrs = units_of([si_unit(unit) for unit in units])
     return figures
 
 
@@ -349,33 +342,7 @@ def _relative(estimate: xr.DataArray, truth: xr.DataArray) -> xr.DataArray:
     return (off / (weights * truth**2).sum("entry")) ** 0.5
 
 
-def _scale(run: xr.Dataset, quantity: str) -> float:
-    """SI value of one nondimensional unit in an SI run, 1 in a nondimensional one."""
-    if run.attrs["units"] != "SI":
-        return 1.0
-    text = run.attrs["scenario"] if "scenario" in run.attrs else run["scenario"].values[0]
-    return float(getattr(Scenario.from_toml(text).plant.scales, quantity))
-
-
-def _in_units(scenario: Scenario, value: float, scale: float) -> float:
-    return value * scale if scenario.run.units == "SI" else value
-
-
 def _true_matrices(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
+    """D and K, nondimensional, with what the controller does not know."""
     damping, stiffness, _, more_damping, more_stiffness = scenario.plant.nondimensional()
-    scales = scenario.plant.scales
-    si = scenario.run.units == "SI"
-    return (
-        (damping + more_damping) * (scales.damping if si else 1.0),
-        (stiffness + more_stiffness) * (scales.stiffness if si else 1.0),
-    )
-
-
-def _truth(run: xr.Dataset, read: Callable[[Scenario], ArrayLike], dimension: str | None = None) -> xr.DataArray:
-    """`read(scenario)` of the run, or of each run of many."""
-    inner = [dimension] if dimension else []
-    if "scenario" in run.attrs:
-        return xr.DataArray(read(Scenario.from_toml(run.attrs["scenario"])), dims=inner)
-    texts = run["scenario"].values
-    known = {text: read(Scenario.from_toml(text)) for text in dict.fromkeys(texts)}
-    return xr.DataArray(np.array([known[text] for text in texts]), dims=["run", *inner])
+    return damping + more_damping, stiffness + more_stiffness

@@ -23,13 +23,15 @@ MAX_POINTS = 8000  # of a curve
 def plot(run: xr.Dataset, figure: Figure | None = None) -> Figure:
     """Draws position, tracking error, control force and, where the controller estimates it, the angular rate over time.
 
-    `run`: of `simulate`. `figure`: to draw into; a new one of pyplot if left out. Returns the figure. Needs the extra
-    report.
+    `run`: of `simulate`, or one of several. `figure`: to draw into; a new one of pyplot if left out. Returns the
+    figure. Needs the extra report.
 
     >>> figure = fg.plot(fg.simulate(fg.Scenario.paper()))
     >>> len(figure.axes)
     4
     """
+    if "run" in run.dims:
+        raise ValueError(f"the Dataset has {run.sizes['run']} runs: take one, as run.isel(run=0), to draw it")
     if figure is None:
         from matplotlib import pyplot
 

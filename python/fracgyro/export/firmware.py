@@ -6,7 +6,6 @@ import hashlib
 import os
 import shutil
 from collections.abc import Iterable
-from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -17,8 +16,19 @@ from ..scenario import Scenario
 from ..scenario.bounded import check_bounded
 from ..scenario.kinds import ENTRIES, KINDS, Channel, lasting
 from ..scenario.to_core import core_numbers, core_setup
+from ..scenario.units import si_unit
 from .compilers import SOURCES, Number
 from .settings import columns
+
+# The units that the header states, by the name that each has there.
+UNITS = {
+    "length": "q0",
+    "velocity": "q0*omega0",
+    "force": "m*omega0^2*q0",
+    "damping": "m*omega0",
+    "stiffness": "m*omega0^2",
+    "rate": "omega0",
+}
 
 
 def firmware(
@@ -55,11 +65,9 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
     values = initializer(_core.coefficients(setup, single), number)
     channels, numbers = lasting(setup), core_numbers(scenario)
     stiffness = [numbers[f"adaptation.initial_stiffness.{entry}"] for entry in ENTRIES]
-    scales = asdict(scenario.plant.scales)
-    scales["step"] = scenario.run.step * scales["time"]
-    units = {"step": "s", "length": "m", "velocity": "m/s", "force": "N", "damping": "N s/m", "stiffness": "N/m"}
-    units["rate"] = "rad/s"
-    names = {"step": "STEP_SECONDS", **{name: f"{name.upper()}_UNIT" for name in units if name != "step"}}
+    scales = scenario.plant.scales
+    units = {f"{name.upper()}_UNIT": (scales.of(unit), si_unit(unit)) for name, unit in UNITS.items()}
+    units = {"STEP_SECONDS": (scenario.run.step * scales.time, "s"), **units}
     velocity, meaning = {
         "full": (1, "fracgyro_motion must have it"),
         "position": (0, "what fracgyro_motion says of it is not looked at"),
@@ -77,7 +85,7 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
         f"#define FRACGYRO_KEY 0x{hashlib.sha256((made + values).encode()).hexdigest()[:8]}U",
         "",
         "/* SI value = nondimensional value * unit. */",
-        *(f"#define FRACGYRO_{names[n]} {scales[n].hex()} /* {scales[n]:.9g} {unit} */" for n, unit in units.items()),
+        *(f"#define FRACGYRO_{name} {scale.hex()} /* {scale:.9g} {unit} */" for name, (scale, unit) in units.items()),
         "",
         *_report(channels),
         "",

@@ -151,16 +151,6 @@ class Channel:
 
 AXES = ["x", "y"]
 ENTRIES = ["xx", "xy", "yy"]
-# A quantity of schema.py's Scales and its SI unit, by its nondimensional unit.
-QUANTITIES = {
-    "q0": ("length", "m"),
-    "q0*omega0": ("velocity", "m/s"),
-    "m*omega0^2*q0": ("force", "N"),
-    "m*omega0": ("damping", "N s/m"),
-    "m*omega0^2": ("stiffness", "N/m"),
-    "omega0": ("rate", "rad/s"),
-    "1": ("one", "1"),
-}
 
 
 def _channels(found: tuple[tuple[str, int, str, str, str, bool], ...]) -> tuple[Channel, ...]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import astuple, dataclass
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self
 
 import numpy as np
@@ -16,7 +15,9 @@ from pydantic import create_model, model_validator
 
 from .kinds import KINDS, MEANINGS, table_fields
 from .table import MAX_STEPS, ZERO, Frequencies, Pair, Symmetric, Table, Vector, field, sentence, toml_value
+from .units import Scales
 
+SCALED = ("1/omega0", "q0*omega0", "omega0^2*q0", "m*omega0^2*q0", "m*omega0", "m*omega0^2")  # finite in SI
 HOLD_TOLERANCE = 1e-9  # relative: how far disturbance.hold may be from a whole number of steps
 RANK_TOLERANCE = 1e-12  # relative to the largest entry: an eigenvalue below this is rounding, i.e. zero
 
@@ -33,20 +34,6 @@ ERRATA_SWITCHES = {
     "controller.derivative": Readings("caputo", "riemann_liouville"),
     "controller.rate_law": Readings("printed", "skew"),
 }
-
-
-@dataclass(frozen=True)
-class Scales:
-    """SI value = nondimensional value * scale: the map (3)-(4), which takes (47) to (48)."""
-
-    time: float  # s, 1/omega0
-    length: float  # m, q0
-    velocity: float  # m/s, q0 omega0
-    force: float  # N, m omega0^2 q0
-    damping: float  # N s/m, m omega0
-    stiffness: float  # N/m, m omega0^2
-    rate: float  # rad/s, omega0
-    one: float = 1.0  # of what has no unit
 
 
 class Plant(Table):
@@ -88,10 +75,7 @@ class Plant(Table):
 
     @property
     def scales(self) -> Scales:
-        length, rate = self.reference_length, self.reference_frequency
-        damping = self.mass * rate
-        stiffness = damping * rate
-        return Scales(1 / rate, length, length * rate, stiffness * length, damping, stiffness, rate)
+        return Scales(self.mass, self.reference_length, self.reference_frequency)
 
     def effective_stiffness(self) -> Symmetric:
         """K as it acts in eq. (1), N/m: softened when `centrifugal`; without Delta K."""
@@ -121,7 +105,7 @@ class Plant(Table):
         total = effective.plus(deviation.xx, deviation.xy, deviation.yy)
         _check_definite("plant.stiffness plus plant.stiffness_deviation", total)
         with np.errstate(all="ignore"):
-            if not all(0 < scale < math.inf for scale in astuple(self.scales)) or not all(
+            if not all(0 < self.scales.of(unit) < math.inf for unit in SCALED) or not all(
                 np.isfinite(part).all() for part in self.nondimensional()
             ):
                 raise sentence(

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from .. import _core
 from ..arguments import number, pair, short
 from ..scenario import Scenario, check_scenario
-from ..scenario.kinds import QUANTITIES, lasting
+from ..scenario.kinds import lasting
 from ..scenario.to_core import core_setup
 from .outside import units
 
@@ -67,10 +67,7 @@ class Controller:
         setup = core_setup(scenario)
         self._core = _core.Controller(setup, single_precision)
         self._reported = lasting(setup)
-        self._scales = [
-            [getattr(scales, QUANTITIES[unit][0]) if si else 1.0 for unit in channel.units]
-            for channel in self._reported
-        ]
+        self._scales = [[scales.of(unit) if si else 1.0 for unit in channel.units] for channel in self._reported]
 
     def step(self, time: float, position: Sequence[float], velocity: Sequence[float] | None = None) -> Vector:
         """The force [x, y] to hold until the next step, from position and velocity [x, y] measured at `time`.

@@ -16,7 +16,8 @@ from .. import _core
 from ..extras import require
 from ..files import whole_file
 from ..scenario import Scenario
-from ..scenario.kinds import AXES, QUANTITIES, Channel
+from ..scenario.kinds import AXES, Channel
+from ..scenario.units import si_unit
 from .outside import Outside
 
 VERSION = version("fracgyro")
@@ -30,40 +31,48 @@ def time_scale(scenario: Scenario) -> float:
 
 def dataset(
     rows: np.ndarray,
-    scenario: Scenario,
+    scenarios: Sequence[Scenario],
     channels: tuple[Channel, ...],
     outside: Outside | None = None,
     *,
     first: int = 0,
     every: int | None = None,
 ) -> xr.Dataset:
-    """Rows (..., sample, column) as a Dataset; every variable is a view of them unless units must change.
+    """Rows (sample, column) of one run as a Dataset, or (run, sample, column) of the runs of these scenarios.
 
-    `outside`: whose reports are in the units of the run already. `first`: the sample of the first row; `every`: samples
-    from one row to the next, run.record_every if left out.
+    Every variable is a view of the rows unless units must change. Runs share run.step, run.units and, in SI, the unit
+    of time. `outside`: whose reports are in the units of the run already. `first`: the sample of the first row;
+    `every`: samples from one row to the next, run.record_every if left out.
     """
+    scenario = scenarios[0]
     si = scenario.run.units == "SI"
-    scales = scenario.plant.scales
     given = (outside and outside.reports) or ()
     data: dict[str, np.ndarray] = {}
     column = 0
     for channel in channels:
         values = rows[..., column : column + channel.width] if channel.dimension else rows[..., column]
         if si and channel not in given:
-            factors = [getattr(scales, QUANTITIES[unit][0]) for unit in channel.units]
-            values = values * (factors if len(factors) > 1 else factors[0])
+            factors = _factors(scenarios, channel)
+            values = values * (factors[0] if rows.ndim == 2 else factors)
         data[channel.name] = values
         column += channel.width
     step = scenario.run.step * (scenario.run.record_every if every is None else every)
     form = _form if rows.shape[-2] <= MAX_KEPT else _form.__wrapped__
     run = form(channels, rows.shape[:-1], first, step, time_scale(scenario), si).copy(deep=True, data=data)
     run.attrs = {
-        "scenario": scenario.to_toml(),
+        **({"scenario": scenario.to_toml()} if rows.ndim == 2 else {}),
         "version": VERSION,
         "units": scenario.run.units,
         **({"controller": outside.name} if outside else {}),
     }
     return run
+
+
+def _factors(scenarios: Sequence[Scenario], channel: Channel) -> np.ndarray:
+    """SI values of the units of a channel in each run, (run, 1, column), without the last of a channel that has one."""
+    found = {id(s): [s.plant.scales.of(unit) for unit in channel.units] for s in scenarios}
+    factors = np.array([found[id(s)] for s in scenarios])[:, np.newaxis]
+    return factors if channel.dimension else factors[..., 0]
 
 
 @lru_cache(maxsize=4)
@@ -75,7 +84,7 @@ def _form(
     coordinates: dict[str, Any] = {}
     leading = ["run"] * (len(shape) - 1)
     for channel in channels:
-        units = units_of([QUANTITIES[unit][1] for unit in channel.units] if si else ["1"])
+        units = units_of([si_unit(unit) for unit in channel.units] if si else ["1"])
         inner = [channel.dimension] if channel.dimension else []
         if channel.dimension:
             coordinates[channel.dimension] = _fixed(channel.labels)

@@ -35,9 +35,8 @@ def units(scenario: Scenario) -> _core.Units:
     found = _core.Units()
     if scenario.run.units == "SI":
         scales = scenario.plant.scales
-        for name in ("time", "length", "velocity", "force", "rate"):
+        for name in ("time", "length", "velocity", "acceleration", "force", "rate"):
             setattr(found, name, getattr(scales, name))
-        found.acceleration = scales.velocity / scales.time
     return found
 
 

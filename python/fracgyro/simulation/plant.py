@@ -125,7 +125,7 @@ class Loop:
             )
         first = self._core.steps
         rows = self._rows(count)
-        found = dataset(rows, self.scenario, self._channels(), self._outside, first=first, every=1)
+        found = dataset(rows, [self.scenario], self._channels(), self._outside, first=first, every=1)
         if len(rows) < count:
             raise DivergedError(self.scenario, self._core.steps * self.scenario.run.step, found)
         return found

@@ -17,6 +17,7 @@ from .many import check_many, seed_of_each, setups_of, threads_available
 from .outside import ControllerLike, Outside
 
 CHUNK = 32  # runs between two looks at the keyboard and the progress callback
+TOGETHER = ("duration", "step", "record_every", "units")  # fields of [run] that runs of one record share
 MAX_RECORD = 2 * 10**9  # bytes; a limit that depends on no machine, as its memory does
 
 
@@ -83,7 +84,7 @@ def simulate(scenario: Scenario, controller: ControllerLike | None = None) -> xr
         rows, lasted = _core.record_runs([setup], every, 1, device)
     samples = int(lasted[0])
     diverged = samples <= scenario.run.steps
-    run = dataset(rows[0, : -(-samples // every)] if diverged else rows[0], scenario, channels, outside)
+    run = dataset(rows[0, : -(-samples // every)] if diverged else rows[0], [scenario], channels, outside)
     if diverged:
         raise DivergedError(scenario, samples * scenario.run.step, run)
     return run
@@ -103,9 +104,9 @@ def simulate_many(
     own: as in `simulate`. A `native.Law` runs on all processors, a callable on one, one run after another, each after
     reset(scenario) if it has that. `progress` is called with the number of runs finished since the last call.
 
-    All scenarios must share run.duration, run.step, run.record_every and run.units. A run that diverges holds NaN from
-    then on, and `diverged_at` says when; it is NaN for the others. What only some controllers report is NaN for the
-    others.
+    All scenarios must share run.duration, run.step, run.record_every and run.units, and in SI units
+    plant.reference_frequency, which sets the unit of time. A run that diverges holds NaN from then on, and
+    `diverged_at` says when; it is NaN for the others. What only some controllers report is NaN for the others.
 
     Raises TypeError when `scenarios` is not a list of scenarios or `seeds` no list of integers; ValueError when one of
     them is empty, a seed is given twice or outside 0 to 2^63 - 1, the scenarios do not match, or the record would be
@@ -136,22 +137,26 @@ def simulate_many(
         if progress:
             progress(len(setups))
     whole = parts[0] if len(parts) == 1 else np.concatenate(parts)
-    run = dataset(whole, first, outside.channels(device) if outside else channels, outside)
+    each = [scenario for scenario in scenarios for _ in range(times)]
+    run = dataset(whole, each, outside.channels(device) if outside else channels, outside)
     samples = np.concatenate(lasted)
     time = np.where(samples > first.run.steps, np.nan, samples * first.run.step)
     run["diverged_at"] = ("run", time * time_scale(first), {"long_name": "time of divergence"})
-    del run.attrs["scenario"]
     texts = np.repeat([s.to_toml() for s in scenarios], times)
     return run.assign_coords(scenario=("run", texts), **seed_of_each(scenarios, seeds))
 
 
 def _check_alike(scenarios: Sequence[Scenario]) -> None:
-    for field in ("duration", "step", "record_every", "units"):
-        values = {getattr(s.run, field) for s in scenarios}
-        if len(values) > 1:
+    """Raises ValueError for runs that cannot share the coordinate `time`."""
+    values = {f"run.{name}": {getattr(s.run, name) for s in scenarios} for name in TOGETHER}
+    if scenarios[0].run.units == "SI":
+        values["plant.reference_frequency"] = {s.plant.reference_frequency for s in scenarios}
+    for path, found in values.items():
+        if len(found) > 1:
+            in_si = " when run.units is SI" if path.startswith("plant") else ""
             raise ValueError(
-                f"run.{field} is {' and '.join(map(str, sorted(values)))}: "
-                "it must be the same in all scenarios that are recorded together; measure_many keeps no record"
+                f"{path} is {' and '.join(map(str, sorted(found)))}: it must be the same in all scenarios that are "
+                f"recorded together{in_si}; measure_many keeps no record"
             )
 
 

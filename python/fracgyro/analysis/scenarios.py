@@ -1,0 +1,48 @@
+"""The scenarios of recorded runs: one of `simulate`, or one for each run of `simulate_many`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+
+from ..scenario import Scenario
+
+
+def texts(run: xr.Dataset) -> xr.DataArray:
+    """The scenario of a run as TOML, over `run` if there are several. Raises ValueError for a Dataset without one."""
+    if "scenario" in run.attrs:
+        return xr.DataArray(run.attrs["scenario"])
+    if "scenario" in run.coords:
+        return run["scenario"].reset_coords(drop=True)
+    raise ValueError("the Dataset has neither an attribute nor a coordinate scenario: it is not a run of fracgyro")
+
+
+def of_each(run: xr.Dataset, read: Callable[[Scenario], ArrayLike], dimension: str | None = None) -> xr.DataArray:
+    """`read(scenario)` of the run, or of each of several; `dimension`: of an array that is read."""
+    found = texts(run)
+    known = {text: np.asarray(read(_scenario(str(text)))) for text in dict.fromkeys(found.values.flat)}
+    values = np.array([known[text] for text in found.values.flat])
+    inner = [dimension] if dimension else []
+    return xr.DataArray(values if found.ndim else values[0], dims=[*found.dims, *inner])
+
+
+@lru_cache(maxsize=1000)
+def _scenario(text: str) -> Scenario:
+    return Scenario.from_toml(text)
+
+
+def scale(run: xr.Dataset, unit: str) -> xr.DataArray:
+    """SI value of a nondimensional unit, each run's own, in SI runs; 1 in nondimensional ones."""
+    return of_each(run, lambda s: s.plant.scales.of(unit)) if run.attrs["units"] == "SI" else xr.DataArray(1.0)
+
+
+def time_unit(run: xr.Dataset) -> float:
+    """As `scale`, of time, which runs recorded together share."""
+    found = np.unique(scale(run, "1/omega0"))
+    if len(found) > 1:
+        raise ValueError("plant.reference_frequency differs between these runs in SI units: they share no unit of time")
+    return float(found[0])
