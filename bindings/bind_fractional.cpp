@@ -5,6 +5,8 @@
 #include "fracgyro/core/sampled.hpp"
 #include "fracgyro/sim/cpu_dispatch.hpp"
 
+#include <nanobind/stl/vector.h>
+
 #include <vector>
 
 namespace fracgyro::bindings {
@@ -145,6 +147,20 @@ public:
         }
         return owned<Number, 1>(std::move(found), {samples.shape(0)});
     }
+    // The memory, then the last sample and the last change.
+    std::vector<Number> state() const {
+        std::vector<Number> all = memory_;
+        all.push_back(past_.sample);
+        all.push_back(past_.change);
+        return all;
+    }
+    void restore(const std::vector<Number>& saved) {
+        if (saved.size() != memory_.size() + 2) {
+            throw nb::value_error("state is damaged: it is not as it was saved");
+        }
+        std::copy_n(saved.begin(), memory_.size(), memory_.begin());
+        past_ = Past{saved[memory_.size()], saved[memory_.size() + 1]};
+    }
 
 private:
     Gains gains_;
@@ -160,7 +176,8 @@ void bind_recursion(nb::module_& m, const char* name) {
              nb::arg("gains"))
         .def("reset", &R::reset)
         .def("step", &R::step, nb::arg("sample"))
-        .def("run", &R::run, nb::arg("samples"));
+        .def("run", &R::run, nb::arg("samples"))
+        .def_prop_rw("state", &R::state, &R::restore);
 }
 
 }  // namespace

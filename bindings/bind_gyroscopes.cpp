@@ -2,6 +2,7 @@
 #include "bindings.hpp"
 
 #include "fracgyro/control/reference.hpp"
+#include "fracgyro/core/saved.hpp"
 #include "fracgyro/sim/device_loop.hpp"
 
 #include <nanobind/stl/vector.h>
@@ -21,44 +22,53 @@ public:
         : plant_(DeviceGyroscope::prepare(s)),
           reference_(Reference<double>::prepare(s.common.reference, s.common.step)),
           draw_(s),
-          state_(DeviceGyroscope::start(s)) {
+          now_{.state = DeviceGyroscope::start(s)} {
         sense();
     }
 
     // Under the force that a controller asks for. A motion that has diverged stays as it is.
     void step(const Vec2<double>& asked) {
-        if (bounded(state_.motion)) {
-            DeviceGyroscope::act(state_, plant_, asked, n_);
-            DeviceGyroscope::step(state_, plant_, n_);
-            ++n_;
+        if (bounded(now_.state.motion)) {
+            DeviceGyroscope::act(now_.state, plant_, asked, now_.n);
+            DeviceGyroscope::step(now_.state, plant_, now_.n);
+            ++now_.n;
             sense();
         }
     }
     // What is measured and what is to be followed, then what only a simulator knows: the true error and rate.
     void write(double* row) const {
-        const Vec2<double> error = state_.motion.position - point_.position;
-        const std::array<Vec2<double>, 6> vectors{state_.measured.position, point_.position,          point_.velocity,
-                                                  point_.acceleration,      state_.measured.velocity, error};
+        const ReferencePoint<double>& point = now_.point;
+        const Motion<double>& measured = now_.state.measured;
+        const Vec2<double> error = now_.state.motion.position - point.position;
+        const std::array<Vec2<double>, 6> vectors{measured.position,  point.position,    point.velocity,
+                                                  point.acceleration, measured.velocity, error};
         for (const Vec2<double>& vector : vectors) {
             *row++ = vector.x();
             *row++ = vector.y();
         }
-        *row = plant_.rate.at(n_);
+        *row = plant_.rate.at(now_.n);
     }
+
+    // All that changes while it moves.
+    struct Now {
+        DeviceGyroscope::State state{};
+        Reference<double>::State turning{};
+        ReferencePoint<double> point{};
+        std::int64_t n = 0;
+    };
+    const Now& now() const { return now_; }
+    void restore(const Now& saved) { now_ = saved; }
 
 private:
     void sense() {
-        DeviceGyroscope::sense(state_, plant_, draw_(n_));
-        point_ = Reference<double>::update(turning_, reference_);
+        DeviceGyroscope::sense(now_.state, plant_, draw_(now_.n));
+        now_.point = Reference<double>::update(now_.turning, reference_);
     }
 
     DeviceGyroscope::Coefficients plant_;
     Reference<double>::Coefficients reference_;
     DeviceGyroscope::Draw draw_;
-    DeviceGyroscope::State state_;
-    Reference<double>::State turning_{};
-    ReferencePoint<double> point_{};
-    std::int64_t n_ = 0;
+    Now now_;
 };
 
 // Gyroscopes that are stepped together, one after another: those of a learner's environments.
@@ -97,7 +107,31 @@ public:
     }
     void restart(std::size_t place, const DeviceSetup& s) { all_.at(place) = Tracked(s); }
 
+    nb::bytes state() const {
+        std::vector<unsigned char> bytes(all_.size() * Kept::size);
+        for (std::size_t i = 0; i < all_.size(); ++i) {
+            Kept::write(all_[i].now(), bytes.data() + i * Kept::size);
+        }
+        return nb::bytes(bytes.data(), bytes.size());
+    }
+    void restore(const nb::bytes& saved) {
+        const auto* const bytes = static_cast<const unsigned char*>(saved.data());
+        std::vector<Tracked::Now> read(all_.size());
+        bool sound = saved.size() == all_.size() * Kept::size;
+        for (std::size_t i = 0; sound && i < all_.size(); ++i) {
+            sound = Kept::read(bytes + i * Kept::size, Kept::size, read[i]) && read[i].n >= 0;
+        }
+        if (!sound) {
+            throw nb::value_error("state is damaged: it is not as it was saved");
+        }
+        for (std::size_t i = 0; i < all_.size(); ++i) {
+            all_[i].restore(read[i]);
+        }
+    }
+
 private:
+    using Kept = Saved<Tracked::Now>;
+
     std::vector<Tracked> all_;
 };
 
@@ -108,7 +142,8 @@ void bind_gyroscopes(nb::module_& m) {
         .def(nb::init<const std::vector<DeviceSetup>&>(), nb::arg("setups"))
         .def("rows", &Gyroscopes::rows)
         .def("step", &Gyroscopes::step, nb::arg("actions"), nb::arg("acted"), nb::arg("limit"))
-        .def("restart", &Gyroscopes::restart, nb::arg("place"), nb::arg("setup"));
+        .def("restart", &Gyroscopes::restart, nb::arg("place"), nb::arg("setup"))
+        .def_prop_rw("state", &Gyroscopes::state, &Gyroscopes::restore);
 }
 
 }  // namespace fracgyro::bindings

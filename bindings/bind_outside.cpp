@@ -72,9 +72,9 @@ PyTypeObject* sample_type() {
     return type;
 }
 
-// Any finite or other number, of any type; false with no Python error where it is none.
+// Any finite or other number, of any type; false with no Python error for anything else, arrays included.
 bool take_number(PyObject* from, double& to) {
-    if (PyBool_Check(from) || !PyNumber_Check(from)) {
+    if (PyBool_Check(from) || !PyNumber_Check(from) || is_array(from)) {
         return false;
     }
     to = PyFloat_AsDouble(from);
@@ -84,12 +84,8 @@ bool take_number(PyObject* from, double& to) {
     }
     return true;
 }
-bool take_pair(PyObject* from, Vec2<double>& to) {
-    if (PyTuple_CheckExact(from) && PyTuple_GET_SIZE(from) == 2 && PyFloat_CheckExact(PyTuple_GET_ITEM(from, 0)) &&
-        PyFloat_CheckExact(PyTuple_GET_ITEM(from, 1))) {
-        to = {PyFloat_AS_DOUBLE(PyTuple_GET_ITEM(from, 0)), PyFloat_AS_DOUBLE(PyTuple_GET_ITEM(from, 1))};
-        return true;
-    }
+// Two numbers of a sequence.
+bool take_items(PyObject* from, Vec2<double>& to) {
     if (!PySequence_Check(from)) {
         return false;
     }
@@ -103,6 +99,41 @@ bool take_pair(PyObject* from, Vec2<double>& to) {
     const bool taken = PySequence_Fast_GET_SIZE(items.ptr()) == 2 && take_number(item[0], x) && take_number(item[1], y);
     to = {x, y};
     return taken;
+}
+// The numbers of nested lists; false where there are more than two, or anything else.
+bool gather(PyObject* from, std::array<double, 2>& to, std::size_t& count) {
+    if (!PyList_CheckExact(from)) {
+        return count < to.size() && take_number(from, to[count++]);
+    }
+    for (Py_ssize_t i = 0; i < PyList_GET_SIZE(from); ++i) {
+        if (!gather(PyList_GET_ITEM(from, i), to, count)) {
+            return false;
+        }
+    }
+    return true;
+}
+// Two numbers of whatever shape: a column, a matrix, a tensor. The mask of an array becomes None.
+bool take_shaped(PyObject* from, Vec2<double>& to) {
+    static PyObject* const shaped = nb::object(nb::module_::import_("numpy.ma").attr("asarray")).release().ptr();
+    const nb::object array = nb::steal(PyObject_CallOneArg(shaped, from));
+    const nb::object list = array.is_valid() ? nb::steal(PyObject_CallMethod(array.ptr(), "tolist", nullptr)) : array;
+    if (!list.is_valid()) {
+        PyErr_Clear();
+        return false;
+    }
+    std::array<double, 2> numbers{};
+    std::size_t count = 0;
+    const bool taken = gather(list.ptr(), numbers, count) && count == numbers.size();
+    to = {numbers[0], numbers[1]};
+    return taken;
+}
+bool take_pair(PyObject* from, Vec2<double>& to) {
+    if (PyTuple_CheckExact(from) && PyTuple_GET_SIZE(from) == 2 && PyFloat_CheckExact(PyTuple_GET_ITEM(from, 0)) &&
+        PyFloat_CheckExact(PyTuple_GET_ITEM(from, 1))) {
+        to = {PyFloat_AS_DOUBLE(PyTuple_GET_ITEM(from, 0)), PyFloat_AS_DOUBLE(PyTuple_GET_ITEM(from, 1))};
+        return true;
+    }
+    return take_items(from, to) || take_shaped(from, to);
 }
 
 // A Python callable as a law. Whoever calls it holds the GIL.
@@ -193,8 +224,9 @@ private:
     [[noreturn]] void refuse(const char* what, const nb::object& returned, const char* wanted) {
         std::array<char, 32> time{};
         std::snprintf(time.data(), time.size(), "%.9g", time_);
-        PyErr_Format(PyExc_ValueError, "%s %.80R at t = %s: it must return %s", what, returned.ptr(), time.data(),
-                     wanted);
+        const nb::object words = nb::str(nb::repr(returned)).attr("split")();  // an array may have several lines
+        const nb::object line = nb::str(" ").attr("join")(words);
+        PyErr_Format(PyExc_ValueError, "%s %.80U at t = %s: it must return %s", what, line.ptr(), time.data(), wanted);
         nb::raise_python_error();
     }
     void name(const nb::object& found) {
@@ -326,12 +358,16 @@ void bind_outside(nb::module_& m) {
             },
             nb::arg("address"), nb::arg("state_size"), nb::arg("parameters"), nb::arg("reports"), nb::arg("rate_place"))
         .def_prop_rw(
-            "state", [](NativeLaw& law) { return law.state(); },
+            "state",
+            [](NativeLaw& law) {
+                const auto state = law.state();
+                return std::vector<double>(state.begin(), state.end());
+            },
             [](NativeLaw& law, const std::vector<double>& state) {
                 if (state.size() != law.state().size()) {
                     throw nb::value_error("state is damaged: it is not as it was saved");
                 }
-                law.state() = state;
+                std::ranges::copy(state, law.state().begin());
             });
     m.def("record_laws", &record_laws, nb::arg("setups"), nb::arg("laws"), nb::arg("units"), nb::arg("every"),
           nb::arg("device"), nb::arg("native"), nb::arg("threads"), "(rows, samples before divergence) of each run.");

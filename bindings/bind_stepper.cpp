@@ -32,7 +32,7 @@ public:
     GyroscopeHolder(const DeviceSetup& s, const Units& units)
         : coefficients_(DeviceGyroscope::prepare(s)),
           draw_(s),
-          state_(DeviceGyroscope::start(s)),
+          now_{.state = DeviceGyroscope::start(s)},
           units_(units),
           step_(s.common.step),
           senses_velocity_(!(s.common.observer_bandwidth > 0.0)) {
@@ -42,7 +42,7 @@ public:
     nb::object motion() const {
         const auto pair = [](double unit, const Vec2<double>& a) { return new_pair(unit * a); };
         constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-        const Motion<double>& m = state_.measured;
+        const Motion<double>& m = now_.state.measured;
         nb::object made = nb::steal(PyStructSequence_New(motion_type()));
         const std::array<PyObject*, 3> parts{
             PyFloat_FromDouble(time()), pair(units_.length, m.position),
@@ -61,26 +61,43 @@ public:
         if (!take(force.ptr(), asked)) {
             return nb::none();
         }
-        if (!bounded(state_.motion)) {
+        if (!bounded(now_.state.motion)) {
             throw nb::value_error("the motion has diverged: the plant can go on no longer");
         }
-        DeviceGyroscope::act(state_, coefficients_, {asked.x() / units_.force, asked.y() / units_.force}, n_);
-        DeviceGyroscope::step(state_, coefficients_, n_);
-        ++n_;
+        DeviceGyroscope::act(now_.state, coefficients_, {asked.x() / units_.force, asked.y() / units_.force}, now_.n);
+        DeviceGyroscope::step(now_.state, coefficients_, now_.n);
+        ++now_.n;
         sense();
         return motion();
     }
 
+    nb::bytes state() const {
+        std::vector<unsigned char> bytes(Saved<Now>::size);
+        Saved<Now>::write(now_, bytes.data());
+        return nb::bytes(bytes.data(), bytes.size());
+    }
+    void restore(const nb::bytes& saved) {
+        const auto read = std::make_unique<Now>();
+        if (!Saved<Now>::read(static_cast<const unsigned char*>(saved.data()), saved.size(), *read) || read->n < 0) {
+            throw nb::value_error("state is damaged: it is not as it was saved");
+        }
+        now_ = *read;
+    }
+
 private:
-    double time() const { return static_cast<double>(n_) * step_ * units_.time; }
-    void sense() { DeviceGyroscope::sense(state_, coefficients_, draw_(n_)); }
+    struct Now {
+        DeviceGyroscope::State state{};
+        std::int64_t n = 0;  // the sample
+    };
+
+    double time() const { return static_cast<double>(now_.n) * step_ * units_.time; }
+    void sense() { DeviceGyroscope::sense(now_.state, coefficients_, draw_(now_.n)); }
 
     DeviceGyroscope::Coefficients coefficients_;
     DeviceGyroscope::Draw draw_;
-    DeviceGyroscope::State state_;
+    Now now_;
     Units units_;
     double step_;
-    std::int64_t n_ = 0;  // the sample
     bool senses_velocity_;
 };
 
@@ -125,6 +142,9 @@ public:
                 rows.reserve(width * static_cast<std::size_t>(samples));
             }
         });
+        if constexpr (of_law) {
+            loop_->setup().controller.law->check();
+        }
         const std::size_t count = width == 0 ? 0 : rows.size() / width;
         return nb::cast(owned_rows<2>(std::move(rows), {count, width}));
     }
@@ -175,7 +195,8 @@ void bind_stepper(nb::module_& m) {
     nb::class_<GyroscopeHolder>(m, "Gyroscope")
         .def(nb::init<const DeviceSetup&, const Units&>(), nb::arg("setup"), nb::arg("units"))
         .def_prop_ro("motion", &GyroscopeHolder::motion)
-        .def("step", &GyroscopeHolder::step, nb::arg("force").none());
+        .def("step", &GyroscopeHolder::step, nb::arg("force").none())
+        .def_prop_rw("state", &GyroscopeHolder::state, &GyroscopeHolder::restore);
     nb::class_<AnyLoop>(m, "Loop")
         .def(nb::new_(&make_loop), nb::arg("setup"))
         .def("run", &AnyLoop::run, nb::arg("samples"), nb::arg("device"))

@@ -28,6 +28,16 @@ inline PyObject* array_type() {
     return type;
 }
 
+// A NumPy array, of any type, with at least one dimension.
+inline bool is_array(PyObject* from) {
+    if (PyObject_TypeCheck(from, reinterpret_cast<PyTypeObject*>(array_type())) == 0) {
+        return false;
+    }
+    const bool sized = PyObject_Size(from) >= 0;
+    PyErr_Clear();
+    return sized;
+}
+
 // A tuple, a list or a NumPy array of doubles.
 inline bool take(PyObject* from, Vec2<double>& to) {
     double x = 0.0, y = 0.0;

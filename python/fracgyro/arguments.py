@@ -15,7 +15,7 @@ NO_NUMBERS = (str, bytes, bytearray, memoryview, np.ma.MaskedArray)
 def short(value: object) -> str:
     """A value for a sentence."""
     try:
-        text = repr(value)
+        text = " ".join(repr(value).split())  # an array may have several lines
     except ValueError:  # an integer of more digits than Python prints
         return "too long a number"
     return text if len(text) <= 80 else f"{text[:77]}..."
@@ -43,15 +43,21 @@ def number(name: str, value: object, *, least: float = -math.inf, above: float =
 
 
 def pair(name: str, values: object) -> tuple[float, float]:
-    """Two finite floats. Raises TypeError for what holds no numbers, ValueError for others than two finite ones."""
+    """Two finite floats, of a list or an array of any shape, as a column is.
+
+    Raises TypeError for what holds no numbers, ValueError for others than two finite ones.
+    """
     rule = "it must be two finite numbers"
     if not isinstance(values, Sequence | np.ndarray) or isinstance(values, NO_NUMBERS):
         raise TypeError(f"{name} is {short(values)}: {rule}")
-    rule = f"{name} is {short(list(values))}: {rule}"
-    if len(values) != 2:
-        raise ValueError(rule)
+    shown = short(values.tolist() if isinstance(values, np.ndarray) else list(values))
+    rule = f"{name} is {shown}: {rule}"
     try:
-        return number(name, values[0]), number(name, values[1])
+        x, y = np.asarray(values, dtype=object).ravel()
+    except ValueError:
+        raise ValueError(rule) from None
+    try:
+        return number(name, x), number(name, y)
     except (TypeError, ValueError) as error:
         raise type(error)(rule) from None
 

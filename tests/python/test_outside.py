@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import math
 import pickle
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -37,6 +38,12 @@ void pd(const double* in, double* state, const double* p, double* out) {
 void rate(const double* in, double* state, const double* p, double* out) {
     pd(in, state, p, out);
     out[2] = in[0];
+}
+void beyond(const double* in, double* state, const double* p, double* out) {
+    pd(in, state, p, out);
+    state[(int)p[2]] = 1.0;
+    out[(int)p[3]] = 1.0;
+    ((double*)p)[(int)p[4]] = 1.0;
 }
 void nothing(const double* in, double* state, const double* p, double* out) {
     out[0] = in[0] < 0.5 ? 0.0 : 0.0 / p[0];
@@ -226,7 +233,8 @@ class InSi:
 
 def test_an_unstable_law_diverges_as_any_other() -> None:
     with pytest.raises(
-        fg.DivergedError, match=r"^the run diverged at t = \S+: run.step is 0.001, which is too long"
+        fg.DivergedError,
+        match=r"^the run diverged at t = \S+: the gains of \S+ are too large for run.step",
     ) as at:
         fg.simulate(SHORT, lambda s: (1e4 * s.position[0], 1e4 * s.position[1]))
     assert 0 < at.value.run.sizes["time"] < SHORT.run.steps
@@ -347,7 +355,8 @@ def test_an_interrupt_is_not_taken_for_a_failure() -> None:
 
 RETURNED: list[Any] = [
     None, 1.0, (1.0,), (1.0, 2.0, 3.0), "ab", ("1", "2"), (True, False), (math.nan, 0.0), (0.0, -math.inf), {},
-    [[1, 2], 3], (1j, 2j),
+    [[1, 2], 3], (1j, 2j), np.eye(2), np.array([["1"], ["2"]]), np.array([[True], [False]]), np.zeros((2, 0)),
+    np.ma.masked_array([[1.0], [2.0]], [[True], [False]]), {1.0, 2.0},
 ]  # fmt: skip
 
 
@@ -357,7 +366,14 @@ def test_anything_but_two_finite_numbers_is_refused_in_one_sentence(returned: An
         fg.simulate(SHORT, lambda s: returned)
 
 
-@pytest.mark.parametrize("returned", [[1.0, 2.0], (1, 2), np.array([1.0, 2.0]), np.array([1, 2], np.float32)], ids=repr)
+FORCES: list[Any] = [
+    [1.0, 2.0], (1, 2), np.array([1.0, 2.0]), np.array([1, 2], np.float32), np.array([[1.0], [2.0]]), [[1.0, 2.0]],
+    np.array([[1.0, 2.0]]), [np.array([1.0]), np.array([2.0])], (np.float32(1), np.array(2.0)), [[1], [2]],
+    np.array([[1.0], [2.0]]).view(np.matrix), xr.DataArray([1.0, 2.0]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("returned", FORCES, ids=repr)
 def test_any_two_numbers_are_a_force(returned: Any) -> None:
     run = fg.simulate(SHORT.replace({"run.duration": 0.01}), lambda s: returned)
     assert (run["control"].values == [1.0, 2.0]).all()
@@ -374,6 +390,45 @@ def test_a_c_function_without_a_finite_force_ends_the_run(compiled: ctypes.CDLL)
             ValueError, match=r"the controller returned \[.*nan, 0\] at t = 0.5: it must return two finite"
         ):
             call()
+
+
+TIMES: list[Callable[..., Any]] = [
+    lambda law: fg.simulate(SHORT, law),
+    lambda law: fg.simulate_many([SHORT], seeds=range(3), controller=law),
+    lambda law: fg.measure_many([SHORT], seeds=range(3), controller=law),
+    lambda law: fg.Loop(SHORT, law).run(10),
+]
+
+
+@pytest.mark.parametrize("run", TIMES, ids=["simulate", "simulate_many", "measure_many", "Loop"])
+def test_a_c_function_that_reads_parameters_or_state_it_was_not_given_reads_nan(
+    run: Callable[[Any], Any], compiled: ctypes.CDLL
+) -> None:
+    sentence = (
+        r"^the controller returned \[-?nan, -?nan\] at t = 0: it must return two finite numbers; it reads NaN beyond "
+        "its 0 parameters and its state_size of 1$"
+    )
+    with pytest.raises(ValueError, match=sentence):
+        run(fg.native.Law(compiled.pd, 1, reports=["count"]))
+
+
+@pytest.mark.parametrize("run", TIMES, ids=["simulate", "simulate_many", "measure_many", "Loop"])
+@pytest.mark.parametrize(
+    ("places", "sentence"),
+    [
+        ({"state": 1}, r"state\[1\], which is beyond its state_size of 1: state_size must be the number of doubles"),
+        ({"state": 40}, r"state\[40\], which is beyond its state_size of 1"),
+        ({"out": 3}, r"out\[3\], which is beyond the force and its 1 reports$"),
+        ({"parameters": 9}, r"parameters\[9\], which is beyond its 5 parameters$"),
+    ],
+)
+def test_a_c_function_that_writes_beyond_what_it_was_given_is_refused(
+    run: Callable[[Any], Any], places: dict[str, int], sentence: str, compiled: ctypes.CDLL
+) -> None:
+    within = {**GAINS, "state": 0, "out": 2, "parameters": 0}
+    run(fg.native.Law(compiled.beyond, 1, within, ["count"]))
+    with pytest.raises(ValueError, match=f"^the controller wrote to {sentence}"):
+        run(fg.native.Law(compiled.beyond, 1, {**within, **places}, ["count"]))
 
 
 @pytest.mark.parametrize("controller", [3, "pid", Sensing], ids=str)
@@ -445,3 +500,98 @@ def test_a_sample_that_is_kept_stays_as_it_was() -> None:
     assert [s.time for s in kept] == [0.0, 0.001]
     with pytest.raises(TypeError):
         fg.Sample()
+
+
+# -- What a callable keeps
+
+
+class Learning:
+    """Integral action, which is what it keeps; without `reset`."""
+
+    def __init__(self) -> None:
+        self.sum = np.zeros(2)
+
+    def __call__(self, s: fg.Sample) -> Any:
+        self.sum += 0.02 * KP * np.subtract(s.position, s.reference)
+        return np.array(pd(s)) - self.sum
+
+    def move(self, s: fg.Sample) -> Any:
+        return self(s)
+
+
+class Uncopied(Learning):
+    def __deepcopy__(self, memo: object) -> Any:
+        raise TypeError("there is only one of it")
+
+
+class Ready(Uncopied):
+    def reset(self, scenario: fg.Scenario) -> None:
+        self.sum = np.zeros(2)
+
+
+def with_operator() -> Any:
+    class Operator:
+        def __init__(self) -> None:
+            self.each = [
+                fg.fractional.pid(KP, 10.0, 0.5, KD, 1.0, step=SHORT.run.step, longest=SHORT.run.duration) for _ in "xy"
+            ]
+
+        def __call__(self, s: fg.Sample) -> list[float]:
+            return [-pid.step(e) for pid, e in zip(self.each, np.subtract(s.position, s.reference), strict=True)]
+
+    return Operator()
+
+
+@pytest.mark.parametrize(
+    "make",
+    [Learning, lambda: Learning().move, Ready, with_operator],
+    ids=["an object", "a method", "one with reset", "one with operators"],
+)
+def test_no_run_begins_with_what_another_has_learned(make: Callable[[], Any]) -> None:
+    law = make()
+    first, second = fg.simulate(SHORT, law), fg.simulate(SHORT, law)
+    np.testing.assert_array_equal(first["control"].values, second["control"].values)
+    runs = fg.simulate_many([SHORT, SHORT], controller=law)
+    np.testing.assert_array_equal(runs["control"].values, np.stack([first["control"].values] * 2))
+    rows = fg.measure_many([SHORT, SHORT], controller=law)["rmse"].values
+    np.testing.assert_array_equal(rows[0], rows[1])
+
+
+def test_a_callable_that_keeps_what_it_learned_and_has_no_copy_runs_only_once() -> None:
+    sentence = (
+        r"^controller is Uncopied: it may be run only once, as it cannot be copied \(TypeError: there is only one of "
+        r"it\) and would begin each run with what it learned in the one before; give it a method reset\(scenario\)"
+    )
+    fg.simulate(SHORT, Uncopied())
+    for call in (fg.simulate_many, fg.measure_many):
+        with pytest.raises(ValueError, match=sentence):
+            call([SHORT], seeds=range(2), controller=Uncopied())
+    counted = 0
+
+    def counting(s: fg.Sample) -> tuple[float, float]:
+        nonlocal counted
+        counted += 1
+        return pd(s)
+
+    fg.simulate(SHORT, counting)
+    assert counted == SHORT.run.steps + 1
+    with pytest.raises(ValueError, match=r"^controller is .*counting: .* as it is a function that changes variables"):
+        fg.measure_many([SHORT], seeds=range(2), controller=counting)
+
+
+def test_a_run_that_diverges_blames_the_clock_and_the_gains_of_the_controller() -> None:
+    si = SHORT.replace({"run.units": "SI"})
+    with pytest.raises(fg.DivergedError) as said:
+        fg.simulate(si, controller=lambda s: tuple(1e3 * np.array(s.position)))
+    assert re.fullmatch(
+        r"the run diverged at t = 0\.000\d+: the gains of <lambda> are too large for run\.step, which is 0\.001, or it "
+        r"computes with another time between samples than 1e-06 s; try run\.step = 0\.0005 or less, or smaller gains",
+        str(said.value),
+    )
+
+
+@pytest.mark.parametrize("name", ["", "a/b", " a", "a\n", "."])
+def test_a_name_that_no_file_can_have_is_refused(name: str, compiled: ctypes.CDLL) -> None:
+    for controller in (Sensing(lambda time: {name: 1.0}), fg.native.Law(compiled.pd, 1, GAINS, [name])):
+        with pytest.raises(ValueError, match=r"^the controller reports '.*': a name must be printable, without / and"):
+            fg.simulate(SHORT, controller)

@@ -8,8 +8,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstring>
+#include <limits>
+#include <span>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 namespace fracgyro {
 
@@ -31,11 +35,41 @@ public:
     // The place of the angular rate among them; -1: it reports none. Before the first sample only the law may know.
     virtual std::ptrdiff_t rate_place() const = 0;
     virtual bool may_report_rate() const { return rate_place() >= 0; }
+    // Throws where the law did harm in the run that is over.
+    virtual void check() const {}
+    // What a sentence on a force that is not finite adds.
+    virtual std::string reads() const { return {}; }
     double rate() {
         const auto& numbers = report();
         return rate_place() < 0 ? std::numeric_limits<double>::quiet_NaN()
                                 : numbers[static_cast<std::size_t>(rate_place())];
     }
+};
+
+// Numbers that a C function is handed, with NaN behind them: a function that reads beyond them finds NaN, which its force
+// shows, and one that writes beyond them is found out before it does harm elsewhere.
+class PaddedNumbers {
+public:
+    static constexpr std::size_t padding = 64;
+
+    explicit PaddedNumbers(std::vector<double> numbers) : all_(std::move(numbers)), count_(all_.size()) {
+        all_.resize(count_ + padding, std::numeric_limits<double>::quiet_NaN());
+    }
+    double* data() { return all_.data(); }
+    std::size_t count() const { return count_; }
+    std::span<double> numbers() { return {all_.data(), count_}; }
+    // The place of the last number that was written beyond them, or that of the last one of them.
+    std::size_t written() const {
+        std::size_t end = all_.size();
+        while (end > count_ && std::isnan(all_[end - 1])) {
+            --end;
+        }
+        return end;
+    }
+
+private:
+    std::vector<double> all_;
+    std::size_t count_;
 };
 
 // A C function as a law. The state is zeros at first, and the function's own.
@@ -45,26 +79,47 @@ public:
     NativeLaw(LawFunction function, std::size_t state_size, std::vector<double> parameters, std::size_t reports,
               std::ptrdiff_t rate_place)
         : function_(function),
-          state_(state_size),
+          in_(std::vector<double>(sizeof(LawInput) / sizeof(double))),
+          state_(std::vector<double>(state_size)),
           parameters_(std::move(parameters)),
-          out_(2 + reports),
+          out_(std::vector<double>(2 + reports, std::numeric_limits<double>::quiet_NaN())),
           reported_(reports),
           rate_place_(rate_place) {}
 
     Vec2<double> force(const LawInput& in) override {
-        function_(&in.time, state_.data(), parameters_.data(), out_.data());
-        return {out_[0], out_[1]};
+        std::memcpy(in_.data(), &in, sizeof in);
+        function_(in_.data(), state_.data(), parameters_.data(), out_.data());
+        return {out_.data()[0], out_.data()[1]};
     }
     const std::vector<double>& report() override {
-        std::copy(out_.begin() + 2, out_.end(), reported_.begin());
+        std::copy_n(out_.data() + 2, reported_.size(), reported_.begin());
         return reported_;
     }
     std::ptrdiff_t rate_place() const override { return rate_place_; }
-    std::vector<double>& state() { return state_; }
+    std::span<double> state() { return state_.numbers(); }
+
+    void check() const override {
+        const auto look = [](const PaddedNumbers& numbers, const std::string& name, const std::string& beyond) {
+            if (const std::size_t end = numbers.written(); end > numbers.count()) {
+                throw std::domain_error("the controller wrote to " + name + "[" + std::to_string(end - 1) +
+                                        "], which is beyond " + beyond);
+            }
+        };
+        const std::string size = std::to_string(state_.count());
+        look(state_, "state", "its state_size of " + size + ": state_size must be the number of doubles that it uses");
+        look(out_, "out", "the force and its " + std::to_string(reported_.size()) + " reports");
+        look(parameters_, "parameters", "its " + std::to_string(parameters_.count()) + " parameters");
+        look(in_, "in", "the sample");
+    }
+    std::string reads() const override {
+        return "; it reads NaN beyond its " + std::to_string(parameters_.count()) +
+               " parameters and its state_size of " + std::to_string(state_.count());
+    }
 
 private:
     LawFunction function_;
-    std::vector<double> state_, parameters_, out_, reported_;
+    PaddedNumbers in_, state_, parameters_, out_;
+    std::vector<double> reported_;
     std::ptrdiff_t rate_place_;
 };
 
@@ -78,15 +133,16 @@ struct LawParams {
 // The sample at which a law gave no force.
 class NoForce : public std::domain_error {
 public:
-    NoForce(double time, const Vec2<double>& force) : std::domain_error(sentence(time, force)) {}
+    NoForce(double time, const Vec2<double>& force, const Law& law) : std::domain_error(sentence(time, force, law)) {}
 
 private:
-    static std::string sentence(double time, const Vec2<double>& f) {
+    static std::string sentence(double time, const Vec2<double>& f, const Law& law) {
         std::array<char, 160> text{};
         std::snprintf(text.data(), text.size(),
                       "the controller returned [%.6g, %.6g] at t = %.9g: it must return two finite numbers", f.x(),
                       f.y(), time);
-        return text.data();
+        const bool unknown = std::isnan(f.x()) || std::isnan(f.y());
+        return text.data() + (unknown ? law.reads() : std::string());
     }
 };
 
@@ -140,7 +196,8 @@ struct OutsideController {
                               .reference_velocity = c.law.units.velocity * r.velocity,
                               .reference_acceleration = c.law.units.acceleration * r.acceleration});
         if (!(std::isfinite(given.x()) && std::isfinite(given.y()))) {
-            throw NoForce(time, given);
+            c.law.law->check();
+            throw NoForce(time, given, *c.law.law);
         }
         const double unit = c.law.units.force;
         Vec2<double> wanted = given;
@@ -213,6 +270,7 @@ OutsideRecord<Rows> record_outside(const OutsideSetup& setup, std::int64_t every
             setup, Disturbance(setup.disturbance, setup.common.step, noise),
             [&](const Snapshot<double, NothingReported>& at) { keep(at, [](double*) {}); });
     }
+    law.check();
     record.rows.resize(written);
     return record;
 }
@@ -226,6 +284,7 @@ inline std::array<double, metric_names.size()> measure_outside(const OutsideSetu
     } else {
         with_law<NothingReported>(setup, measure);
     }
+    setup.controller.law->check();
     if (setup.controller.law->rate_place() < 0) {
         for (std::size_t i = 0; i < values.size(); ++i) {
             if (metric_names[i].starts_with("rate_")) {

@@ -89,6 +89,7 @@ inline std::int64_t outside_rate_means(const OutsideSetup& setup, const RateBloc
         samples =
             run_device_loop<C>(setup, [&](const auto&) { means.add([&] { return p.law->rate() / p.units.rate; }); });
     });
+    p.law->check();
     return samples;
 }
 

@@ -24,7 +24,8 @@ class Law:
     reference's velocity and acceleration; positions and velocities as measured. `state`: `state_size` doubles of its
     own, zeros before the first step of each run. `parameters`: the values of `parameters`, in their order. `out`: the
     force [x, y], then one double for each name in `reports`, which is recorded as a channel; rate_estimate makes it a
-    rate sensor. In SI units if run.units is SI, nondimensional otherwise.
+    rate sensor. In SI units if run.units is SI, nondimensional otherwise. The 64 doubles behind each of these arrays
+    are NaN; a run in which the function has written to them ends with a ValueError.
 
     `function`: an address, or what has one, a `numba.cfunc` or a function pointer of ctypes or cffi. It must not touch
     Python, and two of its calls may happen at once, each with its own state.
@@ -74,6 +75,12 @@ class Law:
 
     def __repr__(self) -> str:
         return f"Law({self._address:#x}, {self.state_size}, {self.parameters}, {list(self.reports)})"
+
+    def __copy__(self) -> Law:
+        return self
+
+    def __deepcopy__(self, memo: object) -> Law:
+        return self
 
     def __reduce__(self) -> NoReturn:
         raise TypeError("a Law cannot be pickled: the address of its function means nothing in another process")

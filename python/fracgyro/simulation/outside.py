@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import repeat
+from types import FunctionType
 from typing import Any, TypeVar
 
 import numpy as np
@@ -71,6 +73,8 @@ class Outside:
                 "force (ux, uy)"
             )
         self.controller: Any = controller
+        self._first_cells: list[Any] | None = None  # of a function that was called in a run already
+        self._uncopied = ""  # why the callable cannot be copied, once a run has had it itself
         self.is_native = isinstance(controller, Law)
         self.reports: tuple[Channel, ...] | None = None  # of a callable they are known when it was called
         if isinstance(controller, Law):
@@ -85,8 +89,12 @@ class Outside:
         """What is recorded of its runs."""
         return (*LOOP_CHANNELS, *(self.reports or ()), *(DEVICE_CHANNELS if device else ()))
 
-    def start(self, scenario: Scenario, law: Law | None = None) -> _core.Law:
-        """The law for one run, which is to begin; `law`: that of this run, if runs have different ones."""
+    def start(self, scenario: Scenario, law: Law | None = None, *, itself: bool = False) -> _core.Law:
+        """The law for one run, which is to begin; `law`: that of this run, if runs have different ones.
+
+        A callable without `reset` is copied, so that each run begins with what it knew when it was given; `itself`:
+        there is only one run, which has the callable itself.
+        """
         if self.is_native:
             return (law or self.controller)._core_law()
         if reset := getattr(self.controller, "reset", None):
@@ -94,7 +102,30 @@ class Outside:
                 reset(scenario)
             except Exception as error:
                 raise ControllerError(f"reset(scenario) of the controller raised {_told(error)}") from error
-        return _core.PythonLaw(self.controller)
+        return _core.PythonLaw(self.controller if reset or itself else self._copied())
+
+    def _copied(self) -> Any:
+        """A copy of the callable, for a run. Raises ValueError where a run before this one may have changed it."""
+        if isinstance(self.controller, FunctionType):  # whose copy is itself
+            cells = [cell.cell_contents for cell in self.controller.__closure__ or ()]
+            if self._first_cells is None:
+                self._first_cells = cells
+            elif any(now is not then for now, then in zip(cells, self._first_cells, strict=True)):
+                raise self._keeping("it is a function that changes variables around it")
+            return self.controller
+        try:
+            return copy.deepcopy(self.controller)
+        except Exception as error:
+            if self._uncopied:
+                raise self._keeping(f"it cannot be copied ({self._uncopied})") from None
+            self._uncopied = _told(error)
+            return self.controller
+
+    def _keeping(self, why: str) -> ValueError:
+        return ValueError(
+            f"controller is {self.name}: it may be run only once, as {why} and would begin each run with what it "
+            "learned in the one before; give it a method reset(scenario), which is called before each run"
+        )
 
     @contextmanager
     def running(self, law: _core.Law | None) -> Iterator[None]:
@@ -194,6 +225,11 @@ def _channels(names: Sequence[tuple[str, int]]) -> tuple[Channel, ...]:
     found = []
     for name, width in names:
         own = known.get(name)
+        if not name.isprintable() or name.strip() != name or name in ("", ".") or "/" in name:
+            raise ValueError(
+                f"the controller reports {short(name)}: a name must be printable, without / and without spaces around "
+                "it, as it names a variable in files"
+            )
         if name in taken or (own is not None and own.width != width):
             raise ValueError(f"the controller reports {name}: that is the name of another channel, or of a dimension")
         meaning = own.meaning if own else f"{name}, as the controller reports it"

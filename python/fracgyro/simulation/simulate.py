@@ -36,14 +36,20 @@ class DivergedError(ValueError):
         step = scenario.run.step
         shorter = f"try run.step = {step / 2:g} or less, or smaller gains"
         why = f"run.step is {step:g}, which is too long for these gains; {shorter}"
-        if grown := None if "controller" in run.attrs else bounded.cause(scenario, run):
+        if "controller" in run.attrs:
+            unit = "s" if run.attrs["units"] == "SI" else "units of time"
+            why = (
+                f"the gains of {run.attrs['controller']} are too large for run.step, which is {step:g}, or it computes "
+                f"with another time between samples than {step * time_scale(scenario):.9g} {unit}; {shorter}"
+            )
+        elif grown := bounded.cause(scenario, run):
             gain, b = grown
             why = (
                 f"the bound estimates had grown to [{', '.join(f'{each:.3g}' for each in b)}], so that rho h/delta "
                 f"was {gain:.3g}, and from about 2 on the sampled loop is unstable; "
                 "controller.switching_limit = 0.5 bounds them"
             )
-        super().__init__(f"the run diverged at t = {time:.6g}: {why}")
+        super().__init__(f"the run diverged at t = {time * time_scale(scenario):.6g}: {why}")
         self.run = run
 
 
@@ -58,10 +64,12 @@ def simulate(scenario: Scenario, controller: ControllerLike | None = None) -> xr
     channels are recorded, too. All variables are listed in docs/reference.md.
 
     `controller`, in the place of the scenario's: a `native.Law`, or a callable that takes a `Sample` and returns the
-    force (ux, uy), two floats. Two methods are optional: reset(scenario), called before a run, and report(), called
-    after each recorded sample, which returns a dict of names to numbers or pairs of numbers. These become variables, in
-    the units of the run; rate_estimate makes the controller a rate sensor. Of the scenario's controller only the force
-    limit and the observer's bandwidth count.
+    force (ux, uy), two finite numbers in a tuple or an array of any shape. Two methods are optional: reset(scenario),
+    called before a run, and report(), called after each recorded sample, which returns a dict of names to numbers or
+    pairs of numbers. These become variables, in the units of the run; rate_estimate makes the controller a rate sensor.
+    A callable without reset is copied for each run, so that none begins with what another has learned; a function,
+    which has no copy, keeps what it stores in variables around it. Of the scenario's controller only the force limit
+    and the observer's bandwidth count.
 
     Raises DivergedError, which carries the samples until then, when the motion leaves all bounds; ControllerError,
     which names the time, from the exception that a callable raised; ValueError where the controller returns anything
@@ -102,7 +110,7 @@ def simulate_many(
     With `seeds`: every scenario once with each of these values of disturbance.seed in place of its own; the runs of the
     first scenario come first, and a coordinate `seed` says which is which. `controller`, in the place of the scenarios'
     own: as in `simulate`. A `native.Law` runs on all processors, a callable on one, one run after another, each after
-    reset(scenario) if it has that. `progress` is called with the number of runs finished since the last call.
+    reset(scenario) or with a copy of it. `progress` is called with the number of runs finished since the last call.
 
     All scenarios must share run.duration, run.step, run.record_every and run.units, and in SI units
     plant.reference_frequency, which sets the unit of time. A run that diverges holds NaN from then on, and
