@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import copy
 import math
+import pickle
+import sys
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import fracgyro as fg
@@ -87,7 +92,16 @@ def test_the_controller_and_the_plant_make_the_loop() -> None:
 
 
 @pytest.mark.parametrize(
-    "force", [(1, 2), [1.0, 2.0], np.array([1.0, 2.0]), np.array([1, 2]), np.array([1.0, 9, 2])[::2]]
+    "force",
+    [
+        (1, 2),
+        [1.0, 2.0],
+        np.array([1.0, 2.0]),
+        np.array([1, 2]),
+        np.array([1.0, 9, 2])[::2],
+        np.array([[1.0], [2.0]]),
+        [[1.0, 2.0]],
+    ],
 )
 def test_any_two_numbers_are_a_force(force: Any) -> None:
     assert fg.Plant(SHORT).step(force) == fg.Plant(SHORT).step((1.0, 2.0))
@@ -102,6 +116,8 @@ def test_any_two_numbers_are_a_force(force: Any) -> None:
         ((1.0,), ValueError),
         ((1.0, math.nan), ValueError),
         (("1", 2.0), TypeError),
+        (np.eye(2), ValueError),
+        ([[1.0], 2.0], TypeError),
     ],
 )
 def test_what_is_no_force_is_refused_and_moves_nothing(force: Any, error: type[Exception]) -> None:
@@ -275,3 +291,152 @@ def test_a_loop_that_diverges_says_so_with_its_samples() -> None:
 def test_so_many_samples_are_refused(samples: Any, error: type[Exception], sentence: str) -> None:
     with pytest.raises(error, match=sentence):
         fg.Loop(SHORT).run(samples)
+
+
+# -- Copies, and several callers
+
+COPIES = [copy.copy, copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))]
+by_copy = pytest.mark.parametrize("copied", COPIES, ids=["copy", "deepcopy", "pickle"])
+
+
+@of_each
+@by_copy
+def test_a_copy_of_a_plant_goes_on_by_itself(copied: Callable[[fg.Plant], fg.Plant], scenario: fg.Scenario) -> None:
+    plant = fg.Plant(scenario)
+    force = 1e-4 * np.array([1.0, -2.0]) if scenario.run.units == "SI" else np.array([100.0, -200.0])
+    for _ in range(20):
+        plant.step(force)
+    other = copied(plant)
+    np.testing.assert_array_equal(other.motion[1:], plant.motion[1:])  # NaN where the velocity is not sensed
+    ahead = [plant.step(-force)[1:] for _ in range(20)]
+    np.testing.assert_array_equal([other.step(-force)[1:] for _ in range(20)], ahead)
+    assert other.motion.time == plant.motion.time
+
+
+@of_each
+@by_copy
+def test_a_copy_of_a_loop_goes_on_by_itself(copied: Callable[[fg.Loop], fg.Loop], scenario: fg.Scenario) -> None:
+    loop = fg.Loop(scenario)
+    loop.run(50)
+    loop.set({"plant.angular_rate": 50.0})
+    other = copied(loop)
+    assert other.scenario == loop.scenario
+    equal(other.run(50), loop.run(50))
+
+
+def test_a_loop_with_a_law_is_copied_and_one_with_a_callable_is_not() -> None:
+    def law(given: Any, state: Any, parameters: Any, found: Any) -> None:
+        state[0] += given[1] - given[5]
+        found[0], found[1] = -parameters[0] * state[0], 0.0
+
+    loop = fg.Loop(SHORT, fg.native.Law(by_numba(law), 1, {"ki": 1.0}))
+    loop.run(50)
+    equal(copy.deepcopy(loop).run(50), loop.run(50))
+    with pytest.raises(TypeError, match=r"^a Law cannot be pickled"):
+        pickle.dumps(loop)
+    with pytest.raises(ValueError, match=r"^a loop with a Python callable has no state, and cannot be copied"):
+        copy.deepcopy(fg.Loop(SHORT, pd))
+
+
+def test_a_damaged_state_of_a_plant_is_refused() -> None:
+    plant = fg.Plant(SHORT)
+    remake, (scenario, state) = plant.__reduce__()
+    assert remake(scenario, state).motion == plant.motion
+    for damaged in (b"", state[:-1], state[:99] + bytes([state[99] ^ 1]) + state[100:]):
+        with pytest.raises(ValueError, match=r"^state is damaged"):
+            remake(scenario, damaged)
+
+
+def test_a_loop_that_its_own_controller_runs_or_sets_says_so_once() -> None:
+    loops: list[fg.Loop] = []
+    for use in (lambda loop: loop.run(1), lambda loop: loop.set({"plant.angular_rate": 1.0})):
+
+        def controller(s: fg.Sample, use: Callable[[fg.Loop], Any] = use) -> tuple[float, float]:
+            use(loops[-1])
+            return pd(s)
+
+        loop = fg.Loop(SHORT, controller)
+        loops.append(loop)
+        with pytest.raises(fg.ControllerError) as said:
+            loop.run(3)
+        assert str(said.value) == (
+            "the controller raised ValueError: the loop is running: neither its controller nor another thread can run "
+            "or change it at t = 0"
+        )
+
+
+def test_a_callable_in_a_loop_is_tuned_while_it_runs() -> None:
+    class Gain:
+        size = 1.0
+
+        def __call__(self, s: fg.Sample) -> tuple[float, float]:
+            return self.size, 0.0
+
+    controller = Gain()
+    loop = fg.Loop(SHORT, controller)
+    loop.run(5)
+    controller.size = 2.0
+    assert loop.run(1)["control"].values[0, 0] == 2.0
+
+
+def in_threads(task: Callable[[], None]) -> None:
+    """Four at once, which take turns as often as Python lets them."""
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(4) as pool:
+            for future in [pool.submit(task) for _ in range(4)]:
+                future.result()
+    finally:
+        sys.setswitchinterval(interval)
+
+
+def test_a_controller_in_several_threads_gives_a_force_or_says_why_not() -> None:
+    controller = fg.Controller(SHORT)
+    found: list[Any] = []
+    refused: list[str] = []
+
+    def step() -> None:
+        for _ in range(5000):
+            try:  # integers take the slower way, on which another thread may come first
+                found.append(controller.step(controller.time, (1, 0), (0, 0)))
+            except ValueError as error:
+                refused.append(str(error))
+
+    in_threads(step)
+    assert all(sentence.startswith("time is ") for sentence in refused)
+    assert all(isinstance(force, np.ndarray) for force in found)
+    assert len(found) == round(controller.time / SHORT.run.step)
+
+
+def test_a_step_that_another_thread_took_first_is_refused() -> None:
+    controller = fg.Controller(SHORT)
+
+    class Late:  # another thread steps while this one looks at its arguments
+        def __len__(self) -> int:
+            return 2
+
+        def __getitem__(self, place: int) -> float:
+            if controller.time == 0.0:
+                controller.step(0.0, (0.5, 0.5), (0.0, 0.0))
+            return [0.5, 0.5][place]
+
+    Sequence.register(Late)
+    with pytest.raises(ValueError, match=r"^time is 0.0: the next step is at 0.001, and steps must be taken one after"):
+        controller.step(0.0, Late(), (0.0, 0.0))  # type: ignore[arg-type]
+
+
+def test_a_loop_in_several_threads_runs_in_one_of_them() -> None:
+    loop, refused = fg.Loop(SHORT, pd), []
+    times: list[float] = []
+
+    def run() -> None:
+        for _ in range(20):
+            try:
+                times.extend(loop.run(3)["time"].values)
+            except ValueError as error:
+                refused.append(str(error))
+
+    in_threads(run)
+    assert all(sentence.startswith("the loop is running") for sentence in refused)
+    np.testing.assert_allclose(np.sort(times), SHORT.run.step * np.arange(len(times)), atol=1e-12)

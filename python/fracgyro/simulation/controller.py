@@ -93,19 +93,26 @@ class Controller:
 
     def _checked(self, time: object, position: object, velocity: object) -> Vector:
         """As `step`, whatever the arguments are."""
-        expected = self._core.steps * self._step
         plain = number("time", time)
-        if not abs(plain / self._units.time - expected) < 0.5 * self._step:
-            raise ValueError(
-                f"time is {time}: the next step is at {expected * self._units.time:.9g}, "
-                "and steps must be taken one after another"
-            )
+        self._check_time(time, plain)
         q = pair("position", position)
         if velocity is None and not self._observes:
             raise ValueError('velocity is missing: it must be given unless device.sensing is "position"')
         v = None if velocity is None else pair("velocity", velocity)
-        force: Vector = self._core.checked_step(self._step, self._units, plain, q, v)
+        force: Vector | None = self._core.checked_step(self._step, self._units, plain, q, v)
+        if force is None:  # another thread has taken a step since
+            self._check_time(time, plain)
+            raise ValueError(f"time is {time}: another thread steps this controller, and each needs one of its own")
         return force
+
+    def _check_time(self, given: object, time: float) -> None:
+        """Raises ValueError unless it is that of the next step."""
+        expected = self._core.steps * self._step
+        if not abs(time / self._units.time - expected) < 0.5 * self._step:
+            raise ValueError(
+                f"time is {given}: the next step is at {expected * self._units.time:.9g}, "
+                "and steps must be taken one after another"
+            )
 
     @property
     def time(self) -> float:

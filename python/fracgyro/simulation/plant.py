@@ -6,8 +6,10 @@ import json
 import operator
 import struct
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from importlib.metadata import version
+from threading import Lock
 from typing import Any, cast
 
 import numpy as np
@@ -31,7 +33,8 @@ class Plant:
 
     A step is exact for a force that is held over it. Times, forces, positions and velocities are in the units that
     `scenario.run.units` names. The noise is that of `simulate`: under the same forces the motion is the same, bit for
-    bit. Raises TypeError where `scenario` is not one.
+    bit. It can be copied and pickled: the copy goes on by itself from where this one is. Raises TypeError where
+    `scenario` is not one.
 
     >>> plant = fg.Plant(fg.Scenario.paper())
     >>> plant.step((0.0, 0.0)).time
@@ -66,13 +69,24 @@ class Plant:
         motion: _core.Motion | None = self._core.step(force)
         return motion or cast(_core.Motion, self._core.step(pair("force", force)))
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _resumed_plant, (self.scenario, bytes(self._core.state))
+
+
+def _resumed_plant(scenario: Scenario, state: bytes) -> Plant:
+    plant = Plant(scenario)
+    plant._core.state = state
+    return plant
+
 
 class Loop:
     """The closed loop of a scenario, run in parts and tuned while it runs.
 
-    `controller`: as in `simulate`. It may go on beyond run.duration, the longest time that a fractional memory is
-    accurate for. Samples are recorded at every step, whatever run.record_every is. Raises TypeError where `scenario` is
-    not one, and what `simulate` raises of a controller.
+    `controller`: as in `simulate`, but a callable is called itself, and not a copy. The loop may go on beyond
+    run.duration, the longest time that a fractional memory is accurate for. Samples are recorded at every step,
+    whatever run.record_every is. Without a callable a loop can be copied, without a controller pickled: the copy goes
+    on by itself from where this one is. Raises TypeError where `scenario` is not one, and what `simulate` raises of a
+    controller.
 
     >>> loop = fg.Loop(fg.Scenario.paper())
     >>> loop.run(1000).sizes["time"], loop.time
@@ -87,8 +101,9 @@ class Loop:
         self._device = not is_ideal(scenario)
         setup = core_setup(scenario)
         self._law: _core.Law | None = None
+        self._lock = Lock()
         if self._outside:
-            self._law = self._outside.start(scenario)
+            self._law = self._outside.start(scenario, itself=True)
             self._core = _core.law_loop(setup, self._law, units(scenario))
         else:
             self._reported = reported(setup)
@@ -123,12 +138,13 @@ class Loop:
             raise ValueError(
                 f"samples is {count}: their record of {size / 1e9:.3g} GB may be at most {MAX_RECORD / 1e9:g} GB"
             )
-        first = self._core.steps
-        rows = self._rows(count)
-        found = dataset(rows, [self.scenario], self._channels(), self._outside, first=first, every=1)
-        if len(rows) < count:
-            raise DivergedError(self.scenario, self._core.steps * self.scenario.run.step, found)
-        return found
+        with self._alone():
+            first = self._core.steps
+            rows = self._rows(count)
+            found = dataset(rows, [self.scenario], self._channels(), self._outside, first=first, every=1)
+            if len(rows) < count:
+                raise DivergedError(self.scenario, self._core.steps * self.scenario.run.step, found)
+            return found
 
     def step(self) -> dict[str, Any]:
         """The coming sample: the variables of `run`, each a number or an array, by name. Raises what `run` does.
@@ -156,12 +172,13 @@ class Loop:
             if path not in settable and path in paths(Scenario):
                 raise ScenarioError(f"{path} cannot be set while the loop runs: it acts only at the start")
         changed = self.scenario.replace(changes)
-        if not self._core.set(self._setup(changed)):
-            raise ScenarioError(
-                f"{', '.join(changes)} cannot be set while the loop runs: the controller would be another one, or its "
-                "memory"
-            )
-        self.scenario = changed
+        with self._alone():
+            if not self._core.set(self._setup(changed)):
+                raise ScenarioError(
+                    f"{', '.join(changes)} cannot be set while the loop runs: the controller would be another one, or "
+                    "its memory"
+                )
+            self.scenario = changed
 
     @property
     def state(self) -> bytes:
@@ -220,7 +237,19 @@ class Loop:
 
     def _check_restorable(self) -> None:
         if self._outside and not self._outside.is_native:
-            raise ValueError("a loop with a Python callable has no state: what a callable remembers is its own")
+            raise ValueError(
+                "a loop with a Python callable has no state, and cannot be copied: what a callable remembers is its own"
+            )
+
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Raises ValueError while the loop runs: for its own controller, or another thread."""
+        if not self._lock.acquire(blocking=False):
+            raise ValueError("the loop is running: neither its controller nor another thread can run or change it")
+        try:
+            yield
+        finally:
+            self._lock.release()
 
     def _setup(self, scenario: Scenario) -> _core.DeviceSetup:
         """Of the scenario, but for the numbers that act only at the start."""
@@ -228,6 +257,9 @@ class Loop:
         of_kind = numbers(scenario.controller.kind)
         kept = {number.name: first[number.name] for number in of_kind if number.settable == "at_start"}
         return core_setup(scenario, kept)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _resumed_loop, (self._first, self._outside and self._outside.controller, self.state)
 
     def _rows(self, count: int) -> np.ndarray:
         if not self._outside:
@@ -242,3 +274,9 @@ class Loop:
         if self._outside:
             return self._outside.channels(self._device)
         return (*LOOP_CHANNELS, *self._reported, *(DEVICE_CHANNELS if self._device else ()))
+
+
+def _resumed_loop(scenario: Scenario, controller: ControllerLike | None, state: bytes) -> Loop:
+    loop = Loop(scenario, controller)
+    loop.state = state
+    return loop
