@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 import re
+import tomllib
 from contextlib import redirect_stdout
 from io import StringIO
 from pathlib import Path
@@ -14,6 +17,7 @@ import pytest
 from fracgyro.scenario.shipped import shipped
 
 gymnasium = pytest.importorskip("gymnasium", reason="gymnasium, which the extra interop brings, is not installed")
+EnvSpec = gymnasium.envs.registration.EnvSpec
 environments = fg.interop.gymnasium
 
 # With a power of two as the limit, a force is that of an action to the last bit.
@@ -187,7 +191,16 @@ def test_actions_beyond_the_space_are_cut_to_it() -> None:
 @pytest.mark.parametrize(
     ("arguments", "error", "sentence"),
     [
-        ({"scenario": "paper"}, TypeError, "scenario is 'paper': it must be a Scenario"),
+        ({"scenario": 3}, TypeError, "scenario is 3: it must be a Scenario, one of hardware, paper_thermal"),
+        (
+            {"scenario": "hardwar"},
+            fg.ScenarioError,
+            "scenario is 'hardwar': it must be a Scenario, one of hardware, paper_thermal, paper_resonance, dual_mass, "
+            "tuned_in_air, disc, the path of a TOML file, TOML text or a dict of tables",
+        ),
+        ({"scenario": "run.durance = 3"}, fg.ScenarioError, "run.durance is not a known field; did you mean"),
+        ({"scenario": {"run": {"durance": 3}}}, fg.ScenarioError, "run.durance is not a known field; did you mean"),
+        ({"max_episode_steps": 0}, ValueError, "max_episode_steps is 0: it must be an integer of at least 1"),
         (
             {"scenario": fg.Scenario.paper()},
             ValueError,
@@ -253,3 +266,65 @@ def test_the_guide_prints_what_it_says() -> None:
     assert said.getvalue() == printed
     exec(compile(more, "gymnasium.md", "exec"), names)
     assert names["rewards"].shape == (64,)
+
+
+# -- Configured by text, and copied
+
+
+def test_a_scenario_is_given_by_its_name_its_path_its_text_or_a_dict(tmp_path: Path) -> None:
+    scenario = shipped("hardware")
+    scenario.save(tmp_path / "a = b.toml")
+    tables = tomllib.loads(scenario.to_toml())
+    forms = ["hardware", str(tmp_path / "a = b.toml"), tmp_path / "a = b.toml", scenario.to_toml(), tables]
+    for form in forms:
+        for kind in ("Tracking", "RateSensing"):
+            env = gymnasium.make(f"fracgyro/{kind}-v0", scenario=form)
+            assert env.unwrapped.task == getattr(environments, kind)(scenario).task
+    envs = gymnasium.make_vec("fracgyro/Tracking-v0", num_envs=2, scenario="hardware")
+    assert envs.unwrapped.task == environments.Tracking(scenario).task
+
+
+@pytest.mark.parametrize("given", ["paper", SCENARIOS["positions only, SI"], {"plant": {"angular_rate": 50.0}}, None])
+@pytest.mark.parametrize("name", ["Tracking", "RateSensing"])
+def test_what_made_an_environment_can_be_written_as_json_and_makes_it_again(name: str, given: Any) -> None:
+    tables = {"controller": {"force_limit": 1000.0}}
+    given = {**given, **tables} if isinstance(given, dict) else "hardware" if given == "paper" else given
+    made = gymnasium.make(f"fracgyro/{name}-v0", scenario=given, error_limit=3.0)
+    spec = EnvSpec.from_json(made.spec.to_json())
+    again = gymnasium.make(spec)
+    assert again.unwrapped.task == made.unwrapped.task
+    assert made.spec.max_episode_steps == made.unwrapped.task.scenario.run.steps == again.spec.max_episode_steps
+    several = gymnasium.make_vec(spec, num_envs=2)
+    assert several.unwrapped.task == made.unwrapped.task
+    assert gymnasium.make_vec(EnvSpec.from_json(several.spec.to_json())).unwrapped.task == made.unwrapped.task
+
+
+def test_episodes_are_as_short_as_they_are_asked_to_be() -> None:
+    one = gymnasium.make("fracgyro/Tracking-v0", scenario=PAPER, max_episode_steps=7)
+    several = gymnasium.make_vec("fracgyro/Tracking-v0", num_envs=2, scenario=PAPER, max_episode_steps=7)
+    assert one.spec.max_episode_steps == several.spec.max_episode_steps == 7
+    one.reset(seed=1)
+    several.reset(seed=1)
+    for step in range(1, 8):
+        assert one.step(np.zeros(2))[3] == (step == 7)
+        assert several.step(np.zeros((2, 2)))[3].tolist() == [step == 7] * 2
+    assert environments.Tracking(PAPER, max_episode_steps=10**6).task == environments.Tracking(PAPER).task
+
+
+@scenarios
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))], ids=["copy", "pickle"])
+def test_a_copy_of_an_environment_goes_on_by_itself(copied: Any, scenario: fg.Scenario) -> None:
+    one = gymnasium.make("fracgyro/RateSensing-v0", scenario=scenario)
+    several = environments.TrackingVector(3, scenario)
+    for env, action in ((one, np.full(3, 0.1)), (several, np.full((3, 2), 0.1))):
+        fresh = copied(env)
+        for each in (env, fresh):
+            np.testing.assert_array_equal(each.reset(seed=4)[0], env.reset(seed=4)[0])
+        for _ in range(5):
+            env.step(action)
+        other = copied(env)
+        ahead = [env.step(action) for _ in range(5)]
+        for expected in ahead:
+            for a, b in zip(other.step(action)[:4], expected[:4], strict=True):
+                np.testing.assert_array_equal(a, b)
+        np.testing.assert_array_equal(other.reset()[0], env.reset()[0])  # the next episode is the same one

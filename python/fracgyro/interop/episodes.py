@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arguments import number
-from ..scenario import Scenario, ScenarioError, check_scenario
-from ..scenario.shipped import shipped
+from ..arguments import number, short
+from ..scenario import Scenario, ScenarioError
+from ..scenario.shipped import SHIPPED, shipped
 
 Vector = NDArray[np.float64]
+ScenarioLike = Scenario | str | os.PathLike[str] | Mapping[str, Any]
 
 SEEDS = 2**53  # those that every face of a scenario takes
 DURATION = 10.0  # of the scenario that there is if none is given
+
+FORMS = f"one of {', '.join(SHIPPED)}, the path of a TOML file, TOML text or a dict of tables"
 
 # Columns of _core.Gyroscopes. An observation is what comes before the error, without the velocity where none is sensed.
 VELOCITY, ERROR, RATE = 8, 10, 12
@@ -32,6 +38,7 @@ class Task:
     scenario: Scenario
     error_limit: float
     rate_range: float | None
+    steps: int  # of an episode
 
     @property
     def observed(self) -> int:
@@ -67,22 +74,46 @@ class Task:
         return self.scenario.replace(changes)
 
 
-def tracking(scenario: Scenario | None, error_limit: float) -> Task:
+def tracking(scenario: ScenarioLike | None, error_limit: float, max_episode_steps: int | None) -> Task:
     """Raises TypeError, ValueError or ScenarioError, in one sentence, where an argument is not allowed."""
-    if scenario is None:
-        scenario = shipped("hardware").replace({"run.duration": DURATION})
-    check_scenario(scenario)
-    limit = scenario.controller.force_limit
+    found = shipped("hardware").replace({"run.duration": DURATION}) if scenario is None else taken(scenario)
+    limit = found.controller.force_limit
     if not math.isfinite(limit):
         raise ScenarioError(f"controller.force_limit is {limit}: it must be finite, as actions are shares of it")
-    limit = number("error_limit", error_limit, above=0.0)
-    return Task(scenario.replace({"run.units": "nondimensional", "run.record_every": 1}), limit, None)
+    limit, steps = number("error_limit", error_limit, above=0.0), found.run.steps
+    if max_episode_steps is not None:
+        if isinstance(max_episode_steps, bool) or not isinstance(max_episode_steps, int) or max_episode_steps < 1:
+            raise ValueError(f"max_episode_steps is {short(max_episode_steps)}: it must be an integer of at least 1")
+        steps = min(steps, max_episode_steps)
+    return Task(found.replace({"run.units": "nondimensional", "run.record_every": 1}), limit, None, steps)
 
 
-def rate_sensing(scenario: Scenario | None, error_limit: float, rate_range: float | None) -> Task:
+def rate_sensing(
+    scenario: ScenarioLike | None, error_limit: float, rate_range: float | None, max_episode_steps: int | None
+) -> Task:
     """Raises what `tracking` does."""
-    task = tracking(scenario, error_limit)
+    task = tracking(scenario, error_limit, max_episode_steps)
     widest = 2.0 * abs(task.scenario.plant.angular_rate) if rate_range is None else rate_range
     if rate_range is None and widest == 0.0:
         raise ValueError("plant.angular_rate is 0: rate_range must be given, as it is twice that otherwise")
-    return Task(task.scenario, task.error_limit, number("rate_range", widest, above=0.0))
+    return replace(task, rate_range=number("rate_range", widest, above=0.0))
+
+
+def taken(scenario: ScenarioLike) -> Scenario:
+    """A scenario from the name of a shipped one, a path, TOML text or a dict of its tables.
+
+    Raises TypeError for anything else, ScenarioError where it is not a scenario.
+    """
+    if isinstance(scenario, Scenario):
+        return scenario
+    if isinstance(scenario, Mapping):
+        return Scenario(**scenario)
+    if not isinstance(scenario, str | os.PathLike):
+        raise TypeError(f"scenario is {short(scenario)}: it must be a Scenario, {FORMS}")
+    if isinstance(scenario, str) and scenario in SHIPPED:
+        return shipped(scenario)
+    if isinstance(scenario, str) and ("=" in scenario or "\n" in scenario) and Path(scenario).suffix != ".toml":
+        return Scenario.from_toml(scenario)
+    if not os.path.exists(scenario):
+        raise ScenarioError(f"scenario is {short(os.fspath(scenario))}: it must be a Scenario, {FORMS}")
+    return Scenario.load(scenario)

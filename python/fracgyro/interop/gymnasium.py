@@ -7,10 +7,12 @@ and gymnasium.make_vec.
 
 from __future__ import annotations
 
+import copy
 from typing import Any, cast
 
 import gymnasium
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.spaces import Box, Space
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
@@ -20,8 +22,9 @@ from numpy.typing import NDArray
 from .. import _core
 from ..arguments import short
 from ..scenario import Scenario
+from ..scenario.shipped import SHIPPED
 from ..scenario.to_core import core_setup
-from .episodes import ERROR, RATE, Task, Vector, rate_sensing, tracking
+from .episodes import ERROR, RATE, ScenarioLike, Task, Vector, rate_sensing, tracking
 from .matrices import Matrix, matrices
 
 __all__ = ["RateSensing", "RateSensingVector", "Tracking", "TrackingVector"]
@@ -35,6 +38,22 @@ class _Tasked:
     """What one environment and many have in common."""
 
     task: Task
+    _spec: EnvSpec | None = None
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """How gymnasium.make made it: as JSON, its scenario is text."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, made: EnvSpec | None) -> None:
+        if made is not None:
+            made = copy.copy(made)
+            made.max_episode_steps = made.max_episode_steps or self.task.steps
+            given = made.kwargs.get("scenario")
+            if given is not None and not (isinstance(given, str) and given in SHIPPED):
+                made.kwargs = {**made.kwargs, "scenario": self.task.scenario.to_toml()}
+        self._spec = made
 
     @property
     def force_limit(self) -> float:
@@ -61,11 +80,23 @@ def _spaces(task: Task) -> tuple[Space[Vector], Space[Vector]]:
     return cast(tuple[Space[Vector], Space[Vector]], spaces)
 
 
+def _saved(gyroscopes: _core.Gyroscopes | None) -> bytes | None:
+    return None if gyroscopes is None else bytes(gyroscopes.state)
+
+
+def _resumed(scenarios: list[Scenario], state: bytes | None) -> _core.Gyroscopes | None:
+    if state is None:
+        return None
+    gyroscopes = _core.Gyroscopes([core_setup(scenario) for scenario in scenarios])
+    gyroscopes.state = state
+    return gyroscopes
+
+
 class _Environment(_Tasked, gymnasium.Env[Vector, Vector]):
     def __init__(self, task: Task) -> None:
         self.task = task
         self.observation_space, self.action_space = _spaces(task)
-        self._steps = task.scenario.run.steps
+        self._steps = task.steps
         self._taken = 0
         self._acted, self._observed = task.acted, task.observed
         self._limit, self._error_limit = task.force_limit, task.error_limit
@@ -106,6 +137,13 @@ class _Environment(_Tasked, gymnasium.Env[Vector, Vector]):
             observation = observation.clip(-FARTHEST, FARTHEST)
         return observation, reward, lost, self._taken >= self._steps, self._info(row)
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "_gyroscope": _saved(self._gyroscope)}
+
+    def __setstate__(self, saved: dict[str, Any]) -> None:
+        vars(self).update(saved)
+        self._gyroscope = _resumed([self._scenario], saved["_gyroscope"])
+
     def _info(self, row: Vector) -> Info:
         return {"error": row[ERROR:RATE], "angular_rate": self._rate_unit * row.item(RATE)}
 
@@ -116,13 +154,15 @@ class Tracking(_Environment):
     An action is the force x, y, as shares of controller.force_limit, from -1 to 1. An observation, nondimensional:
     position (q0), reference (q0), its rate (q0 omega0), its acceleration (q0 omega0^2) and, unless device.sensing is
     "position", velocity (q0 omega0), x and y of each, as the device measures them. The reward of a step is minus the
-    squared error at its end, e_x^2 + e_y^2. An episode is truncated after run.duration, and ends early where an error
-    exceeds `error_limit`, in q0; the reward is then that of such errors for all that was left. `info` has the true
-    "error" and "angular_rate" (rad/s).
+    squared error at its end, e_x^2 + e_y^2. An episode is truncated after run.duration, or `max_episode_steps` if these
+    are fewer, and ends early where an error exceeds `error_limit`, in q0; the reward is then that of such errors for
+    all that was left. `info` has the true "error" and "angular_rate" (rad/s).
 
-    Each reset draws another disturbance.seed, and rate.seed if the rate is noise. `scenario`: without one, the shipped
-    `hardware` for 10 units of time. Raises TypeError, ValueError or ScenarioError, in one sentence, where an argument
-    is not allowed; a step raises ValueError for actions that are not finite.
+    Each reset draws another disturbance.seed, and rate.seed if the rate is noise. `scenario`: a Scenario, the name of a
+    shipped one, the path of a TOML file, TOML text or a dict of tables; without one, `hardware` for 10 units of time.
+    An environment can be copied and pickled: the copy goes on by itself from where this one is. Raises TypeError,
+    ValueError or ScenarioError, in one sentence, where an argument is not allowed; a step raises ValueError for actions
+    that are not finite.
 
     >>> import gymnasium
     >>> from fracgyro.interop.gymnasium import Tracking
@@ -132,8 +172,14 @@ class Tracking(_Environment):
     [0.5, 0.5]
     """
 
-    def __init__(self, scenario: Scenario | None = None, *, error_limit: float = 10.0) -> None:
-        super().__init__(tracking(scenario, error_limit))
+    def __init__(
+        self,
+        scenario: ScenarioLike | None = None,
+        *,
+        error_limit: float = 10.0,
+        max_episode_steps: int | None = None,
+    ) -> None:
+        super().__init__(tracking(scenario, error_limit, max_episode_steps))
 
 
 class RateSensing(_Environment):
@@ -152,9 +198,14 @@ class RateSensing(_Environment):
     """
 
     def __init__(
-        self, scenario: Scenario | None = None, *, error_limit: float = 10.0, rate_range: float | None = None
+        self,
+        scenario: ScenarioLike | None = None,
+        *,
+        error_limit: float = 10.0,
+        rate_range: float | None = None,
+        max_episode_steps: int | None = None,
     ) -> None:
-        super().__init__(rate_sensing(scenario, error_limit, rate_range))
+        super().__init__(rate_sensing(scenario, error_limit, rate_range, max_episode_steps))
 
 
 class _Environments(_Tasked, VectorEnv[Vector, Vector, NDArray[Any]]):
@@ -206,7 +257,7 @@ class _Environments(_Tasked, VectorEnv[Vector, Vector, NDArray[Any]]):
             rewards = -((estimates - task.rate_unit / task.rate_range * rows[:, RATE]) ** 2)
         within = np.abs(errors) <= task.error_limit
         lost = ~(within[:, 0] & within[:, 1])
-        steps = task.scenario.run.steps
+        steps = task.steps
         if lost.any():
             rewards[lost] = task.worst * (steps - self._taken[lost] + 1)
             rows[lost, :ERROR] = rows[lost, :ERROR].clip(-FARTHEST, FARTHEST)
@@ -216,6 +267,13 @@ class _Environments(_Tasked, VectorEnv[Vector, Vector, NDArray[Any]]):
             rewards[before], lost[before], ended[before] = 0.0, False, False
         self._over = lost | ended
         return rows[:, : task.observed], rewards, lost, ended, self._infos(rows)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "_gyroscopes": _saved(self._gyroscopes)}
+
+    def __setstate__(self, saved: dict[str, Any]) -> None:
+        vars(self).update(saved)
+        self._gyroscopes = _resumed(self._scenarios, saved["_gyroscopes"])
 
     def _begin(self, places: NDArray[np.intp], rows: Vector) -> None:
         """Episodes in place of those that are over; their rows are those of the start."""
@@ -246,8 +304,15 @@ class TrackingVector(_Environments):
     (3, 10)
     """
 
-    def __init__(self, num_envs: int = 1, scenario: Scenario | None = None, *, error_limit: float = 10.0) -> None:
-        super().__init__(tracking(scenario, error_limit), num_envs)
+    def __init__(
+        self,
+        num_envs: int = 1,
+        scenario: ScenarioLike | None = None,
+        *,
+        error_limit: float = 10.0,
+        max_episode_steps: int | None = None,
+    ) -> None:
+        super().__init__(tracking(scenario, error_limit, max_episode_steps), num_envs)
 
 
 class RateSensingVector(_Environments):
@@ -263,12 +328,13 @@ class RateSensingVector(_Environments):
     def __init__(
         self,
         num_envs: int = 1,
-        scenario: Scenario | None = None,
+        scenario: ScenarioLike | None = None,
         *,
         error_limit: float = 10.0,
         rate_range: float | None = None,
+        max_episode_steps: int | None = None,
     ) -> None:
-        super().__init__(rate_sensing(scenario, error_limit, rate_range), num_envs)
+        super().__init__(rate_sensing(scenario, error_limit, rate_range, max_episode_steps), num_envs)
 
 
 for _name in ("Tracking", "RateSensing"):
