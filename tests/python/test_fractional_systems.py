@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import copy
 import math
+import pickle
+from collections.abc import Callable
 from typing import Any, cast
 
 import mpmath
 import numpy as np
 import pytest
 from fracgyro.fractional import ExponentialSum, design, pid
-from fracgyro.fractional.sampled import Between
+from fracgyro.fractional.sampled import Between, Sampled
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import StateSpace, dlsim, dlti, freqresp
@@ -181,10 +184,32 @@ def test_at_low_frequency_a_fractional_pid_has_the_exact_response() -> None:
         ({"lam": 0.0}, r"lam must lie in \(0, 1\], got 0.0"),
         ({"mu": 1.1}, r"mu must lie in \(0, 1\], got 1.1"),
         ({"step": 0.0}, "step must be positive and finite, got 0.0"),
-        ({"longest": 1e-9}, "longest must be finite and greater than shortest = 0.001, got 1e-09"),
+        ({"longest": 1e-9}, "longest must be finite and greater than step = 0.001, got 1e-09"),
+        ({"step": 1e-300}, "step must be a positive time between .* and .*, got 1e-300"),
     ],
 )
 def test_a_pid_that_is_none_is_refused(words: dict[str, float], message: str) -> None:
     good = {"kp": 1.0, "ki": 1.0, "lam": 0.5, "kd": 1.0, "mu": 0.5, "step": 1e-3, "longest": 1.0}
     with pytest.raises(ValueError, match=f"^{message}$"):
         pid(**(good | words))
+
+
+@pytest.mark.parametrize(
+    "copied",
+    [copy.copy, copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))],
+    ids=["copy", "deepcopy", "pickle"],
+)
+def test_a_copy_of_an_operator_goes_on_by_itself(copied: Callable[[Sampled], Sampled]) -> None:
+    one = pid(3.0, 5.0, 0.4, 0.7, 0.6, step=1e-3, longest=1.0, between="parabolas")
+    for sample in (1.0, -2.0, 0.5):
+        one.step(sample)
+    other = copied(one)
+    ahead = [one.step(sample) for sample in (1.0, 1.0, 1.0)]
+    assert [other.step(sample) for sample in (1.0, 1.0, 1.0)] == ahead
+    np.testing.assert_array_equal(other.run(np.ones(5)), one.run(np.ones(5)))
+
+
+@pytest.mark.parametrize("sample", [10**400, "a", None, [1.0, 2.0]])
+def test_a_sample_that_is_no_number_is_refused(sample: Any) -> None:
+    with pytest.raises(TypeError, match=r"^sample is .*: it must be a number$"):
+        pid(3.0, 5.0, 0.4, 0.7, 0.6, step=1e-3, longest=1.0).step(sample)

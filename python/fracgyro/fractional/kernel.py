@@ -176,17 +176,20 @@ def _designed(order: float, shortest: float, longest: float, tolerance: float) -
     return ExponentialSum(order, shortest, longest, tolerance, poles, weights, error)
 
 
-def check(order: float, shortest: float, longest: float, tolerance: float) -> None:
-    """Raises ValueError, in one sentence, for what `design` does not take."""
+def check(order: float, shortest: float, longest: float, tolerance: float, *, shortest_is: str = "shortest") -> None:
+    """Raises ValueError, in one sentence, for arguments that `design` does not take.
+
+    `shortest_is`: the name of the argument that `shortest` is.
+    """
     if not 0.0 < order < 1.0:
         raise ValueError(f"order must lie in (0, 1), got {order}")
     if not _core.earliest <= shortest <= _core.latest:
         limits = f"{_core.earliest:g} and {_core.latest:g}".replace("+", "")
-        raise ValueError(f"shortest must be a positive time between {limits}, got {shortest}")
+        raise ValueError(f"{shortest_is} must be a positive time between {limits}, got {shortest}")
     if not shortest < longest < math.inf:
-        raise ValueError(f"longest must be finite and greater than shortest = {shortest}, got {longest}")
+        raise ValueError(f"longest must be finite and greater than {shortest_is} = {shortest}, got {longest}")
     if not longest <= _core.largest_ratio * shortest:
-        limit = f"{_core.largest_ratio:g} times shortest = {shortest}"
+        limit = f"{_core.largest_ratio:g} times {shortest_is} = {shortest}"
         raise ValueError(f"longest must be at most {limit}, got {longest}")
     if not _core.smallest_tolerance <= tolerance <= _core.largest_tolerance:
         limits = f"[{_core.smallest_tolerance:g}, {_core.largest_tolerance:g}]"
@@ -201,7 +204,7 @@ def core_kernel(order: float, step: float, duration: float, tolerance: float) ->
     room for as many exponentials as they take.
     """
     if order not in (0.0, 1.0):
-        check(order, step, max(duration, MIN_RANGE * step), tolerance)
+        check(order, step, max(duration, MIN_RANGE * step), tolerance, shortest_is="step")
     found = _core.designed_kernel(order, step, duration, tolerance)
     if order not in (0.0, 1.0) and not found.count:
         raise ValueError(

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from ..arguments import real
-from .kernel import design
+from .kernel import check, design
 from .sampled import Between, Sampled, has_parabolas
 
 
@@ -46,6 +46,8 @@ def pid(
             raise ValueError(f"{name} must lie in (0, 1], got {order}")
     if not 0.0 < step < math.inf:
         raise ValueError(f"step must be positive and finite, got {step}")
+    if (ki != 0.0 and lam < 1.0) or (kd != 0.0 and mu < 1.0):
+        check(0.5, step, longest, tolerance, shortest_is="step")
     bend = 0.5 if has_parabolas(between) else 0.0  # of each change, its difference from the last one
     nothing = np.zeros((0, 2))
     found = Sampled(step, nothing, nothing, kp, 0.0, 0.0, 0.0)

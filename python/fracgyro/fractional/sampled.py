@@ -31,8 +31,9 @@ class Sampled:
         y_k = sum_j weight_j g_j + now u_k + past u_(k-1) + change d_k + past_change d_(k-1),
         then  g_j += decay_j g_j + u_(k-1), or d_k.
 
-    All starts from 0: as if the signal began one step before the first sample.
-    include/fracgyro/core/sampled_step.h is the code, here and in C as `fg.export.operator` writes it.
+    All starts from 0: as if the signal began one step before the first sample. It can be copied and pickled: the copy
+    goes on by itself from where this one is. include/fracgyro/core/sampled_step.h is the code, here and in C as
+    `fg.export.operator` writes it.
 
     >>> controller = fg.fractional.pid(1.0, 2.0, 0.5, 0.1, 0.5, step=1e-3, longest=10.0)
     >>> force = [controller.step(error) for error in (0.0, 0.1, 0.2)]
@@ -57,6 +58,14 @@ class Sampled:
     def _numbers(self) -> tuple[Vector, Vector, tuple[float, float, float, float]]:
         return self.of_values, self.of_changes, (self.now, self.past, self.change, self.past_change)
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "_running": self._running.state}
+
+    def __setstate__(self, saved: dict[str, Any]) -> None:
+        vars(self).update(saved)
+        self._running = _core.Recursion(*self._numbers())
+        self._running.state = saved["_running"]
+
     @property
     def count(self) -> int:
         """Number of recursions."""
@@ -73,7 +82,7 @@ class Sampled:
         """
         try:
             return self._running.step(float(sample))
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise TypeError(f"sample is {short(sample)}: it must be a number") from None
 
     def run(self, samples: npt.ArrayLike) -> npt.NDArray[Any]:
