@@ -221,5 +221,27 @@ def test_the_averaging_times_go_by_octaves_up_to_a_tenth_of_the_record() -> None
     both = fg.rate.allan(np.concatenate([record, 3 * record]), 0.5)
     np.testing.assert_allclose(both.deviation, math.sqrt(5) * found.deviation, rtol=1e-12)  # of 1 and 9 the mean
     assert ((found.low < found.deviation) & (found.deviation < found.high)).all()
-    with pytest.raises(ValueError, match="the record has 19 samples: it must have at least 20, all finite"):
+    with pytest.raises(ValueError, match=r"^the record has 19 samples: it must have at least 20$"):
         fg.rate.allan(np.ones(19), 1.0)
+
+
+def test_a_record_whose_first_axis_is_time_is_refused_by_its_shape() -> None:
+    with pytest.raises(
+        ValueError, match=r"^values has shape \(60000, 3\): it must be .*, the last axis being time"
+    ) as said:
+        fg.rate.allan(np.random.default_rng(0).normal(size=(60_000, 3)), 0.01)
+    assert str(said.value).endswith("take values.T")
+    with pytest.raises(ValueError, match=r"^the record has 10 samples: it must have at least 20$"):
+        fg.rate.allan(np.ones((3, 10)), 0.01)
+    with pytest.raises(ValueError, match=r"^values has 3 dimensions: it must be \(samples\) or \(records, samples\)$"):
+        fg.rate.allan(np.ones((3, 10, 10)), 0.01)
+
+
+def test_a_sample_that_is_not_finite_is_refused_with_its_place() -> None:
+    record = np.ones(50)
+    record[[17, 30]] = np.nan, np.inf
+    with pytest.raises(ValueError, match=r"^values is nan at sample 17: all must be finite, and 2 of 50 are not$"):
+        fg.rate.allan(record, 1.0)
+    both = np.array([np.ones(50), record])
+    with pytest.raises(ValueError, match=r"^values is nan at sample 17 of record 1: .* 2 of 100 are not$"):
+        fg.rate.allan(both, 1.0)

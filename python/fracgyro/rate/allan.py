@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,8 +58,9 @@ class Allan:
 def allan(values: Array, interval: float, shortest: float = 0.0) -> Allan:
     """Overlapping Allan deviation of one or more records of equal length, and the noise terms found in it.
 
-    `values`: (samples) or (records, samples), in rad/s. `interval`: time between samples, s. `shortest`: averages below
-    this, s, are not fitted, as the sensor's response is in them and is not of first or second order.
+    `values`: (samples) or (records, samples), time being the last axis, in rad/s. `interval`: time between samples, s.
+    `shortest`: averages below this, s, are not fitted, as the sensor's response is in them and is not of first or
+    second order.
 
     N, B and K of IEEE Std 952 are fitted to its square at once; those that the record does not show have a limit
     instead, and N is None. The shortest averages, at which a sensor of finite bandwidth shows less noise than it has,
@@ -66,7 +68,7 @@ def allan(values: Array, interval: float, shortest: float = 0.0) -> Allan:
     independent; their variances are averaged and their degrees of freedom add up.
 
     Raises TypeError where these are no numbers, ValueError where a record has less than 20 samples, one that is not
-    finite or more than two dimensions, `interval` is not above 0 or `shortest` below 0.
+    finite or more than two dimensions, or time is not the last axis, `interval` is not above 0 or `shortest` below 0.
 
     >>> noise = np.random.default_rng(0).normal(size=100_000) * 0.002
     >>> round(fg.rate.allan(noise, interval=0.01).angle_random_walk.value, 5)  # 0.002 * sqrt(0.01) rad/sqrt(s)
@@ -74,14 +76,10 @@ def allan(values: Array, interval: float, shortest: float = 0.0) -> Allan:
     """
     shortest = number("shortest", shortest, least=0.0)
     records, interval = np.atleast_2d(signal("values", values)), number("interval", interval, above=0.0)
-    if records.ndim > 2:
-        raise ValueError(f"values has {records.ndim} dimensions: it must have (samples) or (records, samples)")
-    count, samples = records.shape
-    if samples < 2 * MIN_RECORD or not np.isfinite(records).all():
-        raise ValueError(f"the record has {samples} samples: it must have at least {2 * MIN_RECORD}, all finite")
+    count, samples = _checked(records)
     averaged = 2 ** np.arange((samples // MIN_RECORD).bit_length())
     variance = np.mean([_overlapping(record, averaged) for record in records], axis=0)
-    tau = averaged * interval
+    tau = np.asarray(averaged * interval, dtype=np.float64)
     curve = Curve(tau, variance, interval, samples, count)
     fit = curve.fit(shortest)
     deviation = np.sqrt(variance)
@@ -99,6 +97,26 @@ def allan(values: Array, interval: float, shortest: float = 0.0) -> Allan:
         fit.response.time if fit else 0.0,
         (float(tau[fit.part][0]), float(tau[fit.part][-1])) if fit else None,
     )
+
+
+def _checked(records: NDArray[Any]) -> tuple[int, int]:
+    """Numbers of records and samples. Raises ValueError where they are not long enough and finite."""
+    least, rule = 2 * MIN_RECORD, "it must be (samples) or (records, samples)"
+    if records.ndim > 2:
+        raise ValueError(f"values has {records.ndim} dimensions: {rule}")
+    count, samples = records.shape
+    if count >= least > samples:
+        raise ValueError(f"values has shape {records.shape}: {rule}, the last axis being time; take values.T")
+    if samples < least:
+        raise ValueError(f"the record has {samples} samples: it must have at least {least}")
+    if (bad := np.argwhere(~np.isfinite(records))).size:
+        record, sample = map(int, bad[0])
+        of = f" of record {record}" if count > 1 else ""
+        raise ValueError(
+            f"values is {records[record, sample]} at sample {sample}{of}: all must be finite, and {len(bad)} of "
+            f"{records.size} are not"
+        )
+    return count, samples
 
 
 def _overlapping(record: Array, averaged: NDArray[np.int64]) -> Array:
