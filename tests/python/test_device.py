@@ -481,6 +481,10 @@ def test_a_file_that_is_none_is_refused_in_one_sentence(tmp_path: Path, text: st
             {"rate.kind": "staircase", "rate.hold": 1e-7},
             "rate.hold is 1e-07: it must be a whole number of run.step",
         ),
+        (
+            {"rate.kind": "step", "rate.hold": 0.02},
+            'rate.hold is 0.02: it must be left out when rate.kind is "step", as only a staircase has a time on each',
+        ),
         ({"rate.levels": 0}, "rate.levels is 0: it must lie between 1 and 1000000000"),
         ({"rate.kind": "sine"}, 'rate.frequency is 0.0: it must be greater than 0 when rate.kind is "sine"'),
         (

@@ -142,6 +142,11 @@ class Rate(Table):
             )
         if self.kind == "staircase" and self.hold is None:
             raise sentence("rate.hold is missing: a staircase must have a time on each level")
+        if self.kind != "staircase" and self.hold is not None:
+            raise sentence(
+                f"rate.hold is {toml_value(self.hold)}: it must be left out when rate.kind is {toml_value(self.kind)}, "
+                "as only a staircase has a time on each level"
+            )
         if self.kind in ("sine", "noise") and self.frequency == 0:
             raise sentence(
                 f"rate.frequency is 0.0: it must be greater than 0 when rate.kind is {toml_value(self.kind)}"
