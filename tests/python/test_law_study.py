@@ -182,6 +182,9 @@ def test_a_controller_whose_code_cannot_be_read_is_not_resumed(tmp_path: Path) -
         def __init__(self) -> None:
             self.lock = threading.Lock()
 
+        def reset(self, scenario: fg.Scenario) -> None:  # without which it would be copied
+            self.lock = threading.Lock()
+
         def __call__(self, s: fg.Sample) -> tuple[float, float]:
             return 0.0, 0.0
 

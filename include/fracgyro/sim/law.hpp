@@ -46,8 +46,8 @@ public:
     }
 };
 
-// Numbers that a C function is handed, with NaN behind them: a function that reads beyond them finds NaN, which its force
-// shows, and one that writes beyond them is found out before it does harm elsewhere.
+// Numbers that a C function is handed, with NaN behind them: a function that reads beyond them finds NaN, which its
+// force shows, and one that writes beyond them is found out, having done no harm elsewhere.
 class PaddedNumbers {
 public:
     static constexpr std::size_t padding = 64;
