@@ -22,6 +22,9 @@ class Reporting:
     def __init__(self) -> None:
         self.reports = 0
 
+    def reset(self, scenario: fg.Scenario) -> None:
+        """Nothing is learned, and reports of all runs are counted."""
+
     def __call__(self, sample: Any) -> tuple[float, float]:
         self.velocity = sample.velocity
         return 0.0, 0.0
