@@ -64,6 +64,21 @@ def read_input(path: str | os.PathLike[str]) -> bytes:
     return data
 
 
+def check_place(path: str | os.PathLike[str], beginning: bytes) -> None:
+    """Raises ValueError in one sentence when `whole_file` would not replace or make this file, of its kind.
+
+    It is for the time before the work. `beginning`: the first four bytes of such a file.
+    """
+    with suppress(_NothingWritten), whole_file(path) as scratch:
+        scratch.touch()
+        _check_kind(path, beginning)
+        raise _NothingWritten
+
+
+class _NothingWritten(Exception):
+    """Ends a `whole_file` without a file."""
+
+
 @contextmanager
 def whole_file(path: str | os.PathLike[str], *, replaces: Replaced = "any") -> Iterator[Path]:
     """A scratch path next to `path`, moved there when the block ends without an error and removed otherwise.
@@ -80,8 +95,8 @@ def whole_file(path: str | os.PathLike[str], *, replaces: Replaced = "any") -> I
         if there and replaces == "nothing" and target.stat().st_size:
             raise ValueError(f"{path} cannot be written: it is there already; name an empty or a new file")
         yield scratch
-        if there and replaces == "its kind" and _beginning(target) not in (b"", _beginning(scratch)):
-            raise ValueError(f"{path} cannot be written: it is a file of another kind; choose another name")
+        if replaces == "its kind":
+            _check_kind(path, _beginning(scratch))
         os.replace(scratch, target)
     except OSError as error:
         raise ValueError(f"{path} cannot be written: {reason(error)}") from None
@@ -99,7 +114,12 @@ def _exists(path: str | os.PathLike[str]) -> bool:
     return True
 
 
-def _beginning(path: Path) -> bytes:
+def _check_kind(path: str | os.PathLike[str], beginning: bytes) -> None:
+    if _exists(path) and _beginning(path) not in (b"", beginning):
+        raise ValueError(f"{path} cannot be written: it is a file of another kind; choose another name")
+
+
+def _beginning(path: str | os.PathLike[str]) -> bytes:
     with open(path, "rb") as file:
         return file.read(4)
 

@@ -12,6 +12,8 @@ from pathlib import Path
 import fracgyro as fg
 import pytest
 from children import PATIENCE
+from click.testing import CliRunner
+from fracgyro.cli import cli
 from fracgyro.files import MAX_INPUT, one_line, reason, whole_file
 
 PAPER = fg.Scenario.paper()
@@ -170,3 +172,110 @@ def test_a_sentence_is_one_line_whatever_names_are_in_it() -> None:
     assert one_line("a\nb\r\u2028\x1b[0m\udcff") == r"a\nb\r\u2028\x1b[0m\udcff"
     with pytest.raises(fg.ScenarioError, match=r"^my\\nfile\.toml cannot be read: No such file or directory$"):
         fg.Scenario.load("my\nfile.toml")
+
+
+# Every writer, in a process whose files may not grow beyond a limit: as on a full disk.
+WRITE_ALL = """
+import json, resource, sys
+from pathlib import Path
+
+import fracgyro as fg
+import numpy as np
+from fracgyro.analysis.plots import write_plot
+from fracgyro.simulation.dataset import write_run
+
+scenario = fg.Scenario.paper().replace({"run.duration": 12.0, "controller.switching_limit": 0.5})
+run = fg.simulate(scenario.replace({"run.record_every": 10}))
+integral = fg.fractional.pid(0.0, 1.0, 0.5, 0.0, 1.0, step=1e-3, longest=10.0)
+scenario.save("scenario.toml")
+np.savetxt("record.csv", np.random.default_rng(0).normal(size=200), header="x")
+study = "scenario = 'scenario.toml'\\nvary.controller.order = {}\\n"
+Path("sweep.toml").write_text(study.format([0.8, 0.9]))
+goal = "[[objective]]\\nmetric = 'effort_x'\\n"
+Path("tune.toml").write_text(study.format("{ low = 0.8, high = 0.9 }") + goal)
+
+writers = {
+    "run.nc": lambda path: write_run(run, path),
+    "run.mat": run.fracgyro.to_mat,
+    "run.png": lambda path: write_plot(run, path),
+    "run.svg": lambda path: write_plot(run, path),
+    "run.pdf": lambda path: write_plot(run, path),
+    "saved.toml": scenario.save,
+    "web.json": lambda path: fg.export.web(scenario, path),
+    "gyro.fmu": lambda path: fg.export.fmu(scenario, path),
+    "firmware": lambda path: fg.export.firmware(scenario, path),
+    "matlab": lambda path: fg.export.matlab(scenario, path),
+    "operator": lambda path: fg.export.operator(integral, path),
+    "allan": lambda path: fg.rate.analyse_record("record.csv", path, rate=100.0),
+    "sweep": lambda path: fg.study.sweep("sweep.toml", path),
+    "tune": lambda path: fg.study.tune("tune.toml", path),
+}
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]),) * 2)
+for name, write in writers.items():
+    try:
+        write(Path(name))
+        print(json.dumps([name, "written"]))
+    except ValueError as error:
+        print(json.dumps([name, str(error)]))
+"""
+
+
+@pytest.mark.parametrize("limit", [300, 2000])
+def test_on_a_full_disk_every_writer_ends_in_one_sentence_and_leaves_no_file(tmp_path: Path, limit: int) -> None:
+    command = [sys.executable, "-c", WRITE_ALL, str(limit)]
+    ran = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=PATIENCE)
+    assert ran.returncode == 0, ran.stderr[-2000:]
+    said = dict(json.loads(line) for line in ran.stdout.splitlines())
+    assert len(said) == 14
+    for name, sentence in said.items():
+        assert len(sentence.splitlines()) == 1
+        assert ("File too large" in sentence) != (name == "gyro.fmu" and "c++ failed" in sentence), name
+    files = {path.name for path in tmp_path.rglob("*") if path.is_file()}
+    assert files == {"scenario.toml", "record.csv", "sweep.toml", "tune.toml"}
+
+
+# The command line, whose files may not grow beyond a limit.
+FULL = "import resource, fracgyro.cli; resource.setrlimit(resource.RLIMIT_FSIZE, ({0}, {0})); fracgyro.cli.main()"
+
+
+@pytest.mark.parametrize("words", ["--out run.nc", "--plot run.pdf"])
+def test_a_run_that_finds_no_room_on_the_disk_ends_with_exit_code_2(tmp_path: Path, words: str) -> None:
+    command = [sys.executable, "-c", FULL.format(8192), "simulate", "--set", "run.duration=5.0", *words.split()]
+    ran = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=PATIENCE)
+    assert (ran.returncode, ran.stderr) == (2, f"fracgyro: {words.split()[1]} cannot be written: File too large\n")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_output_that_finds_no_room_on_the_disk_is_no_success(tmp_path: Path, unbuffered: str) -> None:
+    with open(tmp_path / "paper.toml", "w", encoding="utf-8") as out:
+        ran = subprocess.run(
+            [sys.executable, "-c", FULL.format(1000), "scenario", "paper"],
+            stdout=out,
+            stderr=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
+            timeout=PATIENCE,
+        )
+    assert (ran.returncode, ran.stderr) == (2, "fracgyro: the output cannot be written: File too large\n")
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["--plot", "run.xyz"], "run.xyz cannot be drawn: its suffix must be one of .svg, .png, .pdf"),
+        (["--plot", "nowhere/run.svg"], "nowhere/run.svg cannot be written: No such file or directory"),
+        (["--out", "nowhere/run.nc"], "nowhere/run.nc cannot be written: No such file or directory"),
+        (["--out", "mine.toml"], "mine.toml cannot be written: it is a file of another kind; choose another name"),
+    ],
+)
+def test_a_run_does_not_begin_when_its_files_cannot_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], expected: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    PAPER.save("mine.toml")
+    monkeypatch.setattr("fracgyro.simulation.simulate.simulate", lambda scenario: pytest.fail("it ran"))
+    ran = CliRunner().invoke(cli, ["simulate", *words])
+    assert isinstance(ran.exception, ValueError)
+    assert str(ran.exception) == expected
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.toml"]

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from ..files import whole_file
+from ..files import check_place, whole_file
 from . import metrics
 from .style import COLORS, LETTERS, own_style, svg
 
 SIZE = 6.7, 7.5  # inches
 REFERENCE: dict[str, Any] = {"color": "black", "linestyle": ":", "linewidth": 0.9}
+FORMATS = {".svg": b"<?xm", ".png": b"\x89PNG", ".pdf": b"%PDF"}  # by suffix: how such a file begins
 MAX_POINTS = 8000  # of a curve
 
 
@@ -78,19 +79,23 @@ def _draw_rate(panel: Axes, run: xr.Dataset) -> None:
     panel.set_ylim(low - margin, high + margin)
 
 
-def write_plot(run: xr.Dataset, path: Path) -> None:
-    """`plot` as a file, in the format of its suffix.
+def check_plot(path: Path) -> None:
+    """Raises ValueError in one sentence when `write_plot` has no format for the suffix, or cannot write there."""
+    if path.suffix not in FORMATS:
+        raise ValueError(f"{path} cannot be drawn: its suffix must be one of {', '.join(FORMATS)}")
+    check_place(path, FORMATS[path.suffix])
 
-    Raises ValueError when the suffix is not a format that Matplotlib writes, or the file cannot be written.
-    """
+
+def write_plot(run: xr.Dataset, path: Path) -> None:
+    """`plot` as a file, in the format of its suffix. Raises ValueError as `check_plot` does."""
+    check_plot(path)
     with own_style(LETTERS):
-        figure = Figure(figsize=SIZE)
-        formats = FigureCanvasAgg(figure).get_supported_filetypes()
-        if path.suffix.lstrip(".") not in formats:
-            raise ValueError(f"{path} cannot be drawn: its suffix must be one of {', '.join(sorted(formats))}")
-        plot(run, figure)
-        with whole_file(path, replaces="its kind") as scratch:
-            if path.suffix == ".svg":
-                scratch.write_text(svg(figure, "A run"), encoding="utf-8", newline="\n")
-            else:
-                figure.savefig(scratch, dpi=150)
+        figure = plot(run, Figure(figsize=SIZE))
+        if path.suffix == ".svg":
+            drawn = svg(figure, "A run").encode()
+        else:
+            memory = io.BytesIO()  # Matplotlib's PDF fails with errors of its own when the disk is full
+            figure.savefig(memory, format=path.suffix[1:], dpi=150)
+            drawn = memory.getvalue()
+    with whole_file(path, replaces="its kind") as scratch:
+        scratch.write_bytes(drawn)

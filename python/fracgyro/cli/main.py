@@ -7,6 +7,7 @@ import io
 import logging
 import os
 import sys
+from typing import TextIO
 
 import click
 
@@ -79,11 +80,20 @@ def _prepare() -> None:
         if getattr(sys, name) is None:  # closed: nobody wants to hear
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
     codecs.register_error("fracgyro", _encoded)
+    sys.stdout = _buffered(sys.stdout)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="fracgyro" if stream is sys.stdout else "backslashreplace")
     os.environ |= {"MPLBACKEND": "agg", "MATPLOTLIBRC": os.devnull}
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
+
+
+def _buffered(stream: TextIO) -> TextIO:
+    """The stream with a buffer: PYTHONUNBUFFERED silently drops what the system does not take of a write."""
+    if not (isinstance(stream, io.TextIOWrapper) and isinstance(stream.buffer, io.RawIOBase)):
+        return stream
+    encoding = stream.encoding
+    return io.TextIOWrapper(io.BufferedWriter(stream.detach()), encoding, line_buffering=True)
 
 
 def _encoded(error: UnicodeError) -> tuple[str | bytes, int]:

@@ -38,11 +38,17 @@ def simulate_command(
 ) -> None:
     """Simulate SCENARIO and print its metrics. Without SCENARIO: the paper, corrected."""
     from ..analysis.metrics import measured
-    from ..simulation.dataset import write_run
+    from ..simulation.dataset import check_run, write_run
     from ..simulation.simulate import DivergedError, simulate
 
     chosen = Scenario.load(scenario) if scenario else Scenario.paper()
     chosen = chosen.replace(dict(map(_change, changes)))
+    if out:
+        check_run(out)
+    if plot:
+        with needs("report"):
+            from ..analysis.plots import check_plot, write_plot
+        check_plot(plot)
     diverged = None
     # The metrics are of every step, and gathered on the way. A record that nobody asked for shows why a run diverged.
     unasked = {} if out or plot else {"run.record_every": max(1, chosen.run.steps // UNASKED)}
@@ -53,8 +59,6 @@ def simulate_command(
     if out:
         write_run(run, out)
     if plot:
-        with needs("report"):
-            from ..analysis.plots import write_plot
         write_plot(run, plot)
     if diverged:
         kept = f"; the samples until then are in {out}" if out else ""

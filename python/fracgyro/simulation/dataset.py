@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from functools import lru_cache
 from importlib.metadata import version
@@ -14,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from .. import _core
 from ..extras import require
-from ..files import whole_file
+from ..files import check_place, whole_file
 from ..scenario import Scenario
 from ..scenario.kinds import AXES, Channel
 from ..scenario.units import si_unit
@@ -133,8 +134,26 @@ def _metrics_form(runs: int, plain: tuple[str, ...]) -> xr.Dataset:
     return xr.Dataset(variables, coords=labels)
 
 
+def check_run(path: Path) -> None:
+    """Raises MissingExtraError or ValueError, in one sentence, when `write_run` cannot write there."""
+    require("netcdf", "h5netcdf")
+    check_place(path, b"\x89HDF")
+
+
 def write_run(run: xr.Dataset, path: Path) -> None:
     """As NetCDF-4."""
-    require("netcdf", "h5netcdf")
+    memory = _netcdf(run)
     with whole_file(path, replaces="its kind") as scratch:
-        run.to_netcdf(scratch, engine="h5netcdf")
+        scratch.write_bytes(memory.getbuffer())
+
+
+def _netcdf(run: xr.Dataset) -> io.BytesIO:
+    """The bytes of a NetCDF-4 file: HDF5 that writes to a full disk itself ends in a segmentation fault."""
+    require("netcdf", "h5netcdf")
+    import h5netcdf
+    from xarray.backends import H5NetCDFStore
+
+    memory = io.BytesIO()
+    with h5netcdf.File(memory, "w") as file:
+        run.dump_to_store(H5NetCDFStore(file))
+    return memory
