@@ -8,6 +8,7 @@ import re
 import signal
 import subprocess
 import sys
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -393,14 +394,28 @@ def test_an_interrupt_ends_in_one_sentence_and_leaves_whole_files(tmp_path: Path
     assert all(json.loads(path.read_text(encoding="utf-8")) for path in (folder / "tunings").glob("*.json"))
 
 
-def test_a_damaged_file_is_one_sentence(tmp_path: Path) -> None:
+def test_a_damaged_result_is_computed_again_and_no_other(tmp_path: Path) -> None:
     folder = tmp_path / "out"
-    compare("track", folder, **{**SMALL, "only": ["pid"], "trials": 1})
-    (path,) = (folder / "tunings").glob("pid-*-0.05-1.json")
-    for text in ('{"best": ', "{}", "[]"):
-        path.write_text(text, encoding="utf-8")
-        with pytest.raises(ValueError, match=r"is damaged: remove it, and --resume makes it again$"):
-            compare("track", folder, **{**SMALL, "only": ["pid"], "trials": 1}, resume=True)
+    chosen: Any = {**SMALL, "only": ["pid"], "trials": 1}
+    whole = compare("track", folder, **chosen)
+    good = {path: path.read_bytes() for path in folder.glob("*ings/*.json")}
+    (tuning,) = (folder / "tunings").glob("pid-*-0.05-1.json")
+    (judging,) = (folder / "judgings").glob("pid-*-0.05.json")
+    for path in (tuning, judging):
+        for data in (b"[]", good[path].replace(b"1", b"2", 1)):
+            path.write_bytes(data)
+            resumed = compare("track", folder, **chosen, resume=True)
+            assert resumed.resumed == len(good) - 1
+            assert without_cost(resumed.data) == without_cost(whole.data)
+            assert {path: path.read_bytes() for path in good} == good
+
+
+def test_the_hashes_of_a_comparison_can_be_checked_with_sha256sum(small: Compared) -> None:
+    lines = (small.data.parent / "finished.sha256").read_text(encoding="utf-8").splitlines()
+    found = {line[66:]: line[:64] for line in lines}
+    folder = small.data.parent
+    files = {path.relative_to(folder).as_posix(): path for path in folder.glob("*ings/*.json")}
+    assert found == {name: sha256(path.read_bytes()).hexdigest() for name, path in files.items()}
 
 
 # -- A controller of one's own -------------------------------------------------------------------------------

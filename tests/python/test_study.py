@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from fracgyro.scenario import ScenarioError
 from fracgyro.study.file import base_scenario
+from fracgyro.study.folder import locked
 from fracgyro.study.space import Dimension, flat, read_space
 from fracgyro.study.sweep.blocks import blocks
 from fracgyro.study.sweep.design import Plan, read_plan
@@ -223,3 +225,22 @@ def test_every_example_takes_a_minute_at_most(path: Path) -> None:
     found = read_plan(path)
     steps = sum(found.scenario(i).run.steps for i in range(len(found.points))) * len(found.seeds)
     assert steps * 100e-9 < 60
+
+
+@pytest.mark.parametrize("work", ["sweep", "tune", "compare"])
+def test_two_at_once_in_one_folder_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, work: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("sweep.toml").write_text("vary.controller.order = [0.8, 0.9]\n", encoding="utf-8")
+    tuned = "vary.controller.order = { low = 0.8, high = 0.9 }\nobjective = [{ metric = 'effort_x' }]\n"
+    Path("tune.toml").write_text(tuned, encoding="utf-8")
+    begin: dict[str, Callable[[], object]] = {
+        "sweep": lambda: fg.study.sweep("sweep.toml", "out"),
+        "tune": lambda: fg.study.tune("tune.toml", "out"),
+        "compare": lambda: fg.compare.compare("track", "out", only=["pid"], quick=True),
+    }
+    with (
+        locked(Path("out")),
+        pytest.raises(fg.ScenarioError, match=r"^out is in use by another process"),
+    ):
+        begin[work]()
+    assert not Path("out").exists(), "a folder that was made for nothing"

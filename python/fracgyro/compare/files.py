@@ -1,4 +1,4 @@
-"""What is finished, on disk: one file for each tuning and each judging."""
+"""What is finished, on disk: one file for each tuning and each judging, and their hashes in finished.sha256."""
 
 from __future__ import annotations
 
@@ -6,40 +6,47 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ..files import whole_file, writable_folder
+from ..files import remove_scratch, whole_file, writable_folder
 from ..scenario import ScenarioError
+from ..study.sums import Sums
 from .judging import Judging
 from .tuning import Tuning
 
 Piece = Tuning | Judging
+FOLDERS: dict[type[Piece], str] = {Tuning: "tunings", Judging: "judgings"}
+SUMS = "finished.sha256"
 
 
 class Finished:
-    """The results in a folder, by the names of the work. Raises ScenarioError for one that is damaged."""
+    """The results in a folder, by the names of the work."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self._folders = {Tuning: writable_folder(folder / "tunings"), Judging: writable_folder(folder / "judgings")}
+        for name in FOLDERS.values():
+            remove_scratch(writable_folder(folder / name))
+        self._sums = Sums(folder / SUMS)
 
     def has(self, piece: Piece) -> bool:
-        return self._path(piece).is_file()
+        """Whether its file is here, byte for byte as it was written."""
+        try:
+            return self._sums.hold(_name(piece), (self.folder / _name(piece)).read_bytes())
+        except OSError:
+            return False
 
     def write(self, piece: Piece, result: dict[str, Any]) -> None:
-        with whole_file(self._path(piece)) as scratch:
-            scratch.write_text(json.dumps(result, allow_nan=False), encoding="utf-8")
+        data = json.dumps(result, allow_nan=False).encode()
+        with whole_file(self.folder / _name(piece)) as scratch:
+            scratch.write_bytes(data)
+            self._sums.add(_name(piece), data)
 
     def read(self, piece: Piece) -> dict[str, Any]:
-        path = self._path(piece)
-        wanted = (
-            {"best", "error", "trials"} if isinstance(piece, Tuning) else {"metrics", "error", "others", "diverged"}
-        )
-        try:
-            found = json.loads(path.read_text(encoding="utf-8"))
-            if isinstance(found, dict) and set(found) == wanted:
-                return found
-        except (OSError, ValueError, RecursionError):
-            pass
-        raise ScenarioError(f"{path} is damaged: remove it, and --resume makes it again")
+        """The result. Raises ScenarioError when it has changed since it was written."""
+        path = self.folder / _name(piece)
+        if not self.has(piece):
+            raise ScenarioError(f"{path} was changed during the comparison: --resume runs it again")
+        found: dict[str, Any] = json.loads(path.read_bytes())
+        return found
 
-    def _path(self, piece: Piece) -> Path:
-        return self._folders[type(piece)] / f"{piece.name}.json"
+
+def _name(piece: Piece) -> str:
+    return f"{FOLDERS[type(piece)]}/{piece.name}.json"

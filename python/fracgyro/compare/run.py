@@ -12,7 +12,7 @@ from typing import Any
 
 from ..scenario import ScenarioError
 from ..scenario.table import shown
-from ..study.folder import claim, free_if_nothing_came
+from ..study.folder import claim, free_if_nothing_came, locked
 from ..study.tune.search import storage_at
 from .cost import costs
 from .files import Finished, Piece
@@ -88,12 +88,6 @@ def compare(
         )
     if storage is not None:
         storage_at(storage).engine.dispose()  # its tables are made once, before many workers would
-    with workers(scheduler) as side_by_side:
-        folder = claim(Path(out), plan.parts(), {}, resume=resume)
-        work = _Work(plan, Finished(folder), side_by_side, progress)
-        with free_if_nothing_came(folder, resume=resume):
-            found = work.done()
-    report = folder / "report.html"
     head = {
         "task": plan.task.name,
         "class": list(dict.fromkeys(information for information, _ in plan.sensing)),
@@ -101,8 +95,14 @@ def compare(
         "version": version("fracgyro"),
         "effort": asdict(plan.effort),
     }
-    write_report(report, plan, list(found.values()))
-    write_json(folder / "compare.json", head, list(found.values()))
+    with workers(scheduler) as side_by_side, locked(Path(out)):
+        folder = claim(Path(out), plan.parts(), {}, resume=resume)
+        work = _Work(plan, Finished(folder), side_by_side, progress)
+        with free_if_nothing_came(folder, resume=resume):
+            found = work.done()
+        report = folder / "report.html"
+        write_report(report, plan, list(found.values()))
+        write_json(folder / "compare.json", head, list(found.values()))
     return Compared(
         plan.task, folder / "compare.json", report, list(found.values()), work.resumed, time.perf_counter() - begin
     )

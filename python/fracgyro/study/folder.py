@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
+import os
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,47 @@ MANIFEST = "study.json"
 def digest(parts: dict[str, Any]) -> str:
     """The hash of a study, by everything that its results depend on."""
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+
+@contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Keeps other processes out of the folder of a study, which is made if need be, until the block ends.
+
+    Raises ScenarioError when another process works there.
+    """
+    made = not path.exists()
+    folder = _opened(path)
+    try:
+        if folder is not None:
+            _lock(path, folder)
+        yield
+    finally:
+        if folder is not None:
+            os.close(folder)
+        if made:
+            with suppress(OSError):  # it is not empty
+                path.rmdir()
+
+
+def _opened(path: Path) -> int | None:
+    """None for a folder that cannot be had: `claim` gives the reason."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        return os.open(path, os.O_RDONLY)
+    except OSError:
+        return None
+
+
+def _lock(path: Path, folder: int) -> None:
+    try:
+        fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)  # the system ends it with the process
+    except BlockingIOError:
+        raise ScenarioError(
+            f"{path} is in use by another process, which works on a study there: --out must name another folder, or "
+            "that process end first"
+        ) from None
+    except OSError:
+        pass  # a file system without locks, as some network drives are
 
 
 def claim(path: Path, parts: dict[str, Any], about: dict[str, Any], *, resume: bool) -> Path:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import re
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -20,11 +19,12 @@ from ...files import remove_scratch, whole_file, writable_folder
 from ...scenario import ScenarioError
 from ..controller import recorded
 from ..folder import claim, digest
+from ..sums import Sums
 from .blocks import Block
 from .design import Plan
 
 RUNS = "runs"
-SUMS = "runs.sha256"  # `sha256sum --check` reads it
+SUMS = "runs.sha256"
 LABEL = b"fracgyro.study"  # in the metadata of every block: the hash of its study
 
 
@@ -42,14 +42,13 @@ class BlockFiles:
         names = {_name(block) for block in work}
         if foreign := {path.name for path in self.runs.iterdir() if not path.name.startswith(".")} - names:
             raise ScenarioError(f"{self.runs} holds {min(foreign)}, which is not part of the study: it must be removed")
-        self._sums = {name: found for name, found in self._recorded().items() if name in names}
-        self._record()
+        self._sums = Sums(self.path / SUMS)
 
     def finished(self, block: Block) -> bool:
         """Whether the block lies here, byte for byte as it was written, and is of this study."""
         try:
             data = (self.runs / _name(block)).read_bytes()
-            if hashlib.sha256(data).hexdigest() != self._sums.get(_name(block)):
+            if not self._sums.hold(f"{RUNS}/{_name(block)}", data):
                 return False
             table = pq.read_table(pa.BufferReader(data))
         except (OSError, pa.ArrowException):
@@ -62,38 +61,17 @@ class BlockFiles:
             labelled = table.replace_schema_metadata({LABEL: self.hash.encode()})
             with open(scratch, "wb") as file:  # of any name: pyarrow knows only those in UTF-8
                 pq.write_table(labelled, file, compression="zstd", write_page_checksum=True)
-            self._sums[_name(block)] = hashlib.sha256(scratch.read_bytes()).hexdigest()
-            # Before the block is there: wherever a kill strikes, a block that is there has its hash.
-            with open(self.path / SUMS, "a", encoding="ascii") as sums:
-                sums.write(_line(_name(block), self._sums[_name(block)]))
+            self._sums.add(f"{RUNS}/{_name(block)}", scratch.read_bytes())
 
     def read(self, work: list[Block], columns: list[str]) -> pa.Table:
         """These columns of the blocks' rows, in order. All are finished: their hashes are put into order, too."""
-        self._record()
+        self._sums.record()
         files = ((self.runs / _name(block)).read_bytes() for block in work)
         return pa.concat_tables([pq.read_table(pa.BufferReader(data), columns=columns) for data in files])
-
-    def _recorded(self) -> dict[str, str]:
-        """{name of a block: hash}; of two lines for one block the last, and no line that is damaged."""
-        try:
-            text = (self.path / SUMS).read_text(encoding="ascii", errors="replace")
-        except OSError:
-            return {}
-        lines = re.findall(rf"^([0-9a-f]{{64}})  {RUNS}/(block-\d{{6,}}\.parquet)$", text, re.MULTILINE)
-        return {name: found for found, name in lines}
-
-    def _record(self) -> None:
-        with whole_file(self.path / SUMS) as scratch:
-            text = "".join(_line(name, found) for name, found in sorted(self._sums.items()))
-            scratch.write_text(text, encoding="ascii", newline="\n")
 
 
 def _name(block: Block) -> str:
     return f"block-{block.number:06d}.parquet"
-
-
-def _line(name: str, found: str) -> str:
-    return f"{found}  {RUNS}/{name}\n"
 
 
 def _parts(plan: Plan, work: list[Block]) -> dict[str, Any]:

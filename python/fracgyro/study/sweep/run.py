@@ -15,7 +15,7 @@ from ...files import whole_file
 from ...scenario.table import shown
 from ...simulation.outside import ControllerLike
 from ..cluster import connected, measured_there
-from ..folder import free_if_nothing_came
+from ..folder import free_if_nothing_came, locked
 from .block_files import BlockFiles
 from .blocks import Block, blocks
 from .design import read_plan
@@ -73,7 +73,7 @@ def sweep(
         )
     plan = read_plan(study, controller)
     work = blocks(plan)
-    with nullcontext() if scheduler is None else connected(scheduler) as cluster:
+    with nullcontext() if scheduler is None else connected(scheduler) as cluster, locked(Path(out)):
         folder = BlockFiles(out, plan, work, resume=resume)
         waiting = [block for block in work if not folder.finished(block)]
         done = resumed = plan.runs - sum(block.runs for block in waiting)
@@ -89,13 +89,13 @@ def sweep(
             measured = measured_there(cluster, waiting, advance) if cluster else measured_here(waiting, advance)
             for block, table in measured:
                 folder.write(block, table)
-    rows = Rows.of(plan, folder.read(work, list(dict.fromkeys(["point", "seed", "diverged_at", *plan.study.show]))))
-    found = sensitivity(rows) if plan.study.design.kind == "sobol_indices" else None
-    if found is not None:
-        with whole_file(folder.path / "indices.csv") as scratch:
-            scratch.write_text(found.csv(), encoding="utf-8", newline="\n")
-    summary = folder.path / "summary.html"
-    write_summary(summary, rows, found)
+        rows = Rows.of(plan, folder.read(work, list(dict.fromkeys(["point", "seed", "diverged_at", *plan.study.show]))))
+        found = sensitivity(rows) if plan.study.design.kind == "sobol_indices" else None
+        if found is not None:
+            with whole_file(folder.path / "indices.csv") as scratch:
+                scratch.write_text(found.csv(), encoding="utf-8", newline="\n")
+        summary = folder.path / "summary.html"
+        write_summary(summary, rows, found)
     return Sweep(folder.runs, summary, plan.runs, resumed, rows.diverged, time.perf_counter() - begin, found)
 
 

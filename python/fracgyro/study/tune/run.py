@@ -13,7 +13,7 @@ from ...files import whole_file
 from ...scenario import ScenarioError
 from ...simulation.outside import ControllerLike
 from ..controller import fields_of_scenario, with_values
-from ..folder import claim, free_if_nothing_came
+from ..folder import claim, free_if_nothing_came, locked
 from .criteria import Score, measure
 from .hold_out import HoldOut, hold_out
 from .plan import Plan, read_tuning
@@ -69,39 +69,40 @@ def tune(
     """
     begin = time.perf_counter()
     plan = read_tuning(study, controller)
-    folder = claim(Path(out), plan.parts(), {"study": shown(plan)}, resume=resume)
-    seeds = plan.file.seeds
-    total = (plan.file.tune.trials + 1) * len(seeds) + 2 * len(plan.held_out)
-    done = 0
+    with locked(Path(out)):
+        folder = claim(Path(out), plan.parts(), {"study": shown(plan)}, resume=resume)
+        seeds = plan.file.seeds
+        total = (plan.file.tune.trials + 1) * len(seeds) + 2 * len(plan.held_out)
+        done = 0
 
-    def advance(runs: int, doing: str = "searching") -> None:
-        nonlocal done
-        done += runs
-        if progress:
-            progress(min(done, total), total, doing)
+        def advance(runs: int, doing: str = "searching") -> None:
+            nonlocal done
+            done += runs
+            if progress:
+                progress(min(done, total), total, doing)
 
-    advance(0)
-    with free_if_nothing_came(folder, resume=resume):
-        (base,) = measure([plan.base], seeds, plan.thresholds, advance, controller)
-    address = plan.file.tune.storage or f"sqlite:///{(folder / DATABASE).absolute()}"
-    with opened(plan, address, base, resume=resume) as search:
-        advance(len(search.finished()) * len(seeds))
-        search.run(advance)
-        trials = search.finished()
-    members = front(trials)
-    if not members:
-        raise ScenarioError(_nearest(plan, trials))
-    chosen = choose(members, search.base)
-    tuned = plan.base.replace(fields_of_scenario(chosen.values))
-    held = hold_out(plan, search, chosen, tuned, lambda runs: advance(runs, "holding out"))
-    result = Result(plan, search.base, search.limits, trials, members, chosen, tuned, held)
+        advance(0)
+        with free_if_nothing_came(folder, resume=resume):
+            (base,) = measure([plan.base], seeds, plan.thresholds, advance, controller)
+        address = plan.file.tune.storage or f"sqlite:///{(folder / DATABASE).absolute()}"
+        with opened(plan, address, base, resume=resume) as search:
+            advance(len(search.finished()) * len(seeds))
+            search.run(advance)
+            trials = search.finished()
+        members = front(trials)
+        if not members:
+            raise ScenarioError(_nearest(plan, trials))
+        chosen = choose(members, search.base)
+        tuned = plan.base.replace(fields_of_scenario(chosen.values))
+        held = hold_out(plan, search, chosen, tuned, lambda runs: advance(runs, "holding out"))
+        result = Result(plan, search.base, search.limits, trials, members, chosen, tuned, held)
 
-    _write_trials(folder / "trials.csv", plan, search.base, trials)
-    if len(plan.file.objective) > 1:
-        _write_trials(folder / "pareto.csv", plan, search.base, members)
-    with whole_file(folder / "tuned.toml") as scratch:
-        scratch.write_text(tuned_toml(result), encoding="utf-8", newline="\n")
-    write_report(result, folder)
+        _write_trials(folder / "trials.csv", plan, search.base, trials)
+        if len(plan.file.objective) > 1:
+            _write_trials(folder / "pareto.csv", plan, search.base, members)
+        with whole_file(folder / "tuned.toml") as scratch:
+            scratch.write_text(tuned_toml(result), encoding="utf-8", newline="\n")
+        write_report(result, folder)
     feasible = sum(trial.score.feasible for trial in trials)
     seconds = time.perf_counter() - begin
     files, own = (folder / "tuned.toml", folder / "tune.html"), with_values(controller, chosen.values)

@@ -23,6 +23,7 @@ from sqlalchemy import URL, make_url
 from sqlalchemy.exc import SAWarning, SQLAlchemyError
 
 from ...scenario import ScenarioError
+from ..folder import digest
 from ..space import Dimension
 from .criteria import Measured, Score, score
 from .plan import Plan, rounded
@@ -69,9 +70,14 @@ class Search:
         point = {d.field: _value(d, stored.params[d.field]) for d in self._plan.dimensions}
         same = json.loads(json.dumps(point)) == values  # which has lists for tuples
         wanted = len(file.objective), len(file.constraint), len(file.constraint)
-        if not same or sizes != wanted or any(map(math.isnan, numbers)):
+        sealed = self._seal(stored.number, values, stored.user_attrs["score"], stored.values)
+        if not same or sizes != wanted or any(map(math.isnan, numbers)) or stored.user_attrs["hash"] != sealed:
             raise ValueError(f"trial {stored.number}")
         return Trial(stored.number, values, found)
+
+    def _seal(self, number: int, point: dict[str, Any], found: dict[str, Any], told: Sequence[float]) -> str:
+        """The hash of a finished trial of this study."""
+        return digest({"study": self._plan.hash, "number": number, "point": point, "score": found, "told": list(told)})
 
     def run(self, progress: Callable[[int], object]) -> None:
         """Trials, batch by batch, until there are as many as the plan asks for; `progress` counts runs."""
@@ -164,6 +170,7 @@ class Search:
             for name, excess in limits.items():
                 if name not in there:
                     trial.set_constraint(name, excess)
+        trial.set_user_attr("hash", self._seal(trial.number, point, asdict(found), values))
         self._study.tell(trial, values)
 
 
