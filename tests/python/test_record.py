@@ -55,6 +55,38 @@ def test_times_in_nanoseconds_are_read_as_such(tmp_path: Path) -> None:
     np.testing.assert_array_equal(record.values, RATES)
 
 
+@pytest.mark.parametrize("sign", ["\v", "\f", "\x1c", "\x1d", "\x1e", "\x85", "\u2028", "\u2029"])
+def test_a_comment_ends_where_its_line_does_whatever_is_in_it(tmp_path: Path, sign: str) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(f"# made{sign}here\ntime,x,y\n" + "\n".join(numbered()) + "\n", encoding="utf-8", newline="")
+    np.testing.assert_allclose(read_record(path, "x").values, RATES * DEG, rtol=1e-14)
+
+
+@pytest.mark.parametrize("head", ["time;x;y\n", '"Time (s)";"x";"y"\n', "# time;x;y\n", "time\tx\ty\n"])
+def test_decimals_may_be_commas_where_these_separate_no_columns(tmp_path: Path, head: str) -> None:
+    rows = [row.replace(",", "\t" if "\t" in head else ";").replace(".", ",") for row in numbered()]
+    record = read_record(written(tmp_path / "a.csv", rows, head), "x")
+    np.testing.assert_allclose(record.values, RATES * DEG, rtol=1e-14)
+    assert record.interval == pytest.approx(0.01, rel=1e-9)
+
+
+def test_decimals_may_be_commas_in_a_column_of_a_name_and_in_columns_without_names(tmp_path: Path) -> None:
+    decimals = [repr(value).replace(".", ",") for value in RATES.tolist()]
+    named = read_record(written(tmp_path / "a.csv", decimals, "rate\n"), rate=100.0)
+    second = read_record(written(tmp_path / "b.csv", [f"1,5;{each}" for each in decimals]), "2", rate=100.0)
+    for record in (named, second):
+        np.testing.assert_allclose(record.values, RATES * DEG, rtol=1e-14)
+
+
+def test_a_column_of_decimal_commas_without_a_name_is_not_read_as_two_columns(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.csv", [f"{value:.4f}".replace(".", ",") for value in RATES.tolist()])
+    for column in (None, "1", "2"):
+        with pytest.raises(ValueError, match="its rows can be two columns or one of decimal commas: it must have"):
+            read_record(path, column, rate=100.0)
+    counts = [f"{i},{count}" for i, count in enumerate((1e6 * RATES).astype(int).tolist())]
+    assert read_record(written(tmp_path / "b.csv", counts), "2", rate=100.0).values[0] == int(1e6 * RATES[0]) * DEG
+
+
 @pytest.mark.parametrize(
     ("name", "seconds"),
     [("t [ms]", 1e-3), ("Time_us", 1e-6), ("timestamp (\u00b5s)", 1e-6), ("time [\u03bcs]", 1e-6), ("T(NS)", 1e-9)],

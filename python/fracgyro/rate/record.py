@@ -23,6 +23,9 @@ Array = NDArray[np.float64]
 
 BLOCK = 2**22  # bytes read at a time
 BEGINNING = 2**16  # bytes that header and comments may have
+LINE_END = re.compile(r"\r\n|\n|\r")  # of a CSV file; str.splitlines knows others, as the vertical tab is
+COMMA = re.compile(r"\d,\d|^\s*,\d")  # in a number
+FRACTION = re.compile(r"\s*-0+,\d+\s*|\s*[+-]?\d+,0\d+\s*")  # no whole number is written -0 or 05
 MOST_NAMED = 20  # columns in a sentence
 UNEVEN = 0.5  # of the median interval: how far any other may be off; a missing sample is off by 1
 # What a time column may be called, and its units; names are compared in NFKC, where both signs for micro are one.
@@ -49,6 +52,7 @@ class _Layout:
     names: list[str]
     before: int
     delimiter: str
+    decimal: str  # the sign before fractions
 
     @property
     def times(self) -> list[str]:
@@ -67,8 +71,9 @@ def read_record(
 
     `column`: need not be given where there is only one but the time. `rate`: in Hz; need not be given where a column
     is called time, timestamp or t, in the unit that its name ends with (s, ms, us, ns), as in `time [ns]`, else in
-    seconds. Where both are there, they must agree. Commas, semicolons or tabs separate columns; lines that begin with #
-    are comments, but for the names. `dashes`: what sentences write before the name of an argument, for a command line.
+    seconds. Where both are there, they must agree. Commas, semicolons or tabs separate columns; decimals may be commas
+    unless commas separate columns. Lines that begin with # are comments, but for the names. `dashes`: what sentences
+    write before the name of an argument, for a command line.
     Raises ValueError in one sentence for what is not a record of evenly spaced, finite numbers.
     """
     if unit not in RATES:
@@ -78,7 +83,7 @@ def read_record(
     try:
         check_regular(path)
         with open(path, "rb") as file:
-            layout = _layout(file.read(BEGINNING))
+            layout = _layout(path, file.read(BEGINNING))
         chosen = _chosen(path, layout, column, dashes)
         if rate is None and not layout.times:
             raise ValueError(
@@ -122,22 +127,37 @@ def _columns(path: str | os.PathLike[str], layout: _Layout, chosen: str, *, need
     return _numbers(path, layout, [chosen])[0], None
 
 
-def _layout(beginning: bytes) -> _Layout:
-    lines = beginning.decode("utf-8-sig", "replace").splitlines()
+def _layout(path: str | os.PathLike[str], beginning: bytes) -> _Layout:
+    lines = LINE_END.split(beginning.decode("utf-8-sig", "replace"))
     comments = sum(1 for _ in takewhile(lambda line: line.startswith("#") or not line.strip(), lines))
     first = lines[comments] if comments < len(lines) else ""
-    delimiter = max(",;\t", key=first.count)
+    delimiter = max(";\t,", key=first.count)
+    for other in ";\t":  # which no number has
+        if other in first and all(map(_is_decimal, first.split(other))):
+            delimiter = other
+    named = not all(map(_is_decimal if delimiter != "," else _is_number, first.split(delimiter)))
+    rows = lines[comments + named :]
+    decimal = "," if delimiter != "," and rows and any(map(COMMA.search, rows[0].split(delimiter))) else "."
+    if named:
+        return _Layout(_names(first, delimiter), comments + 1, delimiter, decimal)
     count = first.count(delimiter) + 1
-    if not all(map(_is_number, first.split(delimiter))):
-        return _Layout(_names(first, delimiter), comments + 1, delimiter)
     above = lines[comments - 1] if comments else ""
     if above.startswith("#") and above.count(delimiter) + 1 == count:
-        return _Layout(_names(above, delimiter), comments, delimiter)
-    return _Layout([str(i + 1) for i in range(count)], comments, delimiter)
+        return _Layout(_names(above, delimiter), comments, delimiter, decimal)
+    if delimiter == "," and count == 2 and any(map(FRACTION.fullmatch, rows)):
+        raise ValueError(
+            f"{path} has no names, and its rows can be two columns or one of decimal commas: it must have decimal "
+            "points, or a first line with the names of its columns"
+        )
+    return _Layout([str(i + 1) for i in range(count)], comments, delimiter, decimal)
 
 
 def _names(line: str, delimiter: str) -> list[str]:
     return [name.strip().strip('"').strip() for name in line.removeprefix("#").split(delimiter)]
+
+
+def _is_decimal(text: str) -> bool:
+    return _is_number(text.replace(",", ".", 1))
 
 
 def _is_number(text: str) -> bool:
@@ -174,7 +194,9 @@ def _numbers(path: str | os.PathLike[str], layout: _Layout, wanted: list[str]) -
         block_size=BLOCK,
         use_threads=False,  # or errors would not say in which line
     )
-    convert = pyarrow.csv.ConvertOptions(include_columns=places, column_types=dict.fromkeys(places, pa.float64()))
+    convert = pyarrow.csv.ConvertOptions(
+        include_columns=places, column_types=dict.fromkeys(places, pa.float64()), decimal_point=layout.decimal
+    )
     parse = pyarrow.csv.ParseOptions(delimiter=layout.delimiter)
     parts: list[list[Array]] = [[] for _ in wanted]
     try:
