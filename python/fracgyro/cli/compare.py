@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,15 @@ def _numbers(context: click.Context, parameter: click.Parameter, value: str | No
         raise click.BadParameter(f"{value}: it must be numbers, as in 0,1e-13") from None
 
 
+def _without_password(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
+    if value and re.search(r"://[^/]*:[^/]*@|[?&]password=", value):
+        raise click.UsageError(
+            "--storage holds a password, which the list of processes shows to every user of this machine: leave it out "
+            "and keep it in ~/.pgpass, as docs/cluster.md shows"
+        )
+    return value
+
+
 @click.command()
 @click.argument("task", metavar="TASK")
 @click.argument(
@@ -36,7 +46,12 @@ def _numbers(context: click.Context, parameter: click.Parameter, value: str | No
 @click.option("--quick", is_flag=True, help="A minute's look: 20 trials, 2 seeds, nothing really tuned.")
 @click.option("--resume", is_flag=True, help="Finish the comparison that DIR holds.")
 @click.option("--scheduler", metavar="ADDRESS", help="Run on this Dask cluster, for example tcp://host:8786.")
-@click.option("--storage", metavar="ADDRESS", help="Keep trials in this database, for example postgresql://host/name.")
+@click.option(
+    "--storage",
+    callback=_without_password,
+    metavar="ADDRESS",
+    help="Keep trials in this database, for example postgresql://host/name; its password in ~/.pgpass.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def compare(task: str, scenarios: tuple[Path, ...], out: Path, as_json: bool, **options: Any) -> None:
     """Compare controllers on TASK, track or rate: tune each, judge all on unseen seeds and plants."""
