@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
+from fracgyro.analysis.confidence import Mean
+from fracgyro.cli import cli
 from fracgyro.cli.rate import _print_figures
 from fracgyro.rate.allan import allan
+from fracgyro.rate.bound import Bound
 from fracgyro.rate.grades import Grade, grade
-from fracgyro.rate.merit import full_scale, gain_and_lag, response, static, turn_on_time
+from fracgyro.rate.measure import _check_rest, _credible
+from fracgyro.rate.merit import Response, full_scale, gain_and_lag, response, static, turn_on_time
 from fracgyro.rate.report import grade_of, interval_of, value_of
-from fracgyro.rate.results import Result
+from fracgyro.rate.require import verdict
+from fracgyro.rate.results import Result, _zero_rate_output, noise_terms
 from fracgyro.rate.units import (
     DEG_PER_H,
     DEG_PER_H_PER_ROOT_H,
@@ -27,6 +34,8 @@ from fracgyro.rate.units import (
     angle_random_walk,
     thermal_force_density,
 )
+from fracgyro.scenario import ScenarioError
+from fracgyro.scenario.shipped import shipped
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
@@ -317,3 +326,106 @@ def test_a_figure_has_the_best_grade_whose_limit_it_keeps() -> None:
     assert [grade("angle_random_walk", v) for v in (0.0005, 0.1, 900.0)] == ["navigation", "tactical", "consumer"]
     assert [grade("bandwidth", v) for v in (99.0, 80.0, 10.0)] == ["navigation", "consumer", "below consumer"]
     assert grade("bias", math.nan) == "below consumer"
+
+
+# -- What was observed, and what is required -----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "low", "high", "limit", "expected"),
+    [
+        ("angle_random_walk", 0.09, 0.08, 0.10, 0.10, "pass"),
+        ("angle_random_walk", 0.09, 0.08, 0.11, 0.10, "undecided"),
+        ("angle_random_walk", 0.12, 0.11, 0.13, 0.10, "fail"),
+        ("angle_random_walk", math.nan, math.nan, math.nan, 0.1, "undecided"),
+        ("bias_instability", math.nan, math.nan, 9.0, 10.0, "pass"),
+        ("bias_instability", math.nan, math.nan, 11.0, 10.0, "undecided"),
+        ("zero_rate_output", -8.0, -9.0, -7.0, 10.0, "pass"),
+        ("zero_rate_output", -12.0, -13.0, -11.0, 10.0, "fail"),
+        ("zero_rate_output", 1.0, -20.0, 22.0, 10.0, "undecided"),
+        ("bandwidth", 60.0, 55.0, 65.0, 50.0, "pass"),
+        ("bandwidth", 45.0, 42.0, 48.0, 50.0, "fail"),
+        ("bandwidth", math.nan, 55.0, math.nan, 50.0, "pass"),
+        ("bandwidth", math.nan, math.nan, 40.0, 50.0, "fail"),
+        ("full_scale", 600.0, math.nan, math.nan, 300.0, "pass"),
+        ("full_scale", 100.0, math.nan, math.nan, 300.0, "fail"),
+        ("turn_on_time", math.nan, math.nan, math.nan, 10.0, "undecided"),
+    ],
+)
+def test_a_requirement_is_decided_by_the_interval(
+    key: str, value: float, low: float, high: float, limit: float, expected: str
+) -> None:
+    assert verdict(Result(key, "Figure", "", "deg/h", value, low, high), limit) == expected
+
+
+def test_an_output_at_rest_that_may_be_zero_has_no_grade() -> None:
+    noise, bias = (_zero_rate_output(Mean(1e-4, 1e-4 - half, 1e-4 + half)) for half in (2e-4, 5e-5))
+    assert noise.grade is None
+    assert noise.note == "not observed: its interval includes 0, and it may be only noise"
+    assert (bias.grade, bias.note) == (grade("bias", bias.value), "")
+
+
+def test_an_angle_random_walk_below_half_of_its_bound_is_not_observed() -> None:
+    found = allan(np.random.default_rng(0).normal(size=10_000), 0.01)
+    walk = found.angle_random_walk
+    assert walk is not None
+    for ratio, observed in ((0.4, False), (0.6, True)):
+        bound = Bound(known=walk.value / ratio, unknown=walk.value / ratio)
+        seen = _credible(found, bound)
+        assert (seen.angle_random_walk is not None) == observed
+        (line, *_) = noise_terms(seen, bound)
+        assert line.note.startswith("not observed, the record is too short") != observed
+        assert (line.grade is not None) == observed
+
+
+@pytest.mark.parametrize(("rest", "refused"), [(0.09, True), (0.11, False)])
+def test_a_record_at_rest_lasts_ten_over_the_bandwidth(rest: float, refused: bool) -> None:
+    frequency = np.array([10.0, 1000.0])
+    answered = Response(frequency, np.array([1.0, 0.1]), np.zeros(2), Mean(100.0, 99.0, 101.0), 0.8)
+    if refused:
+        with pytest.raises(ScenarioError, match=r"^rest is 0\.09: it must be at least 0\.1 s, 10 over the bandwidth"):
+            _check_rest(rest, answered)
+    else:
+        _check_rest(rest, answered)
+
+
+@pytest.mark.parametrize(
+    ("limits", "code", "lines"),
+    [
+        (
+            "arw=0.1,bandwidth=50",
+            0,
+            ["angle_random_walk, at most 0.1 deg/sqrt(h): pass", "bandwidth, at least 50 Hz: pass"],
+        ),
+        ("arw=0.01", 1, ["angle_random_walk, at most 0.01 deg/sqrt(h): fail"]),
+        ("arw=0.05", 1, ["angle_random_walk, at most 0.05 deg/sqrt(h): undecided"]),
+    ],
+)
+def test_requirements_decide_the_exit_code(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, limits: str, code: int, lines: list[str]
+) -> None:
+    found = [
+        Result("angle_random_walk", "Angle random walk", "", "deg/sqrt(h)", 0.05, 0.04, 0.06),
+        Result("bandwidth", "Bandwidth", "", "Hz", 60.0, 55.0, 65.0),
+    ]
+    monkeypatch.setattr("fracgyro.rate.characterise", lambda *words, **options: found)
+    shipped("dual_mass").save(tmp_path / "device.toml")
+    words = ["rate", str(tmp_path / "device.toml"), "--out", str(tmp_path / "out"), "--require", limits]
+    ran = CliRunner().invoke(cli, words)
+    assert ran.exit_code == code
+    assert [line for line in ran.stdout.splitlines() if ", at " in line] == lines
+
+
+@pytest.mark.parametrize(
+    ("limits", "said"),
+    [
+        ("arv=1", "--require arv is not a figure; known are arw, bias, "),
+        ("bandwith=1", "--require bandwith is not a figure; did you mean bandwidth?"),
+        ("arw", "--require arw is '': it must be a number above 0, as in arw=0.1"),
+        ("arw=-1", "--require arw is '-1': it must be a number above 0, as in arw=0.1"),
+    ],
+)
+def test_a_requirement_that_is_none_is_refused_before_the_measurement(limits: str, said: str) -> None:
+    ran = CliRunner().invoke(cli, ["rate", "device.toml", "--out", "out", "--require", limits])
+    assert ran.exit_code == 2
+    assert said in ran.output

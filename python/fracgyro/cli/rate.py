@@ -3,18 +3,45 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import click
 
 from ..scenario import Scenario
+from .commands import did_you_mean
 from .completion import toml_files
 from .terminal import print_table, progress
 
 if TYPE_CHECKING:
     from ..rate.results import Result
+
+NOT_KEPT = 1
+
+
+def _limits(context: click.Context, parameter: click.Parameter, value: str | None) -> dict[str, float]:
+    """{key: limit}"""
+    if not value:
+        return {}
+    from ..rate.require import KEYS, SHORT
+
+    found = {}
+    for word in value.split(","):
+        name, _, text = (part.strip() for part in word.partition("="))
+        key = SHORT.get(name, name)
+        if key not in KEYS:
+            hint = did_you_mean(name, KEYS) or f"; known are {', '.join((*SHORT, *KEYS))}"
+            raise click.UsageError(f"--require {name} is not a figure{hint}")
+        try:
+            found[key] = float(text)
+        except ValueError:
+            found[key] = math.nan
+        if not 0 < found[key] < math.inf:
+            raise click.UsageError(f"--require {name} is {text!r}: it must be a number above 0, as in {name}=0.1")
+    return found
 
 
 @click.command()
@@ -33,6 +60,14 @@ if TYPE_CHECKING:
     type=click.Choice(["kalibr", "gnss-ins-sim"]),
     help="Write the noise model for that navigation simulation, too.",
 )
+@click.option(
+    "--require",
+    "limits",
+    callback=_limits,
+    metavar="NAME=NUMBER,...",
+    help="Exit with 1 unless the figures are within these limits, for example arw=0.1,bias=10,bandwidth=50. Names are "
+    "those of rate.json, arw for angle_random_walk, bias for bias_instability; units are those of the figures.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
 def rate(
     scenario: Path,
@@ -40,18 +75,27 @@ def rate(
     quick: bool,
     rest: float | None,
     imu: Literal["kalibr", "gnss-ins-sim"] | None,
+    limits: dict[str, float],
     as_json: bool,
 ) -> None:
     """Measure SCENARIO as a rate sensor. Report scale factor, Allan deviation, bandwidth, grade and more."""
     from ..rate import characterise
+    from ..rate.require import required
 
     with progress("starting") as show:
         found = characterise(Scenario.load(scenario), out, quick=quick, rest=rest, imu=imu, progress=show)
+    verdicts = required(found, limits)
     if as_json:
-        click.echo((out / "rate.json").read_text(encoding="utf-8"), nl=False)
-        return
-    _print_figures(found)
-    click.echo(f"The report: {out / 'report.html'}")
+        content = json.loads((out / "rate.json").read_text(encoding="utf-8"))
+        content |= {"required": [asdict(each) for each in verdicts]} if limits else {}
+        click.echo(json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
+    else:
+        _print_figures(found)
+        for each in verdicts:
+            click.echo(f"{each.key}, {each.rule}: {each.verdict}")
+        click.echo(f"The report: {out / 'report.html'}")
+    if any(each.verdict != "pass" for each in verdicts):
+        raise click.exceptions.Exit(NOT_KEPT)
 
 
 @click.command(name="allan")

@@ -52,7 +52,7 @@ def characterise(
 
     >>> from fracgyro.scenario.shipped import shipped
     >>> device = shipped("dual_mass").replace({"run.duration": 200.0})
-    >>> figures = fg.rate.characterise(device, "sensor", quick=True, rest=0.1)
+    >>> figures = fg.rate.characterise(device, "sensor", quick=True, rest=0.2)
     >>> [figure.name for figure in figures][:2]
     ['Scale factor error', 'Non-linearity']
     """

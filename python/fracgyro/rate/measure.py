@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..analysis.confidence import Mean, mean_interval
-from ..scenario import Scenario
+from ..scenario import Scenario, ScenarioError
 from ..simulation.outside import ControllerLike
 from .allan import Allan, allan
 from .bound import Bound, bound_angle_random_walk
@@ -27,6 +27,7 @@ BEYOND = np.array([2.0, 4.0, 8.0, 16.0, 32.0]) * RANGE
 SINE = RANGE / 3  # amplitude of the sinusoidal rates
 FREQUENCIES = 12  # from two periods in the steady half up
 FIRST_ORDER_LAG = math.radians(50.0)  # at the bandwidth: more is of another order
+RESPONSES = 10.0  # over the bandwidth: the shortest record at rest
 COUPLING = 0.1  # of sqrt(dxx dyy): the damping deviation that is tried
 
 
@@ -94,14 +95,16 @@ def measure(
         further.append(_mean_or_nan(few, float(rate)))
     first = means[:, : len(few.seeds)]  # the same seeds at every rate, or their noise would look like an error
     reached, last = full_scale(np.concatenate([inner, outer]), np.concatenate([first, further]), static(inner, first))
-    next_one("record at rest")
-    at_rest = sensor.at_rest(rest)
     frequencies = _frequencies(outputs[0])
     gains = []
     for frequency in frequencies:
         next_one("sinusoidal rates")
         gains.append(_gains(few, float(frequency)))
     answered = response(frequencies, np.array(gains), line.scale_factor.mean)
+    if rest is not None:
+        _check_rest(rest, answered)
+    next_one("record at rest")
+    at_rest = sensor.at_rest(rest)
     leaks = []
     for name, size, offered in _couplings(scenario):
         pair = []
@@ -110,6 +113,8 @@ def measure(
             output = sensor.output(0.0, changes={name: {"xx": 0.0, "xy": sign * size, "yy": 0.0}})
             pair.append(output.settled().rate.mean(axis=1))
         leaks.append(Leak(offered, mean_interval((pair[1] - pair[0]) / 2)))
+    bound = bound_angle_random_walk(scenario.replace({"plant.angular_rate": 0.0}), controller)
+    found = allan(at_rest.rate, at_rest.interval, _shortest(answered))
     show(total, total, "writing")
     return Characterisation(
         scenario,
@@ -122,11 +127,27 @@ def measure(
         outputs[-1],
         turn_on_time(outputs[-1].time, outputs[-1].rate),
         at_rest,
-        allan(at_rest.rate, at_rest.interval, _shortest(answered)),
-        bound_angle_random_walk(scenario.replace({"plant.angular_rate": 0.0}), controller),
+        _credible(found, bound),
+        bound,
         answered,
         *leaks,
     )
+
+
+def _credible(found: Allan, bound: Bound | None) -> Allan:
+    """The same without an angle random walk far below its bound: that of a record too short for the response."""
+    walk = found.angle_random_walk
+    return replace(found, angle_random_walk=None) if bound and walk and walk.value < bound.known / 2 else found
+
+
+def _check_rest(rest: float, answered: Response) -> None:
+    """Raises ScenarioError for a record at rest that the sensor's response spans."""
+    wide = answered.bandwidth.mean or float(answered.frequency[0])
+    if rest < (least := RESPONSES / wide):  # never where it is infinite, or not observed
+        raise ScenarioError(
+            f"rest is {rest:g}: it must be at least {least:.3g} s, {RESPONSES:g} over the bandwidth of {wide:.3g} Hz: "
+            "a shorter record shows the sensor's response and not its noise"
+        )
 
 
 def _shortest(answered: Response) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ..analysis.confidence import Mean
@@ -90,9 +90,7 @@ def results(m: Characterisation) -> list[Result]:
             PERCENT,
             m.static.nonlinearity,
         ),
-        _mean(
-            "zero_rate_output", "Zero-rate output", "mean output at rest", DEG_PER_H, m.static.zero_rate_output, "bias"
-        ),
+        _zero_rate_output(m.static.zero_rate_output),
         *noise_terms(m.allan, m.bound),
         *_response(m),
         _full_scale(m),
@@ -106,6 +104,13 @@ def results(m: Characterisation) -> list[Result]:
         ),
         *leaks,
     ]
+
+
+def _zero_rate_output(mean: Mean) -> Result:
+    found = _mean("zero_rate_output", "Zero-rate output", "mean output at rest", DEG_PER_H, mean, "bias")
+    if found.low <= 0.0 <= found.high:
+        return replace(found, note="not observed: its interval includes 0, and it may be only noise", grade=None)
+    return found
 
 
 def noise_terms(found: Allan, bound: Bound | None = None) -> list[Result]:
@@ -166,6 +171,11 @@ def _angle_random_walk(found: Estimate | None, bound: Bound | None) -> Result:
             "not observed: over no four octaves does the Allan deviation fall as that of white noise; a longer record "
             "may show where it does"
         )
+        if bound:
+            note = (
+                "not observed, the record is too short: over no four octaves does the Allan deviation fall as that of "
+                f"white noise, or not with half of its Cramér-Rao bound, {short(unit.of(bound.known))}"
+            )
         return Result("angle_random_walk", name, definition, unit.name, math.nan, note=note)
     note = ""
     if bound:
@@ -212,12 +222,14 @@ def _full_scale(m: Characterisation) -> Result:
         DEG_PER_S.name,
     )
     value = DEG_PER_S.of(m.full_scale)
-    graded = grade("full_scale", value)
+    limited = math.isfinite(m.scenario.controller.force_limit)
+    graded = grade("full_scale", value) if limited else None
+    free = "" if limited else "not graded: without controller.force_limit it is that of a device without limits"
     if m.full_scale_is_last:
-        note = "at least this, the largest rate tried; it may go further"
-        return Result(*names, math.nan, low=value, note=note, grade=graded)
-    note = "none: the mean output is further off at the smallest rate already" if value == 0 else ""
-    return Result(*names, value, note=note, grade=graded)
+        notes = ["at least this, the largest rate tried; it may go further", free]
+        return Result(*names, math.nan, low=value, note="; ".join(filter(None, notes)), grade=graded)
+    notes = ["none: the mean output is further off at the smallest rate already" if value == 0 else "", free]
+    return Result(*names, value, note="; ".join(filter(None, notes)), grade=graded)
 
 
 def short(number: float) -> str:
