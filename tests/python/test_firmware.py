@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import fracgyro as fg
 import numpy as np
@@ -15,7 +16,8 @@ import pytest
 from children import PATIENCE
 from embedded import STRICT, need
 from fracgyro import _core
-from fracgyro.export.compilers import Number, compiler, make
+from fracgyro.export.clock import clock_note
+from fracgyro.export.compilers import SOURCES, Number, compiler, make
 from fracgyro.export.host import SCALARS, Host, flags, plant_of, rmse
 from fracgyro.export.replay import first_difference
 from fracgyro.export.settings import columns
@@ -465,3 +467,26 @@ def test_the_committed_table_of_instructions_is_what_is_counted() -> None:
     assert ran.returncode == 0, ran.stdout + ran.stderr
     if ran.stdout:
         pytest.skip(ran.stdout.strip())
+
+
+# -- What it costs -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changes", "row"),
+    [
+        ({"device.sensing": "position"}, "linear, joint, positions"),
+        ({"device.sensing": "position", "adaptation.covariance_steps": 8}, "linear, joint, positions, divided by 8"),
+        ({"device.sensing": "full"}, "linear, joint, velocities too"),
+    ],
+)
+def test_the_joint_filter_is_exported_with_the_clock_that_it_asks_for(changes: dict[str, Any], row: str) -> None:
+    scenario = shipped("dual_mass").replace({"adaptation.kind": "joint", **changes})
+    table = (SOURCES / "integrations/firmware/measured.md").read_text(encoding="utf-8").splitlines()
+    cells = next(line for line in table if line.startswith(f"| {row} | 0 | float |")).split("|")
+    most = int(cells[4].split("/")[1])
+    step = scenario.run.step * scenario.plant.scales.time
+    note = clock_note(scenario)
+    assert f"up to {most} instructions a step" in note
+    assert f"must do {most / step / 1e6:.0f} million instructions a second" in note
+    assert clock_note(scenario.replace({"adaptation.kind": "gradient"})) == ""

@@ -148,6 +148,12 @@ def test_a_controller_whose_integers_decide_is_refused_in_one_sentence() -> None
     assert "\n" not in str(report.value)
 
 
+def test_the_joint_filter_is_refused_before_anything_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(trace.__globals__, "compiled_for", lambda *words: pytest.fail("it was compiled"))
+    with pytest.raises(ValueError, match=r"^adaptation\.kind is 'joint': it cannot be exported as hardware: counters"):
+        trace(SHORT.replace({"adaptation.kind": "joint"}))
+
+
 def test_every_unit_computes_the_bits_of_this_processor(tmp_path: Path) -> None:
     output = compared_units("units.v", "bench.v", "units.cpp", tmp_path)
     rows = re.findall(r"^(.*): (\d+) vectors, (\d+) differ, (\d+) subnormal$", output, re.MULTILINE)

@@ -11,6 +11,7 @@ from typing import Literal
 import click
 
 from ..scenario import Scenario
+from .commands import Commands, help_alone
 from .completion import toml_files
 
 DIFFERENT = 1
@@ -34,9 +35,11 @@ _unbounded = click.option(
 )
 
 
-@click.group()
-def export() -> None:
+@click.group(cls=Commands, invoke_without_command=True)
+@click.pass_context
+def export(context: click.Context) -> None:
     """Export a scenario, or a fractional operator: FMU, firmware, FPGA, MATLAB or WebAssembly."""
+    help_alone(context)
 
 
 @export.command(name="web")
@@ -93,9 +96,13 @@ def fmu_command(
 def firmware_command(scenario: Path, out: Path, number: Number, unbounded: bool) -> None:
     """Write SCENARIO as firmware. The controller is C++ with a C interface, for a microcontroller."""
     from ..export import firmware
+    from ..export.clock import clock_note
 
-    firmware(Scenario.load(scenario), out, number, unbounded=unbounded)
+    loaded = Scenario.load(scenario)
+    firmware(loaded, out, number, unbounded=unbounded)
     click.echo(f"{out}: add it to your project, as its README.md says")
+    if note := clock_note(loaded):
+        click.echo(f"Warning: {note}.", err=True)
 
 
 @export.command(name="matlab")

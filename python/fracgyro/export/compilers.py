@@ -22,7 +22,7 @@ SOURCES = Path(_core.__file__).parent
 # As CMakeLists.txt has them: without contraction, every compiler and processor computes the same bits.
 FLAGS = ["-std=c++20", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"]
 FLAGS += ["-fno-exceptions", "-fno-rtti", "-fvisibility=hidden", "-Wno-psabi"]
-ZIG = "ziglang from PyPI, which comes with pip install 'fracgyro[export]'"
+ZIG = "ziglang from PyPI: in your clone, pip install '.[export]'"
 # Programs by their names; what brings each is a package of Debian, and is called the same or alike elsewhere.
 PACKAGES = {
     "make": "make",

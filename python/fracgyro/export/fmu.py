@@ -314,5 +314,5 @@ def _binaries(folder: Path, system: System, content: Content, fmi: Fmi, linker: 
 def _fmi_headers() -> Path:
     found = importlib.util.find_spec("fmpy")
     if found is None or found.origin is None:
-        raise ValueError("FMI's headers are missing: install FMPy, which comes with pip install 'fracgyro[export]'")
+        raise ValueError("FMI's headers are missing: install FMPy: in your clone, pip install '.[export]'")
     return Path(found.origin).parent / "c-code"

@@ -189,6 +189,11 @@ def trace(scenario: Scenario, number: HardwareNumber = "float") -> Graph:
 
     Raises ValueError, in one sentence, when it cannot be traced or the tracer cannot be compiled.
     """
+    if scenario.adaptation.kind == "joint":  # known before the tracer is compiled, which takes half a minute
+        raise ValueError(
+            "adaptation.kind is 'joint': it cannot be exported as hardware: counters in its state choose what is "
+            "computed, which is not traced; choose another"
+        )
     with tempfile.TemporaryDirectory() as folder:
         program = compiled_for(scenario, "trace", Path(folder), f"-DFRACGYRO_FIXED={int(number == 'fixed')}", "-O1")
         try:
