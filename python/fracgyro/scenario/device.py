@@ -230,7 +230,12 @@ class Device(Table):
         "kappa [x, y], N/m^3: each spring pulls with kappa q^3 more; negative softens. Zeros: off.",
         unit="N/m^3",
     )
-    stiffness_drift: float = field(0.0, "ppm/K: of K and Delta K, by the temperature below. 0.0: off.", unit="ppm/K")
+    stiffness_drift: float = field(
+        0.0,
+        "ppm/K: of K and Delta K, by the temperature below. It is twice the temperature coefficient of the frequency "
+        "(TCF) in a data sheet. 0.0: off.",
+        unit="ppm/K",
+    )
     damping_drift: float = field(
         0.0,
         "ppm/K: of D and Delta D, by the same. A quality factor that goes as T^-g is 1e6 g/300 at 300 K: 1700 to 10000 "
