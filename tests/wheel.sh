@@ -36,7 +36,7 @@ import fracgyro
 print(f"import: {time.perf_counter() - begin:.2f} s")
 PYTHON
 for words in "sweep study.toml --out x" "reproduce --quick --out x" "allan r.csv"; do  # each lacks an extra
-  if said=$(venv/bin/fracgyro $words 2>&1) || ! grep -q "pip install 'fracgyro\[" <<<"$said"; then
+  if said=$(venv/bin/fracgyro $words 2>&1) || ! grep -q "pip install '\.\[" <<<"$said"; then
     echo "fracgyro $words, without extras, says: $said" && exit 1
   fi
 done

@@ -24,7 +24,8 @@ def needs(extra: str) -> Iterator[None]:
         if missing == "fracgyro":
             raise
         raise MissingExtraError(
-            f"{missing} is not installed; the extra {extra} brings it: pip install 'fracgyro[{extra}]'", name=missing
+            f"{missing} is not installed; the extra {extra} brings it: in your clone, pip install '.[{extra}]'",
+            name=missing,
         ) from None
 
 

@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 import xarray as xr
 from children import PATIENCE
+from click.testing import CliRunner
+from fracgyro.cli import cli
 
 SHORT = ("--set", "run.duration=2.0")
 BOUNDED = fg.Scenario.paper().replace({"controller.switching_limit": 0.5})
@@ -122,7 +124,16 @@ def test_a_table_of_metrics_is_printed_for_people() -> None:
         (["reproduce", "--seeds", "1"], "seeds is 1: it must be at least 2"),
         (["reproduce", "--seeds", "some"], "'some' is not a valid integer"),
         (["reproduce", "--out", "half.toml"], "half.toml cannot be made: File exists"),
-        (["reprodce"], "No such command 'reprodce'"),
+        (["reprodce"], "reprodce is not a command; did you mean reproduce?"),
+        (["export", "firmwar"], "firmwar is not a command; did you mean firmware?"),
+        (["export", "rocket"], "rocket is not a command; known are firmware, fmu, "),
+        (["scenario", "dual_mas"], "'disc'; did you mean dual_mass?"),
+        (["simulate", "--set", "controller.kind=pdi"], "or force_rebalance; did you mean pid?"),
+        (["simulate", "--set", "adaptation.kind=compsite"], "or joint; did you mean composite?"),
+        (
+            ["simulate", "--set", "controller.ordr=.8"],
+            "controller.ordr is not a known field; did you mean controller.o",
+        ),
         (["scenario", "rocket"], "'rocket' is not one of 'paper', 'hardware'"),
     ],
 )
@@ -271,3 +282,58 @@ def test_too_little_memory_is_said_in_one_sentence(tmp_path: Path) -> None:
     )
     assert sentence(result) == "there is not enough memory: make run.record_every larger, or record fewer runs"
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("fault", "kind"),
+    [
+        ("numpy.zeros(2) + numpy.zeros(3)", "ValueError: operands could not be broadcast"),
+        ("int('x')", "ValueError: invalid literal for int()"),
+        ("numpy.linalg.norm([1], axis=2)", "AxisError"),
+        ("{}['omega0']", "KeyError"),
+        ("numpy.load_it", "AttributeError"),
+    ],
+)
+def test_an_error_that_nobody_foresaw_is_a_bug_to_report_and_no_sentence(fault: str, kind: str) -> None:
+    code = (
+        "import numpy, fracgyro.cli, fracgyro.simulation.simulate as there\n"
+        f"there.simulate = lambda scenario: {fault}\n"
+        "fracgyro.cli.main()"
+    )
+    command = [sys.executable, "-c", code, "simulate"]
+    ran = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
+    assert ran.returncode == 1
+    assert ran.stdout == ""
+    lines = ran.stderr.splitlines()
+    assert lines[-1].startswith("fracgyro: this is a bug. Please report it with the lines above")
+    assert lines[0] == "Traceback (most recent call last):"
+    assert kind in lines[-2]
+
+
+@pytest.mark.parametrize("words", [[], ["export"]])
+def test_a_group_without_a_command_prints_its_help(words: list[str]) -> None:
+    bare, asked = CliRunner().invoke(cli, words), CliRunner().invoke(cli, [*words, "--help"])
+    assert (bare.exit_code, bare.output) == (0, asked.output)
+    assert "\nCommands:\n" in bare.output
+
+
+def test_metrics_of_a_time_after_the_end_are_left_out_with_the_reason() -> None:
+    short = CliRunner().invoke(cli, ["simulate", "--set", "run.duration=5"]).output
+    assert "steady: x" not in short
+    assert "chattering  " not in short
+    assert "run.duration is 5: without rmse steady, chattering and rate_error_rms, which are of the time" in short
+    long = CliRunner().invoke(cli, ["simulate", "--set", "run.duration=12"]).output
+    assert "steady: x" in long
+    assert "run.duration is" not in long
+
+
+@pytest.mark.parametrize(
+    ("step", "hold"), [("0.01", None), (".01", None), ("3e-4", None), ("5e-4", 1e-3), ("1e-3", 1e-3)]
+)
+def test_the_noise_of_the_paper_follows_a_step_that_is_set(
+    monkeypatch: pytest.MonkeyPatch, step: str, hold: float | None
+) -> None:
+    ran: list[fg.Scenario] = []
+    monkeypatch.setattr("fracgyro.simulation.simulate.simulate", ran.append)
+    CliRunner().invoke(cli, ["simulate", "--set", f"run.step={step}", "--set", "run.duration=12"])
+    assert [(scenario.run.step, scenario.disturbance.hold) for scenario in ran] == [(float(step), hold)]

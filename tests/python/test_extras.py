@@ -91,7 +91,7 @@ def test_a_command_without_its_extra_says_what_to_install_and_writes_nothing(
     assert said.stdout == ""
     (line,) = said.stderr.splitlines()
     assert line.startswith("fracgyro: ")
-    assert line.endswith(f"; the extra {missing} brings it: pip install 'fracgyro[{missing}]'")
+    assert line.endswith(f"; the extra {missing} brings it: in your clone, pip install '.[{missing}]'")
     assert sorted(tmp_path.iterdir()) == before
 
 
@@ -114,7 +114,10 @@ def test_these_commands_need_no_extra(words: str, tmp_path: Path) -> None:
 def test_in_python_too_a_missing_library_is_named_with_its_extra(tmp_path: Path) -> None:
     code = "import fracgyro as fg\ntry: fg.plot\nexcept ImportError as error: print(error)"
     said = without(["matplotlib"], code, tmp_path)
-    assert said.stdout == "matplotlib is not installed; the extra report brings it: pip install 'fracgyro[report]'\n"
+    assert (
+        said.stdout
+        == "matplotlib is not installed; the extra report brings it: in your clone, pip install '.[report]'\n"
+    )
 
 
 def test_a_run_knows_its_metrics_and_its_scenario(tmp_path: Path) -> None:
@@ -152,7 +155,9 @@ try: run.fracgyro.to_mat("run.mat")
 except ImportError as error: print(error)
 """
     said = without(["scipy"], code, tmp_path)
-    assert said.stdout == "scipy is not installed; the extra interop brings it: pip install 'fracgyro[interop]'\n"
+    assert (
+        said.stdout == "scipy is not installed; the extra interop brings it: in your clone, pip install '.[interop]'\n"
+    )
     assert not list(tmp_path.iterdir())
 
 

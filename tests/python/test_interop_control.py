@@ -164,5 +164,5 @@ def test_a_missing_library_is_named_with_its_extra(module: str, tmp_path: Path) 
     code = f"import fracgyro as fg\ntry: fg.interop.{module}\nexcept ImportError as error: print(error)"
     said = without([module], code, tmp_path)
     assert said.stdout == (
-        f"{module} is not installed; the extra interop brings it: pip install 'fracgyro[interop]'\n"
+        f"{module} is not installed; the extra interop brings it: in your clone, pip install '.[interop]'\n"
     ), said.stderr

@@ -1,4 +1,4 @@
-"""All commands in one, and the entry point, which turns every foreseen failure into one sentence."""
+"""All commands in one, and the entry point: a foreseen failure is one sentence, any other a bug to report."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ import click
 
 from ..extras import MissingExtraError
 from ..files import one_line, reason
+from .bugs import bug, foreseen
+from .commands import Commands, help_alone
 from .compare import compare
 from .editors import schema_command
 from .export import export, replay
@@ -25,10 +27,12 @@ BAD_INPUT = 2
 INTERRUPTED = 130
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]}, invoke_without_command=True)
 @click.version_option(package_name="fracgyro")
-def cli() -> None:
+@click.pass_context
+def cli(context: click.Context) -> None:
     """Simulate, study and export a fractional sliding-mode controller for MEMS gyroscopes."""
+    help_alone(context)
 
 
 COMMANDS = (
@@ -50,7 +54,7 @@ for command in COMMANDS:
 
 
 def main() -> None:
-    """Runs a command; every foreseen failure ends in one sentence."""
+    """Runs a command. A foreseen failure ends in one sentence and exit code 2, a bug in what to report and code 1."""
     _prepare()
     try:
         code = cli(standalone_mode=False)
@@ -63,7 +67,7 @@ def main() -> None:
         _refused("interrupted; the files written so far are complete")
         code = INTERRUPTED
     except ValueError as error:
-        code = _refused(str(error))
+        code = _refused(str(error)) if foreseen(error) else bug(error)
     except MissingExtraError as error:
         code = _refused(str(error))
     except MemoryError:
@@ -71,6 +75,8 @@ def main() -> None:
     except OSError as error:
         code = _refused(f"the output cannot be written: {reason(error)}")
         sys.stdout = None  # or Python would try once more, and fail aloud
+    except Exception as error:
+        code = bug(error)
     sys.exit(code)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -14,10 +15,13 @@ from ..analysis.metric_names import nondimensional_unit
 from ..extras import needs
 from ..scenario import Scenario
 from ..scenario.shipped import SHIPPED, shipped_text
+from .commands import Names
 from .completion import changes, toml_files
 from .terminal import print_table
 
+STEADY = ["chattering", "rate_error_rms"]  # metrics of the time after the transient, as is rmse steady
 UNASKED = 100_000  # samples of a record that is kept nowhere, at most
+BARE_POINT = re.compile(r"[+-]?(\.\d+|\d+\.)([eE][+-]?\d+)?")  # numbers that TOML does not have
 
 
 @click.command(name="simulate")
@@ -37,12 +41,12 @@ def simulate_command(
     scenario: Path | None, changes: Sequence[str], out: Path | None, plot: Path | None, as_json: bool
 ) -> None:
     """Simulate SCENARIO and print its metrics. Without SCENARIO: the paper, corrected."""
-    from ..analysis.metrics import measured
+    from ..analysis.metrics import TRANSIENT, measured
     from ..simulation.dataset import check_run, write_run
     from ..simulation.simulate import DivergedError, simulate
 
-    chosen = Scenario.load(scenario) if scenario else Scenario.paper()
-    chosen = chosen.replace(dict(map(_change, changes)))
+    wanted = dict(map(_change, changes))
+    chosen = Scenario.load(scenario).replace(wanted) if scenario else _paper(wanted)
     if out:
         check_run(out)
     if plot:
@@ -64,11 +68,18 @@ def simulate_command(
         kept = f"; the samples until then are in {out}" if out else ""
         raise click.UsageError(f"{diverged}{kept}")
     figures = measured(chosen).drop_vars("diverged_at")
+    steady = chosen.run.duration >= TRANSIENT
     if as_json:
         click.echo(json.dumps({name: _plain(values) for name, values in figures.items()}))
         return
     si = chosen.run.units == "SI"
-    print_table(("metric", "value", "unit"), _rows(figures, si))
+    seen = figures if steady else figures.drop_vars(STEADY).sel(window=["whole", "transient"])
+    print_table(("metric", "value", "unit"), _rows(seen, si))
+    if not steady:
+        click.echo(
+            f"\nrun.duration is {chosen.run.duration:g}: without rmse steady, {' and '.join(STEADY)}, which are of the "
+            f"time from {TRANSIENT:g}/ω0 on."
+        )
     if not si:
         plant = chosen.plant
         click.echo(
@@ -78,7 +89,7 @@ def simulate_command(
 
 
 @click.command(name="scenario")
-@click.argument("name", type=click.Choice(["paper", *SHIPPED]), required=False)
+@click.argument("name", type=Names(["paper", *SHIPPED]), required=False)
 @click.option(
     "--variant",
     type=click.Choice(["corrected", "printed"]),
@@ -99,6 +110,15 @@ def scenario_command(name: str | None, variant: str, listed: bool) -> None:
         click.echo(Scenario.paper("printed" if variant == "printed" else "corrected").to_toml(), nl=False)
 
 
+def _paper(changes: dict[str, Any]) -> Scenario:
+    """The paper's scenario with changes; its noise is held one step where its own hold is not a number of steps."""
+    paper, step = Scenario.paper(), changes.get("run.step")
+    hold = paper.disturbance.hold
+    if hold and isinstance(step, float) and step > 0 and abs(hold / step - max(round(hold / step), 1)) > 1e-9:
+        changes = {"disturbance.hold": None, **changes}
+    return paper.replace(changes)
+
+
 def _change(text: str) -> tuple[str, Any]:
     """FIELD=VALUE with VALUE in TOML; a bare word is a string, and nothing at all unsets."""
     field, equals, value = (part.strip() for part in text.partition("="))
@@ -109,7 +129,7 @@ def _change(text: str) -> tuple[str, Any]:
     try:
         tables = tomllib.loads(f"value = {value}")
     except ValueError:
-        return field, value
+        return field, float(value) if BARE_POINT.fullmatch(value) else value
     except RecursionError:
         raise click.UsageError(f"--set {field}: its value is nested too deeply") from None
     return field, tables["value"] if len(tables) == 1 else value  # more: it had lines of its own

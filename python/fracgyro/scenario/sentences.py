@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from functools import cache
 from typing import Any, get_args
 
@@ -106,7 +107,9 @@ def _describe(problem: ErrorDetails, model: type[BaseModel]) -> str:
 def _allowed(problem: ErrorDetails, metadata: list[Any]) -> str:
     kind, context = problem["type"], problem.get("ctx", {})
     if kind == "literal_error":
-        return f"it must be {context['expected']}".replace("'", "")
+        near = difflib.get_close_matches(str(problem["input"]), re.findall(r"'([^']*)'", context["expected"]), n=1)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        return f"it must be {context['expected']}{hint}".replace("'", "")
     if kind.startswith(("greater", "less")):
         words = {"ge": "at least", "gt": "greater than", "le": "at most", "lt": "less than"}
         found = {word: getattr(bound, word) for word in words for bound in metadata if hasattr(bound, word)}
