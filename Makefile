@@ -4,7 +4,10 @@
 # make test-quick  what a change breaks most often, in less than a minute
 # make test-machines    every test as on other processors, with other compilers and Pythons: for a release
 # make web         the WebAssembly module, and the live page, into build/web
-# make bench       the measurements that docs/performance.md and others quote
+# make lint        the checks that need no compiler, and the logs that are behind their sources
+# make bench       all logs that docs/performance.md and others quote; takes most of a day. ARGS="rate_sensor": some
+# make bench-behind     only the logs that are behind their sources
+# make logs-current     fails if a log is behind its sources
 # make compare     the controllers compared, in full; into benchmarks/results/compare.md
 # make article     the replication article, as PDF; into build/article/article.pdf
 # make docs      the documentation site, into build/site
@@ -37,9 +40,9 @@ BUILT_FROM := pyproject.toml CMakeLists.txt $(filter include/% bindings/%,$(CPP)
 unexport PYTHONDONTWRITEBYTECODE
 SUDO = $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 
-.PHONY: reproduce test test-quick test-machines check check-deep check-sanitized fuzz-firmware mutants test-core \
-  test-python web bench compare article docs stub wheel lock setup-test setup-embedded setup-browser setup-fpga \
-  setup-postgres setup-octave setup-machines clean
+.PHONY: reproduce test test-quick test-machines lint check check-deep check-sanitized fuzz-firmware mutants test-core \
+  test-python web bench bench-behind logs-current pages compare article docs stub wheel lock setup-test setup-embedded \
+  setup-browser setup-fpga setup-postgres setup-octave setup-machines clean
 .SECONDARY:
 .NOTPARALLEL:  # pip installs one thing at a time; compilers and tests use every processor by themselves
 
@@ -66,9 +69,15 @@ test-quick: check
 test-machines:
 	tests/machines.sh
 
-check: .venv/installed-test build/tests-optimized/built
+lint: .venv/ruff
 	$(BIN)/ruff check --quiet --output-format concise
 	$(BIN)/ruff format --check --quiet
+	$(BIN)/python benchmarks/sources.py
+
+logs-current: $(BIN)/pip
+	$(BIN)/python benchmarks/sources.py --check
+
+check: .venv/installed-test build/tests-optimized/built lint
 	$(BIN)/mypy --no-error-summary
 	$(BIN)/clang-format --dry-run -Werror $(CPP)
 
@@ -82,38 +91,11 @@ test-python: .venv/installed-test
 web: .venv/installed-export
 	$(BIN)/python -m fracgyro.export.live build/web
 
-bench: .venv/installed-bench .venv/installed-export
-	$(BIN)/python benchmarks/operator_accuracy.py
-	$(BIN)/python benchmarks/operator_cost.py
-	$(BIN)/python benchmarks/kernel_design.py
-	$(BIN)/python benchmarks/lane_contraction.py
-	$(BIN)/python benchmarks/loop.py
-	$(BIN)/python benchmarks/one_run.py
-	$(BIN)/python benchmarks/scaling.py
-	$(BIN)/python benchmarks/sweep_scaling.py
-	$(BIN)/python benchmarks/error_budget.py
-	$(BIN)/python benchmarks/reproduction.py
-	$(BIN)/python benchmarks/best_order.py
-	$(BIN)/python benchmarks/rate_estimation.py
-	$(BIN)/python benchmarks/rate_response.py
-	$(BIN)/python benchmarks/rate_sensor.py
-	$(BIN)/python benchmarks/sensing_noise.py
-	$(BIN)/python benchmarks/long_record.py
-	$(BIN)/python benchmarks/resonance_gains.py
-	$(BIN)/python benchmarks/boundedness.py
-	$(BIN)/python benchmarks/soak.py
-	$(BIN)/python benchmarks/soak_joint.py
-	$(BIN)/python benchmarks/web.py
-	$(BIN)/python benchmarks/live.py
-	$(BIN)/python benchmarks/parity.py
-	$(BIN)/python benchmarks/firmware.py
-	$(BIN)/python benchmarks/fpga.py
-	$(BIN)/python benchmarks/fpga_fixed.py
-	$(BIN)/python benchmarks/fpga_route.py
-	$(BIN)/python benchmarks/flops.py
-	$(BIN)/python benchmarks/outside.py
-	$(BIN)/python benchmarks/environments.py
-	$(BIN)/python benchmarks/readme_picture.py
+bench: .venv/installed-bench .venv/installed-export .venv/installed-mutants
+	$(BIN)/python benchmarks/bench.py $(ARGS)
+
+bench-behind: .venv/installed-bench .venv/installed-export .venv/installed-mutants
+	$(BIN)/python benchmarks/bench.py --behind
 
 # Classes that the module makes by hand are in bindings/stub.pat; the import that stands for them goes.
 STUB := python/fracgyro/_core.pyi
@@ -242,34 +224,48 @@ clean:
 
 # Editable: only C++ sources need a new installation.
 $(BIN)/pip:
-	@$(PYTHON) -c "$$NEEDED"
+	@$(PYTHON) -c "$$NEWER"
 	@$(PYTHON) -m venv .venv \
 	  || { rm -rf .venv; echo "Python's venv is missing: install it, on Debian as python3-venv"; exit 1; }
 
-define NEEDED
-import os, shutil, sys, sysconfig
+.venv/compiler: | $(BIN)/pip
+	@$(PYTHON) -c "$$COMPILER"
+	@touch $@
+
+define NEWER
+import sys
 if sys.version_info < (3, 11):
     sys.exit(f"Python 3.11 or newer is needed, not {sys.version.split()[0]}: name one, as in make PYTHON=python3.13")
+endef
+export NEWER
+
+define COMPILER
+import os, shutil, sys, sysconfig
 if not os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.h")):
     sys.exit("Python's headers are missing: install them, on Debian as python3-dev")
 if not shutil.which(os.environ.get("CXX", "c++").split()[0]):
     sys.exit("A C++20 compiler is missing: install one, on Debian as g++, or name it, as in make CXX=clang++")
 endef
-export NEEDED
+export COMPILER
+
+RUFF := $(shell sed -n 's/^ *"\(ruff==[^"]*\)",$$/\1/p' pyproject.toml)
+.venv/ruff: pyproject.toml | $(BIN)/pip
+	$(BIN)/pip install --quiet --disable-pip-version-check "$(RUFF)"
+	@touch $@
 
 # All that the C++ tests need of it.
-.venv/tools: | $(BIN)/pip
+.venv/tools: | .venv/compiler
 	$(BIN)/pip install --quiet --disable-pip-version-check cmake ninja
 	@touch $@
 
 # Python compiles what is imported; most is not.
 # The tests' libraries are those of others, too, for which nothing is then built again.
 OF_TESTS := $(patsubst %,.venv/installed-%,$(DRAWN) export article docs)
-.venv/installed-%: $(BUILT_FROM) | $(BIN)/pip
+.venv/installed-%: $(BUILT_FROM) | .venv/compiler
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-compile --editable ".[$*]"
 	@touch $@ $(if $(filter test,$*),$(OF_TESTS))
 
-.venv/installed-locked: requirements.lock $(BUILT_FROM) | $(BIN)/pip
+.venv/installed-locked: requirements.lock $(BUILT_FROM) | .venv/compiler
 	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes --only-binary :all: --requirement $<
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	@touch $@

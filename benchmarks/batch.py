@@ -20,6 +20,8 @@ from pathlib import Path
 
 from machine import command, machine, write
 
+DEPENDS_ON = ["sliding_mode"]
+
 ROOT = Path(__file__).resolve().parent.parent
 STEPS = 80_000
 # What is run: of how many scenarios, with how many seeds, on how many threads, in single precision or not; the ratio

@@ -18,11 +18,13 @@ import fracgyro as fg
 import matplotlib
 import numpy as np
 from fracgyro.simulation.many import threads_available
-from machine import command, machine, wrapped
+from machine import command, machine, write
 from scipy.special import betaincinv, stdtr, stdtrit
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+
+DEPENDS_ON = ["sliding_mode"]
 
 DOCS = Path(__file__).parent.parent / "docs"
 ORDERS = tuple(round(0.1 * n, 1) for n in range(1, 11))
@@ -666,7 +668,7 @@ def report(study: Study) -> None:
     plt.rcParams["svg.hashsalt"] = "fracgyro"
     draw_table(study)
     draw_moves(study)
-    (DOCS / "best_order.md").write_text("\n".join(wrapped(page(study))) + "\n", encoding="utf-8")
+    write("best_order", page(study))
 
 
 def main() -> None:

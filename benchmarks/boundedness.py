@@ -13,6 +13,8 @@ from fracgyro.scenario.bounded import gain
 from fracgyro.scenario.shipped import exactly_sensed
 from machine import write
 
+DEPENDS_ON = ["sliding_mode", "composite"]
+
 PAPER = fg.Scenario.paper()
 SEEDS = range(24)
 LIMITS = [0.05, 0.1, 0.25, 0.5, 0.75, 1.0]

@@ -1,4 +1,5 @@
-"""The controllers compared in full; writes benchmarks/results/compare.md. Resumes what build/compare holds.
+"""The controllers compared in full; writes benchmarks/results/compare.md. Resumes what build/compare holds of
+these sources.
 
 The numbers are in compare-track.json and compare-rate.json of the same folder, which the article reads.
 """
@@ -19,8 +20,9 @@ from fracgyro.compare.report import interval, labelled, number, rank, times, tit
 from fracgyro.compare.run import Compared, compare
 from fracgyro.compare.task import Task
 from machine import RESULTS, command, machine, write
+from sources import digest
 
-OUT = Path(__file__).parents[1] / "build" / "compare"
+OUT = Path(__file__).parents[1] / "build" / "compare" / digest(Path(__file__).resolve())  # by sources
 DIGITS = 4  # of the numbers in the JSON files
 Row = dict[str, Any]
 

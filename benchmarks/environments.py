@@ -11,6 +11,8 @@ import gymnasium
 import numpy as np
 from machine import command, machine, on_one_core, write
 
+DEPENDS_ON = ["sliding_mode"]
+
 ROUNDS, STEPS = 15, 5000
 BUDGET = 10.0  # us
 PAPER = fg.Scenario.paper().replace({"controller.force_limit": 1000.0})

@@ -18,6 +18,8 @@ from fracgyro.scenario.to_core import core_setup
 from machine import command, machine, write
 from numpy.typing import NDArray
 
+DEPENDS_ON = ["sliding_mode", "composite"]
+
 SEEDS = 16
 FINER = 8  # the step of the reference
 EXACT = 1e-9  # its tolerance

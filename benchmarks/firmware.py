@@ -23,9 +23,13 @@ from fracgyro import _core
 from fracgyro.export.compilers import Number, make
 from fracgyro.export.host import Host, rmse
 from fracgyro.scenario.to_core import core_setup
+from machine import write
+from sources import log_of
+
+DEPENDS_ON = ["sliding_mode", "composite", "joint", "integrations/firmware/*"]
 
 ROOT = Path(__file__).resolve().parents[1]
-RESULTS = ROOT / "integrations/firmware/measured.md"
+RESULTS = ROOT / log_of("firmware")
 SEEDS = 10
 PAPER = fg.Scenario.paper()
 LINEAR_JOINT = {"controller.kind": "linear", "adaptation.kind": "joint"}
@@ -215,8 +219,7 @@ def main() -> None:
     if "--check" in sys.argv:
         return check(rows)
     counted, head = "\n".join(rows), HEAD.format(tools=tools())
-    RESULTS.write_text("\n".join([head, counted, "", *sampling(rows), "", *errors()]) + "\n", encoding="utf-8")
-    print(RESULTS.read_text(encoding="utf-8"))
+    write("firmware", [head, counted, "", *sampling(rows), "", *errors()])
 
 
 if __name__ == "__main__":

@@ -32,6 +32,8 @@ from fracgyro.scenario.to_core import core_setup
 from machine import command, machine, write
 from matplotlib.figure import Figure
 
+DEPENDS_ON = ["sliding_mode", "composite", "pid", "integrations/fpga/*", "tests/fpga/*"]
+
 ROOT = Path(__file__).resolve().parents[1]
 PICTURE = ROOT / "docs/fpga_schedule.svg"
 VECTORS = 2_000_000

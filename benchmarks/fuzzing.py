@@ -1,4 +1,6 @@
-"""Files, folders and commands made at random for SECONDS, then states and the calls of FMUs: `fuzzing.py SECONDS SEED`.
+"""Files, folders and commands made at random for SECONDS, then states and the calls of FMUs.
+
+    python benchmarks/fuzzing.py [SECONDS [SEED]]    900 s and seed 1 by default
 
 Writes benchmarks/results/fuzzing.md.
 """
@@ -10,6 +12,8 @@ import sys
 from pathlib import Path
 
 from machine import command, machine, write
+
+DEPENDS_ON = ["tests/fuzz/*.py"]
 
 FUZZ = Path(__file__).resolve().parents[1] / "tests" / "fuzz"
 FILES = ("fuzz_scenarios", "fuzz_studies", "fuzz_cli")
@@ -25,7 +29,7 @@ def start(name: str, seed: str, options: list[str]) -> subprocess.Popen[str]:
 
 
 def main() -> None:
-    seconds, seed = sys.argv[1:3]
+    seconds, seed = (*sys.argv[1:], *("900", "1")[len(sys.argv) - 1 :])
     side_by_side = [start(name, seed, ["--seconds", seconds]) for name in FILES]
     files = [fuzzer.communicate()[0].strip() for fuzzer in side_by_side]
     states = [line for name in STATES for line in start(name, seed, STATES[name]).communicate()[0].splitlines()]

@@ -1,6 +1,6 @@
 """Installs the wheel with each extra into an empty environment; writes benchmarks/results/install.md.
 
-    make wheel && python benchmarks/install.py [--wheel FILE]
+    python benchmarks/install.py [--wheel FILE]
 
 How many distributions and megabytes that makes, pip left out, and how long `import fracgyro` takes there: the median of
 new processes, and of a first simulation of one step.
@@ -14,9 +14,12 @@ import subprocess
 import sys
 import tempfile
 import time
+from functools import cache
 from pathlib import Path
 
 from machine import command, machine, write
+
+DEPENDS_ON = ["pyproject.toml", "python/fracgyro/simulation/simulate.py"]
 
 ROOT = Path(__file__).resolve().parent.parent
 EXTRAS = ("", "netcdf", "report", "rate", "study", "export", "cluster", "interop", "all")
@@ -27,9 +30,10 @@ FIRST = "import fracgyro as fg; fg.simulate(fg.Scenario.paper().replace({'run.du
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--wheel", type=Path, help="the one in dist/ if left out")
-    wheel = parser.parse_args().wheel or _only(sorted((ROOT / "dist").glob("*.whl")))
-    rows = [_row(wheel, extra) for extra in EXTRAS]
+    parser.add_argument("--wheel", type=Path, help="built from this tree if left out")
+    wheel = parser.parse_args().wheel
+    with tempfile.TemporaryDirectory() as folder:
+        rows = [_row(wheel or _built(Path(folder)), extra) for extra in EXTRAS]
     imported, first = rows[0][1]
     write(
         "install",
@@ -50,10 +54,12 @@ def main() -> None:
     )
 
 
-def _only(found: list[Path]) -> Path:
-    if len(found) != 1:
-        raise SystemExit(f"dist/ has {len(found)} wheels: it must have one, which `make wheel` makes")
-    return found[0]
+@cache
+def _built(folder: Path) -> Path:
+    words = [sys.executable, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check", "--no-deps"]
+    subprocess.run([*words, "--wheel-dir", folder, ROOT], check=True)
+    (wheel,) = folder.glob("*.whl")
+    return wheel
 
 
 def _row(wheel: Path, extra: str) -> tuple[str, tuple[float, float]]:

@@ -11,6 +11,8 @@ from fracgyro.fractional import ExponentialSum, design
 from fracgyro.fractional.kernel import _designed
 from machine import command, machine, on_one_core, write
 
+DEPENDS_ON = ["include/fracgyro/core/kernel_design.hpp"]
+
 MINIMAX = {0.1: (8, 17, 26), 0.5: (11, 20, 29), 0.9: (12, 22, 31)}  # counts of minimax sets on [1e-3, 100]
 TOLERANCES = (1e-3, 1e-6, 1e-9)
 DRAWN, CHECKED = 1000, 60  # designs; those compared with 40 digits

@@ -13,6 +13,8 @@ from pathlib import Path
 
 from machine import command, machine, write
 
+DEPENDS_ON = ["sliding_mode", "composite", "bindings/lanes_*.cpp", "benchmarks/benchmark_lanes.cpp"]
+
 ROOT = Path(__file__).resolve().parent.parent
 FLAGS = ["-std=c++20", "-O3", "-DNDEBUG", "-fno-math-errno", "-fno-trapping-math", "-Wno-psabi", "-fno-tree-pre"]
 FLAGS += ["-fno-gcse", f"-I{ROOT / 'include'}"]

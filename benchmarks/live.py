@@ -22,6 +22,8 @@ from fracgyro.export.web import build
 from machine import machine, write
 from PIL import Image
 
+DEPENDS_ON = ["integrations/web/**/*"]
+
 ROOT = Path(__file__).resolve().parents[1]
 PICTURE = ROOT / "docs/live.png"
 ENDS = ("#plots", ".plot.timed")  # from the one to the other

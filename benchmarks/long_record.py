@@ -20,6 +20,8 @@ from fracgyro.simulation.rate_means import rate_means
 from machine import RESULTS, command, machine, write
 from matplotlib.figure import Figure
 
+DEPENDS_ON = ["sliding_mode", "composite", "joint"]
+
 DRAWING = RESULTS / "long_record.svg"
 RECORD = 1800.0  # s of device time, each
 SEEDS = range(2)

@@ -29,6 +29,8 @@ from machine import command, machine, on_one_core, write
 from peers import exponentials_numba, full_history, jax_loop, solve_ivp_oustaloup
 from peers.gyroscope import ORDER, STEP, STEPS, references
 
+DEPENDS_ON = ["sliding_mode", "benchmarks/benchmark_loop.cpp", "benchmarks/peers/*"]
+
 ROOT = Path(__file__).resolve().parent.parent
 TOLERANCE, TRANSIENT = 1e-6, 10.0
 MARK = 5e-3  # seconds

@@ -9,8 +9,13 @@ import sys
 from importlib.metadata import version
 from pathlib import Path
 
-RESULTS = Path(__file__).parent / "results"
+from sources import ROOT, log_of, scripts, stamp
+
+RESULTS = ROOT / "benchmarks" / "results"
 COLUMNS = 120
+_MAIN = Path(sys.argv[0]).resolve()
+# Taken at the start: sources may change while a measurement runs.
+_STAMP = stamp(_MAIN) if _MAIN in scripts().values() else ""
 
 
 def on_one_core() -> None:
@@ -54,8 +59,8 @@ def wrapped(lines: list[str]) -> list[str]:
 
 
 def write(name: str, lines: list[str], keep: bool = True) -> None:
-    """Prints the log and keeps it as benchmarks/results/<name>.md."""
-    text = "\n".join(wrapped(lines)) + "\n"
+    """Prints the log and keeps it with its sources, as benchmarks/results/<name>.md or wherever sources.py says."""
+    text = "\n".join(wrapped([*lines, "", _STAMP])).rstrip() + "\n"
     if keep:
-        (RESULTS / f"{name}.md").write_text(text, encoding="utf-8")
+        (ROOT / log_of(name)).write_text(text, encoding="utf-8")
     print(text)

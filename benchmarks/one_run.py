@@ -12,6 +12,8 @@ from fracgyro import _core
 from fracgyro.scenario.to_core import core_setup
 from machine import command, machine, on_one_core, write
 
+DEPENDS_ON = ["sliding_mode"]
+
 PAPER = fg.Scenario.paper()
 SETUP = core_setup(PAPER)
 RECORD = "C++ only, memory reused"

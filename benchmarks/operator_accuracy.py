@@ -23,6 +23,12 @@ from fracgyro.fractional.sampled import Between
 from machine import command, machine, on_one_core, write
 from peers import operators
 
+DEPENDS_ON = [
+    "include/fracgyro/core/fractional.hpp",
+    "include/fracgyro/core/kernel_design.hpp",
+    "include/fracgyro/core/sampled.hpp",
+]
+
 STEP, SAMPLES, ORDER = 1e-3, 80_000, 0.9
 CHECKED = 400  # samples compared with the exact derivative
 LATE = 0.1  # the start apart: methods of first order are worst there

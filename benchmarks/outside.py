@@ -11,6 +11,8 @@ import fracgyro as fg
 import numba
 from machine import command, machine, on_one_core, write
 
+DEPENDS_ON = ["sliding_mode", "pid"]
+
 ROUNDS, CALLS = 15, 20_000
 PAPER = fg.Scenario.paper().replace({"controller.kind": "pid"})
 KP, KD = 1600.0, 56.0

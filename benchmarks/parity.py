@@ -18,6 +18,8 @@ from fracgyro.simulation.dataset import write_run
 from fracgyro.simulation.simulate import simulate
 from machine import command, machine, write
 
+DEPENDS_ON = ["sliding_mode", "composite", "integrations/**/*"]
+
 # What the others are compared with, double being that of the record; and targets that do not compute in both of these.
 REFERENCES: dict[AnyNumber, Target] = {"double": "host", "float": "host", "fixed": "desk"}
 COMPUTES: dict[Target, tuple[AnyNumber, ...]] = {"fpga": ("float", "fixed"), "desk": ("fixed",)}

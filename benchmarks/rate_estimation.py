@@ -20,6 +20,8 @@ import xarray as xr
 from machine import command, machine, write
 from scipy.stats import t as student
 
+DEPENDS_ON = ["sliding_mode", "composite"]
+
 TIMES = (0.5, 2.0, 6.0, 10.0, 20.0, 80.0)
 MARKED = (2.0, 10.0, 20.0, 80.0)
 SETTLED_BY, SETTLED, EARLY = 6.0, 0.1, 0.5

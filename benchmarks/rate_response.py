@@ -23,6 +23,8 @@ from machine import command, machine, write
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+DEPENDS_ON = ["sliding_mode", "composite", "joint"]
+
 Array = NDArray[np.float64]
 
 DRAWING = Path(__file__).resolve().parents[1] / "docs" / "rate_response.svg"

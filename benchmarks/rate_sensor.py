@@ -24,6 +24,8 @@ from fracgyro.scenario.shipped import exactly_sensed, shipped
 from machine import command, machine, write
 from matplotlib.figure import Figure
 
+DEPENDS_ON = ["sliding_mode", "composite", "joint"]
+
 DRAWING = Path(__file__).resolve().parents[1] / "docs" / "rate_sensor.svg"
 SEEDS = 4
 DEVICES = ["dual_mass", "tuned_in_air"]

@@ -11,6 +11,8 @@ from pathlib import Path
 
 from machine import machine, write
 
+DEPENDS_ON = ["sliding_mode", "python/fracgyro/paper/reproduce.py"]
+
 
 def reproduce(folder: str, *options: str) -> float:
     """Wall-clock seconds of the whole command."""

@@ -13,6 +13,8 @@ from fracgyro.rate.units import DEG_PER_S
 from fracgyro.scenario.shipped import exactly_sensed
 from machine import command, machine, write
 
+DEPENDS_ON = ["sliding_mode"]
+
 NAME = "paper_resonance"
 RATE = DEG_PER_S.to_si(300.0)
 RATE_GAINS = [150.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.003]

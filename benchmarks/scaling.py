@@ -24,6 +24,8 @@ from machine import RESULTS, command, machine, write
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
+DEPENDS_ON = ["sliding_mode"]
+
 STEP = 1e-3
 STEPS = (1_000, 3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000)
 TOLERANCES = tuple(10.0**-n for n in range(2, 10))

@@ -19,6 +19,8 @@ from fracgyro.scenario.shipped import shipped
 from machine import command, machine, write
 from scipy import stats
 
+DEPENDS_ON = ["sliding_mode", "joint"]
+
 SEEDS = 64
 TIME = 0.2  # s, of a run
 DEVICES = ["paper_resonance", "dual_mass", "tuned_in_air", "disc"]

@@ -2,7 +2,7 @@
 the paper's kind for 1e9 steps, which are 1,000 s of its device.
 
 Writes benchmarks/results/soak.md. python benchmarks/soak.py compiles benchmarks/soak.cpp and runs it, which takes a
-processor an hour. Killed, it goes on with the blocks that build/soak does not hold.
+processor an hour. Killed, it goes on with the blocks that build/soak does not hold for these sources.
 """
 
 from __future__ import annotations
@@ -24,10 +24,12 @@ from fracgyro.files import whole_file
 from fracgyro.scenario import kinds
 from fracgyro.scenario.shipped import SHIPPED, exactly_sensed
 from fracgyro.scenario.to_core import core_setup
-from machine import wrapped
+from machine import write
+from sources import digest
+
+DEPENDS_ON = ["sliding_mode", "composite"]
 
 HERE = Path(__file__).parent
-RESULTS = HERE / "results" / "soak.md"
 STEPS, MAX_STEPS = 10**8, 10**9
 KINDS = ["fractional_fast_terminal", "fractional", "fast_terminal", "linear"]
 ADAPTATIONS = ["gradient", "composite"]
@@ -35,7 +37,7 @@ NUMBERS: tuple[Number, ...] = get_args(Number)
 # So large that it limits nothing: the lanes of a block are all limited or none.
 NO_LIMIT = 1e30
 
-KEPT = HERE.parent / "build" / "soak"
+KEPT = HERE.parent / "build" / "soak" / digest(Path(__file__).resolve())  # blocks of other sources are not used
 
 
 class Block(NamedTuple):
@@ -109,7 +111,7 @@ def seconds(steps: int) -> str:
     return ", ".join(f"{s.run.step * steps * s.plant.scales.time:.3g} ({name})" for name, s in found.items())
 
 
-def report(found: list[Row]) -> str:
+def report(found: list[Row]) -> list[str]:
     run = {block for _, block, _ in found}
     missing = [", ".join(map(str, block)) for block in BLOCKS if block not in run]
     lines = [
@@ -132,7 +134,7 @@ def report(found: list[Row]) -> str:
         for name, number in product(SHIPPED, NUMBERS):
             block = Block(kind, adaptation, number, steps)
             lines += [line(name, number, cells) for of, by, cells in found if (of, by) == (name, block)]
-    return "\n".join(wrapped(lines)) + "\n"
+    return lines
 
 
 def line(name: str, number: str, cells: list[str]) -> str:
@@ -156,13 +158,7 @@ def main() -> None:
             system_compiler(*options, *headers, HERE / "soak.cpp", "-o", program)
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             list(pool.map(lambda block: soak(programs[block.number], block), BLOCKS))
-    write()
-
-
-def write() -> None:
-    found = list(rows())
-    RESULTS.write_text(report(found), encoding="utf-8")
-    print(f"{len(found)} marks, {sum('diverged' in cells for _, _, cells in found)} runs diverged: {RESULTS}")
+    write("soak", report(list(rows())))
 
 
 if __name__ == "__main__":

@@ -21,6 +21,8 @@ from fracgyro.scenario.to_core import datasheet
 from machine import command, machine, write
 from soak import HERE, NUMBERS, STEPS, as_input, power
 
+DEPENDS_ON = ["joint"]
+
 DEVICES = [name for name in SHIPPED if shipped(name).adaptation.kind == "joint"]
 
 

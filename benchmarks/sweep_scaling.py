@@ -22,6 +22,8 @@ from typing import Any
 
 from machine import command, machine, write
 
+DEPENDS_ON = ["sliding_mode", "python/fracgyro/study/sweep/run.py"]
+
 POINTS, SEEDS = (100, 1_000, 10_000), 10
 STEPS = 1_000
 REPEATS = 3

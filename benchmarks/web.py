@@ -16,6 +16,8 @@ from fracgyro.export.web import build
 from fracgyro.scenario.to_core import core_setup
 from machine import machine, write
 
+DEPENDS_ON = ["sliding_mode", "integrations/web/*"]
+
 RUN = """
 import { readFileSync } from "node:fs";
 import { createHash } from "node:crypto";

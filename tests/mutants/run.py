@@ -20,6 +20,8 @@ from pathlib import Path
 
 from compile_in import HERE, ROOT
 
+DEPENDS_ON = ["include/fracgyro/**/*.hpp", "tests/mutants/*"]
+
 BUILD = ROOT / "build/mutants"
 LOG = ROOT / "benchmarks/results/mutants.md"
 KILLED = 0.95
@@ -78,6 +80,9 @@ def explained() -> dict[str, str]:
 
 
 def log() -> int:
+    sys.path.append(str(ROOT / "benchmarks"))
+    from sources import stamp
+
     found: Found = {}
     for part in ("cpp", "python"):
         found |= json.loads((BUILD / f"{part}.json").read_text(encoding="utf-8"))
@@ -112,6 +117,8 @@ def log() -> int:
         "| file | mutant | why |",
         "|---|---|---|",
         *survivors,
+        "",
+        stamp(Path(__file__).resolve()),
         "",
     ]
     LOG.write_text("\n".join(lines), encoding="utf-8")

@@ -1,0 +1,47 @@
+"""Makes the logs, one after another, and says which failed.
+
+python benchmarks/bench.py               all
+python benchmarks/bench.py --behind      those whose sources have changed since they were made
+python benchmarks/bench.py rate_sensor   those named
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from sources import ROOT, WITHOUT_LOG, behind, scripts
+
+
+def main() -> int:
+    by_name = {Path(log).stem: path for log, path in scripts().items()}
+    by_name["firmware"] = by_name.pop("measured")
+    by_name |= {name: ROOT / f"benchmarks/{name}.py" for name in WITHOUT_LOG}
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"one or more of {', '.join(by_name)}")
+    parser.add_argument("--behind", action="store_true", help="only logs behind their sources")
+    options = parser.parse_args()
+    if unknown := [name for name in options.names if name not in by_name]:
+        parser.error(f"no log is called {unknown[0]}: names are {', '.join(by_name)}")
+    late = {scripts()[log] for log in behind()} if options.behind else None
+    chosen = [by_name[name] for name in options.names or by_name]
+    failed = []
+    for script in chosen:
+        if late is not None and script not in late:
+            continue
+        words = f"python {script.relative_to(ROOT)}"
+        print(f"== {words}", flush=True)
+        begin = time.perf_counter()
+        if subprocess.run([sys.executable, script], cwd=ROOT).returncode != 0:
+            failed.append(words)
+        print(f"== {time.perf_counter() - begin:.0f} s", flush=True)
+    for words in failed:
+        print(f"failed: {words}")
+    return int(bool(failed))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
