@@ -28,9 +28,10 @@ RATE_COLUMNS = {
     "bias_damping": ("bias by dxy", "deg/h", 1.0),
     "bias_quadrature_hidden": ("bias by quadrature, hidden delay", "deg/h", 1.0),
     "bias_drift": ("bias by drift of K", "deg/h", 1.0),
+    "rms_drift": ("RMS by drift of K", "deg/h", 1.0),
     "start_up": ("start-up", "ms", 1.0),
 }
-MOST_COLUMNS, MOST_TABLES = 8, 2
+MOST_COLUMNS, MOST_TABLES = 9, 2
 NOTHING = 0.01  # what is less, in any of these units, is shown as that
 
 

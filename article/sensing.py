@@ -37,6 +37,7 @@ TABLE = [
 ]
 ARW, SCALE, TURN_ON = "Angle random walk (deg/sqrt(h))", "Scale factor error (ppm)", "Turn-on time (ms)"
 BOUND, RATIO = "the bound of ARW, D and K known", "ARW over it"
+RMS = "RMS error (deg/h)"
 OWN = "the paper's"  # case of the log
 Values = dict[str, Any]
 
@@ -113,10 +114,13 @@ def values(errors: Errors) -> Values:
         },
         "composite_noisy": {"arw": short(of_composite), "joint": short(same), "times": short(of_composite / same)},
         "drift": {
-            "untracked": short(logs.number(_drift("0")), 2),
-            "tracked": short(logs.number(_drift("100")), 2),
+            "untracked": short(logs.number(_drift("0")["mean error (deg/h)"]), 2),
+            "untracked_rms": short(logs.number(_drift("0")[RMS]), 2),
+            "tracked": short(logs.number(_drift("100")["mean error (deg/h)"]), 2),
+            "tracked_rms": short(logs.number(_drift("100")[RMS]), 2),
         },
         "hidden_delay": short(logs.number(_hidden_delay()), 2),
+        "hidden_delay_moving": short(logs.number(_hidden_delay_moving()), 2),
     }
 
 
@@ -168,10 +172,14 @@ def _percent(cell: str) -> str:
     return short(100 * logs.number(cell))
 
 
-def _drift(hertz: str) -> str:
-    return logs.row("sensing_noise", **{"D, K forgotten at (Hz)": hertz})["mean error (deg/h)"]
+def _drift(hertz: str) -> logs.Row:
+    return logs.row("sensing_noise", **{"D, K forgotten at (Hz)": hertz})
 
 
 def _hidden_delay() -> str:
     row = logs.row("sensing_noise", **{"dual mass, positions, 10⁻¹³ m/√Hz unless said": "… hidden, 300 deg/s"})
     return row["of 300 deg/s (ppm)"]
+
+
+def _hidden_delay_moving() -> str:
+    return logs.row("rate_sensor", scenario="dual_mass", effect="… not in the datasheet")["scale factor error (ppm)"]

@@ -9,7 +9,7 @@ import math
 
 import fracgyro as fg
 import numpy as np
-from fracgyro.paper.runs import scenario
+from fracgyro.paper import runs as paper
 from fracgyro.scenario.bounded import gain
 from fracgyro.scenario.shipped import exactly_sensed
 from machine import command, machine, write
@@ -152,15 +152,15 @@ def readings() -> list[str]:
         f"{READ_SEEDS} seeds: when it diverged; if it did not, RMS and largest sample of ‖e‖ over the last 1000 units; "
         "and the largest ρ h/δ of the last 200. The layer decides, and neither of the other two corrections does.",
         "",
-        "| reading | layer | diverged | at t | RMS of ‖e‖ | largest ‖e‖ | ρ h/δ |",
-        "|---|---|---|---|---|---|---|",
+        "| reading | layer | run to t | diverged | at t | RMS of ‖e‖ | largest ‖e‖ | ρ h/δ |",
+        "|---|---|---|---|---|---|---|---|",
     ]
     for reading in ("printed", "corrected"):
         for layer in ("quadratic", "linear"):
             ended, last, gains = [], [], []
             for seed in range(READ_SEEDS):
                 changes = {"controller.layer": layer, "run.duration": READ_ON, "run.record_every": 1000}
-                base = scenario(reading, "proposed", seed=seed).replace(changes)
+                base = paper.scenario(reading, "proposed", seed=seed).replace(changes)
                 try:
                     run = fg.simulate(base)
                     last.append(np.hypot(*run["error"].values[-1000:].T))
@@ -173,8 +173,9 @@ def readings() -> list[str]:
             at = f"{min(ended):.0f} to {max(ended):.0f}" if ended else "–"
             e = np.concatenate(last) if last else None
             errors = "– | –" if e is None else f"{math.sqrt((e**2).mean()):.1e} | {e.max():.1e}"
-            own = " (its own)" if layer == scenario(reading, "proposed").controller.layer else ""
-            cells = [f"as {reading}", layer + own, f"{len(ended)} of {READ_SEEDS}", at, errors, f"{max(gains):.3g}"]
+            own = " (its own)" if layer == paper.scenario(reading, "proposed").controller.layer else ""
+            count = f"{len(ended)} of {READ_SEEDS}"
+            cells = [f"as {reading}", layer + own, f"{READ_ON:,.0f}", count, at, errors, f"{max(gains):.3g}"]
             lines.append(f"| {' | '.join(cells)} |")
             print(lines[-1], flush=True)
     return lines

@@ -15,7 +15,7 @@ RESULTS = ROOT / "benchmarks" / "results"
 COLUMNS = 120
 _MAIN = Path(sys.argv[0]).resolve()
 # Taken at the start: sources may change while a measurement runs.
-_STAMP = stamp(_MAIN) if _MAIN in scripts().values() else ""
+_STAMP = stamp(_MAIN, sys.argv[1:]) if _MAIN in scripts().values() else ""
 
 
 def on_one_core() -> None:

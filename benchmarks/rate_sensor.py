@@ -5,6 +5,7 @@ Writes benchmarks/results/rate_sensor.md and docs/rate_sensor.svg.
 
 from __future__ import annotations
 
+import argparse
 import math
 import time
 from collections.abc import Callable
@@ -19,7 +20,7 @@ from fracgyro.rate.merit import static
 from fracgyro.rate.report import value_of
 from fracgyro.rate.results import results, short
 from fracgyro.rate.runs import Sensor
-from fracgyro.rate.units import DEG_PER_H, DEG_PER_ROOT_H, PERCENT, PPM
+from fracgyro.rate.units import DEG_PER_H, DEG_PER_ROOT_H, DEG_PER_S, PERCENT, PPM
 from fracgyro.scenario.shipped import exactly_sensed, shipped
 from machine import command, machine, write
 from matplotlib.figure import Figure
@@ -29,6 +30,9 @@ DEPENDS_ON = ["sliding_mode", "composite", "joint"]
 DRAWING = Path(__file__).resolve().parents[1] / "docs" / "rate_sensor.svg"
 SEEDS = 4
 DEVICES = ["dual_mass", "tuned_in_air"]
+ALL_DEVICES = ["paper_resonance", "dual_mass", "tuned_in_air", "disc"]
+MINUTE = 60.0  # s
+QUADRATURE = DEG_PER_S.to_si(250.0)
 RANGE = 1.25  # of the sensors, over the largest amplitude
 PICK_OFF = 1e-13  # m/sqrt(Hz), one-sided, as the devices are shipped
 CORNER = 1e3  # Hz, of flicker noise
@@ -38,6 +42,7 @@ KEYS = [
     "scale_factor_error",
     "nonlinearity",
     "zero_rate_output",
+    "zero_rate_rms",
     "angle_random_walk",
     "bandwidth",
     "full_scale",
@@ -62,7 +67,7 @@ def cases() -> list[tuple[str, str, fg.Scenario]]:
         ("paper, thermal noise, off resonance", "laws (44), the paper's gains", shipped("paper_thermal")),
         ("paper, thermal noise, off resonance", "composite", sensing(shipped("paper_thermal"))),
     ]
-    for name in ("paper_resonance", "dual_mass", "tuned_in_air", "disc"):
+    for name in ALL_DEVICES:
         scenario = exactly_sensed(name)
         found.append((name, "laws (44), gains for resonance", scenario.replace({"adaptation.kind": "gradient"})))
         found.append((name, "composite", scenario))
@@ -150,11 +155,33 @@ def of_positions(scenario: fg.Scenario) -> Effects:
     ]
 
 
-def device_row(name: str, effect: str, scenario: fg.Scenario) -> str:
-    """Figures of the static ladder and of the record at rest, on the scenario's own duration."""
-    sensor = Sensor.of(scenario, SEEDS)
+def of_a_minute(_: fg.Scenario) -> Effects:
+    """A stiffness that falls slowly, for much longer than the scenario's own run."""
+    slow: dict[str, object] = {"device.stiffness_drift": -1.0, "device.temperature_ramp": 1.0}
+    words = "stiffness falls by 1 ppm/s for a minute"
+    scenario = shipped(DEVICES[0])
+    return [
+        (words, slow),
+        *((f"… D and K forgotten at {f:g} Hz", {**slow, **forgetting(scenario, f)}) for f in (10.0, 100.0)),
+    ]
+
+
+def of_hidden_delay(scenario: fg.Scenario) -> Effects:
+    """A force a step late that the filter does not know of, at rest and with quadrature."""
+    plant = scenario.plant
+    hidden: dict[str, object] = {"device.delay": 1, "datasheet.delay": 0}
+    coupling = 2 * plant.mass * math.sqrt(plant.stiffness.xx / plant.mass) * QUADRATURE
+    pulled: dict[str, object] = {"plant.stiffness_deviation": {"xx": 0.0, "xy": coupling, "yy": 0.0}}
+    degrees = f"{DEG_PER_S.of(QUADRATURE):g} deg/s"
+    return [("hidden delay of one step", hidden), (f"… and quadrature of {degrees}", {**hidden, **pulled})]
+
+
+def device_row(name: str, effect: str, scenario: fg.Scenario, seconds: float | None = None) -> str:
+    """Figures of the static ladder and of the record at rest, on the scenario's own duration or a longer one."""
+    sensor = Sensor.of(scenario, options.seeds)
     rates = np.concatenate([-WITHIN[::-2], [0.0], WITHIN[::2]])
-    outputs = [sensor.output(float(rate)).settled() for rate in rates]
+    steps = round(seconds / scenario.run.step / scenario.plant.scales.time) if seconds else None
+    outputs = [sensor.output(float(rate), steps=steps).settled() for rate in rates]
     line = static(rates, np.array([output.rate.mean(axis=1) for output in outputs]))
     rest = outputs[len(WITHIN[::2])]
     noise = allan(rest.rate, rest.interval)
@@ -166,6 +193,7 @@ def device_row(name: str, effect: str, scenario: fg.Scenario) -> str:
         short(PPM.of(line.scale_factor.mean - 1.0)),
         short(PERCENT.of(line.nonlinearity.mean)),
         f"{short(zero[0])} ({short(zero[1])} to {short(zero[2])})",
+        short(DEG_PER_H.of(float(np.sqrt((rest.rate**2).mean())))),
         short(DEG_PER_ROOT_H.of(walk.value)) if walk else "–",
         f"{short(DEG_PER_H.of(float(noise.deviation[-1])))} at {1e3 * noise.tau[-1]:.0f} ms",
     ]
@@ -173,7 +201,12 @@ def device_row(name: str, effect: str, scenario: fg.Scenario) -> str:
 
 
 def device_lines(
-    title: str, words: str, scenario_of: Callable[[str], fg.Scenario], effects: Callable[[fg.Scenario], Effects]
+    title: str,
+    words: str,
+    scenario_of: Callable[[str], fg.Scenario],
+    effects: Callable[[fg.Scenario], Effects],
+    devices: list[str] = DEVICES,
+    seconds: float | None = None,
 ) -> list[str]:
     """A table of effects on each device."""
     lines = [
@@ -183,20 +216,21 @@ def device_lines(
         words,
         "",
         "| scenario | effect | scale factor error (ppm) | non-linearity (%) | zero-rate output (deg/h) | "
-        "angle random walk (deg/sqrt(h)) | Allan deviation (deg/h) |",
-        "|---" * 7 + "|",
+        "RMS at rest (deg/h) | angle random walk (deg/sqrt(h)) | Allan deviation (deg/h) |",
+        "|---" * 8 + "|",
     ]
-    for name in DEVICES:
+    for name in devices:
         scenario = scenario_of(name)
         for effect, changes in effects(scenario):
-            lines.append(device_row(name, effect, scenario.replace(changes)))
+            lines.append(device_row(name, effect, scenario.replace(changes), seconds))
             print(lines[-1], flush=True)
     return lines
 
 
 def not_ideal() -> list[str]:
     shared = (
-        "Rates of ±10, ±100, ±300 deg/s and 0. In brackets the 95 % interval over seeds. No angle random walk where "
+        "Rates of ±10, ±100, ±300 deg/s and 0. In brackets the 95 % interval over seeds of the mean; the RMS is that "
+        "of the same output, mean, noise and ripple together. No angle random walk where "
         "the Allan deviation shows no white noise; the last column is the deviation over the longest time that the "
         f"record has ten of. Converters reach to ±{RANGE:g} times the largest amplitude and speed."
     )
@@ -211,6 +245,21 @@ def not_ideal() -> list[str]:
             "Exact sensors, and what a device is not ideal in", f"{exact} {shared}", exactly_sensed, of_exact_sensing
         ),
         *device_lines("Positions with sensing noise, and more", f"{noisy} {shared}", shipped, of_positions),
+        *device_lines(
+            "A slow drift for a minute",
+            f"{noisy} The second half of {MINUTE:g} s counts.",
+            shipped,
+            of_a_minute,
+            DEVICES[:1],
+            MINUTE,
+        ),
+        *device_lines(
+            "Hidden delay on each device",
+            f"{noisy} The force is a step late, and the datasheet does not say so.",
+            shipped,
+            of_hidden_delay,
+            ALL_DEVICES,
+        ),
     ]
 
 
@@ -219,14 +268,14 @@ def main() -> None:
     lines = [
         "# The gyroscope as a rate sensor",
         "",
-        f"Made by `{command()}`, which is part of `make bench`; {SEEDS} seeds. Machine: {machine()}.",
+        f"Made by `{command()}`, which is part of `make bench`; {options.seeds} seeds. Machine: {machine()}.",
         "",
         "As `fracgyro rate` defines each figure. As printed the law never moves Ω̂z: there is nothing to measure.",
         "",
     ]
     measured: list[tuple[str, str, Characterisation]] = []
     for place, law, scenario in cases():
-        found = measure(scenario, seeds=SEEDS)
+        found = measure(scenario, seeds=options.seeds)
         measured.append((place, law, found))
         by_key = {result.key: result for result in results(found)}
         if len(measured) == 1:
@@ -281,4 +330,7 @@ def draw(measured: list[tuple[str, str, Characterisation]]) -> None:
 
 
 if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, default=SEEDS)
+    options = parser.parse_args()
     main()

@@ -19,10 +19,11 @@ import ast
 import hashlib
 import json
 import re
+import shlex
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
 
@@ -31,10 +32,10 @@ INCLUDE = "include/fracgyro"
 # Headers that include alternatives, of which a log depends only on those it names.
 CHOICES = (f"{INCLUDE}/control/registry.hpp", f"{INCLUDE}/control/sliding_mode.hpp")
 SHARED = ("adaptation", "controller", "error", "gradient", "observer", "reference", "surfaces", "switching")
-WRITERS = {"bench", "machine", "sources"}  # write logs, and have no influence on their numbers
+WRITERS = {"bench", "logs", "machine", "pages", "sources"}  # write and read logs; no number depends on them
 ELSEWHERE = {"best_order": "docs/best_order.md", "firmware": "integrations/firmware/measured.md"}
 WITHOUT_LOG = {"readme_picture": "draws docs/run.svg, which a test compares"}
-STAMP = re.compile(r"^Sources `([0-9a-f]{16})`, commit `(\w+)`", re.MULTILINE)
+STAMP = re.compile(r"^Sources `([0-9a-f]{16})`, commit `(\w+)`.*?(?: Made with `(.*)`\.)?$", re.MULTILINE)
 NO_SOURCE = {".md", ".pyc", ".svg", ".png"}
 TOKENS = re.compile(
     r'//[^\n]*|/\*.*?\*/|(?P<text>"(?:\\.|[^"\\\n])*")|(?P<token>\'(?:\\.|[^\'\\\n])+\'|[\w.]+|\S)', re.DOTALL
@@ -234,11 +235,12 @@ def _git(*words: str) -> str:
     return ran.stdout.strip() if ran.returncode == 0 else ""
 
 
-def stamp(script: Path) -> str:
-    """The last line of a log: its sources and the commit they are from."""
+def stamp(script: Path, arguments: Sequence[str] = ()) -> str:
+    """The last line of a log: its sources, the commit they are from, and arguments, with which it is not the log."""
     commit = _git("rev-parse", "--short=10", "HEAD") or "none"
     changed = _git("status", "--porcelain", "--", *map(str, sources(script)))
-    return f"Sources `{digest(script)}`, commit `{commit}`{' and changes since' if changed else ''}."
+    partial = f" Made with `{shlex.join(arguments)}`." if arguments else ""
+    return f"Sources `{digest(script)}`, commit `{commit}`{' and changes since' if changed else ''}.{partial}"
 
 
 def behind() -> dict[str, str]:
@@ -249,6 +251,8 @@ def behind() -> dict[str, str]:
         stamped = STAMP.search(path.read_text(encoding="utf-8")) if path.is_file() else None
         if stamped is None:
             found[log] = "does not state its sources" if path.is_file() else "is missing"
+        elif stamped[3]:
+            found[log] = f"was made with {stamped[3]}"
         elif stamped[1] != digest(script):
             files = [str(path.relative_to(ROOT)) for path in sources(script)]
             names = _git("diff", "--name-only", stamped[2], "--", *files).split()

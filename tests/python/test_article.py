@@ -18,7 +18,7 @@ from fracgyro.compare.track_contenders import CONTENDERS
 
 ROOT = Path(__file__).resolve().parents[2]
 ARTICLE = ROOT / "article"
-sys.path.append(str(ARTICLE))
+sys.path += [str(ARTICLE), str(ROOT / "benchmarks")]
 
 MODULES = ("comparison", "logs", "replication", "sensing", "words")
 comparison, logs, replication, sensing, words = map(importlib.import_module, MODULES)

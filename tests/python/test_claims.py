@@ -195,7 +195,8 @@ def test_the_evidence_of_d_is_the_rms_on_the_surface_and_the_rises(rises: dict[f
         "‖s‖ stays within the layer δ = 0.06 from t = 5.00 (range 5.00 to 5.00) over 19 seeds, never in 1; "
         "conventional: 8.00 (range 8.00 to 8.00) over 20 seeds. After t = 10 the RMS of s is 0.3, 0.4 (seed 0): an "
         "ultimate bound set by the noise, not zero in finite time. Without noise and layer V rises above its lowest "
-        "value so far by up to 0.4, 0.2, 0.1 of V(0) at h = 1e-3 and its half and quarter: the effect of sampling."
+        "value so far by up to 0.4, 0.2, 0.1 of V(0) at h = 1e-3 and its half and quarter: V never rises in the limit "
+        "h -> 0 only."
     )
     rises[2.5e-4] = 0.2
     assert "(45) does not hold for these equations." in claims.surface_converges(surfaces(by_seed(5.0)))[1]

@@ -125,6 +125,7 @@ def test_force_rebalance_has_the_errors_of_its_closed_forms() -> None:
     assert found["scale_factor_hidden"] == pytest.approx(held + 1e6 * (math.cos(step) - 1), rel=0.01)
     assert found["lag_10"] < found["lag_100"] < 120
     assert abs(found["bias_drift"]) < 100
+    assert found["rms_drift"] > abs(found["bias_drift"])
     assert found["full_scale"] in [300.0 * 2**n for n in range(6)]
     assert 5 < found["start_up"] < 100
 

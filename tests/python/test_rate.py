@@ -141,6 +141,7 @@ def test_the_folder_has_the_report_and_its_numbers(report: Path) -> None:
         "scale_factor_error",
         "nonlinearity",
         "zero_rate_output",
+        "zero_rate_rms",
         "angle_random_walk",
         "bias_instability",
         "rate_random_walk",

@@ -112,6 +112,12 @@ def test_a_log_is_behind_only_after_a_change_that_its_numbers_may_depend_on(
     assert ("benchmarks/results/speed.md" in sources.behind()) == behind
 
 
+def test_a_log_made_with_arguments_is_not_the_log(tree: Path) -> None:
+    stamp = sources.stamp(tree / "benchmarks/speed.py", ["--seeds", "2"])
+    (tree / "benchmarks/results/speed.md").write_text(f"# Speed\n\n{stamp}\n", encoding="utf-8")
+    assert sources.behind()["benchmarks/results/speed.md"] == "was made with --seeds 2"
+
+
 def test_messages_of_exceptions_do_not_count(tmp_path: Path) -> None:
     texts = []
     for message in ("mass is negative", "mass must be positive"):

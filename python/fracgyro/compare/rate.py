@@ -61,13 +61,15 @@ WORDS = {
     "bias_quadrature_hidden": ("the same, hidden delay", "deg/h"),
     "scale_factor_hidden": ("scale factor error, hidden delay", "ppm"),
     "bias_drift": ("bias by drift of K", "deg/h"),
+    "rms_drift": ("RMS by drift of K", "deg/h"),
     "scale_factor_16": ("scale factor error, 16 bit", "ppm"),
     "scale_factor_12": ("scale factor error, 12 bit", "ppm"),
     "equal_motion": ("angle random walk, equal total motion", "deg/√h"),
     "start_up": ("start-up", "ms"),
     "full_scale": ("full scale", "deg/s"),
 }
-SQUARED = ("angle_random_walk", "over_bound", "output_noise", "equal_motion")  # of which squares have means
+# Their squares have means.
+SQUARED = ("angle_random_walk", "over_bound", "output_noise", "equal_motion", "rms_drift")
 
 
 HOPELESS = 10.0  # times a limit
@@ -187,7 +189,7 @@ class Rate(Task):
 
     def figures(self, scenario: Scenario, seeds: Sequence[int], controller: ControllerLike | None) -> dict[str, Values]:
         def at(rate: float, changes: Mapping[str, Any] | None = None) -> Values:
-            return settled(scenario.replace(dict(changes or {})), rate, seeds, controller)
+            return settled(scenario.replace(dict(changes or {})), rate, seeds, controller)[0]
 
         def pair(make: Any, size: float, changes: Mapping[str, Any] | None = None) -> Values:
             """Half of what a change does to the output at rest from one sign to the other, deg/h."""
@@ -200,6 +202,7 @@ class Rate(Task):
 
         hidden = late(scenario, hidden=True)
         conditions = self.conditions(scenario)
+        drifted = settled(scenario.replace(dict(conditions["K -300 ppm, drifting"])), 0.0, seeds, controller)
         ladder = RANGE * np.array([-1.0, -1 / 2, 0.0, 1 / 2, 1.0])
         outputs = np.array([at(float(rate)) for rate in ladder])
         lags = response(scenario, controller, (10.0, BANDWIDTH), seeds[0])
@@ -214,7 +217,8 @@ class Rate(Task):
             "bias_quadrature": pair(quadrature, RANGE),
             "bias_quadrature_hidden": pair(quadrature, RANGE, hidden),
             "scale_factor_hidden": scale(hidden),
-            "bias_drift": DEG_PER_H.of(1.0) * (at(0.0, conditions["K -300 ppm, drifting"]) - at(0.0)),
+            "bias_drift": DEG_PER_H.of(1.0) * (drifted[0] - at(0.0)),
+            "rms_drift": DEG_PER_H.of(1.0) * drifted[1],
             "scale_factor_16": scale(conditions["16 bit"]),
             "scale_factor_12": scale(conditions["12 bit"]),
             "equal_motion": noise_at_rest(quieter, seeds, controller)[0],
@@ -269,7 +273,7 @@ def _full_scale(scenario: Scenario, seeds: Sequence[int], controller: Controller
     """deg/s, one value: the last of a ladder up to which the output keeps within 1 % of its line."""
     inner = RANGE * np.array([-1.0, 0.0, 1.0])
     ladder = np.concatenate([inner, *([-size * RANGE, size * RANGE] for size in (2.0, 4.0, 8.0, 16.0, 32.0))])
-    outputs = np.array([settled(scenario, float(rate), seeds, controller) for rate in ladder])
+    outputs = np.array([settled(scenario, float(rate), seeds, controller)[0] for rate in ladder])
     if not np.isfinite(outputs[:3]).all():
         return np.array([math.nan])
     reached, _ = full_scale(ladder, outputs, static(inner, outputs[:3]))

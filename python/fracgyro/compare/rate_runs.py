@@ -72,10 +72,13 @@ def noise_at_rest(
     return walk, 1e3 * DEG_PER_S.of(1.0) * late.std(axis=1), DEG_PER_H.of(1.0) * late.mean(axis=1)
 
 
-def settled(scenario: Scenario, rate: float, seeds: Sequence[int], controller: ControllerLike | None) -> Values:
-    """By seed: the mean output at a constant rate, both in rad/s."""
+def settled(
+    scenario: Scenario, rate: float, seeds: Sequence[int], controller: ControllerLike | None
+) -> tuple[Values, Values]:
+    """By seed, at a constant rate: the mean output and its RMS about that rate, all in rad/s."""
     found, interval = outputs(scenario, SETTLED + 2 * AVERAGE, seeds, controller, {"plant.angular_rate": rate})
-    return _late_mean(found, SETTLED / interval)
+    late = SETTLED / interval
+    return _late_mean(found, late), np.sqrt(_late_mean((found - rate) ** 2, late))
 
 
 def at_range(

@@ -143,7 +143,7 @@ def surface_converges(m: Material) -> Judged:
         "Without noise and layer V rises above its lowest value so far by up to "
         + ", ".join(f"{rise:.2g}" for rise in rises)
         + " of V(0) at h = 1e-3 and its half and quarter: "
-        + ("the effect of sampling." if falls else "(45) does not hold for these equations.")
+        + ("V never rises in the limit h -> 0 only." if falls else "(45) does not hold for these equations.")
     )
 
 

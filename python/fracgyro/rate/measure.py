@@ -48,6 +48,7 @@ class Characterisation:
     seeds: int
     rates: Array
     static: Static
+    zero_rate_rms: Mean  # rad/s, of the output at rest, its mean included
     full_scale: float
     full_scale_is_last: bool
     turn_on: Output  # at the end of the range
@@ -89,6 +90,7 @@ def measure(
         outputs.append(sensor.output(float(rate)))
     means = np.array([output.settled().rate.mean(axis=1) for output in outputs])
     line = static(inner, means)
+    still = outputs[len(WITHIN)].settled().rate
     further = []
     for rate in outer:
         next_one("full scale")
@@ -122,6 +124,7 @@ def measure(
         seeds,
         inner,
         line,
+        mean_interval(np.sqrt((still**2).mean(axis=1))),
         reached,
         last,
         outputs[-1],

@@ -91,6 +91,13 @@ def results(m: Characterisation) -> list[Result]:
             m.static.nonlinearity,
         ),
         _zero_rate_output(m.static.zero_rate_output),
+        _mean(
+            "zero_rate_rms",
+            "Zero-rate output, RMS",
+            "RMS output at rest, its mean included: what a mean leaves out, as noise, ripple or a beat",
+            DEG_PER_H,
+            m.zero_rate_rms,
+        ),
         *noise_terms(m.allan, m.bound),
         *_response(m),
         _full_scale(m),
