@@ -8,6 +8,7 @@
 # make bench       all logs that docs/performance.md and others quote; takes most of a day. ARGS="rate_sensor": some
 # make bench-behind     only the logs that are behind their sources
 # make logs-current     fails if a log is behind its sources
+# make pages       the numbers of README.md and docs/, from the logs
 # make compare     the controllers compared, in full; into benchmarks/results/compare.md
 # make article     the replication article, as PDF; into build/article/article.pdf
 # make docs      the documentation site, into build/site
@@ -72,6 +73,7 @@ test-machines:
 lint: .venv/ruff
 	$(BIN)/ruff check --quiet --output-format concise
 	$(BIN)/ruff format --check --quiet
+	$(BIN)/python benchmarks/pages.py --check
 	$(BIN)/python benchmarks/sources.py
 
 logs-current: $(BIN)/pip
@@ -93,9 +95,14 @@ web: .venv/installed-export
 
 bench: .venv/installed-bench .venv/installed-export .venv/installed-mutants
 	$(BIN)/python benchmarks/bench.py $(ARGS)
+	$(BIN)/python benchmarks/pages.py
 
 bench-behind: .venv/installed-bench .venv/installed-export .venv/installed-mutants
 	$(BIN)/python benchmarks/bench.py --behind
+	$(BIN)/python benchmarks/pages.py
+
+pages: $(BIN)/pip
+	$(BIN)/python benchmarks/pages.py
 
 # Classes that the module makes by hand are in bindings/stub.pat; the import that stands for them goes.
 STUB := python/fracgyro/_core.pyi

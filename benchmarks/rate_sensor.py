@@ -288,9 +288,10 @@ def main() -> None:
             lines.append("|---" * (len(KEYS) + 5) + "|")
         walk = found.allan.angle_random_walk
         bounds = ["–", "–", "–"]
+        if found.bound:
+            bounds[0] = short(DEG_PER_ROOT_H.of(found.bound.known))
         if walk and found.bound:
-            bounds = [
-                short(DEG_PER_ROOT_H.of(found.bound.known)),
+            bounds[1:] = [
                 f"{walk.value / found.bound.known:.2f} ({walk.low / found.bound.known:.2f} to "
                 f"{walk.high / found.bound.known:.2f})",
                 f"{walk.value / found.bound.unknown:.2f}",

@@ -32,7 +32,15 @@ INCLUDE = "include/fracgyro"
 # Headers that include alternatives, of which a log depends only on those it names.
 CHOICES = (f"{INCLUDE}/control/registry.hpp", f"{INCLUDE}/control/sliding_mode.hpp")
 SHARED = ("adaptation", "controller", "error", "gradient", "observer", "reference", "surfaces", "switching")
-WRITERS = {"bench", "logs", "machine", "pages", "sources"}  # write and read logs; no number depends on them
+WRITERS = {
+    "bench",
+    "logs",
+    "machine",
+    "page_numbers",
+    "pages",
+    "sources",
+    "words",
+}  # write and read logs; no number depends on them
 ELSEWHERE = {"best_order": "docs/best_order.md", "firmware": "integrations/firmware/measured.md"}
 WITHOUT_LOG = {"readme_picture": "draws docs/run.svg, which a test compares"}
 STAMP = re.compile(r"^Sources `([0-9a-f]{16})`, commit `(\w+)`.*?(?: Made with `(.*)`\.)?$", re.MULTILINE)

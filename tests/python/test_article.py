@@ -269,6 +269,36 @@ def test_metrics_that_nobody_named_are_shown_by_their_own_name() -> None:
     assert comparison.rate(data)["heads"] == ["some figure"]
 
 
+def test_no_time_is_measured_for_a_copy_of_the_article(written: Path) -> None:
+    values = json.loads((written / "values.json").read_text(encoding="utf-8"))
+    (cost,) = (row for row in values["claims"]["rows"] if row["id"] == "i")
+    for variant in ("printed", "corrected"):
+        evidence = logs.row("reproduction", **{"": "i", "variant": variant})["evidence"]
+        ratio = re.search(r"takes ([\d.]+) times", evidence)
+        assert ratio is not None
+        assert cost[variant]["seen"] == f"{ratio[1]} times the time of a step"
+
+
+def test_targets_have_the_same_bits_for_each_kind_of_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert build.method()["numbers"] == ["double", "float", "fixed"]
+    rows = logs.rows
+
+    def broken(log: str, *headings: str) -> list[dict[str, str]]:
+        found: list[dict[str, str]] = rows(log, *headings)
+        return [{**row, "parity hash": row["target"]} for row in found] if log == "parity" else found
+
+    monkeypatch.setattr(logs, "rows", broken)
+    with pytest.raises(ValueError, match="different bits"):
+        build.method()
+
+
+def test_the_abstract_says_that_a_correction_makes_a_stable_loop_unstable(written: Path) -> None:
+    found = text(written)
+    assert "This correction makes a stable loop unstable" in found.partition("Introduction")[0]
+    assert "Cited from memory" in found
+    assert "github.com/fracgyro/fracgyro" in found
+
+
 # -- Logs and words ------------------------------------------------------------------------------------------
 
 
