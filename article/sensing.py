@@ -109,6 +109,7 @@ def values(errors: Errors) -> Values:
             "bound": short(logs.number(nominal["the bound"])),
             "ratio": nominal["ratio (95 %)"].split()[0],
             "interval": interval(low, high),
+            "seeds": nominal["seeds"],
             "lowest": short(min(ratios)),
             "highest": short(max(ratios)),
         },
