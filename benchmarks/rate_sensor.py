@@ -179,11 +179,12 @@ def of_hidden_delay(scenario: fg.Scenario) -> Effects:
 def device_row(name: str, effect: str, scenario: fg.Scenario, seconds: float | None = None) -> str:
     """Figures of the static ladder and of the record at rest, on the scenario's own duration or a longer one."""
     sensor = Sensor.of(scenario, options.seeds)
-    rates = np.concatenate([-WITHIN[::-2], [0.0], WITHIN[::2]])
+    ladder = WITHIN[-1:] if seconds else WITHIN[::2]
+    rates = np.concatenate([-ladder[::-1], [0.0], ladder])
     steps = round(seconds / scenario.run.step / scenario.plant.scales.time) if seconds else None
     outputs = [sensor.output(float(rate), steps=steps).settled() for rate in rates]
     line = static(rates, np.array([output.rate.mean(axis=1) for output in outputs]))
-    rest = outputs[len(WITHIN[::2])]
+    rest = outputs[len(ladder)]
     noise = allan(rest.rate, rest.interval)
     walk = noise.angle_random_walk
     zero = [DEG_PER_H.of(value) for value in line.zero_rate_output]
@@ -247,7 +248,7 @@ def not_ideal() -> list[str]:
         *device_lines("Positions with sensing noise, and more", f"{noisy} {shared}", shipped, of_positions),
         *device_lines(
             "A slow drift for a minute",
-            f"{noisy} The second half of {MINUTE:g} s counts.",
+            f"{noisy} The second half of {MINUTE:g} s counts; rates of ±300 deg/s and 0.",
             shipped,
             of_a_minute,
             DEVICES[:1],

@@ -143,3 +143,9 @@ def test_the_list_needs_no_library_and_fails_only_when_asked_to() -> None:
     assert [line.split()[0] for line in listed.stdout.splitlines()[:-1]] == list(late)
     checked = subprocess.run([sys.executable, "-S", "benchmarks/sources.py", "--check"], cwd=ROOT, capture_output=True)
     assert checked.returncode == bool(late)
+
+
+def test_a_log_that_does_not_exist_is_refused_by_its_name() -> None:
+    ran = subprocess.run([sys.executable, "benchmarks/bench.py", "rates"], cwd=ROOT, capture_output=True, text=True)
+    assert ran.returncode == 2
+    assert "no log is called rates: names are batch, best_order, " in ran.stderr
