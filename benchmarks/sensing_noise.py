@@ -211,6 +211,20 @@ def electronics() -> list[str]:
     return lines
 
 
+def hidden() -> list[str]:
+    """A force a step late that the filter does not know of, on each device, without and with quadrature."""
+    lines = heads("device", "hidden delay of one step")
+    for name in DEVICES:
+        plant = shipped(name).plant
+        coupling = 2 * plant.mass * math.sqrt(plant.stiffness.xx / plant.mass) * DEG_PER_S.to_si(250.0)
+        late: dict[str, Any] = {"device__delay": 1, "datasheet__delay": 0}
+        pulled: dict[str, Any] = {"plant__stiffness_deviation": {"xx": 0.0, "xy": coupling, "yy": 0.0}}
+        for words, changes in (("at rest", late), ("at rest, 250 deg/s of quadrature", late | pulled)):
+            found = ends(device(name, COMMODITY, **changes))
+            lines.append(row([name, words], found, "none"))
+    return lines
+
+
 def drift() -> list[str]:
     """The second half of runs in which the stiffness falls."""
     lines = [
@@ -270,6 +284,10 @@ def main() -> None:
         *electronics(),
         "",
         "Of converters the bound is that with white noise of LSB²/12. It is not white, and the ratio is below 1.",
+        "",
+        "## Hidden delay on each device",
+        "",
+        *hidden(),
         "",
         "## Stiffness falling by 300 ppm in 0.81 s",
         "",
