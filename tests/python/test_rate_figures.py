@@ -152,9 +152,15 @@ def test_a_walking_rate_is_found_behind_a_slow_answer() -> None:
     assert found.angle_random_walk.value == pytest.approx(density, rel=0.1)
 
 
-@pytest.mark.parametrize("record", [np.ones(19), np.full(100, np.nan)])
-def test_a_record_too_short_or_not_finite_is_refused(record: NDArray[np.float64]) -> None:
-    with pytest.raises(ValueError, match="at least 20, all finite"):
+@pytest.mark.parametrize(
+    ("record", "words"),
+    [
+        (np.ones(19), "19 samples: it must have at least 20"),
+        (np.full(100, np.nan), "nan at sample 0: all must be finite"),
+    ],
+)
+def test_a_record_too_short_or_not_finite_is_refused(record: NDArray[np.float64], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
         allan(record, 1.0)
 
 
