@@ -110,7 +110,6 @@ struct Loop {
     }
     double rate() const { return number(C::report(state, c).rate); }
     double deviation() const { return number(C::report(state, c).rate_deviation); }
-    double refused() const { return number(C::report(state, c).sample_refused); }
     double trusted() const { return number(C::report(state, c).rate_trusted); }
 };
 

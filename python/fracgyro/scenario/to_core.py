@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 import sys
 from collections.abc import Mapping
@@ -106,21 +105,8 @@ def datasheet(scenario: Scenario) -> Datasheet:
         "position_noise": math.hypot(device.position_noise, _resolution(device.position) / math.sqrt(12)),
         "velocity_noise": math.hypot(device.velocity_noise, _resolution(device.velocity) / math.sqrt(12)),
         "delay": min(device.delay, MAX_DELAY),
-        **_drifts(scenario),
     }
     return known.model_copy(update={name: value for name, value in found.items() if getattr(known, name) is None})
-
-
-def _drifts(scenario: Scenario) -> dict[str, float]:
-    """The largest rates at which stiffness and damping drift, as fractions of themselves per unit of time."""
-    device, scales = scenario.device, scenario.plant.scales
-    points = device.temperature(scenario.run.duration * scales.time)
-    slopes = [abs(b - a) / (end - begin) for (begin, a), (end, b) in itertools.pairwise(points) if end > begin]
-    warming = 1e-6 * max(slopes, default=0.0) * scales.time
-    return {
-        "stiffness_drift": abs(device.stiffness_drift) * warming,
-        "damping_drift": abs(device.damping_drift) * warming,
-    }
 
 
 def natural_frequencies(scenario: Scenario) -> tuple[float, float]:

@@ -36,8 +36,7 @@ class Estimates:
     rate: float  #: the angular rate
     bound: Vector  #: b0, b1, b2
     rate_deviation: float  #: standard deviation of the rate; of composite and joint adaptation
-    rate_trusted: bool  #: whether the motion separates the rate from the other parameters and agrees with the model
-    sample_refused: bool  #: whether the last sample was too far from the predicted one to learn from
+    rate_trusted: bool  #: whether the motion separates the rate from the other parameters
 
 
 class Controller:
@@ -154,7 +153,6 @@ class Controller:
             bound=found.get("bound_estimate", nothing),
             rate_deviation=float(found.get("rate_deviation", math.nan)),
             rate_trusted=bool(found.get("rate_trusted", False)),
-            sample_refused=bool(found.get("sample_refused", False)),
         )
 
     @property
