@@ -47,7 +47,7 @@ def replicate(seeds: int) -> Replication:
 
 
 def step_costs() -> dict[str, StepCost]:
-    """As the committed log has them: a copy of the article measures no time."""
+    """Step costs from the committed log: a copy of the article measures no time."""
     found = {}
     for variant in VARIANTS:
         evidence = logs.row("reproduction", **{"": "i", "variant": variant})["evidence"]

@@ -1,4 +1,4 @@
-"""Where each measured number and table of README.md and docs/ is from: a log, a row, a column."""
+"""Sources of the measured numbers and tables of README.md and docs/: a log, a row, a column."""
 
 from __future__ import annotations
 

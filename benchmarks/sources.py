@@ -231,7 +231,7 @@ def tokens(path: Path) -> str:
 
 @cache
 def digest(script: Path) -> str:
-    """Of all sources of a script's log, as 16 hexadecimal digits."""
+    """Hash of all sources of a script's log, 16 hexadecimal digits."""
     found = hashlib.sha256()
     for path in sources(script):
         found.update(f"{path.relative_to(ROOT)}\0{tokens(path)}\0".encode())

@@ -37,7 +37,7 @@ public:
     virtual bool may_report_rate() const { return rate_place() >= 0; }
     // Throws where the law did harm in the run that is over.
     virtual void check() const {}
-    // What a sentence on a force that is not finite adds.
+    // Hint to add to a sentence on a force that is not finite.
     virtual std::string reads() const { return {}; }
     double rate() {
         const auto& numbers = report();

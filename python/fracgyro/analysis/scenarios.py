@@ -41,7 +41,7 @@ def scale(run: xr.Dataset, unit: str) -> xr.DataArray:
 
 
 def time_unit(run: xr.Dataset) -> float:
-    """As `scale`, of time, which runs recorded together share."""
+    """Scale of time, which runs recorded together share."""
     found = np.unique(scale(run, "1/omega0"))
     if len(found) > 1:
         raise ValueError("plant.reference_frequency differs between these runs in SI units: they share no unit of time")

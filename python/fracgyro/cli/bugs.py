@@ -17,7 +17,7 @@ REPORT = (
 
 
 def foreseen(error: ValueError) -> bool:
-    """Whether the error is a sentence for the user: its class, or the statement that raised it, is of this package.
+    """Return whether an error is a sentence for the user: this package has its class or the statement that raised it.
 
     An error that NumPy, pandas or Python itself raises inside a call is a bug of the caller.
     """

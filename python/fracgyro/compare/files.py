@@ -1,4 +1,4 @@
-"""What is finished, on disk: one file for each tuning and each judging, and their hashes in finished.sha256."""
+"""Finished work on disk: one file for each tuning and each judging, and their hashes in finished.sha256."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Finished:
         self._sums = Sums(folder / SUMS)
 
     def has(self, piece: Piece) -> bool:
-        """Whether its file is here, byte for byte as it was written."""
+        """Return whether its file is here, byte for byte as it was written."""
         try:
             return self._sums.hold(_name(piece), (self.folder / _name(piece)).read_bytes())
         except OSError:

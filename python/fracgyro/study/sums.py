@@ -18,7 +18,7 @@ class Sums:
         self.record()
 
     def hold(self, name: str, data: bytes) -> bool:
-        """Whether the file has been finished with these bytes."""
+        """Return whether the file has been finished with these bytes."""
         return self._found.get(name) == hashlib.sha256(data).hexdigest()
 
     def add(self, name: str, data: bytes) -> None:
