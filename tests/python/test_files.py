@@ -174,7 +174,8 @@ def test_a_sentence_is_one_line_whatever_names_are_in_it() -> None:
         fg.Scenario.load("my\nfile.toml")
 
 
-# Every writer, in a process whose files may not grow beyond a limit: as on a full disk.
+# Every writer, in a process whose files may not grow beyond a limit: as on a full disk. Started with -B, as Python
+# keeps half a compiled file where the rest finds no room.
 WRITE_ALL = """
 import json, resource, sys
 from pathlib import Path
@@ -222,7 +223,7 @@ for name, write in writers.items():
 
 @pytest.mark.parametrize("limit", [300, 2000])
 def test_on_a_full_disk_every_writer_ends_in_one_sentence_and_leaves_no_file(tmp_path: Path, limit: int) -> None:
-    command = [sys.executable, "-c", WRITE_ALL, str(limit)]
+    command = [sys.executable, "-B", "-c", WRITE_ALL, str(limit)]
     ran = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=PATIENCE)
     assert ran.returncode == 0, ran.stderr[-2000:]
     said = dict(json.loads(line) for line in ran.stdout.splitlines())
@@ -240,7 +241,7 @@ FULL = "import resource, fracgyro.cli; resource.setrlimit(resource.RLIMIT_FSIZE,
 
 @pytest.mark.parametrize("words", ["--out run.nc", "--plot run.pdf"])
 def test_a_run_that_finds_no_room_on_the_disk_ends_with_exit_code_2(tmp_path: Path, words: str) -> None:
-    command = [sys.executable, "-c", FULL.format(8192), "simulate", "--set", "run.duration=5.0", *words.split()]
+    command = [sys.executable, "-B", "-c", FULL.format(8192), "simulate", "--set", "run.duration=5.0", *words.split()]
     ran = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=PATIENCE)
     assert (ran.returncode, ran.stderr) == (2, f"fracgyro: {words.split()[1]} cannot be written: File too large\n")
     assert not list(tmp_path.iterdir())
@@ -250,7 +251,7 @@ def test_a_run_that_finds_no_room_on_the_disk_ends_with_exit_code_2(tmp_path: Pa
 def test_output_that_finds_no_room_on_the_disk_is_no_success(tmp_path: Path, unbuffered: str) -> None:
     with open(tmp_path / "paper.toml", "w", encoding="utf-8") as out:
         ran = subprocess.run(
-            [sys.executable, "-c", FULL.format(1000), "scenario", "paper"],
+            [sys.executable, "-B", "-c", FULL.format(1000), "scenario", "paper"],
             stdout=out,
             stderr=subprocess.PIPE,
             text=True,
