@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import tomllib
+from pathlib import Path
 from typing import Any
 
 import fracgyro as fg
@@ -14,6 +16,7 @@ from fracgyro.rate.units import DEG_PER_ROOT_H
 from fracgyro.scenario.shipped import exactly_sensed, shipped
 
 bound_angle_random_walk = fg.rate.bound_angle_random_walk
+SHIPPED = Path(fg.__file__).parent / "scenario" / "shipped"
 
 
 def device(name: str, position: float = 0.0, velocity: float | None = None) -> fg.Scenario:
@@ -50,6 +53,40 @@ def test_the_table_of_bounds_is_reproduced_to_three_digits(name: str, which: str
         value = DEG_PER_ROOT_H.of(getattr(found, which))
         last = 10.0 ** -(len(printed.partition(".")[2]))
         assert value == pytest.approx(float(printed), abs=0.501 * last)
+
+
+def by_hand(name: str, rate: float) -> tuple[float, float]:
+    """The bound from the numbers of the file alone, in SI: what each parameter adds to the measured position."""
+    with open(SHIPPED / f"{name}.toml", "rb") as file:
+        said = tomllib.load(file)
+    plant, reference, device = said["plant"], said["reference"], said["device"]
+    m, q0, w0 = plant["mass"], plant["reference_length"], plant["reference_frequency"]
+    d, k = (np.array([[a["xx"], a["xy"]], [a["xy"], a["yy"]]]) for a in (plant["damping"], plant["stiffness"]))
+    force = said["disturbance"]["density"] * (m * w0**2 * q0) ** 2 / w0 * np.eye(2)  # N^2/Hz, two-sided
+    sensed = 0.5 * device["position_noise_density"] ** 2 * np.eye(2)  # m^2/Hz, two-sided
+    turn = np.array([[0.0, -1.0], [1.0, 0.0]])
+    entries = [np.array(e) for e in ([[1, 0], [0, 0]], [[0, 1], [1, 0]], [[0, 0], [0, 1]])]
+    information = np.zeros((7, 7))
+    for axis in range(2):
+        w = reference["frequency"][axis] * w0
+        q = np.zeros(2, complex)
+        q[axis] = reference["amplitude"][axis] * q0
+        answer = np.linalg.inv(-m * w**2 * np.eye(2) + 1j * w * (d + 2 * m * rate * turn) + k)
+        forces = [1j * w * e @ q for e in entries] + [e @ q for e in entries] + [2j * w * m * turn @ q]
+        moved = answer @ np.array(forces).T
+        seen = answer @ force @ answer.conj().T + sensed
+        information += 0.5 * np.real(moved.conj().T @ np.linalg.solve(seen, moved))
+    scale = np.sqrt(np.diag(information))
+    unknown = np.linalg.inv(information / np.outer(scale, scale))[-1, -1]
+    return 1 / scale[-1], math.sqrt(unknown) / scale[-1]
+
+
+@pytest.mark.parametrize("rate", [0.0, 5.0])  # rad/s
+@pytest.mark.parametrize("name", ["dual_mass", "tuned_in_air", "paper_resonance", "disc"])
+def test_the_bound_is_that_of_the_spectrum_of_the_positions_in_si_from_the_file_alone(name: str, rate: float) -> None:
+    found = bound_angle_random_walk(shipped(name).replace({"plant.angular_rate": rate}))
+    assert found is not None
+    assert (found.known, found.unknown) == pytest.approx(by_hand(name, rate), rel=1e-5)
 
 
 @pytest.mark.parametrize("noise", NOISE[:4])
