@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_are
-from scipy.signal import lfilter
 
 from ..scenario import Scenario
 
@@ -92,6 +91,8 @@ def information_of_motion(
     The motion, (samples, 2), is steady. A narrow filter needs longer to settle than it lasts; therefore the motion is
     taken as going on from its beginning, after the sample at which it comes closest to that.
     """
+    from scipy.signal import lfilter  # takes more than a second
+
     exact, by_parameter = plant.steps(step)
     a, b = exact[:, :4], exact[:, 4:]
     sensed = np.isfinite(np.concatenate([noise.position, noise.velocity]))
