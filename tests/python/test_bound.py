@@ -56,7 +56,7 @@ def test_the_table_of_bounds_is_reproduced_to_three_digits(name: str, which: str
 
 
 def by_hand(name: str, rate: float) -> tuple[float, float]:
-    """The bound from the numbers of the file alone, in SI: what each parameter adds to the measured position."""
+    """From what the file says and nothing else, in SI: what each parameter adds to the measured position."""
     with open(SHIPPED / f"{name}.toml", "rb") as file:
         said = tomllib.load(file)
     plant, reference, device = said["plant"], said["reference"], said["device"]
@@ -83,7 +83,7 @@ def by_hand(name: str, rate: float) -> tuple[float, float]:
 
 @pytest.mark.parametrize("rate", [0.0, 5.0])  # rad/s
 @pytest.mark.parametrize("name", ["dual_mass", "tuned_in_air", "paper_resonance", "disc"])
-def test_the_bound_is_that_of_the_spectrum_of_the_positions_in_si_from_the_file_alone(name: str, rate: float) -> None:
+def test_the_bound_is_that_of_the_spectrum_of_the_positions_in_si(name: str, rate: float) -> None:
     found = bound_angle_random_walk(shipped(name).replace({"plant.angular_rate": rate}))
     assert found is not None
     assert (found.known, found.unknown) == pytest.approx(by_hand(name, rate), rel=1e-5)

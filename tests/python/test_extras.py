@@ -128,7 +128,8 @@ def test_a_run_knows_its_metrics_and_its_scenario(tmp_path: Path) -> None:
     assert {"chattering", "plot", "rmse", "scenario"} <= set(dir(run.fracgyro))
     with pytest.raises(AttributeError, match="rsme is not a metric: known are chattering, "):
         _ = run.fracgyro.rsme
-    with pytest.raises(ValueError, match="the Dataset has neither an attribute nor a coordinate scenario: "):
+    neither = "the Dataset has neither an attribute nor a coordinate scenario: it is not a run of fracgyro"
+    with pytest.raises(ValueError, match=neither):
         _ = xr.Dataset().fracgyro.scenario
 
 
