@@ -100,13 +100,19 @@ public:
         const ReferenceParams& r = setup_.common.reference;
         error = std::hypot(motion_.position.x() - r.amplitude.x() * std::sin(r.frequency.x() * t + r.phase.x()),
                            motion_.position.y() - r.amplitude.y() * std::sin(r.frequency.y() * t + r.phase.y()));
-        off = std::abs(static_cast<double>(signals.report.rate) - setup_.plant.rate) / std::abs(setup_.plant.rate);
+        const double rate_error = std::abs(static_cast<double>(signals.report.rate) - setup_.plant.rate);
+        off = rate_error / std::abs(setup_.plant.rate);
+        if constexpr (requires { signals.report.rate_trusted; }) {
+            const double deviation = static_cast<double>(signals.report.rate_deviation);
+            deviations = static_cast<double>(signals.report.rate_trusted) > 0.5 ? rate_error / deviation : 0.0;
+        }
         const Vec2<double> force{static_cast<double>(state_.force.x()), static_cast<double>(state_.force.y())};
         Gyroscope<double>::step(motion_, plant_, force, d);
         return state_.status;
     }
 
     double error = 0.0, off = 0.0;  // the true ones; that of the rate over the rate
+    double deviations = 0.0;        // that of the rate over what is stated, while it is trusted
 
 private:
     Setup setup_;
@@ -154,7 +160,7 @@ void run(Setup setup, std::int64_t from, std::int64_t until, const std::vector<F
     error *= 1.25, off *= 1.25;
     for (const Fault& fault : faults) {
         Loop<Controller> loop(first);
-        double most_error = 0.0, most_off = 0.0;
+        double most_error = 0.0, most_off = 0.0, most_deviations = 0.0;
         std::int64_t error_back = 0, off_back = 0, count = 0, noticed = -1;
         for (std::int64_t n = 0; n < until; ++n) {
             const Status status = loop.step(fault, n - from);
@@ -165,13 +171,14 @@ void run(Setup setup, std::int64_t from, std::int64_t until, const std::vector<F
             noticed = noticed < 0 && refused(status) ? n - from : noticed;
             most_error = std::max(most_error, loop.error);
             most_off = std::max(most_off, loop.off);
+            most_deviations = std::max(most_deviations, loop.deviations);
             error_back = loop.error <= error ? error_back : n - from + 1;  // also where it is NaN
             off_back = loop.off <= off ? off_back : n - from + 1;
         }
         std::printf(
             "{\"most_error\": %.9g, \"error_back\": %lld, \"most_off\": %.9g, \"off_back\": %lld, "
-            "\"refused\": %lld, \"noticed\": %lld}\n",
-            most_error, static_cast<long long>(error_back), most_off, static_cast<long long>(off_back),
+            "\"deviations\": %.9g, \"refused\": %lld, \"noticed\": %lld}\n",
+            most_error, static_cast<long long>(error_back), most_off, static_cast<long long>(off_back), most_deviations,
             static_cast<long long>(count), static_cast<long long>(noticed));
     }
 }

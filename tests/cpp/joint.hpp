@@ -110,6 +110,7 @@ struct Loop {
     }
     double rate() const { return number(C::report(state, c).rate); }
     double deviation() const { return number(C::report(state, c).rate_deviation); }
+    double refused() const { return number(C::report(state, c).sample_refused); }
     double trusted() const { return number(C::report(state, c).rate_trusted); }
 };
 

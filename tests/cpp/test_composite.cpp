@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <random>
 #include <vector>
 
@@ -138,6 +139,7 @@ struct Sensed {
     Estimates<T> estimates() const { return Law::estimates(state, coefficients); }
     double trusted() const { return number(Law::trusted(state, coefficients)); }
     double deviation() const { return number(Law::report(state, coefficients).rate_deviation); }
+    double refused() const { return number(Law::report(state, coefficients).sample_refused); }
 };
 
 template <Scalar T>
@@ -287,16 +289,17 @@ bool learnt_between(const Sensed<T>& a, const Sensed<T>& b) {
     return std::memcmp(&a.state.squares, &b.state.squares, sizeof a.state.squares) != 0;
 }
 
-TYPED_TEST(Composed, OneBadSampleOfAnySizeIsNotLearntFromAndTheRateNotTrustedUntilItIsPast) {
+TYPED_TEST(Composed, OneBadSampleOfAnySizeIsRefusedAndTheRateTrustedAsBefore) {
     using T = TypeParam;
-    for (const double size : {-0.01, 1.0, 1e6, 1e18}) {
+    for (const double size : {-0.01, 1.0, 1e6, 1e18, 1e300, std::numeric_limits<double>::infinity(), std::nan("")}) {
         for (std::size_t place = 0; place < 4; ++place) {
             const auto sensed = sense_faulty<T>(
                 2'010, 0.2, [&](int n, std::array<double, 4>& m) { m[place] += n == 2'004 ? size : 0.0; });
             for (std::size_t n = 2'002; n < 2'010; ++n) {
                 const bool spoilt = n == 2'004 || n == 2'005;  // the step to it and the step from it
                 EXPECT_EQ(learnt_between(sensed[n - 1], sensed[n]), !spoilt) << size << " at " << place << ", " << n;
-                EXPECT_EQ(sensed[n].trusted(), spoilt ? 0.0 : 1.0) << size << " at " << place;
+                EXPECT_EQ(sensed[n].refused(), spoilt ? 1.0 : 0.0) << size << " at " << place << ", " << n;
+                EXPECT_EQ(sensed[n].trusted(), 1.0) << size << " at " << place << ", " << n;
             }
         }
     }
@@ -308,7 +311,8 @@ TYPED_TEST(Composed, AThirdResidualInARowThatIsFarOffIsThatOfAPlantThatMoved) {
     EXPECT_EQ(sensed[2'000].trusted(), 1.0);
     for (std::size_t n = 2'001; n < 2'008; ++n) {
         EXPECT_EQ(learnt_between(sensed[n - 1], sensed[n]), 2'002 < n) << n;
-        EXPECT_EQ(sensed[n].trusted(), 0.0) << "the residuals are not those of noise";
+        EXPECT_EQ(sensed[n].refused(), n <= 2'003 ? 1.0 : 0.0) << n;
+        EXPECT_EQ(sensed[n].trusted(), n <= 2'002 ? 1.0 : 0.0) << "the residuals are not those of noise, " << n;
     }
 }
 

@@ -51,8 +51,7 @@ void expect_consistent_innovations(std::int64_t slots) {
                                   loop.seen.velocity.x() - r.velocity.x() - before.error.derivative.x(),
                                   loop.seen.velocity.y() - r.velocity.y() - before.error.derivative.y()};
         for (std::size_t i = 0; i < sensors; ++i) {
-            const double variance = before.gain[i].variance * loop.c.adaptation.filter.noise.variance;
-            mean[i] += residual[i] * residual[i] / variance / samples;
+            mean[i] += residual[i] * residual[i] * before.precision[i] / samples;
         }
     }
     for (std::size_t i = 0; i < sensors; ++i) {

@@ -130,6 +130,10 @@ class LeastSquares:
         self.rate_forgetting = scenario.adaptation.rate_forgetting
         self.largest_deviation = 0.01 * math.sqrt(np.trace(stiffness) / 2)
         self.last: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+        # Means of r^2/S, r g/S and g^2/S, r what an error of the rate adds g to, and of what it explains of them.
+        self.window = min(max(4 * 2 * math.pi / (100 * self.largest_deviation) / self.h, 16), 65536)
+        self.normalized, self.along, self.sensitivity, self.explained = 1.0, 0.0, 0.0, 0.0
+        self.consistent = True
 
     @staticmethod
     def matrices(entries: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -137,9 +141,26 @@ class LeastSquares:
 
     def quality(self) -> tuple[float, bool]:
         variance = np.linalg.inv(self.information)[0, 0]
-        deviation = math.sqrt(variance * self.squares / self.draws) if self.draws else 0.0
+        noise = self.squares / self.draws if self.draws else 0.0
         trusted = variance * self.information[0, 0] <= 10 and variance <= 0.01 * self.prior
-        return deviation, trusted and deviation <= self.largest_deviation
+        trusted = trusted and math.sqrt(noise * variance) <= self.largest_deviation
+        excess = self.normalized - self.explained_now()
+        lag = max(self.explained_now() - 4 / self.window, self.explained - 0.75 / self.window, 0)
+        lag_variance = 2 * lag / self.sensitivity if lag else 0.0
+        return math.sqrt(noise * variance * max(excess, 1) + lag_variance), trusted and self.consistent
+
+    def explained_now(self) -> float:
+        return self.along**2 / self.sensitivity / 2 if self.sensitivity else 0.0
+
+    def judge(self, residual: np.ndarray, v: np.ndarray) -> None:
+        """While no sample is refused, which this does not follow."""
+        precision = self.believed * self.left * self.draws / self.squares if self.squares else np.zeros(2)
+        g = np.array([-2 * v[1], 2 * v[0]])
+        self.normalized += (precision @ residual**2 / 2 - self.normalized) / self.window
+        self.along += (precision @ (g * residual) - self.along) / self.window
+        self.sensitivity += (precision @ g**2 - self.sensitivity) / self.window
+        self.explained += (self.explained_now() - self.explained) / (2 * self.window)
+        self.consistent = self.normalized - self.explained_now() <= 1.25 + 3 * self.explained
 
     def sample(self, q: np.ndarray, v: np.ndarray, u: np.ndarray) -> None:
         if self.last is not None:
@@ -163,6 +184,7 @@ class LeastSquares:
         mean_v, mean_q = (q1 - q0) / h, (q0 + q1) / 2 + h / 12 * (v0 - v1)
         damping, stiffness, omega = self.matrices(self.start + self.change)
         residual = (v1 - v0) / h - u + (damping + 2 * omega) @ mean_v + stiffness @ mean_q
+        self.judge(residual, mean_v)
         x, y = mean_v - h / 2 * self.believed * self.left * residual
         rows = np.array([[-2 * y, x, y, 0, *mean_q, 0], [2 * x, 0, x, y, 0, *mean_q]])
         found = self.change.copy()

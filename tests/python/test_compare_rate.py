@@ -18,6 +18,8 @@ from fracgyro.compare.rate import Rate
 from fracgyro.compare.run import compare
 from fracgyro.compare.task import sensed
 from fracgyro.rate.units import DEG_PER_S
+from fracgyro.scenario.kinds import having
+from fracgyro.scenario.schema import Datasheet
 from fracgyro.study.tune.criteria import Measured
 
 RATE = Rate()
@@ -48,8 +50,10 @@ def test_every_contender_is_a_scenario_at_both_ends_of_every_range(contender: Co
     for end in ("low", "high"):
         gains = (*contender.tuned(information), contender.bandwidth)
         mine = contender.scenario(base, {gain.field: getattr(gain, end) for gain in gains})
-        for table in ("plant", "disturbance", "rate", "device", "datasheet"):
+        for table in ("plant", "disturbance", "rate", "device"):
             assert getattr(mine, table) == getattr(base, table), table
+        has_datasheet = mine.controller.kind in having("datasheet.force_noise")
+        assert mine.datasheet == (base.datasheet if has_datasheet else Datasheet())
         assert mine.controller.force_limit == base.controller.force_limit
         assert mine.adaptation.initial_rate == 0.0, "none knows the rate"
 

@@ -88,9 +88,11 @@ def test_a_converter_of_16_bit_costs_less_than_its_noise_were_it_white() -> None
     assert walk(error, scenario) < 1.5 * 0.0180  # 16 bit count as 1.1e-13 m/sqrt(Hz)
 
 
-def test_a_delay_that_is_hidden_from_it_is_a_scale_factor_error_and_not_trusted() -> None:
-    error, _ = ends(device(device__delay=1, datasheet__delay=0), trusted=False)
-    assert error.mean() / 300.0 == pytest.approx(6.0e-4, abs=3e-4)
+def test_a_delay_that_is_hidden_from_it_is_not_trusted_and_in_its_deviation() -> None:
+    error, stated = ends(device(device__delay=1, datasheet__delay=0), trusted=False)
+    assert (abs(error) < 4 * stated).all()
+    assert stated.mean() > 10 * ends(device())[1].mean()
+    assert abs(error.mean()) < 1e-3 * 300.0
 
 
 def test_its_deviation_is_what_it_is_told_and_the_estimate_hardly_depends_on_it() -> None:
@@ -101,21 +103,23 @@ def test_its_deviation_is_what_it_is_told_and_the_estimate_hardly_depends_on_it(
     assert claimed.mean() > 3.0 * stated.mean()
 
 
-def test_a_drifting_stiffness_that_is_followed_is_little_of_a_rate() -> None:
+def test_a_drifting_stiffness_that_the_datasheet_states_is_little_of_a_rate() -> None:
     steady = shipped("dual_mass").run.duration
     changes: dict[str, Any] = {
         "plant__angular_rate": 0.0,
         "adaptation__rate_forgetting": 0.0255,
         "device__stiffness_drift": -30.0,
-        "device__temperature_ramp": 12.3,
+        "device__temperature_ramp": 0.33,
         "run__duration": steady,
         "run__record_every": 16,
     }
-    found = []
-    for forgetting in (0.0, 0.0255):
-        rate = fg.simulate(device(**changes, adaptation__forgetting=forgetting))["rate_estimate"].values
-        found.append(abs(rate[len(rate) // 2 :].mean()) * DEGREES * 3600.0)
-    assert found[1] < 100.0 < 1000.0 < found[0]  # deg/h
+
+    def rms(**more: Any) -> float:
+        run = fg.simulate(device(**changes, **more))
+        later = run["rate_estimate"].values[run.sizes["time"] // 2 :] * DEGREES
+        return float(np.sqrt((later**2).mean()))
+
+    assert rms() < 0.01 < 1.0 < rms(datasheet__stiffness_drift=0.0)  # deg/s
 
 
 def test_it_is_told_the_truth_unless_something_else_is_said() -> None:

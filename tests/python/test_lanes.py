@@ -163,6 +163,8 @@ DIFFERENCES: dict[str, tuple[dict[str, object], object]] = {
     "datasheet.position_noise": (JOINT, 1e-4),
     "datasheet.velocity_noise": (JOINT, 1e-4),
     "datasheet.delay": (JOINT, 1),
+    "datasheet.stiffness_drift": (JOINT, 1e-3),
+    "datasheet.damping_drift": (JOINT, 0.1),
     "controller.natural_frequency": (PID, 150.0),
     "controller.damping_ratio": (PID, 1.0),
     "controller.integral_frequency": (PID, 0.0),

@@ -45,6 +45,7 @@ Norms<T> norms_of(const Motion<T>& motion, const Vec2<T>& surface) {
 struct Datasheet {
     double force_noise = 0.0, position_noise = 0.0, velocity_noise = 0.0;  // standard deviations, drawn every step
     std::int64_t delay = 0;                                                // steps
+    double stiffness_drift = 0.0, damping_drift = 0.0;                     // relative, per unit of time
 
     static constexpr auto fields() {
         using D = Datasheet;
@@ -58,6 +59,10 @@ struct Datasheet {
                         "Of a measured velocity. Not set: the truth.")),
             fixed(field("delay", &D::delay, "h", delays,
                         "Steps by which the force is late, at most 8. Not set: the truth.")),
+            fixed(field("stiffness_drift", &D::stiffness_drift, "omega0", at_least_0,
+                        "Unit omega0: standard deviation of the rate at which the stiffness drifts, as a fraction of "
+                        "itself. Not set: the largest of the simulated device.")),
+            fixed(field("damping_drift", &D::damping_drift, "omega0", at_least_0, "The same of the damping.")),
         };
     }
 };

@@ -15,15 +15,16 @@
 //    Of r the part E(d) = r/α is noise, and the other, large in the beginning, the estimates' own error: α = 1 + row P
 //    rowᵀ, and that of the last step serves.
 //
-//    What one sample may add is bounded: from when they are trusted, a residual beyond `largest_innovation` times what
-//    it should be, σ̂ √α, is not learnt from, on both axes. One bad sample spoils two steps; a third residual in a row
-//    that is beyond means that the plant moved, and is learnt from. Ω̂z is not trusted meanwhile.
+//    What one sample may add is bounded: from when they are trusted, residuals are judged by consistency.hpp, with the
+//    deviation σ̂ √α and, for the rate, the row's first entry. In a disagreement the estimates go back to those before
+//    it, and P to the prior.
 //
 //    The force is computed with the laws' part, which is the loop's integral action, and from when Ω̂z is first trusted
 //    with the sum of both parts. What is reported of D, K and Ωz is the part of least squares only
 //    (docs/decisions/0016).
 #pragma once
 
+#include "fracgyro/control/consistency.hpp"
 #include "fracgyro/control/gradient.hpp"
 #include "fracgyro/core/rls.hpp"
 #include "fracgyro/core/saved.hpp"
@@ -36,13 +37,17 @@ constexpr auto rate_quality_fields() {
     return std::tuple{channel("rate_deviation", &R::rate_deviation, "omega0",
                               "standard deviation of the estimate of the angular rate; 0 without data"),
                       channel("rate_trusted", &R::rate_trusted, "1",
-                              "1 where the motion tells the angular rate from the other parameters")};
+                              "1 if the angular rate can be told from the other parameters and what is measured "
+                              "agrees with the model"),
+                      channel("sample_refused", &R::sample_refused, "1",
+                              "1 if the last sample was too far from the predicted one to learn from")};
 }
 
 template <Scalar T>
 struct CompositeReport : AdaptiveReport<T> {
     T rate_deviation{};
     T rate_trusted{};
+    T sample_refused{};
 
     static constexpr auto fields() {
         return std::tuple_cat(AdaptiveReport<T>::fields(), rate_quality_fields<CompositeReport>());
@@ -54,13 +59,12 @@ struct CompositeAdaptation {
     using Laws = GradientAdaptation<T>;
     using Squares = RecursiveLeastSquares<T, 7>;
     using Row = typename Squares::Row;
+    using Agreement = Consistency<T, 7>;
 
     // Ωz is trusted while the other parameters inflate its variance at most so often, the prior's share of what is
     // known of it is at most this, and its standard deviation is below this fraction of the natural frequency.
     static constexpr double largest_inflation = 10.0, largest_share = 0.01, largest_deviation = 0.01;
-    // In standard deviations: noise is never so far off.
-    static constexpr double largest_innovation = 8.0;
-    static constexpr double most_refused = 2.0;  // in a row
+    static constexpr double least_noise = 1e-30;  // divided by instead of 0
 
     struct Coefficients {
         typename Laws::Coefficients laws{};
@@ -68,6 +72,7 @@ struct CompositeAdaptation {
         T forgetting{}, rate_forgetting{};  // times the step
         bool forgets = false;
         T trusted_variance{};  // of Ω̂z
+        typename Agreement::Coefficients consistency{};
     };
     struct State {
         typename Laws::State laws{};
@@ -76,10 +81,11 @@ struct CompositeAdaptation {
         T noise{}, draws{};                            // mean square of d on one axis, and of how many draws
         Motion<T> motion{};                            // at the last sample, and the force from then on
         Vec2<T> force{};
-        Vec2<T> left{};                  // 1/α on either axis in the last step
-        T adopted{};                     // 1 once Ω̂z has been trusted
-        T surprises{};                   // residuals beyond the bound, in a row, as many as matter
-        Kept<T, bool> measured = false;  // there is a last sample
+        Vec2<T> left{};  // 1/α on either axis in the last step
+        T adopted{};     // 1 once Ω̂z has been trusted
+        typename Agreement::State agreement{};
+        Kept<T, std::uint32_t> kept = 0;  // samples since estimates were
+        Kept<T, bool> measured = false;   // there is a last sample
     };
 
     using Report = CompositeReport<T>;
@@ -93,7 +99,8 @@ struct CompositeAdaptation {
                 .forgetting = T(step * p.forgetting),
                 .rate_forgetting = T(step * p.rate_forgetting),
                 .forgets = p.forgetting > 0.0,
-                .trusted_variance = T(largest_deviation * largest_deviation * 0.5 * (k.xx() + k.yy()))};
+                .trusted_variance = T(largest_deviation * largest_deviation * 0.5 * (k.xx() + k.yy())),
+                .consistency = Agreement::prepare(6.28318530717958647692 / natural_frequency(k), step, 2, 2.0, 0.0)};
     }
 
     static bool sound(const State& state, const Coefficients& /*c*/) { return fracgyro::sound(state.measured); }
@@ -107,22 +114,23 @@ struct CompositeAdaptation {
         return found;
     }
     static Report report(const State& state, const Coefficients& c) {
-        const T variance = state.noise * Squares::variance(state.squares, 0);
-        return {{estimates(state, c)}, square_root(variance), trusted(state, c)};
+        return {{estimates(state, c)},
+                square_root(Agreement::variance(state.agreement, c.consistency, variance(state, 0))),
+                trusted(state, c),
+                Agreement::refused(state.agreement)};
     }
     // What the force is computed with.
     static Estimates<T> control_estimates(const State& state, const Coefficients& c, const Report& /*reported*/) {
         return Laws::estimates(state.laws, c.laws) + state.adopted * as_estimates(state.squares.value);
     }
-    // 1 where Ω̂z is trusted.
+    // 1 if Ω̂z is trusted. Never with NaN: every comparison fails.
     static T trusted(const State& state, const Coefficients& c) {
         const T p = Squares::variance(state.squares, 0);
-        const T variance = state.noise * p;
-        const T yes = T(1.0), no = T(0.0);
-        T good = if_less(T(largest_inflation), p * state.rate_information, no, yes);
-        good = if_less(T(largest_share * Squares::prior), p, no, good);
-        good = if_less(c.trusted_variance, variance, no, good);
-        good = if_less(no, state.surprises, no, good);
+        const T no = T(0.0);
+        T good = if_less(p * state.rate_information, T(largest_inflation), T(1.0), no);
+        good = if_less(p, T(largest_share * Squares::prior), good, no);
+        good = if_less(state.noise * p, c.trusted_variance, good, no);
+        good = good * Agreement::sound(state.agreement, c.consistency);
         return state.measured ? good : no;
     }
 
@@ -160,24 +168,26 @@ private:
         const Vec2<T> r = (a - state.force) + (e.damping * v + coriolis) + e.stiffness * q;
 
         const T zero = T(0.0), one = T(1.0);
-        const T surprise = maximum(state.left.x() * (r.x() * r.x()), state.left.y() * (r.y() * r.y()));
-        const T bound = T(largest_innovation * largest_innovation) * state.noise;
-        const T beyond = if_less(state.adopted * bound, state.adopted * surprise, one, zero);
-        const T learns = if_less(state.surprises, T(most_refused), one - beyond, one);
-        state.surprises = beyond * minimum(state.surprises + one, T(most_refused + 1.0));
+        const Vec2<T> precision = (state.adopted / maximum(state.noise, T(least_noise))) * state.left;
+        const T learns =
+            Agreement::template judge<2>(state.agreement, c.consistency, {r.x(), r.y()}, {precision.x(), precision.y()},
+                                         {T(-2.0) * v.y(), T(2.0) * v.x()});
+        agree(state, c);
         if (always_less(learns, one)) {
             return;  // below, one run of several may still rest: rows of zeros tell nothing
         }
 
         // Before they are adopted, r may be an error of the estimates, a thousand times the noise, which would spoil
         // rows.
-        const Vec2<T> w = learns * (v - (T(0.5) * c.step * state.adopted) * (state.left * r));
-        const Vec2<T> p = learns * q;
+        const auto learned = [&](T x) { return if_less(zero, learns, x, zero); };
+        const auto both = [&](const Vec2<T>& x) { return Vec2<T>{learned(x.x()), learned(x.y())}; };
+        const Vec2<T> w = both(v - (T(0.5) * c.step * state.adopted) * (state.left * r));
+        const Vec2<T> p = both(q);
         const Row x{T(-2.0) * w.y(), w.x(), w.y(), zero, p.x(), p.y(), zero};
         const Row y{T(2.0) * w.x(), zero, w.x(), w.y(), zero, p.x(), p.y()};
         const Row before = state.squares.value;
-        const T left_x = learn(state, x, learns * r.x(), learns);
-        T second = learns * r.y();  // with the estimates as the first row has left them
+        const T left_x = learn(state, x, learned(r.x()), learns);
+        T second = learned(r.y());  // with the estimates as the first row has left them
         for (std::size_t j = 0; j < y.size(); ++j) {
             second = second + y[j] * (state.squares.value[j] - before[j]);
         }
@@ -185,6 +195,48 @@ private:
         state.left = {if_less(zero, learns, left_x, state.left.x()), if_less(zero, learns, left_y, state.left.y())};
         state.rate_information = state.rate_information + T(4.0) * squared_norm(w);
     }
+    // After a sample was judged: what follows from disagreement and doubt.
+    static void agree(State& state, const Coefficients& c) {
+        const T half = T(0.5);
+        typename Agreement::State& a = state.agreement;
+        T disagrees = Agreement::disagrees(a, c.consistency);
+        if (!always_less(maximum(disagrees, Agreement::watched(a)), half)) {
+            for (std::size_t k = 1; k < state.squares.value.size(); ++k) {
+                const T value = state.squares.value[k];
+                disagrees = maximum(disagrees, Agreement::compare(a, c.consistency, k, value, variance(state, k)));
+            }
+            learn_again(state, disagrees);
+        }
+        state.kept = state.kept + 1;
+        if (state.kept < c.consistency.window) {
+            return;
+        }
+        state.kept = 0;
+        for (std::size_t k = 0; k < state.squares.value.size(); ++k) {
+            Agreement::remember(a, c.consistency, k, state.squares.value[k], variance(state, k));
+        }
+    }
+    // From the estimates before a disagreement and the prior on, in the runs that it is 1 for.
+    static void learn_again(State& state, T disagrees) {
+        const T zero = T(0.0);
+        const auto instead = [&](T& a, T b) { a = if_less(zero, disagrees, b, a); };
+        for (T& u : state.squares.u_factor) {
+            instead(u, zero);
+        }
+        for (std::size_t k = 0; k < state.squares.value.size(); ++k) {
+            instead(state.squares.d_factor[k], T(Squares::prior));
+            instead(state.squares.value[k], state.agreement.before.value[k]);
+        }
+        instead(state.rate_information, T(1.0 / Squares::prior));
+        state.left = (T(1.0) - disagrees) * state.left;  // anything may come
+        Agreement::doubt(state.agreement, disagrees);
+    }
+    // Of an estimate, as the model has it.
+    static T variance(const State& state, std::size_t k) { return state.noise * Squares::variance(state.squares, k); }
+    static double natural_frequency(const Sym2<double>& k) {
+        return maximum(square_root(0.5 * absolute(k.xx() + k.yy())), 1e-3);
+    }
+
     static T learn(State& state, const Row& row, T residual, T learns) {
         const T left = Squares::update(state.squares, row, residual);
         // A mean with weights 1/α, which leave out the residuals that the estimates' own errors make.

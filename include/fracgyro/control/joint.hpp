@@ -3,8 +3,8 @@
 //    the surface and the force. It is an extended Kalman filter, and here a recursive prediction error method (L. Ljung
 //    and T. Söderström, "Theory and practice of recursive identification", 1983, ch. 3).
 //
-//    State: z = [e, ė], the motion less the reference, and θ̃ = (Ωz, Dxx, Dxy, Dyy, Kxx, Kxy, Kyy) less the nominal
-//    plant. With q = r + e and r̈ = -ω² r on each axis, eq. (9) is
+//    State: z = [e, ė], the motion less the reference, and θ̃ = (Ωz, Dxx, Dxy, Dyy, Kxx, Kxy, Kyy, K̇/K) less the
+//    nominal plant. With q = r + e and r̈ = -ω² r on each axis, eq. (9) is
 //
 //        ë = u + d - C (ṙ + ė) - K e - (K - ω²) r,      C = D + 2Ω
 //
@@ -25,8 +25,11 @@
 //    With `covariance_steps` = m > 1 this is a filter of m steps: z is predicted each step, P over all m at once, and
 //    what is learnt from is the mean of m residuals, at the end. The work on P is divided among the steps.
 //
-//    A measurement that is further off than `largest_innovation` standard deviations is not learnt from; a third in a
-//    row means that the plant moved, and is. Ω̂z is not trusted meanwhile.
+//    K drifts at a rate of its own, the last of θ̃, both axes alike: a ramp is followed without lag. The datasheet
+//    states how fast; a drift that nobody expects ends in a beat at the mode split, where it is the same force as a
+//    rate.
+//
+//    Which samples are learned from and when Ω̂z is trusted: consistency.hpp.
 #pragma once
 
 #include "fracgyro/control/composite.hpp"
@@ -44,8 +47,10 @@ struct JointFilter {
     using Four = typename Coefficients::Four;
     using Row = typename Coefficients::Row;
 
+    using Agreement = Consistency<T, parameters>;
+
     // As in composite.hpp.
-    static constexpr double largest_inflation = 10.0, largest_share = 0.01, most_refused = 2.0;
+    static constexpr double largest_inflation = 10.0, largest_share = 0.01;
     static constexpr std::size_t longest_delay = 8;  // steps that are known of
     // Of P: to predict its cross part in two halves, its part of z, and to correct by each number.
     static constexpr std::int32_t tasks = 3 + static_cast<std::int32_t>(sensors);
@@ -60,7 +65,9 @@ struct JointFilter {
         std::array<Four, motions> map{};               // A at the present estimates
         std::array<Row, 2> pulls{};                    // φ, on either axis
         std::array<typename Covariance::Gain, sensors> gain{};
-        T surprises{};  // in a row
+        std::array<T, sensors> precision{}, sensitivity{};  // of the innovations; to Ωz
+        Four turned{};                                      // what Ωz adds to the motion
+        typename Agreement::State agreement{};
         std::uint32_t steps = 0, spans = 0;
         std::int32_t slot = 0;  // of the span
         bool started = false, learnt = false;
@@ -78,18 +85,21 @@ struct JointFilter {
                 .rate = c.nominal.rate + x[0]};
     }
     static T rate_deviation(const State& state, const Coefficients& c) {
-        return square_root(c.noise.variance * Covariance::variance(state.covariance, rate));
+        const T stated = variance(state, c, 0);
+        return square_root(Agreement::variance(state.agreement, c.consistency, stated));
     }
-    // 1 where Ω̂z is trusted. Its variance with all other parameters known is its d, as it is the first of them. The
-    // share of the prior bounds its deviation, too: a tenth of the prior's is 0.5 % of the natural frequency.
+    // 1 if Ω̂z is trusted: it can be told from the other parameters, and what is measured agrees with the model. Its
+    // variance with all other parameters known is its d, as it is the first of them. The share of the prior bounds its
+    // deviation, too: a tenth of the prior's is 0.5 % of the natural frequency. Never with NaN: every comparison fails.
     static T trusted(const State& state, const Coefficients& c) {
         const T p = Covariance::variance(state.covariance, rate);
-        const T yes = T(1.0), no = T(0.0);
-        T good = if_less(T(largest_inflation) * state.covariance.d_factor[rate], p, no, yes);
-        good = if_less(T(largest_share) * c.prior.plant[0], p, no, good);
-        good = if_less(no, state.surprises, no, good);
+        const T no = T(0.0);
+        T good = if_less(p, T(largest_inflation) * state.covariance.d_factor[rate], T(1.0), no);
+        good = if_less(p, T(largest_share) * c.prior.plant[0], good, no);
+        good = good * Agreement::sound(state.agreement, c.consistency);
         return state.learnt ? good : no;
     }
+    static T refused(const State& state) { return Agreement::refused(state.agreement); }
 
     // Forgets the motion, and what was learnt of the plant unless it is kept.
     static void start_over(State& state, bool keep_estimates) {
@@ -97,6 +107,7 @@ struct JointFilter {
         if (!keep_estimates) {
             state.learnt = false;
             state.plant = {};
+            state.agreement = {};
         }
     }
 
@@ -108,25 +119,33 @@ struct JointFilter {
             state.error = {.value = seen.value, .derivative = velocity_measured ? seen.derivative : -r.velocity};
             return;
         }
-        const T learns = expected(state, c, seen);
+        std::array<T, sensors> residual{}, innovation{};
+        Four moved{};  // by the numbers before
         for (std::size_t i = 0; i < sensors; ++i) {
-            state.sum[i] = state.sum[i] + learns * (number(seen, i) - number(state.error, i));
+            residual[i] = number(seen, i) - number(state.error, i);
+            innovation[i] = i == 0 ? residual[i] : residual[i] - of_mean(c, i, moved);
+            for (std::size_t k = 0; k < motions && i + 1 < sensors; ++k) {
+                moved[k] = moved[k] + state.gain[i].move[k] * innovation[i];
+            }
+        }
+        const T learns =
+            Agreement::judge(state.agreement, c.consistency, innovation, state.precision, state.sensitivity);
+        agree(state, c);
+        for (std::size_t i = 0; i < sensors; ++i) {
+            state.sum[i] = state.sum[i] + if_less(T(0.0), learns, residual[i], T(0.0));
         }
         if (state.slot + 1 < c.slots) {
             return;
         }
-        Four moved{};
+        moved = {};
         for (std::size_t i = 0; i < sensors; ++i) {
-            T residual = c.share * state.sum[i];
-            for (std::size_t k = 0; k < motions; ++k) {
-                residual = residual - c.mean[i][k] * moved[k];
-            }
+            const T new_part = c.share * state.sum[i] - of_mean(c, i, moved);
             const auto& gain = state.gain[i].move;
             for (std::size_t k = 0; k < motions; ++k) {
-                moved[k] = moved[k] + gain[k] * residual;
+                moved[k] = moved[k] + gain[k] * new_part;
             }
             for (std::size_t k = 0; k < parameters; ++k) {
-                state.plant[k] = state.plant[k] + gain[motions + k] * residual;
+                state.plant[k] = state.plant[k] + gain[motions + k] * new_part;
             }
         }
         state.error.value = state.error.value + Vec2<T>{moved[0], moved[1]};
@@ -144,6 +163,9 @@ struct JointFilter {
         }
         ++state.steps;
         state.force = asked;
+        if (state.learnt && !state.started) {  // the motion was lost, and with it what agrees with it
+            Agreement::doubt(state.agreement, T(1.0));
+        }
         if (++state.slot >= c.slots) {
             state.slot = 0;
             ++state.spans;
@@ -167,13 +189,19 @@ struct JointFilter {
             const T half = T(0.5) * c.span, zero = T(0.0), two = T(2.0);
             const Vec2<T> v = along.derivative + e.derivative + half * (acceleration - c.square * along.value);
             const Vec2<T> q = along.value + e.value + half * (along.derivative + e.derivative);
-            state.pulls[0] = {two * v.y(), -v.x(), -v.y(), zero, -q.x(), -q.y(), zero};
-            state.pulls[1] = {-(two * v.x()), zero, -v.x(), -v.y(), zero, -q.x(), -q.y()};
-            state.map = corrected_map(c, damping_error, stiffness_error, two * x[0]);
+            state.pulls[0] = {two * v.y(), -v.x(), -v.y(), zero, -q.x(), -q.y(), zero, zero};
+            state.pulls[1] = {-(two * v.x()), zero, -v.x(), -v.y(), zero, -q.x(), -q.y(), zero};
+            if (state.spans % 4 == 1) {
+                state.map = corrected_map(c, damping_error, stiffness_error, two * x[0]);
+            }
             spread(state, c, 0, parameters - 3);
         }
         if (due(state, c, 1)) {
             spread(state, c, parameters - 3, parameters);
+            for (std::size_t i = 0; i < c.ramp.size(); ++i) {  // K goes on by its drift
+                T& u = state.covariance.u_factor[Covariance::column(size - 1) + motions + 4 + i];
+                u = u + c.ramp[i];
+            }
         }
         if (due(state, c, 2)) {
             orthogonalize(state, c);
@@ -195,31 +223,31 @@ struct JointFilter {
             derivative = -pull(e, along);
         }
         state.error = sum;
+        const T drift = c.share * state.plant[parameters - 1];
+        for (std::size_t i = 0; i < c.ramp.size(); ++i) {
+            state.plant[4 + i] = state.plant[4 + i] + drift * c.ramp[i];
+        }
     }
 
 private:
+    // Of an estimate, as the model has it.
+    static T variance(const State& state, const Coefficients& c, std::size_t k) {
+        return c.noise.variance * Covariance::variance(state.covariance, motions + k);
+    }
+
     static void start(State& state, const Coefficients& c) {
-        typename Covariance::State& p = state.covariance;
-        if (!state.learnt) {
-            p = {};
-            for (std::size_t j = 0; j < parameters; ++j) {
-                p.d_factor[motions + j] = c.prior.plant[j];
-            }
-        }
-        for (std::size_t j = 0; j < size; ++j) {
-            for (std::size_t i = 0; i < motions && i < j; ++i) {
-                p.u_factor[Covariance::column(j) + i] = T(0.0);
-            }
-        }
+        state.covariance = {};
         for (std::size_t i = 0; i < motions; ++i) {
-            p.d_factor[i] = c.prior.motion[i];
+            state.covariance.d_factor[i] = c.prior.motion[i];
         }
-        for (std::size_t i = 0; i < sensors; ++i) {
-            state.gain[i] = {.variance = T(1.0) + T(1e3) * c.prior.motion[2]};  // anything may come
+        for (std::size_t k = 0; k < parameters; ++k) {
+            state.covariance.d_factor[motions + k] = c.prior.plant[k];
         }
+        state.plant = state.agreement.before.value;
+        state.gain = {};
+        state.precision = {};  // anything may come
         state.slot = c.slots - 1;
         state.sum = {};
-        state.surprises = T(0.0);
         state.started = state.learnt = true;
     }
 
@@ -228,22 +256,66 @@ private:
         return state.slot == (c.slots < tasks ? task * c.slots / tasks : task);
     }
 
+    // What number i of the span's mean has of a motion at its end.
+    static T of_mean(const Coefficients& c, std::size_t i, const Four& x) {
+        return c.slots == 1 ? x[i]
+                            : c.mean[i][0] * x[0] + c.mean[i][1] * x[1] + c.mean[i][2] * x[2] + c.mean[i][3] * x[3];
+    }
     static T number(const Sample<T>& a, std::size_t i) {
         const Vec2<T>& pair = i < 2 ? a.value : a.derivative;
         return i % 2 == 0 ? pair.x() : pair.y();
     }
 
-    // 1 where what was measured is within what could be expected, or has not been for long.
-    static T expected(State& state, const Coefficients& c, const Sample<T>& seen) {
-        const T zero = T(0.0), one = T(1.0);
-        T far = zero;
-        for (std::size_t i = 0; i < sensors; ++i) {
-            const T residual = number(seen, i) - number(state.error, i);
-            far = if_less(c.noise.largest * state.gain[i].variance, residual * residual, one, far);
+    // After a sample was judged: what follows from disagreement and doubt.
+    static void agree(State& state, const Coefficients& c) {
+        typename Agreement::State& a = state.agreement;
+        const T half = T(0.5);
+        T disagrees = Agreement::disagrees(a, c.consistency);
+        if (!always_less(Agreement::watched(a), half)) {
+            for (std::size_t i = 0; i < c.ramp.size(); ++i) {  // K has gone on by its drift
+                T& before = a.before.value[4 + i];
+                before = before + c.share * a.before.value[parameters - 1] * c.ramp[i];
+            }
+            const std::size_t k = 1 + state.steps % 6, slope = parameters - 1;
+            T uncertain = variance(state, c, k);
+            if (k >= 4) {
+                const T spans = c.share * a.doubted, gone = spans * c.ramp[k - 4];
+                uncertain =
+                    uncertain + gone * gone * (a.before.variance[slope] + spans * c.noise.variance * c.drift[slope]);
+            }
+            disagrees = maximum(disagrees, Agreement::compare(a, c.consistency, k, state.plant[k], uncertain));
         }
-        const T learns = if_less(state.surprises, T(most_refused), one - far, one);
-        state.surprises = far * minimum(state.surprises + one, T(most_refused + 1.0));
-        return learns;
+        if (!always_less(disagrees, half)) {
+            forget(state, c, disagrees);
+        }
+        const std::uint32_t k = state.steps % c.consistency.window;
+        if (k < parameters) {
+            Agreement::remember(a, c.consistency, k, state.plant[k], variance(state, c, k));
+        }
+    }
+    // Goes back to the estimates before a disagreement, and knows as little of the plant as at first and nothing of the
+    // motion, in the runs that it is 1 for.
+    static void forget(State& state, const Coefficients& c, T disagrees) {
+        const T zero = T(0.0), keep = T(1.0) - disagrees;
+        const auto instead = [&](T& a, T b) { a = if_less(zero, disagrees, b, a); };
+        for (T& u : state.covariance.u_factor) {
+            instead(u, zero);
+        }
+        for (std::size_t i = 0; i < motions; ++i) {
+            instead(state.covariance.d_factor[i], c.prior.unknown[i]);
+        }
+        for (std::size_t k = 0; k < parameters; ++k) {
+            instead(state.covariance.d_factor[motions + k], c.prior.plant[k]);
+            instead(state.plant[k], state.agreement.before.value[k]);
+        }
+        for (std::size_t i = 0; i < sensors; ++i) {
+            for (T& k : state.gain[i].move) {
+                instead(k, zero);
+            }
+            state.precision[i] = keep * state.precision[i];
+            state.sum[i] = keep * state.sum[i];
+        }
+        Agreement::doubt(state.agreement, disagrees);
     }
 
     using Map = std::array<Four, motions>;
@@ -281,8 +353,17 @@ private:
             gain.move = {};
             return;
         }
-        gain = Covariance::measure(state.covariance, c.mean[i], c.noise.measured[i]);
-        gain.variance = gain.variance + c.noise.more[i];
+        if (i == 0) {
+            const T* const column = &state.covariance.u_factor[Covariance::column(rate)];
+            state.turned = {column[0], column[1], column[2], column[3]};
+        }
+        state.sensitivity[i] = of_mean(c, i, state.turned);
+        gain = c.slots == 1 ? Covariance::measure(state.covariance, i, c.noise.measured[i])
+                            : Covariance::measure(state.covariance, c.mean[i], c.noise.measured[i]);
+        for (std::size_t k = 0; k < motions; ++k) {
+            state.turned[k] = state.turned[k] - gain.move[k] * state.sensitivity[i];
+        }
+        state.precision[i] = T(1.0) / (c.noise.variance * (gain.variance + c.noise.more[i]));
     }
 
     // The part of z: U and d of [A U_z, B] with the weights of its columns, row by row from the last.
@@ -326,15 +407,18 @@ private:
             }
         }
 
-        drift(state, c, 0, T(1.0));
-        if (c.drifts) {  // one of the others each step, with the noise of six steps
-            drift(state, c, 1 + state.spans % 6, T(6.0));
+        // In turn, with the noise of the spans in between.
+        const std::uint32_t turn = state.spans % 8;
+        if (turn % 2 == 0) {
+            drift(state, c, 0, T(2.0));
+        } else if (turn == 3 && c.walking > 0) {
+            drift(state, c, c.walks[state.spans / 8 % c.walking], T(8.0 * c.walking));
         }
     }
 
-    static void drift(State& state, const Coefficients& c, std::size_t j, T steps) {
+    static void drift(State& state, const Coefficients& c, std::size_t j, T spans) {
         const T prior = c.prior.plant[j], known = Covariance::variance(state.covariance, motions + j) / prior;
-        const T grows = minimum(steps * c.drift[j], prior) * maximum(T(0.0), T(1.0) - known);
+        const T grows = minimum(spans * c.drift[j], prior) * maximum(T(0.0), T(1.0) - known);
         Covariance::add(state.covariance, motions + j, grows);
     }
 
@@ -384,7 +468,8 @@ struct JointAdaptationOf {
         const PlantModel<T> found = Filter::plant(state, c.filter);
         return {{{.damping = found.damping, .stiffness = found.stiffness, .rate = found.rate, .bound = c.bound}},
                 Filter::rate_deviation(state, c.filter),
-                Filter::trusted(state, c.filter)};
+                Filter::trusted(state, c.filter),
+                Filter::refused(state)};
     }
 };
 template <Scalar T>

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "fracgyro/control/adaptation.hpp"
+#include "fracgyro/control/consistency.hpp"
 #include "fracgyro/control/controller.hpp"
 #include "fracgyro/core/expm.hpp"
 
@@ -9,23 +10,24 @@ namespace fracgyro {
 
 template <Scalar T, bool velocity_measured>
 struct JointModel {
-    static constexpr std::size_t motions = 4, parameters = 7, sensors = velocity_measured ? 4 : 2;
+    static constexpr std::size_t motions = 4, parameters = 8, sensors = velocity_measured ? 4 : 2;
     using Four = std::array<T, motions>;
     using Row = std::array<T, parameters>;
 
     // Standard deviations before the first sample: of Ωz and D over the natural frequency, of K over its square.
     static constexpr double prior_deviation = 0.05;
-    static constexpr double largest_innovation = 8.0;  // noise is never so far off
+    static constexpr double unknown_motion = 100.0;  // in reference amplitudes
     static constexpr int most_terms = 16;
+    // Units of time over which the damping drifts one way, and over which the drift of the stiffness becomes another.
+    static constexpr double damping_drifts_for = 100.0, stiffness_drifts_for = 1e8;
 
     struct Noise {
         T variance{};  // of a measured position: the unit of those below
         T force{};
         Four measured{}, more{};  // of the mean of a span, and what one number has more
-        T largest{};              // square of the largest innovation, times `variance`
     };
     struct Prior {
-        Four motion{};  // variances over that of a measured position
+        Four motion{}, unknown{};  // variances over that of a measured position: at first, and of any motion
         Row plant{};
     };
 
@@ -39,8 +41,11 @@ struct JointModel {
     std::int32_t terms = 0, delay = 0, slots = 1;
     Noise noise{};
     Prior prior{};
-    Row drift{};  // variances that are added over a span
-    bool drifts = false;
+    Row drift{};                                    // variances that are added over a span
+    std::array<T, 3> ramp{};                        // of K, over a span, for a relative drift of 1
+    std::array<std::uint32_t, parameters> walks{};  // which of the estimates but the rate drift
+    std::uint32_t walking = 0;                      // how many
+    typename Consistency<T, parameters>::Coefficients consistency{};
 
     [[gnu::noinline]] static JointModel prepare(const AdaptationParams& p, const Datasheet& said,
                                                 const Common& common) {
@@ -94,44 +99,71 @@ struct JointModel {
         c.terms = terms_for(h * maximum(natural, maximum(absolute(r.frequency.x()), absolute(r.frequency.y()))));
 
         // Below what rounding makes of a position nothing is gained, and nothing is lost by stating it.
-        const double unit = square_of(maximum(said.position_noise, least_noise * square_root(h)));
-        const double disturbed = square_of(maximum(said.force_noise, least_force));
-        const double slip = square_of(maximum(said.velocity_noise, least_noise * natural * square_root(h))) / unit;
-        c.noise = {.variance = T(unit),
-                   .force = T(disturbed / unit / slots),
-                   .measured = {T(1.0 / slots), T(1.0 / slots), T(slip / slots), T(slip / slots)},
-                   .more = {T(1.0 - 1.0 / slots), T(1.0 - 1.0 / slots), T(slip - slip / slots), T(slip - slip / slots)},
-                   .largest = T(square_of(largest_innovation) * unit)};
         const double amplitude = maximum(absolute(r.amplitude.x()), absolute(r.amplitude.y()));
         const double fastest = maximum(maximum(absolute(speed.x()), absolute(speed.y())), amplitude * natural);
+        const double rounding = always_less(T(1.0), T(1.0) + T(seen_in_double)) ? 0.0 : single_rounding;
+        const double unit =
+            square_of(maximum(said.position_noise, maximum(least_noise * square_root(h), rounding * amplitude)));
+        const double disturbed = square_of(maximum(said.force_noise, least_force));
+        const double slip = square_of(maximum(said.velocity_noise,
+                                              maximum(least_noise * natural * square_root(h), rounding * fastest))) /
+                            unit;
+        c.noise = {
+            .variance = T(unit),
+            .force = T(disturbed / unit / slots),
+            .measured = {T(1.0 / slots), T(1.0 / slots), T(slip / slots), T(slip / slots)},
+            .more = {T(1.0 - 1.0 / slots), T(1.0 - 1.0 / slots), T(slip - slip / slots), T(slip - slip / slots)}};
         const double velocity = square_of(maximum(fastest, least_noise)) / unit;
         c.prior.motion = {T(1.0), T(1.0), T(velocity_measured ? slip : velocity),
                           T(velocity_measured ? slip : velocity)};
+        // After a fault the motion may be far from its reference.
+        const double anywhere = square_of(unknown_motion * maximum(amplitude, least_noise)) / unit;
+        const double any_speed = square_of(unknown_motion) * velocity;
+        c.prior.unknown = {T(anywhere), T(anywhere), T(any_speed), T(any_speed)};
         const double of_rate = square_of(prior_deviation * natural) / unit, of_stiffness = of_rate * natural * natural;
-        c.prior.plant = {T(of_rate),      T(of_rate),      T(of_rate),     T(of_rate),
-                         T(of_stiffness), T(of_stiffness), T(of_stiffness)};
+        const double ramp = square_of(said.stiffness_drift) / unit;
+        c.prior.plant = {T(of_rate),      T(of_rate),      T(of_rate),      T(of_rate),
+                         T(of_stiffness), T(of_stiffness), T(of_stiffness), T(ramp)};
+        c.ramp = {T(span * k.xx()), T(span * k.xy()), T(span * k.yy())};
         const Information known{.nominal = nominal,
                                 .reference = r,
                                 .force = disturbed * h,
                                 .position = unit * h,
                                 .velocity = velocity_measured ? slip * unit * h : 0.0};
-        const auto drift = [&](double bandwidth, double information) {
-            return T(information > 0.0 ? bandwidth * bandwidth * span / information / unit : 0.0);
-        };
         const double v = p.rate_forgetting, w = p.forgetting;
-        c.drift = {drift(v, 4.0 * (known.of_damping(0, 1, v) + known.of_damping(1, 0, v))),
-                   drift(w, known.of_damping(0, 0, w)),
-                   drift(w, known.of_damping(0, 1, w) + known.of_damping(1, 0, w)),
-                   drift(w, known.of_damping(1, 1, w)),
-                   drift(w, known.of_stiffness(0, 0, w)),
-                   drift(w, known.of_stiffness(0, 1, w) + known.of_stiffness(1, 0, w)),
-                   drift(w, known.of_stiffness(1, 1, w))};
-        c.drifts = p.forgetting > 0.0;
+        const auto forgotten = [&](double information) {
+            return information > 0.0 ? w * w * span / information / unit : 0.0;
+        };
+        const auto wanders = [&](double damping) {
+            return square_of(said.damping_drift * damping) * damping_drifts_for * span / unit;
+        };
+        const double of_rates = 4.0 * (known.of_damping(0, 1, v) + known.of_damping(1, 0, v));
+        const std::array<double, parameters> drift{
+            of_rates > 0.0 ? v * v * span / of_rates / unit : 0.0,
+            forgotten(known.of_damping(0, 0, w)) + wanders(d.xx()),
+            forgotten(known.of_damping(0, 1, w) + known.of_damping(1, 0, w)) + wanders(d.xy()),
+            forgotten(known.of_damping(1, 1, w)) + wanders(d.yy()),
+            forgotten(known.of_stiffness(0, 0, w)),
+            forgotten(known.of_stiffness(0, 1, w) + known.of_stiffness(1, 0, w)),
+            forgotten(known.of_stiffness(1, 1, w)),
+            ramp * span / stiffness_drifts_for};
+        for (std::uint32_t k = 0; k < parameters; ++k) {
+            c.drift[k] = T(drift[k]);
+            if (k > 0 && drift[k] > 0.0) {
+                c.walks[c.walking++] = k;
+            }
+        }
+        const double slower = minimum(absolute(r.frequency.x()), absolute(r.frequency.y()));
+        const double period = 2.0 * 3.14159265358979323846 / (slower > 0.0 ? slower : natural);
+        using Agreement = Consistency<T, parameters>;
+        c.consistency = Agreement::prepare(period, h, sensors, 8.0, Agreement::relearning);
         return c;
     }
 
 private:
     static constexpr double least_noise = 1e-6, least_force = 1e-10;
+    static constexpr double single_rounding = 0x1p-22;  // over the number that is measured and predicted
+    static constexpr double seen_in_double = 0x1p-40;   // added to 1
 
     static double square_of(double a) { return a * a; }
 

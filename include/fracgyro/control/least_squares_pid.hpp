@@ -21,7 +21,7 @@ struct LeastSquaresPidParams {
 // How well the angular rate is known, too.
 template <Scalar T>
 struct LearntPlantReport : PlantReport<T> {
-    T rate_deviation{}, rate_trusted{};
+    T rate_deviation{}, rate_trusted{}, sample_refused{};
 
     static constexpr auto fields() {
         return std::tuple_cat(PlantReport<T>::fields(), rate_quality_fields<LearntPlantReport>());
@@ -52,7 +52,10 @@ struct LeastSquaresPid {
 
     static Report report(const State& state, const Coefficients& c) {
         const auto found = Learning::report(state.learning, c.learning);
-        return {{found.damping, found.stiffness, found.rate}, found.rate_deviation, found.rate_trusted};
+        return {{found.damping, found.stiffness, found.rate},
+                found.rate_deviation,
+                found.rate_trusted,
+                found.sample_refused};
     }
     static bool sound(const State& state, const Coefficients& c) { return Learning::sound(state.learning, c.learning); }
     static std::uint64_t steps(const State& state) { return Law::steps(state.pid); }

@@ -60,7 +60,8 @@ struct LqgOf {
         const PlantModel<T> found = Filter::plant(state.filter, c.filter);
         return {{found.damping, found.stiffness, found.rate},
                 Filter::rate_deviation(state.filter, c.filter),
-                Filter::trusted(state.filter, c.filter)};
+                Filter::trusted(state.filter, c.filter),
+                Filter::refused(state.filter)};
     }
     static bool sound(const State& state, const Coefficients& c) { return Filter::sound(state.filter, c.filter); }
     static std::uint64_t steps(const State& state) { return state.reference.steps; }

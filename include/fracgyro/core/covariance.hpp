@@ -46,33 +46,17 @@ struct FactoredCovariance {
     //     U_kj <- U_kj - k_k f_j/α_(j-1),   k_k <- k_k + U_kj g_j with the old U_kj, for k < j;   k_j = g_j
     template <std::size_t Measured>
     static Gain measure(State& state, const std::array<T, Measured>& row, T noise) {
-        Gain found{};
-        Vector& gain = found.move;
-        T alpha = noise, inverse = T(1.0) / noise;
-        for (std::size_t j = 0; j < Count; ++j) {
-            T* const u = &state.u_factor[column(j)];
+        return measured(state, noise, 0, [&](std::size_t j, const T* u) {
             T f = j < Measured ? row[j] : T(0.0);
             for (std::size_t k = 0; k < j && k < Measured; ++k) {
                 f = f + row[k] * u[k];
             }
-            const T g = state.d_factor[j] * f;
-            const T slope = -(f * inverse);
-            for (std::size_t k = 0; k < j; ++k) {
-                const T old = u[k];
-                u[k] = old + slope * gain[k];
-                gain[k] = gain[k] + old * g;
-            }
-            gain[j] = g;
-            const T before = alpha;
-            alpha = before + f * g;
-            inverse = T(1.0) / alpha;
-            state.d_factor[j] = state.d_factor[j] * (before * inverse);
-        }
-        for (T& k : gain) {
-            k = inverse * k;
-        }
-        found.variance = alpha;
-        return found;
+            return f;
+        });
+    }
+    // x_i was.
+    static Gain measure(State& state, std::size_t i, T noise) {
+        return measured(state, noise, i, [&](std::size_t j, const T* u) { return j == i ? T(1.0) : u[i]; });
     }
 
     // P_ii grows by `variance` >= 0, and nothing else changes (Agee and Turner; Bierman, ch. III).
@@ -95,6 +79,36 @@ struct FactoredCovariance {
             state.d_factor[j] = d;
         }
         state.d_factor[0] = state.d_factor[0] + c * (a[0] * a[0]);
+    }
+
+private:
+    // f(j, column j of U); 0 below `first`.
+    template <class F>
+    static Gain measured(State& state, T noise, std::size_t first, F&& row) {
+        Gain found{};
+        Vector& gain = found.move;
+        T alpha = noise, inverse = T(1.0) / noise;
+        for (std::size_t j = first; j < Count; ++j) {
+            T* const u = &state.u_factor[column(j)];
+            const T f = row(j, u);
+            const T g = state.d_factor[j] * f;
+            const T slope = -(f * inverse);
+            for (std::size_t k = 0; k < j; ++k) {
+                const T old = u[k];
+                u[k] = old + slope * gain[k];
+                gain[k] = gain[k] + old * g;
+            }
+            gain[j] = g;
+            const T before = alpha;
+            alpha = before + f * g;
+            inverse = T(1.0) / alpha;
+            state.d_factor[j] = state.d_factor[j] * (before * inverse);
+        }
+        for (T& k : gain) {
+            k = inverse * k;
+        }
+        found.variance = alpha;
+        return found;
     }
 };
 

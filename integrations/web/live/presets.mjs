@@ -35,8 +35,8 @@ export const presets = [
     key: "moving",
     title: "A rate that moves",
     sentence:
-      "An estimator that expects a slow rate lags behind a fast one; forgetting four times as fast (B) more than " +
-      "halves the error, and doubles the band.",
+      "An estimator that expects a slow rate lags behind a fast one, and its band grows by the lag; forgetting four " +
+      "times as fast (B) more than halves the error.",
     a: "least_squares",
     b: "least_squares",
     rate: "sine",

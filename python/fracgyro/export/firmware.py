@@ -15,7 +15,7 @@ from ..files import whole_folder
 from ..scenario import Scenario
 from ..scenario.bounded import check_bounded
 from ..scenario.kinds import ENTRIES, KINDS, Channel, lasting
-from ..scenario.to_core import core_numbers, core_setup
+from ..scenario.to_core import check_single, core_numbers, core_setup
 from ..scenario.units import si_unit
 from .compilers import SOURCES, Number
 from .settings import columns
@@ -59,6 +59,8 @@ def add_controller(scenario: Scenario, number: Number, folder: Path) -> None:
 def coefficients_header(scenario: Scenario, number: Number) -> str:
     """What differs from one scenario to the next. The same scenario gives the same text."""
     setup, single = core_setup(scenario), number == "float"
+    if single:
+        check_single(scenario)
     capacity = -(-max(setup.kernel.count, 1) // 2) * 2
     alignment = 8
     size = -(-_core.state_size(setup, capacity, single) // alignment) * alignment

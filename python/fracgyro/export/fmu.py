@@ -26,7 +26,7 @@ from ..files import whole_file
 from ..scenario import Scenario, ScenarioError
 from ..scenario.bounded import check_bounded
 from ..scenario.kinds import DEVICE_CHANNELS, LOOP_CHANNELS, reported
-from ..scenario.to_core import core_setup, is_ideal
+from ..scenario.to_core import check_single, core_setup, is_ideal
 from .compilers import FLAGS, SOURCES, Number, include, join_macos, system_compiler, zig
 from .settings import (
     columns,
@@ -129,6 +129,8 @@ def fmu(
         raise ValueError(
             "number is float: it must be double for a closed loop whose rate moves or whose device is not ideal"
         )
+    if number == "float":
+        check_single(scenario)
     variables = list(_variables(scenario, content, fmi))
     token = _token(scenario, content, fmi, number)
     header = _header(scenario, content, number, token, variables)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from typing import Any
 
@@ -105,8 +106,21 @@ def datasheet(scenario: Scenario) -> Datasheet:
         "position_noise": math.hypot(device.position_noise, _resolution(device.position) / math.sqrt(12)),
         "velocity_noise": math.hypot(device.velocity_noise, _resolution(device.velocity) / math.sqrt(12)),
         "delay": min(device.delay, MAX_DELAY),
+        **_drifts(scenario),
     }
     return known.model_copy(update={name: value for name, value in found.items() if getattr(known, name) is None})
+
+
+def _drifts(scenario: Scenario) -> dict[str, float]:
+    """The largest rates at which stiffness and damping drift, as fractions of themselves per unit of time."""
+    device, scales = scenario.device, scenario.plant.scales
+    points = device.temperature(scenario.run.duration * scales.time)
+    slopes = [abs(b - a) / (end - begin) for (begin, a), (end, b) in itertools.pairwise(points) if end > begin]
+    warming = 1e-6 * max(slopes, default=0.0) * scales.time
+    return {
+        "stiffness_drift": abs(device.stiffness_drift) * warming,
+        "damping_drift": abs(device.damping_drift) * warming,
+    }
 
 
 def natural_frequencies(scenario: Scenario) -> tuple[float, float]:
@@ -238,6 +252,39 @@ def _profile(scenario: Scenario, points: Points, scale: float) -> _core.Profile:
 def core_setup(scenario: Scenario, changes: Mapping[str, float] | None = None) -> _core.DeviceSetup:
     """One run for the compiled loop; `changes`: numbers of `core_numbers` that are others."""
     return _made(scenario, changes) if changes else _core.DeviceSetup(_unchanged(scenario))
+
+
+def check_single(scenario: Scenario) -> None:
+    """Raises ValueError, in one sentence, where single precision cannot hold what the controller is computed with."""
+    exact, lost = _lost_in_single(core_setup(scenario))
+    if not lost:
+        return
+    found = core_numbers(scenario)
+    for name in sorted(found, key=lambda name: -abs(math.log(abs(found[name]) or 1.0))):
+        if len(_lost_in_single(core_setup(scenario, {name: 1.0}))[1]) < len(lost):
+            raise ValueError(
+                f"{name} is {found[name]:g}, nondimensional: it makes a coefficient of {exact[lost[0]]:.1e}, and "
+                "single precision holds none beyond 3.4e38; use double"
+            )
+    raise ValueError(
+        f"a coefficient of the controller is {exact[lost[0]]:.1e}: single precision holds none beyond 3.4e38; "
+        "use double"
+    )
+
+
+def _lost_in_single(setup: _core.DeviceSetup) -> tuple[list[float], list[int]]:
+    """The coefficients, and the places of those that single precision cannot hold."""
+    exact, single = (list(_flat(_core.coefficients(setup, single))) for single in (False, True))
+    pairs = enumerate(zip(exact, single, strict=True))
+    return exact, [k for k, (a, b) in pairs if math.isfinite(a) and not math.isfinite(b)]
+
+
+def _flat(nested: Any) -> Iterator[float]:
+    if isinstance(nested, list | tuple):
+        for one in nested:
+            yield from _flat(one)
+    else:
+        yield float(nested)
 
 
 @lru_cache(maxsize=8)

@@ -16,7 +16,7 @@ from .. import _core
 from ..arguments import number, pair, short
 from ..scenario import Scenario, check_scenario
 from ..scenario.kinds import lasting
-from ..scenario.to_core import core_setup
+from ..scenario.to_core import check_single, core_setup
 from .outside import units
 
 Vector = NDArray[np.float64]
@@ -36,7 +36,8 @@ class Estimates:
     rate: float  #: the angular rate
     bound: Vector  #: b0, b1, b2
     rate_deviation: float  #: standard deviation of the rate; of composite and joint adaptation
-    rate_trusted: bool  #: whether the motion separates the rate from the other parameters
+    rate_trusted: bool  #: whether the motion separates the rate from the other parameters and agrees with the model
+    sample_refused: bool  #: whether the last sample was too far from the predicted one to learn from
 
 
 class Controller:
@@ -64,6 +65,8 @@ class Controller:
         self._step = scenario.run.step
         self._units = units(scenario)
         self._observes = scenario.device.sensing == "position"
+        if single_precision:
+            check_single(scenario)
         setup = core_setup(scenario)
         self._core = _core.Controller(setup, single_precision)
         self._reported = lasting(setup)
@@ -153,6 +156,7 @@ class Controller:
             bound=found.get("bound_estimate", nothing),
             rate_deviation=float(found.get("rate_deviation", math.nan)),
             rate_trusted=bool(found.get("rate_trusted", False)),
+            sample_refused=bool(found.get("sample_refused", False)),
         )
 
     @property

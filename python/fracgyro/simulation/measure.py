@@ -11,6 +11,7 @@ import xarray as xr
 from .. import _core
 from ..arguments import number, short
 from ..scenario import Scenario
+from ..scenario.to_core import check_single
 from .dataset import metrics_dataset
 from .many import check_many, seed_of_each, setups_of, threads_available
 from .native import Law
@@ -69,6 +70,8 @@ def measure_many(
     outside = None if controller is None else Outside(laws[0] if laws else controller)
     if outside and single_precision:
         raise ValueError("single_precision is True with a controller: those from outside are in double precision")
+    for scenario in scenarios if single_precision else ():
+        check_single(scenario)
     params = _core.MetricsParams()
     thresholds = {
         "transient": transient,

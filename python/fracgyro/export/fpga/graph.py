@@ -18,7 +18,7 @@ from typing import Any, Literal, NamedTuple, get_args
 from ... import _core
 from ...scenario import Scenario
 from ...scenario.kinds import having
-from ...scenario.to_core import core_setup
+from ...scenario.to_core import check_single, core_setup
 from ..compilers import FLAGS, SOURCES, compiler, include, run
 from ..settings import core_kernel, core_numbers, observer_bandwidth
 from .arithmetic import ARITHMETICS, Arithmetic, HardwareNumber
@@ -194,6 +194,8 @@ def trace(scenario: Scenario, number: HardwareNumber = "float") -> Graph:
             "adaptation.kind is 'joint': it cannot be exported as hardware: counters in its state choose what is "
             "computed, which is not traced; choose another"
         )
+    if number == "float":
+        check_single(scenario)
     with tempfile.TemporaryDirectory() as folder:
         program = compiled_for(scenario, "trace", Path(folder), f"-DFRACGYRO_FIXED={int(number == 'fixed')}", "-O1")
         try:

@@ -1,0 +1,221 @@
+// 5  Consistency of an estimator (joint.hpp, composite.hpp) with its sensors, judged by its innovations r and the
+//    variances S that it states for them.
+//
+//    Each number is judged given those before it of the same sample: exact sensors move positions and velocities
+//    together. Over a window of four periods the mean of r²/S is 1 if the model is right. An angular rate that moves
+//    faster than the filter follows adds a known part: an error ε of Ω̂z adds g ε to r (joint.hpp: g is Ωz's column of
+//    U). Least squares over the window give
+//
+//        ε = Σ r g/S / Σ g²/S,    explained = (Σ r g/S)² / Σ g²/S,    excess = mean r²/S - explained
+//
+//    The filter is consistent while excess <= 1.25 + 3 times the mean of `explained` over eight windows: vehicles that
+//    turn at the edge of the bandwidth leave 0.6 of `explained`, faults of sensors 2.4 to 1,000 times of it. The
+//    variance that is stated for Ω̂z is P max(1, excess) + the larger of ε² and its mean.
+//
+//    Disagreement: a motion is smooth and a sensor that fails is not. Three innovations in a row beyond eight
+//    deviations, with a second difference beyond twenty among them, are a disagreement; so is an inconsistency that
+//    lasts for four windows, and are estimates that have moved once it is over. The estimates go back to those before
+//    and their variances to the prior. From then on D̂ and K̂ are compared with those before: Ω̂z is not trusted until
+//    they have agreed for four windows, nor when they disagree later, as they may in a fault that lasts. While they
+//    disagree they are learned again every 32 windows, or 16,384 samples if these are more. The joint filter trusts
+//    nothing in as many at first, in which a rate that moves spoils D̂ and K̂ unseen. If they never agree, the plant has
+//    changed, which is accepted after `acceptance` samples.
+#pragma once
+
+#include "fracgyro/core/scalar.hpp"
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+namespace fracgyro {
+
+template <Scalar T, std::size_t parameters>
+struct Consistency {
+    using Row = std::array<T, parameters>;
+    static constexpr double max_innovation = 8.0;    // deviations: noise is never so far off
+    static constexpr double max_excess = 1.25;       // five deviations of a mean over a window
+    static constexpr double max_unexplained = 3.0;   // of what a rate that moves explains
+    static constexpr double max_difference = 5.0;    // deviations of an estimate from that before a disagreement
+    static constexpr double max_refused = 2.0;       // in a row
+    static constexpr double max_bend = 20.0;         // deviations of a second difference: eight of white noise's
+    static constexpr double relearning = 32.0;       // windows, but at most
+    static constexpr double longest = 16'384.0;      // samples
+    static constexpr double acceptance = 131'072.0;  // samples
+
+    struct Coefficients {
+        T weight{}, slow_weight{};  // of a sample in the means
+        T sensors{}, per_sensor{};
+        T unexplained{};                          // mean of `explained` without any motion
+        T patience{}, agreement{}, relearning{};  // samples: of an inconsistency, of estimates that agree or do not
+        T start{};                                // samples before any estimate is trusted
+        std::uint32_t window = 1;
+    };
+    struct Known {
+        Row value{}, variance = filled(T(unknown));
+    };
+    struct State {
+        T squares = T(1.0), along{}, sensitivity{};  // means of r²/S, r g/S, g²/S
+        T now{}, explained{};                        // what ε explains, and its slow mean
+        std::array<T, 4> last{}, rise{};             // residual, and what it has changed by
+        T beyond{}, jumped{};                        // samples beyond the limit in a row; 1: a jump is among them
+        T refused{};                                 // 1: the last was
+        T inconsistent{};                            // 1: excess is beyond its limit
+        T lasting{};                                 // samples in which it was, less those in which it was not
+        T moved{}, most{};                           // 1: not compared since; what ε has explained at most since
+        T doubted{}, learning{};   // samples since the first disagreement, and since the last or the start
+        T agreed{};                // samples in a row
+        Known before{}, recent{};  // estimates, one to two windows old and up to one
+    };
+
+    // `turn`: windows that the mean of `explained` goes over; `start`: before which nothing is trusted.
+    static Coefficients prepare(double period, double step, std::size_t sensors, double turn, double start) {
+        const double window = clamp(4.0 * period / step, 16.0, 65536.0), count = static_cast<double>(sensors);
+        return {.weight = T(1.0 / window),
+                .slow_weight = T(1.0 / (turn * window)),
+                .sensors = T(count),
+                .per_sensor = T(1.0 / count),
+                .unexplained = T(0.5 / (window * count)),
+                .patience = T(4.0 * window),
+                .agreement = T(4.0 * window),
+                .relearning = T(minimum(relearning * window, longest)),
+                .start = T(minimum(start * window, longest)),
+                .window = static_cast<std::uint32_t>(window)};
+    }
+
+    static T excess(const State& state) { return state.squares - state.now; }
+    // ε² now or its mean, without what noise makes of either.
+    static T lag_variance(const State& state, const Coefficients& c) {
+        const T now = state.now - T(16.0) * c.unexplained, mean = state.explained - T(3.0) * c.unexplained;
+        return c.sensors * maximum(maximum(now, mean), T(0.0)) / maximum(state.sensitivity, T(vanishing));
+    }
+    static T variance(const State& state, const Coefficients& c, T stated) {
+        return stated * maximum(excess(state), T(1.0)) + lag_variance(state, c);
+    }
+    // 1 while the estimates may be trusted as far as the innovations show.
+    static T sound(const State& state, const Coefficients& c) {
+        const T yes = T(1.0), no = T(0.0), half = T(0.5);
+        const T started = if_less(state.learning, c.start, no, yes);
+        const T learnt = if_less(state.learning, c.relearning, no, yes);
+        const T agreed = if_less(state.agreed, c.agreement, no, yes);
+        const T settled = if_less(state.before.variance[1], T(unknown), agreed, learnt);
+        const T known = if_less(state.doubted + state.moved * calm(state), half, started, settled);
+        return if_less(state.inconsistent, half, known, no);
+    }
+
+    // 1 if the last sample was not learned from.
+    static T refused(const State& state) { return state.refused; }
+
+    // One sample: residuals, their precisions 1/S, and g. Returns 1 if it is learned from. Not inlined: within a filter
+    // of four sensors it would cost a small processor's registers.
+    template <std::size_t sensors>
+    [[gnu::noinline]] static T judge(State& state, const Coefficients& c, const std::array<T, sensors>& residual,
+                                     const std::array<T, sensors>& precision,
+                                     const std::array<T, sensors>& sensitivity) {
+        const T zero = T(0.0), one = T(1.0), limit = T(max_innovation * max_innovation);
+        const T lag = limit * lag_variance(state, c);
+        T squares = zero, along = zero, gain = zero, far = zero, bent = zero;
+        for (std::size_t i = 0; i < sensors; ++i) {
+            const T weighted = sensitivity[i] * precision[i], square = residual[i] * residual[i] * precision[i];
+            const T of_rate = sensitivity[i] * weighted;
+            far = if_less(square, limit + lag * of_rate, far, one);  // NaN is far, too
+            squares = squares + square;
+            along = along + residual[i] * weighted;
+            gain = gain + of_rate;
+            const T rise = residual[i] - state.last[i], bend = rise - state.rise[i];
+            bent = if_less(T(max_bend * max_bend), bend * bend * precision[i], one, bent);
+            state.last[i] = residual[i];
+            state.rise[i] = rise;
+        }
+        state.refused = if_less(T(max_refused), state.beyond, zero, far);
+        const T learns = one - state.refused;
+        const auto follow = [&](T& mean, T weight, T now) {  // a square that is refused may be infinite
+            mean = if_less(zero, learns, mean + weight * (now - mean), mean);
+        };
+        state.beyond = far * minimum(state.beyond + one, T(max_refused + 1.0));
+        state.jumped = far * maximum(state.jumped, bent);
+        follow(state.squares, c.weight, c.per_sensor * squares);
+        follow(state.along, c.weight, along);
+        follow(state.sensitivity, c.weight, gain);
+        state.now = c.per_sensor * (state.along * state.along) / maximum(state.sensitivity, T(vanishing));
+        follow(state.explained, c.slow_weight, state.now);
+        return learns;
+    }
+
+    // 1 in a disagreement of the samples.
+    static T disagrees(State& state, const Coefficients& c) {
+        const T zero = T(0.0), one = T(1.0);
+        const T limit = T(max_excess) + T(max_unexplained) * state.explained;
+        state.inconsistent = if_less(excess(state), limit, zero, one);
+        state.lasting = maximum(state.lasting + (state.inconsistent + state.inconsistent - one), zero);
+        state.moved = maximum(state.moved, state.inconsistent);
+        state.most = state.moved * maximum(state.most, state.explained);
+        const T jumped = if_less(T(max_refused), state.beyond, state.jumped, zero);
+        state.learning = minimum(state.learning + one, T(acceptance));
+        const T lasts = if_less(state.lasting, c.patience, zero, if_less(state.learning, c.relearning, zero, one));
+        return maximum(jumped, lasts);
+    }
+    // 1 while the estimates are to be compared with those before.
+    static T watched(const State& state) { return maximum(state.doubted, state.moved); }
+    // Returns 1 if an estimate disagrees with that before an inconsistency that is over.
+    static T compare(State& state, const Coefficients& c, std::size_t k, T estimate, T variance) {
+        const T zero = T(0.0), one = T(1.0), quiet = calm(state);
+        const T difference = estimate - state.before.value[k], square = difference * difference;
+        variance = (variance + state.before.variance[k]) *
+                   (maximum(state.squares, one) + maximum(state.explained, state.most));
+        const T consistent = one - state.inconsistent;
+        const T agrees = if_less(square, T(max_difference * max_difference) * variance, consistent, zero);
+        const T doubts = if_less(zero, state.doubted, one, zero);
+        const T again = maximum(state.moved * quiet, if_less(state.learning, c.relearning, zero, doubts));
+        const T disagrees = again * (one - agrees);
+        state.agreed = agrees * (state.agreed + one);
+        const T settled = if_less(state.agreed, c.agreement, zero, quiet);
+        state.moved = state.moved * (one - settled);
+        const T doubted = doubts * (state.doubted + one);
+        state.doubted = doubted * if_less(doubted, T(acceptance), one, one - consistent);
+        return disagrees;
+    }
+    // From a disagreement on, in the runs that `which` is 1 for, as if the innovations had been those of the model.
+    static void doubt(State& state, T which) {
+        const T zero = T(0.0), one = T(1.0), keep = one - which;
+        state.squares = if_less(zero, which, one, state.squares);
+        state.doubted = maximum(state.doubted, which);
+        state.learning = keep * state.learning;
+        state.along = keep * state.along;
+        state.now = keep * state.now;
+        state.explained = keep * state.explained;
+        state.beyond = keep * state.beyond;
+        state.inconsistent = keep * state.inconsistent;
+        state.lasting = keep * state.lasting;
+        state.moved = keep * state.moved;
+        state.most = keep * state.most;
+        state.agreed = keep * state.agreed;
+    }
+
+    // Keeps an estimate, once a window, that the next disagreement goes back to, unless it may be wrong.
+    static void remember(State& state, const Coefficients& c, std::size_t k, T estimate, T variance) {
+        const T half = T(0.5), zero = T(0.0);
+        const T sure = if_less(state.doubted + state.moved + state.beyond, half, T(1.0), zero);
+        const T known = if_less(state.learning, c.start, zero, sure);
+        const auto keep = [&](T& kept, T now) { kept = if_less(half, known, now, kept); };
+        keep(state.before.value[k], state.recent.value[k]);
+        keep(state.before.variance[k], state.recent.variance[k]);
+        keep(state.recent.value[k], estimate);
+        keep(state.recent.variance[k], variance);
+    }
+
+private:
+    static constexpr double unknown = 1e9;
+    static constexpr Row filled(T a) {
+        Row row{};
+        row.fill(a);
+        return row;
+    }
+    static constexpr double vanishing = 1e-30;
+    // 1 if there is nothing but noise.
+    static T calm(const State& state) {
+        return if_less(state.squares + state.explained, T(max_excess), T(1.0), T(0.0));
+    }
+};
+
+}  // namespace fracgyro
