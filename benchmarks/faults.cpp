@@ -1,14 +1,14 @@
-// The guarded controller in a closed loop with the exact plant, under faults of its sensors. Reads "numbers" (in the
-// order of settings.hpp), "poles" and "weights" of the exponentials, and prints JSON. KIND: its place in
-// controller_kinds.
+// The guarded controller in a closed loop with the exact plant, under faults of its sensors. Reads the files of
+// scenario_files.hpp and prints JSON. KIND: its place in controller_kinds.
 //
 //     faults KIND float|double alarms STEPS                how often a sample is refused without any fault
 //     faults KIND float|double run FROM UNTIL              what each fault on standard input does
 //     faults KIND float|double notice FROM UNTIL           how many samples each of them goes unnoticed
 //
 // A fault is a line WHAT SIZE SAMPLES EVERY.
+#include "scenario_files.hpp"
+
 #include "fracgyro/control/guard.hpp"
-#include "fracgyro/sim/settings.hpp"
 
 #include <cmath>
 #include <cstdio>
@@ -19,17 +19,6 @@
 using namespace fracgyro;
 
 namespace {
-
-std::vector<double> read(const char* name) {
-    std::vector<double> numbers;
-    if (std::FILE* const file = std::fopen(name, "rb")) {
-        for (double number; std::fread(&number, sizeof number, 1, file) == 1;) {
-            numbers.push_back(number);
-        }
-        std::fclose(file);
-    }
-    return numbers;
-}
 
 using Measured = std::array<double, 4>;  // x, y and their rates
 
@@ -212,15 +201,9 @@ void notice(const Setup& setup, std::int64_t from, std::int64_t until, const std
 }  // namespace
 
 int main(int count, char** words) {
-    const auto numbers = read("numbers"), poles = read("poles"), weights = read("weights");
     Setup setup{.controller = params_of_kind(count < 5 ? 0 : std::stoul(words[1]))};
-    if (count < 5 || numbers.size() != setting_count(setup)) {
+    if (count < 5 || !take_files(setup)) {
         return 2;
-    }
-    take_settings(setup, numbers.data());
-    if (ExponentialSum* const kernel = kernel_of(setup.controller); kernel != nullptr) {
-        std::copy(poles.begin(), poles.end(), kernel->poles.begin());
-        std::copy(weights.begin(), weights.end(), kernel->weights.begin());
     }
     const std::string number = words[2], mode = words[3];
     const auto steps = [&](int i) { return std::int64_t{std::llround(std::stod(words[i]) / setup.common.step)}; };

@@ -26,7 +26,7 @@ from fracgyro.scenario.shipped import SHIPPED, exactly_sensed
 from fracgyro.scenario.to_core import core_setup
 from machine import command, machine, write
 
-DEPENDS_ON = ["sliding_mode", "composite", "joint", "benchmarks/faults.cpp"]
+DEPENDS_ON = ["sliding_mode", "composite", "joint", "benchmarks/faults.cpp", "benchmarks/scenario_files.hpp"]
 
 BEGIN, END = 20.0, 60.0
 PAPER = fg.Scenario.paper().replace({"controller.force_limit": 6000.0, "run.duration": END})

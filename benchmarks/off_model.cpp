@@ -1,15 +1,16 @@
 // A rate sensor off its model: the guarded controller in a closed loop with the device, under faults of its sensors.
-// Reads "numbers" (in the order of settings.hpp), "device" (of device_settings.hpp), "poles" and "weights", and prints
-// one line for each fault on standard input, WHAT,SIZE,SAMPLES:
+// Reads the files of scenario_files.hpp and "device" (of device_settings.hpp), and prints one line for each fault on
+// standard input, WHAT,SIZE,SAMPLES:
 //
 //     off_model KIND position|both checked|unchecked FROM UNTIL
 //
 // Shares of samples that are trusted, and of those the share beyond four stated deviations, during the fault and after
 // it; the steps from its end until 99 % of all later samples are trusted and within four deviations, -1: never; RMS
 // error and mean stated deviation after it.
+#include "scenario_files.hpp"
+
 #include "fracgyro/control/guard.hpp"
 #include "fracgyro/sim/device_settings.hpp"
-#include "fracgyro/sim/settings.hpp"
 
 #include <cmath>
 #include <cstdio>
@@ -20,17 +21,6 @@
 using namespace fracgyro;
 
 namespace {
-
-std::vector<double> read(const char* name) {
-    std::vector<double> numbers;
-    if (std::FILE* const file = std::fopen(name, "rb")) {
-        for (double number; std::fread(&number, sizeof number, 1, file) == 1;) {
-            numbers.push_back(number);
-        }
-        std::fclose(file);
-    }
-    return numbers;
-}
 
 constexpr std::int64_t remembered = 64;  // samples
 
@@ -208,16 +198,10 @@ void run(const DeviceSetup& setup, std::int64_t from, std::int64_t until) {
 
 int main(int count, char** words) {
     DeviceSetup setup{{.controller = params_of_kind(count < 6 ? 0 : std::stoul(words[1]))}};
-    const auto numbers = read("numbers"), poles = read("poles"), weights = read("weights"), device = read("device");
-    if (count < 6 || numbers.size() != setting_count(setup)) {
+    if (count < 6 || !take_files(setup)) {
         return 2;
     }
-    take_settings(setup, numbers.data());
-    take_device_settings(setup, device.data());
-    if (ExponentialSum* const kernel = kernel_of(setup.controller); kernel != nullptr) {
-        std::copy(poles.begin(), poles.end(), kernel->poles.begin());
-        std::copy(weights.begin(), weights.end(), kernel->weights.begin());
-    }
+    take_device_settings(setup, read("device").data());
     setup.common.guard.checked = words[3] == std::string("checked");
     if (!setup.common.guard.checked) {
         setup.common.guard.patience = setup.common.guard.saturation_patience = 0.0;

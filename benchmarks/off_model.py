@@ -9,6 +9,7 @@ checked by the guard or not. Stiffness that drifts, and rates that turn. Quick: 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import math
 import subprocess
@@ -26,11 +27,13 @@ from fracgyro.scenario.shipped import shipped
 from fracgyro.scenario.to_core import core_setup
 from machine import command, machine, write
 
-DEPENDS_ON = ["sliding_mode", "joint", "benchmarks/off_model.cpp"]
+DEPENDS_ON = ["sliding_mode", "joint", "benchmarks/off_model.cpp", "benchmarks/scenario_files.hpp"]
 
 DEVICES = ["dual_mass", "tuned_in_air", "disc", "paper_resonance"]
 LENGTHS = [20, 2_000, 20_000]
 FROM, UNTIL = 100_000, 200_000
+SAMPLES = 400_000  # without faults
+TURNS = ((1, 300), (10, 100), (50, 30), (100, 30))  # Hz, deg/s
 ALLOWED = 50.0  # ms, after the end of a fault
 # What, size in q0 or as a factor.
 FAULTS: list[tuple[str, float]] = [
@@ -135,71 +138,69 @@ def fault_table(program: Program, devices: list[str], faults: list[tuple[str, fl
     ]
 
 
-def drift_table(program: Program, devices: list[str], minute: bool) -> list[str]:
-    rows = ["| device | drift, ppm/s | for | RMS, deg/s | stated, deg/s | trusted, % | wrong while trusted, % |"]
-    rows.append("|---|---|---|---|---|---|---|")
+Case = tuple[str, fg.Scenario, int]  # first cells of its row, scenario, samples
 
-    def row(case: tuple[str, float, bool]) -> str:
-        device, drift, long = case
-        ramp = {"device.stiffness_drift": -1.0, "device.temperature_ramp": drift, "plant.angular_rate": 0.0}
-        scenario, until = shipped(device).replace(ramp), 400_000
-        second = 1.0 / (scenario.run.step * scenario.plant.scales.time)  # samples
-        if long:
-            until = round(60.0 * second)
-            scenario = scenario.replace({"run.duration": until * scenario.run.step})
+
+def without_faults(program: Program, cases: list[Case]) -> list[str]:
+    """A row for each case: RMS error, stated deviation, shares of what is trusted and of what of it is wrong."""
+
+    def row(case: Case) -> str:
+        words, scenario, until = case
         (found,) = program(scenario, True, ["none,0,0"], until)
         deg = math.degrees(scenario.plant.scales.rate)
         trusted, wrong = found["after"]
         return (
-            f"| {device} | {drift:g} | {until / second:.3g} s | {deg * found['rms']:.4f} | "
-            f"{deg * found['deviation']:.4f} | {100 * trusted:.2f} | {100 * wrong:.3f} |"
+            f"| {words} | {deg * found['rms']:.3g} | {deg * found['deviation']:.3g} | {100 * trusted:.2f} | "
+            f"{100 * wrong:.3f} |"
         )
 
-    cases = [(device, drift, False) for device in devices for drift in (0.0, 1.0, 10.0)]
-    cases += [(device, 1.0, True) for device in devices if minute]
     with ThreadPoolExecutor() as pool:
-        return [*rows, *pool.map(row, cases)]
+        return list(pool.map(row, cases))
+
+
+MEASURED = "RMS error, deg/s | stated, mean, deg/s | trusted, % | wrong while trusted, % |"
+
+
+def drift_table(program: Program, devices: list[str], minute: bool) -> list[str]:
+    cases: list[Case] = []
+    for long, drift, device in itertools.product((False, True), (0.0, 1.0, 10.0), devices):
+        if long and not (minute and drift == 1.0):
+            continue
+        ramp = {"device.stiffness_drift": -1.0, "device.temperature_ramp": drift, "plant.angular_rate": 0.0}
+        scenario, until = shipped(device).replace(ramp), SAMPLES
+        second = 1.0 / (scenario.run.step * scenario.plant.scales.time)  # samples
+        if long:
+            until = round(60.0 * second)
+            scenario = scenario.replace({"run.duration": until * scenario.run.step})
+        cases.append((f"{device} | {drift:g} | {until / second:.3g} s", scenario, until))
+    return [
+        f"| device | drift, ppm/s | for | {MEASURED}",
+        "|---|---|---|---|---|---|---|",
+        *without_faults(program, cases),
+    ]
 
 
 def delay_table(program: Program, devices: list[str]) -> list[str]:
-    rows = ["| device | RMS error, deg/s | stated, deg/s | trusted, % | wrong while trusted, % |"]
-    rows.append("|---|---|---|---|---|")
-    for device in devices:
-        scenario = shipped(device).replace({"device.delay": 1, "datasheet.delay": 0})
-        (found,) = program(scenario, True, ["none,0,0"], 400_000)
-        deg = math.degrees(scenario.plant.scales.rate)
-        trusted, wrong = found["after"]
-        rows.append(
-            f"| {device} | {deg * found['rms']:.4g} | {deg * found['deviation']:.4g} | {100 * trusted:.2f} | "
-            f"{100 * wrong:.2f} |"
-        )
-    return rows
+    late = {"device.delay": 1, "datasheet.delay": 0}
+    cases: list[Case] = [(device, shipped(device).replace(late), SAMPLES) for device in devices]
+    return [f"| device | {MEASURED}", "|---|---|---|---|---|", *without_faults(program, cases)]
 
 
 def turn_table(program: Program, devices: list[str]) -> list[str]:
-    rows = ["| device | rate | RMS error, deg/s | stated, mean, deg/s | trusted, % | wrong while trusted, % |"]
-    rows.append("|---|---|---|---|---|---|")
-    for device in devices:
+    cases: list[Case] = []
+    for device, (hertz, size) in itertools.product(devices, TURNS):
         base = shipped(device)
         start = FROM * base.run.step * base.plant.scales.time
-        for hertz, size in ((1, 300), (10, 100), (50, 30), (100, 30)):
-            for begin, words in ((start, "from rest"), (0.0, "from the first sample")):
-                turn = {
-                    "plant.angular_rate": 0.0,
-                    "rate.kind": "sine",
-                    "rate.amplitude": math.radians(size),
-                    "rate.frequency": 2 * math.pi * hertz,
-                    "rate.start": begin,
-                }
-                scenario = base.replace(turn)
-                (found,) = program(scenario, True, ["none,0,0"], 400_000)
-                deg = math.degrees(scenario.plant.scales.rate)
-                trusted, wrong = found["after"]
-                rows.append(
-                    f"| {device} | {hertz} Hz, {size} deg/s, {words} | {deg * found['rms']:.3g} | "
-                    f"{deg * found['deviation']:.3g} | {100 * trusted:.2f} | {100 * wrong:.2f} |"
-                )
-    return rows
+        for begin, words in ((start, "from rest"), (0.0, "from the first sample")):
+            turn = {
+                "plant.angular_rate": 0.0,
+                "rate.kind": "sine",
+                "rate.amplitude": math.radians(size),
+                "rate.frequency": 2 * math.pi * hertz,
+                "rate.start": begin,
+            }
+            cases.append((f"{device} | {hertz} Hz, {size} deg/s, {words}", base.replace(turn), SAMPLES))
+    return [f"| device | rate | {MEASURED}", "|---|---|---|---|---|---|", *without_faults(program, cases)]
 
 
 def main() -> None:

@@ -15,8 +15,8 @@
 //    Of r the part E(d) = r/α is noise, and the other, large in the beginning, the estimates' own error: α = 1 + row P
 //    rowᵀ, and that of the last step serves.
 //
-//    What one sample may add is bounded: from when they are trusted, residuals are judged by consistency.hpp, with the
-//    deviation σ̂ √α and, for the rate, the row's first entry. In a disagreement the estimates go back to those before
+//    The influence of one sample is bounded: from when they are trusted, residuals are judged by consistency.hpp, with
+//    the deviation σ̂ √α and, for the rate, the row's first entry. In a disagreement the estimates go back to those before
 //    it, and P to the prior.
 //
 //    The force is computed with the laws' part, which is the loop's integral action, and from when Ω̂z is first trusted
@@ -37,8 +37,8 @@ constexpr auto rate_quality_fields() {
     return std::tuple{channel("rate_deviation", &R::rate_deviation, "omega0",
                               "standard deviation of the estimate of the angular rate; 0 without data"),
                       channel("rate_trusted", &R::rate_trusted, "1",
-                              "1 if the angular rate can be told from the other parameters and what is measured "
-                              "agrees with the model"),
+                              "1 if the motion separates the angular rate from the other parameters and what is "
+                              "measured agrees with the model"),
                       channel("sample_refused", &R::sample_refused, "1",
                               "1 if the last sample was too far from the predicted one to learn from")};
 }
@@ -231,7 +231,7 @@ private:
         state.left = (T(1.0) - disagrees) * state.left;  // anything may come
         Agreement::doubt(state.agreement, disagrees);
     }
-    // Of an estimate, as the model has it.
+    // Variance of an estimate by the model.
     static T variance(const State& state, std::size_t k) { return state.noise * Squares::variance(state.squares, k); }
     static double natural_frequency(const Sym2<double>& k) {
         return maximum(square_root(0.5 * absolute(k.xx() + k.yy())), 1e-3);

@@ -14,12 +14,13 @@
 //
 //    Disagreement: a motion is smooth and a sensor that fails is not. Three innovations in a row beyond eight
 //    deviations, with a second difference beyond twenty among them, are a disagreement; so is an inconsistency that
-//    lasts for four windows, and are estimates that have moved once it is over. The estimates go back to those before
-//    and their variances to the prior. From then on D̂ and K̂ are compared with those before: Ω̂z is not trusted until
-//    they have agreed for four windows, nor when they disagree later, as they may in a fault that lasts. While they
-//    disagree they are learned again every 32 windows, or 16,384 samples if these are more. The joint filter trusts
-//    nothing in as many at first, in which a rate that moves spoils D̂ and K̂ unseen. If they never agree, the plant has
-//    changed, which is accepted after `acceptance` samples.
+//    lasts for four windows, and are estimates that have moved once it is over, by more than a rate that turned
+//    meanwhile may move them. The estimates go back to those before and their variances to the prior. From then on D̂
+//    and K̂ are compared with those before: Ω̂z is not trusted until they have agreed for four windows, nor when they
+//    disagree later, as they may in a fault that lasts. While they disagree they are learned again every 32 windows,
+//    or 16,384 samples if these are more. The joint filter trusts nothing in as many at first, in which a rate that
+//    moves spoils D̂ and K̂ unseen. If they never agree, the plant has changed, which is accepted after `acceptance`
+//    samples.
 #pragma once
 
 #include "fracgyro/core/scalar.hpp"
@@ -37,7 +38,8 @@ struct Consistency {
     static constexpr double max_excess = 1.25;       // five deviations of a mean over a window
     static constexpr double max_unexplained = 3.0;   // of what a rate that moves explains
     static constexpr double max_difference = 5.0;    // deviations of an estimate from that before a disagreement
-    static constexpr double max_refused = 2.0;       // in a row
+    static constexpr double turn_share = 0.5;        // of what a rate has explained, which it may move estimates by
+    static constexpr double max_refused = 3.0;       // in a row
     static constexpr double max_bend = 20.0;         // deviations of a second difference: eight of white noise's
     static constexpr double relearning = 32.0;       // windows, but at most
     static constexpr double longest = 16'384.0;      // samples
@@ -96,9 +98,9 @@ struct Consistency {
     static T sound(const State& state, const Coefficients& c) {
         const T yes = T(1.0), no = T(0.0), half = T(0.5);
         const T started = if_less(state.learning, c.start, no, yes);
-        const T learnt = if_less(state.learning, c.relearning, no, yes);
+        const T learned = if_less(state.learning, c.relearning, no, yes);
         const T agreed = if_less(state.agreed, c.agreement, no, yes);
-        const T settled = if_less(state.before.variance[1], T(unknown), agreed, learnt);
+        const T settled = if_less(state.before.variance[1], T(unknown), agreed, learned);
         const T known = if_less(state.doubted + state.moved * calm(state), half, started, settled);
         return if_less(state.inconsistent, half, known, no);
     }
@@ -106,12 +108,10 @@ struct Consistency {
     // 1 if the last sample was not learned from.
     static T refused(const State& state) { return state.refused; }
 
-    // One sample: residuals, their precisions 1/S, and g. Returns 1 if it is learned from. Not inlined: within a filter
-    // of four sensors it would cost a small processor's registers.
+    // One sample: residuals, their precisions 1/S, and g. Returns 1 if it is learned from.
     template <std::size_t sensors>
-    [[gnu::noinline]] static T judge(State& state, const Coefficients& c, const std::array<T, sensors>& residual,
-                                     const std::array<T, sensors>& precision,
-                                     const std::array<T, sensors>& sensitivity) {
+    static T judge(State& state, const Coefficients& c, const std::array<T, sensors>& residual,
+                   const std::array<T, sensors>& precision, const std::array<T, sensors>& sensitivity) {
         const T zero = T(0.0), one = T(1.0), limit = T(max_innovation * max_innovation);
         const T lag = limit * lag_variance(state, c);
         T squares = zero, along = zero, gain = zero, far = zero, bent = zero;
@@ -127,12 +127,12 @@ struct Consistency {
             state.last[i] = residual[i];
             state.rise[i] = rise;
         }
-        state.refused = if_less(T(max_refused), state.beyond, zero, far);
+        state.refused = if_less(state.beyond, T(max_refused), far, zero);
         const T learns = one - state.refused;
         const auto follow = [&](T& mean, T weight, T now) {  // a square that is refused may be infinite
             mean = if_less(zero, learns, mean + weight * (now - mean), mean);
         };
-        state.beyond = far * minimum(state.beyond + one, T(max_refused + 1.0));
+        state.beyond = far * minimum(state.beyond + one, T(max_refused));
         state.jumped = far * maximum(state.jumped, bent);
         follow(state.squares, c.weight, c.per_sensor * squares);
         follow(state.along, c.weight, along);
@@ -150,7 +150,7 @@ struct Consistency {
         state.lasting = maximum(state.lasting + (state.inconsistent + state.inconsistent - one), zero);
         state.moved = maximum(state.moved, state.inconsistent);
         state.most = state.moved * maximum(state.most, state.explained);
-        const T jumped = if_less(T(max_refused), state.beyond, state.jumped, zero);
+        const T jumped = if_less(state.beyond, T(max_refused), zero, state.jumped);
         state.learning = minimum(state.learning + one, T(acceptance));
         const T lasts = if_less(state.lasting, c.patience, zero, if_less(state.learning, c.relearning, zero, one));
         return maximum(jumped, lasts);
@@ -162,7 +162,7 @@ struct Consistency {
         const T zero = T(0.0), one = T(1.0), quiet = calm(state);
         const T difference = estimate - state.before.value[k], square = difference * difference;
         variance = (variance + state.before.variance[k]) *
-                   (maximum(state.squares, one) + maximum(state.explained, state.most));
+                   (maximum(state.squares, one) + maximum(state.explained, T(turn_share) * state.most));
         const T consistent = one - state.inconsistent;
         const T agrees = if_less(square, T(max_difference * max_difference) * variance, consistent, zero);
         const T doubts = if_less(zero, state.doubted, one, zero);

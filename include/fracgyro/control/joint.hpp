@@ -88,7 +88,7 @@ struct JointFilter {
         const T stated = variance(state, c, 0);
         return square_root(Agreement::variance(state.agreement, c.consistency, stated));
     }
-    // 1 if Ω̂z is trusted: it can be told from the other parameters, and what is measured agrees with the model. Its
+    // 1 if Ω̂z is trusted: the motion separates it from the other parameters, and what is measured agrees with the model. Its
     // variance with all other parameters known is its d, as it is the first of them. The share of the prior bounds its
     // deviation, too: a tenth of the prior's is 0.5 % of the natural frequency. Never with NaN: every comparison fails.
     static T trusted(const State& state, const Coefficients& c) {
@@ -230,7 +230,7 @@ struct JointFilter {
     }
 
 private:
-    // Of an estimate, as the model has it.
+    // Variance of an estimate by the model.
     static T variance(const State& state, const Coefficients& c, std::size_t k) {
         return c.noise.variance * Covariance::variance(state.covariance, motions + k);
     }
@@ -256,7 +256,7 @@ private:
         return state.slot == (c.slots < tasks ? task * c.slots / tasks : task);
     }
 
-    // What number i of the span's mean has of a motion at its end.
+    // Number i of the span's mean, of a motion at its end.
     static T of_mean(const Coefficients& c, std::size_t i, const Four& x) {
         return c.slots == 1 ? x[i]
                             : c.mean[i][0] * x[0] + c.mean[i][1] * x[1] + c.mean[i][2] * x[2] + c.mean[i][3] * x[3];
