@@ -16,8 +16,8 @@
 //    rowᵀ, and that of the last step serves.
 //
 //    The influence of one sample is bounded: from when they are trusted, residuals are judged by consistency.hpp, with
-//    the deviation σ̂ √α and, for the rate, the row's first entry. In a disagreement the estimates go back to those before
-//    it, and P to the prior.
+//    the deviation σ̂ √α and, for the rate, the row's first entry. In a disagreement the estimates go back to those
+//    before it, and P to the prior.
 //
 //    The force is computed with the laws' part, which is the loop's integral action, and from when Ω̂z is first trusted
 //    with the sum of both parts. What is reported of D, K and Ωz is the part of least squares only

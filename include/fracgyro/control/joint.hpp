@@ -88,9 +88,10 @@ struct JointFilter {
         const T stated = variance(state, c, 0);
         return square_root(Agreement::variance(state.agreement, c.consistency, stated));
     }
-    // 1 if Ω̂z is trusted: the motion separates it from the other parameters, and what is measured agrees with the model. Its
-    // variance with all other parameters known is its d, as it is the first of them. The share of the prior bounds its
-    // deviation, too: a tenth of the prior's is 0.5 % of the natural frequency. Never with NaN: every comparison fails.
+    // 1 if Ω̂z is trusted: the motion separates it from the other parameters, and what is measured agrees with the
+    // model. Its variance with all other parameters known is its d, as it is the first of them. The share of the prior
+    // bounds its deviation, too: a tenth of the prior's is 0.5 % of the natural frequency. Never with NaN: every
+    // comparison fails.
     static T trusted(const State& state, const Coefficients& c) {
         const T p = Covariance::variance(state.covariance, rate);
         const T no = T(0.0);
