@@ -132,6 +132,27 @@ def faults() -> Rows:
     ]
 
 
+def trust() -> Rows:
+    """Faults of sensors, of both sensings and with the guard on and off, by device."""
+    found = []
+    for device, words in NAMES.items():
+        rows = [row for row in logs.rows("off_model", "faults", "largest, ms") if row["device"] == device]
+        late = sum(int(number(row["not within 50 ms"])) for row in rows)
+        turns = [row for row in logs.rows("off_model", "rate", "trusted, %") if row["device"] == device]
+        found.append(
+            [
+                words,
+                f"{sum(int(number(row['faults'])) for row in rows)}",
+                f"{max(number(row['wrong while trusted, %']) for row in rows):.3f}",
+                f"{max(number(row['largest, ms']) for row in rows):.0f}",
+                f"{late}",
+                f"{min(number(row['trusted, %']) for row in turns if 'from rest' in row['rate']):.1f}",
+                f"{min(number(row['trusted, %']) for row in turns if 'first sample' in row['rate']):.1f}",
+            ]
+        )
+    return found
+
+
 MINUTE, HIDDEN = "A slow drift for a minute", "Hidden delay on each device"
 
 
@@ -765,6 +786,7 @@ TABLES: dict[str, Callable[[], Rows]] = {
     "at_the_bound": at_the_bound,
     "faults": faults,
     "longer": longer,
+    "trust": trust,
     "exact_sensors": exact_sensors,
     "exact_faults": exact_faults,
     "budgets": budgets,
