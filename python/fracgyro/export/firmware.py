@@ -37,7 +37,8 @@ def firmware(
     """Writes a scenario's controller as a self-contained folder of C++ with a C interface, whole or not at all.
 
     `number`: what it computes with, float or double. Raises ValueError, in one sentence, when the folder cannot be
-    written, or the controller would not stay bounded and `unbounded` does not say that it need not.
+    written, float cannot hold a coefficient, or the controller would not stay bounded and `unbounded` does not say that
+    it need not.
 
     >>> from fracgyro.scenario.shipped import shipped
     >>> fg.export.firmware(shipped("hardware"), "firmware")

@@ -115,8 +115,8 @@ def fmu(
     "double" or "float"; an importer sees doubles.
 
     Raises ValueError, in one sentence, when a compiler or FMPy is missing, the seed is too large for an FMU, the file
-    cannot be written, a device that is not ideal is to be simulated in float, or the controller would not stay bounded
-    and `unbounded` does not allow that.
+    cannot be written, a device that is not ideal is to be simulated in float, float cannot hold a coefficient, or the
+    controller would not stay bounded and `unbounded` does not allow that.
 
     >>> from fracgyro.scenario.shipped import shipped
     >>> fg.export.fmu(shipped("hardware"), "gyro.fmu")  # doctest: +SKIP

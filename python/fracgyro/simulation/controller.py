@@ -48,7 +48,7 @@ class Controller:
     `single_precision` it computes in float, as firmware exported so does, to the same bits. It can be copied and
     pickled: the copy goes on by itself from where this one is.
 
-    Raises TypeError where `scenario` is not one.
+    Raises TypeError where `scenario` is not one, ValueError where single precision cannot hold a coefficient.
 
     >>> controller = fg.Controller(fg.Scenario.paper())
     >>> force = controller.step(0.0, position=[0.5, 0.5], velocity=[0.0, 0.0])

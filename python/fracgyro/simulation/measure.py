@@ -53,8 +53,9 @@ def measure_many(
     native.Law has one for each scenario.
 
     Raises TypeError when `scenarios` is not a list of scenarios or `seeds` no list of integers; ValueError when one of
-    them is empty, a seed is given twice or outside 0 to 2^63 - 1, `single_precision` comes with a `controller`, or a
-    list does not have a law for each scenario; and what `simulate` raises of a controller.
+    them is empty, a seed is given twice or outside 0 to 2^63 - 1, `single_precision` comes with a `controller` or
+    cannot hold a coefficient, or a list does not have a law for each scenario; and what `simulate` raises of a
+    controller.
 
     >>> rows = fg.measure_many([fg.Scenario.paper()], seeds=range(20))
     >>> rows["rmse"].dims, bool((rows["rmse"].sel(window="steady") < 1e-4).all())

@@ -187,7 +187,8 @@ def members(bits: int) -> list[int]:
 def trace(scenario: Scenario, number: HardwareNumber = "float") -> Graph:
     """Of the scenario's controller with its guard.
 
-    Raises ValueError, in one sentence, when it cannot be traced or the tracer cannot be compiled.
+    Raises ValueError, in one sentence, when it cannot be traced, float cannot hold a coefficient, or the tracer cannot
+    be compiled.
     """
     if scenario.adaptation.kind == "joint":  # known before the tracer is compiled, which takes half a minute
         raise ValueError(
