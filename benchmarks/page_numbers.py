@@ -242,24 +242,7 @@ RATE_SENSOR: dict[str, Callable[[], str]] = {
         number(effect(REAL, "pick-offs turned by 1 mrad", OUTPUT, "tuned_in_air"))
         / number(effect(REAL, "pick-offs turned by 1 mrad", OUTPUT))
     ),
-    "sensor.drift_mean": lambda: thousands(number(effect(REAL, "stiffness drift of -30 ppm/K, 10 K", OUTPUT))),
     "sensor.drift_rms": lambda: rms(REAL, "stiffness drift of -30 ppm/K, 10 K"),
-    "sensor.drift_over": lambda: short(
-        number(effect(REAL, "stiffness drift of -30 ppm/K, 10 K", RMS))
-        / number(effect(REAL, "stiffness drift of -30 ppm/K, 10 K", OUTPUT))
-    ),
-    "sensor.tracked": lambda: short(
-        100
-        * number(effect(REAL, "… D and K forgotten at 100 Hz", OUTPUT))
-        / number(effect(REAL, "stiffness drift of -30 ppm/K, 10 K", OUTPUT)),
-        1,
-    ),
-    "sensor.tracked_rms": lambda: short(
-        100
-        * number(effect(REAL, "… D and K forgotten at 100 Hz", RMS))
-        / number(effect(REAL, "stiffness drift of -30 ppm/K, 10 K", RMS)),
-        1,
-    ),
     "sensor.coarse": lambda: short(
         number(effect(REAL, "12 bit", "Allan deviation (deg/h)"))
         / number(effect(REAL, "as shipped", "Allan deviation (deg/h)"))
