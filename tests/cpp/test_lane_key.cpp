@@ -27,6 +27,11 @@ const std::map<std::string, Switch> switches_of_others{
     {"controller.position_exponent", {1.8, 2.0, 2.5}},
 };
 
+const std::map<std::string, Switch> switches_of_the_filter{
+    {"datasheet.stiffness_drift", {0.0, 1.0, 2.0}},
+    {"datasheet.damping_drift", {0.0, 1.0, 2.0}},
+};
+
 struct Kind {
     fracgyro::Setup setup;
     std::map<std::string, Switch> switches;  // that it has
@@ -46,6 +51,9 @@ std::vector<Kind> every_kind() {
         auto some = switches;
         if (std::ranges::find(sliding_modes, kind) == std::end(sliding_modes)) {
             some.insert(switches_of_others.begin(), switches_of_others.end());
+        }
+        if (kind == "lqg") {
+            some.insert(switches_of_the_filter.begin(), switches_of_the_filter.end());
         }
         add(paper(2000, kind), some);
     }

@@ -84,8 +84,7 @@ struct CompositeAdaptation {
         Vec2<T> left{};  // 1/α on either axis in the last step
         T adopted{};     // 1 once Ω̂z has been trusted
         typename Agreement::State agreement{};
-        Kept<T, std::uint32_t> kept = 0;  // samples since estimates were
-        Kept<T, bool> measured = false;   // there is a last sample
+        Kept<T, bool> measured = false;  // there is a last sample
     };
 
     using Report = CompositeReport<T>;
@@ -207,12 +206,7 @@ private:
             }
             learn_again(state, disagrees);
         }
-        state.kept = state.kept + 1;
-        if (state.kept < c.consistency.window) {
-            return;
-        }
-        state.kept = 0;
-        for (std::size_t k = 0; k < state.squares.value.size(); ++k) {
+        for (std::size_t k = 0; Agreement::remembers(a) && k < state.squares.value.size(); ++k) {
             Agreement::remember(a, c.consistency, k, state.squares.value[k], variance(state, k));
         }
     }

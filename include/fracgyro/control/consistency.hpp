@@ -27,7 +27,6 @@
 
 #include <array>
 #include <cstddef>
-#include <cstdint>
 
 namespace fracgyro {
 
@@ -51,7 +50,7 @@ struct Consistency {
         T unexplained{};                          // mean of `explained` without any motion
         T patience{}, agreement{}, relearning{};  // samples: of an inconsistency, of estimates that agree or do not
         T start{};                                // samples before any estimate is trusted
-        std::uint32_t window = 1;
+        T window{};                               // samples; no count, which runs side by side must share
     };
     struct Known {
         Row value{}, variance = filled(T(unknown));
@@ -67,6 +66,7 @@ struct Consistency {
         T moved{}, most{};                           // 1: not compared since; what ε has explained at most since
         T doubted{}, learning{};   // samples since the first disagreement, and since the last or the start
         T agreed{};                // samples in a row
+        T age{};                   // of the window, samples
         Known before{}, recent{};  // estimates, one to two windows old and up to one
     };
 
@@ -82,7 +82,7 @@ struct Consistency {
                 .agreement = T(4.0 * window),
                 .relearning = T(minimum(relearning * window, longest)),
                 .start = T(minimum(start * window, longest)),
-                .window = static_cast<std::uint32_t>(window)};
+                .window = T(window)};
     }
 
     static T excess(const State& state) { return state.squares - state.now; }
@@ -152,6 +152,7 @@ struct Consistency {
         state.most = state.moved * maximum(state.most, state.explained);
         const T jumped = if_less(state.beyond, T(max_refused), zero, state.jumped);
         state.learning = minimum(state.learning + one, T(acceptance));
+        state.age = if_less(state.age + one, c.window, state.age + one, zero);
         const T lasts = if_less(state.lasting, c.patience, zero, if_less(state.learning, c.relearning, zero, one));
         return maximum(jumped, lasts);
     }
@@ -192,11 +193,16 @@ struct Consistency {
         state.agreed = keep * state.agreed;
     }
 
-    // Keeps an estimate, once a window, that the next disagreement goes back to, unless it may be wrong.
+    // False while no estimate is to be kept.
+    static bool remembers(const State& state) {
+        return !always_less(T(static_cast<double>(parameters) - 0.5), state.age);
+    }
+    // Keeps estimate k at the sample k of each window, for the next disagreement to go back to, unless it may be wrong.
     static void remember(State& state, const Coefficients& c, std::size_t k, T estimate, T variance) {
         const T half = T(0.5), zero = T(0.0);
         const T sure = if_less(state.doubted + state.moved + state.beyond, half, T(1.0), zero);
-        const T known = if_less(state.learning, c.start, zero, sure);
+        const T due = if_less(absolute(state.age - T(static_cast<double>(k))), half, sure, zero);
+        const T known = if_less(state.learning, c.start, zero, due);
         const auto keep = [&](T& kept, T now) { kept = if_less(half, known, now, kept); };
         keep(state.before.value[k], state.recent.value[k]);
         keep(state.before.variance[k], state.recent.variance[k]);

@@ -289,8 +289,7 @@ private:
         if (!always_less(disagrees, half)) {
             forget(state, c, disagrees);
         }
-        const std::uint32_t k = state.steps % c.consistency.window;
-        if (k < parameters) {
+        for (std::size_t k = 0; Agreement::remembers(a) && k < parameters; ++k) {
             Agreement::remember(a, c.consistency, k, state.plant[k], variance(state, c, k));
         }
     }
