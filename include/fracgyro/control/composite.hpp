@@ -206,9 +206,8 @@ private:
             }
             learn_again(state, disagrees);
         }
-        for (std::size_t k = 0; Agreement::remembers(a) && k < state.squares.value.size(); ++k) {
-            Agreement::remember(a, c.consistency, k, state.squares.value[k], variance(state, k));
-        }
+        Agreement::remember(a, c.consistency,
+                            [&](std::size_t k) { return std::array{state.squares.value[k], variance(state, k)}; });
     }
     // From the estimates before a disagreement and the prior on, in the runs that it is 1 for.
     static void learn_again(State& state, T disagrees) {

@@ -193,21 +193,24 @@ struct Consistency {
         state.agreed = keep * state.agreed;
     }
 
-    // False while no estimate is to be kept.
-    static bool remembers(const State& state) {
-        return !always_less(T(static_cast<double>(parameters) - 0.5), state.age);
-    }
-    // Keeps estimate k at the sample k of each window, for the next disagreement to go back to, unless it may be wrong.
-    static void remember(State& state, const Coefficients& c, std::size_t k, T estimate, T variance) {
-        const T half = T(0.5), zero = T(0.0);
-        const T sure = if_less(state.doubted + state.moved + state.beyond, half, T(1.0), zero);
-        const T due = if_less(absolute(state.age - T(static_cast<double>(k))), half, sure, zero);
-        const T known = if_less(state.learning, c.start, zero, due);
-        const auto keep = [&](T& kept, T now) { kept = if_less(half, known, now, kept); };
-        keep(state.before.value[k], state.recent.value[k]);
-        keep(state.before.variance[k], state.recent.variance[k]);
-        keep(state.recent.value[k], estimate);
-        keep(state.recent.variance[k], variance);
+    // Keeps the estimates once a window, for the next disagreement to go back to, unless they may be wrong. estimate(k):
+    // one and its variance.
+    template <class F>
+    static void remember(State& state, const Coefficients& c, F&& estimate) {
+        const T half = T(0.5), zero = T(0.0), one = T(1.0);
+        if (always_less(half, state.age)) {
+            return;
+        }
+        const T sure = if_less(state.doubted + state.moved + state.beyond, half, one, zero);
+        const T due = if_less(state.age, half, if_less(state.learning, c.start, zero, sure), zero);
+        const auto keep = [&](T& kept, T now) { kept = if_less(half, due, now, kept); };
+        for (std::size_t k = 0; k < parameters; ++k) {
+            const auto [value, variance] = estimate(k);
+            keep(state.before.value[k], state.recent.value[k]);
+            keep(state.before.variance[k], state.recent.variance[k]);
+            keep(state.recent.value[k], value);
+            keep(state.recent.variance[k], variance);
+        }
     }
 
 private:

@@ -289,9 +289,8 @@ private:
         if (!always_less(disagrees, half)) {
             forget(state, c, disagrees);
         }
-        for (std::size_t k = 0; Agreement::remembers(a) && k < parameters; ++k) {
-            Agreement::remember(a, c.consistency, k, state.plant[k], variance(state, c, k));
-        }
+        Agreement::remember(a, c.consistency,
+                            [&](std::size_t k) { return std::array{state.plant[k], variance(state, c, k)}; });
     }
     // Goes back to the estimates before a disagreement, and knows as little of the plant as at first and nothing of the
     // motion, in the runs that it is 1 for.
