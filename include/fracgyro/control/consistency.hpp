@@ -193,8 +193,8 @@ struct Consistency {
         state.agreed = keep * state.agreed;
     }
 
-    // Keeps the estimates once a window, for the next disagreement to go back to, unless they may be wrong. estimate(k):
-    // one and its variance.
+    // Keeps the estimates once a window, for the next disagreement to go back to, unless they may be wrong.
+    // estimate(k): one and its variance.
     template <class F>
     static void remember(State& state, const Coefficients& c, F&& estimate) {
         const T half = T(0.5), zero = T(0.0), one = T(1.0);
