@@ -153,6 +153,12 @@ def trust() -> Rows:
     return found
 
 
+def late() -> list[float]:
+    """RMS error in deg/s of each device with a delay that its datasheet does not state."""
+    rows = logs.rows("off_model", "device", "RMS error, deg/s")
+    return [number(row["RMS error, deg/s"]) for row in rows if "A delay" in row["section"]]
+
+
 MINUTE, HIDDEN = "A slow drift for a minute", "Hidden delay on each device"
 
 
@@ -243,6 +249,8 @@ RATE_SENSOR: dict[str, Callable[[], str]] = {
         / number(effect(REAL, "pick-offs turned by 1 mrad", OUTPUT))
     ),
     "sensor.drift_rms": lambda: rms(REAL, "stiffness drift of -30 ppm/K, 10 K"),
+    "trust.least_late": lambda: short(min(late())),
+    "trust.most_late": lambda: short(max(late())),
     "sensor.coarse": lambda: short(
         number(effect(REAL, "12 bit", "Allan deviation (deg/h)"))
         / number(effect(REAL, "as shipped", "Allan deviation (deg/h)"))

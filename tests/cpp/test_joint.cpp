@@ -429,6 +429,47 @@ TEST(Joint, ATurnThatBeginsAtOnceIsNotAChangeOfThePlant) {
     EXPECT_GT(trusted, 0.95);
 }
 
+// 4 Hz and 300 deg/s of the disc, whose lag moves D and K by up to 80 deviations if they are learned in it.
+TEST(Joint, ADeviceThatTurnsFromItsFirstSampleOnLearnsNoStiffnessFromIt) {
+    Case a;
+    a.plant.damping = {5e-7, 0.0, 5e-7};
+    a.plant.stiffness = {1.0, 0.0, 1.0};
+    a.plant.rate = 0.0;
+    a.common.nominal = {.damping = 0.999 * a.plant.damping, .stiffness = 0.999 * a.plant.stiffness};
+    a.common.reference.frequency = {1.0, 1.005};
+    a.law.adaptation.rate_forgetting = 0.01;
+    a.law.datasheet.force_noise = a.force_noise = 1e-8;
+    a.law.datasheet.stiffness_drift = 1.6e-10;
+    a.law.datasheet.damping_drift = 1.6e-9;
+    const auto [within, trusted] = in_a_turn<Positions<double>>(a, 0, 8.3e-5, 4e-4);
+    EXPECT_GT(within, 0.99);
+    EXPECT_GT(trusted, 0.95);
+}
+
+// Each time it begins again its estimate is of no use for a while.
+TEST(Joint, AModelThatStaysWrongIsLearnedAgainSeldom) {
+    Case a;
+    a.delay = 1;
+    a.law.adaptation.rate_forgetting = 0.0255;
+    a.law.datasheet.stiffness_drift = 4e-10;
+    a.law.datasheet.damping_drift = 4e-9;
+    Loop<Positions<double>> loop(a);
+    int begun = 0;
+    double largest = 0.0, trusted = 0.0;
+    for (int n = 0; n < 200000; ++n) {
+        const double before = loop.state.adaptation.agreement.learning;
+        loop.step();
+        begun += loop.state.adaptation.agreement.learning < before;
+        if (n >= 100000) {
+            largest = std::max(largest, std::abs(loop.rate() - a.plant.rate));
+            trusted += loop.trusted();
+        }
+    }
+    EXPECT_LE(begun, 2);
+    EXPECT_LT(largest, 0.1 * a.plant.rate);
+    EXPECT_EQ(trusted, 0.0);
+}
+
 TEST(Joint, AStiffnessThatDriftsAsTheDatasheetSaysIsNoRate) {
     const auto rms = [](double said) {
         Case a;

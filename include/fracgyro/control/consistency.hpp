@@ -20,7 +20,8 @@
 //    disagree later, as they may in a fault that lasts. While they disagree they are learned again every 32 windows,
 //    or 16,384 samples if these are more. The joint filter trusts nothing in as many at first, in which a rate that
 //    moves spoils D̂ and K̂ unseen. If they never agree, the plant has changed, which is accepted after `acceptance`
-//    samples.
+//    samples. An inconsistency that is as before, within a factor of four, after they have been learned again is one of
+//    the model, and nothing is learned again because of it: each time would make the estimate of Ωz jump.
 #pragma once
 
 #include "fracgyro/core/scalar.hpp"
@@ -40,6 +41,7 @@ struct Consistency {
     static constexpr double turn_share = 0.5;        // of what a rate has explained, which it may move estimates by
     static constexpr double max_refused = 3.0;       // in a row
     static constexpr double max_bend = 20.0;         // deviations of a second difference: eight of white noise's
+    static constexpr double max_change = 4.0;        // of an excess that learning again does not help against
     static constexpr double relearning = 32.0;       // windows, but at most
     static constexpr double longest = 16'384.0;      // samples
     static constexpr double acceptance = 131'072.0;  // samples
@@ -63,6 +65,7 @@ struct Consistency {
         T refused{};                                 // 1: the last was
         T inconsistent{};                            // 1: excess is beyond its limit
         T lasting{};                                 // samples in which it was, less those in which it was not
+        T futile{};                                  // excess with which learning again began
         T moved{}, most{};                           // 1: not compared since; what ε has explained at most since
         T doubted{}, learning{};   // samples since the first disagreement, and since the last or the start
         T agreed{};                // samples in a row
@@ -153,7 +156,12 @@ struct Consistency {
         const T jumped = if_less(state.beyond, T(max_refused), zero, state.jumped);
         state.learning = minimum(state.learning + one, T(acceptance));
         state.age = if_less(state.age + one, c.window, state.age + one, zero);
-        const T lasts = if_less(state.lasting, c.patience, zero, if_less(state.learning, c.relearning, zero, one));
+        const T learned = if_less(state.learning, c.relearning, zero, one), much = excess(state);
+        const T less = if_less(much * T(max_change), state.futile, one, zero);
+        const T other = if_less(state.futile * T(max_change), much, one, less);
+        const T lasts = if_less(state.lasting, c.patience, zero, learned * other);
+        const T over = if_less(zero, state.lasting + (T(acceptance) - state.learning), zero, one);
+        state.futile = if_less(zero, lasts, much, (one - over) * state.futile);
         return maximum(jumped, lasts);
     }
     // 1 while the estimates are to be compared with those before.
@@ -165,11 +173,11 @@ struct Consistency {
         variance = (variance + state.before.variance[k]) *
                    (maximum(state.squares, one) + maximum(state.explained, T(turn_share) * state.most));
         const T consistent = one - state.inconsistent;
-        const T agrees = if_less(square, T(max_difference * max_difference) * variance, consistent, zero);
+        const T near = if_less(square, T(max_difference * max_difference) * variance, one, zero);
         const T doubts = if_less(zero, state.doubted, one, zero);
         const T again = maximum(state.moved * quiet, if_less(state.learning, c.relearning, zero, doubts));
-        const T disagrees = again * (one - agrees);
-        state.agreed = agrees * (state.agreed + one);
+        const T disagrees = again * (one - near);
+        state.agreed = near * consistent * (state.agreed + one);
         const T settled = if_less(state.agreed, c.agreement, zero, quiet);
         state.moved = state.moved * (one - settled);
         const T doubted = doubts * (state.doubted + one);

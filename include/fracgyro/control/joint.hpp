@@ -20,7 +20,8 @@
 //    U_θ, and z's part is orthogonalized, by modified Gram-Schmidt on the rows of [A U_z, B] (Bierman 1977, ch. VI).
 //
 //    Where Ωz or the others drift, their variance grows by w² h/I each step, and by no more than the prior: w = 2πf is
-//    the bandwidth that is asked for, I the information on it per unit of time of a motion on the reference.
+//    the bandwidth that is asked for, I the information on it per unit of time of a motion on the reference. While D and
+//    K are learned that bandwidth is 30 times as large: what Ωz lags behind a turning vehicle would be taken for them.
 //
 //    With `covariance_steps` = m > 1 this is a filter of m steps: z is predicted each step, P over all m at once, and
 //    what is learnt from is the mean of m residuals, at the end. The work on P is divided among the steps.
@@ -51,6 +52,7 @@ struct JointFilter {
 
     // As in composite.hpp.
     static constexpr double largest_inflation = 10.0, largest_share = 0.01;
+    static constexpr double rate_haste = 1000.0;     // of the variance by which Ωz drifts, while D and K are learned
     static constexpr std::size_t longest_delay = 8;  // steps that are known of
     // Of P: to predict its cross part in two halves, its part of z, and to correct by each number.
     static constexpr std::int32_t tasks = 3 + static_cast<std::int32_t>(sensors);
@@ -409,7 +411,8 @@ private:
         // In turn, with the noise of the spans in between.
         const std::uint32_t turn = state.spans % 8;
         if (turn % 2 == 0) {
-            drift(state, c, 0, T(2.0));
+            const T haste = if_less(state.agreement.learning, c.consistency.relearning, T(rate_haste), T(1.0));
+            drift(state, c, 0, T(2.0) * haste);
         } else if (turn == 3 && c.walking > 0) {
             drift(state, c, c.walks[state.spans / 8 % c.walking], T(8.0 * c.walking));
         }
