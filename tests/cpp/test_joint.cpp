@@ -446,6 +446,108 @@ TEST(Joint, ADeviceThatTurnsFromItsFirstSampleOnLearnsNoStiffnessFromIt) {
     EXPECT_GT(trusted, 0.95);
 }
 
+// What a judgment counts and averages begins anew, in those of the runs side by side that it is for.
+TEST(Joint, ADisagreementForgetsWhatWasJudged) {
+    using Judged = Consistency<double, 2>;
+    Judged::State state{};
+    const auto fill = [&] {
+        state.squares = state.along = state.now = state.explained = state.lasting = state.moved = state.most = 7.0;
+        state.beyond = state.inconsistent = state.learning = state.agreed = 7.0;
+        state.doubted = 0.0;
+    };
+    fill();
+    Judged::doubt(state, 0.0);
+    for (const double kept : {state.squares, state.along, state.now, state.explained, state.lasting, state.moved,
+                              state.most, state.beyond, state.inconsistent, state.learning, state.agreed}) {
+        EXPECT_EQ(kept, 7.0);
+    }
+    EXPECT_EQ(state.doubted, 0.0);
+    Judged::doubt(state, 1.0);
+    for (const double gone : {state.along, state.now, state.explained, state.lasting, state.moved, state.most,
+                              state.beyond, state.inconsistent, state.learning, state.agreed}) {
+        EXPECT_EQ(gone, 0.0);
+    }
+    EXPECT_EQ(state.squares, 1.0);
+    EXPECT_EQ(state.doubted, 1.0);
+}
+
+// Of a filter of several steps a span: what is due later in it was foreseen with what is forgotten.
+TEST(Joint, ADisagreementForgetsWhatWasForeseen) {
+    Case a;
+    a.law.adaptation.covariance_steps = 16;
+    Loop<Positions<double>> loop(a);
+    loop.run(16000);
+    const auto& filter = loop.state.adaptation;
+    double before = 0.0;
+    do {
+        EXPECT_GT(filter.precision[0], 0.0);
+        before = filter.agreement.learning;
+        loop.step([](Motion<double>& seen) { seen.position = {5.0, seen.position.y()}; });
+    } while (filter.agreement.learning > before);
+    ASSERT_GT(filter.slot, 0);
+    for (std::size_t i = 0; i < filter.precision.size(); ++i) {
+        EXPECT_EQ(filter.precision[i], 0.0);
+        EXPECT_LT(std::abs(filter.sum[i]), 10.0);  // of this sample alone
+    }
+}
+
+TEST(Joint, WithoutSamplesStiffnessDriftsOnAndIsLessCertain) {
+    Case a;
+    a.common.nominal.stiffness = {1.001, 0.5, 1.026};
+    a.law.datasheet.stiffness_drift = 1e-9;
+    a.law.datasheet.damping_drift = 1e-8;
+    Loop<Positions<double>> loop(a);
+    loop.run(16000);
+    using Filter = Loop<Positions<double>>::Filter;
+    const auto& c = loop.c.adaptation.filter;
+    auto& filter = loop.state.adaptation;
+    constexpr std::size_t slope = Filter::parameters - 1;
+    const int steps = static_cast<int>(8 * c.walking * 10);
+    filter.plant[slope] = 1e-6;
+    filter.agreement.doubted = 1.0;
+    filter.agreement.before.value[slope] = 1e-6;
+    const auto plant = filter.plant;
+    const auto p = [&](std::size_t k) { return Filter::Covariance::variance(filter.covariance, Filter::motions + k); };
+    std::array<double, Filter::parameters> variance{};
+    for (std::size_t k = 0; k < variance.size(); ++k) {
+        variance[k] = p(k);
+    }
+    for (int n = 0; n < steps; ++n) {
+        Filter::predict(filter, c, {}, {}, false);
+    }
+    for (std::size_t i = 0; i < 3; ++i) {
+        const double moves = 1e-6 * steps * a.common.step * std::array{1.001, 0.5, 1.026}[i];
+        EXPECT_NEAR(filter.plant[4 + i] - plant[4 + i], moves, 1e-9 * moves);
+        EXPECT_EQ(filter.plant[1 + i], plant[1 + i]);
+    }
+    for (const std::size_t k : {1, 3}) {  // damping does not follow the drift of the stiffness
+        EXPECT_NEAR(p(k) - variance[k], steps * c.drift[k], 0.01 * steps * c.drift[k]);
+    }
+    const auto before = filter.agreement.before.value;
+    loop.step();
+    for (std::size_t i = 0; i < 3; ++i) {
+        EXPECT_NEAR(filter.agreement.before.value[4 + i] - before[4 + i], 1e-6 * c.ramp[i], 1e-12);
+    }
+}
+
+TEST(Joint, AMotionThatWasLostIsFoundWithTheEstimatesBefore) {
+    Case a;
+    Loop<Positions<double>> loop(a);
+    loop.run(40000);
+    auto& filter = loop.state.adaptation;
+    const auto before = filter.agreement.before.value;
+    ASSERT_NE(before[1], 0.0);
+    filter.plant[1] = 0.01;
+    Loop<Positions<double>>::Filter::start_over(filter, true);
+    EXPECT_EQ(loop.trusted(), 1.0);
+    Loop<Positions<double>>::Filter::predict(filter, loop.c.adaptation.filter, {}, {}, false);
+    EXPECT_EQ(filter.agreement.doubted, 1.0);
+    EXPECT_EQ(filter.agreement.learning, 0.0);
+    EXPECT_EQ(loop.trusted(), 0.0);
+    loop.step();
+    EXPECT_EQ(filter.plant[1], before[1]);
+}
+
 // Each time it begins again its estimate is of no use for a while.
 TEST(Joint, AModelThatStaysWrongIsLearnedAgainSeldom) {
     Case a;
@@ -465,6 +567,7 @@ TEST(Joint, AModelThatStaysWrongIsLearnedAgainSeldom) {
             trusted += loop.trusted();
         }
     }
+    EXPECT_GE(begun, 1);
     EXPECT_LE(begun, 2);
     EXPECT_LT(largest, 0.1 * a.plant.rate);
     EXPECT_EQ(trusted, 0.0);

@@ -229,6 +229,18 @@ def test_the_controller_alone_answers_each_motion_with_the_force_of_the_loop(
             np.testing.assert_allclose(force, expected["control"].values[n], rtol=1e-6)
 
 
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_an_importer_is_told_to_step_from_one_recorded_sample_to_the_next(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fmi: Fmi
+) -> None:
+    monkeypatch.setitem(fg.export.fmu.__globals__, "_binaries", lambda *words: {})
+    for every, expected in ((1, 1e-3), (20, 0.02), (10**6, 2.0)):  # the last is longer than the run
+        path = str(tmp_path / f"{every}.fmu")
+        fg.export.fmu(SHORT.replace({"run.record_every": every}), path, fmi=fmi, unbounded=True)
+        step = fmpy.read_model_description(path).defaultExperiment.stepSize
+        assert float(step) == pytest.approx(expected, rel=1e-12)
+
+
 def test_a_changed_parameter_is_that_of_a_changed_scenario(made: Callable[..., str]) -> None:
     changes = {"controller.terminal_exponent": 0.6, "adaptation.rate_gain": 20.0, "disturbance.seed": 7}
     settings = {"controller.fractional_gain": (8.0, 12.0), "disturbance.standard_deviation": 0.5}

@@ -299,6 +299,13 @@ def test_what_made_an_environment_can_be_written_as_json_and_makes_it_again(name
     assert gymnasium.make_vec(EnvSpec.from_json(several.spec.to_json())).unwrapped.task == made.unwrapped.task
 
 
+def test_without_an_error_limit_an_episode_of_any_environment_ends_where_an_error_exceeds_ten() -> None:
+    for kind in ("Tracking", "RateSensing"):
+        one, several = getattr(environments, kind)(PAPER), getattr(environments, f"{kind}Vector")(2, PAPER)
+        assert one.task == several.task
+        assert one.task.error_limit == 10.0
+
+
 def test_episodes_are_as_short_as_they_are_asked_to_be() -> None:
     one = gymnasium.make("fracgyro/Tracking-v0", scenario=PAPER, max_episode_steps=7)
     several = gymnasium.make_vec("fracgyro/Tracking-v0", num_envs=2, scenario=PAPER, max_episode_steps=7)

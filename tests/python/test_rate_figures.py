@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from figure_data import column, read
 from fracgyro.analysis.confidence import Mean
 from fracgyro.cli import cli
 from fracgyro.cli.rate import _print_figures
+from fracgyro.rate import plots
 from fracgyro.rate.allan import allan
 from fracgyro.rate.bound import Bound
 from fracgyro.rate.grades import Grade, grade
@@ -19,6 +23,7 @@ from fracgyro.rate.merit import Response, full_scale, gain_and_lag, response, st
 from fracgyro.rate.report import grade_of, interval_of, value_of
 from fracgyro.rate.require import verdict
 from fracgyro.rate.results import Result, _zero_rate_output, noise_terms
+from fracgyro.rate.runs import Output
 from fracgyro.rate.units import (
     DEG_PER_H,
     DEG_PER_H_PER_ROOT_H,
@@ -36,6 +41,7 @@ from fracgyro.rate.units import (
 )
 from fracgyro.scenario import ScenarioError
 from fracgyro.scenario.shipped import shipped
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
@@ -332,6 +338,22 @@ def test_a_figure_has_the_best_grade_whose_limit_it_keeps() -> None:
     assert [grade("angle_random_walk", v) for v in (0.0005, 0.1, 900.0)] == ["navigation", "tactical", "consumer"]
     assert [grade("bandwidth", v) for v in (99.0, 80.0, 10.0)] == ["navigation", "consumer", "below consumer"]
     assert grade("bias", math.nan) == "below consumer"
+
+
+def test_a_turn_on_is_drawn_and_given_to_its_last_output_in_decades_about_zero(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[Figure] = []
+
+    def embedded(figure: Figure, title: str) -> str:
+        drawn.append(figure)
+        return title
+
+    monkeypatch.setattr(plots, "embedded", embedded)
+    output = Output(DEG * np.array([[2e5, -4e3, 300.0, 300.0]]), interval=1e-3)
+    measured: Any = SimpleNamespace(turn_on=output, turn_on_time=2e-3, rates=DEG * np.array([-300.0, 0.0, 300.0]))
+    chart = plots.turn_on_chart(measured)
+    assert column(read(chart.data), "time (ms)") == pytest.approx([0.5, 1.5, 2.5, 3.5])
+    decades = [1e3, 1e4, 1e5, 1e6]
+    assert drawn[0].axes[0].get_yticks() == pytest.approx([*(-d for d in reversed(decades)), 0.0, *decades])
 
 
 # -- What was observed, and what is required -----------------------------------------------------------------

@@ -135,6 +135,15 @@ def test_blocks_cover_every_run_once_in_order(tmp_path: Path) -> None:
         assert keys[0]["controller.order"][0].as_py() == 0.3
 
 
+@pytest.mark.parametrize(("seeds", "duration", "runs"), [(9000, 1.0, 4096), (900, 8000.0, 25)])
+def test_a_kill_costs_at_most_20_million_steps_or_4096_runs(
+    tmp_path: Path, seeds: int, duration: float, runs: int
+) -> None:
+    fixed = f"[fixed]\nrun.duration = {duration}\nrun.step = 0.01\ndisturbance.hold = 0.01\n"
+    work = blocks(plan(tmp_path, f"seeds = {seeds}\n{fixed}{PAIR}"))
+    assert max(block.runs for block in work) == runs
+
+
 # -- What is refused -----------------------------------------------------------------------------------------
 
 

@@ -20,8 +20,8 @@
 //    U_θ, and z's part is orthogonalized, by modified Gram-Schmidt on the rows of [A U_z, B] (Bierman 1977, ch. VI).
 //
 //    Where Ωz or the others drift, their variance grows by w² h/I each step, and by no more than the prior: w = 2πf is
-//    the bandwidth that is asked for, I the information on it per unit of time of a motion on the reference. While D and
-//    K are learned that bandwidth is 30 times as large: what Ωz lags behind a turning vehicle would be taken for them.
+//    the bandwidth that is asked for, I the information on it per unit of time of a motion on the reference. While D
+//    and K are learned w of Ωz is 30 times as large: what Ωz lags behind a turning vehicle would be taken for them.
 //
 //    With `covariance_steps` = m > 1 this is a filter of m steps: z is predicted each step, P over all m at once, and
 //    what is learnt from is the mean of m residuals, at the end. The work on P is divided among the steps.
