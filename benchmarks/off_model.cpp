@@ -2,7 +2,7 @@
 // Reads the files of scenario_files.hpp and "device" (of device_settings.hpp), and prints one line for each fault on
 // standard input, WHAT,SIZE,SAMPLES:
 //
-//     off_model KIND position|both checked|unchecked FROM UNTIL
+//     off_model KIND position|both|composite checked|unchecked FROM UNTIL
 //
 // Shares of samples that are trusted, and of those the share beyond four stated deviations, during the fault and after
 // it; the steps from its end until 99 % of all later samples are trusted and within four deviations, -1: never; RMS
@@ -210,8 +210,10 @@ int main(int count, char** words) {
     setup.steps = until;
     if (words[2] == std::string("position")) {
         run<SlidingModeController<double, FractionalFastTerminalSurface, JointFromPositions>>(setup, from, until);
-    } else {
+    } else if (words[2] == std::string("both")) {
         run<SlidingModeController<double, FractionalFastTerminalSurface, JointAdaptation>>(setup, from, until);
+    } else {
+        run<SlidingModeController<double, FractionalFastTerminalSurface, CompositeAdaptation>>(setup, from, until);
     }
     return 0;
 }

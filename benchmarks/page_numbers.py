@@ -137,6 +137,7 @@ def trust() -> Rows:
     found = []
     for device, words in NAMES.items():
         rows = [row for row in logs.rows("off_model", "faults", "largest, ms") if row["device"] == device]
+        rows = [row for row in rows if row["sensing"] != "composite"]
         late = sum(int(number(row["not within 50 ms"])) for row in rows)
         turns = [row for row in logs.rows("off_model", "rate", "trusted, %") if row["device"] == device]
         found.append(
@@ -151,6 +152,11 @@ def trust() -> Rows:
             ]
         )
     return found
+
+
+def of_composite(column: str) -> list[float]:
+    rows = logs.rows("off_model", "faults", "largest, ms")
+    return [number(row[column]) for row in rows if row["sensing"] == "composite"]
 
 
 def late() -> list[float]:
@@ -249,6 +255,9 @@ RATE_SENSOR: dict[str, Callable[[], str]] = {
         / number(effect(REAL, "pick-offs turned by 1 mrad", OUTPUT))
     ),
     "sensor.drift_rms": lambda: rms(REAL, "stiffness drift of -30 ppm/K, 10 K"),
+    "trust.composite_runs": lambda: thousands(sum(of_composite("faults"))),
+    "trust.composite_late": lambda: short(sum(of_composite("not within 50 ms"))),
+    "trust.composite_wrong": lambda: short(max(of_composite("wrong while trusted, %"))),
     "trust.least_late": lambda: short(min(late())),
     "trust.most_late": lambda: short(max(late())),
     "sensor.coarse": lambda: short(

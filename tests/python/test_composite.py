@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from fracgyro import _core
+from fracgyro.scenario.shipped import exactly_sensed
 from fracgyro.scenario.to_core import core_setup
 from test_loop import QUIET, assert_agrees, sharp
 
@@ -157,6 +158,24 @@ def test_a_force_one_step_late_throws_the_estimates_and_neither_the_loop_nor_the
     assert end["rate_trusted"].all()
     np.testing.assert_allclose(end["rate_estimate"], 0.1, atol=0.03)
     assert np.abs(end["error"]).max() < 1e-3
+
+
+# What is learned again jumps, and was taken for a sensor that jumps, so that it was learned again, without end.
+def test_it_begins_again_once_where_a_hidden_delay_makes_it_disagree() -> None:
+    scenario = exactly_sensed("tuned_in_air").replace(
+        {
+            **COMPOSITE,
+            "adaptation.rate_forgetting": 0.031,
+            "device.delay": 1,
+            "plant.angular_rate": 0.0,
+            "run.duration": 6000.0,
+        }
+    )
+    run = fg.simulate(scenario)
+    late = run.isel(time=slice(round(0.85 * run.sizes["time"]), None))
+    error = np.abs(late["rate_estimate"].values)
+    assert (error < 4.0 * late["rate_deviation"].values).mean() > 0.99
+    assert error.max() < math.radians(100.0) / scenario.plant.scales.rate
 
 
 # -- One sample at a time ------------------------------------------------------------------------------------

@@ -167,7 +167,15 @@ private:
         const Vec2<T> r = (a - state.force) + (e.damping * v + coriolis) + e.stiffness * q;
 
         const T zero = T(0.0), one = T(1.0);
-        const Vec2<T> precision = (state.adopted / maximum(state.noise, T(least_noise))) * state.left;
+        // While little is learned again the last step tells nothing of this one: by the prior, α is at most this.
+        const T least = one / (one + T(Squares::prior) * (T(5.0) * squared_norm(v) + squared_norm(q)));
+        const auto share = [&](T last) {
+            const T now =
+                if_less(state.agreement.learning, c.consistency.window, if_less(zero, last, least, zero), last);
+            return if_less(zero, state.agreement.doubted, now, last);
+        };
+        const T inverse = state.adopted / maximum(state.noise, T(least_noise));
+        const Vec2<T> precision{inverse * share(state.left.x()), inverse * share(state.left.y())};
         const T learns =
             Agreement::template judge<2>(state.agreement, c.consistency, {r.x(), r.y()}, {precision.x(), precision.y()},
                                          {T(-2.0) * v.y(), T(2.0) * v.x()});
