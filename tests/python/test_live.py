@@ -177,7 +177,7 @@ def test_what_the_presets_say_is_so(preset_runs: dict[str, list[fg.Scenario]]) -
     squares, filtered = run("sensors")
     assert deviation(squares, 20.0) == pytest.approx(75.0, rel=0.05)
     assert deviation(filtered, 20.0) == pytest.approx(5.0, rel=0.1)
-    assert rms_rate(filtered, 5.0) < 10.0
+    assert rms_rate(filtered, 17.0) < 10.0  # D and K are learned until then
 
     corrected, least_squares = run("quiet")
     with_noise = fg.simulate(fg.Scenario.paper().replace({"run.duration": 42.0}))

@@ -20,8 +20,8 @@
 //    disagree later, as they may in a fault that lasts. While they disagree they are learned again every 32 windows,
 //    or 16,384 samples if these are more. The joint filter trusts nothing in as many at first, in which a rate that
 //    moves spoils D̂ and K̂ unseen. If they never agree, the plant has changed, which is accepted after `acceptance`
-//    samples. An inconsistency that is as before, within a factor of four, after they have been learned again is one of
-//    the model, and nothing is learned again because of it: each time would make the estimate of Ωz jump.
+//    samples. An inconsistency whose excess is, within a factor of four, as large as one with which they were learned
+//    again is one of the model, and no reason to learn again: each time makes the estimate of Ωz jump.
 #pragma once
 
 #include "fracgyro/core/scalar.hpp"
@@ -65,7 +65,7 @@ struct Consistency {
         T refused{};                                 // 1: the last was
         T inconsistent{};                            // 1: excess is beyond its limit
         T lasting{};                                 // samples in which it was, less those in which it was not
-        T futile{};                                  // excess with which learning again began
+        std::array<T, 2> futile{};                   // least and largest excess with which learning again began
         T moved{}, most{};                           // 1: not compared since; what ε has explained at most since
         T doubted{}, learning{};   // samples since the first disagreement, and since the last or the start
         T agreed{};                // samples in a row
@@ -157,11 +157,14 @@ struct Consistency {
         state.learning = minimum(state.learning + one, T(acceptance));
         state.age = if_less(state.age + one, c.window, state.age + one, zero);
         const T learned = if_less(state.learning, c.relearning, zero, one), much = excess(state);
-        const T less = if_less(much * T(max_change), state.futile, one, zero);
-        const T other = if_less(state.futile * T(max_change), much, one, less);
+        auto& [least, largest] = state.futile;
+        const T less = if_less(much * T(max_change), least, one, zero);
+        const T other = if_less(largest * T(max_change), much, one, less);
         const T lasts = if_less(state.lasting, c.patience, zero, learned * other);
         const T over = if_less(zero, state.lasting + (T(acceptance) - state.learning), zero, one);
-        state.futile = if_less(zero, lasts, much, (one - over) * state.futile);
+        const T lower = if_less(zero, least, minimum(least, much), much);
+        least = if_less(zero, lasts, lower, (one - over) * least);
+        largest = if_less(zero, lasts, maximum(largest, much), (one - over) * largest);
         return maximum(jumped, lasts);
     }
     // 1 while the estimates are to be compared with those before.

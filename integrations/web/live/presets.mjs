@@ -48,7 +48,7 @@ export const presets = [
     title: "Real sensors",
     sentence:
       "With noisy positions and no velocities, least squares (A) have a standard deviation of 75 rad/s, a " +
-      "Kalman filter that knows the noise (B) has 5 rad/s.",
+      "Kalman filter that knows the noise (B) has 5 rad/s after 16 s, in which it learns D and K.",
     a: "least_squares",
     b: "joint",
     sensors: "positions",
