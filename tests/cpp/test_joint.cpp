@@ -446,7 +446,7 @@ TEST(Joint, ADeviceThatTurnsFromItsFirstSampleOnLearnsNoStiffnessFromIt) {
     EXPECT_GT(trusted, 0.95);
 }
 
-// What a judgment counts and averages begins anew, in those of the runs side by side that it is for.
+// Counts and means of the judgment begin again, in those of the runs side by side that it is for.
 TEST(Joint, ADisagreementForgetsWhatWasJudged) {
     using Judged = Consistency<double, 2>;
     Judged::State state{};
@@ -471,7 +471,7 @@ TEST(Joint, ADisagreementForgetsWhatWasJudged) {
     EXPECT_EQ(state.doubted, 1.0);
 }
 
-// Of a filter of several steps a span: what is due later in it was foreseen with what is forgotten.
+// Several steps a span: gains that are due later in it were foreseen with the covariance that is forgotten.
 TEST(Joint, ADisagreementForgetsWhatWasForeseen) {
     Case a;
     a.law.adaptation.covariance_steps = 16;
@@ -487,7 +487,7 @@ TEST(Joint, ADisagreementForgetsWhatWasForeseen) {
     ASSERT_GT(filter.slot, 0);
     for (std::size_t i = 0; i < filter.precision.size(); ++i) {
         EXPECT_EQ(filter.precision[i], 0.0);
-        EXPECT_LT(std::abs(filter.sum[i]), 10.0);  // of this sample alone
+        EXPECT_LT(std::abs(filter.sum[i]), 10.0);  // the residual of this sample
     }
 }
 

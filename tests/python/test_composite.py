@@ -160,7 +160,7 @@ def test_a_force_one_step_late_throws_the_estimates_and_neither_the_loop_nor_the
     assert np.abs(end["error"]).max() < 1e-3
 
 
-# What is learned again jumps, and was taken for a sensor that jumps, so that it was learned again, without end.
+# First fits jump. Taken for a sensor that jumps, they would be made again, without end.
 def test_it_begins_again_once_where_a_hidden_delay_makes_it_disagree() -> None:
     scenario = exactly_sensed("tuned_in_air").replace(
         {

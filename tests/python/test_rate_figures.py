@@ -340,7 +340,7 @@ def test_a_figure_has_the_best_grade_whose_limit_it_keeps() -> None:
     assert grade("bias", math.nan) == "below consumer"
 
 
-def test_a_turn_on_is_drawn_and_given_to_its_last_output_in_decades_about_zero(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_turn_on_is_drawn_to_its_last_output_in_decades_about_zero(monkeypatch: pytest.MonkeyPatch) -> None:
     drawn: list[Figure] = []
 
     def embedded(figure: Figure, title: str) -> str:
