@@ -255,13 +255,15 @@ TYPED_TEST(Composed, BothStiffnessesDecideOnTrust) {
     EXPECT_EQ(trusted(0.4, 1.4), 0.0);
 }
 
-// The slow plant as above, sensed through `fault(n, numbers of the motion)`, with what was known after each step.
+// The slow plant as above, sensed through `fault(n, numbers of the motion)`, from a state on, with what was known after
+// each step, or after every so many.
 template <Scalar T, class Fault>
-std::vector<Sensed<T>> sense_faulty(int steps, double later_rate, Fault&& fault) {
+std::vector<Sensed<T>> sense_faulty(int steps, double later_rate, Fault&& fault, int every = 1,
+                                    const typename CompositeAdaptation<T>::State& from = {}) {
     using Law = CompositeAdaptation<T>;
     const AdaptationParams adaptation{.damping_gain = 0, .stiffness_gain = 0, .rate_gain = 0};
     constexpr double h = 0.02;
-    Sensed<T> sensed{.coefficients = Law::prepare(adaptation, {.stiffness = {1, 0, 1}}, h)};
+    Sensed<T> sensed{.coefficients = Law::prepare(adaptation, {.stiffness = {1, 0, 1}}, h), .state = from};
     std::vector<Sensed<T>> all;
     GyroscopeParams params = slow_plant();
     auto plant = Gyroscope<double>::prepare(params, h);
@@ -274,7 +276,9 @@ std::vector<Sensed<T>> sense_faulty(int steps, double later_rate, Fault&& fault)
         fault(n, m);
         Law::update(sensed.state, sensed.coefficients,
                     {.position = vec2<T>(m[0], m[1]), .velocity = vec2<T>(m[2], m[3])}, {}, {}, vec2<T>(u.x(), u.y()));
-        all.push_back(sensed);
+        if (n % every == 0) {
+            all.push_back(sensed);
+        }
         if (n == 2'000) {
             params.rate = later_rate;
             plant = Gyroscope<double>::prepare(params, h);
@@ -313,6 +317,76 @@ TYPED_TEST(Composed, AThirdResidualInARowThatIsFarOffIsThatOfAPlantThatMoved) {
         EXPECT_EQ(learnt_between(sensed[n - 1], sensed[n]), 2'002 < n) << n;
         EXPECT_EQ(sensed[n].refused(), n <= 2'003 ? 1.0 : 0.0) << n;
         EXPECT_EQ(sensed[n].trusted(), n <= 2'002 ? 1.0 : 0.0) << "the residuals are not those of noise, " << n;
+    }
+}
+
+TYPED_TEST(Composed, AfterADisagreementAllOthersAgreeForFourWindowsBeforeTheRateIsTrusted) {
+    using T = TypeParam;
+    const auto sensed = sense_faulty<T>(
+        11'000, 0.2, [](int n, std::array<double, 4>& m) { m[2] += 4'000 <= n && n < 4'004 ? 0.1 * (n % 3) : 0.0; });
+    const std::size_t four_windows = 4 * 1'256;  // of four periods of 2π in steps of 0.02
+    EXPECT_EQ(sensed[4'000].trusted(), 1.0);
+    for (std::size_t n = 4'004; n < 4'004 + four_windows; ++n) {
+        ASSERT_EQ(sensed[n].trusted(), 0.0) << n;
+    }
+    EXPECT_EQ(sensed[10'999].trusted(), 1.0);
+    EXPECT_NEAR(number(sensed[10'999].estimates().rate), 0.2, 4.0 * sensed[10'999].deviation());
+}
+
+TYPED_TEST(Composed, ResidualsThatGrowAreNotTakenForNoise) {
+    using T = TypeParam;
+    std::mt19937 random(7);
+    std::normal_distribution<double> noise(0.0, 2e-4);
+    const auto sensed = sense_faulty<T>(
+        24'000, 0.2, [&](int n, std::array<double, 4>& m) { m[3] += 4'000 <= n && n < 14'000 ? noise(random) : 0.0; });
+    EXPECT_EQ(sensed[3'999].trusted(), 1.0);
+    for (std::size_t n = 4'200; n < 14'000; ++n) {
+        ASSERT_EQ(sensed[n].trusted(), 0.0) << n;
+    }
+    const Sensed<T>& last = sensed.back();
+    EXPECT_EQ(last.trusted(), 1.0);
+    EXPECT_LT(last.deviation(), 2.0 * sensed[3'999].deviation());
+    EXPECT_NEAR(number(last.estimates().rate), 0.2, 4.0 * last.deviation());
+}
+
+TYPED_TEST(Composed, NoiseThatStaysIsThatOfTheSensorInTheEnd) {
+    using T = TypeParam;
+    std::mt19937 random(7);
+    std::normal_distribution<double> noise(0.0, 3e-5);
+    const auto sensed = sense_faulty<T>(
+        160'000, 0.2, [&](int n, std::array<double, 4>& m) { m[3] += 4'000 <= n ? noise(random) : 0.0; }, 1'000);
+    const auto trusted = [&](int n) { return sensed[static_cast<std::size_t>(n / 1'000)].trusted(); };
+    EXPECT_EQ(trusted(130'000), 0.0);
+    EXPECT_EQ(trusted(159'000), 1.0);
+    EXPECT_NEAR(number(sensed.back().estimates().rate), 0.2, 4.0 * sensed.back().deviation());
+}
+
+// The guard starts over when nothing else helps: what is learnt in the fault that made it must agree with before.
+TYPED_TEST(Composed, AControllerThatStartsOverKnowsItsSensorStill) {
+    using T = TypeParam;
+    using Controller = SlidingModeController<T, LinearSurface, CompositeAdaptation>;
+    typename Controller::State state{};
+    state.adaptation = sense_faulty<T>(4'000, 0.2, [](int, std::array<double, 4>&) {}).back().state;
+    const auto before = state.adaptation.agreement.before;
+    Controller::start_over(state, false);
+    EXPECT_EQ(std::memcmp(&before, &state.adaptation.agreement.before, sizeof before), 0);
+    EXPECT_EQ(number(state.adaptation.agreement.doubted), 1.0);
+    EXPECT_EQ(number(state.adaptation.squares.value[4]), 0.0);
+    EXPECT_EQ(number(state.adaptation.noise), 0.0);
+    EXPECT_FALSE(state.adaptation.measured);
+
+    typename Controller::State unknown{};
+    Controller::start_over(unknown, false);
+    EXPECT_EQ(number(unknown.adaptation.agreement.doubted), 0.0);
+
+    // From then on x is inverted: a plant can be found that moves so, but it is not the one before.
+    for (const double sign : {1.0, -1.0}) {
+        const auto all = sense_faulty<T>(
+            12'000, 0.2, [&](int, std::array<double, 4>& m) { m[0] *= sign, m[2] *= sign; }, 1, state.adaptation);
+        for (std::size_t n = 0; n < 5'000; ++n) {
+            ASSERT_EQ(all[n].trusted(), 0.0) << n;
+        }
+        EXPECT_EQ(all.back().trusted(), sign < 0.0 ? 0.0 : 1.0);
     }
 }
 

@@ -16,8 +16,9 @@
 //    rowᵀ, and that of the last step serves.
 //
 //    The influence of one sample is bounded: from when they are trusted, residuals are judged by consistency.hpp, with
-//    the deviation σ̂ √α and, for the rate, the row's first entry. In a disagreement the estimates go back to those
-//    before it, and P to the prior.
+//    the deviation σ̂ √α and, for the rate, the row's first entry. In a disagreement the estimates and σ̂ go back to
+//    those before it, and P to the prior. Residuals that grow are not taken for noise: σ̂ is at most that of the time
+//    before, which is kept even when the guard starts the controller over.
 //
 //    The force is computed with the laws' part, which is the loop's integral action, and from when Ω̂z is first trusted
 //    with the sum of both parts. What is reported of D, K and Ωz is the part of least squares only
@@ -59,12 +60,15 @@ struct CompositeAdaptation {
     using Laws = GradientAdaptation<T>;
     using Squares = RecursiveLeastSquares<T, 7>;
     using Row = typename Squares::Row;
-    using Agreement = Consistency<T, 7>;
+    using Agreement = Consistency<T, 8>;  // of θ, and of the mean square of d
+
+    static constexpr std::size_t parameters = 7;
 
     // Ωz is trusted while the other parameters inflate its variance at most so often, the prior's share of what is
     // known of it is at most this, and its standard deviation is below this fraction of the natural frequency.
     static constexpr double largest_inflation = 10.0, largest_share = 0.01, largest_deviation = 0.01;
     static constexpr double least_noise = 1e-30;  // divided by instead of 0
+    static constexpr double unknown_noise = 1.0;  // as a variance of that noise; 0: it is known
 
     struct Coefficients {
         typename Laws::Coefficients laws{};
@@ -99,7 +103,8 @@ struct CompositeAdaptation {
                 .rate_forgetting = T(step * p.rate_forgetting),
                 .forgets = p.forgetting > 0.0,
                 .trusted_variance = T(largest_deviation * largest_deviation * 0.5 * (k.xx() + k.yy())),
-                .consistency = Agreement::prepare(6.28318530717958647692 / natural_frequency(k), step, 2, 2.0, 0.0)};
+                .consistency =
+                    Agreement::prepare(6.28318530717958647692 / natural_frequency(k), step, 2, 2.0, 0.0, 8192.0)};
     }
 
     static bool sound(const State& state, const Coefficients& /*c*/) { return fracgyro::sound(state.measured); }
@@ -149,6 +154,15 @@ struct CompositeAdaptation {
     }
     // Nothing was measured: no step begins or ends here.
     static void rest(State& state) { state.measured = false; }
+    // Forgets what was learnt, but not how well: it would take a fault that lasts for noise.
+    static void start_over(State& state) {
+        static constexpr State nothing_learnt{};
+        const typename Agreement::Known before = state.agreement.before;
+        const T doubted = known(state);
+        state = nothing_learnt;
+        state.agreement.before = before;
+        Agreement::doubt(state.agreement, doubted);
+    }
 
 private:
     static Estimates<T> as_estimates(const Row& x) {
@@ -174,7 +188,7 @@ private:
                 if_less(state.agreement.learning, c.consistency.window, if_less(zero, last, least, zero), last);
             return if_less(zero, state.agreement.doubted, now, last);
         };
-        const T inverse = state.adopted / maximum(state.noise, T(least_noise));
+        const T inverse = maximum(state.adopted, known(state)) / maximum(expected_noise(state), T(least_noise));
         const Vec2<T> precision{inverse * share(state.left.x()), inverse * share(state.left.y())};
         const T learns =
             Agreement::template judge<2>(state.agreement, c.consistency, {r.x(), r.y()}, {precision.x(), precision.y()},
@@ -208,14 +222,30 @@ private:
         typename Agreement::State& a = state.agreement;
         T disagrees = Agreement::disagrees(a, c.consistency);
         if (!always_less(maximum(disagrees, Agreement::watched(a)), half)) {
-            for (std::size_t k = 1; k < state.squares.value.size(); ++k) {
-                const T value = state.squares.value[k];
-                disagrees = maximum(disagrees, Agreement::compare(a, c.consistency, k, value, variance(state, k)));
+            for (auto* each : {&a.before, &a.recent}) {  // noise that stays is accepted like a plant that has changed
+                T& known = each->variance[parameters];
+                known = if_less(a.doubted + T(1.0), T(Agreement::acceptance), known, T(unknown_noise));
             }
+            T near = T(1.0);
+            for (std::size_t k = 1; k < parameters; ++k) {
+                near = near * Agreement::near(a, k, state.squares.value[k], variance(state, k));
+            }
+            disagrees = maximum(disagrees, Agreement::compare(a, c.consistency, near));
             learn_again(state, disagrees);
         }
-        Agreement::remember(a, c.consistency,
-                            [&](std::size_t k) { return std::array{state.squares.value[k], variance(state, k)}; });
+        Agreement::remember(a, c.consistency, [&](std::size_t k) {
+            return k < parameters ? std::array{state.squares.value[k], variance(state, k)}
+                                  : std::array{state.noise, T(0.0)};
+        });
+    }
+    // Mean square of d by which residuals are judged: that before they disagreed, lest a fault pass for noise.
+    static T expected_noise(const State& state) {
+        const T before = state.agreement.before.value[parameters];
+        return if_less(T(0.0), known(state), minimum(state.noise, before), state.noise);
+    }
+    // 1 if there are estimates from before a disagreement.
+    static T known(const State& state) {
+        return if_less(state.agreement.before.variance[parameters], T(unknown_noise), T(1.0), T(0.0));
     }
     // From the estimates before a disagreement and the prior on, in the runs that it is 1 for.
     static void learn_again(State& state, T disagrees) {
@@ -229,6 +259,7 @@ private:
             instead(state.squares.value[k], state.agreement.before.value[k]);
         }
         instead(state.rate_information, T(1.0 / Squares::prior));
+        instead(state.noise, expected_noise(state));
         state.left = (T(1.0) - disagrees) * state.left;  // anything may come
         Agreement::doubt(state.agreement, disagrees);
     }

@@ -18,7 +18,7 @@
 //    meanwhile may move them. The estimates go back to those before and their variances to the prior. From then on D̂
 //    and K̂ are compared with those before: Ω̂z is not trusted until they have agreed for four windows, nor when they
 //    disagree later, as they may in a fault that lasts. While they disagree they are learned again every 32 windows,
-//    or 16,384 samples if these are more. The joint filter trusts nothing in as many at first, in which a rate that
+//    or `longest` samples if these are more. The joint filter trusts nothing in as many at first, in which a rate that
 //    moves spoils D̂ and K̂ unseen. If they never agree, the plant has changed, which is accepted after `acceptance`
 //    samples. An inconsistency whose excess is, within a factor of four, as large as one with which they were learned
 //    again is one of the model, and no reason to learn again: each time makes the estimate of Ωz jump.
@@ -42,8 +42,7 @@ struct Consistency {
     static constexpr double max_refused = 3.0;       // in a row
     static constexpr double max_bend = 20.0;         // deviations of a second difference: eight of white noise's
     static constexpr double max_change = 4.0;        // of an excess that learning again does not help against
-    static constexpr double relearning = 32.0;       // windows, but at most
-    static constexpr double longest = 16'384.0;      // samples
+    static constexpr double relearning = 32.0;       // windows
     static constexpr double acceptance = 131'072.0;  // samples
 
     struct Coefficients {
@@ -73,8 +72,10 @@ struct Consistency {
         Known before{}, recent{};  // estimates, one to two windows old and up to one
     };
 
-    // `turn`: windows that the mean of `explained` goes over; `start`: before which nothing is trusted.
-    static Coefficients prepare(double period, double step, std::size_t sensors, double turn, double start) {
+    // `turn`: windows that the mean of `explained` goes over; `start`: before which nothing is trusted; `longest`: most
+    // samples in which the estimates are learned.
+    static Coefficients prepare(double period, double step, std::size_t sensors, double turn, double start,
+                                double longest) {
         const double window = clamp(4.0 * period / step, 16.0, 65536.0), count = static_cast<double>(sensors);
         return {.weight = T(1.0 / window),
                 .slow_weight = T(1.0 / (turn * window)),
@@ -169,14 +170,18 @@ struct Consistency {
     }
     // 1 while the estimates are to be compared with those before.
     static T watched(const State& state) { return maximum(state.doubted, state.moved); }
-    // Returns 1 if an estimate disagrees with that before an inconsistency that is over.
-    static T compare(State& state, const Coefficients& c, std::size_t k, T estimate, T variance) {
-        const T zero = T(0.0), one = T(1.0), quiet = calm(state);
+    // 1 if an estimate agrees with that before an inconsistency.
+    static T near(const State& state, std::size_t k, T estimate, T variance) {
+        const T zero = T(0.0), one = T(1.0);
         const T difference = estimate - state.before.value[k], square = difference * difference;
         variance = (variance + state.before.variance[k]) *
                    (maximum(state.squares, one) + maximum(state.explained, T(turn_share) * state.most));
+        return if_less(square, T(max_difference * max_difference) * variance, one, zero);
+    }
+    // Returns 1 in a disagreement with the estimates before an inconsistency that is over. near: of those compared.
+    static T compare(State& state, const Coefficients& c, T near) {
+        const T zero = T(0.0), one = T(1.0), quiet = calm(state);
         const T consistent = one - state.inconsistent;
-        const T near = if_less(square, T(max_difference * max_difference) * variance, one, zero);
         const T doubts = if_less(zero, state.doubted, one, zero);
         const T again = maximum(state.moved * quiet, if_less(state.learning, c.relearning, zero, doubts));
         const T disagrees = again * (one - near);

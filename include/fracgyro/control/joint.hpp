@@ -286,7 +286,8 @@ private:
                 uncertain =
                     uncertain + gone * gone * (a.before.variance[slope] + spans * c.noise.variance * c.drift[slope]);
             }
-            disagrees = maximum(disagrees, Agreement::compare(a, c.consistency, k, state.plant[k], uncertain));
+            disagrees = maximum(disagrees,
+                                Agreement::compare(a, c.consistency, Agreement::near(a, k, state.plant[k], uncertain)));
         }
         if (!always_less(disagrees, half)) {
             forget(state, c, disagrees);

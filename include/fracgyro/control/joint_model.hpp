@@ -156,7 +156,7 @@ struct JointModel {
         const double slower = minimum(absolute(r.frequency.x()), absolute(r.frequency.y()));
         const double period = 2.0 * 3.14159265358979323846 / (slower > 0.0 ? slower : natural);
         using Agreement = Consistency<T, parameters>;
-        c.consistency = Agreement::prepare(period, h, sensors, 8.0, Agreement::relearning);
+        c.consistency = Agreement::prepare(period, h, sensors, 8.0, Agreement::relearning, 16'384.0);
         return c;
     }
 

@@ -102,6 +102,8 @@ struct SlidingModeController {
             AdaptationType::Filter::start_over(state.adaptation, keep_estimates);
         } else if (keep_estimates) {
             AdaptationType::rest(state.adaptation);
+        } else if constexpr (requires { AdaptationType::start_over(state.adaptation); }) {
+            AdaptationType::start_over(state.adaptation);
         } else {
             static constexpr typename AdaptationType::State nothing_learnt{};
             state.adaptation = nothing_learnt;
