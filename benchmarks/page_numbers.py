@@ -256,7 +256,7 @@ RATE_SENSOR: dict[str, Callable[[], str]] = {
     ),
     "sensor.drift_rms": lambda: rms(REAL, "stiffness drift of -30 ppm/K, 10 K"),
     "trust.composite_runs": lambda: thousands(sum(of_composite("faults"))),
-    "trust.composite_late": lambda: short(sum(of_composite("not within 50 ms"))),
+    "trust.composite_late": lambda: thousands(sum(of_composite("not within 50 ms"))),
     "trust.composite_wrong": lambda: short(max(of_composite("wrong while trusted, %"))),
     "trust.least_late": lambda: short(min(late())),
     "trust.most_late": lambda: short(max(late())),
