@@ -140,6 +140,7 @@ def trust() -> Rows:
         rows = [row for row in rows if row["sensing"] != "composite"]
         late = sum(int(number(row["not within 50 ms"])) for row in rows)
         turns = [row for row in logs.rows("off_model", "rate", "trusted, %") if row["device"] == device]
+        turns = [row for row in turns if "composite" not in row["section"]]
         found.append(
             [
                 words,
