@@ -33,7 +33,8 @@ DEVICES = ["dual_mass", "tuned_in_air", "disc", "paper_resonance"]
 LENGTHS = [20, 2_000, 20_000]
 FROM, UNTIL = 100_000, 200_000
 SAMPLES = 400_000  # without faults
-TURNS = ((1, 300), (10, 100), (50, 30), (100, 30))  # Hz, deg/s
+TURNS = ((1, 300), (10, 100), (50, 30), (100, 30))  # Hz, deg/s; the bandwidth is 100 Hz
+FAST = ((150, 30), (200, 30), (300, 30), (400, 30))
 ALLOWED = 50.0  # ms, after the end of a fault
 # What, size in q0 or as a factor.
 FAULTS: list[tuple[str, float]] = [
@@ -199,9 +200,11 @@ def delay_table(program: Program, devices: list[str]) -> list[str]:
     return [f"| device | {MEASURED}", "|---|---|---|---|---|", *without_faults(program, cases)]
 
 
-def turn_table(program: Program, devices: list[str], sensing: str) -> list[str]:
+def turn_table(
+    program: Program, devices: list[str], sensing: str, turns: tuple[tuple[int, int], ...] = TURNS
+) -> list[str]:
     cases: list[Case] = []
-    for device, (hertz, size) in itertools.product(devices, TURNS):
+    for device, (hertz, size) in itertools.product(devices, turns):
         base = SENSED[sensing](shipped(device))
         start = FROM * base.run.step * base.plant.scales.time
         for begin, words in ((start, "from rest"), (0.0, "from the first sample")):
@@ -244,6 +247,8 @@ def main() -> None:
             "## Rates that turn",
             "From sample 100,000, where the rate begins to turn or has turned from the first sample, to 400,000.",
             "\n".join(turn_table(program, devices, "position")),
+            "## Rates that turn faster than the bandwidth",
+            "\n".join(turn_table(program, devices, "position", FAST)),
             "## Rates that turn, composite adaptation",
             "Positions and velocities, with a hundredth of the noise.",
             "\n".join(turn_table(program, devices, "composite")),

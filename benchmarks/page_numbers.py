@@ -75,6 +75,13 @@ def sensing(device: str, noise: str, column: str) -> str:
     return cell("sensing_noise", column, **{"device": device, "noise (m/√Hz)": noise, "sensed": "q"})
 
 
+def misjudged(column: str) -> list[float]:
+    """Of the rows in which a datasheet states 100 times the noise or a hundredth of it."""
+    rows = logs.rows("sensing_noise", "seeds", "stated over seen", "RMS error (deg/h)")
+    found = [row for row in rows if any("datasheet: S" in cell for cell in row.values())]
+    return [numbers(row[column])[0] for row in found]
+
+
 def at_the_bound() -> Rows:
     rows, noises = [], ("0", "1e-14", "1e-13", "1e-12")
     for device, words in NAMES.items():
@@ -140,7 +147,7 @@ def trust() -> Rows:
         rows = [row for row in rows if row["sensing"] != "composite"]
         late = sum(int(number(row["not within 50 ms"])) for row in rows)
         turns = [row for row in logs.rows("off_model", "rate", "trusted, %") if row["device"] == device]
-        turns = [row for row in turns if "composite" not in row["section"]]
+        turns = [row for row in turns if row["section"] == "Rates that turn"]
         found.append(
             [
                 words,
@@ -150,6 +157,7 @@ def trust() -> Rows:
                 f"{late}",
                 f"{min(number(row['trusted, %']) for row in turns if 'from rest' in row['rate']):.1f}",
                 f"{min(number(row['trusted, %']) for row in turns if 'first sample' in row['rate']):.1f}",
+                f"{max(number(row['wrong while trusted, %']) for row in turns):.2f}",
             ]
         )
     return found
@@ -164,6 +172,12 @@ def late() -> list[float]:
     """RMS error in deg/s of each device with a delay that its datasheet does not state."""
     rows = logs.rows("off_model", "device", "RMS error, deg/s")
     return [number(row["RMS error, deg/s"]) for row in rows if "A delay" in row["section"]]
+
+
+def of_fast_turns(device: str) -> float:
+    """Largest share in % of a device's trusted samples that is wrong in turns faster than the bandwidth."""
+    rows = [row for row in logs.rows("off_model", "rate", "trusted, %") if "faster" in row["section"]]
+    return max(number(row["wrong while trusted, %"]) for row in rows if row["device"] == device)
 
 
 MINUTE, HIDDEN = "A slow drift for a minute", "Hidden delay on each device"
@@ -259,6 +273,11 @@ RATE_SENSOR: dict[str, Callable[[], str]] = {
     "trust.composite_runs": lambda: thousands(sum(of_composite("faults"))),
     "trust.composite_late": lambda: thousands(sum(of_composite("not within 50 ms"))),
     "trust.composite_wrong": lambda: short(max(of_composite("wrong while trusted, %"))),
+    "noise.misjudged": lambda: f"{100 * max(abs(ratio - 1) for ratio in misjudged('ratio (95 %)')):.0f}",
+    "noise.least_stated": lambda: short(min(misjudged("stated over seen"))),
+    "noise.most_stated": lambda: short(max(misjudged("stated over seen"))),
+    "trust.fast_disc": lambda: short(of_fast_turns("disc")),
+    "trust.fast_others": lambda: short(max(of_fast_turns(each) for each in NAMES if each != "disc")),
     "trust.least_late": lambda: short(min(late())),
     "trust.most_late": lambda: short(max(late())),
     "sensor.coarse": lambda: short(

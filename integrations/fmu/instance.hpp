@@ -224,7 +224,7 @@ private:
                 "them",
                 now(), bound_[0], bound_[1], bound_[2], gain_);
         }
-        return fail("the motion diverged after %.9g: the step %.9g is too long for these gains", now(), exported::step);
+        return fail("the motion diverged after %.9g: the step %.9g is too long for these gains and parameters", now(), exported::step);
     }
 
     // Whether the instance is where a call may come.

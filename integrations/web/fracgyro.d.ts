@@ -88,7 +88,7 @@ export interface Loop {
 export interface Controller {
   /**
    * The force [x, y] to hold for the coming step, from what is measured now. Call it once every run.step. With
-   * device.sensing = "position" the velocity is not looked at.
+   * device.sensing = "position" the velocity is not looked at. NaN is a sample that is missing: `status` tells.
    */
   step(position: [number, number], velocity?: [number, number]): [number, number];
   /** What was thought of the last sample; anything but ok and saturated says that it was not accepted. */

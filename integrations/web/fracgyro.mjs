@@ -163,9 +163,9 @@ class Fracgyro {
     return {
       step(position, velocity) {
         const motion = [...position, ...(observed ? [0, 0] : velocity)];
-        if (motion.length !== 4 || !motion.every(Number.isFinite)) {
+        if (motion.length !== 4 || !motion.every((each) => typeof each === "number")) {
           const given = observed ? `position is ${position}: it` : `position and velocity are ${motion}: each`;
-          throw new RangeError(`${given} must be two finite numbers`);
+          throw new RangeError(`${given} must be two numbers`);
         }
         return [...core.doubles(core.controller_step(...motion), 2)];
       },

@@ -42,12 +42,13 @@ def number(name: str, value: object, *, least: float = -math.inf, above: float =
     return result
 
 
-def pair(name: str, values: object) -> tuple[float, float]:
-    """Two finite floats, of a list or an array of any shape, as a column is.
+def pair(name: str, values: object, *, finite: bool = True) -> tuple[float, float]:
+    """Two floats, of a list or an array of any shape, as a column is.
 
-    Raises TypeError for what holds no numbers, ValueError for others than two finite ones.
+    Raises TypeError for what holds no numbers, ValueError for others than two, and for any that is not finite unless
+    all are allowed.
     """
-    rule = "it must be two finite numbers"
+    rule = "it must be two finite numbers" if finite else "it must be two numbers"
     if not isinstance(values, Sequence | np.ndarray) or isinstance(values, NO_NUMBERS):
         raise TypeError(f"{name} is {short(values)}: {rule}")
     shown = short(values.tolist() if isinstance(values, np.ndarray) else list(values))
@@ -57,7 +58,8 @@ def pair(name: str, values: object) -> tuple[float, float]:
     except ValueError:
         raise ValueError(rule) from None
     try:
-        return number(name, x), number(name, y)
+        take = number if finite else real
+        return take(name, x), take(name, y)
     except (TypeError, ValueError) as error:
         raise type(error)(rule) from None
 

@@ -446,6 +446,25 @@ TEST(Joint, ADeviceThatTurnsFromItsFirstSampleOnLearnsNoStiffnessFromIt) {
     EXPECT_GT(trusted, 0.95);
 }
 
+// Of a rate that turns beyond the bandwidth ε explains a part: the deviation states what would explain all.
+TEST(Joint, TheDeviationStatesWhatIsNotExplainedToo) {
+    using Judged = Consistency<double, 2>;
+    const auto c = Judged::prepare(1.0, 0.01, 2, 8.0, 0.0, 1e4);  // windows of 400 samples
+    Judged::State state{};
+    state.sensitivity = 4.0;
+    EXPECT_EQ(Judged::variance(state, c, 1e-3), 1e-3);
+    state.squares = 1.25;  // noise
+    EXPECT_EQ(Judged::variance(state, c, 1e-3), 1.25e-3);
+    state.squares = 101.25;
+    EXPECT_NEAR(Judged::variance(state, c, 1e-3), 101.25e-3 + 2.0 * 100.0 / 4.0, 1e-12);
+    state.now = 60.0;  // explained, and so no excess
+    EXPECT_NEAR(Judged::variance(state, c, 1e-3), 41.25e-3 + 2.0 * 100.0 / 4.0, 1e-12);
+    EXPECT_NEAR(Judged::lag_variance(state, c), 2.0 * 60.0 / 4.0, 0.01);
+    state.squares = 61.0, state.now = 0.0, state.explained = 80.0;  // in the mean
+    EXPECT_NEAR(Judged::lag_variance(state, c), 2.0 * 80.0 / 4.0, 0.01);
+    EXPECT_NEAR(Judged::variance(state, c, 1e-3), 61e-3 + 2.0 * 80.0 / 4.0, 0.01);
+}
+
 // Counts and means of the judgment begin again, in those of the runs side by side that it is for.
 TEST(Joint, ADisagreementForgetsWhatWasJudged) {
     using Judged = Consistency<double, 2>;

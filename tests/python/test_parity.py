@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 from typing import get_args
@@ -248,6 +249,14 @@ def test_what_is_no_record_of_every_step_is_refused_in_one_sentence(short: Path,
     assert refused(path) == "is not a recorded run: write one with `fracgyro simulate --out`"
     write_run(run.isel(time=slice(1, None)), path)
     assert refused(path) == "lacks steps: its times must be 0, 0.001, and so on"
+    write_run(run.isel(time=slice(0, 0)), path)
+    assert refused(path) == "has no steps: it must have at least one"
+    write_run(run.assign(position=run["position"].astype("float32")), path)
+    assert refused(path) == "has position as float32: it must be float64, as it was recorded"
+    write_run(run.isel(axis=[0]), path)
+    assert refused(path) == "has 2 numbers a step as position and velocity: it must have 4"
+    write_run(run.isel(entry=[0]), path)
+    assert re.match(r"has \d+ numbers a step as control and .*: it must have \d+$", refused(path))
     base = fg.Scenario.paper().replace({"run.duration": 0.2})
     for change, report in {
         "run.record_every": "lacks steps: run.record_every is 4, and must be 1",

@@ -390,6 +390,11 @@ def test_the_bootstrap_interval_of_a_shift_holds_the_shift() -> None:
         ("[vary]", "[vary]\ndisturbance.seed = { low = 0, high = 9 }", "disturbance.seed is in [vary]"),
         ("[vary]", '[vary]\ncontroller.kind = ["lin"]', 'controller.kind is "lin"'),
         ("run.duration = 2.0", 'disturbance.kind = "none"', "disturbance.kind is"),
+        (
+            "run.duration = 2.0",
+            "run.duration = 0.5",
+            "run.duration is 0.5: it must be greater than metrics.transient, 1,",
+        ),
         ("trials = 10", 'storage = "nowhere://x:secret@y/z"', "nowhere://y/z cannot be opened as a database"),
         ("trials = 10", 'storage = "sqlite:////nowhere/study.db"', "cannot be"),
     ],

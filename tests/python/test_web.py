@@ -442,16 +442,19 @@ def test_so_has_the_controller_with_composite_adaptation_from_positions(module: 
 def test_an_absurd_sample_is_not_believed_and_leaves_no_force_without_end(module: Path, tmp_path: Path) -> None:
     code = """
     const controller = await fracgyro.controller(own);
-    for (const x of [0.5, 1e300, 0.5, 7, 0.5]) {
+    for (const x of [0.5, 1e300, 0.5, NaN, -Infinity, 7, 0.5]) {
       const force = controller.step([x, 0.5], [0, 0]);
       console.log(controller.status, force.every((f) => Math.abs(f) <= 6000));
     }
+    try { controller.step([0.5, "0.5"], [0, 0]); } catch (e) { console.log(e.message); }
     """
     scenario = SHORT.replace({"controller.force_limit": 6000.0})
-    reported = ["ok true", "out_of_range true", "ok true", "saturated true", "saturated true"]
+    refused = "position and velocity are 0.5,0.5,0,0: each must be two numbers"
+    held = ["ok true", "out_of_range true", "ok true", "not_finite true", "not_finite true"]
+    reported = [*held, "saturated true", "saturated true", refused]
     assert in_node(module, tmp_path, code, scenario).splitlines() == reported
-    reported = ["ok true", "out_of_range true", "lost true", "lost true", "lost true"]
-    assert in_node(module, tmp_path, code, scenario.replace({"guard.checked": True})).splitlines() == reported
+    lost = ["ok true", "out_of_range true", *["lost true"] * 5, refused]
+    assert in_node(module, tmp_path, code, scenario.replace({"guard.checked": True})).splitlines() == lost
 
 
 WRONG = {

@@ -10,7 +10,8 @@
 //
 //    The filter is consistent while excess <= 1.25 + 3 times the mean of `explained` over eight windows: vehicles that
 //    turn at the edge of the bandwidth leave 0.6 of `explained`, faults of sensors 2.4 to 1,000 times of it. The
-//    variance that is stated for Ω̂z is P max(1, excess) + the larger of ε² and its mean.
+//    variance that is stated for Ω̂z is P max(1, excess) + the largest of ε², its mean, and the ε² that would make all
+//    of r²/S beyond 1.25: of a rate that turns faster than the filter follows, ε is but a part.
 //
 //    Disagreement: a motion is smooth and a sensor that fails is not. Three innovations in a row beyond eight
 //    deviations, with a second difference beyond twenty among them, are a disagreement; so is an inconsistency that
@@ -91,12 +92,10 @@ struct Consistency {
 
     static T excess(const State& state) { return state.squares - state.now; }
     // ε² now or its mean, without what noise makes of either.
-    static T lag_variance(const State& state, const Coefficients& c) {
-        const T now = state.now - T(16.0) * c.unexplained, mean = state.explained - T(3.0) * c.unexplained;
-        return c.sensors * maximum(maximum(now, mean), T(0.0)) / maximum(state.sensitivity, T(vanishing));
-    }
+    static T lag_variance(const State& state, const Coefficients& c) { return of_rate(state, c, T(0.0)); }
+    // A rate that turns faster than the filter follows is explained in part: the rest of r²/S may be of it, too.
     static T variance(const State& state, const Coefficients& c, T stated) {
-        return stated * maximum(excess(state), T(1.0)) + lag_variance(state, c);
+        return stated * maximum(excess(state), T(1.0)) + of_rate(state, c, state.squares - T(max_excess));
     }
     // 1 while the estimates may be trusted as far as the innovations show.
     static T sound(const State& state, const Coefficients& c) {
@@ -237,6 +236,12 @@ private:
         return row;
     }
     static constexpr double vanishing = 1e-30;
+    // ε² that makes `explained`, now or in the mean, or at least as much of r²/S.
+    static T of_rate(const State& state, const Coefficients& c, T least) {
+        const T now = state.now - T(16.0) * c.unexplained, mean = state.explained - T(3.0) * c.unexplained;
+        return c.sensors * maximum(maximum(now, mean), maximum(least, T(0.0))) /
+               maximum(state.sensitivity, T(vanishing));
+    }
     // 1 if there is nothing but noise.
     static T calm(const State& state) {
         return if_less(state.squares + state.explained, T(max_excess), T(1.0), T(0.0));

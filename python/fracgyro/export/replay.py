@@ -93,11 +93,24 @@ def load(path: str | os.PathLike[str]) -> Trace:
     if not np.allclose(run["time"], scenario.run.step * np.arange(run.sizes["time"]), rtol=1e-9, atol=0.0):
         raise ValueError(f"{path} lacks steps: its times must be 0, {scenario.run.step}, and so on")
 
-    def columns(names: list[str]) -> NDArray[np.float64]:
-        return np.hstack([run[name].values.reshape(run.sizes["time"], -1) for name in names])
-
     measured = [f"measured_{name}" for name in MOTION]  # where the device is not ideal
-    return Trace(scenario, columns(measured if measured[0] in run else MOTION), columns(variables))
+    moved = measured if measured[0] in run else MOTION
+    rounded = next((name for name in (*moved, *variables) if run[name].dtype != np.float64), None)
+    if rounded:
+        raise ValueError(f"{path} has {rounded} as {run[rounded].dtype}: it must be float64, as it was recorded")
+    steps = run.sizes["time"]
+    if steps == 0:
+        raise ValueError(f"{path} has no steps: it must have at least one")
+
+    def columns(names: list[str], wanted: int) -> NDArray[np.float64]:
+        found = np.hstack([run[name].values.reshape(steps, -1) for name in names])
+        if found.shape[1] != wanted:
+            raise ValueError(
+                f"{path} has {found.shape[1]} numbers a step as {' and '.join(names)}: it must have {wanted}"
+            )
+        return found
+
+    return Trace(scenario, columns(moved, 4), columns(variables, len(answer_columns(scenario))))
 
 
 def parity_hash(scenario: Scenario, rows: NDArray[np.floating]) -> str:

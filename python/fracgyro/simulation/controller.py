@@ -75,12 +75,12 @@ class Controller:
     def step(self, time: float, position: Sequence[float], velocity: Sequence[float] | None = None) -> Vector:
         """The force [x, y] to hold until the next step, from position and velocity [x, y] measured at `time`.
 
-        Whatever finite numbers are measured, the force is finite and within the limit; `status` says whether they were
-        believed. Until the first that are, time does not start. With device.sensing = "position" the velocity is
-        observed and what is given for it not looked at.
+        Whatever is measured, the force is finite and within the limit; `status` says whether it was believed. NaN is a
+        sample that is missing. Until the first that is believed, time does not start: `time` says what the next step
+        is. With device.sensing = "position" the velocity is observed and what is given for it not looked at.
 
-        Raises TypeError for an argument that is not a number, ValueError for one that is not finite, or a time that is
-        not that of the next step.
+        Raises TypeError for an argument that is not a number, ValueError for a time that is not that of the next step,
+        or not finite.
 
         >>> controller = fg.Controller(fg.Scenario.paper())
         >>> for i in range(3):
@@ -90,7 +90,7 @@ class Controller:
             velocity = None
         elif velocity is None:
             return self._checked(time, position, velocity)
-        # None: something is not a plain finite number, though it may be one of NumPy's.
+        # None: something is not a plain finite number, though it may be one of NumPy's, or a sample is missing.
         force: Vector | None = self._core.checked_step(self._step, self._units, time, position, velocity)
         return self._checked(time, position, velocity) if force is None else force
 
@@ -98,10 +98,14 @@ class Controller:
         """As `step`, whatever the arguments are."""
         plain = number("time", time)
         self._check_time(time, plain)
-        q = pair("position", position)
+        q = pair("position", position, finite=False)
         if velocity is None and not self._observes:
             raise ValueError('velocity is missing: it must be given unless device.sensing is "position"')
-        v = None if velocity is None else pair("velocity", velocity)
+        v = None if velocity is None else pair("velocity", velocity, finite=False)
+        if not all(map(math.isfinite, (*q, *(v or ())))):
+            u = self._units
+            held = self._core.step([each / u.length for each in q], [each / u.velocity for each in v or (0.0, 0.0)])
+            return np.multiply(held, u.force)
         force: Vector | None = self._core.checked_step(self._step, self._units, plain, q, v)
         if force is None:  # another thread has taken a step since
             self._check_time(time, plain)
@@ -112,10 +116,8 @@ class Controller:
         """Raises ValueError unless it is that of the next step."""
         expected = self._core.steps * self._step
         if not abs(time / self._units.time - expected) < 0.5 * self._step:
-            raise ValueError(
-                f"time is {given}: the next step is at {expected * self._units.time:.9g}, "
-                "and steps must be taken one after another"
-            )
+            why = "steps must be taken one after another" if expected else "time starts with a sample that is believed"
+            raise ValueError(f"time is {given}: the next step is at {expected * self._units.time:.9g}, and {why}")
 
     @property
     def time(self) -> float:

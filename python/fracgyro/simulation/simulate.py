@@ -35,7 +35,7 @@ class DivergedError(ValueError):
     def __init__(self, scenario: Scenario, time: float, run: xr.Dataset) -> None:
         step = scenario.run.step
         shorter = f"try run.step = {step / 2:g} or less, or smaller gains"
-        why = f"run.step is {step:g}, which is too long for these gains; {shorter}"
+        why = f"run.step is {step:g}, which is too long for these gains or for so large a rate or force; {shorter}"
         if "controller" in run.attrs:
             unit = "s" if run.attrs["units"] == "SI" else "units of time"
             why = (

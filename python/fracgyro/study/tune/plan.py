@@ -194,6 +194,12 @@ def read_tuning(path: str | os.PathLike[str], controller: ControllerLike | None 
         raise ScenarioError(
             f"objective is given {len(file.objective)} times: it must be given once when tune.sampler is cmaes"
         )
+    begin, end = file.metrics.transient, base.run.duration
+    late = next((o.metric for o in (*file.objective, *file.constraint) if "_steady" in o.metric), None)
+    if late and end <= begin and all(dimension.field != "run.duration" for dimension in dimensions):
+        raise ScenarioError(
+            f"run.duration is {end:g}: it must be greater than metrics.transient, {begin:g}, for {late} to come about"
+        )
     if base.disturbance.kind != "noise":
         raise ScenarioError(
             f"disturbance.kind is {shown(base.disturbance.kind)}: it must be noise, or no seed can be held out"
