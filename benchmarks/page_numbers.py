@@ -175,9 +175,10 @@ def late() -> list[float]:
 
 
 def of_fast_turns(device: str) -> float:
-    """Largest share in % of a device's trusted samples that is wrong in turns faster than the bandwidth."""
+    """Largest share in % of a device's samples that is trusted and wrong in turns faster than the bandwidth."""
     rows = [row for row in logs.rows("off_model", "rate", "trusted, %") if "faster" in row["section"]]
-    return max(number(row["wrong while trusted, %"]) for row in rows if row["device"] == device)
+    of = [(number(row["trusted, %"]), number(row["wrong while trusted, %"])) for row in rows if row["device"] == device]
+    return max(trusted * wrong / 100.0 for trusted, wrong in of)
 
 
 MINUTE, HIDDEN = "A slow drift for a minute", "Hidden delay on each device"
