@@ -101,7 +101,7 @@ public:
             return false;
         }
         look_ahead();
-        return on_to(Phase::running);
+        return is_a_plant() && on_to(Phase::running);
     }
     bool terminate() {
         return (state_.phase == Phase::initializing || in(Phase::running, "the end")) && on_to(Phase::terminated);
@@ -169,6 +169,9 @@ public:
                         now());
         }
         prepare();
+        if (!is_a_plant()) {
+            return false;
+        }
         warning_[0] = '\0';
         for (double n = 0.0; n < count; ++n) {
             if constexpr (exported::closed_loop) {
@@ -224,7 +227,8 @@ private:
                 "them",
                 now(), bound_[0], bound_[1], bound_[2], gain_);
         }
-        return fail("the motion diverged after %.9g: the step %.9g is too long for these gains and parameters", now(), exported::step);
+        return fail("the motion diverged after %.9g: the step %.9g is too long for these gains and parameters", now(),
+                    exported::step);
     }
 
     // Whether the instance is where a call may come.
@@ -316,6 +320,38 @@ private:
         coefficients_ = Loop::prepare(setup_);
         draw_ = Loop::draw(setup_);
         prepared_ = true;
+    }
+
+    // As of a scenario: D has no negative eigenvalue, K none that is not positive, rounding aside.
+    bool is_a_plant() {
+        if constexpr (exported::closed_loop) {
+            const auto stiffness = matrix("plant.stiffness"), deviation = matrix("plant.stiffness_deviation");
+            return definite("plant.damping", matrix("plant.damping"), "semidefinite") &&
+                   definite("plant.stiffness", stiffness, "definite") &&
+                   definite("plant.stiffness plus plant.stiffness_deviation", stiffness + deviation, "definite");
+        }
+        return true;
+    }
+    Sym2<double> matrix(const char* name) const {
+        std::array<double, 3> entries{};
+        for (std::size_t i = 0; i < state_.values.size(); ++i) {
+            for (std::size_t k = 0; k < entries.size(); ++k) {
+                static constexpr const char* ends[] = {".xx", ".xy", ".yy"};
+                const char* const own = exported::variables[i].name;
+                const std::size_t length = std::strlen(name);
+                if (std::strncmp(own, name, length) == 0 && std::strcmp(own + length, ends[k]) == 0) {
+                    entries[k] = state_.values[i];
+                }
+            }
+        }
+        return {entries[0], entries[1], entries[2]};
+    }
+    bool definite(const char* name, const Sym2<double>& a, const char* rule) {
+        const double half = 0.5 * (a.xx() - a.yy());
+        const double least = 0.5 * (a.xx() + a.yy()) - square_root(half * half + a.xy() * a.xy());
+        const double rounding = 1e-12 * maximum(maximum(absolute(a.xx()), absolute(a.yy())), absolute(a.xy()));
+        return (rule[0] == 's' ? least >= -rounding : least > rounding) ||
+               fail("%s is [%.9g, %.9g, %.9g]: it must be positive %s", name, a.xx(), a.xy(), a.yy(), rule);
     }
 
     Motion<exported::Number> measured() const {

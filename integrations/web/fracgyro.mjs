@@ -286,6 +286,12 @@ class Fracgyro {
     }
     const names = new Set([...Object.keys(this.fields), ...Object.keys(all)].filter((name) => !foreign.has(name)));
     names.forEach((name) => this.#check(name, all[name]));
+    const matrix = (name) => ["xx", "xy", "yy"].map((entry) => all[`${name}.${entry}`]);
+    const deviation = matrix("plant.stiffness_deviation");
+    const sum = matrix("plant.stiffness").map((number, i) => number + deviation[i]);
+    definite("plant.damping", matrix("plant.damping"), true);
+    definite("plant.stiffness", matrix("plant.stiffness"), false);
+    definite("plant.stiffness plus plant.stiffness_deviation", sum, false);
     return all;
   }
 
@@ -310,6 +316,15 @@ class Core {
   }
   doubles(at, count) {
     return new Float64Array(this.memory.buffer, at, count);
+  }
+}
+
+// As of a scenario, rounding aside.
+function definite(name, [xx, xy, yy], semi) {
+  const least = xx / 2 + yy / 2 - Math.hypot(xx / 2 - yy / 2, xy);
+  const zero = 1e-12 * Math.max(Math.abs(xx), Math.abs(xy), Math.abs(yy));
+  if (!(semi ? least >= -zero : least > zero)) {
+    throw new RangeError(`${name} is ${[xx, xy, yy]}: it must be positive ${semi ? "semidefinite" : "definite"}`);
   }
 }
 

@@ -271,6 +271,27 @@ def test_gains_can_be_tuned_while_it_runs_and_starts_cannot(made: Callable[..., 
     assert fmu.complaint(lambda: fmu.set("controller.order", 0.8)) == "controller.order cannot be set"
 
 
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_a_plant_that_is_none_is_refused_as_in_a_scenario(made: Callable[..., str], tmp_path: Path, fmi: Fmi) -> None:
+    for name, value, said in [
+        ("plant.stiffness.xx", -1.0, r"plant.stiffness is \[-1, 12.779, 95.92\]: it must be positive definite"),
+        ("plant.stiffness.xy", 1e6, r"plant.stiffness is \[63.955, 1000000, 95.92\]: it must be positive definite"),
+        ("plant.damping.yy", -1e-6, r"plant.damping is \[1.8e-06, 3.6e-07, -1e-06\]: it must be positive semidefinite"),
+        (
+            "plant.stiffness_deviation.xx",
+            -1e6,
+            r"plant.stiffness plus plant.stiffness_deviation is \[-9.*: it must be positive definite",
+        ),
+    ]:
+        fmu = Instance(made(SHORT, fmi), tmp_path / name)
+        fmu.set(name, value)
+        assert re.fullmatch(said, fmu.complaint(fmu.start)), fmu.messages
+    running = Instance(made(SHORT, fmi), tmp_path / "running").start()
+    running.step(0.0, 0.1)
+    running.set("plant.damping.xx", -1.0)
+    assert "plant.damping is [-1, " in running.complaint(lambda: running.step(0.1, 0.1))
+
+
 def test_the_seed_is_that_of_the_noise_of_the_sensors_too(made: Callable[..., str]) -> None:
     simulated = fmpy.simulate_fmu(made(DEVICE), start_values={"disturbance.seed": 7}, output_interval=0.001)
     expected = columns(fg.simulate(DEVICE.replace({"disturbance.seed": 7})))["measured_position.x"]

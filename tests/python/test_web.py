@@ -458,6 +458,10 @@ def test_an_absurd_sample_is_not_believed_and_leaves_no_force_without_end(module
 
 
 WRONG = {
+    '{ "plant.stiffness.xx": -1 }': "plant.stiffness is -1,12.779,95.92: it must be positive definite",
+    '{ "plant.damping.xx": -1 }': "plant.damping is -1,3.6e-7,0.0000018: it must be positive semidefinite",
+    '{ "plant.stiffness_deviation.yy": -2e3 }': "plant.stiffness plus plant.stiffness_deviation is "
+    "63.955,12.779,-1904.08: it must be positive definite",
     '{ "controller.oder": 0.8 }': "controller.oder is not a known setting; see fracgyro.fields",
     '{ "controller.order": 1.5 }': "controller.order is 1.5: it must be at most 1",
     '{ "run.step": 1e-201, "run.duration": 1e-200 }': "run.step is 1e-201: it must lie between 1e-200 and 1e200",
