@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import fracgyro as fg
 import numpy as np
 import pytest
@@ -134,6 +136,13 @@ def test_limits_of_ones_own_and_windows_without_a_sample() -> None:
     assert np.isnan(found["rate_error_rms"])
     with pytest.raises(ValueError, match=r"window is \(10\.0, None\): the run has no sample in it"):
         metrics.cut(made_up(), metrics.STEADY)
+    for wrong in [(1,), (1, 2, 3), (np.nan, 2), ("1", 2), 1.0, "12", None]:
+        rule = f"window is {wrong!r}: it must be (from, until), two numbers, or None for an open end"
+        for measure in (metrics.cut, metrics.rmse, metrics.chattering):
+            if not (wrong is None and measure is metrics.chattering):
+                with pytest.raises(ValueError, match=f"^{re.escape(rule)}$"):
+                    measure(made_up(), wrong)  # type: ignore[operator]
+    assert metrics.cut(made_up(), (-np.inf, np.inf)).sizes == made_up().sizes
 
 
 def test_an_error_of_exactly_the_bound_is_within_it_and_one_that_is_no_number_is_none() -> None:

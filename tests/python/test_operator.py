@@ -192,8 +192,8 @@ def test_the_command_line_names_what_is_exported(words: list[str], expected: Sam
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ([], "one of --order and --pid must be given"),
-        (["--order", "0.5", "--pid", "1", "1", "1", "1", "1"], "one of --order and --pid must be given"),
+        ([], "one of --order and --pid must be given, and not both"),
+        (["--order", "0.5", "--pid", "1", "1", "1", "1", "1"], "one of --order and --pid must be given, and not both"),
         (["--order", "0"], "--order is 0: it must be above 0 and at most 1, or at least -1 and below 0"),
         (["--order", "nan"], "--order is nan: it must be above 0"),
         (["--order", "0.5", "--step", "-1"], "step must be positive and finite, got -1.0"),

@@ -6,14 +6,15 @@ compares the two.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from .. import _core
-from ..arguments import number
+from ..arguments import NO_NUMBERS, number, real, short
 from ..scenario import Scenario, check_scenario
 from ..scenario.kinds import AXES, ENTRIES
 from ..scenario.to_core import core_setup, only_laws
@@ -311,7 +312,15 @@ def _or_nan(metric: Callable[[xr.Dataset, Window], xr.DataArray], run: xr.Datase
 
 
 def _inside(run: xr.Dataset, window: Window) -> NDArray[np.bool_]:
-    start, end = window
+    rule = f"window is {short(window)}: it must be (from, until), two numbers, or None for an open end"
+    if not isinstance(window, Sequence | np.ndarray) or isinstance(window, NO_NUMBERS) or len(window) != 2:
+        raise ValueError(rule)
+    try:
+        start, end = (None if edge is None else real("window", edge) for edge in window)
+    except TypeError:
+        raise ValueError(rule) from None
+    if any(edge is not None and math.isnan(edge) for edge in (start, end)):
+        raise ValueError(rule)
     time = run["time"].values
     return (time >= (-np.inf if start is None else start)) & (time < (np.inf if end is None else end))
 

@@ -155,7 +155,7 @@ def operator_command(
     from ..fractional import pid as fractional_pid
 
     if (order is None) == (pid is None):
-        raise click.UsageError("one of --order and --pid must be given")
+        raise click.UsageError("one of --order and --pid must be given, and not both")
     if order is not None and not 0 < abs(order) <= 1:
         raise click.UsageError(f"--order is {order:g}: it must be above 0 and at most 1, or at least -1 and below 0")
     if pid is not None:
