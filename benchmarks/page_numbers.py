@@ -76,7 +76,7 @@ def sensing(device: str, noise: str, column: str) -> str:
 
 
 def misjudged(column: str) -> list[float]:
-    """Of the rows in which a datasheet states 100 times the noise or a hundredth of it."""
+    """A column of the rows in which a datasheet states 100 times the noise or a hundredth of it."""
     rows = logs.rows("sensing_noise", "seeds", "stated over seen", "RMS error (deg/h)")
     found = [row for row in rows if any("datasheet: S" in cell for cell in row.values())]
     return [numbers(row[column])[0] for row in found]

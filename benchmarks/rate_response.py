@@ -137,7 +137,7 @@ class Answer:
 
 
 def answers(scenario: fg.Scenario, corner: float, outputs: Outputs, quiet: Changes, most: float) -> list[Answer]:
-    """Of each estimator; `quiet` takes noise away that it goes by whether it is there or not."""
+    """One for each estimator; `quiet` takes noise away that it goes by whether it is there or not."""
     scales = scenario.plant.scales
     resting = [outputs({"disturbance.seed": seed})[1:] for seed in SEEDS]
     deviations = [noise(list(records)) for records in zip(*resting, strict=True)]
@@ -245,9 +245,9 @@ def main() -> None:
         f"of Ω̂z about its mean at rest, steady half of {len(SEEDS)} runs. Bandwidth (−3 dB) and lag: from sines. Rise "
         "from 10 to 90 %, settling to within 2 % for good: from a step. Both are of 100 deg/s, or of "
         f"{MOST:g} times the noise ({MOST_JOINT:g} below) if that is less: a step of more, which no vehicle makes, is "
-        "a disagreement, after which the filter begins again and is there at once. Beside it the Kalman filter that "
-        "knows D, K and the noise and takes Ωz for a random walk, on the same runs, its walk chosen for the corner, "
-        f"{EVERY} steps at a time. Noise grows as the root of the bandwidth: the last column is noise over noise, each "
+        "a disagreement, after which the filter begins again and is there at once. Next to it is the Kalman filter "
+        "that knows D, K and the noise and takes Ωz for a random walk, on the same runs, its walk chosen for the "
+        f"corner, {EVERY} steps at a time. Noise grows as the root of the bandwidth: the last column is noise over noise, each "
         "over the root of its own bandwidth.",
         "",
         f"| scenario | set | {columns} | Kalman: {columns} | ratio |",

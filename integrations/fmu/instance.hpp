@@ -322,7 +322,7 @@ private:
         prepared_ = true;
     }
 
-    // As of a scenario: D has no negative eigenvalue, K none that is not positive, rounding aside.
+    // The rule of a scenario: D has no negative eigenvalue, K none that is not positive, rounding aside.
     bool is_a_plant() {
         if constexpr (exported::closed_loop) {
             const auto stiffness = matrix("plant.stiffness"), deviation = matrix("plant.stiffness_deviation");

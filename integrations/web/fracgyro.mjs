@@ -319,7 +319,7 @@ class Core {
   }
 }
 
-// As of a scenario, rounding aside.
+// The rule of a scenario, rounding aside.
 function definite(name, [xx, xy, yy], semi) {
   const least = xx / 2 + yy / 2 - Math.hypot(xx / 2 - yy / 2, xy);
   const zero = 1e-12 * Math.max(Math.abs(xx), Math.abs(xy), Math.abs(yy));

@@ -361,7 +361,7 @@ TYPED_TEST(Composed, NoiseThatStaysIsThatOfTheSensorInTheEnd) {
     EXPECT_NEAR(number(sensed.back().estimates().rate), 0.2, 4.0 * sensed.back().deviation());
 }
 
-// The guard starts over when nothing else helps: what is learnt in the fault that made it must agree with before.
+// The guard starts over when nothing else helps: what is learned in the fault that made it must agree with before.
 TYPED_TEST(Composed, AControllerThatStartsOverKnowsItsSensorStill) {
     using T = TypeParam;
     using Controller = SlidingModeController<T, LinearSurface, CompositeAdaptation>;

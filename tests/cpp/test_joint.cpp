@@ -446,7 +446,7 @@ TEST(Joint, ADeviceThatTurnsFromItsFirstSampleOnLearnsNoStiffnessFromIt) {
     EXPECT_GT(trusted, 0.95);
 }
 
-// Of a rate that turns beyond the bandwidth ε explains a part: the deviation states what would explain all.
+// The deviation states what would explain all: ε explains a part of a rate that turns beyond the bandwidth.
 TEST(Joint, TheDeviationStatesWhatIsNotExplainedToo) {
     using Judged = Consistency<double, 2>;
     const auto c = Judged::prepare(1.0, 0.01, 2, 8.0, 0.0, 1e4);  // windows of 400 samples

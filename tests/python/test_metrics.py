@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 
 import fracgyro as fg
 import numpy as np
@@ -138,10 +139,11 @@ def test_limits_of_ones_own_and_windows_without_a_sample() -> None:
         metrics.cut(made_up(), metrics.STEADY)
     for wrong in [(1,), (1, 2, 3), (np.nan, 2), ("1", 2), 1.0, "12", None]:
         rule = f"window is {wrong!r}: it must be (from, until), two numbers, or None for an open end"
-        for measure in (metrics.cut, metrics.rmse, metrics.chattering):
+        measures: list[Callable[..., object]] = [metrics.cut, metrics.rmse, metrics.chattering]
+        for measure in measures:
             if not (wrong is None and measure is metrics.chattering):
                 with pytest.raises(ValueError, match=f"^{re.escape(rule)}$"):
-                    measure(made_up(), wrong)  # type: ignore[operator]
+                    measure(made_up(), wrong)
     assert metrics.cut(made_up(), (-np.inf, np.inf)).sizes == made_up().sizes
 
 

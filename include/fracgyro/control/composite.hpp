@@ -154,7 +154,7 @@ struct CompositeAdaptation {
     }
     // Nothing was measured: no step begins or ends here.
     static void rest(State& state) { state.measured = false; }
-    // Forgets what was learnt, but not how well: it would take a fault that lasts for noise.
+    // Forgets what was learned, but not how well: it would take a fault that lasts for noise.
     static void start_over(State& state) {
         static constexpr State nothing_learnt{};
         const typename Agreement::Known before = state.agreement.before;
