@@ -247,8 +247,8 @@ def main() -> None:
         f"{MOST:g} times the noise ({MOST_JOINT:g} below) if that is less: a step of more, which no vehicle makes, is "
         "a disagreement, after which the filter begins again and is there at once. Next to it is the Kalman filter "
         "that knows D, K and the noise and takes Ωz for a random walk, on the same runs, its walk chosen for the "
-        f"corner, {EVERY} steps at a time. Noise grows as the root of the bandwidth: the last column is noise over noise, each "
-        "over the root of its own bandwidth.",
+        f"corner, {EVERY} steps at a time. Noise grows as the root of the bandwidth: the last column is noise over "
+        "noise, each over the root of its own bandwidth.",
         "",
         f"| scenario | set | {columns} | Kalman: {columns} | ratio |",
         "|---" * 15 + "|",
