@@ -347,9 +347,11 @@ private:
         return {entries[0], entries[1], entries[2]};
     }
     bool definite(const char* name, const Sym2<double>& a, const char* rule) {
-        const double half = 0.5 * (a.xx() - a.yy());
-        const double least = 0.5 * (a.xx() + a.yy()) - square_root(half * half + a.xy() * a.xy());
-        const double rounding = 1e-12 * maximum(maximum(absolute(a.xx()), absolute(a.yy())), absolute(a.xy()));
+        // Relative to the largest entry, so that no square overflows.
+        const double largest = maximum(maximum(absolute(a.xx()), absolute(a.yy())), absolute(a.xy()));
+        const double unit = largest > 0.0 ? largest : 1.0;
+        const double xx = a.xx() / unit, xy = a.xy() / unit, yy = a.yy() / unit, half = 0.5 * (xx - yy);
+        const double least = 0.5 * (xx + yy) - square_root(half * half + xy * xy), rounding = 1e-12;
         return (rule[0] == 's' ? least >= -rounding : least > rounding) ||
                fail("%s is [%.9g, %.9g, %.9g]: it must be positive %s", name, a.xx(), a.xy(), a.yy(), rule);
     }

@@ -21,6 +21,7 @@ from typing import Any, Literal
 import fmpy
 import fracgyro as fg
 import harness
+import numpy as np
 from payloads import payload
 
 OK, WARNING, ERROR = 0, 1, 3
@@ -75,8 +76,9 @@ class Bytes:
 class Importer:
     """One instance at a time, and what it must be doing."""
 
-    def __init__(self, library: Path, token: bytes, variables: int) -> None:
+    def __init__(self, library: Path, token: bytes, variables: int, matrices: list[list[int]]) -> None:
         self.library, self.token, self.variables = ctypes.CDLL(str(library)), token, variables
+        self.matrices = matrices  # references of D's entries, K's and its deviation's; none without a plant
         self.two = hasattr(self.library, "fmi2DoStep")
         self.said: list[bytes] = []
         self._log = (
@@ -171,7 +173,20 @@ class Importer:
         self.moved(self.call("EnterInitializationMode", *extra), may, INITIALIZING)
 
     def exit(self, _: Bytes) -> None:
-        self.moved(self.call("ExitInitializationMode"), self.phase == INITIALIZING, RUNNING)
+        may = self.phase == INITIALIZING and self.has_a_plant()
+        self.moved(self.call("ExitInitializationMode"), may, RUNNING)
+
+    def has_a_plant(self) -> bool:
+        if not self.matrices:
+            return True
+        damping, stiffness, deviation = (self.matrix(references) for references in self.matrices)
+        return _least(damping) >= 0 and _least(stiffness) > 0 and _least(stiffness + deviation) > 0
+
+    def matrix(self, references: list[int]) -> np.ndarray:
+        values, listed = (c_double * 3)(), (c_uint * 3)(*references)
+        sizes = () if self.two else (c_size_t(3),)
+        assert self.call(f"Get{'Real' if self.two else 'Float64'}", listed, c_size_t(3), values, *sizes)
+        return np.array([[values[0], values[1]], [values[1], values[2]]])
 
     def step(self, source: Bytes) -> None:
         time, length = source.number(), source.number()
@@ -295,7 +310,19 @@ def importer(face: str) -> Importer:
     (library,) = unpacked.glob("binaries/*/*.so")
     description = fmpy.read_model_description(str(unpacked))
     token = description.guid if fmi == "2.0" else description.instantiationToken
-    return Importer(library, token.encode(), len(description.modelVariables))
+    references = {variable.name: int(variable.valueReference) for variable in description.modelVariables}
+    names = ("damping", "stiffness", "stiffness_deviation") if content == "loop" else ()
+    matrices = [[references[f"plant.{name}.{entry}"] for entry in ("xx", "xy", "yy")] for name in names]
+    return Importer(library, token.encode(), len(references), matrices)
+
+
+def _least(matrix: np.ndarray) -> float:
+    """The smallest eigenvalue over the largest entry; zero where rounding alone makes it differ."""
+    largest = float(np.abs(matrix).max())
+    if largest == 0 or largest == np.inf:
+        return 0.0 if largest == 0 else -1.0
+    least = float(np.linalg.eigvalsh(matrix / largest)[0])
+    return 0.0 if abs(least) <= 1e-12 else least
 
 
 def make(rng: random.Random) -> bytes:

@@ -286,6 +286,9 @@ def test_a_plant_that_is_none_is_refused_as_in_a_scenario(made: Callable[..., st
         fmu = Instance(made(SHORT, fmi), tmp_path / name)
         fmu.set(name, value)
         assert re.fullmatch(said, fmu.complaint(fmu.start)), fmu.messages
+    huge = Instance(made(SHORT, fmi), tmp_path / "huge")
+    huge.set("plant.damping.yy", 1e308)
+    huge.start()
     running = Instance(made(SHORT, fmi), tmp_path / "running").start()
     running.step(0.0, 0.1)
     running.set("plant.damping.xx", -1.0)
