@@ -154,7 +154,7 @@ def main() -> None:
         programs = {number: Path(folder) / number for number in NUMBERS}
         headers = include(SOURCES / "include")
         for number, program in programs.items():
-            options = [*FLAGS, "-O2", "-march=native", "-Wno-psabi", f"-DNUMBER={number}"]
+            options = [*FLAGS, "-fexceptions", "-O2", "-march=native", "-Wno-psabi", f"-DNUMBER={number}"]
             system_compiler(*options, *headers, HERE / "soak.cpp", "-o", program)
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             list(pool.map(lambda block: soak(programs[block.number], block), BLOCKS))
