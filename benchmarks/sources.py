@@ -42,7 +42,10 @@ WRITERS = {
     "words",
 }  # write and read logs; no number depends on them
 ELSEWHERE = {"best_order": "docs/best_order.md", "firmware": "integrations/firmware/measured.md"}
-WITHOUT_LOG = {"readme_picture": "draws docs/run.svg, which a test compares"}
+WITHOUT_LOG = {
+    "readme_picture": "draws docs/run.svg, which a test compares",
+    "record_pictures": "makes examples/records, whose figures a test compares, and their pictures",
+}
 STAMP = re.compile(r"^Sources `([0-9a-f]{16})`, commit `(\w+)`.*?(?: Made with `(.*)`\.)?$", re.MULTILINE)
 NO_SOURCE = {".md", ".pyc", ".svg", ".png"}
 TOKENS = re.compile(

@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 from fracgyro.rate.allan import Allan, Estimate
-from fracgyro.rate.imu import imu_file
+from fracgyro.rate.imu import Noise, of_simulation
+from fracgyro.rate.imu import imu_file as imu_file_of
+from fracgyro.rate.inspection import Event
 from fracgyro.rate.runs import Output
 
 TAU = 2.0 ** np.arange(5)
@@ -23,8 +25,12 @@ WHITE = Allan(
     Estimate(1e-4, 0.9e-4, 1.1e-4),
     UNSEEN,
     UNSEEN,
+    UNSEEN,
+    undecided=False,
     response_time=0.0,
     fitted=(1.0, 16.0),
+    lines=(),
+    events=(),
 )
 ALL = replace(
     WHITE,
@@ -33,6 +39,10 @@ ALL = replace(
     rate_random_walk=Estimate(5e-7, 4e-7, 6e-7),
     response_time=0.02,
 )
+
+
+def imu_file(kind: Any, m: Any) -> tuple[str, str]:
+    return imu_file_of(kind, [of_simulation(m)])
 
 
 def measured(found: Allan) -> Any:
@@ -95,6 +105,41 @@ def test_what_gnss_ins_sim_would_add_by_itself_is_switched_off_where_it_was_not_
     err, text = profile(WHITE)
     assert err["b_drift"].tolist() == [0, 0, 0]
     assert err["b_corr"].tolist() == [math.inf] * 3
-    assert "bias instability: at most 4.13 deg/h, not observed" in text
+    assert "bias instability at most 4.13 deg/h; where not observed, 0 adds none" in text
     assert "rate random walk" not in text
     assert profile(replace(WHITE, angle_random_walk=None))[0]["arw"].tolist() == [0, 0, 0]
+
+
+def test_kf_gins_gets_lines_in_its_units() -> None:
+    name, text = imu_file("kf-gins", measured(ALL))
+    assert name == "kf_gins.yaml"
+    lines = {key: rest for key, _, rest in (line.partition(":") for line in text.splitlines()) if key[:1] != "#"}
+    numbers = {
+        key: [float(each) for each in rest.partition("#")[0].strip(" []").split(",")] for key, rest in lines.items()
+    }
+    assert numbers["arw"] == pytest.approx([1e-4 * 180 / math.pi * 60] * 3, rel=1e-5)  # deg/sqrt(h)
+    assert numbers["gbstd"] == pytest.approx([3e-6 * 0.664 / 0.617 * 180 / math.pi * 3600] * 3, rel=2e-3)
+    assert numbers["corrtime"] == pytest.approx([4.0 / 1.892 / 3600], rel=1e-3)
+    text = imu_file("kf-gins", measured(WHITE))[1]
+    assert "# gbstd: bias instability not observed" in text
+
+
+def test_three_axes_keep_their_own_numbers_where_the_file_has_room_and_else_the_largest_counts() -> None:
+    def axis(walk: float, bias: float) -> Noise:
+        return Noise(replace(ALL, angle_random_walk=Estimate(walk, walk, walk)), 0.005, bias, "on a test")
+
+    axes = [axis(1e-4, 1e-3), axis(3e-4, 2e-3), axis(2e-4, 3e-3)]
+    assert values(imu_file_of("kalibr", axes)[1])["gyroscope_noise_density"] == 3e-4
+    scope: dict[str, Any] = {}
+    exec(imu_file_of("gnss-ins-sim", axes)[1], scope)
+    assert scope["gyro_err"]["arw"].tolist() == [1e-4, 3e-4, 2e-4]
+    assert scope["gyro_err"]["b"].tolist() == [1e-3, 2e-3, 3e-3]
+
+
+@pytest.mark.parametrize("kind", ["kalibr", "gnss-ins-sim", "kf-gins"])
+def test_what_something_in_the_record_spoils_is_not_filled_in(kind: Any) -> None:
+    spike = Event("spike", 50.0, 50.0, 1.0, spoils=True)
+    text = imu_file_of(kind, [Noise(replace(ALL, events=(spike,)), 0.005, 0.0, "on a test")])[1]
+    assert "# Not noise: at 50 s the rate is 57.3 deg/s off." in text
+    assert "0.0001" not in text
+    assert "1e-04" not in text

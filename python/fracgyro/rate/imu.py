@@ -1,12 +1,14 @@
-"""What a navigation simulation needs to know of the sensor's noise, in the words of two that engineers use.
+"""The sensor's noise in the formats of three navigation filters and simulations.
 
-Kalibr's imu.yaml and gnss-ins-sim's error profile of a gyroscope. What the record did not show is not filled in.
+Kalibr's imu.yaml, gnss-ins-sim's error profile of a gyroscope, the lines of KF-GINS's configuration. What the record
+did not show is not filled in.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from typing import Literal
 
@@ -16,92 +18,181 @@ from .allan import FLOOR, Allan, Estimate
 from .measure import Characterisation
 from .units import DEG_PER_H, DEG_PER_ROOT_H, Unit
 
-Imu = Literal["kalibr", "gnss-ins-sim"]
+Imu = Literal["kalibr", "gnss-ins-sim", "kf-gins"]
 
 # Markov noise of standard deviation 1 has its largest Allan deviation, 0.617, at 1.892 times its correlation time.
 MARKOV_PEAK, MARKOV_DEVIATION = 1.892, 0.617
+AXES = 3
 
 
-def imu_file(kind: Imu, m: Characterisation) -> tuple[str, str]:
-    """Name and text of the file."""
-    name, text = FILES[kind]
-    return name, text(m)
+@dataclass(frozen=True)
+class Noise:
+    """The noise of an axis."""
+
+    found: Allan
+    interval: float  # s, of the output
+    mean: float  # rad/s, at rest
+    source: str  # what it was measured on, for a comment
 
 
-def _head(m: Characterisation) -> list[str]:
-    rest, found = m.rest, m.allan
+def of_simulation(m: Characterisation) -> Noise:
+    """The noise of a simulated sensor."""
+    rest = m.rest
     seconds = rest.rate.shape[1] * rest.interval
-    lines = [
-        f"# Gyroscope noise measured by fracgyro {version('fracgyro')} on {m.seeds} simulated records at rest, "
-        f"{seconds:.3g} s each.",
-    ]
-    if found.response_time:
+    source = f"on {m.seeds} simulated records at rest, {seconds:.3g} s each"
+    return Noise(m.allan, rest.interval, float(np.mean(rest.rate)), source)
+
+
+def imu_file(kind: Imu, axes: Sequence[Noise]) -> tuple[str, str]:
+    """Name and text of the file; one axis stands for all three."""
+    name, text = FILES[kind]
+    return name, text([_told(each) for each in axes])
+
+
+def _told(axis: Noise) -> Noise:
+    """Without numbers that cannot be trusted."""
+    if not any(event.spoils for event in axis.found.events):
+        return axis
+    none = Estimate(0.0, 0.0, math.inf, True)
+    found = replace(axis.found, angle_random_walk=None, bias_instability=none, rate_random_walk=none)
+    return replace(axis, found=found)
+
+
+def _head(axes: Sequence[Noise], comment: str = "#") -> list[str]:
+    lines = [f"{comment} Gyroscope noise measured by fracgyro {version('fracgyro')} {each.source}." for each in axes]
+    slowest = max(each.found.response_time for each in axes)
+    if slowest:
         lines.append(
-            f"# The output's own response time is {found.response_time:.3g} s: samples closer than that are "
+            f"{comment} The output's own response time is {slowest:.3g} s: samples closer than that are "
             "correlated, and have less noise than this density means."
         )
+    for each in axes:
+        lines += [f"{comment} Not noise: {event.sentence}." for event in each.found.events]
     return lines
 
 
-def _kalibr(m: Characterisation) -> str:
-    """Kalibr's imu.yaml; its densities are the roots of two-sided ones, and so are N and K."""
-    walk, drift = m.allan.angle_random_walk, m.allan.rate_random_walk
+def _worst(estimates: Sequence[Estimate | None]) -> Estimate | None:
+    """The largest that is known; of limits only, the largest limit."""
+    seen = [each for each in estimates if each is not None and not each.limit]
+    limits = [each for each in estimates if each is not None and each.limit]
+    return max(seen, key=lambda each: each.value) if seen else max(limits, key=lambda each: each.high, default=None)
+
+
+def _kalibr(axes: Sequence[Noise]) -> str:
+    """Kalibr's imu.yaml; its densities are the roots of two-sided ones, and so are N and K.
+
+    It takes one number for all axes: the largest.
+    """
+    walk = _worst([each.found.angle_random_walk for each in axes])
+    drift = _worst([each.found.rate_random_walk for each in axes])
+    several = ", the largest of the axes" if len(axes) > 1 else ""
     lines = [
-        *_head(m),
+        *_head(axes),
         "# To be added: rostopic, accelerometer_noise_density, accelerometer_random_walk.",
-        f"update_rate: {1 / m.rest.interval:.6g}  # Hz, of the output",
-        f"gyroscope_noise_density: {walk.value:.6g}  # rad/s/sqrt(Hz)"
-        if walk
-        else "# gyroscope_noise_density: not observed",
-        f"gyroscope_random_walk: {drift.value:.6g}  # rad/s^2/sqrt(Hz)"
-        if not drift.limit
-        else f"# gyroscope_random_walk: not observed; at most {drift.high:.3g} rad/s^2/sqrt(Hz)",
+        f"update_rate: {1 / axes[0].interval:.6g}  # Hz, of the output",
+        _line("gyroscope_noise_density", walk, f"rad/s/sqrt(Hz){several}"),
+        _line("gyroscope_random_walk", drift, f"rad/s^2/sqrt(Hz){several}"),
     ]
     return "\n".join(lines) + "\n"
 
 
-def _gnss_ins_sim(m: Characterisation) -> str:
+def _line(name: str, found: Estimate | None, words: str) -> str:
+    if found is None or (found.limit and not math.isfinite(found.high)):
+        return f"# {name}: not observed"
+    if found.limit:
+        return f"# {name}: not observed; at most {found.high:.3g} {words}"
+    return f"{name}: {found.value:.6g}  # {words}"
+
+
+def _gnss_ins_sim(axes: Sequence[Noise]) -> str:
     """A dict for `IMU.set_gyro_error`, in SI as its built-in profiles are.
 
     Flicker noise becomes the Gauss-Markov noise whose largest Allan deviation is the same, where the least deviation
     of the record lies.
     """
-    found = m.allan
-    bias = float(np.mean(m.rest.rate))
-    flicker, walk, drift = found.bias_instability, found.angle_random_walk, found.rate_random_walk
-    spread, correlation = 0.0, math.inf
-    if not flicker.limit:
-        spread = flicker.value * FLOOR / MARKOV_DEVIATION
-        correlation = _least_at(found) / MARKOV_PEAK
-    unseen = "not observed; 0 adds none, and without this line the simulator takes its own"
+    rows = [_markov(each) for each in axes]
+    biases, spreads, correlations, walks = (
+        _axes(values) for values in zip(*((each.mean, *row) for each, row in zip(axes, rows, strict=True)), strict=True)
+    )
+    walk_words = ["not observed" if row[2] == 0 else f"{DEG_PER_ROOT_H.of(row[2]):.3g} deg/sqrt(h)" for row in rows]
+    drift_words = [_words(each.found.bias_instability, DEG_PER_H) for each in axes]
+    seen = any(not each.found.bias_instability.limit for each in axes)
+    means = ", ".join(f"{DEG_PER_H.of(each.mean):.3g}" for each in axes)
     lines = [
-        *_head(m),
+        *_head(axes),
         "# Use: imu.set_gyro_error(gyro_err). rad/s, s and rad/sqrt(s), as in the simulator's built-in profiles.",
         "import numpy as np",
         "",
         "gyro_err = {",
-        f"    'b': {_axes(bias)},  # {DEG_PER_H.of(bias):.3g} deg/h, the mean output at rest",
-        f"    'b_drift': {_axes(spread)},  # " + _words(flicker, DEG_PER_H, "bias instability", unseen),
-        f"    'b_corr': {_axes(correlation)},"
-        + ("" if flicker.limit else "  # flicker noise has none: where the least Allan deviation lies, over 1.892"),
-        f"    'arw': {_axes(walk.value if walk else 0.0)},  # "
-        + (f"{DEG_PER_ROOT_H.of(walk.value):.3g} deg/sqrt(h)" if walk else f"angle random walk: {unseen}"),
+        f"    'b': {biases},  # {means} deg/h, the mean output at rest",
+        f"    'b_drift': {spreads},  # bias instability {_explained(drift_words)}",
+        f"    'b_corr': {correlations},"
+        + ("  # flicker noise has none: where the least Allan deviation lies, over 1.892" if seen else ""),
+        f"    'arw': {walks},  # angle random walk {_explained(walk_words)}",
         "}",
     ]
-    if not drift.limit:
-        lines.append(f"# The simulator has no rate random walk. Observed: {drift.value:.3g} rad/s/sqrt(s).")
+    for each in axes:
+        drift = each.found.rate_random_walk
+        if not drift.limit:
+            lines.append(f"# The simulator has no rate random walk. Observed: {drift.value:.3g} rad/s/sqrt(s).")
     return "\n".join(lines) + "\n"
 
 
-def _axes(value: float) -> str:
-    """The same for all three axes."""
-    return f"np.full(3, {'np.inf' if math.isinf(value) else format(value, '.6g')})"
+def _markov(axis: Noise) -> tuple[float, float, float]:
+    """Standard deviation and correlation time of the drift, and N."""
+    flicker, walk = axis.found.bias_instability, axis.found.angle_random_walk
+    white = walk.value if walk and not walk.limit else 0.0
+    if flicker.limit:
+        return 0.0, math.inf, white
+    return flicker.value * FLOOR / MARKOV_DEVIATION, _least_at(axis.found) / MARKOV_PEAK, white
 
 
-def _words(found: Estimate, unit: Unit, name: str, unseen: str) -> str:
-    if found.limit:
-        return f"{name}: at most {unit.of(found.high):.3g} {unit.name}, {unseen}"
-    return f"{name} {unit.of(found.value):.3g} {unit.name}"
+def _kf_gins(axes: Sequence[Noise]) -> str:
+    """The lines of a gyroscope under imunoise in KF-GINS's YAML: deg/sqrt(h), deg/h, and h."""
+    rows = [_markov(each) for each in axes]
+    walks = [DEG_PER_ROOT_H.of(row[2]) for row in rows]
+    spreads = [DEG_PER_H.of(row[0]) for row in rows]
+    times = [row[1] / 3600 for row in rows if math.isfinite(row[1])]
+    lines = [
+        *_head(axes),
+        "# Under imunoise; to be added: vrw, abstd, gsstd, asstd and those under initstd.",
+        f"arw: {_listed(walks)}  # deg/sqrt(h)" if all(walks) else "# arw: not observed on every axis, in deg/sqrt(h)",
+        f"gbstd: {_listed(spreads)}  # deg/h, standard deviation of the bias as Gauss-Markov noise"
+        if all(spreads)
+        else "# gbstd: bias instability not observed on every axis, in deg/h",
+        f"corrtime: {max(times):.4g}  # h, where the least Allan deviation lies, over 1.892"
+        if times
+        else "# corrtime: not observed, in h",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _listed(values: Sequence[float]) -> str:
+    """Three axes as YAML."""
+    three = list(values) if len(values) == AXES else [max(values)] * AXES
+    return f"[ {', '.join(f'{each:.6g}' for each in three)} ]"
+
+
+def _axes(values: Sequence[float]) -> str:
+    """Three axes as Python."""
+    written = ["np.inf" if math.isinf(value) else format(value, ".6g") for value in values]
+    if len(values) == AXES:
+        return f"np.array([{', '.join(written)}])"
+    return f"np.full({AXES}, {written[int(np.argmax(values))]})"
+
+
+def _words(found: Estimate, unit: Unit) -> str:
+    if not found.limit:
+        return f"{unit.of(found.value):.3g} {unit.name}"
+    return f"at most {unit.of(found.high):.3g} {unit.name}" if math.isfinite(found.high) else "not observed"
+
+
+def _explained(axes: Sequence[str]) -> str:
+    """The words of each axis, and what a 0 is for."""
+    words = ", ".join(axes)
+    if all(each[0].isdigit() for each in axes):
+        return words
+    return f"{words}; where not observed, 0 adds none, and without this line the simulator takes its own"
 
 
 def _least_at(found: Allan) -> float:
@@ -109,7 +200,8 @@ def _least_at(found: Allan) -> float:
     return float(found.tau[inside][np.argmin(found.deviation[inside])])
 
 
-FILES: dict[Imu, tuple[str, Callable[[Characterisation], str]]] = {
+FILES: dict[Imu, tuple[str, Callable[[Sequence[Noise]], str]]] = {
     "kalibr": ("imu.yaml", _kalibr),
     "gnss-ins-sim": ("gnss_ins_sim.py", _gnss_ins_sim),
+    "kf-gins": ("kf_gins.yaml", _kf_gins),
 }

@@ -140,7 +140,11 @@ def measure(
 def _credible(found: Allan, bound: Bound | None) -> Allan:
     """The same without an angle random walk far below its bound: that of a record too short for the response."""
     walk = found.angle_random_walk
-    return replace(found, angle_random_walk=None) if bound and walk and walk.value < bound.known / 2 else found
+    return (
+        replace(found, angle_random_walk=None)
+        if bound and walk and not walk.limit and walk.value < bound.known / 2
+        else found
+    )
 
 
 def _check_rest(rest: float, answered: Response) -> None:

@@ -1,206 +1,395 @@
-"""The noise terms of IEEE Std 952 fitted to an Allan variance: which of them it shows, and how well.
+"""The noise terms of IEEE Std 952 in a spectrum: which of them it shows, and within which intervals.
 
-The rate has white noise N, flicker noise B and a random walk K, of two-sided density
+Quantization Q, white noise N, flicker noise B and a random walk K have the two-sided density
 
-    S(f) = (N² + B²/(2π f) + K²/(2π f)²) |H(f)|²,    H: the sensor's response, |H|² = 1/(1 + (2π f T)^2n)
+    S(f) = (N² + B²/(2π f) + K² (h/(2 sin π f h))²) |H(f)|² + 4 Q²/h sin²(π f h),
 
-with n = 1, or n = 2 (Butterworth's, that of an estimate which falls behind where its sensors' noise hides the motion),
-and the Allan variance over averages of length tau is sigma²(tau) = 2 ∫ S(f) G(f, tau) df over f > 0, with
-G = 2 sin⁴(π f tau)/(π f tau)²: N²/tau + (2 ln 2/π) B² + K² tau/3 where tau is long against T and the sampling interval.
-Estimates over different tau come from one record; theirs is the covariance
+and drift, as of a sensor that warms up, which is 1/(f² + fc²)² with a corner fc,
 
-    cov(i, j) = 4/(t - 2 min(tau_i, tau_j)) ∫ S² G_i G_j df,    t: the record's length,
+with H the sensor's response of first or second order, if it shows, as a filter of samples every h has it. Of sampled
+flicker noise it depends on what comes before the sampling whether it is B²/(2π f) up to half the sampling rate, or
+B² h/(2 sin π f h), as fractional differences have it: both are tried. N, B and K are always in the model, from 0 up; Q
+and a response are where they improve the likelihood by three standard deviations. The powers of a spectrum
+(spectrum.py) are chi square with mean S, so that
 
-so that N², B² and K² are found by generalized least squares, and T by the likelihood. f goes up to half the sampling
-frequency, and G and H are those of samples.
+    -2 log L = Σ ν (log S + P/S),    ν: degrees of freedom of a power P,
+
+whose least value gives the terms. The interval of each is that of its profile likelihood: all its values for which the
+others, from 0 up, can be such that -2 log L is within the 95 % point of chi square of the least, with any response or
+shape of flicker noise that is nearly as likely as the best.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
-from scipy.stats import chi2
+from scipy.optimize import brentq, nnls
+from scipy.stats import chi2, norm
+
+from .spectrum import Spectrum
 
 Array = NDArray[np.float64]
 
-WHITE, FLICKER, WALK = range(3)
-SETS: list[tuple[int, ...]] = [s for n in (1, 2, 3) for s in itertools.combinations((WHITE, FLICKER, WALK), n)]
+WHITE, FLICKER, WALK, QUANTIZATION, DRIFT = range(5)
+CONFIDENCE = 0.95
+TWO_SIDED = float(chi2.ppf(CONFIDENCE, 1))
 DETECTED = 9.0  # what a term must add to twice the log likelihood: three standard deviations
-PLAUSIBLE = 0.01  # least probability of the residuals
-SHORTEST = 4  # octaves that a fit needs
-PER_OCTAVE = 48  # frequencies of the integrals
-ROUNDS = 4  # of least squares, each with the covariance of the one before
+EITHER = float(chi2.isf(chi2.sf(DETECTED, 1), 2))  # the same of two terms at once
+PLAUSIBLE = 1e-3  # least probability of the residuals
+MIN_OCTAVES = 4  # octaves that a fit needs
+MIN_FREEDOM = 30.0  # and degrees of freedom
+CORNERS = (0.0, 2.0, 4.0, 8.0, 16.0)  # of drift: warm-ups within a part of the record
+RESPONSES = ("first order", "first order, bilinear", "second order", "second order, bilinear")
+ROUNDING = 1e-30  # share of the largest power, below which powers are zero
+BEYOND = 1e3  # times a power: what exceeds it is not bounded
 
 
 @dataclass(frozen=True)
 class Response:
-    """Of the sensor."""
+    """The sensor's response."""
 
     time: float = 0.0  # T, s; 0 where it does not show
-    order: int = 1
+    kind: str = RESPONSES[0]
+
+    def gain(self, frequency: Array, interval: float) -> Array:
+        """|H|² at these frequencies."""
+        sine = 2 * np.sin(np.pi * frequency * interval)
+        tangent = 2 * np.tan(np.pi * frequency * interval) * self.time / interval
+        if self.time == 0:
+            return np.ones_like(frequency)
+        if self.kind == "first order":
+            keep = math.exp(-interval / self.time)  # from one sample to the next
+            return np.asarray((1 - keep) ** 2 / ((1 - keep) ** 2 + keep * sine**2))
+        if self.kind == "first order, bilinear":
+            return np.asarray(1 / (1 + tangent**2))
+        if self.kind == "second order":
+            return np.asarray(1 / (1 + (sine * self.time / interval) ** 4))
+        return np.asarray(1 / (1 + tangent**4))
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Shapes of two densities, which a user does not know."""
+
+    fractional: bool = False  # flicker noise is B² h/(2 sin π f h)
+    corner: float = 0.0  # of drift, of the lowest frequency: that of an exponential warm-up, below which it is flat
+
+
+@dataclass(frozen=True)
+class Power:
+    """N², B², K² or Q² with the ends of its interval; `seen`: whether the record shows it, else `high` is its limit."""
+
+    value: float
+    low: float
+    high: float
+    seen: bool
 
 
 @dataclass(frozen=True)
 class Fit:
-    """Powers N², B², K² of the terms seen, with their variances; `part`: of the averaging times, which fit."""
+    """The terms of the longest part of a spectrum that they account for; those that are not there were not tried."""
 
-    power: dict[int, float]
-    variance: dict[int, float]
+    terms: dict[int, Power]
     response: Response
-    part: slice
+    frequency: tuple[float, float]  # Hz, from and to which the part goes
+    whole: bool  # whether the part has the lowest frequencies
+    undecided: bool  # slow noise is seen, but not whether it is flicker noise or a random walk
 
 
-@dataclass(frozen=True)
-class _Solved:
-    terms: tuple[int, ...]
-    response: Response
-    power: Array
-    covariance: Array
-    residual: float  # chi square
-    score: float  # -2 log likelihood, and the price of each unknown
-    unknowns: int
+class _Model:
+    """Densities of a part of a spectrum for N, B, K, Q = 1, and what is most likely of it."""
+
+    def __init__(self, spectrum: Spectrum, part: slice, terms: tuple[int, ...], kind: str | None, shape: Shape) -> None:
+        self.frequency, self.power = spectrum.frequency[part], spectrum.power[part]
+        self.freedom, self.interval = spectrum.freedom[part], spectrum.interval
+        self.terms, self.kind, self.shape = terms, kind, shape
+        self.unknowns = len(terms) + (kind is not None)
+        self._plain = densities(spectrum, shape)[part]
+        smooth = np.exp(_smoothed(np.log(self.power), self.freedom))
+        self._start = smooth
+        self._root = np.sqrt(self.freedom)
+
+    def columns(self, time: float) -> Array:
+        """(bands, terms)"""
+        if self.kind is None:
+            return self._plain[:, self.terms]
+        gain = Response(time, self.kind).gain(self.frequency, self.interval)
+        columns = self._plain[:, self.terms]
+        columns[:, [i for i, term in enumerate(self.terms) if term != QUANTIZATION]] *= gain[:, None]
+        return columns
+
+    def score(self, density: Array) -> float:
+        """-2 log L, less a constant."""
+        return float(self.freedom @ (np.log(density) + self.power / density))
+
+    def best(
+        self, start: tuple[Array, float] | None = None, fixed: tuple[int, float] | None = None
+    ) -> tuple[float, Array, float]:
+        """Least score, and the powers and the response time where it is; `fixed`: a term and its power."""
+        if start is None:
+            times = [0.0] if self.kind is None else self._times()
+            tries = [self._descend(None, time, fixed, rounds=4) for time in times]
+            found = min(tries, key=lambda each: each[0])
+            start = found[1], found[2]
+        return self._descend(start[0], start[1], fixed, rounds=60)
+
+    def _times(self) -> list[float]:
+        shortest, longest = self.interval / 4, 0.1 / float(self.frequency[0])
+        return [float(t) for t in np.geomspace(shortest, max(longest, 4 * shortest), 14)]
+
+    def _descend(
+        self, powers: Array | None, time: float, fixed: tuple[int, float] | None, rounds: int
+    ) -> tuple[float, Array, float]:
+        """Fisher's scoring: least squares of weights from the density before, all powers from 0 up."""
+        count = len(self.terms)
+        free = [i for i in range(count) if fixed is None or i != fixed[0]]
+        columns = self.columns(time)
+        held = np.zeros(len(self.power)) if fixed is None else fixed[1] * columns[:, fixed[0]]
+        if powers is None:
+            density = self._start
+            powers = np.zeros(count)
+            now = math.inf
+        else:
+            powers = powers.copy()
+            if fixed is not None:
+                powers[fixed[0]] = fixed[1]
+            density = columns @ powers
+            if not (density > 0).all():
+                density, now = self._start, math.inf
+            else:
+                now = self.score(density)
+        for _ in range(rounds):
+            weight = self._root / density
+            matrix, wanted = columns[:, free] * weight[:, None], (self.power - held) * weight
+            if self.kind is not None and now < math.inf:
+                slope = self._slope(time, powers) * weight
+                matrix = np.column_stack([matrix, slope, -slope])
+            scale = np.sqrt((matrix**2).sum(axis=0))
+            scale[scale == 0] = 1.0
+            solved = nnls(matrix / scale, wanted)[0] / scale
+            step = float(solved[len(free)] - solved[len(free) + 1]) if len(solved) > len(free) else 0.0
+            step = min(max(step, -0.7), 0.7)
+            target = powers.copy()
+            target[free] = solved[: len(free)]
+            if fixed is not None:
+                target[fixed[0]] = fixed[1]
+            size, before = 1.0, now
+            for _ in range(12):
+                trial = powers + size * (target - powers) if before < math.inf else target
+                moved = self._within(time * math.exp(size * step))
+                columns_there = self.columns(moved) if moved != time else columns
+                there = columns_there @ trial
+                if (there > 0).all() and (score := self.score(there)) < now:
+                    powers, time, columns, density, now = trial, moved, columns_there, there, score
+                    if fixed is not None:
+                        held = fixed[1] * columns[:, fixed[0]]
+                    break
+                size /= 2
+            if not now < before - 1e-7:
+                break
+        return now, powers, time
+
+    def _within(self, time: float) -> float:
+        if self.kind is None:
+            return 0.0
+        return min(max(time, self.interval / 16), 1 / float(self.frequency[0]))
+
+    def _slope(self, time: float, powers: Array) -> Array:
+        """Derivative of the density by the logarithm of the response time."""
+        longer, shorter = self.columns(time * 1.01), self.columns(time / 1.01)
+        return np.asarray((longer - shorter) @ powers / (2 * math.log(1.01)))
+
+    @property
+    def most(self) -> Array:
+        """The most that each power could be."""
+        return np.asarray(np.min(self._start[:, None] / np.maximum(self.columns(0.0), 1e-300), axis=0))
 
 
-class Curve:
-    """An Allan variance over octaves of averaging times, from `records` records of `samples` samples each."""
+Best = tuple[float, Array, float]
 
-    def __init__(self, tau: Array, variance: Array, interval: float, samples: int, records: int) -> None:
-        self.tau, self.variance, self.interval = tau, variance, interval
-        length = samples * interval
-        octaves = math.log2(500 * samples)
-        self.frequency = np.geomspace(1e-3 / length, 0.5 / interval, int(PER_OCTAVE * octaves))
-        self._width = np.gradient(self.frequency)
-        sine = np.sin(np.pi * self.frequency * interval)
-        averaged = np.round(tau / interval)[:, None]
-        self._gain = 2 * np.sin(np.pi * self.frequency * interval * averaged) ** 4 / (averaged * sine) ** 2
-        self._density = np.stack(
-            [np.ones_like(sine), 1 / (2 * np.pi * self.frequency), (interval / (2 * sine)) ** 2]
-        )  # of N, B, K = 1
-        left = length - 2 * tau
-        self._span = np.maximum(left[:, None], left) * records
 
-    def columns(self, response: Response) -> Array:
-        """Variance over each averaging time for N, B, K = 1 behind this response."""
-        return self._model(response)[0]
+class _Candidate:
+    """Models that differ only in the response or in the shape of flicker noise, each with its best; best first."""
 
-    def freedom(self, fit: Fit | None) -> Array:
-        """Degrees of freedom at each averaging time, of the noise that was fitted, else of white noise."""
-        columns, density = self._model(fit.response if fit else Response())
-        power = np.array([fit.power.get(term, 0.0) for term in range(3)] if fit else [1.0, 0.0, 0.0])
-        spread = self._covariance(power @ density, slice(None)).diagonal()
-        return np.asarray(2 * (columns @ power) ** 2 / spread)
+    def __init__(self, models: list[tuple[_Model, Best]]) -> None:
+        least = min(best[0] for _, best in models)
+        near = [each for each in models if each[1][0] <= least + DETECTED and _accounts(*each)]
+        self.models = sorted(near, key=lambda each: each[1][0])
 
-    def fit(self, shortest: float = 0.0) -> Fit | None:
-        """The terms that the longest part shows for which they account; the shortest averages are left out first.
+    @property
+    def first(self) -> tuple[_Model, Best]:
+        return self.models[0]
 
-        Averages below `shortest` are out from the beginning. A part without the longest averages cannot show B and K,
-        only N. None where no part of four octaves fits.
-        """
-        count = len(self.tau)
-        first = int(np.searchsorted(self.tau, shortest))
-        parts = [slice(start, count) for start in range(first, count - SHORTEST + 1)]
-        parts += [slice(first, stop) for stop in range(count - 1, first + SHORTEST - 1, -1)]
-        if not (self.variance > 0).all():
-            return None
-        for part in parts:
-            best = self._best(part)
-            if best is None:
-                continue
-            freedom = part.stop - part.start - best.unknowns
-            if chi2.sf(best.residual, max(freedom, 1)) >= PLAUSIBLE:
-                kept = [i for i, term in enumerate(best.terms) if part.stop == count or term == WHITE]
-                power = {best.terms[i]: float(best.power[i]) for i in kept}
-                variance = {best.terms[i]: float(best.covariance[i, i]) for i in kept}
-                if any(power[term] ** 2 <= variance[term] for term in power):
-                    continue  # where the response hides all the noise
-                return Fit(power, variance, best.response, part)
+    @property
+    def score(self) -> float:
+        model, best = self.first
+        return best[0] + DETECTED * model.unknowns
+
+    def excess(self, term: int, value: float) -> float:
+        """Rise of -2 log L when a power has this value."""
+        at = [model.best((best[1], best[2]), (term, value))[0] for model, best in self.models]
+        return min(at) - self.first[1][0]
+
+    def power(self, term: int) -> Power:
+        value = float(self.first[1][1][term])
+        seen = value > 0 and self.excess(term, 0.0) >= DETECTED
+        low, high = self._interval(term, TWO_SIDED)
+        return Power(value, low if seen else 0.0, high, seen)
+
+    def _interval(self, term: int, most: float) -> tuple[float, float]:
+        """Ends of the values of a power that cost at most so much."""
+        model, best = self.first
+        unit, at = float(model.most[term]), float(best[1][term])
+
+        def beyond(logarithm: float) -> float:
+            return self.excess(term, math.exp(logarithm)) - most
+
+        low = 0.0
+        if at > 1e-9 * unit and self.excess(term, 0.0) > most:
+            below = at / 2
+            while beyond(math.log(below)) < 0:
+                below /= 2
+            low = math.exp(brentq(beyond, math.log(below), math.log(at), xtol=1e-4))
+        high = max(2 * at, 1e-3 * unit)
+        while beyond(math.log(high)) < 0:
+            high *= 2
+            if high > BEYOND * max(unit, at):
+                return low, math.inf
+        start = max(at, 1e-9 * unit)
+        while beyond(math.log(start)) > 0:  # rounding
+            start /= 2
+        return low, math.exp(brentq(beyond, math.log(start), math.log(high), xtol=1e-4))
+
+
+def densities(spectrum: Spectrum, shape: Shape | None = None) -> Array:
+    """Densities of a spectrum's bands for N, B, K, Q and drift = 1: (bands, terms)."""
+    shape = shape or Shape()
+    sine = 2 * np.sin(np.pi * spectrum.frequency * spectrum.interval)
+    frequency = sine / spectrum.interval if shape.fractional else 2 * np.pi * spectrum.frequency
+    corner = 2 * np.pi * shape.corner * spectrum.frequency[0]
+    return np.column_stack(
+        [
+            np.ones_like(sine),
+            spectrum.flicker / frequency,
+            (spectrum.interval / sine) ** 2,
+            sine**2 / spectrum.interval,
+            1 / ((sine / spectrum.interval) ** 2 + corner**2) ** 2,
+        ]
+    )
+
+
+def fit(spectrum: Spectrum, shortest: float = 0.0) -> Fit | None:
+    """The terms of the longest part of a spectrum for which they account, wherever it lies.
+
+    Of parts as long that of fewest unknowns, then the one of lower frequencies. Frequencies whose half period is below
+    `shortest`, s, are not in it. None where no part of four octaves fits.
+    """
+    largest = float(spectrum.power.max(initial=0.0))
+    if not 0 < largest < math.inf:
         return None
-
-    def _model(self, response: Response) -> tuple[Array, Array]:
-        """Columns, and the densities of N, B, K = 1."""
-        density, h, time = self._density, self.interval, response.time
-        averaged = np.round(self.tau / h)
-        white = 1 / self.tau
-        sine = 2 * np.sin(np.pi * self.frequency * h)
-        if time > 0 and response.order == 1:
-            keep = math.exp(-h / time)  # from one sample to the next
-            density = density * (1 - keep) ** 2 / ((1 - keep) ** 2 + keep * sine**2)
-            # The integral of N in closed form, as it is known best: IEEE Std 952's Markov noise, of samples.
-            lost = keep / (1 - keep**2) * (3 - 4 * keep**averaged + keep ** (2 * averaged)) / averaged
-            white = white * (1 - lost)
-        elif time > 0:
-            density = density / (1 + (sine * time / h) ** 4)
-            white = 2 * (self._gain * self._width) @ density[0]
-        others = 2 * (self._gain * self._width) @ density[1:].T
-        return np.column_stack([white, others]), density
-
-    def _covariance(self, density: Array, part: slice) -> Array:
-        gain = self._gain[part]
-        return np.asarray(4 * (gain * (self._width * density**2)) @ gain.T / self._span[part, part])
-
-    def _solve(self, terms: Sequence[int], response: Response, part: slice, unknowns: int) -> _Solved | None:
-        """None where a power is not above 0."""
-        columns, densities = self._model(response)
-        columns, densities, seen = columns[part][:, terms], densities[list(terms)], self.variance[part]
-        power = np.min(seen[:, None] / columns, axis=0)
-        for _ in range(ROUNDS):
-            root = _root(self._covariance(power @ densities, part))
-            if root is None:
-                return None
-            power, spread = _least_squares(root, columns, seen)
-            if (power <= 0).any():
-                return None
-        root = _root(self._covariance(power @ densities, part))
-        if root is None:
-            return None
-        residual = float(np.sum(np.linalg.solve(root, seen - columns @ power) ** 2))
-        score = residual + 2 * float(np.log(np.diag(root)).sum()) + DETECTED * unknowns
-        if response.time > 0:  # what is not known of it widens the others
-            longer, shorter = (
-                self.columns(replace(response, time=factor * response.time))[part, 0] for factor in (1.01, 1 / 1.01)
-            )
-            by_time = (longer - shorter) / 0.02 * power[0]
-            spread = _least_squares(root, np.column_stack([columns, by_time]), seen)[1]
-        return _Solved(tuple(terms), response, power, spread, residual, score, unknowns)
-
-    def _best(self, part: slice) -> _Solved | None:
-        """Of every set of terms, those with N also behind a response, the one of the best score."""
-        found = [self._solve(terms, Response(), part, len(terms)) for terms in SETS]
-        found += [self._behind(order, terms, part) for order in (1, 2) for terms in SETS if WHITE in terms]
-        return min((one for one in found if one), key=lambda one: one.score, default=None)
-
-    def _behind(self, order: int, terms: Sequence[int], part: slice) -> _Solved | None:
-        unknowns = len(terms) + 1
-
-        def score(log_time: float) -> float:
-            solved = self._solve(terms, Response(math.exp(log_time), order), part, unknowns)
-            return solved.score if solved else 1e12
-
-        longest = float(self.tau[part][-1]) / 2
-        grid = np.log(np.geomspace(self.interval / 4, longest, 2 * len(self.tau)))
-        scores = [score(x) for x in grid]
-        i = int(np.argmin(scores))
-        bounds = grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)]
-        best = minimize_scalar(score, bounds=bounds, method="bounded", options={"xatol": 1e-3})
-        time = math.exp(best.x if best.fun < scores[i] else grid[i])
-        return self._solve(terms, Response(time, order), part, unknowns)
+    spectrum = replace(spectrum, power=np.maximum(spectrum.power, ROUNDING * largest))
+    for parts in _parts(spectrum, shortest):
+        found = [(candidate, part) for part in parts if (candidate := _candidate(spectrum, part)) is not None]
+        if found:
+            candidate, part = min(found, key=lambda each: (each[0].first[0].unknowns, each[1].start))
+            return _described(spectrum, part, candidate)
+    return None
 
 
-def _root(covariance: Array) -> Array | None:
-    try:
-        return np.asarray(np.linalg.cholesky(covariance), dtype=float)
-    except np.linalg.LinAlgError:
+def _parts(spectrum: Spectrum, shortest: float) -> Iterator[list[slice]]:
+    """Parts, in lists of the same number of octaves, longest first."""
+    end = len(spectrum.frequency)
+    if shortest > 0:
+        end = int(np.searchsorted(spectrum.frequency, 0.5 / shortest, side="right"))
+    if end < 2:
+        return
+    octave = np.log2(spectrum.frequency[:end] / spectrum.frequency[0])
+    # From below in whole octaves, and the rest above.
+    whole = int(octave[-1])
+    edges = [int(np.searchsorted(octave, k)) for k in range(whole + 1)] + [end]
+    if octave[-1] - whole < 0.5:
+        edges.pop(-2)
+    count = len(edges) - 1
+    for length in range(count, MIN_OCTAVES - 1, -1):
+        parts = [slice(edges[first], edges[first + length]) for first in range(count - length + 1)]
+        yield [part for part in parts if spectrum.freedom[part].sum() >= MIN_FREEDOM]
+
+
+def _candidate(spectrum: Spectrum, part: slice) -> _Candidate | None:
+    """The best that accounts for the part."""
+    slow = (WHITE, FLICKER, WALK)
+    kinds = [(slow, (None,)), ((*slow, QUANTIZATION), (None,)), (slow, RESPONSES)]
+    tried = [(terms, of, _group(spectrum, part, terms, of)) for terms, of in kinds]
+    known = [each for each in tried if each[2] is not None]
+    best = [min(known, key=_score)] if known else tried
+    # Drift only where it helps what is best without it, or where nothing else does.
+    best += [((*terms, DRIFT), of, _group(spectrum, part, (*terms, DRIFT), of)) for terms, of, _ in best]
+    return min((each for each in best if each[2] is not None), key=_score, default=(None, None, None))[2]
+
+
+_Tried = tuple[tuple[int, ...], tuple[str | None, ...], _Candidate | None]
+
+
+def _score(tried: _Tried) -> float:
+    return math.inf if tried[2] is None else tried[2].score
+
+
+def _group(spectrum: Spectrum, part: slice, terms: tuple[int, ...], kinds: Sequence[str | None]) -> _Candidate | None:
+    """The models of these terms behind a response of these kinds that account for the part."""
+    cut = part.stop < len(spectrum.frequency)
+    longest = 1 / float(spectrum.frequency[part.stop - 1])  # twice the shortest average that is left
+    shapes = [Shape(fractional, corner) for fractional in (False, True) for corner in CORNERS]
+    shapes = [
+        shape
+        for shape in shapes
+        if (not shape.fractional or kinds == (None,)) and (shape.corner == 0 or DRIFT in terms)
+    ]
+    models = [_Model(spectrum, part, terms, kind, shape) for kind in kinds for shape in shapes]
+    tried = [(model, model.best()) for model in models]
+    tried = [each for each in tried if not cut or each[0].kind is None or each[1][2] <= longest]
+    if not tried:
         return None
+    candidate = _Candidate(tried)
+    return candidate if candidate.models else None
 
 
-def _least_squares(root: Array, columns: Array, seen: Array) -> tuple[Array, Array]:
-    """Powers and their covariance, the estimates having the covariance root rootᵀ."""
-    white, values = np.linalg.solve(root, columns), np.linalg.solve(root, seen)
-    spread = np.linalg.inv(white.T @ white)
-    return spread @ (white.T @ values), spread
+def _accounts(model: _Model, best: tuple[float, Array, float]) -> bool:
+    """Check that the residuals are chance: over half octaves, each and all together."""
+    density = model.columns(best[2]) @ best[1]
+    half = np.floor(2 * np.log2(model.frequency / model.frequency[0] * 1.0001)).astype(int)
+    first = np.flatnonzero(np.diff(half, prepend=-1))
+    freedom = np.add.reduceat(model.freedom, first)
+    ratio = np.add.reduceat(model.freedom * model.power / density, first)
+    below = chi2.cdf(ratio, freedom)
+    tail = 2 * np.minimum(below, chi2.sf(ratio, freedom))
+    deviations = norm.isf(np.maximum(tail, 1e-300) / 2)
+    unknowns = int(np.count_nonzero(best[1])) + (model.kind is not None)
+    all_together = chi2.sf(float(np.sum(deviations**2)), max(len(first) - unknowns, 1))
+    return bool(all_together >= PLAUSIBLE and tail.min() * len(first) >= PLAUSIBLE)
+
+
+def _described(spectrum: Spectrum, part: slice, candidate: _Candidate) -> Fit:
+    model, best = candidate.first
+    terms = {term: candidate.power(i) for i, term in enumerate(model.terms)}
+    slow = 0.0
+    if not terms[FLICKER].seen and not terms[WALK].seen:
+        rest = tuple(term for term in model.terms if term not in (FLICKER, WALK))
+        slow = _Model(spectrum, part, rest, model.kind, model.shape).best()[0] - best[0]
+    frequency = spectrum.frequency[part]
+    return Fit(
+        terms,
+        Response() if model.kind is None else Response(best[2], model.kind),
+        (float(frequency[0]), float(frequency[-1])),
+        part.start == 0,
+        slow >= EITHER,
+    )
+
+
+def _smoothed(values: Array, freedom: Array) -> Array:
+    kernel = np.ones(13)
+    total = np.convolve(freedom, kernel, "same")
+    return np.asarray(np.convolve(values * freedom, kernel, "same") / total)

@@ -1,36 +1,53 @@
-"""Page one of `fracgyro allan`: from a gyroscope's record to its angle random walk, bias instability, rate random walk.
+"""Page one of `fracgyro allan`: from a gyroscope's record to its noise terms.
 
-CSV file -> rates and interval (record.py) -> Allan deviation, N, B, K (allan.py) -> allan.json, allan.svg
+file -> columns of numbers (tables.py) -> rates and interval (record.py, times.py) -> what is not noise (inspection.py)
+     -> Allan deviation, N, B, K, Q (allan.py) -> allan.json, allan.svg, series.svg, report.html; imu.yaml and others
 """
 
 from __future__ import annotations
 
 import json
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from ..arguments import short
 from ..files import whole_folder
-from .allan import Allan, allan
-from .record import Record, read_record
+from .allan import allan
+from .imu import FILES, Imu, imu_file
+from .record import Options, read_record
 from .results import Result, noise_terms
+from .series import Series, noise_of
 from .units import DEG_PER_H
 
 
 def analyse_record(
-    path: str | os.PathLike[str],
+    path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
     out: str | os.PathLike[str] | None = None,
     *,
-    column: str | None = None,
+    column: str | Sequence[str] | None = None,
     rate: float | None = None,
-    unit: str = "deg/s",
-    dashes: str = "",
+    unit: str | None = None,
+    time: str | None = None,
+    time_unit: str | None = None,
+    begin: float | None = None,
+    end: float | None = None,
+    scale: float = 1.0,
+    increments: bool = False,
+    skip_empty: bool = False,
+    imu: Imu | None = None,
 ) -> tuple[list[Result], dict[str, Any]]:
-    """N, B and K of a record in a CSV file, and all of it as JSON has it; into `out`/allan.json and allan.svg if given.
+    """Q, N, B and K of one record or several, and all of it as JSON has it; written into the folder `out` if given.
 
-    `column`: its name, or its number where there are no names; need not be given where there is only one but the time.
-    `rate`: in Hz; need not be given where a column has the times. `unit`: deg/s, rad/s, deg/h or mdeg/s. `dashes`: what
-    sentences write before the name of an argument, for a command line. docs/record.md has the format.
+    `column`: a name, or a number as in `#3`, or several; need not be given where there is only one but the time.
+    `rate`: in Hz; need not be given where a column has the times, which `time` names if it is not called so; their
+    unit is `time_unit`, s, ms, us or ns. `unit`: deg/s, rad/s, deg/h, mdeg/s or mrad/s; that of the file if it names
+    one, else deg/s. `begin`, `end`: the part of the record, s. `scale`: what numbers are multiplied by to be in `unit`.
+    `increments`: they are angles of a sample. `skip_empty`: leaves out rows of other sensors. `imu`: writes the noise
+    for that navigation filter, too. docs/record.md has the formats.
+
+    The first of several columns has its figures in the list; the JSON has all under `series`.
 
     Raises ValueError in one sentence for what is not a record of evenly spaced, finite numbers, or an `out` that is
     there.
@@ -40,39 +57,82 @@ def analyse_record(
     >>> content["samples"]
     2000
     """
+    paths = [path] if isinstance(path, str | os.PathLike) else list(path)
+    columns = () if column is None else (column,) if isinstance(column, str) else tuple(column)
+    options = Options(
+        columns, rate, unit, time, time_unit, begin, end, scale, increments, skip_empty
+    )  # fmt: skip
+    series, content = analyse_series(paths, out, options, imu)
+    return series[0].figures, content
+
+
+def analyse_series(
+    paths: Sequence[str | os.PathLike[str]],
+    out: str | os.PathLike[str] | None,
+    options: Options,
+    imu: Imu | None = None,
+) -> tuple[list[Series], dict[str, Any]]:
+    """All columns of all records, and the JSON; as `analyse_record`."""
+    dashes = options.dashes
+    if imu is not None and imu not in FILES:
+        raise ValueError(f"{dashes}imu is {short(imu)}: it must be one of {', '.join(FILES)}")
+    if imu is not None and out is None:
+        raise ValueError(f"{dashes}imu needs {dashes}out, the folder that its file is written into")
     if out is None:
-        return _analysed(path, read_record(path, column, rate, unit, dashes=dashes), unit)[:2]
+        series = [each for one in paths for each in _analysed(one, options)]
+        return series, _content_of(series)
     with whole_folder(out) as folder:
-        results, content, found = _analysed(path, read_record(path, column, rate, unit, dashes=dashes), unit)
+        series = [each for one in paths for each in _analysed(one, options)]
+        content = _content_of(series)
         text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
         (folder / "allan.json").write_text(text + "\n", encoding="utf-8")
-        _draw(found, folder / "allan.svg")
-    return results, content
+        if imu is not None:
+            name, words = imu_file(imu, [noise_of(each) for each in series])
+            (folder / name).write_text(words, encoding="utf-8")
+        _draw(series, folder)
+    return series, content
 
 
-def _analysed(path: str | os.PathLike[str], record: Record, unit: str) -> tuple[list[Result], dict[str, Any], Allan]:
-    found = allan(record.values, record.interval)
-    results = noise_terms(found)
+def _analysed(path: str | os.PathLike[str], options: Options) -> list[Series]:
+    record = read_record(path, options)
+    found = [allan(values, record.interval) for values in record.values]
+    return [Series(os.fspath(path), record, i, each, noise_terms(each)) for i, each in enumerate(found)]
+
+
+def _content_of(series: Sequence[Series]) -> dict[str, Any]:
+    contents = [_content(each) for each in series]
+    return contents[0] if len(contents) == 1 else {"series": contents}
+
+
+def _content(series: Series) -> dict[str, Any]:
+    record, found = series.record, series.found
     curve = {name: DEG_PER_H.per_si * getattr(found, name) for name in ("deviation", "low", "high")}
-    content = {
-        "record": os.fspath(path),
-        "column": record.column,
-        "unit": unit,
-        "samples": len(record.values),
+    return {
+        "record": series.path,
+        "column": series.name,
+        "unit": record.unit,
+        "samples": record.values.shape[1],
         "rate_hz": 1 / record.interval,
-        "note": record.note,
-        "figures": [result.plain() for result in results],
+        "notes": series.notes,
+        "events": [
+            {
+                "kind": event.kind,
+                "time": event.time,
+                "end": event.end,
+                "sentence": event.sentence,
+                "spoils": event.spoils,
+            }
+            for event in found.events
+        ],
+        "figures": [result.plain() for result in series.figures],
         "response_time_s": found.response_time or None,
         "fitted_s": found.fitted,
         "averaging_time_s": found.tau.tolist(),
         **{f"{name}_deg_per_h": values.tolist() for name, values in curve.items()},
     }
-    return results, content, found
 
 
-def _draw(found: Allan, path: Path) -> None:
-    from ..analysis.style import own_style, svg
-    from .plots import allan_figure
+def _draw(series: Sequence[Series], folder: Path) -> None:
+    from .record_report import write_record_report
 
-    with own_style():
-        path.write_text(svg(allan_figure(found), "Allan deviation"), encoding="utf-8", newline="\n")
+    write_record_report(folder, series)

@@ -8,14 +8,20 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from ..analysis.html import csv_text, embedded
 from ..analysis.style import COLORS, MM, WIDTH, own_style
 from .allan import FLOOR, Allan
 from .bound import Bound
+from .inspection import Event
 from .measure import Characterisation
 from .units import DEG_PER_H, DEG_PER_S, DEGREE, MILLISECOND
 
+Array = NDArray[np.float64]
+
+LEFT_OUT = "left out of the fit"
+SPANS = 1000  # of a record in a picture
 SHOWN = 5.0  # times the turn-on time
 FAR = 10.0  # times the range: from here on a turn-on is drawn on a logarithmic scale
 
@@ -38,12 +44,13 @@ def allan_chart(m: Characterisation) -> Chart:
     with own_style():
         figure = allan_figure(m.allan, m.bound)
         for line in figure.axes[0].lines:  # a level has one number for all times
-            columns[f"{line.get_label()} (deg/h)"] = np.resize(np.asarray(line.get_ydata()), tau.shape)
+            if line.get_label() != LEFT_OUT:
+                columns[f"{line.get_label()} (deg/h)"] = np.resize(np.asarray(line.get_ydata()), tau.shape)
         source = embedded(figure, "Allan deviation over averaging time")
     return Chart(source, _data(columns))
 
 
-def allan_figure(found: Allan, bound: Bound | None = None) -> Figure:
+def allan_figure(found: Allan, bound: Bound | None = None, label: str = "output") -> Figure:
     """The deviation with its interval, the parts that the terms have in it, and the Cramér-Rao bound.
 
     To be drawn and saved within `own_style`.
@@ -51,9 +58,14 @@ def allan_figure(found: Allan, bound: Bound | None = None) -> Figure:
     figure, panel = _one_panel(78)
     unit, tau = DEG_PER_H.per_si, found.tau
     panel.fill_between(tau, found.low * unit, found.high * unit, color=COLORS[0], alpha=0.2, linewidth=0)
-    panel.loglog(tau, found.deviation * unit, color=COLORS[0], marker="o", markersize=3, linewidth=1, label="output")
+    panel.loglog(tau, found.deviation * unit, color=COLORS[0], marker="o", markersize=3, linewidth=1, label=label)
+    first, last = found.fitted or (math.inf, 0.0)
+    out = (tau < 0.99 * first) | (tau > 1.01 * last)
+    if out.any():
+        hollow: dict[str, Any] = {"linestyle": "", "marker": "o", "markersize": 3.5, "markerfacecolor": "white"}
+        panel.loglog(tau[out], found.deviation[out] * unit, color=COLORS[0], label=LEFT_OUT, **hollow)
     dashes: dict[str, Any] = {"linewidth": 0.7, "dashes": (4, 2)}
-    if found.angle_random_walk:
+    if found.angle_random_walk and not found.angle_random_walk.limit:
         line = found.angle_random_walk.value / np.sqrt(tau) * unit
         panel.loglog(tau, line, color="black", label="slope −1/2: angle random walk", **dashes)
     if not found.bias_instability.limit:
@@ -62,6 +74,9 @@ def allan_figure(found: Allan, bound: Bound | None = None) -> Figure:
     if not found.rate_random_walk.limit:
         line = found.rate_random_walk.value * np.sqrt(tau / 3) * unit
         panel.loglog(tau, line, color="#CC79A7", label="slope +1/2: rate random walk", **dashes)
+    if not found.quantization.limit:
+        line = math.sqrt(3) * found.quantization.value / tau * unit
+        panel.loglog(tau, line, color="#E69F00", label="slope −1: quantization", **dashes)
     if bound:
         known, unknown = (n / np.sqrt(tau) * unit for n in (bound.known, bound.unknown))
         panel.loglog(tau, known, color=COLORS[1], linewidth=0.9, label="Cramér-Rao bound, D and K known")
@@ -72,6 +87,44 @@ def allan_figure(found: Allan, bound: Bound | None = None) -> Figure:
     panel.set_ylabel("Allan deviation (deg/h)")
     _beside(panel)
     return figure
+
+
+def series_figure(values: Array, interval: float, events: tuple[Event, ...] = ()) -> Figure:
+    """A record over time: the range of its samples in each of a thousand spans, and where something was found.
+
+    To be drawn and saved within `own_style`.
+    """
+    figure, panel = _one_panel(62)
+    spans = min(SPANS, len(values))
+    edges = np.linspace(0, len(values), spans + 1).astype(int)
+    low, high = (DEG_PER_S.per_si * reduce.reduceat(values, edges[:-1]) for reduce in (np.minimum, np.maximum))
+    means = DEG_PER_S.per_si * np.add.reduceat(values, edges[:-1]) / np.diff(edges)
+    time, unit = _span(len(values) * interval)
+    at = (edges[:-1] + edges[1:]) / 2 * interval * time
+    panel.fill_between(at, low, high, color=COLORS[0], alpha=0.35, linewidth=0, label="range of the samples")
+    panel.plot(at, means, color=COLORS[0], linewidth=0.8, label=f"mean of {np.diff(edges).max():,} samples")
+    labeled = False
+    for event in events:
+        if event.kind in ("steps", "repeated", "drift"):
+            continue  # everywhere
+        label = None if labeled else "found in the record"
+        labeled = True
+        if event.end - event.time < 2e-3 * len(values) * interval:
+            panel.axvline(event.time * time, color=COLORS[1], linewidth=0.9, label=label)
+        else:
+            panel.axvspan(event.time * time, event.end * time, color=COLORS[1], alpha=0.18, linewidth=0, label=label)
+    panel.set_xlim(0, len(values) * interval * time)
+    panel.set_xlabel(f"time ({unit})")
+    panel.set_ylabel("rate (deg/s)")
+    _beside(panel)
+    return figure
+
+
+def _span(seconds: float) -> tuple[float, str]:
+    """Unit of a time axis, and how many make a second."""
+    if seconds > 4 * 3600:
+        return 1 / 3600, "h"
+    return (1 / 60, "min") if seconds > 600 else (1.0, "s")
 
 
 def ladder_chart(m: Characterisation) -> Chart:

@@ -1,282 +1,405 @@
-"""A gyroscope's record in a CSV file of any length: one column of rates, and a sampling interval."""
+"""A gyroscope's record in a file of any length: columns of rates, and a sampling interval."""
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import unicodedata
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import takewhile
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.csv
 from numpy.typing import NDArray
 
 from ..arguments import number
 from ..arguments import short as shown
 from ..files import check_regular, cut, reason
 from .allan import MIN_RECORD
-from .units import RATES
+from .tables import Table, open_table
+from .times import JITTER, Times, examine
+from .units import RATES, Unit
 
 Array = NDArray[np.float64]
 
-BLOCK = 2**22  # bytes read at a time
-BEGINNING = 2**16  # bytes that header and comments may have
-LINE_END = re.compile(r"\r\n|\n|\r")  # of a CSV file; str.splitlines knows others, as the vertical tab is
-COMMA = re.compile(r"\d,\d|^\s*,\d")  # in a number
-FRACTION = re.compile(r"\s*-0+,\d+\s*|\s*[+-]?\d+,0\d+\s*")  # no whole number is written -0 or 05
-MOST_NAMED = 20  # columns in a sentence
-UNEVEN = 0.5  # of the median interval: how far any other may be off; a missing sample is off by 1
-# What a time column may be called, and its units; names are compared in NFKC, where both signs for micro are one.
-SECONDS = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "μs": 1e-6, "ns": 1e-9}
-TIME = re.compile(rf"(?:time|timestamp|t)(?:[ _]*[\[(]?({'|'.join(SECONDS)})[\])]?)?", re.IGNORECASE)
-SLOWEST = 2.0  # Hz: below this a time without a unit is hardly in seconds. 1000 Hz in ms would be 1 Hz
-AGREES = 0.05  # of a rate that is given: how far that of the times may be off
+MAX_NAMED = 20  # columns in a sentence
+# Names of time columns, and their units; names are compared in NFKC, where both signs for micro are one.
+SECONDS = {"s": 1.0, "sec": 1.0, "secs": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "μs": 1e-6, "ns": 1e-9}
+TIME_UNITS = ("s", "ms", "us", "ns")
+TIME = re.compile(
+    rf"%?(?:time|timestamp|time stamp|t|seconds|stamp)(?:[ _]*[\[(]?({'|'.join(SECONDS)})[\])]?)?", re.IGNORECASE
+)
+SLOWEST, FASTEST = 2.0, 50_000.0  # Hz, of gyroscopes
+AGREES, NOTED = 0.05, 0.005  # of a rate that is given: how far that of the times may be off, and may be without a word
+# Units as people write them, in lower case without blanks.
+SPELLED = {
+    "deg/s": r"(deg|degs|degree|degrees|°)(/|p)(s|sec|second)|dps|deg·?s\^?-1|°·?s\^?-1|deg_?s",
+    "rad/s": r"(rad|rads|radian|radians)(/|p)(s|sec|second)|rps|rad·?s\^?-1|rad_?s",
+    "deg/h": r"(deg|degs|degree|degrees|°)(/|p)(h|hr|hour)|dph",
+    "mdeg/s": r"m(deg|°)(/|p)(s|sec)|mdps",
+    "mrad/s": r"mrad(/|p)(s|sec)",
+}
 
 
 @dataclass(frozen=True)
 class Record:
-    """Rates in rad/s, `interval` s apart; `note`: what was assumed of the times, for the user to judge."""
+    """Rates in rad/s, (columns, samples), `interval` s apart; `notes`: what was assumed or left out."""
 
-    column: str
+    columns: tuple[str, ...]
     values: Array
     interval: float
-    note: str = ""
+    unit: str
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
-class _Layout:
-    """Of a CSV file: its columns, and how many lines come before the first row of numbers."""
+class Options:
+    """How a record is to be read; `dashes`: what sentences write before the name of an argument."""
 
-    names: list[str]
-    before: int
-    delimiter: str
-    decimal: str  # the sign before fractions
+    columns: tuple[str, ...] = ()
+    rate: float | None = None
+    unit: str | None = None
+    time: str | None = None
+    time_unit: str | None = None
+    begin: float | None = None
+    end: float | None = None
+    scale: float = 1.0
+    increments: bool = False
+    skip_empty: bool = False
+    dashes: str = ""
 
-    @property
-    def times(self) -> list[str]:
-        return [name for name in self.names if _time(name)]
+    def checked(self) -> Options:
+        """Raises ValueError in one sentence."""
+        if self.unit is not None and unit_of(self.unit) is None:
+            raise ValueError(f"{self.dashes}unit is {shown(self.unit)}: it must be one of {', '.join(RATES)}")
+        if self.time_unit is not None and self.time_unit not in TIME_UNITS:
+            rule = f"it must be one of {', '.join(TIME_UNITS)}"
+            raise ValueError(f"{self.dashes}{self._word('time_unit')} is {shown(self.time_unit)}: {rule}")
+        if self.rate is not None:
+            number(f"{self.dashes}rate", self.rate, above=0.0)
+        if number(f"{self.dashes}scale", self.scale) == 0:
+            raise ValueError(f"{self.dashes}scale is 0: it must be another number")
+        begin = 0.0 if self.begin is None else number(f"{self.dashes}{self._word('begin')}", self.begin, least=0.0)
+        if self.end is not None:
+            number(f"{self.dashes}{self._word('end')}", self.end, above=begin)
+        return self
+
+    def _word(self, name: str) -> str:
+        return {"begin": "from", "end": "to"}.get(name, name.replace("_", "-")) if self.dashes else name
 
 
-def read_record(
-    path: str | os.PathLike[str],
-    column: str | None = None,
-    rate: float | None = None,
-    unit: str = "deg/s",
-    *,
-    dashes: str = "",
-) -> Record:
-    """The record in a CSV file, with a line of names or without: its columns then are 1, 2, and so on.
+def unit_of(text: str) -> Unit | None:
+    """The unit of a rate that is spelled so."""
+    plain = re.sub(r"\s+", "", unicodedata.normalize("NFKC", text)).lower()
+    return next((RATES[name] for name, pattern in SPELLED.items() if re.fullmatch(pattern, plain)), None)
 
-    `column`: need not be given where there is only one but the time. `rate`: in Hz; need not be given where a column
-    is called time, timestamp or t, in the unit that its name ends with (s, ms, us, ns), as in `time [ns]`, else in
-    seconds. Where both are there, they must agree. Commas, semicolons or tabs separate columns; decimals may be commas
-    unless commas separate columns. Lines that begin with # are comments, but for the names. `dashes`: what sentences
-    write before the name of an argument, for a command line.
+
+def read_record(path: str | os.PathLike[str], options: Options = Options()) -> Record:
+    """The record in a file of any layout of tables.py.
+
+    Columns need not be named where there is only one but the time; `#3` is the third of any file, and where there are
+    no names, so is 3. The rate need not be given where a column is called time, timestamp or t, in the unit that its
+    name ends with (s, ms, us, ns), as in `time [ns]`, else in seconds, or in the one in which it is a gyroscope's rate.
+    Where both are there, they must agree within 5 %.
     Raises ValueError in one sentence for what is not a record of evenly spaced, finite numbers.
     """
-    if unit not in RATES:
-        raise ValueError(f"{dashes}unit is {shown(unit)}: it must be one of {', '.join(RATES)}")
-    if rate is not None:
-        rate = number(f"{dashes}rate", rate, above=0.0)
+    options.checked()
+    dashes = options.dashes
     try:
         check_regular(path)
-        with open(path, "rb") as file:
-            layout = _layout(path, file.read(BEGINNING))
-        chosen = _chosen(path, layout, column, dashes)
-        if rate is None and not layout.times:
+        table = open_table(path)
+        timed = _time_column(table, options)
+        chosen = _chosen(table, options, timed)
+        if options.rate is None and timed is None:
             raise ValueError(
                 f"{dashes}rate is needed, in Hz, as {path} has no column called time, timestamp or t, as in time [ns]"
             )
-        values, times = _columns(path, layout, chosen, needed=rate is None)
+        columns, times, notes = _columns(table, chosen, timed, needed=options.rate is None)
     except OSError as error:
         raise ValueError(f"{path} cannot be read: {reason(error)}") from None
-    if len(values) < 2 * MIN_RECORD:
-        raise ValueError(f"{path} has {len(values)} rows: it must have at least {2 * MIN_RECORD}")
-    if (values == values[0]).all():
-        raise ValueError(f"{path}: {chosen} is {values[0]:g} in every row: it must vary")
-    if rate is None:
-        assert times is not None
-        interval, note = _interval(path, layout, times, f"{dashes}rate")
-    else:
-        interval, note = 1 / rate, "" if times is None else _compared(path, layout, times, rate, f"{dashes}rate")
-    values /= RATES[unit].per_si
-    return Record(chosen, values, interval, note)
+    columns, times, lines, left_out = _finite(table, chosen, timed, columns, times, options)
+    notes += left_out
+    columns, times, lines = _part(table, timed, columns, times, lines, options)
+    count = len(columns[0])
+    if count < 2 * MIN_RECORD:
+        raise ValueError(f"{path} has {count} rows{_between(options)}: it must have at least {2 * MIN_RECORD}")
+    interval, more = _interval(table, timed, times, lines, options)
+    notes += more
+    values = np.stack(columns)
+    for i, row in zip(chosen, values, strict=True):
+        if (row == row[0]).all():
+            raise ValueError(f"{path}: {cut(_name(table, i))} is {row[0]:g} in every row: it must vary")
+    unit, said = _unit(table, chosen, options)
+    notes += said
+    factor = options.scale / unit.per_si
+    if options.increments:
+        factor /= interval  # the unit's angle in each sample
+        notes.append(f"each sample is an angle, {unit.name.split('/')[0]}, and over {interval:g} s a rate")
+    values *= factor
+    return Record(tuple(_name(table, i) for i in chosen), values, interval, unit.name, tuple(notes))
 
 
-def _time(name: str) -> re.Match[str] | None:
-    return TIME.fullmatch(unicodedata.normalize("NFKC", name))
+def _name(table: Table, i: int) -> str:
+    """The column's name, with its number where others have the same."""
+    name = table.names[i]
+    return name if table.names.count(name) == 1 else f"{name} (#{i + 1})"
 
 
-def _unit(name: str) -> float | None:
-    """Seconds in the unit of a time column; None where it names none."""
-    matched = _time(name)
-    return SECONDS[matched[1].lower()] if matched and matched[1] else None
+def _is_time(name: str) -> re.Match[str] | None:
+    return TIME.fullmatch(unicodedata.normalize("NFKC", name).strip())
 
 
-def _columns(path: str | os.PathLike[str], layout: _Layout, chosen: str, *, needed: bool) -> tuple[Array, Array | None]:
-    """The chosen column and the times, if there are any; those that are not needed need not be numbers."""
-    if layout.times:
+def _place(table: Table, name: str) -> list[int]:
+    """Columns of this name, or of this number."""
+    found = [i for i, each in enumerate(table.names) if each == name]
+    numbered = re.fullmatch(r"#(\d+)", name)
+    if not found and numbered and 0 < int(numbered[1]) <= len(table.names):
+        found = [int(numbered[1]) - 1]
+    return found
+
+
+def _time_column(table: Table, options: Options) -> int | None:
+    if options.time is None:
+        return next((i for i, name in enumerate(table.names) if _is_time(name)), None)
+    found = _place(table, options.time)
+    if len(found) != 1:
+        raise ValueError(
+            f"{options.dashes}time is {shown(options.time)}: it must be one of the columns of {table.path}: "
+            f"{_listed(table, range(len(table.names)))}"
+        )
+    return found[0]
+
+
+def _chosen(table: Table, options: Options, timed: int | None) -> list[int]:
+    others = [i for i, name in enumerate(table.names) if i != timed and not (options.time is None and _is_time(name))]
+    if not options.columns:
+        if len(others) == 1:
+            return others
+        raise ValueError(_of_columns(table, options, "is needed", others))
+    chosen = []
+    for name in options.columns:
+        found = _place(table, name)
+        if len(found) > 1:
+            numbers = ", ".join(f"#{i + 1}" for i in found)
+            raise ValueError(
+                f"{options.dashes}column is {shown(name)}: {table.path} must have one of that name, not {len(found)}; "
+                f"name it by its number, {numbers}"
+            )
+        if not found or found[0] not in others:
+            what = ", which is the time" if found else ""
+            raise ValueError(_of_columns(table, options, f"is {shown(name)}{what}", others))
+        if found[0] in chosen:
+            raise ValueError(f"{options.dashes}column is {shown(name)} twice: it must be another column each time")
+        chosen.append(found[0])
+    return chosen
+
+
+def _of_columns(table: Table, options: Options, given: str, others: Sequence[int]) -> str:
+    return f"{options.dashes}column {given}: it must be one of those of {table.path}: {_listed(table, others)}"
+
+
+def _listed(table: Table, columns: Sequence[int]) -> str:
+    more = ", ..." if len(columns) > MAX_NAMED else ""
+    return ", ".join(cut(_name(table, i)) for i in columns[:MAX_NAMED]) + more
+
+
+def _columns(
+    table: Table, chosen: list[int], timed: int | None, *, needed: bool
+) -> tuple[list[Array], Array | None, list[str]]:
+    """The chosen columns, the times, if there are any, and notes; times that are not needed need not be numbers."""
+    if timed is not None:
         try:
-            values, times = _numbers(path, layout, [chosen, layout.times[0]])
-            return values, times
+            (*columns, times), notes = table.read([*chosen, timed])
+            return columns, times, notes
         except ValueError:
             if needed:
                 raise
-    return _numbers(path, layout, [chosen])[0], None
+    columns, notes = table.read(chosen)
+    return columns, None, notes
 
 
-def _layout(path: str | os.PathLike[str], beginning: bytes) -> _Layout:
-    lines = LINE_END.split(beginning.decode("utf-8-sig", "replace"))
-    comments = sum(1 for _ in takewhile(lambda line: line.startswith("#") or not line.strip(), lines))
-    first = lines[comments] if comments < len(lines) else ""
-    delimiter = max(";\t,", key=first.count)
-    for other in ";\t":  # which no number has
-        if other in first and all(map(_is_decimal, first.split(other))):
-            delimiter = other
-    named = not all(map(_is_decimal if delimiter != "," else _is_number, first.split(delimiter)))
-    rows = lines[comments + named :]
-    decimal = "," if delimiter != "," and rows and any(map(COMMA.search, rows[0].split(delimiter))) else "."
-    if named:
-        return _Layout(_names(first, delimiter), comments + 1, delimiter, decimal)
-    count = first.count(delimiter) + 1
-    above = lines[comments - 1] if comments else ""
-    if above.startswith("#") and above.count(delimiter) + 1 == count:
-        return _Layout(_names(above, delimiter), comments, delimiter, decimal)
-    if delimiter == "," and count == 2 and any(map(FRACTION.fullmatch, rows)):
-        raise ValueError(
-            f"{path} has no names, and its rows can be two columns or one of decimal commas: it must have decimal "
-            "points, or a first line with the names of its columns"
-        )
-    return _Layout([str(i + 1) for i in range(count)], comments, delimiter, decimal)
-
-
-def _names(line: str, delimiter: str) -> list[str]:
-    return [name.strip().strip('"').strip() for name in line.removeprefix("#").split(delimiter)]
-
-
-def _is_decimal(text: str) -> bool:
-    return _is_number(text.replace(",", ".", 1))
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text.strip().strip('"') or "nan")
-    except ValueError:
-        return False
-    return True
-
-
-def _chosen(path: str | os.PathLike[str], layout: _Layout, column: str | None, dashes: str) -> str:
-    others = [name for name in layout.names if not _time(name)]
-    if column is None and len(others) == 1:
-        return others[0]
-    if column not in others:
-        given = "is needed" if column is None else f"is {shown(column)}"
-        what = ", which is the time" if column in layout.names else ""
-        more = ", ..." if len(others) > MOST_NAMED else ""
-        allowed = ", ".join(map(cut, others[:MOST_NAMED])) + more
-        raise ValueError(f"{dashes}column {given}{what}: it must be one of those of {path}: {allowed}")
-    if layout.names.count(column) > 1:
-        raise ValueError(
-            f"{dashes}column is {shown(column)}: {path} must have one of that name, not {layout.names.count(column)}"
-        )
-    return column
-
-
-def _numbers(path: str | os.PathLike[str], layout: _Layout, wanted: list[str]) -> list[Array]:
-    """The columns of these names."""
-    places = [f"f{layout.names.index(name)}" for name in wanted]
-    read = pyarrow.csv.ReadOptions(
-        column_names=[f"f{i}" for i in range(len(layout.names))],
-        skip_rows=layout.before,
-        block_size=BLOCK,
-        use_threads=False,  # or errors would not say in which line
-    )
-    convert = pyarrow.csv.ConvertOptions(
-        include_columns=places, column_types=dict.fromkeys(places, pa.float64()), decimal_point=layout.decimal
-    )
-    parse = pyarrow.csv.ParseOptions(delimiter=layout.delimiter)
-    parts: list[list[Array]] = [[] for _ in wanted]
-    try:
-        for batch in pyarrow.csv.open_csv(path, read, parse, convert):
-            for part, values in zip(parts, batch.columns, strict=True):
-                part.append(values.to_numpy(zero_copy_only=False))
-    except pa.ArrowInvalid as error:
-        raise ValueError(_refusal(path, layout, str(error))) from None
-    columns = [np.concatenate(part) if part else np.empty(0) for part in parts]
-    for name, values in zip(wanted, columns, strict=True):
-        bad = np.flatnonzero(~np.isfinite(values))
+def _finite(
+    table: Table, chosen: list[int], timed: int | None, columns: list[Array], times: Array | None, options: Options
+) -> tuple[list[Array], Array | None, NDArray[np.int64], list[str]]:
+    """The rows that have all columns, the number of each, and what was left out."""
+    empty = np.zeros(len(columns[0]), dtype=bool)
+    for column in columns:
+        empty |= np.isnan(column)
+    rows, notes = np.arange(len(empty)), []
+    if options.skip_empty and empty.any():
+        kept = ~empty
+        columns, rows = [column[kept] for column in columns], rows[kept]
+        times = None if times is None else times[kept]
+        notes.append(f"{int(empty.sum()):,} rows of {len(empty):,} are empty in this column and left out")
+    needed = [] if times is None or options.rate is not None or timed is None else [(timed, times)]
+    for i, column in [*zip(chosen, columns, strict=True), *needed]:
+        bad = np.flatnonzero(~np.isfinite(column))
         if len(bad):
-            line, found = layout.before + int(bad[0]) + 1, values[bad[0]]
+            found = column[bad[0]]
             words = "empty or not a number" if np.isnan(found) else "infinite"
-            raise ValueError(f"{path}, line {line}: {name} is {words}: it must be a finite number")
-    return columns
+            advice = ""
+            if np.isnan(found) and len(bad) > 1:
+                option = "--skip-empty" if options.dashes else "skip_empty"
+                advice = f"; {option} leaves out rows as this one, of which there are {len(bad):,}"
+            where = table.before + int(rows[bad[0]]) + 1
+            raise ValueError(
+                f"{table.path}, line {where}: {cut(_name(table, i))} is {words}: it must be a finite number{advice}"
+            )
+    if times is not None and not np.isfinite(times).all():
+        times = None
+    return columns, times, rows, notes
 
 
-def _refusal(path: str | os.PathLike[str], layout: _Layout, error: str) -> str:
-    value = re.search(r"CSV column #(\d+): Row #(\d+): .*invalid value '(.*)'", error, re.DOTALL)
-    if value:
-        name = layout.names[int(value[1])] if int(value[1]) < len(layout.names) else value[1]
-        return f"{path}, line {value[2]}: {name} is {shown(value[3])}: it must be a finite number"
-    count = re.search(r"Row #(\d+): Expected (\d+) columns, got (\d+)", error)
-    if count:
-        return f"{path}, line {count[1]}: it has {count[3]} columns: it must have {count[2]}"
-    if "Empty CSV" in error:
-        return f"{path} has 0 rows: it must have at least {2 * MIN_RECORD}"
-    return f"{path} cannot be read as CSV: {cut(error)}"
+def _part(
+    table: Table,
+    timed: int | None,
+    columns: list[Array],
+    times: Array | None,
+    lines: NDArray[np.int64],
+    options: Options,
+) -> tuple[list[Array], Array | None, NDArray[np.int64]]:
+    """The rows between --from and --to, s from the first sample."""
+    if options.begin is None and options.end is None:
+        return columns, times, lines
+    begin, end = options.begin or 0.0, math.inf if options.end is None else options.end
+    since = np.arange(len(columns[0])) / (options.rate or 1.0)
+    if times is not None and timed is not None and (options.rate is None or not (np.diff(times) < 0).any()):
+        found = examine(times - times[0])
+        if found is not None:
+            per, _ = _seconds(table, timed, cut(_name(table, timed)), found, options)
+            if (rate := options.rate) is not None:  # in any of the units
+                every = rate * found.interval
+                per = min((SECONDS[each] for each in TIME_UNITS), key=lambda unit: abs(every * unit - 1))
+            since = (times - times[0]) * per
+    kept = (since >= begin - 1e-9) & (since < end - 1e-9)
+    return [column[kept] for column in columns], None if times is None else times[kept], lines[kept]
 
 
-def _interval(path: str | os.PathLike[str], layout: _Layout, times: Array, option: str) -> tuple[float, str]:
-    """Mean interval of evenly spaced times, s, and what was assumed for it."""
-    name = layout.times[0]
-    steps = np.diff(times)
-    median = float(np.median(steps))
-    if median <= 0:
-        raise ValueError(f"{path}: {name} does not rise from line to line: it must, or give {option}")
-    late, early = _uneven(steps)
-    if late.any() or early.any():
-        at = int(np.argmax(late | early))
-        advice = f"if samples are evenly spaced and only their times jitter, give {option}"
-        if not early.any():
-            more = f", the first of {late.sum()}" if late.sum() > 1 else ""
-            advice = f"samples are missing there; split the record at this gap{more}"
-        raise ValueError(
-            f"{path}, line {layout.before + at + 2}: {name} is {steps[at]:g} later than in the line before: it must be "
-            f"{median:g} later, as in most lines, within {100 * UNEVEN:g} %; {advice}"
-        )
-    interval = float(times[-1] - times[0]) / (len(times) - 1)
-    unit = _unit(name)
-    if unit is None and interval * SLOWEST > 1:
-        raise ValueError(
-            f"{path}: {name} has no unit, and in seconds its samples would be {interval:.6g} s apart: name the unit in "
-            f"the first line, as {name} [s], {name} [ms], {name} [us] or {name} [ns], or give {option}"
-        )
-    return interval * (unit or 1.0), "" if unit else f"{name} names no unit and is taken for seconds"
-
-
-def _compared(path: str | os.PathLike[str], layout: _Layout, times: Array, rate: float, option: str) -> str:
-    """What to know of a rate that is given; that of the times must be the same, in any unit where they name none."""
-    name, steps = layout.times[0], np.diff(times)
-    if (steps < 0).any() or times[-1] == times[0]:
-        return ""  # what does not rise tells no time
-    interval, unit = float(times[-1] - times[0]) / len(steps), _unit(name)
-    units = SECONDS.values() if unit is None else [unit]
-    if not any(abs(rate * interval * each - 1) <= AGREES for each in units):
-        have = f"{1 / (interval * unit):.6g} a second" if unit else f"{interval:.6g} apart in an unnamed unit"
-        raise ValueError(
-            f"{option} is {rate:g}: it must be that of {name} in {path} within {100 * AGREES:g} %, whose samples are "
-            f"{have}; rename that column if it is not the time"
-        )
-    late, early = _uneven(steps)
-    if not late.any() or early.any():
+def _between(options: Options) -> str:
+    """For a sentence."""
+    if options.begin is None and options.end is None:
         return ""
-    gaps = "a gap" if late.sum() == 1 else f"{late.sum()} gaps, the first"
-    return f"{name} has {gaps} at line {layout.before + int(np.argmax(late)) + 2}, which {option} hides"
+    end = "the end" if options.end is None else f"{options.end:g} s"
+    return f" from {options.begin or 0:g} s to {end}"
 
 
-def _uneven(steps: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Which samples come late and which early. Times that jitter are both; where samples are missing, none is early."""
-    median = float(np.median(steps))
-    return steps > (1 + UNEVEN) * median, steps < (1 - UNEVEN) * median
+# -- Times -------------------------------------------------------------------------------------------------------------
+
+
+def _interval(
+    table: Table, timed: int | None, times: Array | None, lines: NDArray[np.int64], options: Options
+) -> tuple[float, list[str]]:
+    """s, and what was assumed for it."""
+    if times is None or timed is None:
+        if options.rate is None:
+            raise ValueError(f"{table.path}: the times are no numbers: give {options.dashes}rate")
+        return 1 / options.rate, []
+    name = cut(_name(table, timed))
+    found = examine(times - times[0])
+    if found is None:
+        if options.rate is not None:
+            return 1 / options.rate, []
+        raise ValueError(f"{table.path}: {name} does not rise from line to line: it must, or give {options.dashes}rate")
+    per, notes = _seconds(table, timed, name, found, options)
+    at = table.before + lines + 1
+    if len(found.falls):
+        first = int(at[found.falls[0]])
+        notes.append(f"{name} falls {_times(len(found.falls))}, at line {first:,} first")
+    if found.repeats:
+        notes.append(f"{found.repeats:,} samples have the {name} of the one before: they may be written twice")
+    if len(found.gaps):
+        first = int(at[found.gaps[0]]) + 1
+        gaps = "a gap" if len(found.gaps) == 1 else f"{len(found.gaps):,} gaps, the first"
+        notes.append(f"{name} has {gaps} at line {first:,}; {found.missing:,} samples are missing")
+    if options.rate is not None:
+        return 1 / options.rate, notes
+    interval = found.interval * per
+    if not found.even:
+        begin, end = found.longest(len(times))
+        before = options.begin or 0.0
+        span = before + (times[begin] - times[0]) * per, before + (times[end - 1] - times[0] + found.interval) * per
+        words = ("--from", "--to") if options.dashes else ("begin", "end")
+        what = notes[-1] if len(found.gaps) else f"{name} falls, at line {int(at[found.falls[0]]):,} first"
+        raise ValueError(
+            f"{table.path}: {what}: it must rise evenly, as it does longest, over {end - begin:,} samples, with "
+            f"{words[0]} {span[0]:.7g} {words[1]} {span[1]:.7g}; or give {options.dashes}rate"
+        )
+    if found.jitter > JITTER:
+        notes.append(
+            f"{name} jitters by up to {found.jitter * interval:.3g} s; samples are taken as {interval:.6g} s apart"
+        )
+    return interval, notes
+
+
+def _times(count: int) -> str:
+    return {1: "once", 2: "twice"}.get(count, f"{count:,} times")
+
+
+def _seconds(table: Table, timed: int, name: str, found: Times, options: Options) -> tuple[float, list[str]]:
+    """In the unit of the times, and what was assumed for it."""
+    matched = _is_time(table.names[timed])
+    named = options.time_unit or (matched[1] if matched else None) or table.known.get(timed)
+    if named is not None and named.lower() in SECONDS:
+        per = SECONDS[named.lower()]
+        return per, _agreeing(table, name, [per], found, options)
+    if options.rate is not None:
+        return 1.0, _agreeing(table, name, [SECONDS[each] for each in TIME_UNITS], found, options)
+    if SLOWEST * found.interval <= 1:
+        return 1.0, [f"{name} names no unit and is taken for seconds"]
+    fitting = [each for each in TIME_UNITS if SLOWEST <= 1 / (found.interval * SECONDS[each]) < FASTEST]
+    if len(fitting) == 1:
+        per = SECONDS[fitting[0]]
+        return per, [
+            f"{name} names no unit and is taken for {fitting[0]}, {1 / (found.interval * per):.6g} samples a second"
+        ]
+    option = "--time-unit" if options.dashes else "time_unit"
+    raise ValueError(
+        f"{table.path}: {name} has no unit, and in seconds its samples would be {found.interval:.6g} s apart: give "
+        f"{option} or {options.dashes}rate, or name the unit in the first line, as in {name} [ms]"
+    )
+
+
+def _agreeing(table: Table, name: str, units: list[float], found: Times, options: Options) -> list[str]:
+    """Raises ValueError where a rate that is given is not that of the times, in any of these units."""
+    if options.rate is None:
+        return []
+    off = [options.rate * found.interval * per - 1 for per in units]
+    least = min(off, key=abs)
+    if abs(least) > AGREES and not len(found.falls):
+        have = f"{1 / (found.interval * units[0]):.6g} a second"
+        if len(units) > 1:
+            have = f"{found.interval:.6g} apart in an unnamed unit"
+        raise ValueError(
+            f"{options.dashes}rate is {options.rate:g}: it must be that of {name} in {table.path} within "
+            f"{100 * AGREES:g} %, whose samples are {have}; rename that column if it is not the time"
+        )
+    if abs(least) > NOTED:
+        return [f"{options.dashes}rate is {100 * least:+.2g} % off that of {name}"]
+    return []
+
+
+# -- Units -------------------------------------------------------------------------------------------------------------
+
+
+def _unit(table: Table, chosen: list[int], options: Options) -> tuple[Unit, list[str]]:
+    """Unit of the rates, and a note if it was assumed."""
+    named = {unit for i in chosen if (unit := _named_unit(table, i)) is not None}
+    if options.unit is not None:
+        given = unit_of(options.unit)
+        assert given is not None
+        other = named - {given}
+        return given, [f"the file names {other.pop().name}, but {options.dashes}unit is {given.name}"] if other else []
+    if len(named) > 1:
+        names = ", ".join(sorted(unit.name for unit in named))
+        raise ValueError(f"{options.dashes}unit is needed: the columns are in {names}")
+    if named:
+        unit = named.pop()
+        return unit, [f"the unit is {unit.name}, as the file names it"] if unit.name != "deg/s" else []
+    return RATES["deg/s"], []
+
+
+def _named_unit(table: Table, i: int) -> Unit | None:
+    """That in brackets in a column's name, or in a line below the names."""
+    bracketed = re.search(r"[\[(]([^\[\]()]+)[\])]\s*$", table.names[i])
+    text = bracketed[1] if bracketed else table.known.get(i, "")
+    return unit_of(text) if text else None

@@ -52,6 +52,16 @@ def interval_of(result: Result) -> str:
     return f"{short(result.low)} to {short(result.high)}" if whole else ""
 
 
+def si_of(result: Result) -> str:
+    """The value in the unit of navigation filters, where there is one."""
+    if result.si is None or not math.isfinite(result.value if math.isfinite(result.value) else result.high):
+        return ""
+    unit, per_si = result.si
+    sign = "" if math.isfinite(result.value) else "< "
+    value = result.value if math.isfinite(result.value) else result.high
+    return f"{sign}{value / per_si:.3g} {unit}"
+
+
 def grade_of(result: Result) -> str:
     """The grade; of a figure that was not observed, that of its limit."""
     if result.grade is None:

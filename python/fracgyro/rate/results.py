@@ -12,6 +12,7 @@ from .bound import Bound
 from .grades import Grade, Quantity, grade
 from .measure import Characterisation
 from .units import (
+    ARCSECOND,
     DEG_PER_H,
     DEG_PER_H_PER_ROOT_H,
     DEG_PER_ROOT_H,
@@ -45,13 +46,19 @@ class Result:
     high: float = math.nan
     note: str = ""
     grade: Grade | None = None
+    si: tuple[str, float] | None = None  # unit of navigation filters, and how many of `unit` make one
 
     def plain(self) -> dict[str, Any]:
         """As JSON: null for what is not finite."""
         numbers = {name: getattr(self, name) for name in ("value", "low", "high")}
         finite = {name: number if math.isfinite(number) else None for name, number in numbers.items()}
         rest = {"name": self.name, "unit": self.unit, "definition": self.definition, "note": self.note}
-        return {"key": self.key, **rest, **finite, "grade": self.grade}
+        content = {"key": self.key, **rest, **finite, "grade": self.grade}
+        if self.si is not None:
+            unit, per_si = self.si
+            content["si_unit"] = unit
+            content |= {f"si_{name}": None if each is None else each / per_si for name, each in finite.items()}
+        return content
 
 
 def results(m: Characterisation) -> list[Result]:
@@ -121,15 +128,16 @@ def _zero_rate_output(mean: Mean) -> Result:
 
 
 def noise_terms(found: Allan, bound: Bound | None = None) -> list[Result]:
-    """N, B and K of an Allan deviation."""
-    return [
-        _angle_random_walk(found.angle_random_walk, bound),
+    """N, B and K of an Allan deviation, and Q where it is seen."""
+    terms = [
+        _angle_random_walk(found, bound),
         _estimate(
             "bias_instability",
             "Bias instability",
             "B of the flicker noise: the flat part of the Allan deviation is 0.664 B",
             DEG_PER_H,
             found.bias_instability,
+            found,
             "bias",
         ),
         _estimate(
@@ -139,8 +147,15 @@ def noise_terms(found: Allan, bound: Bound | None = None) -> list[Result]:
             "K at 3 s",
             DEG_PER_H_PER_ROOT_H,
             found.rate_random_walk,
+            found,
         ),
     ]
+    if not found.quantization.limit:
+        definition = (
+            "Q of an angle that is rounded before its differences are taken: the Allan deviation falls as 1.73 Q/tau"
+        )
+        terms.append(_estimate("quantization", "Quantization", definition, ARCSECOND, found.quantization, found))
+    return terms
 
 
 def _mean(key: str, name: str, definition: str, unit: Unit, mean: Mean, graded: Quantity | None = None) -> Result:
@@ -148,42 +163,65 @@ def _mean(key: str, name: str, definition: str, unit: Unit, mean: Mean, graded: 
     return Result(key, name, definition, unit.name, value, low, high, "", grade(graded, value) if graded else None)
 
 
+SPOILED = "neither interval nor grade while the record has what was found in it"
+
+
 def _estimate(
-    key: str, name: str, definition: str, unit: Unit, found: Estimate, graded: Quantity | None = None
+    key: str,
+    name: str,
+    definition: str,
+    unit: Unit,
+    found: Estimate,
+    record: Allan,
+    graded: Quantity | None = None,
 ) -> Result:
     value, low, high = (unit.of(number) for number in (found.value, found.low, found.high))
     of = grade(graded, high if found.limit else value) if graded else None
+    si = (unit.si, unit.per_si)
+    spoiled = any(each.spoils for each in record.events)
     if found.limit:
+        note = _unseen(record)
         return Result(
-            key,
-            name,
-            definition,
-            unit.name,
-            math.nan,
-            high=high,
-            note="not observed, only bounded: the record is too short, or has other noise",
-            grade=of,
+            key, name, definition, unit.name, math.nan, high=high, note=note, grade=None if spoiled else of, si=si
         )
-    return Result(key, name, definition, unit.name, value, low, high, "", of)
+    if spoiled:
+        return Result(key, name, definition, unit.name, value, note=SPOILED, si=si)
+    return Result(key, name, definition, unit.name, value, low, high, "", of, si)
 
 
-def _angle_random_walk(found: Estimate | None, bound: Bound | None) -> Result:
+def _unseen(record: Allan) -> str:
+    if record.undecided:
+        return "only bounded: slow noise is observed, but the record does not tell whether it is B or K"
+    if record.fitted and record.fitted[1] < record.tau[-1]:
+        return f"only bounded: averages above {short(record.fitted[1])} s show more than noise of this kind"
+    return "not observed, only bounded: the record is too short, or has other noise"
+
+
+def _angle_random_walk(record: Allan, bound: Bound | None) -> Result:
+    found = record.angle_random_walk
     name = "Angle random walk"
     definition = (
         "N of the white noise: the part of the Allan deviation that falls as the root of the averaging time is N at 1 s"
     )
     unit = DEG_PER_ROOT_H
+    si = (unit.si, unit.per_si)
     if found is None:
         note = (
-            "not observed: over no four octaves does the Allan deviation fall as that of white noise; a longer record "
+            "not observed: over no four octaves does the noise look white, with or without B and K; a longer record "
             "may show where it does"
         )
         if bound:
             note = (
-                "not observed, the record is too short: over no four octaves does the Allan deviation fall as that of "
-                f"white noise, or not with half of its Cramér-Rao bound, {short(unit.of(bound.known))}"
+                "not observed, the record is too short: over no four octaves does the noise look white, or not with "
+                f"half of its Cramér-Rao bound, {short(unit.of(bound.known))}"
             )
-        return Result("angle_random_walk", name, definition, unit.name, math.nan, note=note)
+        return Result("angle_random_walk", name, definition, unit.name, math.nan, note=note, si=si)
+    value, low, high = (unit.of(number) for number in (found.value, found.low, found.high))
+    if found.limit:
+        note = "only bounded: the steps of the sensor hide it"
+        return Result("angle_random_walk", name, definition, unit.name, math.nan, high=high, note=note, si=si)
+    if any(each.spoils for each in record.events):
+        return Result("angle_random_walk", name, definition, unit.name, value, note=SPOILED, si=si)
     note = ""
     if bound:
         known, unknown = bound.known, bound.unknown
@@ -192,9 +230,8 @@ def _angle_random_walk(found: Estimate | None, bound: Bound | None) -> Result:
             f"stiffness are known, {short(unit.of(known))}; {found.value / unknown:.2f} times that if they are not, "
             f"{short(unit.of(unknown))}"
         )
-    value, low, high = (unit.of(number) for number in (found.value, found.low, found.high))
     graded = grade("angle_random_walk", value)
-    return Result("angle_random_walk", name, definition, unit.name, value, low, high, note, graded)
+    return Result("angle_random_walk", name, definition, unit.name, value, low, high, note, graded, si)
 
 
 def _response(m: Characterisation) -> list[Result]:

@@ -30,13 +30,21 @@ DEG_PER_S = Unit("deg/s", "rad/s", DEGREES)
 DEG_PER_H = Unit("deg/h", "rad/s", DEGREES * HOUR)
 RATES = {
     unit.name: unit
-    for unit in (DEG_PER_S, Unit("rad/s", "rad/s", 1.0), DEG_PER_H, Unit("mdeg/s", "rad/s", 1e3 * DEGREES))
+    for unit in (
+        DEG_PER_S,
+        Unit("rad/s", "rad/s", 1.0),
+        DEG_PER_H,
+        Unit("mdeg/s", "rad/s", 1e3 * DEGREES),
+        Unit("mrad/s", "rad/s", 1e3),
+    )
 }
 # N of IEEE Std 952: the angle that white rate noise has gathered grows as the root of time.
-DEG_PER_ROOT_H = Unit("deg/sqrt(h)", "rad/sqrt(s)", DEGREES * math.sqrt(HOUR))
+DEG_PER_ROOT_H = Unit("deg/sqrt(h)", "rad/s/sqrt(Hz)", DEGREES * math.sqrt(HOUR))
 # K of IEEE Std 952: the rate itself walks.
-DEG_PER_H_PER_ROOT_H = Unit("deg/h/sqrt(h)", "rad/s/sqrt(s)", DEGREES * HOUR * math.sqrt(HOUR))
+DEG_PER_H_PER_ROOT_H = Unit("deg/h/sqrt(h)", "rad/s^2/sqrt(Hz)", DEGREES * HOUR * math.sqrt(HOUR))
 DEG_PER_S_PER_ROOT_HZ = Unit("deg/s/sqrt(Hz)", "rad/s/sqrt(Hz)", DEGREES)
+# Q of IEEE Std 952: an angle rounded before its differences are taken.
+ARCSECOND = Unit("arcsec", "rad", DEGREES * HOUR)
 PPM = Unit("ppm", "1", 1e6)
 PERCENT = Unit("%", "1", 100.0)
 HERTZ = Unit("Hz", "Hz", 1.0)

@@ -1,0 +1,134 @@
+"""The spectrum of a rate record by its cosine transform: powers that are independent of one another.
+
+The record's cosine transform (DCT-II) gives z_k at f_k = k/(2 n h), k = 1 ... n - 1, for n samples every h. h z_k² has
+the two-sided density S(f_k) as its mean, exactly for white noise and for a random walk, which this transform makes
+independent; of flicker noise it is .77 S at the first frequency and ever closer to S at others (`flicker_factor`). The
+mean of the record drops out, and a trend is in the lowest frequencies only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dct
+from scipy.stats import chi2
+
+Array = NDArray[np.float64]
+
+SINGLE = 32  # lowest frequencies that are bands by themselves
+PER_OCTAVE = 16  # bands of those above
+MIN_LINE = 64  # periods, twice: below it, nothing is taken for a line
+FALSE_LINES = 1e-4  # probability of one in a record of noise
+LARGEST_FACTOR = 11  # of a length that is transformed in one second rather than four
+
+
+@dataclass(frozen=True)
+class Line:
+    """A sinusoid in the record: frequency in Hz, amplitude in the record's unit."""
+
+    frequency: float
+    amplitude: float
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Mean powers in bands of frequency. Lines are left out of them."""
+
+    frequency: Array  # Hz, of the middle of each band
+    power: Array  # two-sided density
+    freedom: Array  # degrees of freedom of each
+    flicker: Array  # what the density of flicker noise is multiplied by
+    interval: float
+    lines: tuple[Line, ...]
+
+
+def spectrum(records: Array, interval: float) -> Spectrum:
+    """Mean spectrum of records of equal length, (records, samples)."""
+    count, samples = records.shape
+    samples = _quick(samples)
+    power = np.zeros(samples - 1)
+    for record in records:
+        transformed = dct(record[:samples] - record[:samples].mean(), norm="ortho", overwrite_x=True)[1:]
+        power += interval * np.square(transformed, out=transformed)
+    power /= count
+    lines, kept = _lines(power, count, samples, interval)
+    edges = _edges(samples)
+    freedom = np.add.reduceat(kept, edges[:-1] - 1, dtype=float)
+    power *= kept
+    means = np.add.reduceat(power, edges[:-1] - 1) / np.maximum(freedom, 1.0)
+    middle = (edges[:-1] + edges[1:] - 1) / 2
+    factor = np.ones(len(middle))
+    factor[: min(SINGLE, len(middle))] = [flicker_factor(k) for k in range(1, min(SINGLE, len(middle)) + 1)]
+    seen = freedom > 0
+    return Spectrum(
+        (middle / (2 * samples * interval))[seen], means[seen], count * freedom[seen], factor[seen], interval, lines
+    )
+
+
+def _quick(samples: int) -> int:
+    """The largest number of samples not above this that is quickly transformed."""
+    while samples > 1000 and not _has_small_factors(samples):
+        samples -= 1
+    return samples
+
+
+def _has_small_factors(number: int) -> bool:
+    for factor in (2, 3, 5, 7, LARGEST_FACTOR):
+        while number % factor == 0:
+            number //= factor
+    return number == 1
+
+
+def _edges(samples: int) -> NDArray[np.int64]:
+    """First k of each band, and the one after the last."""
+    if samples - 1 <= SINGLE:
+        return np.arange(1, samples + 1)
+    octaves = np.log2(samples / (SINGLE + 1))
+    above = np.round(np.geomspace(SINGLE + 1, samples, max(2, round(PER_OCTAVE * octaves)))).astype(np.int64)
+    return np.unique(np.concatenate([np.arange(1, SINGLE + 1), above]))
+
+
+def _lines(power: Array, count: int, samples: int, interval: float) -> tuple[tuple[Line, ...], NDArray[np.bool_]]:
+    """Sinusoids that stand out, and the k that are free of them."""
+    kept = np.ones(len(power), dtype=bool)
+    if len(power) <= 2 * MIN_LINE:
+        return (), kept
+    most = chi2.isf(FALSE_LINES / len(power), count) / count
+    median = chi2.median(count) / count
+    found = []
+    octaves = np.log2(samples / MIN_LINE)
+    edges = np.unique(np.round(np.geomspace(MIN_LINE, samples, max(2, round(4 * octaves)))).astype(np.int64)) - 1
+    for begin, end in pairwise(map(int, edges)):
+        part = power[begin:end]
+        level = float(np.median(part)) / median
+        if not (part.max() > most * level > 0):
+            continue
+        strong = np.flatnonzero(part > most * level)
+        for k in strong[np.argsort(-part[strong])]:
+            here = begin + int(k)
+            if not kept[here]:
+                continue
+            # Off it, its power falls as the square of the distance: to a twentieth of the noise.
+            wide = min(int(3 * np.sqrt(power[here] / level)) + 2, here // 2, len(power) // 8)
+            around = slice(max(here - wide, 0), here + wide + 1)
+            mean = float(np.sum(power[around])) / (interval * samples)
+            found.append(Line((here + 1) / (2 * samples * interval), float(np.sqrt(2 * mean))))
+            kept[around] = False
+    return tuple(found), kept
+
+
+@cache
+def flicker_factor(k: int) -> float:
+    """Mean of h z_k² over the density at f_k, for flicker noise.
+
+    The window of the k-th cosine over a record of length 1 is 4 w² (1 - (-1)^k cos w)/(w² - (π k)²)² with w = 2π f.
+    """
+    steps, halves = 60, k + 60
+    w = (np.arange(steps * halves) + 0.5) * np.pi / steps
+    window = 4 * w**2 * (1 - (-1) ** k * np.cos(w)) / (w**2 - (np.pi * k) ** 2) ** 2
+    # 2 ∫ window S df with S = 1/w and f = w/2π, over S(f_k) = 1/(π k)
+    return float(np.sum(window / w) * k * np.pi / steps)
