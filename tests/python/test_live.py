@@ -350,21 +350,29 @@ def test_what_it_shows_is_what_python_computes(browser: Any, address: str) -> No
                     assert str(float(value(page, channel, run))) == digits(number), channel
 
 
+def settled(page: Any, begin: float) -> tuple[float, float]:
+    """Estimate of the second run and its deviation, when that is small; a slow machine pauses later than asked."""
+    for until in (begin, begin + 4.0, begin + 8.0):
+        run_to(page, until)
+        estimate, deviation = float(value(page, "rate_estimate", "b")), float(value(page, "rate_deviation", "b"))
+        if 4 * deviation < 40.0:
+            break
+    return estimate, deviation
+
+
 def test_the_estimate_follows_the_slider_within_its_band_and_the_printed_law_does_not(
     browser: Any, address: str
 ) -> None:
     with opened(browser, address, "#follow&speed=40") as page:
         page.fill("#rate", "-200")
         page.focus("#plot-list")
-        run_to(page, 15.0)
+        estimate, deviation = settled(page, 15.0)
         assert float(value(page, "rate")) == -200.0
-        estimate, deviation = float(value(page, "rate_estimate", "b")), float(value(page, "rate_deviation", "b"))
         assert abs(estimate + 200.0) < 4 * deviation < 40.0
         assert float(value(page, "rate_estimate", "a")) == 95.0
         page.click("#rate-reverse")
         page.focus("#plot-list")
-        run_to(page, 35.0)
-        estimate, deviation = float(value(page, "rate_estimate", "b")), float(value(page, "rate_deviation", "b"))
+        estimate, deviation = settled(page, 35.0)
         assert abs(estimate - 200.0) < 4 * deviation < 40.0
 
 
