@@ -44,7 +44,7 @@ class Event:
     >>> noise = np.random.default_rng(0).normal(size=10_000) * 0.002
     >>> noise[5000] = 1.0
     >>> print(fg.rate.inspect(noise, interval=0.01)[0].sentence)
-    at 50 s the rate is 57.3 deg/s off
+    at 50 s the rate is 57.2 deg/s off
     """
 
     kind: Kind
