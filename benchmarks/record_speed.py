@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 from machine import command, machine, write
 
+DEPENDS_ON = ["python/fracgyro/rate/of_record.py"]
+
 ROWS = 10_000_000
 REPEATS = 3
 MEASURE = """
