@@ -462,6 +462,7 @@ def test_the_address_brings_everything_back(browser: Any, address: str) -> None:
         page.click("#rate-double")
         page.get_by_label("Controller").nth(0).select_option("joint")
         page.get_by_label("Sensors").select_option("positions")
+        page.wait_for_function("location.hash.includes('a=joint') && location.hash.includes('sensors=positions')")
         page.get_by_label("Fractional order α").first.fill("0.7")
         page.get_by_label("seed").fill("12")
         page.keyboard.press("Enter")
@@ -483,6 +484,20 @@ def test_the_address_brings_everything_back(browser: Any, address: str) -> None:
         "disturbance.seed": "12",
         "a.controller.order": "0.7",
     }
+
+
+def test_what_is_typed_stays_while_another_setting_is_taken(browser: Any, address: str) -> None:
+    with opened(browser, address, "#follow") as page:
+        page.get_by_label("seed").fill("12")
+        page.evaluate("document.getElementById('rate-double').click()")
+        page.wait_for_function("document.getElementById('rate-value').textContent === '200 rad/s'")
+        assert page.get_by_label("seed").input_value() == "12"
+        page.keyboard.press("Enter")
+        page.wait_for_function("location.hash.includes('disturbance.seed=12')")
+        page.get_by_label("seed").fill("-1")
+        page.keyboard.press("Enter")
+        page.wait_for_function("document.getElementById('problem').textContent.includes('disturbance.seed is -1')")
+        assert page.get_by_label("seed").input_value() == "12"
 
 
 REFUSED = {

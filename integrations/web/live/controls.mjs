@@ -20,6 +20,15 @@ const signs = { omega0: "ω₀", q0: "q₀", alpha: "α", "^2": "²", "^3": "³"
 const pretty = (unit) => unit.replace(/omega0|q0|alpha|\^[23](?!\d)|\*/g, (sign) => signs[sign]);
 const shown = (value) => (value === null || value === Infinity ? "inf" : String(value));
 
+// Calls `show` unless `input` holds what has been typed but not yet set: another setting may be refreshed meanwhile.
+function unlessEdited(input, show) {
+  let edited = false;
+  input.addEventListener("input", () => (edited = true));
+  input.addEventListener("change", () => (edited = false));
+  input.addEventListener("blur", () => edited && ((edited = false), show()));
+  return () => edited || show();
+}
+
 // A number, a choice or a switch. `value()` reads it, `set(value)` is called with another.
 export function settingField(name, field, { label = name, fixed = field.fixed, value, set }) {
   const id = newId();
@@ -36,13 +45,13 @@ export function settingField(name, field, { label = name, fixed = field.fixed, v
   const unit = field.unit && field.unit !== "1" ? `, ${pretty(field.unit)}` : "";
   const words = element("p", { class: "help", id: `${id}-help` }, field.description + (fixed ? " Restarts." : ""));
   const made = element("div", { class: "field stacked" }, element("label", { for: id }, label + unit), input, words);
-  made.refresh = () => {
+  made.refresh = unlessEdited(input, () => {
     if (field.choices) {
       input.selectedIndex = field.choices.indexOf(value());
     } else {
       input.value = shown(value());
     }
-  };
+  });
   made.refresh();
   return made;
 }
@@ -88,10 +97,10 @@ export function sliderField(label, field, { low, high, step, to = Number, from =
   input.addEventListener("change", () => !live && set(to(input.value)));
   const help = element("p", { class: "help", id: `${id}-help` }, field.description + (live ? "" : " Restarts."));
   const made = element("div", { class: "field" }, element("label", { for: id }, label), output, input, help);
-  made.refresh = () => {
+  made.refresh = unlessEdited(input, () => {
     input.value = from(value());
     show(value());
-  };
+  });
   made.refresh();
   return made;
 }
