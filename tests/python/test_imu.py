@@ -27,6 +27,7 @@ WHITE = Allan(
     UNSEEN,
     UNSEEN,
     undecided=False,
+    drifts=False,
     response_time=0.0,
     fitted=(1.0, 16.0),
     lines=(),
@@ -105,9 +106,9 @@ def test_what_gnss_ins_sim_would_add_by_itself_is_switched_off_where_it_was_not_
     err, text = profile(WHITE)
     assert err["b_drift"].tolist() == [0, 0, 0]
     assert err["b_corr"].tolist() == [math.inf] * 3
-    assert "bias instability at most 4.13 deg/h; where not observed, 0 adds none" in text
+    assert "bias instability at most 4.13 deg/h; 0 disables a term, nan is to be replaced" in text
     assert "rate random walk" not in text
-    assert profile(replace(WHITE, angle_random_walk=None))[0]["arw"].tolist() == [0, 0, 0]
+    assert np.isnan(profile(replace(WHITE, angle_random_walk=None))[0]["arw"]).all(), "to be filled in"
 
 
 def test_kf_gins_gets_lines_in_its_units() -> None:
@@ -143,3 +144,8 @@ def test_what_something_in_the_record_spoils_is_not_filled_in(kind: Any) -> None
     assert "# Not noise: at 50 s the rate is 57.3 deg/s off." in text
     assert "0.0001" not in text
     assert "1e-04" not in text
+    if kind == "gnss-ins-sim":
+        scope: dict[str, Any] = {}
+        exec(text, scope)
+        assert np.isnan(scope["gyro_err"]["arw"]).all()
+        assert np.isnan(scope["gyro_err"]["b_drift"]).all()

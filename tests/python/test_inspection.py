@@ -117,3 +117,58 @@ def test_short_or_constant_records_show_nothing_and_others_are_refused() -> None
         fg.rate.inspect(np.array([1.0, 2.0, 3.0, np.nan]), 1.0)
     with pytest.raises(ValueError, match="interval is 0: it must be greater than 0"):
         fg.rate.inspect(noise(), 0)
+
+
+def sinusoid(amplitude: float | Array, frequency: float = 1.234) -> Array:
+    time = INTERVAL * np.arange(SAMPLES)
+    return np.asarray(amplitude * DEG * np.sin(2 * np.pi * frequency * time + 0.3))
+
+
+@pytest.mark.parametrize("amplitude", [0.3, 1.0, 10.0])
+def test_a_steady_sinusoid_far_above_the_noise_leaves_the_angle_random_walk(amplitude: float) -> None:
+    clean = fg.rate.allan(noise(), INTERVAL).angle_random_walk
+    found = fg.rate.allan(noise() + sinusoid(amplitude), INTERVAL)
+    assert found.angle_random_walk.value == pytest.approx(clean.value, rel=0.01)
+    assert found.quantization.limit
+    assert [line.frequency for line in found.lines] == pytest.approx([1.234], rel=1e-3)
+    assert found.lines[0].amplitude == pytest.approx(amplitude * DEG, rel=0.01)
+    assert not found.events
+
+
+@pytest.mark.parametrize("phase", [3.0, 30.0])
+def test_a_vibration_that_is_not_steady_and_covers_the_noise_is_named(phase: float) -> None:
+    time = INTERVAL * np.arange(SAMPLES)
+    wandering = phase * np.sin(2 * np.pi * time / 300) + 0.2 * np.cumsum(
+        0.1 * np.random.default_rng(1).normal(size=SAMPLES)
+    )
+    found = fg.rate.allan(noise() + DEG * np.sin(2 * np.pi * 1.234 * time + wandering), INTERVAL)
+    spoiling = [event for event in found.events if event.kind == "vibration"]
+    assert [event.spoils for event in spoiling] == [True]
+    assert spoiling[0].size == pytest.approx(DEG, rel=0.5)
+    assert "an unsteady vibration of about" in spoiling[0].sentence
+    assert found.angle_random_walk is None or not np.isfinite(found.angle_random_walk.high)
+
+
+@pytest.mark.parametrize("factor", [1.5, 2.0, 5.0])
+def test_noise_that_is_larger_in_half_of_the_record_is_named(factor: float) -> None:
+    record = noise()
+    record[SAMPLES // 2 :] *= factor
+    found = fg.rate.inspect(record, INTERVAL)
+    assert "noise" in {event.kind for event in found}
+    first = next(event for event in found if event.kind == "noise")
+    assert first.time == pytest.approx(SAMPLES // 2 * INTERVAL, rel=0.05)
+    alternating = noise() * np.where(np.arange(SAMPLES) // (SAMPLES // 8) % 2, 1.0, factor)
+    assert "noise" in {event.kind for event in fg.rate.inspect(alternating, INTERVAL)}
+
+
+@pytest.mark.parametrize("order", [1, 2, 4])
+def test_no_sinusoids_are_seen_behind_a_filter(order: int) -> None:
+    filtered = lfilter(*butter(order, 0.1), noise())
+    found = fg.rate.allan(filtered, INTERVAL)
+    assert not found.lines
+    assert found.angle_random_walk.value == pytest.approx(NOISE * np.sqrt(INTERVAL), rel=0.03)
+
+
+def test_numbers_beyond_all_rates_are_no_overflow() -> None:
+    with pytest.raises(ValueError, match=r"values is 1e\+300 at sample 7: all must be below 1e\+100"):
+        fg.rate.inspect(np.where(np.arange(1000) == 7, 1e300, noise()[:1000]), INTERVAL)

@@ -22,6 +22,7 @@ from fracgyro.rate.of_record import analyse_record, analyse_series
 from fracgyro.rate.record import Options
 from fracgyro.rate.record import read_record as read
 from fracgyro.rate.times import examine
+from fracgyro.rate.units import RATES as RATE_UNITS
 from test_cli import run, sentence
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -118,12 +119,12 @@ def test_a_time_column_names_its_unit(tmp_path: Path, name: str, seconds: float)
     rows = [f"{i * 0.01 / seconds:.3f},{value!r}" for i, value in enumerate(RATES.tolist())]
     record = read_record(written(tmp_path / "a.csv", rows, f"{name},x\n"))
     assert record.interval == pytest.approx(0.01, rel=1e-9)
-    assert record.note == ""
+    assert record.note == "x names no unit and is taken for deg/s"
 
 
 def ticks(per_second: float, name: str = "timestamp") -> list[str]:
     """200 samples a second, their times in ticks."""
-    return [f"{name},x", *(f"{i * per_second / 200:.12g},{value!r}" for i, value in enumerate(RATES.tolist()))]
+    return [f"{name},x [deg/s]", *(f"{i * per_second / 200:.12g},{value!r}" for i, value in enumerate(RATES.tolist()))]
 
 
 @pytest.mark.parametrize(("per_second", "unit"), [(1e3, "ms"), (1e6, "us"), (1e9, "ns")])
@@ -237,7 +238,7 @@ def test_a_gap_is_refused_with_the_longest_part_that_has_none_and_a_rate_hides_i
     path = written(tmp_path / "a.csv", [*rows[:50], *rows[51:100], *rows[101:]])
     with pytest.raises(ValueError, match=r"begin 0.5 end 2\b") as said:
         read_record(path)
-    assert "time [s] has 2 gaps, the first at line 51; 2 samples are missing: it must rise evenly" in str(said.value)
+    assert "time [s] has 2 gaps, the first at line 51; 2 samples are missing: times must increase" in str(said.value)
     part = read_record(path, begin=0.5, end=2.0)
     np.testing.assert_allclose(part.values, RATES[100:] * DEG)
     assert part.note == ""
@@ -283,6 +284,64 @@ def test_units_are_those_of_gyroscopes(tmp_path: Path, unit: str, factor: float)
     np.testing.assert_allclose(read_record(named, rate=1.0).values, RATES * factor * DEG, rtol=1e-14)
 
 
+NAMED_UNITS = {
+    "gz [urad/s]": "urad/s",
+    "gz [arcsec/s]": "arcsec/s",
+    "gz (rpm)": "rpm",
+    "gz [millideg/s]": "mdeg/s",
+    "gz [rad·s⁻¹]": "rad/s",
+    "gz [deg/hr]": "deg/h",
+    "gz_rad_s": "rad/s",
+    "gyro_z_dps": "deg/s",
+    "omega_z deg_per_s": "deg/s",
+    "field.angular_velocity.z": "rad/s",
+    "gyro (z)": "deg/s",
+    "gz": "deg/s",
+}
+
+
+@pytest.mark.parametrize(("name", "unit"), NAMED_UNITS.items())
+def test_the_unit_is_that_of_the_name_or_stated_as_assumed(tmp_path: Path, name: str, unit: str) -> None:
+    path = written(tmp_path / "a.csv", [name, *map(repr, RATES.tolist())])
+    record = read_record(path, rate=1.0)
+    np.testing.assert_allclose(record.values, RATES / RATE_UNITS[unit].per_si)
+    assert record.unit == unit
+    assert ("is taken for" in record.note) == (name in ("gz", "gyro (z)", "field.angular_velocity.z"))
+
+
+def test_a_unit_in_latin_1_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_bytes("\n".join(["gz [°/h]", *map(repr, RATES.tolist())]).encode("latin-1"))
+    np.testing.assert_allclose(read_record(path, rate=1.0).values, RATES * DEG / 3600)
+
+
+def test_increments_are_in_the_angle_that_the_file_names(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.csv", ["gz [rad]", *map(repr, RATES.tolist())])
+    np.testing.assert_allclose(read_record(path, rate=50.0, increments=True).values, RATES * 50)
+
+
+@pytest.mark.parametrize("stamps", ["in batches of ten", "in whole seconds"])
+def test_stamps_that_many_samples_share_are_no_gaps(stamps: str) -> None:
+    at = np.arange(6000)
+    times = (at // 10 + 1) * 0.1 if "ten" in stamps else np.floor(at / 100)
+    found = examine(times)
+    assert found is not None
+    assert found.even
+    assert found.interval == pytest.approx(0.01, rel=1e-3)
+
+
+def test_the_part_that_a_fall_of_the_times_suggests_is_read(tmp_path: Path) -> None:
+    rows = ticks(1.0, "time [s]")
+    path = written(tmp_path / "a.csv", [*rows[:101], *rows[1:]])
+    with pytest.raises(ValueError, match="longest even stretch has 400 samples") as said:
+        read_record(path)
+    found = re.search(r"use begin (\S+) end (\S+), or", str(said.value))
+    assert found
+    begin, end = map(float, found.groups())
+    assert (begin, end) == pytest.approx((0.5, 2.5), abs=0.01)
+    np.testing.assert_allclose(read_record(path, begin=begin, end=end).values, RATES * DEG)
+
+
 def test_another_unit_than_the_files_is_noted_and_counts(tmp_path: Path) -> None:
     path = written(tmp_path / "a.csv", ["x (rad/s)", *map(repr, RATES.tolist())])
     assert read_record(path, rate=1.0).note == "the unit is rad/s, as the file names it"
@@ -296,7 +355,8 @@ def test_counts_are_scaled_and_increments_are_over_the_interval(tmp_path: Path) 
     np.testing.assert_allclose(read_record(path, rate=50.0, scale=1 / 131).values, RATES / 131 * DEG)
     angles = read_record(path, rate=50.0, increments=True)
     np.testing.assert_allclose(angles.values, RATES * 50 * DEG)
-    assert angles.note == "each sample is an angle, deg, and over 0.02 s a rate"
+    assumed = "column 1 names no unit and is taken for deg/s"
+    assert angles.note == f"{assumed}; each sample is an angle, deg, and over 0.02 s a rate"
 
 
 # -- Layouts of public files ---------------------------------------------------------------------------------
@@ -482,8 +542,8 @@ X: dict[str, Any] = {"columns": ("x",)}
         ),
         (
             GOOD,
-            {**X, "unit": "rpm"},
-            "--unit is 'rpm': it must be one of deg/s, rad/s, deg/h, mdeg/s, mrad/s",
+            {**X, "unit": "m/s"},
+            "--unit is 'm/s': it must be one of deg/s, rad/s, deg/h, mdeg/s, mrad/s, urad/s, arcsec/s, rpm",
         ),
         (GOOD, {**X, "time_unit": "h"}, "--time-unit is 'h': it must be one of s, ms, us, ns"),
         (GOOD, {**X, "rate": 0.0}, "--rate is 0.0: it must be greater than 0"),
@@ -518,10 +578,10 @@ X: dict[str, Any] = {"columns": ("x",)}
             "{path}, line 31: x is empty or not a number: it must be a finite number",
         ),
         (
-            [*GOOD[:30], "0.3,nan,1", "0.3,,1", *GOOD[30:]],
+            [*GOOD[:30], *["0.3,nan,1", "0.3,,1"] * 60, *GOOD[30:]],
             X,
             "{path}, line 31: x is empty or not a number: it must be a finite number; --skip-empty leaves out rows as "
-            "this one, of which there are 2",
+            "this one, of which there are 120",
         ),
         ([*GOOD[:30], "0.3,-inf,1", *GOOD[30:]], X, "{path}, line 31: x is infinite: it must be a finite number"),
         ([*GOOD[:30], "0.3,1", *GOOD[30:]], X, "{path}, line 31: it has 2 columns: it must have 3"),
@@ -533,8 +593,32 @@ X: dict[str, Any] = {"columns": ("x",)}
         (
             [*GOOD[:30], *GOOD[31:]],
             X,
-            "{path}: time has a gap at line 31; 1 samples are missing: it must rise evenly, as it does longest, over "
-            "370 samples, with --from 0.3 --to 4; or give --rate",
+            "{path}: time has a gap at line 31; 1 sample is missing: times must increase evenly. The longest even "
+            "stretch has 370 samples: use --from 0.3 --to 4, or override the times with --rate",
+        ),
+        (
+            ["time [week],x", *numbered()],
+            {"columns": ("x",), "time": "time [week]"},
+            "{path}: time [week] is in week, which is not known as a unit of time: give --time-unit, one of s, ms, us, "
+            "ns, or --rate",
+        ),
+        (
+            ["x [LSB]", *map(str, RATES)],
+            {"rate": 1.0},
+            "{path}: x [LSB] is in LSB, which is not known as a unit of rate: give --unit, one of deg/s, rad/s, deg/h, "
+            "mdeg/s, mrad/s, urad/s, arcsec/s, rpm, and --scale for counts.",
+        ),
+        (
+            ["x [rad]", *map(str, RATES)],
+            {"rate": 1.0},
+            "{path}: x [rad] is in rad, which is not known as a unit of rate: give --unit, one of deg/s, rad/s, deg/h, "
+            "mdeg/s, mrad/s, urad/s, arcsec/s, rpm, and --scale for counts. An angle in each sample needs "
+            "--increments, too.",
+        ),
+        (
+            ["x", *map(str, RATES), "1e300"],
+            {"rate": 1.0},
+            "{path}, line 402: x is 1e+300: as a rate it must be below 5.73e+07 deg/s",
         ),
         (
             ["time,x", *["0.0,1", "0.0,2"] * 20],

@@ -126,13 +126,14 @@ def rate(
 @click.option(
     "--unit",
     metavar="UNIT",
-    help="Unit of the rate: deg/s (or dps), rad/s, deg/h, mdeg/s or mrad/s.  [default: that of the file, else deg/s]",
+    help="Unit of the rate: deg/s (or dps), rad/s, deg/h, mdeg/s, mrad/s, urad/s, arcsec/s or rpm.  "
+    "[default: that of the file, else deg/s]",
 )
 @click.option("--from", "begin", type=float, metavar="S", help="Leave out what comes before, s from the first sample.")
 @click.option("--to", "end", type=float, metavar="S", help="Leave out what comes after.")
 @click.option("--scale", type=float, default=1.0, metavar="X", help="Multiply the numbers by this, for raw counts.")
-@click.option("--increments", is_flag=True, help="The numbers are angles of a sample, in deg for deg/s.")
-@click.option("--skip-empty", is_flag=True, help="Leave out rows without a number in the column, as of other sensors.")
+@click.option("--increments", is_flag=True, help="Each value is the angle turned during one sample, in deg for deg/s.")
+@click.option("--skip-empty", is_flag=True, help="Skip rows where the column is empty, as of other sensors.")
 @click.option(
     "--imu",
     type=click.Choice(["kalibr", "gnss-ins-sim", "kf-gins"]),

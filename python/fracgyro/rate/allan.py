@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 
 FLOOR = math.sqrt(2 * math.log(2) / math.pi)  # 0.664: the deviation of flicker noise over B
 PART = 2**14  # differences computed at once
+SHAKEN = 30.0  # times N², beyond which short averages are of a vibration
 MIN_RECORD = 10  # times tau that a record must last
 
 
@@ -58,6 +59,7 @@ class Allan:
     rate_random_walk: Estimate  #: K, rad/s/sqrt(s)
     quantization: Estimate  #: Q, rad, of an integrating gyroscope
     undecided: bool  #: slow noise is seen, but not whether it is B or K
+    drifts: bool  #: K would account for the longest averages, but so would a drift, as of a warm-up
     response_time: float  #: s, of the sensor's response, which was divided out; 0 where it does not show
     fitted: tuple[float, float] | None  #: s, from and to which averaging time the terms account for the record
     lines: tuple[Line, ...]  #: sinusoids that were left out; amplitudes in rad/s
@@ -95,8 +97,12 @@ def allan(values: Array, interval: float, shortest: float = 0.0) -> Allan:
     fitted = fit(seen, shortest)
     if fitted is not None and DRIFT in fitted.terms and fitted.terms[DRIFT].seen:
         events.append(drift(records, interval))
-    curve = Curve(tau, interval, samples, count)
     deviation = np.sqrt(variance)
+    amplitude = _vibration(fitted, tau, deviation)
+    amplitude = max([amplitude, *(line.amplitude for line in seen.lines if line.covers)])
+    if amplitude > 0:
+        events.append(Event("vibration", 0.0, samples * interval, amplitude, spoils=True))
+    curve = Curve(tau, interval, samples, count)
     low, high = deviation[:, None].T * _factors(curve.freedom(fitted))
     least = _limits(curve, fitted, high)
     terms = [_estimate(fitted, term, float(least[term])) for term in range(4)]
@@ -105,6 +111,8 @@ def allan(values: Array, interval: float, shortest: float = 0.0) -> Allan:
         terms = [each if each.limit else Estimate(each.value, 0.0, math.inf) for each in terms]
         steps = [found.size for found in events if found.kind == "steps" and found.spoils]
         walk = Estimate(0.0, 0.0, HIDES * max(steps) * math.sqrt(interval), True) if steps else terms[WHITE]
+        if steps:  # they hide slow noise, too
+            terms[FLICKER] = terms[WALK] = Estimate(0.0, 0.0, math.inf, True)
     return Allan(
         tau,
         deviation,
@@ -115,11 +123,22 @@ def allan(values: Array, interval: float, shortest: float = 0.0) -> Allan:
         terms[WALK],
         terms[QUANTIZATION],
         bool(fitted and fitted.whole and fitted.undecided),
+        bool(fitted and fitted.drifts),
         fitted.response.time if fitted else 0.0,
         _fitted(fitted, tau),
         seen.lines,
         tuple(events),
     )
+
+
+def _vibration(fitted: Fit | None, tau: Array, deviation: Array) -> float:
+    """Amplitude of what makes short averages, which are not fitted, far noisier than N: part of it leaks into N."""
+    times = _fitted(fitted, tau)
+    if fitted is None or times is None or not fitted.terms[WHITE].seen:
+        return 0.0
+    short = tau < 0.99 * times[0]
+    excess = deviation[short] ** 2 * tau[short] / fitted.terms[WHITE].value
+    return math.sqrt(2) * float(deviation[short].max()) if excess.max(initial=0.0) > SHAKEN else 0.0
 
 
 def _fitted(fitted: Fit | None, tau: Array) -> tuple[float, float] | None:

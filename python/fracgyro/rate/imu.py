@@ -39,8 +39,12 @@ def of_simulation(m: Characterisation) -> Noise:
     """The noise of a simulated sensor."""
     rest = m.rest
     seconds = rest.rate.shape[1] * rest.interval
-    source = f"on {m.seeds} simulated records at rest, {seconds:.3g} s each"
+    source = f"on {m.seeds} simulated records at rest, {_seconds(seconds)} s each"
     return Noise(m.allan, rest.interval, float(np.mean(rest.rate)), source)
+
+
+def _seconds(value: float) -> str:
+    return f"{value:.3g}" if value < 1000 else f"{value:,.0f}"
 
 
 def imu_file(kind: Imu, axes: Sequence[Noise]) -> tuple[str, str]:
@@ -114,7 +118,9 @@ def _gnss_ins_sim(axes: Sequence[Noise]) -> str:
     biases, spreads, correlations, walks = (
         _axes(values) for values in zip(*((each.mean, *row) for each, row in zip(axes, rows, strict=True)), strict=True)
     )
-    walk_words = ["not observed" if row[2] == 0 else f"{DEG_PER_ROOT_H.of(row[2]):.3g} deg/sqrt(h)" for row in rows]
+    walk_words = [
+        "not observed" if math.isnan(row[2]) else f"{DEG_PER_ROOT_H.of(row[2]):.3g} deg/sqrt(h)" for row in rows
+    ]
     drift_words = [_words(each.found.bias_instability, DEG_PER_H) for each in axes]
     seen = any(not each.found.bias_instability.limit for each in axes)
     means = ", ".join(f"{DEG_PER_H.of(each.mean):.3g}" for each in axes)
@@ -126,8 +132,7 @@ def _gnss_ins_sim(axes: Sequence[Noise]) -> str:
         "gyro_err = {",
         f"    'b': {biases},  # {means} deg/h, the mean output at rest",
         f"    'b_drift': {spreads},  # bias instability {_explained(drift_words)}",
-        f"    'b_corr': {correlations},"
-        + ("  # flicker noise has none: where the least Allan deviation lies, over 1.892" if seen else ""),
+        f"    'b_corr': {correlations}," + ("  # averaging time of the Allan minimum / 1.892" if seen else ""),
         f"    'arw': {walks},  # angle random walk {_explained(walk_words)}",
         "}",
     ]
@@ -139,11 +144,11 @@ def _gnss_ins_sim(axes: Sequence[Noise]) -> str:
 
 
 def _markov(axis: Noise) -> tuple[float, float, float]:
-    """Standard deviation and correlation time of the drift, and N."""
+    """Standard deviation and correlation time of the drift, and N; NaN for what the record does not bound."""
     flicker, walk = axis.found.bias_instability, axis.found.angle_random_walk
-    white = walk.value if walk and not walk.limit else 0.0
+    white = walk.value if walk and not walk.limit else math.nan
     if flicker.limit:
-        return 0.0, math.inf, white
+        return 0.0 if math.isfinite(flicker.high) else math.nan, math.inf, white
     return flicker.value * FLOOR / MARKOV_DEVIATION, _least_at(axis.found) / MARKOV_PEAK, white
 
 
@@ -156,11 +161,13 @@ def _kf_gins(axes: Sequence[Noise]) -> str:
     lines = [
         *_head(axes),
         "# Under imunoise; to be added: vrw, abstd, gsstd, asstd and those under initstd.",
-        f"arw: {_listed(walks)}  # deg/sqrt(h)" if all(walks) else "# arw: not observed on every axis, in deg/sqrt(h)",
+        f"arw: {_listed(walks)}  # deg/sqrt(h)"
+        if not any(map(math.isnan, walks))
+        else "# arw: not observed on every axis, in deg/sqrt(h)",
         f"gbstd: {_listed(spreads)}  # deg/h, standard deviation of the bias as Gauss-Markov noise"
-        if all(spreads)
+        if all(value > 0 for value in spreads)
         else "# gbstd: bias instability not observed on every axis, in deg/h",
-        f"corrtime: {max(times):.4g}  # h, where the least Allan deviation lies, over 1.892"
+        f"corrtime: {max(times):.4g}  # h, averaging time of the Allan minimum / 1.892"
         if times
         else "# corrtime: not observed, in h",
     ]
@@ -175,7 +182,7 @@ def _listed(values: Sequence[float]) -> str:
 
 def _axes(values: Sequence[float]) -> str:
     """Three axes as Python."""
-    written = ["np.inf" if math.isinf(value) else format(value, ".6g") for value in values]
+    written = ["np.inf" if math.isinf(value) else "np.nan" if math.isnan(value) else f"{value:.6g}" for value in values]
     if len(values) == AXES:
         return f"np.array([{', '.join(written)}])"
     return f"np.full({AXES}, {written[int(np.argmax(values))]})"
@@ -192,7 +199,7 @@ def _explained(axes: Sequence[str]) -> str:
     words = ", ".join(axes)
     if all(each[0].isdigit() for each in axes):
         return words
-    return f"{words}; where not observed, 0 adds none, and without this line the simulator takes its own"
+    return f"{words}; 0 disables a term, nan is to be replaced; without this line the simulator uses its default"
 
 
 def _least_at(found: Allan) -> float:

@@ -12,13 +12,17 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from ..arguments import number, signal
 from .units import DEG_PER_S
 
 Array = NDArray[np.float64]
-Kind = Literal["spike", "stuck", "repeated", "constant", "saturated", "noise", "motion", "jump", "steps", "drift"]
+Kind = Literal[
+    "spike", "stuck", "repeated", "constant", "saturated", "noise", "motion", "jump", "steps", "drift", "vibration"
+]
 
+LARGEST = 1e100  # of values, whose squares must be numbers
 FAR = 8.0  # robust deviations: what Gaussian noise exceeds once in 10^15
 ROBUST = 1.4826  # standard deviation of Gaussian noise over its median absolute deviation
 BLOCKS = 64  # whose noise is compared
@@ -35,6 +39,8 @@ SHAPED = -0.1  # correlation of samples and the next: rounded is the angle, whic
 MAX_REPEATED = 0.002  # share of samples that repeat the one before
 INNER, INNER_SHARE = 0.95, 0.7592 / 0.95  # of squares, and their mean over that of all of normal noise
 MIN_CHANGE = {"noise": 0.15, "motion": 0.5}  # of the logarithm of a variance
+SUBBLOCKS = 8  # whose noise shows how uncertain that of a block is
+UNSTEADY, MIN_SPREAD = 1e-9, 0.1  # probability that blocks of equal noise spread so, and the deviation of the logarithm
 
 
 @dataclass(frozen=True)
@@ -70,10 +76,11 @@ class Event:
             "samples are lost",
             "constant": f"{count} {span} are exactly {size}, as where a number stands for lost samples",
             "saturated": f"{count} {span} are at the end of the range, {size}",
-            "noise": f"{span} samples differ from the next by {size}, unlike elsewhere",
+            "noise": f"{span} the noise from sample to sample, up to {size}, is not as elsewhere",
             "motion": f"{span} the rate moves, by up to {size}",
             "jump": f"at {_seconds(self.time)} s the mean jumps by {size}",
             "steps": f"the sensor's steps of {size} hide its noise",
+            "vibration": f"an unsteady vibration of about {size} covers the noise",
             "drift": f"{span} the mean drifts, by {size}, as in a warm-up; it is not counted as K",
         }[self.kind]
 
@@ -93,7 +100,7 @@ def inspect(values: Array, interval: float) -> tuple[Event, ...]:
     of more noise or motion, jumps of the mean, steps of the converter that are coarser than the noise.
 
     Raises TypeError where these are no numbers, ValueError for other than one dimension, a value that is not finite or
-    an `interval` that is not above 0.
+    above 1e100, or an `interval` that is not above 0.
 
     >>> fg.rate.inspect(np.random.default_rng(0).normal(size=10_000), interval=0.01)
     ()
@@ -104,6 +111,9 @@ def inspect(values: Array, interval: float) -> tuple[Event, ...]:
     if not np.isfinite(record).all():
         at = int(np.argmin(np.isfinite(record)))
         raise ValueError(f"values is {record[at]} at sample {at}: all must be finite")
+    if len(record) and float(np.max(np.abs(record))) > LARGEST:
+        at = int(np.argmax(np.abs(record)))
+        raise ValueError(f"values is {record[at]:g} at sample {at}: all must be below {LARGEST:g}")
     if len(record) < 2 * MIN_BLOCK:
         return ()
     look = _Look(np.asarray(record, dtype=np.float64), interval)
@@ -170,6 +180,7 @@ class _Look:
         self.lines = [_line(block) for block in blocks]
         self.variances = np.array([_spread(block) for block in blocks])
         self.changes = np.array([float(np.mean(np.square(np.diff(block)))) / 2 for block in blocks])
+        self.uncertain = self._uncertain(blocks)
         near = [
             float(np.median(np.abs(b - line)[:: _stride(b)])) for b, line in zip(blocks, self._through(), strict=True)
         ]
@@ -182,6 +193,17 @@ class _Look:
         self.far, self.off = self._far()
         self._compare(blocks)
         self.typical = math.sqrt(float(np.median(self.changes)))  # deviation of white noise from sample to sample
+
+    def _uncertain(self, blocks: list[Array]) -> float:
+        """Deviation of the logarithm of a block's noise, from that within the blocks."""
+        size = (self.block - 1) // SUBBLOCKS
+        if size < 2:
+            return math.inf
+        found = []
+        for block in blocks:
+            change = np.square(np.diff(block))[: size * SUBBLOCKS].reshape(SUBBLOCKS, size).mean(axis=1)
+            found.append(float(np.var(np.log(np.maximum(change, 1e-300)), ddof=1)))
+        return math.sqrt(float(np.median(found)) / SUBBLOCKS)
 
     def _through(self) -> Iterator[Array]:
         return (self._through_one(i, self.block) for i in range(self.count))
@@ -305,8 +327,24 @@ class _Look:
     # -- Stretches -------------------------------------------------------------------------------------------------
 
     def noisy(self) -> Event | None:
-        """Blocks whose differences are of another size than those of most."""
-        return self._unlike("noise", self.changes, both=True)
+        """Blocks whose differences are of another size than those of most, or of sizes that spread too far."""
+        return self._unlike("noise", self.changes, both=True) or self._unsteady()
+
+    def _unsteady(self) -> Event | None:
+        """Noise that changes over much of the record."""
+        if self.count < FEW_BLOCKS or not 0 < self.uncertain < math.inf:
+            return None
+        logarithms = np.log(np.maximum(self.changes, 1e-300))
+        spread = float(np.std(logarithms))
+        # Of few subblocks the deviation is known to a third.
+        chance = chi2.sf(self.count * (spread / (1.3 * self.uncertain)) ** 2, self.count - 1)
+        if spread < MIN_SPREAD or chance > UNSTEADY:
+            return None
+        low, high = np.quantile(logarithms, [0.1, 0.9])
+        at = np.flatnonzero(logarithms > (low + high) / 2)
+        first, last = int(at[0]) * self.block, (int(at[-1]) + 1) * self.block
+        size = math.sqrt(2 * float(self.changes[at].max()))
+        return self._event("noise", first, last, size, count=len(at))
 
     def moved(self) -> Event | None:
         """Blocks of far more spread than most."""
@@ -365,7 +403,7 @@ class _Look:
             lag, apart = 2 * lag, further
             if 80 * lag > len(self.record):
                 return self._event("steps", 0, len(self.record) - 1, self.step)
-        return None
+        return self._event("steps", 0, len(self.record) - 1, self.step, spoils=False) if apart < self.step else None
 
     def _apart(self, lag: int) -> float:
         """Deviation of differences between samples so far apart, over the root of 2."""

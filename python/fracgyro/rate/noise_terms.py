@@ -43,8 +43,17 @@ PLAUSIBLE = 1e-3  # least probability of the residuals
 MIN_OCTAVES = 4  # octaves that a fit needs
 MIN_FREEDOM = 30.0  # and degrees of freedom
 CORNERS = (0.0, 2.0, 4.0, 8.0, 16.0)  # of drift: warm-ups within a part of the record
-RESPONSES = ("first order", "first order, bilinear", "second order", "second order, bilinear")
+RESPONSES = (
+    "first order",
+    "first order, bilinear",
+    "second order",
+    "second order, bilinear",
+    "fourth order",
+    "fourth order, bilinear",
+)
 ROUNDING = 1e-30  # share of the largest power, below which powers are zero
+LIKELIER = 1.5  # what drift instead of K must add to twice the log likelihood for K not to be counted
+SLOWEST_RESPONSE = 5.0  # s: what is slower is no response of a gyroscope
 BEYOND = 1e3  # times a power: what exceeds it is not bounded
 
 
@@ -68,7 +77,11 @@ class Response:
             return np.asarray(1 / (1 + tangent**2))
         if self.kind == "second order":
             return np.asarray(1 / (1 + (sine * self.time / interval) ** 4))
-        return np.asarray(1 / (1 + tangent**4))
+        if self.kind == "second order, bilinear":
+            return np.asarray(1 / (1 + tangent**4))
+        if self.kind == "fourth order":
+            return np.asarray(1 / (1 + (sine * self.time / interval) ** 8))
+        return np.asarray(1 / (1 + tangent**8))
 
 
 @dataclass(frozen=True)
@@ -98,6 +111,7 @@ class Fit:
     frequency: tuple[float, float]  # Hz, from and to which the part goes
     whole: bool  # whether the part has the lowest frequencies
     undecided: bool  # slow noise is seen, but not whether it is flicker noise or a random walk
+    drifts: bool = False  # what could be a random walk could as well be drift
 
 
 class _Model:
@@ -138,7 +152,7 @@ class _Model:
         return self._descend(start[0], start[1], fixed, rounds=60)
 
     def _times(self) -> list[float]:
-        shortest, longest = self.interval / 4, 0.1 / float(self.frequency[0])
+        shortest, longest = self.interval / 4, min(0.1 / float(self.frequency[0]), SLOWEST_RESPONSE)
         return [float(t) for t in np.geomspace(shortest, max(longest, 4 * shortest), 14)]
 
     def _descend(
@@ -196,7 +210,8 @@ class _Model:
     def _within(self, time: float) -> float:
         if self.kind is None:
             return 0.0
-        return min(max(time, self.interval / 16), 1 / float(self.frequency[0]))
+        slowest = max(min(0.2 / float(self.frequency[0]), SLOWEST_RESPONSE), self.interval)
+        return min(max(time, self.interval / 16), slowest)
 
     def _slope(self, time: float, powers: Array) -> Array:
         """Derivative of the density by the logarithm of the response time."""
@@ -379,6 +394,15 @@ def _described(spectrum: Spectrum, part: slice, candidate: _Candidate) -> Fit:
     if not terms[FLICKER].seen and not terms[WALK].seen:
         rest = tuple(term for term in model.terms if term not in (FLICKER, WALK))
         slow = _Model(spectrum, part, rest, model.kind, model.shape).best()[0] - best[0]
+    drifts = False
+    if terms[WALK].seen:
+        drifts = DRIFT in terms and terms[DRIFT].seen
+        if DRIFT not in terms:
+            other = tuple(term for term in model.terms if term != WALK)
+            drifting = _group(spectrum, part, (*other, DRIFT), (model.kind,))
+            drifts = drifting is not None and drifting.first[1][0] < best[0] - LIKELIER
+        if drifts:
+            terms[WALK] = replace(terms[WALK], value=0.0, low=0.0, seen=False)
     frequency = spectrum.frequency[part]
     return Fit(
         terms,
@@ -386,6 +410,7 @@ def _described(spectrum: Spectrum, part: slice, candidate: _Candidate) -> Fit:
         (float(frequency[0]), float(frequency[-1])),
         part.start == 0,
         slow >= EITHER,
+        drifts,
     )
 
 

@@ -105,12 +105,23 @@ def series_figure(values: Array, interval: float, events: tuple[Event, ...] = ()
     panel.plot(at, means, color=COLORS[0], linewidth=0.8, label=f"mean of {np.diff(edges).max():,} samples")
     labeled = False
     for event in events:
-        if event.kind in ("steps", "repeated", "drift"):
+        if event.kind in ("steps", "repeated", "drift", "vibration"):
             continue  # everywhere
         label = None if labeled else "found in the record"
         labeled = True
         if event.end - event.time < 2e-3 * len(values) * interval:
-            panel.axvline(event.time * time, color=COLORS[1], linewidth=0.9, label=label)
+            # Above the panel: a line across it would hide what it marks.
+            panel.plot(
+                event.time * time,
+                1.03,
+                "v",
+                color=COLORS[1],
+                markersize=5,
+                transform=panel.get_xaxis_transform(),
+                clip_on=False,
+                linestyle="none",
+                label=label,
+            )
         else:
             panel.axvspan(event.time * time, event.end * time, color=COLORS[1], alpha=0.18, linewidth=0, label=label)
     panel.set_xlim(0, len(values) * interval * time)

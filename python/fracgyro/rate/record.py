@@ -24,21 +24,35 @@ Array = NDArray[np.float64]
 
 MAX_NAMED = 20  # columns in a sentence
 # Names of time columns, and their units; names are compared in NFKC, where both signs for micro are one.
-SECONDS = {"s": 1.0, "sec": 1.0, "secs": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "μs": 1e-6, "ns": 1e-9}
+SECONDS = {
+    **dict.fromkeys(("s", "sec", "secs", "second", "seconds", "sekunden"), 1.0),
+    **dict.fromkeys(("ms", "msec", "millis", "milliseconds"), 1e-3),
+    **dict.fromkeys(("us", "μs", "usec", "micros", "microseconds"), 1e-6),
+    **dict.fromkeys(("ns", "nsec", "nanos", "nanoseconds"), 1e-9),
+    **dict.fromkeys(("min", "mins", "minutes"), 60.0),
+    **dict.fromkeys(("h", "hr", "hours"), 3600.0),
+}
 TIME_UNITS = ("s", "ms", "us", "ns")
 TIME = re.compile(
     rf"%?(?:time|timestamp|time stamp|t|seconds|stamp)(?:[ _]*[\[(]?({'|'.join(SECONDS)})[\])]?)?", re.IGNORECASE
 )
 SLOWEST, FASTEST = 2.0, 50_000.0  # Hz, of gyroscopes
+LARGEST = 1e6  # rad/s
+MANY_EMPTY = 0.2  # share of rows
 AGREES, NOTED = 0.05, 0.005  # of a rate that is given: how far that of the times may be off, and may be without a word
 # Units as people write them, in lower case without blanks.
+_A_SECOND, _DEGREES = r"(/|p|_?per_?|_?)(s|sec|second)|[·*.]?s\^?-1", r"(deg|degs|degree|degrees|°)"
 SPELLED = {
-    "deg/s": r"(deg|degs|degree|degrees|°)(/|p)(s|sec|second)|dps|deg·?s\^?-1|°·?s\^?-1|deg_?s",
-    "rad/s": r"(rad|rads|radian|radians)(/|p)(s|sec|second)|rps|rad·?s\^?-1|rad_?s",
-    "deg/h": r"(deg|degs|degree|degrees|°)(/|p)(h|hr|hour)|dph",
-    "mdeg/s": r"m(deg|°)(/|p)(s|sec)|mdps",
-    "mrad/s": r"mrad(/|p)(s|sec)",
+    "deg/s": rf"{_DEGREES}({_A_SECOND})|dps",
+    "rad/s": rf"(rad|rads|radian|radians)({_A_SECOND})",
+    "deg/h": rf"{_DEGREES}(/|p|_?per_?|_?)(h|hr|hour)|dph|{_DEGREES}[·*.]?h\^?-1",
+    "mdeg/s": rf"m(illi)?{_DEGREES}({_A_SECOND})|mdps",
+    "mrad/s": rf"m(illi)?rad({_A_SECOND})",
+    "urad/s": rf"(u|μ|micro)rad({_A_SECOND})",
+    "arcsec/s": rf"(arcsec|arcseconds?|as)({_A_SECOND})",
+    "rpm": r"rpm|rev/min|r/min",
 }
+AXIS = re.compile(r"[xyz123]|roll|pitch|yaw", re.IGNORECASE)  # what a name may have in brackets instead of a unit
 
 
 @dataclass(frozen=True)
@@ -90,7 +104,7 @@ class Options:
 
 def unit_of(text: str) -> Unit | None:
     """The unit of a rate that is spelled so."""
-    plain = re.sub(r"\s+", "", unicodedata.normalize("NFKC", text)).lower()
+    plain = re.sub(r"\s+", "", unicodedata.normalize("NFKC", text)).lower().replace("\u2212", "-").replace("⋅", "·")
     return next((RATES[name] for name, pattern in SPELLED.items() if re.fullmatch(pattern, plain)), None)
 
 
@@ -136,6 +150,12 @@ def read_record(path: str | os.PathLike[str], options: Options = Options()) -> R
         factor /= interval  # the unit's angle in each sample
         notes.append(f"each sample is an angle, {unit.name.split('/')[0]}, and over {interval:g} s a rate")
     values *= factor
+    if float(np.max(np.abs(values))) > LARGEST:
+        row, at = np.unravel_index(int(np.argmax(np.abs(values))), values.shape)
+        raise ValueError(
+            f"{path}, line {table.before + int(lines[at]) + 1}: {cut(_name(table, chosen[int(row)]))} is "
+            f"{columns[int(row)][at]:g}: as a rate it must be below {RATES['deg/s'].of(LARGEST):.3g} deg/s"
+        )
     return Record(tuple(_name(table, i) for i in chosen), values, interval, unit.name, tuple(notes))
 
 
@@ -195,6 +215,8 @@ def _chosen(table: Table, options: Options, timed: int | None) -> list[int]:
 
 
 def _of_columns(table: Table, options: Options, given: str, others: Sequence[int]) -> str:
+    if not others:
+        return f"{options.dashes}column {given}: {table.path} has no column but the time"
     return f"{options.dashes}column {given}: it must be one of those of {table.path}: {_listed(table, others)}"
 
 
@@ -238,7 +260,7 @@ def _finite(
             found = column[bad[0]]
             words = "empty or not a number" if np.isnan(found) else "infinite"
             advice = ""
-            if np.isnan(found) and len(bad) > 1:
+            if np.isnan(found) and len(bad) > MANY_EMPTY * len(column):  # rows of other sensors, not lost samples
                 option = "--skip-empty" if options.dashes else "skip_empty"
                 advice = f"; {option} leaves out rows as this one, of which there are {len(bad):,}"
             where = table.before + int(rows[bad[0]]) + 1
@@ -262,7 +284,8 @@ def _part(
     if options.begin is None and options.end is None:
         return columns, times, lines
     begin, end = options.begin or 0.0, math.inf if options.end is None else options.end
-    since = np.arange(len(columns[0])) / (options.rate or 1.0)
+    near = 0.25 / (options.rate or 1.0)  # a quarter of an interval: sentences round
+    since = 4 * near * np.arange(len(columns[0]))
     if times is not None and timed is not None and (options.rate is None or not (np.diff(times) < 0).any()):
         found = examine(times - times[0])
         if found is not None:
@@ -270,9 +293,15 @@ def _part(
             if (rate := options.rate) is not None:  # in any of the units
                 every = rate * found.interval
                 per = min((SECONDS[each] for each in TIME_UNITS), key=lambda unit: abs(every * unit - 1))
-            since = (times - times[0]) * per
-    kept = (since >= begin - 1e-9) & (since < end - 1e-9)
+            since, near = _since(times, found.interval) * per, 0.25 * found.interval * per
+    kept = (since >= begin - near) & (since < end - near)
     return [column[kept] for column in columns], None if times is None else times[kept], lines[kept]
+
+
+def _since(times: Array, interval: float) -> Array:
+    """Times from the first one on, without falls."""
+    steps = np.diff(times)
+    return np.concatenate([[0.0], np.cumsum(np.where(steps < 0, interval, steps))])
 
 
 def _between(options: Options) -> str:
@@ -310,19 +339,21 @@ def _interval(
     if len(found.gaps):
         first = int(at[found.gaps[0]]) + 1
         gaps = "a gap" if len(found.gaps) == 1 else f"{len(found.gaps):,} gaps, the first"
-        notes.append(f"{name} has {gaps} at line {first:,}; {found.missing:,} samples are missing")
+        lost = "1 sample is" if found.missing == 1 else f"{found.missing:,} samples are"
+        notes.append(f"{name} has {gaps} at line {first:,}; {lost} missing")
     if options.rate is not None:
         return 1 / options.rate, notes
     interval = found.interval * per
     if not found.even:
         begin, end = found.longest(len(times))
         before = options.begin or 0.0
-        span = before + (times[begin] - times[0]) * per, before + (times[end - 1] - times[0] + found.interval) * per
+        since = _since(times, found.interval)
+        span = before + since[begin] * per, before + (since[end - 1] + found.interval) * per
         words = ("--from", "--to") if options.dashes else ("begin", "end")
         what = notes[-1] if len(found.gaps) else f"{name} falls, at line {int(at[found.falls[0]]):,} first"
         raise ValueError(
-            f"{table.path}: {what}: it must rise evenly, as it does longest, over {end - begin:,} samples, with "
-            f"{words[0]} {span[0]:.7g} {words[1]} {span[1]:.7g}; or give {options.dashes}rate"
+            f"{table.path}: {what}: times must increase evenly. The longest even stretch has {end - begin:,} samples: "
+            f"use {words[0]} {span[0]:.7g} {words[1]} {span[1]:.7g}, or override the times with {options.dashes}rate"
         )
     if found.jitter > JITTER:
         notes.append(
@@ -338,13 +369,18 @@ def _times(count: int) -> str:
 def _seconds(table: Table, timed: int, name: str, found: Times, options: Options) -> tuple[float, list[str]]:
     """In the unit of the times, and what was assumed for it."""
     matched = _is_time(table.names[timed])
-    named = options.time_unit or (matched[1] if matched else None) or table.known.get(timed)
-    if named is not None and named.lower() in SECONDS:
-        per = SECONDS[named.lower()]
+    text = options.time_unit or (matched[1] if matched else None) or _in_brackets(table, timed)
+    named = None if text is None else unicodedata.normalize("NFKC", text).strip().lower()
+    option = "--time-unit" if options.dashes else "time_unit"
+    if named is not None and named in SECONDS:
+        per = SECONDS[named]
         return per, _agreeing(table, name, [per], found, options)
     if options.rate is not None:
         return 1.0, _agreeing(table, name, [SECONDS[each] for each in TIME_UNITS], found, options)
-    if SLOWEST * found.interval <= 1:
+    if named is not None:
+        rule = f"give {option}, one of {', '.join(TIME_UNITS)}, or {options.dashes}rate"
+        raise ValueError(f"{table.path}: {name} is in {cut(named)}, which is not known as a unit of time: {rule}")
+    if SLOWEST * found.interval <= 1 < FASTEST * found.interval:
         return 1.0, [f"{name} names no unit and is taken for seconds"]
     fitting = [each for each in TIME_UNITS if SLOWEST <= 1 / (found.interval * SECONDS[each]) < FASTEST]
     if len(fitting) == 1:
@@ -352,7 +388,6 @@ def _seconds(table: Table, timed: int, name: str, found: Times, options: Options
         return per, [
             f"{name} names no unit and is taken for {fitting[0]}, {1 / (found.interval * per):.6g} samples a second"
         ]
-    option = "--time-unit" if options.dashes else "time_unit"
     raise ValueError(
         f"{table.path}: {name} has no unit, and in seconds its samples would be {found.interval:.6g} s apart: give "
         f"{option} or {options.dashes}rate, or name the unit in the first line, as in {name} [ms]"
@@ -374,7 +409,7 @@ def _agreeing(table: Table, name: str, units: list[float], found: Times, options
             f"{100 * AGREES:g} %, whose samples are {have}; rename that column if it is not the time"
         )
     if abs(least) > NOTED:
-        return [f"{options.dashes}rate is {100 * least:+.2g} % off that of {name}"]
+        return [f"{options.dashes}rate is {100 * least:+.3g} % off that of {name}"]
     return []
 
 
@@ -383,7 +418,17 @@ def _agreeing(table: Table, name: str, units: list[float], found: Times, options
 
 def _unit(table: Table, chosen: list[int], options: Options) -> tuple[Unit, list[str]]:
     """Unit of the rates, and a note if it was assumed."""
-    named = {unit for i in chosen if (unit := _named_unit(table, i)) is not None}
+    if options.unit is None:
+        for i in chosen:
+            text = _in_brackets(table, i)
+            if text is not None and not AXIS.fullmatch(text) and _named_unit(table, i, options) is None:
+                hint = " An angle in each sample needs --increments, too." if unit_of(f"{text}/s") else ""
+                rule = f"give {options.dashes}unit, one of {', '.join(RATES)}, and {options.dashes}scale for counts"
+                raise ValueError(
+                    f"{table.path}: {cut(_name(table, i))} is in {cut(text)}, which is not known as a unit of rate: "
+                    f"{rule}.{hint}"
+                )
+    named = {unit for i in chosen if (unit := _named_unit(table, i, options)) is not None}
     if options.unit is not None:
         given = unit_of(options.unit)
         assert given is not None
@@ -395,11 +440,24 @@ def _unit(table: Table, chosen: list[int], options: Options) -> tuple[Unit, list
     if named:
         unit = named.pop()
         return unit, [f"the unit is {unit.name}, as the file names it"] if unit.name != "deg/s" else []
-    return RATES["deg/s"], []
+    if all("angular_velocity" in table.names[i] for i in chosen):
+        return RATES["rad/s"], ["angular_velocity names no unit and is taken for rad/s, as ROS has it"]
+    name = cut(_name(table, chosen[0]))
+    name = f"column {name}" if name.isdigit() else name
+    return RATES["deg/s"], [f"{name} names no unit and is taken for deg/s"]
 
 
-def _named_unit(table: Table, i: int) -> Unit | None:
-    """That in brackets in a column's name, or in a line below the names."""
+def _in_brackets(table: Table, i: int) -> str | None:
+    """What is in brackets at the end of a column's name, or in a line of units."""
     bracketed = re.search(r"[\[(]([^\[\]()]+)[\])]\s*$", table.names[i])
-    text = bracketed[1] if bracketed else table.known.get(i, "")
-    return unit_of(text) if text else None
+    return bracketed[1].strip() if bracketed else table.known.get(i)
+
+
+def _named_unit(table: Table, i: int, options: Options) -> Unit | None:
+    """That in brackets in a column's name, in a line below the names, or at the end of the name."""
+    text = _in_brackets(table, i)
+    if text is not None:
+        return unit_of(text) or (unit_of(f"{text}/s") if options.increments else None)
+    words = [word for word in re.split(r"[\s,_]+", table.names[i]) if word.lower() != "per"]
+    ends = ("/".join(words[-count:]) for count in (1, 2) if len(words) > count)
+    return next((unit for end in ends if (unit := unit_of(end)) is not None), None)

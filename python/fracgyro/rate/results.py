@@ -163,7 +163,7 @@ def _mean(key: str, name: str, definition: str, unit: Unit, mean: Mean, graded: 
     return Result(key, name, definition, unit.name, value, low, high, "", grade(graded, value) if graded else None)
 
 
-SPOILED = "neither interval nor grade while the record has what was found in it"
+SPOILED = "no interval or grade because of the events above"
 
 
 def _estimate(
@@ -190,6 +190,10 @@ def _estimate(
 
 
 def _unseen(record: Allan) -> str:
+    if any(each.kind == "steps" and each.spoils for each in record.events):
+        return "not measured: the steps of the sensor hide it"
+    if record.drifts:
+        return "only bounded: the longest averages rise, which may be K or a drift, as in a warm-up"
     if record.undecided:
         return "only bounded: slow noise is observed, but the record does not tell whether it is B or K"
     if record.fitted and record.fitted[1] < record.tau[-1]:
@@ -207,8 +211,8 @@ def _angle_random_walk(record: Allan, bound: Bound | None) -> Result:
     si = (unit.si, unit.per_si)
     if found is None:
         note = (
-            "not observed: over no four octaves does the noise look white, with or without B and K; a longer record "
-            "may show where it does"
+            "not observed: no averaging range of four octaves looks like white noise, with or without B and K; a "
+            "longer record may show one"
         )
         if bound:
             note = (

@@ -36,9 +36,9 @@ def left_out(series: Series) -> str:
     """One sentence on what was fitted, and what was not."""
     found = series.found
     if found.fitted is None:
-        return "Over no four octaves do noise terms account for the record."
+        return "No averaging range of four octaves fits the noise terms."
     first, last = found.fitted
-    words = f"The terms account for averages of {_seconds(first)} to {_seconds(last)} s"
+    words = f"The fit covers averaging times {_seconds(first)} to {_seconds(last)} s"
     out = []
     if first > 1.01 * found.tau[0]:
         out.append(f"shorter ones down to {_seconds(float(found.tau[0]))} s")
@@ -46,8 +46,8 @@ def left_out(series: Series) -> str:
         out.append(f"longer ones up to {_seconds(float(found.tau[-1]))} s")
     if out:
         return f"{words}; {' and '.join(out)} do not fit and are left out."
-    response = f" behind a response time of {found.response_time:.3g} s" if found.response_time else ""
-    return f"{words}, all that the record has{response}."
+    response = f"; a low-pass response of {found.response_time:.3g} s was divided out" if found.response_time else ""
+    return f"{words} (the whole record){response}."
 
 
 def line_of(line: Line) -> str:
@@ -64,7 +64,7 @@ def noise_of(series: Series) -> Noise:
         series.found,
         record.interval,
         float(values.mean()),
-        f"on {series.name} of {series.path}, {seconds:.3g} s at rest",
+        f"on {series.name} of {series.path}, {_seconds(seconds)} s at rest",
     )
 
 

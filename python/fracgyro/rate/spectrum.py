@@ -8,7 +8,9 @@ mean of the record drops out, and a trend is in the lowest frequencies only.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
 
@@ -23,15 +25,22 @@ SINGLE = 32  # lowest frequencies that are bands by themselves
 PER_OCTAVE = 16  # bands of those above
 MIN_LINE = 64  # periods, twice: below it, nothing is taken for a line
 FALSE_LINES = 1e-4  # probability of one in a record of noise
+NEAR = 128  # frequencies of a median near a line
+STRONG = 1e4  # times the level of the noise: such sinusoids leak far
+MAX_STRONG, PASSES, PHASES = 4, 3, 64  # sinusoids that are subtracted; parts of a record whose phases are compared
 LARGEST_FACTOR = 11  # of a length that is transformed in one second rather than four
 
 
 @dataclass(frozen=True)
 class Line:
-    """A sinusoid in the record: frequency in Hz, amplitude in the record's unit."""
+    """A sinusoid in the record: frequency in Hz, amplitude in the record's unit.
+
+    `covers`: it is too strong for the noise around it to be seen.
+    """
 
     frequency: float
     amplitude: float
+    covers: bool = False
 
 
 @dataclass(frozen=True)
@@ -50,12 +59,18 @@ def spectrum(records: Array, interval: float) -> Spectrum:
     """Mean spectrum of records of equal length, (records, samples)."""
     count, samples = records.shape
     samples = _quick(samples)
-    power = np.zeros(samples - 1)
-    for record in records:
-        transformed = dct(record[:samples] - record[:samples].mean(), norm="ortho", overwrite_x=True)[1:]
-        power += interval * np.square(transformed, out=transformed)
-    power /= count
+    power = _power(records, samples, interval)
     lines, kept = _lines(power, count, samples, interval)
+    steady: list[Line] = []
+    for _ in range(PASSES):
+        strong = sorted((line for line in lines if line.covers), key=lambda line: -line.amplitude)[:MAX_STRONG]
+        if not strong:
+            break
+        # What a sinusoid leaks into all frequencies goes with it, if it is one.
+        records = np.stack([_without(record[:samples], strong, interval) for record in records])
+        power = _power(records, samples, interval)
+        lines, kept = _lines(power, count, samples, interval)
+        steady += [replace(line, covers=False) for line in strong]
     edges = _edges(samples)
     freedom = np.add.reduceat(kept, edges[:-1] - 1, dtype=float)
     power *= kept
@@ -65,8 +80,40 @@ def spectrum(records: Array, interval: float) -> Spectrum:
     factor[: min(SINGLE, len(middle))] = [flicker_factor(k) for k in range(1, min(SINGLE, len(middle)) + 1)]
     seen = freedom > 0
     return Spectrum(
-        (middle / (2 * samples * interval))[seen], means[seen], count * freedom[seen], factor[seen], interval, lines
+        (middle / (2 * samples * interval))[seen],
+        means[seen],
+        count * freedom[seen],
+        factor[seen],
+        interval,
+        (*steady, *lines),
     )
+
+
+def _power(records: Array, samples: int, interval: float) -> Array:
+    """Mean of h z_k² over the records."""
+    power = np.zeros(samples - 1)
+    for record in records:
+        transformed = dct(record[:samples] - record[:samples].mean(), norm="ortho", overwrite_x=True)[1:]
+        power += interval * np.square(transformed, out=transformed)
+    power /= len(records)
+    return power
+
+
+def _without(record: Array, lines: Sequence[Line], interval: float) -> Array:
+    """The record less its sinusoids near these frequencies, whose frequencies and phases are those of least squares."""
+    rest = record - record.mean()
+    for line in [*lines, *lines]:  # the second time without what the others left in the first
+        frequency, at = line.frequency * interval, np.arange(len(rest))
+        for _ in range(4):
+            mixed = rest * np.exp(-2j * np.pi * frequency * at)
+            parts = mixed[: len(mixed) // PHASES * PHASES].reshape(PHASES, -1).mean(axis=1)
+            turned = np.unwrap(np.angle(parts))
+            slope = float(np.polyfit(np.arange(PHASES), turned, 1, w=np.abs(parts))[0])
+            frequency += slope / (2 * np.pi * (len(mixed) // PHASES))
+        carrier = np.exp(2j * np.pi * frequency * at)
+        columns = np.column_stack([carrier.real, carrier.imag])
+        rest = rest - columns @ np.linalg.solve(columns.T @ columns, columns.T @ rest)
+    return np.asarray(rest)
 
 
 def _quick(samples: int) -> int:
@@ -98,27 +145,37 @@ def _lines(power: Array, count: int, samples: int, interval: float) -> tuple[tup
     if len(power) <= 2 * MIN_LINE:
         return (), kept
     most = chi2.isf(FALSE_LINES / len(power), count) / count
-    median = chi2.median(count) / count
-    found = []
     octaves = np.log2(samples / MIN_LINE)
-    edges = np.unique(np.round(np.geomspace(MIN_LINE, samples, max(2, round(4 * octaves)))).astype(np.int64)) - 1
-    for begin, end in pairwise(map(int, edges)):
-        part = power[begin:end]
-        level = float(np.median(part)) / median
-        if not (part.max() > most * level > 0):
+    wide_edges = np.geomspace(MIN_LINE, samples, max(2, round(4 * octaves)))
+    # Behind a filter the level falls steeply: it is a line between medians of few frequencies, too.
+    near_edges = np.unique(np.concatenate([wide_edges, np.arange(MIN_LINE, samples, NEAR)]))
+    wide_level, near_level = (_level(power, edges, count) for edges in (wide_edges, near_edges))
+    level = np.maximum(wide_level, near_level)
+    strong = np.flatnonzero(power > most * level)
+    strong = strong[(strong >= MIN_LINE - 1) & (level[strong] > 0)]
+    found = []
+    for here in map(int, strong[np.argsort(-power[strong])]):
+        if not kept[here]:
             continue
-        strong = np.flatnonzero(part > most * level)
-        for k in strong[np.argsort(-part[strong])]:
-            here = begin + int(k)
-            if not kept[here]:
-                continue
-            # Off it, its power falls as the square of the distance: to a twentieth of the noise.
-            wide = min(int(3 * np.sqrt(power[here] / level)) + 2, here // 2, len(power) // 8)
-            around = slice(max(here - wide, 0), here + wide + 1)
-            mean = float(np.sum(power[around])) / (interval * samples)
-            found.append(Line((here + 1) / (2 * samples * interval), float(np.sqrt(2 * mean))))
-            kept[around] = False
-    return tuple(found), kept
+        # Off it, its power falls as the square of the distance: to a ninth of the noise.
+        wide = min(int(3 * math.sqrt(power[here] / wide_level[here])) + 2, here // 2, len(power) // 8)
+        # What a strong one leaks raises the level around it, too.
+        ratio = float(power[here] / np.min(wide_level[here // 4 : 4 * here]))
+        covers = ratio > STRONG and 3 * math.sqrt(ratio) > wide
+        around = slice(max(here - wide, 0), here + wide + 1)
+        mean = float(np.sum(power[around])) / (interval * samples)
+        found.append(Line((here + 1) / (2 * samples * interval), float(np.sqrt(2 * mean)), covers))
+        kept[around] = False
+    return tuple(sorted(found, key=lambda line: line.frequency)), kept
+
+
+def _level(power: Array, edges: Array, count: int) -> Array:
+    """Mean power at every k, lines aside: straight in logarithms between medians over bands."""
+    ends = np.unique(np.round(edges).astype(np.int64)) - 1
+    middles = [(begin + end - 1) / 2 for begin, end in pairwise(map(int, ends))]
+    medians = [float(np.median(power[begin:end])) for begin, end in pairwise(map(int, ends))]
+    logarithms = np.log(np.maximum(medians, np.finfo(float).tiny) / (chi2.median(count) / count))
+    return np.asarray(np.exp(np.interp(np.log(np.arange(len(power)) + 1.0), np.log(np.add(middles, 1.0)), logarithms)))
 
 
 @cache

@@ -54,6 +54,7 @@ OTHERS = {
     b"\xff\xd8\xff": "a picture",
     b"ARROW1": "an Arrow file: save it as Parquet or CSV",
     b"{": "JSON: save its numbers as CSV",
+    b"[{": "JSON: save its numbers as CSV",
     b"<": "XML or HTML: save its numbers as CSV",
     b"\x7fELF": "a program",
 }
@@ -127,10 +128,17 @@ def _of_text(path: str, first: bytes) -> Table:
 def _encoding(first: bytes) -> str | None:
     if first.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16"
+    try:
+        first.decode("utf-8")
+        plain = True
+    except UnicodeDecodeError as error:
+        plain = error.start > len(first) - 4  # a character that the end of this part cuts
     zeros = first[:400].count(0)
     if zeros > len(first[:400]) // 3:
         return "utf-16-le" if first[1:2] == b"\0" else "utf-16-be"
-    return None if zeros else "utf-8-sig"
+    if zeros:
+        return None
+    return "utf-8-sig" if plain else "cp1252"
 
 
 def _layout(path: str, beginning: str, cut_off: bool) -> _Layout:

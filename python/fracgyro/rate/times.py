@@ -66,7 +66,10 @@ def examine(times: Array) -> Times | None:
             missing += max(round(shift), 1)
     kept = np.array(gaps, dtype=np.int64)
     total = len(times) - 1 + missing
-    if not len(falls):
+    if not len(falls) and not gaps and rounded > 1:  # the ends are rounded, too
+        at = np.arange(len(times)) - (len(times) - 1) / 2
+        interval = float(at @ (times - times[0])) / float(at @ at)
+    elif not len(falls):
         interval = float(times[-1] - times[0]) / total  # of the whole record, as it is known best
     distance = _distance(times, interval, kept, falls)
     repeats = 0 if resolution > 1.5 * interval else int(np.count_nonzero(steps == 0))
@@ -120,8 +123,9 @@ def _distance(times: Array, interval: float, gaps: NDArray[np.int64], falls: NDA
 
 
 def _resolution(steps: Array) -> float:
-    """The least difference between two steps, as far as a thousand show."""
-    few = np.unique(steps[:: max(len(steps) // 1000, 1)])
+    """The least difference between two steps, as far as some thousands show, in stretches: every n-th may be alike."""
+    begins = np.linspace(0, max(len(steps) - WINDOW, 0), 16).astype(int)
+    few = np.unique(np.concatenate([steps[begin : begin + WINDOW] for begin in begins]))
     apart = np.diff(few)
     apart = apart[apart > 1e-6 * max(abs(float(few[-1])), 1e-300)]
     return float(apart.min()) if len(apart) else 0.0

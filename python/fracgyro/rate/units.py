@@ -36,6 +36,9 @@ RATES = {
         DEG_PER_H,
         Unit("mdeg/s", "rad/s", 1e3 * DEGREES),
         Unit("mrad/s", "rad/s", 1e3),
+        Unit("urad/s", "rad/s", 1e6),
+        Unit("arcsec/s", "rad/s", DEGREES * HOUR),
+        Unit("rpm", "rad/s", 30 / math.pi),
     )
 }
 # N of IEEE Std 952: the angle that white rate noise has gathered grows as the root of time.
