@@ -1,15 +1,17 @@
 #include "arrays.hpp"
 #include "bindings.hpp"
+#include "controllers.hpp"
 #include "runs.hpp"
 
+#include "fracgyro/sim/any_run.hpp"
 #include "fracgyro/sim/batch.hpp"
-#include "fracgyro/sim/device_loop.hpp"
 
 #include <nanobind/stl/string_view.h>
 #include <nanobind/stl/vector.h>
 
 #include <condition_variable>
 #include <mutex>
+#include <optional>
 
 namespace fracgyro::bindings {
 
@@ -29,57 +31,132 @@ std::vector<std::size_t> lane_counts() {
     return counts;
 }
 
-// Rows of all runs, (runs, samples, width), NaN where a run had diverged; and the samples each run lasted. `device`: by
-// the loop and in the channels of device_loop.hpp, which a run that is not ideal needs.
-nb::tuple record_runs(const std::vector<const DeviceSetup*>& setups, std::int64_t every, unsigned threads,
-                      bool device) {
-    if (setups.empty()) {
-        throw nb::value_error("there is nothing to run");
+using Setups = std::vector<const DeviceSetup*>;
+
+// The controllers of runs: users', one for each, or if there are none those of the setups, made when a run begins.
+class Controllers {
+public:
+    Controllers(const Setups& setups, const Users& users, const std::vector<const Units*>& units)
+        : setups_(setups), users_(users) {
+        if (setups.empty()) {
+            throw nb::value_error("there is nothing to run");
+        }
+        if (!users.empty() && (users.size() != setups.size() || units.size() != setups.size())) {
+            throw nb::value_error("there must be one controller and one set of units for each run");
+        }
+        for (std::size_t i = 0; i < users.size(); ++i) {
+            users[i]->begin(*units[i], setups[i]->common);
+            threaded_ = threaded_ && users[i]->runs_on_any_thread();
+        }
     }
+
+    bool are_users() const { return !users_.empty(); }
+    // Calls run(i, controller) for every run, without the GIL if no controller needs it.
+    template <class Run>
+    void each(unsigned threads, Run&& run) const {
+        std::optional<nb::gil_scoped_release> unlocked;
+        if (threaded_) {
+            unlocked.emplace();
+        }
+        parallel_for(setups_.size(), threaded_ ? threads : 1, one(run));
+    }
+    // The same for runs that may take long: `stop` ends them if a key is pressed.
+    template <class Run>
+    void each(unsigned threads, std::atomic<bool>& stop, Run&& run) const {
+        if (threaded_) {
+            interruptible_for(setups_.size(), threads, stop, one(run));
+        } else {
+            each(threads, run);
+        }
+    }
+
+private:
+    template <class Run>
+    auto one(Run& run) const {
+        return [&](std::size_t i) {
+            if (users_.empty()) {
+                run(i, *make_double(*setups_[i]));
+            } else {
+                run(i, *users_[i]);
+                users_[i]->check();
+            }
+        };
+    }
+
+    const Setups& setups_;
+    const Users& users_;
+    bool threaded_ = true;
+};
+
+// Rows of all runs, (runs, samples, width), NaN if a run had diverged; and the samples each run lasted. `device`: by
+// the loop and in the channels of device_loop.hpp, which a run that is not ideal needs.
+nb::tuple record_runs(const Setups& setups, std::int64_t every, unsigned threads, bool device, const Users& users,
+                      const std::vector<const Units*>& units) {
+    const Controllers controllers(setups, users, units);
     const std::int64_t steps = setups.front()->steps;
     for (const DeviceSetup* s : setups) {
         if (s->steps != steps) {
             throw nb::value_error("all runs must have the same number of steps");
         }
-        if (row_width_of(s->controller) != row_width_of(setups.front()->controller)) {
+        if (users.empty() && row_width_of(s->controller) != row_width_of(setups.front()->controller)) {
             throw nb::value_error("the controllers of all runs must report the same");
         }
     }
-    const std::size_t width = row_width_of(setups.front()->controller) + (device ? device_width : 0);
     const auto rows = static_cast<std::size_t>(steps / every + 1);
-    const std::size_t size = rows * width;
-    Rows data(setups.size() * size);
+    Rows data;
+    std::size_t width = 0;
+    std::once_flag known;
+    const auto begin = [&](std::size_t of_row) {
+        std::call_once(known, [&] {
+            width = of_row;
+            data.resize(setups.size() * rows * width);
+        });
+        if (of_row != width) {
+            throw std::domain_error("report() of the controller returned other names than in the run before");
+        }
+    };
+    if (users.empty()) {
+        begin(row_width_of(setups.front()->controller) + (device ? device_width : 0));
+    }
     auto lasted = std::make_unique<std::int64_t[]>(setups.size());
     const FillNoise noise = fastest_noise();
-    {
+    const auto record_one = [&](std::size_t i, AnyController<double>& controller) {
+        std::size_t written = 0;
+        lasted[i] = record_any(*setups[i], controller, every, device, noise, [&](std::size_t of_row) {
+            begin(of_row);
+            return data.data() + (i * rows + written++) * width;
+        });
+    };
+    if (users.empty() && !device) {
         nb::gil_scoped_release unlocked;
         parallel_for(setups.size(), threads, [&](std::size_t i) {
-            double* first = data.data() + i * size;
-            lasted[i] = device ? record_device(*setups[i], every, first) : record_run(*setups[i], every, first, noise);
-            const auto written = lasted[i] > 0 ? static_cast<std::size_t>((lasted[i] - 1) / every + 1) : 0;
-            std::fill(first + written * width, first + size, std::numeric_limits<double>::quiet_NaN());
+            lasted[i] = record_run(*setups[i], every, data.data() + i * rows * width, noise);
         });
+    } else {
+        controllers.each(threads, record_one);
+    }
+    for (std::size_t i = 0; i < setups.size(); ++i) {
+        const auto written = lasted[i] > 0 ? static_cast<std::size_t>((lasted[i] - 1) / every + 1) : 0;
+        double* const first = data.data() + i * rows * width;
+        std::fill(first + written * width, first + rows * width, std::numeric_limits<double>::quiet_NaN());
     }
     return nb::make_tuple(owned_rows<3>(std::move(data), {setups.size(), rows, width}),
                           owned<std::int64_t, 1>(std::move(lasted), {setups.size()}));
 }
 
 // Means of the rate estimate, (runs, blocks), and the samples that each run lasted. `device`: as in record_runs.
-nb::tuple rate_means(const std::vector<const DeviceSetup*>& setups, std::int64_t every, std::int64_t block,
-                     unsigned threads, bool device) {
-    if (setups.empty()) {
-        throw nb::value_error("there is nothing to run");
-    }
+nb::tuple rate_means(const Setups& setups, std::int64_t every, std::int64_t block, unsigned threads, bool device,
+                     const Users& users, const std::vector<const Units*>& units) {
+    const Controllers controllers(setups, users, units);
     std::atomic<bool> stop{false};
     const RateBlocks blocks{.every = every, .block = block, .stop = &stop};
     const std::size_t count = blocks.count(setups.front()->steps);
     auto means = std::make_unique<double[]>(setups.size() * count);
     auto lasted = std::make_unique<std::int64_t[]>(setups.size());
     const FillNoise noise = fastest_noise();
-    interruptible_for(setups.size(), threads, stop, [&](std::size_t i) {
-        const std::span<double> out(means.get() + i * count, count);
-        lasted[i] =
-            device ? device_rate_means(*setups[i], blocks, out) : rate_means_of_run(*setups[i], blocks, out, noise);
+    controllers.each(threads, stop, [&](std::size_t i, AnyController<double>& controller) {
+        lasted[i] = rate_means_any(*setups[i], controller, blocks, device, noise,
+                                   std::span<double>(means.get() + i * count, count));
     });
     return nb::make_tuple(owned<double, 2>(std::move(means), {setups.size(), count}),
                           owned<std::int64_t, 1>(std::move(lasted), {setups.size()}));
@@ -87,10 +164,10 @@ nb::tuple rate_means(const std::vector<const DeviceSetup*>& setups, std::int64_t
 
 // Metrics of all runs, (runs, metrics). `lanes`: one of lane_counts(), counted in doubles, or 1: every run by itself,
 // with the same bits. Runs that are not ideal go one by one, in double precision.
-nb::ndarray<nb::numpy, double> measure_runs(const std::vector<const DeviceSetup*>& setups, const MetricsParams& params,
-                                            unsigned threads, std::size_t lanes, bool single_precision) {
+nb::ndarray<nb::numpy, double> measure_runs(const Setups& setups, const MetricsParams& params, unsigned threads,
+                                            std::size_t lanes_or_one, bool single_precision) {
     const auto counts = lane_counts();
-    if (lanes != 1 && std::find(counts.begin(), counts.end(), lanes) == counts.end()) {
+    if (lanes_or_one != 1 && std::find(counts.begin(), counts.end(), lanes_or_one) == counts.end()) {
         throw nb::value_error("this processor has no registers of that many lanes");
     }
     std::vector<const Setup*> ideal;
@@ -113,14 +190,14 @@ nb::ndarray<nb::numpy, double> measure_runs(const std::vector<const DeviceSetup*
     {
         nb::gil_scoped_release unlocked;
         const auto measured = [&] {
-            if (lanes == 1) {
+            if (lanes_or_one == 1 && !single_precision) {
                 std::vector<MetricValues> values(ideal.size());
                 const FillNoise noise = fastest_noise();
-                const auto measure_ideal = single_precision ? measure_single : measure_double;
                 parallel_for(ideal.size(), threads,
-                             [&](std::size_t i) { values[i] = measure_ideal(*ideal[i], params, noise); });
+                             [&](std::size_t i) { values[i] = measure_double(*ideal[i], params, noise); });
                 return values;
             }
+            const std::size_t lanes = single_precision && lanes_or_one == 1 ? counts.back() : lanes_or_one;
 #ifdef FRACGYRO_LANES_X86
             if (lanes == 8) {
                 return measure(kernels_for_avx512());
@@ -137,21 +214,24 @@ nb::ndarray<nb::numpy, double> measure_runs(const std::vector<const DeviceSetup*
         for (std::size_t i = 0; i < places.size(); ++i) {
             keep(places[i], measured[i]);
         }
-        parallel_for(others.size(), threads,
-                     [&](std::size_t i) { keep(others[i], measure_device(*setups[others[i]], params)); });
+        parallel_for(others.size(), threads, [&](std::size_t i) {
+            const DeviceSetup& setup = *setups[others[i]];
+            keep(others[i], measure_any(setup, *make_double(setup), params));
+        });
     }
     return owned<double, 2>(std::move(data), {setups.size(), metric_names.size()});
 }
 
-// The same of one run of any kind, in double precision.
-nb::ndarray<nb::numpy, double> measure_run(const DeviceSetup& setup, const MetricsParams& params) {
-    auto data = std::make_unique<double[]>(metric_names.size());
-    {
-        nb::gil_scoped_release unlocked;
-        const auto values = measure_device(setup, params);
-        std::copy(values.begin(), values.end(), data.get());
-    }
-    return owned<double, 1>(std::move(data), {metric_names.size()});
+// The same of runs by the loop of device_loop.hpp, in double precision, with the controllers of users or of the setups.
+nb::ndarray<nb::numpy, double> measure_device_runs(const Setups& setups, const MetricsParams& params, unsigned threads,
+                                                   const Users& users, const std::vector<const Units*>& units) {
+    const Controllers controllers(setups, users, units);
+    auto data = std::make_unique<double[]>(setups.size() * metric_names.size());
+    controllers.each(threads, [&](std::size_t i, AnyController<double>& controller) {
+        const auto values = measure_any(*setups[i], controller, params);
+        std::copy(values.begin(), values.end(), data.get() + i * values.size());
+    });
+    return owned<double, 2>(std::move(data), {setups.size(), metric_names.size()});
 }
 
 }  // namespace
@@ -215,13 +295,14 @@ void bind_batch(nb::module_& m) {
         .def_rw("surface_bound", &MetricsParams::surface_bound)
         .def_rw("rate_tolerance", &MetricsParams::rate_tolerance);
     m.def("record_runs", &record_runs, nb::arg("setups"), nb::arg("every"), nb::arg("threads"),
-          nb::arg("device") = false);
+          nb::arg("device") = false, nb::arg("users") = Users(), nb::arg("units") = std::vector<const Units*>());
     m.def("rate_means", &rate_means, nb::arg("setups"), nb::arg("every"), nb::arg("block"), nb::arg("threads"),
-          nb::arg("device"));
+          nb::arg("device"), nb::arg("users") = Users(), nb::arg("units") = std::vector<const Units*>());
     m.def("lane_counts", &lane_counts);
     m.def("measure_runs", &measure_runs, nb::arg("setups"), nb::arg("params"), nb::arg("threads"), nb::arg("lanes"),
           nb::arg("single_precision") = false);
-    m.def("measure_run", &measure_run, nb::arg("setup"), nb::arg("params"));
+    m.def("measure_device_runs", &measure_device_runs, nb::arg("setups"), nb::arg("params"), nb::arg("threads") = 1,
+          nb::arg("users") = Users(), nb::arg("units") = std::vector<const Units*>());
     m.attr("metric_names") = nb::cast(std::vector<std::string_view>(metric_names.begin(), metric_names.end()));
     const auto all_described = [](const auto& all) {
         nb::list found;

@@ -1,11 +1,10 @@
 #include "arrays.hpp"
 #include "bindings.hpp"
+#include "controllers.hpp"
 #include "numbers.hpp"
 
-#include "fracgyro/sim/law.hpp"
 #include "fracgyro/sim/running_loop.hpp"
 
-#include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
 namespace fracgyro::bindings {
@@ -101,92 +100,53 @@ private:
     bool senses_velocity_;
 };
 
-// A closed loop of any controller that is run in parts.
-class AnyLoop {
+// A closed loop that is run in parts, with its controller or a user's.
+class LoopHolder {
 public:
-    virtual ~AnyLoop() = default;
-    // Rows of the next samples, fewer where the motion diverges.
-    virtual nb::object run(std::int64_t samples, bool device) = 0;
-    virtual std::int64_t step() const = 0;
-    virtual nb::bytes state() const = 0;
-    virtual void restore(const nb::bytes& saved) = 0;
-    // Other numbers from the next sample on. Whether they can be: the controller is the same, with the same memory.
-    virtual bool set(const DeviceSetup& setup) = 0;
-};
+    explicit LoopHolder(const DeviceSetup& s) : own_(make_double(s)), loop_(new RunningLoop(s, *own_)) {}
+    LoopHolder(const DeviceSetup& s, UserController* user, const Units& units) : user_(user) {
+        user->begin(units, s.common);
+        loop_ = std::make_unique<RunningLoop>(s, *user, false);
+    }
 
-template <class C, class Setup>
-class HeldLoop final : public AnyLoop {
-    using Loop = RunningLoop<C, Setup>;
-
-public:
-    explicit HeldLoop(const Setup& s) : loop_(new Loop(s)) {}
-
-    nb::object run(std::int64_t samples, bool device) override {
-        using Report = typename C::Report;
+    // Rows of the next samples, fewer if the motion diverges.
+    nb::object run(std::int64_t samples, bool device) {
         Rows rows;
-        std::size_t width = 0;
-        loop_->run(samples, [&](const DeviceSnapshot<Report>& at) {
-            std::array<double, row_width<Report>> row;
-            write_row<double, Report>(at, row.data());
-            rows.insert(rows.end(), row.begin(), row.end());
-            if constexpr (of_law) {
-                const auto& reported = loop_->setup().controller.law->report();
-                rows.insert(rows.end(), reported.begin(), reported.end());
-            }
-            if (device) {
-                const auto more = device_row(at);
-                rows.insert(rows.end(), more.begin(), more.end());
-            }
-            if (width == 0) {
-                width = rows.size();
-                rows.reserve(width * static_cast<std::size_t>(samples));
-            }
+        std::size_t width = 0, count = 0;
+        loop_->run(samples, [&](const auto& at) {
+            write_any_row(at, loop_->controller(), device, [&](std::size_t of_row) {
+                width = of_row;
+                if (count == 0) {
+                    rows.resize(width * static_cast<std::size_t>(samples));
+                }
+                return rows.data() + width * count++;
+            });
         });
-        if constexpr (of_law) {
-            loop_->setup().controller.law->check();
+        if (user_ != nullptr) {
+            user_->check();
         }
-        const std::size_t count = width == 0 ? 0 : rows.size() / width;
+        rows.resize(width * count);
         return nb::cast(owned_rows<2>(std::move(rows), {count, width}));
     }
-    std::int64_t step() const override { return loop_->step(); }
-    nb::bytes state() const override {
-        std::vector<unsigned char> bytes(Loop::saved_size);
+    std::int64_t step() const { return loop_->step(); }
+    nb::bytes state() const {
+        std::vector<unsigned char> bytes(loop_->saved_size());
         loop_->save(bytes.data());
         return nb::bytes(bytes.data(), bytes.size());
     }
-    void restore(const nb::bytes& saved) override {
+    void restore(const nb::bytes& saved) {
         if (!loop_->restore(static_cast<const unsigned char*>(saved.data()), saved.size())) {
             throw nb::value_error("state is damaged: it is not as it was saved");
         }
     }
-    bool set(const DeviceSetup& other) override {
-        if constexpr (of_law) {
-            const LawParams& own = loop_->setup().controller;
-            return loop_->set(outside_setup(other, own.law, own.units));
-        } else {
-            return loop_->set(other);
-        }
-    }
+    // Other numbers from the next sample on. Whether they can be: the controller is the same, with the same memory.
+    bool set(const DeviceSetup& other) { return loop_->set(other); }
 
 private:
-    static constexpr bool of_law = std::is_same_v<typename C::Params, LawParams>;
-
-    // Apart: its alignment is that of wide registers, and Python frees a loop as one of any controller.
-    std::unique_ptr<Loop> loop_;
+    std::unique_ptr<AnyController<double>> own_;
+    UserController* user_ = nullptr;
+    std::unique_ptr<RunningLoop> loop_;
 };
-
-std::unique_ptr<AnyLoop> make_loop(const DeviceSetup& s) {
-    std::unique_ptr<AnyLoop> made;
-    with_controller<double>(s.controller, s.common.observer_bandwidth > 0.0,
-                            [&]<class C>() { made = std::make_unique<HeldLoop<C, DeviceSetup>>(s); });
-    return made;
-}
-std::unique_ptr<AnyLoop> make_law_loop(const DeviceSetup& s, Law* law, const Units& units) {
-    std::unique_ptr<AnyLoop> made;
-    const OutsideSetup setup = outside_setup(s, law, units);
-    with_law<NothingReported>(setup, [&]<class C>() { made = std::make_unique<HeldLoop<C, OutsideSetup>>(setup); });
-    return made;
-}
 
 }  // namespace
 
@@ -197,13 +157,14 @@ void bind_stepper(nb::module_& m) {
         .def_prop_ro("motion", &GyroscopeHolder::motion)
         .def("step", &GyroscopeHolder::step, nb::arg("force").none())
         .def_prop_rw("state", &GyroscopeHolder::state, &GyroscopeHolder::restore);
-    nb::class_<AnyLoop>(m, "Loop")
-        .def(nb::new_(&make_loop), nb::arg("setup"))
-        .def("run", &AnyLoop::run, nb::arg("samples"), nb::arg("device"))
-        .def("set", &AnyLoop::set, nb::arg("setup"))
-        .def_prop_ro("steps", &AnyLoop::step)
-        .def_prop_rw("state", &AnyLoop::state, &AnyLoop::restore);
-    m.def("law_loop", &make_law_loop, nb::arg("setup"), nb::arg("law"), nb::arg("units"), nb::keep_alive<0, 2>());
+    nb::class_<LoopHolder>(m, "Loop")
+        .def(nb::init<const DeviceSetup&>(), nb::arg("setup"))
+        .def(nb::init<const DeviceSetup&, UserController*, const Units&>(), nb::arg("setup"), nb::arg("user"),
+             nb::arg("units"), nb::keep_alive<1, 3>())
+        .def("run", &LoopHolder::run, nb::arg("samples"), nb::arg("device"))
+        .def("set", &LoopHolder::set, nb::arg("setup"))
+        .def_prop_ro("steps", &LoopHolder::step)
+        .def_prop_rw("state", &LoopHolder::state, &LoopHolder::restore);
 }
 
 }  // namespace fracgyro::bindings

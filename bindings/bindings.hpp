@@ -19,7 +19,7 @@ void bind_batch(nanobind::module_& m);
 void bind_disturbance(nanobind::module_& m);
 void bind_firmware(nanobind::module_& m);
 void bind_gyroscopes(nanobind::module_& m);
-void bind_outside(nanobind::module_& m);
+void bind_user_controller(nanobind::module_& m);
 void bind_stepper(nanobind::module_& m);
 
 // For this processor.

@@ -19,7 +19,7 @@ NB_MODULE(_core, m) {
     fracgyro::bindings::bind_controller(m);
     fracgyro::bindings::bind_device(m);
     fracgyro::bindings::bind_loop(m);
-    fracgyro::bindings::bind_outside(m);
+    fracgyro::bindings::bind_user_controller(m);
     fracgyro::bindings::bind_stepper(m);
     fracgyro::bindings::bind_gyroscopes(m);
     fracgyro::bindings::bind_settings(m);

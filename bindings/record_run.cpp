@@ -26,10 +26,5 @@ std::int64_t record_run(const Setup& setup, std::int64_t every, double* rows, Fi
     });
     return samples;
 }
-std::int64_t rate_means_of_run(const Setup& setup, const RateBlocks& blocks, std::span<double> out, FillNoise noise) {
-    std::int64_t samples = 0;
-    with_controller<double>(setup.controller, [&]<class C>() { samples = rate_means<C>(setup, blocks, out, noise); });
-    return samples;
-}
 
 }  // namespace fracgyro::bindings

@@ -48,21 +48,13 @@ fracgyro._core.reports_of_kind:
     def reports_of_kind(kind: int) -> list[tuple[tuple[str, int, str, str, str, bool], ...]]:
         \doc
 
-fracgyro._core.PythonLaw.failed_at:
+fracgyro._core.PythonController.failed_at:
     @property
     def failed_at(self) -> float | None: ...
 
-fracgyro._core.PythonLaw.names:
+fracgyro._core.PythonController.names:
     @property
     def names(self) -> list[tuple[str, int]]: ...
-
-fracgyro._core.record_laws:
-    def record_laws(setups: Sequence[DeviceSetup], laws: Sequence[Law], units: Sequence[Units], every: int, device: bool, native: bool, threads: int) -> list[tuple[NDArray[numpy.float64], int | None]]:
-        \doc
-
-fracgyro._core.law_rate_means:
-    def law_rate_means(setups: Sequence[DeviceSetup], laws: Sequence[Law], units: Sequence[Units], every: int, block: int, native: bool, threads: int) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]:
-        \doc
 
 fracgyro._core.chosen_type:
     def chosen_type(setup: Setup) -> tuple[int, int]:
@@ -72,10 +64,10 @@ fracgyro._core.Controller.checked_step:
     def checked_step(self, step: float, units: Units, time: object, position: object, velocity: object) -> Any: ...
 
 fracgyro._core.record_runs:
-    def record_runs(setups: Sequence[DeviceSetup], every: int, threads: int, device: bool = False) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]: ...
+    def record_runs(setups: Sequence[DeviceSetup], every: int, threads: int, device: bool = False, users: Sequence[UserController] = [], units: Sequence[Units] = []) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]: ...
 
 fracgyro._core.rate_means:
-    def rate_means(setups: Sequence[DeviceSetup], every: int, block: int, threads: int, device: bool) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]: ...
+    def rate_means(setups: Sequence[DeviceSetup], every: int, block: int, threads: int, device: bool, users: Sequence[UserController] = [], units: Sequence[Units] = []) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]: ...
 
 fracgyro._core.Gyroscope.motion:
     @property

@@ -1,15 +1,16 @@
 // What fracgyro.mjs calls: the closed loop, and the controller by itself. One instance of the module holds one of them,
 // in these globals and in pages behind them that go when it does. Nothing is imported.
 #define _LIBCPP_VERBOSE_ABORT(...) __builtin_trap()  // of a vector that would be too long
-#include "fracgyro/control/guard.hpp"
 #include "fracgyro/core/kernel_design.hpp"
 #include "fracgyro/sim/device_settings.hpp"
+#include "fracgyro/sim/guarded_controller.hpp"
 #include "fracgyro/sim/running_loop.hpp"
 #include "fracgyro/sim/settings.hpp"
 
 #include <bit>
-#include <cstring>
+#include <memory>
 #include <new>
+#include <vector>
 
 namespace fracgyro {
 namespace {
@@ -28,126 +29,12 @@ constexpr std::size_t most_settings = []<std::size_t... I>(std::index_sequence<I
 std::array<double, most_settings> values;  // those of the kind, in the order of settings.hpp
 KernelDesign kernel_design;                // room to design the exponentials in
 
-// A controller behind its guard.
-template <class Controller>
-struct Held {
-    typename Guard<Controller>::Coefficients coefficients{};
-    typename Guard<Controller>::State state{};
-};
-// The most that measure(list of a line's types) gives for any line of the registry.
-template <Scalar T>
-constexpr std::size_t most_of(auto measure) {
-    return [&]<class... Entries>(std::tuple<Entries...>*) {
-        return std::max({measure(typename Entries::Type::template Types<T>{})...});
-    }(static_cast<Registry*>(nullptr));
-}
-// One at a time, in room for any: objects of each kind would lie in the module as they begin.
-template <Scalar T>
-constexpr std::size_t room_for_any = most_of<T>([]<class... Types>(List<Types...>) {
-    return std::max({sizeof(Held<Types>)..., sizeof(Held<typename FromPositions<Types>::Type>)...});
-});
-alignas(16) std::array<std::byte, std::max(room_for_any<double>, room_for_any<float>)> room;
-std::array<double, most_of<double>([]<class... Types>(List<Types...>) {
-               return std::max({width_of<typename Types::Report>()...});
-           })>
-    report;
-// Its state as it is saved, aligned as it is held.
-constexpr std::size_t saved_at = 16;
-alignas(16) std::array<unsigned char, saved_at + room.size()> saved;
-
-template <class Report>
-[[gnu::noinline]] void keep_report(const Report& found) {
-    double* next = report.data();
-    for_each_number<Reported::between_steps>(found, [&](auto number) { *next++ = static_cast<double>(number); });
-}
-
-// What can be done with a controller of one type: a table for each, which is less than code that chooses each time.
-struct ControllerOfType {
-    void (*start)();
-    void (*step)(const Motion<double>&);
-    void (*report)();
-    bool (*saved_is_sound)();
-    std::size_t state_size;
-};
-const ControllerOfType* controller = nullptr;  // the controller by itself
-void* state_at = nullptr;
-const Status* status_at = nullptr;
-std::array<double, 2> force;  // of its last step
-
-template <class C>
-Held<C>& held() {
-    static_assert(alignof(Held<C>) <= 16 && std::is_trivially_destructible_v<Held<C>>);
-    return *std::launder(reinterpret_cast<Held<C>*>(room.data()));
-}
-template <class C>
-void start_held() {
-    auto* const made = new (room.data()) Held<C>{.coefficients = prepare<Guard<C>>(setup.controller, setup.common)};
-    state_at = &made->state;
-    status_at = &made->state.status;
-}
-template <class C>
-void step_held(const Motion<double>& measured) {
-    using T = typename C::Value;
-    const auto rounded = [](const Vec2<double>& a) { return Vec2<T>{T(a.x()), T(a.y())}; };
-    auto& [coefficients, state] = held<C>();
-    Guard<C>::step(state, coefficients, {rounded(measured.position), rounded(measured.velocity)});
-    force = {static_cast<double>(state.force.x()), static_cast<double>(state.force.y())};
-}
-template <class C>
-void report_held() {
-    keep_report(Guard<C>::report(held<C>().state, held<C>().coefficients));
-}
-template <class C>
-bool saved_is_sound() {
-    const auto* const state = reinterpret_cast<const typename Guard<C>::State*>(saved.data() + saved_at);
-    return Guard<C>::sound(*std::launder(state), held<C>().coefficients);
-}
-template <class C>
-constexpr ControllerOfType controller_of{.start = &start_held<C>,
-                                         .step = &step_held<C>,
-                                         .report = &report_held<C>,
-                                         .saved_is_sound = &saved_is_sound<C>,
-                                         .state_size = sizeof(typename Guard<C>::State)};
-
-// The same of closed loops.
-struct LoopOfType {
-    void (*start)();
-    std::int64_t (*step)();
-    int (*run)(int samples, std::int64_t every, double* rows, bool device);
-    bool (*set)(const DeviceSetup&);
-    void (*kick)(const Vec2<double>&);
-    void (*save)(unsigned char*);
-    bool (*restore)(const unsigned char*);
-    std::size_t saved_size;
-};
-const LoopOfType* loop = nullptr;
-void* loop_at = nullptr;
-unsigned char* loop_saved_at = nullptr;
-
-template <class C>
-RunningLoop<C, DeviceSetup>& running() {
-    static_assert(alignof(RunningLoop<C, DeviceSetup>) <= 16);
-    return *static_cast<RunningLoop<C, DeviceSetup>*>(loop_at);
-}
-
-// Rows at the samples that `every` divides. Returns how many samples there were.
-template <class C>
-int run_into(int samples, std::int64_t every, double* rows, bool device) {
-    using Report = typename C::Report;
-    const std::int64_t first = running<C>().step();
-    running<C>().run(samples, [&](const DeviceSnapshot<Report>& at) { write_each(at, every, rows, device); });
-    return static_cast<int>(running<C>().step() - first);
-}
-template <class C>
-constexpr LoopOfType loop_of{
-    .start = [] { loop_at = new RunningLoop<C, DeviceSetup>(setup); },
-    .step = [] { return running<C>().step(); },
-    .run = &run_into<C>,
-    .set = [](const DeviceSetup& other) { return running<C>().set(other); },
-    .kick = [](const Vec2<double>& velocity) { running<C>().kick(velocity); },
-    .save = [](unsigned char* bytes) { running<C>().save(bytes); },
-    .restore = [](const unsigned char* bytes) { return running<C>().restore(bytes, loop->saved_size); },
-    .saved_size = RunningLoop<C, DeviceSetup>::saved_size};
+std::unique_ptr<GuardedController> controller;  // by itself
+std::array<double, 2> force;                    // of its last step
+std::vector<double> report;
+std::unique_ptr<AnyController<double>> loop_controller;
+std::unique_ptr<RunningLoop> loop;
+std::vector<unsigned char> saved;  // the state of either
 
 constexpr std::size_t page = 65536;
 
@@ -241,10 +128,10 @@ EXPORT std::size_t chosen_type() {
 
 // The loop at t = 0.
 EXPORT void loop_start() {
-    with_controller<double>(setup.controller, setup.common.observer_bandwidth > 0.0,
-                            []<class C>() { loop = &loop_of<C>; });
-    loop->start();
-    loop_saved_at = static_cast<unsigned char*>(operator new(loop->saved_size));
+    loop.reset();
+    loop_controller = make_controller<double>(setup.controller, setup.common);
+    loop = std::make_unique<RunningLoop>(setup, *loop_controller);
+    saved.resize(loop->saved_size());
 }
 // The coming sample.
 EXPORT double loop_step() { return static_cast<double>(loop->step()); }
@@ -252,7 +139,14 @@ EXPORT double loop_step() { return static_cast<double>(loop->step()); }
 // Returns how many samples there were: fewer where the motion diverges. The loop is that of any device: of two the
 // module would be larger.
 EXPORT int loop_run(int samples, double every, double* rows, bool device) {
-    return loop->run(samples, static_cast<std::int64_t>(every), rows, device);
+    const std::int64_t first = loop->step();
+    loop->run(samples, [&](const auto& at) {
+        if (at.step % static_cast<std::int64_t>(every) == 0) {
+            write_any_row(at, *loop_controller, device,
+                          [&](std::size_t width) { return std::exchange(rows, rows + width); });
+        }
+    });
+    return static_cast<int>(loop->step() - first);
 }
 // Goes on with the numbers that `setting_values` now has. Returns whether a loop that runs can.
 EXPORT bool loop_set() {
@@ -266,19 +160,18 @@ EXPORT bool loop_set() {
 }
 EXPORT void loop_kick(double vx, double vy) { loop->kick({vx, vy}); }
 // The saved state, as that of the controller below.
-EXPORT unsigned char* loop_saved() { return loop_saved_at; }
-EXPORT std::size_t loop_saved_size() { return loop->saved_size; }
-EXPORT void loop_save() { loop->save(loop_saved_at); }
-EXPORT bool loop_restore() { return loop->restore(loop_saved_at); }
+EXPORT unsigned char* loop_saved() { return saved.data(); }
+EXPORT std::size_t loop_saved_size() { return saved.size(); }
+EXPORT void loop_save() { loop->save(saved.data()); }
+EXPORT bool loop_restore() { return loop->restore(saved.data(), saved.size()); }
 
 EXPORT void controller_start(bool single) {
-    const bool observed = setup.common.observer_bandwidth > 0.0;
     if (single) {
-        with_controller<float>(setup.controller, observed, []<class C>() { controller = &controller_of<C>; });
+        controller = make_guarded(make_controller<float>(setup.controller, setup.common), setup.common);
     } else {
-        with_controller<double>(setup.controller, observed, []<class C>() { controller = &controller_of<C>; });
+        controller = make_guarded(make_controller<double>(setup.controller, setup.common), setup.common);
     }
-    controller->start();
+    saved.resize(controller->saved_size());
 }
 // Of what the controller is made from.
 EXPORT std::uint32_t controller_key() {
@@ -294,31 +187,20 @@ EXPORT std::uint32_t controller_key() {
 }
 // One step, from the motion measured now; without a sensor of velocity that is not looked at. Returns the force.
 EXPORT const double* controller_step(double x, double y, double vx, double vy) {
-    controller->step({.position = {x, y}, .velocity = {vx, vy}});
+    const Vec2<double> found = controller->step({.position = {x, y}, .velocity = {vx, vy}});
+    force = {found.x(), found.y()};
     return force.data();
 }
 // What it reports, as it stands after the last step.
 EXPORT const double* controller_report() {
-    controller->report();
+    report = controller->report();
     return report.data();
 }
 // What was thought of the last sample.
-EXPORT int controller_status() { return static_cast<int>(*status_at); }
+EXPORT int controller_status() { return static_cast<int>(controller->status()); }
 // The saved state, a checksum and the state: where it is, and how long; written by controller_save, and to be filled in
 // before controller_restore, which returns whether it is as it was saved.
-EXPORT unsigned char* controller_saved() { return saved.data() + saved_at - sizeof(std::uint32_t); }
-EXPORT std::size_t controller_saved_size() { return sizeof(std::uint32_t) + controller->state_size; }
-EXPORT void controller_save() {
-    std::memcpy(saved.data() + saved_at, state_at, controller->state_size);
-    const std::uint32_t sum = checksum(saved.data() + saved_at, controller->state_size);
-    std::memcpy(controller_saved(), &sum, sizeof sum);
-}
-EXPORT bool controller_restore() {
-    std::uint32_t sum = 0;
-    std::memcpy(&sum, controller_saved(), sizeof sum);
-    const bool good = sum == checksum(saved.data() + saved_at, controller->state_size) && controller->saved_is_sound();
-    if (good) {
-        std::memcpy(state_at, saved.data() + saved_at, controller->state_size);
-    }
-    return good;
-}
+EXPORT unsigned char* controller_saved() { return saved.data(); }
+EXPORT std::size_t controller_saved_size() { return saved.size(); }
+EXPORT void controller_save() { controller->save(saved.data()); }
+EXPORT bool controller_restore() { return controller->restore(saved.data(), saved.size()); }

@@ -422,17 +422,17 @@ class Units:
     @rate.setter
     def rate(self, arg: float, /) -> None: ...
 
-class Law:
+class UserController:
     pass
 
-class PythonLaw(Law):
+class PythonController(UserController):
     def __init__(self, controller: object) -> None: ...
     @property
     def failed_at(self) -> float | None: ...
     @property
     def names(self) -> list[tuple[str, int]]: ...
 
-class NativeLaw(Law):
+class NativeController(UserController):
     def __init__(
         self, address: int, state_size: int, parameters: Sequence[float], reports: int, rate_place: int
     ) -> None: ...
@@ -440,38 +440,6 @@ class NativeLaw(Law):
     def state(self) -> list[float]: ...
     @state.setter
     def state(self, arg: Sequence[float], /) -> None: ...
-
-def record_laws(
-    setups: Sequence[DeviceSetup],
-    laws: Sequence[Law],
-    units: Sequence[Units],
-    every: int,
-    device: bool,
-    native: bool,
-    threads: int,
-) -> list[tuple[NDArray[numpy.float64], int | None]]:
-    """(rows, samples before divergence) of each run."""
-
-def law_rate_means(
-    setups: Sequence[DeviceSetup],
-    laws: Sequence[Law],
-    units: Sequence[Units],
-    every: int,
-    block: int,
-    native: bool,
-    threads: int,
-) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]:
-    pass
-
-def measure_laws(
-    setups: Sequence[DeviceSetup],
-    laws: Sequence[Law],
-    units: Sequence[Units],
-    params: MetricsParams,
-    native: bool,
-    threads: int,
-) -> NDArray[numpy.float64]:
-    """Metrics of all runs, (runs, metrics)."""
 
 class Gyroscope:
     def __init__(self, setup: DeviceSetup, units: Units) -> None: ...
@@ -484,7 +452,10 @@ class Gyroscope:
     def state(self, arg: bytes, /) -> None: ...
 
 class Loop:
+    @overload
     def __init__(self, setup: DeviceSetup) -> None: ...
+    @overload
+    def __init__(self, setup: DeviceSetup, user: UserController, units: Units) -> None: ...
     def run(self, samples: int, device: bool) -> object: ...
     def set(self, setup: DeviceSetup) -> bool: ...
     @property
@@ -493,8 +464,6 @@ class Loop:
     def state(self) -> bytes: ...
     @state.setter
     def state(self, arg: bytes, /) -> None: ...
-
-def law_loop(setup: DeviceSetup, law: Law, units: Units) -> Loop: ...
 
 class Gyroscopes:
     def __init__(self, setups: Sequence[DeviceSetup]) -> None: ...
@@ -544,16 +513,33 @@ class MetricsParams:
     def rate_tolerance(self, arg: float, /) -> None: ...
 
 def record_runs(
-    setups: Sequence[DeviceSetup], every: int, threads: int, device: bool = False
+    setups: Sequence[DeviceSetup],
+    every: int,
+    threads: int,
+    device: bool = False,
+    users: Sequence[UserController] = [],
+    units: Sequence[Units] = [],
 ) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]: ...
 def rate_means(
-    setups: Sequence[DeviceSetup], every: int, block: int, threads: int, device: bool
+    setups: Sequence[DeviceSetup],
+    every: int,
+    block: int,
+    threads: int,
+    device: bool,
+    users: Sequence[UserController] = [],
+    units: Sequence[Units] = [],
 ) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]: ...
 def lane_counts() -> list[int]: ...
 def measure_runs(
     setups: Sequence[DeviceSetup], params: MetricsParams, threads: int, lanes: int, single_precision: bool = False
 ) -> NDArray[numpy.float64]: ...
-def measure_run(setup: DeviceSetup, params: MetricsParams) -> NDArray[numpy.float64]: ...
+def measure_device_runs(
+    setups: Sequence[DeviceSetup],
+    params: MetricsParams,
+    threads: int = 1,
+    users: Sequence[UserController] = [],
+    units: Sequence[Units] = [],
+) -> NDArray[numpy.float64]: ...
 
 metric_names: list[str]
 

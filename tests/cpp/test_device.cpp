@@ -380,7 +380,10 @@ TEST(DeviceLoop, OfAnIdealDeviceItsSamplesAreThoseOfTheLoop) {
     const std::size_t width = row_width_of(setup.controller), device_row = width + device_width;
     std::vector<double> wanted(2'001 * width), got(2'001 * device_row);
     record<double>(setup, 1, wanted.data());
-    record_device(setup, 1, got.data());
+    double* next = got.data();
+    const auto controller = make_controller<double>(setup.controller, setup.common);
+    record_any(setup, *controller, 1, true, &fill_noise<word_bytes>,
+               [&](std::size_t row) { return std::exchange(next, next + row); });
     for (std::size_t n = 0; n <= 2'000; ++n) {
         for (std::size_t k = 0; k < width; ++k) {
             ASSERT_EQ(got[n * device_row + k], wanted[n * width + k]) << n << ' ' << k;
@@ -482,7 +485,13 @@ DeviceSetup held_setup() {
     static_cast<Setup&>(setup) = paper(1'000);
     return setup;
 }
-using Held = RunningLoop<Proposed, DeviceSetup>;
+struct WithController {
+    std::unique_ptr<AnyController<double>> own;
+};
+struct Held : WithController, RunningLoop {
+    explicit Held(const DeviceSetup& setup)
+        : WithController{make_controller<double>(setup.controller, setup.common)}, RunningLoop(setup, *own) {}
+};
 
 Motion<double> motion_after(Held& loop, std::int64_t samples) {
     Motion<double> last{};
@@ -532,7 +541,7 @@ TEST(RunningLoop, ADisturbanceThatIsSetActsFromTheComingSampleOn) {
 TEST(RunningLoop, ASavedStateResumesAndADamagedOneIsRefused) {
     Held one(held_setup()), other(held_setup());
     motion_after(one, 300);
-    std::array<unsigned char, Held::saved_size> bytes{};
+    std::vector<unsigned char> bytes(one.saved_size());
     one.save(bytes.data());
     ASSERT_TRUE(other.restore(bytes.data(), bytes.size()));
     EXPECT_EQ(other.step(), 300);

@@ -107,7 +107,7 @@ TEST(Chattering, IsThatOfTheSecondDifferencesAndNeedsThreeSamples) {
     setup.steps = 40;
     const MetricsTotals totals{.steady = {.force = {12.0, 3.0}}, .bend = {4.0, 1.0}};
     const auto chattering = [&](std::int64_t samples) {
-        const auto values = metric_values(MetricsParams{.transient = 0.0}, setup, totals, LastReport{}, 0.0, samples);
+        const auto values = metric_values(MetricsParams{.transient = 0.0}, setup, totals, CommonReport{}, 0.0, samples);
         return values[8];
     };
     ASSERT_EQ(metric_names[8], "chattering_x");

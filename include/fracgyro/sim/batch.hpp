@@ -11,6 +11,7 @@
 #include <cstring>
 #include <exception>
 #include <memory>
+#include <optional>
 #include <thread>
 #include <vector>
 
@@ -71,133 +72,206 @@ inline std::size_t kernel_terms(const Setup& s) {
     return kernel == nullptr ? 0 : kernel->count;
 }
 
-// Up to as many runs as there are lanes, of the same lane key; values[k] receives the metrics of run k.
-// `drawn`: the disturbance of every sample, the same for all runs; empty to draw it on the way.
-template <Controller C, class Number, std::size_t count>
-void measure_block(const Kernels<Number, count>& kernels, std::span<const Setup* const> runs,
-                   std::span<const Vec2<double>> drawn, const MetricsParams& params,
-                   std::span<MetricValues* const> values) {
-    using T = typename C::Value;
-    const auto advance = std::get<AdvanceBlock<C>>(kernels.advance);
-    const auto block = std::make_unique<Block<C>>();
-    auto& sums = block->sums;
-    std::size_t terms = 0;
-    for (const Setup* run : runs) {
-        terms = std::max(terms, kernel_terms(*run));
-    }
-    std::array<bool, count> alive{};
-    std::vector<Disturbance> disturbances;
-    std::array<DisturbanceParams, count> noises;
-    for (std::size_t k = 0; k < count; ++k) {
-        const Setup& run =
-            *runs[std::min(k, runs.size() - 1)];  // unused lanes repeat the last run; their results are discarded
-        alive[k] = k < runs.size();
-        disturbances.emplace_back(run.disturbance, run.common.step, kernels.fill_noise);
-        noises[k] = run.disturbance;
-        ControllerParams controller = run.controller;
-        if (kernel_terms(run) < terms) {  // as many as in the other lanes
-            fill_up(*kernel_of(controller), terms);
-        }
-        const auto coefficients = prepare<C>(controller, run.common);
-        const auto plant = Gyroscope<T>::prepare(run.plant, run.common.step);
-        const auto motion = Gyroscope<T>::start(run.plant);
-        if (k == 0) {
-            block->controller = coefficients;
-        }
-        detail::set_lane<T>(block->controller, coefficients, k);
-        detail::set_lane<T>(block->plant, plant, k);
-        detail::set_lane<T>(block->motion, motion, k);
-        block->alive.lane[k] = alive[k] ? Number(1) : Number(0);
-        sums.rate.lane[k] = static_cast<Number>(run.plant.rate);
-        sums.rate_bound.lane[k] = static_cast<Number>(params.rate_tolerance * absolute(run.plant.rate));
-        sums.force_limit.lane[k] = static_cast<Number>(run.common.force_limit);
-    }
-    sums.error_bound_squared = T(params.error_bound * params.error_bound);
-    sums.surface_bound_squared = T(params.surface_bound * params.surface_bound);
-    const bool shared =
-        std::all_of(runs.begin(), runs.end(), [&](const Setup* run) { return noise_key(*run) == noise_key(*runs[0]); });
-    const auto noise = LaneNoise<count>::of(noises);
+// What measuring a block asks of a type of controller, besides advance_block.
+template <class T>
+using HeldBlock = std::unique_ptr<BlockOf<T>, void (*)(BlockOf<T>*)>;
+template <class T>
+struct BlockType {
+    HeldBlock<T> (*make)();
+    // The controller of one more run, for this lane; the first prepares all.
+    void (*prepare)(BlockOf<T>&, const ControllerParams&, const Common&, std::size_t lane);
+    // What every lane reports before the coming step.
+    std::vector<CommonReport> (*report)(const BlockOf<T>&);
+};
 
-    const std::int64_t samples = runs[0]->steps + 1;
-    const std::int64_t half = runs[0]->steps / 2;
-    const std::int64_t steady_from = first_steady_sample(params, *runs[0]);
-    std::array<MetricsTotals, count> totals{};
-    std::array<double, count> bound_halfway{};
-    typename C::Report report{};    // of the last sample; where a run has diverged, of the one after
-    std::int64_t first = 0, n = 0;  // of the stretch; samples done
-    const auto gather = [&](std::size_t k) {
-        const auto stretch = stretch_of<T>(sums.stretch, [k](const T& a) { return static_cast<double>(a.lane[k]); });
-        totals[k].add(stretch, first, steady_from);
-    };
-    const auto end_lane = [&](std::size_t k) {
-        const auto last = LastReport::of(report, [k](const T& a) { return static_cast<double>(a.lane[k]); });
-        *values[k] = metric_values(params, *runs[k], totals[k], last, n <= half ? last.bound[0] : bound_halfway[k], n);
-        alive[k] = false;
-        block->alive.lane[k] = Number(0);
-    };
-    const auto end_diverged = [&] {
-        report = C::report(block->state, block->controller);
+template <Controller C, class T = typename C::Value>
+inline constexpr BlockType<T> block_type{
+    .make = [] { return HeldBlock<T>(new Block<C>, [](BlockOf<T>* block) { delete static_cast<Block<C>*>(block); }); },
+    .prepare =
+        [](BlockOf<T>& block, const ControllerParams& params, const Common& common, std::size_t lane) {
+            auto& controller = static_cast<Block<C>&>(block).controller;
+            const auto coefficients = fracgyro::prepare<C>(params, common);
+            if (lane == 0) {
+                controller = coefficients;
+            }
+            detail::set_lane<T>(controller, coefficients, lane);
+        },
+    .report =
+        [](const BlockOf<T>& block) {
+            const auto& of_type = static_cast<const Block<C>&>(block);
+            const auto report = C::report(of_type.state, of_type.controller);
+            std::vector<CommonReport> found;
+            for (std::size_t k = 0; k < T::count; ++k) {
+                found.push_back(CommonReport::of(report, [k](const T& a) { return static_cast<double>(a.lane[k]); }));
+            }
+            return found;
+        }};
+
+// Up to as many runs as there are lanes, of the same lane key, from t = 0 to their end; values[k] receives the metrics
+// of run k.
+template <class Number, std::size_t count>
+class BlockRun {
+    using T = Lanes<Number, count>;
+
+public:
+    // `drawn`: the disturbance of every sample, the same for all runs; empty to draw it during the run.
+    BlockRun(const Kernels<Number, count>& kernels, std::span<const Setup* const> runs,
+             std::span<const Vec2<double>> drawn, const MetricsParams& params, std::span<MetricValues* const> values)
+        : kernels_(kernels),
+          runs_(runs),
+          drawn_(drawn),
+          params_(params),
+          values_(values),
+          samples_(runs[0]->steps + 1),
+          half_(runs[0]->steps / 2),
+          steady_from_(first_steady_sample(params, *runs[0])) {
+        with_controller<T>(runs[0]->controller, [&]<class C>() {
+            type_ = &block_type<C>;
+            advance_ = std::get<KernelOf<C>>(kernels.advance).advance;
+        });
+        block_ = type_->make();
+        fill_lanes();
+    }
+
+    void run() {
+        if (diverged(*block_)) {
+            end_diverged();
+        }
+        while (n_ < samples_ && any_alive()) {
+            // A stretch goes on when a run diverges: the others must not notice.
+            first_ = n_;
+            const std::int64_t end = end_of_stretch(first_, steady_from_, *runs_[0]);
+            report_at_start();
+            draw(static_cast<std::size_t>(end - first_));
+            while (n_ < end && any_alive()) {
+                n_ = first_ + advance_(*block_, n_ - first_, end - first_);
+                if (n_ < samples_ && diverged(*block_)) {
+                    end_diverged();
+                }
+            }
+            for (std::size_t k = 0; k < count; ++k) {
+                gather(k);
+            }
+            block_->sums.stretch = {};
+        }
         for (std::size_t k = 0; k < count; ++k) {
-            const auto& q = block->motion.position;
+            if (alive_[k]) {
+                end_lane(k);
+            }
+        }
+    }
+
+private:
+    // Unused lanes repeat the last run; their results are discarded.
+    void fill_lanes() {
+        std::size_t terms = 0;
+        for (const Setup* run : runs_) {
+            terms = std::max(terms, kernel_terms(*run));
+        }
+        auto& sums = block_->sums;
+        for (std::size_t k = 0; k < count; ++k) {
+            const Setup& run = *runs_[std::min(k, runs_.size() - 1)];
+            alive_[k] = k < runs_.size();
+            disturbances_.emplace_back(run.disturbance, run.common.step, kernels_.fill_noise);
+            noises_[k] = run.disturbance;
+            ControllerParams controller = run.controller;
+            if (kernel_terms(run) < terms) {  // as many as in the other lanes
+                fill_up(*kernel_of(controller), terms);
+            }
+            type_->prepare(*block_, controller, run.common, k);
+            detail::set_lane<T>(block_->plant, Gyroscope<T>::prepare(run.plant, run.common.step), k);
+            detail::set_lane<T>(block_->motion, Gyroscope<T>::start(run.plant), k);
+            block_->alive.lane[k] = alive_[k] ? Number(1) : Number(0);
+            sums.rate.lane[k] = static_cast<Number>(run.plant.rate);
+            sums.rate_bound.lane[k] = static_cast<Number>(params_.rate_tolerance * absolute(run.plant.rate));
+            sums.force_limit.lane[k] = static_cast<Number>(run.common.force_limit);
+        }
+        sums.error_bound_squared = T(params_.error_bound * params_.error_bound);
+        sums.surface_bound_squared = T(params_.surface_bound * params_.surface_bound);
+        shared_ = std::all_of(runs_.begin(), runs_.end(),
+                              [&](const Setup* run) { return noise_key(*run) == noise_key(*runs_[0]); });
+        noise_ = LaneNoise<count>::of(noises_);
+    }
+
+    // Before the stretch, if its first sample is one whose estimates count.
+    void report_at_start() {
+        if (first_ == half_ || first_ == samples_ - 1) {
+            report_ = type_->report(*block_);
+        }
+        if (first_ == half_) {
+            for (std::size_t k = 0; k < count; ++k) {
+                bound_halfway_[k] = report_[k].bound[0];
+            }
+        }
+    }
+
+    // The disturbance of the coming stretch.
+    void draw(std::size_t length) {
+        const auto stretch = std::span(coming_).first(length);
+        if (shared_ && !drawn_.empty()) {
+            kernels_.spread(drawn_.subspan(static_cast<std::size_t>(first_), length), block_->disturbance);
+        } else if (shared_) {
+            disturbances_[0].fill(first_, stretch);
+            kernels_.spread(stretch, block_->disturbance);
+        } else if (noise_) {
+            kernels_.fill_lanes(*noise_, first_, std::span(block_->disturbance).first(length));
+        } else {
+            for (std::size_t k = 0; k < count; ++k) {
+                disturbances_[k].fill(first_, stretch);
+                for (std::size_t i = 0; i < length; ++i) {
+                    block_->disturbance[i].first.lane[k] = static_cast<Number>(stretch[i].x());
+                    block_->disturbance[i].second.lane[k] = static_cast<Number>(stretch[i].y());
+                }
+            }
+        }
+    }
+
+    void gather(std::size_t k) {
+        const auto number = [k](const T& a) { return static_cast<double>(a.lane[k]); };
+        totals_[k].add(stretch_of<T>(block_->sums.stretch, number), first_, steady_from_);
+    }
+    void end_lane(std::size_t k) {
+        *values_[k] = metric_values(params_, *runs_[k], totals_[k], report_[k],
+                                    n_ <= half_ ? report_[k].bound[0] : bound_halfway_[k], n_);
+        alive_[k] = false;
+        block_->alive.lane[k] = Number(0);
+    }
+    void end_diverged() {
+        report_ = type_->report(*block_);
+        for (std::size_t k = 0; k < count; ++k) {
+            const auto& q = block_->motion.position;
             const auto absolute_of = [k](const T& a) { return std::abs(static_cast<double>(a.lane[k])); };
             const double size = absolute_of(q.x()) + absolute_of(q.y());
-            if (alive[k] && !(size < divergence_limit)) {
+            if (alive_[k] && !(size < divergence_limit)) {
                 gather(k);
                 end_lane(k);
             }
         }
-    };
-    if (diverged(*block)) {
-        end_diverged();
     }
-    const auto any_alive = [&] { return std::find(alive.begin(), alive.end(), true) != alive.end(); };
-    std::array<Vec2<double>, longest_stretch> coming{};
-    while (n < samples && any_alive()) {
-        // A stretch goes on when a run diverges: the others must not notice.
-        first = n;
-        const std::int64_t end = end_of_stretch(first, steady_from, *runs[0]);
-        if (first == half || first == samples - 1) {
-            report = C::report(block->state, block->controller);
-        }
-        for (std::size_t k = 0; first == half && k < count; ++k) {
-            bound_halfway[k] =
-                LastReport::of(report, [k](const T& a) { return static_cast<double>(a.lane[k]); }).bound[0];
-        }
-        const auto length = static_cast<std::size_t>(end - first);
-        const auto stretch = std::span(coming).first(length);
-        if (shared && !drawn.empty()) {
-            kernels.spread(drawn.subspan(static_cast<std::size_t>(first), length), block->disturbance);
-        } else if (shared) {
-            disturbances[0].fill(first, stretch);
-            kernels.spread(stretch, block->disturbance);
-        } else if (noise) {
-            kernels.fill_lanes(*noise, first, std::span(block->disturbance).first(length));
-        } else {
-            for (std::size_t k = 0; k < count; ++k) {
-                disturbances[k].fill(first, stretch);
-                for (std::size_t i = 0; i < length; ++i) {
-                    block->disturbance[i].first.lane[k] = static_cast<Number>(stretch[i].x());
-                    block->disturbance[i].second.lane[k] = static_cast<Number>(stretch[i].y());
-                }
-            }
-        }
-        while (n < end && any_alive()) {
-            n = first + advance(*block, n - first, end - first);
-            if (n < samples && diverged(*block)) {
-                end_diverged();
-            }
-        }
-        for (std::size_t k = 0; k < count; ++k) {
-            gather(k);
-        }
-        sums.stretch = {};
-    }
-    for (std::size_t k = 0; k < count; ++k) {
-        if (alive[k]) {
-            end_lane(k);
-        }
-    }
-}
+    bool any_alive() const { return std::find(alive_.begin(), alive_.end(), true) != alive_.end(); }
+
+    const Kernels<Number, count>& kernels_;
+    std::span<const Setup* const> runs_;
+    std::span<const Vec2<double>> drawn_;
+    const MetricsParams& params_;
+    std::span<MetricValues* const> values_;
+    std::int64_t samples_, half_, steady_from_;
+
+    const BlockType<T>* type_ = nullptr;
+    AdvanceBlock<T> advance_ = nullptr;
+    HeldBlock<T> block_{nullptr, nullptr};
+    std::vector<Disturbance> disturbances_;
+    std::array<DisturbanceParams, count> noises_{};
+    bool shared_ = false;
+    std::optional<LaneNoise<count>> noise_;
+    std::array<Vec2<double>, longest_stretch> coming_{};
+
+    std::array<bool, count> alive_{};
+    std::array<MetricsTotals, count> totals_{};
+    std::array<double, count> bound_halfway_{};
+    std::vector<CommonReport> report_;  // at the last sample; if a run has diverged, at the one after
+    std::int64_t first_ = 0, n_ = 0;    // of the stretch; samples done
+};
 
 // The runs by their places, as threads take them. A task is one block, of at most as many runs as there are lanes, or
 // several full ones with the same disturbance, which is then drawn once for all of them. Runs with the same lane key
@@ -270,10 +344,7 @@ std::vector<MetricValues> measure_all(const Kernels<Number, Count>& kernels, std
         for (std::size_t begin = 0; begin < all.size(); begin += Count) {
             const std::size_t size = std::min(Count, all.size() - begin);
             const auto block = std::span<const Setup* const>(all).subspan(begin, size);
-            with_controller<Lanes<Number, Count>>(block[0]->controller, [&]<class C>() {
-                measure_block<C>(kernels, block, drawn, params,
-                                 std::span<MetricValues* const>(out).subspan(begin, size));
-            });
+            BlockRun(kernels, block, drawn, params, std::span<MetricValues* const>(out).subspan(begin, size)).run();
         }
     });
     return values;

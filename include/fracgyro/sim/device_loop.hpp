@@ -3,7 +3,6 @@
 #pragma once
 
 #include "fracgyro/plant/imperfections.hpp"
-#include "fracgyro/sim/metrics.hpp"
 #include "fracgyro/sim/recorder.hpp"
 #include "fracgyro/plant/varying_gyroscope.hpp"
 
@@ -179,72 +178,6 @@ std::int64_t run_device_loop(const DeviceSetupOf<Params>& setup, Observe&& obser
     auto state = Loop::begin(setup);
     Loop::run(state, coefficients, setup.steps + 1, DeviceGyroscope::Draw(setup), observe);
     return state.step;
-}
-
-// One row more, of the samples that `every` divides, with or without the channels of the device.
-template <class Report>
-void write_each(const DeviceSnapshot<Report>& at, std::int64_t every, double*& rows, bool device) {
-    if (at.step % every == 0) {
-        if (device) {
-            write_device_row(at, rows);
-        } else {
-            write_row<double, Report>(at, rows);
-        }
-        rows += row_width<Report> + (device ? device_width : 0);
-    }
-}
-
-// As record(), with rows longer by device_width, unless the channels of the device are left out.
-inline std::int64_t record_device(const DeviceSetup& setup, std::int64_t every, double* rows, bool device = true) {
-    std::int64_t samples = 0;
-    with_controller<double>(setup.controller, setup.common.observer_bandwidth > 0.0, [&]<class C>() {
-        samples = run_device_loop<C>(
-            setup, [&](const DeviceSnapshot<typename C::Report>& at) { write_each(at, every, rows, device); });
-    });
-    return samples;
-}
-
-// The metrics of one such run. Errors of estimates are against what is true at that sample; the rate has settled within
-// a tolerance of its largest size.
-template <Controller C, class Params>
-std::array<double, metric_names.size()> measure_device(const DeviceSetupOf<Params>& setup,
-                                                       const MetricsParams& params) {
-    const std::int64_t steady_from = first_steady_sample(params, setup);
-    const AngularRate rate(setup.rate, setup.plant.rate, setup.common.step, setup.steps);
-    double largest = 0.0;
-    for (std::int64_t n = 0; n <= setup.steps; ++n) {
-        largest = std::max(largest, absolute(rate.at(n)));
-    }
-    MetricsSums<double> sums{.error_bound_squared = params.error_bound * params.error_bound,
-                             .surface_bound_squared = params.surface_bound * params.surface_bound,
-                             .rate_bound = params.rate_tolerance * largest,
-                             .force_limit = setup.common.force_limit};
-    MetricsTotals totals{};
-    LastReport last{};
-    double bound_halfway = 0.0;
-    auto at_end = setup;  // what is true at the last sample
-    const std::int64_t samples = run_device_loop<C>(setup, [&](const DeviceSnapshot<typename C::Report>& at) {
-        sums.rate = at.rate;
-        sums.add(at.signals);
-        totals.add(sums.stretch, at.step, steady_from);
-        sums.stretch = {};
-        last = LastReport::of(at.signals.report, [](double a) { return a; });
-        bound_halfway = at.step <= setup.steps / 2 ? last.bound[0] : bound_halfway;
-        at_end.plant.rate = at.rate;
-        at_end.plant.stiffness =
-            setup.plant.stiffness + at.stiffness_drift * (setup.plant.stiffness + setup.plant.stiffness_deviation);
-        at_end.plant.damping =
-            setup.plant.damping + at.damping_drift * (setup.plant.damping + setup.plant.damping_deviation);
-    });
-    return metric_values(params, at_end, totals, last, bound_halfway, samples);
-}
-
-// Of a run of any kind.
-inline std::array<double, metric_names.size()> measure_device(const DeviceSetup& setup, const MetricsParams& params) {
-    std::array<double, metric_names.size()> values{};
-    with_controller<double>(setup.controller, setup.common.observer_bandwidth > 0.0,
-                            [&]<class C>() { values = measure_device<C>(setup, params); });
-    return values;
 }
 
 }  // namespace fracgyro

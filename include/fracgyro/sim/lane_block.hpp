@@ -7,21 +7,22 @@
 
 namespace fracgyro {
 
-template <Controller C>
-struct Block {
-    using T = typename C::Value;
-    typename C::Coefficients controller{};
+template <class T>
+struct BlockOf {
     typename Gyroscope<T>::Coefficients plant{};
-    typename C::State state{};
     Motion<T> motion{};
     MetricsSums<T> sums{};
     T alive = T(1.0);                                    // 0 where the motion has diverged
     std::array<Vec2<T>, longest_stretch> disturbance{};  // of the coming stretch
 };
-
 template <Controller C>
-bool diverged(const Block<C>& block) {
-    using T = typename C::Value;
+struct Block final : BlockOf<typename C::Value> {
+    typename C::Coefficients controller{};
+    typename C::State state{};
+};
+
+template <class T>
+bool diverged(const BlockOf<T>& block) {
     const T size = absolute(block.motion.position.x()) + absolute(block.motion.position.y());
     return !always_less(if_less(T(0.0), block.alive, size, T(0.0)), T(divergence_limit));  // also true for NaN
 }
@@ -29,9 +30,9 @@ bool diverged(const Block<C>& block) {
 // The closed loop, as in loop.hpp, over the samples from `n` to before `end` of the stretch. Returns where it stopped:
 // before `end` when a run has diverged. Compiled once for each kind of processor, in bindings/lanes_*.cpp; everything
 // is inlined, so that nothing of it serves another.
-template <Controller C>
-[[gnu::flatten]] std::int64_t advance_block(Block<C>& block, std::int64_t n, std::int64_t end) {
-    using T = typename C::Value;
+template <Controller C, class T = typename C::Value>
+[[gnu::flatten]] std::int64_t advance_block(BlockOf<T>& of_type, std::int64_t n, std::int64_t end) {
+    auto& block = static_cast<Block<C>&>(of_type);
     do {
         auto signals = C::step(block.state, block.controller, block.motion);  // 1 to 5
         if constexpr (!measures_velocity<C>) {
@@ -45,8 +46,12 @@ template <Controller C>
     return n;
 }
 
+template <class T>
+using AdvanceBlock = std::int64_t (*)(BlockOf<T>&, std::int64_t, std::int64_t);
 template <Controller C>
-using AdvanceBlock = std::int64_t (*)(Block<C>&, std::int64_t, std::int64_t);
+struct KernelOf {
+    AdvanceBlock<typename C::Value> advance = &advance_block<C>;
+};
 
 namespace detail {
 
@@ -54,8 +59,7 @@ template <class... Lists>
 struct KernelsOf;
 template <class... Controllers>
 struct KernelsOf<List<Controllers...>> {
-    using Type = std::tuple<AdvanceBlock<Controllers>...>;
-    static constexpr Type all() { return {&advance_block<Controllers>...}; }
+    using Type = std::tuple<KernelOf<Controllers>...>;
 };
 template <class... Some, class... Others, class... Lists>
 struct KernelsOf<List<Some...>, List<Others...>, Lists...> : KernelsOf<List<Some..., Others...>, Lists...> {};
@@ -72,7 +76,7 @@ struct KernelsFor<T, std::tuple<Entries...>> : KernelsOf<typename Entries::Type:
 template <class Number, std::size_t Count>
 struct Kernels {
     using Advance = detail::KernelsFor<Lanes<Number, Count>, Registry>;
-    typename Advance::Type advance = Advance::all();
+    typename Advance::Type advance{};
     using Disturbances = std::span<Vec2<Lanes<Number, Count>>>;
     void (*fill_lanes)(const LaneNoise<Count>&, std::int64_t, Disturbances) = &fracgyro::fill_lanes<Number, Count>;
     void (*spread)(std::span<const Vec2<double>>, Disturbances) = &fracgyro::spread<Number, Count>;

@@ -56,20 +56,23 @@ struct MetricsSums {
         T peak_rate_error{}, largest_force{}, saturated{};
     } stretch{};
 
-    // What the controller does not report is left at rest, and its metrics are NaN.
     template <class Report>
     void add(const Signals<T, Report>& at) {
+        add(at, at.report);
+    }
+    // With what is reported elsewhere. Sums of what no report has stay as they are, and their metrics are NaN.
+    template <class Some, class Report>
+    void add(const Signals<T, Some>& at, const Report& report) {
         Stretch& s = stretch;
         const Vec2<T> u = at.force;
         const Vec2<T> squares = at.error.value * at.error.value;
         s.squares = s.squares + squares;
         s.error_outside = if_less(error_bound_squared, squares.x() + squares.y(), s.step, s.error_outside);
-        if constexpr (requires { at.report.surface; }) {
-            s.surface_outside =
-                if_less(surface_bound_squared, squared_norm(at.report.surface), s.step, s.surface_outside);
+        if constexpr (requires { report.surface; }) {
+            s.surface_outside = if_less(surface_bound_squared, squared_norm(report.surface), s.step, s.surface_outside);
         }
-        if constexpr (requires { at.report.rate; }) {
-            const T off = absolute(at.report.rate - rate);
+        if constexpr (requires { report.rate; }) {
+            const T off = absolute(report.rate - rate);
             s.rate_outside = if_less(rate_bound, off, s.step, s.rate_outside);
             s.peak_rate_error = maximum(s.peak_rate_error, off);
             s.rate_squares = s.rate_squares + off * off;
@@ -164,9 +167,10 @@ std::int64_t end_of_stretch(std::int64_t first, std::int64_t steady_from, const 
     return end;
 }
 
-// What a run ended with, of what controllers report; NaN: this one does not.
-struct LastReport {
+// The part of a report that metrics use; NaN for what this controller does not report.
+struct CommonReport {
     static constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+    Vec2<double> surface{nan, nan};
     Sym2<double> damping{nan, nan, nan}, stiffness{nan, nan, nan};
     double rate = nan;
     std::array<double, 3> bound{nan, nan, nan};
@@ -174,8 +178,8 @@ struct LastReport {
 
     // `number`: one of a scalar of the report.
     template <class Report, class Number>
-    static LastReport of(const Report& r, Number&& number) {
-        LastReport last;
+    static CommonReport of(const Report& r, Number&& number) {
+        CommonReport last;
         const auto sym2 = [&](const auto& a) { return Sym2<double>{number(a.xx()), number(a.xy()), number(a.yy())}; };
         if constexpr (requires { r.damping, r.stiffness; }) {
             last.damping = sym2(r.damping);
@@ -188,7 +192,10 @@ struct LastReport {
         if constexpr (requires { r.bound; }) {
             last.bound = {number(r.bound[0]), number(r.bound[1]), number(r.bound[2])};
         }
-        last.has_surface = requires { r.surface; };
+        if constexpr (requires { r.surface; }) {
+            last.surface = {number(r.surface.x()), number(r.surface.y())};
+            last.has_surface = true;
+        }
         return last;
     }
 };
@@ -197,7 +204,7 @@ struct LastReport {
 // seen; bound_halfway is b̂₀ at half of the run or at its last sample before.
 template <class Params>
 std::array<double, metric_names.size()> metric_values(const MetricsParams& params, const SetupOf<Params>& setup,
-                                                      const MetricsTotals& totals, const LastReport& last,
+                                                      const MetricsTotals& totals, const CommonReport& last,
                                                       double bound_halfway, std::int64_t samples) {
     constexpr double nan = std::numeric_limits<double>::quiet_NaN();
     const double h = setup.common.step;
@@ -253,10 +260,12 @@ std::array<double, metric_names.size()> metric_values(const MetricsParams& param
             samples > setup.steps ? nan : count(samples) * h};
 }
 
-// The metrics of one run by itself: the bits that it has in a lane (batch.hpp).
-template <Controller C, class Params>
-std::array<double, metric_names.size()> measure_alone(const SetupOf<Params>& setup, const MetricsParams& params,
-                                                      FillNoise noise) {
+// The metrics of one run by itself: the bits that it has in a lane (batch.hpp). `in_step(snapshot)`: what metrics use of
+// its report; `between_steps(state, coefficients)`: the common report before the coming step.
+template <Controller C, class Params, class InStep, class BetweenSteps>
+std::array<double, metric_names.size()> measure_stretches(const SetupOf<Params>& setup, const MetricsParams& params,
+                                                          FillNoise noise, InStep&& in_step,
+                                                          BetweenSteps&& between_steps) {
     using T = typename C::Value;
     using Loop = Stepper<C>;
     const auto number = [](const T& a) { return static_cast<double>(a); };
@@ -272,8 +281,8 @@ std::array<double, metric_names.size()> measure_alone(const SetupOf<Params>& set
                         .rate_bound = T(params.rate_tolerance * absolute(setup.plant.rate)),
                         .force_limit = T(setup.common.force_limit)};
     MetricsTotals totals{};
-    LastReport last{}, halfway{};
-    const auto reported = [&] { return LastReport::of(C::report(state.controller, coefficients.controller), number); };
+    CommonReport last{}, halfway{};
+    const auto reported = [&] { return between_steps(state.controller, coefficients.controller); };
     while (state.step < samples && bounded(state.motion)) {
         const std::int64_t first = state.step, end = end_of_stretch(first, steady_from, setup);
         if (first == half) {
@@ -285,7 +294,7 @@ std::array<double, metric_names.size()> measure_alone(const SetupOf<Params>& set
         disturbance.fill(first, std::span(coming).first(static_cast<std::size_t>(end - first)));
         Loop::run(
             state, coefficients, end, [&](std::int64_t n) { return coming[static_cast<std::size_t>(n - first)]; },
-            [&](const auto& at) { sums.add(at.signals); });
+            [&](const auto& at) { sums.add(at.signals, in_step(at)); });
         totals.add(stretch_of<T>(sums.stretch, number), first, steady_from);
         sums.stretch = {};
     }
@@ -293,6 +302,16 @@ std::array<double, metric_names.size()> measure_alone(const SetupOf<Params>& set
         last = reported();
     }
     return metric_values(params, setup, totals, last, (state.step <= half ? last : halfway).bound[0], state.step);
+}
+template <Controller C, class Params>
+std::array<double, metric_names.size()> measure_alone(const SetupOf<Params>& setup, const MetricsParams& params,
+                                                      FillNoise noise) {
+    const auto number = [](const typename C::Value& a) { return static_cast<double>(a); };
+    return measure_stretches<C>(
+        setup, params, noise, [](const auto& at) -> const auto& { return at.signals.report; },
+        [&](const auto& state, const auto& coefficients) {
+            return CommonReport::of(C::report(state, coefficients), number);
+        });
 }
 
 }  // namespace fracgyro

@@ -2,9 +2,10 @@
 // of only that output.
 #pragma once
 
-#include "fracgyro/sim/law.hpp"
-
+#include <algorithm>
 #include <atomic>
+#include <cstdint>
+#include <limits>
 #include <span>
 #include <stdexcept>
 
@@ -54,43 +55,5 @@ private:
     std::size_t written_ = 0;
     std::int64_t seen_ = 0, until_next_ = 0;
 };
-
-// These of a run on an ideal device; returns the number of samples before the motion diverged.
-template <Controller C>
-std::int64_t rate_means(const Setup& setup, const RateBlocks& blocks, std::span<double> out, FillNoise noise) {
-    if constexpr (requires(typename C::Report report) { report.rate; }) {
-        RateMeans means(blocks, out);
-        return run_loop<C>(setup, Disturbance(setup.disturbance, setup.common.step, noise),
-                           [&](const auto& at) { means.add([&] { return at.signals.report.rate; }); });
-    } else {
-        throw std::invalid_argument("the controller estimates no rate");
-    }
-}
-// Of a run on any device.
-inline std::int64_t device_rate_means(const DeviceSetup& setup, const RateBlocks& blocks, std::span<double> out) {
-    std::int64_t samples = 0;
-    with_controller<double>(setup.controller, setup.common.observer_bandwidth > 0.0, [&]<class C>() {
-        if constexpr (requires(typename C::Report report) { report.rate; }) {
-            RateMeans means(blocks, out);
-            samples =
-                run_device_loop<C>(setup, [&](const auto& at) { means.add([&] { return at.signals.report.rate; }); });
-        } else {
-            throw std::invalid_argument("the controller estimates no rate");
-        }
-    });
-    return samples;
-}
-// Of a law from outside, which is asked for its report only at the samples that count.
-inline std::int64_t outside_rate_means(const OutsideSetup& setup, const RateBlocks& blocks, std::span<double> out) {
-    std::int64_t samples = 0;
-    const LawParams& p = setup.controller;
-    with_law<NothingReported>(setup, [&]<class C>() {
-        RateMeans means(blocks, out);
-        samples =
-            run_device_loop<C>(setup, [&](const auto&) { means.add([&] { return p.law->rate() / p.units.rate; }); });
-    });
-    p.law->check();
-    return samples;
-}
 
 }  // namespace fracgyro

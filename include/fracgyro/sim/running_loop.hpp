@@ -1,10 +1,10 @@
 // A closed loop that is run in parts, tuned while it runs, saved and restored: what a program or a page holds on to.
 #pragma once
 
-#include "fracgyro/core/saved.hpp"
-#include "fracgyro/sim/device_loop.hpp"
+#include "fracgyro/sim/any_run.hpp"
 
-#include <memory>
+#include <optional>
+#include <variant>
 
 namespace fracgyro {
 
@@ -19,78 +19,98 @@ inline bool same_controller(const ControllerParams& a, const ControllerParams& b
     return a.index() == b.index() && chosen(a) == chosen(b) &&
            (one == nullptr || (one->count == other->count && one->poles == other->poles));
 }
-// Parameters of a controller that is not in the registry are of one type.
-template <class Params>
-bool same_controller(const Params&, const Params&) {
-    return true;
-}
 
-// What surrounds the controller of a loop. Apart from its type, so that one copy of this code serves all.
-template <class Setup>
-struct Surroundings {
-    Setup setup{};
-    DeviceGyroscope::Draw draw;
-
-    explicit Surroundings(const Setup& s) : draw(s) {}
-    [[gnu::noinline]] void set(const Setup& other, DeviceGyroscope::Coefficients& gyroscope) {
-        setup = other;
-        draw = DeviceGyroscope::Draw(setup);
-        gyroscope = DeviceGyroscope::prepare(setup);
-    }
-};
-
-template <class C, class Setup>
 class RunningLoop {
-    using Loop = Stepper<C, DeviceGyroscope>;
-    using Pending = typename Loop::Pending;
-
 public:
-    using Report = typename C::Report;
-    static constexpr std::size_t saved_size = Saved<Pending>::size;
+    // A controller of the setup or, if `same` is false, a user's, which no setup changes.
+    RunningLoop(const DeviceSetup& setup, AnyController<double>& controller, bool same = true)
+        : setup_(setup), draw_(setup), controller_(&controller), checks_(same), part_(start(setup, controller)) {
+        take(setup);
+    }
 
-    explicit RunningLoop(const Setup& setup) : around_(setup), state_(Loop::begin(setup)) { take(setup); }
+    const DeviceSetup& setup() const { return setup_; }
+    AnyController<double>& controller() const { return *controller_; }
+    std::int64_t step() const {  // the coming sample
+        return std::visit([](const auto& part) { return part.state.step; }, part_);
+    }
 
-    const Setup& setup() const { return around_.setup; }
-    std::int64_t step() const { return state_.step; }  // the coming sample
-
-    // The coming samples, fewer where the motion diverges. Calls observe(DeviceSnapshot) at each.
+    // The coming samples, fewer if the motion diverges. Calls observe(DeviceSnapshot) at each.
     template <class Observe>
     void run(std::int64_t samples, Observe&& observe) {
-        Loop::run(state_, coefficients_, state_.step + samples, around_.draw, observe);
+        std::visit(
+            [&]<class C>(Part<C>& part) {
+                Loop<C>::run(part.state, part.coefficients, part.state.step + samples, draw_, observe);
+            },
+            part_);
     }
-    // Other numbers from the coming sample on; what was learnt stays. Returns whether that is possible.
-    bool set(const Setup& other) {
-        const bool can = same_controller(setup().controller, other.controller);
+    // Other numbers from the coming sample on; what was learned stays. Returns whether that is possible.
+    bool set(const DeviceSetup& other) {
+        const bool can = !checks_ || same_controller(setup_.controller, other.controller);
         if (can) {
+            controller_->set(other.controller, other.common);
             take(other);
         }
         return can;
     }
     // An impulse on the mass, just before the coming sample: what it adds to the velocity.
-    void kick(const Vec2<double>& velocity) { state_.motion.velocity = state_.motion.velocity + velocity; }
+    void kick(const Vec2<double>& velocity) {
+        std::visit([&](auto& part) { part.state.motion.velocity = part.state.motion.velocity + velocity; }, part_);
+    }
 
-    void save(unsigned char* bytes) const { Saved<Pending>::write(state_, bytes); }
+    std::size_t saved_size() const {
+        return std::visit([&]<class C>(const Part<C>&) { return Part<C>::Bytes::size(*controller_); }, part_);
+    }
+    void save(unsigned char* bytes) const {
+        std::visit([&]<class C>(const Part<C>& part) { Part<C>::Bytes::write(part.state, *controller_, bytes); },
+                   part_);
+    }
     // Returns whether they are those of a loop with these coefficients; if not, this one stays as it is.
     bool restore(const unsigned char* bytes, std::size_t count) {
-        const auto read = std::make_unique<Pending>();
-        if (!Saved<Pending>::read(bytes, count, *read) || read->step < 0 ||
-            !C::sound(read->controller, coefficients_.controller) ||
-            C::steps(read->controller) != static_cast<std::uint64_t>(read->step)) {
-            return false;
-        }
-        state_ = *read;
-        return true;
+        return std::visit(
+            [&]<class C>(Part<C>& part) {
+                return Part<C>::Bytes::read(bytes, count, part.state, *controller_,
+                                            [&](const typename Loop<C>::Pending& read, std::uint64_t steps) {
+                                                return read.step >= 0 &&
+                                                       C::sound(read.controller, part.coefficients.controller) &&
+                                                       steps == static_cast<std::uint64_t>(read.step);
+                                            });
+            },
+            part_);
     }
 
 private:
-    void take(const Setup& setup) {
-        around_.set(setup, coefficients_.gyroscope);
-        coefficients_.controller = prepare<C>(setup.controller, setup.common);
+    template <class C>
+    using Loop = Stepper<C, DeviceGyroscope>;
+    template <class C>
+    struct Part {
+        using Bytes = SavedErased<typename Loop<C>::Pending, double>;
+        typename Loop<C>::Coefficients coefficients{};
+        typename Loop<C>::Pending state{};
+    };
+
+    using AnyPart =
+        std::variant<Part<Erased<double, true>>, Part<Observing<Erased<double, true>>>, Part<Erased<double, false>>>;
+
+    static AnyPart start(const DeviceSetup& setup, AnyController<double>& controller) {
+        std::optional<AnyPart> part;
+        with_erased(controller, setup.common,
+                    [&]<class C>() { part.emplace(Part<C>{.state = Loop<C>::begin(setup)}); });
+        return *part;
     }
 
-    Surroundings<Setup> around_;
-    typename Loop::Coefficients coefficients_{};
-    Pending state_;
+    void take(const DeviceSetup& setup) {
+        setup_ = setup;
+        draw_ = DeviceGyroscope::Draw(setup_);
+        std::visit(
+            [&]<class C>(Part<C>& part) { part.coefficients = Loop<C>::prepare(erased_setup(setup_, *controller_)); },
+            part_);
+    }
+
+    DeviceSetup setup_;
+    DeviceGyroscope::Draw draw_;
+    AnyController<double>* controller_;
+    bool checks_;
+    AnyPart part_;
 };
 
 }  // namespace fracgyro

@@ -296,7 +296,7 @@ def measured(scenario: Scenario) -> xr.Dataset:
     Besides `diverged_at`, NaN unless the run diverged: what it was then is measured until there.
     """
     check_scenario(scenario)
-    values = _core.measure_run(core_setup(scenario), _core.MetricsParams())
+    values = _core.measure_device_runs([core_setup(scenario)], _core.MetricsParams())[0]
     figures = metrics_dataset(values[np.newaxis], {}).isel(run=0)[list(UNITS)]
     if scenario.run.units == "SI":
         for figure, units in UNITS.items():

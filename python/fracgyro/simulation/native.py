@@ -85,10 +85,10 @@ class Law:
     def __reduce__(self) -> NoReturn:
         raise TypeError("a Law cannot be pickled: the address of its function means nothing in another process")
 
-    def _core_law(self) -> _core.NativeLaw:
+    def _core_law(self) -> _core.NativeController:
         """One for one run."""
         place = self.reports.index("rate_estimate") if "rate_estimate" in self.reports else -1
-        return _core.NativeLaw(self._address, self.state_size, list(self.parameters.values()), len(self.reports), place)
+        return _core.NativeController(self._address, self.state_size, list(self.parameters.values()), len(self.reports), place)
 
 
 def _address(function: Any) -> int:

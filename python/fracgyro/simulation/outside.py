@@ -89,7 +89,7 @@ class Outside:
         """What is recorded of its runs."""
         return (*LOOP_CHANNELS, *(self.reports or ()), *(DEVICE_CHANNELS if device else ()))
 
-    def start(self, scenario: Scenario, law: Law | None = None, *, itself: bool = False) -> _core.Law:
+    def start(self, scenario: Scenario, law: Law | None = None, *, itself: bool = False) -> _core.UserController:
         """The law for one run, which is to begin; `law`: that of this run, if runs have different ones.
 
         A callable without `reset` is copied, so that each run begins with what it knew when it was given; `itself`:
@@ -102,7 +102,7 @@ class Outside:
                 reset(scenario)
             except Exception as error:
                 raise ControllerError(f"reset(scenario) of the controller raised {_told(error)}") from error
-        return _core.PythonLaw(self.controller if reset or itself else self._copied())
+        return _core.PythonController(self.controller if reset or itself else self._copied())
 
     def _copied(self) -> Any:
         """A copy of the callable, for a run. Raises ValueError where a run before this one may have changed it."""
@@ -128,39 +128,28 @@ class Outside:
         )
 
     @contextmanager
-    def running(self, law: _core.Law | None) -> Iterator[None]:
+    def running(self, law: _core.UserController | None) -> Iterator[None]:
         """While the law is called. Raises ControllerError where the callable raised something."""
         try:
             yield
         except Exception as error:
-            if not isinstance(law, _core.PythonLaw) or law.failed_at is None:
+            if not isinstance(law, _core.PythonController) or law.failed_at is None:
                 raise
             raise ControllerError(f"the controller raised {_told(error)} at t = {law.failed_at:.9g}") from error
-        if isinstance(law, _core.PythonLaw) and self.reports is None:
+        if isinstance(law, _core.PythonController) and self.reports is None:
             self.reports = _channels(law.names)
 
     def record(
         self, scenarios: Sequence[Scenario], setups: Sequence[_core.DeviceSetup], every: int, device: bool, threads: int
     ) -> tuple[np.ndarray, np.ndarray]:
         """Rows (run, sample, column), NaN where a run had diverged, and the samples that each run lasted."""
-        found = [
-            run
-            for runs in self._each(
-                scenarios,
-                setups,
-                lambda some, laws, of: _core.record_laws(some, laws, of, every, device, self.is_native, threads),
-            )
-            for run in runs
-        ]
-        width = sum(channel.width for channel in self.channels(device))
-        if len(found) == 1:
-            return found[0][0][np.newaxis], np.array([found[0][1]])
-        whole = np.full((len(setups), setups[0].steps // every + 1, width), np.nan)
-        for place, (rows, _) in enumerate(found):
-            if rows.shape[1] not in (0, width):
-                raise ValueError("report() of the controller returned other names than in the run before")
-            whole[place, : len(rows)] = rows
-        return whole, np.array([samples for _, samples in found])
+        found = self._each(
+            scenarios, setups, lambda some, users, of: _core.record_runs(some, every, threads, device, users, of)
+        )
+        if any(rows.shape[2] != found[0][0].shape[2] for rows, _ in found):
+            raise ValueError("report() of the controller returned other names than in the run before")
+        rows, lasted = zip(*found, strict=True)
+        return np.concatenate(rows) if len(rows) > 1 else rows[0], np.concatenate(lasted)
 
     def rate_means(
         self,
@@ -174,7 +163,7 @@ class Outside:
         found = self._each(
             scenarios,
             setups,
-            lambda some, laws, of: _core.law_rate_means(some, laws, of, every, block, self.is_native, threads),
+            lambda some, users, of: _core.rate_means(some, every, block, threads, True, users, of),
         )
         means, lasted = zip(*found, strict=True)
         return np.concatenate(means), np.concatenate(lasted)
@@ -192,7 +181,7 @@ class Outside:
             self._each(
                 scenarios,
                 setups,
-                lambda some, started, of: _core.measure_laws(some, started, of, params, self.is_native, threads),
+                lambda some, users, of: _core.measure_device_runs(some, params, threads, users, of),
                 laws,
             )
         )

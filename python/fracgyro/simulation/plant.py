@@ -100,11 +100,11 @@ class Loop:
         self._outside = None if controller is None else Outside(controller)
         self._device = not is_ideal(scenario)
         setup = core_setup(scenario)
-        self._law: _core.Law | None = None
+        self._law: _core.UserController | None = None
         self._lock = Lock()
         if self._outside:
             self._law = self._outside.start(scenario, itself=True)
-            self._core = _core.law_loop(setup, self._law, units(scenario))
+            self._core = _core.Loop(setup, self._law, units(scenario))
         else:
             self._reported = reported(setup)
             self._core = _core.Loop(setup)
@@ -195,7 +195,7 @@ class Loop:
         True
         """
         self._check_restorable()
-        law = self._law.state if isinstance(self._law, _core.NativeLaw) else []
+        law = self._law.state if isinstance(self._law, _core.NativeController) else []
         saved_from = {"scenario": self.scenario.to_toml(), "law": np.array(law, dtype="<f8").tobytes().hex()}
         content = json.dumps(saved_from).encode() + b"\n" + bytes(self._core.state)
         return self._key + CHECKSUM.pack(zlib.crc32(content)) + content
@@ -223,7 +223,7 @@ class Loop:
         except (KeyError, TypeError, ValueError):
             raise damaged from None
         self._core.state = core
-        if isinstance(self._law, _core.NativeLaw):
+        if isinstance(self._law, _core.NativeController):
             self._law.state = law
         self.scenario = scenario
 
@@ -233,7 +233,7 @@ class Loop:
         if self._outside:  # not the address, which another process has elsewhere
             law = self._outside.controller
             of = f" {law.state_size} {law.parameters} {law.reports}"
-        return f"fracgyro {version('fracgyro')} loop {self._first.content_hash()}{of}\n".encode()
+        return f"fracgyro {version('fracgyro')} loop 2 {self._first.content_hash()}{of}\n".encode()
 
     def _check_restorable(self) -> None:
         if self._outside and not self._outside.is_native:

@@ -1,7 +1,7 @@
-#pragma once
-
+#include "controllers.hpp"
 #include "runs.hpp"
 
+#include "fracgyro/sim/any_run.hpp"
 #include "fracgyro/sim/cpu_dispatch.hpp"
 
 namespace fracgyro::bindings {
@@ -13,19 +13,19 @@ template <Controller C>
 FRACGYRO_FOR_EACH_PROCESSOR MetricValues measure_one(const Setup& setup, const MetricsParams& params, FillNoise noise) {
     return measure_alone<C>(setup, params, noise);
 }
-template <Scalar T>
-MetricValues measure_by_itself(const Setup& setup, const MetricsParams& params, FillNoise noise) {
+
+}  // namespace
+
+MetricValues measure_double(const Setup& setup, const MetricsParams& params, FillNoise noise) {
     MetricValues values{};
-    with_controller<T>(setup.controller, [&]<class C>() {
+    with_controller<double>(setup.controller, [&]<class C>() {
         if constexpr (has_copies<C>) {
             values = measure_one<C>(setup, params, noise);
         } else {
-            values = measure_alone<C>(setup, params, noise);
+            values = measure_any_ideal(setup, *make_double(setup), params, noise);
         }
     });
     return values;
 }
-
-}  // namespace
 
 }  // namespace fracgyro::bindings

@@ -2,8 +2,7 @@
 #include "bindings.hpp"
 #include "numbers.hpp"
 
-#include "fracgyro/sim/batch.hpp"
-#include "fracgyro/sim/rate_means.hpp"
+#include "fracgyro/sim/user_controller.hpp"
 
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
@@ -17,18 +16,18 @@ namespace {
 
 // What a callable is given: tuples are made of it only where they are asked for.
 struct SampleObject {
-    PyObject_HEAD LawInput in;
+    PyObject_HEAD UserInput in;
 };
 
-const LawInput& input(PyObject* sample) { return reinterpret_cast<SampleObject*>(sample)->in; }
+const UserInput& input(PyObject* sample) { return reinterpret_cast<SampleObject*>(sample)->in; }
 
 PyObject* get_time(PyObject* self, void*) { return PyFloat_FromDouble(input(self).time); }
-template <Vec2<double> LawInput::* member>
+template <Vec2<double> UserInput::* member>
 PyObject* get_pair(PyObject* self, void*) {
     return new_pair(input(self).*member);
 }
 PyObject* sample_text(PyObject* self) {
-    const LawInput& in = input(self);
+    const UserInput& in = input(self);
     std::array<char, 512> text{};
     std::snprintf(text.data(), text.size(),
                   "Sample(time=%.9g, position=(%.9g, %.9g), velocity=(%.9g, %.9g), reference=(%.9g, %.9g), "
@@ -47,11 +46,11 @@ void free_sample(PyObject* self) {
 PyTypeObject* sample_type() {
     static PyGetSetDef members[] = {
         {"time", get_time, nullptr, "t", nullptr},
-        {"position", get_pair<&LawInput::position>, nullptr, "q as measured, (x, y)", nullptr},
-        {"velocity", get_pair<&LawInput::velocity>, nullptr, "v as measured or observed, (x, y)", nullptr},
-        {"reference", get_pair<&LawInput::reference>, nullptr, "r, (x, y)", nullptr},
-        {"reference_velocity", get_pair<&LawInput::reference_velocity>, nullptr, "dr/dt, (x, y)", nullptr},
-        {"reference_acceleration", get_pair<&LawInput::reference_acceleration>, nullptr, "d2r/dt2, (x, y)", nullptr},
+        {"position", get_pair<&UserInput::position>, nullptr, "q as measured, (x, y)", nullptr},
+        {"velocity", get_pair<&UserInput::velocity>, nullptr, "v as measured or observed, (x, y)", nullptr},
+        {"reference", get_pair<&UserInput::reference>, nullptr, "r, (x, y)", nullptr},
+        {"reference_velocity", get_pair<&UserInput::reference_velocity>, nullptr, "dr/dt, (x, y)", nullptr},
+        {"reference_acceleration", get_pair<&UserInput::reference_acceleration>, nullptr, "d2r/dt2, (x, y)", nullptr},
         {nullptr, nullptr, nullptr, nullptr, nullptr}};
     static PyType_Slot slots[] = {
         {Py_tp_doc,
@@ -136,10 +135,10 @@ bool take_pair(PyObject* from, Vec2<double>& to) {
     return take_items(from, to) || take_shaped(from, to);
 }
 
-// A Python callable as a law. Whoever calls it holds the GIL.
-class PythonLaw final : public Law {
+// A Python callable as a controller. Whoever calls it holds the GIL.
+class PythonController final : public UserController {
 public:
-    explicit PythonLaw(nb::object controller)
+    explicit PythonController(nb::object controller)
         : call_(std::move(controller)), report_(nb::getattr(call_, "report", nb::none())) {
         // A method that is bound already is called faster than an object.
         if ((Py_TYPE(call_.ptr())->tp_flags & Py_TPFLAGS_HAVE_VECTORCALL) == 0) {
@@ -147,7 +146,7 @@ public:
         }
     }
 
-    Vec2<double> force(const LawInput& in) override {
+    Vec2<double> force(const UserInput& in) override {
         if (!sample_.is_valid() || Py_REFCNT(sample_.ptr()) > 1) {  // somebody keeps the last one
             sample_ = nb::steal(PyType_GenericAlloc(sample_type(), 0));
             if (!sample_.is_valid()) {
@@ -167,7 +166,7 @@ public:
         return force;
     }
 
-    const std::vector<double>& report() override {
+    std::span<const double> report() override {
         if (report_.is_none()) {
             return numbers_;
         }
@@ -204,7 +203,8 @@ public:
         return numbers_;
     }
     std::ptrdiff_t rate_place() const override { return rate_place_; }
-    bool may_report_rate() const override { return !report_.is_none(); }
+    bool estimates_rate() const override { return !report_.is_none(); }
+    bool runs_on_any_thread() const override { return false; }
 
     // The time at which it raised; None: it did not.
     std::optional<double> failed_at() const { return failed_ ? std::optional(time_) : std::nullopt; }
@@ -255,81 +255,9 @@ private:
     bool named_ = false, failed_ = false;
 };
 
-std::vector<OutsideSetup> with_laws(const std::vector<const DeviceSetup*>& setups, const std::vector<Law*>& laws,
-                                    const std::vector<const Units*>& units) {
-    if (setups.size() != laws.size() || setups.size() != units.size()) {
-        throw nb::value_error("there must be one law and one set of units for each run");
-    }
-    std::vector<OutsideSetup> all;
-    for (std::size_t i = 0; i < setups.size(); ++i) {
-        all.push_back(outside_setup(*setups[i], laws[i], *units[i]));
-    }
-    return all;
-}
-
-// `native`: no law needs the GIL, and they run on several threads.
-template <class Task>
-void run_all(std::size_t count, bool native, unsigned threads, Task&& task) {
-    std::optional<nb::gil_scoped_release> unlocked;
-    if (native) {
-        unlocked.emplace();
-    }
-    parallel_for(count, native ? threads : 1, task);
-}
-
-nb::list record_laws(const std::vector<const DeviceSetup*>& setups, const std::vector<Law*>& laws,
-                     const std::vector<const Units*>& units, std::int64_t every, bool device, bool native,
-                     unsigned threads) {
-    const auto all = with_laws(setups, laws, units);
-    std::vector<OutsideRecord<Rows>> records(all.size());
-    const FillNoise noise = fastest_noise();
-    run_all(all.size(), native, threads,
-            [&](std::size_t i) { records[i] = record_outside<Rows>(all[i], every, device, noise); });
-    nb::list found;
-    for (OutsideRecord<Rows>& record : records) {
-        const std::size_t width = record.width, count = width == 0 ? 0 : record.rows.size() / width;
-        found.append(nb::make_tuple(owned_rows<2>(std::move(record.rows), {count, width}), record.samples));
-    }
-    return found;
-}
-
-// As rate_means of bind_batch.cpp.
-nb::tuple law_rate_means(const std::vector<const DeviceSetup*>& setups, const std::vector<Law*>& laws,
-                         const std::vector<const Units*>& units, std::int64_t every, std::int64_t block, bool native,
-                         unsigned threads) {
-    const auto all = with_laws(setups, laws, units);
-    std::atomic<bool> stop{false};
-    const RateBlocks blocks{.every = every, .block = block, .stop = &stop};
-    const std::size_t count = all.empty() ? 0 : blocks.count(all.front().steps);
-    auto means = std::make_unique<double[]>(all.size() * count);
-    auto lasted = std::make_unique<std::int64_t[]>(all.size());
-    const auto task = [&](std::size_t i) {
-        lasted[i] = outside_rate_means(all[i], blocks, std::span(means.get() + i * count, count));
-    };
-    if (native) {
-        interruptible_for(all.size(), threads, stop, task);
-    } else {
-        run_all(all.size(), native, threads, task);
-    }
-    return nb::make_tuple(owned<double, 2>(std::move(means), {all.size(), count}),
-                          owned<std::int64_t, 1>(std::move(lasted), {all.size()}));
-}
-
-nb::ndarray<nb::numpy, double> measure_laws(const std::vector<const DeviceSetup*>& setups,
-                                            const std::vector<Law*>& laws, const std::vector<const Units*>& units,
-                                            const MetricsParams& params, bool native, unsigned threads) {
-    const auto all = with_laws(setups, laws, units);
-    auto data = std::make_unique<double[]>(all.size() * metric_names.size());
-    run_all(all.size(), native, threads, [&](std::size_t i) {
-        const auto values = measure_outside(all[i], params);
-        std::copy(values.begin(), values.end(), data.get() + i * values.size());
-    });
-    return owned<double, 2>(std::move(data), {all.size(), metric_names.size()});
-}
-
 }  // namespace
 
-void bind_outside(nb::module_& m) {
+void bind_user_controller(nb::module_& m) {
     m.attr("Sample") = nb::borrow(reinterpret_cast<PyObject*>(sample_type()));
     nb::class_<Units>(m, "Units")
         .def(nb::init<>())
@@ -339,42 +267,36 @@ void bind_outside(nb::module_& m) {
         .def_rw("acceleration", &Units::acceleration)
         .def_rw("force", &Units::force)
         .def_rw("rate", &Units::rate);
-    nb::class_<Law>(m, "Law");
-    nb::class_<PythonLaw, Law>(m, "PythonLaw")
+    nb::class_<UserController>(m, "UserController");
+    nb::class_<PythonController, UserController>(m, "PythonController")
         .def(nb::init<nb::object>(), nb::arg("controller"))
         .def_prop_ro("failed_at",
-                     [](const PythonLaw& law) -> nb::object {
-                         const auto time = law.failed_at();
+                     [](const PythonController& of) -> nb::object {
+                         const auto time = of.failed_at();
                          return time ? nb::object(nb::float_(*time)) : nb::none();
                      })
-        .def_prop_ro("names", &PythonLaw::names);
-    nb::class_<NativeLaw, Law>(m, "NativeLaw")
+        .def_prop_ro("names", &PythonController::names);
+    nb::class_<NativeController, UserController>(m, "NativeController")
         .def(
             "__init__",
-            [](NativeLaw* law, std::uintptr_t address, std::size_t state_size, std::vector<double> parameters,
+            [](NativeController* made, std::uintptr_t address, std::size_t state_size, std::vector<double> parameters,
                std::size_t reports, std::ptrdiff_t rate_place) {
-                new (law) NativeLaw(reinterpret_cast<LawFunction>(address), state_size, std::move(parameters), reports,
-                                    rate_place);
+                new (made) NativeController(reinterpret_cast<UserFunction>(address), state_size, std::move(parameters),
+                                            reports, rate_place);
             },
             nb::arg("address"), nb::arg("state_size"), nb::arg("parameters"), nb::arg("reports"), nb::arg("rate_place"))
         .def_prop_rw(
             "state",
-            [](NativeLaw& law) {
-                const auto state = law.state();
+            [](NativeController& of) {
+                const auto state = of.memory();
                 return std::vector<double>(state.begin(), state.end());
             },
-            [](NativeLaw& law, const std::vector<double>& state) {
-                if (state.size() != law.state().size()) {
+            [](NativeController& of, const std::vector<double>& state) {
+                if (state.size() != of.memory().size()) {
                     throw nb::value_error("state is damaged: it is not as it was saved");
                 }
-                std::ranges::copy(state, law.state().begin());
+                std::ranges::copy(state, of.memory().begin());
             });
-    m.def("record_laws", &record_laws, nb::arg("setups"), nb::arg("laws"), nb::arg("units"), nb::arg("every"),
-          nb::arg("device"), nb::arg("native"), nb::arg("threads"), "(rows, samples before divergence) of each run.");
-    m.def("law_rate_means", &law_rate_means, nb::arg("setups"), nb::arg("laws"), nb::arg("units"), nb::arg("every"),
-          nb::arg("block"), nb::arg("native"), nb::arg("threads"));
-    m.def("measure_laws", &measure_laws, nb::arg("setups"), nb::arg("laws"), nb::arg("units"), nb::arg("params"),
-          nb::arg("native"), nb::arg("threads"), "Metrics of all runs, (runs, metrics).");
 }
 
 }  // namespace fracgyro::bindings

@@ -1,0 +1,16 @@
+#include "controllers.hpp"
+
+namespace fracgyro::bindings {
+
+std::unique_ptr<AnyController<double>> make_double(const Setup& setup) {
+    return make_controller<double>(setup.controller, setup.common);
+}
+
+std::unique_ptr<GuardedController> make_guarded(const Setup& setup, bool single) {
+    if (single) {
+        return fracgyro::make_guarded(make_controller<float>(setup.controller, setup.common), setup.common);
+    }
+    return fracgyro::make_guarded(make_double(setup), setup.common);
+}
+
+}  // namespace fracgyro::bindings

@@ -1,0 +1,14 @@
+// Controllers of any type: compiled in one file, since each type is compiled once for all uses.
+#pragma once
+
+#include "fracgyro/sim/guarded_controller.hpp"
+#include "fracgyro/sim/user_controller.hpp"
+
+namespace fracgyro::bindings {
+
+std::unique_ptr<AnyController<double>> make_double(const Setup& setup);
+std::unique_ptr<GuardedController> make_guarded(const Setup& setup, bool single);
+
+using Users = std::vector<UserController*>;
+
+}  // namespace fracgyro::bindings

@@ -1,0 +1,235 @@
+// One controller of whatever type, behind one table. Everything that is neither timed nor shipped holds it: runs on
+// devices that are not ideal, loops in parts, Python's Controller, users' controllers, the browser. What is timed or
+// shipped takes the type itself (with_controller).
+#pragma once
+
+#include "fracgyro/core/saved.hpp"
+#include "fracgyro/sim/metrics.hpp"
+
+#include <memory>
+#include <span>
+#include <vector>
+
+namespace fracgyro {
+
+template <Scalar T>
+class AnyController {
+public:
+    virtual ~AnyController() = default;
+
+    // As of a Controller (controller.hpp). The report of the step is kept, to be asked for.
+    virtual Signals<T, EmptyReport> step(const Motion<T>& measured, const Sample<T>* missing) = 0;
+    virtual void start_over(bool keep_estimates) = 0;
+    virtual std::uint64_t steps() const = 0;
+    virtual bool needs_velocity() const { return true; }
+    // Other parameters from the coming step on, of the same type.
+    virtual void set(const ControllerParams& params, const Common& common) = 0;
+
+    // Numbers that are reported of the last step, valid until the next call.
+    virtual std::span<const double> report() = 0;
+    virtual CommonReport common_report() = 0;
+    virtual double rate() = 0;
+    virtual bool estimates_rate() const = 0;
+    // Numbers that are reported between steps.
+    virtual std::vector<double> report_between_steps() const = 0;
+    virtual CommonReport common_report_between_steps() const = 0;
+
+    // The state as bytes, without a checksum.
+    virtual std::size_t state_size() const = 0;
+    virtual void save(unsigned char* bytes) const = 0;
+    // Returns whether they are a state that it could have, after so many steps; if not, it stays as it is.
+    virtual bool restore(const unsigned char* bytes, std::uint64_t steps) = 0;
+    // Steps of a state, for those who do not know them.
+    virtual std::uint64_t steps_of(const unsigned char* bytes) const = 0;
+};
+
+// Of one type.
+template <Controller C>
+class ControllerOf final : public AnyController<typename C::Value> {
+    using T = typename C::Value;
+    using State = typename C::State;
+
+public:
+    ControllerOf(const ControllerParams& params, const Common& common) { set(params, common); }
+
+    Signals<T, EmptyReport> step(const Motion<T>& measured, const Sample<T>* missing) override {
+        const auto s = C::step(state_, coefficients_, measured, missing);
+        report_ = s.report;
+        return {.reference = s.reference, .error = s.error, .force = s.force, .excess = s.excess};
+    }
+    void start_over(bool keep_estimates) override { C::start_over(state_, keep_estimates); }
+    std::uint64_t steps() const override { return C::steps(state_); }
+    bool needs_velocity() const override { return measures_velocity<C>; }
+    void set(const ControllerParams& params, const Common& common) override {
+        coefficients_ = prepare<C>(params, common);
+    }
+
+    std::span<const double> report() override {
+        double* next = numbers_.data();
+        for_each_number(report_, [&](const T& number) { *next++ = static_cast<double>(number); });
+        return numbers_;
+    }
+    CommonReport common_report() override { return CommonReport::of(report_, to_double); }
+    CommonReport common_report_between_steps() const override {
+        return CommonReport::of(C::report(state_, coefficients_), to_double);
+    }
+    double rate() override {
+        if constexpr (SensesRate<C>) {
+            return static_cast<double>(report_.rate);
+        } else {
+            return CommonReport::nan;
+        }
+    }
+    bool estimates_rate() const override { return SensesRate<C>; }
+    std::vector<double> report_between_steps() const override {
+        std::vector<double> numbers;
+        for_each_number<Reported::between_steps>(
+            C::report(state_, coefficients_), [&](const T& number) { numbers.push_back(static_cast<double>(number)); });
+        return numbers;
+    }
+
+    std::size_t state_size() const override { return sizeof(State); }
+    void save(unsigned char* bytes) const override { copy_bytes(bytes, &state_, sizeof(State)); }
+    bool restore(const unsigned char* bytes, std::uint64_t steps) override {
+        const auto read = std::make_unique<State>();
+        copy_bytes(read.get(), bytes, sizeof(State));
+        const bool can = C::sound(*read, coefficients_) && C::steps(*read) == steps;
+        if (can) {
+            state_ = *read;
+        }
+        return can;
+    }
+    std::uint64_t steps_of(const unsigned char* bytes) const override {
+        const auto read = std::make_unique<State>();
+        copy_bytes(read.get(), bytes, sizeof(State));
+        return C::steps(*read);
+    }
+
+private:
+    static double to_double(const T& number) { return static_cast<double>(number); }
+
+    typename C::Coefficients coefficients_{};
+    State state_{};
+    typename C::Report report_{};
+    std::array<double, width_of<typename C::Report>()> numbers_{};
+};
+
+// The controller for these parameters; for a device that senses no velocity, one that needs none or that is to be
+// behind an observer (with_erased).
+template <Scalar T>
+std::unique_ptr<AnyController<T>> make_controller(const ControllerParams& params, const Common& common) {
+    std::unique_ptr<AnyController<T>> made;
+    with_controller<T>(params, [&]<class C>() {
+        using WithoutVelocity = typename FromPositions<C>::Type;
+        if constexpr (!std::is_same_v<WithoutVelocity, Observing<C>>) {
+            if (common.observer_bandwidth > 0.0) {
+                made = std::make_unique<ControllerOf<WithoutVelocity>>(params, common);
+                return;
+            }
+        }
+        made = std::make_unique<ControllerOf<C>>(params, common);
+    });
+    return made;
+}
+
+// Any controller as a Controller, for the templates of observer, guard and loop. Its state is its own: here is only the
+// way to it, which is not saved.
+template <Scalar T>
+struct ErasedParams {
+    AnyController<T>* controller = nullptr;
+    static constexpr std::tuple<> fields() { return {}; }
+};
+template <Scalar T, bool velocity>
+struct Erased {
+    using Value = T;
+    using Params = ErasedParams<T>;
+    using Report = EmptyReport;
+    static constexpr bool measures_velocity = velocity;
+    using Coefficients = Params;
+    struct State {
+        AnyController<T>* controller = nullptr;  // since the first step
+    };
+
+    static Coefficients prepare(const Params& p, const Common&) { return p; }
+    static Report report(const State&, const Coefficients&) { return {}; }
+    static bool sound(const State&, const Coefficients&) { return true; }
+    static std::uint64_t steps(const State& state) {
+        return state.controller == nullptr ? 0 : state.controller->steps();
+    }
+    static void start_over(State& state, bool keep_estimates) {
+        if (state.controller != nullptr) {
+            state.controller->start_over(keep_estimates);
+        }
+    }
+    static Signals<T, Report> step(State& state, const Coefficients& c, const Motion<T>& measured,
+                                   const Sample<T>* missing = nullptr) {
+        state.controller = c.controller;
+        return c.controller->step(measured, missing);
+    }
+};
+
+// Calls visit.template operator()<C>() with the type that stands for this controller: behind an observer if the device
+// senses no velocity and the controller needs it.
+template <Scalar T, class Visit>
+void with_erased(const AnyController<T>& controller, const Common& common, Visit&& visit) {
+    if (!controller.needs_velocity()) {
+        visit.template operator()<Erased<T, false>>();
+    } else if (common.observer_bandwidth > 0.0) {
+        visit.template operator()<Observing<Erased<T, true>>>();
+    } else {
+        visit.template operator()<Erased<T, true>>();
+    }
+}
+
+// A state that holds an Erased one, with the state behind it: a checksum, both states.
+template <class Outer, Scalar T>
+struct SavedErased {
+    static_assert(std::is_trivially_copyable_v<Outer>);
+    static constexpr std::size_t header = sizeof(std::uint32_t), inner_at = header + sizeof(Outer);
+
+    static std::size_t size(const AnyController<T>& controller) { return inner_at + controller.state_size(); }
+
+    static void write(const Outer& outer, const AnyController<T>& controller, unsigned char* bytes) {
+        const auto kept = std::make_unique<Outer>(outer);
+        erased(*kept).controller = nullptr;
+        copy_bytes(bytes + header, kept.get(), sizeof(Outer));
+        controller.save(bytes + inner_at);
+        const std::uint32_t sum = checksum(bytes + header, size(controller) - header);
+        copy_bytes(bytes, &sum, sizeof sum);
+    }
+    // Returns whether they are as they were written, and `sound(outer, steps of the controller)`; if not, both stay as
+    // they are.
+    template <class Sound>
+    static bool read(const unsigned char* bytes, std::size_t count, Outer& outer, AnyController<T>& controller,
+                     Sound&& sound) {
+        std::uint32_t sum = 0;
+        if (count != size(controller)) {
+            return false;
+        }
+        copy_bytes(&sum, bytes, sizeof sum);
+        if (sum != checksum(bytes + header, count - header)) {
+            return false;
+        }
+        const auto read = std::make_unique<Outer>();
+        copy_bytes(read.get(), bytes + header, sizeof(Outer));
+        erased(*read).controller = &controller;
+        const std::uint64_t steps = controller.steps_of(bytes + inner_at);
+        if (!sound(*read, steps) || !controller.restore(bytes + inner_at, steps)) {
+            return false;
+        }
+        outer = *read;
+        return true;
+    }
+
+private:
+    template <class State>
+    static auto& erased(State& state) {
+        if constexpr (requires { state.controller.controller; }) {
+            return erased(state.controller);
+        } else {
+            return state;
+        }
+    }
+};
+
+}  // namespace fracgyro

@@ -1,0 +1,120 @@
+// Whole runs of any controller, on any device: recorded, measured, or the means of the rate estimate.
+#pragma once
+
+#include "fracgyro/sim/any_controller.hpp"
+#include "fracgyro/sim/device_loop.hpp"
+#include "fracgyro/sim/rate_means.hpp"
+
+namespace fracgyro {
+
+using ErasedSetup = DeviceSetupOf<ErasedParams<double>>;
+
+// The run of a setup, with this controller.
+inline ErasedSetup erased_setup(const DeviceSetup& s, AnyController<double>& controller) {
+    return {{{.controller = &controller}, s.common, s.plant, s.disturbance, s.steps}, s.rate, s.device};
+}
+
+// Calls observe(DeviceSnapshot) at every sample, or observe(Snapshot) if the loop is the one of an ideal device, which
+// is faster. Returns the number of samples before the motion diverged.
+template <class Observe>
+std::int64_t run_any(const DeviceSetup& setup, AnyController<double>& controller, bool device, FillNoise noise,
+                     Observe&& observe) {
+    const ErasedSetup erased = erased_setup(setup, controller);
+    std::int64_t samples = 0;
+    with_erased(controller, setup.common, [&]<class C>() {
+        samples = device ? run_device_loop<C>(erased, observe)
+                         : run_loop<C>(erased, Disturbance(setup.disturbance, setup.common.step, noise), observe);
+    });
+    return samples;
+}
+
+// Writes one row to where row_of(width) says: the loop's channels, those that the controller reports and, if `device`,
+// those of the device.
+template <class AtSample, class RowOf>
+void write_any_row(const AtSample& at, AnyController<double>& controller, bool device, RowOf&& row_of) {
+    const std::span<const double> reported = controller.report();
+    double* const row = row_of(loop_width + reported.size() + (device ? device_width : 0));
+    write_row<double, EmptyReport>(at, row);
+    double* const rest = std::ranges::copy(reported, row + loop_width).out;
+    if constexpr (requires { at.applied; }) {
+        if (device) {
+            std::ranges::copy(device_row(at), rest);
+        }
+    }
+}
+
+// Rows at the samples 0, every, 2·every, … Returns the number of samples before divergence.
+template <class RowOf>
+std::int64_t record_any(const DeviceSetup& setup, AnyController<double>& controller, std::int64_t every, bool device,
+                        FillNoise noise, RowOf&& row_of) {
+    std::int64_t until_next = 0;
+    return run_any(setup, controller, device, noise, [&](const auto& at) {
+        if (until_next == 0) {
+            write_any_row(at, controller, device, row_of);
+            until_next = every;
+        }
+        --until_next;
+    });
+}
+
+// The metrics of one run on an ideal device, with the bits of measure_alone.
+inline std::array<double, metric_names.size()> measure_any_ideal(const Setup& setup, AnyController<double>& controller,
+                                                                 const MetricsParams& params, FillNoise noise) {
+    std::array<double, metric_names.size()> values{};
+    with_erased(controller, setup.common, [&]<class C>() {
+        values = measure_stretches<C>(
+            erased_setup({setup}, controller), params, noise, [&](const auto&) { return controller.common_report(); },
+            [&](const auto&, const auto&) { return controller.common_report_between_steps(); });
+    });
+    return values;
+}
+
+// The metrics of one run on any device. Errors of estimates are against what is true at that sample; the rate has
+// settled within a tolerance of its largest size.
+inline std::array<double, metric_names.size()> measure_any(const DeviceSetup& setup, AnyController<double>& controller,
+                                                           const MetricsParams& params) {
+    const std::int64_t steady_from = first_steady_sample(params, setup);
+    const AngularRate rate(setup.rate, setup.plant.rate, setup.common.step, setup.steps);
+    double largest = 0.0;
+    for (std::int64_t n = 0; n <= setup.steps; ++n) {
+        largest = std::max(largest, absolute(rate.at(n)));
+    }
+    MetricsSums<double> sums{.error_bound_squared = params.error_bound * params.error_bound,
+                             .surface_bound_squared = params.surface_bound * params.surface_bound,
+                             .rate_bound = params.rate_tolerance * largest,
+                             .force_limit = setup.common.force_limit};
+    MetricsTotals totals{};
+    CommonReport last{};
+    double bound_halfway = 0.0;
+    auto at_end = setup;  // what is true at the last sample
+    const auto add = [&](const auto& at) {
+        last = controller.common_report();
+        sums.rate = at.rate;
+        sums.add(at.signals, last);
+        totals.add(sums.stretch, at.step, steady_from);
+        sums.stretch = {};
+        bound_halfway = at.step <= setup.steps / 2 ? last.bound[0] : bound_halfway;
+        at_end.plant.rate = at.rate;
+        at_end.plant.stiffness =
+            setup.plant.stiffness + at.stiffness_drift * (setup.plant.stiffness + setup.plant.stiffness_deviation);
+        at_end.plant.damping =
+            setup.plant.damping + at.damping_drift * (setup.plant.damping + setup.plant.damping_deviation);
+    };
+    std::int64_t samples = 0;
+    const ErasedSetup erased = erased_setup(setup, controller);
+    with_erased(controller, setup.common, [&]<class C>() { samples = run_device_loop<C>(erased, add); });
+    return metric_values(params, at_end, totals, last, bound_halfway, samples);
+}
+
+// Means of the rate estimate; throws if the controller estimates none.
+inline std::int64_t rate_means_any(const DeviceSetup& setup, AnyController<double>& controller,
+                                   const RateBlocks& blocks, bool device, FillNoise noise, std::span<double> out) {
+    if (!controller.estimates_rate()) {
+        throw std::invalid_argument("the controller estimates no rate");
+    }
+    RateMeans means(blocks, out);
+    return run_any(setup, controller, device, noise,
+                   [&](const auto&) { means.add([&] { return controller.rate(); }); });
+}
+
+}  // namespace fracgyro
