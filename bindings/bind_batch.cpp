@@ -3,8 +3,8 @@
 #include "controllers.hpp"
 #include "runs.hpp"
 
-#include "fracgyro/sim/any_run.hpp"
 #include "fracgyro/sim/batch.hpp"
+#include "fracgyro/sim/rate_means.hpp"
 
 #include <nanobind/stl/string_view.h>
 #include <nanobind/stl/vector.h>

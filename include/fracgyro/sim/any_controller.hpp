@@ -6,7 +6,9 @@
 #include "fracgyro/core/saved.hpp"
 #include "fracgyro/sim/metrics.hpp"
 
+#include <cstring>
 #include <memory>
+#include <new>
 #include <span>
 #include <vector>
 
@@ -43,6 +45,14 @@ public:
     virtual std::uint64_t steps_of(const unsigned char* bytes) const = 0;
 };
 
+// As it begins, with zeros between its members: equal states are equal bytes.
+template <class State>
+void clear(State& state) {
+    static_assert(std::is_trivially_copyable_v<State>);
+    std::memset(static_cast<void*>(&state), 0, sizeof state);
+    new (&state) State{};
+}
+
 // Of one type.
 template <Controller C>
 class ControllerOf final : public AnyController<typename C::Value> {
@@ -50,7 +60,10 @@ class ControllerOf final : public AnyController<typename C::Value> {
     using State = typename C::State;
 
 public:
-    ControllerOf(const ControllerParams& params, const Common& common) { set(params, common); }
+    ControllerOf(const ControllerParams& params, const Common& common) {
+        clear(state_);
+        set(params, common);
+    }
 
     Signals<T, EmptyReport> step(const Motion<T>& measured, const Sample<T>* missing) override {
         const auto s = C::step(state_, coefficients_, measured, missing);
@@ -109,7 +122,7 @@ private:
     static double to_double(const T& number) { return static_cast<double>(number); }
 
     typename C::Coefficients coefficients_{};
-    State state_{};
+    State state_;
     typename C::Report report_{};
     std::array<double, width_of<typename C::Report>()> numbers_{};
 };

@@ -1,9 +1,8 @@
-// Whole runs of any controller, on any device: recorded, measured, or the means of the rate estimate.
+// Whole runs of any controller, on any device: recorded or measured.
 #pragma once
 
 #include "fracgyro/sim/any_controller.hpp"
 #include "fracgyro/sim/device_loop.hpp"
-#include "fracgyro/sim/rate_means.hpp"
 
 namespace fracgyro {
 
@@ -104,17 +103,6 @@ inline std::array<double, metric_names.size()> measure_any(const DeviceSetup& se
     const ErasedSetup erased = erased_setup(setup, controller);
     with_erased(controller, setup.common, [&]<class C>() { samples = run_device_loop<C>(erased, add); });
     return metric_values(params, at_end, totals, last, bound_halfway, samples);
-}
-
-// Means of the rate estimate; throws if the controller estimates none.
-inline std::int64_t rate_means_any(const DeviceSetup& setup, AnyController<double>& controller,
-                                   const RateBlocks& blocks, bool device, FillNoise noise, std::span<double> out) {
-    if (!controller.estimates_rate()) {
-        throw std::invalid_argument("the controller estimates no rate");
-    }
-    RateMeans means(blocks, out);
-    return run_any(setup, controller, device, noise,
-                   [&](const auto&) { means.add([&] { return controller.rate(); }); });
 }
 
 }  // namespace fracgyro

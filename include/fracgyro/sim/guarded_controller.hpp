@@ -31,7 +31,9 @@ class Guarded final : public GuardedController {
 public:
     Guarded(std::unique_ptr<AnyController<T>> controller, const Common& common)
         : controller_(std::move(controller)),
-          coefficients_(Guard<C>::prepare({.controller = controller_.get()}, common)) {}
+          coefficients_(Guard<C>::prepare({.controller = controller_.get()}, common)) {
+        clear(state_);
+    }
 
     Vec2<double> step(const Motion<double>& measured) override {
         Guard<C>::step(state_, coefficients_, {rounded(measured.position), rounded(measured.velocity)});
@@ -52,7 +54,7 @@ private:
 
     std::unique_ptr<AnyController<T>> controller_;
     typename Guard<C>::Coefficients coefficients_;
-    State state_{};
+    State state_;
 };
 
 }  // namespace detail

@@ -2,6 +2,8 @@
 // of only that output.
 #pragma once
 
+#include "fracgyro/sim/any_run.hpp"
+
 #include <algorithm>
 #include <atomic>
 #include <cstdint>
@@ -55,5 +57,16 @@ private:
     std::size_t written_ = 0;
     std::int64_t seen_ = 0, until_next_ = 0;
 };
+
+// Means of the rate estimate; throws if the controller estimates none.
+inline std::int64_t rate_means_any(const DeviceSetup& setup, AnyController<double>& controller,
+                                   const RateBlocks& blocks, bool device, FillNoise noise, std::span<double> out) {
+    if (!controller.estimates_rate()) {
+        throw std::invalid_argument("the controller estimates no rate");
+    }
+    RateMeans means(blocks, out);
+    return run_any(setup, controller, device, noise,
+                   [&](const auto&) { means.add([&] { return controller.rate(); }); });
+}
 
 }  // namespace fracgyro
