@@ -73,7 +73,7 @@ class Fracgyro {
     // Of what the loop was started from; kind, sensors and exponentials are not among the values.
     const design = ["controller.kind", "device.sensing", "controller.observer_bandwidth", "run.kernel_tolerance"];
     const started = [design.map((name) => first[name]), valuesOf(first), scenario.device ?? []];
-    const key = utf8(`fracgyro ${this.version} loop ${checksum(utf8(JSON.stringify(started))).toString(16)}\n`);
+    const key = utf8(`fracgyro ${this.version} loop 2 ${checksum(utf8(JSON.stringify(started))).toString(16)}\n`);
     const saved = () => new Uint8Array(core.memory.buffer, core.loop_saved(), core.loop_saved_size());
     const checked = (before, changes) => this.#checked(before, changes);
     const isFixed = (name) => this.fields[name].fixed;
@@ -158,7 +158,7 @@ class Fracgyro {
     const lasting = reported.filter((column) => !this.#data.momentary.includes(channelOf(column)));
     core.controller_start(single);
     const number = single ? "float" : "double";
-    const key = utf8(`fracgyro ${this.version} ${core.controller_key() >>> 0} ${number}\n`);
+    const key = utf8(`fracgyro ${this.version} controller 2 ${core.controller_key() >>> 0} ${number}\n`);
     const saved = () => new Uint8Array(core.memory.buffer, core.controller_saved(), core.controller_saved_size());
     return {
       step(position, velocity) {

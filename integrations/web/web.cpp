@@ -29,12 +29,12 @@ constexpr std::size_t most_settings = []<std::size_t... I>(std::index_sequence<I
 std::array<double, most_settings> values;  // those of the kind, in the order of settings.hpp
 KernelDesign kernel_design;                // room to design the exponentials in
 
-std::unique_ptr<GuardedController> controller;  // by itself
-std::array<double, 2> force;                    // of its last step
-std::vector<double> report;
-std::unique_ptr<AnyController<double>> loop_controller;
-std::unique_ptr<RunningLoop> loop;
-std::vector<unsigned char> saved;  // the state of either
+[[clang::no_destroy]] constinit std::unique_ptr<GuardedController> controller;  // by itself
+std::array<double, 2> force;                                                    // of its last step
+[[clang::no_destroy]] constinit std::vector<double> report;
+[[clang::no_destroy]] constinit std::unique_ptr<AnyController<double>> loop_controller;
+[[clang::no_destroy]] constinit std::unique_ptr<RunningLoop> loop;
+[[clang::no_destroy]] constinit std::vector<unsigned char> saved;  // the state of either
 
 constexpr std::size_t page = 65536;
 

@@ -206,7 +206,7 @@ class Controller:
     @cached_property
     def _key(self) -> bytes:
         number = "float" if self._single else "double"
-        return f"fracgyro {version('fracgyro')} {self.scenario.content_hash()} {number}\n".encode()
+        return f"fracgyro {version('fracgyro')} controller 2 {self.scenario.content_hash()} {number}\n".encode()
 
 
 def _resumed(scenario: Scenario, single_precision: bool, state: bytes) -> Controller:
