@@ -260,8 +260,8 @@ std::array<double, metric_names.size()> metric_values(const MetricsParams& param
             samples > setup.steps ? nan : count(samples) * h};
 }
 
-// The metrics of one run by itself: the bits that it has in a lane (batch.hpp). `in_step(snapshot)`: what metrics use of
-// its report; `between_steps(state, coefficients)`: the common report before the coming step.
+// The metrics of one run by itself: the bits that it has in a lane (batch.hpp). `in_step(snapshot)`: the part of its
+// report that metrics use; `between_steps(state, coefficients)`: the common report before the coming step.
 template <Controller C, class Params, class InStep, class BetweenSteps>
 std::array<double, metric_names.size()> measure_stretches(const SetupOf<Params>& setup, const MetricsParams& params,
                                                           FillNoise noise, InStep&& in_step,

@@ -88,7 +88,8 @@ class Law:
     def _core_law(self) -> _core.NativeController:
         """One for one run."""
         place = self.reports.index("rate_estimate") if "rate_estimate" in self.reports else -1
-        return _core.NativeController(self._address, self.state_size, list(self.parameters.values()), len(self.reports), place)
+        values = list(self.parameters.values())
+        return _core.NativeController(self._address, self.state_size, values, len(self.reports), place)
 
 
 def _address(function: Any) -> int:
