@@ -74,7 +74,7 @@ def allan(values: Array, interval: float, shortest: float = 0.0) -> Allan:
     second order.
 
     Q, N, B and K of IEEE Std 952 are fitted to the spectrum at once, over the longest part for which they account;
-    those that the record does not show have a limit instead, and N is None. A response of first or second order is
+    those that the record does not show have a limit instead, and N is None. A low-pass response is
     divided out where it shows. Intervals are of profile likelihood. Records are independent; their spectra are
     averaged and their degrees of freedom add up.
 

@@ -6,10 +6,10 @@ Quantization Q, white noise N, flicker noise B and a random walk K have the two-
 
 and drift, as of a sensor that warms up, which is 1/(f² + fc²)² with a corner fc,
 
-with H the sensor's response of first, second or fourth order, if it shows, as a filter of samples every h has it. Of sampled
-flicker noise it depends on what comes before the sampling whether it is B²/(2π f) up to half the sampling rate, or
-B² h/(2 sin π f h), as fractional differences have it: both are tried. N, B and K are always in the model, from 0 up; Q
-and a response are where they improve the likelihood by three standard deviations. The powers of a spectrum
+with H the sensor's response of first, second or fourth order, if it shows, as a filter of samples every h has it. Of
+sampled flicker noise it depends on what comes before the sampling whether it is B²/(2π f) up to half the sampling rate,
+or B² h/(2 sin π f h), as fractional differences have it: both are tried. N, B and K are always in the model, from 0 up;
+Q and a response are where they improve the likelihood by three standard deviations. The powers of a spectrum
 (spectrum.py) are chi square with mean S, so that
 
     -2 log L = Σ ν (log S + P/S),    ν: degrees of freedom of a power P,
