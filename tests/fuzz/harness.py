@@ -1,19 +1,22 @@
 """Many inputs through one property, each in a process that may crash or hang without ending the run.
 
     python tests/fuzz/fuzz_x.py --seconds 60 --seed 1      as often as time allows
-    python tests/fuzz/fuzz_x.py FILE ...                   some inputs again, in this process
+    python tests/fuzz/fuzz_x.py --known                    what failed once, in this process
+    python tests/fuzz/fuzz_x.py --known NAME ...           some of it
 
 A fuzzer is a script with one face or more. Each has `make`, which makes the bytes of an input from a random generator,
 and `check`, which tries them in an empty folder and returns "worked" or "refused", or raises. Input n depends on the
-seed and n only. What fails is left in tests/fuzz/corpus, which every run begins with.
+seed and n only. What fails is added to tests/fuzz/corpus/<x>.jsonl, one input per line, which every run begins with.
 """
 
 from __future__ import annotations
 
 import argparse
+import base64
 import contextlib
 import io
 import itertools
+import json
 import math
 import multiprocessing
 import os
@@ -115,7 +118,7 @@ def _work(pipe: Connection, face: Face, known: Sequence[bytes], seed: int, first
 def run(face: Face, corpus: Path, prefix: str, seconds: float, attempts: int, seed: int) -> tuple[Counter[str], float]:
     """Counts of worked, refused, tracebacks, crashes and hangs. What failed is kept in `corpus`."""
     context = multiprocessing.get_context("spawn")
-    known = [path.read_bytes() for path in sorted(corpus.glob(f"{prefix}*"))]
+    known = [case for name, case in known_inputs(corpus).items() if name.startswith(prefix)]
     counts: Counter[str] = Counter()
     number, begin = 0, math.inf  # when the first input is there: what was prepared for it does not count
 
@@ -141,7 +144,7 @@ def run(face: Face, corpus: Path, prefix: str, seconds: float, attempts: int, se
                 kind = kind if kind in ("worked", "refused", "hang", "crash") else "traceback"
                 counts[kind] += 1
                 if kind not in ("worked", "refused"):
-                    _keep(corpus / (prefix + sha256(case).hexdigest()[:16]), case, f"seed {seed}: {outcome}")
+                    _keep(corpus, prefix + sha256(case).hexdigest()[:16], case, f"seed {seed}: {outcome}")
                     failure = kind if kind != "traceback" else ""
                 number += 1
             worker.kill()
@@ -166,10 +169,25 @@ def _used(process: int | None) -> float:
     return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
 
 
-def _keep(path: Path, case: bytes, outcome: str) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(case)
-    print(f"{outcome.rstrip()}\nThe input is in {path}", file=sys.stderr)
+def known_inputs(corpus: Path) -> dict[str, bytes]:
+    """Inputs that failed once, by name."""
+    if not corpus.exists():
+        return {}
+    lines = map(json.loads, corpus.read_text(encoding="utf-8").splitlines())
+    return {
+        line["name"]: line["text"].encode() if "text" in line else base64.b64decode(line["base64"]) for line in lines
+    }
+
+
+def _keep(corpus: Path, name: str, case: bytes, outcome: str) -> None:
+    try:
+        content = {"text": case.decode()}
+    except UnicodeDecodeError:
+        content = {"base64": base64.b64encode(case).decode()}
+    if name not in known_inputs(corpus):
+        with corpus.open("a", encoding="utf-8") as file:
+            file.write(json.dumps({"name": name, **content}) + "\n")
+    print(f"{outcome.rstrip()}\nThe input is {name} in {corpus}", file=sys.stderr)
 
 
 def main(faces: Mapping[str, Face] | Face) -> None:
@@ -181,19 +199,20 @@ def main(faces: Mapping[str, Face] | Face) -> None:
     options.add_argument("--attempts", type=int, default=sys.maxsize, help="for each face, at most")
     options.add_argument("--seed", type=int, default=1)
     options.add_argument("--face", choices=named, action="append", help="repeatable; all if left out")
-    options.add_argument("cases", nargs="*", type=Path)
+    options.add_argument("--known", nargs="*", metavar="NAME", help="inputs that failed once; all if none is named")
     given = options.parse_args()
-    if given.cases:
-        checks = {
-            path: next(f.check for name, f in named.items() if path.name.startswith(name)) for path in given.cases
-        }
-        outcomes = {path: _outcome(check, path.read_bytes()) for path, check in checks.items()}
-        for path, outcome in outcomes.items():
-            print(f"{path.name}: {outcome}")
+    corpus = CORPUS / f"{script.removeprefix('fuzz_')}.jsonl"
+    if given.known is not None:
+        cases = known_inputs(corpus)
+        names = given.known or list(cases)
+        checks = {each: next(f.check for name, f in named.items() if each.startswith(name)) for each in names}
+        outcomes = {each: _outcome(check, cases[each]) for each, check in checks.items()}
+        for each, outcome in outcomes.items():
+            print(f"{each}: {outcome}")
         sys.exit(0 if {*outcomes.values()} <= {"worked", "refused"} else 1)
     failures = 0
     for name in given.face or named:
-        corpus, prefix = CORPUS / script.removeprefix("fuzz_"), f"{name}-" if name else ""
+        prefix = f"{name}-" if name else ""
         counts, took = run(named[name], corpus, prefix, given.seconds, given.attempts, given.seed)
         bad = {kind: counts[kind] for kind in ("traceback", "crash", "hang")}
         failed = ", ".join(f"{count} {kind}{'es' if kind == 'crash' else 's'}" for kind, count in bad.items())

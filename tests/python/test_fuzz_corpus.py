@@ -14,9 +14,9 @@ FUZZ = Path(__file__).resolve().parents[1] / "fuzz"
 
 @pytest.mark.parametrize("kind", ["scenarios", "studies", "cli"])
 def test_every_input_that_failed_once_works_or_is_refused_in_one_sentence(kind: str) -> None:
-    cases = sorted((FUZZ / "corpus" / kind).iterdir())
+    cases = (FUZZ / f"corpus/{kind}.jsonl").read_text(encoding="utf-8").splitlines()
     assert cases
-    command = [sys.executable, "-B", FUZZ / f"fuzz_{kind}.py", *cases]  # it changes what no other test expects
+    command = [sys.executable, "-B", FUZZ / f"fuzz_{kind}.py", "--known"]  # it changes what no other test expects
     ran = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
     assert ran.returncode == 0, ran.stdout + ran.stderr
     assert len(ran.stdout.splitlines()) == len(cases)
