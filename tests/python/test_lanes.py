@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from fracgyro import _core
+from fracgyro.scenario.kinds import having, numbers
 from fracgyro.scenario.to_core import core_setup
 
 PAPER = fg.Scenario.paper().replace({"run.duration": 3.0})
@@ -111,12 +112,11 @@ def test_all_widths_agree() -> None:
 SHORT = PAPER.replace({"run.duration": 0.2})
 SINE = {"disturbance.kind": "sine", "disturbance.amplitude": (50.0, 70.0), "disturbance.frequency": (30.0, 40.0)}
 COMPOSITE, JOINT = {"adaptation.kind": "composite"}, {"adaptation.kind": "joint"}
-PID, TWISTING = {"controller.kind": "pid"}, {"controller.kind": "super_twisting"}
-NONSINGULAR, RESONANT = {"controller.kind": "nonsingular_terminal"}, {"controller.kind": "park_horowitz"}
-REJECTION, CONVENTIONAL = {"controller.kind": "disturbance_rejection"}, {"controller.kind": "force_rebalance"}
-LAYERED = NONSINGULAR | {"controller.switching_gain": 0.1, "controller.reaching_exponent": 0.0}
+LAYERED: dict[str, object] = {"controller.kind": "nonsingular_terminal"}
+LAYERED |= {"controller.switching_gain": 0.1, "controller.reaching_exponent": 0.0}
 LAYERED |= {"controller.nonsingular_layer": 10.0}
-# By field: what both runs have besides, and the value of the second. A field that is not here fails a test.
+# By field: changes of both runs, and the value of the second. A field of a controller that is not here is derived; any
+# other fails a test.
 DIFFERENCES: dict[str, tuple[dict[str, object], object]] = {
     "plant.mass": ({}, 2e-7),
     "plant.damping": ({}, {"xx": 1e-4, "xy": 0.0, "yy": 2e-4}),
@@ -165,30 +165,8 @@ DIFFERENCES: dict[str, tuple[dict[str, object], object]] = {
     "datasheet.delay": (JOINT, 1),
     "datasheet.stiffness_drift": (JOINT, 1e-3),
     "datasheet.damping_drift": (JOINT, 0.1),
-    "controller.natural_frequency": (PID, 150.0),
-    "controller.damping_ratio": (PID, 1.0),
-    "controller.integral_frequency": (PID, 0.0),
-    "controller.surface_gain": (TWISTING, 20.0),
-    "controller.twisting_gain": (TWISTING, 10.0),
-    "controller.integral_gain": (TWISTING, 100.0),
-    "controller.nonsingular_position_gain": (NONSINGULAR, 0.5),
-    "controller.nonsingular_velocity_gain": (NONSINGULAR, 0.02),
-    "controller.position_exponent": (NONSINGULAR, 1.8),
-    "controller.velocity_exponent": (NONSINGULAR, 1.5),
-    "controller.reaching_gain": (NONSINGULAR, 400.0),
-    "controller.switching_gain": (NONSINGULAR, 0.1),
     "controller.reaching_exponent": (LAYERED, 0.5),
     "controller.nonsingular_layer": (LAYERED, 20.0),
-    "controller.velocity_gain": (RESONANT, 20.0),
-    "controller.extended_observer_bandwidth": (REJECTION, 500.0),
-    "controller.rate_bandwidth": (REJECTION, 2.0),
-    "controller.nominal_model": (REJECTION, False),
-    "controller.pll_bandwidth": (CONVENTIONAL, 0.1),
-    "controller.amplitude_bandwidth": (CONVENTIONAL, 0.1),
-    "controller.amplitude_integral": (CONVENTIONAL, 0.1),
-    "controller.demodulation_bandwidth": (CONVENTIONAL, 1.0),
-    "controller.output_bandwidth": (CONVENTIONAL, 0.1),
-    "controller.rebalance_bandwidth": (CONVENTIONAL, 0.1),
     "disturbance.kind": ({}, "none"),
     "disturbance.standard_deviation": ({}, 2.0),
     "disturbance.density": ({"disturbance.standard_deviation": None, "disturbance.density": 1e-3}, 2e-3),
@@ -217,19 +195,44 @@ WITHOUT_EFFECT = {
 }
 
 
-def test_every_field_of_a_scenario_is_told_apart_below() -> None:
-    fields = {
+def fields() -> set[str]:
+    return {
         f"{table}.{name}"
         for table, entry in fg.Scenario.model_fields.items()
         for name in entry.annotation.model_fields
         if table not in ("rate", "device")  # runs of these are no lanes
     }
-    assert fields == DIFFERENCES.keys() | WITHOUT_EFFECT.keys()
 
 
-@pytest.mark.parametrize("field", DIFFERENCES)
+DERIVED = sorted(
+    path
+    for path in fields() - DIFFERENCES.keys() - WITHOUT_EFFECT.keys()
+    if path.startswith("controller.") and having(path)
+)
+
+
+def derived(path: str) -> tuple[dict[str, object], object]:
+    """A field of a controller: with the first kind that has it, 1.37 times its default within its range, or another."""
+    kind = having(path)[0]
+    parts = [number for number in numbers(kind) if number.path == path]
+    first = parts[0]
+    if first.choices == ("false", "true"):
+        return {"controller.kind": kind}, not first.default
+    if first.choices:
+        return {"controller.kind": kind}, first.choices[1 - int(first.default)]
+    value = 1.37 * first.default or 1.0
+    value = value if value < first.high else 0.5 * (first.default + first.low)
+    value = round(value) if first.whole else value
+    return {"controller.kind": kind}, value if len(parts) == 1 else [value] * len(parts)
+
+
+def test_every_field_of_a_scenario_is_told_apart_below() -> None:
+    assert fields() == DIFFERENCES.keys() | WITHOUT_EFFECT.keys() | set(DERIVED)
+
+
+@pytest.mark.parametrize("field", [*DIFFERENCES, *DERIVED])
 def test_runs_that_differ_in_one_field_share_nothing_that_depends_on_it(field: str) -> None:
-    base, value = DIFFERENCES[field]
+    base, value = DIFFERENCES[field] if field in DIFFERENCES else derived(field)
     pair = [SHORT.replace(base), SHORT.replace({**base, field: value})]
     for lanes in LANES:
         separate = [measure([scenario], lanes, transient=0.1)[0] for scenario in pair]
