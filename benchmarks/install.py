@@ -3,18 +3,19 @@
     python benchmarks/install.py [--wheel FILE]
 
 How many distributions and megabytes that makes, pip left out, and how long `import fracgyro` takes there: the median of
-new processes, and of a first simulation of one step.
+new processes, and of a first simulation of one step. Without --wheel, also what building it takes: processor time of
+all processes and memory of the largest.
 """
 
 from __future__ import annotations
 
 import argparse
+import resource
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
-from functools import cache
 from pathlib import Path
 
 from machine import command, machine, write
@@ -32,8 +33,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--wheel", type=Path, help="built from this tree if left out")
     wheel = parser.parse_args().wheel
+    built = ""
     with tempfile.TemporaryDirectory() as folder:
-        rows = [_row(wheel or _built(Path(folder)), extra) for extra in EXTRAS]
+        if wheel is None:
+            wheel, built = _built(Path(folder))
+        rows = [_row(wheel, extra) for extra in EXTRAS]
     imported, first = rows[0][1]
     write(
         "install",
@@ -50,16 +54,23 @@ def main() -> None:
             "",
             f"Without extras, `import fracgyro` takes {imported:.2f} s, with a first simulation {first:.2f} s. "
             "Python's own start is left out. Medians of new processes, compiled files in place.",
+            *(["", built] if built else []),
         ],
     )
 
 
-@cache
-def _built(folder: Path) -> Path:
+def _built(folder: Path) -> tuple[Path, str]:
+    """The wheel, and a sentence on what it takes: nothing has used more memory in this process before."""
     words = [sys.executable, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check", "--no-deps"]
-    subprocess.run([*words, "--wheel-dir", folder, ROOT], check=True)
+    before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    subprocess.run([*words, "--wheel-dir", folder, "-C", f"build-dir={folder / 'build'}", ROOT], check=True)
+    took, after = time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
+    processor = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     (wheel,) = folder.glob("*.whl")
-    return wheel
+    return wheel, (
+        f"Building the wheel from source, without ccache, takes {processor:.0f} s of processor time in all processes, "
+        f"{took:.0f} s on this machine; the largest process has {after.ru_maxrss / 1e3:.0f} MB."
+    )
 
 
 def _row(wheel: Path, extra: str) -> tuple[str, tuple[float, float]]:
