@@ -73,6 +73,6 @@ def test_the_controller_of_the_guide_is_one_file_and_one_line_and_found_in_every
     path = os.pathsep.join([str(installed(tree)), *sys.path])
     pytest_ = [sys.executable, "-S", "-m", "pytest", "-p", "no:cacheprovider"]
     run(*pytest_, FACES, PYTHONPATH=path)
-    # What the suite asks of every kind, and of every field.
+    # The tests of every kind and of every field.
     of_kinds = [FACES.with_name(f"test_{name}.py") for name in ("kinds", "lanes")]
     run(*pytest_, *of_kinds, "-k", "pd or controller.kp or controller.kd", PYTHONPATH=path)

@@ -19,7 +19,7 @@ class AnyController {
 public:
     virtual ~AnyController() = default;
 
-    // As of a Controller (controller.hpp). The report of the step is kept, to be asked for.
+    // The functions of a Controller (controller.hpp). The report of the step is kept until it is asked for.
     virtual Signals<T, EmptyReport> step(const Motion<T>& measured, const Sample<T>* missing) = 0;
     virtual void start_over(bool keep_estimates) = 0;
     virtual std::uint64_t steps() const = 0;
@@ -45,7 +45,7 @@ public:
     virtual std::uint64_t steps_of(const unsigned char* bytes) const = 0;
 };
 
-// As it begins, with zeros between its members: equal states are equal bytes.
+// The initial state, with zeros between its members: equal states are equal bytes.
 template <class State>
 void clear(State& state) {
     static_assert(std::is_trivially_copyable_v<State>);
@@ -53,7 +53,7 @@ void clear(State& state) {
     new (&state) State{};
 }
 
-// Of one type.
+// A controller of one type.
 template <Controller C>
 class ControllerOf final : public AnyController<typename C::Value> {
     using T = typename C::Value;

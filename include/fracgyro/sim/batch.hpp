@@ -72,7 +72,7 @@ inline std::size_t kernel_terms(const Setup& s) {
     return kernel == nullptr ? 0 : kernel->count;
 }
 
-// What measuring a block asks of a type of controller, besides advance_block.
+// Functions of a type of controller that measuring a block needs, in addition to advance_block.
 template <class T>
 using HeldBlock = std::unique_ptr<BlockOf<T>, void (*)(BlockOf<T>*)>;
 template <class T>
@@ -80,7 +80,7 @@ struct BlockType {
     HeldBlock<T> (*make)();
     // The controller of one more run, for this lane; the first prepares all.
     void (*prepare)(BlockOf<T>&, const ControllerParams&, const Common&, std::size_t lane);
-    // What every lane reports before the coming step.
+    // The report of every lane before the coming step.
     std::vector<CommonReport> (*report)(const BlockOf<T>&);
 };
 

@@ -336,7 +336,7 @@ class _Look:
             return None
         logarithms = np.log(np.maximum(self.changes, 1e-300))
         spread = float(np.std(logarithms))
-        # Of few subblocks the deviation is known to a third.
+        # Few subblocks determine the deviation to a third.
         chance = chi2.sf(self.count * (spread / (1.3 * self.uncertain)) ** 2, self.count - 1)
         if spread < MIN_SPREAD or chance > UNSTEADY:
             return None

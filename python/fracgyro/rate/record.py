@@ -448,7 +448,7 @@ def _unit(table: Table, chosen: list[int], options: Options) -> tuple[Unit, list
 
 
 def _in_brackets(table: Table, i: int) -> str | None:
-    """What is in brackets at the end of a column's name, or in a line of units."""
+    """Text in brackets at the end of a column's name, or in a line of units."""
     bracketed = re.search(r"[\[(]([^\[\]()]+)[\])]\s*$", table.names[i])
     return bracketed[1].strip() if bracketed else table.known.get(i)
 

@@ -66,7 +66,7 @@ def spectrum(records: Array, interval: float) -> Spectrum:
         strong = sorted((line for line in lines if line.covers), key=lambda line: -line.amplitude)[:MAX_STRONG]
         if not strong:
             break
-        # What a sinusoid leaks into all frequencies goes with it, if it is one.
+        # A sinusoid that is steady takes its leakage with it.
         records = np.stack([_without(record[:samples], strong, interval) for record in records])
         power = _power(records, samples, interval)
         lines, kept = _lines(power, count, samples, interval)
@@ -159,7 +159,7 @@ def _lines(power: Array, count: int, samples: int, interval: float) -> tuple[tup
             continue
         # Off it, its power falls as the square of the distance: to a ninth of the noise.
         wide = min(int(3 * math.sqrt(power[here] / wide_level[here])) + 2, here // 2, len(power) // 8)
-        # What a strong one leaks raises the level around it, too.
+        # Leakage of a strong one raises the level around it, too.
         ratio = float(power[here] / np.min(wide_level[here // 4 : 4 * here]))
         covers = ratio > STRONG and 3 * math.sqrt(ratio) > wide
         around = slice(max(here - wide, 0), here + wide + 1)
