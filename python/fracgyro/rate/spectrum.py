@@ -146,13 +146,18 @@ def _lines(power: Array, count: int, samples: int, interval: float) -> tuple[tup
         return (), kept
     most = chi2.isf(FALSE_LINES / len(power), count) / count
     octaves = np.log2(samples / MIN_LINE)
-    wide_edges = np.geomspace(MIN_LINE, samples, max(2, round(4 * octaves)))
+    bands = np.unique(np.round(np.geomspace(MIN_LINE, samples, max(2, round(4 * octaves)))).astype(np.int64)) - 1
+    middles, medians = _medians(power, bands, count)
     # Behind a filter the level falls steeply: it is a line between medians of few frequencies, too.
-    near_edges = np.unique(np.concatenate([wide_edges, np.arange(MIN_LINE, samples, NEAR)]))
-    wide_level, near_level = (_level(power, edges, count) for edges in (wide_edges, near_edges))
-    level = np.maximum(wide_level, near_level)
-    strong = np.flatnonzero(power > most * level)
-    strong = strong[(strong >= MIN_LINE - 1) & (level[strong] > 0)]
+    first = MIN_LINE - 1
+    blocks = np.arange(first, len(power) + 1, min(NEAR, len(power) - first))
+    near_middles, near_medians = _medians(power, blocks, count)
+    least = np.minimum.reduce([near_medians, np.roll(near_medians, 1), np.roll(near_medians, -1)])
+    least = np.append(np.repeat(least, np.diff(blocks)), np.full(len(power) - blocks[-1], near_medians[-2:].min()))
+    strong = first + np.flatnonzero(power[first:] > most * least)
+    wide_level = dict(zip(strong.tolist(), _level(strong, middles, medians).tolist(), strict=True))
+    level = np.maximum(list(wide_level.values()), _level(strong, near_middles, near_medians))
+    strong = strong[(power[strong] > most * level) & (level > 0)]
     found = []
     for here in map(int, strong[np.argsort(-power[strong])]):
         if not kept[here]:
@@ -160,7 +165,9 @@ def _lines(power: Array, count: int, samples: int, interval: float) -> tuple[tup
         # Off it, its power falls as the square of the distance: to a ninth of the noise.
         wide = min(int(3 * math.sqrt(power[here] / wide_level[here])) + 2, here // 2, len(power) // 8)
         # Leakage of a strong one raises the level around it, too.
-        ratio = float(power[here] / np.min(wide_level[here // 4 : 4 * here]))
+        around_it = medians[(middles > here / 4) & (middles < 4 * here)]
+        noise = max(min(around_it.min(initial=np.inf), wide_level[here]), np.finfo(float).tiny)
+        ratio = min(float(power[here]) / noise, 1 / np.finfo(float).eps)
         covers = ratio > STRONG and 3 * math.sqrt(ratio) > wide
         around = slice(max(here - wide, 0), here + wide + 1)
         mean = float(np.sum(power[around])) / (interval * samples)
@@ -169,13 +176,20 @@ def _lines(power: Array, count: int, samples: int, interval: float) -> tuple[tup
     return tuple(sorted(found, key=lambda line: line.frequency)), kept
 
 
-def _level(power: Array, edges: Array, count: int) -> Array:
-    """Mean power at every k, lines aside: straight in logarithms between medians over bands."""
-    ends = np.unique(np.round(edges).astype(np.int64)) - 1
-    middles = [(begin + end - 1) / 2 for begin, end in pairwise(map(int, ends))]
-    medians = [float(np.median(power[begin:end])) for begin, end in pairwise(map(int, ends))]
-    logarithms = np.log(np.maximum(medians, np.finfo(float).tiny) / (chi2.median(count) / count))
-    return np.asarray(np.exp(np.interp(np.log(np.arange(len(power)) + 1.0), np.log(np.add(middles, 1.0)), logarithms)))
+def _medians(power: Array, ends: NDArray[np.int64], count: int) -> tuple[Array, Array]:
+    """Middles of bands, and the mean power in each as its median gives it, without lines."""
+    sizes = np.diff(ends)
+    if (sizes == sizes[0]).all():
+        found = np.median(power[ends[0] : ends[-1]].reshape(-1, sizes[0]), axis=1)
+    else:
+        found = np.array([np.median(power[begin:end]) for begin, end in pairwise(map(int, ends))])
+    return (ends[:-1] + ends[1:] - 1) / 2, np.asarray(found / (chi2.median(count) / count))
+
+
+def _level(at: NDArray[np.int64], middles: Array, medians: Array) -> Array:
+    """Straight in logarithms between the medians."""
+    logarithms = np.log(np.maximum(medians, np.finfo(float).tiny))
+    return np.asarray(np.exp(np.interp(np.log(at + 1.0), np.log(middles + 1.0), logarithms)))
 
 
 @cache
