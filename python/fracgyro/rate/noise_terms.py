@@ -53,7 +53,7 @@ RESPONSES = (
 )
 ROUNDING = 1e-30  # share of the largest power, below which powers are zero
 LIKELIER = 1.5  # what drift instead of K must add to twice the log likelihood for K not to be counted
-SLOWEST_RESPONSE = 5.0  # s: what is slower is no response of a gyroscope
+SLOWEST_RESPONSE = 5.0  # s: a gyroscope responds faster
 BEYOND = 1e3  # times a power: what exceeds it is not bounded
 
 

@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 BLOCK = 2**22  # bytes read at a time
 BEGINNING = 2**16  # bytes that comments, names and the first rows may have
-ROWS = 20  # rows of numbers from which a layout is told
+ROWS = 20  # rows of numbers that determine a layout
 MIN_ROWS = 2
 BLANKS = " "  # stands for any run of blanks
 COMMENT = re.compile(r"^\s*(#|//|%|!|;(?=\s|$))\s?")
