@@ -8,7 +8,7 @@
 //    resonance.
 #pragma once
 
-#include "fracgyro/control/adaptive.hpp"
+#include "fracgyro/controllers/adaptive.hpp"
 
 namespace fracgyro {
 

@@ -8,7 +8,7 @@
 //    wind up, and never grows beyond it.
 #pragma once
 
-#include "fracgyro/control/adaptive.hpp"
+#include "fracgyro/controllers/adaptive.hpp"
 
 namespace fracgyro {
 

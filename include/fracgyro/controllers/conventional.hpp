@@ -21,10 +21,8 @@
 //    A dxy acts as a rate dxy/2, and no conventional gyroscope can tell them apart.
 #pragma once
 
-#include "fracgyro/control/adaptation.hpp"
 #include "fracgyro/control/controller.hpp"
-#include "fracgyro/control/observer.hpp"
-#include "fracgyro/control/reference.hpp"
+#include "fracgyro/control/datasheet.hpp"
 
 namespace fracgyro {
 
@@ -116,10 +114,6 @@ struct ConventionalGyroscope {
         const ConventionalParams& p = loop_of(all);
         const double h = common.step, w = common.reference.frequency.x();
         const double lead = 0.5 + static_cast<double>(p.datasheet.delay);
-        const auto turn = [](double angle) {
-            const auto found = sine_cosine<double>(Reference<double>::phase_of(angle));
-            return Vec2<T>{T(found.cosine), T(found.sine)};
-        };
         const double amplitude_gain = 2.0 * w * p.amplitude_bandwidth;
         double held = 0.0;
         if constexpr (rebalanced) {
@@ -133,8 +127,8 @@ struct ConventionalGyroscope {
                 .amplitude = T(common.reference.amplitude.x()),
                 .frequency = T(w),
                 .largest_detuning = T(0.1 * w),
-                .turn = turn(w * h),
-                .lead = turn(w * h * lead),
+                .turn = turn_of<T>(w * h),
+                .lead = turn_of<T>(w * h * lead),
                 .lead_steps = T(lead),
                 .demodulation = T(2.0 * p.demodulation_bandwidth * h),
                 .phase_gain = T(1.4 * p.pll_bandwidth),
@@ -174,7 +168,7 @@ struct ConventionalGyroscope {
     static Signals<T, Report> step(State& state, const Coefficients& c, const Motion<T>& measured,
                                    const Sample<T>* missing = nullptr) {
         if (state.reference.steps == 0) {
-            const auto start = PhaseOf<T>::sine_cosine(c.reference.start[0]);
+            const auto start = PhaseOf<T>::sine_cosine(c.reference.phases.start[0]);
             state.oscillator = {start.cosine, start.sine};
         }
         Signals<T, Report> signals{.reference = Reference<T>::update(state.reference, c.reference),
@@ -269,13 +263,5 @@ template <Scalar T>
 using OpenLoop = ConventionalGyroscope<T, false>;
 template <Scalar T>
 using ForceRebalance = ConventionalGyroscope<T, true>;
-template <Scalar T>
-struct FromPositions<OpenLoop<T>> {
-    using Type = OpenLoop<T>;
-};
-template <Scalar T>
-struct FromPositions<ForceRebalance<T>> {
-    using Type = ForceRebalance<T>;
-};
 
 }  // namespace fracgyro

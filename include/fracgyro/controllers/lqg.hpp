@@ -7,8 +7,11 @@
 //    plant's own forces on e do not count.
 #pragma once
 
-#include "fracgyro/control/joint.hpp"
-#include "fracgyro/control/least_squares_pid.hpp"
+#include "fracgyro/control/feedforward.hpp"
+#include "fracgyro/control/loop_frequency.hpp"
+#include "fracgyro/control/saturation.hpp"
+#include "fracgyro/estimation/joint.hpp"
+#include "fracgyro/hardware/observer.hpp"
 
 namespace fracgyro {
 
@@ -33,7 +36,7 @@ template <Scalar T, bool velocity_measured>
 struct LqgOf {
     using Value = T;
     using Params = LqgParams;
-    using Report = LearntPlantReport<T>;
+    using Report = LearnedPlantReport<T>;
     using Filter = JointFilter<T, velocity_measured>;
     static constexpr bool measures_velocity = velocity_measured, estimates_motion = true;
 

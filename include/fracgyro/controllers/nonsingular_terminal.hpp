@@ -12,7 +12,7 @@
 //    and there the force has no authority over s. The estimates follow the laws (44) with (ds/du) s in the place of s.
 #pragma once
 
-#include "fracgyro/control/adaptive.hpp"
+#include "fracgyro/controllers/adaptive.hpp"
 
 namespace fracgyro {
 
