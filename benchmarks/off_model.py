@@ -24,7 +24,7 @@ from fracgyro import _core
 from fracgyro.export.compilers import FLAGS, SOURCES, include, system_compiler
 from fracgyro.scenario.kinds import KINDS
 from fracgyro.scenario.shipped import shipped
-from fracgyro.scenario.to_core import core_setup
+from fracgyro.scenario.to_core import core_setup, device_numbers, profiles
 from machine import command, machine, write
 
 DEPENDS_ON = ["sliding_mode", "joint", "composite", "benchmarks/off_model.cpp", "benchmarks/scenario_files.hpp"]
@@ -86,7 +86,9 @@ class Program:
         with tempfile.TemporaryDirectory(dir=self._folder) as name:
             folder = Path(name)
             np.array(_core.setup_settings(setup)).tofile(folder / "numbers")
-            np.array(_core.device_settings(setup)).tofile(folder / "device")
+            np.array(list(device_numbers(scenario).values())).tofile(folder / "device")
+            for kind, points in zip(("rate", "temperature"), profiles(scenario), strict=True):
+                np.array(points).tofile(folder / kind)
             for kind, values in zip(("poles", "weights"), _core.setup_kernel(setup), strict=True):
                 np.array(values).tofile(folder / kind)
             sensing = "both" if scenario.device.sensing == "full" else "position"

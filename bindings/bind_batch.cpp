@@ -162,6 +162,10 @@ nb::tuple rate_means(const Setups& setups, std::int64_t every, std::int64_t bloc
                           owned<std::int64_t, 1>(std::move(lasted), {setups.size()}));
 }
 
+void write_metrics(const Metrics& metrics, double* row) {
+    for_each_number(metrics, [&](double number) { *row++ = number; });
+}
+
 // Metrics of all runs, (runs, metrics). `lanes`: one of lane_counts(), counted in doubles, or 1: every run by itself,
 // with the same bits. Runs that are not ideal go one by one, in double precision.
 nb::ndarray<nb::numpy, double> measure_runs(const Setups& setups, const MetricsParams& params, unsigned threads,
@@ -186,12 +190,12 @@ nb::ndarray<nb::numpy, double> measure_runs(const Setups& setups, const MetricsP
         }
         return measure_all(kernels.doubles, ideal, params, threads);
     };
-    auto data = std::make_unique<double[]>(setups.size() * metric_names.size());
+    auto data = std::make_unique<double[]>(setups.size() * metrics_width);
     {
         nb::gil_scoped_release unlocked;
         const auto measured = [&] {
             if (lanes_or_one == 1 && !single_precision) {
-                std::vector<MetricValues> values(ideal.size());
+                std::vector<Metrics> values(ideal.size());
                 const FillNoise noise = fastest_noise();
                 parallel_for(ideal.size(), threads,
                              [&](std::size_t i) { values[i] = measure_double(*ideal[i], params, noise); });
@@ -208,8 +212,8 @@ nb::ndarray<nb::numpy, double> measure_runs(const Setups& setups, const MetricsP
 #endif
             return measure(kernels_for_any_processor());
         }();
-        const auto keep = [&](std::size_t place, const MetricValues& values) {
-            std::copy(values.begin(), values.end(), data.get() + place * values.size());
+        const auto keep = [&](std::size_t place, const Metrics& values) {
+            write_metrics(values, data.get() + place * metrics_width);
         };
         for (std::size_t i = 0; i < places.size(); ++i) {
             keep(places[i], measured[i]);
@@ -219,19 +223,18 @@ nb::ndarray<nb::numpy, double> measure_runs(const Setups& setups, const MetricsP
             keep(others[i], measure_any(setup, *make_double(setup), params));
         });
     }
-    return owned<double, 2>(std::move(data), {setups.size(), metric_names.size()});
+    return owned<double, 2>(std::move(data), {setups.size(), metrics_width});
 }
 
 // The same of runs by the loop of device_loop.hpp, in double precision, with the controllers of users or of the setups.
 nb::ndarray<nb::numpy, double> measure_device_runs(const Setups& setups, const MetricsParams& params, unsigned threads,
                                                    const Users& users, const std::vector<const Units*>& units) {
     const Controllers controllers(setups, users, units);
-    auto data = std::make_unique<double[]>(setups.size() * metric_names.size());
+    auto data = std::make_unique<double[]>(setups.size() * metrics_width);
     controllers.each(threads, [&](std::size_t i, AnyController<double>& controller) {
-        const auto values = measure_any(*setups[i], controller, params);
-        std::copy(values.begin(), values.end(), data.get() + i * values.size());
+        write_metrics(measure_any(*setups[i], controller, params), data.get() + i * metrics_width);
     });
-    return owned<double, 2>(std::move(data), {setups.size(), metric_names.size()});
+    return owned<double, 2>(std::move(data), {setups.size(), metrics_width});
 }
 
 }  // namespace
@@ -303,7 +306,6 @@ void bind_batch(nb::module_& m) {
           nb::arg("single_precision") = false);
     m.def("measure_device_runs", &measure_device_runs, nb::arg("setups"), nb::arg("params"), nb::arg("threads") = 1,
           nb::arg("users") = Users(), nb::arg("units") = std::vector<const Units*>());
-    m.attr("metric_names") = nb::cast(std::vector<std::string_view>(metric_names.begin(), metric_names.end()));
     const auto all_described = [](const auto& all) {
         nb::list found;
         for (const Channel& c : all) {
@@ -311,6 +313,9 @@ void bind_batch(nb::module_& m) {
         }
         return nb::tuple(found);
     };
+    nb::list metrics;
+    for_each_reported<Metrics>([&](const Channel& c) { metrics.append(described(c)); });
+    m.attr("metrics") = nb::tuple(metrics);
     m.attr("loop_channels") = all_described(loop_channels);
     m.attr("device_channels") = all_described(device_channels);
 }

@@ -17,7 +17,6 @@ NB_MODULE(_core, m) {
     fracgyro::bindings::bind_fractional(m);
     fracgyro::bindings::bind_disturbance(m);
     fracgyro::bindings::bind_controller(m);
-    fracgyro::bindings::bind_device(m);
     fracgyro::bindings::bind_loop(m);
     fracgyro::bindings::bind_user_controller(m);
     fracgyro::bindings::bind_stepper(m);

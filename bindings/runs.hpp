@@ -7,6 +7,6 @@
 namespace fracgyro::bindings {
 
 std::int64_t record_run(const Setup& setup, std::int64_t every, double* rows, FillNoise noise);
-MetricValues measure_double(const Setup& setup, const MetricsParams& params, FillNoise noise);
+Metrics measure_double(const Setup& setup, const MetricsParams& params, FillNoise noise);
 
 }  // namespace fracgyro::bindings

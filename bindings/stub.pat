@@ -34,14 +34,18 @@ fracgyro._core.sampled_operator:
 fracgyro._core.kernel$:
     def kernel(times: NDArray[Any], order: float) -> NDArray[numpy.float64]: ...
 
-fracgyro._core.(controller_kinds|controller_meanings|metric_names):
+fracgyro._core.(controller_kinds|controller_meanings):
     \1: list[str]
 
-fracgyro._core.(loop_channels|device_channels):
+fracgyro._core.(loop_channels|device_channels|metrics):
     \1: tuple[tuple[str, int, str, str, str, bool], ...]
 
 fracgyro._core.fields_of_kind:
     def fields_of_kind(kind: int) -> list[dict[str, Any]]:
+        \doc
+
+fracgyro._core.device_fields:
+    def device_fields() -> list[dict[str, Any]]:
         \doc
 
 fracgyro._core.reports_of_kind:

@@ -24,8 +24,7 @@ struct FromMotions {
 using Unguarded = std::conditional_t<from_positions, FromPositions<Registered>, FromMotions<Registered>>::Type;
 // What is measured in the FMU itself has no faults.
 using ExportedController = std::conditional_t<exported::closed_loop, Unguarded, Guard<Unguarded>>;
-using Loop =
-    std::conditional_t<exported::device.empty(), IdealLoop<ExportedController>, DeviceLoop<ExportedController>>;
+using Loop = std::conditional_t<exported::ideal, IdealLoop<ExportedController>, DeviceLoop<ExportedController>>;
 
 // Of the steps in one call of the importer: some seconds of work, after which it may think again.
 inline constexpr double most_steps = 1e7;
@@ -316,7 +315,7 @@ private:
             std::copy(exported::weights.begin(), exported::weights.end(), kernel->weights.begin());
         }
         setup_.common.observer_bandwidth = exported::observer_bandwidth;
-        Loop::take_device(setup_);
+        Loop::take_device(setup_, numbers.data() + setting_count(setup_));
         coefficients_ = Loop::prepare(setup_);
         draw_ = Loop::draw(setup_);
         prepared_ = true;

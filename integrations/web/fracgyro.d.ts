@@ -26,8 +26,16 @@ export interface Scenario {
   readonly settings: Settings;
   /** Nondimensional = setting / scale, for those in SI units. */
   readonly scales: Partial<Record<SettingName, number>>;
-  /** Of a rate that moves and a device that is not ideal, for the run.step of the settings; null is infinity. */
-  readonly device?: readonly (number | null)[];
+  /** A moving rate and a real device, nondimensional, for the run.step of the settings. */
+  readonly device?: Device;
+}
+
+export interface Device {
+  /** As rate.amplitude and device.position_noise; null is infinity. */
+  readonly numbers: Readonly<Record<string, number | null>>;
+  /** Times, in steps, and values: of the rate, and of the change of temperature in K. */
+  readonly rate: readonly [readonly number[], readonly number[]];
+  readonly temperature: readonly [readonly number[], readonly number[]];
 }
 
 export interface Field {

@@ -72,7 +72,7 @@ class Fracgyro {
     const first = { ...settings };
     // Of what the loop was started from; kind, sensors and exponentials are not among the values.
     const design = ["controller.kind", "device.sensing", "controller.observer_bandwidth", "run.kernel_tolerance"];
-    const started = [design.map((name) => first[name]), valuesOf(first), scenario.device ?? []];
+    const started = [design.map((name) => first[name]), valuesOf(first), scenario.device ?? null];
     const key = utf8(`fracgyro ${this.version} loop 2 ${checksum(utf8(JSON.stringify(started))).toString(16)}\n`);
     const saved = () => new Uint8Array(core.memory.buffer, core.loop_saved(), core.loop_saved_size());
     const checked = (before, changes) => this.#checked(before, changes);
@@ -262,14 +262,30 @@ class Fracgyro {
     const place = this.fields["controller.kind"].choices.indexOf(kind);
     const observed = settings["device.sensing"] === "position";
     const bandwidth = observed ? settings["controller.observer_bandwidth"] : 0;
-    const at = device ? core.room_for(device.length) : 0;
+    const placed = (numbers) => {
+      const at = core.room_for(Math.max(numbers.length, 1)) >>> 0;
+      core.doubles(at, numbers.length).set(numbers);
+      return at;
+    };
+    const at = device ? placed(this.#deviceNumbers(device.numbers)) : 0;
     if (device) {
-      core.doubles(at, device.length).set(device.map((number) => number ?? Infinity));
+      const { rate, temperature } = device;
+      core.device_points(rate[0].length, placed(rate.flat()), temperature[0].length, placed(temperature.flat()));
     }
     if (!core.setup_done(place, bandwidth, settings["run.duration"], settings["run.kernel_tolerance"], at)) {
       throw new RangeError(`run.step is ${settings["run.step"]}: it must lie between 1e-200 and 1e200`);
     }
     return { core, settings, reported: reported[core.chosen_type()], observed, valuesOf };
+  }
+
+  // In the core's order.
+  #deviceNumbers(named) {
+    return this.#data.device_numbers.map((name) => {
+      if (!Object.hasOwn(named, name)) {
+        throw new RangeError(`${name} is missing: it must be given`);
+      }
+      return named[name] ?? Infinity;
+    });
   }
 
   // The settings of the kind. What a scenario says of another one's is left out.

@@ -2,7 +2,6 @@
 // in these globals and in pages behind them that go when it does. Nothing is imported.
 #define _LIBCPP_VERBOSE_ABORT(...) __builtin_trap()  // of a vector that would be too long
 #include "fracgyro/core/kernel_design.hpp"
-#include "fracgyro/sim/device_settings.hpp"
 #include "fracgyro/sim/guarded_controller.hpp"
 #include "fracgyro/sim/running_loop.hpp"
 #include "fracgyro/sim/settings.hpp"
@@ -102,8 +101,8 @@ EXPORT double* room_for(std::size_t count) { return static_cast<double*>(pages(c
 // To be filled in before `setup_done`.
 EXPORT double* setting_values() { return values.data(); }
 // The kind is a place in the registry; the bandwidth, that of the observer of velocity, 0: the velocity is measured.
-// `device`: the numbers of a rate that moves and a device that is not ideal (device_settings.hpp), or nullptr. Designs
-// the exponentials of a controller with memory. Returns whether there are such.
+// `device`: the numbers of a moving rate and a real device, or nullptr. Designs the exponentials of a controller with
+// memory. Returns whether there are such.
 EXPORT bool setup_done(std::size_t kind, double observer_bandwidth, double duration, double tolerance,
                        const double* device) {
     setup.controller = params_of_kind(kind);
@@ -124,6 +123,15 @@ EXPORT std::size_t chosen_type() {
     std::size_t chosen = 0;
     with_params(setup.controller, [&](const auto& params, auto family) { chosen = family.chosen(params); });
     return chosen;
+}
+
+// The points of the rate and of the temperature: how many, and their times, in steps, followed by their values.
+EXPORT void device_points(std::size_t rates, const double* rate, std::size_t temperatures, const double* temperature) {
+    const auto profile = [](std::size_t count, const double* from) {
+        return Profile{{from, from + count}, {from + count, from + 2 * count}};
+    };
+    setup.rate.table = profile(rates, rate);
+    setup.device.temperature = profile(temperatures, temperature);
 }
 
 // The loop at t = 0.

@@ -2,12 +2,15 @@
 #include "paper.hpp"
 #include "scalars.hpp"
 
-#include "fracgyro/sim/device_settings.hpp"
 #include "fracgyro/sim/running_loop.hpp"
+#include "fracgyro/sim/settings.hpp"
 #include "fracgyro/hardware/guard.hpp"
 
 #include <cmath>
 #include <complex>
+#include <map>
+#include <random>
+#include <string>
 
 namespace fracgyro::testing {
 namespace {
@@ -104,23 +107,35 @@ TEST(MovingRate, AProfileIsLinearBetweenItsTimesAndConstantBeyondThem) {
     EXPECT_EQ(Profile{}.at(3), 0.0);
 }
 
-TEST(DeviceSettings, ComeBackFromNumbersWithHowManyBeforeEachList) {
+TEST(DeviceSettings, AreDescribedAndComeBackFromTheirNumbers) {
     constexpr double off = Quantizer::unlimited;
     DeviceSetup setup;
-    setup.rate = {.kind = AngularRateKind::table, .seed = 7, .table = {{0.0, 5.0}, {1.0, 2.0}}, .inertial = true};
-    setup.device = {.position = {{2.0, off}, 24}, .delay = 3, .temperature = {{4.0}, {6.0}}, .rate_random_walk = 8.0};
-    const std::vector<double> numbers = device_settings(setup);
-    const std::vector<double> of_rate{5, 0, 0, 1, 1, 0, 0, 7, 2, 0, 5, 2, 1, 2, 1};
-    EXPECT_EQ(std::vector<double>(numbers.begin(), numbers.begin() + 15), of_rate);
+    setup.rate = {.kind = AngularRateKind::table, .seed = 7, .inertial = true};
+    setup.device = {.position = {{2.0, off}, 24}, .actuator_limit = 3.0, .delay = 3, .rate_walk_step = 8.0};
+    std::map<std::string, double> named;
+    std::vector<double> numbers;
+    for_each_device_setting(setup, [&](std::string_view table, const auto& field, std::string_view part, auto number) {
+        named[std::string(table) + '.' + std::string(field.name) + std::string(part)] = static_cast<double>(number);
+        numbers.push_back(static_cast<double>(number));
+    });
+    EXPECT_EQ(numbers.size(), device_setting_count());
+    EXPECT_EQ(named.size(), numbers.size()) << "two numbers have one name";
+    EXPECT_EQ(named["rate.kind"], 5.0);
+    EXPECT_EQ(named["rate.seed"], 7.0);
+    EXPECT_EQ(named["device.position_range.x"], 2.0);
+    EXPECT_EQ(named["device.position_range.y"], off);
+    EXPECT_EQ(named["device.position_bits"], 24.0);
+    EXPECT_EQ(named["device.velocity_bits"], 0.0);
+    EXPECT_EQ(named["device.actuator_limit"], 3.0);
     DeviceSetup other;
     take_device_settings(other, numbers.data());
-    EXPECT_EQ(device_settings(other), numbers);
     EXPECT_EQ(other.rate.kind, AngularRateKind::table);
-    EXPECT_EQ(other.rate.table.values, (std::vector<double>{1.0, 2.0}));
+    EXPECT_TRUE(other.rate.inertial);
     EXPECT_EQ(other.device.position.range.y(), off);
     EXPECT_EQ(other.device.position.bits, 24);
-    EXPECT_EQ(other.device.temperature.values, std::vector<double>{6.0});
-    EXPECT_EQ(other.device.rate_random_walk, 8.0);
+    EXPECT_EQ(other.device.delay, 3);
+    EXPECT_EQ(other.device.rate_walk_step, 8.0);
+    EXPECT_EQ(other.device.actuator()(Vec2<double>{5.0, -1.0}).x(), 3.0);
 }
 
 // -- The plant that varies --------------------------------------------------------------------------------------------
@@ -268,6 +283,24 @@ TEST(Quantisation, ThreeBitsOverFourHaveEightLevelsOfOne) {
     expect_equal(q({-100.0, 3.4}), {-4.0, 3.0});
     const Quantizer clip{.range = {4.0, 4.0}};
     expect_equal(clip({0.4, -7.0}), {0.4, -4.0});
+}
+
+TEST(Quantisation, IsIdempotentMonotoneAndWithinHalfAStep) {
+    std::mt19937_64 random(7);
+    for (int i = 0; i < 10'000; ++i) {
+        const double span = std::exp2(static_cast<double>(random() % 40) - 30.0);
+        const int bits = 1 + static_cast<int>(random() % 32);
+        const Quantizer q{.range = {span, span}, .bits = bits};
+        const auto uniform = [&] { return 6.0 * span * (static_cast<double>(random() >> 11) * 0x1p-53 - 0.5); };
+        const auto of = [&](double a) { return q(Vec2<double>{a, 0.0}).x(); };
+        const double a = uniform(), b = uniform(), step = 2.0 * span / std::exp2(bits);
+        ASSERT_EQ(of(of(a)), of(a));
+        ASSERT_LE(of(std::min(a, b)), of(std::max(a, b)));
+        ASSERT_TRUE(-span <= of(a) && of(a) <= span - step);
+        if (-span <= a && a <= span - step) {
+            ASSERT_LE(std::abs(of(a) - a), 0.5 * step * (1.0 + 1e-9));
+        }
+    }
 }
 
 TEST(Quantisation, EachAxisHasItsOwnRange) {

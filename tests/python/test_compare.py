@@ -26,7 +26,7 @@ from fracgyro.compare.run import Compared, compare
 from fracgyro.compare.task import Cell, sensed
 from fracgyro.compare.track import Track
 from fracgyro.scenario.schema import ZERO
-from fracgyro.scenario.to_core import core_numbers, device_params
+from fracgyro.scenario.to_core import core_numbers, device_values
 from fracgyro.study.space import value_of
 from fracgyro.study.tune.criteria import Measured, measure
 
@@ -123,10 +123,10 @@ def test_positions_only_means_no_velocity_and_the_noise_is_the_same_on_what_is_m
     assert (full.device.sensing, positions.device.sensing) == ("full", "position")
     # 1e-13 m/sqrt(Hz), one-sided, at 1 MHz over q0 = 1 um.
     sigma = 1e-13 * math.sqrt(0.5e6) / 1e-6
-    assert device_params(full).position_noise == pytest.approx(sigma)
-    assert device_params(full).velocity_noise == pytest.approx(sigma)
-    assert device_params(positions).position_noise == pytest.approx(sigma)
-    assert device_params(positions).velocity_noise == 0.0
+    assert device_values(full)["position_noise"] == pytest.approx(sigma)
+    assert device_values(full)["velocity_noise"] == pytest.approx(sigma)
+    assert device_values(positions)["position_noise"] == pytest.approx(sigma)
+    assert device_values(positions)["velocity_noise"] == 0.0
 
 
 def test_an_observer_is_tuned_where_one_is_needed_and_nowhere_else() -> None:

@@ -342,25 +342,6 @@ def test_what_acts_as_a_rate_is_none_and_counts_as_an_error() -> None:
     np.testing.assert_allclose(fg.metrics.rate_error(run), run["rate_bias"], rtol=0, atol=1e-15)
 
 
-@given(value=st.floats(-3.0, 3.0), other=st.floats(-3.0, 3.0), span=st.floats(1e-9, 1e3), bits=st.integers(1, 32))
-def test_a_quantiser_is_idempotent_monotone_and_within_half_a_step(
-    value: float, other: float, span: float, bits: int
-) -> None:
-    core = _core.Quantizer()
-    core.range, core.bits = (span, 3 * span), bits
-
-    def quantiser(a: float) -> float:
-        return float(core((a, 3 * a))[0])
-
-    step = 2 * span / 2**bits
-    a, b = value * span, other * span
-    assert quantiser(quantiser(a)) == quantiser(a)
-    assert quantiser(min(a, b)) <= quantiser(max(a, b))
-    if -span <= a <= span - step:
-        assert abs(quantiser(a) - a) <= step / 2 * (1 + 1e-9)
-    assert -span <= quantiser(a) <= span - step
-
-
 # -- Many runs and metrics -----------------------------------------------------------------------------------
 
 

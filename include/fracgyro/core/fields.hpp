@@ -81,6 +81,21 @@ constexpr Field<Member> in_table(std::string_view table, Field<Member> field) {
     return field;
 }
 
+// A member of a member.
+template <class Outer, class Member>
+struct Within {
+    Outer outer;
+    Member inner;
+};
+template <class Struct, class Member>
+constexpr auto& member_of(Struct& of, const Member& member) {
+    if constexpr (requires { of.*member; }) {
+        return of.*member;
+    } else {
+        return member_of(member_of(of, member.outer), member.inner);
+    }
+}
+
 // The fields of a member, in a table of their own: all, or those of a list.
 struct AllFields {};
 template <class Member, class List = AllFields>
@@ -103,9 +118,9 @@ template <class Struct, class Visit, class List = AllFields>
 constexpr void for_each_field(std::string_view table, Struct& of, Visit&& visit, const List& list = {}) {
     const auto one = [&]<class Listed>(const Listed& listed) {
         if constexpr (requires { listed.inner_table; }) {
-            for_each_field(listed.inner_table, of.*listed.member, visit, listed.list);
+            for_each_field(listed.inner_table, member_of(of, listed.member), visit, listed.list);
         } else {
-            visit(listed.table.empty() ? table : listed.table, listed, of.*listed.member);
+            visit(listed.table.empty() ? table : listed.table, listed, member_of(of, listed.member));
         }
     };
     const auto each = [&](const auto&... listed) { (one(listed), ...); };

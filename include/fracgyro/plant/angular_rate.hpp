@@ -47,8 +47,35 @@ struct AngularRateParams {
     std::int64_t start = 0, hold = 1, levels = 1;   // steps, steps, count
     double frequency = 0.0, final_frequency = 0.0;  // rad per unit of time
     std::uint64_t seed = 0;
-    Profile table{};
     bool inertial = false;  // the centrifugal and Euler forces follow the rate (varying_gyroscope.hpp)
+    Profile table{};
+
+    static constexpr std::string_view kinds[] = {"constant", "staircase", "sine", "chirp", "noise", "table"},
+                                      switches[] = {"false", "true"};
+    // All but the table.
+    static constexpr auto fields() {
+        using P = AngularRateParams;
+        constexpr Range count{.low = 1.0, .high = 1e9, .whole = true}, steps{.low = 0.0, .high = 1e9, .whole = true};
+        return std::tuple{
+            choice("kind", &P::kind, kinds, "constant: plant.angular_rate; table: only its points; else their sum."),
+            fixed(field("amplitude", &P::amplitude, "omega0", any_number,
+                        "height of the step or of each level, peak of sine and chirp, standard deviation of the "
+                        "noise.")),
+            fixed(field("start_steps", &P::start, "h", steps, "Steps during which the rate is plant.angular_rate.")),
+            fixed(field("hold_steps", &P::hold, "h", count, "Steps on each level of the staircase.")),
+            fixed(field("levels", &P::levels, "1", count,
+                        "How many levels the staircase climbs; it stays on the last one.")),
+            fixed(field("frequency", &P::frequency, "omega0", at_least_0,
+                        "of the sine, where the chirp begins, where the band of the noise ends. At most pi over the "
+                        "step.")),
+            fixed(field("final_frequency", &P::final_frequency, "omega0", at_least_0,
+                        "where the chirp ends. At most pi over the step.")),
+            fixed(field("seed", &P::seed, "1", {.low = 0.0, .whole = true},
+                        "Of the noise: same seed, same rate; 0 to 2^63 - 1.")),
+            settable(Settable::never, choice("inertial", &P::inertial, switches,
+                                             "Centrifugal and Euler forces follow the rate: plant.centrifugal.")),
+        };
+    }
 };
 
 class AngularRate {

@@ -49,18 +49,78 @@ struct AxesParams {
 struct ImperfectionParams {
     double position_noise = 0.0, velocity_noise = 0.0;      // standard deviations, of every sample on each axis
     double position_flicker = 0.0, velocity_flicker = 0.0;  // A of flicker.hpp
-    Quantizer position{}, velocity{}, actuator{};
-    AxesParams pickoff{}, force{};
+    AxesParams pickoff{};
+    Quantizer position{}, velocity{};
+    double actuator_limit = Quantizer::unlimited;
+    int actuator_bits = 0;
+    AxesParams force{};
     std::int64_t delay = 0;          // steps
     Vec2<double> cubic_stiffness{};  // of each axis: the force is -that·q³
     double stiffness_drift = 0.0;    // K grows by this fraction per kelvin
     double damping_drift = 0.0;      // D grows by this fraction per kelvin
-    Profile temperature{};           // its change, K
     double bias_instability = 0.0;   // of the rate: A of flicker.hpp, the B of IEEE Std 952
-    double rate_random_walk = 0.0;   // standard deviation of its steps
+    double rate_walk_step = 0.0;     // standard deviation of its steps
+    Profile temperature{};           // its change, K
 
+    // All but the temperature.
+    static constexpr auto fields() {
+        using P = ImperfectionParams;
+        constexpr Range bits{.low = 0.0, .high = 32.0, .whole = true}, gain{.low = -1.0, .strict = true};
+        constexpr Range delays{.low = 0.0, .high = 1000.0, .whole = true};
+        return std::tuple{
+            fixed(field("position_noise", &P::position_noise, "q0", at_least_0,
+                        "standard deviation of the measured position, drawn again for every sample. 0.0: off.")),
+            fixed(field("position_flicker", &P::position_flicker, "q0", at_least_0,
+                        "A of flicker noise of the position, two-sided density A^2/omega. 0.0: off.")),
+            fixed(field("velocity_noise", &P::velocity_noise, "q0*omega0", at_least_0,
+                        "of the measured velocity. 0.0: off.")),
+            fixed(field("velocity_flicker", &P::velocity_flicker, "q0*omega0", at_least_0,
+                        "As position_flicker. 0.0: off.")),
+            fixed(field("pickoff_gain_error", Within{&P::pickoff, &AxesParams::gain_error}, "1", gain,
+                        "[x, y], > -1: position and velocity are measured 1 plus this times as large as they are. "
+                        "Zeros: off.")),
+            fixed(field("pickoff_misalignment", Within{&P::pickoff, &AxesParams::misalignment}, "rad", any_number,
+                        "angle from the axes of [plant] to those of the pick-offs, from x towards y. 0.0: off.")),
+            fixed(field("position_range", Within{&P::position, &Quantizer::range}, "q0", limit,
+                        "> 0, [x, y]: the measured position clips at plus and minus this. inf: off.")),
+            fixed(field("position_bits", Within{&P::position, &Quantizer::bits}, "1", bits,
+                        "Bits of the converter: it has 2^bits levels over the range, at most 32 bits. 0: off.")),
+            fixed(field("velocity_range", Within{&P::velocity, &Quantizer::range}, "q0*omega0", limit,
+                        "> 0, [x, y]: the measured velocity clips at plus and minus this. inf: off.")),
+            fixed(
+                field("velocity_bits", Within{&P::velocity, &Quantizer::bits}, "1", bits, "As position_bits. 0: off.")),
+            fixed(field("actuator_limit", &P::actuator_limit, "m*omega0^2*q0", limit,
+                        "> 0: largest force of the actuator per axis; the controller does not know of it, as it does "
+                        "of controller.force_limit. inf: off.")),
+            fixed(field("actuator_bits", &P::actuator_bits, "1", bits,
+                        "Of the force's converter, over plus and minus the limit. 0: off.")),
+            fixed(field("force_gain_error", Within{&P::force, &AxesParams::gain_error}, "1", gain,
+                        "[x, y], > -1: the force that acts is 1 plus this times that of the actuator's converter. "
+                        "Zeros: off.")),
+            fixed(field("force_misalignment", Within{&P::force, &AxesParams::misalignment}, "rad", any_number,
+                        "angle from the axes of [plant] to those of the actuators, from x towards y. 0.0: off.")),
+            fixed(field("delay", &P::delay, "h", delays,
+                        "Steps between a measurement and the force that answers it, beyond none, at most 1000. "
+                        "0: off.")),
+            fixed(field("cubic_stiffness", &P::cubic_stiffness, "m*omega0^2/q0^2", any_number,
+                        "[x, y]: each spring pulls with this times q^3 more; negative softens. Zeros: off.")),
+            fixed(field("stiffness_drift", &P::stiffness_drift, "1/K", any_number,
+                        "of K and Delta K, by the temperature below. It is twice the temperature coefficient of the "
+                        "frequency (TCF) in a data sheet. 0.0: off.")),
+            fixed(field("damping_drift", &P::damping_drift, "1/K", any_number,
+                        "of D and Delta D, by the same. A quality factor that goes as T^-g is 1e6 g/300 ppm/K at "
+                        "300 K: 1700 to 10000 for g from 0.5 to 3. 0.0: off.")),
+            fixed(field("bias_instability", &P::bias_instability, "omega0", at_least_0,
+                        "B of IEEE Std 952; 1 deg/h is 4.848e-6 rad/s. Error torques that act as flicker noise of the "
+                        "rate would, but are not part of the true rate; their Allan deviation is 0.664 B. 0.0: off.")),
+            fixed(field("rate_walk_step", &P::rate_walk_step, "omega0", at_least_0,
+                        "Standard deviation of the steps of a random walk of the rate. 0.0: off.")),
+        };
+    }
+
+    Quantizer actuator() const { return {.range = {actuator_limit, actuator_limit}, .bits = actuator_bits}; }
     bool flickers() const { return position_flicker > 0.0 || velocity_flicker > 0.0; }
-    bool rate_wanders() const { return bias_instability > 0.0 || rate_random_walk > 0.0; }
+    bool rate_wanders() const { return bias_instability > 0.0 || rate_walk_step > 0.0; }
 };
 
 // What is drawn of a device at one sample. White noise of unit variance is drawn for what `flicker` and `rate` become.
@@ -111,7 +171,7 @@ struct Imperfections {
             motion = {.position = c.pickoff(motion.position), .velocity = c.pickoff(motion.velocity)};
         }
         if (c.rate_wanders) {
-            state.walk += d.rate_random_walk * drawn.rate.y();
+            state.walk += d.rate_walk_step * drawn.rate.y();
             state.bias_before = state.bias;
             state.bias = d.bias_instability * Flicker::next(state.rate, drawn.rate.x()) + state.walk;
         }
@@ -132,7 +192,7 @@ struct Imperfections {
         if (c.device.delay > 0) {
             std::swap(asked, state.waiting[static_cast<std::size_t>(n % c.device.delay)]);
         }
-        const Vec2<double> given = c.device.actuator(asked);
+        const Vec2<double> given = c.device.actuator()(asked);
         return c.acts_as_is ? given : c.force(given);
     }
 };

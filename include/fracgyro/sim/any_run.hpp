@@ -57,9 +57,9 @@ std::int64_t record_any(const DeviceSetup& setup, AnyController<double>& control
 }
 
 // The metrics of one run on an ideal device, with the bits of measure_alone.
-inline std::array<double, metric_names.size()> measure_any_ideal(const Setup& setup, AnyController<double>& controller,
-                                                                 const MetricsParams& params, FillNoise noise) {
-    std::array<double, metric_names.size()> values{};
+inline Metrics measure_any_ideal(const Setup& setup, AnyController<double>& controller, const MetricsParams& params,
+                                 FillNoise noise) {
+    Metrics values{};
     with_erased(controller, setup.common, [&]<class C>() {
         values = measure_stretches<C>(
             erased_setup({setup}, controller), params, noise, [&](const auto&) { return controller.common_report(); },
@@ -70,8 +70,7 @@ inline std::array<double, metric_names.size()> measure_any_ideal(const Setup& se
 
 // The metrics of one run on any device. Errors of estimates are against what is true at that sample; the rate has
 // settled within a tolerance of its largest size.
-inline std::array<double, metric_names.size()> measure_any(const DeviceSetup& setup, AnyController<double>& controller,
-                                                           const MetricsParams& params) {
+inline Metrics measure_any(const DeviceSetup& setup, AnyController<double>& controller, const MetricsParams& params) {
     const std::int64_t steady_from = first_steady_sample(params, setup);
     const AngularRate rate(setup.rate, setup.plant.rate, setup.common.step, setup.steps);
     double largest = 0.0;

@@ -45,8 +45,6 @@ void parallel_for(std::size_t count, unsigned threads, Task&& task) {
     }
 }
 
-using MetricValues = std::array<double, metric_names.size()>;
-
 namespace detail {
 
 // `to` becomes `from` in one lane. Whatever is no number in lanes, counts and switches, must be the same in both.
@@ -116,7 +114,7 @@ class BlockRun {
 public:
     // `drawn`: the disturbance of every sample, the same for all runs; empty to draw it during the run.
     BlockRun(const Kernels<Number, count>& kernels, std::span<const Setup* const> runs,
-             std::span<const Vec2<double>> drawn, const MetricsParams& params, std::span<MetricValues* const> values)
+             std::span<const Vec2<double>> drawn, const MetricsParams& params, std::span<Metrics* const> values)
         : kernels_(kernels),
           runs_(runs),
           drawn_(drawn),
@@ -254,7 +252,7 @@ private:
     std::span<const Setup* const> runs_;
     std::span<const Vec2<double>> drawn_;
     const MetricsParams& params_;
-    std::span<MetricValues* const> values_;
+    std::span<Metrics* const> values_;
     std::int64_t samples_, half_, steady_from_;
 
     const BlockType<T>* type_ = nullptr;
@@ -324,14 +322,14 @@ inline std::vector<std::vector<std::size_t>> tasks_of(std::span<const Setup* con
 
 // The metrics of every run, in order.
 template <class Number, std::size_t Count>
-std::vector<MetricValues> measure_all(const Kernels<Number, Count>& kernels, std::span<const Setup* const> runs,
-                                      const MetricsParams& params, unsigned threads) {
+std::vector<Metrics> measure_all(const Kernels<Number, Count>& kernels, std::span<const Setup* const> runs,
+                                 const MetricsParams& params, unsigned threads) {
     constexpr std::int64_t longest_drawn = std::int64_t{1} << 20;  // samples kept: 16 MB
     const auto tasks = tasks_of(runs, Count, threads);
-    std::vector<MetricValues> values(runs.size());
+    std::vector<Metrics> values(runs.size());
     parallel_for(tasks.size(), threads, [&](std::size_t t) {
         std::vector<const Setup*> all;
-        std::vector<MetricValues*> out;
+        std::vector<Metrics*> out;
         for (const std::size_t i : tasks[t]) {
             all.push_back(runs[i]);
             out.push_back(&values[i]);
@@ -344,7 +342,7 @@ std::vector<MetricValues> measure_all(const Kernels<Number, Count>& kernels, std
         for (std::size_t begin = 0; begin < all.size(); begin += Count) {
             const std::size_t size = std::min(Count, all.size() - begin);
             const auto block = std::span<const Setup* const>(all).subspan(begin, size);
-            BlockRun(kernels, block, drawn, params, std::span<MetricValues* const>(out).subspan(begin, size)).run();
+            BlockRun(kernels, block, drawn, params, std::span<Metrics* const>(out).subspan(begin, size)).run();
         }
     });
     return values;

@@ -27,7 +27,7 @@ template <class Params>
 bool is_ideal(const DeviceSetupOf<Params>& s) {
     const ImperfectionParams& d = s.device;
     return !plant_varies(s) && !(d.position_noise > 0.0) && !(d.velocity_noise > 0.0) && !d.flickers() &&
-           !d.position.on() && !d.velocity.on() && !d.actuator.on() && !d.pickoff.on() && !d.force.on() &&
+           !d.position.on() && !d.velocity.on() && !d.actuator().on() && !d.pickoff.on() && !d.force.on() &&
            d.delay == 0 && s.common.observer_bandwidth == 0.0;
 }
 

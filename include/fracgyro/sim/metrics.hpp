@@ -2,6 +2,7 @@
 // quantities on recorded runs; a test compares the two.
 #pragma once
 
+#include "fracgyro/core/fields.hpp"
 #include "fracgyro/sim/loop.hpp"
 
 #include <cmath>
@@ -15,31 +16,43 @@ struct MetricsParams {
     double rate_tolerance = 0.1;  // |Ω̂z - Ωz| / |Ωz| below which the rate counts as settled
 };
 
-inline constexpr std::array<std::string_view, 25> metric_names{"rmse_whole_x",
-                                                               "rmse_whole_y",
-                                                               "rmse_transient_x",
-                                                               "rmse_transient_y",
-                                                               "rmse_steady_x",
-                                                               "rmse_steady_y",
-                                                               "error_settling_time",
-                                                               "surface_settling_time",
-                                                               "chattering_x",
-                                                               "chattering_y",
-                                                               "effort_x",
-                                                               "effort_y",
-                                                               "rate_error",
-                                                               "rate_error_rms",
-                                                               "rate_error_peak",
-                                                               "rate_settling_time",
-                                                               "damping_error",
-                                                               "stiffness_error",
-                                                               "bound_0",
-                                                               "bound_1",
-                                                               "bound_2",
-                                                               "bound_0_halfway",
-                                                               "largest_force",
-                                                               "saturated_share",
-                                                               "diverged_at"};
+// NaN: never settled, an empty window, or not reported by the controller.
+struct Metrics {
+    Vec2<double> rmse_whole{}, rmse_transient{}, rmse_steady{};
+    double error_settling_time = 0.0, surface_settling_time = 0.0;
+    Vec2<double> chattering{}, effort{};
+    double rate_error = 0.0, rate_error_rms = 0.0, rate_error_peak = 0.0, rate_settling_time = 0.0;
+    double damping_error = 0.0, stiffness_error = 0.0;
+    std::array<double, 3> bound_final{};
+    double bound_0_halfway = 0.0, largest_force = 0.0, saturated_share = 0.0, diverged_at = 0.0;
+
+    static constexpr auto fields() {
+        using M = Metrics;
+        constexpr std::string_view length = "q0", time = "1/omega0", force = "m*omega0^2*q0", rate = "omega0";
+        return std::tuple{
+            channel("rmse_whole", &M::rmse_whole, length, "RMS error, whole run"),
+            channel("rmse_transient", &M::rmse_transient, length, "RMS error, transient"),
+            channel("rmse_steady", &M::rmse_steady, length, "RMS error, steady"),
+            channel("error_settling_time", &M::error_settling_time, time, "settling time of the error"),
+            channel("surface_settling_time", &M::surface_settling_time, time, "settling time of the surface"),
+            channel("chattering", &M::chattering, "1", "chattering of u"),
+            channel("effort", &M::effort, force, "RMS force"),
+            channel("rate_error", &M::rate_error, rate, "rate error at the end"),
+            channel("rate_error_rms", &M::rate_error_rms, rate, "RMS rate error, steady"),
+            channel("rate_error_peak", &M::rate_error_peak, rate, "peak rate error"),
+            channel("rate_settling_time", &M::rate_settling_time, time, "settling time of the rate"),
+            channel("damping_error", &M::damping_error, "1", "relative error of D at the end"),
+            channel("stiffness_error", &M::stiffness_error, "1", "relative error of K at the end"),
+            channel("bound_final", &M::bound_final, "m*omega0^2*q0, m*omega0^2, m*omega0",
+                    "bound estimate b at the end"),
+            channel("bound_0_halfway", &M::bound_0_halfway, force, "bound estimate b0 halfway"),
+            channel("largest_force", &M::largest_force, force, "peak force"),
+            channel("saturated_share", &M::saturated_share, "1", "share of samples at the force limit"),
+            channel("diverged_at", &M::diverged_at, time, "time at which the motion diverged"),
+        };
+    }
+};
+inline constexpr std::size_t metrics_width = width_of<Metrics>();
 
 // What a metric needs of every sample, for one run or, in lanes, for several: over a stretch of samples, short enough
 // for sums in single precision, after which MetricsTotals takes it.
@@ -200,12 +213,11 @@ struct CommonReport {
     }
 };
 
-// In the order of metric_names; NaN: never settled, an empty window, or not reported. Of a run of which `samples` were
-// seen; bound_halfway is b̂₀ at half of the run or at its last sample before.
+// Metrics of a run that lasted for `samples`; bound_halfway is b̂₀ at half of the run, or at its last sample if it ended
+// before.
 template <class Params>
-std::array<double, metric_names.size()> metric_values(const MetricsParams& params, const SetupOf<Params>& setup,
-                                                      const MetricsTotals& totals, const CommonReport& last,
-                                                      double bound_halfway, std::int64_t samples) {
+Metrics metric_values(const MetricsParams& params, const SetupOf<Params>& setup, const MetricsTotals& totals,
+                      const CommonReport& last, double bound_halfway, std::int64_t samples) {
     constexpr double nan = std::numeric_limits<double>::quiet_NaN();
     const double h = setup.common.step;
     const std::int64_t early = std::min(samples, first_steady_sample(params, setup));
@@ -233,39 +245,32 @@ std::array<double, metric_names.size()> metric_values(const MetricsParams& param
         return std::sqrt(ratio(square(estimate - truth), square(truth)));
     };
     const GyroscopeParams& p = setup.plant;
-    return {whole.x(),
-            whole.y(),
-            transient.x(),
-            transient.y(),
-            steady.x(),
-            steady.y(),
-            settled(totals.error_outside),
-            last.has_surface ? settled(totals.surface_outside) : nan,
-            chattering(totals.bend.x(), totals.steady.force.x()),
-            chattering(totals.bend.y(), totals.steady.force.y()),
-            effort.x(),
-            effort.y(),
-            last.rate - p.rate,
-            last.has_rate ? std::sqrt(ratio(totals.rate_squares, late)) : nan,
-            last.has_rate ? totals.peak_rate_error : nan,
-            last.has_rate ? settled(totals.rate_outside) : nan,
-            relative(last.damping, p.damping + p.damping_deviation),
-            relative(last.stiffness, p.stiffness + p.stiffness_deviation),
-            last.bound[0],
-            last.bound[1],
-            last.bound[2],
-            bound_halfway,
-            totals.largest_force,
-            ratio(totals.saturated, count(samples)),
-            samples > setup.steps ? nan : count(samples) * h};
+    return {.rmse_whole = whole,
+            .rmse_transient = transient,
+            .rmse_steady = steady,
+            .error_settling_time = settled(totals.error_outside),
+            .surface_settling_time = last.has_surface ? settled(totals.surface_outside) : nan,
+            .chattering = {chattering(totals.bend.x(), totals.steady.force.x()),
+                           chattering(totals.bend.y(), totals.steady.force.y())},
+            .effort = effort,
+            .rate_error = last.rate - p.rate,
+            .rate_error_rms = last.has_rate ? std::sqrt(ratio(totals.rate_squares, late)) : nan,
+            .rate_error_peak = last.has_rate ? totals.peak_rate_error : nan,
+            .rate_settling_time = last.has_rate ? settled(totals.rate_outside) : nan,
+            .damping_error = relative(last.damping, p.damping + p.damping_deviation),
+            .stiffness_error = relative(last.stiffness, p.stiffness + p.stiffness_deviation),
+            .bound_final = last.bound,
+            .bound_0_halfway = bound_halfway,
+            .largest_force = totals.largest_force,
+            .saturated_share = ratio(totals.saturated, count(samples)),
+            .diverged_at = samples > setup.steps ? nan : count(samples) * h};
 }
 
 // The metrics of one run by itself: the bits that it has in a lane (batch.hpp). `in_step(snapshot)`: the part of its
 // report that metrics use; `between_steps(state, coefficients)`: the common report before the coming step.
 template <Controller C, class Params, class InStep, class BetweenSteps>
-std::array<double, metric_names.size()> measure_stretches(const SetupOf<Params>& setup, const MetricsParams& params,
-                                                          FillNoise noise, InStep&& in_step,
-                                                          BetweenSteps&& between_steps) {
+Metrics measure_stretches(const SetupOf<Params>& setup, const MetricsParams& params, FillNoise noise, InStep&& in_step,
+                          BetweenSteps&& between_steps) {
     using T = typename C::Value;
     using Loop = Stepper<C>;
     const auto number = [](const T& a) { return static_cast<double>(a); };
@@ -304,8 +309,7 @@ std::array<double, metric_names.size()> measure_stretches(const SetupOf<Params>&
     return metric_values(params, setup, totals, last, (state.step <= half ? last : halfway).bound[0], state.step);
 }
 template <Controller C, class Params>
-std::array<double, metric_names.size()> measure_alone(const SetupOf<Params>& setup, const MetricsParams& params,
-                                                      FillNoise noise) {
+Metrics measure_alone(const SetupOf<Params>& setup, const MetricsParams& params, FillNoise noise) {
     const auto number = [](const typename C::Value& a) { return static_cast<double>(a); };
     return measure_stretches<C>(
         setup, params, noise, [](const auto& at) -> const auto& { return at.signals.report; },

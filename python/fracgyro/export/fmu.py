@@ -26,12 +26,13 @@ from ..files import whole_file
 from ..scenario import Scenario, ScenarioError
 from ..scenario.bounded import check_bounded
 from ..scenario.kinds import DEVICE_CHANNELS, LOOP_CHANNELS, reported
-from ..scenario.to_core import check_single, core_setup, is_ideal
+from ..scenario.to_core import check_single, core_setup, is_ideal, profiles
 from .compilers import FLAGS, SOURCES, Number, include, join_macos, system_compiler, zig
 from .settings import (
     columns,
     core_kernel,
     core_numbers,
+    device_numbers,
     device_settings,
     meaning,
     observer_bandwidth,
@@ -57,6 +58,14 @@ OF_DISTURBANCE = {
     "none": (),
     "noise": ("standard_deviation", "hold_steps", "seed"),
     "sine": ("amplitude", "frequency", "phase"),
+}
+OF_RATE: dict[str, tuple[str, ...]] = {
+    "constant": (),
+    "staircase": ("amplitude", "start_steps", "hold_steps", "levels"),
+    "sine": ("amplitude", "start_steps", "frequency"),
+    "chirp": ("amplitude", "start_steps", "frequency", "final_frequency"),
+    "noise": ("amplitude", "start_steps", "frequency", "seed"),
+    "table": (),
 }
 # zig's name, with the oldest C library that will do; FMI 3.0's name; ending
 TARGETS = {
@@ -86,7 +95,7 @@ class Variable:
 
     @property
     def integer(self) -> bool:
-        return self.name == "disturbance.seed"
+        return self.name in ("disturbance.seed", "rate.seed")
 
     @property
     def causality(self) -> str:
@@ -159,16 +168,18 @@ def _variables(scenario: Scenario, content: Content, fmi: Fmi) -> Iterator[Varia
 
 
 def _parameters(scenario: Scenario, content: Content) -> Iterator[Variable]:
-    places = {name: place for place, name in enumerate(core_numbers(scenario))}
+    places = {name: place for place, name in enumerate([*core_numbers(scenario), *device_numbers(scenario)])}
     of_device = () if is_ideal(scenario) else ("seed",)  # of the sensors' noise, too
     used = (*OF_DISTURBANCE[scenario.disturbance.kind], *of_device)
-    for s in settings(scenario):
+    moving = OF_RATE["staircase" if scenario.rate.kind == "step" else scenario.rate.kind]
+    of_loop = device_settings(scenario) if content == "loop" else []
+    for s in [*settings(scenario), *of_loop]:
         n, table, field = s.number, s.number.table, s.number.field
         if n.choices:
             continue
         if content == "controller" and table in ("plant", "disturbance"):
             continue
-        if table == "disturbance" and field not in used:
+        if (table == "disturbance" and field not in used) or (table == "rate" and field not in moving):
             continue
         high = MAX_SEED if field == "seed" else n.high
         if s.value > high:
@@ -214,7 +225,8 @@ def _header(scenario: Scenario, content: Content, number: Number, token: str, va
     poles, weights = core_kernel(scenario)
     kind, chosen = _core.chosen_type(core_setup(scenario))
     step = scenario.run.step * _shown("1/omega0", scenario)[0]
-    device = device_settings(scenario) if content == "loop" else []
+    ideal = content == "controller" or is_ideal(scenario)
+    rate, temperature = (([], []), ([], [])) if ideal else profiles(scenario)
     rows = []
     for v in variables:
         flags = [_cpp(v.strict), _cpp(v.integer)]
@@ -234,10 +246,14 @@ def _header(scenario: Scenario, content: Content, number: Number, token: str, va
         f'inline constexpr char token[] = "{token}";',
         f"inline constexpr double step = {_cpp(step)};",
         f"inline constexpr double observer_bandwidth = {_cpp(observer_bandwidth(scenario))};",
-        _array("numbers", core_numbers(scenario).values()),
+        f"inline constexpr bool ideal = {_cpp(ideal)};",
+        _array("numbers", [*core_numbers(scenario).values(), *(() if ideal else device_numbers(scenario).values())]),
         _array("poles", poles),
         _array("weights", weights),
-        _array("device", device),
+        _array("rate_times", rate[0]),
+        _array("rate_values", rate[1]),
+        _array("temperature_times", temperature[0]),
+        _array("temperature_values", temperature[1]),
         "inline constexpr Variable variables[] = {",
         *rows,
         "};",

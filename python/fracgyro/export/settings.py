@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from .. import _core
-from ..scenario import Scenario, ScenarioError
+from ..scenario import Scenario, ScenarioError, to_core
 from ..scenario.device import Device, Rate
-from ..scenario.kinds import Channel, Number, numbers
+from ..scenario.kinds import DEVICE_NUMBERS, Channel, Number, numbers
 from ..scenario.schema import Plant
 from ..scenario.to_core import core_setup, datasheet, guard, is_ideal
 from .units import shown
@@ -36,7 +36,7 @@ class Setting:
 def without_plant(scenario: Scenario) -> Scenario:
     """For only the controller, which knows neither the rate nor the device, but which sensors there are."""
     known = {"guard": guard(scenario), "datasheet": datasheet(scenario)}
-    device = Device(sensing=scenario.device.sensing)
+    device = Device(**{"sensing": scenario.device.sensing})
     return scenario.model_copy(update={"rate": Rate(), "device": device, **known})
 
 
@@ -45,7 +45,7 @@ def core_numbers(scenario: Scenario) -> dict[str, float]:
     if scenario.disturbance.seed > MAX_EXACT:
         raise ScenarioError(f"disturbance.seed is {scenario.disturbance.seed}: it must be below 2^53 to be exported")
     names = [number.name for number in numbers(scenario.controller.kind)]
-    return dict(zip(names, _core.setup_settings(core_setup(scenario)), strict=True))
+    return dict(zip(names, _core.setup_settings(core_setup(scenario)), strict=True))  # the designed kernel's, too
 
 
 def observer_bandwidth(scenario: Scenario) -> float:
@@ -53,13 +53,13 @@ def observer_bandwidth(scenario: Scenario) -> float:
     return float(core_setup(scenario).observer_bandwidth)
 
 
-def device_settings(scenario: Scenario) -> list[float]:
-    """The numbers of [rate] and [device] as the core takes them; none where the one is constant, the other ideal."""
+def device_numbers(scenario: Scenario) -> dict[str, float]:
+    """The numbers of a moving rate and a real device as the core takes them; none if the device is ideal."""
     if is_ideal(scenario):
-        return []
+        return {}
     if scenario.rate.seed > MAX_EXACT:
         raise ScenarioError(f"rate.seed is {scenario.rate.seed}: it must be below 2^53 to be exported")
-    return list(_core.device_settings(core_setup(scenario)))
+    return to_core.device_numbers(scenario)
 
 
 def core_kernel(scenario: Scenario) -> tuple[list[float], list[float]]:
@@ -82,6 +82,12 @@ def settings(scenario: Scenario) -> list[Setting]:
         value = values[number.name] if scale == 1.0 else _si(scenario, number)
         found.append(Setting(number, value, scale))
     return found
+
+
+def device_settings(scenario: Scenario) -> list[Setting]:
+    """Those of a moving rate and a real device; none if the device is ideal."""
+    values = device_numbers(scenario)
+    return [Setting(n, values[n.name], 1.0) for n in DEVICE_NUMBERS if values and n.settable != "never"]
 
 
 def in_si(number: Number) -> bool:

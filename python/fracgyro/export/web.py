@@ -22,10 +22,11 @@ from ..files import Replaced, whole_file
 from ..scenario import Scenario
 from ..scenario.bounded import check_bounded
 from ..scenario.device import Device
-from ..scenario.kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, Channel, Number, numbers, reports
+from ..scenario.kinds import DEVICE_CHANNELS, DEVICE_NUMBERS, KINDS, LOOP_CHANNELS, Channel, Number, numbers, reports
 from ..scenario.schema import Controller, Run
+from ..scenario.to_core import is_ideal, profiles
 from .compilers import FLAGS, SOURCES, include, zig
-from .settings import columns, device_settings, meaning, offered, settings, unit
+from .settings import columns, device_numbers, meaning, offered, settings, unit
 
 TARGET = ["-target", "wasm32-wasi"]
 # What a scenario says besides the core's numbers, as JSON Schema has it.
@@ -67,6 +68,7 @@ def module_data() -> dict[str, Any]:
         "fields": _fields(),
         "loop": _columns(LOOP_CHANNELS),
         "device": _columns(DEVICE_CHANNELS),
+        "device_numbers": [number.name for number in DEVICE_NUMBERS],
         "kinds": {kind: _kind(kind) for kind in KINDS},
         "momentary": sorted({c.name for kind in KINDS for of in reports(kind) for c in of if c.momentary}),
     }
@@ -134,8 +136,15 @@ def document(scenario: Scenario) -> dict[str, Any]:
         # JSON has no infinity: null is none.
         said[setting.name] = choices[int(value)] if choices else value if math.isfinite(value) else None
     scales = {setting.name: setting.scale for setting in found if setting.scale != 1.0}
-    device = [number if math.isfinite(number) else None for number in device_settings(scenario)]
-    return {"settings": said, "scales": scales, **({"device": device} if device else {})}
+    return {"settings": said, "scales": scales, **({} if is_ideal(scenario) else {"device": _device(scenario)})}
+
+
+def _device(scenario: Scenario) -> dict[str, Any]:
+    """Numbers of a moving rate and a real device by name, and the points of the rate and the temperature."""
+    rate, temperature = profiles(scenario)
+    # JSON has no infinity: null is none.
+    named = {name: value if math.isfinite(value) else None for name, value in device_numbers(scenario).items()}
+    return {"numbers": named, "rate": rate, "temperature": temperature}
 
 
 def _fields() -> dict[str, Any]:

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scenario import Scenario
-from ..scenario.to_core import device_params
+from ..scenario.to_core import device_values
 from ..simulation.outside import ControllerLike, units
 from ..simulation.simulate import simulate
 from .innovation import Noise, Plant, information_of_motion
@@ -100,20 +100,21 @@ def noise_of(scenario: Scenario) -> Noise | None:
     if d.kind == "noise":
         hold = step if d.hold is None else d.hold
         force = d.density if d.density is not None else (d.standard_deviation or 0.0) ** 2 * hold
-    device = device_params(scenario)
-    position = (device.position_noise**2 + _of_steps(device.position)) * step
-    velocity = (device.velocity_noise**2 + _of_steps(device.velocity)) * step
+    device = device_values(scenario)
+    position, velocity = (
+        (device[f"{of}_noise"] ** 2 + _of_steps(device, of)) * step for of in ("position", "velocity")
+    )
     if scenario.device.sensing == "position":
         velocity = np.full(2, math.inf)
     noise = Noise(force, position, velocity)
     return None if d.kind == "none" and not noise.of_sensing else noise
 
 
-def _of_steps(quantizer: Any) -> Array:
+def _of_steps(device: dict[str, Any], quantity: str) -> Array:
     """Variance of a converter's steps."""
-    if quantizer.bits == 0:
+    if device[f"{quantity}_bits"] == 0:
         return np.zeros(2)
-    return np.array([2.0 * span / 2.0**quantizer.bits for span in quantizer.range]) ** 2 / 12
+    return np.array([2.0 * span / 2.0 ** device[f"{quantity}_bits"] for span in device[f"{quantity}_range"]]) ** 2 / 12
 
 
 def _regressors(position: NDArray[Any], velocity: NDArray[Any]) -> NDArray[Any]:

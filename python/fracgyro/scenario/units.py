@@ -32,6 +32,7 @@ NAMED = {
     Powers(0, 1, 2): "m/s^2",
     Powers(1, 0, 1): "N s/m",
     Powers(1, 0, 2): "N/m",
+    Powers(1, -2, 2): "N/m^3",
     Powers(1, 1, 2): "N",
 }
 ANGLE = "rad"  # the same in both

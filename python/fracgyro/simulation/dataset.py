@@ -13,16 +13,14 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from .. import _core
 from ..extras import require
 from ..files import check_place, whole_file
 from ..scenario import Scenario
-from ..scenario.kinds import AXES, Channel
+from ..scenario.kinds import AXES, METRICS, WINDOWS, Channel
 from ..scenario.units import si_unit
 from .outside import Outside
 
 VERSION = version("fracgyro")
-WINDOWS = ["whole", "transient", "steady"]
 MAX_KEPT = 10**6  # samples of a run whose coordinates are kept for the next one
 
 
@@ -109,29 +107,29 @@ def _fixed(values: ArrayLike) -> np.ndarray:
 
 
 def metrics_dataset(values: np.ndarray, thresholds: dict[str, float]) -> xr.Dataset:
-    by_name = dict(zip(_core.metric_names, values.T, strict=True))
-    rmse = np.stack([[by_name.pop(f"rmse_{w}_{a}") for a in AXES] for w in WINDOWS])
-    grouped = {"rmse": np.moveaxis(rmse, -1, 0)}
-    for name in ("chattering", "effort"):
-        grouped[name] = np.stack([by_name.pop(f"{name}_{a}") for a in AXES], axis=-1)
-    grouped["bound_final"] = np.stack([by_name.pop(f"bound_{i}") for i in range(3)], axis=-1)
-    figures = _metrics_form(len(values), tuple(by_name)).copy(deep=True, data={**grouped, **by_name})
+    """One row of the core's metrics for each run, as variables; the RMS error over its windows is one variable."""
+    ends = np.cumsum([metric.width for metric in METRICS])
+    columns = np.split(values, ends[:-1], axis=1)
+    found = {m.name: part if m.width > 1 else part[:, 0] for m, part in zip(METRICS, columns, strict=True)}
+    rmse = np.stack([found.pop(f"rmse_{window}") for window in WINDOWS], axis=1)
+    figures = _metrics_form(len(values)).copy(deep=True, data={"rmse": rmse, **found})
     figures.attrs = {"version": VERSION, "units": "nondimensional", **thresholds}
     return figures
 
 
 @lru_cache(maxsize=4)
-def _metrics_form(runs: int, plain: tuple[str, ...]) -> xr.Dataset:
-    """As `_form`; `plain`: the metrics that are one number for each run."""
+def _metrics_form(runs: int) -> xr.Dataset:
+    """As `_form`."""
     labels = {"window": _fixed(WINDOWS), "axis": _fixed(AXES), "bound": _fixed([0, 1, 2])}
-    grouped = {"rmse": ["window", "axis"], "chattering": ["axis"], "effort": ["axis"], "bound_final": ["bound"]}
+    inner = {"rmse": ["window", "axis"]} | {m.name: [m.dimension] for m in METRICS if m.dimension}
+    inner |= {m.name: [] for m in METRICS if not m.dimension}
 
-    def variable(inner: list[str]) -> tuple[list[str], np.ndarray, dict[str, str]]:
-        shape = (runs, *(len(labels[dimension]) for dimension in inner))
-        return ["run", *inner], np.broadcast_to(0.0, shape), {"units": "1"}
+    def variable(dimensions: list[str]) -> tuple[list[str], np.ndarray, dict[str, str]]:
+        shape = (runs, *(len(labels[dimension]) for dimension in dimensions))
+        return ["run", *dimensions], np.broadcast_to(0.0, shape), {"units": "1"}
 
-    variables = {name: variable(inner) for name, inner in {**grouped, **{name: [] for name in plain}}.items()}
-    return xr.Dataset(variables, coords=labels)
+    named = {name: variable(of) for name, of in inner.items() if name.partition("_")[2] not in WINDOWS}
+    return xr.Dataset(named, coords=labels)
 
 
 def check_run(path: Path) -> None:
