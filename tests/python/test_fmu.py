@@ -301,6 +301,23 @@ def test_the_seed_is_that_of_the_noise_of_the_sensors_too(made: Callable[..., st
     assert_same_bits(np.ascontiguousarray(simulated["measured_position.x"]), expected, "measured_position.x")
 
 
+def test_the_device_is_set_by_the_names_of_its_fields(made: Callable[..., str], tmp_path: Path) -> None:
+    fmu = Instance(made(DEVICE), tmp_path)
+    assert fmu.get("device.delay") == 1.0
+    changes = {"device.force_gain_error": (0.02, -1e-3), "device.pickoff_misalignment": 0.01, "device.delay": 2}
+    assumed = {"datasheet.delay": 1}  # the filter was designed for the delay of the export
+    fmu.set("device.force_gain_error.x", 0.02)
+    fmu.set("device.pickoff_misalignment", 0.01)
+    fmu.set("device.delay", 2.0)
+    fmu.start()
+    fmu.step(0.0, 0.5)
+    expected = columns(fg.simulate(DEVICE.replace({**changes, **assumed})))
+    assert fmu.get("measured_position.x") == expected["measured_position.x"][500]
+    assert fmu.complaint(lambda: fmu.set("device.delay", 3.0)) == (
+        "device.delay is fixed: it can be set until the end of the initialization"
+    )
+
+
 @pytest.mark.parametrize(("fmi", "scenario"), [("2.0", DEVICE), ("3.0", SHORT)], ids=["device", "ideal"])
 def test_a_saved_state_resumes_bit_for_bit_even_elsewhere(
     made: Callable[..., str], tmp_path: Path, fmi: Fmi, scenario: fg.Scenario
