@@ -12,7 +12,6 @@
 # make compare     the controllers compared, in full; into benchmarks/results/compare.md
 # make article     the replication article, as PDF; into build/article/article.pdf
 # make docs      the documentation site, into build/site
-# make stub      what the compiled module offers, for type checkers: after a change of bindings/
 # make wheel     sdist and wheel, tried in a clean environment; into dist
 # make lock        requirements.lock: the newest libraries that `make reproduce` may have, with their hashes
 # make mutants     edits of the code, and which of them the tests notice; into benchmarks/results/mutants.md
@@ -36,13 +35,14 @@ FIXED := $(shell setarch -R true 2>/dev/null && echo setarch -R)
 CTEST := $(FIXED) $(BIN)/ctest --output-on-failure -j $(WORKERS) --test-dir build
 PYTEST := $(BIN)/pytest -n $(WORKERS) --dist worksteal
 CPP := $(shell find include bindings integrations examples tests benchmarks -name '*.[ch]pp' 2>/dev/null)
-BUILT_FROM := pyproject.toml CMakeLists.txt $(filter include/% bindings/%,$(CPP)) $(shell find integrations -type f)
+BUILT_FROM := pyproject.toml CMakeLists.txt bindings/stub.pat $(filter include/% bindings/%,$(CPP)) \
+  $(shell find integrations -type f)
 # Tests start many processes: without Python's compiled files each would compile again what it imports.
 unexport PYTHONDONTWRITEBYTECODE
 SUDO = $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 
 .PHONY: reproduce test test-quick test-machines lint check check-deep check-sanitized fuzz-firmware mutants test-core \
-  test-python web bench bench-behind logs-current pages compare article docs stub wheel lock setup-test setup-embedded \
+  test-python web bench bench-behind logs-current pages compare article docs wheel lock setup-test setup-embedded \
   setup-browser setup-fpga setup-postgres setup-octave setup-machines clean
 .SECONDARY:
 .NOTPARALLEL:  # pip installs one thing at a time; compilers and tests use every processor by themselves
@@ -103,15 +103,6 @@ bench-behind: .venv/installed-bench .venv/installed-export .venv/installed-mutan
 
 pages: $(BIN)/pip
 	$(BIN)/python benchmarks/pages.py
-
-# Classes that the module makes by hand are in bindings/stub.pat; the import that stands for them goes.
-STUB := python/fracgyro/_core.pyi
-stub: .venv/installed-test
-	$(BIN)/python -m nanobind.stubgen --quiet --module fracgyro._core --pattern-file bindings/stub.pat \
-	  --output-file $(STUB)
-	sed -i '/^from fracgyro import /d' $(STUB)
-	$(BIN)/ruff check --quiet --fix --unsafe-fixes --ignore E501 $(STUB)
-	$(BIN)/ruff format --quiet $(STUB)
 
 wheel:
 	PYTHON=$(PYTHON) tests/wheel.sh

@@ -29,6 +29,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 INCLUDE = "include/fracgyro"
+CORE = ROOT / "python/fracgyro/_core.pyi"  # made with the compiled module; stands for it here
 # Headers that include alternatives, of which a log depends only on those it names.
 CHOICES = (f"{INCLUDE}/control/registry.hpp", f"{INCLUDE}/control/sliding_mode.hpp")
 SHARED = ("adaptation", "controller", "error", "gradient", "observer", "reference", "surfaces", "switching")
@@ -74,7 +75,9 @@ def _tree(path: Path) -> ast.Module:
 
 
 def _file(module: str, near: Path) -> Path | None:
-    """File of a module of the package, or of the folder of a script."""
+    """File of a module of the package, or of the folder of a script; it exists unless it is `CORE`."""
+    if module == "fracgyro._core":
+        return CORE
     place = ROOT / "python" if module.partition(".")[0] == "fracgyro" else near
     base = place.joinpath(*module.split("."))
     candidates = (base.with_suffix(".py"), base / "__init__.py", base.with_suffix(".pyi"))
@@ -128,7 +131,7 @@ def _used(path: Path, module: str, near: Path) -> Iterator[str]:
 
 
 def _python(start: Path) -> set[Path]:
-    """A script or module and all that it imports, however far; `_core` by its stub."""
+    """A script or module and all that it imports, however far; `CORE` for the compiled module."""
     package = start.is_relative_to(ROOT / "python")
     name = ".".join(start.relative_to(ROOT / "python").with_suffix("").parts) if package else start.stem
     found: set[Path] = set()
@@ -196,9 +199,9 @@ def sources(script: Path) -> list[Path]:
     compiled = {path for path in files if path.suffix in (".cpp", ".hpp", ".h")}
     compiled |= {path.with_suffix(".cpp") for path in own if path.with_suffix(".cpp").is_file()}
     core = {path for path in compiled if path.parts[len(ROOT.parts)] in ("include", "bindings")}
-    if ROOT / "python/fracgyro/_core.pyi" in python and not core:
+    if CORE in python and not core:
         compiled.update((ROOT / "bindings").glob("*.cpp"))
-    return sorted((python - {ROOT / "python/fracgyro/_core.pyi"}) | files | _included(compiled, named))
+    return sorted((python - {CORE}) | files | _included(compiled, named))
 
 
 class _Bare(ast.NodeTransformer):

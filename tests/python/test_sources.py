@@ -34,7 +34,6 @@ def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
         "python/fracgyro/__init__.pyi": "from .run import simulate as simulate\nfrom .page import draw as draw\n",
         "python/fracgyro/run.py": 'from . import _core\n\ndef simulate(x):\n    """Once."""\n    return 3 * x\n',
         "python/fracgyro/page.py": "def draw(): ...\n",
-        "python/fracgyro/_core.pyi": "",
         "bindings/module.cpp": '#include "fracgyro/control/registry.hpp"\n',
         "include/fracgyro/control/registry.hpp": '#include "fracgyro/control/pid.hpp"\n#include "lqg.hpp"\n',
         "include/fracgyro/control/pid.hpp": 'double pid = 2.0;  // its gain\nauto words = "Gain of it.";\n',
