@@ -175,7 +175,7 @@ $(SANITIZED)/built: $(BUILT_FROM) | .venv/installed-test
 	  -C cmake.define.FRACGYRO_SANITIZE=$(SANITIZERS) .
 	@touch $@
 
-# Takes under half an hour on two cores. Its parts: ARGS="cpp", ARGS="python", ARGS="log".
+# Takes under half an hour on two cores. Its parts: ARGS="check", ARGS="cpp", ARGS="python", ARGS="log".
 mutants: .venv/installed-mutants setup-test
 	$(BIN)/python tests/mutants/run.py $(ARGS)
 
