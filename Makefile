@@ -140,10 +140,18 @@ check-deep: .venv/installed-test fuzz-firmware
 	  $(BIN)/python $$fuzzer --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED) || failed="$$failed $$fuzzer"; done; \
 	  [ -z "$$failed" ] || { echo "Failed:$$failed"; exit 1; }
 
-# The firmware of a scenario with a force limit, which the fuzzer relies on, and with samples checked.
+# The firmware of a scenario with a force limit, which the fuzzer relies on, and with samples checked. libFuzzer reads
+# one file per input; a line of corpus.jsonl is one, as hexadecimal digits.
+define UNPACK
+import json, pathlib
+for number, line in enumerate(open("tests/firmware/corpus.jsonl")):
+    pathlib.Path(f"build/fuzz/corpus/{number}").write_bytes(bytes.fromhex(json.loads(line)))
+endef
+export UNPACK
 FUZZED := build/fuzz/firmware
 fuzz-firmware: .venv/installed-test
-	rm -rf $(FUZZED) && mkdir -p build/fuzz/found
+	rm -rf $(FUZZED) build/fuzz/corpus && mkdir -p build/fuzz/found build/fuzz/corpus
+	$(BIN)/python -c "$$UNPACK"
 	$(BIN)/fracgyro scenario paper | sed -e 's/^force_limit = .*/force_limit = 1000.0/' \
 	  -e 's/^switching_limit = .*/switching_limit = 0.5/' -e 's/^checked = .*/checked = true/' > build/fuzz/limited.toml
 	$(BIN)/fracgyro export firmware build/fuzz/limited.toml --out $(FUZZED)
@@ -151,7 +159,7 @@ fuzz-firmware: .venv/installed-test
 	clang++ -std=c++20 -O1 -g1 -fsanitize=fuzzer,address,undefined,float-cast-overflow -fno-sanitize-recover=all \
 	  -ffp-contract=off -I$(FUZZED) -I$(FUZZED)/include $(FUZZED)/fracgyro.cpp tests/firmware/fuzz.cpp -o build/fuzz/fuzz
 	cd build/fuzz && ./fuzz -max_total_time=$(FUZZ_SECONDS) -max_len=256 -verbosity=0 -print_final_stats=1 \
-	  found ../../tests/firmware/corpus
+	  found corpus
 
 # The Python module and FMUs under AddressSanitizer and UndefinedBehaviorSanitizer, many runs under ThreadSanitizer.
 # The module is found before the editable one, as -S leaves out what would lead there.

@@ -180,8 +180,8 @@ TEXT = {
     ".m",
     "",
 }
-WIDE = ("tests/fuzz/corpus", "tests/firmware/corpus")  # data
-# Mutants are named by their lines of code.
+WIDE = ("tests/fuzz/corpus", "tests/firmware/corpus.jsonl")  # data
+# The log names mutants by their lines of code, and a rule is one line with its reason.
 WIDE += ("benchmarks/results/mutants.md", "tests/mutants/survivors.toml")
 COLUMNS = 120
 
