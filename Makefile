@@ -12,7 +12,6 @@
 # make compare     the controllers compared, in full; into benchmarks/results/compare.md
 # make article     the replication article, as PDF; into build/article/article.pdf
 # make docs      the documentation site, into build/site
-# make stub      what the compiled module offers, for type checkers: after a change of bindings/
 # make wheel     sdist and wheel, tried in a clean environment; into dist
 # make lock        requirements.lock: the newest libraries that `make reproduce` may have, with their hashes
 # make mutants     edits of the code, and which of them the tests notice; into benchmarks/results/mutants.md
@@ -36,13 +35,14 @@ FIXED := $(shell setarch -R true 2>/dev/null && echo setarch -R)
 CTEST := $(FIXED) $(BIN)/ctest --output-on-failure -j $(WORKERS) --test-dir build
 PYTEST := $(BIN)/pytest -n $(WORKERS) --dist worksteal
 CPP := $(shell find include bindings integrations examples tests benchmarks -name '*.[ch]pp' 2>/dev/null)
-BUILT_FROM := pyproject.toml CMakeLists.txt $(filter include/% bindings/%,$(CPP)) $(shell find integrations -type f)
+BUILT_FROM := pyproject.toml CMakeLists.txt bindings/stub.pat $(filter include/% bindings/%,$(CPP)) \
+  $(shell find integrations -type f)
 # Tests start many processes: without Python's compiled files each would compile again what it imports.
 unexport PYTHONDONTWRITEBYTECODE
 SUDO = $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 
 .PHONY: reproduce test test-quick test-machines lint check check-deep check-sanitized fuzz-firmware mutants test-core \
-  test-python web bench bench-behind logs-current pages compare article docs stub wheel lock setup-test setup-embedded \
+  test-python web bench bench-behind logs-current pages compare article docs wheel lock setup-test setup-embedded \
   setup-browser setup-fpga setup-postgres setup-octave setup-machines clean
 .SECONDARY:
 .NOTPARALLEL:  # pip installs one thing at a time; compilers and tests use every processor by themselves
@@ -104,15 +104,6 @@ bench-behind: .venv/installed-bench .venv/installed-export .venv/installed-mutan
 pages: $(BIN)/pip
 	$(BIN)/python benchmarks/pages.py
 
-# Classes that the module makes by hand are in bindings/stub.pat; the import that stands for them goes.
-STUB := python/fracgyro/_core.pyi
-stub: .venv/installed-test
-	$(BIN)/python -m nanobind.stubgen --quiet --module fracgyro._core --pattern-file bindings/stub.pat \
-	  --output-file $(STUB)
-	sed -i '/^from fracgyro import /d' $(STUB)
-	$(BIN)/ruff check --quiet --fix --unsafe-fixes --ignore E501 $(STUB)
-	$(BIN)/ruff format --quiet $(STUB)
-
 wheel:
 	PYTHON=$(PYTHON) tests/wheel.sh
 
@@ -149,10 +140,18 @@ check-deep: .venv/installed-test fuzz-firmware
 	  $(BIN)/python $$fuzzer --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED) || failed="$$failed $$fuzzer"; done; \
 	  [ -z "$$failed" ] || { echo "Failed:$$failed"; exit 1; }
 
-# The firmware of a scenario with a force limit, which the fuzzer relies on, and with samples checked.
+# The firmware of a scenario with a force limit, which the fuzzer relies on, and with samples checked. libFuzzer reads
+# one file per input; a line of corpus.jsonl is one, as hexadecimal digits.
+define UNPACK
+import json, pathlib
+for number, line in enumerate(open("tests/firmware/corpus.jsonl")):
+    pathlib.Path(f"build/fuzz/corpus/{number}").write_bytes(bytes.fromhex(json.loads(line)))
+endef
+export UNPACK
 FUZZED := build/fuzz/firmware
 fuzz-firmware: .venv/installed-test
-	rm -rf $(FUZZED) && mkdir -p build/fuzz/found
+	rm -rf $(FUZZED) build/fuzz/corpus && mkdir -p build/fuzz/found build/fuzz/corpus
+	$(BIN)/python -c "$$UNPACK"
 	$(BIN)/fracgyro scenario paper | sed -e 's/^force_limit = .*/force_limit = 1000.0/' \
 	  -e 's/^switching_limit = .*/switching_limit = 0.5/' -e 's/^checked = .*/checked = true/' > build/fuzz/limited.toml
 	$(BIN)/fracgyro export firmware build/fuzz/limited.toml --out $(FUZZED)
@@ -160,7 +159,7 @@ fuzz-firmware: .venv/installed-test
 	clang++ -std=c++20 -O1 -g1 -fsanitize=fuzzer,address,undefined,float-cast-overflow -fno-sanitize-recover=all \
 	  -ffp-contract=off -I$(FUZZED) -I$(FUZZED)/include $(FUZZED)/fracgyro.cpp tests/firmware/fuzz.cpp -o build/fuzz/fuzz
 	cd build/fuzz && ./fuzz -max_total_time=$(FUZZ_SECONDS) -max_len=256 -verbosity=0 -print_final_stats=1 \
-	  found ../../tests/firmware/corpus
+	  found corpus
 
 # The Python module and FMUs under AddressSanitizer and UndefinedBehaviorSanitizer, many runs under ThreadSanitizer.
 # The module is found before the editable one, as -S leaves out what would lead there.
@@ -184,7 +183,7 @@ $(SANITIZED)/built: $(BUILT_FROM) | .venv/installed-test
 	  -C cmake.define.FRACGYRO_SANITIZE=$(SANITIZERS) .
 	@touch $@
 
-# Takes under half an hour on two cores. Its parts: ARGS="cpp", ARGS="python", ARGS="log".
+# Takes under half an hour on two cores. Its parts: ARGS="check", ARGS="cpp", ARGS="python", ARGS="log".
 mutants: .venv/installed-mutants setup-test
 	$(BIN)/python tests/mutants/run.py $(ARGS)
 

@@ -17,6 +17,7 @@ from pathlib import Path
 import fracgyro as fg
 import matplotlib
 import numpy as np
+from fracgyro.analysis.style import LETTERS, save_svg
 from fracgyro.simulation.many import threads_available
 from machine import command, machine, write
 from scipy.special import betaincinv, stdtr, stdtrit
@@ -384,8 +385,8 @@ def log_ticks(panel: plt.Axes) -> None:
     panel.grid(True, which="major", linewidth=0.4, alpha=0.5)
 
 
-def save(figure: plt.Figure, name: str) -> None:
-    figure.savefig(DOCS / name, metadata={"Date": None})
+def save(figure: plt.Figure, name: str, title: str) -> None:
+    save_svg(figure, DOCS / name, title)
     plt.close(figure)
 
 
@@ -425,7 +426,7 @@ def draw_table(study: Study) -> None:
         panel.set_xlabel("order α")
     panels[0, 0].plot([], [], "k:", linewidth=1, label="with Caputo")
     panels[0, 0].legend(fontsize=8, title="RMSE of", title_fontsize=8, loc="upper right")
-    save(figure, "best_order.svg")
+    save(figure, "best_order.svg", "RMSE against order")
 
 
 def draw_moves(study: Study) -> None:
@@ -458,7 +459,7 @@ def draw_moves(study: Study) -> None:
         row[-1].legend(fontsize=8.5, title=what, title_fontsize=9, loc="center left", bbox_to_anchor=(1.02, 0.5))
     for panel in panels[-1]:
         panel.set_xlabel("order α")
-    save(figure, "best_order_moves.svg")
+    save(figure, "best_order_moves.svg", "What moves the best order")
 
 
 def winners(samples: dict[str, Sample], window: str, axis: str) -> list[float]:
@@ -665,7 +666,7 @@ def page(study: Study) -> list[str]:
 
 
 def report(study: Study) -> None:
-    plt.rcParams["svg.hashsalt"] = "fracgyro"
+    plt.rcParams.update(LETTERS)
     draw_table(study)
     draw_moves(study)
     write("best_order", page(study))

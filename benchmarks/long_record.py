@@ -11,7 +11,7 @@ import time
 
 import fracgyro as fg
 import numpy as np
-from fracgyro.analysis.style import own_style
+from fracgyro.analysis.style import own_style, save_svg
 from fracgyro.rate.allan import Allan, Estimate, allan
 from fracgyro.rate.bound import bound_angle_random_walk
 from fracgyro.rate.units import DEG_PER_H, DEG_PER_ROOT_H
@@ -129,7 +129,7 @@ def draw(found: Allan, walk: float) -> None:
         axes.set_ylabel("Allan deviation (deg/h)")
         axes.grid(True, linewidth=0.3)
         axes.legend()
-        figure.savefig(DRAWING, metadata={"Date": None})
+        save_svg(figure, DRAWING, "Allan deviation of a long record")
 
 
 def main() -> None:

@@ -15,7 +15,7 @@ RESULTS = ROOT / "benchmarks" / "results"
 COLUMNS = 120
 _MAIN = Path(sys.argv[0]).resolve()
 # Taken at the start: sources may change while a measurement runs.
-_STAMP = stamp(_MAIN, sys.argv[1:]) if _MAIN in scripts().values() else ""
+_STAMPS = {log: stamp(_MAIN, sys.argv[1:], log) for log, script in scripts().items() if script == _MAIN}
 
 
 def on_one_core() -> None:
@@ -60,7 +60,7 @@ def wrapped(lines: list[str]) -> list[str]:
 
 def write(name: str, lines: list[str], keep: bool = True) -> None:
     """Prints the log and keeps it with its sources, as benchmarks/results/<name>.md or wherever sources.py says."""
-    text = "\n".join(wrapped([*lines, "", _STAMP])).rstrip() + "\n"
+    text = "\n".join(wrapped([*lines, "", _STAMPS.get(log_of(name), "")])).rstrip() + "\n"
     if keep:
         (ROOT / log_of(name)).write_text(text, encoding="utf-8")
     print(text)

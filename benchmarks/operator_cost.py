@@ -15,9 +15,8 @@ from typing import get_args
 
 import fracgyro as fg
 import numpy as np
-from fracgyro.analysis.style import own_style, svg
+from fracgyro.analysis.style import own_style, save_svg
 from fracgyro.export.compilers import run
-from fracgyro.files import whole_file
 from fracgyro.fractional import Sampled, design
 from fracgyro.fractional.sampled import Between
 from machine import command, machine, write
@@ -162,8 +161,7 @@ def draw(found: list[Method], errors: dict[Method, float]) -> None:
         cost.set_xlim(15.0, 3e3)  # what is beyond stands in the table
         figure.legend(loc="outside lower center", ncols=3)
         frequency.set_ylim(1e-8, 1.0)
-        with whole_file(PICTURE) as scratch:
-            scratch.write_text(svg(figure, "Errors of fractional derivatives"), encoding="utf-8", newline="\n")
+        save_svg(figure, PICTURE, "Errors of fractional derivatives")
 
 
 def jumps() -> list[str]:

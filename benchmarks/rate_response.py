@@ -14,7 +14,7 @@ from pathlib import Path
 import fracgyro as fg
 import numpy as np
 import xarray as xr
-from fracgyro.analysis.style import own_style
+from fracgyro.analysis.style import own_style, save_svg
 from fracgyro.rate.merit import gain_and_lag, response
 from fracgyro.rate.units import DEG_PER_S
 from fracgyro.scenario.shipped import exactly_sensed, shipped
@@ -324,7 +324,7 @@ def draw(measured: dict[str, list[tuple[Answer, Answer]]]) -> None:
         trade.set_ylim(top=400.0)  # room for the legend
         trade.legend(fontsize=7, loc="upper left")
         steps.legend(fontsize=7, loc="upper left", title="set to", title_fontsize=7)
-        figure.savefig(DRAWING, metadata={"Date": None})
+        save_svg(figure, DRAWING, "Noise and step response of the rate against its bandwidth")
 
 
 if __name__ == "__main__":

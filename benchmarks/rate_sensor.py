@@ -13,7 +13,7 @@ from pathlib import Path
 
 import fracgyro as fg
 import numpy as np
-from fracgyro.analysis.style import own_style
+from fracgyro.analysis.style import own_style, save_svg
 from fracgyro.rate.allan import allan
 from fracgyro.rate.measure import WITHIN, Characterisation, measure
 from fracgyro.rate.merit import static
@@ -328,7 +328,7 @@ def draw(measured: list[tuple[str, str, Characterisation]]) -> None:
         panels[0].set_ylabel("Allan deviation (deg/h)")
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=3)
-        figure.savefig(DRAWING, metadata={"Date": None})
+        save_svg(figure, DRAWING, "Allan deviation of the rate")
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 import fracgyro as fg
 import matplotlib
 import numpy as np
+from fracgyro.analysis.style import LETTERS, save_svg
 from machine import RESULTS, command, machine, write
 
 matplotlib.use("Agg")
@@ -127,7 +128,7 @@ def threads_panel(rounds: int) -> Series:
 
 
 def draw(panels: list[Series]) -> None:
-    plt.rcParams["svg.hashsalt"] = "fracgyro"
+    plt.rcParams.update(LETTERS)
     figure, axes = plt.subplots(2, 2, figsize=(10, 7.5), layout="constrained")
     for axis, series in zip(axes.flat, panels, strict=True):
         x, median = np.array(series.at), 1e3 * series.medians
@@ -153,7 +154,7 @@ def draw(panels: list[Series]) -> None:
         axis.set_title(series.title, fontsize=10)
         axis.grid(True, which="major", alpha=0.3)
         axis.legend(fontsize=8)
-    figure.savefig(RESULTS / "scaling.svg", metadata={"Date": None})
+    save_svg(figure, RESULTS / "scaling.svg", "Time of runs")
 
 
 def main() -> None:

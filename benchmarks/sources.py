@@ -7,7 +7,8 @@ A log depends on the script that writes it and on everything that the script imp
 If that includes the compiled module, the log depends on bindings/ and on all headers included from there. A script
 narrows or widens this with a list DEPENDS_ON: names such as "joint" are the only controllers and adaptations that
 count, headers and bindings replace bindings/, and all other entries are files to add, as patterns; modules among them
-with what they import.
+with what they import. A script that writes several logs has a dictionary LOGS of such lists instead, by the logs'
+names, and is given the name of the log to write.
 
 The hash is of tokens: comments, docstrings, layout, messages of exceptions and, outside of benchmarks/, prose (strings
 with a space) do not count. Decision 0032 has the reasons.
@@ -26,9 +27,11 @@ import tomllib
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 INCLUDE = "include/fracgyro"
+CORE = ROOT / "python/fracgyro/_core.pyi"  # made with the compiled module; stands for it here
 # Headers that include alternatives, of which a log depends only on those it names.
 CHOICES = (f"{INCLUDE}/controllers/registry.hpp", f"{INCLUDE}/controllers/sliding_mode.hpp")
 ALTERNATIVES = ("controllers", "estimation")  # folders of headers that are one choice among others
@@ -62,7 +65,12 @@ def log_of(name: str) -> str:
 def scripts() -> dict[str, Path]:
     """Scripts that write a log, by the log's path from the root."""
     found = {path.stem: path for path in sorted((ROOT / "benchmarks").glob("*.py"))}
-    logs = {log_of(name): path for name, path in found.items() if name not in WRITERS | WITHOUT_LOG.keys()}
+    logs = {
+        log_of(log): path
+        for name, path in found.items()
+        if name not in WRITERS | WITHOUT_LOG.keys()
+        for log in _assigned(path, "LOGS") or [name]
+    }
     return logs | {"benchmarks/results/mutants.md": ROOT / "tests/mutants/run.py"}
 
 
@@ -75,7 +83,9 @@ def _tree(path: Path) -> ast.Module:
 
 
 def _file(module: str, near: Path) -> Path | None:
-    """File of a module of the package, or of the folder of a script."""
+    """File of a module of the package, or of the folder of a script; it exists unless it is `CORE`."""
+    if module == "fracgyro._core":
+        return CORE
     place = ROOT / "python" if module.partition(".")[0] == "fracgyro" else near
     base = place.joinpath(*module.split("."))
     candidates = (base.with_suffix(".py"), base / "__init__.py", base.with_suffix(".pyi"))
@@ -129,7 +139,7 @@ def _used(path: Path, module: str, near: Path) -> Iterator[str]:
 
 
 def _python(start: Path) -> set[Path]:
-    """A script or module and all that it imports, however far; `_core` by its stub."""
+    """A script or module and all that it imports, however far; `CORE` for the compiled module."""
     package = start.is_relative_to(ROOT / "python")
     name = ".".join(start.relative_to(ROOT / "python").with_suffix("").parts) if package else start.stem
     found: set[Path] = set()
@@ -171,22 +181,23 @@ def _included(start: Iterable[Path], named: set[str]) -> set[Path]:
 # -- Logs --------------------------------------------------------------------------------------------------------------
 
 
-def _declared(path: Path) -> list[str]:
+def _assigned(path: Path, name: str) -> Any:
+    """Value of a constant of a script, None if it has none."""
     for node in _tree(path).body:
-        if (
-            isinstance(node, ast.Assign)
-            and isinstance(node.targets[0], ast.Name)
-            and node.targets[0].id == "DEPENDS_ON"
-        ):
-            return list(ast.literal_eval(node.value))
-    return []
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and node.targets[0].id == name:
+            return ast.literal_eval(node.value)
+    return None
 
 
-def sources(script: Path) -> list[Path]:
-    """All files that the log of a script depends on."""
+def _declared(path: Path, log: str) -> list[str]:
+    return _assigned(path, "DEPENDS_ON") or (_assigned(path, "LOGS") or {}).get(Path(log).stem, [])
+
+
+def sources(script: Path, log: str = "") -> list[Path]:
+    """All files that the log of a script depends on, or this one of its logs."""
     python = _python(script)
     own = {path for path in python if not path.is_relative_to(ROOT / "python") and path.suffix == ".py"}
-    declared = {entry for path in own for entry in _declared(path)}
+    declared = {entry for path in own for entry in _declared(path, log)}
     named = {entry for entry in declared if "/" not in entry}
     files: set[Path] = set()
     for pattern in declared - named:
@@ -198,9 +209,9 @@ def sources(script: Path) -> list[Path]:
     compiled = {path for path in files if path.suffix in (".cpp", ".hpp", ".h")}
     compiled |= {path.with_suffix(".cpp") for path in own if path.with_suffix(".cpp").is_file()}
     core = {path for path in compiled if path.parts[len(ROOT.parts)] in ("include", "bindings")}
-    if ROOT / "python/fracgyro/_core.pyi" in python and not core:
+    if CORE in python and not core:
         compiled.update((ROOT / "bindings").glob("*.cpp"))
-    return sorted((python - {ROOT / "python/fracgyro/_core.pyi"}) | files | _included(compiled, named))
+    return sorted((python - {CORE}) | files | _included(compiled, named))
 
 
 class _Bare(ast.NodeTransformer):
@@ -235,10 +246,10 @@ def tokens(path: Path) -> str:
 
 
 @cache
-def digest(script: Path) -> str:
+def digest(script: Path, log: str = "") -> str:
     """Hash of all sources of a script's log, 16 hexadecimal digits."""
     found = hashlib.sha256()
-    for path in sources(script):
+    for path in sources(script, log):
         found.update(f"{path.relative_to(ROOT)}\0{tokens(path)}\0".encode())
     return found.hexdigest()[:16]
 
@@ -248,12 +259,12 @@ def _git(*words: str) -> str:
     return ran.stdout.strip() if ran.returncode == 0 else ""
 
 
-def stamp(script: Path, arguments: Sequence[str] = ()) -> str:
+def stamp(script: Path, arguments: Sequence[str] = (), log: str = "") -> str:
     """The last line of a log: its sources, the commit they are from, and arguments, with which it is not the log."""
     commit = _git("rev-parse", "--short=10", "HEAD") or "none"
-    changed = _git("status", "--porcelain", "--", *map(str, sources(script)))
-    partial = f" Made with `{shlex.join(arguments)}`." if arguments else ""
-    return f"Sources `{digest(script)}`, commit `{commit}`{' and changes since' if changed else ''}.{partial}"
+    changed = _git("status", "--porcelain", "--", *map(str, sources(script, log)))
+    partial = f" Made with `{shlex.join(arguments)}`." if arguments and list(arguments) != [Path(log).stem] else ""
+    return f"Sources `{digest(script, log)}`, commit `{commit}`{' and changes since' if changed else ''}.{partial}"
 
 
 def behind() -> dict[str, str]:
@@ -266,8 +277,8 @@ def behind() -> dict[str, str]:
             found[log] = "does not state its sources" if path.is_file() else "is missing"
         elif stamped[3]:
             found[log] = f"was made with {stamped[3]}"
-        elif stamped[1] != digest(script):
-            files = [str(path.relative_to(ROOT)) for path in sources(script)]
+        elif stamped[1] != digest(script, log):
+            files = [str(path.relative_to(ROOT)) for path in sources(script, log)]
             names = _git("diff", "--name-only", stamped[2], "--", *files).split()
             named = f": {', '.join(names[:3])}{', …' if len(names) > 3 else ''}" if names else ""
             found[log] = f"was made from other sources, at {stamped[2]}{named}"

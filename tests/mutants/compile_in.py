@@ -44,8 +44,9 @@ class Mutant:
     words: str  # what it does, for the log: the same wherever the line is
 
     @property
-    def key(self) -> str:
-        return f"{self.file}: {self.words}"
+    def edit(self) -> str:
+        """Kind of edit, as in survivors.toml; of an edit that is written out, its id."""
+        return re.sub(r"(?: \(\d+\))? in `.*", "", self.words)
 
 
 def blanked(text: str) -> str:
@@ -126,6 +127,23 @@ def candidates(file: str, text: str) -> list[Mutant]:
         if not goes_on and not re.match(r"(?:return|using|throw|static_assert|friend|break|continue)\b", m[1]):
             add("statement", m.start(1), m.end(1), "if (!mutant::active(%d)) { ", " }", "dropped")
     return found
+
+
+def place_of(code: str, at: int) -> str:
+    """Name of the innermost function around a character of blanked code, or of the type if no function is."""
+    heads: list[str] = []  # text before each open brace, from the statement before it
+    for brace in re.finditer(r"[{}]", code[:at]):
+        if brace[0] == "}":
+            heads.pop()
+        else:
+            heads.append(re.split(r"[;{}]", code[: brace.start()])[-1])
+    for head in reversed(heads):
+        plain = re.sub(r"template <.*?>\s", "", head, flags=re.DOTALL)
+        named = re.search(r"\b(?:struct|class) (\w+)", plain) or re.match(r"[^()=]*?(\w+)\(", plain)
+        is_lambda = re.search(r"\](?: ?\([^()]*\))?[^()]*$", plain)
+        if named and not is_lambda and named[1] not in ("if", "for", "while", "switch"):
+            return named[1]
+    return ""
 
 
 def float_of(literal: str) -> float:

@@ -180,8 +180,8 @@ TEXT = {
     ".m",
     "",
 }
-WIDE = ("tests/fuzz/corpus", "tests/firmware/corpus")  # data
-# Mutants are named by their lines of code.
+WIDE = ("tests/fuzz/corpus", "tests/firmware/corpus.jsonl")  # data
+# The log names mutants by their lines of code, and a rule is one line with its reason.
 WIDE += ("benchmarks/results/mutants.md", "tests/mutants/survivors.toml")
 COLUMNS = 120
 
@@ -256,18 +256,20 @@ def test_the_readme_is_short_and_shows_python() -> None:
 
 
 def test_the_picture_of_the_readme_is_that_of_a_run(tmp_path: Path) -> None:
-    """The same elements with the same numbers, but for rounding; another Matplotlib may draw it otherwise."""
+    """The same elements with the same numbers, rounded to 0.1 pt; another Matplotlib may draw it otherwise."""
     committed = read("docs/run.svg")
-    if f"Matplotlib v{matplotlib.__version__}," not in committed:
+    if f"Matplotlib v{matplotlib.__version__} " not in committed:
         pytest.skip(f"docs/run.svg was drawn by another Matplotlib than {matplotlib.__version__}")
     script = "import sys; from pathlib import Path; import readme_picture; readme_picture.draw(Path(sys.argv[1]))"
     again = tmp_path / "run.svg"
     environment = {**os.environ, "PYTHONPATH": str(ROOT / "benchmarks")}
     subprocess.run([sys.executable, "-c", script, again], env=environment, check=True)
-    number = r"(?<![\w#.])-?\d+\.\d+"
+    number = r"(?<![\w#.])-?\d+(?:\.\d+)?"
     drawn, committed = (
         re.sub(r"[mp][0-9a-f]{10}", "", text) for text in (again.read_text(encoding="utf-8"), committed)
     )
     assert re.sub(number, "0", drawn) == re.sub(number, "0", committed)
     of_committed = [float(each) for each in re.findall(number, committed)]
-    assert [float(each) for each in re.findall(number, drawn)] == pytest.approx(of_committed, abs=0.01)
+    assert [float(each) for each in re.findall(number, drawn)] == pytest.approx(
+        of_committed, abs=0.11
+    )  # rounded to 0.1 pt

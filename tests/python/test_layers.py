@@ -208,15 +208,15 @@ DOORS = {"study": "the door of study"}
 
 def package() -> dict[str, set[str]]:
     """The modules that each module of the package imports, a package's own by the package's name."""
-    paths = {"_core": ROOT / "python/fracgyro/_core.pyi"}
+    paths = {}
     for path in sorted((ROOT / "python/fracgyro").rglob("*.py")):
         parts = path.relative_to(ROOT / "python/fracgyro").with_suffix("").parts
         paths[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
-    found = {}
+    found: dict[str, set[str]] = {"_core": set()}
     for module, path in paths.items():
         is_package = path.stem == "__init__"
         texts = [each.read_text(encoding="utf-8") for each in (path, path.with_suffix(".pyi")) if each.exists()]
-        found[module] = set().union(*(imported_of(text, module, is_package, set(paths)) for text in texts))
+        found[module] = set().union(*(imported_of(text, module, is_package, {"_core", *paths}) for text in texts))
     return found
 
 

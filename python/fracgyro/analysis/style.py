@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import io
+import os
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -12,6 +13,9 @@ from typing import Any
 import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+
+from ..files import whole_file
+from .compact_svg import compact
 
 WIDTH = 170.0  # of a picture, mm
 MM = 1 / 25.4  # in inches, which Matplotlib counts in
@@ -24,6 +28,7 @@ LETTERS: dict[Any, Any] = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans", "Verdana"],
     "svg.fonttype": "none",
+    "svg.hashsalt": "fracgyro",
 }
 FAMILY = "font-family: 'DejaVu Sans', 'Verdana', sans-serif"
 PAGE: dict[Any, Any] = {
@@ -32,7 +37,6 @@ PAGE: dict[Any, Any] = {
     "mathtext.fontset": "dejavusans",
     "legend.fontsize": 7,
     "legend.frameon": False,
-    "svg.hashsalt": "fracgyro",
 }
 
 
@@ -46,14 +50,20 @@ def own_style(changes: Mapping[Any, Any] = PAGE) -> Iterator[None]:
 
 
 def svg(figure: Figure, title: str, description: str | None = None) -> str:
-    """The figure as SVG with title and description, for those who hear it; left out, the latter names its axes."""
+    """The figure as compact SVG with title and description for screen readers; the default description names axes."""
     written = io.StringIO()
     figure.savefig(written, format="svg", metadata={"Date": None, "Title": title})
     words = "; ".join(filter(None, map(_axes, figure.axes))) if description is None else description
     described = f"</title>\n <desc>{html.escape(words, quote=False)}</desc>"
     # Matplotlib names only the font itself for letters of formulas.
     text = re.sub(r"font-family: 'DejaVu Sans'(?!,)", FAMILY, written.getvalue())
-    return text.replace("</title>", described, 1) if words else text
+    return compact(text.replace("</title>", described, 1) if words else text)
+
+
+def save_svg(figure: Figure, path: str | os.PathLike[str], title: str, description: str | None = None) -> None:
+    """Writes `svg` to the file; raises ValueError where it cannot be written."""
+    with whole_file(path) as scratch:
+        scratch.write_text(svg(figure, title, description), encoding="utf-8", newline="\n")
 
 
 def _axes(panel: Axes) -> str:

@@ -17,7 +17,7 @@ from matplotlib.transforms import Affine2D, Bbox, Transform, TransformedBbox
 from numpy.typing import NDArray
 
 from ..analysis.html import csv_text
-from ..analysis.style import DPI, MM, WIDTH, own_style, svg
+from ..analysis.style import DPI, MM, WIDTH, own_style, save_svg
 from ..files import whole_file
 
 Array = NDArray[np.float64]
@@ -215,24 +215,10 @@ def render(plan: Plan, folder: Path) -> list[Path]:
                 )
         shown = dict.fromkeys(f"{panel.label} over {panel.time_label}" for panel in plan.panels if panel.label)
         plain = re.sub(r"\\,|[$\\]", "", "; ".join(shown))  # without the signs of formulas
-        drawn = svg(figure, plan.title, plain)
         paths = [folder / f"{plan.stem}.{kind}" for kind in ("svg", "png", "csv")]
-        with whole_file(paths[0]) as scratch:
-            scratch.write_text(_shorter(drawn), encoding="utf-8", newline="\n")
+        save_svg(figure, paths[0], plan.title, plain)
         with whole_file(paths[1]) as scratch:
             figure.savefig(scratch, format="png", dpi=DPI, pil_kwargs={"compress_level": 4})
     with whole_file(paths[2]) as scratch:
         scratch.write_text(numbers(plan), encoding="utf-8", newline="\n")
     return paths
-
-
-def _shorter(svg: str) -> str:
-    """Coordinates to 0.01 pt (4 µm), and without what may be left out: half the file."""
-
-    def shorter(path: re.Match[str]) -> str:
-        text = " ".join(path[0].split())
-        curved = not set("QC").isdisjoint(text)
-        return text if curved else text.replace(" L ", " ")  # after M and L, lines are implied
-
-    svg = re.sub(r"\d*[1-9]\d*\.\d{3,}", lambda number: f"{float(number[0]):.2f}", svg)
-    return re.sub(r"\n\s+", "\n", re.sub(r'(?<=\bd=")[^"]+', shorter, svg))

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from ..analysis.confidence import mean_interval
-from ..analysis.style import COLORS, LETTERS, own_style, svg
+from ..analysis.style import COLORS, LETTERS, own_style, save_svg
 from ..files import whole_file
 from .runs import ORDERS, VARIANTS, Study
 
@@ -112,7 +112,4 @@ def _draw_table(rows: list[Row], path: Path) -> None:
     panels[0].set_ylabel("RMSE (unit of length q₀)", fontsize=8)
     figure.legend(*panels[0].get_legend_handles_labels(), loc="lower center", ncols=4, fontsize=7.5, frameon=False)
     figure.subplots_adjust(left=0.1, right=0.99, top=0.9, bottom=0.27, wspace=0.42)
-    with whole_file(path) as scratch:
-        scratch.write_text(
-            svg(figure, "RMSE against order, by axis, window and variant"), encoding="utf-8", newline="\n"
-        )
+    save_svg(figure, path, "RMSE against order, by axis, window and variant")

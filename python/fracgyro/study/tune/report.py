@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ...analysis.html import csv_text, embedded, page
 from ...analysis.metric_names import METRICS
-from ...analysis.style import DPI, own_style, svg
+from ...analysis.style import DPI, own_style, save_svg
 from ...files import one_line, whole_file
 from ...scenario import Scenario
 from ...scenario.table import toml_value
@@ -113,12 +113,9 @@ def write_report(result: Result, folder: Path) -> None:
         pareto = None
         if len(file.objective) > 1:
             figure = pareto_figure(file.objective, result.base, result.trials, result.members, result.chosen)
-            for kind in ("svg", "png"):
-                with whole_file(folder / f"pareto.{kind}") as scratch:
-                    if kind == "svg":
-                        scratch.write_text(svg(figure, PARETO), encoding="utf-8", newline="\n")
-                    else:
-                        figure.savefig(scratch, dpi=DPI)
+            save_svg(figure, folder / "pareto.svg", PARETO)
+            with whole_file(folder / "pareto.png") as scratch:
+                figure.savefig(scratch, dpi=DPI)
             pareto = embedded((folder / "pareto.svg").read_bytes())
         drawn = embedded(history, "Objectives by trial")
     text = page(
