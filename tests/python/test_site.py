@@ -49,6 +49,7 @@ def test_the_site_is_made_without_a_warning_and_is_small(site: Path) -> None:
     assert sum(path.stat().st_size for path in site.rglob("*") if path.is_file()) < MAX_BYTES
 
 
+@pytest.mark.takes_a_minute
 def test_the_examples_of_the_reference_do_as_they_say(site: Path) -> None:
     make(site.parent, "doctest")
 
