@@ -32,7 +32,7 @@ def add_the_controller_of_the_guide(tree: Path) -> None:
 
 
 def leave_out_most_others(tree: Path) -> None:
-    """All but the paper's and the guide's neighbor: they take most of the time to compile, and nothing here asks."""
+    """Keeps the paper's controller, that of the guide and its neighbor: others take most of the time to compile."""
     registry = tree / "include/fracgyro/control/registry.hpp"
     text = registry.read_text(encoding="utf-8")
     before, entries, after = re.split(r"(^using Registry = .*?>>;$)", text, maxsplit=1, flags=re.DOTALL | re.M)
