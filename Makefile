@@ -4,7 +4,8 @@
 # make test-quick  what a change breaks most often, in less than a minute
 # make test-machines    every test as on other processors, with other compilers and Pythons: for a release
 # make web         the WebAssembly module, and the live page, into build/web
-# make lint        the checks that need no compiler, and the logs that are behind their sources
+# make lint        the checks that need neither a compiler nor the installed module; logs behind their sources
+# make cpp-test    one C++ test, built and run: TEST=guard is tests/cpp/test_guard.cpp
 # make bench       all logs that docs/performance.md and others quote; takes most of a day. ARGS="rate_sensor": some
 # make bench-behind     only the logs that are behind their sources
 # make logs-current     fails if a log is behind its sources
@@ -37,13 +38,16 @@ PYTEST := $(BIN)/pytest -n $(WORKERS) --dist worksteal
 CPP := $(shell find include bindings integrations examples tests benchmarks -name '*.[ch]pp' 2>/dev/null)
 BUILT_FROM := pyproject.toml CMakeLists.txt bindings/stub.pat $(filter include/% bindings/%,$(CPP)) \
   $(shell find integrations -type f)
+NINJA := -DCMAKE_MAKE_PROGRAM="$(CURDIR)/$(BIN)/ninja"
+# CMake's own variable: what was compiled before is not compiled again, where ccache is installed.
+export CMAKE_CXX_COMPILER_LAUNCHER ?= $(shell command -v ccache)
 # Tests start many processes: without Python's compiled files each would compile again what it imports.
 unexport PYTHONDONTWRITEBYTECODE
 SUDO = $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 
-.PHONY: reproduce test test-quick test-machines lint check check-deep check-sanitized fuzz-firmware mutants test-core \
-  test-python web bench bench-behind logs-current pages compare article docs wheel lock setup-test setup-embedded \
-  setup-browser setup-fpga setup-postgres setup-octave setup-machines clean
+.PHONY: reproduce test test-quick test-machines lint check cpp-test check-deep check-sanitized fuzz-firmware mutants \
+  test-core test-python web bench bench-behind logs-current pages compare article docs wheel lock setup-test \
+  setup-embedded setup-browser setup-fpga setup-postgres setup-octave setup-machines clean
 .SECONDARY:
 .NOTPARALLEL:  # pip installs one thing at a time; compilers and tests use every processor by themselves
 
@@ -63,25 +67,27 @@ test: .venv/tools setup-test
 # Without processes, compilers and reports: less than a minute on two cores where nothing has to be built.
 QUICK := composite device documents fractional full_history kernel lanes layers loop rate_figures repository scenario \
   settings study
-test-quick: check
+test-quick: check build/tests-optimized/built
 	$(CTEST)/tests-optimized
 	$(PYTEST) $(QUICK:%=tests/python/test_%.py)
 
 test-machines:
 	tests/machines.sh
 
-lint: .venv/ruff
+lint: .venv/lint
 	$(BIN)/ruff check --quiet --output-format concise
 	$(BIN)/ruff format --check --quiet
+	$(BIN)/clang-format --dry-run -Werror $(CPP)
+	$(BIN)/python -m pytest -q --noconftest -p no:cacheprovider tests/python/test_text.py
 	$(BIN)/python benchmarks/pages.py --check
 	$(BIN)/python benchmarks/sources.py
 
 logs-current: $(BIN)/pip
 	$(BIN)/python benchmarks/sources.py --check
 
-check: .venv/installed-test build/tests-optimized/built lint
+# What lint finds is found before anything is compiled.
+check: lint .venv/installed-test
 	$(BIN)/mypy --no-error-summary
-	$(BIN)/clang-format --dry-run -Werror $(CPP)
 
 test-core: build/tests-optimized/built build/tests-sanitized/built
 	$(CTEST)/tests-optimized
@@ -89,6 +95,12 @@ test-core: build/tests-optimized/built build/tests-sanitized/built
 
 test-python: .venv/installed-test
 	$(PYTEST)
+
+# Quickly compiled, and without copies for processors.
+cpp-test: .venv/tools setup-test
+	$(BIN)/cmake --preset dev $(NINJA) >/dev/null
+	$(BIN)/cmake --build build/dev --target test_$(TEST) -- --quiet
+	$(FIXED) build/dev/tests/cpp/test_$(TEST) --gtest_brief=1 $(ARGS)
 
 web: .venv/installed-export
 	$(BIN)/python -m fracgyro.export.live build/web
@@ -254,21 +266,25 @@ if not shutil.which(os.environ.get("CXX", "c++").split()[0]):
 endef
 export COMPILER
 
-RUFF := $(shell sed -n 's/^ *"\(ruff==[^"]*\)",$$/\1/p' pyproject.toml)
-.venv/ruff: pyproject.toml | $(BIN)/pip
-	$(BIN)/pip install --quiet --disable-pip-version-check "$(RUFF)"
+# Libraries of an extra, without the module.
+LIBRARIES := import sys, tomllib; project = tomllib.load(open("pyproject.toml", "rb"))["project"]; \
+  print(*project["optional-dependencies"][sys.argv[1]], sep="\n")
+LIBRARIES_OF = $(BIN)/python -c '$(LIBRARIES)' $1 \
+  | $(BIN)/pip install --quiet --disable-pip-version-check --requirement /dev/stdin
+.venv/lint: pyproject.toml | $(BIN)/pip
+	@$(call LIBRARIES_OF,lint)
 	@touch $@
 
-# All that the C++ tests need of it.
-.venv/tools: | .venv/compiler
-	$(BIN)/pip install --quiet --disable-pip-version-check cmake ninja
+# What compiles the module and the C++ tests.
+.venv/tools: pyproject.toml | .venv/compiler
+	@$(call LIBRARIES_OF,dev)
 	@touch $@
 
 # Python compiles what is imported; most is not.
 # The tests' libraries are those of others, too, for which nothing is then built again.
 OF_TESTS := $(patsubst %,.venv/installed-%,$(DRAWN) export article docs)
-.venv/installed-%: $(BUILT_FROM) | .venv/compiler
-	$(BIN)/pip install --quiet --disable-pip-version-check --no-compile --editable ".[$*]"
+.venv/installed-%: $(BUILT_FROM) | .venv/tools
+	$(BIN)/pip install --quiet --disable-pip-version-check --no-compile --no-build-isolation --editable ".[$*]"
 	@touch $@ $(if $(filter test,$*),$(OF_TESTS))
 
 .venv/installed-locked: requirements.lock $(BUILT_FROM) | .venv/compiler
@@ -283,7 +299,7 @@ build/tests-sanitized/built: OPTIONS := -DFRACGYRO_SANITIZE=$(SANITIZERS),float-
 build/tests-threads/built: OPTIONS := -DFRACGYRO_SANITIZE=thread
 build/tests-threads/built: BUILD := --target test_batch
 build/tests-%/built: $(CPP) CMakeLists.txt tests/cpp/CMakeLists.txt | .venv/tools setup-test
-	$(BIN)/cmake -S . -B $(@D) -G Ninja -DCMAKE_MAKE_PROGRAM="$(CURDIR)/$(BIN)/ninja" \
+	$(BIN)/cmake -S . -B $(@D) -G Ninja $(NINJA) \
 	  -DFRACGYRO_PYTHON=OFF -DFRACGYRO_TESTS=ON $(OPTIONS) \
 	  -DFRACGYRO_WARNINGS_AS_ERRORS=$(if $(FRACGYRO_SKIP_NOTHING),ON,OFF) >/dev/null
 	$(BIN)/cmake --build $(@D) $(BUILD) -- --quiet

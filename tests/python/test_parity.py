@@ -22,7 +22,7 @@ from fracgyro.export.replay import Difference, Trace, first_difference, load, pa
 from fracgyro.export.targets import DTYPES, Target, answer_columns, answered, answers
 from fracgyro.simulation.dataset import write_run
 
-STEPS = 100_000
+STEPS = 20_000
 PAPER = fg.Scenario.paper().replace({"run.duration": STEPS * 1e-3})
 GCC, CLANG = {"CC": "gcc", "CXX": "g++"}, {"CC": "clang", "CXX": "clang++"}
 NUMBERS: tuple[Number, ...] = get_args(Number)
@@ -129,7 +129,8 @@ def test_every_way_through_the_law_has_the_same_bits(scenario: str, number: Numb
     short = record(SCENARIOS[scenario].replace({"run.duration": 2.0}), tmp_path / "run.nc")
     double = number == "double"
     expected = short.answers if double else answers("python", short.scenario, number, short.motion)
-    for name in ("lanes", "host", "FMU"):
+    # An FMU in float is compared above: it takes longest to compile.
+    for name in ("lanes", "host", "FMU") if double else ("lanes", "host"):
         compare(name, number, short, expected)
 
 

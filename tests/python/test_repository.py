@@ -119,7 +119,7 @@ def test_every_wheel_is_asked_for_its_bits() -> None:
 def test_hooks_before_a_commit_are_the_checks_of_make() -> None:
     """Each tool by the name that `make lint` and `make check` give it; versions are in pyproject.toml only."""
     recipes = dict(re.findall(r"^(lint|check): .*\n((?:\t.*\n)+)", read("Makefile"), re.MULTILINE))
-    assert re.search(r"^check: .*\blint$", read("Makefile"), re.MULTILINE)
+    assert re.search(r"^check: lint\b", read("Makefile"), re.MULTILINE)
     hooks = yaml.safe_load(read(".pre-commit-config.yaml"))["repos"]
     assert [repo["repo"] for repo in hooks] == ["local"]
     tool = r"(?:\$\(BIN\)|\.venv/bin)/(ruff \w+|\S+)"

@@ -5,7 +5,6 @@ The pictures of the gallery are left out here: test_gallery.py runs its scripts.
 
 from __future__ import annotations
 
-import fcntl
 import inspect
 import re
 import subprocess
@@ -24,6 +23,7 @@ import fracgyro as fg
 import pytest
 from browser import served, violations, watched
 from children import PATIENCE
+from shared import shared
 
 ROOT = Path(__file__).resolve().parents[2]
 MAX_BYTES = 15e6
@@ -31,16 +31,7 @@ MAX_BYTES = 15e6
 
 @pytest.fixture(scope="session")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Made once, by whichever process asks first."""
-    shared = tmp_path_factory.getbasetemp()
-    shared = (shared.parent if shared.name.startswith("popen-") else shared) / "site"
-    shared.mkdir(exist_ok=True)
-    with open(shared / "lock", "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        if not (shared / "made").exists():
-            make(shared, "html")
-            (shared / "made").touch()
-    return shared / "html"
+    return shared(tmp_path_factory, "site", lambda folder: make(folder, "html")) / "html"
 
 
 def make(folder: Path, builder: str) -> None:
@@ -58,6 +49,7 @@ def test_the_site_is_made_without_a_warning_and_is_small(site: Path) -> None:
     assert sum(path.stat().st_size for path in site.rglob("*") if path.is_file()) < MAX_BYTES
 
 
+@pytest.mark.takes_a_minute
 def test_the_examples_of_the_reference_do_as_they_say(site: Path) -> None:
     make(site.parent, "doctest")
 

@@ -149,7 +149,7 @@ def fmu(
         (folder / "exported.hpp").write_text(header, encoding="utf-8")
         files = {"modelDescription.xml": description.encode(), "resources/scenario.toml": scenario.to_toml().encode()}
         for system in systems:
-            files |= _binaries(folder, system, content, fmi, "cc" if ideal else "c++")
+            files |= _binaries(folder, system, content, fmi)
         with zipfile.ZipFile(scratch, "w", zipfile.ZIP_DEFLATED) as archive:
             for file, data in files.items():
                 entry = zipfile.ZipInfo(file, FIRST_DATE)
@@ -302,8 +302,8 @@ def _identifier(content: Content) -> str:
     return f"fracgyro_{content}"
 
 
-def _binaries(folder: Path, system: System, content: Content, fmi: Fmi, linker: str) -> dict[str, bytes]:
-    """{path in the archive: binary} for one system. Only what simulates a device needs the C++ library of zig's c++."""
+def _binaries(folder: Path, system: System, content: Content, fmi: Fmi) -> dict[str, bytes]:
+    """{path in the archive: binary} for one system. Linked with the C library only, also by zig."""
     face = SOURCES / "integrations/fmu"
     source = face / f"fmi{fmi[0]}.cpp"
     headers = include(folder, face, SOURCES / "include", _fmi_headers())
@@ -320,7 +320,7 @@ def _binaries(folder: Path, system: System, content: Content, fmi: Fmi, linker: 
             zig("c++", "-target", target, *options, *position, "-c", source, "-o", compiled)
             # Else the path to the scratch folder would be in it.
             itself = ["-install_name", f"@rpath/{_identifier(content)}.dylib"] if system == "macos" else []
-            zig(linker, "-target", target, "-O2", "-shared", "-s", *itself, compiled, "-o", binary)
+            zig("cc", "-target", target, "-O2", "-shared", "-s", *itself, compiled, "-o", binary)
         built[tuple_name] = binary
     name = f"{_identifier(content)}{TARGETS[system][0][2]}"
     if fmi == "3.0":

@@ -22,15 +22,16 @@ SCALARS: dict[Number, Any] = {"float": ctypes.c_float, "double": ctypes.c_double
 
 
 class Host:
-    """A folder of exported firmware, compiled as its Makefile does, by the system's compiler.
+    """A folder of exported firmware, compiled once as its Makefile does, by the system's compiler.
 
     Everything is nondimensional. Raises ValueError, in one sentence, when it does not compile.
     """
 
     def __init__(self, folder: Path, number: Number) -> None:
         library = folder / "host.so"
-        options = ["-std=c++20", "-shared", "-fPIC", *flags(folder, "OPTIMISE", "BITS", "LEAN", "WARNINGS")]
-        run([*compiler(), *options, "-I.", "-Iinclude", "fracgyro.cpp", "-o", library.name], folder)
+        if not library.exists():
+            options = ["-std=c++20", "-shared", "-fPIC", *flags(folder, "OPTIMISE", "BITS", "LEAN", "WARNINGS")]
+            run([*compiler(), *options, "-I.", "-Iinclude", "fracgyro.cpp", "-o", library.name], folder)
         self._library = ctypes.CDLL(str(library))
         self._number = SCALARS[number]
         header = (folder / "fracgyro_coefficients.h").read_text(encoding="utf-8")
