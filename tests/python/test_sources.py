@@ -61,6 +61,14 @@ def test_a_log_depends_on_what_its_script_imports_and_on_the_headers_below_it() 
         "include/fracgyro/control/joint.hpp",
         "include/fracgyro/core/covariance.hpp",  # of joint.hpp
     } <= found
+    assert {
+        "fpga/benchmarks/fpga.py",  # that fpga_fixed.py imports
+        "fpga/fracgyro_fpga/schedule.py",
+        "fpga/fracgyro_fpga/cpp/trace.hpp",
+        "fpga/fracgyro_fpga/verilog/controller.v.jinja",
+        "fpga/tests/units.cpp",
+        "python/fracgyro/export/compilers.py",
+    } <= of("fpga/benchmarks/fpga_fixed.py")
     assert "benchmarks/soak.cpp" in of("benchmarks/soak_joint.py") & of("benchmarks/soak.py")
 
 
