@@ -22,7 +22,7 @@ from .microcode import Microcode
 from .proof import check
 from .routines import routines
 from .schedule import Machine, schedules
-from .verilog import constants_hex, deciding, in_bits, microcode_hex, out_bits, state_words, values
+from .template import constants_hex, deciding, in_bits, microcode_hex, out_bits, state_words, values
 
 VERILOG = Path(__file__).parent / "verilog"
 
