@@ -35,7 +35,7 @@ WORKERS := $(shell n=$$(nproc 2>/dev/null || echo 2); echo $$((n < 8 ? n : 8)))
 FIXED := $(shell setarch -R true 2>/dev/null && echo setarch -R)
 CTEST := $(FIXED) $(BIN)/ctest --output-on-failure -j $(WORKERS) --test-dir build
 PYTEST := $(BIN)/pytest -n $(WORKERS) --dist worksteal
-CPP := $(shell find include bindings integrations examples tests benchmarks -name '*.[ch]pp' 2>/dev/null)
+CPP := $(shell find include bindings integrations fpga examples tests benchmarks -name '*.[ch]pp' 2>/dev/null)
 BUILT_FROM := pyproject.toml CMakeLists.txt bindings/stub.pat $(filter include/% bindings/%,$(CPP)) \
   $(shell find integrations -type f)
 NINJA := -DCMAKE_MAKE_PROGRAM="$(CURDIR)/$(BIN)/ninja"

@@ -45,6 +45,10 @@ say "its tests, against what is installed"
 venv/bin/pip install --quiet --disable-pip-version-check "$(ls "$dist"/*.whl)[all,test-wheel]"
 "$tree/tests/installed.sh" "$room/venv/bin/python"
 
+say "a command of an isolated room, with the sources that it compiles"
+printf '[controller]\nkind = "pid"\n' >pid.toml
+venv/bin/fracgyro export fpga pid.toml --out pid
+
 say "nothing is left of it"
 venv/bin/pip uninstall --quiet --yes fracgyro
 left=$(find venv -ipath '*fracgyro*')

@@ -40,7 +40,7 @@ PAGES = {
     "how-to/firmware": "docs/firmware.md",
     "how-to/firmware-folder": "integrations/firmware/README.md",
     "how-to/fpga": "docs/fpga.md",
-    "how-to/fpga-folder": "integrations/fpga/README.md",
+    "how-to/fpga-folder": "fpga/fracgyro_fpga/verilog/README.md",
     "how-to/tuned-gains": "examples/tuning/README.md",
     "understand/equations": "EQUATIONS.md",
     "understand/paper": "docs/paper.md",

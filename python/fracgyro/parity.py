@@ -29,8 +29,6 @@ PUBLISHED: Mapping[Number, str] = {
     "double": "27bd53614655d09b4e44bcdcfed6ac810246da064905f7e782d263b58bddcce4",
     "float": "a8fe01ca5582e78660d6fb42685f831c2a9058ac2b83c4063d10da28da907abd",
 }
-# Of the same motion, answered with a fixed point: by the C++ core and by exported hardware.
-IN_FIXED = "09090fe2132ef45fffdccb75df108f6d3c98700f2652749c9c37d581b93134c8"
 
 
 @dataclass(frozen=True)

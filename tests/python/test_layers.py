@@ -134,8 +134,7 @@ def test_the_bindings_include_the_headers_and_nanobind(path: Path) -> None:
             assert is_ours(header) or (path.parent / header).is_file(), header
 
 
-OTHERS = [path for of in ("fmu", "fpga", "lanes", "web") for path in sources(f"integrations/{of}")]
-OF_HARDWARE = {"controller.h", "Vfracgyro_controller.h", "verilated.h"}  # what it is simulated with
+OTHERS = [path for of in ("fmu", "lanes", "web") for path in sources(f"integrations/{of}")]
 
 
 @pytest.mark.parametrize("path", OTHERS, ids=name)
@@ -144,8 +143,19 @@ def test_an_integration_includes_the_headers_itself_and_the_standard_it_speaks(p
         if bracket == "<":
             assert is_standard(header)
         else:
-            made_or_fmi = {"exported.hpp", "fmi2Functions.h", "fmi3Functions.h", *OF_HARDWARE}
+            made_or_fmi = {"exported.hpp", "fmi2Functions.h", "fmi3Functions.h"}
             assert header in made_or_fmi or is_ours(header) or (path.parent / header).is_file(), header
+
+
+@pytest.mark.parametrize("path", sources("fpga"), ids=name)
+def test_the_room_of_hardware_includes_the_headers_itself_and_what_simulates_it(path: Path) -> None:
+    for bracket, header in includes(path):
+        if bracket == "<":
+            assert is_standard(header)
+        else:
+            simulated = re.fullmatch(r"V\w+\.h|verilated\.h|controller\.h", header)
+            own = (ROOT / "fpga/fracgyro_fpga/cpp" / header).is_file()
+            assert simulated or own or is_ours(header), header
 
 
 def test_firmware_needs_the_core_alone() -> None:
@@ -186,6 +196,23 @@ def test_the_package_imports_nothing_that_is_not_installed_with_it(path: Path) -
     assert not imported(path) & {"tests", "benchmarks", "pytest", "hypothesis", "mpmath", "numba", "conftest"}
 
 
+# Rooms of their own, each a package in a folder: they import the library, and nothing of it or of another imports them.
+APART = {"fracgyro_fpga": "fpga"}
+OF_THE_LIBRARY = sorted(path for ending in ("py", "pyi") for path in (ROOT / "python").rglob(f"*.{ending}"))
+
+
+@pytest.mark.parametrize("path", OF_THE_LIBRARY, ids=name)
+def test_the_library_imports_no_room_of_its_own(path: Path) -> None:
+    assert not imported(path) & set(APART)
+
+
+@pytest.mark.parametrize("room", APART)
+def test_a_room_of_its_own_imports_the_library_and_no_other_room(room: str) -> None:
+    found = set().union(*(imported(path) for path in (ROOT / APART[room]).rglob("*.py")))
+    assert "fracgyro" in found
+    assert not found & set(APART) - {room}
+
+
 # The rooms of the Python package from the ground up. A room imports itself and what stands in lines before its own.
 ROOMS = [
     ["_core", "files", "arguments", "extras"],
@@ -206,38 +233,39 @@ ROOMS = [
 DOORS = {"study": "the door of study"}
 
 
-def package() -> dict[str, set[str]]:
-    """The modules that each module of the package imports, a package's own by the package's name."""
+def package(name: str = "fracgyro", folder: str = "python") -> dict[str, set[str]]:
+    """The modules of the package that each of its modules imports, a package's own by the package's name."""
     paths = {}
-    for path in sorted((ROOT / "python/fracgyro").rglob("*.py")):
-        parts = path.relative_to(ROOT / "python/fracgyro").with_suffix("").parts
+    for path in sorted((ROOT / folder / name).rglob("*.py")):
+        parts = path.relative_to(ROOT / folder / name).with_suffix("").parts
         paths[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
     found: dict[str, set[str]] = {"_core": set()}
     for module, path in paths.items():
         is_package = path.stem == "__init__"
         texts = [each.read_text(encoding="utf-8") for each in (path, path.with_suffix(".pyi")) if each.exists()]
-        found[module] = set().union(*(imported_of(text, module, is_package, {"_core", *paths}) for text in texts))
+        known = {"_core", *paths} if name == "fracgyro" else set(paths)
+        found[module] = set().union(*(imported_of(text, module, is_package, known, name) for text in texts))
     return found
 
 
-def imported_of(text: str, module: str, is_package: bool, known: set[str]) -> set[str]:
+def imported_of(text: str, module: str, is_package: bool, known: set[str], package: str = "fracgyro") -> set[str]:
     """Wherever an import stands: in a function and under TYPE_CHECKING, too."""
     found = set()
     here = module.split(".") if module else []
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):
-            names = [alias.name.partition("fracgyro.") for alias in node.names]
+            names = [alias.name.partition(f"{package}.") for alias in node.names]
             found |= {rest for before, own, rest in names if own and not before}
             continue
         if not isinstance(node, ast.ImportFrom):
             continue
         if node.level:
             base = here[: len(here) - node.level + is_package]
-        elif str(node.module).partition(".")[0] == "fracgyro":
+        elif str(node.module).partition(".")[0] == package:
             base = []
         else:
             continue
-        inner = str(node.module or "").removeprefix("fracgyro").removeprefix(".") if not node.level else node.module
+        inner = str(node.module or "").removeprefix(package).removeprefix(".") if not node.level else node.module
         target = ".".join([*base, *([inner] if inner else [])])
         for alias in node.names:
             deeper = f"{target}.{alias.name}" if target else alias.name
@@ -288,6 +316,10 @@ def test_no_modules_of_the_package_import_one_another_in_a_circle() -> None:
     assert "analysis.metrics" in modules["cli.simulate"], "the imports are not read"
     assert "study.sweep.run" in modules["study"], "the stubs are not read"
     assert circle(modules) == []
+    for room, folder in APART.items():
+        modules = package(room, folder)
+        assert set().union(*modules.values()) <= set(modules)
+        assert circle(modules) == []
 
 
 def test_rooms_of_the_package_import_only_rooms_below() -> None:
@@ -299,10 +331,10 @@ def test_rooms_of_the_package_import_only_rooms_below() -> None:
             assert mine == theirs or floor[theirs] < floor[mine], f"{module} imports {target}"
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "benchmarks").glob("*.py")), ids=name)
+@pytest.mark.parametrize("path", sorted([*ROOT.glob("benchmarks/*.py"), *ROOT.glob("*/benchmarks/*.py")]), ids=name)
 def test_a_benchmark_imports_what_the_package_has(path: Path) -> None:
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.ImportFrom) and str(node.module).partition(".")[0] == "fracgyro":
+        if isinstance(node, ast.ImportFrom) and str(node.module).partition(".")[0] in {"fracgyro", *APART}:
             module = importlib.import_module(str(node.module))
             for alias in node.names:
                 there = hasattr(module, alias.name) or find_spec(f"{node.module}.{alias.name}")
@@ -313,6 +345,7 @@ def test_the_version_is_typed_once() -> None:
     version = re.search(r'^version = "([^"]+)"', (ROOT / "pyproject.toml").read_text(), re.MULTILINE)
     assert version
     code_files = [ROOT / "CMakeLists.txt", ROOT / "Makefile", *sorted((ROOT / "python").rglob("*.py"))]
+    code_files += [path for folder in APART.values() for path in sorted((ROOT / folder).rglob("*.py"))]
     code_files += [path for folder in ("include", "bindings") for path in sources(folder)]
     for path in code_files:
         assert version[1] not in path.read_text(encoding="utf-8"), name(path)

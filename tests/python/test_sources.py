@@ -63,6 +63,14 @@ def test_a_log_depends_on_what_its_script_imports_and_on_the_headers_below_it() 
     joint = of("benchmarks/soak.py", "soak_joint")
     assert "include/fracgyro/estimation/joint.hpp" in joint - of("benchmarks/soak.py", "soak")
     assert "benchmarks/soak.cpp" in joint
+    assert {
+        "fpga/benchmarks/fpga.py",  # that fpga_fixed.py imports
+        "fpga/fracgyro_fpga/schedule.py",
+        "fpga/fracgyro_fpga/cpp/trace.hpp",
+        "fpga/fracgyro_fpga/verilog/controller.v.jinja",
+        "fpga/tests/units.cpp",
+        "python/fracgyro/export/compilers.py",
+    } <= of("fpga/benchmarks/fpga_fixed.py")
 
 
 def test_a_log_does_not_depend_on_controllers_it_does_not_use_nor_on_what_writes_logs() -> None:

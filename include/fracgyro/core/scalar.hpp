@@ -27,7 +27,7 @@ concept Scalar = std::copyable<T> && std::constructible_from<T, double> && requi
 };
 
 // An integer or a switch in the state of what computes with numbers T. A number that is not computed with but recorded
-// (integrations/fpga/trace.hpp) brings its own.
+// (fpga/fracgyro_fpga/cpp/trace.hpp) brings its own.
 template <class T, class Built>
 struct KeptBy {
     using Type = Built;

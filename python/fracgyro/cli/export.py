@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import asdict
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Literal
 
@@ -16,9 +17,10 @@ from .completion import toml_files
 
 DIFFERENT = 1
 Number = Literal["float", "double"]
+TARGETS = ["host", "m4f", "m7", "octave", "wasm", "fmu", "lanes", *sorted(entry_points(group="fracgyro.targets").names)]
 
 
-def _number(default: str, *allowed: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+def number_option(default: str, *allowed: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
     return click.option(
         "--number",
         type=click.Choice(allowed or ["float", "double"]),
@@ -28,14 +30,14 @@ def _number(default: str, *allowed: str) -> Callable[[Callable[..., None]], Call
     )
 
 
-_unbounded = click.option(
+unbounded_option = click.option(
     "--unbounded",
     is_flag=True,
     help="Export even if the bound estimates may grow until the loop diverges.",
 )
 
 
-@click.group(cls=Commands, invoke_without_command=True)
+@click.group(cls=Commands, registered="fracgyro.exports", invoke_without_command=True)
 @click.pass_context
 def export(context: click.Context) -> None:
     """Export a scenario, or a fractional operator: FMU, firmware, FPGA, MATLAB or WebAssembly."""
@@ -45,7 +47,7 @@ def export(context: click.Context) -> None:
 @export.command(name="web")
 @click.argument("scenario", type=click.Path(path_type=Path), shell_complete=toml_files)
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="A new JSON file.")
-@_unbounded
+@unbounded_option
 def web_command(scenario: Path, out: Path, unbounded: bool) -> None:
     """Write SCENARIO as JSON for the browser. The WebAssembly module is built by `make web`."""
     from ..export import web
@@ -62,8 +64,8 @@ def web_command(scenario: Path, out: Path, unbounded: bool) -> None:
 @click.option("--linux-arm", is_flag=True, help="Add a binary for Linux on ARM, 64 bit; needs ziglang.")
 @click.option("--windows", is_flag=True, help="Add a binary for Windows to that for Linux; needs ziglang.")
 @click.option("--macos", is_flag=True, help="Add a binary for macOS to that for Linux; needs ziglang.")
-@_number("double")
-@_unbounded
+@number_option("double")
+@unbounded_option
 def fmu_command(
     scenario: Path,
     out: Path,
@@ -91,8 +93,8 @@ def fmu_command(
 @export.command(name="firmware")
 @click.argument("scenario", type=click.Path(path_type=Path), shell_complete=toml_files)
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
-@_number("float")
-@_unbounded
+@number_option("float")
+@unbounded_option
 def firmware_command(scenario: Path, out: Path, number: Number, unbounded: bool) -> None:
     """Write SCENARIO as firmware. The controller is C++ with a C interface, for a microcontroller."""
     from ..export import firmware
@@ -108,8 +110,8 @@ def firmware_command(scenario: Path, out: Path, number: Number, unbounded: bool)
 @export.command(name="matlab")
 @click.argument("scenario", type=click.Path(path_type=Path), shell_complete=toml_files)
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
-@_number("double")
-@_unbounded
+@number_option("double")
+@unbounded_option
 def matlab_command(scenario: Path, out: Path, number: Number, unbounded: bool) -> None:
     """Write SCENARIO as a class for MATLAB and Octave. It is compiled there."""
     from ..export import matlab
@@ -135,7 +137,7 @@ def matlab_command(scenario: Path, out: Path, number: Number, unbounded: bool) -
 )
 @click.option("--name", default="operator", show_default=True, help="Name of the files and of the functions in them.")
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
-@_number("float")
+@number_option("float")
 def operator_command(
     order: float | None,
     pid: tuple[float, float, float, float, float] | None,
@@ -171,35 +173,19 @@ def operator_command(
     click.echo(f"{out / name}.c: {found.count} exponentials, {number}, one sample every {step:g}")
 
 
-@export.command(name="fpga")
-@click.argument("scenario", type=click.Path(path_type=Path), shell_complete=toml_files)
-@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
-@_number("float", "float", "fixed")
-@_unbounded
-def fpga_command(scenario: Path, out: Path, number: Literal["float", "fixed"], unbounded: bool) -> None:
-    """Write SCENARIO as Verilog for an FPGA.
-
-    In float it has the bits of the firmware. Fixed, 48 bits of which 28 are after the point, is faster.
-    """
-    from ..export import fpga
-
-    fpga(Scenario.load(scenario), out, number, unbounded=unbounded)
-    click.echo(f"{out}: add it to your design, as its README.md says")
-
-
 @click.command()
 @click.argument("trace", type=click.Path(path_type=Path))
 @click.option(
     "--target",
     required=True,
-    type=click.Choice(["host", "m4f", "m7", "octave", "wasm", "fmu", "lanes", "fpga"]),
+    type=click.Choice(TARGETS),
     help="Firmware on this computer, an emulated Cortex-M4F or M7; Octave; WebAssembly; FMU; lanes; simulated FPGA.",
 )
-@_number("double", "float", "double", "fixed")
+@number_option("double", "float", "double", "fixed")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def replay(
     trace: Path,
-    target: Literal["host", "m4f", "m7", "octave", "wasm", "fmu", "lanes", "fpga"],
+    target: str,
     number: Literal["float", "double", "fixed"],
     as_json: bool,
 ) -> None:

@@ -23,23 +23,21 @@ SOURCES = Path(_core.__file__).parent
 FLAGS = ["-std=c++20", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"]
 FLAGS += ["-fno-exceptions", "-fno-rtti", "-fvisibility=hidden", "-Wno-psabi"]
 ZIG = "ziglang from PyPI: in your clone, pip install '.[export]'"
-# Programs by their names; what brings each is a package of Debian, and is called the same or alike elsewhere.
+# The packages of Debian that bring programs of other names; they are called the same or alike elsewhere.
 PACKAGES = {
-    "make": "make",
     "node": "nodejs",
     "arm-none-eabi-g++": "gcc-arm-none-eabi, libnewlib-arm-none-eabi and libstdc++-arm-none-eabi-newlib",
-    "qemu-system-arm": "qemu-system-arm",
     "octave-cli": "octave",
     "mkoctfile": "octave-dev",
-    "verilator": "verilator",
 }
 
 
 def need(*programs: str) -> None:
-    """Raises ValueError, in one sentence that says what to install, when one of PACKAGES is missing."""
+    """Raises ValueError, in one sentence that says what to install, when one is missing."""
     for program in programs:
         if shutil.which(program) is None:
-            raise ValueError(f"{program} is not found: install {PACKAGES[program]}, as they are called in Debian")
+            package = PACKAGES.get(program, program)
+            raise ValueError(f"{program} is not found: install {package}, as they are called in Debian")
 
 
 def make(folder: Path, *words: str) -> str:

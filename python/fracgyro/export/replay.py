@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..extras import require
 from ..files import check_regular, reason
 from ..scenario import Scenario
-from .targets import MOTION, AnyNumber, Target, answer_columns, answered, answers
+from .targets import MOTION, AnyNumber, answer_columns, answered, answers, expected
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Difference:
 class Replay:
     """What `target` answered; `hash` is SHA-256 over the bits of all forces and estimates."""
 
-    target: Target
+    target: str
     number: AnyNumber
     steps: int
     hash: str
@@ -46,13 +46,13 @@ class Trace:
     answers: NDArray[np.float64]
 
 
-def replay(path: str | os.PathLike[str], target: Target, number: AnyNumber = "double") -> Replay:
+def replay(path: str | os.PathLike[str], target: str, number: AnyNumber = "double") -> Replay:
     """Hands the motion recorded in `path` (by `fracgyro simulate --out`) to the controller on the target.
 
-    `target`: host, m4f, m7, octave, wasm, fmu, lanes, or fpga, which has float and fixed only. In double its answers
-    are compared to those recorded; in float, to those of the Python Controller in single precision; in fixed, to those
-    of the core with such numbers on this computer. Raises ValueError, in one sentence, when the file is not such a
-    record or a program is missing.
+    `target`: host, m4f, m7, octave, wasm, fmu, lanes, or one that another package registers, as fpga, which has float
+    and fixed only. In double its answers are compared to those recorded; in float, to those of the Python Controller in
+    single precision; in fixed, to those of the core with such numbers on this computer. Raises ValueError, in one
+    sentence, when the file is not such a record or a program is missing.
 
     >>> run = fg.simulate(fg.Scenario.paper().replace({"run.duration": 1.0}))
     >>> run.to_netcdf("run.nc", engine="h5netcdf")
@@ -61,9 +61,8 @@ def replay(path: str | os.PathLike[str], target: Target, number: AnyNumber = "do
     """
     trace = load(path)
     found = answers(target, trace.scenario, number, trace.motion)
-    against: Target = "desk" if number == "fixed" else "python"
-    expected = trace.answers if number == "double" else answers(against, trace.scenario, number, trace.motion)
-    difference = first_difference(found, expected, answer_columns(trace.scenario))
+    right = trace.answers if number == "double" else expected(target, trace.scenario, number, trace.motion)
+    difference = first_difference(found, right, answer_columns(trace.scenario))
     return Replay(target, number, len(found), parity_hash(trace.scenario, found), difference)
 
 

@@ -7,7 +7,9 @@ import platform
 import shutil
 import tempfile
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache, partial
+from importlib.metadata import EntryPoints, entry_points
 from pathlib import Path
 from typing import Any, Literal
 
@@ -21,15 +23,11 @@ from ..simulation.controller import Controller
 from .compilers import FLAGS, SOURCES, Number, compiler, include, make, need, run, system_compiler
 from .firmware import firmware
 from .fmu import System, fmu
-from .fpga import fpga
-from .fpga.arithmetic import ARITHMETICS
-from .fpga.desk import on_the_desk
 from .matlab import matlab
 from .settings import columns, core_kernel, core_numbers, observer_bandwidth
 from .web import build, web
 
-Target = Literal["python", "lanes", "host", "m4f", "m7", "octave", "wasm", "fmu", "fpga", "desk"]
-AnyNumber = Literal["float", "double", "fixed"]  # fixed: of hardware, and of what it is compared with
+AnyNumber = Literal["float", "double", "fixed"]  # fixed: only on targets that other packages register
 
 MOTION = ["position", "velocity"]
 DTYPES: dict[AnyNumber, np.dtype[np.floating]] = {
@@ -44,6 +42,21 @@ EMULATOR = ["qemu-system-arm", "-nographic", "-monitor", "none", "-serial", "non
 OCTAVE = ["octave-cli", "--norc", "--quiet", "--eval"]
 SYSTEMS: dict[str, System] = {"Linux": "linux", "Windows": "windows", "Darwin": "macos"}
 
+Answer = Callable[[Scenario, Any, NDArray[np.floating], Path], NDArray[np.floating]]
+
+
+@dataclass(frozen=True)
+class Target:
+    """Something that a controller runs on.
+
+    `answer`: for scenario, number and motion, (steps, 4), returns rows of answer_columns; it may use an empty folder.
+    `numbers`: what it computes in. `reference`: answers in those that the Python Controller lacks, for comparison.
+    """
+
+    answer: Answer
+    numbers: tuple[AnyNumber, ...] = ("float", "double")
+    reference: Answer | None = None
+
 
 def answered(scenario: Scenario) -> list[Channel]:
     """What a controller answers a motion with: the force, and what it reported before it."""
@@ -55,19 +68,49 @@ def answer_columns(scenario: Scenario) -> list[str]:
     return [name for channel in answered(scenario) for name in columns(channel)]
 
 
-def answers(target: Target, scenario: Scenario, number: AnyNumber, motion: NDArray[np.float64]) -> NDArray[np.floating]:
+def answers(target: str, scenario: Scenario, number: AnyNumber, motion: NDArray[np.float64]) -> NDArray[np.floating]:
     """One row of answer_columns for each motion (x, y and their rates, nondimensional), from t = 0 on.
 
     The motion is rounded to `number`, and so typed are the rows. Raises ValueError, in one sentence, when a program is
     missing or fails, or the target takes a motion for a fault of the sensor.
     """
+    chosen = target_named(target)
+    if number not in chosen.numbers:
+        others = [name for name in sorted(registered().names) if number in target_named(name).numbers]
+        choose = "add --number float" if number == "double" else f"choose the target {' or '.join(others)}"
+        raise ValueError(f"{target} computes in {' or '.join(chosen.numbers)}, not in {number}: {choose}")
+    return _rows(chosen.answer, target, scenario, number, motion)
+
+
+def expected(target: str, scenario: Scenario, number: AnyNumber, motion: NDArray[np.float64]) -> NDArray[np.floating]:
+    """The rows that `answers` has to return, by the Python Controller or, in other numbers, the target's reference."""
+    reference = TARGETS["python"].answer if number in TARGETS["python"].numbers else target_named(target).reference
+    if reference is None:
+        raise ValueError(f"{target} has nothing to be compared with in {number}")
+    return _rows(reference, f"the reference of {target}", scenario, number, motion)
+
+
+def registered() -> EntryPoints:
+    """Targets of other packages: each is an instance of Target."""
+    return entry_points(group="fracgyro.targets")
+
+
+def target_named(name: str) -> Target:
+    """Return a target of this package, or one that another package registers."""
+    if name in TARGETS:
+        return TARGETS[name]
+    found: Target = registered()[name].load()
+    return found
+
+
+def _rows(
+    answer: Answer, name: str, scenario: Scenario, number: AnyNumber, motion: NDArray[np.float64]
+) -> NDArray[np.floating]:
     dtype = DTYPES[number]
-    if number == "fixed" and target not in IN_FIXED:
-        raise ValueError(f"{target} computes in float or double, not in fixed: choose the target fpga")
-    with tempfile.TemporaryDirectory() as name:
-        rows = TARGETS[target](scenario, number, motion.astype(dtype), Path(name))
+    with tempfile.TemporaryDirectory() as folder:
+        rows = answer(scenario, number, motion.astype(dtype), Path(folder))
     if rows.shape != (len(motion), len(answer_columns(scenario))):
-        raise ValueError(f"{target} answered {len(rows)} of {len(motion)} motions")
+        raise ValueError(f"{name} answered {len(rows)} of {len(motion)} motions")
     return rows.astype(dtype, copy=False)
 
 
@@ -121,7 +164,7 @@ def _firmware(
     motion.tofile(exported / "motion")
     make(exported, image, *choice)
     run(command, exported)
-    return _without_status(target, scenario, np.fromfile(exported / "answer", DTYPES[number]).reshape(len(motion), -1))
+    return without_status(target, scenario, np.fromfile(exported / "answer", DTYPES[number]).reshape(len(motion), -1))
 
 
 def _octave(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
@@ -132,10 +175,10 @@ def _octave(scenario: Scenario, number: Number, motion: NDArray[np.floating], fo
     motion.tofile(exported / "motion")
     run([*OCTAVE, "build(); replay(Fracgyro())"], exported)
     rows = np.fromfile(exported / "answer", DTYPES[number]).reshape(len(motion), -1)
-    return _without_status("octave", scenario, rows)
+    return without_status("octave", scenario, rows)
 
 
-def _without_status(target: Target, scenario: Scenario, rows: NDArray[np.floating]) -> NDArray[np.floating]:
+def without_status(target: str, scenario: Scenario, rows: NDArray[np.floating]) -> NDArray[np.floating]:
     """Force and report of rows that begin with the firmware's status. Raises ValueError where that is a fault."""
     for n, status in enumerate(rows[:, 0].tolist()):
         if status >= FAULT:
@@ -187,36 +230,13 @@ def _fmu(scenario: Scenario, number: Number, motion: NDArray[np.floating], folde
     return np.array(rows)
 
 
-def _fpga(scenario: Scenario, number: AnyNumber, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
-    """As exported, simulated by Verilator."""
-    if number == "double":
-        raise ValueError("fpga computes in float or fixed, not in double: add --number float")
-    need("verilator")
-    exported, program, arithmetic = folder / "fpga", "build/controller", ARITHMETICS[number]
-    fpga(scenario, exported, number, unbounded=True)
-    arithmetic.words(motion).tofile(exported / "motion")
-    make(exported, program)
-    run([str(exported / program)], exported)
-    rows = np.fromfile(exported / "answer", arithmetic.rows).reshape(len(motion), -1)
-    return _without_status("fpga", scenario, arithmetic.numbers(rows))
-
-
-def _desk(scenario: Scenario, number: AnyNumber, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
-    """What hardware with a fixed point has to answer, by the core on this computer."""
-    return _without_status("desk", scenario, on_the_desk(scenario, motion, folder))
-
-
-IN_FIXED = ("fpga", "desk")
-Run = Callable[[Scenario, Any, NDArray[np.floating], Path], NDArray[np.floating]]
-TARGETS: dict[Target, Run] = {
-    "python": _python,
-    "lanes": _lanes,
-    "host": partial(_firmware, "host"),
-    "m4f": partial(_firmware, "m4f"),
-    "m7": partial(_firmware, "m7"),
-    "octave": _octave,
-    "wasm": _wasm,
-    "fmu": _fmu,
-    "fpga": _fpga,
-    "desk": _desk,
+TARGETS = {
+    "python": Target(_python),
+    "lanes": Target(_lanes),
+    "host": Target(partial(_firmware, "host")),
+    "m4f": Target(partial(_firmware, "m4f")),
+    "m7": Target(partial(_firmware, "m7")),
+    "octave": Target(_octave),
+    "wasm": Target(_wasm),
+    "fmu": Target(_fmu),
 }

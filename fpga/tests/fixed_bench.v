@@ -1,4 +1,4 @@
-// Every unit of integrations/fpga/fixed_units.v, from two's complement to two's complement.
+// Every unit of fixed_units.v, from two's complement to two's complement.
 module bench (
     input wire clk,
     input wire load_div,

@@ -17,24 +17,27 @@ import numpy as np
 from fracgyro import _core
 from fracgyro.analysis.style import own_style, svg
 from fracgyro.export.compilers import SOURCES, make, run
-from fracgyro.export.fpga import fpga
-from fracgyro.export.fpga.arithmetic import ARITHMETICS, HardwareNumber
-from fracgyro.export.fpga.desk import on_the_desk
-from fracgyro.export.fpga.folder import compiled
-from fracgyro.export.fpga.graph import ENTRY, members, trace
-from fracgyro.export.fpga.interpreter import Interpreter
-from fracgyro.export.fpga.schedule import FETCH
 from fracgyro.export.host import answers
 from fracgyro.export.replay import parity_hash
 from fracgyro.files import whole_file
 from fracgyro.parity import PUBLISHED, SCENARIO
 from fracgyro.scenario.to_core import core_setup
-from machine import command, machine, write
+from fracgyro_fpga import fpga
+from fracgyro_fpga.arithmetic import ARITHMETICS, HardwareNumber
+from fracgyro_fpga.desk import on_the_desk
+from fracgyro_fpga.folder import VERILOG, compiled
+from fracgyro_fpga.graph import CPP, ENTRY, members, trace
+from fracgyro_fpga.interpreter import Interpreter
+from fracgyro_fpga.schedule import FETCH
 from matplotlib.figure import Figure
 
-DEPENDS_ON = ["sliding_mode", "composite", "pid", "integrations/fpga/*", "tests/fpga/*"]
+sys.path.append(str(Path(__file__).resolve().parents[2] / "benchmarks"))
 
-ROOT = Path(__file__).resolve().parents[1]
+from machine import command, machine, write
+
+DEPENDS_ON = ["sliding_mode", "composite", "pid", "fpga/fracgyro_fpga/*/*", "fpga/tests/*.cpp", "fpga/tests/*.v"]
+
+ROOT = Path(__file__).resolve().parents[2]
 PICTURE = ROOT / "docs/fpga_schedule.svg"
 VECTORS = 2_000_000
 STEPS = 100_000
@@ -118,13 +121,13 @@ def measured(name: str, number: HardwareNumber, scenario: fg.Scenario) -> tuple[
 
 
 def units() -> list[str]:
-    """What tests/fpga/units.cpp and fixed_units.cpp find."""
-    lines, written = [], SOURCES / "integrations/fpga"
+    """What units.cpp and fixed_units.cpp of fpga/tests find."""
+    lines = []
     for kind, number in (("", "float"), ("fixed_", "fixed")):
         with tempfile.TemporaryDirectory() as folder:
-            tests = [ROOT / f"tests/fpga/{kind}{file}" for file in ("bench.v", "units.cpp")]
-            sources = [written / f"{kind}units.v", written / "digits.v", *tests]
-            flags = f"-std=c++20 -O2 -I{written} -I{SOURCES / 'include'}"
+            tests = [ROOT / f"fpga/tests/{kind}{file}" for file in ("bench.v", "units.cpp")]
+            sources = [VERILOG / f"{kind}units.v", VERILOG / "digits.v", *tests]
+            flags = f"-std=c++20 -O2 -I{CPP} -I{SOURCES / 'include'}"
             options = ["-O3", "-CFLAGS", flags, "--top-module", "bench", "-Mdir", folder, "-Wno-fatal"]
             run(["verilator", "--cc", "--exe", "--build", *options, *map(str, sources), "-o", "units"])
             output = run([f"{folder}/units", str(VECTORS), "2"])

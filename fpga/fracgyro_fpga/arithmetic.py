@@ -21,14 +21,14 @@ ONE_OF_32 = 0xFFFFFFFF
 MANTISSA = 23  # bits of a float's fraction
 BIAS = 129  # what the exponent of a normal float inside exceeds its own by
 ORIGIN = 0x3F3504F3  # sqrt(1/2), as float32
-FRACTION, MOST, BEYOND = 28, 2**47 - 1, 2.0**19  # of HardwareFixed in integrations/fpga/fixed.hpp
+FRACTION, MOST, BEYOND = 28, 2**47 - 1, 2.0**19  # of HardwareFixed in cpp/fixed.hpp
 
 
 class Arithmetic(ABC):
     """`stages`: of the units in `units`; those of what is neither sum nor product end with that of choose."""
 
     number: ClassVar[HardwareNumber]
-    units: ClassVar[str]  # a file of integrations/fpga, whose modules begin with `prefix`
+    units: ClassVar[str]  # a file of verilog/, whose modules begin with `prefix`
     prefix: ClassVar[str]
     word: ClassVar[int]  # bits outside
     inside: ClassVar[int]  # and inside, a sign and what it belongs to
@@ -138,7 +138,7 @@ class Float(Arithmetic):
 
 
 class Fixed(Arithmetic):
-    """As HardwareFixed in integrations/fpga/fixed.hpp."""
+    """As HardwareFixed in cpp/fixed.hpp."""
 
     number, units, prefix = "fixed", "fixed_units.v", "fx"
     word, inside = 48, 48

@@ -1,4 +1,4 @@
-// Every unit of integrations/fpga/units.v, from float32 to float32.
+// Every unit of units.v, from float32 to float32.
 module bench (
     input wire clk,
     input wire load_div,

@@ -6,22 +6,25 @@ import os
 import re
 import shutil
 from importlib.metadata import version
+from pathlib import Path
 
-from ...extras import require
-from ...files import whole_folder
-from ...scenario import Scenario
-from ...scenario.bounded import check_bounded
-from ...scenario.kinds import lasting
-from ...scenario.to_core import core_setup
-from ..compilers import SOURCES
-from ..settings import columns
+from fracgyro.export.settings import columns
+from fracgyro.extras import require
+from fracgyro.files import whole_folder
+from fracgyro.scenario import Scenario
+from fracgyro.scenario.bounded import check_bounded
+from fracgyro.scenario.kinds import lasting
+from fracgyro.scenario.to_core import core_setup
+
 from .arithmetic import HardwareNumber
 from .graph import ENTRY, Graph, trace
 from .microcode import Microcode
 from .proof import check
 from .routines import routines
 from .schedule import Machine, schedules
-from .verilog import constants_hex, deciding, in_bits, microcode_hex, out_bits, state_words, values
+from .template import constants_hex, deciding, in_bits, microcode_hex, out_bits, state_words, values
+
+VERILOG = Path(__file__).parent / "verilog"
 
 
 def fpga(
@@ -38,7 +41,8 @@ def fpga(
     and `unbounded` does not say that it need not.
 
     >>> from fracgyro.scenario.shipped import shipped
-    >>> fg.export.fpga(shipped("hardware"), "hardware")
+    >>> from fracgyro_fpga import fpga
+    >>> fpga(shipped("hardware"), "hardware")
     """
     check_bounded(scenario, unbounded)
     require("export", "jinja2")
@@ -53,12 +57,11 @@ def fpga(
             "cycles.md": _cycles(scenario, code),
             "scenario.toml": scenario.to_toml(),
         }
-        written = SOURCES / "integrations/fpga"
         for name in ("digits.v", "pins.lpf", "testbench.cpp", "Makefile", "README.md"):
-            shutil.copyfile(written / name, scratch / name)
+            shutil.copyfile(VERILOG / name, scratch / name)
         arithmetic = code.graph.arithmetic
-        shutil.copyfile(written / arithmetic.units, scratch / "units.v")
-        spi = (written / "spi.v").read_text(encoding="utf-8")
+        shutil.copyfile(VERILOG / arithmetic.units, scratch / "units.v")
+        spi = (VERILOG / "spi.v").read_text(encoding="utf-8")
         files["spi.v"] = _sized(spi, WORD=arithmetic.word, IN_BITS=in_bits(code), OUT_BITS=out_bits(code))
         for name, text in files.items():
             (scratch / name).write_text(text, encoding="utf-8", newline="\n")
@@ -76,7 +79,7 @@ def _controller(code: Microcode, made: str) -> str:
     import jinja2
 
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("fracgyro", "export/fpga"),
+        loader=jinja2.FileSystemLoader(VERILOG),
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,

@@ -5,12 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from fracgyro.export.compilers import run
+from fracgyro.scenario import Scenario
 from numpy.typing import NDArray
 
-from ...scenario import Scenario
-from ..compilers import run
 from .arithmetic import ARITHMETICS
 from .graph import compiled_for, numbers_of
+
+# Published parity hash of the motion of fracgyro.parity, answered by this core and by exported hardware.
+IN_FIXED = "09090fe2132ef45fffdccb75df108f6d3c98700f2652749c9c37d581b93134c8"
 
 
 def on_the_desk(scenario: Scenario, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:

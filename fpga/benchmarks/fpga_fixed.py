@@ -14,14 +14,18 @@ from typing import Any
 
 import fracgyro as fg
 import numpy as np
-from fpga import CHECKED, EIGHT, SCENARIO, SIXTEEN, motion_of
 from fracgyro.export.compilers import run
-from fracgyro.export.fpga.arithmetic import FRACTION, MOST
-from fracgyro.export.fpga.graph import SOURCES_OF_NUMBERS, Graph, compiled_for, numbers_of, trace
-from fracgyro.export.fpga.interpreter import Interpreter
 from fracgyro.export.host import rmse
 from fracgyro.export.targets import answer_columns, answers
+from fracgyro_fpga.arithmetic import FRACTION, MOST
+from fracgyro_fpga.graph import SOURCES_OF_NUMBERS, Graph, compiled_for, numbers_of, trace
+from fracgyro_fpga.interpreter import Interpreter
+
+sys.path.append(str(Path(__file__).resolve().parents[2] / "benchmarks"))
+
 from machine import command, machine, write
+
+from fpga import CHECKED, EIGHT, SCENARIO, SIXTEEN, motion_of
 
 RANGED, STEPS = 5_000, 100_000
 SETTLED = 2.0  # units of time

@@ -15,13 +15,16 @@ from operator import or_
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
-from ... import _core
-from ...scenario import Scenario
-from ...scenario.kinds import having
-from ...scenario.to_core import check_single, core_setup
-from ..compilers import FLAGS, SOURCES, compiler, include, run
-from ..settings import core_kernel, core_numbers, observer_bandwidth
+from fracgyro import _core
+from fracgyro.export.compilers import FLAGS, SOURCES, compiler, include, run
+from fracgyro.export.settings import core_kernel, core_numbers, observer_bandwidth
+from fracgyro.scenario import Scenario
+from fracgyro.scenario.kinds import having
+from fracgyro.scenario.to_core import check_single, core_setup
+
 from .arithmetic import ARITHMETICS, Arithmetic, HardwareNumber
+
+CPP = Path(__file__).parent / "cpp"
 
 Op = Literal[
     "constant",
@@ -214,7 +217,7 @@ def trace(scenario: Scenario, number: HardwareNumber = "float") -> Graph:
 
 
 def compiled_for(scenario: Scenario, name: str, folder: Path, *options: str) -> Path:
-    """A program of integrations/fpga that chosen.hpp makes one for the scenario's controller."""
+    """A program of cpp/ that chosen.hpp makes one for the scenario's controller."""
     setup = core_setup(scenario)
     kind, chosen = _core.chosen_type(setup)
     which = {
@@ -223,7 +226,7 @@ def compiled_for(scenario: Scenario, name: str, folder: Path, *options: str) -> 
         "OBSERVED": int(observer_bandwidth(scenario) > 0.0),
         "CAPACITY": -(-max(setup.kernel.count, 1) // 2) * 2,
     }
-    program, source = folder / name, SOURCES / f"integrations/fpga/{name}.cpp"
+    program, source = folder / name, CPP / f"{name}.cpp"
     chosen_by = [f"-DFRACGYRO_{name}={value}" for name, value in which.items()]
     headers = include(SOURCES / "include")
     run([*compiler(), *FLAGS, *options, *headers, *chosen_by, str(source), "-o", str(program)])

@@ -1,4 +1,4 @@
-// Compares every unit of integrations/fpga/units.v with this computer's float, bit by bit, on random numbers.
+// Compares every unit of units.v with this computer's float, bit by bit, on random numbers.
 //
 //     units COUNT SEED      prints a line for each unit: vectors, differences, subnormal results; fails where one
 //                           differs

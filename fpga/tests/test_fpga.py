@@ -19,18 +19,20 @@ from fracgyro.cli import cli
 from fracgyro.export import targets
 from fracgyro.export.compilers import SOURCES, make
 from fracgyro.export.compilers import run as run_command
-from fracgyro.export.fpga.arithmetic import ARITHMETICS, HardwareNumber
-from fracgyro.export.fpga.desk import on_the_desk
-from fracgyro.export.fpga.folder import compiled
-from fracgyro.export.fpga.graph import Graph, members, trace
-from fracgyro.export.fpga.interpreter import Interpreter
-from fracgyro.export.fpga.microcode import Microcode
-from fracgyro.export.fpga.proof import check
 from fracgyro.export.host import answers
 from fracgyro.export.replay import parity_hash
 from fracgyro.simulation.dataset import write_run
+from fracgyro_fpga import fpga
+from fracgyro_fpga.arithmetic import ARITHMETICS, HardwareNumber
+from fracgyro_fpga.desk import IN_FIXED, on_the_desk
+from fracgyro_fpga.folder import VERILOG, compiled
+from fracgyro_fpga.graph import CPP, Graph, members, trace
+from fracgyro_fpga.interpreter import Interpreter
+from fracgyro_fpga.microcode import Microcode
+from fracgyro_fpga.proof import check
 
-ROOT = Path(__file__).resolve().parents[2]
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parents[1]
 STEPS = 400
 # As much as makes each way through the law short.
 SHORT = fg.Scenario.paper().replace({"run.kernel_tolerance": 2e-2, "run.duration": STEPS * 1e-3})
@@ -115,7 +117,9 @@ def test_numbers_with_a_fixed_point_end_at_the_ends_and_take_the_nearest() -> No
 
 def test_the_core_with_a_fixed_point_has_its_published_hash() -> None:
     motion, _ = parity.parity_run()
-    assert parity_hash(parity.SCENARIO, targets.answers("desk", parity.SCENARIO, "fixed", motion)) == parity.IN_FIXED
+    assert parity_hash(parity.SCENARIO, targets.expected("fpga", parity.SCENARIO, "fixed", motion)) == IN_FIXED
+    log = (ROOT / "benchmarks/results/parity.md").read_text(encoding="utf-8")
+    assert f"## fixed: `{IN_FIXED}`" in log
 
 
 def test_a_power_is_refused_in_one_sentence_where_the_point_is_fixed() -> None:
@@ -174,11 +178,10 @@ def test_every_unit_computes_the_bits_of_this_processor(tmp_path: Path) -> None:
 
 
 def compared_units(units: str, bench: str, program: str, folder: Path) -> str:
-    """What a program of tests/fpga prints."""
+    """What a program of this folder prints."""
     need("FPGA")
-    written = SOURCES / "integrations/fpga"
-    sources = [written / units, written / "digits.v", ROOT / "tests/fpga" / bench, ROOT / "tests/fpga" / program]
-    flags = f"-std=c++20 -O1 -I{written} -I{SOURCES / 'include'}"
+    sources = [VERILOG / units, VERILOG / "digits.v", HERE / bench, HERE / program]
+    flags = f"-std=c++20 -O1 -I{CPP} -I{SOURCES / 'include'}"
     options = ["-O3", "-CFLAGS", flags, "--top-module", "bench", "-Mdir", str(folder)]
     run_command(["verilator", "--cc", "--exe", "--build", *options, *map(str, sources), "-o", "units"])
     return run_command([str(folder / "units"), "600000", "1"])
@@ -210,7 +213,7 @@ def test_exported_hardware_answers_a_run_with_faults_with_the_bits_of_the_core(
     scenario, folder, arithmetic = SHORT.replace(GUARDED), tmp_path / "fpga", ARITHMETICS[number]
     motion = faulty_motion(scenario)
     expected = of_the_core(scenario, number, motion, tmp_path / "core")
-    fg.export.fpga(scenario, folder, number, unbounded=True)
+    fpga(scenario, folder, number, unbounded=True)
     arithmetic.words(motion).tofile(folder / "motion")
     printed = make(folder, "sim")
     found = np.fromfile(folder / "answer", arithmetic.rows).reshape(len(motion), -1)
@@ -229,8 +232,8 @@ def test_over_spi_it_answers_the_same_and_goes_on_from_a_state_that_was_saved(
     arithmetic = ARITHMETICS[number]
     motion = faulty_motion(scenario)[:110]
     expected = of_the_core(scenario, number, motion, tmp_path / "core")
-    fg.export.fpga(scenario, folder, number, unbounded=True)
-    sources = ["units.v", "digits.v", "controller.v", "spi.v", str(ROOT / "tests/fpga/spi.cpp")]
+    fpga(scenario, folder, number, unbounded=True)
+    sources = ["units.v", "digits.v", "controller.v", "spi.v", str(HERE / "spi.cpp")]
     options = ["-O3", "-CFLAGS", f"-std=c++20 -O1 -I{folder}", "--top-module", "fracgyro_spi", "-Mdir", "build"]
     run_command(["verilator", "--cc", "--exe", "--build", *options, "-Wno-fatal", *sources, "-o", "spi"], folder)
     arithmetic.words(motion).tofile(folder / "motion")
@@ -249,8 +252,8 @@ def test_the_ports_take_words_as_soon_as_they_are_ready_and_registers_may_begin_
     scenario, folder = SHORT.replace({"controller.kind": kind, **GUARDED}), tmp_path / "fpga"
     motion = faulty_motion(scenario)
     expected = of_the_core(scenario, "float", motion, tmp_path / "core")
-    fg.export.fpga(scenario, folder, unbounded=True)
-    sources = ["units.v", "digits.v", "controller.v", str(ROOT / "tests/fpga/ports.cpp")]
+    fpga(scenario, folder, unbounded=True)
+    sources = ["units.v", "digits.v", "controller.v", str(HERE / "ports.cpp")]
     options = ["-CFLAGS", f"-std=c++20 -O1 -I{folder}", "--x-initial", "unique", "--x-assign", "unique"]
     names = ["--top-module", "fracgyro_controller", "-Mdir", "build", "-o", "ports"]
     run_command(["verilator", "--cc", "--exe", "--build", *options, *names, "-Wno-fatal", *sources], folder)
@@ -263,7 +266,7 @@ def test_the_ports_take_words_as_soon_as_they_are_ready_and_registers_may_begin_
 
 def test_a_motion_that_is_cut_short_is_refused(tmp_path: Path) -> None:
     need("FPGA")
-    fg.export.fpga(SHORT.replace({"controller.kind": "pid"}), tmp_path / "fpga")
+    fpga(SHORT.replace({"controller.kind": "pid"}), tmp_path / "fpga")
     (tmp_path / "fpga" / "motion").write_bytes(b"123")
     with pytest.raises(ValueError, match="the file motion has 3 bytes: a sample has 16"):
         make(tmp_path / "fpga", "sim")
@@ -271,7 +274,7 @@ def test_a_motion_that_is_cut_short_is_refused(tmp_path: Path) -> None:
 
 def test_the_same_scenario_gives_the_same_bytes_from_the_command_and_from_python(tmp_path: Path) -> None:
     scenario = SHORT.replace({"controller.kind": "pid"})
-    fg.export.fpga(scenario, tmp_path / "one")
+    fpga(scenario, tmp_path / "one")
     (tmp_path / "own.toml").write_text(scenario.to_toml(), encoding="utf-8")
     said = CliRunner().invoke(cli, ["export", "fpga", str(tmp_path / "own.toml"), "--out", str(tmp_path / "two")])
     assert (said.exit_code, said.output) == (0, f"{tmp_path / 'two'}: add it to your design, as its README.md says\n")
@@ -290,10 +293,10 @@ def test_what_cannot_be_written_is_refused_in_one_sentence(tmp_path: Path) -> No
     (tmp_path / "there").mkdir()
     (tmp_path / "there" / "file").touch()
     with pytest.raises(ValueError, match=r"there cannot be written: .*empty") as report:
-        fg.export.fpga(SHORT.replace({"controller.kind": "pid"}), tmp_path / "there")
+        fpga(SHORT.replace({"controller.kind": "pid"}), tmp_path / "there")
     assert "\n" not in str(report.value)
     with pytest.raises(ValueError, match=r"^controller\.switching_limit is inf"):
-        fg.export.fpga(SHORT, tmp_path / "unbounded")
+        fpga(SHORT, tmp_path / "unbounded")
     assert not (tmp_path / "unbounded").exists()
 
 

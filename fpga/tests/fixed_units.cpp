@@ -1,5 +1,4 @@
-// Compares every unit of integrations/fpga/fixed_units.v with HardwareFixed on this computer, bit by bit, on random
-// numbers.
+// Compares every unit of fixed_units.v with HardwareFixed on this computer, bit by bit, on random numbers.
 //
 //     fixed_units COUNT SEED      prints a line for each unit: vectors, differences, results at the end of the range;
 //                                 fails where one differs

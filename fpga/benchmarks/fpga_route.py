@@ -1,6 +1,6 @@
 """Exported hardware, placed and routed for a Lattice ECP5: its clock, and what a step takes with it.
 
-    python benchmarks/fpga_route.py [--jobs N] [--only NAME ...] [--seeds N]
+    python fpga/benchmarks/fpga_route.py [--jobs N] [--only NAME ...] [--seeds N]
 
 Writes benchmarks/results/fpga_route.md. Each route takes some minutes; build/fpga_route keeps what was routed
 of the same design by the same tools, so that the script can be stopped and started again.
@@ -20,11 +20,15 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from fpga import EIGHT, ROOT, SCENARIO, SIXTEEN, motion_of
 from fracgyro.export.compilers import make, run
-from fracgyro.export.fpga import fpga
-from fracgyro.export.fpga.arithmetic import ARITHMETICS, HardwareNumber
+from fracgyro_fpga import fpga
+from fracgyro_fpga.arithmetic import ARITHMETICS, HardwareNumber
+
+sys.path.append(str(Path(__file__).resolve().parents[2] / "benchmarks"))
+
 from machine import command, machine, write
+
+from fpga import EIGHT, ROOT, SCENARIO, SIXTEEN, motion_of
 
 BUILD = ROOT / "build/fpga_route"
 TOOLS = {name: version(f"yowasp-{name}") for name in ("yosys", "nextpnr-ecp5")}
