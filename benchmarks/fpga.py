@@ -25,9 +25,9 @@ from fracgyro.export.fpga.graph import ENTRY, members, trace
 from fracgyro.export.fpga.interpreter import Interpreter
 from fracgyro.export.fpga.schedule import FETCH
 from fracgyro.export.host import answers
+from fracgyro.export.parity import PUBLISHED, SCENARIO
 from fracgyro.export.replay import parity_hash
 from fracgyro.files import whole_file
-from fracgyro.parity import PUBLISHED, SCENARIO
 from fracgyro.scenario.to_core import core_setup
 from machine import command, machine, write
 from matplotlib.figure import Figure

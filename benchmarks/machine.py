@@ -38,7 +38,7 @@ def machine(*packages: str) -> str:
 
 def command() -> str:
     """The command that is running, as it would be typed at the root of the repository."""
-    return shlex.join(["python", f"benchmarks/{Path(sys.argv[0]).name}", *sys.argv[1:]])
+    return shlex.join(["python", str(_MAIN.relative_to(ROOT)), *sys.argv[1:]])
 
 
 def wrapped(lines: list[str]) -> list[str]:

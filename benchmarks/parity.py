@@ -11,9 +11,9 @@ from pathlib import Path
 
 from fracgyro import _core
 from fracgyro.export.compilers import compiler
+from fracgyro.export.parity import IN_FIXED, PUBLISHED, SCENARIO
 from fracgyro.export.replay import Difference, first_difference, load, parity_hash
 from fracgyro.export.targets import AnyNumber, Target, answer_columns, answers
-from fracgyro.parity import IN_FIXED, PUBLISHED, SCENARIO
 from fracgyro.simulation.dataset import write_run
 from fracgyro.simulation.simulate import simulate
 from machine import command, machine, write
@@ -94,7 +94,7 @@ def main() -> None:
     if any(problems):
         raise SystemExit("targets differ")
     if hashes != {**PUBLISHED, "fixed": IN_FIXED}:
-        raise SystemExit(f"fracgyro.parity has other hashes: it must have {hashes}")
+        raise SystemExit(f"fracgyro.export.parity has other hashes: it must have {hashes}")
 
 
 if __name__ == "__main__":

@@ -3,13 +3,13 @@
     python benchmarks/sources.py            lists logs whose sources have changed since they were made
     python benchmarks/sources.py --check    the same; exits with 1 if any has
 
-A log depends on the script that writes it and on everything that the script imports from benchmarks/ and the package.
+A log depends on the script that writes it and on everything that the script imports from its folder and the packages.
 If that includes the compiled module, the log depends on bindings/ and on all headers included from there. A script
 narrows or widens this with a list DEPENDS_ON: names such as "joint" are the only controllers and adaptations that
 count, headers and bindings replace bindings/, and all other entries are files to add, as patterns; modules among them
 with what they import.
 
-The hash is of tokens: comments, docstrings, layout, messages of exceptions and, outside of benchmarks/, prose (strings
+The hash is of tokens: comments, docstrings, layout, messages of exceptions and, outside of scripts, prose (strings
 with a space) do not count. Decision 0032 has the reasons.
 """
 
@@ -41,6 +41,8 @@ WRITERS = {
     "sources",
     "words",
 }  # write and read logs; no number depends on them
+PACKAGES = {"fracgyro": "python", "fracgyro_lab": "lab"}  # and the folders that they are in
+SCRIPTS = ("benchmarks", "lab")
 ELSEWHERE = {"best_order": "docs/best_order.md", "firmware": "integrations/firmware/measured.md"}
 WITHOUT_LOG = {
     "readme_picture": "draws docs/run.svg, which a test compares",
@@ -54,18 +56,22 @@ TOKENS = re.compile(
 
 
 def log_of(name: str) -> str:
-    """Path of the log that benchmarks/<name>.py writes, from the root."""
+    """Path of the log that the script <name>.py writes, from the root."""
     return ELSEWHERE.get(name, f"benchmarks/results/{name}.md")
 
 
 def scripts() -> dict[str, Path]:
     """Scripts that write a log, by the log's path from the root."""
-    found = {path.stem: path for path in sorted((ROOT / "benchmarks").glob("*.py"))}
-    logs = {log_of(name): path for name, path in found.items() if name not in WRITERS | WITHOUT_LOG.keys()}
+    found = {path.stem: path for folder in SCRIPTS for path in (ROOT / folder).glob("*.py")}
+    logs = {log_of(name): path for name, path in sorted(found.items()) if name not in WRITERS | WITHOUT_LOG.keys()}
     return logs | {"benchmarks/results/mutants.md": ROOT / "tests/mutants/run.py"}
 
 
 # -- Python ------------------------------------------------------------------------------------------------------------
+
+
+def _packaged(path: Path) -> bool:
+    return any(path.is_relative_to(ROOT / folder / name) for name, folder in PACKAGES.items())
 
 
 @cache
@@ -73,10 +79,14 @@ def _tree(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
+def _base(module: str, near: Path) -> Path:
+    """Path without suffix of a module of a package, or of the folder of a script."""
+    folder = PACKAGES.get(module.partition(".")[0])
+    return (ROOT / folder if folder else near).joinpath(*module.split("."))
+
+
 def _file(module: str, near: Path) -> Path | None:
-    """File of a module of the package, or of the folder of a script."""
-    place = ROOT / "python" if module.partition(".")[0] == "fracgyro" else near
-    base = place.joinpath(*module.split("."))
+    base = _base(module, near)
     candidates = (base.with_suffix(".py"), base / "__init__.py", base.with_suffix(".pyi"))
     return next((path for path in candidates if path.is_file()), None)
 
@@ -101,7 +111,7 @@ def _resolved(module: str, name: str | None, near: Path) -> str:
         return module
     if _file(f"{module}.{name}", near) is not None:
         return f"{module}.{name}"
-    stub = ROOT / "python" / module.replace(".", "/") / "__init__.pyi"
+    stub = _base(module, near) / "__init__.pyi"
     if stub.is_file():
         for origin, imported, local in _imports(_tree(stub), module, package=True):
             if local == name:
@@ -114,7 +124,7 @@ def _used(path: Path, module: str, near: Path) -> Iterator[str]:
     tree, packages = _tree(path), {}
     for origin, name, local in _imports(tree, module, path.name == "__init__.py"):
         found = _resolved(origin, name, near)
-        if (ROOT / "python" / found.replace(".", "/") / "__init__.pyi").is_file():
+        if (_base(found, near) / "__init__.pyi").is_file():
             packages[local] = found
         else:
             yield found
@@ -129,8 +139,7 @@ def _used(path: Path, module: str, near: Path) -> Iterator[str]:
 
 def _python(start: Path) -> set[Path]:
     """A script or module and all that it imports, however far; `_core` by its stub."""
-    package = start.is_relative_to(ROOT / "python")
-    name = ".".join(start.relative_to(ROOT / "python").with_suffix("").parts) if package else start.stem
+    name = ".".join(start.relative_to(ROOT).with_suffix("").parts[1:])
     found: set[Path] = set()
     waiting = [(start, name)]
     while waiting:
@@ -183,7 +192,7 @@ def _declared(path: Path) -> list[str]:
 def sources(script: Path) -> list[Path]:
     """All files that the log of a script depends on."""
     python = _python(script)
-    own = {path for path in python if not path.is_relative_to(ROOT / "python") and path.suffix == ".py"}
+    own = {path for path in python if not _packaged(path) and path.suffix == ".py"}
     declared = {entry for path in own for entry in _declared(path)}
     named = {entry for entry in declared if "/" not in entry}
     files: set[Path] = set()
@@ -219,10 +228,10 @@ class _Bare(ast.NodeTransformer):
 
 @cache
 def tokens(path: Path) -> str:
-    """Content of a file without comments, layout and, outside of benchmarks/, prose."""
+    """Content of a file without comments, layout and, in what is not a script, prose."""
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".py":
-        bare = _Bare(prose=path.is_relative_to(ROOT / "python")).visit(ast.parse(text))
+        bare = _Bare(prose=_packaged(path)).visit(ast.parse(text))
         return ast.dump(bare)
     if path.suffix == ".toml":
         return json.dumps(tomllib.loads(text), sort_keys=True, default=str)

@@ -10,6 +10,11 @@ from typing import Any
 import lazy_loader
 
 
+def is_ours(module: str) -> bool:
+    """Return whether a module is of this package or of one that extends it: fracgyro_lab, fracgyro_fpga."""
+    return module.partition(".")[0].partition("_")[0] == "fracgyro"
+
+
 class MissingExtraError(ImportError):
     """A library of an extra is not installed."""
 
@@ -21,7 +26,7 @@ def needs(extra: str) -> Iterator[None]:
         yield
     except ModuleNotFoundError as error:
         missing = str(error.name).partition(".")[0]
-        if missing == "fracgyro":
+        if is_ours(missing):
             raise
         raise MissingExtraError(
             f"{missing} is not installed; the extra {extra} brings it: in your clone, pip install '.[{extra}]'",

@@ -56,17 +56,15 @@ def cpp(only: Collection[str] = ()) -> Found:
 
 def python(only: Collection[str] = ()) -> Found:
     """Of the package, or only of some files."""
-    from python_kills import MODULES, by_mutmut, killed_listed, listed
+    from python_kills import MODULES, by_mutmut, killed_listed, listed, path_of
 
     found: Found = defaultdict(list)
-    files = {entry["id"]: f"python/fracgyro/{entry['file']}" for entry in listed()}
+    files = {entry["id"]: path_of(entry["file"]) for entry in listed()}
     chosen = [entry for entry in listed() if not only or files[entry["id"]] in only]
     for identifier, killed in killed_listed(chosen, JOBS).items():
         found[files[identifier]].append([identifier, "Python" if killed else "survived"])
-    for name, (state, diff) in by_mutmut(
-        [m for m in MODULES if not only or f"python/fracgyro/{m}" in only], JOBS
-    ).items():
-        file = "python/" + name.partition(".x")[0].replace(".", "/") + ".py"
+    for name, (state, diff) in by_mutmut([m for m in MODULES if not only or path_of(m) in only], JOBS).items():
+        file = path_of(name.partition(".x")[0].replace(".", "/") + ".py")
         lines = [line[1:].strip() for line in diff.splitlines() if re.match(r"[-+](?![-+])", line)]
         words = " -> ".join(f"`{line}`" for line in lines) or name
         found[file].append([words, "Python" if state == "killed" else state])

@@ -17,12 +17,12 @@ import click
 import fracgyro as fg
 import matplotlib
 import pytest
-from fracgyro import study_files
 from fracgyro.cli import cli
 from fracgyro.export.compilers import system_compiler
 from fracgyro.scenario import reference
 from fracgyro.scenario.schema import ERRATA_SWITCHES
 from fracgyro.scenario.table import toml_value
+from fracgyro.study import reference as study_reference
 
 ROOT = Path(__file__).resolve().parents[2]
 GENERATED = {"build", "out", "node_modules"}
@@ -59,7 +59,7 @@ def cited() -> list[tuple[str, str]]:
 
 @pytest.mark.parametrize(("file", "identifier"), cited())
 def test_every_identifier_of_the_equations_exists_in_its_file(file: str, identifier: str) -> None:
-    found = [path for folder in ("include", "python") for path in (ROOT / folder).rglob(file)]
+    found = [path for folder in ("include", "python", "lab") for path in (ROOT / folder).rglob(file)]
     assert len(found) == 1, f"{file} must name one file"
     comment = "#" if found[0].suffix == ".py" else "//"
     code = re.sub(rf"{comment}.*", "", found[0].read_text(encoding="utf-8"))
@@ -133,7 +133,7 @@ def test_the_reference_is_what_the_core_and_the_tables_say() -> None:
 
 
 def test_the_reference_of_study_files_is_what_their_models_say() -> None:
-    assert read("docs/study_files.md") == study_files.page(), "make it again, as its first lines say"
+    assert read("docs/study_files.md") == study_reference.page(), "make it again, as its first lines say"
 
 
 # -- Links ---------------------------------------------------------------------------------------------------

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from functools import cached_property
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 import click
@@ -22,7 +24,26 @@ def help_alone(context: click.Context) -> None:
 
 
 class Commands(click.Group):
-    """A group of commands."""
+    """A group of commands: its own, and those that installed packages register as entry points.
+
+    `registered`: the name of the group of entry points. A registered command is imported when it is run or listed.
+    """
+
+    def __init__(self, *arguments: Any, registered: str = "", **named: Any) -> None:
+        super().__init__(*arguments, **named)
+        self.entry_points = registered
+
+    @cached_property
+    def _registered(self) -> dict[str, EntryPoint]:
+        return {each.name: each for each in entry_points(group=self.entry_points)} if self.entry_points else {}
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return sorted({*super().list_commands(ctx), *self._registered})
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in self.commands and cmd_name in self._registered:
+            self.add_command(self._registered[cmd_name].load(), cmd_name)
+        return super().get_command(ctx, cmd_name)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
