@@ -129,11 +129,11 @@ lock: $(BIN)/pip
 
 # Resumes what build/compare holds. ARGS="--quick": the log is then marked as untuned.
 compare: .venv/installed-test
-	$(BIN)/python benchmarks/compare.py $(ARGS)
+	$(BIN)/python lab/compare.py $(ARGS)
 
 # Its own runs take half a minute. ARGS="--seeds 8": with fewer noise seeds than the 100 of the study.
 article: .venv/installed-article
-	$(BIN)/python article/build.py $(ARGS)
+	$(BIN)/python lab/article/build.py $(ARGS)
 
 # With every example of the reference run, the gallery's scripts for their pictures, and the live page.
 SPHINX = $(BIN)/sphinx-build -c docs/site -d build/site-doctrees -W --keep-going -q

@@ -9,9 +9,9 @@ import math
 
 import fracgyro as fg
 import numpy as np
-from fracgyro.paper import runs as paper
 from fracgyro.scenario.bounded import gain
 from fracgyro.scenario.shipped import exactly_sensed
+from fracgyro_lab.paper import runs as paper
 from machine import command, machine, write
 
 DEPENDS_ON = ["sliding_mode", "composite"]

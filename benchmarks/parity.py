@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 from fracgyro import _core
 from fracgyro.export.compilers import compiler
+from fracgyro.export.parity import IN_FIXED, PUBLISHED, SCENARIO
 from fracgyro.export.replay import Difference, first_difference, load, parity_hash
 from fracgyro.export.targets import AnyNumber, answer_columns, answers, expected, target_named
-from fracgyro.parity import PUBLISHED, SCENARIO
 from fracgyro.simulation.dataset import write_run
 from fracgyro.simulation.simulate import simulate
 from fracgyro_fpga.desk import IN_FIXED
@@ -107,7 +107,7 @@ def main() -> None:
     if any(problems):
         raise SystemExit("targets differ")
     if hashes != {**PUBLISHED, "fixed": IN_FIXED}:
-        raise SystemExit(f"fracgyro.parity has other hashes: it must have {hashes}")
+        raise SystemExit(f"fracgyro.export.parity has other hashes: it must have {hashes}")
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from machine import machine, write
 
-DEPENDS_ON = ["sliding_mode", "python/fracgyro/paper/reproduce.py"]
+DEPENDS_ON = ["sliding_mode", "lab/fracgyro_lab/paper/reproduce.py"]
 
 
 def reproduce(folder: str, *options: str) -> float:

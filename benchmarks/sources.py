@@ -45,8 +45,8 @@ WRITERS = {
     "sources",
     "words",
 }  # write and read logs; no number depends on them
-PACKAGES = {"fracgyro": "python", "fracgyro_fpga": "fpga"}  # and the folders that they are in
-SCRIPTS = ("benchmarks", "fpga/benchmarks")
+PACKAGES = {"fracgyro": "python", "fracgyro_fpga": "fpga", "fracgyro_lab": "lab"}  # and the folders that they are in
+SCRIPTS = ("benchmarks", "fpga/benchmarks", "lab")
 ELSEWHERE = {"best_order": "docs/best_order.md", "firmware": "integrations/firmware/measured.md"}
 WITHOUT_LOG = {
     "readme_picture": "draws docs/run.svg, which a test compares",

@@ -18,9 +18,9 @@ from fracgyro import _core
 from fracgyro.analysis.style import own_style, svg
 from fracgyro.export.compilers import SOURCES, make, run
 from fracgyro.export.host import answers
+from fracgyro.export.parity import PUBLISHED, SCENARIO
 from fracgyro.export.replay import parity_hash
 from fracgyro.files import whole_file
-from fracgyro.parity import PUBLISHED, SCENARIO
 from fracgyro.scenario.to_core import core_setup
 from fracgyro_fpga import fpga
 from fracgyro_fpga.arithmetic import ARITHMETICS, HardwareNumber

@@ -14,9 +14,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from embedded import need
-from fracgyro import parity
 from fracgyro.cli import cli
-from fracgyro.export import targets
+from fracgyro.export import parity, targets
 from fracgyro.export.compilers import SOURCES, make
 from fracgyro.export.compilers import run as run_command
 from fracgyro.export.host import answers

@@ -25,7 +25,7 @@ from fracgyro.cli import main
 from fracgyro.scenario.sentences import paths
 
 FMU = importlib.import_module("fracgyro.export.fmu")
-REPRODUCE = importlib.import_module("fracgyro.paper.reproduce")
+REPRODUCE = importlib.import_module("fracgyro_lab.paper.reproduce")
 
 STUDY = '[fixed]\nrun.duration = 0.02\n[vary]\ncontroller.kind = ["linear", "fractional"]\n'
 SCENARIOS = ["good.toml", "any.toml", "link.toml", "line\nbreak.toml", "\udcff.toml", "empty", "any.nc"]  # may be valid

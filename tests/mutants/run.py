@@ -74,14 +74,14 @@ def cpp(only: Collection[str] = ()) -> Found:
 def python(only: Collection[str] = ()) -> Found:
     """Of the package, or only of some files."""
     found: Found = defaultdict(list)
-    files = {entry["id"]: f"python/fracgyro/{entry['file']}" for entry in python_kills.listed()}
+    files = {entry["id"]: python_kills.path_of(entry["file"]) for entry in python_kills.listed()}
     chosen = [entry for entry in python_kills.listed() if not only or files[entry["id"]] in only]
     for identifier, killed in python_kills.killed_listed(chosen, JOBS).items():
         found[files[identifier]].append(Outcome(identifier, "", identifier, "Python" if killed else "survived"))
     for name, (state, diff) in python_kills.by_mutmut(
-        [m for m in python_kills.MODULES if not only or f"python/fracgyro/{m}" in only], JOBS
+        [m for m in python_kills.MODULES if not only or python_kills.path_of(m) in only], JOBS
     ).items():
-        file = "python/" + name.partition(".x")[0].replace(".", "/") + ".py"
+        file = python_kills.path_of(name.partition(".x")[0].replace(".", "/") + ".py")
         lines = [line for line in diff.splitlines() if re.match(r"[-+](?![-+])", line)]
         words = " -> ".join(f"`{line[1:].strip()}`" for line in lines) or name
         place = re.sub(r".*\.x(?:ǁ\w+?ǁ|_)(\w+)__mutmut_\d+$", r"\1", name)

@@ -14,10 +14,10 @@ from typing import Any
 
 import pytest
 import typst
-from fracgyro.compare.track_contenders import CONTENDERS
+from fracgyro_lab.comparison.track_contenders import CONTENDERS
 
 ROOT = Path(__file__).resolve().parents[2]
-ARTICLE = ROOT / "article"
+ARTICLE = ROOT / "lab/article"
 sys.path += [str(ARTICLE), str(ROOT / "benchmarks")]
 
 MODULES = ("comparison", "logs", "replication", "sensing", "words")

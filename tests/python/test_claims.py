@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 import xarray as xr
 from fracgyro import metrics
-from fracgyro.paper import claims, runs
-from fracgyro.paper.claims import CLAIMS, Material
-from fracgyro.paper.step_cost import StepCost, time_steps
 from fracgyro.scenario.to_core import core_setup
+from fracgyro_lab.paper import claims, runs
+from fracgyro_lab.paper.claims import CLAIMS, Material
+from fracgyro_lab.paper.step_cost import StepCost, time_steps
 
 SEEDS = 20  # 19 of them are the 95 % in which something must hold
 AXES = {"window": ["whole", "transient", "steady"], "axis": ["x", "y"]}

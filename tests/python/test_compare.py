@@ -17,22 +17,22 @@ import numpy as np
 import pytest
 from children import PATIENCE, run_until
 from figure_data import column, figure_data
-from fracgyro.compare.contender import Contender, Gain
-from fracgyro.compare.own import own_contender
-from fracgyro.compare.plan import FIRST_HELD_OUT, FULL, QUICK, planned
-from fracgyro.compare.rate import Rate
-from fracgyro.compare.rows import Tuned, front, made, median_of, other, ratio, verdict
-from fracgyro.compare.run import Compared, compare
-from fracgyro.compare.task import Cell, sensed
-from fracgyro.compare.track import Track
 from fracgyro.scenario.schema import ZERO
 from fracgyro.scenario.to_core import core_numbers, device_values
 from fracgyro.study.space import value_of
 from fracgyro.study.tune.criteria import Measured, measure
+from fracgyro_lab.comparison.contender import Contender, Gain
+from fracgyro_lab.comparison.own import own_contender
+from fracgyro_lab.comparison.plan import FIRST_HELD_OUT, FULL, QUICK, planned
+from fracgyro_lab.comparison.rate import Rate
+from fracgyro_lab.comparison.rows import Tuned, front, made, median_of, other, ratio, verdict
+from fracgyro_lab.comparison.run import Compared, compare
+from fracgyro_lab.comparison.task import Cell, sensed
+from fracgyro_lab.comparison.track import Track
 
 TRACK = Track()
 PAPER = TRACK.scenarios()["paper"]
-COMPARE = "fracgyro.compare.run", "compare"
+COMPARE = "fracgyro_lab.comparison.run", "compare"
 SMALL: dict[str, Any] = {"only": ["paper", "pid"], "classes": ["F"], "noise": [0.0], "trials": 4, "quick": True}
 WORDS = ["--only", "paper,pid", "--class", "F", "--noise", "0", "--trials", "4", "--quick"]
 METRICS = [*(f"rmse_{window}_{axis}" for window in ("steady", "transient") for axis in "xy"), "chattering_x"]

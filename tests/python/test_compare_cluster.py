@@ -14,8 +14,8 @@ from typing import Any
 
 import pytest
 from children import PATIENCE
-from fracgyro.compare.run import compare
 from fracgyro.study.tune.search import Search
+from fracgyro_lab.comparison.run import compare
 from postgres import postgres
 from sqlalchemy import create_engine, text
 

@@ -10,17 +10,17 @@ from typing import Any
 import fracgyro as fg
 import numpy as np
 import pytest
-from fracgyro.compare import rate_runs
-from fracgyro.compare.contender import Contender
-from fracgyro.compare.own import own_contender
-from fracgyro.compare.plan import planned
-from fracgyro.compare.rate import Rate
-from fracgyro.compare.run import compare
-from fracgyro.compare.task import sensed
 from fracgyro.rate.units import DEG_PER_S
 from fracgyro.scenario.kinds import having
 from fracgyro.scenario.schema import Datasheet
 from fracgyro.study.tune.criteria import Measured
+from fracgyro_lab.comparison import rate_runs
+from fracgyro_lab.comparison.contender import Contender
+from fracgyro_lab.comparison.own import own_contender
+from fracgyro_lab.comparison.plan import planned
+from fracgyro_lab.comparison.rate import Rate
+from fracgyro_lab.comparison.run import compare
+from fracgyro_lab.comparison.task import sensed
 
 RATE = Rate()
 DUAL_MASS = RATE.scenarios()["dual_mass"]

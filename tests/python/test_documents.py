@@ -15,12 +15,12 @@ import click
 import fracgyro as fg
 import matplotlib
 import pytest
-from fracgyro import study_files
 from fracgyro.cli import cli
 from fracgyro.export.compilers import system_compiler
 from fracgyro.scenario import reference
 from fracgyro.scenario.schema import ERRATA_SWITCHES
 from fracgyro.scenario.table import toml_value
+from fracgyro.study import reference as study_reference
 from test_text import DOCUMENTS, ROOT, relative
 
 
@@ -103,7 +103,7 @@ def test_the_reference_is_what_the_core_and_the_tables_say() -> None:
 
 
 def test_the_reference_of_study_files_is_what_their_models_say() -> None:
-    assert read("docs/study_files.md") == study_files.page(), "make it again, as its first lines say"
+    assert read("docs/study_files.md") == study_reference.page(), "make it again, as its first lines say"
 
 
 # -- Examples ------------------------------------------------------------------------------------------------

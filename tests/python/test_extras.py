@@ -11,6 +11,7 @@ from types import ModuleType
 from typing import Any, cast
 
 import fracgyro as fg
+import fracgyro_lab as lab
 import numpy as np
 import pint_xarray
 import pytest
@@ -49,7 +50,7 @@ def test_importing_the_package_loads_no_library_that_takes_long(tmp_path: Path) 
     assert not slow & {name.partition(".")[0] for name in loaded}
 
 
-@pytest.mark.parametrize("package", [fg, fg.compare, fg.export, fg.fractional, fg.paper, fg.rate, fg.study])
+@pytest.mark.parametrize("package", [fg, fg.export, fg.fractional, fg.rate, fg.study, lab])
 def test_every_public_name_is_there_and_described(package: ModuleType) -> None:
     names = package.__all__
     assert names

@@ -20,6 +20,7 @@ from typing import Any
 from urllib.parse import unquote, urljoin, urlsplit
 
 import fracgyro as fg
+import fracgyro_lab as lab
 import pytest
 from browser import served, violations, watched
 from children import PATIENCE
@@ -67,7 +68,7 @@ def public(module: ModuleType, name: str = "fracgyro") -> Iterator[tuple[str, ob
             yield f"{name}.{each}", found
 
 
-NAMES = dict(public(fg))
+NAMES = dict(public(fg)) | dict(public(lab, "fracgyro_lab"))
 
 
 def documented(site: Path) -> set[str]:

@@ -76,7 +76,7 @@ def test_a_log_depends_on_what_its_script_imports_and_on_the_headers_below_it() 
 def test_a_log_does_not_depend_on_controllers_it_does_not_use_nor_on_what_writes_logs() -> None:
     park, joint = (f"include/fracgyro/{name}.hpp" for name in ("controllers/park_horowitz", "estimation/joint"))
     assert not of("benchmarks/rate_sensor.py") & {park, "python/fracgyro/study/sweep/run.py", "benchmarks/machine.py"}
-    assert {park, joint} <= of("benchmarks/compare.py")
+    assert {park, joint} <= of("lab/compare.py")
     assert joint not in of("benchmarks/rate_estimation.py") | of("benchmarks/kernel_design.py")
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import fracgyro as fg
+import fracgyro_lab as lab
 import numpy as np
 import pytest
 from fracgyro.scenario import ScenarioError
@@ -245,7 +246,7 @@ def test_two_at_once_in_one_folder_are_refused(tmp_path: Path, monkeypatch: pyte
     begin: dict[str, Callable[[], object]] = {
         "sweep": lambda: fg.study.sweep("sweep.toml", "out"),
         "tune": lambda: fg.study.tune("tune.toml", "out"),
-        "compare": lambda: fg.compare.compare("track", "out", only=["pid"], quick=True),
+        "compare": lambda: lab.compare("track", "out", only=["pid"], quick=True),
     }
     with (
         locked(Path("out")),

@@ -15,11 +15,10 @@ from ..extras import MissingExtraError
 from ..files import one_line, reason
 from .bugs import bug, foreseen
 from .commands import Commands, help_alone
-from .compare import compare
 from .editors import schema_command
 from .export import export, replay
 from .rate import allan_command, rate
-from .reproduce import reproduce, selfcheck
+from .selfcheck import selfcheck
 from .simulate import scenario_command, simulate_command
 from .study import sweep, tune
 
@@ -27,7 +26,12 @@ BAD_INPUT = 2
 INTERRUPTED = 130
 
 
-@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]}, invoke_without_command=True)
+@click.group(
+    cls=Commands,
+    registered="fracgyro.commands",
+    context_settings={"help_option_names": ["-h", "--help"]},
+    invoke_without_command=True,
+)
 @click.version_option(package_name="fracgyro")
 @click.pass_context
 def cli(context: click.Context) -> None:
@@ -37,11 +41,9 @@ def cli(context: click.Context) -> None:
 
 COMMANDS = (
     allan_command,
-    compare,
     export,
     rate,
     replay,
-    reproduce,
     scenario_command,
     schema_command,
     selfcheck,
