@@ -8,7 +8,7 @@
 // A fault is a line WHAT SIZE SAMPLES EVERY.
 #include "scenario_files.hpp"
 
-#include "fracgyro/control/guard.hpp"
+#include "fracgyro/hardware/guard.hpp"
 
 #include <cmath>
 #include <cstdio>

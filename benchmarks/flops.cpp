@@ -1,5 +1,5 @@
 // Operations of a step of each controller, by a number type that counts them: flops.py writes what it prints.
-#include "fracgyro/control/registry.hpp"
+#include "fracgyro/controllers/registry.hpp"
 
 #include <cmath>
 #include <cstdio>

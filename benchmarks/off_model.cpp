@@ -9,7 +9,7 @@
 // error and mean stated deviation after it.
 #include "scenario_files.hpp"
 
-#include "fracgyro/control/guard.hpp"
+#include "fracgyro/hardware/guard.hpp"
 #include "fracgyro/sim/device_settings.hpp"
 
 #include <cmath>

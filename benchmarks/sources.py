@@ -30,8 +30,9 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 INCLUDE = "include/fracgyro"
 # Headers that include alternatives, of which a log depends only on those it names.
-CHOICES = (f"{INCLUDE}/control/registry.hpp", f"{INCLUDE}/control/sliding_mode.hpp")
-SHARED = ("adaptation", "controller", "error", "gradient", "observer", "reference", "surfaces", "switching")
+CHOICES = (f"{INCLUDE}/controllers/registry.hpp", f"{INCLUDE}/controllers/sliding_mode.hpp")
+ALTERNATIVES = ("controllers", "estimation")  # folders of headers that are one choice among others
+SHARED = ("adaptation", "gradient")
 WRITERS = {
     "bench",
     "logs",
@@ -160,7 +161,8 @@ def _included(start: Iterable[Path], named: set[str]) -> set[Path]:
         found.add(path)
         for name in re.findall(r'^\s*#\s*include\s+"([^"]+)"', path.read_text(encoding="utf-8"), re.MULTILINE):
             header = next((p for p in (path.parent / name, ROOT / "include" / name) if p.is_file()), None)
-            chosen = not named or Path(name).stem in named or Path(name).stem in SHARED
+            alternative = Path(name).parent.name in ALTERNATIVES and Path(name).stem not in SHARED
+            chosen = not (named and alternative) or Path(name).stem in named
             if header is not None and (chosen or str(path.relative_to(ROOT)) not in CHOICES):
                 waiting.append(header.resolve())
     return found

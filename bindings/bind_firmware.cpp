@@ -3,7 +3,7 @@
 
 #include "fracgyro/sim/aggregate.hpp"
 #include "fracgyro/sim/unpacked.hpp"
-#include "fracgyro/control/guard.hpp"
+#include "fracgyro/hardware/guard.hpp"
 #include "fracgyro/sim/loop.hpp"
 
 #include <nanobind/stl/string.h>

@@ -1,4 +1,4 @@
-// The C interface. The control law itself is in include/fracgyro/control.
+// The C interface. The control law itself is in include/fracgyro/controllers.
 #include "fracgyro.h"
 
 #include <cstring>

@@ -5,7 +5,7 @@
 
 #include "closed_loop.hpp"
 
-#include "fracgyro/control/guard.hpp"
+#include "fracgyro/hardware/guard.hpp"
 
 #include <cmath>
 #include <cstdio>

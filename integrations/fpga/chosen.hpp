@@ -5,7 +5,7 @@
 //                                         observer and the exponentials, each a list in quotes
 #pragma once
 
-#include "fracgyro/control/guard.hpp"
+#include "fracgyro/hardware/guard.hpp"
 #include "fracgyro/sim/settings.hpp"
 
 #include <cstdlib>

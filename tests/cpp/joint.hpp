@@ -3,11 +3,11 @@
 
 #include "scalars.hpp"
 
-#include "fracgyro/control/guard.hpp"
+#include "fracgyro/hardware/guard.hpp"
 #include "fracgyro/plant/disturbance.hpp"
 #include "fracgyro/plant/gyroscope.hpp"
 
-#include "fracgyro/control/sliding_mode.hpp"
+#include "fracgyro/controllers/sliding_mode.hpp"
 
 #include <functional>
 #include <vector>

@@ -2,7 +2,7 @@
 #include "paper.hpp"
 #include "scalars.hpp"
 
-#include "fracgyro/control/composite.hpp"
+#include "fracgyro/estimation/composite.hpp"
 
 #include <cmath>
 #include <cstring>

@@ -4,7 +4,7 @@
 #include "scalars.hpp"
 
 #include "fracgyro/sim/batch.hpp"
-#include "fracgyro/control/guard.hpp"
+#include "fracgyro/hardware/guard.hpp"
 #include "fracgyro/sim/stepper.hpp"
 
 #include <bit>

@@ -4,7 +4,7 @@
 
 #include "fracgyro/sim/device_settings.hpp"
 #include "fracgyro/sim/running_loop.hpp"
-#include "fracgyro/control/guard.hpp"
+#include "fracgyro/hardware/guard.hpp"
 
 #include <cmath>
 #include <complex>

@@ -1,7 +1,7 @@
 #include "paper.hpp"
 #include "scalars.hpp"
 
-#include "fracgyro/control/guard.hpp"
+#include "fracgyro/hardware/guard.hpp"
 
 #include <bit>
 #include <cmath>

@@ -1,10 +1,10 @@
 // What comes back from outside: bytes as a state.
 #include "paper.hpp"
 
-#include "fracgyro/control/composite.hpp"
-#include "fracgyro/control/guard.hpp"
+#include "fracgyro/estimation/composite.hpp"
+#include "fracgyro/hardware/guard.hpp"
 #include "fracgyro/sim/metrics.hpp"
-#include "fracgyro/control/observer.hpp"
+#include "fracgyro/hardware/observer.hpp"
 #include "fracgyro/core/saved.hpp"
 
 #include <gtest/gtest.h>
@@ -88,7 +88,7 @@ TEST(ASoundState, HasNoMorePairsThanThereAreAndSwitchesThatAreOnOrOff) {
 }
 
 TEST(APhase, IsDefinedForEveryAngle) {
-    const auto phase = [](double radians) { return Reference<double>::phase_of(radians); };
+    const auto phase = [](double radians) { return phase_of(radians); };
     constexpr double turn = 6.28318530717958647693;
     EXPECT_EQ(phase(0.25 * turn), std::uint64_t{1} << 62);
     EXPECT_EQ(phase(0.75 * turn), std::uint64_t{3} << 62);

@@ -2,7 +2,7 @@
 
 Ends with 1 where less than 95 % are killed, or one survives that survivors.toml says nothing of. Its parts, each of
 which keeps what it found in build/mutants: cpp, python; log writes benchmarks/results/mutants.md from them.
-`make mutants ARGS="python/fracgyro/rate/bound.py include/fracgyro/control/joint.hpp"` prints what survives of these
+`make mutants ARGS="python/fracgyro/rate/bound.py include/fracgyro/estimation/joint.hpp"` prints what survives of these
 files only.
 """
 

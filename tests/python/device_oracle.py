@@ -118,7 +118,7 @@ def plant(scenario: fg.Scenario, rate: Rate, bias: np.ndarray) -> Callable[..., 
 
 
 class Observer:
-    """The g-h-k filter of include/fracgyro/control/observer.hpp, by its matrices, one axis after the other."""
+    """The g-h-k filter of include/fracgyro/hardware/observer.hpp, by its matrices, one axis after the other."""
 
     def __init__(self, scenario: fg.Scenario) -> None:
         self.step = scenario.run.step

@@ -33,7 +33,7 @@ def add_the_controller_of_the_guide(tree: Path) -> None:
 
 def leave_out_some_others(tree: Path) -> None:
     """Surfaces that nothing here asks for, and that take most of the time to compile."""
-    registry = tree / "include/fracgyro/control/registry.hpp"
+    registry = tree / "include/fracgyro/controllers/registry.hpp"
     text = registry.read_text(encoding="utf-8")
     for kind in ("fractional", "fast_terminal", "linear"):
         text, found = re.subn(rf'^    Entry<"{kind}",.*\n', "", text, flags=re.M)

@@ -35,10 +35,10 @@ def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
         "python/fracgyro/run.py": 'from . import _core\n\ndef simulate(x):\n    """Once."""\n    return 3 * x\n',
         "python/fracgyro/page.py": "def draw(): ...\n",
         "python/fracgyro/_core.pyi": "",
-        "bindings/module.cpp": '#include "fracgyro/control/registry.hpp"\n',
-        "include/fracgyro/control/registry.hpp": '#include "fracgyro/control/pid.hpp"\n#include "lqg.hpp"\n',
-        "include/fracgyro/control/pid.hpp": 'double pid = 2.0;  // its gain\nauto words = "Gain of it.";\n',
-        "include/fracgyro/control/lqg.hpp": "double lqg = 3.0;\n",
+        "bindings/module.cpp": '#include "fracgyro/controllers/registry.hpp"\n',
+        "include/fracgyro/controllers/registry.hpp": '#include "fracgyro/controllers/pid.hpp"\n#include "lqg.hpp"\n',
+        "include/fracgyro/controllers/pid.hpp": 'double pid = 2.0;  // its gain\nauto words = "Gain of it.";\n',
+        "include/fracgyro/controllers/lqg.hpp": "double lqg = 3.0;\n",
     }
     for name, text in files.items():
         path = tmp_path / name
@@ -58,14 +58,14 @@ def test_a_log_depends_on_what_its_script_imports_and_on_the_headers_below_it() 
         "python/fracgyro/rate/allan.py",
         "python/fracgyro/scenario/shipped/dual_mass.toml",
         "bindings/bind_loop.cpp",
-        "include/fracgyro/control/joint.hpp",
+        "include/fracgyro/estimation/joint.hpp",
         "include/fracgyro/core/covariance.hpp",  # of joint.hpp
     } <= found
     assert "benchmarks/soak.cpp" in of("benchmarks/soak_joint.py") & of("benchmarks/soak.py")
 
 
 def test_a_log_does_not_depend_on_controllers_it_does_not_use_nor_on_what_writes_logs() -> None:
-    park, joint = (f"include/fracgyro/control/{name}.hpp" for name in ("park_horowitz", "joint"))
+    park, joint = (f"include/fracgyro/{name}.hpp" for name in ("controllers/park_horowitz", "estimation/joint"))
     assert not of("benchmarks/rate_sensor.py") & {park, "python/fracgyro/study/sweep/run.py", "benchmarks/machine.py"}
     assert {park, joint} <= of("benchmarks/compare.py")
     assert joint not in of("benchmarks/rate_estimation.py") | of("benchmarks/kernel_design.py")
@@ -81,11 +81,11 @@ def test_every_log_has_a_script_and_every_script_a_log() -> None:
 @pytest.mark.parametrize(
     ("name", "before", "after", "behind"),
     [
-        ("include/fracgyro/control/pid.hpp", "// its gain", "/* another */", False),
-        ("include/fracgyro/control/pid.hpp", "double pid = ", "double  pid\n=", False),
-        ("include/fracgyro/control/pid.hpp", "Gain of it.", "Gain of the PID.", False),
-        ("include/fracgyro/control/pid.hpp", "2.0", "2.5", True),
-        ("include/fracgyro/control/lqg.hpp", "3.0", "3.5", False),
+        ("include/fracgyro/controllers/pid.hpp", "// its gain", "/* another */", False),
+        ("include/fracgyro/controllers/pid.hpp", "double pid = ", "double  pid\n=", False),
+        ("include/fracgyro/controllers/pid.hpp", "Gain of it.", "Gain of the PID.", False),
+        ("include/fracgyro/controllers/pid.hpp", "2.0", "2.5", True),
+        ("include/fracgyro/controllers/lqg.hpp", "3.0", "3.5", False),
         ("bindings/module.cpp", "registry", "pid", True),
         ("python/fracgyro/run.py", "Once.", "Once, exactly.", False),
         ("python/fracgyro/run.py", "    return", "    # one run\n    return", False),

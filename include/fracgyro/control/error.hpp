@@ -1,16 +1,10 @@
 // 2  The tracking error, eq. (14): e = q - r and ė = v - dr/dt. The sign is defined here and nowhere else.
 #pragma once
 
-#include "fracgyro/core/fractional.hpp"
 #include "fracgyro/control/reference.hpp"
+#include "fracgyro/core/linear.hpp"
 
 namespace fracgyro {
-
-// What the controller measures.
-template <Scalar T>
-struct Motion {
-    Vec2<T> position{}, velocity{};
-};
 
 template <Scalar T>
 constexpr Sample<T> tracking_error(const Motion<T>& measured, const ReferencePoint<T>& reference) {

@@ -1,4 +1,4 @@
-// What passes between a controller and those around it.
+// Signals between a controller and the loop around it.
 #pragma once
 
 #include "fracgyro/control/error.hpp"
@@ -6,7 +6,7 @@
 
 namespace fracgyro {
 
-// What is known of the plant beforehand, nominally: D, K and Ωz.
+// The nominal plant, known beforehand: D, K and Ωz.
 template <Scalar T>
 struct PlantModel {
     Sym2<T> damping{}, stiffness{};
@@ -26,8 +26,21 @@ struct PlantModel {
     }
 };
 
-// What one step of a controller finds. `excess`: what the force limit took from the force. `report`: what this kind of
-// controller reports besides, as it stood when the force was computed.
+enum class Status : std::uint8_t {
+    ok = 0,
+    saturated = 1,     // the force is at its limit
+    not_finite = 2,    // an input is NaN or infinite
+    out_of_range = 3,  // the input is not a motion of a gyroscope
+    restarted = 4,     // the memory was lost
+    // 5 is a refused saved state (integrations/firmware/fracgyro.h)
+    implausible = 6,  // the plant cannot have moved from the last input to this one
+    lost = 7          // no sample is accepted until several agree
+};
+
+constexpr bool sound(Status status) { return status <= Status::lost && status != Status{5}; }
+
+// Outputs of one step. `excess`: the part of the force that the limit removed. `report`: the controller's own channels,
+// as they were when the force was computed.
 template <Scalar T, class ReportType>
 struct Signals {
     ReferencePoint<T> reference{};

@@ -17,6 +17,7 @@
 #pragma once
 
 #include "fracgyro/control/error.hpp"
+#include "fracgyro/core/fractional.hpp"
 
 namespace fracgyro {
 
@@ -62,7 +63,7 @@ struct LinearTerm {
     struct State {};
 
     static Coefficients prepare(const SurfaceParams& p, double /*step*/) {
-        return {.gain = {T(p.fractional_gain.x()), T(p.fractional_gain.y())}};
+        return {.gain = cast<T>(p.fractional_gain)};
     }
     static SurfacePoint<T> evaluate(State&, const Coefficients& c, const Sample<T>& error) {
         return {.s = c.gain * error.value, .drift = c.gain * error.derivative};
@@ -80,7 +81,7 @@ struct FractionalTerm {
     using State = typename Operator::State;
 
     static Coefficients prepare(const SurfaceParams& p, double step) {
-        return {.gain = {T(p.fractional_gain.x()), T(p.fractional_gain.y())},
+        return {.gain = cast<T>(p.fractional_gain),
                 .fractional = Operator::prepare(p.kernel, step, p.riemann_liouville)};
     }
     static bool sound(const State& state, const Coefficients& c) { return Operator::sound(state, c.fractional); }
@@ -103,7 +104,7 @@ struct TerminalTerm {
     };
 
     static Coefficients prepare(const SurfaceParams& p, double /*step*/) {
-        return {.gain = {T(p.terminal_gain.x()), T(p.terminal_gain.y())},
+        return {.gain = cast<T>(p.terminal_gain),
                 .exponent = T(p.terminal_exponent),
                 .floor = T(p.singularity_floor),
                 .floored_slope = T(power(p.singularity_floor, p.terminal_exponent) / p.singularity_floor),

@@ -11,8 +11,7 @@
 //    switching limit (ours) keeps ρ h/δ at or below a number, and b̂₀, b̂₁, b̂₂ at or below the ρ that this allows.
 #pragma once
 
-#include "fracgyro/control/adaptation.hpp"
-#include "fracgyro/control/error.hpp"
+#include "fracgyro/control/estimates.hpp"
 #include "fracgyro/control/surfaces.hpp"
 
 namespace fracgyro {

@@ -41,12 +41,6 @@
 
 namespace fracgyro {
 
-// A signal at one sample.
-template <Scalar T>
-struct Sample {
-    Vec2<T> value{}, derivative{};
-};
-
 template <Scalar T>
 struct FractionalOutput {
     Vec2<T> integral{}, derivative{};

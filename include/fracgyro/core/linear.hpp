@@ -1,4 +1,4 @@
-// 2-vectors and symmetric 2x2 matrices.
+// 2-vectors, symmetric 2x2 matrices, and the signals made of them.
 #pragma once
 
 #include "fracgyro/core/pack.hpp"
@@ -178,6 +178,28 @@ struct Sym2 {
     friend constexpr Vec2<T> operator*(const Sym2& a, const Vec2<T>& b) {
         return a.diagonal * b + a.off_diagonal * swapped(b);
     }
+};
+
+// The same numbers in another type.
+template <Scalar To, Scalar From>
+constexpr Vec2<To> cast(const Vec2<From>& a) {
+    return {static_cast<To>(a.x()), static_cast<To>(a.y())};
+}
+template <Scalar To, Scalar From>
+constexpr Sym2<To> cast(const Sym2<From>& a) {
+    return {static_cast<To>(a.xx()), static_cast<To>(a.xy()), static_cast<To>(a.yy())};
+}
+
+// A signal and its derivative at one instant.
+template <Scalar T>
+struct Sample {
+    Vec2<T> value{}, derivative{};
+};
+
+// A motion of the proof mass, true or measured.
+template <Scalar T>
+struct Motion {
+    Vec2<T> position{}, velocity{};
 };
 
 // Symmetric part of the outer product: ½ (a bᵀ + b aᵀ).

@@ -9,7 +9,7 @@
 //    table       the values of a profile
 //
 // Whatever jumps, jumps at a sample, and all is smooth within a step. Phases are counted in integers, as in
-// reference.hpp.
+// core/phase.hpp.
 #pragma once
 
 #include "fracgyro/plant/disturbance.hpp"
@@ -105,7 +105,6 @@ public:
 private:
     static constexpr std::size_t tones = 32;
     static constexpr std::uint32_t stream = 3;
-    static std::uint64_t phase_of(double radians) { return Reference<double>::phase_of(radians); }
 
     AngularRateParams params_;
     double mean_;

@@ -3,7 +3,8 @@
 // Noise is a function of only (seed, stream, index of the hold, axis), random.hpp.
 #pragma once
 
-#include "fracgyro/control/reference.hpp"
+#include "fracgyro/core/fields.hpp"
+#include "fracgyro/core/phase.hpp"
 #include "fracgyro/plant/random.hpp"
 
 #include <algorithm>
@@ -78,8 +79,7 @@ class Disturbance {
 public:
     Disturbance(const DisturbanceParams& params, double step, FillNoise noise = &fill_noise<word_bytes>)
         : params_(params),
-          sine_(Reference<double>::prepare(
-              {.amplitude = params.amplitude, .frequency = params.frequency, .phase = params.phase}, step)),
+          phases_(SteadyPhases<double>::prepare(params.frequency, params.phase, step)),
           noise_(noise) {}
 
     // One by one, fastest in rising order.
@@ -101,7 +101,7 @@ public:
                 return;
             case DisturbanceKind::sine:
                 for (std::size_t i = 0; i < out.size(); ++i) {
-                    out[i] = Reference<double>::position(sine_, static_cast<std::uint64_t>(first) + i);
+                    out[i] = params_.amplitude * phases_.at(static_cast<std::uint64_t>(first) + i).sine;
                 }
                 return;
             case DisturbanceKind::noise:
@@ -111,7 +111,7 @@ public:
 
 private:
     DisturbanceParams params_;
-    Reference<double>::Coefficients sine_;  // by a phase in integers, as the reference: the same bits everywhere
+    SteadyPhases<double> phases_;  // integers: the same bits everywhere
     FillNoise noise_;
     std::array<Vec2<double>, 64> kept_{};  // a block of steps
     std::int64_t kept_from_ = -1;

@@ -6,8 +6,9 @@
 //    x(t+h) = exp(A h) x(t) + ∫ exp(A τ) B dτ (u + d), both read off one matrix exponential.
 #pragma once
 
-#include "fracgyro/control/error.hpp"
 #include "fracgyro/core/expm.hpp"
+#include "fracgyro/core/fields.hpp"
+#include "fracgyro/core/linear.hpp"
 
 namespace fracgyro {
 
@@ -60,8 +61,7 @@ struct Gyroscope {
     }
 
     static State start(const GyroscopeParams& p) {
-        return {.position = {T(p.initial_position.x()), T(p.initial_position.y())},
-                .velocity = {T(p.initial_velocity.x()), T(p.initial_velocity.y())}};
+        return {.position = cast<T>(p.initial_position), .velocity = cast<T>(p.initial_velocity)};
     }
 
     // Grouped so that the force, which comes last, meets as few additions as possible.

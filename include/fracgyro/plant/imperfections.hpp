@@ -13,8 +13,6 @@
 #include "fracgyro/plant/angular_rate.hpp"
 #include "fracgyro/plant/flicker.hpp"
 
-#include "fracgyro/control/error.hpp"
-
 namespace fracgyro {
 
 // A two's complement converter of 2^bits levels, `step` = 2 range/2^bits apart: -range, …, range - step. Beyond them it
@@ -94,18 +92,16 @@ struct Imperfections {
     };
 
     static Coefficients prepare(const ImperfectionParams& p) {
-        const auto turn = [](double angle) { return sine_cosine<double>(Reference<double>::phase_of(angle)); };
-        const SineCosine<double> seen = turn(p.pickoff.misalignment), pushed = turn(p.force.misalignment);
+        const Vec2<double> seen = turn_of<double>(p.pickoff.misalignment);
+        const Vec2<double> pushed = turn_of<double>(p.force.misalignment);
         const Vec2<double> ones{1.0, 1.0}, sense = ones + p.pickoff.gain_error, push = ones + p.force.gain_error;
-        return {
-            .device = p,
-            .sensed_as_is = !p.pickoff.on(),
-            .acts_as_is = !p.force.on(),
-            .flickers = p.flickers(),
-            .rate_wanders = p.rate_wanders(),
-            .pickoff = {sense * Vec2<double>{seen.cosine, -seen.sine}, sense * Vec2<double>{seen.sine, seen.cosine}},
-            .force = {push.x() * Vec2<double>{pushed.cosine, pushed.sine},
-                      push.y() * Vec2<double>{-pushed.sine, pushed.cosine}}};
+        return {.device = p,
+                .sensed_as_is = !p.pickoff.on(),
+                .acts_as_is = !p.force.on(),
+                .flickers = p.flickers(),
+                .rate_wanders = p.rate_wanders(),
+                .pickoff = {sense * Vec2<double>{seen.x(), -seen.y()}, sense * swapped(seen)},
+                .force = {push.x() * pushed, push.y() * turned(pushed)}};
     }
 
     // What is measured of the motion, where this was drawn; called once every sample.

@@ -1,7 +1,7 @@
 // A controller of any type by itself, behind its guard: what Python and the browser step.
 #pragma once
 
-#include "fracgyro/control/guard.hpp"
+#include "fracgyro/hardware/guard.hpp"
 #include "fracgyro/sim/any_controller.hpp"
 
 namespace fracgyro {

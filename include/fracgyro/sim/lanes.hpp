@@ -2,7 +2,7 @@
 // lane.
 #pragma once
 
-#include "fracgyro/control/reference.hpp"
+#include "fracgyro/core/phase.hpp"
 
 #ifdef __SSE2__
 #include <immintrin.h>

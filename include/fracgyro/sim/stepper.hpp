@@ -4,7 +4,7 @@
 #include "fracgyro/plant/disturbance.hpp"
 #include "fracgyro/plant/gyroscope.hpp"
 
-#include "fracgyro/control/registry.hpp"
+#include "fracgyro/controllers/registry.hpp"
 
 namespace fracgyro {
 
@@ -58,7 +58,7 @@ struct IdealGyroscope {
     }
     // What is measured at the sample n, where this was drawn.
     static const Motion<T>& sense(State& state, const Coefficients&, const Drawn& drawn) {
-        state.disturbance = {T(drawn.x()), T(drawn.y())};
+        state.disturbance = cast<T>(drawn);
         return state.motion;
     }
     // The answer at the sample n. The error is the true one, whatever the controller measures.

@@ -52,7 +52,7 @@ def firmware(
 def add_controller(scenario: Scenario, number: Number, folder: Path) -> None:
     """Adds what is compiled with fracgyro.cpp: the core and the scenario's coefficients."""
     header = coefficients_header(scenario, number)
-    for layer in ("core", "control"):
+    for layer in ("core", "control", "estimation", "hardware", "controllers"):
         shutil.copytree(SOURCES / "include/fracgyro" / layer, folder / "include/fracgyro" / layer)
     (folder / "fracgyro_coefficients.h").write_text(header, encoding="utf-8", newline="\n")
 
@@ -101,8 +101,8 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
         "",
         "#ifdef __cplusplus",
         "#define FRACGYRO_PACKS false",
-        '#include "fracgyro/control/guard.hpp"',
-        '#include "fracgyro/control/registry.hpp"',
+        '#include "fracgyro/hardware/guard.hpp"',
+        '#include "fracgyro/controllers/registry.hpp"',
         "",
         "// Unnamed: two exported controllers in one process do not meet.",
         "namespace fracgyro_exported {",

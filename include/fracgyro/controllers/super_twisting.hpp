@@ -12,7 +12,7 @@
 // Source: Levant 1993; for a gyroscope, doi 10.1371/journal.pone.0189457.
 #pragma once
 
-#include "fracgyro/control/adaptive.hpp"
+#include "fracgyro/controllers/adaptive.hpp"
 
 namespace fracgyro {
 

@@ -14,7 +14,7 @@
 //    them in a row, or where one contradicts a few, none is accepted until four times as many agree with each other.
 #pragma once
 
-#include "fracgyro/core/fields.hpp"
+#include "fracgyro/control/common.hpp"
 #include "fracgyro/control/signals.hpp"
 
 #if defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__
@@ -22,53 +22,6 @@
 #endif
 
 namespace fracgyro {
-
-enum class Status : std::uint8_t {
-    ok = 0,
-    saturated = 1,     // the force is at its limit
-    not_finite = 2,    // an input is NaN or infinite
-    out_of_range = 3,  // the input is not a motion of a gyroscope
-    restarted = 4,     // the memory was lost
-    implausible =
-        6,    // the input is not a motion that this plant can have made since the last (5 is a saved state refused)
-    lost = 7  // no sample is accepted until several agree
-};
-
-// Whether it is one of these.
-constexpr bool sound(Status status) { return status <= Status::lost && status != Status{5}; }
-
-// Of the guard: which samples it accepts, and for how long it goes on without one.
-struct GuardParams {
-    bool checked = false;                                       // held against the plant
-    double plant_tolerance = 0.1;                               // share by which the plant may be other than nominal
-    double force_tolerance = 0.0;                               // largest disturbance, on one axis
-    double position_tolerance = 0.0, velocity_tolerance = 0.0;  // the sensors' largest errors, on one axis
-    double patience = 0.0, saturation_patience = 0.0;           // samples; 0: without end
-
-    static constexpr std::string_view switches[] = {"false", "true"};
-    static constexpr auto fields() {
-        using P = GuardParams;
-        constexpr Range samples{.low = 0.0, .high = 1e9, .whole = true};
-        return std::tuple{
-            choice("checked", &P::checked, switches,
-                   "Samples are refused that the plant cannot have moved to since the last one, and those that are not "
-                   "finite. The fields below say what it can; not set, they follow from the other tables. false: off."),
-            field("plant_tolerance", &P::plant_tolerance, "1", at_least_0,
-                  "Share by which stiffness, actuator and the sensors' scales may be other than nominal."),
-            field("force_tolerance", &P::force_tolerance, "m*omega0^2*q0", at_least_0,
-                  "Unit of force: largest disturbance on one axis."),
-            field("position_tolerance", &P::position_tolerance, "q0", at_least_0,
-                  "Unit q0: the sensor's largest error on one axis."),
-            field("velocity_tolerance", &P::velocity_tolerance, "q0*omega0", at_least_0,
-                  "Unit q0 omega0: the same of the velocity."),
-            field("patience", &P::patience, "1", samples,
-                  "Samples: after so many refused in a row the force is only that of the reference, and no sample is "
-                  "accepted until four times as many agree. 0: off, the last force is held."),
-            field("saturation_patience", &P::saturation_patience, "1", samples,
-                  "Samples: after so many in a row at the force limit everything learnt is dropped. 0: off."),
-        };
-    }
-};
 
 template <Scalar T, bool measures_velocity>
 struct Plausibility {
@@ -104,7 +57,7 @@ struct Plausibility {
         const Sym2<double> half = (0.5 * h) * nominal.stiffness;
         const double sensed = measures_velocity ? 4.0 * g.velocity_tolerance : 8.0 * g.position_tolerance / h;
         const auto patience = static_cast<std::uint32_t>(g.patience);
-        return {.half_stiffness = {T(half.xx()), T(half.xy()), T(half.yy())},
+        return {.half_stiffness = cast<T>(half),
                 .step = T(h),
                 .half_step = T(0.5 * h),
                 .inverse_step = T(1.0 / h),

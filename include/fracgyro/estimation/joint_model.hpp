@@ -1,10 +1,11 @@
 // What the joint filter (joint.hpp) works with: the nominal plant over a span, noise, prior and drift.
 #pragma once
 
-#include "fracgyro/control/adaptation.hpp"
-#include "fracgyro/control/consistency.hpp"
-#include "fracgyro/control/controller.hpp"
+#include "fracgyro/control/common.hpp"
+#include "fracgyro/control/datasheet.hpp"
 #include "fracgyro/core/expm.hpp"
+#include "fracgyro/estimation/adaptation.hpp"
+#include "fracgyro/estimation/consistency.hpp"
 
 namespace fracgyro {
 
@@ -55,11 +56,10 @@ struct JointModel {
         const Sym2<double>&k = nominal.stiffness, &d = nominal.damping;
         const Vec2<double> square = r.frequency * r.frequency, speed = r.amplitude * r.frequency;
         const double natural = maximum(square_root(0.5 * absolute(k.xx() + k.yy())), 1e-3);
-        const auto sym2 = [](const Sym2<double>& a) { return Sym2<T>{T(a.xx()), T(a.xy()), T(a.yy())}; };
 
-        JointModel c{.nominal = {.damping = sym2(d), .stiffness = sym2(k), .rate = T(nominal.rate)},
-                     .detuning = sym2(Sym2<double>{k.diagonal - square, k.off_diagonal}),
-                     .square = {T(square.x()), T(square.y())},
+        JointModel c{.nominal = {.damping = cast<T>(d), .stiffness = cast<T>(k), .rate = T(nominal.rate)},
+                     .detuning = cast<T>(Sym2<double>{k.diagonal - square, k.off_diagonal}),
+                     .square = cast<T>(square),
                      .span = T(span),
                      .half_square = T(0.5 * span * span),
                      .share = T(1.0 / slots),

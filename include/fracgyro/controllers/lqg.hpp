@@ -11,8 +11,11 @@
 // Source: textbook; the filter: docs/decisions/0024.
 #pragma once
 
-#include "fracgyro/control/joint.hpp"
-#include "fracgyro/control/least_squares_pid.hpp"
+#include "fracgyro/control/feedforward.hpp"
+#include "fracgyro/control/loop_frequency.hpp"
+#include "fracgyro/control/saturation.hpp"
+#include "fracgyro/estimation/joint.hpp"
+#include "fracgyro/hardware/observer.hpp"
 
 namespace fracgyro {
 
@@ -37,7 +40,7 @@ template <Scalar T, bool velocity_measured>
 struct LqgOf {
     using Value = T;
     using Params = LqgParams;
-    using Report = LearntPlantReport<T>;
+    using Report = LearnedPlantReport<T>;
     using Filter = JointFilter<T, velocity_measured>;
     static constexpr bool measures_velocity = velocity_measured, estimates_motion = true;
 

@@ -18,8 +18,9 @@
 // Source: Zheng, Dong and Gao 2007, doi 10.1109/CCA.2007.4389216, of which the abstract was read.
 #pragma once
 
-#include "fracgyro/control/observer.hpp"
-#include "fracgyro/control/reference.hpp"
+#include "fracgyro/control/loop_frequency.hpp"
+#include "fracgyro/control/saturation.hpp"
+#include "fracgyro/hardware/observer.hpp"
 
 namespace fracgyro {
 
@@ -155,7 +156,7 @@ private:
         }
         const double forgets = exponential(-bandwidth), part = 1.0 - forgets, cube = forgets * forgets * forgets;
         const double second = 1.5 * (1.0 - forgets * forgets) * part, third = part * part * part;
-        const auto turn = sine_cosine<double>(Reference<double>::phase_of(angle));
+        const auto turn = sine_cosine<double>(phase_of(angle));
         const Complex z{turn.cosine, turn.sine}, one{1.0, 0.0}, sum = one / Complex{turn.cosine - 1.0, turn.sine};
         const auto times = [](double a, Complex b) { return Complex{a * b.re, a * b.im}; };
         // The miss of the position over h² f.
@@ -163,16 +164,10 @@ private:
         const Complex below =
             z + Complex{second + 0.5 * third - cube, 0.0} + times(second + 1.5 * third, sum) + times(third, sum * sum);
         // What is missing moves on while it is held: in the mean over the step it is half a step ahead.
-        const auto ahead = sine_cosine<double>(Reference<double>::phase_of(0.5 * angle));
+        const auto ahead = sine_cosine<double>(phase_of(0.5 * angle));
         const Complex found = times(third, z * sum) * (above / below) * Complex{ahead.cosine, ahead.sine};
         return {.sine = found.im, .cosine = found.re};
     }
-};
-
-// It needs no other observer.
-template <Scalar T>
-struct FromPositions<DisturbanceRejection<T>> {
-    using Type = DisturbanceRejection<T>;
 };
 
 }  // namespace fracgyro

@@ -11,8 +11,8 @@
 // Source: textbook (certainty equivalence); least squares: docs/decisions/0016.
 #pragma once
 
-#include "fracgyro/control/composite.hpp"
-#include "fracgyro/control/pid.hpp"
+#include "fracgyro/controllers/pid.hpp"
+#include "fracgyro/estimation/composite.hpp"
 
 namespace fracgyro {
 
@@ -27,21 +27,11 @@ struct LeastSquaresPidParams {
     }
 };
 
-// How well the angular rate is known, too.
-template <Scalar T>
-struct LearntPlantReport : PlantReport<T> {
-    T rate_deviation{}, rate_trusted{}, sample_refused{};
-
-    static constexpr auto fields() {
-        return std::tuple_cat(PlantReport<T>::fields(), rate_quality_fields<LearntPlantReport>());
-    }
-};
-
 template <Scalar T>
 struct LeastSquaresPid {
     using Value = T;
     using Params = LeastSquaresPidParams;
-    using Report = LearntPlantReport<T>;
+    using Report = LearnedPlantReport<T>;
     using Learning = CompositeAdaptation<T>;
     using Law = Pid<T>;
 

@@ -11,15 +11,14 @@
 // Source: the paper, Complexity 2020, 8542961, doi 10.1155/2020/8542961.
 #pragma once
 
-#include "fracgyro/control/composite.hpp"
-#include "fracgyro/control/joint.hpp"
-#include "fracgyro/control/observer.hpp"
-#include "fracgyro/control/switching.hpp"
 #include "fracgyro/control/controller.hpp"
-#include "fracgyro/control/error.hpp"
-#include "fracgyro/control/gradient.hpp"
-#include "fracgyro/control/reference.hpp"
+#include "fracgyro/control/saturation.hpp"
 #include "fracgyro/control/surfaces.hpp"
+#include "fracgyro/control/switching.hpp"
+#include "fracgyro/estimation/composite.hpp"
+#include "fracgyro/estimation/gradient.hpp"
+#include "fracgyro/estimation/joint.hpp"
+#include "fracgyro/hardware/observer.hpp"
 
 namespace fracgyro {
 
@@ -144,12 +143,9 @@ struct SlidingModeController {
         signals.force = Switching<T>::force(c.control, estimates, motion, signals.reference, surface, norms);  // 4
         Vec2<T> learnt_from = surface.s;
         if (c.saturation.limited) {
+            // The laws move the force against s.
             const Vec2<T> wanted = signals.force;
-            signals.force = Saturation<T>::within(c.saturation, wanted);
-            signals.excess = wanted - signals.force;
-            // The laws move the force against s: s·Δu <= 0. Where it is beyond the limit that way, they would wind up.
-            const T unwinding = dot(signals.excess, surface.s);
-            const T active = if_less(unwinding, T(0.0), T(0.0), T(1.0));
+            const T active = Saturation<T>::apply(signals, c.saturation, wanted, surface.s);
             learnt_from = active * surface.s;
             norms.surface = active * norms.surface;
         }

@@ -18,7 +18,7 @@
 // gyroscopes doi 10.1155/2019/6840639, of which the abstract was read.
 #pragma once
 
-#include "fracgyro/control/adaptive.hpp"
+#include "fracgyro/controllers/adaptive.hpp"
 
 namespace fracgyro {
 

@@ -14,6 +14,7 @@
 #pragma once
 
 #include "fracgyro/control/controller.hpp"
+#include "fracgyro/core/saved.hpp"
 
 namespace fracgyro {
 
@@ -33,9 +34,8 @@ struct Observer {
     static Coefficients prepare(const PlantModel<double>& nominal, double bandwidth, double step) {
         const double forgets = exponential(-bandwidth * step);
         const double new_part = 1.0 - forgets;
-        const auto sym2 = [](const Sym2<double>& a) { return Sym2<T>{T(a.xx()), T(a.xy()), T(a.yy())}; };
-        return {.damping = sym2(nominal.damping),
-                .stiffness = sym2(nominal.stiffness),
+        return {.damping = cast<T>(nominal.damping),
+                .stiffness = cast<T>(nominal.stiffness),
                 .twice_rate = T(2.0 * nominal.rate),
                 .step = T(step),
                 .half_square = T(0.5 * step * step),
@@ -119,10 +119,10 @@ struct Observing {
     }
 };
 
-// A controller for a device that senses no velocity.
+// The controller for a device without velocity sensors: behind an observer, unless it measures no velocity itself.
 template <Resumable Controller>
 struct FromPositions {
-    using Type = Observing<Controller>;
+    using Type = std::conditional_t<measures_velocity<Controller>, Observing<Controller>, Controller>;
 };
 
 }  // namespace fracgyro

@@ -25,35 +25,13 @@
 //    (docs/decisions/0016).
 #pragma once
 
-#include "fracgyro/control/consistency.hpp"
-#include "fracgyro/control/gradient.hpp"
+#include "fracgyro/control/reports.hpp"
 #include "fracgyro/core/rls.hpp"
 #include "fracgyro/core/saved.hpp"
+#include "fracgyro/estimation/consistency.hpp"
+#include "fracgyro/estimation/gradient.hpp"
 
 namespace fracgyro {
-
-// How well the angular rate is known.
-template <class R>
-constexpr auto rate_quality_fields() {
-    return std::tuple{channel("rate_deviation", &R::rate_deviation, "omega0",
-                              "standard deviation of the estimate of the angular rate; 0 without data"),
-                      channel("rate_trusted", &R::rate_trusted, "1",
-                              "1 if the motion separates the angular rate from the other parameters and what is "
-                              "measured agrees with the model"),
-                      channel("sample_refused", &R::sample_refused, "1",
-                              "1 if the last sample was too far from the predicted one to learn from")};
-}
-
-template <Scalar T>
-struct CompositeReport : AdaptiveReport<T> {
-    T rate_deviation{};
-    T rate_trusted{};
-    T sample_refused{};
-
-    static constexpr auto fields() {
-        return std::tuple_cat(AdaptiveReport<T>::fields(), rate_quality_fields<CompositeReport>());
-    }
-};
 
 template <Scalar T>
 struct CompositeAdaptation {

@@ -33,9 +33,11 @@
 //    Which samples are learned from and when Ω̂z is trusted: consistency.hpp.
 #pragma once
 
-#include "fracgyro/control/composite.hpp"
-#include "fracgyro/control/joint_model.hpp"
+#include "fracgyro/control/controller.hpp"
 #include "fracgyro/core/covariance.hpp"
+#include "fracgyro/core/saved.hpp"
+#include "fracgyro/estimation/composite.hpp"
+#include "fracgyro/estimation/joint_model.hpp"
 
 namespace fracgyro {
 

@@ -1,74 +1,12 @@
-// What an adaptation estimates, is set by and reports. The laws: gradient.hpp, composite.hpp.
+// Parameters of the adaptations: gradient.hpp, composite.hpp, joint.hpp.
 #pragma once
 
+#include "fracgyro/control/estimates.hpp"
 #include "fracgyro/core/fields.hpp"
-#include "fracgyro/control/signals.hpp"
 
 namespace fracgyro {
 
-// What the controller estimates. As in the law (35), Ω̂ = [[0, -rate], [rate, 0]] + rate_symmetric.
-template <Scalar T>
-struct Estimates {
-    Sym2<T> damping{}, stiffness{};
-    T rate{};
-    Sym2<T> rate_symmetric{};  // stays 0 unless the law is the printed one
-    std::array<T, 3> bound{};  // b̂₀, b̂₁, b̂₂
-
-    friend constexpr Estimates operator+(const Estimates& a, const Estimates& b) {
-        return {.damping = a.damping + b.damping,
-                .stiffness = a.stiffness + b.stiffness,
-                .rate = a.rate + b.rate,
-                .rate_symmetric = a.rate_symmetric + b.rate_symmetric,
-                .bound = {a.bound[0] + b.bound[0], a.bound[1] + b.bound[1], a.bound[2] + b.bound[2]}};
-    }
-    friend constexpr Estimates operator*(T f, const Estimates& a) {
-        return {.damping = f * a.damping,
-                .stiffness = f * a.stiffness,
-                .rate = f * a.rate,
-                .rate_symmetric = f * a.rate_symmetric,
-                .bound = {f * a.bound[0], f * a.bound[1], f * a.bound[2]}};
-    }
-};
-
-// ‖q‖, ‖v‖ and ‖s‖, which the force and the laws share.
-template <Scalar T>
-struct Norms {
-    T position{}, velocity{}, surface{};
-};
-template <Scalar T>
-Norms<T> norms_of(const Motion<T>& motion, const Vec2<T>& surface) {
-    const Vec2<T> both = norms(motion.position, motion.velocity);
-    return {.position = both.x(), .velocity = both.y(), .surface = norm(surface)};
-}
-
-// What a controller assumes of its sensors, its actuator and the noise.
-struct Datasheet {
-    double force_noise = 0.0, position_noise = 0.0, velocity_noise = 0.0;  // standard deviations, drawn every step
-    std::int64_t delay = 0;                                                // steps
-    double stiffness_drift = 0.0, damping_drift = 0.0;                     // relative, per unit of time
-
-    static constexpr auto fields() {
-        using D = Datasheet;
-        constexpr Range delays{.low = 0.0, .high = 8.0, .whole = true};
-        return std::tuple{
-            fixed(field("force_noise", &D::force_noise, "m*omega0^2*q0", at_least_0,
-                        "Standard deviation of the disturbing force, drawn every step. Not set: the truth.")),
-            fixed(field("position_noise", &D::position_noise, "q0", at_least_0,
-                        "Of a measured position, the converter's steps included. Not set: the truth.")),
-            fixed(field("velocity_noise", &D::velocity_noise, "q0*omega0", at_least_0,
-                        "Of a measured velocity. Not set: the truth.")),
-            fixed(field("delay", &D::delay, "h", delays,
-                        "Steps by which the force is late, at most 8. Not set: the truth.")),
-            fixed(field("stiffness_drift", &D::stiffness_drift, "omega0", at_least_0,
-                        "Unit omega0: standard deviation of the rate at which the stiffness drifts, as a fraction of "
-                        "itself. Not set: the largest of the simulated device.")),
-            fixed(field("damping_drift", &D::damping_drift, "omega0", at_least_0, "The same of the damping.")),
-        };
-    }
-};
-
 enum class AdaptationKind { gradient, composite, joint };
-enum class RateLaw { skew, printed };
 
 struct AdaptationParams {
     AdaptationKind kind = AdaptationKind::gradient;  // composite: the laws and least squares; joint: joint.hpp
@@ -167,50 +105,6 @@ struct AdaptationParams {
                             "[b0, b1, b2] at t = 0, units of (12), >= 0: initial switching gain. Zeros: none.")),
             },
             robustness_fields(), forgetting_fields(), std::tuple{covariance_field()});
-    }
-};
-
-// What a controller reports that estimates the plant.
-template <Scalar T>
-struct PlantReport {
-    Sym2<T> damping{}, stiffness{};
-    T rate{};
-
-    static constexpr auto fields() {
-        using R = PlantReport;
-        return std::tuple{
-            channel("damping_estimate", &R::damping, "m*omega0", "estimate of the damping D"),
-            channel("stiffness_estimate", &R::stiffness, "m*omega0^2", "estimate of the stiffness K"),
-            channel("rate_estimate", &R::rate, "omega0", "estimate of the angular rate: skew part of Omega"),
-        };
-    }
-};
-
-// (D̂ + 2Ω̂) v + K̂ q + a: the force that accelerates the plant by a, as far as it is known.
-template <Scalar T>
-Vec2<T> plant_force(const PlantReport<T>& known, const Motion<T>& motion, const Vec2<T>& acceleration) {
-    const Vec2<T>& v = motion.velocity;
-    const Vec2<T> coriolis = T(2.0) * (known.rate * turned(v));
-    return known.damping * v + coriolis + known.stiffness * motion.position + acceleration;
-}
-
-// What a controller with adaptation reports. Estimates are those known when the force was computed.
-template <Scalar T>
-struct AdaptiveReport : Estimates<T> {
-    Vec2<T> surface{};
-
-    static constexpr auto fields() {
-        using R = AdaptiveReport;
-        return std::tuple{
-            momentary(channel("surface", &R::surface, "q0*omega0", "sliding surface s")),
-            channel("damping_estimate", &R::damping, "m*omega0", "estimate of the damping D"),
-            channel("stiffness_estimate", &R::stiffness, "m*omega0^2", "estimate of the stiffness K"),
-            channel("rate_estimate", &R::rate, "omega0", "estimate of the angular rate: skew part of Omega"),
-            channel("rate_symmetric_estimate", &R::rate_symmetric, "omega0",
-                    "symmetric part of the estimate of Omega; not zero under the printed law only"),
-            channel("bound_estimate", &R::bound, "m*omega0^2*q0, m*omega0^2, m*omega0",
-                    "estimates of the bounds b0, b1, b2"),
-        };
     }
 };
 

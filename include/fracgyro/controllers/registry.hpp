@@ -1,16 +1,16 @@
 // The controllers by name. A new one is its own file plus one line here.
 #pragma once
 
-#include "fracgyro/control/conventional.hpp"
-#include "fracgyro/control/disturbance_rejection.hpp"
-#include "fracgyro/control/least_squares_pid.hpp"
-#include "fracgyro/control/lqg.hpp"
-#include "fracgyro/control/nonsingular_terminal.hpp"
-#include "fracgyro/control/observer.hpp"
-#include "fracgyro/control/park_horowitz.hpp"
-#include "fracgyro/control/pid.hpp"
-#include "fracgyro/control/sliding_mode.hpp"
-#include "fracgyro/control/super_twisting.hpp"
+#include "fracgyro/controllers/conventional.hpp"
+#include "fracgyro/controllers/disturbance_rejection.hpp"
+#include "fracgyro/controllers/least_squares_pid.hpp"
+#include "fracgyro/controllers/lqg.hpp"
+#include "fracgyro/controllers/nonsingular_terminal.hpp"
+#include "fracgyro/controllers/park_horowitz.hpp"
+#include "fracgyro/controllers/pid.hpp"
+#include "fracgyro/controllers/sliding_mode.hpp"
+#include "fracgyro/controllers/super_twisting.hpp"
+#include "fracgyro/hardware/observer.hpp"
 
 #include <variant>
 

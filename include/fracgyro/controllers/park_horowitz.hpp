@@ -13,7 +13,7 @@
 // nomenclature of Sensors 2016, 16, 321.
 #pragma once
 
-#include "fracgyro/control/adaptive.hpp"
+#include "fracgyro/controllers/adaptive.hpp"
 
 namespace fracgyro {
 

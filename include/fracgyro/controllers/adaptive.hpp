@@ -2,8 +2,9 @@
 #pragma once
 
 #include "fracgyro/control/controller.hpp"
-#include "fracgyro/control/gradient.hpp"
-#include "fracgyro/control/reference.hpp"
+#include "fracgyro/control/feedforward.hpp"
+#include "fracgyro/control/saturation.hpp"
+#include "fracgyro/estimation/gradient.hpp"
 
 namespace fracgyro {
 

@@ -12,9 +12,9 @@
 //    on.
 #pragma once
 
-#include "fracgyro/control/plausibility.hpp"
 #include "fracgyro/control/controller.hpp"
 #include "fracgyro/core/saved.hpp"
+#include "fracgyro/hardware/plausibility.hpp"
 
 namespace fracgyro {
 

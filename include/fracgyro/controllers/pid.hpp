@@ -11,6 +11,9 @@
 #pragma once
 
 #include "fracgyro/control/controller.hpp"
+#include "fracgyro/control/feedforward.hpp"
+#include "fracgyro/control/loop_frequency.hpp"
+#include "fracgyro/control/saturation.hpp"
 
 namespace fracgyro {
 

@@ -22,10 +22,8 @@
 // Source: AGC and PLL: Leland 2005, doi 10.1109/JSEN.2005.844538 (abstract read).
 #pragma once
 
-#include "fracgyro/control/adaptation.hpp"
 #include "fracgyro/control/controller.hpp"
-#include "fracgyro/control/observer.hpp"
-#include "fracgyro/control/reference.hpp"
+#include "fracgyro/control/datasheet.hpp"
 
 namespace fracgyro {
 
@@ -117,10 +115,6 @@ struct ConventionalGyroscope {
         const ConventionalParams& p = loop_of(all);
         const double h = common.step, w = common.reference.frequency.x();
         const double lead = 0.5 + static_cast<double>(p.datasheet.delay);
-        const auto turn = [](double angle) {
-            const auto found = sine_cosine<double>(Reference<double>::phase_of(angle));
-            return Vec2<T>{T(found.cosine), T(found.sine)};
-        };
         const double amplitude_gain = 2.0 * w * p.amplitude_bandwidth;
         double held = 0.0;
         if constexpr (rebalanced) {
@@ -134,8 +128,8 @@ struct ConventionalGyroscope {
                 .amplitude = T(common.reference.amplitude.x()),
                 .frequency = T(w),
                 .largest_detuning = T(0.1 * w),
-                .turn = turn(w * h),
-                .lead = turn(w * h * lead),
+                .turn = turn_of<T>(w * h),
+                .lead = turn_of<T>(w * h * lead),
                 .lead_steps = T(lead),
                 .demodulation = T(2.0 * p.demodulation_bandwidth * h),
                 .phase_gain = T(1.4 * p.pll_bandwidth),
@@ -175,7 +169,7 @@ struct ConventionalGyroscope {
     static Signals<T, Report> step(State& state, const Coefficients& c, const Motion<T>& measured,
                                    const Sample<T>* missing = nullptr) {
         if (state.reference.steps == 0) {
-            const auto start = PhaseOf<T>::sine_cosine(c.reference.start[0]);
+            const auto start = PhaseOf<T>::sine_cosine(c.reference.phases.start[0]);
             state.oscillator = {start.cosine, start.sine};
         }
         Signals<T, Report> signals{.reference = Reference<T>::update(state.reference, c.reference),
@@ -280,13 +274,5 @@ using OpenLoop = ConventionalGyroscope<T, false>;
 //        W = -w_L Y - ∫ ¼ w_L² Y        Ω̂z = Re F_y/(2 A_r ω̂)        quadrature = Im F_y
 template <Scalar T>
 using ForceRebalance = ConventionalGyroscope<T, true>;
-template <Scalar T>
-struct FromPositions<OpenLoop<T>> {
-    using Type = OpenLoop<T>;
-};
-template <Scalar T>
-struct FromPositions<ForceRebalance<T>> {
-    using Type = ForceRebalance<T>;
-};
 
 }  // namespace fracgyro

@@ -9,7 +9,9 @@
 //    What is stored is the deviation from the initial value, so that single precision does not lose small increments.
 #pragma once
 
-#include "fracgyro/control/adaptation.hpp"
+#include "fracgyro/control/reports.hpp"
+#include "fracgyro/control/signals.hpp"
+#include "fracgyro/estimation/adaptation.hpp"
 
 namespace fracgyro {
 
@@ -45,9 +47,8 @@ struct GradientAdaptation {
             const double growth = maximum(largest_bound - start, 0.0);
             return T(projected ? minimum(most, growth) : growth);
         };
-        const auto sym2 = [](const Sym2<double>& a) { return Sym2<T>{T(a.xx()), T(a.xy()), T(a.yy())}; };
-        return {.initial = {.damping = sym2(nominal.damping),
-                            .stiffness = sym2(nominal.stiffness),
+        return {.initial = {.damping = cast<T>(nominal.damping),
+                            .stiffness = cast<T>(nominal.stiffness),
                             .rate = T(nominal.rate),
                             .bound = {T(from[0]), T(from[1]), T(from[2])}},
                 .damping_gain = T(h * p.damping_gain),

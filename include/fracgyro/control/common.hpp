@@ -1,0 +1,63 @@
+// Parameters that all controllers of a loop share.
+#pragma once
+
+#include "fracgyro/control/reference.hpp"
+#include "fracgyro/control/signals.hpp"
+
+namespace fracgyro {
+
+// Parameters of the guard (hardware/guard.hpp).
+struct GuardParams {
+    bool checked = false;                                       // held against the plant
+    double plant_tolerance = 0.1;                               // share by which the plant may be other than nominal
+    double force_tolerance = 0.0;                               // largest disturbance, on one axis
+    double position_tolerance = 0.0, velocity_tolerance = 0.0;  // the sensors' largest errors, on one axis
+    double patience = 0.0, saturation_patience = 0.0;           // samples; 0: without end
+
+    static constexpr std::string_view switches[] = {"false", "true"};
+    static constexpr auto fields() {
+        using P = GuardParams;
+        constexpr Range samples{.low = 0.0, .high = 1e9, .whole = true};
+        return std::tuple{
+            choice("checked", &P::checked, switches,
+                   "Samples are refused that the plant cannot have moved to since the last one, and those that are not "
+                   "finite. The fields below say what it can; not set, they follow from the other tables. false: off."),
+            field("plant_tolerance", &P::plant_tolerance, "1", at_least_0,
+                  "Share by which stiffness, actuator and the sensors' scales may be other than nominal."),
+            field("force_tolerance", &P::force_tolerance, "m*omega0^2*q0", at_least_0,
+                  "Unit of force: largest disturbance on one axis."),
+            field("position_tolerance", &P::position_tolerance, "q0", at_least_0,
+                  "Unit q0: the sensor's largest error on one axis."),
+            field("velocity_tolerance", &P::velocity_tolerance, "q0*omega0", at_least_0,
+                  "Unit q0 omega0: the same of the velocity."),
+            field("patience", &P::patience, "1", samples,
+                  "Samples: after so many refused in a row the force is only that of the reference, and no sample is "
+                  "accepted until four times as many agree. 0: off, the last force is held."),
+            field("saturation_patience", &P::saturation_patience, "1", samples,
+                  "Samples: after so many in a row at the force limit everything learnt is dropped. 0: off."),
+        };
+    }
+};
+
+// Nondimensional.
+struct Common {
+    double step = 1e-3;
+    ReferenceParams reference{};
+    PlantModel<double> nominal{};                                  // what is known of the plant beforehand
+    double force_limit = std::numeric_limits<double>::infinity();  // |u| on each axis; infinity: off
+    GuardParams guard{};
+    double observer_bandwidth = 0.0;  // of the observer (hardware/observer.hpp); 0: the velocity is measured
+
+    static constexpr auto fields() {
+        using C = Common;
+        return std::tuple{
+            Inner{"reference", &C::reference},
+            Inner{"adaptation", &C::nominal},
+            field("force_limit", &C::force_limit, "m*omega0^2*q0", limit,
+                  "Largest |u| per axis, unit m omega0^2 q0, > 0. inf: off."),
+            Inner{"guard", &C::guard},
+        };
+    }
+};
+
+}  // namespace fracgyro

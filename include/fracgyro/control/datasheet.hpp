@@ -1,0 +1,33 @@
+// Sensors, actuator and noise as a controller assumes them.
+#pragma once
+
+#include "fracgyro/core/fields.hpp"
+
+namespace fracgyro {
+
+struct Datasheet {
+    double force_noise = 0.0, position_noise = 0.0, velocity_noise = 0.0;  // standard deviations, drawn every step
+    std::int64_t delay = 0;                                                // steps
+    double stiffness_drift = 0.0, damping_drift = 0.0;                     // relative, per unit of time
+
+    static constexpr auto fields() {
+        using D = Datasheet;
+        constexpr Range delays{.low = 0.0, .high = 8.0, .whole = true};
+        return std::tuple{
+            fixed(field("force_noise", &D::force_noise, "m*omega0^2*q0", at_least_0,
+                        "Standard deviation of the disturbing force, drawn every step. Not set: the truth.")),
+            fixed(field("position_noise", &D::position_noise, "q0", at_least_0,
+                        "Of a measured position, the converter's steps included. Not set: the truth.")),
+            fixed(field("velocity_noise", &D::velocity_noise, "q0*omega0", at_least_0,
+                        "Of a measured velocity. Not set: the truth.")),
+            fixed(field("delay", &D::delay, "h", delays,
+                        "Steps by which the force is late, at most 8. Not set: the truth.")),
+            fixed(field("stiffness_drift", &D::stiffness_drift, "omega0", at_least_0,
+                        "Unit omega0: standard deviation of the rate at which the stiffness drifts, as a fraction of "
+                        "itself. Not set: the largest of the simulated device.")),
+            fixed(field("damping_drift", &D::damping_drift, "omega0", at_least_0, "The same of the damping.")),
+        };
+    }
+};
+
+}  // namespace fracgyro
