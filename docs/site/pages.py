@@ -14,8 +14,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import unquote
 
+import controllers
 from fracgyro.export.firmware import coefficients_header
 from fracgyro.export.web import settings_types
+from fracgyro.scenario.kinds import KINDS
 from fracgyro.scenario.shipped import shipped
 from headers import c_reference
 
@@ -91,9 +93,15 @@ class Gathered:
         for name, path in self.pages.items():
             folder, _, page = name.rpartition("/")
             text = "\n".join(self.linked(path.read_text(encoding="utf-8"), path, name))
+            text = text.replace(controllers.MARK, controllers.overview())
             if folder in LISTED:
                 text = "\n".join([text, "", *self.listed(folder)]) if page == "index" else f"{ORPHAN}{text}"
             self.put(f"{name}.md", text)
+        for kind in KINDS:
+            text, pictures = controllers.page(kind)
+            self.put(f"controllers/{kind}.md", f"{ORPHAN}{text}")
+            for file, drawn in pictures.items():
+                self.put(f"pictures/{file}", drawn)
         made = coefficients_header(shipped("hardware"), "float")
         self.put("reference/c.md", c_reference(ROOT / "integrations/firmware/fracgyro.h", made))
         types = (ROOT / "integrations/web/fracgyro.d.ts").read_text(encoding="utf-8")

@@ -144,6 +144,21 @@ def test_the_reference_lists_them() -> None:
     assert f"| `peak_error` | q0 | – | {SAID_OF_PEAK.replace('|', chr(92) + '|')} |" in lines
 
 
+def test_the_documentation_site_has_its_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(Path(__file__).resolve().parents[2] / "docs/site")
+    from controllers import overview, page
+
+    text, pictures = page("pd")
+    assert text.startswith(
+        "# PD with feedforward\n\nA spring and a damper hold each axis on the reference. Use it when"
+    )
+    assert r"- k_{p} e - k_{d} \dot{e}" in text
+    kp = "| `controller.kp` | {math}`ω_{0}^{2}` | > 0 | `10000.0` | spring on the error. |"
+    assert kp in text
+    assert len(pictures) == 4
+    assert "| [`pd`](../controllers/pd.md) | spring and damper | no |" in overview()
+
+
 TARGETS = {"host": "", "m7": "Cortex-M", "wasm": "WebAssembly", "fmu": "", "lanes": ""}
 
 

@@ -74,5 +74,7 @@ def test_the_controller_of_the_guide_is_one_file_and_one_line_and_found_in_every
     pytest_ = [sys.executable, "-S", "-m", "pytest", "-p", "no:cacheprovider"]
     run(*pytest_, FACES, PYTHONPATH=path)
     # The tests of every kind and of every field.
-    of_kinds = [FACES.with_name(f"test_{name}.py") for name in ("kinds", "lanes")]
+    of_kinds = [
+        FACES.with_name(f"test_{name}.py") for name in ("kinds", "lanes", "settings", "units", "controller_pages")
+    ]
     run(*pytest_, *of_kinds, "-k", "pd or controller.kp or controller.kd", PYTHONPATH=path)

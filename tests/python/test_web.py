@@ -94,8 +94,7 @@ SCENARIOS = {
         }
     ),
     "PID, which reports nothing": SHORT.replace({"controller.kind": "pid", "controller.force_limit": 6000.0}),
-    "super-twisting": SHORT.replace({"controller.kind": "super_twisting"}),
-    **{kind: SHORT.replace({"controller.kind": kind}) for kind in KINDS[6:]},
+    **{kind: SHORT.replace({"controller.kind": kind}) for kind in KINDS},
     "integer order": SHORT.replace({"controller.order": 1.0}),
     "order zero": SHORT.replace({"controller.order": 0.0}),
     "known parameters, sine": SHORT.replace(

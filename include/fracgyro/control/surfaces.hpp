@@ -177,12 +177,33 @@ struct Surface {
     }
 };
 
+// Sliding mode control on a linear surface: once s is zero, the error decays exponentially.
+//
+// Use it when you want adaptive sliding mode control with the fewest gains, operations and bytes.
+//
+//        s = ė + λ₁ e        drift = λ₁ ė
 template <Scalar T>
 using LinearSurface = Surface<T, LinearTerm<T>, false>;
+// Fast terminal sliding mode control: the paper's controller with α = 1, which needs no fractional memory.
+//
+// Use it when the error should reach zero in finite time with little memory.
+//
+//        s = ė + λ₁ e + λ₂ |e|^c sign(e)        drift = λ₁ ė + λ₂ c |e|^(c-1) ė
 template <Scalar T>
 using FastTerminalSurface = Surface<T, LinearTerm<T>, true>;
+// Fractional sliding mode control: the paper's controller without its terminal term, as in the paper's reference [52].
+//
+// Use it when you study the fractional order without the terminal term, or want no singularity at zero error.
+//
+//        s = ė + λ₁ D^(α-1) e        drift = λ₁ D^α e
 template <Scalar T>
 using FractionalSurface = Surface<T, FractionalTerm<T>, false>;
+// Fractional fast terminal sliding mode control: the paper's controller, whose surface has a fractional derivative of
+// the error and a term that reaches zero in finite time.
+//
+// Use it when you reproduce the paper, or track with noisy sensors, with `adaptation.kind` joint.
+//
+//        s = ė + λ₁ D^(α-1) e + λ₂ |e|^c sign(e)        drift = λ₁ D^α e + λ₂ c |e|^(c-1) ė
 template <Scalar T>
 using FractionalFastTerminalSurface = Surface<T, FractionalTerm<T>, true>;
 

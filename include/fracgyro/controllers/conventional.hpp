@@ -1,24 +1,25 @@
-// The conventional vibratory gyroscope: x is driven at its resonance by a phase-locked loop (PLL) and an automatic gain
-// control (AGC), and the rate is read from y, which is either left to swing (open loop) or held at rest (force
-// rebalance with quadrature nulling). Positions only.
+// The conventional vibratory gyroscope, from positions only: x is driven at its resonance by a phase-locked loop (PLL)
+// and an automatic gain control (AGC), and the rate is read from y.
 //
-//    One oscillator (NCO) of phase θ serves all. Each position is demodulated by least mean squares, which leaves no
-//    ripple at twice the frequency:  z ≈ a sin θ + b cos θ,  ε = z - a sin θ - b cos θ,  a += 2μ ε sin θ,
-//    b += 2μ ε cos θ, with one pole at μ/h.
+//    One oscillator (NCO) of phase θ serves all. Each position z is demodulated by least mean squares, which leaves no
+//    ripple at twice the frequency, with one pole at μ/h:
 //
-//        drive    φ = sin of the phase of x against θ, ω̂ = ω + k_p φ + ∫k_i φ,  k_p = 1.4 w,  k_i = w²
-//                 F = k_a (A_r - A) + ∫k_a k_b (A_r - A) within 0 and the force limit,  u_x = F cos θ′
-//        y        = Re(Y e^jθ),  Y = b - ja, whose slow motion under u_y = Re(F_y e^jθ′), F_y = 2jω̂ W, is
-//                 dY/dt = (jδ - ½dyy) Y + W + F_c/(2jω̂),  Re F_c = -2 A ω̂ Ωz
+//        z ≈ a sin θ + b cos θ        ε = z - a sin θ - b cos θ
+//        a ← a + 2μ ε sin θ        b ← b + 2μ ε cos θ
 //
-//        force rebalance    W = -w_L Y - ∫¼ w_L² Y,  Ω̂z = Re F_y/(2 A_r ω̂), quadrature Im F_y
-//        open loop          u_y = 0,  F_c = 2jω̂ (½dyy - jδ) Y,  Ω̂z = -Re F_c/(2 A_r ω̂),
-//                           δ = (kyy - ω̂²)/(2ω̂)
+//    Drive: φ is the sine of the phase of x against θ, A its amplitude, and F is kept within 0 and the force limit:
 //
-//    followed by a low-pass filter of first order. θ′ = θ + ω̂h (½ + delay): the center of the hold, and the
-//    delay that the datasheet declares. AGC and PLL: Leland 2005, doi 10.1109/JSEN.2005.844538 (abstract read).
+//        ω̂ = ω + k_p φ + ∫ k_i φ        k_p = 1.4 w        k_i = w²
+//        F = k_a (A_r - A) + ∫ k_a k_b (A_r - A)        u_x = F cos θ′
 //
-//    A dxy acts as a rate dxy/2, and no conventional gyroscope can tell them apart.
+//    Sense axis: with y = Re(Y e^jθ), the slow motion of Y under u_y = Re(F_y e^jθ′), F_y = 2jω̂ W, is
+//
+//        Y = b - j a        dY/dt = (jδ - ½dyy) Y + W + F_c/(2jω̂)        Re F_c = -2 A ω̂ Ωz
+//
+//    The rate is filtered by a low-pass of first order. θ′ = θ + ω̂h (½ + delay): the center of the hold, and the delay
+//    that the datasheet declares. A dxy acts as a rate dxy/2, and no conventional gyroscope can separate them.
+//
+// Source: AGC and PLL: Leland 2005, doi 10.1109/JSEN.2005.844538 (abstract read).
 #pragma once
 
 #include "fracgyro/control/controller.hpp"
@@ -259,8 +260,18 @@ private:
     }
 };
 
+// Open-loop gyroscope: the x axis is driven at its resonance, y swings freely, and its motion gives the rate.
+//
+// Use it when you need the simplest conventional gyroscope as a baseline, for slow rates.
+//
+//        u_y = 0        F_c = 2jω̂ (½dyy - jδ) Y        Ω̂z = -Re F_c/(2 A_r ω̂)        δ = (kyy - ω̂²)/(2ω̂)
 template <Scalar T>
 using OpenLoop = ConventionalGyroscope<T, false>;
+// Force-rebalance gyroscope: the x axis is driven at its resonance, and the force that holds y at rest gives the rate.
+//
+// Use it when you compare with the industry's usual loop, or sense the rate with few operations.
+//
+//        W = -w_L Y - ∫ ¼ w_L² Y        Ω̂z = Re F_y/(2 A_r ω̂)        quadrature = Im F_y
 template <Scalar T>
 using ForceRebalance = ConventionalGyroscope<T, true>;
 

@@ -1,18 +1,21 @@
-// Active disturbance rejection control (ADRC; Zheng, Dong and Gao, doi 10.1109/CCA.2007.4389216, of which the abstract
-// was read): an extended state observer finds the motion and the acceleration f that its model of the plant lacks, from
-// the positions, and the force cancels f:
+// Active disturbance rejection control (ADRC): an extended state observer finds, from positions, the acceleration f
+// that its model of the plant lacks, and the force cancels it.
+//
+// Use it when only positions are measured and the plant is hardly known.
 //
 //        u = r̈ - ω² (q̂ - r) - 2ω (v̂ - ṙ) - f + (D̂₀ + 2Ω̂₀) v̂ + K̂₀ q̂
 //
 //    The observer is that of observer.hpp. With `nominal_model` it has the nominal plant; without, none, and the last
 //    two terms are missing, so that f is all that the plant does.
 //
-//    The angular rate (our form of their demodulation) is what of f on y follows the velocity of x:
+//    The angular rate (our form of their demodulation) is the part of f on y that follows the velocity of x:
 //
-//        Ω̂z = Ω̂₀ - LP(f_y w) / (2 LP(w²)),      w = G v̂_x
+//        Ω̂z = Ω̂₀ - LP(f_y w)/(2 LP(w²))        w = G v̂_x
 //
 //    where G is the observer's response from a missing acceleration to f at the reference's frequency, which f lags by
 //    some 3ω/ω_o, and LP is a low-pass filter of first order. Without the model Ω̂₀ is 0 here.
+//
+// Source: Zheng, Dong and Gao 2007, doi 10.1109/CCA.2007.4389216, of which the abstract was read.
 #pragma once
 
 #include "fracgyro/control/loop_frequency.hpp"

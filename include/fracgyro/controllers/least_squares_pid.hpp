@@ -1,5 +1,14 @@
-// Certainty equivalence: the PID of pid.hpp with the plant that least squares find (composite.hpp) in the place of the
-// nominal one, from when the angular rate is first trusted. No sliding surface, and no law that s drives.
+// Certainty-equivalence PID: the PID of pid.hpp on the plant that least squares find, from when its angular rate is
+// trusted.
+//
+// Use it when velocities are measured with little noise, and rate, damping and stiffness are wanted with few gains.
+//
+//        u = (D̂ + 2Ω̂) ṙ + K̂ r + r̈ - ω² e - 2ζω ė - I        dI/dt = ωᵢ ω² e
+//
+//    D̂, K̂ and Ω̂z are those of composite.hpp, and the nominal plant until the rate is trusted. There is no sliding
+//    surface, and no law that s drives.
+//
+// Source: textbook (certainty equivalence); least squares: docs/decisions/0016.
 #pragma once
 
 #include "fracgyro/controllers/pid.hpp"

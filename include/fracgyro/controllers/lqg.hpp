@@ -1,10 +1,14 @@
-// Linear-quadratic control on a joint Kalman filter of the motion, D, K and Ωz (joint.hpp): with e and ė as the
-// filter estimates them,
+// Linear-quadratic control on a joint Kalman filter: one filter estimates motion, damping, stiffness and angular rate,
+// and the feedback on its estimate is optimal.
+//
+// Use it when the sensors are noisy and their noise and delay are known, for tracking and for the rate.
 //
 //        u = (D̂ + 2Ω̂) ṙ + K̂ r + r̈ - ω² e - √2 ω ė
 //
-//    The feedback is the optimal one for ë = u with the weights ω⁴ of e² and 1 of u²: far below ω the
-//    plant's own forces on e do not count.
+//    with e and ė as the filter of joint.hpp estimates them. The feedback is the optimal one for ë = u with the weights
+//    ω⁴ of e² and 1 of u²: far below ω the plant's own forces on e do not count.
+//
+// Source: textbook; the filter: docs/decisions/0024.
 #pragma once
 
 #include "fracgyro/control/feedforward.hpp"

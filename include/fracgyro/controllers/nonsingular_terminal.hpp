@@ -1,15 +1,21 @@
-// Adaptive nonsingular terminal sliding mode control. With sig(a, x) = |a|^x sign(a), on each axis
+// Adaptive nonsingular terminal sliding mode control: the error reaches zero in finite time, and no power in the force
+// is negative.
 //
-//        s = e + a sig(e, γ₁) + b sig(ė, γ₂),      1 < γ₂ < 2, γ₁ > γ₂
+// Use it when you compare terminal surfaces, or need one without a singularity at zero error.
+//
+//        s = e + a sig(e, γ₁) + b sig(ė, γ₂)        1 < γ₂ < 2, γ₁ > γ₂
 //        u = (D̂ + 2Ω̂) v + K̂ q + r̈ - sig(ė, 2 - γ₂) (1 + a γ₁ |e|^(γ₁-1))/(b γ₂) - k s - k_s reach(s)
+//        sig(z, p) = |z|^p sign(z)
 //        reach(s) = sig(s, ρ) for ρ > 0, sat(s/δ) for ρ = 0
 //
-//    a = 0: nonsingular terminal (Feng, Yu and Man 2002, doi 10.1016/S0005-1098(02)00147-4); a > 0: nonsingular fast
-//    terminal (Yang and Yang 2011, cited from memory; for gyroscopes doi 10.1155/2019/6840639, of which the abstract
-//    was read). ρ between 0 and 1 is the power reaching law of the continuous variants, ρ = 0 the boundary layer.
+//    on each axis. a = 0 is the nonsingular terminal surface, a > 0 the nonsingular fast terminal one. ρ between 0 and
+//    1 is the power reaching law of the continuous variants, ρ = 0 the boundary layer.
 //
-//    No power of the force is negative, so that nothing is singular; but ds/du = b γ₂ |ė|^(γ₂-1) vanishes with ė,
-//    and there the force has no authority over s. The estimates follow the laws (44) with (ds/du) s in the place of s.
+//    No power of the force is negative, so that nothing is singular; but ds/du = b γ₂ |ė|^(γ₂-1) vanishes with ė, and
+//    there the force has no authority over s. The estimates follow the laws (44) with (ds/du) s instead of s.
+//
+// Source: Feng, Yu and Man 2002, doi 10.1016/S0005-1098(02)00147-4; fast: Yang and Yang 2011, cited from memory; for
+// gyroscopes doi 10.1155/2019/6840639, of which the abstract was read.
 #pragma once
 
 #include "fracgyro/controllers/adaptive.hpp"

@@ -1,11 +1,16 @@
-// Adaptive control without a sliding surface (Park and Horowitz 2003, doi 10.1109/JMEMS.2002.807468; its structure is
-// cited from memory and from the nomenclature of Sensors 2016, 16, 321). For a sinusoidal reference, r̈ = -K_m r,
+// Adaptive control of Park and Horowitz: a damper on the error with adaptive estimates of the plant, without a sliding
+// surface.
 //
-//        u = (D̂ + 2Ω̂) v + K̂ q - K_m q - γ ė,      so that  ë + γ ė + K_m e = -Φᵀθ̃
+// Use it when both axes are driven at resonance. Off resonance it does not follow the reference.
 //
-//    and the estimates follow the laws (44) with ė in the place of s. Only K_m brings the position back: off
-//    resonance, where K_m is far below K, no γ makes the error small. The method is designed for operation at
-//    resonance.
+//        u = (D̂ + 2Ω̂) v + K̂ q - K_m q - γ ė
+//        ë + γ ė + K_m e = -Φᵀθ̃
+//
+//    for a sinusoidal reference, r̈ = -K_m r. The estimates follow the laws (44) with ė instead of s. Only K_m brings
+//    the position back: off resonance, where K_m is far below K, no γ makes the error small.
+//
+// Source: Park and Horowitz 2003, doi 10.1109/JMEMS.2002.807468; its structure is cited from memory and from the
+// nomenclature of Sensors 2016, 16, 321.
 #pragma once
 
 #include "fracgyro/controllers/adaptive.hpp"

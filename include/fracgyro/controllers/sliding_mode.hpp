@@ -1,5 +1,14 @@
-// The adaptive sliding mode controller: steps 1 to 5 of the paper's Figure 2. Step 6, the plant, is in
-// include/fracgyro/plant/gyroscope.hpp.
+// Adaptive sliding mode control, on any surface and with any adaptation: steps 1 to 5 of the paper's Figure 2. Step 6,
+// the plant, is in include/fracgyro/plant/gyroscope.hpp.
+//
+//        u = (D̂ + 2Ω̂) v + K̂ q + r̈ - drift - ρ s/max(‖s‖, δ)
+//        ρ = b̂₀ + b̂₁ ‖q‖ + b̂₂ ‖v‖
+//
+//    The force cancels the known part of ds/dt and drives s to zero (switching.hpp). D̂, K̂, Ω̂z and the bounds b̂ follow
+//    the laws (44), which s drives (gradient.hpp), with least squares (composite.hpp), or a Kalman filter that knows
+//    the sensors' noise (joint.hpp).
+//
+// Source: the paper, Complexity 2020, 8542961, doi 10.1155/2020/8542961.
 #pragma once
 
 #include "fracgyro/control/controller.hpp"

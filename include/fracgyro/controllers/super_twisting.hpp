@@ -1,11 +1,15 @@
 // Adaptive super-twisting control: a continuous force that holds s = ė + λ e at zero against any disturbance whose rate
-// of change is bounded (Levant 1993; for a gyroscope, doi 10.1371/journal.pone.0189457).
+// of change is bounded.
+//
+// Use it when chattering must be small, the mismatch changes slowly and no rate estimate is needed.
 //
 //        u = (D̂ + 2Ω̂) v + K̂ q + r̈ - λ ė - k₁ |s|^½ sign(s) + w        dw/dt = -k₂ sign(s)
 //
 //    For a mismatch that changes at most at the rate L: k₂ > L and k₁ ≈ 1.5 √L. The estimates follow the laws (44), in
 //    which w and they compete for the same signal: Ω̂z may wander far from Ωz. w rests at the force limit where it would
 //    wind up, and never grows beyond it.
+//
+// Source: Levant 1993; for a gyroscope, doi 10.1371/journal.pone.0189457.
 #pragma once
 
 #include "fracgyro/controllers/adaptive.hpp"

@@ -49,6 +49,14 @@ def _scenario() -> Iterator[str]:
             yield from rows_of(FIELDS, rows)
 
 
+def fields_of_kind(kind: str) -> Iterator[Sequence[str]]:
+    """Rows of FIELDS: the fields that controllers of this kind have and not all others."""
+    for name, table in Scenario():
+        for field, said in type(table).model_json_schema()["properties"].items():
+            if kind in _having(name, field):
+                yield _field(name, field, said, table)
+
+
 def _having(table: str, field: str) -> tuple[str, ...]:
     """The kinds of controllers that have the field; none: it does not depend on the kind."""
     kinds = tuple(having(f"{table}.{field}"))
