@@ -75,6 +75,7 @@ lint: .venv/ruff
 	$(BIN)/ruff format --check --quiet
 	$(BIN)/python benchmarks/pages.py --check
 	$(BIN)/python benchmarks/sources.py
+	$(BIN)/python tests/english.py
 
 logs-current: $(BIN)/pip
 	$(BIN)/python benchmarks/sources.py --check
