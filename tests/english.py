@@ -51,7 +51,7 @@ WORDS = {
     r"|parametr|parameter|serial|synchron|util|visual|factor|real|penal|stabil|regular|sanit|token|random|symbol)"
     r"is(e[drs]?|ing|ations?)": "-ize",
     r"analy[sz]e?ing|analyse[dr]?|catalys\w+": "analyze",
-    r"\w+(ell|avell|mell|gnall)(ed|ing)(?<!spelled)(?<!propelled)": "-el-, -al- (modeled, canceled)",
+    r"(mod|lab|trav|canc|chann|lev|fu)ell(ed|ing)|signall(ed|ing)": "-el-, -al- (modeled, canceled)",
     r"grey|artefacts?|defence|licence|programme|judgement|fulfil|ageing": "American spelling",
 }
 WRONG = [(re.compile(rf"(?i)(?<![\w./:-])(?:{word})(?![\w/-]|\.\w|\()"), say) for word, say in WORDS.items()]
