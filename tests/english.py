@@ -39,7 +39,7 @@ WORDS = {
     r"fore(see|saw|seen|sees)": "predict",
     r"(?<!let )alone": "only",
     r"sa(ys|id)": "states, reports",
-    r"the truth": "the simulated value, the true value",
+    r"(?<!to )the truth": "the simulated value, the true value",
     r"where (there (is|are)|nothing|none)": "if, when, without",
     r"none (is|are)": "no X is",
     r"(go|goes|going) on": "continue",
