@@ -1,7 +1,7 @@
-"""Gathers the texts of the documentation site: `python docs/site/pages.py FOLDER`, then sphinx-build on FOLDER.
+"""Collect the sources of the documentation site: `python docs/site/pages.py FOLDER`, then sphinx-build on FOLDER.
 
-Most pages are files that stand somewhere else in the repository: guides, equations, decisions, logs. PAGES says which.
-In all of them links to files are made links to pages, to pictures, or to the repository where it has none.
+Most pages are files elsewhere in the repository: guides, equations, decisions, logs. PAGES lists them. Links to files
+become links to pages, to pictures, or, if the site has neither, to the repository.
 """
 
 from __future__ import annotations
@@ -145,7 +145,7 @@ class Gathered:
         found = Path(os.path.normpath(path.parent / file))
         if found in self.name_of:
             page = self.name_of[found]
-            suffix = ".md" if page in self.pages else ".rst"  # of the gallery
+            suffix = ".md" if page in self.pages else ".rst"  # gallery
             return f"{os.path.relpath(page + suffix, Path(name).parent)}{hash_sign}{anchor}"
         if found.suffix in PICTURES:
             copied = self.folder / "pictures" / found.name
