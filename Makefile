@@ -1,43 +1,43 @@
-# make reproduce   the paper's study, into out/report.html; LOCKED=1, in a fresh clone: with the libraries of
+# make reproduce   run the paper's study, into out/report.html; LOCKED=1, in a fresh clone: with the libraries of
 #                  requirements.lock
-# make test        every check and every test
-# make test-quick  what a change breaks most often, in less than a minute
-# make test-machines    every test as on other processors, with other compilers and Pythons: for a release
-# make web         the WebAssembly module, and the live page, into build/web
-# make lint        the checks that need no compiler, and the logs that are behind their sources
-# make bench       all logs that docs/performance.md and others quote; takes most of a day. ARGS="rate_sensor": some
-# make bench-behind     only the logs that are behind their sources
-# make logs-current     fails if a log is behind its sources
-# make pages       the numbers of README.md and docs/, from the logs
-# make compare     the controllers compared, in full; into benchmarks/results/compare.md
-# make article     the replication article, as PDF; into build/article/article.pdf
-# make docs      the documentation site, into build/site
-# make stub      what the compiled module offers, for type checkers: after a change of bindings/
-# make wheel     sdist and wheel, tried in a clean environment; into dist
-# make lock        requirements.lock: the newest libraries that `make reproduce` may have, with their hashes
-# make mutants     edits of the code, and which of them the tests notice; into benchmarks/results/mutants.md
-# make check-deep  what takes ten minutes: fuzzing files, folders, the command line, states, FMUs, firmware; clang-tidy
+# make test        run all checks and tests
+# make test-quick  run the checks, and the tests that break most often, in less than a minute
+# make test-machines    run all tests on emulated processors, with other compilers and Pythons: before a release
+# make web         build the WebAssembly module and the live page, into build/web
+# make lint        run the checks that need no compiler; list logs older than their sources
+# make bench       regenerate all logs, which pages quote; takes most of a day. ARGS="rate_sensor": only these
+# make bench-behind     regenerate the logs that are older than their sources
+# make logs-current     fail if a log is older than its sources
+# make pages       update the numbers in README.md and docs/ from the logs
+# make compare     run the full comparison of controllers, into benchmarks/results/compare.md
+# make article     typeset the replication article, into build/article/article.pdf
+# make docs        build the documentation site, into build/site
+# make stub        update the type stub of the compiled module, after a change of bindings/
+# make wheel       build sdist and wheel and test them in a clean environment; into dist
+# make lock        update requirements.lock: the newest libraries allowed for `make reproduce`, with their hashes
+# make mutants     count the edits of the code that the tests detect, into benchmarks/results/mutants.md
+# make check-deep  fuzz files, folders, the command line, states, FMUs and firmware, and run clang-tidy; ten minutes
 # make setup-embedded   compilers, emulator and node, from Debian's packages; without them the tests of firmware or
 #                  browser are skipped
 # make setup-browser    Chromium, from Debian's packages; without it the tests of pages in a browser are skipped
 # make setup-fpga       Verilator, from Debian's packages; without it the tests of exported hardware are skipped
 # make setup-postgres   a database server, from Debian's packages; without it the test of a shared database is skipped
-# make setup-octave     Octave and what compiles MEX files for it, from Debian's packages; without them the tests of
-#                  MATLAB's class are skipped
-# make check-sanitized  FMUs, the Python module and many runs at once under the sanitizers
-# Parts of them: check, test-core, test-python, setup-test; and clean. ARGS="..." goes to reproduce.
+# make setup-octave     Octave and its MEX compiler, from Debian's packages; without them the tests of MATLAB's class
+#                  are skipped
+# make check-sanitized  test FMUs, the Python module and parallel runs under the sanitizers
+# Partial targets: check, test-core, test-python, setup-test; also clean. ARGS="..." is passed to reproduce.
 
 PYTHON ?= python3
 BIN := .venv/bin
-# Processors that this process may use; tests share no more than they need.
+# Processors available to this process; more than eight workers do not help.
 WORKERS := $(shell n=$$(nproc 2>/dev/null || echo 2); echo $$((n < 8 ? n : 8)))
-# With addresses at random, the sanitizers of some compilers fail on some kernels.
+# With address randomization, the sanitizers of some compilers fail on some kernels.
 FIXED := $(shell setarch -R true 2>/dev/null && echo setarch -R)
 CTEST := $(FIXED) $(BIN)/ctest --output-on-failure -j $(WORKERS) --test-dir build
 PYTEST := $(BIN)/pytest -n $(WORKERS) --dist worksteal
 CPP := $(shell find include bindings integrations examples tests benchmarks -name '*.[ch]pp' 2>/dev/null)
 BUILT_FROM := pyproject.toml CMakeLists.txt $(filter include/% bindings/%,$(CPP)) $(shell find integrations -type f)
-# Tests start many processes: without Python's compiled files each would compile again what it imports.
+# Tests start many processes: without bytecode files each would recompile its imports.
 unexport PYTHONDONTWRITEBYTECODE
 SUDO = $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 
@@ -45,22 +45,21 @@ SUDO = $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
   test-python web bench bench-behind logs-current pages compare article docs stub wheel lock setup-test setup-embedded \
   setup-browser setup-fpga setup-postgres setup-octave setup-machines clean
 .SECONDARY:
-.NOTPARALLEL:  # pip installs one thing at a time; compilers and tests use every processor by themselves
+.NOTPARALLEL:  # pip cannot run in parallel; compilers and tests use all processors anyway
 
 COMMA := ,
 DRAWN := netcdf,report
 reproduce: .venv/installed-$(if $(LOCKED),locked,$(DRAWN))
 	$(BIN)/fracgyro reproduce $(ARGS)
 
-# Compilers need not wait until everything is downloaded. What fails here fails again, with its reason, where it is
-# needed.
+# Compilation starts while packages download. A failure here is repeated, with its reason, by the next command.
 test: .venv/tools setup-test
 	@$(MAKE) --no-print-directory .venv/installed-test & \
 	  $(MAKE) --no-print-directory --keep-going build/tests-optimized/built build/tests-sanitized/built; wait
 	@$(MAKE) --no-print-directory --keep-going check test-core test-python
 	@echo "All checks and tests passed."
 
-# Without processes, compilers and reports: less than a minute on two cores where nothing has to be built.
+# Tests without processes, compilers and reports: less than a minute on two cores if everything is built.
 QUICK := composite device documents fractional full_history kernel lanes layers loop rate_figures repository scenario \
   settings study
 test-quick: check
@@ -105,7 +104,7 @@ bench-behind: .venv/installed-bench .venv/installed-export .venv/installed-mutan
 pages: $(BIN)/pip
 	$(BIN)/python benchmarks/pages.py
 
-# Classes that the module makes by hand are in bindings/stub.pat; the import that stands for them goes.
+# bindings/stub.pat describes the classes that the module creates by hand; their placeholder import is removed.
 STUB := python/fracgyro/_core.pyi
 stub: .venv/installed-test
 	$(BIN)/python -m nanobind.stubgen --quiet --module fracgyro._core --pattern-file bindings/stub.pat \
@@ -117,7 +116,7 @@ stub: .venv/installed-test
 wheel:
 	PYTHON=$(PYTHON) tests/wheel.sh
 
-# For every system and Python. What the build requires is in it, too.
+# For every system and Python, including the build requirements.
 REQUIRES := import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["build-system"]["requires"], sep="\n")
 lock: $(BIN)/pip
 	$(BIN)/pip install --quiet --disable-pip-version-check uv
@@ -125,15 +124,15 @@ lock: $(BIN)/pip
 	  --fork-strategy fewest --python-version 3.11 --generate-hashes --no-annotate --no-header \
 	  $(patsubst %,--extra %,$(subst $(COMMA), ,$(DRAWN))) --output-file requirements.lock pyproject.toml -
 
-# Resumes what build/compare holds. ARGS="--quick": the log is then marked as untuned.
+# Resumes the results in build/compare. ARGS="--quick": the log is then marked as untuned.
 compare: .venv/installed-test
 	$(BIN)/python benchmarks/compare.py $(ARGS)
 
-# Its own runs take half a minute. ARGS="--seeds 8": with fewer noise seeds than the 100 of the study.
+# Takes half a minute for its own runs. ARGS="--seeds 8": fewer noise seeds than the study's 100.
 article: .venv/installed-article
 	$(BIN)/python article/build.py $(ARGS)
 
-# With every example of the reference run, the gallery's scripts for their pictures, and the live page.
+# Runs every example of the reference and the gallery's scripts, and includes the live page.
 SPHINX = $(BIN)/sphinx-build -c docs/site -d build/site-doctrees -W --keep-going -q
 docs: .venv/installed-docs
 	$(BIN)/python docs/site/pages.py build/site-source
@@ -141,7 +140,7 @@ docs: .venv/installed-docs
 	$(BIN)/python -m fracgyro.export.live build/web && cp -r build/web/live build/site/
 	$(SPHINX) -b doctest build/site-source build/site-doctest
 
-# Inputs made at random: every one works or is refused in one sentence. One line for each fuzzer.
+# Random inputs: every one must work or be refused in one sentence. One line per fuzzer.
 FUZZ_SECONDS := 40
 FUZZ_SEED := 1
 FUZZERS = $(wildcard tests/fuzz/fuzz_*.py)
@@ -150,7 +149,7 @@ check-deep: .venv/installed-test fuzz-firmware
 	  $(BIN)/python $$fuzzer --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED) || failed="$$failed $$fuzzer"; done; \
 	  [ -z "$$failed" ] || { echo "Failed:$$failed"; exit 1; }
 
-# The firmware of a scenario with a force limit, which the fuzzer relies on, and with samples checked.
+# The firmware of a scenario with a force limit, on which the fuzzer relies, and with checked samples.
 FUZZED := build/fuzz/firmware
 fuzz-firmware: .venv/installed-test
 	rm -rf $(FUZZED) && mkdir -p build/fuzz/found
@@ -164,7 +163,7 @@ fuzz-firmware: .venv/installed-test
 	  found ../../tests/firmware/corpus
 
 # The Python module and FMUs under AddressSanitizer and UndefinedBehaviorSanitizer, many runs under ThreadSanitizer.
-# The module is found before the editable one, as -S leaves out what would lead there.
+# This module takes precedence over the editable one, because -S skips the site packages that point to it.
 SANITIZERS := address,undefined,float-cast-overflow
 SANITIZED := build/sanitized
 SANITIZED_SECONDS := 20
@@ -185,7 +184,7 @@ $(SANITIZED)/built: $(BUILT_FROM) | .venv/installed-test
 	  -C cmake.define.FRACGYRO_SANITIZE=$(SANITIZERS) .
 	@touch $@
 
-# Takes under half an hour on two cores. Its parts: ARGS="cpp", ARGS="python", ARGS="log".
+# Takes under half an hour on two cores. Parts: ARGS="cpp", ARGS="python", ARGS="log".
 mutants: .venv/installed-mutants setup-test
 	$(BIN)/python tests/mutants/run.py $(ARGS)
 
@@ -195,34 +194,34 @@ setup-embedded:
 	@{ dpkg -s $(EMBEDDED) >/dev/null 2>&1; } \
 	  || { $(SUDO) apt-get -qq update && $(SUDO) apt-get -qq install -y --no-install-recommends $(EMBEDDED); }
 
-# What pages are tested in.
+# Browser for the tests of pages.
 setup-browser:
 	@command -v chromium >/dev/null \
 	  || { $(SUDO) apt-get -qq update && $(SUDO) apt-get -qq install -y --no-install-recommends chromium; }
 
-# What exported hardware is simulated by.
+# Simulator of exported hardware.
 setup-fpga:
 	@command -v verilator >/dev/null \
 	  || { $(SUDO) apt-get -qq update && $(SUDO) apt-get -qq install -y --no-install-recommends verilator; }
 
-# What the test of a shared database runs.
+# Server for the test of a shared database.
 setup-postgres:
 	@ls /usr/lib/postgresql/*/bin/initdb >/dev/null 2>&1 \
 	  || { $(SUDO) apt-get -qq update && $(SUDO) apt-get -qq install -y --no-install-recommends postgresql; }
 
-# What MATLAB's class is tested in. Most of its 370 MB are libraries for plots, which its package depends on.
+# Octave, for the tests of MATLAB's class. Most of its 370 MB are plotting libraries that the package requires.
 setup-octave:
 	@command -v mkoctfile >/dev/null \
 	  || { $(SUDO) apt-get -qq update && $(SUDO) apt-get -qq install -y --no-install-recommends octave octave-dev; }
 
-# GoogleTest, from Debian's packages where it is missing and they can be installed unasked; else CMake downloads it.
+# GoogleTest, from Debian's packages if it is missing and installing needs no password; else CMake downloads it.
 setup-test:
 	@echo '#include <gtest/gtest.h>' | $(CXX) -E -x c++ - >/dev/null 2>&1 || { \
 	  [ "$$(id -u)" = 0 ] && as_root= || as_root='sudo -n'; \
 	  $$as_root apt-get -qq update && $$as_root apt-get -qq install -y --no-install-recommends libgtest-dev; \
 	  } >/dev/null 2>&1 || true
 
-# What stands in for processors that are not this one (tests/machines.sh).
+# Emulator of other processors (tests/machines.sh).
 setup-machines:
 	@command -v qemu-x86_64 >/dev/null \
 	  || { $(SUDO) apt-get -qq update && $(SUDO) apt-get -qq install -y --no-install-recommends qemu-user; }
@@ -261,13 +260,13 @@ RUFF := $(shell sed -n 's/^ *"\(ruff==[^"]*\)",$$/\1/p' pyproject.toml)
 	$(BIN)/pip install --quiet --disable-pip-version-check "$(RUFF)"
 	@touch $@
 
-# All that the C++ tests need of it.
+# Python tools for the C++ tests.
 .venv/tools: | .venv/compiler
 	$(BIN)/pip install --quiet --disable-pip-version-check cmake ninja
 	@touch $@
 
-# Python compiles what is imported; most is not.
-# The tests' libraries are those of others, too, for which nothing is then built again.
+# No bytecode is compiled at installation, since most modules are never imported. The extra `test` includes other
+# extras, which then need no new build.
 OF_TESTS := $(patsubst %,.venv/installed-%,$(DRAWN) export article docs)
 .venv/installed-%: $(BUILT_FROM) | .venv/compiler
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-compile --editable ".[$*]"
@@ -278,7 +277,7 @@ OF_TESTS := $(patsubst %,.venv/installed-%,$(DRAWN) export article docs)
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	@touch $@
 
-# The C++ tests under the sanitizers, and those of numbers and lanes once more as shipped. Warnings are shown; in
+# The C++ tests under the sanitizers, and the tests of numbers and lanes also as shipped. Warnings are shown; in
 # .ci/run they are errors.
 build/tests-optimized/built: OPTIONS := -DFRACGYRO_TESTS_OPTIMIZED=ON
 build/tests-sanitized/built: OPTIONS := -DFRACGYRO_SANITIZE=$(SANITIZERS),float-divide-by-zero

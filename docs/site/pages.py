@@ -59,9 +59,9 @@ PAGES = {
     "releasing": "RELEASING.md",
     "changelog": "CHANGELOG.md",
 }
-LEFT_OUT = {"mutants.md"}  # a list of edits of the code, for those who change it
+LEFT_OUT = {"mutants.md"}  # a list of edits of the code, for developers
 PICTURES = {".svg", ".png"}
-# Listed on a page, but not in the bar at the side of every page, which would take a third of the time.
+# Listed on a page, but not in the sidebar of every page, which would take a third of the build time.
 LISTED = {"decisions", "measured"}
 ORPHAN = "---\norphan: true\n---\n\n"
 
@@ -127,7 +127,7 @@ class Gathered:
             opened = re.match(r"\s*(`{3,}|~{3,})", line)
             if opened and (not fence or opened[1].startswith(fence)):
                 fence = "" if fence else opened[1]
-            # MyST takes a line that begins with % for a comment.
+            # MyST treats a line that begins with % as a comment.
             yield line if fence or opened else re.sub(r"^(\s*)%", r"\1\\%", self.line_linked(line, path, name))
 
     def line_linked(self, line: str, path: Path, name: str) -> str:

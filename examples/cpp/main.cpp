@@ -1,5 +1,5 @@
 // The paper's corrected controller in a closed loop with the gyroscope, in noise; prints the tracking error of x and y.
-// Everything is nondimensional: lengths in q0, times in 1/ω0. `fracgyro simulate` makes the same run.
+// Everything is nondimensional: lengths in q0, times in 1/ω0. `fracgyro simulate` runs the same.
 #include <fracgyro/control/sliding_mode.hpp>
 #include <fracgyro/core/kernel_design.hpp>
 #include <fracgyro/plant/disturbance.hpp>
