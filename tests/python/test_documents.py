@@ -1,4 +1,4 @@
-"""The documents say what is so: identifiers, defaults and links exist, examples run."""
+"""Documents are correct: identifiers, defaults and links exist, examples run."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def test_the_reference_of_study_files_is_what_their_models_say() -> None:
 
 
 def anchors(path: Path) -> set[str]:
-    """As GitHub makes them from headings."""
+    """Anchors of headings, by GitHub's rules."""
     headings = re.findall(r"^#+ (.*)$", unfenced(path.read_text(encoding="utf-8")), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
@@ -195,7 +195,7 @@ def texts() -> Iterator[Path]:
 
 
 def test_no_line_is_wider_than_120_columns() -> None:
-    """Except what cannot be broken: a row of a table in Markdown, and one word, as a link or a hash."""
+    """Exceptions cannot be wrapped: a table row in Markdown, and a single word such as a link or a hash."""
     wide = [
         f"{relative(path)}:{number} has {columns} columns"
         for path in texts()
@@ -256,7 +256,7 @@ def test_the_readme_is_short_and_shows_python() -> None:
 
 
 def test_the_picture_of_the_readme_is_that_of_a_run(tmp_path: Path) -> None:
-    """The same elements with the same numbers, but for rounding; another Matplotlib may draw it otherwise."""
+    """The same elements with the same numbers, except for rounding; another Matplotlib may draw it differently."""
     committed = read("docs/run.svg")
     if f"Matplotlib v{matplotlib.__version__}," not in committed:
         pytest.skip(f"docs/run.svg was drawn by another Matplotlib than {matplotlib.__version__}")

@@ -24,8 +24,8 @@ PLANTED = {
     "a.toml": ('kind = "a"  # where it ends\n[beside]\n', ["1: where"]),
     "Makefile": ("# Whether to build anew\nall:\n\techo beside\n", ["1: Whether", "1: anew"]),
     "a.md": (
-        "# Neighbours\n\n`told` tells\n\n```sh\nmend\n```\n" + "x " * 61 + "\n",
-        ["1: Neighbours", "3: tells", "8: 122"],
+        "# Neighbours\n\n`told` tells\n\n```sh\nmend\n```\n",
+        ["1: Neighbours", "3: tells"],
     ),
 }
 
@@ -34,7 +34,7 @@ PLANTED = {
 def test_every_planted_fault_is_found_at_its_line_and_nothing_else(name: str) -> None:
     text, expected = PLANTED[name]
     found = [line.removeprefix(f"{name}:") for line in english.findings(name, text)]
-    assert [":".join(line.split(":")[:2]).removesuffix(" columns") for line in found] == expected
+    assert [":".join(line.split(":")[:2]) for line in found] == expected
 
 
 def test_a_clean_file_passes_and_a_fault_is_reported_with_what_to_say() -> None:

@@ -32,7 +32,7 @@ from fracgyro.simulation.dataset import write_run
 
 ROOT = Path(__file__).resolve().parents[2]
 STEPS = 400
-# As much as makes each way through the law short.
+# Settings that make each path through the law short.
 SHORT = fg.Scenario.paper().replace({"run.kernel_tolerance": 2e-2, "run.duration": STEPS * 1e-3})
 GUARDED = {
     "guard.checked": True,
@@ -174,7 +174,7 @@ def test_every_unit_computes_the_bits_of_this_processor(tmp_path: Path) -> None:
 
 
 def compared_units(units: str, bench: str, program: str, folder: Path) -> str:
-    """What a program of tests/fpga prints."""
+    """Output of a program of tests/fpga."""
     need("FPGA")
     written = SOURCES / "integrations/fpga"
     sources = [written / units, written / "digits.v", ROOT / "tests/fpga" / bench, ROOT / "tests/fpga" / program]

@@ -1,4 +1,4 @@
-"""Who may include and import whom: dependencies point down, and the core needs nothing firmware lacks."""
+"""Allowed includes and imports: dependencies point down, and the core needs nothing that firmware lacks."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ INCLUDE = ROOT / "include"
 # The folders of include/fracgyro: each may include itself and those before it.
 LAYERS = ["core", "control", "plant", "sim"]
 
-# No heap, no exceptions, no I/O, no libm but in scalar.hpp.
+# No heap, no exceptions, no I/O, no libm except in scalar.hpp.
 FIRMWARE_STANDARD = {"array", "bit", "concepts", "cstddef", "cstdint", "limits", "type_traits", "utility"}
 # For lists of fields and controllers, which firmware never asks for.
 LISTS_STANDARD = {"span", "string_view", "tuple", "variant"}
@@ -125,7 +125,7 @@ def test_the_bindings_include_the_headers_and_nanobind(path: Path) -> None:
 
 
 OTHERS = [path for of in ("fmu", "fpga", "lanes", "web") for path in sources(f"integrations/{of}")]
-OF_HARDWARE = {"controller.h", "Vfracgyro_controller.h", "verilated.h"}  # what it is simulated with
+OF_HARDWARE = {"controller.h", "Vfracgyro_controller.h", "verilated.h"}  # its simulator
 
 
 @pytest.mark.parametrize("path", OTHERS, ids=name)
@@ -161,7 +161,7 @@ def test_the_core_tests_need_neither_the_bindings_nor_python(path: Path) -> None
 
 
 def imported(path: Path) -> set[str]:
-    """First parts of absolute imports, wherever they stand."""
+    """First parts of absolute imports, anywhere in the file."""
     found: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -176,7 +176,7 @@ def test_the_package_imports_nothing_that_is_not_installed_with_it(path: Path) -
     assert not imported(path) & {"tests", "benchmarks", "pytest", "hypothesis", "mpmath", "numba", "conftest"}
 
 
-# The rooms of the Python package from the ground up. A room imports itself and what stands in lines before its own.
+# The folders of the Python package in order. A folder imports itself and the lines before its own.
 ROOMS = [
     ["_core", "files", "arguments", "extras"],
     ["fractional"],
@@ -188,11 +188,11 @@ ROOMS = [
     ["the door of study"],
     ["cite", "compare", "json_schema", "parity", "study_files"],
     ["cli"],
-    ["", "__main__"],  # what `import fracgyro` and `python -m fracgyro` run
+    ["", "__main__"],  # entry points of `import fracgyro` and `python -m fracgyro`
 ]
 
 
-# What a room's own __init__ offers of rooms within it.
+# Names of subfolders that a folder's own __init__ exports.
 DOORS = {"study": "the door of study"}
 
 
@@ -211,7 +211,7 @@ def package() -> dict[str, set[str]]:
 
 
 def imported_of(text: str, module: str, is_package: bool, known: set[str]) -> set[str]:
-    """Wherever an import stands: in a function and under TYPE_CHECKING, too."""
+    """Every import, including imports in functions and under TYPE_CHECKING."""
     found = set()
     here = module.split(".") if module else []
     for node in ast.walk(ast.parse(text)):

@@ -1,4 +1,4 @@
-"""The tables of mutants fit the code: what they change is there, once."""
+"""The tables of mutants fit the code: each changed snippet exists exactly once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The controller of CONTRIBUTING.md, as printed: a header and a line in the registry, and every face has it."""
+"""The controller of CONTRIBUTING.md, as printed: with a header and a line in the registry, every integration has it."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def add_the_controller_of_the_guide(tree: Path) -> None:
 
 
 def leave_out_some_others(tree: Path) -> None:
-    """Surfaces that nothing here asks for, and that take most of the time to compile."""
+    """Surfaces that are not used here and take most of the compile time."""
     registry = tree / "include/fracgyro/control/registry.hpp"
     text = registry.read_text(encoding="utf-8")
     for kind in ("fractional", "fast_terminal", "linear"):
@@ -53,7 +53,7 @@ def installed(tree: Path) -> Path:
     cmake = shutil.which("cmake", path=str(Path(sys.executable).parent)) or "cmake"
     package = tree / "package"
     shutil.copytree(tree / "python", package)
-    # What takes least time: all sources in one unit, without optimization.
+    # The fastest build: all sources in one unit, without optimization.
     quick = ["-G", "Ninja", "-DCMAKE_UNITY_BUILD=ON", "-DCMAKE_UNITY_BUILD_BATCH_SIZE=0"]
     quick += ["-DCMAKE_BUILD_TYPE=Debug", "-DCMAKE_CXX_FLAGS_DEBUG=-O0"]
     found = [f"-DPython_EXECUTABLE={sys.executable}", f"-Dnanobind_DIR={nanobind.cmake_dir()}"]
@@ -69,7 +69,7 @@ def test_the_controller_of_the_guide_is_one_file_and_one_line_and_found_in_every
     shutil.copytree(ROOT, tree, ignore=NEITHER_BUILT_NOR_INSTALLED)
     add_the_controller_of_the_guide(tree)
     leave_out_some_others(tree)
-    # Without site, -S, nothing leads to the package that is tested elsewhere.
+    # Without site (-S), the package tested elsewhere is not found.
     path = os.pathsep.join([str(installed(tree)), *sys.path])
     pytest_ = [sys.executable, "-S", "-m", "pytest", "-p", "no:cacheprovider"]
     run(*pytest_, FACES, PYTHONPATH=path)

@@ -1,4 +1,4 @@
-"""Logs and the sources they were made from: what a log depends on, and when it is behind."""
+"""Logs and the sources they were made from: the dependencies of a log, and outdated logs."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_a_log_depends_on_what_its_script_imports_and_on_the_headers_below_it() 
         "python/fracgyro/scenario/shipped/dual_mass.toml",
         "bindings/bind_loop.cpp",
         "include/fracgyro/control/joint.hpp",
-        "include/fracgyro/core/covariance.hpp",  # of joint.hpp
+        "include/fracgyro/core/covariance.hpp",  # included by joint.hpp
     } <= found
     assert "benchmarks/soak.cpp" in of("benchmarks/soak_joint.py") & of("benchmarks/soak.py")
 
