@@ -1,9 +1,9 @@
-"""Installs the wheel with each extra into an empty environment; writes benchmarks/results/install.md.
+"""Install the wheel with each extra into an empty environment; writes benchmarks/results/install.md.
 
     python benchmarks/install.py [--wheel FILE]
 
-How many distributions and megabytes that makes, pip left out, and how long `import fracgyro` takes there: the median of
-new processes, and of a first simulation of one step. Without --wheel, also what building it takes: processor time of
+Measures the number of distributions and megabytes without pip, and the time of `import fracgyro`: the median of new
+processes, and of a first simulation of one step. Without --wheel, also the cost of the build: processor time of
 all processes and memory of the largest.
 """
 
@@ -60,7 +60,7 @@ def main() -> None:
 
 
 def _built(folder: Path) -> tuple[Path, str]:
-    """The wheel, and a sentence on what it takes: nothing has used more memory in this process before."""
+    """The wheel, and a sentence on its cost; valid only if no earlier child process used more memory."""
     words = [sys.executable, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check", "--no-deps"]
     before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     subprocess.run([*words, "--wheel-dir", folder, "-C", f"build-dir={folder / 'build'}", ROOT], check=True)
@@ -93,7 +93,7 @@ def _size(folder: Path) -> float:
 
 
 def _seconds(room: Path, code: str) -> float:
-    """Beyond an empty program's."""
+    """In addition to an empty program."""
 
     def once(what: str) -> float:
         begin = time.perf_counter()

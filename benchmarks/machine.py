@@ -1,4 +1,4 @@
-"""What a measurement was made on, and how it is kept."""
+"""The machine of a measurement, and its log."""
 
 import os
 import platform
@@ -19,7 +19,7 @@ _STAMP = stamp(_MAIN, sys.argv[1:]) if _MAIN in scripts().values() else ""
 
 
 def on_one_core() -> None:
-    """Starts this program again on one processor, before any library has counted them."""
+    """Restart this program on one processor, before any library has counted them."""
     if hasattr(os, "sched_setaffinity") and len(os.sched_getaffinity(0)) > 1:
         os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
         os.execv(sys.executable, [sys.executable, *sys.argv])
@@ -37,12 +37,12 @@ def machine(*packages: str) -> str:
 
 
 def command() -> str:
-    """The command that is running, as it would be typed at the root of the repository."""
+    """The command that is running, as typed in the root of the repository."""
     return shlex.join(["python", f"benchmarks/{Path(sys.argv[0]).name}", *sys.argv[1:]])
 
 
 def wrapped(lines: list[str]) -> list[str]:
-    """Markdown in at most 120 columns, except rows of tables. No line begins with what Markdown takes for a list."""
+    """Markdown in at most 120 columns, except rows of tables. No line begins with a list marker."""
     found: list[str] = []
     for line in "\n".join(lines).split("\n"):
         rest = line
@@ -59,7 +59,7 @@ def wrapped(lines: list[str]) -> list[str]:
 
 
 def write(name: str, lines: list[str], keep: bool = True) -> None:
-    """Prints the log and keeps it with its sources, as benchmarks/results/<name>.md or wherever sources.py says."""
+    """Print the log and save it with its sources, as benchmarks/results/<name>.md or the path from sources.py."""
     text = "\n".join(wrapped([*lines, "", _STAMP])).rstrip() + "\n"
     if keep:
         (ROOT / log_of(name)).write_text(text, encoding="utf-8")

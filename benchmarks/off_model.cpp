@@ -1,4 +1,4 @@
-// A rate sensor off its model: the guarded controller in a closed loop with the device, under faults of its sensors.
+// A rate sensor with model errors: the guarded controller in a closed loop with the device, with sensor faults.
 // Reads the files of scenario_files.hpp and "device" (of device_settings.hpp), and prints one line for each fault on
 // standard input, WHAT,SIZE,SAMPLES:
 //

@@ -1,4 +1,4 @@
-"""One recorded run through every target, and the hash of what each answers; writes benchmarks/results/parity.md."""
+"""One recorded run through every target, and the hash of each result; writes benchmarks/results/parity.md."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from machine import command, machine, write
 
 DEPENDS_ON = ["sliding_mode", "composite", "integrations/**/*"]
 
-# What the others are compared with, double being that of the record; and targets that do not compute in both of these.
+# References of the comparison (in double, the record), and targets that do not compute in both precisions.
 REFERENCES: dict[AnyNumber, Target] = {"double": "host", "float": "host", "fixed": "desk"}
 COMPUTES: dict[Target, tuple[AnyNumber, ...]] = {"fpga": ("float", "fixed"), "desk": ("fixed",)}
 
@@ -29,7 +29,7 @@ def first_line(*words: str) -> str:
     return subprocess.run(words, capture_output=True, text=True, check=True).stdout.splitlines()[0]
 
 
-# Name: target, what compiles and runs it, environment.
+# Name: target, its compiler and runner, environment.
 def targets() -> dict[str, tuple[Target, str, dict[str, str]]]:
     gcc, clang = first_line("g++", "--version"), first_line("clang++", "--version")
     ours = first_line(*compiler(), "--version")

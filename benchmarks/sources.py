@@ -1,4 +1,4 @@
-"""Sources of each log, their hash, and the logs behind them; needs neither the installed module nor a compiler.
+"""Sources of each log, their hash, and outdated logs; needs neither the installed module nor a compiler.
 
     python benchmarks/sources.py            lists logs whose sources have changed since they were made
     python benchmarks/sources.py --check    the same; exits with 1 if any has
@@ -29,7 +29,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 INCLUDE = "include/fracgyro"
-# Headers that include alternatives, of which a log depends only on those it names.
+# Headers that include alternatives; a log depends only on the named ones.
 CHOICES = (f"{INCLUDE}/control/registry.hpp", f"{INCLUDE}/control/sliding_mode.hpp")
 SHARED = ("adaptation", "controller", "error", "gradient", "observer", "reference", "surfaces", "switching")
 WRITERS = {
@@ -96,7 +96,7 @@ def _imports(tree: ast.AST, module: str, package: bool) -> Iterator[tuple[str, s
 
 
 def _resolved(module: str, name: str | None, near: Path) -> str:
-    """Module that a name of a package is from: packages load their public names lazily, as their stubs list them."""
+    """Module of a package's name: packages load public names lazily, as listed in their stubs."""
     if name is None:
         return module
     if _file(f"{module}.{name}", near) is not None:
@@ -110,7 +110,7 @@ def _resolved(module: str, name: str | None, near: Path) -> str:
 
 
 def _used(path: Path, module: str, near: Path) -> Iterator[str]:
-    """Modules that a file uses: those it imports, and for a package those of the names it asks the package for."""
+    """Modules that a file uses: its imports, and for a package the modules of the imported names."""
     tree, packages = _tree(path), {}
     for origin, name, local in _imports(tree, module, path.name == "__init__.py"):
         found = _resolved(origin, name, near)
@@ -128,7 +128,7 @@ def _used(path: Path, module: str, near: Path) -> Iterator[str]:
 
 
 def _python(start: Path) -> set[Path]:
-    """A script or module and all that it imports, however far; `_core` by its stub."""
+    """A script or module and all its direct and indirect imports; `_core` by its stub."""
     package = start.is_relative_to(ROOT / "python")
     name = ".".join(start.relative_to(ROOT / "python").with_suffix("").parts) if package else start.stem
     found: set[Path] = set()
@@ -150,7 +150,7 @@ def _python(start: Path) -> set[Path]:
 
 
 def _included(start: Iterable[Path], named: set[str]) -> set[Path]:
-    """Files and all that they include; of alternatives only those named, or all if none is."""
+    """Files and all their includes; among alternatives only the named ones, or all without names."""
     found: set[Path] = set()
     waiting = list(start)
     while waiting:
@@ -202,7 +202,7 @@ def sources(script: Path) -> list[Path]:
 
 
 class _Bare(ast.NodeTransformer):
-    """Python without what no number depends on."""
+    """Python without parts that no number depends on."""
 
     def __init__(self, prose: bool) -> None:
         self.prose = prose
@@ -247,7 +247,7 @@ def _git(*words: str) -> str:
 
 
 def stamp(script: Path, arguments: Sequence[str] = ()) -> str:
-    """The last line of a log: its sources, the commit they are from, and arguments, with which it is not the log."""
+    """The last line of a log: its sources, their commit, and arguments, which mark it as partial."""
     commit = _git("rev-parse", "--short=10", "HEAD") or "none"
     changed = _git("status", "--porcelain", "--", *map(str, sources(script)))
     partial = f" Made with `{shlex.join(arguments)}`." if arguments else ""
