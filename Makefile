@@ -1,4 +1,4 @@
-# make reproduce   the paper's study, into out/report.html; LOCKED=1, in a fresh clone: with the libraries of
+# make reproduce   run the paper's study, into out/report.html; LOCKED=1, in a fresh clone: with the libraries of
 #                  requirements.lock
 # make test        every check and every test
 # make test-quick  what a change breaks most often, in less than a minute
@@ -22,16 +22,16 @@
 # make setup-browser    Chromium, from Debian's packages; without it the tests of pages in a browser are skipped
 # make setup-fpga       Verilator, from Debian's packages; without it the tests of exported hardware are skipped
 # make setup-postgres   a database server, from Debian's packages; without it the test of a shared database is skipped
-# make setup-octave     Octave and what compiles MEX files for it, from Debian's packages; without them the tests of
-#                  MATLAB's class are skipped
-# make check-sanitized  FMUs, the Python module and many runs at once under the sanitizers
-# Parts of them: check, test-core, test-python, setup-test; and clean. ARGS="..." goes to reproduce.
+# make setup-octave     Octave and its MEX compiler, from Debian's packages; without them the tests of MATLAB's class
+#                  are skipped
+# make check-sanitized  test FMUs, the Python module and parallel runs under the sanitizers
+# Partial targets: check, test-core, test-python, setup-test; also clean. ARGS="..." is passed to reproduce.
 
 PYTHON ?= python3
 BIN := .venv/bin
-# Processors that this process may use; tests share no more than they need.
+# Processors available to this process; more than eight workers do not help.
 WORKERS := $(shell n=$$(nproc 2>/dev/null || echo 2); echo $$((n < 8 ? n : 8)))
-# With addresses at random, the sanitizers of some compilers fail on some kernels.
+# With address randomization, the sanitizers of some compilers fail on some kernels.
 FIXED := $(shell setarch -R true 2>/dev/null && echo setarch -R)
 CTEST := $(FIXED) $(BIN)/ctest --output-on-failure -j $(WORKERS) --test-dir build
 PYTEST := $(BIN)/pytest -n $(WORKERS) --dist worksteal
@@ -49,22 +49,21 @@ SUDO = $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
   test-core test-python web bench bench-behind logs-current pages compare article docs wheel lock setup-test \
   setup-embedded setup-browser setup-fpga setup-postgres setup-octave setup-machines clean
 .SECONDARY:
-.NOTPARALLEL:  # pip installs one thing at a time; compilers and tests use every processor by themselves
+.NOTPARALLEL:  # pip cannot run in parallel; compilers and tests use all processors anyway
 
 COMMA := ,
 DRAWN := netcdf,report
 reproduce: .venv/installed-$(if $(LOCKED),locked,$(DRAWN))
 	$(BIN)/fracgyro reproduce $(ARGS)
 
-# Compilers need not wait until everything is downloaded. What fails here fails again, with its reason, where it is
-# needed.
+# Compilation starts while packages download. A failure here is repeated, with its reason, by the next command.
 test: .venv/tools setup-test
 	@$(MAKE) --no-print-directory .venv/installed-test & \
 	  $(MAKE) --no-print-directory --keep-going build/tests-optimized/built build/tests-sanitized/built; wait
 	@$(MAKE) --no-print-directory --keep-going check test-core test-python
 	@echo "All checks and tests passed."
 
-# Without processes, compilers and reports: less than a minute on two cores where nothing has to be built.
+# Tests without processes, compilers and reports: less than a minute on two cores if everything is built.
 QUICK := composite device documents fractional full_history kernel lanes layers loop rate_figures repository scenario \
   settings study
 test-quick: check build/tests-optimized/built
@@ -81,6 +80,7 @@ lint: .venv/lint
 	$(BIN)/python -m pytest -q --noconftest -p no:cacheprovider tests/python/test_text.py
 	$(BIN)/python benchmarks/pages.py --check
 	$(BIN)/python benchmarks/sources.py
+	$(BIN)/python tests/english.py
 
 logs-current: $(BIN)/pip
 	$(BIN)/python benchmarks/sources.py --check
@@ -119,7 +119,7 @@ pages: $(BIN)/pip
 wheel:
 	PYTHON=$(PYTHON) tests/wheel.sh
 
-# For every system and Python. What the build requires is in it, too.
+# For every system and Python, including the build requirements.
 REQUIRES := import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["build-system"]["requires"], sep="\n")
 lock: $(BIN)/pip
 	$(BIN)/pip install --quiet --disable-pip-version-check uv
@@ -127,15 +127,15 @@ lock: $(BIN)/pip
 	  --fork-strategy fewest --python-version 3.11 --generate-hashes --no-annotate --no-header \
 	  $(patsubst %,--extra %,$(subst $(COMMA), ,$(DRAWN))) --output-file requirements.lock pyproject.toml -
 
-# Resumes what build/compare holds. ARGS="--quick": the log is then marked as untuned.
+# Resumes the results in build/compare. ARGS="--quick": the log is then marked as untuned.
 compare: .venv/installed-test
 	$(BIN)/python lab/compare.py $(ARGS)
 
-# Its own runs take half a minute. ARGS="--seeds 8": with fewer noise seeds than the 100 of the study.
+# Takes half a minute for its own runs. ARGS="--seeds 8": fewer noise seeds than the study's 100.
 article: .venv/installed-article
 	$(BIN)/python lab/article/build.py $(ARGS)
 
-# With every example of the reference run, the gallery's scripts for their pictures, and the live page.
+# Runs every example of the reference and the gallery's scripts, and includes the live page.
 SPHINX = $(BIN)/sphinx-build -c docs/site -d build/site-doctrees -W --keep-going -q
 docs: .venv/installed-docs
 	$(BIN)/python docs/site/pages.py build/site-source
@@ -143,7 +143,7 @@ docs: .venv/installed-docs
 	$(BIN)/python -m fracgyro.export.live build/web && cp -r build/web/live build/site/
 	$(SPHINX) -b doctest build/site-source build/site-doctest
 
-# Inputs made at random: every one works or is refused in one sentence. One line for each fuzzer.
+# Random inputs: every one must work or be refused in one sentence. One line per fuzzer.
 FUZZ_SECONDS := 40
 FUZZ_SEED := 1
 FUZZERS = $(wildcard tests/fuzz/fuzz_*.py)
@@ -174,7 +174,7 @@ fuzz-firmware: .venv/installed-test
 	  found corpus
 
 # The Python module and FMUs under AddressSanitizer and UndefinedBehaviorSanitizer, many runs under ThreadSanitizer.
-# The module is found before the editable one, as -S leaves out what would lead there.
+# This module takes precedence over the editable one, because -S skips the site packages that point to it.
 SANITIZERS := address,undefined,float-cast-overflow
 SANITIZED := build/sanitized
 SANITIZED_SECONDS := 20
@@ -205,34 +205,34 @@ setup-embedded:
 	@{ dpkg -s $(EMBEDDED) >/dev/null 2>&1; } \
 	  || { $(SUDO) apt-get -qq update && $(SUDO) apt-get -qq install -y --no-install-recommends $(EMBEDDED); }
 
-# What pages are tested in.
+# Browser for the tests of pages.
 setup-browser:
 	@command -v chromium >/dev/null \
 	  || { $(SUDO) apt-get -qq update && $(SUDO) apt-get -qq install -y --no-install-recommends chromium; }
 
-# What exported hardware is simulated by.
+# Simulator of exported hardware.
 setup-fpga:
 	@command -v verilator >/dev/null \
 	  || { $(SUDO) apt-get -qq update && $(SUDO) apt-get -qq install -y --no-install-recommends verilator; }
 
-# What the test of a shared database runs.
+# Server for the test of a shared database.
 setup-postgres:
 	@ls /usr/lib/postgresql/*/bin/initdb >/dev/null 2>&1 \
 	  || { $(SUDO) apt-get -qq update && $(SUDO) apt-get -qq install -y --no-install-recommends postgresql; }
 
-# What MATLAB's class is tested in. Most of its 370 MB are libraries for plots, which its package depends on.
+# Octave, for the tests of MATLAB's class. Most of its 370 MB are plotting libraries that the package requires.
 setup-octave:
 	@command -v mkoctfile >/dev/null \
 	  || { $(SUDO) apt-get -qq update && $(SUDO) apt-get -qq install -y --no-install-recommends octave octave-dev; }
 
-# GoogleTest, from Debian's packages where it is missing and they can be installed unasked; else CMake downloads it.
+# GoogleTest, from Debian's packages if it is missing and installing needs no password; else CMake downloads it.
 setup-test:
 	@echo '#include <gtest/gtest.h>' | $(CXX) -E -x c++ - >/dev/null 2>&1 || { \
 	  [ "$$(id -u)" = 0 ] && as_root= || as_root='sudo -n'; \
 	  $$as_root apt-get -qq update && $$as_root apt-get -qq install -y --no-install-recommends libgtest-dev; \
 	  } >/dev/null 2>&1 || true
 
-# What stands in for processors that are not this one (tests/machines.sh).
+# Emulator of other processors (tests/machines.sh).
 setup-machines:
 	@command -v qemu-x86_64 >/dev/null \
 	  || { $(SUDO) apt-get -qq update && $(SUDO) apt-get -qq install -y --no-install-recommends qemu-user; }
@@ -280,8 +280,8 @@ LIBRARIES_OF = $(BIN)/python -c '$(LIBRARIES)' $1 \
 	@$(call LIBRARIES_OF,dev)
 	@touch $@
 
-# Python compiles what is imported; most is not.
-# The tests' libraries are those of others, too, for which nothing is then built again.
+# No bytecode is compiled at installation, since most modules are never imported. The extra `test` includes other
+# extras, which then need no new build.
 OF_TESTS := $(patsubst %,.venv/installed-%,$(DRAWN) export article docs)
 .venv/installed-%: $(BUILT_FROM) | .venv/tools
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-compile --no-build-isolation --editable ".[$*]"
@@ -292,7 +292,7 @@ OF_TESTS := $(patsubst %,.venv/installed-%,$(DRAWN) export article docs)
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	@touch $@
 
-# The C++ tests under the sanitizers, and those of numbers and lanes once more as shipped. Warnings are shown; in
+# The C++ tests under the sanitizers, and the tests of numbers and lanes also as shipped. Warnings are shown; in
 # .ci/run they are errors.
 build/tests-optimized/built: OPTIONS := -DFRACGYRO_TESTS_OPTIMIZED=ON
 build/tests-sanitized/built: OPTIONS := -DFRACGYRO_SANITIZE=$(SANITIZERS),float-divide-by-zero

@@ -1,4 +1,4 @@
-"""Makes the logs, one after another, and says which failed.
+"""Regenerate the logs, one after another, and list failures.
 
 python benchmarks/bench.py               all
 python benchmarks/bench.py --behind      those whose sources have changed since they were made

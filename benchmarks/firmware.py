@@ -1,10 +1,10 @@
-"""What the exported firmware costs: instructions, memory, and the error that it makes.
+"""Cost of the exported firmware: instructions, memory, and its error.
 
 Writes integrations/firmware/measured.md.
 
 python benchmarks/firmware.py            measures everything
-python benchmarks/firmware.py --check    counts some again and compares with what is committed; where the tools have
-                                         other versions, only exponentials and bytes of data
+python benchmarks/firmware.py --check    recounts some and compares them with the committed ones; only exponentials and
+                                         bytes of data if the tools have other versions
 """
 
 from __future__ import annotations
@@ -74,8 +74,8 @@ CHECKED: list[tuple[str, Number]] = [
 ]
 TARGETS = {"m4f": "Cortex-M4F", "m7": "Cortex-M7"}
 
-# Cycles per instruction, least and most, and cycles per division or square root, of which a step has nine, with
-# composite adaptation 18 more, with joint adaptation 40 more, or 66 where velocities are measured.
+# Cycles per instruction, min and max, and cycles per division or square root. A step has nine of these, with composite
+# adaptation 18 more, with joint adaptation 40 more, or 66 if velocities are measured.
 CYCLES = {"Cortex-M4F": (1.0, 1.5), "Cortex-M7": (0.65, 1.1)}
 ROOTS, ROOTS_OF, CYCLES_PER_ROOT = 9, {"composite": 27, "joint, positions": 49, "joint, velocities": 75}, 14
 CLOCKS = {"168 MHz M4F": ("Cortex-M4F", 168), "480 MHz M7": ("Cortex-M7", 480), "1 GHz M7": ("Cortex-M7", 1000)}
@@ -133,7 +133,7 @@ def table(rows: Iterable[tuple[str, Number]]) -> list[str]:
 
 
 def sampling(counted: list[str]) -> list[str]:
-    """The time of the longest step in microseconds, estimated from what was counted."""
+    """The time of the longest step in microseconds, estimated from the counts."""
     lines = [
         "Estimated time of the longest step in microseconds, float. Assumed, not measured:",
         "; ".join(f"{name} {low} to {high} cycles per instruction" for name, (low, high) in CYCLES.items()) + ";",
@@ -196,7 +196,7 @@ def tools() -> str:
 
 
 def without_tools(rows: list[str]) -> list[str]:
-    """Controller, exponentials, scalar, and bytes of coefficients and state: the same by every version of the tools."""
+    """Controller, exponentials, scalar, and bytes of coefficients and state: independent of the tools' versions."""
     kept = (0, 1, 2, 5)
     return [" | ".join(cells[i].strip() for i in kept) for cells in (row.strip("| ").split("|") for row in rows)]
 

@@ -1,4 +1,4 @@
-"""Installs the wheel with each extra into an empty environment; writes benchmarks/results/install.md.
+"""Install the wheel with each extra into an empty environment; writes benchmarks/results/install.md.
 
     python benchmarks/install.py [--wheel FILE]
 
@@ -87,7 +87,7 @@ def _cost(words: list[str | Path], folder: Path = ROOT) -> tuple[float, float]:
 
 
 def _built(folder: Path) -> tuple[Path, str]:
-    """The wheel, and a sentence on what it takes: nothing has used more memory in this process before."""
+    """The wheel, and a sentence on its cost; valid only if no earlier child process used more memory."""
     words = [sys.executable, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check", "--no-deps"]
     processor, took = _cost([*words, "--wheel-dir", folder, "-C", f"build-dir={folder / 'build'}", ROOT])
     memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e3
@@ -131,7 +131,7 @@ def _size(folder: Path) -> float:
 
 
 def _seconds(room: Path, code: str) -> float:
-    """Beyond an empty program's."""
+    """In addition to an empty program."""
 
     def once(what: str) -> float:
         begin = time.perf_counter()

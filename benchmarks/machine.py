@@ -1,4 +1,4 @@
-"""What a measurement was made on, and how it is kept."""
+"""The machine of a measurement, and its log."""
 
 import os
 import platform
@@ -19,7 +19,7 @@ _STAMPS = {log: stamp(_MAIN, sys.argv[1:], log) for log, script in scripts().ite
 
 
 def on_one_core() -> None:
-    """Starts this program again on one processor, before any library has counted them."""
+    """Restart this program on one processor, before any library has counted them."""
     if hasattr(os, "sched_setaffinity") and len(os.sched_getaffinity(0)) > 1:
         os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
         os.execv(sys.executable, [sys.executable, *sys.argv])
@@ -42,7 +42,7 @@ def command() -> str:
 
 
 def wrapped(lines: list[str]) -> list[str]:
-    """Markdown in at most 120 columns, except rows of tables. No line begins with what Markdown takes for a list."""
+    """Markdown in at most 120 columns, except rows of tables. No line begins with a list marker."""
     found: list[str] = []
     for line in "\n".join(lines).split("\n"):
         rest = line

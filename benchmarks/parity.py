@@ -1,4 +1,4 @@
-"""One recorded run through every target, and the hash of what each answers; writes benchmarks/results/parity.md."""
+"""One recorded run through every target, and the hash of each result; writes benchmarks/results/parity.md."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What each law gives as a rate sensor, and what is left of it on devices that are not ideal.
+"""Performance of each law as a rate sensor, and on real devices.
 
 Writes benchmarks/results/rate_sensor.md and docs/rate_sensor.svg.
 """
@@ -33,9 +33,9 @@ DEVICES = ["dual_mass", "tuned_in_air"]
 ALL_DEVICES = ["paper_resonance", "dual_mass", "tuned_in_air", "disc"]
 MINUTE = 60.0  # s
 QUADRATURE = DEG_PER_S.to_si(250.0)
-RANGE = 1.25  # of the sensors, over the largest amplitude
+RANGE = 1.25  # range of the sensors, over the maximum amplitude
 PICK_OFF = 1e-13  # m/sqrt(Hz), one-sided, as the devices are shipped
-CORNER = 1e3  # Hz, of flicker noise
+CORNER = 1e3  # Hz, corner of flicker noise
 WARMING = 10.0  # K over a run
 DRIFT = -30.0  # ppm/K, silicon
 KEYS = [
@@ -53,13 +53,13 @@ COLOURS = ["#E69F00", "#0072B2", "#009E73", "#CC79A7"]
 
 
 def sensing(scenario: fg.Scenario) -> fg.Scenario:
-    """The same with least squares as the sensor, as far as Omega_z is concerned of 100 Hz."""
+    """The same with least squares as the sensor, with a bandwidth of 100 Hz for Omega_z."""
     rate = 2 * math.pi * 100.0 * scenario.plant.scales.time
     return scenario.replace({"adaptation.kind": "composite", "adaptation.rate_forgetting": rate})
 
 
 def cases() -> list[tuple[str, str, fg.Scenario]]:
-    """Where, which law, scenario."""
+    """Device, law, scenario."""
     paper = fg.Scenario.paper().replace({"run.duration": 800.0})
     found = [
         ("paper, its noise, off resonance", "laws (44), the paper's gains", paper),
@@ -95,14 +95,14 @@ Effects = list[tuple[str, dict[str, object]]]
 
 
 def of_exact_sensing(scenario: fg.Scenario) -> Effects:
-    """What a device has that the ideal one has not, one at a time, and then together."""
+    """Effects of a real device, one at a time, and then together."""
     noise: dict[str, object] = {
         "device.position_noise_density": PICK_OFF,
         "device.velocity_noise_density": PICK_OFF * scenario.plant.reference_frequency,
     }
     delay: dict[str, object] = {"device.delay": 1}
     drift, fine = falling(scenario), converters(scenario, 16, "position", "velocity")
-    # The observer starts at rest, and so does the mass: where it turns.
+    # The observer starts at rest, and so does the mass, at a turning point.
     x, y = scenario.reference.amplitude
     position: dict[str, object] = {
         "device.sensing": "position",
@@ -129,7 +129,7 @@ def of_exact_sensing(scenario: fg.Scenario) -> Effects:
 
 
 def of_positions(scenario: fg.Scenario) -> Effects:
-    """The same of a device that senses positions, with noise."""
+    """The same for a device that senses positions, with noise."""
     fine, drift, tracked = converters(scenario, 16, "position"), falling(scenario), forgetting(scenario, 100.0)
     flicker: dict[str, object] = {"device.position_noise_corner": CORNER}
     delay: dict[str, object] = {"device.delay": 1}
@@ -167,7 +167,7 @@ def of_a_minute(_: fg.Scenario) -> Effects:
 
 
 def of_hidden_delay(scenario: fg.Scenario) -> Effects:
-    """A force a step late that the filter does not know of, at rest and with quadrature."""
+    """An unstated delay of the force by one step, at rest and with quadrature."""
     plant = scenario.plant
     hidden: dict[str, object] = {"device.delay": 1, "datasheet.delay": 0}
     coupling = 2 * plant.mass * math.sqrt(plant.stiffness.xx / plant.mass) * QUADRATURE

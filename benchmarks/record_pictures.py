@@ -1,4 +1,4 @@
-"""Makes the sample records in examples/records and the pictures of docs/record.md.
+"""Generate the sample records in examples/records and the pictures of docs/record.md.
 
 The gyroscope: N = 0.3 deg/sqrt(h), B = 4 deg/h, K = 12 deg/h/sqrt(h), 10 samples a second, four decimals.
 """

@@ -1,4 +1,4 @@
-"""Runs the reproduction in full and in short, and keeps its verdicts; writes benchmarks/results/reproduction.md."""
+"""Run the full and the quick reproduction, and record the verdicts; writes benchmarks/results/reproduction.md."""
 
 from __future__ import annotations
 

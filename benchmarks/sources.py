@@ -1,4 +1,4 @@
-"""Sources of each log, their hash, and the logs behind them; needs neither the installed module nor a compiler.
+"""Sources of each log, their hash, and outdated logs; needs neither the installed module nor a compiler.
 
     python benchmarks/sources.py            lists logs whose sources have changed since they were made
     python benchmarks/sources.py --check    the same; exits with 1 if any has
@@ -118,7 +118,7 @@ def _imports(tree: ast.AST, module: str, package: bool) -> Iterator[tuple[str, s
 
 
 def _resolved(module: str, name: str | None, near: Path) -> str:
-    """Module that a name of a package is from: packages load their public names lazily, as their stubs list them."""
+    """Module of a package's name: packages load public names lazily, as listed in their stubs."""
     if name is None:
         return module
     if _file(f"{module}.{name}", near) is not None:
@@ -132,7 +132,7 @@ def _resolved(module: str, name: str | None, near: Path) -> str:
 
 
 def _used(path: Path, module: str, near: Path) -> Iterator[str]:
-    """Modules that a file uses: those it imports, and for a package those of the names it asks the package for."""
+    """Modules that a file uses: its imports, and for a package the modules of the imported names."""
     tree, packages = _tree(path), {}
     for origin, name, local in _imports(tree, module, path.name == "__init__.py"):
         found = _resolved(origin, name, near)
@@ -171,7 +171,7 @@ def _python(start: Path) -> set[Path]:
 
 
 def _included(start: Iterable[Path], named: set[str]) -> set[Path]:
-    """Files and all that they include; of alternatives only those named, or all if none is."""
+    """Files and all their includes; among alternatives only the named ones, or all without names."""
     found: set[Path] = set()
     waiting = list(start)
     while waiting:
@@ -225,7 +225,7 @@ def sources(script: Path, log: str = "") -> list[Path]:
 
 
 class _Bare(ast.NodeTransformer):
-    """Python without what no number depends on."""
+    """Python without parts that no number depends on."""
 
     def __init__(self, prose: bool) -> None:
         self.prose = prose

@@ -38,8 +38,8 @@ nitpick_ignore_regex = [
 
 # Markdown
 myst_enable_extensions = ["colon_fence"]
-myst_fence_as_directive = ["math"]  # as GitHub writes it
-myst_heading_anchors = 4  # by GitHub's names
+myst_fence_as_directive = ["math"]  # the syntax of GitHub
+myst_heading_anchors = 4  # with GitHub's names
 html_math_renderer = "mathml"
 
 # Docstrings: backticks mark code, as in Markdown

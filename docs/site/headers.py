@@ -1,4 +1,4 @@
-"""The C interface as a page: each declaration of a header under the words that stand above it there."""
+"""The C interface as a page: each declaration of a header below its comment."""
 
 from __future__ import annotations
 

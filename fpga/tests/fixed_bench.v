@@ -17,7 +17,7 @@ module bench (
     wire [47:0] x, y, z_add, z_mul, z_div, z_sqrt, z_choose, z_integer;
     fx_in in_a (a, x);
     fx_in in_b (b, y);
-    // A 0 has either sign inside.
+    // Internally a 0 may have either sign.
     wire [47:0] u = {x[47] | (x[46:0] == 0 & b[0]), x[46:0]}, v = {y[47] | (y[46:0] == 0 & a[0]), y[46:0]};
     fx_add add (clk, u, v, z_add);
     fx_mul mul (clk, u, v, z_mul);

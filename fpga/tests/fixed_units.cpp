@@ -3,8 +3,7 @@
 //     fixed_units COUNT SEED      prints a line for each unit: vectors, differences, results at the end of the range;
 //                                 fails where one differs
 //
-//    Numbers are of all sizes, and an eighth of them each is 0, at an end of the range, near the other operand, a power
-//    of 2.
+//    Numbers have all sizes; an eighth each are 0, at an end of the range, near the other operand, or a power of 2.
 #include "Vbench.h"
 #include "verilated.h"
 

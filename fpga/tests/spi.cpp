@@ -1,5 +1,5 @@
-// Answers every motion in the file "motion" over SPI, with the rows that testbench.cpp writes. After as many samples as
-// the first argument says it reads the state, resets the hardware, and writes the state back.
+// Answers every motion in the file "motion" over SPI, with the rows that testbench.cpp writes. After the number of
+// samples in the first argument it reads the state, resets the hardware, and writes the state back.
 #include "Vfracgyro_spi.h"
 #include "controller.h"
 #include "verilated.h"

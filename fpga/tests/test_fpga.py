@@ -33,7 +33,7 @@ from fracgyro_fpga.proof import check
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 STEPS = 400
-# As much as makes each way through the law short.
+# Settings that make each path through the law short.
 SHORT = fg.Scenario.paper().replace({"run.kernel_tolerance": 2e-2, "run.duration": STEPS * 1e-3})
 GUARDED = {
     "guard.checked": True,

@@ -30,7 +30,7 @@ public:
         if (what < 2) {
             return {a, one(a), what};
         }
-        // Of what is taken apart: positive and normal, as is what is put together.
+        // Operands that are decomposed, and results that are assembled, are positive and normal.
         const std::uint32_t bits = a & 0x7FFFFFFFU, exponent = 1 + (bits >> 23) % 254;
         const auto n = static_cast<std::uint32_t>(random_() % 254) + 1 - exponent;
         return {exponent << 23 | (bits & 0x7FFFFFU), what == 3 ? 0x4B400000U + n : one(a), what};
@@ -54,7 +54,7 @@ private:
             case 3:
                 return bits & 0xFFF00000U;  // ties
             case 4:
-                return sign | ((0x3F800000U + (bits & 0x07FFFFFFU)) - 0x04000000U);  // of like size
+                return sign | ((0x3F800000U + (bits & 0x07FFFFFFU)) - 0x04000000U);  // similar size
             case 5:
                 return sign | (0x7E000000U + (bits & 0x017FFFFFU));  // near overflow
             case 6:
@@ -77,7 +77,7 @@ struct Unit {
     float (*expected)(const Vector&);
     std::uint32_t (*found)(const Vbench&);
     std::uint64_t every = 1;
-    bool apart = false;  // only of what is taken apart
+    bool apart = false;  // only for decomposed operands
     std::uint64_t vectors = 0, differences = 0, subnormal = 0;
 };
 

@@ -37,7 +37,7 @@ TEST(ParallelFor, HandsOnWhatIsThrownInAnyThread) {
     }
 }
 
-// Two tasks that wait for each other, of which the caller's ends long before the other throws.
+// Two tasks that wait for each other; the caller's ends long before the other throws.
 TEST(ParallelFor, HandsOnWhatIsThrownLast) {
     std::atomic<int> begun{0};
     const auto caller = std::this_thread::get_id();
@@ -69,8 +69,8 @@ std::vector<Metrics> measured(const std::vector<const fracgyro::Setup*>& runs, u
     return measure_all(kernels, runs, MetricsParams{.transient = transient}, threads);
 }
 
-// Twenty runs of 2,000 steps, two of which go together, and forty with one noise, by any number of threads: also for
-// the sanitizer of threads.
+// Twenty runs of 2,000 steps, two of them in one block, and forty with the same noise, on any number of threads; also
+// run under the thread sanitizer.
 TEST(MeasureAll, GivesTheSameWhateverTheNumberOfThreads) {
     std::vector<fracgyro::Setup> setups;
     for (int i = 0; i < 40; ++i) {
@@ -140,7 +140,7 @@ TEST(MeasureAll, ANegativeRateThatIsKnownHasSettledFromTheStart) {
     }
 }
 
-// Of runs with one seed or several: how many tasks of which blocks.
+// Number of tasks and their blocks, for runs with one seed or several.
 TEST(Tasks, AreEnoughForAllThreadsWhateverTheNumberOfSeeds) {
     constexpr std::size_t lanes = 8;
     for (const std::uint64_t seeds : {1U, 3U, 128U}) {
@@ -207,7 +207,7 @@ TEST(MeasureAlone, HasTheBitsOfALane) {
     law(setup).adaptation.kind = AdaptationKind::composite;
     setup.common.force_limit = 300.0;
     a_run_has_the_bits_of_a_lane_in_either_precision(setup);
-    // Windows that end anywhere in a stretch of 64 samples, or nowhere in the run.
+    // Windows that end anywhere in a segment of 64 samples, or beyond the run.
     for (const double transient : {0.0, 0.001, 0.064, 0.0979, 0.3, 1.0}) {
         a_run_has_the_bits_of_a_lane_in_either_precision(paper(300), transient);
     }

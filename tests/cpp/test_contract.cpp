@@ -1,5 +1,4 @@
-// What a controller has to have, and that nothing else is asked of it: one that no list knows goes through all that
-// takes controllers.
+// Requirements of a controller, and that they suffice: an unregistered controller works everywhere.
 #include "paper.hpp"
 #include "scalars.hpp"
 
@@ -166,7 +165,7 @@ struct Pd {
     }
 };
 
-// The same that can do without a sample.
+// The same controller, which can also handle a missing sample.
 template <Scalar T>
 struct PatientPd : Pd<T> {
     using Plain = Pd<T>;
@@ -202,7 +201,7 @@ SetupOf<typename Pd<T>::Params> free_mass() {
     return setup;
 }
 constexpr std::array<double, 4> positions{4.0, 2.0, 0.0, 0.0}, velocities{0.0, -4.0, 0.0, 0.0};
-constexpr std::array<double, 4> forces{-4.0, 4.0, 0.0, 0.0};  // of x; y moves twice as far
+constexpr std::array<double, 4> forces{-4.0, 4.0, 0.0, 0.0};  // x; y moves twice as far
 
 template <class T>
 class Unlisted : public ::testing::Test {};
@@ -292,7 +291,7 @@ TYPED_TEST(Unlisted, IsGuardedIfItCanDoWithoutASample) {
     EXPECT_TRUE(Safe::sound(state, c));
 }
 
-// The observer starts at rest as the mass does, and knows every force: it never misses.
+// The observer starts at rest like the mass, and knows every force, so it has no error.
 TYPED_TEST(Unlisted, IsObservedIfItCanDoWithoutASample) {
     using T = TypeParam;
     using Observed = Observing<PatientPd<T>>;
@@ -312,7 +311,7 @@ class UnlistedInLanes : public ::testing::Test {};
 using Several = ::testing::Types<Lanes<double, 2>, Lanes<float, 4>>;
 TYPED_TEST_SUITE(UnlistedInLanes, Several);
 
-// Beside it one of half the stiffness and damping 1: 4, 4 - 2/2 = 3 with -2, 3 - 2 + 0.5/2 = 1.25 with -1.5.
+// In parallel, one with half the stiffness and damping 1: 4, 4 - 2/2 = 3 with -2, 3 - 2 + 0.5/2 = 1.25 with -1.5.
 TYPED_TEST(UnlistedInLanes, RunsInABlockBesideAnotherOfItsKind) {
     using T = TypeParam;
     using Plain = typename T::Number;

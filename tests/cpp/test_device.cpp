@@ -1,4 +1,4 @@
-// A moving rate, springs that are not constant, and what stands between the gyroscope and its controller.
+// A dynamic rate, time-varying springs, and the device between the gyroscope and its controller.
 #include "paper.hpp"
 #include "scalars.hpp"
 
@@ -63,13 +63,13 @@ TEST(MovingRate, NoiseHasItsStandardDeviationAndNothingBeyondItsBand) {
         }
     }
     EXPECT_NEAR(mean_square, 9.0, 0.1);
-    // Of a flat spectrum up to ω the slope has ω²/3 of the variance.
+    // For a flat spectrum up to ω the slope has ω²/3 of the variance.
     EXPECT_NEAR(mean_square_slope / mean_square, band * band / 3.0, 0.03);
 }
 
 TEST(MovingRate, NoiseDoesNotComeBackWhenEvenlySpacedTonesWould) {
     constexpr double step = 0.05, band = 2.0;
-    // The tones of even spacing band/32 would be as at the start, but for a sign, after 2π 32/band.
+    // Tones with even spacing band/32 would repeat the start, up to a sign, after 2π 32/band.
     const auto period = static_cast<std::int64_t>(std::round(2.0 * 3.14159265358979 * 32.0 / band / step));
     const AngularRate rate({.kind = AngularRateKind::noise, .amplitude = 1.0, .frequency = band, .seed = 3}, 0.0, step,
                            8 * period);
@@ -271,7 +271,7 @@ TEST(VaryingGyroscope, AModeOfHighQualityKeepsItsAmplitude) {
             {rate.before(n), {{{rate.at(n), 0.0}, {rate.within(n, 1), 0.0}, {rate.within(n, 2), 0.0}}}});
     }
     const double energy = squared_norm(motion.position) + squared_norm(motion.velocity);
-    EXPECT_NEAR(energy, 1.0, 1e-5);  // the Runge-Kutta method alone would leave 0.4 % of it
+    EXPECT_NEAR(energy, 1.0, 1e-5);  // Runge-Kutta without the exact linear part would leave 0.4 %
 }
 
 // -- The device -------------------------------------------------------------------------------------------------------
@@ -431,7 +431,7 @@ class VelocityObserver : public ::testing::Test {};
 TYPED_TEST_SUITE(VelocityObserver, Scalars, ScalarNames);
 
 TYPED_TEST(VelocityObserver, ForgetsAnErrorAtItsBandwidthThreeTimesOver) {
-    // Of a free mass under an unmodeled constant acceleration, all errors are polynomials of degree 2 times θⁿ.
+    // For a free mass under an unmodeled constant acceleration, all errors are polynomials of degree 2 times θⁿ.
     using T = TypeParam;
     constexpr double h = 0.01, bandwidth = 20.0;
     const auto c = Observer<T>::prepare({}, bandwidth, h);
@@ -504,7 +504,7 @@ TEST(Observing, ItsGuardHoldsTheForceThroughBadSamplesAndGoesOn) {
             ASSERT_EQ(state.force, before);
         }
         Gyroscope<double>::step(motion, plant, state.force);
-        if (n == 1'009) {  // it has predicted with the force that was held: with the one not given it were off by .08
+        if (n == 1'009) {  // the prediction used the held force; the missing one would give an error of .08
             expect_near(state.controller.observer.motion.velocity, motion.velocity, 0.02);
         }
     }

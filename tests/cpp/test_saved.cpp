@@ -1,4 +1,4 @@
-// What comes back from outside: bytes as a state.
+// Restoring a state from external bytes.
 #include "paper.hpp"
 
 #include "fracgyro/estimation/composite.hpp"

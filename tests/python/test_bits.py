@@ -1,4 +1,4 @@
-"""The same bits whatever processor NumPy, OpenBLAS and glibc take this one for, and in lanes of any width."""
+"""The same bits on every processor that NumPy, OpenBLAS and glibc emulate here, and in lanes of any width."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from numpy._core._multiarray_umath import __cpu_dispatch__, __cpu_features__
 
 # Prints a hash of everything that has promised bits, by name.
 EVERYTHING = Path(__file__).with_name("everything_promised.py")
-KERNELS = ["Haswell", "SkylakeX", "Nehalem", "Sandybridge", "Zen", "Prescott"]  # of OpenBLAS
-DISPATCHED = [name for name in __cpu_dispatch__ if __cpu_features__.get(name)]  # NumPy's, beyond its least
+KERNELS = ["Haswell", "SkylakeX", "Nehalem", "Sandybridge", "Zen", "Prescott"]  # OpenBLAS kernels
+DISPATCHED = [name for name in __cpu_dispatch__ if __cpu_features__.get(name)]  # NumPy's, above its baseline
 SETTINGS = {
     **{f"OpenBLAS for {name}": {"OPENBLAS_CORETYPE": name} for name in KERNELS},
     "NumPy without vectors": {"NPY_DISABLE_CPU_FEATURES": " ".join(DISPATCHED)},
@@ -62,7 +62,7 @@ def test_no_promised_bit_depends_on_the_processor_that_libraries_see(name: str, 
 
 
 def test_the_settings_do_change_what_numpy_computes() -> None:
-    """Or the test above tells nothing: NumPy's own exp, in its widest vectors and in none."""
+    """NumPy's own exp differs between its widest vectors and none; otherwise the test above proves nothing."""
     if not DISPATCHED:
         pytest.skip("NumPy has one code path for this processor")
     code = "from numpy._core._multiarray_umath import __cpu_features__ as f; print(sorted(n for n in f if f[n]))"

@@ -212,7 +212,7 @@ def test_the_largest_rise_is_above_the_least_value_so_far_and_over_the_first() -
 def test_v_falls_under_the_corrected_equations_alone(variant: str, falls: bool) -> None:
     coarse, fine = (claims._lyapunov_rise(variant, step) for step in (1e-3, 5e-4))
     assert (fine <= 0.5 * coarse) is falls
-    assert (coarse < 0.5) is falls  # of V(0)
+    assert (coarse < 0.5) is falls  # relative to V(0)
 
 
 # -- e: no chattering ----------------------------------------------------------------------------------------

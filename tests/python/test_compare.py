@@ -1,4 +1,4 @@
-"""`fracgyro compare`: who takes part and with what, how the work goes on after a kill, and what is said of it."""
+"""`fracgyro compare`: the contenders and their settings, resuming after a kill, and the report."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Compared:
     return result
 
 
-# -- Who takes part ------------------------------------------------------------------------------------------
+# -- Contenders ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -180,7 +180,7 @@ def test_a_best_value_near_the_end_of_its_range_is_flagged_unless_the_end_has_a_
     assert [limited.at_end(value) for value in (0.01, 0.99)] == [False, True]
 
 
-# -- What it is judged by ------------------------------------------------------------------------------------
+# -- Criteria ------------------------------------------------------------------------------------------------
 
 
 def test_the_error_is_the_mean_logarithm_of_the_four_and_infinite_where_a_run_diverged() -> None:

@@ -1,4 +1,4 @@
-"""The paper's errata: the list is well formed, its evidence is so, and the documents are made of it."""
+"""The paper's errata: the list is well formed, its evidence holds, and the documents match it."""
 
 from __future__ import annotations
 
@@ -254,7 +254,7 @@ def test_excitation_does_not_move_the_rate_as_printed(found: Results) -> None:
 
 
 def test_orders_differ_only_beyond_the_noise_of_their_seeds() -> None:
-    means = {0.1: 5.0, 0.2: 5.0, 0.5: 2.01, 0.7: 5.0, 1.0: 2.0}  # of spread 1
+    means = {0.1: 5.0, 0.2: 5.0, 0.5: 2.01, 0.7: 5.0, 1.0: 2.0}  # with spread 1
     spread = np.sin(np.arange(20.0) ** 2)
 
     def metrics(order: float) -> xr.Dataset:

@@ -1,4 +1,4 @@
-"""What is loaded when, and what is said where an optional library is not installed."""
+"""Lazy loading, and the message if an optional library is missing."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ import xarray as xr
 from pint import UnitRegistry
 from scipy.io import loadmat
 
-# Modules of what each extra brings, besides those of other extras.
+# Modules that only this extra installs.
 MODULES = {
     "netcdf": ["h5netcdf", "h5py"],
     "report": ["jinja2", "matplotlib", "scipy"],
@@ -33,7 +33,7 @@ ALL = sorted({module for modules in MODULES.values() for module in modules})
 
 
 def without(modules: list[str], code: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    """Runs the code where the modules are not installed."""
+    """Run the code as if the modules were not installed."""
     lines = [f"import sys; sys.modules.update(dict.fromkeys({modules!r}))", code]
     return subprocess.run([sys.executable, "-c", "\n".join(lines)], cwd=folder, capture_output=True, text=True)
 

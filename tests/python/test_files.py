@@ -1,4 +1,4 @@
-"""Files that a user may name: pipes, devices, links, huge ones, others' files. And those that are written."""
+"""Files named by a user: pipes, devices, links, huge files, others' files; and written files."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ for name, read in readers.items():
 
 
 def sentences(named: str, folder: Path) -> dict[str, str]:
-    """What every reader says of the file."""
+    """Message of every reader for the file."""
     command = [sys.executable, "-c", READ_ALL, named]
     ran = subprocess.run(command, capture_output=True, text=True, cwd=folder, timeout=PATIENCE)
     assert ran.returncode == 0, ran.stderr[-2000:]
@@ -174,8 +174,8 @@ def test_a_sentence_is_one_line_whatever_names_are_in_it() -> None:
         fg.Scenario.load("my\nfile.toml")
 
 
-# Every writer, in a process whose files may not grow beyond a limit: as on a full disk. Started with -B, as Python
-# keeps half a compiled file where the rest finds no room.
+# Every writer, in a process whose files may not grow beyond a limit: as on a full disk. Started with -B, because Python
+# keeps a truncated bytecode file if the disk is full.
 WRITE_ALL = """
 import json, resource, sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The exported firmware: what is written, that it is safe, and that every processor computes the same bits."""
+"""The exported firmware: its files, its safety, and the same bits on every processor."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def limited(limited_folder: Path) -> Host:
     return Host(limited_folder, "float")
 
 
-# -- What is written -----------------------------------------------------------------------------------------
+# -- Files ---------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -125,7 +125,7 @@ def test_every_kind_of_controller_answers_as_the_simulator_does(kind: str, numbe
             assert host.force == tuple(wanted)
         else:  # κ, a difference over a step, has some 1e-7/1e-3 of rounding error, which λ1 I^ν amplifies
             # The joint filter's first estimates, of few samples, are the more sensitive to it.
-            # Of lqg they are multiplied by 200^2.
+            # For lqg they are multiplied by 200^2.
             atol = 20.0 if kind == "lqg" else 5.0 if kind.startswith("joint") else 0.5
             np.testing.assert_allclose(host.force, wanted, rtol=1e-2, atol=atol)
     if kind == "composite":
@@ -156,7 +156,7 @@ def test_without_a_sensor_of_velocity_it_observes_it_and_looks_at_none(number: N
 
 
 def example(folder: Path) -> str:
-    """What `make` prints."""
+    """Output of `make`."""
     cc = os.environ.get("CC", "cc")
     warnings = ["WARNINGS=-Wall -Wextra -Wconversion -Wdouble-promotion -Werror"] if STRICT else []
     return make(folder, "host", f"CC={cc}", f"CXX={' '.join(compiler())}", *warnings)
@@ -284,7 +284,7 @@ def test_the_loop_survives_a_sensor_that_fails_for_a_while(tmp_path: Path) -> No
 
 
 def test_at_the_limit_the_estimates_rest_where_they_would_wind_up(limited: Host) -> None:
-    # Far off, the force is at its limit against the error, and learning could only ask for more of it.
+    # Far off, the force is at its limit against the error, and learning could only demand more force.
     for _ in range(3000):
         status = limited.step((20.0, 0.0), (0.0, 0.0))
     wound = limited.report
@@ -399,7 +399,7 @@ def test_no_bits_of_memory_are_misused_whatever_the_input(scenario: fg.Scenario,
 def test_a_fault_on_the_way_changes_no_bit_between_processors_and_compilers(
     number: Number, adaptation: str, tmp_path: Path
 ) -> None:
-    """What test_parity.py has for motions alone, with statuses."""
+    """Comparison as in test_parity.py, which covers only motions, with statuses."""
     need("Cortex-M")
     need("gcc")
     need("clang")
@@ -506,7 +506,7 @@ def test_the_committed_table_of_instructions_is_what_is_counted() -> None:
         pytest.skip(ran.stdout.strip())
 
 
-# -- What it costs -------------------------------------------------------------------------------------------
+# -- Cost ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -51,7 +51,7 @@ SINE = SHORT.replace(
         "disturbance.frequency": (2.0, 7.0),
     }
 )
-# Everything that a device can have and a rate that moves; no disturbance, so that the seed is only that of its noise.
+# Every device effect and a dynamic rate; no disturbance, so that the seed affects only the device's noise.
 DEVICE = SHORT.replace(
     {
         "adaptation.kind": "joint",
@@ -179,7 +179,7 @@ class Instance:
             self.fmu.setFMUState(self.fmu.deserializeFMUState(saved))
 
     def complaint(self, act: Callable[[], object]) -> str:
-        """What the logger receives when `act` fails."""
+        """Messages to the logger when `act` fails."""
         with pytest.raises(Exception, match=r"status 3|fmi\dError|error"):
             act()
         return self.messages[-1]
@@ -494,7 +494,7 @@ def test_a_binary_refuses_the_description_of_another(made: Callable[..., str], t
 
 def test_units_convert_to_si(made: Callable[..., str]) -> None:
     def factor(scenario: fg.Scenario, name: str) -> tuple[float, float]:
-        """Of the variable's unit, and its powers of kg, m, s as one number."""
+        """Unit of the variable, and its powers of kg, m, s as one number."""
         description = fmpy.read_model_description(made(scenario, "3.0"))
         unit = next(v.unit for v in description.modelVariables if v.name == name)
         base = next(u.baseUnit for u in description.unitDefinitions if u.name == unit)

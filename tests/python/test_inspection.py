@@ -1,4 +1,4 @@
-"""Events in records: injected faults are named with time and size, clean records are not blamed."""
+"""Events in records: injected faults are reported with time and size, clean records have none."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from test_allan import flicker, walk, white
 Array = NDArray[np.float64]
 DEG = np.pi / 180
 SAMPLES, INTERVAL = 64_000, 0.01
-NOISE = 0.1 * DEG  # of a sample
+NOISE = 0.1 * DEG  # one sample
 
 
 def noise(seed: int = 0) -> Array:

@@ -20,7 +20,7 @@ gymnasium = pytest.importorskip("gymnasium", reason="gymnasium, which the extra 
 EnvSpec = gymnasium.envs.registration.EnvSpec
 environments = fg.interop.gymnasium
 
-# With a power of two as the limit, a force is that of an action to the last bit.
+# With a power of two as the limit, a force equals that of its action to the last bit.
 PAPER = fg.Scenario.paper().replace({"controller.force_limit": 4096.0, "run.duration": 0.5})
 SCENARIOS = {
     "paper": PAPER,
@@ -185,7 +185,7 @@ def test_actions_beyond_the_space_are_cut_to_it() -> None:
         np.testing.assert_array_equal(one.step(np.array(far))[0], other.step(np.array(near))[0])
 
 
-# -- What is refused -----------------------------------------------------------------------------------------
+# -- Refused input -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

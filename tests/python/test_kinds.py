@@ -1,4 +1,4 @@
-"""Controllers of every kind: what a scenario lets them have, and what a run of one says."""
+"""Controllers of every kind: their fields in a scenario, and the contents of a run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Runs side by side in lanes equal single runs, whatever lies beside them, with any number of lanes and threads."""
+"""Runs in lanes equal single runs, whatever the other lanes contain, with any number of lanes and threads."""
 
 import fracgyro as fg
 import numpy as np
@@ -21,7 +21,7 @@ def measure(
     return _core.measure_runs([core_setup(s) for s in scenarios], params, threads, lanes, single)
 
 
-# What blocks have in common, and what may differ from lane to lane in them.
+# Numbers that are common to a block, and numbers that may differ between its lanes.
 SWITCHES = [
     {},
     {"controller.kind": "fast_terminal", "adaptation.leakage": 0.1, "disturbance.kind": "none"},
@@ -201,7 +201,7 @@ def fields() -> set[str]:
         f"{table}.{name}"
         for table, entry in fg.Scenario.model_fields.items()
         for name in entry.annotation.model_fields
-        if table not in ("rate", "device")  # runs of these are no lanes
+        if table not in ("rate", "device")  # these do not run in lanes
     }
 
 

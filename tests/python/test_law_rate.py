@@ -1,4 +1,4 @@
-"""Controllers from outside as rate sensors."""
+"""User controllers as rate sensors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Studies with a controller from outside: its parameters vary, study.json says which it was, and no other resumes."""
+"""Studies with a user's controller: its parameters vary, study.json identifies it, and no other resumes."""
 
 from __future__ import annotations
 
@@ -201,7 +201,7 @@ def test_no_cluster_runs_a_controller_from_outside(tmp_path: Path, law: fg.nativ
     assert not (tmp_path / "out").exists()
 
 
-# -- What is known of a controller ---------------------------------------------------------------------------
+# -- Identity of a controller --------------------------------------------------------------------------------
 
 MODULE = """
 import math
@@ -274,7 +274,7 @@ def test_a_function_of_numba_is_known_by_its_python() -> None:
     assert found[0] == found[1] != found[2]
 
 
-# -- What is refused -----------------------------------------------------------------------------------------
+# -- Refused input -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -417,7 +417,7 @@ def test_a_law_is_tuned(tmp_path: Path, law: fg.native.Law) -> None:
         fg.study.tune(path, tmp_path / "out", controller=law, resume=True)
 
 
-# -- Where it is found ---------------------------------------------------------------------------------------
+# -- Location ------------------------------------------------------------------------------------------------
 
 
 def test_importing_fracgyro_is_light_and_studies_and_rate_are_at_hand() -> None:

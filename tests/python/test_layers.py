@@ -1,4 +1,4 @@
-"""Who may include and import whom: dependencies point down, and the core needs nothing firmware lacks."""
+"""Allowed includes and imports: dependencies point down, and the core needs nothing that firmware lacks."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ LAYERS = {
 LAYERS["sim"] = set(LAYERS)
 FIRMWARE = {"core", "control", "estimation", "hardware", "controllers"}
 
-# No heap, no exceptions, no I/O, no libm but in scalar.hpp.
+# No heap, no exceptions, no I/O, no libm except in scalar.hpp.
 FIRMWARE_STANDARD = {"array", "bit", "concepts", "cstddef", "cstdint", "limits", "type_traits", "utility"}
 # For lists of fields and controllers, which firmware never asks for.
 LISTS_STANDARD = {"span", "string_view", "tuple", "variant"}
@@ -186,7 +186,7 @@ def test_the_core_tests_need_neither_the_bindings_nor_python(path: Path) -> None
 
 
 def imported(path: Path) -> set[str]:
-    """First parts of absolute imports, wherever they stand."""
+    """First parts of absolute imports, anywhere in the file."""
     found: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):

@@ -1,4 +1,4 @@
-"""The controller of CONTRIBUTING.md, as printed: a header and a line in the registry, and every face has it."""
+"""The controller of CONTRIBUTING.md, as printed: with a header and a line in the registry, every integration has it."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def installed(tree: Path) -> Path:
     cmake = shutil.which("cmake", path=str(Path(sys.executable).parent)) or "cmake"
     package = tree / "package"
     shutil.copytree(tree / "python", package)
-    # What takes least time: all sources in one unit, without optimization.
+    # The fastest build: all sources in one unit, without optimization.
     quick = ["-G", "Ninja", "-DCMAKE_UNITY_BUILD=ON", "-DCMAKE_UNITY_BUILD_BATCH_SIZE=0"]
     quick += ["-DCMAKE_BUILD_TYPE=Debug", "-DCMAKE_CXX_FLAGS_DEBUG=-O0"]
     found = [f"-DPython_EXECUTABLE={sys.executable}", f"-Dnanobind_DIR={nanobind.cmake_dir()}"]

@@ -33,7 +33,7 @@ numbers = pytest.mark.parametrize("number", ["float", "double"])
 
 
 def signal(number: Number) -> NDArray[Any]:
-    """Noise of all sizes, then nothing for so long that what is remembered of it vanishes."""
+    """Noise of all sizes, then zeros until its memory vanishes."""
     rng = np.random.default_rng(5)
     loud = rng.normal(size=600) * 10.0 ** rng.uniform(-6, 3, 600)
     return np.append(loud, np.zeros(20_000)).astype(DTYPES[number])

@@ -1,4 +1,4 @@
-"""Controllers from outside: Python callables and C functions in the closed loop."""
+"""User controllers: Python callables and C functions in the closed loop."""
 
 from __future__ import annotations
 
@@ -178,7 +178,7 @@ def test_reset_is_given_the_scenario_of_each_run() -> None:
     assert counting.seeds == [3, 5, 3, 5]
 
 
-# -- What applies to every controller
+# -- Properties of every controller
 
 
 @pytest.mark.parametrize(
@@ -319,7 +319,7 @@ def test_a_report_that_is_none_is_refused(report: Callable[[float], Any], senten
         fg.simulate(SHORT, sensing)
 
 
-# -- What goes wrong
+# -- Errors
 
 
 def failing(s: fg.Sample) -> tuple[float, float]:
@@ -502,11 +502,11 @@ def test_a_sample_that_is_kept_stays_as_it_was() -> None:
         fg.Sample()
 
 
-# -- What a callable keeps
+# -- State of a callable
 
 
 class Learning:
-    """Integral action, which is what it keeps; without `reset`."""
+    """Integral action as its state, without `reset`."""
 
     def __init__(self) -> None:
         self.sum = np.zeros(2)

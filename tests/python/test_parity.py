@@ -1,4 +1,4 @@
-"""One recorded run through every target: the same bits, and what is said where they are not."""
+"""One recorded run through every target: the same bits, and the message if they differ."""
 
 from __future__ import annotations
 
@@ -40,7 +40,8 @@ TARGETS: dict[str, tuple[str, str, dict[str, str]]] = {
     "WebAssembly": ("wasm", "WebAssembly", {}),
     "FMU": ("fmu", "", {}),
 }
-# Other ways through the law, on a short run: other surfaces, powers and orders, and what is off in the paper.
+# Other paths through the law, on a short run: other surfaces, powers and orders, and options that the paper does not
+# use.
 SCENARIOS = {
     "power, printed": fg.Scenario.paper("printed").replace({"controller.terminal_exponent": 0.6}),
     "fractional of order zero, limited": fg.Scenario.paper().replace(
@@ -94,7 +95,7 @@ def trace(tmp_path_factory: pytest.TempPathFactory) -> Trace:
 
 @pytest.fixture(scope="session")
 def expected(trace: Trace) -> dict[Number, np.ndarray]:
-    """In float one target has to be believed: firmware on this computer."""
+    """In float one target is the reference: firmware on this computer."""
     return {"double": trace.answers, "float": answers("host", PAPER, "float", trace.motion)}
 
 
@@ -115,8 +116,8 @@ def test_every_target_answers_a_recorded_run_with_the_same_bits(
     expected: dict[Number, np.ndarray],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    _, face, choice = TARGETS[name]
-    need(face)
+    _, tools, choice = TARGETS[name]
+    need(tools)
     for variable, value in choice.items():
         monkeypatch.setenv(variable, value)
     assert len(trace.motion) == STEPS + 1
@@ -174,7 +175,7 @@ def test_a_device_that_is_not_ideal_is_replayed_from_what_the_controller_measure
         compare(name, "double", short, short.answers)
 
 
-# -- What is said --------------------------------------------------------------------------------------------
+# -- Messages ------------------------------------------------------------------------------------------------
 
 
 def command(*words: str | Path) -> Result:

@@ -1,4 +1,4 @@
-"""The gyroscope by itself and the closed loop in parts: the samples of `simulate`, bit for bit."""
+"""The gyroscope without a controller and the closed loop in parts: the samples of `simulate`, bit for bit."""
 
 from __future__ import annotations
 
@@ -229,7 +229,7 @@ def test_what_is_set_acts_from_the_next_sample_on() -> None:
     changed = loop.run(100)
     at = plain.isel(time=slice(100, 200))
     assert (changed["reference"].values == 0.9 * at["reference"].values).all()
-    assert changed["rate_estimate"].values[0] == at["rate_estimate"].values[0], "what was learnt stays"
+    assert changed["rate_estimate"].values[0] == at["rate_estimate"].values[0], "estimates stay"
     assert not changed["control"].equals(at["control"])
     np.testing.assert_array_equal(changed["position"].values[0], at["position"].values[0])
     assert loop.scenario.plant.angular_rate == 50.0

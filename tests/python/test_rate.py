@@ -1,4 +1,4 @@
-"""`fracgyro rate` and the shipped scenarios: what they are, and what a user of them meets."""
+"""`fracgyro rate` and the shipped scenarios: their properties, and the user's view."""
 
 from __future__ import annotations
 
@@ -246,7 +246,7 @@ def test_a_run_that_diverges_within_the_range_leaves_nothing(tmp_path: Path) -> 
     assert [path.name for path in tmp_path.iterdir()] == ["coarse.toml"]
 
 
-# -- What is measured ----------------------------------------------------------------------------------------
+# -- Measurements --------------------------------------------------------------------------------------------
 
 
 def test_the_controller_is_not_told_the_rate() -> None:
@@ -275,8 +275,8 @@ def test_knowing_damping_and_stiffness_lowers_the_bound_where_the_speeds_differ(
     speeds = 0.5 * (1.0 + (0.5 * 1.010883085) ** 2)
     worked = math.sqrt(scenario.disturbance.density / (4 * speeds)) * scales.rate * math.sqrt(scales.time)
     assert bound.known == pytest.approx(worked, rel=1e-3)
-    # With D unknown, y at w1 tells d + 2 W and x at w2 d - 2 W, of as many units of information as vx^2 and vy^2: the
-    # variance of half their difference.
+    # With D unknown, y at w1 measures d + 2 W and x at w2 d - 2 W, with information vx^2 and vy^2: the variance of half
+    # their difference.
     a, b = 0.5, 0.5 * (0.5 * 1.010883085) ** 2
     assert (bound.unknown / bound.known) ** 2 == pytest.approx((1 / a + 1 / b) / 4 * (a + b), rel=1e-2)
 
@@ -308,7 +308,7 @@ def test_without_noise_the_bound_is_0_and_a_motion_that_tells_nothing_apart_has_
     assert bound is not None
     assert (bound.known, bound.unknown) == (0.0, 0.0)
     assert bound_angle_random_walk(scenario.replace({"disturbance.kind": "none"})) is None
-    # Motions of very different sizes tell as much apart as others.
+    # Motions of very different sizes separate parameters as well as others.
     small = {"reference.amplitude": (1.0, 5e-4), "run.initial_position": (0.0, 5e-4)}
     assert bound_angle_random_walk(scenario.replace(small)) is not None
     line = {"reference.amplitude": (1.0, 0.0), "reference.phase": (0.0, 0.0)}  # y rests

@@ -1,4 +1,4 @@
-"""`fracgyro allan` on files as engineers have them, and what it says of files that are no records."""
+"""`fracgyro allan` on typical files of engineers, and its messages for files that are not records."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The whole reproduction, once with few seeds, and the parts of its judgement on made-up numbers."""
+"""The whole reproduction, once with few seeds, and its statistics on made-up numbers."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_table_1_has_every_cell_with_its_interval(out: Path) -> None:
     assert [float(found[f"rmse_{name}"]) for name in ("mean", "ci_low", "ci_high")] == pytest.approx(expected, rel=1e-4)
 
 
-# What three seeds say as clearly as a hundred; claim i is a matter of time and of the machine.
+# Claims that three seeds decide as clearly as a hundred; claim i depends on time and the machine.
 REPRODUCED = {("c", "printed"), ("e", "printed"), ("a", "corrected"), ("d", "corrected"), ("e", "corrected")}
 
 

@@ -1,4 +1,4 @@
-"""A scenario in the core's terms, in round numbers: what is divided by which unit, and the guard that follows."""
+"""A scenario as the core's structs, in round numbers: division by units, and the derived guard."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_noise_is_in_units_of_the_plant_and_a_density_reaches_half_the_sampling_
 
 
 def test_flicker_noise_is_as_dense_as_the_white_one_at_its_corner() -> None:
-    # Of A^2/omega, two-sided, as of the white one, sigma^2/128 s; omega = 2 pi f_c.
+    # Density A^2/omega, two-sided, equal to the white one, sigma^2/128 s, at omega = 2 pi f_c.
     found = device(position_noise=1.0, position_noise_corner=2.0, velocity_noise=1.0, velocity_noise_corner=32.0)
     assert found["position_flicker"] == pytest.approx(4.0 * math.sqrt(2 * math.pi * 2.0 / 128), rel=1e-15)
     assert found["velocity_flicker"] == pytest.approx(0.25 * math.sqrt(2 * math.pi * 32.0 / 128), rel=1e-15)

@@ -1,4 +1,4 @@
-"""The documentation site: made without a warning, complete, its links alive, its examples run, its pages usable.
+"""The documentation site: built without a warning, complete, with working links, running examples and usable pages.
 
 The pictures of the gallery are left out here: test_gallery.py runs its scripts.
 """
@@ -83,13 +83,13 @@ def test_every_public_name_is_on_a_page(site: Path) -> None:
 
 
 def returned(function: object) -> set[str]:
-    """The names in what a function says that it returns."""
+    """The names in the return annotation of a function."""
     said = inspect.signature(function).return_annotation if inspect.isfunction(function) else ""
     return set(re.findall(r"\w+", said if isinstance(said, str) else ""))
 
 
 def test_every_public_function_and_class_has_an_example() -> None:
-    """Except what functions return, or what is in that: the examples of the functions show it."""
+    """Except types returned by functions, and types within them: the examples of the functions show these."""
     results = set().union(*map(returned, NAMES.values()))
     fields = [inspect.get_annotations(found) for name, found in NAMES.items() if name.rpartition(".")[2] in results]
     results |= set(re.findall(r"\w+", " ".join(str(said) for each in fields for said in each.values())))
@@ -101,7 +101,7 @@ def test_every_public_function_and_class_has_an_example() -> None:
 
 
 class Page(HTMLParser):
-    """What a page refers to, and what in it can be referred to."""
+    """Links of a page, and link targets in it."""
 
     def __init__(self, path: Path) -> None:
         super().__init__()
@@ -142,7 +142,7 @@ LOOKED_AT = ["index", "tour/1-simulate", "gallery/index", "reference/scenario", 
 
 @pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 360)])
 def test_pages_are_quiet_fit_and_accessible(site: Path, browser: Any, scheme: str, width: int) -> None:
-    """No message on the console, no request to anybody else, nothing wider than the window, no serious violation."""
+    """No console message, no external request, nothing wider than the window, no serious violation."""
     size = {"width": width, "height": 800}
     with served(site) as address, browser.new_page(viewport=size, color_scheme=scheme) as page:
         faults = watched(page, address)

@@ -1,4 +1,4 @@
-"""Logs and the sources they were made from: what a log depends on, and when it is behind."""
+"""Logs and the sources they were made from: the dependencies of a log, and outdated logs."""
 
 from __future__ import annotations
 

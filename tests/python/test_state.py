@@ -1,4 +1,4 @@
-"""The saved state of a controller: what resumes, what is refused, and that no bytes do harm."""
+"""The saved state of a controller: resuming, refused states, and safety for arbitrary bytes."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_no_bytes_do_harm(script: str, face: str, attempts: int) -> None:
     if face == "browser":
         need("WebAssembly")
     command = [sys.executable, ROOT / "tests/fuzz" / script, "--face", face, "--attempts", str(attempts)]
-    command += ["--seconds", str(PATIENCE)]  # the number of attempts is what ends them
+    command += ["--seconds", str(PATIENCE)]  # the number of attempts ends them
     ran = subprocess.run(command, capture_output=True, text=True, timeout=2 * PATIENCE)
     assert ran.returncode == 0, ran.stdout + ran.stderr
     assert f"{face}: {attempts}" in ran.stdout

@@ -1,4 +1,4 @@
-"""Study files: what varies, which points are visited, and what is refused before anything runs."""
+"""Study files: varied fields, visited points, and input refused before anything runs."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ def test_a_kill_costs_at_most_20_million_steps_or_4096_runs(
     assert max(block.runs for block in work) == runs
 
 
-# -- What is refused -----------------------------------------------------------------------------------------
+# -- Refused input -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

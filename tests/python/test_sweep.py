@@ -1,4 +1,4 @@
-"""Studies as a user meets them: run, killed, resumed, on a cluster, read by other tools, summarised."""
+"""Studies from the user's view: run, killed, resumed, on a cluster, read by other tools, summarized."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ def test_a_killed_study_resumes_to_the_same_bytes(whole: Path, tmp_path: Path) -
     kept = {path.name: path.stat().st_mtime_ns for path in runs.glob("block-*")}
     assert len(kept) == 2, "killed in the third block of 20 runs"
     assert not (tmp_path / "out" / "summary.html").exists()
-    (runs / f".{'0' * 32}.parquet").write_bytes(b"half")  # as of a kill while a block was written
+    (runs / f".{'0' * 32}.parquet").write_bytes(b"half")  # left by a kill while a block was written
 
     again = subprocess.run(
         command(whole / "study.toml", "--out", tmp_path / "out", "--resume", "--json"), capture_output=True, text=True
@@ -352,7 +352,7 @@ def test_an_interrupt_leaves_whole_blocks_to_resume(whole: Path, tmp_path: Path)
 
 
 def linger(inside: str) -> None:
-    """In a worker: its next block begins, says so, and never ends."""
+    """In a worker: its next block begins, reports this, and never ends."""
 
     def measure(*_: object) -> None:
         Path(inside).touch()
@@ -362,7 +362,7 @@ def linger(inside: str) -> None:
 
 
 def test_what_listens_but_is_no_scheduler_is_told_in_one_sentence(tmp_path: Path) -> None:
-    """A web server answers anything with a page; another says nothing at all."""
+    """A web server answers anything with a page; another server never answers."""
 
     class Pages(http.server.BaseHTTPRequestHandler):
         def handle_one_request(self) -> None:
@@ -520,7 +520,7 @@ def test_an_effect_is_a_mean_over_seeds_with_its_interval(tmp_path: Path) -> Non
     rows = rows_of(tmp_path, text, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 100.0], [*none[:7], 0.5])
     low, high = effects.effect(rows, "effort_x", rows.plan.dimensions[0]).means
     assert low is not None
-    assert low.mean == 2.5  # of 2 and 3, the means of the seeds
+    assert low.mean == 2.5  # spread of 2 and 3, the means of the seeds
     assert low.high - low.mean == pytest.approx(12.706 * 0.5, rel=1e-3)
     assert high is not None
     assert high.mean == pytest.approx((6.0 + 6.0) / 2)  # the run that diverged is left out

@@ -1,4 +1,4 @@
-"""`fracgyro tune`: what it searches, what it promises of what it found, and the scenario that it shipped."""
+"""`fracgyro tune`: its search, its statements about the result, and the shipped scenario."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from fracgyro.study.tune.search import Trial, choose, front
 
 ROOT = Path(__file__).resolve().parents[2]
 TUNE = "fracgyro.study.tune.run", "tune"
-WITHIN_A_BATCH = "done > 3 + 5 * 3"  # after the base, in the first batch alone, and one of 4: each trial has 3 runs
+WITHIN_A_BATCH = "done > 3 + 5 * 3"  # after the base, only in the first batch, and one of 4: each trial has 3 runs
 
 HEAD = """
 seeds = 3
@@ -503,7 +503,7 @@ def test_a_storage_of_ones_own_holds_the_trials(tmp_path: Path) -> None:
 
 
 def test_no_file_shows_a_password(tmp_path: Path) -> None:
-    """Python's own driver takes what is asked of SQLite, and so opens the file."""
+    """Python's own driver receives requests for SQLite and opens the file."""
     address = f"sqlite:///file:{tmp_path / 'mine.db'}?uri=true&nolock=1&vfs=unix"
     path = study(tmp_path, trials=3, storage=address)
     tune(path, tmp_path / "out")
@@ -514,7 +514,7 @@ def test_no_file_shows_a_password(tmp_path: Path) -> None:
         assert "nolock" not in text, name
 
 
-# -- What is shipped -----------------------------------------------------------------------------------------
+# -- The shipped scenario ------------------------------------------------------------------------------------
 
 
 def test_the_shipped_study_can_be_read() -> None:
@@ -552,7 +552,7 @@ def test_the_shipped_scenario_is_of_the_shipped_study() -> None:
     hardware = {
         "controller.force_limit": 6000.0,
         "controller.switching_limit": 0.5,
-    }  # said to be added, and to change nothing
+    }  # documented as an addition that changes nothing
     assert fg.Scenario.from_toml(text) == fg.Scenario.paper().replace({**values, **hardware})
     assert all(f"#   {field} = {value}\n" in text for field, value in hardware.items())
     assert set(values) == {dimension.field for dimension in read_tuning(path).dimensions}

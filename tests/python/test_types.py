@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_every_name_of_the_compiled_module_is_in_its_types_and_the_other_way_round() -> None:
-    """stubtest takes no function of nanobind for one, and compares only the names."""
+    """stubtest does not recognize nanobind's functions, and compares only the names."""
     ran = subprocess.run(
         [sys.executable, "-m", "mypy.stubtest", "fracgyro._core", "--mypy-config-file", "pyproject.toml"],
         cwd=ROOT,

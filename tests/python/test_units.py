@@ -33,7 +33,7 @@ def scaled(mass: float = 1.0, length: float = 1.0, frequency: float = 1.0) -> fg
 
 
 class Proportional:
-    """Feedback in the units of the run, which reports what it finds."""
+    """Feedback in the units of the run, which reports its inputs."""
 
     def reset(self, scenario: fg.Scenario) -> None:
         self.scales = scenario.plant.scales
