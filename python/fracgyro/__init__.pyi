@@ -20,11 +20,11 @@ from .scenario import ScenarioError as ScenarioError
 from .simulation import native as native
 from .simulation.controller import Controller as Controller
 from .simulation.measure import measure_many as measure_many
-from .simulation.outside import ControllerError as ControllerError
 from .simulation.plant import Loop as Loop
 from .simulation.plant import Plant as Plant
 from .simulation.simulate import DivergedError as DivergedError
 from .simulation.simulate import simulate as simulate
 from .simulation.simulate import simulate_many as simulate_many
+from .simulation.user_controller import ControllerError as ControllerError
 
 __version__: str

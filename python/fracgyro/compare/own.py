@@ -13,7 +13,7 @@ from ..files import read_input, reason
 from ..scenario import ScenarioError
 from ..scenario.table import shown
 from ..simulation.native import Law
-from ..simulation.outside import ControllerLike
+from ..simulation.user_controller import ControllerLike
 from .contender import Contender, Gain
 from .task import Task
 

@@ -14,7 +14,7 @@ from ..rate.units import DEG_PER_H, DEG_PER_S
 from ..scenario import Scenario, ScenarioError
 from ..scenario.shipped import shipped
 from ..scenario.table import shown
-from ..simulation.outside import ControllerLike
+from ..simulation.user_controller import ControllerLike
 from ..study.tune.criteria import Constraint, Measured, Objective
 from .contender import Contender
 from .own import controller_of

@@ -14,8 +14,8 @@ from ..rate.innovation import Plant
 from ..rate.merit import gain_and_lag, turn_on_time
 from ..rate.units import DEG_PER_H, DEG_PER_ROOT_H, DEG_PER_S
 from ..scenario import Scenario
-from ..simulation.outside import ControllerLike
 from ..simulation.rate_means import rate_means
+from ..simulation.user_controller import ControllerLike
 
 Values = NDArray[np.float64]
 

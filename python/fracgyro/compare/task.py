@@ -15,7 +15,7 @@ from ..analysis.confidence import Mean, mean_interval
 from ..scenario import Scenario, ScenarioError
 from ..scenario.kinds import having
 from ..scenario.table import shown
-from ..simulation.outside import ControllerLike
+from ..simulation.user_controller import ControllerLike
 from ..study.tune.criteria import Constraint, Measured, Objective
 from .contender import Contender, Gain
 

@@ -11,7 +11,7 @@ import numpy as np
 from ..analysis.metric_names import METRICS
 from ..analysis.metrics import TRANSIENT
 from ..scenario import Scenario
-from ..simulation.outside import ControllerLike
+from ..simulation.user_controller import ControllerLike
 from ..study.tune.criteria import Constraint, Measured, Objective, measure
 from .task import DEG, Changes, Task, Values, checked, drifting, late, other_noise, other_plants
 from .track_contenders import CONTENDERS, OBSERVER, PAPER
