@@ -1,10 +1,10 @@
-"""The names of metrics: quantity of each, and words and unit of each column. metrics.py says what they measure."""
+"""Names of metrics, and label and unit of each column. metrics.py defines them."""
 
 from __future__ import annotations
 
 import difflib
 
-# Words of each column, and its nondimensional unit as the core writes it.
+# Label of each column, and its nondimensional unit in the core's notation.
 COLUMNS = {
     **{
         f"rmse_{window}_{axis}": (f"RMS error of {axis}, {words}", "q0")
@@ -33,7 +33,7 @@ COLUMNS = {
 
 
 def written(unit: str) -> str:
-    """A nondimensional unit for people; empty for 1."""
+    """A nondimensional unit as text; empty for 1."""
     return "" if unit == "1" else unit.replace("omega0", "ω0").replace("^2", "²").replace("*", " ")
 
 
@@ -58,21 +58,21 @@ NAMES = (
 
 
 def columns(metric: str) -> list[str]:
-    """The columns of a metric, which are one or several."""
+    """The columns of a metric."""
     return [metric] if metric in COLUMNS else [name for name in COLUMNS if name.startswith(f"{metric}_")]
 
 
-# Nondimensional units of each metric: one, or one for each of its columns.
+# Nondimensional units of each metric: one, or one per column.
 UNITS = {name: tuple(dict.fromkeys(COLUMNS[column][1] for column in columns(name))) for name in NAMES}
 UNITS["diverged_at"] = ("1/omega0",)
 
 
 def nondimensional_unit(metric: str) -> str:
-    """The units of a metric for people, one after the other where those of its columns differ."""
+    """The units of a metric as text, separated by commas if its columns differ."""
     return ", ".join(map(written, UNITS[metric]))
 
 
 def metric_hint(name: str) -> str:
-    """What may be meant by a name that is not a column of METRICS."""
+    """Hint for an unknown name: the nearest column of METRICS, or all of them."""
     near = difflib.get_close_matches(name, METRICS)
     return f"did you mean {near[0]}?" if near else f"known are {', '.join(METRICS)}"
