@@ -1,4 +1,4 @@
-"""A scenario's controller on every target, answering a run of measured motions."""
+"""A scenario's controller on every target: outputs for a sequence of measured motions."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ from .settings import columns, core_kernel, core_numbers, observer_bandwidth
 from .web import build, web
 
 Target = Literal["python", "lanes", "host", "m4f", "m7", "octave", "wasm", "fmu", "fpga", "desk"]
-AnyNumber = Literal["float", "double", "fixed"]  # fixed: of hardware, and of what it is compared with
+AnyNumber = Literal["float", "double", "fixed"]  # fixed: FPGA hardware and its reference on this computer
 
 MOTION = ["position", "velocity"]
 DTYPES: dict[AnyNumber, np.dtype[np.floating]] = {
     "float": np.dtype("<f4"),
     "double": np.dtype("<f8"),
-    "fixed": np.dtype("<f8"),  # which has room for all of them
+    "fixed": np.dtype("<f8"),  # represents all fixed-point numbers exactly
 }
-FAULT = 2  # and more: what the firmware's status says of a motion that it does not take for one
+FAULT = 2  # smallest status of the firmware for a rejected motion
 
 BOARDS = {"m4f": "mps2-an386", "m7": "mps2-an500"}
 EMULATOR = ["qemu-system-arm", "-nographic", "-monitor", "none", "-serial", "none", "-semihosting"]
@@ -46,7 +46,7 @@ SYSTEMS: dict[str, System] = {"Linux": "linux", "Windows": "windows", "Darwin": 
 
 
 def answered(scenario: Scenario) -> list[Channel]:
-    """What a controller answers a motion with: the force, and what it reported before it."""
+    """Output channels of a controller: the force and its reports."""
     force = [channel for channel in LOOP_CHANNELS if channel.name == "control"]
     return [*force, *lasting(core_setup(scenario))]
 
@@ -56,14 +56,14 @@ def answer_columns(scenario: Scenario) -> list[str]:
 
 
 def answers(target: Target, scenario: Scenario, number: AnyNumber, motion: NDArray[np.float64]) -> NDArray[np.floating]:
-    """One row of answer_columns for each motion (x, y and their rates, nondimensional), from t = 0 on.
+    """Outputs of the target: one row of answer_columns per motion (x, y and their rates, nondimensional) from t = 0.
 
-    The motion is rounded to `number`, and so typed are the rows. Raises ValueError, in one sentence, when a program is
-    missing or fails, or the target takes a motion for a fault of the sensor.
+    The motion is rounded to `number`, the type of the rows. Raises ValueError if a program is missing or fails, or the
+    target rejects a motion as a sensor fault.
     """
     dtype = DTYPES[number]
     if number == "fixed" and target not in IN_FIXED:
-        raise ValueError(f"{target} computes in float or double, not in fixed: choose the target fpga")
+        raise ValueError(f"number is fixed: it must be float or double for {target}; only fpga has fixed")
     with tempfile.TemporaryDirectory() as name:
         rows = TARGETS[target](scenario, number, motion.astype(dtype), Path(name))
     if rows.shape != (len(motion), len(answer_columns(scenario))):
@@ -82,7 +82,7 @@ def _python(scenario: Scenario, number: Number, motion: NDArray[np.floating], _:
 
 @cache
 def _lanes_program(_: tuple[str, ...]) -> tempfile.TemporaryDirectory[str]:
-    """Of this compiler: for every scenario, and gone with the process."""
+    """The replay program of this compiler, used for every scenario and deleted with the process."""
     folder = tempfile.TemporaryDirectory()
     source, headers = SOURCES / "integrations/lanes/replay.cpp", include(SOURCES / "include")
     system_compiler(*FLAGS, "-O2", "-march=native", *headers, source, "-o", Path(folder.name) / "replay")
@@ -90,7 +90,7 @@ def _lanes_program(_: tuple[str, ...]) -> tempfile.TemporaryDirectory[str]:
 
 
 def _lanes(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
-    """In the widest registers that this processor has."""
+    """Outputs of the lanes, in the widest registers of this processor."""
     program = Path(_lanes_program(tuple(compiler())).name) / "replay"
     poles, weights = core_kernel(scenario)
     numbers, observer = list(core_numbers(scenario).values()), [observer_bandwidth(scenario)]
@@ -108,7 +108,7 @@ def _firmware(
     motion: NDArray[np.floating],
     folder: Path,
 ) -> NDArray[np.floating]:
-    """As exported, compiled by the exported Makefile; on an emulated board where it is not this computer."""
+    """Outputs of exported firmware, compiled by its Makefile; on an emulated board unless the target is host."""
     exported, image = folder / "firmware", f"build/{target}/replay"
     choice = []
     if target == "host":
@@ -125,7 +125,7 @@ def _firmware(
 
 
 def _octave(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
-    """The class for MATLAB, as exported and compiled by its build.m."""
+    """Outputs of the exported MATLAB class in Octave, compiled by its build.m."""
     need("octave-cli", "mkoctfile")
     exported = folder / "matlab"
     matlab(scenario, exported, number, unbounded=True)
@@ -136,12 +136,12 @@ def _octave(scenario: Scenario, number: Number, motion: NDArray[np.floating], fo
 
 
 def _without_status(target: Target, scenario: Scenario, rows: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Force and report of rows that begin with the firmware's status. Raises ValueError where that is a fault."""
+    """Force and reports of rows that start with the firmware's status. Raises ValueError for a fault."""
     for n, status in enumerate(rows[:, 0].tolist()):
         if status >= FAULT:
-            fault = f"takes the motion at step {n} for a fault of the sensor: status {status:.0f}"
-            raise ValueError(f"{target} {fault}; replay compares motions without faults")
-    return rows[:, 1 : 1 + len(answer_columns(scenario))]  # C has no empty report
+            fault = f"rejects the motion at step {n} as a sensor fault, status {status:.0f}"
+            raise ValueError(f"{target} {fault}: the trace must not have faults")
+    return rows[:, 1 : 1 + len(answer_columns(scenario))]  # a C report is never empty
 
 
 def _wasm(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
@@ -154,12 +154,12 @@ def _wasm(scenario: Scenario, number: Number, motion: NDArray[np.floating], fold
     return np.fromfile(folder / "answer").reshape(len(motion), -1)
 
 
-# FMPy calls the logger of whichever instance was made last, even if that is gone: none may go.
+# FMPy calls the logger of the instance created last, even after its deletion: keep all loggers alive.
 LOGGERS: list[Any] = []
 
 
 def _fmu(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
-    """Only the controller, as FMPy imports it."""
+    """Outputs of the controller FMU, imported by FMPy."""
     path = folder / "replay.fmu"
     system = SYSTEMS[platform.system()]
     fmu(scenario, path, content="controller", systems=[system], number=number, unbounded=True)
@@ -188,9 +188,9 @@ def _fmu(scenario: Scenario, number: Number, motion: NDArray[np.floating], folde
 
 
 def _fpga(scenario: Scenario, number: AnyNumber, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
-    """As exported, simulated by Verilator."""
+    """Outputs of the exported hardware, simulated by Verilator."""
     if number == "double":
-        raise ValueError("fpga computes in float or fixed, not in double: add --number float")
+        raise ValueError("number is double: it must be float or fixed for fpga")
     need("verilator")
     exported, program, arithmetic = folder / "fpga", "build/controller", ARITHMETICS[number]
     fpga(scenario, exported, number, unbounded=True)
@@ -202,7 +202,7 @@ def _fpga(scenario: Scenario, number: AnyNumber, motion: NDArray[np.floating], f
 
 
 def _desk(scenario: Scenario, number: AnyNumber, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
-    """What hardware with a fixed point has to answer, by the core on this computer."""
+    """Reference outputs for fixed-point hardware, from the core on this computer."""
     return _without_status("desk", scenario, on_the_desk(scenario, motion, folder))
 
 
