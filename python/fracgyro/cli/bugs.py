@@ -1,4 +1,4 @@
-"""Errors that are sentences for the user, and errors that are bugs."""
+"""Distinction between errors for the user and bugs."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ REPORT = (
 
 
 def foreseen(error: ValueError) -> bool:
-    """Return whether an error is a sentence for the user: this package has its class or the statement that raised it.
+    """Returns True for an error that is meant for the user: this package defines its class or raised it.
 
-    An error that NumPy, pandas or Python itself raises inside a call is a bug of the caller.
+    An error that NumPy, pandas or Python raises inside a call is a bug of the caller.
     """
     if type(error).__module__.startswith("fracgyro."):
         return True
@@ -29,7 +29,7 @@ def foreseen(error: ValueError) -> bool:
     while place.tb_next is not None:
         place = place.tb_next
     code = place.tb_frame.f_code
-    raised = dis.opname[code.co_code[place.tb_lasti]] == "RAISE_VARARGS"  # not a call of a library in C
+    raised = dis.opname[code.co_code[place.tb_lasti]] == "RAISE_VARARGS"  # not a call into a C library
     return raised and Path(code.co_filename).resolve().is_relative_to(PACKAGE)
 
 

@@ -12,7 +12,9 @@ from .terminal import progress
 
 @click.command()
 @click.option("--out", default="out", show_default=True, metavar="DIR", help="Folder for the results.")
-@click.option("--seeds", type=int, metavar="N", help="Noise seeds for Table 1 and the claims.  [default: 100]")
+@click.option(
+    "--seeds", type=int, metavar="N", help="Set the number of noise seeds for Table 1 and the claims.  [default: 100]"
+)
 @click.option("--quick", is_flag=True, help="Use 8 seeds: takes seconds.")
 @click.option("--json", "as_json", is_flag=True, help="Print the verdicts as JSON.")
 def reproduce(out: str, seeds: int | None, quick: bool, as_json: bool) -> None:
@@ -30,13 +32,13 @@ def reproduce(out: str, seeds: int | None, quick: bool, as_json: bool) -> None:
         by_claim.setdefault(f"({claim.id}) {claim.claim}", {})[claim.variant] = claim.verdict
     for text, both in by_claim.items():
         click.echo(f"{text}\n      as printed: {both['printed']}; as corrected: {both['corrected']}")
-    click.echo(f"\n{result.seconds:.0f} s. The report: {result.report}")
+    click.echo(f"\n{result.seconds:.0f} s. Report: {result.report}")
 
 
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def selfcheck(as_json: bool) -> None:
-    """Compute the published parity hashes again. Exit with 1 if they differ. For problem reports."""
+    """Recompute the published parity hashes, for problem reports. Exit with 1 if they differ."""
     from ..parity import selfcheck as check
 
     found = check()
