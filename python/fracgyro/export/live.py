@@ -58,7 +58,7 @@ SENSORS: dict[str, tuple[str, dict[str, Any]]] = {
 
 
 def page_data() -> dict[str, Any]:
-    """Data of the page besides the module: settings of every controller, device and default."""
+    """Data of the page: settings of every controller, device and default."""
     base, all_laws = document(Scenario.paper()), laws()
 
     def settings(scenario: Scenario, tables: Sequence[str]) -> dict[str, Any]:

@@ -87,7 +87,7 @@ class ExponentialSum:
         for z in np.array_split(np.linspace(math.log(lowest), math.log(highest), points), 1 + points // 4096):
             w = np.exp(z)
             power = (1j * w) ** beta
-            # Of one exponential, f(z) = weight (jw)^beta / (jw + pole) has f' = f (beta - u) and
+            # One exponential, f(z) = weight (jw)^beta / (jw + pole), has f' = f (beta - u) and
             # f'' = f ((beta - u)^2 - u (1 - u)) with u = jw / (jw + pole), of which |u| <= 1 and |u (1 - u)| <= 1/2.
             u = 1j * w[:, None] / (1j * w[:, None] + self.poles)
             terms = power[:, None] * (1.0 - u) * (self.weights / self.poles)

@@ -43,7 +43,7 @@ def analyze_record(
     Returns the figures of the first column, and the content of allan.json, which has all columns under `series`. With
     `out`, writes allan.json, pictures and report.html into that new folder.
 
-    `column`: a name, a number such as `#3`, or several; optional if the file has only one column besides the time.
+    `column`: a name, a number such as `#3`, or several; optional if the file has only one column and the time.
     `rate`: sampling rate in Hz; optional if a column has the times. `time`: name of that column, if it is not
     recognized; `time_unit`: its unit, s, ms, us or ns. `unit`: unit of the rates, deg/s, rad/s, deg/h, mdeg/s or
     mrad/s; by default the unit in the file, or deg/s. `begin`, `end`: part of the record, s. `scale`: factor that

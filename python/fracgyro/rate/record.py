@@ -111,7 +111,7 @@ def unit_of(text: str) -> Unit | None:
 def read_record(path: str | os.PathLike[str], options: Options = Options()) -> Record:
     """The record in a file of any format of tables.py.
 
-    A column must be named unless the file has only one besides the time; `#3` is the third column, and so is `3` in a
+    A column must be named unless the file has only one and the time; `#3` is the third column, and so is `3` in a
     file without names. The rate is optional if a column is called time, timestamp or t; its unit is the one at the end
     of the name (s, ms, us, ns), as in `time [ns]`, otherwise the unit that gives a plausible sampling rate, seconds
     first. A given rate must agree with the times within 5 %.

@@ -33,7 +33,7 @@ BLOCK = 2**22  # bytes read at a time
 BEGINNING = 2**16  # bytes in which comments, names and the first rows must fit
 ROWS = 20  # rows of numbers used to find the layout
 MIN_ROWS = 2
-BLANKS = " "  # stands for any run of blanks
+BLANKS = " "  # separator: any run of blanks
 COMMENT = re.compile(r"^\s*(#|//|%|!|;(?=\s|$))\s?")
 LINE_END = re.compile(r"\r\n|\n|\r")  # str.splitlines also splits at other characters, such as the vertical tab
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf(inity)?)", re.IGNORECASE)

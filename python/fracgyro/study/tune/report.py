@@ -104,7 +104,7 @@ def _base(plan: Plan, field: str) -> str:
     return toml_value(value_of(field, plan.base, plan.controller))
 
 
-PARETO = "Pairs of objectives over those of the base scenario"
+PARETO = "Pairs of objectives relative to the base scenario"
 
 
 def write_report(result: Result, folder: Path) -> None:
