@@ -1,4 +1,4 @@
-"""Whether this installation computes the bits that it should: the published parity hashes, computed again.
+"""Check of the bits that this installation computes: the published parity hashes, recomputed.
 
 The paper's corrected scenario, its noise included, over 100 units of time. Run in double, its answers (forces and
 estimates) are hashed; then the controller in single precision answers the same motion. The kernel design, the noise,
@@ -29,13 +29,13 @@ PUBLISHED: Mapping[Number, str] = {
     "double": "27bd53614655d09b4e44bcdcfed6ac810246da064905f7e782d263b58bddcce4",
     "float": "a8fe01ca5582e78660d6fb42685f831c2a9058ac2b83c4063d10da28da907abd",
 }
-# Of the same motion, answered with a fixed point: by the C++ core and by exported hardware.
+# Outputs in fixed point for the same motion, from the C++ core and from exported hardware.
 IN_FIXED = "09090fe2132ef45fffdccb75df108f6d3c98700f2652749c9c37d581b93134c8"
 
 
 @dataclass(frozen=True)
 class SelfCheck:
-    """What `selfcheck` found. `hashes`: of this installation; `published`: what they should be.
+    """Result of `selfcheck`. `hashes`: computed by this installation; `published`: the expected ones.
 
     >>> sorted(fg.selfcheck().hashes)
     ['double', 'float']
@@ -52,12 +52,12 @@ class SelfCheck:
 
     @property
     def sound(self) -> bool:
-        """Whether the hashes are the published ones."""
+        """True if the hashes equal the published ones."""
         return self.hashes == self.published
 
 
 def selfcheck() -> SelfCheck:
-    """Computes the published parity hashes again: whether this installation finds the same bits as every other.
+    """Recomputes the published parity hashes, to check that this installation computes the same bits as every other.
 
     >>> fg.selfcheck().sound
     True
@@ -90,7 +90,7 @@ def parity_run() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def processor() -> str:
-    """Its name, as the system has it."""
+    """Name of the processor, from the system."""
     info = Path("/proc/cpuinfo")
     if info.is_file():
         for line in info.read_text(encoding="utf-8", errors="replace").splitlines():

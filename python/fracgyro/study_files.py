@@ -1,6 +1,6 @@
 """Every key of the study files, and every metric, as a page: docs/study_files.md.
 
-Nothing is written here that the files' models do not say. `python -m fracgyro.study_files` prints the page again.
+All contents come from the files' models. `python -m fracgyro.study_files` prints the page.
 """
 
 from __future__ import annotations

@@ -382,7 +382,7 @@ GOOD = {"values": np.zeros(5), "rates": np.zeros(5), "step": STEP, "order": 0.5}
         ({"order": math.nan}, r"^order is nan: it must lie between 0 and 1$"),
         ({"tolerance": 0.0}, r"tolerance .*0"),
         ({"tolerance": math.nan}, r"tolerance .*nan"),
-        ({"values": np.zeros((5, 0)), "rates": np.zeros((5, 0))}, r"^values has shape \(5, 0\).* none of these 0$"),
+        ({"values": np.zeros((5, 0)), "rates": np.zeros((5, 0))}, r"^values has shape \(5, 0\).* equal and not empty$"),
         ({"step": 10**400}, r"^step is inf: it must be a positive number$"),
     ],
 )
@@ -404,7 +404,7 @@ def test_bad_input_is_refused_in_a_sentence_that_names_it(
             r"^rates is a masked array: it must not be masked",
         ),
         ({"values": np.zeros(5, "datetime64[s]")}, r"^values has dtype datetime64\[s\]: it must have real numbers$"),
-        ({"values": np.zeros(5, bool)}, r"^values holds bool: "),
+        ({"values": np.zeros(5, bool)}, r"^values has dtype bool: "),
         ({"values": b"12345"}, r"^values has dtype .*: it must have real numbers$"),
         ({"values": [1, 2, 3, 4, 10**400]}, r"^values has dtype object: it must have real numbers$"),
         ({"values": [[1.0], [1.0, 2.0]]}, r"^values is .*: it must be an array of real numbers$"),

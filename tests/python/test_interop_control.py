@@ -131,7 +131,7 @@ def test_a_variable_of_a_run_is_a_response() -> None:
     np.testing.assert_array_equal(error.time, run["time"])
     rate = fg.interop.control.response(run, "rate_estimate")
     np.testing.assert_array_equal(rate.outputs, [run["rate_estimate"]])
-    with pytest.raises(ValueError, match="variable is 'eror': the run has position, velocity"):
+    with pytest.raises(ValueError, match="variable is 'eror': it must be one of position, velocity"):
         fg.interop.control.response(run, "eror")
     with pytest.raises(ValueError, match="the Dataset has several runs: select one"):
         fg.interop.control.response(runs, "error")

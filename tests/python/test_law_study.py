@@ -103,7 +103,7 @@ def test_the_summary_says_what_ran(swept: Path) -> None:
     page = (swept / "out" / "summary.html").read_text(encoding="utf-8")
     assert "controller is pd with kp = 20000, kd = 250, which replaces [controller]" in page
     assert "law.kp" in page
-    assert "have none, as the controller does not report what it is of" in page
+    assert "have none, as the controller does not report this quantity" in page
 
 
 def test_study_json_says_which_controller_it_was(swept: Path) -> None:

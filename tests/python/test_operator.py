@@ -200,7 +200,7 @@ def test_the_command_line_names_what_is_exported(words: list[str], expected: Sam
         (["--order", "0.5", "--name", "2nd"], "name is '2nd': it must be a letter followed by at most 30 letters"),
         (["--order", "0.5", "--tolerance", "2"], "tolerance must lie in [1e-11, 0.1], got 2.0"),
         (["--order", "0.5", "--name", "Math"], "name is 'Math': it must not be the name of a standard C header"),
-        (["--pid", "1e300", "1", "0.5", "1", "0.5"], "a weight of the operator is 1e+300, which float cannot hold"),
+        (["--pid", "1e300", "1", "0.5", "1", "0.5"], "a weight of the operator is 1e+300: it must fit float"),
         (["--pid", "0", "1e-46", "0.5", "0", "1"], "it must fit float; scale the gains"),
         (["--pid", "1e308", "1e308", "0.5", "1e308", "0.5"], "a weight of the operator is not finite: the gains must"),
     ],

@@ -597,7 +597,7 @@ X: dict[str, Any] = {"columns": ("x",)}
             [*GOOD[:30], *GOOD[31:]],
             X,
             "{path}: time has a gap at line 31; 1 sample is missing: times must increase evenly. The longest even "
-            "stretch has 370 samples: use --from 0.3 --to 4, or override the times with --rate",
+            "segment has 370 samples: use --from 0.3 --to 4, or override the times with --rate",
         ),
         (
             ["time [week],x", *numbered()],

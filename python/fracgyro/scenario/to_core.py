@@ -1,4 +1,4 @@
-"""From a scenario to what the compiled core takes: nondimensional numbers and the designed exponentials."""
+"""From a scenario to the compiled core: nondimensional numbers and the designed exponentials."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PARTS = {".x": 0, ".y": 1, ".xx": 0, ".xy": 1, ".yy": 2}
 
 
 def only_laws(scenario: Scenario) -> bool:
-    """Whether the laws (44) are all that adapts."""
+    """True if only the laws (44) adapt."""
     return bool(scenario.adaptation.kind == "gradient" or not scenario.controller.adaptive)
 
 
@@ -124,7 +124,7 @@ def _drifts(scenario: Scenario) -> dict[str, float]:
 
 
 def natural_frequencies(scenario: Scenario) -> tuple[float, float]:
-    """The lower and the higher."""
+    """The lower and the higher resonance frequency."""
     xx, xy, yy = (float(entry) for entry in scenario.plant.nondimensional()[1])
     mean, half = xx / 2 + yy / 2, math.hypot(xx / 2 - yy / 2, xy)
     least, most = sys.float_info.min, sys.float_info.max  # what rounding leaves of them is still a frequency
