@@ -316,7 +316,7 @@ def test_a_bad_parameter_is_refused_in_one_sentence(
 
 def test_what_is_no_law_has_no_parameters(tmp_path: Path) -> None:
     path = study(tmp_path, GRID)
-    with pytest.raises(ScenarioError, match=r"^law\.kp is in \[vary\]: it must be left out, as only a native\.Law has"):
+    with pytest.raises(ScenarioError, match=r"^law\.kp is in \[vary\]: it is only allowed with a native\.Law"):
         fg.study.sweep(path, tmp_path / "out", controller=pd_with(1.0))
     with pytest.raises(ScenarioError, match=r"^law\.kp is in \[vary\]: it must be left out unless the study is run"):
         fg.study.sweep(path, tmp_path / "out")

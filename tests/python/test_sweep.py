@@ -487,7 +487,7 @@ run.step = [0.001, 0.008]
 
 
 def test_what_no_controller_of_the_study_reports_is_said_to_be_missing(tmp_path: Path) -> None:
-    reasons = {"pid": "as the controller does not report what it is of", "linear": "as they had not settled"}
+    reasons = {"pid": "as the controller does not report this quantity", "linear": "as they had not settled"}
     for kind, why in reasons.items():
         text = f"""
 show = ["rate_settling_time", "effort_x"]
