@@ -412,7 +412,7 @@ def test_a_bad_study_is_one_sentence(tmp_path: Path, old: str, new: str, expecte
 def test_a_folder_in_use_and_a_changed_study_are_refused(tmp_path: Path) -> None:
     path, folder = study(tmp_path, trials=2), tmp_path / "out"
     tune(path, folder)
-    with pytest.raises(fg.ScenarioError, match="holds no study"):
+    with pytest.raises(fg.ScenarioError, match="has no study"):
         tune(path, tmp_path)
     with pytest.raises(fg.ScenarioError, match="cannot be read"):
         tune(tmp_path / "none.toml", folder)
