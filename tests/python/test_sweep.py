@@ -251,7 +251,7 @@ def test_a_file_of_anybody_elses_among_the_blocks_is_named(small: Path, tmp_path
     shutil.copytree(small / "out", tmp_path / "out")
     runs = tmp_path / "out" / "runs"
     (runs / "block-000099.parquet").write_bytes((runs / "block-000000.parquet").read_bytes())
-    with pytest.raises(ScenarioError, match=r"runs holds block-000099\.parquet, which is not part of the study"):
+    with pytest.raises(ScenarioError, match=r"runs has block-000099\.parquet, which is not part of the study"):
         sweep(small / "study.toml", tmp_path / "out", resume=True)
 
 
