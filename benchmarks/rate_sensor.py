@@ -15,7 +15,7 @@ import fracgyro as fg
 import numpy as np
 from fracgyro.analysis.style import own_style, save_svg
 from fracgyro.rate.allan import allan
-from fracgyro.rate.measure import WITHIN, Characterisation, measure
+from fracgyro.rate.measure import WITHIN, Characterization, measure
 from fracgyro.rate.merit import static
 from fracgyro.rate.report import value_of
 from fracgyro.rate.results import results, short
@@ -274,7 +274,7 @@ def main() -> None:
         "As `fracgyro rate` defines each figure. As printed the law never moves Ω̂z: there is nothing to measure.",
         "",
     ]
-    measured: list[tuple[str, str, Characterisation]] = []
+    measured: list[tuple[str, str, Characterization]] = []
     for place, law, scenario in cases():
         found = measure(scenario, seeds=options.seeds)
         measured.append((place, law, found))
@@ -306,7 +306,7 @@ def main() -> None:
     write("rate_sensor", lines)
 
 
-def draw(measured: list[tuple[str, str, Characterisation]]) -> None:
+def draw(measured: list[tuple[str, str, Characterization]]) -> None:
     """Allan deviations of the paper's gyroscope, off and on resonance, with the bounds."""
     titles = ["paper, its noise, off resonance", "paper, thermal noise, off resonance", "paper_resonance"]
     heads = ["off resonance, the paper's noise", "off resonance, thermal noise", "at resonance, thermal noise"]

@@ -11,7 +11,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from fracgyro.rate import analyse_record
+from fracgyro.rate import analyze_record
 from numpy.typing import NDArray
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -48,7 +48,7 @@ def main(docs: Path = DOCS, folder: Path = RECORDS) -> None:
         rows = (f"{INTERVAL * i:.1f},{value:.4f}\n" for i, value in enumerate(values))
         (folder / f"{name}.csv").write_text("time [s],rate [deg/s]\n" + "".join(rows), encoding="utf-8", newline="\n")
         with tempfile.TemporaryDirectory() as scratch:
-            analyse_record(folder / f"{name}.csv", Path(scratch) / "out")
+            analyze_record(folder / f"{name}.csv", Path(scratch) / "out")
             for picture in PICTURES[name]:
                 text = (Path(scratch) / "out" / f"{picture}.svg").read_text(encoding="utf-8")
                 (docs / f"record_{name}_{picture}.svg").write_text(text, encoding="utf-8", newline="\n")

@@ -40,7 +40,7 @@ def compared(task: str, quick: bool) -> Compared:
     try:
         return compare(task, folder, quick=quick, resume=folder.is_dir(), progress=show)
     except ValueError as error:
-        if "holds another study" not in str(error):
+        if "has another study" not in str(error):
             raise
         shutil.rmtree(folder)
         return compare(task, folder, quick=quick, progress=show)

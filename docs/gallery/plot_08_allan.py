@@ -20,7 +20,7 @@ spectrum = (noise.normal(size=(2, len(w))).T @ [1, 1j]) * np.sqrt(density * samp
 record = mkdtemp() + "/synthetic.csv"
 np.savetxt(record, np.fft.irfft([0, *spectrum], samples), header="rate", fmt="%.6f")
 
-figures, content = fg.rate.analyse_record(record, rate=1 / interval, unit="deg/s")
+figures, content = fg.rate.analyze_record(record, rate=1 / interval, unit="deg/s")
 for figure in figures:
     print(f"{figure.name}: {figure.value:.3g} [{figure.low:.3g}, {figure.high:.3g}] {figure.unit}")
 

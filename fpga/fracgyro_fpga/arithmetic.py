@@ -1,4 +1,4 @@
-"""What exported hardware computes with: float or numbers with a fixed point, in Python, bit by bit, and their units.
+"""Number types of exported hardware, float and fixed point: their arithmetic in Python, bit by bit, and their units.
 
 A value is an np.float32, or the integer that is a fixed number times 2^28. A word is what stands outside: the bits of a
 float, or of that integer.
@@ -19,7 +19,7 @@ Value = Any
 
 ONE_OF_32 = 0xFFFFFFFF
 MANTISSA = 23  # bits of a float's fraction
-BIAS = 129  # what the exponent of a normal float inside exceeds its own by
+BIAS = 129  # excess of the internal exponent of a normal float over its own
 ORIGIN = 0x3F3504F3  # sqrt(1/2), as float32
 FRACTION, MOST, BEYOND = 28, 2**47 - 1, 2.0**19  # of HardwareFixed in cpp/fixed.hpp
 
@@ -35,13 +35,13 @@ class Arithmetic(ABC):
     stages: ClassVar[Mapping[str, int]]
     busy: ClassVar[Mapping[str, int]]  # cycles until a unit that computes digit by digit begins again
     dividers: ClassVar[int]  # how many units compute quotients
-    from_integer: ClassVar[int]  # stages, too
+    from_integer: ClassVar[int]  # stages
     fraction: ClassVar[int]  # bits of a word after the point; 0: it floats
     rows: ClassVar[np.dtype[Any]]  # of the files of testbench.cpp
 
     @abstractmethod
     def of_bits(self, bits: int) -> Value:
-        """As the tracer writes a constant."""
+        """A constant in the format of the tracer."""
 
     @abstractmethod
     def encoded(self, bits: int) -> int:
@@ -57,7 +57,7 @@ class Arithmetic(ABC):
 
     @abstractmethod
     def numbers(self, words: NDArray[Any]) -> NDArray[np.floating]:
-        """What words are worth, exactly."""
+        """Exact values of words."""
 
     @abstractmethod
     def of_phase(self, part: int, value: int) -> Value:

@@ -1,4 +1,4 @@
-"""What hardware with a fixed point has to answer: the core, computing with such numbers on this computer."""
+"""Reference outputs for fixed-point hardware: the core in fixed point on this computer."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ def fpga(
 
 
 def compiled(graph: Graph) -> Microcode:
-    """What a traced controller becomes, proved to compute its graph."""
+    """Verified microcode of a traced controller."""
     machine = Machine(dividers=graph.arithmetic.dividers)
     code = Microcode(graph, machine, schedules(routines(graph), machine, deciding(graph)))
     check(code)
@@ -96,7 +96,7 @@ def _sized(text: str, **parameters: int) -> str:
 
 
 def _cycles(scenario: Scenario, code: Microcode) -> str:
-    """Of each routine."""
+    """Cycles of each routine."""
     machine = code.machine
     rows = [
         f"| {number} | {len(one.routine.programs)} | {len(one.routine.operations)} | {one.settled + ENTRY + 1} "

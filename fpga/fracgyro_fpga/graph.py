@@ -41,7 +41,7 @@ Op = Literal[
     "mantissa",
     "scale",
 ]
-# As trace.hpp has them.
+# Same as in trace.hpp.
 OPS: tuple[Op, ...] = get_args(Op)
 SOURCES_OF_NUMBERS = ("constant", "state", "input")
 UNBOUNDED = 2**63 - 1
@@ -59,7 +59,7 @@ class Operand(NamedTuple):
 
 class Node(NamedTuple):
     op: Op
-    bits: int  # of a constant; else the place among words or inputs
+    bits: int  # bits of a constant; otherwise the index among words or inputs
     operands: tuple[Operand, ...]
 
 
@@ -84,15 +84,15 @@ class Predicate(NamedTuple):
 class Word(NamedTuple):
     """One number or integer of the state. What never varies is its initial value."""
 
-    bits: int  # of an integer; 0: a number
+    bits: int  # width of an integer; 0: a number
     varies: bool
-    initial: int  # of a number: its bits
+    initial: int  # initial value; for a number its bits
     low: int
     high: int
 
 
 class Leaf(NamedTuple):
-    """What a word becomes: an operand, or an integer word (-1: none) plus an offset."""
+    """Next value of a word: an operand, or an integer word (-1: none) plus an offset."""
 
     operand: Operand | None
     word: int
@@ -138,7 +138,7 @@ class Graph:
         return max(0, self.inputs[place].measured - ENTRY) if op == "input" else 0
 
     def turns(self, node: int) -> bool:
-        """Whether a node is a part of a phase."""
+        """True if a node is a part of a phase."""
         op, place, _ = self.nodes[node]
         return op == "input" and self.inputs[place].measured < 0
 
@@ -177,7 +177,7 @@ class Graph:
         return found
 
     def compared(self, programs: Iterable[int]) -> list[int]:
-        """The nodes that are compared on the ways to these programs."""
+        """The nodes that are compared on the paths to these programs."""
         asked = {predicate for program in programs for predicate in self.asked[program]}
         return sorted(self.predicates[one].of for one in asked if self.predicates[one].question == 0)
 
@@ -188,7 +188,7 @@ def members(bits: int) -> list[int]:
 
 
 def trace(scenario: Scenario, number: HardwareNumber = "float") -> Graph:
-    """Of the scenario's controller with its guard.
+    """The graph of the scenario's controller with its guard.
 
     Raises ValueError, in one sentence, when it cannot be traced, float cannot hold a coefficient, or the tracer cannot
     be compiled.
@@ -234,7 +234,7 @@ def compiled_for(scenario: Scenario, name: str, folder: Path, *options: str) -> 
 
 
 def numbers_of(scenario: Scenario) -> list[str]:
-    """What such a program is called with."""
+    """Arguments of the tracer."""
     lists: list[Iterable[float]] = [
         core_numbers(scenario).values(),
         [observer_bandwidth(scenario)],
@@ -244,7 +244,7 @@ def numbers_of(scenario: Scenario) -> list[str]:
 
 
 def parsed(text: str, number: HardwareNumber) -> Graph:
-    """What the tracer writes."""
+    """Reads the output of the tracer."""
     found: dict[str, Any] = json.loads(text)
     return Graph(
         arithmetic=ARITHMETICS[number],

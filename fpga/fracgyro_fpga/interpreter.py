@@ -1,4 +1,4 @@
-"""A traced controller, run in Python: what the hardware has to compute, operation by operation."""
+"""A traced controller, run in Python operation by operation: the reference for the hardware."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Interpreter:
 
 
 class _Values:
-    """Of the nodes of one step, each computed when it is needed."""
+    """Values of the nodes of one step, each computed on demand."""
 
     def __init__(self, interpreter: Interpreter, motion: Sequence[Value]) -> None:
         self.graph, self.words, self.motion = interpreter.graph, interpreter.words, motion

@@ -16,8 +16,8 @@ from .graph import SOURCES_OF_NUMBERS, Graph, Operand
 from .routines import Output
 from .schedule import FETCH, SOON, Machine, Schedule
 
-MEMORY, RESULT = range(2)  # where an operand comes from
-# What fp_choose makes the result of "other".
+MEMORY, RESULT = range(2)  # source of an operand
+# Selections of fp_choose for the result of "other".
 CHOICES = (
     "select",
     "copy_sign",
@@ -40,7 +40,7 @@ class Microcode:
     machine: Machine
     schedules: list[Schedule]
     words: list[Word] = field(default_factory=list)
-    bases: list[int] = field(default_factory=list)  # where each routine begins
+    bases: list[int] = field(default_factory=list)  # first word of each routine
     conditions: list[frozenset[int]] = field(default_factory=list)  # condition k + 1: one of these programs runs
 
     def __post_init__(self) -> None:
@@ -72,7 +72,7 @@ class Microcode:
 
     @property
     def near_bits(self) -> int:
-        """Of the places of results."""
+        """Address bits of the results."""
         return max(one.near_bits for one in self.schedules)
 
     @property
@@ -97,7 +97,7 @@ class Microcode:
 
 
 class _Writer:
-    """Of one routine."""
+    """The words of one routine."""
 
     def __init__(self, code: Microcode, scheduled: Schedule) -> None:
         self.code, self.scheduled = code, scheduled
@@ -114,7 +114,7 @@ class _Writer:
             fetched = reversed(one.operands) if slot.swapped else one.operands
             for port, operand in enumerate(fetched):
                 read |= self._fetch(f"{name}_{'abcd'[port]}", operand, slot.cycle)
-            if place in self.scheduled.near:  # what is to be written is asked for a cycle before
+            if place in self.scheduled.near:  # data to be written is fetched one cycle earlier
                 found[result - 1] |= {f"{name}_write": 1, f"{name}_place": self.scheduled.near[place]}
             if one.busy:
                 found[slot.cycle + FETCH][f"{one.op}{slot.which}_load"] = 1

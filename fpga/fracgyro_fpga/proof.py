@@ -1,4 +1,4 @@
-"""Whether microcode computes its graph: it is run cycle by cycle on names of nodes in the place of numbers."""
+"""Proof that microcode computes its graph: cycle-by-cycle execution on node names instead of numbers."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from .microcode import CHOICES, MEMORY, OPERANDS, Microcode, Word
 from .routines import Routine
 from .schedule import FETCH, FORCES
 
-OPERATIONS = {"add": "add", "mul": "multiply", "kep": "copy"}  # of a bank, by how its name begins
+OPERATIONS = {"add": "add", "mul": "multiply", "kep": "copy"}  # operation of a bank, by the start of its name
 
 Written = tuple[int, int, frozenset[int] | None]  # word, port, programs
 
 
 def check(code: Microcode) -> None:
-    """Raises ValueError when a routine reads what is not written yet, or writes what the graph does not have."""
+    """Raises ValueError if a routine reads a value before it is written, or writes one that is not in the graph."""
     for number, one in enumerate(code.schedules):
         end = code.bases[number + 1] if number + 1 < len(code.bases) else len(code.words)
         _Machine(code, one.routine).run(code.words[code.bases[number] : end])
@@ -31,7 +31,7 @@ class _Machine:
             self.memory[code.machine.kept, place] = self._leaf(self.graph, word)
         for node, place in code.given.items():
             self.memory[code.machine.kept, place] = node
-        self.results: dict[tuple[int, str, int], Operand] = {}  # bank, operation, cycle: what stands in its register
+        self.results: dict[tuple[int, str, int], Operand] = {}  # bank, operation, cycle: value in its register
         self.written: dict[Written, Operand] = {}
         self.flags: set[int] = set()
         self.again: dict[str, int] = {}  # by unit that computes digit by digit: the first cycle to begin in
@@ -42,7 +42,7 @@ class _Machine:
         for place, node in enumerate(graph.nodes):
             if node.op == "state" and node.bits == word:
                 return place
-        return -1  # nobody reads it
+        return -1  # not read
 
     def run(self, words: list[Word]) -> None:
         compared = set(self.graph.compared(self.routine.programs))
@@ -51,8 +51,8 @@ class _Machine:
                 raise ValueError("microcode leaves a decision open")
             if word.get("settled") and cycle < self.force_from:
                 raise ValueError("microcode lets go of a force too early")
-            # What is fetched from memory next to the units is read FETCH - 1 cycles later; what is written there, asked
-            # for a cycle before.
+            # Operands are read from the memories at the units FETCH - 1 cycles after the fetch; data to be written is
+            # fetched one cycle earlier.
             if cycle + FETCH - 2 < len(words):
                 self._write(words, cycle + FETCH - 2, words[cycle + FETCH - 3], range(self.code.machine.kept))
             self._issue(words, cycle, word)
@@ -77,7 +77,7 @@ class _Machine:
         return self.results.get((bank, op, cycle))
 
     def _issue(self, words: list[Word], cycle: int, word: Word) -> None:
-        """What the units begin with what this word fetches."""
+        """Operations that the units start with the operands of this word."""
         for bank, name in enumerate(self.code.machine.banks):
             operands = [self._fetched(words, cycle, word, f"{name}_{'abcd'[k]}") for k in range(OPERANDS[name[:3]])]
             if name == "kept":

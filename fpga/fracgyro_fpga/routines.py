@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 from .graph import Graph, Op, Operand, members
 
-# A routine takes in programs until it has so many times the operations of the largest of them.
+# A routine combines programs up to this multiple of the operations of the largest one.
 SHARED = 1.15
 
 Unit = str  # "add", "multiply", "other", "copy"
@@ -18,7 +18,7 @@ Unit = str  # "add", "multiply", "other", "copy"
 
 @dataclass(frozen=True)
 class Output:
-    """Where a copied number goes: a word of the state, a number that is read outside, or both."""
+    """Destination of a copied number: a word of the state, an output, or both."""
 
     word: int = -1
     port: int = -1
@@ -52,7 +52,7 @@ class Routine:
 
 
 def routines(graph: Graph) -> list[Routine]:
-    """Of every program, each in one of them; the last is that of the start."""
+    """Routines that cover every program once; the last one is the start."""
     found: list[_Shared] = []
     needed = {program: _computed(graph, [program]) for program in range(len(graph.programs))}
     for program in sorted(needed, key=lambda one: (-needed[one].bit_count(), one)):

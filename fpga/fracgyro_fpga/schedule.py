@@ -22,12 +22,12 @@ from random import Random
 
 from .routines import Operation, Routine
 
-FETCH = 3  # cycles until the operands are those of the unit
-SOON = 4  # words from the one in which those of the next step are asked for to the end
+FETCH = 3  # cycles until fetched operands reach the unit
+SOON = 4  # words from the fetch of the next step's words to the end
 FORCES = (0, 1)  # ports
-VARIANTS, MOST_VARIANTS = 16, 64  # of a schedule that are tried; more where memories or steps would become long
-JITTER = 4  # cycles by which what is more urgent may be mistaken
-LEAST_BITS = 4  # of the places of the smallest memories
+VARIANTS, MOST_VARIANTS = 16, 64  # variants of a schedule that are tried; more if memories or steps become long
+JITTER = 4  # cycles of random change of the priority
+LEAST_BITS = 4  # address bits of the smallest memory
 WIRED = 50  # wires that are there when everything is scheduled for the second time
 PATIENCE = 12  # cycles for which an operation waits for a wire; half of them where more is tried
 LONGER = 1.1  # how much longer than the first time a step lasts without more being tried
@@ -78,17 +78,17 @@ class Slot:
     bank: int
     wires: Wires
     swapped: bool = False  # the operands of a sum or a product
-    which: int = 0  # of several units for quotients or roots
+    which: int = 0  # index among several units for quotients or roots
 
 
 @dataclass(frozen=True)
 class Schedule:
     routine: Routine
-    slots: list[Slot]  # of its operations
+    slots: list[Slot]  # one per operation
     wait: int  # cycles until it is known what other comparisons than those of the last step lead to
 
     def result(self, place: int) -> int:
-        """The cycle in which the result of an operation stands in its unit's register."""
+        """The cycle in which the result of an operation is in its unit's register."""
         return self.slots[place].cycle + FETCH + self.routine.operations[place].stages
 
     @property
@@ -130,12 +130,12 @@ class Schedule:
 
     @property
     def near_bits(self) -> int:
-        """Of these places; no memory is smaller than one of 16."""
+        """Address bits of a memory with these places, at least 4."""
         return max(LEAST_BITS, max(self.near.values(), default=0).bit_length())
 
 
 def schedules(routines: Sequence[Routine], machine: Machine, wait: int) -> list[Schedule]:
-    """Of each. `wait`: cycles until it is known what other comparisons lead to."""
+    """Schedule of each routine. `wait`: cycles until the result of other comparisons is known."""
     wires: Wires = set()
     first = [_shortest(one, machine, wires, wait) for one in routines]
     uses = Counter(wire for one in first for slot in one.slots for wire in slot.wires)

@@ -11,7 +11,7 @@ from .graph import UNBOUNDED, Graph
 from .microcode import MEMORY, RESULT, Microcode
 
 LEVELS = 4  # choices in a row in one cycle
-ROWS = 512  # of the memory of microcode: it has registers between its blocks of so many words and their choice
+ROWS = 512  # words per block of the microcode memory, which has registers between the blocks and their selection
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Field:
 
 
 def fields(code: Microcode) -> list[Field]:
-    """As wide as what they hold."""
+    """Widths of the fields."""
     banks, address = code.machine.banks, code.address_bits
     outputs = len(code.graph.force) + code.graph.reported
     widths: dict[str, int] = {}
@@ -48,7 +48,7 @@ def fields(code: Microcode) -> list[Field]:
 
 
 def sources(code: Microcode, port: str) -> list[int]:
-    """What an operand is read from by some word. In hardware its places in this list choose: the choice is small."""
+    """Sources of an operand in any word. The hardware selects by the index in this list, which is short."""
     return sorted({word[f"{port}_source"] for word in code.words if f"{port}_source" in word})
 
 
@@ -88,7 +88,7 @@ def _blocks(code: Microcode) -> int:
 
 
 def constants_hex(code: Microcode) -> str:
-    """What the memories hold from the beginning."""
+    """Initial contents of the memories."""
     arithmetic = code.graph.arithmetic
     digits = -(-arithmetic.inside // 4)
     values = {
@@ -100,7 +100,7 @@ def constants_hex(code: Microcode) -> str:
 
 
 def values(code: Microcode) -> dict[str, Any]:
-    """What the template of the controller needs."""
+    """Values for the template of the controller."""
     graph, layout = code.graph, fields(code)
     arithmetic = graph.arithmetic
     outputs = len(graph.force) + graph.reported
@@ -167,17 +167,17 @@ def values(code: Microcode) -> dict[str, Any]:
 
 
 def in_bits(code: Microcode) -> int:
-    """Of the index of what is written: the motion, then the state."""
+    """Bits of the input index: the motion, then the state."""
     return _bits(4 + state_words(code))
 
 
 def out_bits(code: Microcode) -> int:
-    """Of the index of what is read: the report, then the state."""
+    """Bits of the output index: the report, then the state."""
     return _bits(code.graph.reported + state_words(code))
 
 
 def state_words(code: Microcode) -> int:
-    """Of 32 bits, that are the state: numbers, integers, phases of the reference."""
+    """Number of 32-bit words of the state: numbers, integers, phases of the reference."""
     return len(code.state) + len(_whole_words(code))
 
 
@@ -231,7 +231,7 @@ def _range(width: int) -> str:
 
 
 def _width(graph: Graph, place: int) -> int:
-    """Of an integer of the state."""
+    """Width of an integer of the state."""
     word = graph.words[place]
     return word.bits if word.high == UNBOUNDED else max(1, word.high.bit_length())
 

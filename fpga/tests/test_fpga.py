@@ -387,7 +387,9 @@ def test_replay_on_the_simulated_hardware_has_the_parity_hash_of_float(tmp_path:
     found, expected = (fg.export.replay(tmp_path / "run.nc", target, "float") for target in ("fpga", "host"))
     assert found.difference is None
     assert (found.steps, found.hash) == (STEPS + 1, expected.hash)
-    with pytest.raises(ValueError, match=r"^fpga computes in float or fixed, not in double: add --number float$"):
+    with pytest.raises(ValueError, match=r"^number is double: it must be float or fixed for fpga$"):
         fg.export.replay(tmp_path / "run.nc", "fpga")
-    with pytest.raises(ValueError, match=r"^host computes in float or double, not in fixed: choose the target fpga$"):
+    with pytest.raises(
+        ValueError, match=r"^number is fixed: it must be float or double for host; only fpga has fixed$"
+    ):
         fg.export.replay(tmp_path / "run.nc", "host", "fixed")

@@ -14,7 +14,9 @@ from fracgyro.cli.terminal import print_table, progress
 
 @click.command()
 @click.option("--out", default="out", show_default=True, metavar="DIR", help="Folder for the results.")
-@click.option("--seeds", type=int, metavar="N", help="Noise seeds for Table 1 and the claims.  [default: 100]")
+@click.option(
+    "--seeds", type=int, metavar="N", help="Set the number of noise seeds for Table 1 and the claims.  [default: 100]"
+)
 @click.option("--quick", is_flag=True, help="Use 8 seeds: takes seconds.")
 @click.option("--json", "as_json", is_flag=True, help="Print the verdicts as JSON.")
 def reproduce(out: str, seeds: int | None, quick: bool, as_json: bool) -> None:
@@ -32,7 +34,7 @@ def reproduce(out: str, seeds: int | None, quick: bool, as_json: bool) -> None:
         by_claim.setdefault(f"({claim.id}) {claim.claim}", {})[claim.variant] = claim.verdict
     for text, both in by_claim.items():
         click.echo(f"{text}\n      as printed: {both['printed']}; as corrected: {both['corrected']}")
-    click.echo(f"\n{result.seconds:.0f} s. The report: {result.report}")
+    click.echo(f"\n{result.seconds:.0f} s. Report: {result.report}")
 
 
 def _listed(context: click.Context, parameter: click.Parameter, value: str | None) -> tuple[str, ...]:
@@ -49,8 +51,8 @@ def _numbers(context: click.Context, parameter: click.Parameter, value: str | No
 def _without_password(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
     if value and re.search(r"://[^/]*:[^/]*@|[?&]password=", value):
         raise click.UsageError(
-            "--storage holds a password, which the list of processes shows to every user of this machine: leave it out "
-            "and keep it in ~/.pgpass, as docs/cluster.md shows"
+            "--storage has a password, which every user of this machine can see in the list of processes: put it into "
+            "~/.pgpass instead, see docs/cluster.md"
         )
     return value
 
@@ -64,16 +66,16 @@ def _without_password(context: click.Context, parameter: click.Parameter, value:
 @click.option("--only", callback=_listed, metavar="A,B", help="Compare only these contenders.")
 @click.option("--class", "classes", callback=_listed, metavar="F,P", help="Measured: F all, P positions only.")
 @click.option("--noise", callback=_numbers, metavar="N,N", help="Noise of the positions in m/sqrt(Hz), as 0,1e-13.")
-@click.option("--controller", metavar="FILE.py:NAME", help="Compare a controller of your own, too.")
-@click.option("--trials", type=int, metavar="N", help="Trials of each tuning.")
-@click.option("--quick", is_flag=True, help="A minute's look: 20 trials, 2 seeds, nothing really tuned.")
+@click.option("--controller", metavar="FILE.py:NAME", help="Add your own controller.")
+@click.option("--trials", type=int, metavar="N", help="Number of trials of each tuning.")
+@click.option("--quick", is_flag=True, help="Run a quick preview: 20 trials, 2 seeds; gains are not tuned.")
 @click.option("--resume", is_flag=True, help="Finish the comparison that DIR holds.")
 @click.option("--scheduler", metavar="ADDRESS", help="Run on this Dask cluster, for example tcp://host:8786.")
 @click.option(
     "--storage",
     callback=_without_password,
     metavar="ADDRESS",
-    help="Keep trials in this database, for example postgresql://host/name; its password in ~/.pgpass.",
+    help="Store trials in this database, for example postgresql://host/name; the password is in ~/.pgpass.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def compare(task: str, scenarios: tuple[Path, ...], out: Path, as_json: bool, **options: Any) -> None:

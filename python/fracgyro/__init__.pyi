@@ -17,7 +17,6 @@ from .scenario.cite import cite as cite
 from .simulation import native as native
 from .simulation.controller import Controller as Controller
 from .simulation.measure import measure_many as measure_many
-from .simulation.outside import ControllerError as ControllerError
 from .simulation.plant import Loop as Loop
 from .simulation.plant import Plant as Plant
 from .simulation.simulate import DivergedError as DivergedError

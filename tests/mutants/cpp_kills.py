@@ -38,7 +38,7 @@ PYTHON = [
     "fractional",
     "settings",
     "claims",
-    "outside",
+    "user_controller",
     "law_rate",
     "kinds",
 ]

@@ -114,7 +114,7 @@ def test_a_table_of_metrics_is_printed_for_people() -> None:
         (["simulate", "half.toml\n"], "half.toml\\n cannot be read"),
         (
             ["export", "web", "whole.toml", "--out", "whole.toml"],
-            "whole.toml cannot be written: it is there already",
+            "whole.toml cannot be written: it already exists",
         ),
         (["simulate", "whole.toml", *SHORT, "--out", "whole.toml"], "whole.toml cannot be written: it is a file of"),
         (["simulate", "nowhere.toml"], "nowhere.toml cannot be read: No such file or directory"),
@@ -123,7 +123,7 @@ def test_a_table_of_metrics_is_printed_for_people() -> None:
         (["simulate", *SHORT, "--plot", "run.mp3"], "run.mp3 cannot be drawn"),
         (["reproduce", "--seeds", "1"], "seeds is 1: it must be at least 2"),
         (["reproduce", "--seeds", "some"], "'some' is not a valid integer"),
-        (["reproduce", "--out", "half.toml"], "half.toml cannot be made: File exists"),
+        (["reproduce", "--out", "half.toml"], "half.toml cannot be created: File exists"),
         (["reprodce"], "reprodce is not a command; did you mean reproduce?"),
         (["export", "firmwar"], "firmwar is not a command; did you mean firmware?"),
         (["export", "rocket"], "rocket is not a command; known are firmware, fmu, "),
@@ -321,7 +321,7 @@ def test_metrics_of_a_time_after_the_end_are_left_out_with_the_reason() -> None:
     short = CliRunner().invoke(cli, ["simulate", "--set", "run.duration=5"]).output
     assert "steady: x" not in short
     assert "chattering  " not in short
-    assert "run.duration is 5: without rmse steady, chattering and rate_error_rms, which are of the time" in short
+    assert "run.duration is 5: rmse steady, chattering and rate_error_rms need samples from" in short
     long = CliRunner().invoke(cli, ["simulate", "--set", "run.duration=12"]).output
     assert "steady: x" in long
     assert "run.duration is" not in long

@@ -528,8 +528,8 @@ def test_what_is_no_controller_is_refused_in_one_sentence(tmp_path: Path, text: 
         (["track", "--noise", "-1"], "--noise is -1.0: it must be finite and not negative"),
         (["track", "--trials", "0"], "--trials is 0: it must lie between 1 and 1000000"),
         (["track", "--storage", "nowhere://me@y/z"], "nowhere://y/z cannot be opened as a database"),
-        (["track", "--storage", "nowhere://me:secret@y/z"], "--storage holds a password, which the list of processes"),
-        (["track", "--storage", "nowhere://y/z?password=secret"], "--storage holds a password"),
+        (["track", "--storage", "nowhere://me:secret@y/z"], "--storage has a password, which every user"),
+        (["track", "--storage", "nowhere://y/z?password=secret"], "--storage has a password"),
         (["track", "none.toml"], "none.toml cannot be read"),
     ],
 )

@@ -92,7 +92,7 @@ def test_a_command_without_its_extra_says_what_to_install_and_writes_nothing(
     assert said.stdout == ""
     (line,) = said.stderr.splitlines()
     assert line.startswith("fracgyro: ")
-    assert line.endswith(f"; the extra {missing} brings it: in your clone, pip install '.[{missing}]'")
+    assert line.endswith(f": install the extra {missing}; in your clone, pip install '.[{missing}]'")
     assert sorted(tmp_path.iterdir()) == before
 
 
@@ -116,8 +116,7 @@ def test_in_python_too_a_missing_library_is_named_with_its_extra(tmp_path: Path)
     code = "import fracgyro as fg\ntry: fg.plot\nexcept ImportError as error: print(error)"
     said = without(["matplotlib"], code, tmp_path)
     assert (
-        said.stdout
-        == "matplotlib is not installed; the extra report brings it: in your clone, pip install '.[report]'\n"
+        said.stdout == "matplotlib is not installed: install the extra report; in your clone, pip install '.[report]'\n"
     )
 
 
@@ -127,7 +126,7 @@ def test_a_run_knows_its_metrics_and_its_scenario(tmp_path: Path) -> None:
     assert run.fracgyro.scenario == scenario
     xr.testing.assert_identical(run.fracgyro.rmse(window=(0.5, None)), fg.metrics.rmse(run, window=(0.5, None)))
     assert {"chattering", "plot", "rmse", "scenario"} <= set(dir(run.fracgyro))
-    with pytest.raises(AttributeError, match="rsme is not a metric: known are chattering, "):
+    with pytest.raises(AttributeError, match="rsme is not a metric: it must be one of chattering, "):
         _ = run.fracgyro.rsme
     neither = "the Dataset has neither an attribute nor a coordinate scenario: it is not a run of fracgyro"
     with pytest.raises(ValueError, match=neither):
@@ -157,9 +156,7 @@ try: run.fracgyro.to_mat("run.mat")
 except ImportError as error: print(error)
 """
     said = without(["scipy"], code, tmp_path)
-    assert (
-        said.stdout == "scipy is not installed; the extra interop brings it: in your clone, pip install '.[interop]'\n"
-    )
+    assert said.stdout == "scipy is not installed: install the extra interop; in your clone, pip install '.[interop]'\n"
     assert not list(tmp_path.iterdir())
 
 

@@ -123,7 +123,7 @@ def test_an_empty_file_and_one_of_the_same_kind_are_replaced(tmp_path: Path, bef
 def test_no_export_replaces_what_is_there(export: Callable[..., None], mine: bytes, tmp_path: Path) -> None:
     path = tmp_path / "mine"
     path.write_bytes(mine)
-    with pytest.raises(ValueError, match="mine cannot be written: it is there already; name an empty or a new f"):
+    with pytest.raises(ValueError, match="mine cannot be written: it already exists; name an empty or a new f"):
         export(PAPER, path, unbounded=True)
     assert path.read_bytes() == mine
     assert [entry.name for entry in tmp_path.iterdir()] == ["mine"]
@@ -207,7 +207,7 @@ writers = {
     "firmware": lambda path: fg.export.firmware(scenario, path),
     "matlab": lambda path: fg.export.matlab(scenario, path),
     "operator": lambda path: fg.export.operator(integral, path),
-    "allan": lambda path: fg.rate.analyse_record("record.csv", path, rate=100.0),
+    "allan": lambda path: fg.rate.analyze_record("record.csv", path, rate=100.0),
     "sweep": lambda path: fg.study.sweep("sweep.toml", path),
     "tune": lambda path: fg.study.tune("tune.toml", path),
 }

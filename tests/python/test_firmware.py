@@ -210,8 +210,8 @@ def test_the_readme_has_every_status_with_its_number() -> None:
     ("words", "expected"),
     [
         (["nowhere.toml", "--out", "out"], "nowhere.toml cannot be read: No such file or directory"),
-        (["my.toml", "--out", "full"], "full cannot be written: it is there already; name an empty or a new folder"),
-        (["my.toml", "--out", "my.toml"], "my.toml cannot be written: it is there already"),
+        (["my.toml", "--out", "full"], "full cannot be written: it already exists; name an empty or a new folder"),
+        (["my.toml", "--out", "my.toml"], "my.toml cannot be written: it already exists"),
         (["my.toml", "--out", "out", "--number", "half"], "'half' is not one of 'float', 'double'"),
     ],
 )
@@ -525,5 +525,5 @@ def test_the_joint_filter_is_exported_with_the_clock_that_it_asks_for(changes: d
     step = scenario.run.step * scenario.plant.scales.time
     note = clock_note(scenario)
     assert f"up to {most} instructions a step" in note
-    assert f"must do {most / step / 1e6:.0f} million instructions a second" in note
+    assert f"must run {most / step / 1e6:.0f} million instructions per second" in note
     assert clock_note(scenario.replace({"adaptation.kind": "gradient"})) == ""

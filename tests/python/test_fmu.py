@@ -600,7 +600,9 @@ def test_a_seed_that_fmi_cannot_hold_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_device_that_is_not_ideal_is_simulated_in_double_only(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"^number is float: it must be double for a closed loop whose rate moves or"):
+    with pytest.raises(
+        ValueError, match=r"^number is float: it must be double for a closed loop with a dynamic rate or"
+    ):
         fg.export.fmu(DEVICE, tmp_path / "x.fmu", number="float", unbounded=True)
 
 

@@ -367,7 +367,7 @@ GOOD = {"values": np.zeros(5), "rates": np.zeros(5), "step": STEP, "order": 0.5}
 @pytest.mark.parametrize(
     ("bad", "message"),
     [
-        ({"rates": np.zeros(4)}, r"^values has shape \(5,\) and rates \(4,\): both must be the same"),
+        ({"rates": np.zeros(4)}, r"^values has shape \(5,\) and rates \(4,\): both must be \(samples,\) or"),
         ({"values": np.zeros((0,)), "rates": np.zeros((0,))}, r"^values has shape \(0,\)"),
         ({"values": np.zeros((2, 2, 2)), "rates": np.zeros((2, 2, 2))}, r"^values has shape \(2, 2, 2\)"),
         ({"values": np.float64(1), "rates": np.float64(1)}, r"^values has shape \(\)"),
@@ -382,7 +382,7 @@ GOOD = {"values": np.zeros(5), "rates": np.zeros(5), "step": STEP, "order": 0.5}
         ({"order": math.nan}, r"^order is nan: it must lie between 0 and 1$"),
         ({"tolerance": 0.0}, r"tolerance .*0"),
         ({"tolerance": math.nan}, r"tolerance .*nan"),
-        ({"values": np.zeros((5, 0)), "rates": np.zeros((5, 0))}, r"^values has shape \(5, 0\).* none of these 0$"),
+        ({"values": np.zeros((5, 0)), "rates": np.zeros((5, 0))}, r"^values has shape \(5, 0\).* equal and not empty$"),
         ({"step": 10**400}, r"^step is inf: it must be a positive number$"),
     ],
 )
@@ -398,15 +398,15 @@ def test_bad_input_is_refused_in_a_sentence_that_names_it(
 @pytest.mark.parametrize(
     ("bad", "message"),
     [
-        ({"values": np.zeros(5, complex)}, r"^values holds complex128: it must hold real numbers$"),
+        ({"values": np.zeros(5, complex)}, r"^values has dtype complex128: it must have real numbers$"),
         (
             {"rates": np.ma.masked_array(np.zeros(5), [0, 0, 1, 0, 0])},
-            r"^rates is a masked array: it must hold a number",
+            r"^rates is a masked array: it must not be masked",
         ),
-        ({"values": np.zeros(5, "datetime64[s]")}, r"^values holds datetime64\[s\]: it must hold real numbers$"),
-        ({"values": np.zeros(5, bool)}, r"^values holds bool: "),
-        ({"values": b"12345"}, r"^values holds .*: it must hold real numbers$"),
-        ({"values": [1, 2, 3, 4, 10**400]}, r"^values holds object: it must hold real numbers$"),
+        ({"values": np.zeros(5, "datetime64[s]")}, r"^values has dtype datetime64\[s\]: it must have real numbers$"),
+        ({"values": np.zeros(5, bool)}, r"^values has dtype bool: "),
+        ({"values": b"12345"}, r"^values has dtype .*: it must have real numbers$"),
+        ({"values": [1, 2, 3, 4, 10**400]}, r"^values has dtype object: it must have real numbers$"),
         ({"values": [[1.0], [1.0, 2.0]]}, r"^values is .*: it must be an array of real numbers$"),
         ({"order": "half"}, r"^order is 'half': it must be a number$"),
         ({"order": True}, r"^order is True: it must be a number$"),

@@ -197,7 +197,7 @@ def test_a_metric_that_a_point_lacks_or_that_never_changes_has_no_indices(tmp_pa
     found = indices.sensitivity(rows_of(tmp_path, text, values, diverged))
     assert found.indices == []
     assert found.missing == {
-        "effort_x": "2 of 80 points have a run without it, and indices need every point",
+        "effort_x": "2 of 80 points have a run without it, and indices require all points",
     }
     same = indices.sensitivity(rows_of(tmp_path, text, [1.0] * 160, [None] * 160))
     assert same.missing == {"effort_x": "it is the same at every point"}
@@ -219,7 +219,7 @@ controller.order = { low = 0.5, high = 0.9 }
     command = [sys.executable, "-m", "fracgyro", "sweep", str(study(tmp_path, text)), "--out", str(tmp_path / "out")]
     ran = subprocess.run(command, capture_output=True, text=True)
     assert ran.returncode == 0, ran.stderr
-    why = "32 of 64 points have a run without it, and indices need every point"
+    why = "32 of 64 points have a run without it, and indices require all points"
     assert f"rmse_whole_x has no Sobol indices: {why}." in ran.stdout
     assert "32 diverged" in ran.stdout
     assert f"has no indices: {why}." in (tmp_path / "out" / "summary.html").read_text(encoding="utf-8")

@@ -204,7 +204,7 @@ def test_actions_beyond_the_space_are_cut_to_it() -> None:
         (
             {"scenario": fg.Scenario.paper()},
             ValueError,
-            "controller.force_limit is inf: it must be finite, as actions are shares of it",
+            "controller.force_limit is inf: it must be finite, as actions are fractions of it",
         ),
         ({"error_limit": 0.0}, ValueError, "error_limit is 0.0: it must be greater than 0"),
         ({"error_limit": "wide"}, TypeError, "error_limit is 'wide': it must be a number"),

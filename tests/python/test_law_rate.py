@@ -131,7 +131,7 @@ def test_a_controller_without_an_estimate_is_refused(tmp_path: Path, sensing: ct
         return 0.0, 0.0
 
     for controller, name in ((silent, "sensing with gain = 0.05, .*"), (rest, ".*rest")):
-        with pytest.raises(ScenarioError, match=rf"^controller is {name}: it must report rate_estimate, as the sensor"):
+        with pytest.raises(ScenarioError, match=rf"^controller is {name}: it must report rate_estimate, the sensor"):
             fg.rate.characterise(DEVICE, tmp_path / "out", controller=controller)
     with pytest.raises(TypeError, match=r"controller is 3: it must be a native\.Law"):
         fg.rate.characterise(DEVICE, tmp_path / "out", controller=3)

@@ -695,7 +695,7 @@ def test_time_starts_with_a_sample_that_is_believed() -> None:
         np.testing.assert_array_equal(controller.step(0.0, (math.nan, 0.5), (0.0, 0.0)), [0.0, 0.0])
         assert controller.status == "not_finite"
     with pytest.raises(
-        ValueError, match=r"^time is 0.001: the next step is at 0, and time starts with a sample that is"
+        ValueError, match=r"^time is 0.001: the next step is at 0, and time starts with the first accepted sample"
     ):
         controller.step(1e-3, (0.5, 0.5), (0.0, 0.0))
     assert controller.time == 0.0

@@ -74,7 +74,7 @@ def test_what_would_not_stay_bounded_is_refused_and_nothing_is_written(tmp_path:
         fg.export.matlab(fg.Scenario.paper(), tmp_path / "out")
     assert not list(tmp_path.iterdir())
     fg.export.matlab(fg.Scenario.paper(), tmp_path / "out", unbounded=True)
-    with pytest.raises(ValueError, match=r"out cannot be written: it is there already; name an empty or a new folder$"):
+    with pytest.raises(ValueError, match=r"out cannot be written: it already exists; name an empty or a new folder$"):
         fg.export.matlab(LIMITED, tmp_path / "out")
 
 

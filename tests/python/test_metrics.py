@@ -209,9 +209,9 @@ def test_v_of_one_sample_is_that_worked_by_hand() -> None:
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"run.units": "SI"}, r"units is SI: V of eq\. \(39\) needs a nondimensional run"),
-        ({"adaptation.kind": "composite"}, r"adaptation\.kind is composite: V of eq\. \(39\) is that of gradient"),
-        ({"adaptation.kind": "joint"}, r"adaptation\.kind is joint: V of eq\. \(39\) is that of gradient"),
+        ({"run.units": "SI"}, r"units is SI: V of eq\. \(39\) requires a nondimensional run"),
+        ({"adaptation.kind": "composite"}, r"adaptation\.kind is composite: it must be gradient for V of eq\. \(39\)"),
+        ({"adaptation.kind": "joint"}, r"adaptation\.kind is joint: it must be gradient for V of eq\. \(39\)"),
     ],
 )
 def test_v_is_refused_of_runs_that_it_is_not_defined_for(changes: dict[str, object], said: str) -> None:

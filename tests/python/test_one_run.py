@@ -105,7 +105,7 @@ def test_times_are_those_of_the_run_and_of_its_units() -> None:
 def test_long_runs_do_not_keep_their_coordinates(monkeypatch: pytest.MonkeyPatch) -> None:
     fg.simulate(PAPER)
     before = dataset._form.cache_info()
-    monkeypatch.setattr(dataset, "MAX_KEPT", 100)
+    monkeypatch.setattr(dataset, "MAX_CACHED", 100)
     run = fg.simulate(PAPER)
     assert dataset._form.cache_info() == before
     monkeypatch.undo()

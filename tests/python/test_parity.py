@@ -194,7 +194,7 @@ def test_the_command_says_equal_and_the_hash(short: Path, number: Number) -> Non
     assert said.exit_code == 0
     against = {"double": "the trace", "float": "the Python Controller"}[number]
     first, last = said.output.splitlines()
-    assert first == f"host, {number}: 201 steps, every bit of forces and estimates is that of {against}"
+    assert first == f"host, {number}: 201 steps, all bits of forces and estimates equal {against}"
     found = json.loads(command(short, "--target", "host", "--number", number, "--json").output)
     assert last == f"parity hash (SHA-256): {found['hash']}"
     assert (found["steps"], found["difference"]) == (201, None)
@@ -253,11 +253,11 @@ def test_what_is_no_record_of_every_step_is_refused_in_one_sentence(short: Path,
     write_run(run.isel(time=slice(0, 0)), path)
     assert refused(path) == "has no steps: it must have at least one"
     write_run(run.assign(position=run["position"].astype("float32")), path)
-    assert refused(path) == "has position as float32: it must be float64, as it was recorded"
+    assert refused(path) == "has position as float32: it must be float64"
     write_run(run.isel(axis=[0]), path)
-    assert refused(path) == "has 2 numbers a step as position and velocity: it must have 4"
+    assert refused(path) == "has 2 numbers per step in position and velocity: it must have 4"
     write_run(run.isel(entry=[0]), path)
-    assert re.match(r"has \d+ numbers a step as control and .*: it must have \d+$", refused(path))
+    assert re.match(r"has \d+ numbers per step in control and .*: it must have \d+$", refused(path))
     base = fg.Scenario.paper().replace({"run.duration": 0.2})
     for change, report in {
         "run.record_every": "lacks steps: run.record_every is 4, and must be 1",
@@ -273,8 +273,8 @@ def test_a_motion_that_firmware_takes_for_a_fault_is_no_difference_of_bits(short
     run["velocity"].values[5, 0] = 1e7
     write_run(run, tmp_path / "wild.nc")
     report = refused(tmp_path / "wild.nc")
-    fault = "host takes the motion at step 5 for a fault of the sensor: status 3"
-    assert report == f"{fault}; replay compares motions without faults"
+    fault = "host rejects the motion at step 5 as a sensor fault, status 3"
+    assert report == f"{fault}: the trace must not have faults"
 
 
 @pytest.mark.parametrize(

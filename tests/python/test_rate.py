@@ -173,7 +173,9 @@ def test_the_measured_response_is_one_of_python_control(report: Path, tmp_path: 
         fg.interop.control.rate_response(tmp_path / "none")
     for content in ("{}", "no JSON", '{"response": {"frequency": [1], "gain": ["a"], "lag": [0]}}'):
         (tmp_path / "rate.json").write_text(content, encoding="utf-8")
-        with pytest.raises(ValueError, match=r"rate\.json has no measured response: write it by fracgyro rate --out$"):
+        with pytest.raises(
+            ValueError, match=r"rate\.json has no measured response: create it with fracgyro rate --out$"
+        ):
             fg.interop.control.rate_response(tmp_path)
 
 
@@ -192,7 +194,7 @@ def test_the_numbers_behind_the_figures_give_the_figures_of_merit(report: Path) 
     found = {figure["key"]: figure["value"] for figure in content["figures"]}
     rates = data["constant_rates"]
     assert column(rates, "rate (deg/s)") == pytest.approx([-300, -200, -100, -30, -10, 0, 10, 30, 100, 200, 300])
-    worst = max(map(abs, column(rates, "mean output less the line (deg/s)")))
+    worst = max(map(abs, column(rates, "mean output minus the line (deg/s)")))
     assert 100 * worst / 300 == pytest.approx(abs(found["nonlinearity"]), rel=1e-6)
     allan = data["allan_deviation"]
     tau, walk = (column(allan, name) for name in ("averaging time (s)", "slope −1/2: angle random walk (deg/h)"))
@@ -215,7 +217,7 @@ def test_the_numbers_behind_the_figures_give_the_figures_of_merit(report: Path) 
 def test_a_folder_that_is_there_is_left_alone(report: Path, tmp_path: Path) -> None:
     shipped("dual_mass").save(tmp_path / "device.toml")
     before = (report / "rate.json").read_bytes()
-    assert "it is there already" in sentence(run("rate", tmp_path / "device.toml", "--out", report))
+    assert "it already exists" in sentence(run("rate", tmp_path / "device.toml", "--out", report))
     assert (report / "rate.json").read_bytes() == before
 
 

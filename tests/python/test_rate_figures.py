@@ -387,7 +387,7 @@ def test_a_requirement_is_decided_by_the_interval(
 def test_an_output_at_rest_that_may_be_zero_has_no_grade() -> None:
     noise, bias = (_zero_rate_output(Mean(1e-4, 1e-4 - half, 1e-4 + half)) for half in (2e-4, 5e-5))
     assert noise.grade is None
-    assert noise.note == "not observed: its interval includes 0, and it may be only noise"
+    assert noise.note == "not observed: its interval includes 0"
     assert (bias.grade, bias.note) == (grade("bias", bias.value), "")
 
 

@@ -97,7 +97,7 @@ def test_a_state_of_another_controller_is_refused() -> None:
 
 @pytest.mark.parametrize("state", ["text", None, 3, [1, 2]])
 def test_what_is_no_bytes_is_no_state(state: object) -> None:
-    with pytest.raises(TypeError, match=r"^state is .*: it must be bytes, as they were saved$"):
+    with pytest.raises(TypeError, match=r"^state is .*: it must be bytes from `state`$"):
         running().state = state  # type: ignore[assignment]
 
 

@@ -93,7 +93,7 @@ def test_scenarios_in_si_with_another_unit_of_time_are_refused_together_and_nond
         fg.simulate_many([SI, scaled(frequency=2.0)])
     assert str(caught.value) == (
         "plant.reference_frequency is 1000.0 and 2000.0: it must be the same in all scenarios that are recorded "
-        "together when run.units is SI; measure_many keeps no record"
+        "together when run.units is SI; measure_many has no such limit"
     )
     plain = [s.replace({"run.units": "nondimensional"}) for s in (SI, scaled(frequency=2.0))]
     assert_each_is_its_own_run(fg.simulate_many(plain), plain)
@@ -133,9 +133,9 @@ def test_one_of_several_runs_is_drawn_and_measured_and_several_are_not_drawn_as_
     assert len(fg.plot(one).axes) == 4
     assert one.fracgyro.scenario == scaled(mass=2.0)
     assert float(one.fracgyro.settling_time()) == float(fg.metrics.settling_time(fg.simulate(scaled(mass=2.0))))
-    with pytest.raises(ValueError, match=r"^the Dataset has 2 runs: take one, as run.isel\(run=0\), to draw it$"):
+    with pytest.raises(ValueError, match=r"^the Dataset has 2 runs: select one, for example run.isel\(run=0\)$"):
         fg.plot(many)
-    with pytest.raises(ValueError, match=r"^the Dataset has 2 runs: take one, as run.isel\(run=0\), for its scenario$"):
+    with pytest.raises(ValueError, match=r"^the Dataset has 2 runs: select one, for example run.isel\(run=0\)$"):
         _ = many.fracgyro.scenario
 
 

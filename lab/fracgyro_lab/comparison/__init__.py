@@ -1,7 +1,7 @@
-"""Controllers compared: each tuned with the same effort, all judged on seeds and plants that no tuning saw.
+"""Comparison of controllers: each tuned with the same effort, all evaluated on unseen seeds and plants.
 
-Reading order: run.py is page one of `fracgyro compare`; contender.py, track_contenders.py (who takes part), track.py
-(what the task is), tuning.py, judging.py (the work), workers.py (where it is done), rows.py, report.py.
+Reading order: run.py is the entry point of `fracgyro compare`; contender.py, track_contenders.py (the contenders),
+track.py (the task), tuning.py, judging.py (the work), workers.py (processes), rows.py, report.py.
 """
 
 from fracgyro.extras import public

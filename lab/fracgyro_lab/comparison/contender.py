@@ -1,4 +1,4 @@
-"""What takes part in a comparison, as data: one entry each."""
+"""Contenders of a comparison, as data."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 from fracgyro.scenario import Scenario, ScenarioError
 from fracgyro.study.space import Dimension
 
-NEAR = 0.05  # of a range: a best value this close to an end is flagged
+NEAR = 0.05  # fraction of a range: a best value closer to an end is flagged
 
 
 @dataclass(frozen=True)
@@ -22,9 +22,9 @@ class Gain:
     high: float
     log: bool = True
     also: tuple[str, ...] = ()
-    shape: tuple[float, ...] = ()  # of the list that the field holds
-    times: str = ""  # another gain, which the field is that often as large as
-    below: str = ""  # why the range cannot begin lower; without a reason a value there is flagged
+    shape: tuple[float, ...] = ()  # factors, for a field that is a list
+    times: str = ""  # another gain that the value is multiplied by
+    below: str = ""  # why the range cannot start lower; without a reason a value at this end is flagged
     above: str = ""  # why it cannot end higher
 
     @property
@@ -32,13 +32,13 @@ class Gain:
         return Dimension(self.field, self.low, self.high, "log" if self.log else "linear")
 
     def changes(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Of the scenario, with these values of all gains."""
+        """Changes of the scenario for these values of all gains."""
         value = values[self.field] * (values[self.times] if self.times else 1.0)
         held = tuple(value * part for part in self.shape) if self.shape else value
         return dict.fromkeys((self.field, *self.also), held)
 
     def at_end(self, value: float) -> bool:
-        """Whether a wider range might have had something better."""
+        """True if a wider range might have a better value."""
         low, high, at = self.low, self.high, value
         if self.log:
             low, high, at = math.log(low), math.log(high), math.log(at)
@@ -48,25 +48,25 @@ class Gain:
 
 @dataclass(frozen=True)
 class Contender:
-    """A controller as it takes part."""
+    """A controller in a comparison."""
 
     name: str
     words: str
-    source: str  # of the method
-    fixed: Mapping[str, Any]  # changes of the scenario, of which controller.kind is one
-    gains: tuple[Gain, ...]  # none: it runs as it is
+    source: str  # reference of the method
+    fixed: Mapping[str, Any]  # changes of the scenario, including controller.kind
+    gains: tuple[Gain, ...]  # empty: not tuned
     classes: tuple[str, ...] = ("F", "P")
-    observer: Gain | None = None  # tuned too, where positions only are measured
-    bandwidth: Gain | None = None  # of the rate estimate: found, not tuned
+    observer: Gain | None = None  # also tuned if only positions are measured
+    bandwidth: Gain | None = None  # bandwidth of the rate estimate: solved for, not tuned
     own: tuple[str, str] | None = None  # a user's: the text of its file, and its name there
-    group: str = field(default="", compare=False)  # of the ablations, what they are of
+    group: str = field(default="", compare=False)  # for ablations: the full controller
 
     def tuned(self, information: str) -> tuple[Gain, ...]:
         """The gains in this class of information."""
         return (*self.gains, self.observer) if self.observer and information == "P" else self.gains
 
     def scenario(self, base: Scenario, values: Mapping[str, Any] | None = None) -> Scenario:
-        """Raises ScenarioError where these values make none."""
+        """The scenario with these gains. Raises ScenarioError if it is invalid."""
         gains = {gain.field: gain for gain in (*self.gains, self.observer, self.bandwidth) if gain}
         changes = dict(self.fixed)
         for name in values or {}:
@@ -76,7 +76,7 @@ class Contender:
 
 
 def chosen(known: tuple[Contender, ...], only: tuple[str, ...]) -> tuple[Contender, ...]:
-    """Those with these names; all without any. Raises ScenarioError for a name that is none's."""
+    """The contenders with these names, by default all. Raises ScenarioError for an unknown name."""
     names = [contender.name for contender in known]
     for name in only:
         if name not in names:

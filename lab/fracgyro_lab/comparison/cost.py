@@ -1,4 +1,4 @@
-"""What a step of each controller costs: time, in one run of this process, and memory."""
+"""Cost of a step of each controller: time, in one run of this process, and memory."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from fracgyro.simulation.controller import Controller
 from fracgyro.simulation.measure import measure_many
 
 REPEATS = 7
-STEPS = 5000  # long against what setting up takes
+STEPS = 5000  # takes much longer than the setup
 
 
 def costs(scenarios: Mapping[str, Scenario]) -> dict[str, dict[str, Any]]:
-    """By name: nanoseconds a step of the closed loop, the plant included; as often as the fastest's; bytes of state.
+    """Cost by name: ns per step of the closed loop including the plant, ratio to the fastest, bytes of state.
 
-    The least of several measurements, taken in turns, so that what else the machine does weighs on all alike.
+    The time is the minimum of several interleaved measurements, so that other load affects all contenders equally.
     """
     short = {name: s.replace({"run.duration": min(STEPS, s.run.steps) * s.run.step}) for name, s in scenarios.items()}
     least: dict[str, float] = {}

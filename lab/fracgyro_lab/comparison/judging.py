@@ -1,4 +1,4 @@
-"""One contender with its gains on seeds and plants that no tuning saw, and under what the gains have to bear."""
+"""Evaluation of a tuned contender on unseen seeds and plants, and under other conditions."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from .task import Cell, Task
 
 @dataclass(frozen=True)
 class Judging:
-    """What is judged, and on what."""
+    """A unit of work: a tuned contender, its cell and its held-out seeds."""
 
     task: Task
     contender: Contender
     cell: Cell
-    base: Scenario  # as the cell senses it
+    base: Scenario  # with the sensing of the cell
     values: dict[str, Any]
-    seeds: list[int]  # held out
-    few: int  # of them, for other plants and conditions
+    seeds: list[int]  # held-out seeds
+    few: int  # number of these seeds for other plants and conditions
 
     @property
     def name(self) -> str:

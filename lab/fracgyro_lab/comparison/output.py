@@ -21,7 +21,7 @@ def write_json(path: Path, head: Mapping[str, Any], rows: Sequence[Mapping[str, 
 
 
 def write_gains(folder: Path, judgings: Mapping[str, Judging], rows: Mapping[str, Mapping[str, Any]]) -> None:
-    """One file for each contender of the package in each cell; of a user's own, compare.json has the gains."""
+    """Writes one scenario per contender of the package and cell; compare.json has the gains of a user's controller."""
     writable_folder(folder)
     for name, piece in judgings.items():
         if piece.contender.own is None:

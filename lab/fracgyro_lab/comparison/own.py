@@ -1,4 +1,4 @@
-"""A user's own controller: FILE.py:NAME, called with its gains, gives what `simulate` takes as controller."""
+"""A user's controller: FILE.py:NAME, called with its gains, returns a controller for `simulate`."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from fracgyro.simulation.outside import ControllerLike
 from .contender import Contender, Gain
 from .task import Task
 
-GAIN = "law."  # before the name of a user's gain, where fields of a scenario stand, too
+GAIN = "law."  # prefix of a user's gain, to distinguish it from fields of a scenario
 
 
 def own_contender(given: str, task: Task) -> Contender:
-    """Of FILE.py:NAME. Raises ScenarioError in one sentence when it is none."""
+    """The contender of FILE.py:NAME. Raises ScenarioError if it is not a controller."""
     path, colon, name = given.rpartition(":")
     if not colon or not path or not name.isidentifier():
         raise ScenarioError(f"--controller is {shown(given)}: it must be FILE.py:NAME")
@@ -77,7 +77,7 @@ def _gain(owner: str, name: Any, ends: Any) -> Gain:
 
 
 def controller_of(contender: Contender, values: Mapping[str, Any]) -> ControllerLike | None:
-    """With these gains; None for a controller of the package."""
+    """The user's controller with these gains; None for a controller of the package."""
     if contender.own is None:
         return None
     text, path = contender.own

@@ -1,4 +1,4 @@
-"""Everything that a comparison depends on, and the work that it is made of."""
+"""Plan of a comparison: everything that it depends on, and its units of work."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class Comparison:
         return [Row(c, cell) for cell in cells for c in self.contenders if cell.information in c.classes]
 
     def tunings(self, row: Row) -> list[Tuning]:
-        """One for each seed of the sampler; none where there is nothing to tune."""
+        """One tuning per seed of the sampler; empty if there is nothing to tune."""
         effort, cell = self.effort, row.cell
         if not row.contender.gains:  # an observer by itself is left as the scenario has it
             return []
@@ -94,7 +94,7 @@ class Comparison:
         ]
 
     def untuned(self, row: Row) -> dict[str, Any] | None:
-        """The values of a contender with nothing to tune; None where it cannot do the task."""
+        """The values of a contender with nothing to tune; None if it cannot do the task."""
         return self.task.completed(row.contender, self._base(row.cell), {})
 
     def judging(self, row: Row, values: dict[str, Any]) -> Judging:
@@ -105,7 +105,7 @@ class Comparison:
         return sensed(self.scenarios[cell.scenario], cell.information, cell.noise)
 
     def parts(self) -> dict[str, Any]:
-        """For study.json, under the words of the command."""
+        """Everything that the results depend on, for study.json, by the names of the command line."""
         own = {c.name: hashlib.sha256(c.own[0].encode()).hexdigest() for c in self.contenders if c.own}
         return {
             "the version of fracgyro": version("fracgyro"),
@@ -130,7 +130,7 @@ def planned(
     quick: bool,
     storage: str | None,
 ) -> Comparison:
-    """Raises ScenarioError in one sentence when these cannot be compared."""
+    """The plan of a comparison. Raises ScenarioError for invalid options."""
     if task not in TASKS:
         raise ScenarioError(f"the task is {shown(task)}: it must be {' or '.join(TASKS)}")
     one = TASKS[task]

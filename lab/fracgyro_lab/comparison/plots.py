@@ -1,4 +1,4 @@
-"""The figures of the report: panels half as wide as the page, one for each table, and their legends."""
+"""Plots of the report: panels of half the page width, one per table, and their legends."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 Row = dict[str, Any]
 Table = tuple[str, Sequence[Row]]  # with its title
-LINE, ROOM = 4.2, 18.0  # mm: height of a contender's line, and of what is above and below them
+LINE, ROOM = 4.2, 18.0  # mm: height of a contender's line, and of the margins above and below
 MARKERS = "osD^v<>PXph*"
 PLANT = "#b8c4cc"
 SAMPLER = "#7a868e"
-FAR = 30.0  # times as large: what is more stands here, with its number
-DEAD = 1e-6  # a ratio that only a converter has that sees nothing move
+FAR = 30.0  # largest ratio of the axis: larger ones are drawn here, with their value
+DEAD = 1e-6  # smaller ratios mean that the converter is too coarse to see any motion
 
 
 def error_panel(title: str, rows: Sequence[Row], words: str) -> Figure:
-    """Contenders from the least error down, with intervals; hollow: beyond a limit. `words`: what the error is."""
+    """Contenders by increasing error, with intervals; hollow: beyond a limit. `words`: name of the error."""
     figure, panel = _lines(title, rows)
     for place, row in enumerate(reversed(rows)):
         error = row["metrics"].get("error", {})
@@ -92,7 +92,7 @@ class Fronts:
 
 
 class Robustness:
-    """How many times larger the error is under each condition and on each plant."""
+    """Ratio of the error under each condition and on each plant to the nominal error."""
 
     def __init__(self, conditions: Sequence[str]) -> None:
         looks = zip(MARKERS, cycle(mpl.color_sequences["Dark2"]), strict=False)
@@ -129,7 +129,7 @@ class Robustness:
 
 
 def error_data(tables: Sequence[Table], words: str) -> str:
-    """The numbers of all `error_panel`s as CSV, as are those below of theirs."""
+    """Data of all error panels, as CSV."""
     count = max(len(row["sampler_errors"]) for _, rows in tables for row in rows)
     header = ["table", "contender", words, "low end of its 95 % interval", "high end", "within the limits"]
     header += [f"{words}: tuning {i + 1}, when trained" for i in range(count)]
@@ -156,7 +156,7 @@ def robustness_data(tables: Sequence[Table]) -> str:
 
 
 def _shown(row: Row) -> dict[str, float]:
-    """The ratios that can be drawn: no run is lost, and something moves."""
+    """The ratios that can be drawn: without lost runs and above DEAD."""
     ratios = {name: found["value"] for name, found in row["others"].items() if not found["lost"]}
     return {name: ratio for name, ratio in ratios.items() if ratio is not None and ratio > DEAD}
 
@@ -199,7 +199,7 @@ def joined(points: Sequence[Sequence[float]]) -> list[tuple[float, float]]:
 
 
 def _logarithmic(axis: Axis, which: str) -> None:
-    """Labelled at powers of ten, or more often where there are few."""
+    """Labels at powers of ten, and between if there are few."""
     axis.axes.set(**{f"{which}scale": "log"})
     low, high = axis.get_view_interval()
     axis.set_major_locator(LogLocator(subs=(1.0,) if high > 100 * low else (1.0, 2.0, 5.0), numticks=9))

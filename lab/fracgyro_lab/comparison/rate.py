@@ -1,4 +1,4 @@
-"""The task `rate`: a driven gyroscope's angular rate with the least noise, all at the same bandwidth."""
+"""The task `rate`: minimal noise of the angular rate of a driven gyroscope, at the same bandwidth for all."""
 
 from __future__ import annotations
 
@@ -68,12 +68,12 @@ WORDS = {
     "start_up": ("start-up", "ms"),
     "full_scale": ("full scale", "deg/s"),
 }
-# Their squares have means.
+# Standard deviations, averaged as mean squares.
 SQUARED = ("angle_random_walk", "over_bound", "output_noise", "equal_motion", "rms_drift")
 
 
-HOPELESS = 10.0  # times a limit
-NOTHING = 1e-9  # deg/sqrt(h): a converter too coarse for what moves puts out a constant
+HOPELESS = 10.0  # ratio to a limit, above which noise is not simulated
+NOTHING = 1e-9  # deg/sqrt(h): smaller noise means that the converter is too coarse and its output constant
 
 
 class Figure(Objective):
@@ -83,7 +83,7 @@ class Figure(Objective):
 
 
 class Limit(Constraint):
-    """On a figure of merit of this task."""
+    """A limit on a figure of merit of this task."""
 
     metric: str
 
@@ -178,7 +178,7 @@ class Rate(Task):
     def train(
         self, scenario: Scenario, seeds: Sequence[int], base: Scenario, controller: ControllerLike | None
     ) -> Measured:
-        """Without the noise where it does not matter any more."""
+        """Metrics of a trial; skips the noise far beyond a limit."""
         limits = self.constraints(0.0)
         level, settling = at_range(scenario, seeds[:1], controller)
         at_once = {"scale_factor_error": abs(1e6 * (level / RANGE - 1)), "settling_time": settling}
@@ -192,7 +192,7 @@ class Rate(Task):
             return settled(scenario.replace(dict(changes or {})), rate, seeds, controller)[0]
 
         def pair(make: Any, size: float, changes: Mapping[str, Any] | None = None) -> Values:
-            """Half of what a change does to the output at rest from one sign to the other, deg/h."""
+            """Half the difference of the output at rest between both signs of a change, deg/h."""
             up, down = (at(0.0, {**make(scenario, sign * size), **(changes or {})}) for sign in (1, -1))
             return DEG_PER_H.of(1.0) * (up - down) / 2
 
@@ -231,7 +231,7 @@ class Rate(Task):
         return np.log(np.where(measured.diverged, np.inf, walk))
 
     def interval(self, metric: str, values: Values) -> Mean:
-        """Of what is a standard deviation: the root of the mean square, as those of few samples are biased."""
+        """Mean with its interval; standard deviations are averaged as mean squares, to avoid bias."""
         if metric == "error":
             values = np.exp(values)
         if metric != "error" and metric not in SQUARED:
@@ -247,7 +247,7 @@ class Rate(Task):
 
     def conditions(self, base: Scenario) -> Changes:
         length = base.plant.scales.length
-        # What is held at rest has converters of its own, 30 times finer.
+        # An axis that is held at rest has separate converters, 30 times finer.
         reach = [1.25 * length * (amplitude or 1 / 30) for amplitude in base.reference.amplitude]
         found = {
             "one step of delay": late(base, hidden=False),
@@ -261,7 +261,7 @@ class Rate(Task):
 
 
 def _nonlinearity(rates: Values, outputs: Values) -> Values:
-    """Of each run the deviation from its line where the mean of all is furthest from theirs, ppm of the range."""
+    """Deviation of each run from its line, ppm of the range, at the rate with the largest mean deviation."""
     level = np.stack([rates, np.ones_like(rates)], axis=1)
     off = outputs - level @ np.linalg.lstsq(level, outputs, rcond=None)[0]
     worst = int(np.argmax(abs(off.mean(axis=1))))
@@ -270,7 +270,7 @@ def _nonlinearity(rates: Values, outputs: Values) -> Values:
 
 
 def _full_scale(scenario: Scenario, seeds: Sequence[int], controller: ControllerLike | None) -> Values:
-    """deg/s, one value: the last of a ladder up to which the output keeps within 1 % of its line."""
+    """Full scale, deg/s, one value: the last rate of the ladder up to which the output is within 1 % of its line."""
     inner = RANGE * np.array([-1.0, 0.0, 1.0])
     ladder = np.concatenate([inner, *([-size * RANGE, size * RANGE] for size in (2.0, 4.0, 8.0, 16.0, 32.0))])
     outputs = np.array([settled(scenario, float(rate), seeds, controller)[0] for rate in ladder])

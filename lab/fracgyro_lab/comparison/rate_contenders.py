@@ -1,4 +1,4 @@
-"""Who takes part in the task `rate`: one entry each.
+"""Contenders of the task `rate`.
 
 The drive's frequency is 1 in all units here. Ranges are those of the literature or of a first coarse search, widened
 where a best value lay at an end. The rate estimate of adaptive super-twisting and of the nonsingular surfaces is by the
@@ -17,7 +17,7 @@ REBALANCE = "force_rebalance"  # the reference of all ratios
 BY_PERIOD = "0.8 over the step, where the sampled loop is unstable"
 LELAND = "Leland, doi 10.1109/JSEN.2005.844538 (abstract read)"
 
-# Found for each trial, so that all have the same bandwidth.
+# Solved for in each trial, so that all have the same bandwidth.
 OUTPUT = Gain("controller.output_bandwidth", 1e-4, 10.0)
 DEMODULATED = Gain("controller.rate_bandwidth", 1e-4, 10.0)
 LAW = Gain("adaptation.rate_gain", 1e-5, 100.0)
@@ -41,7 +41,7 @@ DRIVE = (
     Gain("controller.amplitude_integral", 1e-4, 0.1, below="0 is the control without it"),
     Gain("controller.demodulation_bandwidth", 0.02, 2.0),
 )
-# One axis is driven, and the other begins at rest.
+# One axis is driven, and the other starts at rest.
 ONE_AXIS: dict[str, Any] = {"reference.amplitude": (1.0, 0.0), "run.initial_position": (0.0, 0.0)}
 
 SURFACE = (ORDER, FRACTIONAL_GAIN, TERMINAL_GAIN, EXPONENT, LAYER, RHO)
@@ -142,6 +142,6 @@ CONTENDERS = (
 
 
 def drives_one_axis(contender: Contender) -> bool:
-    """Whose bound is that of one axis."""
+    """True if only one axis is driven, which determines the Cramér-Rao bound."""
     amplitude = contender.fixed.get("reference.amplitude", (math.nan, math.nan))
     return bool(amplitude[1] == 0.0)

@@ -1,4 +1,4 @@
-"""Runs of the task `rate`: what a rate sensor puts out, as a scenario and a controller have it."""
+"""Runs of the task `rate`: output of the rate sensor that a scenario and a controller form."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from numpy.typing import NDArray
 Values = NDArray[np.float64]
 
 BANDWIDTH = 100.0  # Hz
-WITHIN = 0.01  # of the gain there: some 2 Hz
+WITHIN = 0.01  # relative tolerance of the gain: about 2 Hz
 RANGE = DEG_PER_S.to_si(300.0)
 SINE = RANGE / 3  # amplitude
-OUTPUT = 5e-4  # s that an output is the mean of
-SETTLING, SETTLED = 0.1, 0.3  # s that a run is left to settle, in a tuning and where it is judged
-SMOOTHED = 2.5e-3  # s that the output is averaged over for its settling time
+OUTPUT = 5e-4  # s, averaging time of an output
+SETTLING, SETTLED = 0.1, 0.3  # s, settling time of a run in a tuning and in the evaluation
+SMOOTHED = 2.5e-3  # s, averaging time for the settling time
 AVERAGE, AVERAGES = 0.05, 5  # s; long against the bandwidth and 1/split
 LOW = math.sqrt(0.5)  # -3 dB
 TRIES = 14
-STEP = math.log(6.0)  # of the search for a bracket
-DIVERGES = 1.0  # in place of the logarithm of a gain
+STEP = math.log(6.0)  # step of the search for a bracket
+DIVERGES = 1.0  # replaces the logarithm of the gain
 
 
 def outputs(
@@ -50,7 +50,7 @@ def outputs(
 
 
 def _middles(found: Values, interval: float) -> Values:
-    """s, of the outputs."""
+    """Center of each output, s."""
     return interval * (np.arange(found.shape[1], dtype=np.float64) + 0.5)
 
 
@@ -59,8 +59,8 @@ def noise_at_rest(
 ) -> tuple[Values, Values, Values]:
     """By seed: the angle random walk, deg/sqrt(h); the output's standard deviation, mdeg/s; its mean, deg/h.
 
-    The angle random walk is the Allan deviation of averages over 50 ms, times the root of that time: where white noise
-    is all that there is, at a bandwidth of 100 Hz.
+    The angle random walk is the Allan deviation of averages over 50 ms, times the root of that time, in the white-noise
+    range at a bandwidth of 100 Hz.
     """
     found, interval = outputs(scenario, settling + AVERAGE * AVERAGES, seeds, controller)
     each = round(AVERAGE / interval)
@@ -88,9 +88,9 @@ def at_range(
 ) -> tuple[Values, Values]:
     """By seed, at 300 deg/s: the mean output, rad/s, and the settling time, ms.
 
-    The settling time is that from which averages over 2.5 ms stay within 1 % of the final value. Where they never do it
-    is that of the whole run times how often as far off the furthest of its second half is, so that a search can tell
-    bad from worse.
+    The settling time is the time from which averages over 2.5 ms stay within 1 % of the final value. If they never do,
+    it is the length of the run times the largest relative excess in its second half, so that a search can still rank
+    such runs.
     """
     found, interval = outputs(
         scenario, 2 * SETTLING, seeds, controller, {"plant.angular_rate": RANGE, **(changes or {})}
@@ -108,7 +108,7 @@ def at_range(
 
 
 def start_up_from_rest(scenario: Scenario, seeds: Sequence[int], controller: ControllerLike | None) -> Values:
-    """By seed: the settling time from a thousandth of the motion, ms; NaN where it never comes."""
+    """By seed: the settling time from a thousandth of the motion, ms; NaN if it does not settle."""
     run = scenario.run
     rest = {
         "run.initial_position": tuple(1e-3 * number for number in run.initial_position),
@@ -125,7 +125,7 @@ def _late_mean(found: Values, first: float) -> Values:
 def response(
     scenario: Scenario, controller: ControllerLike | None, frequencies: Sequence[float], seed: int = 0
 ) -> list[complex]:
-    """To a sinusoidal rate at each frequency in Hz; NaN where the run diverges."""
+    """Complex gain for a sinusoidal rate at each frequency in Hz; NaN if the run diverges."""
     gains = []
     for frequency in frequencies:
         moving = {"rate.kind": "sine", "rate.amplitude": SINE, "rate.frequency": 2 * math.pi * frequency}
@@ -143,17 +143,17 @@ def response(
 def found_bandwidth(
     at: Callable[[float], tuple[Scenario, ControllerLike | None]], low: float, high: float
 ) -> float | None:
-    """The number between these with which the gain falls to -3 dB at 100 Hz; None where there is none.
+    """The value in the range that gives a gain of -3 dB at 100 Hz; None if no value does.
 
-    Noise is as it is: it is far below a rate of 100 deg/s. Where the gain at half of that frequency is lower still, the
-    bandwidth is less.
+    Noise is included; it is far below a rate of 100 deg/s. If the gain at half that frequency is even lower, the
+    bandwidth is too small.
     """
 
     def gain(value: float, frequency: float = BANDWIDTH) -> float:
         (found,) = response(*at(value), [frequency])
         return abs(found)
 
-    def off(value: float) -> float:  # what diverges has too much
+    def off(value: float) -> float:  # a divergence counts as too much gain
         found = gain(value)
         return math.log(max(found, 1e-6) / LOW) if math.isfinite(found) else DIVERGES
 
@@ -179,14 +179,14 @@ def found_bandwidth(
 
 
 def _guess(scenario: Scenario, low: float, high: float) -> float:
-    """The corner frequency itself."""
+    """Initial guess: the corner frequency."""
     return min(max(2 * math.pi * BANDWIDTH * scenario.plant.scales.time, low), high)
 
 
 def bound(scenario: Scenario) -> float:
-    """deg/sqrt(h): of the motion that this scenario has, with D and K unknown where that leaves the rate to be found.
+    """Cramér-Rao bound of the angle random walk, deg/sqrt(h), with D and K unknown if the rate is then observable.
 
-    Where one axis moves, no estimate tells the rate from dxy: D and K are known then.
+    If only one axis moves, rate and dxy cannot be distinguished: D and K are then known.
     """
     if all(scenario.reference.amplitude):
         found = bound_angle_random_walk(scenario)

@@ -1,4 +1,4 @@
-"""report.html: what was compared, how, and every number with its interval."""
+"""The report of a comparison, report.html."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def write_report(path: Path, plan: Comparison, rows: Sequence[Row]) -> None:
 
 
 def _tables(rows: Sequence[Row], *, with_ceiling: bool, named: bool) -> list[tuple[str, list[Row]]]:
-    """Rows by what they have in common, under its words. Classes of information are never in one table."""
+    """Tables of comparable rows with their titles. Classes of information are in separate tables."""
 
     def key(row: Row) -> tuple[Any, ...]:
         return row["scenario"] if named else "", row["class"], row["noise"], row["ceiling"] if with_ceiling else 0.0
@@ -92,7 +92,7 @@ def labelled(words: tuple[str, str]) -> str:
 
 
 def rank(row: Row) -> tuple[bool, float]:
-    """Those that keep the limits first, by their error."""
+    """Sort key: rows within the limits first, then by error."""
     error = row["metrics"].get("error", {}).get("value")
     return not row["kept"], math.inf if error is None else error
 
@@ -106,13 +106,13 @@ def number(value: float | None, digits: int = 3) -> str:
 def interval(found: dict[str, float | None] | None) -> str:
     if not found or found["value"] is None:
         return "–"
-    if found["low"] is None:  # of a single value
+    if found["low"] is None:  # a single value
         return number(found["value"])
     return f"{number(found['value'])} [{number(found['low'])}, {number(found['high'])}]"
 
 
 def times(found: dict[str, Any]) -> str:
-    """A ratio, or in how many runs there is none."""
+    """A ratio, or the number of lost runs."""
     if found["lost"]:
         return f"lost {found['lost']}/{found['seeds']}"
     return number(found["value"]) if found["value"] is None or found["value"] > DEAD else "dead zone"

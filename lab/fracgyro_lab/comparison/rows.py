@@ -20,15 +20,15 @@ Interval = dict[str, float | None]
 
 @dataclass(frozen=True)
 class Tuned:
-    """What the tunings of a contender in a cell found."""
+    """Result of the tunings of a contender in a cell."""
 
-    values: dict[str, Any] | None  # of the median of the samplers; None where it kept no limit
-    errors: list[float]  # of each sampler, in the order of their seeds; infinite where no trial kept the limits
-    trials: list[list[Any]]  # of all samplers: error, largest constraint, feasible
+    values: dict[str, Any] | None  # values of the median sampler; None without a feasible trial
+    errors: list[float]  # best error by sampler seed; infinite without a feasible trial
+    trials: list[list[Any]]  # all trials: error, largest constraint, feasible
 
 
 def median_of(results: Sequence[dict[str, Any]]) -> Tuned:
-    """The middle one by error; of an even number the worse."""
+    """The result with the median error; for an even number the worse of the two."""
     errors = [math.inf if result["error"] is None else float(result["error"]) for result in results]
     trials = [trial for result in results for trial in result["trials"]]
     middle = sorted(range(len(results)), key=lambda i: errors[i])[len(results) // 2]
@@ -36,7 +36,7 @@ def median_of(results: Sequence[dict[str, Any]]) -> Tuned:
 
 
 def made(plan: Comparison, tuned: dict[str, Tuned], judged: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
-    """All rows by name. What is not among `judged` kept no limit in any trial."""
+    """All rows by name. A row without an entry in `judged` had no feasible trial."""
     found = {}
     for row in plan.rows():
         reference = judged.get(f"{plan.task.reference}-{row.cell.name}")
@@ -45,11 +45,11 @@ def made(plan: Comparison, tuned: dict[str, Tuned], judged: dict[str, dict[str, 
             found[row.name] |= _of_judging(plan.task, row.cell, judged[row.name], reference)
     for row in plan.rows():
         against = found.get(f"{plan.task.reference}-{row.cell.name}")
-        if against is None or not against["kept"]:  # a ratio to what breaks a limit ranks nothing
+        if against is None or not against["kept"]:  # a ratio to an infeasible reference is meaningless
             found[row.name]["ratio"] = None
     for row in plan.rows():
         against = found.get(f"{plan.task.reference}-{row.cell.name}")
-        decides = not plan.effort.quick  # which tunes nothing
+        decides = not plan.effort.quick  # a quick run does not tune
         if decides and against is not None and row.contender.name != plan.task.reference:
             found[row.name]["verdict"] = verdict(found[row.name], against)
     return found

@@ -1,4 +1,4 @@
-"""From contenders to a comparison: all are tuned, then judged on what no tuning saw."""
+"""Entry point of `fracgyro compare`: tunes all contenders, then evaluates them on unseen seeds and plants."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from .workers import Workers, workers
 
 @dataclass(frozen=True)
 class Compared:
-    """Where the results are, and what they are: `rows` as in compare.json."""
+    """Result of a comparison: paths, and `rows` as in compare.json."""
 
     task: Task
     data: Path  #: compare.json
@@ -53,18 +53,18 @@ def compare(
     storage: str | None = None,
     progress: Callable[[float, float, str], object] | None = None,
 ) -> Compared:
-    """Tunes and judges every contender of a task, track or rate.
+    """Tunes and evaluates every contender of a task, track or rate.
 
     Writes compare.json, report.html and gains/ into the folder `out`.
 
-    `scenarios`: files, in the place of the task's own, as are `classes` (F: all is measured, P: positions only) and
-    `noise` (of the positions, m/sqrt(Hz)). `only`: names of contenders. `controller`: FILE.py:NAME, which takes part,
-    too. `trials`, `quick`: another effort than the full one. `resume`: finish the comparison that `out` holds.
-    `scheduler`: the address of a Dask cluster; `storage`: of a database that keeps trials as they are finished.
-    `progress` is called with (runs finished, all runs, what is being done). docs/compare.md has the rules.
+    `scenarios`, `classes` (F: all is measured, P: positions only) and `noise` (of the positions, m/sqrt(Hz)) replace
+    those of the task. `only`: names of contenders. `controller`: FILE.py:NAME, an additional contender. `trials`,
+    `quick`: reduced effort. `resume`: finish the comparison in `out`. `scheduler`: address of a Dask cluster.
+    `storage`: address of a database for finished trials. `progress`: called with (runs finished, all runs, current
+    step). docs/compare.md has the rules.
 
-    Raises ValueError in one sentence: bad input, before anything runs; an `out` that is in use or holds another
-    comparison; a cluster or database that cannot be used; and what a user's controller raises.
+    Raises ValueError for invalid input, before anything runs; an `out` that is in use or has another comparison; a
+    cluster or database that cannot be used; also the errors that a user's controller raises.
 
     >>> chosen = {"only": ["pid"], "classes": ["F"], "noise": [0.0]}
     >>> found = lab.compare("track", "look", **chosen, quick=True)  # doctest: +SKIP
@@ -88,7 +88,7 @@ def compare(
             f"--scheduler is {shown(scheduler)}: it must be left out with --controller, which runs where its file is"
         )
     if storage is not None:
-        storage_at(storage).engine.dispose()  # its tables are made once, before many workers would
+        storage_at(storage).engine.dispose()  # creates the tables once, before many workers start
     head = {
         "task": plan.task.name,
         "class": list(dict.fromkeys(information for information, _ in plan.sensing)),
@@ -110,7 +110,7 @@ def compare(
 
 
 class _Work:
-    """What is left of a comparison, in two rounds."""
+    """The remaining work of a comparison: tunings, then evaluations."""
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""What the comparison asks of a task, and what its tasks have in common. Another task is another file."""
+"""Interface of a task of the comparison, and functions shared by tasks. Each task is one file."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ DEG = math.pi / 180
 
 @dataclass(frozen=True)
 class Cell:
-    """One table of the comparison: what all of its rows have in common."""
+    """One table of the comparison: conditions shared by all its rows."""
 
     scenario: str  # its name
     information: str  # F: positions and velocities are measured; P: positions only
-    noise: float  # of the measured position, m/sqrt(Hz)
-    ceiling: float  # of the chattering index on either axis; 0 where the task has none
+    noise: float  # noise density of the measured position, m/sqrt(Hz)
+    ceiling: float  # limit of the chattering index on either axis; 0: none
 
     @property
     def name(self) -> str:
@@ -41,37 +41,37 @@ class Cell:
 
 
 class Task(ABC):
-    """What is asked of the contenders, how it is measured, and what they have to bear."""
+    """A task: scenarios, objectives, limits, measurements, and conditions of the robustness test."""
 
     name: ClassVar[str]
     title: ClassVar[str]
     contenders: ClassVar[tuple[Contender, ...]]
-    observer: ClassVar[Gain]  # tuned in class P for a contender without one of its own
-    reference: ClassVar[str]  # the contender that ratios are of
-    over: ClassVar[str]  # words of those ratios
-    error_words: ClassVar[tuple[str, str]]  # what is compared, and its unit
-    metrics: ClassVar[tuple[str, ...]]  # what tables show besides
+    observer: ClassVar[Gain]  # tuned in class P for a contender without its own observer gain
+    reference: ClassVar[str]  # the contender that ratios refer to
+    over: ClassVar[str]  # label of those ratios
+    error_words: ClassVar[tuple[str, str]]  # name of the compared error, and its unit
+    metrics: ClassVar[tuple[str, ...]]  # additional metrics in tables
     sensing: ClassVar[tuple[tuple[str, float], ...]]  # class of information and noise of each table
-    looked_at: ClassVar[tuple[tuple[str, float], ...]]  # the same where nothing is really tuned: a minute's work
+    looked_at: ClassVar[tuple[tuple[str, float], ...]]  # the same for a quick preview
     ceilings: ClassVar[tuple[float, ...]]
-    finds_bandwidth: ClassVar[bool] = False  # of the rate estimate: `completed` finds it
-    objectives: ClassVar[tuple[Objective, ...]]  # of which the mean logarithm is made least
-    lost: ClassVar[float]  # the logarithm of an error with which nothing is controlled any more
-    compared: ClassVar[int]  # so many of the first of them make the error
+    finds_bandwidth: ClassVar[bool] = False  # True if `completed` solves for the bandwidth of the rate estimate
+    objectives: ClassVar[tuple[Objective, ...]]  # the mean of their logarithms is minimized
+    lost: ClassVar[float]  # logarithm of an error above which control is lost
+    compared: ClassVar[int]  # number of leading objectives in the error
 
     @abstractmethod
     def scenarios(self) -> dict[str, Scenario]:
-        """By name, where none are given."""
+        """Default scenarios by name."""
 
     @abstractmethod
     def scenario(self, given: Scenario) -> Scenario:
-        """What all contenders run, their own tables aside. Raises ScenarioError."""
+        """The scenario of all contenders, before their own changes. Raises ScenarioError for an unsuitable one."""
 
     @abstractmethod
     def constraints(self, ceiling: float) -> list[Constraint]: ...
 
     def completed(self, contender: Contender, base: Scenario, values: Mapping[str, Any]) -> dict[str, Any] | None:
-        """The values with those that follow from them; None where there are none."""
+        """The values with dependent ones added; None if there is no solution."""
         return dict(values)
 
     @abstractmethod
@@ -82,44 +82,44 @@ class Task(ABC):
         base: Scenario,
         controller: ControllerLike | None,
     ) -> list[Measured]:
-        """Every scenario with every seed: objectives, constraints and what tables show."""
+        """Metrics of every scenario with every seed: objectives, constraints and other columns of tables."""
 
     def train(
         self, scenario: Scenario, seeds: Sequence[int], base: Scenario, controller: ControllerLike | None
     ) -> Measured:
-        """What a tuning goes by: `measure`, or less of it."""
+        """Metrics for a tuning: `measure`, or a subset."""
         (found,) = self.measure([scenario], seeds, base, controller)
         return found
 
     def figures(self, scenario: Scenario, seeds: Sequence[int], controller: ControllerLike | None) -> dict[str, Values]:
-        """What is measured only of what was tuned, by seed."""
+        """Additional metrics of the tuned contender, by seed."""
         return {}
 
     @abstractmethod
     def error(self, measured: Measured) -> Values:
-        """Of each seed: a logarithm, infinite where the run diverged."""
+        """Logarithm of the error by seed, infinite for a diverged run."""
 
     def interval(self, metric: str, values: Values) -> Mean:
-        """Of the finite values of a metric, or of "error", whose values are logarithms."""
+        """Mean with its interval over the finite values of a metric, or of "error", whose values are logarithms."""
         if metric != "error":
             return mean_interval(values)
         return Mean(*(math.exp(min(number, 700.0)) for number in mean_interval(values)))
 
     @abstractmethod
     def words(self, metric: str) -> tuple[str, str]:
-        """What a metric is, and its unit."""
+        """Name of a metric, and its unit."""
 
     @abstractmethod
     def plants(self, base: Scenario) -> Changes:
-        """Changes by what they are: plants that no tuning saw. What a contender knows of the plant stays."""
+        """Changes by name: unseen plants. The contender's knowledge of the plant does not change."""
 
     @abstractmethod
     def conditions(self, base: Scenario) -> Changes:
-        """Changes by what they are: what the gains, frozen, have to bear."""
+        """Changes by name: conditions of the robustness test, with frozen gains."""
 
 
 def checked(given: Scenario) -> Scenario:
-    """Raises ScenarioError where no seed can be held out."""
+    """The scenario. Raises ScenarioError unless its disturbance is noise, for held-out seeds."""
     if given.disturbance.kind != "noise":
         raise ScenarioError(
             f"disturbance.kind is {shown(given.disturbance.kind)}: it must be noise, or no seed can be held out"

@@ -1,4 +1,4 @@
-"""The task `track`: the reference of the paper, off resonance, as exactly and with as little chattering as possible."""
+"""The task `track`: tracking the paper's reference, off resonance, with limited chattering."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from fracgyro.study.tune.criteria import Constraint, Measured, Objective, measur
 from .task import DEG, Changes, Task, Values, checked, drifting, late, other_noise, other_plants
 from .track_contenders import CONTENDERS, OBSERVER, PAPER
 
-DURATION = 20.0  # of the paper's run: as long again as its transient
+DURATION = 20.0  # twice the transient of the paper's run
 FORCE_LIMIT = 1000.0
 ERRORS = ("rmse_steady_x", "rmse_steady_y", "rmse_transient_x", "rmse_transient_y")
 CHATTERING = ("chattering_x", "chattering_y")
@@ -48,7 +48,7 @@ class Track(Task):
         changes: dict[str, Any] = {"run.units": "nondimensional", "run.record_every": 1}
         if base.controller.force_limit == math.inf:
             changes["controller.force_limit"] = FORCE_LIMIT
-        if base.adaptation.initial_rate is None:  # it must stay when the plant's rate is another
+        if base.adaptation.initial_rate is None:  # fixed, as the plant's rate changes
             rate = base.plant.nondimensional()[2]
             changes["adaptation.initial_rate"] = base.adaptation.initial_ratio * rate
         return base.replace(changes)
@@ -82,7 +82,7 @@ class Track(Task):
     def conditions(self, base: Scenario) -> Changes:
         scales, run = base.plant.scales, base.run
         reach = [1.25 * a * scales.length for a in base.reference.amplitude]
-        # Far above the reference's, so that no start clips.
+        # Far above the reference, so that no start clips.
         pairs = zip(base.reference.amplitude, base.reference.frequency, strict=True)
         speed = [10 * amplitude * frequency * scales.velocity for amplitude, frequency in pairs]
         found = {
@@ -94,7 +94,7 @@ class Track(Task):
             if base.device.sensing == "full":
                 converters |= {"device.velocity_range": speed, "device.velocity_bits": bits}
             found[f"{bits} bit"] = converters
-        # The paper's reference needs 0.57 of it: with half nobody could follow.
+        # The paper's reference needs 0.57 of it: half would be infeasible.
         found["0.7 of the force"] = {"controller.force_limit": 0.7 * base.controller.force_limit}
         found["K -300 ppm, drifting"] = drifting(base, -300.0)
         found["4 times as long"] = {"run.duration": 4 * run.duration}

@@ -20,7 +20,7 @@ from .task import Cell, Task
 
 @dataclass(frozen=True, kw_only=True)
 class ContenderPlan(Plan):
-    """A tuning that starts from nothing: no published gains, and no base scenario to compare with."""
+    """A tuning without published gains and without a base scenario."""
 
     task: Task
     contender: Contender
@@ -50,7 +50,7 @@ class ContenderPlan(Plan):
 
 @dataclass(frozen=True)
 class Tuning:
-    """What is tuned, and how."""
+    """A unit of work: one tuning of a contender in a cell."""
 
     task: Task
     contender: Contender
@@ -70,7 +70,7 @@ class Tuning:
         return self.trials * len(self.seeds)
 
     def measure(self) -> dict[str, Any]:
-        """Of each trial [objective, largest constraint, feasible], and the values of the best with their error."""
+        """The trials as [objective, largest constraint, feasible], and the best values with their error."""
         constraints = self.task.constraints(self.cell.ceiling)
         plan = self._plan(constraints)
         one = np.ones(1)  # ratios to it are the values themselves

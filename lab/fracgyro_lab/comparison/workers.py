@@ -1,4 +1,4 @@
-"""Work done side by side: in processes of this machine, or on a Dask cluster."""
+"""Parallel work: in processes of this machine, or on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ Workers = Callable[[list[W], Progress], Iterator[tuple[W, Any]]]
 
 @contextmanager
 def workers(scheduler: str | None) -> Iterator[Workers[Any]]:
-    """What yields each piece of work with its result, in the order in which they are finished.
+    """A function that yields each unit of work with its result, in order of completion.
 
-    Raises ValueError in one sentence when the cluster cannot be reached, a piece fails, or a process ends.
+    Raises ValueError if the cluster cannot be reached, a unit of work fails, or a process dies.
     """
     if scheduler is not None:
         with connected(scheduler) as client:
@@ -37,7 +37,7 @@ def workers(scheduler: str | None) -> Iterator[Workers[Any]]:
     try:
         yield lambda work, progress: _here(pool, work, progress)
     except BaseException:
-        for process in list((pool._processes or {}).values()):  # what they have under way is lost, but they end now
+        for process in list((pool._processes or {}).values()):  # drops their unfinished work
             process.kill()
         raise
     finally:
@@ -53,11 +53,11 @@ def _here(pool: ProcessPoolExecutor, work: Sequence[W], progress: Progress) -> I
             progress(piece.runs)
             yield piece, result
     except BrokenProcessPool:
-        raise ValueError("a process that worked on the comparison ended: --resume goes on") from None
+        raise ValueError("a worker process died: run again with --resume") from None
 
 
 def _begin(begun: Any) -> None:
-    """In a new process: it has a processor to itself, and ends with its parent, which hears of Ctrl-C in its place."""
+    """Initializes a worker process: one thread, no Ctrl-C, and it ends with its parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with begun.get_lock():
         number = begun.value

@@ -1,4 +1,4 @@
-"""The paper, reproduced. Page one is reproduce.py."""
+"""Reproduction of the paper. Entry point: reproduce.py."""
 
 from fracgyro.extras import public
 

@@ -20,13 +20,13 @@ from numpy.typing import NDArray
 from .runs import ORDERS, PAPER_ORDER, VARIANTS, Runs, Study, scenario
 from .step_cost import SHORT, StepCost
 
-MIN_SHARE = 0.95  # the share of seeds in which something must hold to count as so
-ERROR_BOUND = 0.01  # 1 % of the reference's amplitude, and what the eye can still see on the paper's axes
+MIN_SHARE = 0.95  # fraction of seeds in which a criterion must hold
+ERROR_BOUND = 0.01  # 1 % of the reference's amplitude, the smallest visible error on the paper's axes
 
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim of the paper and what became of it, as printed or as corrected."""
+    """A claim of the paper with its verdict, as printed or as corrected."""
 
     id: str
     claim: str
@@ -38,7 +38,7 @@ class Claim:
 
 @dataclass(frozen=True)
 class Material:
-    """What a claim is judged on."""
+    """Data for the verdict on a claim."""
 
     variant: str
     runs: Runs
@@ -73,7 +73,7 @@ def judge(runs: Runs, study: Study, costs: Mapping[str, StepCost]) -> list[Claim
 
 
 def write_claims(claims: list[Claim], path: Path) -> None:
-    """As a JSON list."""
+    """Writes the claims as a JSON list."""
     with whole_file(path) as scratch:
         text = json.dumps([asdict(claim) for claim in claims], indent=2, ensure_ascii=False)
         scratch.write_text(text + "\n", encoding="utf-8")
@@ -165,7 +165,7 @@ def _lyapunov_rise(variant: str, step: float) -> float:
 
 
 def _largest_rise(v: NDArray[np.float64]) -> float:
-    """Above the running minimum, over the first value."""
+    """Largest rise above the running minimum, relative to the first value."""
     return float((v - np.minimum.accumulate(v)).max() / v[0])
 
 

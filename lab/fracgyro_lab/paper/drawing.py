@@ -1,4 +1,4 @@
-"""Puts planned panels on paper. figures.py decides what they show."""
+"""Draws planned panels. figures.py decides their contents."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ COLUMNS_PER_MM = 5.0  # thinner than the lines
 BLOCKS, BLOCK = (14.5, 98.0), 69.0
 NARROW = 18.5
 
-# As columns of numbers are called.
+# Names of data columns.
 VIEWS = {"whole": "whole run", "early": "start", "late": "whole run", "envelope": "largest magnitude"}
 OTHERS = {"reference": ": reference", "truth": ": true value", "element": ": skew + symmetric"}
 
@@ -53,17 +53,17 @@ class Row:
     symbol: str
     unit: str
     style: str  # x and y for the axes
-    words: str  # what it is, with its unit in brackets
+    words: str  # label, with its unit in brackets
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A place in each of the two blocks (mm from its left, the figure's top) and what is seen there."""
+    """A place in each of the two blocks (mm from its left, the figure's top), and its view."""
 
     rows: tuple[Row, ...]
     view: View
     box: Box
-    lowest: bool  # of those that share its time axis
+    lowest: bool  # lowest panel on its time axis
     titled: bool = False
     inset: bool = False
 
@@ -79,7 +79,7 @@ def decimate(time: Array, values: Array, columns: int) -> tuple[Array, Array]:
     starts = np.arange(0, last + 1, stretch)
     table = np.pad(values, (0, len(starts) * stretch - last - 1), mode="edge").reshape(-1, stretch)
     kept = np.unique(np.concatenate([[0, last], starts + table.argmin(1), starts + table.argmax(1)]))
-    kept = kept[kept <= last]  # in the padding an extreme is that of the last sample
+    kept = kept[kept <= last]  # padding repeats the last sample
     return time[kept], values[kept]
 
 
@@ -93,7 +93,7 @@ def envelope(time: Array, values: Array, columns: int) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class Panel:
-    """What one pair of axes shows."""
+    """Contents of one pair of axes."""
 
     cell: Cell
     left: float  # mm
@@ -114,7 +114,7 @@ class Plan:
     title: str
     height: float  # mm
     panels: list[Panel]
-    legends: list[dict[str, str]]  # of each block: text by style
+    legends: list[dict[str, str]]  # per block: text by style
 
 
 def _ticks(low: float, high: float, count: int) -> tuple[list[float], list[str]]:

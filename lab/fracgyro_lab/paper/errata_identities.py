@@ -132,7 +132,7 @@ def unit_of_frequency() -> str:
 
 
 def resonances() -> str:
-    """Those of the plant, against the frequencies of the reference."""
+    """Resonances of the plant, compared with the frequencies of the reference."""
     paper = scenario("corrected", "proposed")
     xx, xy, yy = paper.plant.nondimensional()[1]
     plant = np.sqrt(np.linalg.eigvalsh([[xx, xy], [xy, yy]]))

@@ -1,4 +1,4 @@
-"""Evidence for the paper's errata from runs: those of the reproduction, and a few more."""
+"""Evidence for the paper's errata from runs: the runs of the reproduction, and a few more."""
 
 from __future__ import annotations
 

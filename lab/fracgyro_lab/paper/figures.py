@@ -149,7 +149,7 @@ def _plant(scenario: str) -> tuple[float, dict[str, Array]]:
 
 
 def _signals(run: xr.Dataset, layout: Layout, rows: tuple[Row, ...]) -> dict[str, Array]:
-    """What is drawn of some rows, by style and from back to front."""
+    """Curves of some rows, by style and from back to front."""
     signals: dict[str, Array] = {}
     for row in rows:
         values = run[row.variable].values

@@ -31,7 +31,7 @@ RECORD_COST, FILE_COST, FIGURE_COST, JUDGE_COST = 6, 20, 60, 150
 
 @dataclass(frozen=True)
 class Reproduction:
-    """Where the results are, and the verdicts."""
+    """Paths of the results, and the verdicts."""
 
     report: Path
     claims: list[Claim]

@@ -1,4 +1,4 @@
-"""What a step of the proposed controller costs, against one of the conventional controller: claim i."""
+"""Cost of a step of the proposed controller, compared with the conventional controller: claim i."""
 
 from __future__ import annotations
 

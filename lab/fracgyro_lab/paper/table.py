@@ -64,7 +64,7 @@ def order_ranges(orders: Sequence[float]) -> str:
 
 
 def write_table(rows: list[Row], path: Path) -> None:
-    """As CSV, with the columns of `Row`."""
+    """Writes the table as CSV, with the columns of `Row`."""
     with whole_file(path) as scratch, open(scratch, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(Row._fields)

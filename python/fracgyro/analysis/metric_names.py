@@ -19,7 +19,7 @@ def _words(metric: Channel) -> list[str]:
 
 
 def written(unit: str) -> str:
-    """A nondimensional unit for people; empty for 1."""
+    """A nondimensional unit as text; empty for 1."""
     return "" if unit == "1" else unit.replace("omega0", "ω0").replace("^2", "²").replace("*", " ")
 
 
@@ -42,11 +42,11 @@ UNITS = {quantity(metric): metric.units for metric in LISTED}
 
 
 def nondimensional_unit(metric: str) -> str:
-    """The units of a metric for people, one after the other where those of its columns differ."""
+    """The units of a metric as text, separated by commas if its columns differ."""
     return ", ".join(map(written, UNITS[metric]))
 
 
 def metric_hint(name: str) -> str:
-    """What may be meant by a name that is not a column of METRICS."""
+    """Hint for an unknown name: the nearest column of METRICS, or all of them."""
     near = difflib.get_close_matches(name, METRICS)
     return f"did you mean {near[0]}?" if near else f"known are {', '.join(METRICS)}"

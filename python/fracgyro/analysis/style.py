@@ -1,4 +1,4 @@
-"""How pictures look: the same on every machine, whatever its matplotlibrc says."""
+"""Style of plots, the same on every machine regardless of its matplotlibrc."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from .compact_svg import compact
 WIDTH = 170.0  # of a picture, mm
 MM = 1 / 25.4  # in inches, which Matplotlib counts in
 DPI = 200
-COLORS = ("#0072B2", "#D55E00")  # of x and y, from Okabe and Ito's palette, which is safe for color-blind readers
+COLORS = ("#0072B2", "#D55E00")  # x and y, from Okabe and Ito's palette for color-blind readers
 
-# DejaVu Sans comes with matplotlib: pictures are laid out for it on every machine. Letters stay text, which can be
-# searched, copied and read aloud; Verdana is as wide, for browsers that have no DejaVu Sans.
+# DejaVu Sans is part of Matplotlib, so the layout is the same on every machine. Letters remain text, for search,
+# copying and screen readers; Verdana has the same width, for browsers without DejaVu Sans.
 LETTERS: dict[Any, Any] = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans", "Verdana"],
@@ -55,7 +55,7 @@ def svg(figure: Figure, title: str, description: str | None = None) -> str:
     figure.savefig(written, format="svg", metadata={"Date": None, "Title": title})
     words = "; ".join(filter(None, map(_axes, figure.axes))) if description is None else description
     described = f"</title>\n <desc>{html.escape(words, quote=False)}</desc>"
-    # Matplotlib names only the font itself for letters of formulas.
+    # Matplotlib writes only the first font for letters of formulas.
     text = re.sub(r"font-family: 'DejaVu Sans'(?!,)", FAMILY, written.getvalue())
     return compact(text.replace("</title>", described, 1) if words else text)
 
@@ -67,7 +67,7 @@ def save_svg(figure: Figure, path: str | os.PathLike[str], title: str, descripti
 
 
 def _axes(panel: Axes) -> str:
-    """What a panel shows over what, and the names of its curves."""
+    """Description of a panel: its axis labels and the names of its curves."""
     over = " over ".join(filter(None, (panel.get_ylabel(), panel.get_xlabel())))
     names = ", ".join(filter(None, panel.get_legend_handles_labels()[1]))
     return ": ".join(filter(None, (panel.get_title(), over, names))) if panel.get_visible() else ""

@@ -1,4 +1,4 @@
-"""Errors that are sentences for the user, and errors that are bugs."""
+"""Distinction between errors for the user and bugs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ REPORT = (
 def foreseen(error: ValueError) -> bool:
     """Return whether an error is a sentence for the user: our packages have its class or the statement that raised it.
 
-    An error that NumPy, pandas or Python itself raises inside a call is a bug of the caller.
+    An error that NumPy, pandas or Python raises inside a call is a bug of the caller.
     """
     if is_ours(type(error).__module__):
         return True

@@ -1,4 +1,4 @@
-"""Groups of commands and choices that answer a misspelt name with the nearest one."""
+"""Command groups and choices that suggest the nearest name for a misspelled one."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ import click
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """The end of a sentence: the nearest name, or nothing."""
+    """End of a message with the nearest known name, or empty."""
     near = difflib.get_close_matches(name, known, n=1)
     return f"; did you mean {near[0]}?" if near else ""
 
 
-def help_alone(context: click.Context) -> None:
-    """Prints the help of a group that was called without a command."""
+def help_without_command(context: click.Context) -> None:
+    """Prints the help of a group that is called without a command."""
     if context.invoked_subcommand is None:
         click.echo(context.get_help())
 
@@ -56,7 +56,7 @@ class Commands(click.Group):
 
 
 class Names(click.Choice[str]):
-    """A choice among names."""
+    """A choice of names with suggestions for misspelled ones."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
         try:

@@ -11,7 +11,7 @@ import click
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def selfcheck(as_json: bool) -> None:
-    """Compute the published parity hashes again. Exit with 1 if they differ. For problem reports."""
+    """Recompute the published parity hashes, for problem reports. Exit with 1 if they differ."""
     from ..export.parity import selfcheck as check
 
     found = check()

@@ -1,4 +1,4 @@
-"""Whether this installation computes the bits that it should: the published parity hashes, computed again.
+"""Check of the bits that this installation computes: the published parity hashes, recomputed.
 
 The paper's corrected scenario, its noise included, over 100 units of time. Run in double, its answers (forces and
 estimates) are hashed; then the controller in single precision answers the same motion. The kernel design, the noise,
@@ -33,7 +33,7 @@ PUBLISHED: Mapping[Number, str] = {
 
 @dataclass(frozen=True)
 class SelfCheck:
-    """What `selfcheck` found. `hashes`: of this installation; `published`: what they should be.
+    """Result of `selfcheck`. `hashes`: computed by this installation; `published`: the expected ones.
 
     >>> sorted(fg.selfcheck().hashes)
     ['double', 'float']
@@ -50,12 +50,12 @@ class SelfCheck:
 
     @property
     def sound(self) -> bool:
-        """Whether the hashes are the published ones."""
+        """True if the hashes equal the published ones."""
         return self.hashes == self.published
 
 
 def selfcheck() -> SelfCheck:
-    """Computes the published parity hashes again: whether this installation finds the same bits as every other.
+    """Recomputes the published parity hashes, to check that this installation computes the same bits as every other.
 
     >>> fg.selfcheck().sound
     True
@@ -88,7 +88,7 @@ def parity_run() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def processor() -> str:
-    """Its name, as the system has it."""
+    """Name of the processor, from the system."""
     info = Path("/proc/cpuinfo")
     if info.is_file():
         for line in info.read_text(encoding="utf-8", errors="replace").splitlines():

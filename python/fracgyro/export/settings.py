@@ -1,7 +1,7 @@
-"""The numbers of a scenario that its faces outside Python offer: value, unit, range and meaning of each.
+"""Numbers of a scenario that integrations outside Python offer: value, unit, range and meaning of each.
 
-What they are is said by the core (kinds.numbers), under the names of the scenario, with [0], .x or .xx for parts.
-[plant] is in SI units, all else nondimensional, as in the TOML.
+They come from the core (kinds.numbers), with the names of the scenario and [0], .x or .xx for parts. [plant] is in SI
+units, everything else is nondimensional, as in the TOML.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from ..scenario.schema import Plant
 from ..scenario.to_core import core_setup, datasheet, guard, is_ideal
 from .units import shown
 
-MAX_EXACT = 2**53 - 1  # faces take their numbers as doubles
+MAX_EXACT = 2**53 - 1  # integrations use doubles
 
 
 @dataclass(frozen=True)
 class Setting:
-    """One number that a person may change. The core's, nondimensional, is value / scale."""
+    """One adjustable number. The core's nondimensional number is value / scale."""
 
     number: Number
     value: float
@@ -34,14 +34,14 @@ class Setting:
 
 
 def without_plant(scenario: Scenario) -> Scenario:
-    """For only the controller, which knows neither the rate nor the device, but which sensors there are."""
+    """The scenario for the controller only: ideal plant and constant rate, with the same sensors."""
     known = {"guard": guard(scenario), "datasheet": datasheet(scenario)}
     device = Device(**{"sensing": scenario.device.sensing})
     return scenario.model_copy(update={"rate": Rate(), "device": device, **known})
 
 
 def core_numbers(scenario: Scenario) -> dict[str, float]:
-    """Every number of a run as the core takes it, in its order (include/fracgyro/sim/settings.hpp)."""
+    """All numbers of a run for the core, in its order (include/fracgyro/sim/settings.hpp)."""
     if scenario.disturbance.seed > MAX_EXACT:
         raise ScenarioError(f"disturbance.seed is {scenario.disturbance.seed}: it must be below 2^53 to be exported")
     names = [number.name for number in numbers(scenario.controller.kind)]
@@ -49,7 +49,7 @@ def core_numbers(scenario: Scenario) -> dict[str, float]:
 
 
 def observer_bandwidth(scenario: Scenario) -> float:
-    """As the core takes it: 0 where the velocity is measured."""
+    """Observer bandwidth for the core: 0 if the velocity is measured."""
     return float(core_setup(scenario).observer_bandwidth)
 
 
@@ -63,18 +63,18 @@ def device_numbers(scenario: Scenario) -> dict[str, float]:
 
 
 def core_kernel(scenario: Scenario) -> tuple[list[float], list[float]]:
-    """Poles and weights of the exponentials designed for the scenario; none where it needs none."""
+    """Poles and weights of the exponentials for the scenario; empty if it needs none."""
     rates, weights = _core.setup_kernel(core_setup(scenario))
     return list(rates), list(weights)
 
 
 def offered(kind: str) -> list[Number]:
-    """The numbers of a run of this kind that do not follow from others, in the core's order."""
+    """Independent numbers of a run of this controller kind, in the core's order."""
     return [number for number in numbers(kind) if number.settable != "never"]
 
 
 def settings(scenario: Scenario) -> list[Setting]:
-    """Those of the scenario."""
+    """The settings of a scenario."""
     values = core_numbers(scenario)
     found = []
     for number in offered(scenario.controller.kind):
@@ -99,19 +99,19 @@ def unit(number: Number) -> str:
 
 
 def meaning(number: Number) -> str:
-    """The core's words, which are nondimensional; of [plant] those of its comment in the TOML."""
+    """Description from the core, nondimensional; for [plant] from its comment in the TOML."""
     return str(Plant.model_fields[number.field].description) if number.table == "plant" else number.meaning
 
 
 def _si(scenario: Scenario, number: Number) -> float:
-    """The scenario's own number: the core's times the scale may differ from it in the last place."""
+    """The scenario's number; the core's number times the scale may differ in the last digit."""
     plant = scenario.plant
     value: Any = plant.effective_stiffness() if number.field == "stiffness" else getattr(plant, number.field)
     return float(getattr(value, number.part[1:]) if number.part else value)
 
 
 def columns(channel: Channel) -> list[str]:
-    """The names of a channel's numbers."""
+    """Column names of a channel."""
     if channel.dimension is None:
         return [channel.name]
     return [f"{channel.name}[{at}]" if isinstance(at, int) else f"{channel.name}.{at}" for at in channel.labels]

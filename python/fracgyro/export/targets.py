@@ -1,4 +1,4 @@
-"""A scenario's controller on every target, answering a run of measured motions."""
+"""A scenario's controller on every target: outputs for a sequence of measured motions."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ MOTION = ["position", "velocity"]
 DTYPES: dict[AnyNumber, np.dtype[np.floating]] = {
     "float": np.dtype("<f4"),
     "double": np.dtype("<f8"),
-    "fixed": np.dtype("<f8"),  # which has room for all of them
+    "fixed": np.dtype("<f8"),  # represents all fixed-point numbers exactly
 }
-FAULT = 2  # and more: what the firmware's status says of a motion that it does not take for one
+FAULT = 2  # smallest status of the firmware for a rejected motion
 
 BOARDS = {"m4f": "mps2-an386", "m7": "mps2-an500"}
 EMULATOR = ["qemu-system-arm", "-nographic", "-monitor", "none", "-serial", "none", "-semihosting"]
@@ -59,7 +59,7 @@ class Target:
 
 
 def answered(scenario: Scenario) -> list[Channel]:
-    """What a controller answers a motion with: the force, and what it reported before it."""
+    """Output channels of a controller: the force and its reports."""
     force = [channel for channel in LOOP_CHANNELS if channel.name == "control"]
     return [*force, *lasting(core_setup(scenario))]
 
@@ -71,8 +71,8 @@ def answer_columns(scenario: Scenario) -> list[str]:
 def answers(target: str, scenario: Scenario, number: AnyNumber, motion: NDArray[np.float64]) -> NDArray[np.floating]:
     """One row of answer_columns for each motion (x, y and their rates, nondimensional), from t = 0 on.
 
-    The motion is rounded to `number`, and so typed are the rows. Raises ValueError, in one sentence, when a program is
-    missing or fails, or the target takes a motion for a fault of the sensor.
+    The motion is rounded to `number`, the type of the rows. Raises ValueError if a program is missing or fails, or the
+    target rejects a motion as a sensor fault.
     """
     chosen = target_named(target)
     if number not in chosen.numbers:
@@ -125,7 +125,7 @@ def _python(scenario: Scenario, number: Number, motion: NDArray[np.floating], _:
 
 @cache
 def _lanes_program(_: tuple[str, ...]) -> tempfile.TemporaryDirectory[str]:
-    """Of this compiler: for every scenario, and gone with the process."""
+    """The replay program of this compiler, used for every scenario and deleted with the process."""
     folder = tempfile.TemporaryDirectory()
     source, headers = SOURCES / "integrations/lanes/replay.cpp", include(SOURCES / "include")
     system_compiler(*FLAGS, "-O2", "-march=native", *headers, source, "-o", Path(folder.name) / "replay")
@@ -133,7 +133,7 @@ def _lanes_program(_: tuple[str, ...]) -> tempfile.TemporaryDirectory[str]:
 
 
 def _lanes(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
-    """In the widest registers that this processor has."""
+    """Outputs of the lanes, in the widest registers of this processor."""
     program = Path(_lanes_program(tuple(compiler())).name) / "replay"
     poles, weights = core_kernel(scenario)
     numbers, observer = list(core_numbers(scenario).values()), [observer_bandwidth(scenario)]
@@ -151,7 +151,7 @@ def _firmware(
     motion: NDArray[np.floating],
     folder: Path,
 ) -> NDArray[np.floating]:
-    """As exported, compiled by the exported Makefile; on an emulated board where it is not this computer."""
+    """Outputs of exported firmware, compiled by its Makefile; on an emulated board unless the target is host."""
     exported, image = folder / "firmware", f"build/{target}/replay"
     choice = []
     if target == "host":
@@ -168,7 +168,7 @@ def _firmware(
 
 
 def _octave(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
-    """The class for MATLAB, as exported and compiled by its build.m."""
+    """Outputs of the exported MATLAB class in Octave, compiled by its build.m."""
     need("octave-cli", "mkoctfile")
     exported = folder / "matlab"
     matlab(scenario, exported, number, unbounded=True)
@@ -182,9 +182,9 @@ def without_status(target: str, scenario: Scenario, rows: NDArray[np.floating]) 
     """Force and report of rows that begin with the firmware's status. Raises ValueError where that is a fault."""
     for n, status in enumerate(rows[:, 0].tolist()):
         if status >= FAULT:
-            fault = f"takes the motion at step {n} for a fault of the sensor: status {status:.0f}"
-            raise ValueError(f"{target} {fault}; replay compares motions without faults")
-    return rows[:, 1 : 1 + len(answer_columns(scenario))]  # C has no empty report
+            fault = f"rejects the motion at step {n} as a sensor fault, status {status:.0f}"
+            raise ValueError(f"{target} {fault}: the trace must not have faults")
+    return rows[:, 1 : 1 + len(answer_columns(scenario))]  # a C report is never empty
 
 
 def _wasm(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
@@ -197,12 +197,12 @@ def _wasm(scenario: Scenario, number: Number, motion: NDArray[np.floating], fold
     return np.fromfile(folder / "answer").reshape(len(motion), -1)
 
 
-# FMPy calls the logger of whichever instance was made last, even if that is gone: none may go.
+# FMPy calls the logger of the instance created last, even after its deletion: keep all loggers alive.
 LOGGERS: list[Any] = []
 
 
 def _fmu(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
-    """Only the controller, as FMPy imports it."""
+    """Outputs of the controller FMU, imported by FMPy."""
     path = folder / "replay.fmu"
     system = SYSTEMS[platform.system()]
     fmu(scenario, path, content="controller", systems=[system], number=number, unbounded=True)

@@ -1,4 +1,4 @@
-"""What is measured of a scenario as a rate sensor: runs at set rates -> figures of merit, in SI."""
+"""Characterization of a scenario as a rate sensor: runs at set rates -> figures of merit, in SI."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..analysis.confidence import Mean, mean_interval
 from ..scenario import Scenario, ScenarioError
-from ..simulation.outside import ControllerLike
+from ..simulation.user_controller import ControllerLike
 from .allan import Allan, allan
 from .bound import Bound, bound_angle_random_walk
 from .merit import Response, Static, full_scale, gain_and_lag, response, static, turn_on_time
@@ -21,37 +21,37 @@ from .units import DEG_PER_S
 Array = NDArray[np.float64]
 Progress = Callable[[float, float, str], object]
 
-RANGE = DEG_PER_S.to_si(300.0)  # the input range, +-, that the line is drawn through
-WITHIN = np.array([1 / 30, 0.1, 1 / 3, 2 / 3, 1.0]) * RANGE  # 10, 30, 100, 200, 300 deg/s, to both sides and 0
+RANGE = DEG_PER_S.to_si(300.0)  # input range, +-, of the line fit
+WITHIN = np.array([1 / 30, 0.1, 1 / 3, 2 / 3, 1.0]) * RANGE  # 10, 30, 100, 200, 300 deg/s; both signs, and 0
 BEYOND = np.array([2.0, 4.0, 8.0, 16.0, 32.0]) * RANGE
 SINE = RANGE / 3  # amplitude of the sinusoidal rates
-FREQUENCIES = 12  # from two periods in the steady half up
-FIRST_ORDER_LAG = math.radians(50.0)  # at the bandwidth: more is of another order
-RESPONSES = 10.0  # over the bandwidth: the shortest record at rest
-COUPLING = 0.1  # of sqrt(dxx dyy): the damping deviation that is tried
+FREQUENCIES = 12  # sinusoidal rates; the lowest has two periods in the steady half
+FIRST_ORDER_LAG = math.radians(50.0)  # at the bandwidth: a larger lag means a higher order
+RESPONSES = 10.0  # shortest static test, in units of 1/bandwidth
+COUPLING = 0.1  # damping deviation that is tried, as a fraction of sqrt(dxx dyy)
 
 
 @dataclass(frozen=True)
 class Leak:
-    """What a wrong coupling adds to the output at rest, rad/s, with its own size as a rate, rad/s."""
+    """Change of the output at rest caused by a coupling error, rad/s, and that error as a rate, rad/s."""
 
     offered: float
     residual: Mean
 
 
 @dataclass(frozen=True)
-class Characterisation:
-    """Everything measured; SI."""
+class Characterization:
+    """All measurements, in SI."""
 
     scenario: Scenario
     controller: ControllerLike | None
     seeds: int
     rates: Array
     static: Static
-    zero_rate_rms: Mean  # rad/s, of the output at rest, its mean included
+    zero_rate_rms: Mean  # rad/s, RMS output at rest, including its mean
     full_scale: float
     full_scale_is_last: bool
-    turn_on: Output  # at the end of the range
+    turn_on: Output  # at the highest rate of the range
     turn_on_time: float
     rest: Output
     allan: Allan
@@ -68,10 +68,14 @@ def measure(
     controller: ControllerLike | None = None,
     rest: float | None = None,
     progress: Progress | None = None,
-) -> Characterisation:
-    """Only the measurements, without a report; `rest`: device time of the record at rest, s."""
+) -> Characterization:
+    """Measurements of a scenario, without a report.
+
+    `rest`: device time of the static test, s. `progress`: called with (done, total, current measurement). Raises what
+    `characterise` raises.
+    """
     sensor = Sensor.of(scenario, seeds, controller)
-    sensor.steps_at_rest(rest)  # or refused before all else
+    sensor.steps_at_rest(rest)  # raises an error before any run
     few = Sensor.of(scenario, 2, controller)
     show = progress or (lambda done, total, doing: None)
     inner = np.concatenate([-WITHIN[::-1], [0.0], WITHIN])
@@ -95,7 +99,7 @@ def measure(
     for rate in outer:
         next_one("full scale")
         further.append(_mean_or_nan(few, float(rate)))
-    first = means[:, : len(few.seeds)]  # the same seeds at every rate, or their noise would look like an error
+    first = means[:, : len(few.seeds)]  # the same seeds at every rate: the noise cancels
     reached, last = full_scale(np.concatenate([inner, outer]), np.concatenate([first, further]), static(inner, first))
     frequencies = _frequencies(outputs[0])
     gains = []
@@ -118,7 +122,7 @@ def measure(
     bound = bound_angle_random_walk(scenario.replace({"plant.angular_rate": 0.0}), controller)
     found = allan(at_rest.rate, at_rest.interval, _shortest(answered))
     show(total, total, "writing")
-    return Characterisation(
+    return Characterization(
         scenario,
         controller,
         seeds,
@@ -138,7 +142,7 @@ def measure(
 
 
 def _credible(found: Allan, bound: Bound | None) -> Allan:
-    """The same without an angle random walk far below its bound: that of a record too short for the response."""
+    """The Allan result; drops an angle random walk far below its bound, found if a record is too short."""
     walk = found.angle_random_walk
     return (
         replace(found, angle_random_walk=None)
@@ -148,22 +152,22 @@ def _credible(found: Allan, bound: Bound | None) -> Allan:
 
 
 def _check_rest(rest: float, answered: Response) -> None:
-    """Raises ScenarioError for a record at rest that the sensor's response spans."""
+    """Raises ScenarioError for a static test not much longer than the sensor's response."""
     wide = answered.bandwidth.mean or float(answered.frequency[0])
-    if rest < (least := RESPONSES / wide):  # never where it is infinite, or not observed
+    if rest < (shortest := RESPONSES / wide):  # never true for an infinite or unobserved bandwidth
         raise ScenarioError(
-            f"rest is {rest:g}: it must be at least {least:.3g} s, {RESPONSES:g} over the bandwidth of {wide:.3g} Hz: "
-            "a shorter record shows the sensor's response and not its noise"
+            f"rest is {rest:g}: it must be at least {shortest:.3g} s, {RESPONSES:g} over the bandwidth of {wide:.3g} "
+            "Hz, to show the sensor's noise rather than its response"
         )
 
 
 def _shortest(answered: Response) -> float:
-    """s, of the averages whose noise is fitted: all, where the response is of first order, with 45 degrees of lag."""
+    """Shortest averaging time that is fitted, s; 0 for a first-order response, with 45 degrees of lag."""
     return 1 / answered.bandwidth.mean if answered.lag_at_bandwidth > FIRST_ORDER_LAG else 0.0
 
 
 def _mean_or_nan(sensor: Sensor, rate: float) -> Array:
-    """Mean steady output of each run at a rate beyond the range, where a run may diverge."""
+    """Mean steady output of each run at a rate beyond the range; NaN if a run diverges."""
     try:
         return np.asarray(sensor.output(rate).settled().rate.mean(axis=1), dtype=float)
     except ValueError:
@@ -171,13 +175,13 @@ def _mean_or_nan(sensor: Sensor, rate: float) -> Array:
 
 
 def _frequencies(output: Output) -> Array:
-    """Hz, from two periods in the steady half up to a quarter of the output's own rate."""
+    """Test frequencies, Hz: from two periods in the steady half to a quarter of the output rate."""
     lowest = 4.0 / output.time[-1]
     return np.geomspace(lowest, 0.25 / output.interval, FREQUENCIES)
 
 
 def _gains(sensor: Sensor, frequency: float) -> NDArray[np.complex128]:
-    """Of each run, at a frequency in Hz."""
+    """Complex gain of each run at a frequency in Hz: (runs,)."""
     moving = {"rate.kind": "sine", "rate.amplitude": SINE, "rate.frequency": 2 * math.pi * frequency}
     output = sensor.output(0.0, changes=moving)
     steady = output.settled().rate
@@ -185,9 +189,9 @@ def _gains(sensor: Sensor, frequency: float) -> NDArray[np.complex128]:
 
 
 def _couplings(scenario: Scenario) -> list[tuple[str, float, float]]:
-    """Field, deviation in SI, and the rate it would be taken for: k/(2 m omega), c/(2 m).
+    """Field, deviation in SI, and the rate that causes an equal force: k/(2 m omega), c/(2 m).
 
-    The stiffness is wrong by as much as makes the quadrature force that of the whole range.
+    The stiffness deviation makes the quadrature force as large as the Coriolis force at the end of the range.
     """
     plant = scenario.plant
     omega = math.sqrt(plant.stiffness.xx / plant.mass)

@@ -23,7 +23,7 @@ NAMES = {"kalibr": "Kalibr", "gnss-ins-sim": "gnss-ins-sim", "kf-gins": "KF-GINS
 
 
 def write_record_report(folder: Path, series: Sequence[Series]) -> None:
-    """Writes report.html, and for each column allan.svg and series.svg, numbered where there are several."""
+    """Writes report.html, and allan.svg and series.svg for each column, numbered if there are several."""
     shown = []
     for i, one in enumerate(series):
         number = "" if len(series) == 1 else f"-{i + 1}"
@@ -66,7 +66,7 @@ def write_record_report(folder: Path, series: Sequence[Series]) -> None:
 
 
 def span_of(series: Series) -> dict[str, Any]:
-    """Numbers of the record for people."""
+    """Mean, standard deviation and range of the record, deg/s, as text."""
     values = series.record.values[series.column]
     return {
         "mean": f"{DEG_PER_S.of(float(values.mean())):.3g}",

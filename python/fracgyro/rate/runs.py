@@ -1,4 +1,4 @@
-"""What is simulated to characterise a scenario, and the sensor's output: rad/s, averaged over one output interval."""
+"""Runs that characterize a scenario, and the sensor's output: rad/s, averaged over one output interval."""
 
 from __future__ import annotations
 
@@ -13,81 +13,81 @@ from ..scenario.bounded import is_bounded
 from ..scenario.kinds import reported
 from ..scenario.table import MAX_STEPS
 from ..scenario.to_core import core_setup
-from ..simulation.outside import ControllerLike, controller_words, in_own_units
 from ..simulation.rate_means import rate_means
 from ..simulation.simulate import simulate
+from ..simulation.user_controller import ControllerLike, controller_words, in_own_units
 from .units import DEG_PER_S
 
 Array = NDArray[np.float64]
 Progress = Callable[[int], object]
 
-KEPT = 100_000  # samples of a run that are looked at: many to a period of the drive
-OUTPUTS = 2_000  # of the sensor in run.duration
-MIN_OUTPUTS = 20  # of which there is an Allan deviation
+RECORDED_SAMPLES = 100_000  # per run.duration: many per drive period
+OUTPUTS = 2_000  # sensor outputs per run.duration
+MIN_OUTPUTS = 20  # for an Allan deviation
 REST_STEPS = 4_000_000
-SHORT_REST_STEPS = 1_000_000  # of what may diverge some time
+SHORT_REST_STEPS = 1_000_000  # for a controller that may diverge eventually
 
 
 @dataclass(frozen=True)
 class Output:
-    """The sensor's output in rad/s, (runs, samples), `interval` s apart; sample i is the mean over the interval i."""
+    """Sensor output, rad/s, (runs, samples), `interval` s apart; sample i is the mean over interval i."""
 
     rate: Array
     interval: float
 
     @property
     def time(self) -> Array:
-        """Middle of each interval, s."""
+        """Center of each interval, s: (samples,)."""
         return self.interval * (np.arange(self.rate.shape[-1], dtype=np.float64) + 0.5)
 
     def settled(self) -> Output:
-        """The second half, which counts as steady: a scenario's run.duration is to be long enough for that."""
+        """The second half, which counts as steady; run.duration must be long enough."""
         return Output(self.rate[:, self.rate.shape[-1] // 2 :], self.interval)
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """A scenario as a rate sensor: what it puts out at rates that are set from outside."""
+    """A scenario as a rate sensor: its output at applied rates."""
 
     scenario: Scenario
     seeds: Sequence[int]
-    controller: ControllerLike | None = None  # from outside, in the place of the scenario's own
+    controller: ControllerLike | None = None  # a user's, which replaces the scenario's controller
 
     @classmethod
     def of(cls, scenario: Scenario, seeds: int, controller: ControllerLike | None = None) -> Sensor:
-        """Raises ScenarioError where the scenario or the controller leaves nothing to characterise."""
+        """A sensor with seeds 0 to `seeds` - 1. Raises ScenarioError if it has no rate estimate."""
         if controller is not None:
             _check_reports(scenario, controller)
         elif "rate_estimate" not in {channel.name for channel in reported(core_setup(scenario))}:
             raise ScenarioError(
-                f"controller.kind is {scenario.controller.kind}: it must be one that estimates the angular rate, as "
-                "the sensor's output is this estimate"
+                f"controller.kind is {scenario.controller.kind}: it must be one that estimates the angular rate, the "
+                "sensor's output"
             )
         elif not scenario.controller.adaptive:
-            raise ScenarioError("controller.adaptive is false: it must be true, as the sensor's output is an estimate")
+            raise ScenarioError("controller.adaptive is false: it must be true for a rate estimate")
         elif scenario.controller.rate_law == "printed" and scenario.adaptation.kind == "gradient":
             raise ScenarioError(
-                'controller.rate_law is "printed": it must be "skew", as the printed law never moves the estimate'
+                'controller.rate_law is "printed": it must be "skew", as the printed law never changes the estimate'
             )
         if scenario.run.steps < 2 * OUTPUTS:
             raise ScenarioError(
                 f"run.duration is {scenario.run.duration:g}: it must be at least {2 * OUTPUTS} steps of "
-                f"{scenario.run.step:g}, or no output is left to judge"
+                f"{scenario.run.step:g}"
             )
         start = scenario.disturbance.seed
         return cls(in_own_units(scenario, controller), range(start, start + seeds), controller)
 
     @property
     def block(self) -> tuple[int, int]:
-        """Steps from one sample that is looked at to the next, and samples that an output is the mean of."""
+        """Steps between recorded samples, and samples averaged per output."""
         steps = self.scenario.run.steps
-        every = max(1, steps // KEPT)
+        every = max(1, steps // RECORDED_SAMPLES)
         return every, steps // every // OUTPUTS
 
     def output(self, rate: float, *, changes: dict[str, object] | None = None, steps: int | None = None) -> Output:
-        """At this angular rate in rad/s, one run per seed. The controller is not told the rate: its guess is 0.
+        """Output at this angular rate in rad/s, one run per seed; the controller's initial estimate is 0.
 
-        Raises ValueError where a run diverges.
+        `changes`: fields of the scenario to replace. Raises ValueError if a run diverges.
         """
         every, block = self.block
         scenario = self.scenario.replace(
@@ -106,11 +106,12 @@ class Sensor:
         return Output(found * scales.rate, every * block * self.scenario.run.step * scales.time)
 
     def steps_at_rest(self, seconds: float | None) -> int:
-        """Of a run that has a steady record so long.
+        """Steps of a run whose second half has this device time.
 
-        If None two million, or half a million where nothing is known to bound the switching gain (EQUATIONS.md, 4).
+        By default the second half has two million steps, or half a million if the switching gain has no known bound
+        (EQUATIONS.md, 4).
 
-        Raises ValueError where these are more than a run can have, or leave too few outputs.
+        Raises ValueError for more steps than a run can have, or too few outputs.
         """
         if seconds is None:
             bounded = self.controller is None and is_bounded(self.scenario)
@@ -123,16 +124,15 @@ class Sensor:
         return start + round(seconds / step)
 
     def at_rest(self, seconds: float | None = None) -> Output:
-        """A long record of the steady output at rate 0: of this device time."""
+        """A static test: steady output at rate 0 over this device time, s."""
         found = self.output(0.0, steps=self.steps_at_rest(seconds))
         return found.settled() if seconds is None else Output(found.rate[:, OUTPUTS // 2 :], found.interval)
 
 
 def _check_reports(scenario: Scenario, controller: ControllerLike) -> None:
-    """Raises ScenarioError where the controller does not report what the sensor puts out."""
+    """Raises ScenarioError if the controller does not report rate_estimate."""
     run = simulate(scenario.replace({"run.duration": 4 * scenario.run.step, "run.record_every": 1}), controller)
     if "rate_estimate" not in run:
         raise ScenarioError(
-            f"controller is {controller_words(controller)}: it must report rate_estimate, as the sensor's output is "
-            "this estimate"
+            f"controller is {controller_words(controller)}: it must report rate_estimate, the sensor's output"
         )

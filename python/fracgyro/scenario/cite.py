@@ -1,4 +1,4 @@
-"""What to cite: the software, the paper, and the sources of the controller that a scenario has."""
+"""Citations: the software, the paper, and the sources of a scenario's controller."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PAPER = {
 SLOTINE = {"author": "Slotine and Li", "title": "Applied Nonlinear Control", "year": "1991"}
 BIERMAN = {"author": "Bierman", "title": "Factorization Methods for Discrete Sequential Estimation", "year": "1977"}
 LELAND = {"author": "Leland", "year": "2005", "doi": "10.1109/JSEN.2005.844538"}
-# Of EQUATIONS.md, by controller.kind and adaptation.kind. With a DOI the rest of an entry is found where that leads.
+# Sources in EQUATIONS.md, by controller.kind and adaptation.kind; a DOI makes other fields of an entry unnecessary.
 SOURCES = {
     "nonsingular_terminal": {"author": "Feng and Yu and Man", "year": "2002", "doi": "10.1016/S0005-1098(02)00147-4"},
     "park_horowitz": {"author": "Park and Horowitz", "year": "2003", "doi": "10.1109/JMEMS.2002.807468"},
@@ -36,7 +36,7 @@ SOURCES = {
 def cite(scenario: Scenario | None = None) -> str:
     """BibTeX of the software, of the paper, and of the sources of the scenario's controller.
 
-    Raises TypeError when `scenario` is something else.
+    Raises TypeError if `scenario` is not a Scenario.
 
     >>> print(fg.cite(fg.Scenario.paper().replace({"controller.kind": "park_horowitz"})).splitlines()[-2])
       doi = {10.1109/JMEMS.2002.807468},

@@ -1,4 +1,4 @@
-"""What the compiled core says of its controllers: every number of a run of each kind, and what each kind reports."""
+"""Controllers of the compiled core: the numbers of a run of each kind, and the reports of each kind."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Number:
     strict: bool  # low < value < high
     infinite: bool  # may be infinity, which switches off
     whole: bool  # an integer
-    settable: Literal["any_time", "at_start", "beforehand", "never"]  # as fields.hpp has it
+    settable: Literal["any_time", "at_start", "beforehand", "never"]  # same as in fields.hpp
     choices: tuple[str, ...]  # their places are the numbers; of a switch false and true
     default: float
 
@@ -139,7 +139,7 @@ NOMINAL = {"initial_damping", "initial_stiffness", "initial_rate"}
 
 
 def _stated(number: Number) -> bool:
-    """Whether a scenario has a field for it: it does not follow from others."""
+    """True if a scenario has a field for it: it does not follow from others."""
     return number.settable != "never" and number.field not in NOMINAL
 
 
@@ -184,7 +184,7 @@ def _limits(number: Number) -> Mapping[str, Any]:
 
 @dataclass(frozen=True)
 class Channel:
-    """One variable of a run: how many columns it has, their units, and what it is."""
+    """One variable of a run: number of columns, their units, and its meaning."""
 
     name: str
     width: int
@@ -195,7 +195,7 @@ class Channel:
 
     @property
     def labels(self) -> list[str] | list[int]:
-        """What its columns are called."""
+        """Labels of its columns."""
         if self.dimension == "axis":
             return AXES
         return ENTRIES if self.dimension == "entry" else list(range(self.width))
@@ -221,16 +221,16 @@ DEVICE_CHANNELS = _channels(_core.device_channels)
 
 @lru_cache
 def reports(kind: str) -> tuple[tuple[Channel, ...], ...]:
-    """What the controllers of this kind report besides the force, each of its types."""
+    """Reports of the controllers of this kind, for each of its types."""
     return tuple(map(_channels, _core.reports_of_kind(KINDS.index(kind))))
 
 
 def reported(setup: _core.Setup) -> tuple[Channel, ...]:
-    """That of the controller of a run."""
+    """Reports of the controller of a run."""
     kind, chosen = _core.chosen_type(setup)
     return reports(KINDS[kind])[chosen]
 
 
 def lasting(setup: _core.Setup) -> tuple[Channel, ...]:
-    """Of it what is known between steps, too."""
+    """Reports that are also known between steps."""
     return tuple(channel for channel in reported(setup) if not channel.momentary)

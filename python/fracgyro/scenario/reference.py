@@ -122,7 +122,7 @@ def _recorded() -> Iterator[str]:
 
 
 def _reports(kind: str) -> Iterator[tuple[str, tuple[Channel, ...]]]:
-    """What controllers of this kind report, by the adaptations that they can have."""
+    """Reports of the controllers of this kind, by adaptation."""
     scenario = Scenario.paper().replace({"controller.kind": kind})
     choices = next((number.choices for number in numbers(kind) if number.path == "adaptation.kind"), ("",))
     for choice in choices:
@@ -140,12 +140,12 @@ def unit_of(unit: str) -> str:
 
 
 def escaped(text: str) -> str:
-    """What Markdown would take for emphasis or the end of a cell."""
+    """Text with Markdown's special characters escaped."""
     return text.replace("*", "\\*").replace("|", "\\|")
 
 
 def sentences_of(table: type[Table]) -> str:
-    """What the table is of, as its heading in the TOML says it."""
+    """Description of the table, the same as in the TOML."""
     return escaped(" ".join((table.__doc__ or "").split()))
 
 

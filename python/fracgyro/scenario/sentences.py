@@ -1,4 +1,4 @@
-"""What is said of bad input: one sentence that names the field, the value and what is allowed."""
+"""Messages for invalid input: one sentence with the field, the value and the allowed values."""
 
 from __future__ import annotations
 
@@ -54,10 +54,10 @@ def leaves(model: type[BaseModel]) -> dict[str, FieldInfo]:
 
 
 def unknown(path: str, model: type[BaseModel]) -> str:
-    """Guess, in this order: a neighbour misspelt, the same name in another table, a table misspelt."""
+    """Suggestion, in this order: a misspelled neighbor, the same name in another table, a misspelled table."""
     known = list(paths(model))
     parent, _, leaf = path.rpartition(".")
-    if "[" in parent:  # in a list of tables, which `known` does not list
+    if "[" in parent:  # `known` does not include lists of tables
         item = _item(parent, model)
         known = [f"{parent}.{name}" for name in item.model_fields] if item else []
     near = {name.rpartition(".")[2]: name for name in known if name.rpartition(".")[0] == parent}

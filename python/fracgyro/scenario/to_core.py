@@ -1,4 +1,4 @@
-"""From a scenario to what the compiled core takes: nondimensional numbers and the designed exponentials."""
+"""From a scenario to the compiled core: nondimensional numbers and the designed exponentials."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MIN_TOLERANCE = 1e-5  # of sensors and disturbance, nondimensional: rounding, an
 
 
 def only_laws(scenario: Scenario) -> bool:
-    """Whether the laws (44) are all that adapts."""
+    """True if only the laws (44) adapt."""
     return bool(scenario.adaptation.kind == "gradient" or not scenario.controller.adaptive)
 
 
@@ -139,7 +139,7 @@ def _drifts(scenario: Scenario) -> dict[str, float]:
 
 
 def natural_frequencies(scenario: Scenario) -> tuple[float, float]:
-    """The lower and the higher."""
+    """The lower and the higher resonance frequency."""
     xx, xy, yy = (float(entry) for entry in scenario.plant.nondimensional()[1])
     mean, half = xx / 2 + yy / 2, math.hypot(xx / 2 - yy / 2, xy)
     least, most = sys.float_info.min, sys.float_info.max  # what rounding leaves of them is still a frequency

@@ -22,7 +22,7 @@ class Powers(NamedTuple):
         return {name: power for name, power in found.items() if power}
 
 
-# The SI units that have a name of their own.
+# SI units with special names.
 NAMED = {
     Powers(0, 0, 0): "1",
     Powers(0, 0, -1): "s",

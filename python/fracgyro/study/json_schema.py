@@ -1,4 +1,4 @@
-"""JSON Schema of the files that people write, for editors: scenarios and the studies of `sweep` and `tune`.
+"""JSON Schema of scenario and study files, for editors.
 
 Draft 4, the newest in which 1.0 is not an integer, as in TOML. A schema says what each field takes; what fields mean
 together, as a definite stiffness or whole steps, only the software checks. TOML's inf is null to taplo and what builds
@@ -57,7 +57,7 @@ def schema(kind: Literal["scenario", "study", "tuning"]) -> Schema:
 
 
 class _Generator(GenerateJsonSchema):
-    """pydantic's own in draft 4, without what TOML does not have."""
+    """pydantic's generator for draft 4, without features that TOML lacks."""
 
     def field_title_should_be_set(self, schema: Any) -> bool:
         return False
@@ -105,14 +105,14 @@ def _draft_4(found: Schema) -> Schema:
 
 
 def _is_shown(default: Any) -> bool:
-    """Whether a default can be written in TOML and in JSON, and is not that of a whole table."""
+    """True if a default can be written in TOML and JSON, and is not a whole table."""
     if isinstance(default, list | tuple):
         return all(map(_is_shown, default))
     return default is not None and not isinstance(default, dict) and default != math.inf
 
 
 def _reference(field: str) -> str:
-    """Where the definition of a field of a scenario stands."""
+    """Reference to the definition of a field of a scenario."""
     model: Any = Scenario
     *tables, name = field.split(".")
     for table in tables:
@@ -121,7 +121,7 @@ def _reference(field: str) -> str:
 
 
 def _changes(model: type[BaseModel], leaf: Callable[[str], Schema], at: str = "") -> Schema:
-    """A table of fields by their dotted paths, whether these are written so, in quotes, or as nested tables."""
+    """A table of fields by their dotted paths: dotted keys, quoted keys or nested tables."""
     properties = {}
     for path in paths(model):
         inner: Any = model

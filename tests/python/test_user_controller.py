@@ -307,8 +307,8 @@ BAD_REPORTS: list[tuple[Callable[[float], Any], str]] = [
         lambda t: {"found": 1.0} if t < 0.1 else {"lost": 1.0},
         r"returned \{'lost': 1.0\} at t = 0.1: it must return the same",
     ),
-    (lambda t: {"position": 1.0}, r"^the controller reports position: that is the name of another channel"),
-    (lambda t: {"damping_estimate": 1.0}, r"^the controller reports damping_estimate: that is the name"),
+    (lambda t: {"position": 1.0}, r"^the controller reports position: it must not be the name of another channel"),
+    (lambda t: {"damping_estimate": 1.0}, r"^the controller reports damping_estimate: it must not be the name"),
 ]
 
 
@@ -440,7 +440,7 @@ def test_what_is_no_controller_is_refused(controller: Any) -> None:
 
 
 def test_single_precision_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"^single_precision is True with a controller"):
+    with pytest.raises(ValueError, match=r"^single_precision is True: it must be False with a controller"):
         fg.measure_many([SHORT], controller=pd, single_precision=True)
 
 
@@ -453,7 +453,7 @@ def test_a_law_with_other_parameters_is_another_law(compiled: ctypes.CDLL) -> No
     assert law.parameters == GAINS
     assert other.parameters == {"kp": 900.0, "kd": KD}
     assert not fg.simulate(SHORT, other)["control"].equals(fg.simulate(SHORT, law)["control"])
-    with pytest.raises(ValueError, match=r"^parameters kq is not a parameter of this law: it has kp, kd$"):
+    with pytest.raises(ValueError, match=r"^kq is not a parameter of this law: it has kp, kd$"):
         law.replace({"kq": 1.0})
 
 
@@ -477,9 +477,9 @@ def _laws() -> Iterator[tuple[Callable[[], Any], type[Exception], str]]:
             fg.native.Law(1, 0, {}, ["velocity"]).reports and fg.simulate(SHORT, fg.native.Law(1, 0, {}, ["velocity"]))
         ),
         (ValueError),
-        "^the controller reports velocity: that is the name of another",
+        "^the controller reports velocity: it must not be the name of another",
     )
-    yield lambda: pickle.dumps(fg.native.Law(1)), TypeError, "^a Law cannot be pickled: the address of its function"
+    yield lambda: pickle.dumps(fg.native.Law(1)), TypeError, "^a Law cannot be pickled: its function's address"
 
 
 @pytest.mark.parametrize(("make", "error", "sentence"), list(_laws()))
@@ -559,8 +559,8 @@ def test_no_run_begins_with_what_another_has_learned(make: Callable[[], Any]) ->
 
 def test_a_callable_that_keeps_what_it_learned_and_has_no_copy_runs_only_once() -> None:
     sentence = (
-        r"^controller is Uncopied: it may be run only once, as it cannot be copied \(TypeError: there is only one of "
-        r"it\) and would begin each run with what it learned in the one before; give it a method reset\(scenario\)"
+        r"^controller is Uncopied: it can run only once, as it cannot be copied \(TypeError: there is only one of "
+        r"it\) and would start a run with the state of the previous one; give it a method reset\(scenario\)"
     )
     fg.simulate(SHORT, Uncopied())
     for call in (fg.simulate_many, fg.measure_many):
@@ -585,7 +585,7 @@ def test_a_run_that_diverges_blames_the_clock_and_the_gains_of_the_controller() 
         fg.simulate(si, controller=lambda s: tuple(1e3 * np.array(s.position)))
     assert re.fullmatch(
         r"the run diverged at t = 0\.000\d+: the gains of <lambda> are too large for run\.step, which is 0\.001, or it "
-        r"computes with another time between samples than 1e-06 s; try run\.step = 0\.0005 or less, or smaller gains",
+        r"assumes another sampling time than 1e-06 s; try run\.step = 0\.0005 or less, or smaller gains",
         str(said.value),
     )
 
@@ -593,5 +593,5 @@ def test_a_run_that_diverges_blames_the_clock_and_the_gains_of_the_controller() 
 @pytest.mark.parametrize("name", ["", "a/b", " a", "a\n", "."])
 def test_a_name_that_no_file_can_have_is_refused(name: str, compiled: ctypes.CDLL) -> None:
     for controller in (Sensing(lambda time: {name: 1.0}), fg.native.Law(compiled.pd, 1, GAINS, [name])):
-        with pytest.raises(ValueError, match=r"^the controller reports '.*': a name must be printable, without / and"):
+        with pytest.raises(ValueError, match=r"^the controller reports '.*': a name must be printable, without / or"):
             fg.simulate(SHORT, controller)
