@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from fracgyro import _core
 from fracgyro.export.compilers import compiler
-from fracgyro.export.parity import IN_FIXED, PUBLISHED, SCENARIO
+from fracgyro.export.parity import PUBLISHED, SCENARIO
 from fracgyro.export.replay import Difference, first_difference, load, parity_hash
 from fracgyro.export.targets import AnyNumber, answer_columns, answers, expected, target_named
 from fracgyro.simulation.dataset import write_run

@@ -103,7 +103,12 @@ for name, scenario in KINDS.items():
     for number in ("float", "double"):
         keep(f"header, {name}, {number}", coefficients_header(scenario, number))
     keep(f"TOML, {name}", scenario.to_toml(), scenario.content_hash())
-    keep(f"numbers, {name}", list(core_numbers(scenario).values()), *core_kernel(scenario), [*device_numbers(scenario).values()])
+    keep(
+        f"numbers, {name}",
+        list(core_numbers(scenario).values()),
+        *core_kernel(scenario),
+        [*device_numbers(scenario).values()],
+    )
 
 for single in (False, True):
     chosen = [scenario for name, scenario in KINDS.items() if name != "composite"]

@@ -18,8 +18,6 @@ from fracgyro.rate.allan import allan
 from fracgyro.scenario import Scenario, ScenarioError
 from fracgyro.scenario.kinds import DEVICE_CHANNELS
 from fracgyro.scenario.to_core import core_setup
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 from scipy.signal import periodogram
 

@@ -335,7 +335,11 @@ def test_rooms_import_only_rooms_below(place: str) -> None:
     assert [(mine, theirs) for mine, theirs in found if mine != theirs and floor[theirs] >= floor[mine]] == []
 
 
-SCRIPTS = [path for folder in ("benchmarks", "fpga/benchmarks", "lab", "lab/article") for path in sorted((ROOT / folder).glob("*.py"))]
+SCRIPTS = [
+    path
+    for folder in ("benchmarks", "fpga/benchmarks", "lab", "lab/article")
+    for path in sorted((ROOT / folder).glob("*.py"))
+]
 
 
 @pytest.mark.parametrize("path", SCRIPTS, ids=name)

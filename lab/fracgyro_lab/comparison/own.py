@@ -13,7 +13,7 @@ from fracgyro.files import read_input, reason
 from fracgyro.scenario import ScenarioError
 from fracgyro.scenario.table import shown
 from fracgyro.simulation.native import Law
-from fracgyro.simulation.outside import ControllerLike
+from fracgyro.simulation.user_controller import ControllerLike
 
 from .contender import Contender, Gain
 from .task import Task

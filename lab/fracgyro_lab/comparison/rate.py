@@ -13,7 +13,7 @@ from fracgyro.rate.units import DEG_PER_H, DEG_PER_S
 from fracgyro.scenario import Scenario, ScenarioError
 from fracgyro.scenario.shipped import shipped
 from fracgyro.scenario.table import shown
-from fracgyro.simulation.outside import ControllerLike
+from fracgyro.simulation.user_controller import ControllerLike
 from fracgyro.study.tune.criteria import Constraint, Measured, Objective
 
 from .contender import Contender

@@ -13,7 +13,7 @@ from fracgyro.analysis.confidence import Mean, mean_interval
 from fracgyro.scenario import Scenario, ScenarioError
 from fracgyro.scenario.kinds import having
 from fracgyro.scenario.table import shown
-from fracgyro.simulation.outside import ControllerLike
+from fracgyro.simulation.user_controller import ControllerLike
 from fracgyro.study.tune.criteria import Constraint, Measured, Objective
 from numpy.typing import NDArray
 

@@ -10,7 +10,7 @@ import numpy as np
 from fracgyro.analysis.metric_names import METRICS
 from fracgyro.analysis.metrics import TRANSIENT
 from fracgyro.scenario import Scenario
-from fracgyro.simulation.outside import ControllerLike
+from fracgyro.simulation.user_controller import ControllerLike
 from fracgyro.study.tune.criteria import Constraint, Measured, Objective, measure
 
 from .task import DEG, Changes, Task, Values, checked, drifting, late, other_noise, other_plants

@@ -14,7 +14,7 @@ import click
 from ..extras import MissingExtraError
 from ..files import one_line, reason
 from .bugs import bug, foreseen
-from .commands import Commands, help_alone
+from .commands import Commands, help_without_command
 from .editors import schema_command
 from .export import export, replay
 from .rate import allan_command, rate

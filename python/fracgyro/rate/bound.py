@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 
 from ..scenario import Scenario
 from ..scenario.to_core import device_values
-from ..simulation.outside import ControllerLike, units
 from ..simulation.simulate import simulate
 from ..simulation.user_controller import ControllerLike, units
 from .innovation import Noise, Plant, information_of_motion

@@ -21,7 +21,7 @@ from ..scenario.units import si_unit
 from .user_controller import UserController
 
 VERSION = version("fracgyro")
-MAX_KEPT = 10**6  # samples of a run whose coordinates are kept for the next one
+MAX_CACHED = 10**6  # samples of a run whose coordinates are kept for the next one
 
 
 def time_scale(scenario: Scenario) -> float:
