@@ -14,6 +14,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 INCLUDE = ROOT / "include"
+PACKAGES = {"fracgyro": ROOT / "python/fracgyro", "fracgyro_fpga": ROOT / "fpga/fracgyro_fpga"}
 # The folders of include/fracgyro: each may include itself and those before it.
 LAYERS = ["core", "control", "plant", "sim"]
 
@@ -138,7 +139,7 @@ def test_an_integration_includes_the_headers_itself_and_the_standard_it_speaks(p
 
 
 @pytest.mark.parametrize("path", sources("fpga"), ids=name)
-def test_the_room_of_hardware_includes_the_headers_itself_and_what_simulates_it(path: Path) -> None:
+def test_exported_hardware_includes_the_headers_itself_and_what_simulates_it(path: Path) -> None:
     for bracket, header in includes(path):
         if bracket == "<":
             assert is_standard(header)
@@ -181,53 +182,56 @@ def imported(path: Path) -> set[str]:
     return found
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "python").rglob("*.py")), ids=name)
-def test_the_package_imports_nothing_that_is_not_installed_with_it(path: Path) -> None:
+@pytest.mark.parametrize("path", sorted(p for at in PACKAGES.values() for p in at.rglob("*.py")), ids=name)
+def test_a_package_imports_nothing_that_is_not_installed_with_it(path: Path) -> None:
     assert not imported(path) & {"tests", "benchmarks", "pytest", "hypothesis", "mpmath", "numba", "conftest"}
 
 
-# Rooms of their own, each a package in a folder: they import the library, and nothing of it or of another imports them.
-APART = {"fracgyro_fpga": "fpga"}
-OF_THE_LIBRARY = sorted(path for ending in ("py", "pyi") for path in (ROOT / "python").rglob(f"*.{ending}"))
+@pytest.mark.parametrize("of", PACKAGES)
+def test_of_our_packages_only_the_library_is_imported_by_another(of: str) -> None:
+    paths = [path for ending in ("py", "pyi") for path in PACKAGES[of].rglob(f"*.{ending}")]
+    ours = {each for path in paths for each in imported(path) if each.partition("_")[0] == "fracgyro"}
+    assert ours <= {"fracgyro", of}
 
 
-@pytest.mark.parametrize("path", OF_THE_LIBRARY, ids=name)
-def test_the_library_imports_no_room_of_its_own(path: Path) -> None:
-    assert not imported(path) & set(APART)
-
-
-@pytest.mark.parametrize("room", APART)
-def test_a_room_of_its_own_imports_the_library_and_no_other_room(room: str) -> None:
-    found = set().union(*(imported(path) for path in (ROOT / APART[room]).rglob("*.py")))
-    assert "fracgyro" in found
-    assert not found & set(APART) - {room}
-
-
-# The rooms of the Python package from the ground up. A room imports itself and what stands in lines before its own.
-ROOMS = [
+# The rooms of each package from the ground up, and of a room that has rooms within it. A room imports itself and rooms
+# of the lines before its own; "" is the package or the room itself: its __init__ and its stub.
+LIBRARY = [
     ["_core", "files", "arguments", "extras"],
     ["fractional"],
     ["scenario"],
     ["simulation"],
     ["analysis"],
     ["export", "interop", "paper", "rate", "study"],
-    ["study.sweep", "study.tune"],
-    ["the door of study"],
     ["cite", "compare", "json_schema", "parity", "study_files"],
     ["cli"],
-    ["", "__main__"],  # what `import fracgyro` and `python -m fracgyro` run
+    ["", "__main__"],
 ]
+STUDY = [
+    ["cluster", "controller", "folder", "sums"],
+    ["space"],
+    ["file"],
+    ["sweep", "tune"],
+    [""],
+]
+FPGA = [
+    ["arithmetic"],
+    ["graph"],
+    ["desk", "interpreter", "routines"],
+    ["schedule"],
+    ["microcode"],
+    ["proof", "template"],
+    ["folder"],
+    ["", "command", "target"],
+]
+ROOMS = {"fracgyro": LIBRARY, "fracgyro.study": STUDY, "fracgyro_fpga": FPGA}
 
 
-# What a room's own __init__ offers of rooms within it.
-DOORS = {"study": "the door of study"}
-
-
-def package(name: str = "fracgyro", folder: str = "python") -> dict[str, set[str]]:
-    """The modules of the package that each of its modules imports, a package's own by the package's name."""
-    paths = {"_core": ROOT / "python/fracgyro/_core.pyi"} if name == "fracgyro" else {}
-    for path in sorted((ROOT / folder / name).rglob("*.py")):
-        parts = path.relative_to(ROOT / folder / name).with_suffix("").parts
+def package(name: str) -> dict[str, set[str]]:
+    """The modules that each module of a package imports from it; an __init__ has the name of its package."""
+    paths = {"_core": PACKAGES[name] / "_core.pyi"} if name == "fracgyro" else {}
+    for path in sorted(PACKAGES[name].rglob("*.py")):
+        parts = path.relative_to(PACKAGES[name]).with_suffix("").parts
         paths[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
     found = {}
     for module, path in paths.items():
@@ -262,12 +266,17 @@ def imported_of(text: str, module: str, is_package: bool, known: set[str], packa
     return found
 
 
-def room_of(module: str) -> str:
-    """The room that is named most exactly; a door is outside of its room."""
-    if module in DOORS:
-        return DOORS[module]
-    rooms = [room for line in ROOMS for room in line]
-    return max((room for room in rooms if room and f"{module}.".startswith(f"{room}.")), key=len, default=module)
+def arrows(place: str) -> set[tuple[str, str]]:
+    """(room, room that it imports) for each import within a package or within a room."""
+    name, _, room = place.partition(".")
+    inside = f"{room}." if room else ""
+    found = set()
+    for module, targets in package(name).items():
+        for target in targets:
+            if all(f"{each}.".startswith(inside) for each in (module, target)):
+                mine, theirs = (f"{each}.".removeprefix(inside).partition(".")[0] for each in (module, target))
+                found.add((mine, theirs))
+    return found
 
 
 def circle(modules: Mapping[str, set[str]]) -> list[str]:
@@ -299,31 +308,30 @@ def late():
     assert imported_of("from .allan import a", "rate.bound", False, {"rate.allan"}) == {"rate.allan"}
 
 
-def test_no_modules_of_the_package_import_one_another_in_a_circle() -> None:
+def test_no_modules_of_a_package_import_one_another_in_a_circle() -> None:
     assert circle({"a": {"b"}, "b": {"c"}, "c": {"a"}})
-    modules = package()
+    modules = package("fracgyro")
     assert "analysis.metrics" in modules["cli.simulate"], "the imports are not read"
     assert "study.sweep.run" in modules["study"], "the stubs are not read"
-    assert circle(modules) == []
-    for room, folder in APART.items():
-        modules = package(room, folder)
-        assert set().union(*modules.values()) <= set(modules)
-        assert circle(modules) == []
+    assert "schedule" in package("fracgyro_fpga")["folder"]
+    assert [circle(package(name)) for name in PACKAGES] == [[] for _ in PACKAGES]
 
 
-def test_rooms_of_the_package_import_only_rooms_below() -> None:
-    floor = {room: level for level, line in enumerate(ROOMS) for room in line}
-    for module, targets in package().items():
-        for target in targets:
-            mine, theirs = room_of(module), room_of(target)
-            assert mine in floor, f"{mine} is not one of ROOMS"
-            assert mine == theirs or floor[theirs] < floor[mine], f"{module} imports {target}"
+@pytest.mark.parametrize("place", ROOMS)
+def test_rooms_import_only_rooms_below(place: str) -> None:
+    floor = {room: level for level, line in enumerate(ROOMS[place]) for room in line}
+    found = sorted(arrows(place))
+    assert {room for arrow in found for room in arrow} == floor.keys()
+    assert [(mine, theirs) for mine, theirs in found if mine != theirs and floor[theirs] >= floor[mine]] == []
 
 
-@pytest.mark.parametrize("path", sorted([*ROOT.glob("benchmarks/*.py"), *ROOT.glob("*/benchmarks/*.py")]), ids=name)
-def test_a_benchmark_imports_what_the_package_has(path: Path) -> None:
+SCRIPTS = [path for folder in ("benchmarks", "fpga/benchmarks") for path in sorted((ROOT / folder).glob("*.py"))]
+
+
+@pytest.mark.parametrize("path", SCRIPTS, ids=name)
+def test_a_script_imports_what_the_packages_have(path: Path) -> None:
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.ImportFrom) and str(node.module).partition(".")[0] in {"fracgyro", *APART}:
+        if isinstance(node, ast.ImportFrom) and str(node.module).partition(".")[0] in PACKAGES:
             module = importlib.import_module(str(node.module))
             for alias in node.names:
                 there = hasattr(module, alias.name) or find_spec(f"{node.module}.{alias.name}")
@@ -333,8 +341,11 @@ def test_a_benchmark_imports_what_the_package_has(path: Path) -> None:
 def test_the_version_is_typed_once() -> None:
     version = re.search(r'^version = "([^"]+)"', (ROOT / "pyproject.toml").read_text(), re.MULTILINE)
     assert version
-    code_files = [ROOT / "CMakeLists.txt", ROOT / "Makefile", *sorted((ROOT / "python").rglob("*.py"))]
-    code_files += [path for folder in APART.values() for path in sorted((ROOT / folder).rglob("*.py"))]
+    code_files = [
+        ROOT / "CMakeLists.txt",
+        ROOT / "Makefile",
+        *(p for at in PACKAGES.values() for p in sorted(at.rglob("*.py"))),
+    ]
     code_files += [path for folder in ("include", "bindings") for path in sources(folder)]
     for path in code_files:
         assert version[1] not in path.read_text(encoding="utf-8"), name(path)
