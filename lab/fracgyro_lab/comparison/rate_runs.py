@@ -12,8 +12,8 @@ from fracgyro.rate.innovation import Plant
 from fracgyro.rate.merit import gain_and_lag, turn_on_time
 from fracgyro.rate.units import DEG_PER_H, DEG_PER_ROOT_H, DEG_PER_S
 from fracgyro.scenario import Scenario
-from fracgyro.simulation.user_controller import ControllerLike
 from fracgyro.simulation.rate_means import rate_means
+from fracgyro.simulation.user_controller import ControllerLike
 from numpy.typing import NDArray
 
 Values = NDArray[np.float64]
