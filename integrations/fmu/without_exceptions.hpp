@@ -1,6 +1,6 @@
-// What std::vector calls of the C++ library, in terms of C. GNU's own functions throw: linked in, they bring what unwinds
-// and prints exceptions, which needs a C library of the year of the compiler. LLVM's library would be compiled for each
-// system that zig links for, which takes minutes. Nothing here is compiled to catch any exception.
+// Functions of the C++ library that std::vector calls, in terms of C. GNU's own throw: linked in, they bring code that
+// unwinds and prints exceptions, which needs a C library of the year of the compiler. LLVM's library would be compiled
+// for each system that zig links for, which takes minutes. Nothing here is compiled to catch any exception.
 #pragma once
 
 #include <cstddef>

@@ -1,7 +1,7 @@
 // Marks a function of which one copy is compiled for processors with AVX2 and one for all others; the right one is
 // chosen when the program starts. A third one for AVX-512 brought 4 % and took a third of the time to compile.
-// Contraction is off, so all compute the same bits. Everything the function calls is inlined into it, since only then is
-// that compiled for the same processor.
+// Contraction is off, so all compute the same bits. Everything that the function calls is inlined into it, since only
+// then is that compiled for the same processor.
 #pragma once
 
 #include <cstddef>  // says whether this is glibc, which target_clones needs
