@@ -32,7 +32,7 @@ from fracgyro.scenario.to_core import core_setup, datasheet
 from machine import command, machine, write
 from sources import digest
 
-LOGS = {"soak": ["sliding_mode", "composite"], "soak_joint": ["joint"]}
+LOGS = {"soak": ["sliding_mode", "composite"], "soak_joint": ["sliding_mode", "joint"]}
 
 HERE = Path(__file__).parent
 STEPS, MAX_STEPS = 10**8, 10**9
