@@ -137,7 +137,14 @@ def test_every_link_within_the_site_leads_somewhere(site: Path) -> None:
 # -- In a browser --------------------------------------------------------------------------------------------
 
 WIDE = "Math.max(document.scrollingElement.scrollWidth, document.querySelector('article').scrollWidth)"
-LOOKED_AT = ["index", "tour/1-simulate", "gallery/index", "reference/scenario", "reference/python/runs"]
+LOOKED_AT = [
+    "index",
+    "tour/1-simulate",
+    "gallery/index",
+    "reference/scenario",
+    "reference/python/runs",
+    "controllers/linear",
+]
 
 
 @pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 360)])
