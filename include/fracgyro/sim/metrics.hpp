@@ -54,8 +54,8 @@ struct Metrics {
 };
 inline constexpr std::size_t metrics_width = width_of<Metrics>();
 
-// What a metric needs of every sample, for one run or, in lanes, for several: over a stretch of samples, short enough
-// for sums in single precision, after which MetricsTotals takes it.
+// Sums for the metrics, of one run or, in lanes, of several: over a segment of samples, short enough for sums in single
+// precision, which MetricsTotals then adds up.
 template <Scalar T>
 struct MetricsSums {
     T error_bound_squared{}, surface_bound_squared{}, rate{}, rate_bound{}, force_limit{};  // set once
@@ -73,7 +73,8 @@ struct MetricsSums {
     void add(const Signals<T, Report>& at) {
         add(at, at.report);
     }
-    // With what is reported elsewhere. Sums of what no report has stay as they are, and their metrics are NaN.
+    // Adds a sample with a report from elsewhere. Sums of values that no report has stay unchanged, and their metrics
+    // are NaN.
     template <class Some, class Report>
     void add(const Signals<T, Some>& at, const Report& report) {
         Stretch& s = stretch;
@@ -90,7 +91,7 @@ struct MetricsSums {
             s.peak_rate_error = maximum(s.peak_rate_error, off);
             s.rate_squares = s.rate_squares + off * off;
         }
-        // Second differences see what flips from sample to sample and not what is smooth.
+        // Second differences respond to changes from sample to sample and not to smooth signals.
         const Vec2<T> difference = (u - past[0]) - (past[0] - past[1]);
         s.bend = s.bend + difference * difference;
         s.force = s.force + u * u;
@@ -102,7 +103,7 @@ struct MetricsSums {
     }
 };
 
-// One run's, as `number` takes it out of a scalar.
+// Sums of one run, as `number` extracts them from a scalar.
 template <class T, class Number>
 typename MetricsSums<double>::Stretch stretch_of(const typename MetricsSums<T>::Stretch& s, Number&& number) {
     const auto vec2 = [&](const Vec2<T>& a) { return Vec2<double>{number(a.x()), number(a.y())}; };
@@ -119,18 +120,18 @@ typename MetricsSums<double>::Stretch stretch_of(const typename MetricsSums<T>::
             .saturated = number(s.saturated)};
 }
 
-// The same of a whole run.
+// Totals of a whole run.
 struct MetricsTotals {
     struct Window {
         Vec2<double> squares{}, force{};
     } transient{}, steady{};
     Vec2<double> bend{};        // from the third sample of the steady window on
-    double rate_squares = 0.0;  // of the steady window
+    double rate_squares = 0.0;  // over the steady window
     std::int64_t error_outside = -1, surface_outside = -1, rate_outside = -1;
     double peak_rate_error = 0.0, largest_force = 0.0, saturated = 0.0;
 
-    // A stretch from sample `first` on, which lies within one window; `steady_from` is the first sample of the steady
-    // one.
+    // Adds a segment from sample `first` on, which is within one window; `steady_from` is the first sample of the
+    // steady one.
     void add(const MetricsSums<double>::Stretch& s, std::int64_t first, std::int64_t steady_from) {
         Window& window = first < steady_from ? transient : steady;
         window.squares = window.squares + s.squares;
@@ -155,7 +156,7 @@ struct MetricsTotals {
     }
 };
 
-// The first sample that is not in the transient window; steps + 1 where all are.
+// The first sample after the transient window; steps + 1 if there is none.
 template <class Params>
 std::int64_t first_steady_sample(const MetricsParams& p, const SetupOf<Params>& setup) {
     const double h = setup.common.step;
@@ -170,7 +171,7 @@ std::int64_t first_steady_sample(const MetricsParams& p, const SetupOf<Params>& 
 
 inline constexpr std::size_t longest_stretch = 64;  // samples
 
-// Where the stretch from sample `first` on ends: where a window does, and before the samples whose estimates count.
+// End of the segment from sample `first` on: the end of a window, or the first sample whose estimates count.
 template <class Params>
 std::int64_t end_of_stretch(std::int64_t first, std::int64_t steady_from, const SetupOf<Params>& setup) {
     std::int64_t end = std::min(first + static_cast<std::int64_t>(longest_stretch), setup.steps + 1);
@@ -189,7 +190,7 @@ struct CommonReport {
     std::array<double, 3> bound{nan, nan, nan};
     bool has_rate = false, has_surface = false;
 
-    // `number`: one of a scalar of the report.
+    // `number` extracts one number from a scalar of the report.
     template <class Report, class Number>
     static CommonReport of(const Report& r, Number&& number) {
         CommonReport last;
@@ -222,7 +223,7 @@ Metrics metric_values(const MetricsParams& params, const SetupOf<Params>& setup,
     const double h = setup.common.step;
     const std::int64_t early = std::min(samples, first_steady_sample(params, setup));
     const auto count = [](std::int64_t n) { return static_cast<double>(n); };
-    const auto ratio = [](double a, double b) {  // as IEEE 754 has it, without dividing by zero
+    const auto ratio = [](double a, double b) {  // IEEE 754 quotient, without dividing by zero
         return b != 0.0 ? a / b : a > 0.0 ? std::numeric_limits<double>::infinity() : nan;
     };
     const auto rms = [&](const Vec2<double>& sum, double n) {  // NaN: an empty window
@@ -237,7 +238,7 @@ Metrics metric_values(const MetricsParams& params, const SetupOf<Params>& setup,
         return late > 2 ? std::sqrt(ratio(bend / (late - 2), force / late)) : nan;
     };
     const auto settled = [&](std::int64_t outside) { return outside < samples - 1 ? count(outside + 1) * h : nan; };
-    // Frobenius norm of the error over that of the truth.
+    // Frobenius norm of the error over the norm of the true value.
     const auto relative = [&](const Sym2<double>& estimate, const Sym2<double>& truth) {
         const auto square = [](const Sym2<double>& a) {
             return a.xx() * a.xx() + 2.0 * a.xy() * a.xy() + a.yy() * a.yy();
@@ -303,7 +304,7 @@ Metrics measure_stretches(const SetupOf<Params>& setup, const MetricsParams& par
         totals.add(stretch_of<T>(sums.stretch, number), first, steady_from);
         sums.stretch = {};
     }
-    if (state.step < samples) {  // diverged: what was known after its last sample
+    if (state.step < samples) {  // diverged: values known after its last sample
         last = reported();
     }
     return metric_values(params, setup, totals, last, (state.step <= half ? last : halfway).bound[0], state.step);
