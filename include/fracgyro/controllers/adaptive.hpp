@@ -49,9 +49,9 @@ struct Adaptive {
         return {.position = r.position + e.value, .velocity = r.velocity + e.derivative};
     }
 
-    // `learnt_from` replaces s in the laws; it is 0 if the force limit stops them from learning.
-    static void learn(State& state, const Coefficients& c, const Motion<T>& motion, const Vec2<T>& learnt_from) {
-        Laws::update(state.adaptation, c.adaptation, motion, learnt_from, norms_of(motion, learnt_from));
+    // `learned_from` replaces s in the laws; it is 0 if the force limit stops them from learning.
+    static void learn(State& state, const Coefficients& c, const Motion<T>& motion, const Vec2<T>& learned_from) {
+        Laws::update(state.adaptation, c.adaptation, motion, learned_from, norms_of(motion, learned_from));
     }
 };
 

@@ -113,8 +113,8 @@ struct SlidingModeController {
         } else if constexpr (requires { AdaptationType::start_over(state.adaptation); }) {
             AdaptationType::start_over(state.adaptation);
         } else {
-            static constexpr typename AdaptationType::State nothing_learnt{};
-            state.adaptation = nothing_learnt;
+            static constexpr typename AdaptationType::State nothing_learned{};
+            state.adaptation = nothing_learned;
         }
     }
 
@@ -141,12 +141,12 @@ struct SlidingModeController {
         Norms<T> norms = norms_of(motion, surface.s);
         const auto& estimates = control_estimates(state, c, signals.report);
         signals.force = Switching<T>::force(c.control, estimates, motion, signals.reference, surface, norms);  // 4
-        Vec2<T> learnt_from = surface.s;
+        Vec2<T> learned_from = surface.s;
         if (c.saturation.limited) {
             // The laws move the force against s.
             const Vec2<T> wanted = signals.force;
             const T active = Saturation<T>::apply(signals, c.saturation, wanted, surface.s);
-            learnt_from = active * surface.s;
+            learned_from = active * surface.s;
             norms.surface = active * norms.surface;
         }
         SurfaceType::advance(state.surface, c.surface, error);
@@ -154,7 +154,7 @@ struct SlidingModeController {
             const Vec2<T>& acts = missing == nullptr ? signals.force : state.adaptation.force;
             AdaptationType::Filter::predict(state.adaptation, c.adaptation.filter, r, acts, missing == nullptr);
         } else if (missing == nullptr) {
-            AdaptationType::update(state.adaptation, c.adaptation, motion, learnt_from, norms, signals.force);
+            AdaptationType::update(state.adaptation, c.adaptation, motion, learned_from, norms, signals.force);
         } else {
             AdaptationType::rest(state.adaptation);
         }

@@ -134,10 +134,10 @@ struct CompositeAdaptation {
     static void rest(State& state) { state.measured = false; }
     // Drops the estimates but keeps the noise variance: a lasting fault would otherwise be mistaken for noise.
     static void start_over(State& state) {
-        static constexpr State nothing_learnt{};
+        static constexpr State nothing_learned{};
         const typename Agreement::Known before = state.agreement.before;
         const T doubted = known(state);
-        state = nothing_learnt;
+        state = nothing_learned;
         state.agreement.before = before;
         Agreement::doubt(state.agreement, doubted);
     }

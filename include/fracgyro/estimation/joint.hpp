@@ -75,11 +75,11 @@ struct JointFilter {
         typename Agreement::State agreement{};
         std::uint32_t steps = 0, spans = 0;
         std::int32_t slot = 0;  // step of the span
-        bool started = false, learnt = false;
+        bool started = false, learned = false;
     };
 
     static bool sound(const State& state, const Coefficients& c) {
-        return fracgyro::sound(state.started) && fracgyro::sound(state.learnt) && state.slot >= 0 &&
+        return fracgyro::sound(state.started) && fracgyro::sound(state.learned) && state.slot >= 0 &&
                state.slot < c.slots;
     }
 
@@ -103,7 +103,7 @@ struct JointFilter {
         T good = if_less(p, T(largest_inflation) * state.covariance.d_factor[rate], T(1.0), no);
         good = if_less(p, T(largest_share) * c.prior.plant[0], good, no);
         good = good * Agreement::sound(state.agreement, c.consistency);
-        return state.learnt ? good : no;
+        return state.learned ? good : no;
     }
     static T refused(const State& state) { return Agreement::refused(state.agreement); }
 
@@ -111,7 +111,7 @@ struct JointFilter {
     static void start_over(State& state, bool keep_estimates) {
         state.started = false;
         if (!keep_estimates) {
-            state.learnt = false;
+            state.learned = false;
             state.plant = {};
             state.agreement = {};
         }
@@ -169,7 +169,7 @@ struct JointFilter {
         }
         ++state.steps;
         state.force = asked;
-        if (state.learnt && !state.started) {  // the motion was lost, and with it the agreement
+        if (state.learned && !state.started) {  // the motion was lost, and with it the agreement
             Agreement::doubt(state.agreement, T(1.0));
         }
         if (++state.slot >= c.slots) {
@@ -254,7 +254,7 @@ private:
         state.precision = {};  // any value may follow
         state.slot = c.slots - 1;
         state.sum = {};
-        state.started = state.learnt = true;
+        state.started = state.learned = true;
     }
 
     // True if a task belongs to this step: they are divided among the steps of a span, in their order.

@@ -61,7 +61,7 @@ inline Metrics measure_any_ideal(const Setup& setup, AnyController<double>& cont
                                  FillNoise noise) {
     Metrics values{};
     with_erased(controller, setup.common, [&]<class C>() {
-        values = measure_stretches<C>(
+        values = measure_segments<C>(
             erased_setup({setup}, controller), params, noise, [&](const auto&) { return controller.common_report(); },
             [&](const auto&, const auto&) { return controller.common_report_between_steps(); });
     });
@@ -89,8 +89,8 @@ inline Metrics measure_any(const DeviceSetup& setup, AnyController<double>& cont
         last = controller.common_report();
         sums.rate = at.rate;
         sums.add(at.signals, last);
-        totals.add(sums.stretch, at.step, steady_from);
-        sums.stretch = {};
+        totals.add(sums.segment, at.step, steady_from);
+        sums.segment = {};
         bound_halfway = at.step <= setup.steps / 2 ? last.bound[0] : bound_halfway;
         at_end.plant.rate = at.rate;
         at_end.plant.stiffness =

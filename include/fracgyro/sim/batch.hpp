@@ -137,7 +137,7 @@ public:
         while (n_ < samples_ && any_alive()) {
             // A segment continues when a run diverges: the others must not be affected.
             first_ = n_;
-            const std::int64_t end = end_of_stretch(first_, steady_from_, *runs_[0]);
+            const std::int64_t end = end_of_segment(first_, steady_from_, *runs_[0]);
             report_at_start();
             draw(static_cast<std::size_t>(end - first_));
             while (n_ < end && any_alive()) {
@@ -149,7 +149,7 @@ public:
             for (std::size_t k = 0; k < count; ++k) {
                 gather(k);
             }
-            block_->sums.stretch = {};
+            block_->sums.segment = {};
         }
         for (std::size_t k = 0; k < count; ++k) {
             if (alive_[k]) {
@@ -204,20 +204,20 @@ private:
 
     // Draws the disturbance of the coming segment.
     void draw(std::size_t length) {
-        const auto stretch = std::span(coming_).first(length);
+        const auto segment = std::span(coming_).first(length);
         if (shared_ && !drawn_.empty()) {
             kernels_.spread(drawn_.subspan(static_cast<std::size_t>(first_), length), block_->disturbance);
         } else if (shared_) {
-            disturbances_[0].fill(first_, stretch);
-            kernels_.spread(stretch, block_->disturbance);
+            disturbances_[0].fill(first_, segment);
+            kernels_.spread(segment, block_->disturbance);
         } else if (noise_) {
             kernels_.fill_lanes(*noise_, first_, std::span(block_->disturbance).first(length));
         } else {
             for (std::size_t k = 0; k < count; ++k) {
-                disturbances_[k].fill(first_, stretch);
+                disturbances_[k].fill(first_, segment);
                 for (std::size_t i = 0; i < length; ++i) {
-                    block_->disturbance[i].first.lane[k] = static_cast<Number>(stretch[i].x());
-                    block_->disturbance[i].second.lane[k] = static_cast<Number>(stretch[i].y());
+                    block_->disturbance[i].first.lane[k] = static_cast<Number>(segment[i].x());
+                    block_->disturbance[i].second.lane[k] = static_cast<Number>(segment[i].y());
                 }
             }
         }
@@ -225,7 +225,7 @@ private:
 
     void gather(std::size_t k) {
         const auto number = [k](const T& a) { return static_cast<double>(a.lane[k]); };
-        totals_[k].add(stretch_of<T>(block_->sums.stretch, number), first_, steady_from_);
+        totals_[k].add(segment_of<T>(block_->sums.segment, number), first_, steady_from_);
     }
     void end_lane(std::size_t k) {
         *values_[k] = metric_values(params_, *runs_[k], totals_[k], report_[k],
@@ -261,7 +261,7 @@ private:
     std::array<DisturbanceParams, count> noises_{};
     bool shared_ = false;
     std::optional<LaneNoise<count>> noise_;
-    std::array<Vec2<double>, longest_stretch> coming_{};
+    std::array<Vec2<double>, longest_segment> coming_{};
 
     std::array<bool, count> alive_{};
     std::array<MetricsTotals, count> totals_{};

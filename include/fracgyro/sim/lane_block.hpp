@@ -13,7 +13,7 @@ struct BlockOf {
     Motion<T> motion{};
     MetricsSums<T> sums{};
     T alive = T(1.0);                                    // 0 once the motion has diverged
-    std::array<Vec2<T>, longest_stretch> disturbance{};  // for the coming segment
+    std::array<Vec2<T>, longest_segment> disturbance{};  // for the coming segment
 };
 template <Controller C>
 struct Block final : BlockOf<typename C::Value> {
