@@ -17,7 +17,7 @@ namespace fracgyro::bindings {
 
 namespace {
 
-// Doubles in a register, by the kinds of processor that this one can stand in for, the fastest last.
+// Doubles per register, for the kinds of processor whose code this one can run, fastest last.
 std::vector<std::size_t> lane_counts() {
     std::vector<std::size_t> counts{2};
 #ifdef FRACGYRO_LANES_X86
@@ -33,7 +33,7 @@ std::vector<std::size_t> lane_counts() {
 
 using Setups = std::vector<const DeviceSetup*>;
 
-// The controllers of runs: users', one for each, or if there are none those of the setups, made when a run begins.
+// Controllers of runs: users' controllers, one for each run, or else the setups' own, made when a run begins.
 class Controllers {
 public:
     Controllers(const Setups& setups, const Users& users, const std::vector<const Units*>& units)
@@ -60,7 +60,7 @@ public:
         }
         parallel_for(setups_.size(), threaded_ ? threads : 1, one(run));
     }
-    // The same for runs that may take long: `stop` ends them if a key is pressed.
+    // The same for long runs: `stop` ends them if a key is pressed.
     template <class Run>
     void each(unsigned threads, std::atomic<bool>& stop, Run&& run) const {
         if (threaded_) {
@@ -88,8 +88,8 @@ private:
     bool threaded_ = true;
 };
 
-// Rows of all runs, (runs, samples, width), NaN if a run had diverged; and the samples each run lasted. `device`: by
-// the loop and in the channels of device_loop.hpp, which a run that is not ideal needs.
+// Rows of all runs, (runs, samples, width), NaN after a run has diverged; and the number of samples of each run.
+// `device`: with the loop and the channels of device_loop.hpp, which non-ideal runs need.
 nb::tuple record_runs(const Setups& setups, std::int64_t every, unsigned threads, bool device, const Users& users,
                       const std::vector<const Units*>& units) {
     const Controllers controllers(setups, users, units);
@@ -144,7 +144,7 @@ nb::tuple record_runs(const Setups& setups, std::int64_t every, unsigned threads
                           owned<std::int64_t, 1>(std::move(lasted), {setups.size()}));
 }
 
-// Means of the rate estimate, (runs, blocks), and the samples that each run lasted. `device`: as in record_runs.
+// Means of the rate estimate, (runs, blocks), and the number of samples of each run. `device`: as in record_runs.
 nb::tuple rate_means(const Setups& setups, std::int64_t every, std::int64_t block, unsigned threads, bool device,
                      const Users& users, const std::vector<const Units*>& units) {
     const Controllers controllers(setups, users, units);
@@ -167,7 +167,7 @@ void write_metrics(const Metrics& metrics, double* row) {
 }
 
 // Metrics of all runs, (runs, metrics). `lanes`: one of lane_counts(), counted in doubles, or 1: every run by itself,
-// with the same bits. Runs that are not ideal go one by one, in double precision.
+// with the same bits. Non-ideal runs are measured one by one, in double precision.
 nb::ndarray<nb::numpy, double> measure_runs(const Setups& setups, const MetricsParams& params, unsigned threads,
                                             std::size_t lanes_or_one, bool single_precision) {
     const auto counts = lane_counts();
@@ -226,7 +226,7 @@ nb::ndarray<nb::numpy, double> measure_runs(const Setups& setups, const MetricsP
     return owned<double, 2>(std::move(data), {setups.size(), metrics_width});
 }
 
-// The same of runs by the loop of device_loop.hpp, in double precision, with the controllers of users or of the setups.
+// The same with the loop of device_loop.hpp, in double precision, with controllers of users or of the setups.
 nb::ndarray<nb::numpy, double> measure_device_runs(const Setups& setups, const MetricsParams& params, unsigned threads,
                                                    const Users& users, const std::vector<const Units*>& units) {
     const Controllers controllers(setups, users, units);

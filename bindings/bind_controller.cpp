@@ -14,7 +14,7 @@ namespace fracgyro::bindings {
 
 namespace {
 
-// A controller of whichever kind and precision, one sample at a time. Python frees it as an object of this type.
+// A controller of any kind and precision, one sample at a time. Python frees it as an object of this type.
 struct Stepped {
     std::unique_ptr<GuardedController> held;
 
@@ -31,8 +31,8 @@ struct Stepped {
     }
 };
 
-// The force, in the units of the run, or None where an argument is not a plain finite number or the time is not that of
-// the next step, and nothing happened. `velocity`: None where it is not measured.
+// The force, in the units of the run, or None without any change if an argument is not a plain finite number or the
+// time is not the time of the next step. `velocity`: None if it is not measured.
 nb::object checked_step(const Stepped& self, double step, const Units& units, nb::handle time, nb::handle position,
                         nb::handle velocity) {
     double t = 0.0;
@@ -48,7 +48,7 @@ nb::object checked_step(const Stepped& self, double step, const Units& units, nb
 
 nb::str text(std::string_view a) { return nb::str(a.data(), a.size()); }
 
-// By the places of Settable.
+// Names in the order of Settable.
 constexpr std::string_view settable[] = {"any_time", "at_start", "beforehand", "never"};
 
 // Appends the description of a number of a run.

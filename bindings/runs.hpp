@@ -1,4 +1,4 @@
-// Whole runs on an ideal device, compiled for each kind of processor: in files of their own, as they take longest to
+// Whole runs on an ideal device, compiled for each kind of processor: in separate files, as they take longest to
 // compile.
 #pragma once
 

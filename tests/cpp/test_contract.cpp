@@ -250,8 +250,8 @@ TEST(AnUnlistedController, HasTheMetricsOfWhatItReportsAndNoOthers) {
     CommonReport last{};
     run_loop<Pd<double>>(setup, [&](const auto& at) {
         sums.add(at.signals);
-        totals.add(sums.stretch, at.step, first_steady_sample(params, setup));
-        sums.stretch = {};
+        totals.add(sums.segment, at.step, first_steady_sample(params, setup));
+        sums.segment = {};
         last = CommonReport::of(at.signals.report, [](double a) { return a; });
     });
     const auto values = metric_values(params, setup, totals, last, last.bound[0], 4);
@@ -329,8 +329,8 @@ TYPED_TEST(UnlistedInLanes, RunsInABlockBesideAnotherOfItsKind) {
     EXPECT_NEAR(lane(block.motion.velocity.y(), 0), 0.0, close);
     EXPECT_NEAR(lane(block.motion.position.x(), 1), 1.25, close);
     EXPECT_NEAR(lane(block.motion.velocity.x(), 1), -1.5, close);
-    EXPECT_NEAR(lane(block.sums.stretch.squares.x(), 0), 16.0 + 4.0, 10 * close);
-    EXPECT_NEAR(lane(block.sums.stretch.squares.x(), 1), 16.0 + 9.0, 10 * close);
+    EXPECT_NEAR(lane(block.sums.segment.squares.x(), 0), 16.0 + 4.0, 10 * close);
+    EXPECT_NEAR(lane(block.sums.segment.squares.x(), 1), 16.0 + 9.0, 10 * close);
     EXPECT_FALSE(diverged<T>(block));
     block.motion.position.second.lane[1] = static_cast<Plain>(2e6);
     EXPECT_TRUE(diverged<T>(block));

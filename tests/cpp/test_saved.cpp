@@ -105,7 +105,7 @@ TEST(APhase, IsDefinedForEveryAngle) {
 TEST(Chattering, IsThatOfTheSecondDifferencesAndNeedsThreeSamples) {
     fracgyro::Setup setup;
     setup.steps = 40;
-    const MetricsTotals totals{.steady = {.force = {12.0, 3.0}}, .bend = {4.0, 1.0}};
+    const MetricsTotals totals{.steady = {.force = {12.0, 3.0}}, .second_difference = {4.0, 1.0}};
     const auto chattering = [&](std::int64_t samples) {
         return metric_values(MetricsParams{.transient = 0.0}, setup, totals, CommonReport{}, 0.0, samples)
             .chattering.x();

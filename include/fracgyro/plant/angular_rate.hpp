@@ -1,4 +1,4 @@
-// The angular rate Ωz(t) that is to be sensed: constant, or an input of the kinds that gyroscopes are tested with.
+// The angular rate Ωz(t) to be sensed: constant, or one of the inputs with which gyroscopes are tested.
 //
 //    staircase   mean + amplitude · levels climbed, one every `hold` steps from `start` on; a step is one level
 //    sine        mean + amplitude · sin(frequency · τ), τ the time since `start`
@@ -8,8 +8,7 @@
 //                simulation of random processes and its applications", 1972)
 //    table       the values of a profile
 //
-// Whatever jumps, jumps at a sample, and all is smooth within a step. Phases are counted in integers, as in
-// core/phase.hpp.
+// Jumps are at samples; within a step the rate is smooth. Phases are counted in integers, as in core/phase.hpp.
 #pragma once
 
 #include "fracgyro/plant/disturbance.hpp"
@@ -18,12 +17,12 @@
 
 namespace fracgyro {
 
-// A function of time by its values at some times, which rise; linear from sample to sample of the loop, constant before
-// the first time and after the last.
+// A function of time, by its values at ascending times; linear from sample to sample of the loop, constant before the
+// first time and after the last.
 struct Profile {
     std::vector<double> times{}, values{};  // times in steps
 
-    // At the sample n.
+    // Value at sample n.
     double at(std::int64_t n) const {
         const double t = static_cast<double>(n);
         const auto after = static_cast<std::size_t>(std::upper_bound(times.begin(), times.end(), t) - times.begin());
@@ -33,7 +32,7 @@ struct Profile {
         const double part = (t - times[after - 1]) / (times[after] - times[after - 1]);
         return values[after - 1] + part * (values[after] - values[after - 1]);
     }
-    // After that many halves of the step from the sample n on.
+    // Value `halves` half steps after sample n.
     double within(std::int64_t n, int halves) const {
         return halves == 1 ? 0.5 * (at(n) + at(n + 1)) : at(n + halves / 2);
     }
@@ -52,7 +51,7 @@ struct AngularRateParams {
 
     static constexpr std::string_view kinds[] = {"constant", "staircase", "sine", "chirp", "noise", "table"},
                                       switches[] = {"false", "true"};
-    // All but the table.
+    // Fields, without the table.
     static constexpr auto fields() {
         using P = AngularRateParams;
         constexpr Range count{.low = 1.0, .high = 1e9, .whole = true}, steps{.low = 0.0, .high = 1e9, .whole = true};
@@ -97,7 +96,7 @@ public:
         curvature_ = phase_of(0.25 * sweep * half / passing);  // ½ sweep τ²/T at the first half step
     }
 
-    // Ωz after that many halves of the step from the sample n on; 2: before a jump at the sample that follows.
+    // Ωz `halves` half steps after sample n; 2: before a jump at the next sample.
     double within(std::int64_t n, int halves) const {
         if (params_.kind == AngularRateKind::table) {
             return params_.table.within(n, halves);

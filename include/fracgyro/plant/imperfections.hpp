@@ -1,13 +1,13 @@
-// What stands between the gyroscope and its controller in a device: each effect is off by default.
+// Imperfections of sensors and actuators in a device: each effect is off by default.
 //
 //    sensing     the motion along the axes of the pick-offs, times their gain, plus noise, in steps of a converter;
 //                without a sensor of velocity see observer.hpp
 //    actuation   the force, `delay` steps late, within the actuator's limit, in steps of its converter, times its gain,
 //                along the axes of the actuators
-//    the rate    what acts on the mass as if Ωz were larger by it: flicker noise and a random walk
+//    the rate    errors that act on the mass like an additional Ωz: flicker noise and a random walk
 //    the springs and dampers may drift with temperature, and springs stiffen with amplitude: varying_gyroscope.hpp
 //
-// Noise is drawn as the disturbance is, from streams of their own of the same seed.
+// Noise is drawn like the disturbance, from separate streams of the same seed.
 #pragma once
 
 #include "fracgyro/plant/angular_rate.hpp"
@@ -15,11 +15,11 @@
 
 namespace fracgyro {
 
-// A two's complement converter of 2^bits levels, `step` = 2 range/2^bits apart: -range, …, range - step. Beyond them it
-// clips. Without bits it only clips, at ±range.
+// A two's complement converter of 2^bits levels, `step` = 2 range/2^bits apart: -range, …, range - step. It clips
+// beyond them. Without bits it only clips, at ±range.
 struct Quantizer {
     static constexpr double unlimited = std::numeric_limits<double>::infinity();
-    Vec2<double> range{unlimited, unlimited};  // of each axis
+    Vec2<double> range{unlimited, unlimited};  // per axis
     int bits = 0;
 
     Vec2<double> operator()(const Vec2<double>& a) const { return {one(a.x(), range.x()), one(a.y(), range.y())}; }
@@ -37,8 +37,8 @@ private:
     }
 };
 
-// Axes that are turned by `misalignment`, counter-clockwise in rad, from those of the plant; along them 1 + gain_error
-// of what should be.
+// Axes turned by `misalignment`, counter-clockwise in rad, from those of the plant, with a gain of 1 + gain_error along
+// them.
 struct AxesParams {
     Vec2<double> gain_error{};
     double misalignment = 0.0;
@@ -47,7 +47,7 @@ struct AxesParams {
 };
 
 struct ImperfectionParams {
-    double position_noise = 0.0, velocity_noise = 0.0;      // standard deviations, of every sample on each axis
+    double position_noise = 0.0, velocity_noise = 0.0;      // standard deviations, per sample and axis
     double position_flicker = 0.0, velocity_flicker = 0.0;  // A of flicker.hpp
     AxesParams pickoff{};
     Quantizer position{}, velocity{};
@@ -55,14 +55,14 @@ struct ImperfectionParams {
     int actuator_bits = 0;
     AxesParams force{};
     std::int64_t delay = 0;          // steps
-    Vec2<double> cubic_stiffness{};  // of each axis: the force is -that·q³
+    Vec2<double> cubic_stiffness{};  // per axis: the force is -cubic_stiffness·q³
     double stiffness_drift = 0.0;    // K grows by this fraction per kelvin
     double damping_drift = 0.0;      // D grows by this fraction per kelvin
-    double bias_instability = 0.0;   // of the rate: A of flicker.hpp, the B of IEEE Std 952
+    double bias_instability = 0.0;   // rate: A of flicker.hpp, the B of IEEE Std 952
     double rate_walk_step = 0.0;     // standard deviation of its steps
     Profile temperature{};           // its change, K
 
-    // All but the temperature.
+    // Fields, without the temperature.
     static constexpr auto fields() {
         using P = ImperfectionParams;
         constexpr Range bits{.low = 0.0, .high = 32.0, .whole = true}, gain{.low = -1.0, .strict = true};
@@ -123,7 +123,8 @@ struct ImperfectionParams {
     bool rate_wanders() const { return bias_instability > 0.0 || rate_walk_step > 0.0; }
 };
 
-// What is drawn of a device at one sample. White noise of unit variance is drawn for what `flicker` and `rate` become.
+// Noise drawn for a device at one sample. `flicker` and `rate` are drawn as white noise of unit variance, and filtered
+// later.
 struct DeviceDraw {
     Motion<double> noise{}, flicker{};
     Vec2<double> rate{};  // for its flicker, for its walk
@@ -131,7 +132,7 @@ struct DeviceDraw {
 
 struct Imperfections {
     static constexpr std::size_t longest_delay = 1000;  // steps
-    // From one pair of axes to another: what one unit of x becomes, and one of y.
+    // Map from one pair of axes to another: images of one unit of x and of y.
     struct Map {
         Vec2<double> x{}, y{};
 
@@ -142,13 +143,13 @@ struct Imperfections {
         bool sensed_as_is = true, acts_as_is = true, flickers = false, rate_wanders = false;
         Map pickoff{}, force{};
     };
-    // The white noise is apart: it is a function of seed and sample, and nothing that is remembered.
+    // The white noise is separate: it is a function of seed and sample, without memory.
     struct State {
-        std::array<Vec2<double>, longest_delay> waiting{};  // forces asked for and not yet given, in a ring
+        std::array<Vec2<double>, longest_delay> waiting{};  // forces requested and not yet applied, in a ring
         Flicker::State<Vec2<double>> position{}, velocity{};
         Flicker::State<double> rate{};
         double walk = 0.0;
-        double bias_before = 0.0, bias = 0.0;  // what acts as a rate over the last step, and over the coming one
+        double bias_before = 0.0, bias = 0.0;  // additional effective rate over the last step, and over the coming one
     };
 
     static Coefficients prepare(const ImperfectionParams& p) {
@@ -164,7 +165,7 @@ struct Imperfections {
                 .force = {push.x() * pushed, push.y() * turned(pushed)}};
     }
 
-    // What is measured of the motion, where this was drawn; called once every sample.
+    // The measured motion, with this noise; called once per sample.
     static Motion<double> sense(State& state, const Coefficients& c, Motion<double> motion, const DeviceDraw& drawn) {
         const ImperfectionParams& d = c.device;
         if (!c.sensed_as_is) {
@@ -186,7 +187,7 @@ struct Imperfections {
                 .velocity = d.velocity(motion.velocity + noise.velocity)};
     }
 
-    // What acts over the step from the sample n on, of the force asked for there; called once every step. None at
+    // The force that acts over the step from sample n on, for the force requested there; called once per step. Zero at
     // first.
     static Vec2<double> actuate(State& state, const Coefficients& c, Vec2<double> asked, std::int64_t n) {
         if (c.device.delay > 0) {

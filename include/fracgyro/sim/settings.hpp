@@ -1,8 +1,8 @@
-// The numbers of a run by name: for faces that are handed numbers and not structs.
+// Numbers of a run by name: for integrations that pass numbers and not structs.
 //
-// They are those of the fields() of its structs, in that order, under the names of the scenario's fields, with [0] or
-// .x or .xx for their parts. Values are the core's, nondimensional; a switch is 0 or 1 and a choice its place in the
-// list of choices. The exponentials' poles and weights are handed over separately.
+// They are listed in the order of the fields() of its structs, under the names of the scenario's fields, with [0] or .x
+// or .xx for their parts. Values are nondimensional, as in the core; a switch is 0 or 1 and a choice its index in the
+// list of choices. The exponentials' poles and weights are passed separately.
 #pragma once
 
 #include "fracgyro/sim/device_loop.hpp"
@@ -17,7 +17,7 @@ constexpr void for_each_setting_of(std::string_view table, Struct& fields, Visit
     });
 }
 
-// Those of a run on an ideal device.
+// Numbers of a run on an ideal device.
 template <class SetupLike, class Visit>
 constexpr void for_each_setting(SetupLike& setup, Visit&& visit) {
     const auto of = [&](std::string_view table, auto& fields) { for_each_setting_of(table, fields, visit); };
@@ -32,7 +32,7 @@ constexpr void for_each_setting(SetupLike& setup, Visit&& visit) {
     of("disturbance", setup.disturbance);
 }
 
-// Those that a moving rate and a real device add. Their profiles, which are lists, are handed over separately.
+// Additional numbers of a moving rate and a real device. Their profiles, which are lists, are passed separately.
 template <class SetupLike, class Visit>
 constexpr void for_each_device_setting(SetupLike& setup, Visit&& visit) {
     for_each_setting_of("rate", setup.rate, visit);
@@ -61,7 +61,7 @@ struct TakeFrom {
 };
 }  // namespace detail
 
-// Takes every number from `values`, in that order. The setup is of the kind that they are of.
+// Takes every number from `values`, in that order. The setup must be of the same kind.
 inline void take_settings(Setup& setup, const double* values) { for_each_setting(setup, detail::TakeFrom{values}); }
 inline void take_device_settings(DeviceSetup& setup, const double* values) {
     for_each_device_setting(setup, detail::TakeFrom{values});
