@@ -95,7 +95,7 @@ void operator delete(void* at, std::size_t) noexcept { operator delete(at); }
 
 #define EXPORT extern "C" [[gnu::visibility("default")]]
 
-// Memory for `count` numbers; nullptr if none is left.
+// Memory for `count` numbers; nullptr if there is too little.
 EXPORT double* room_for(std::size_t count) { return static_cast<double*>(pages(count * sizeof(double))); }
 
 // To be filled in before `setup_done`.
