@@ -17,7 +17,7 @@ export interface Fracgyro {
   simulate(scenario: Scenario, changes?: Partial<Settings>): Promise<Run>;
   /** The closed loop in parts, tuned while it runs. Without changes its rows are those of `simulate`, bit for bit. */
   loop(scenario: Scenario, changes?: Partial<Settings>): Promise<Loop>;
-  /** The controller by itself, for a loop of your own; in double precision unless `single`. */
+  /** The controller without a loop, for a loop of your own; in double precision unless `single`. */
   controller(scenario: Scenario, changes?: Partial<Settings>, options?: { single?: boolean }): Promise<Controller>;
 }
 
@@ -31,7 +31,7 @@ export interface Scenario {
 }
 
 export interface Device {
-  /** As rate.amplitude and device.position_noise; null is infinity. */
+  /** By name, such as rate.amplitude and device.position_noise; null is infinity. */
   readonly numbers: Readonly<Record<string, number | null>>;
   /** Times, in steps, and values: of the rate, and of the change of temperature in K. */
   readonly rate: readonly [readonly number[], readonly number[]];
@@ -87,19 +87,19 @@ export interface Loop {
   /** An impulse on the mass just before the coming sample: what it adds to the velocity. */
   kick(velocity: [number, number]): void;
   /**
-   * All that changes while running, what was set included: assign it to a loop of the same scenario to resume, bit for
-   * bit. Throws RangeError as that of a controller.
+   * Everything that changes during a run, including changed settings: assign it to a loop of the same scenario to
+   * resume, bit for bit. Throws RangeError like the state of a controller.
    */
   state: Uint8Array;
 }
 
 export interface Controller {
   /**
-   * The force [x, y] to hold for the coming step, from what is measured now. Call it once every run.step. With
-   * device.sensing = "position" the velocity is not looked at. NaN is a sample that is missing: `status` tells.
+   * The force [x, y] to hold for the next step, from the present measurement. Call it once every run.step. With
+   * device.sensing = "position" the velocity is ignored. NaN marks a missing sample, which `status` reports.
    */
   step(position: [number, number], velocity?: [number, number]): [number, number];
-  /** What was thought of the last sample; anything but ok and saturated says that it was not accepted. */
+  /** The guard's verdict on the last sample: accepted if ok or saturated. */
   readonly status: "ok" | "saturated" | "not_finite" | "out_of_range" | "restarted" | "implausible" | "lost";
   /**
    * What the controller reports besides the force, by channel, as it stands after the last step: rate_estimate,
