@@ -1,6 +1,6 @@
 // A rate sensor off its model: the guarded controller in a closed loop with the device, under faults of its sensors.
-// Reads the files of scenario_files.hpp and "device", "rate" and "temperature" (off_model.py), and prints one line for each fault on
-// standard input, WHAT,SIZE,SAMPLES:
+// Reads the files of scenario_files.hpp and "device", "rate" and "temperature" (off_model.py), and prints one line for
+// each fault on standard input, WHAT,SIZE,SAMPLES:
 //
 //     off_model KIND position|both|composite checked|unchecked FROM UNTIL
 //

@@ -64,7 +64,7 @@ C_LIKE = re.compile(STRING + r"|`(?:\\.|[^`\\])*`|//(?P<line>[^\n]*)|/\*(?P<bloc
 HASHED = re.compile(STRING + r"|(?:^|(?<=\s))#(?P<line>[^\n]*)(?P<block>(?!))?", re.MULTILINE)
 PERCENT = re.compile(STRING + r"|'[^'\n]*'|%(?P<line>[^\n]*)(?P<block>(?!))?")
 SYNTAX = {
-    **dict.fromkeys((".hpp", ".cpp", ".h", ".c", ".mjs", ".js", ".v", ".css"), C_LIKE),
+    **dict.fromkeys((".hpp", ".cpp", ".h", ".c", ".mjs", ".js", ".ts", ".v", ".css"), C_LIKE),
     **dict.fromkeys((".toml", ".yml", ".sh", ".txt", "Makefile"), HASHED),
     ".m": PERCENT,
 }

@@ -4,8 +4,8 @@
  *     fracgyro_init(&state);
  *     every FRACGYRO_STEP_SECONDS:  status = fracgyro_step(&state, &motion, &force);
  *
- * No function allocates, blocks, recurses or fails, and each returns in bounded time. A state belongs to one caller at a
- * time; any number of states may be in use. */
+ * No function allocates, blocks, recurses or fails, and each returns in bounded time. A state belongs to one caller at
+ * a time; any number of states may be in use. */
 #ifndef FRACGYRO_H
 #define FRACGYRO_H
 

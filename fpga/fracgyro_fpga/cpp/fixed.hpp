@@ -2,9 +2,9 @@
 // the sign among them, and `fraction` bits right of it.
 //
 //    A result that does not fit saturates at the largest number of its sign. The range is symmetric: -x is always a
-//    number. Sums are exact. A product is rounded to the nearest number, ties to the larger one. Quotients and roots are
-//    rounded towards 0. A quotient by 0 is the largest number; the root of a negative number is 0. There is no NaN: it
-//    becomes 0.
+//    number. Sums are exact. A product is rounded to the nearest number, ties to the larger one. Quotients and roots
+//    are rounded towards 0. A quotient by 0 is the largest number; the root of a negative number is 0. There is no
+//    NaN: it becomes 0.
 #pragma once
 
 #include "fracgyro/control/reference.hpp"
@@ -91,7 +91,8 @@ const T*& angle_of_integer() {
     return angle;
 }
 
-// Sine and cosine of a phase whose integer part the hardware has: x = remainder·unit, and the quadrant's swap and signs.
+// Sine and cosine of a phase whose integer part the hardware has: x = remainder·unit, with the quadrant's swap and
+// signs.
 template <class T>
 SineCosine<T> sine_cosine_of(T remainder, T unit, T odd_quadrant, T negative_sine, T negative_cosine) {
     const T x = remainder * unit, zero = T(0.0);

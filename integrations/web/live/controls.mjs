@@ -1,4 +1,4 @@
-// Elements of the settings, made from the descriptions of the fields. Each has refresh(), which shows the present value.
+// Elements of the settings, made from the descriptions of the fields. Each has refresh(), which shows its value.
 
 export function element(name, attributes = {}, ...children) {
   const made = document.createElement(name);
