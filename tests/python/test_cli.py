@@ -178,6 +178,43 @@ def test_help_lists_the_commands() -> None:
         assert command in result.stdout
 
 
+def test_a_package_adds_a_command_by_an_entry_point(tmp_path: Path) -> None:
+    """It is imported when it is run or listed, and its own ValueError is a sentence."""
+    (tmp_path / "fracgyro_more.py").write_text(
+        "import click\nprint('imported')\n@click.command()\n@click.option('--fail', is_flag=True)\n"
+        "def greet(fail):\n    'Greet the user.'\n    if fail:\n        raise ValueError('nobody is here')\n"
+        "    click.echo('hello')\n",
+        encoding="utf-8",
+    )
+    about = tmp_path / "fracgyro_more-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: fracgyro_more\nVersion: 1.0\n", encoding="utf-8")
+    (about / "entry_points.txt").write_text("[fracgyro.commands]\ngreet = fracgyro_more:greet\n", encoding="utf-8")
+    path = {"PYTHONPATH": str(tmp_path)}
+    assert through_shell("greet", tmp_path, **path).stdout == "imported\nhello\n"
+    assert through_shell("greet --fail", tmp_path, **path).stderr == "fracgyro: nobody is here\n"
+    assert "; did you mean greet?" in through_shell("geet", tmp_path, **path).stderr
+    assert "imported" not in through_shell("scenario --list", tmp_path, **path).stdout
+    listed = through_shell("--help", tmp_path, **path).stdout.splitlines()
+    assert [line.split()[0] for line in listed[listed.index("Commands:") + 1 :]] == sorted([*NAMES, "greet"])
+    assert "  greet      Greet the user." in listed
+
+
+NAMES = ["allan", "compare", "export", "rate", "replay", "reproduce", "scenario", "schema", "selfcheck", "simulate"]
+NAMES += ["sweep", "tune"]
+
+
+def test_help_loads_neither_the_reproduction_nor_the_comparison() -> None:
+    code = """
+import sys, fracgyro.cli
+sys.argv = ["fracgyro", "--help"]
+try: fracgyro.cli.main()
+finally: print(*(name for name in sys.modules if name.startswith("fracgyro_lab") or name in ("matplotlib", "optuna")))
+"""
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=PATIENCE)
+    assert ran.stdout.splitlines()[-1].split() == ["fracgyro_lab", "fracgyro_lab.commands"]
+
+
 def test_output_that_cannot_be_written_is_said_in_one_sentence() -> None:
     with open("/dev/full", "w") as full:
         command = [sys.executable, "-m", "fracgyro", "scenario", "paper"]

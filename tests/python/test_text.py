@@ -33,7 +33,7 @@ def cited() -> list[tuple[str, str]]:
 
 @pytest.mark.parametrize(("file", "identifier"), cited())
 def test_every_identifier_of_the_equations_exists_in_its_file(file: str, identifier: str) -> None:
-    found = [path for folder in ("include", "python") for path in (ROOT / folder).rglob(file)]
+    found = [path for folder in ("include", "python", "lab", "fpga") for path in (ROOT / folder).rglob(file)]
     assert len(found) == 1, f"{file} must name one file"
     comment = "#" if found[0].suffix == ".py" else "//"
     code = re.sub(rf"{comment}.*", "", found[0].read_text(encoding="utf-8"))
