@@ -85,7 +85,7 @@ lint: .venv/lint
 logs-current: $(BIN)/pip
 	$(BIN)/python benchmarks/sources.py --check
 
-# What lint finds is found before anything is compiled.
+# The lint runs first: its findings need no compiler.
 check: lint .venv/installed-test
 	$(BIN)/mypy --no-error-summary
 
@@ -275,7 +275,7 @@ LIBRARIES_OF = $(BIN)/python -c '$(LIBRARIES)' $1 \
 	@$(call LIBRARIES_OF,lint)
 	@touch $@
 
-# What compiles the module and the C++ tests.
+# Tools that compile the module and the C++ tests.
 .venv/tools: pyproject.toml | .venv/compiler
 	@$(call LIBRARIES_OF,dev)
 	@touch $@

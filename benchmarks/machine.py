@@ -59,7 +59,7 @@ def wrapped(lines: list[str]) -> list[str]:
 
 
 def write(name: str, lines: list[str], keep: bool = True) -> None:
-    """Prints the log and keeps it with its sources, as benchmarks/results/<name>.md or wherever sources.py says."""
+    """Prints the log and keeps it with its sources, in benchmarks/results/<name>.md or the path given in sources.py."""
     text = "\n".join(wrapped([*lines, "", _STAMPS.get(log_of(name), "")])).rstrip() + "\n"
     if keep:
         (ROOT / log_of(name)).write_text(text, encoding="utf-8")

@@ -31,7 +31,7 @@ STEP = 1e-3
 STEPS = (1_000, 3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000)
 TOLERANCES = tuple(10.0**-n for n in range(2, 10))
 RUNS = (1, 4, 16, 64, 256, 1024, 4096)
-FEW_STEPS = 10_000  # of each run where there are many
+FEW_STEPS = 10_000  # steps of each run if there are many runs
 RUNS_PER_THREADS = 64
 
 
@@ -51,7 +51,7 @@ class Series:
         return np.array([statistics.median(s) for s in self.seconds])
 
     def slope(self) -> float:
-        """Of log time against log `at`, least squares."""
+        """Least-squares slope of log time against log `at`."""
         x = np.array(self.at)
         used = x >= self.slope_from
         return float(np.polyfit(np.log(x[used]), np.log(self.medians[used]), 1)[0]) if used.sum() > 1 else math.nan

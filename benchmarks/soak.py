@@ -1,8 +1,8 @@
 """Runs of 1e8 and 1e9 steps; writes benchmarks/results/soak.md or soak_joint.md. Compiles benchmarks/soak.cpp.
 
 python benchmarks/soak.py soak          every shipped scenario in each kind, adaptation and precision: errors, rate,
-                                        bounds and rho h/delta; takes a processor an hour. Killed, it goes on with
-                                        the blocks that build/soak does not hold for these sources.
+                                        bounds and rho h/delta; takes a processor an hour. After an interruption
+                                        it continues with the blocks that build/soak does not yet hold.
 python benchmarks/soak.py soak_joint    every shipped device as shipped, from positions with sensing noise and joint
                                         adaptation
 """
@@ -98,7 +98,7 @@ def soak(program: Path, block: Block) -> None:
 
 
 def rows() -> Iterator[Row]:
-    """Of the blocks that have been run."""
+    """Rows of the finished blocks."""
     names = list(SHIPPED)
     for block in BLOCKS:
         for line in block.kept.read_text(encoding="utf-8").splitlines() if block.kept.exists() else []:
@@ -112,7 +112,7 @@ def power(count: float) -> str:
 
 
 def seconds(steps: int) -> str:
-    """Of each device."""
+    """Duration of `steps` steps on each device."""
     found = {name: exactly_sensed(name) for name in SHIPPED}
     return ", ".join(f"{s.run.step * steps * s.plant.scales.time:.3g} ({name})" for name, s in found.items())
 

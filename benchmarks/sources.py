@@ -242,7 +242,7 @@ class _Bare(ast.NodeTransformer):
 
 @cache
 def tokens(path: Path) -> str:
-    """Content of a file without comments, layout and, in what is not a script, prose."""
+    """Content of a file without comments and layout; also without prose, except in scripts."""
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".py":
         bare = _Bare(prose=_packaged(path)).visit(ast.parse(text))

@@ -71,7 +71,7 @@ class Sample:
 
 @dataclass
 class Part:
-    """What one part of the study took."""
+    """Cost of one part of the study."""
 
     name: str
     runs: int
@@ -196,8 +196,8 @@ def winner(values: np.ndarray) -> int:
 def candidates(values: np.ndarray) -> np.ndarray:
     """Which orders may be the best: a 95 % confidence set that holds whichever order it is.
 
-    An order is out when a paired t test finds some other one better at level 5 % over the number of others; the best
-    itself is out with a probability of 5 % at most, however many are compared.
+    An order is excluded if a paired t test finds another one better, at 5 % divided by the number of the other orders.
+    The best order is excluded with a probability of at most 5 %, for any number of orders.
     """
     count, seeds = values.shape
     keep = np.ones(count, dtype=bool)
@@ -224,14 +224,14 @@ def share_interval(part: float, seeds: int) -> tuple[float, float]:
 
 
 def interval(values: np.ndarray, comparisons: int = 1) -> tuple[float, float]:
-    """Mean over seeds and half of its 95 % interval, good for so many comparisons at once."""
+    """Mean over seeds and half of its 95 % interval, which holds for `comparisons` comparisons at once."""
     n = values.size
     half = stdtrit(n - 1, 1 - LEVEL / comparisons / 2) * values.std(ddof=1) / np.sqrt(n)
     return float(values.mean()), float(half)
 
 
 def with_error(value: float, half: float, sign: str = "") -> str:
-    """As many digits as the half-width bears."""
+    """A value with the digits that its half-width justifies."""
     if half == 0:
         return f"{value:{sign}.4g}"
     places = max(0, 1 - int(np.floor(np.log10(half))))
@@ -431,7 +431,7 @@ def draw_table(study: Study) -> None:
 
 
 def draw_moves(study: Study) -> None:
-    """What moves the curves: step, hold, window, start."""
+    """Draw the effects of step, hold, window and start on the curves."""
     rows = [
         ("step h", study.steps, [("whole", "x"), ("whole", "y"), ("steady", "x"), ("steady", "y")]),
         ("noise hold", study.holds, [("whole", "x"), ("whole", "y"), ("steady", "x"), ("steady", "y")]),

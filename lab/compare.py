@@ -26,7 +26,7 @@ from machine import RESULTS, command, machine, write
 from sources import digest
 
 OUT = Path(__file__).parents[1] / "build" / "compare" / digest(Path(__file__).resolve())  # by sources
-DIGITS = 4  # of the numbers in the JSON files
+DIGITS = 4  # significant digits in the JSON files
 Row = dict[str, Any]
 
 
@@ -35,7 +35,7 @@ def show(done: float, total: float, doing: str) -> None:
 
 
 def compared(task: str, quick: bool) -> Compared:
-    """What lies there is finished; of another version or of other contenders, it is made again."""
+    """Finish the comparison in the folder; one of another version or of other contenders is repeated."""
     folder = OUT / f"{task}{'-quick' if quick else ''}"
     try:
         return compare(task, folder, quick=quick, resume=folder.is_dir(), progress=show)

@@ -75,7 +75,7 @@ sphinx_gallery_conf = {
 
 
 def load(group: click.Group) -> None:
-    """Loads commands of other packages, too: sphinx_click lists only what is loaded."""
+    """Loads commands of other packages, too: sphinx_click lists only loaded commands."""
     context = click.Context(group)
     for name in group.list_commands(context):
         command = group.get_command(context, name)

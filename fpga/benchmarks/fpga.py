@@ -69,7 +69,7 @@ RUNS: list[tuple[str, HardwareNumber]] = [
 
 
 def motion_of(scenario: fg.Scenario, faults: bool) -> np.ndarray:
-    """As recorded, in float; one sample in a thousand, and some long outages, are none that a sensor should deliver."""
+    """The recorded motion in float. With `faults`, one sample in a thousand and some long outages are invalid."""
     recorded = fg.simulate(scenario)
     motion = np.hstack([recorded["position"].values, recorded["velocity"].values]).astype(np.float32)
     if faults:
@@ -121,7 +121,7 @@ def measured(name: str, number: HardwareNumber, scenario: fg.Scenario) -> tuple[
 
 
 def units() -> list[str]:
-    """What units.cpp and fixed_units.cpp of fpga/tests find."""
+    """Output of units.cpp and fixed_units.cpp of fpga/tests."""
     lines = []
     for kind, number in (("", "float"), ("fixed_", "fixed")):
         with tempfile.TemporaryDirectory() as folder:

@@ -1,4 +1,4 @@
-"""Exported hardware with a fixed point: how large its numbers become, and what rounding to so many bits costs.
+"""Exported hardware with a fixed point: the size of its numbers, and the cost of rounding by word length.
 
 Writes benchmarks/results/fpga_fixed.md.
 """

@@ -77,7 +77,7 @@ def tool(name: str) -> list[str]:
 
 
 def routed(name: str, folder: Path, seed: int) -> dict[int, dict[str, Any]]:
-    """What nextpnr reports, by grade. It is placed once, with the delays of the faster one, and routed for each."""
+    """Reports of nextpnr by speed grade. Placed once, with the delays of the faster grade; routed for each grade."""
     reports = {grade: folder / f"route_{grade}_{seed}.json" for grade in GRADES}
     if not all(report.exists() for report in reports.values()):
         own = folder / f"own_{seed}"

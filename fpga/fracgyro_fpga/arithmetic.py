@@ -1,7 +1,7 @@
 """Number types of exported hardware, float and fixed point: their arithmetic in Python, bit by bit, and their units.
 
-A value is an np.float32, or the integer that is a fixed number times 2^28. A word is what stands outside: the bits of a
-float, or of that integer.
+A value is an np.float32, or the integer that is a fixed number times 2^28. A word is its representation at the ports:
+the bits of the float, or of that integer.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ ONE_OF_32 = 0xFFFFFFFF
 MANTISSA = 23  # bits of a float's fraction
 BIAS = 129  # excess of the internal exponent of a normal float over its own
 ORIGIN = 0x3F3504F3  # sqrt(1/2), as float32
-FRACTION, MOST, BEYOND = 28, 2**47 - 1, 2.0**19  # of HardwareFixed in cpp/fixed.hpp
+FRACTION, MOST, BEYOND = 28, 2**47 - 1, 2.0**19  # equal to HardwareFixed in cpp/fixed.hpp
 
 
 class Arithmetic(ABC):
-    """`stages`: of the units in `units`; those of what is neither sum nor product end with that of choose."""
+    """A number type. `stages`: of each unit in `units`; except for sums and products they end with that of choose."""
 
     number: ClassVar[HardwareNumber]
     units: ClassVar[str]  # a file of verilog/, whose modules begin with `prefix`
     prefix: ClassVar[str]
-    word: ClassVar[int]  # bits outside
-    inside: ClassVar[int]  # and inside, a sign and what it belongs to
+    word: ClassVar[int]  # bits of a word at the ports
+    inside: ClassVar[int]  # bits inside: a sign and a magnitude
     stages: ClassVar[Mapping[str, int]]
     busy: ClassVar[Mapping[str, int]]  # cycles until a unit that computes digit by digit begins again
-    dividers: ClassVar[int]  # how many units compute quotients
+    dividers: ClassVar[int]  # number of units that compute quotients
     from_integer: ClassVar[int]  # stages
-    fraction: ClassVar[int]  # bits of a word after the point; 0: it floats
-    rows: ClassVar[np.dtype[Any]]  # of the files of testbench.cpp
+    fraction: ClassVar[int]  # bits of a word after the point; 0: floating point
+    rows: ClassVar[np.dtype[Any]]  # row type of the files of testbench.cpp
 
     @abstractmethod
     def of_bits(self, bits: int) -> Value:
@@ -45,15 +45,15 @@ class Arithmetic(ABC):
 
     @abstractmethod
     def encoded(self, bits: int) -> int:
-        """The same as it is inside."""
+        """The constant in the internal format."""
 
     @abstractmethod
     def values(self, numbers: NDArray[np.floating]) -> list[Value]:
-        """The nearest ones."""
+        """The nearest values."""
 
     @abstractmethod
     def words(self, numbers: NDArray[np.floating]) -> NDArray[Any]:
-        """The same as testbench.cpp reads them. NaN is the last number where there is none."""
+        """Words in the format that testbench.cpp reads. Without a NaN in the format, NaN becomes the last number."""
 
     @abstractmethod
     def numbers(self, words: NDArray[Any]) -> NDArray[np.floating]:
@@ -138,7 +138,7 @@ class Float(Arithmetic):
 
 
 class Fixed(Arithmetic):
-    """As HardwareFixed in cpp/fixed.hpp."""
+    """The same numbers as HardwareFixed in cpp/fixed.hpp."""
 
     number, units, prefix = "fixed", "fixed_units.v", "fx"
     word, inside = 48, 48

@@ -25,4 +25,4 @@ def command(scenario: Path, out: Path, number: HardwareNumber, unbounded: bool) 
     from .folder import fpga
 
     fpga(Scenario.load(scenario), out, number, unbounded=unbounded)
-    click.echo(f"{out}: add it to your design, as its README.md says")
+    click.echo(f"{out}: add it to your design; see its README.md")

@@ -67,7 +67,7 @@ class Input(NamedTuple):
     """A measured number by its place in the motion, or, where that is -1, a part of start + increment * word."""
 
     measured: int
-    part: int  # 0: what is left of whole quadrants; 1: an odd quadrant; 2, 3: sine, cosine are negative; 1.0 or 0.0
+    part: int  # 0: remainder after whole quadrants; 1: an odd quadrant; 2, 3: sine, cosine are negative; 1.0 or 0.0
     start: int
     increment: int
     word: int

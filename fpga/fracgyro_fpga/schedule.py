@@ -1,13 +1,13 @@
 """List scheduling of a routine onto pipelined units that take an operation every cycle.
 
-Cycle t asks for the operands of an operation, t + 2 chooses them, and from t + 3 on its unit works. In t + 3 + stages
-the result stands in the unit's register. An operation may read it from that register in cycle t + 1 + stages, from
-memory from the next one on. What is copied into the state is read in the next step only.
+Cycle t requests the operands of an operation, t + 2 selects them, and its unit works from t + 3 on. In t + 3 + stages
+the result is in the unit's register. An operation may read it from that register in cycle t + 1 + stages, and from
+memory from the next cycle on. Values copied into the state are read in the next step only.
 
-What every operand is read from is wired: a choice between few sources is fast and small. So an operation goes to the
-unit, and a sum or a product has its operands in the order, that need the fewest wires that are not there yet. All
-routines are scheduled twice: the second time with those wires that were most used in the first, and an operation waits
-for one that is there while that does not make its routine longer.
+The sources of every operand are wired: a choice between few sources is fast and small. Therefore an operation goes to
+the unit, and a sum or a product has the order of operands, that need the fewest new wires. All routines are scheduled
+twice. The second time starts with the wires that were used most in the first, and an operation waits for an existing
+wire as long as that does not make its routine longer.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ class Schedule:
                 if cycle + FETCH - 1 != self.result(producer):
                     read[producer] = max(read.get(producer, 0), cycle)
         found: dict[int, int] = {}
-        until: dict[int, list[int]] = {}  # by bank, of each place: the last cycle that asks for what is there
+        until: dict[int, list[int]] = {}  # by bank, for each place: the last cycle that requests its value
         for place in sorted(read, key=self.result):
             of = until.setdefault(self.slots[place].bank, [])
             free = [number for number, last in enumerate(of) if last + FETCH - 1 <= self.result(place)]
@@ -164,7 +164,10 @@ def _shortest(routine: Routine, machine: Machine, wires: Wires, wait: int, befor
 def _listed(
     routine: Routine, machine: Machine, wires: Wires, wait: int, variant: int, before: Schedule | None
 ) -> Schedule:
-    """What the forces and the decisions need comes first, then what has most to come after it. Adds to the wires."""
+    """Schedule the operations that forces and decisions need first, then by the longest path after them.
+
+    Adds to the wires.
+    """
     operations = routine.operations
     made = {one.node: place for place, one in enumerate(operations) if one.node >= 0}
     heights = least = _heights(operations)
@@ -174,7 +177,7 @@ def _listed(
     random, patience = Random(variant), PATIENCE if variant < VARIANTS else PATIENCE // 2
     if 0 < variant < VARIANTS:
         heights = [(first - int(JITTER * random.random()), second) for first, second in heights]
-    elif variant >= VARIANTS:  # of what is about as urgent, what comes first: results are needed for a shorter time
+    elif variant >= VARIANTS:  # equal urgency: in program order, which shortens lifetimes
         grain, start = 8 + int(193 * random.random()), int(201 * random.random())
         heights = [((first - start) // grain, place) for place, (first, _) in enumerate(heights)]
     readers: list[list[int]] = [[] for _ in operations]
@@ -192,7 +195,7 @@ def _listed(
     for place, count in enumerate(waits):
         if count == 0:
             heappush(waiting, (operations[place].given, heights[place], place))
-    sizes = Counter(wire[:2] for wire in wires)  # of choices
+    sizes = Counter(wire[:2] for wire in wires)  # number of sources of each choice
     cycle = 0
     while len(slots) < len(operations):
         while waiting and waiting[0][0] <= cycle:

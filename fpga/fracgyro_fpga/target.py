@@ -18,7 +18,7 @@ from .folder import fpga
 def _simulated(
     scenario: Scenario, number: HardwareNumber, motion: NDArray[np.floating], folder: Path
 ) -> NDArray[np.floating]:
-    """As exported, simulated by Verilator."""
+    """Answers of the exported hardware, simulated by Verilator."""
     need("verilator")
     exported, program, arithmetic = folder / "fpga", "build/controller", ARITHMETICS[number]
     fpga(scenario, exported, number, unbounded=True)
@@ -32,7 +32,7 @@ def _simulated(
 def _desk(
     scenario: Scenario, number: HardwareNumber, motion: NDArray[np.floating], folder: Path
 ) -> NDArray[np.floating]:
-    """What hardware with a fixed point has to answer, by the core on this computer."""
+    """Expected answers of hardware with a fixed point, from the core on this computer."""
     return without_status("desk", scenario, on_the_desk(scenario, motion, folder))
 
 

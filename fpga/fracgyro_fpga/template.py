@@ -58,9 +58,9 @@ def compared(graph: Graph) -> list[int]:
 
 
 def deciding(graph: Graph) -> int:
-    """Cycles from the last comparison until it is known what all of them lead to.
+    """Cycles from the last comparison until the results of all decisions are known.
 
-    One is that of the predicates, one that of what is read off the program, one that of comparing it.
+    One cycle for the predicates, one for reading the program, one for comparing it.
     """
     return 3 + max(graph.levels[root] for root in graph.roots) // LEVELS
 
@@ -193,7 +193,7 @@ def _integers(graph: Graph) -> list[int]:
 
 
 def _phases(graph: Graph) -> list[tuple[int, int, int]]:
-    """Start, increment and word (-1: none) of each. A word stays or goes on by one, which the hardware relies on."""
+    """Start, increment and word (-1: none) of each. The hardware relies on a word that stays or increases by one."""
     found = sorted({(one.start, one.increment, one.word) for one in graph.inputs if one.measured < 0})
     for word in {word for _, _, word in found if word >= 0}:
         assert {graph.leaves[leaf][1:] for leaf in _reached(graph, graph.roots[word])} <= {(word, 0), (word, 1)}

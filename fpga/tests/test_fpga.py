@@ -177,7 +177,7 @@ def test_every_unit_computes_the_bits_of_this_processor(tmp_path: Path) -> None:
 
 
 def compared_units(units: str, bench: str, program: str, folder: Path) -> str:
-    """What a program of this folder prints."""
+    """Output of a program of this folder."""
     need("FPGA")
     sources = [VERILOG / units, VERILOG / "digits.v", HERE / bench, HERE / program]
     flags = f"-std=c++20 -O1 -I{CPP} -I{SOURCES / 'include'}"
@@ -276,7 +276,7 @@ def test_the_same_scenario_gives_the_same_bytes_from_the_command_and_from_python
     fpga(scenario, tmp_path / "one")
     (tmp_path / "own.toml").write_text(scenario.to_toml(), encoding="utf-8")
     said = CliRunner().invoke(cli, ["export", "fpga", str(tmp_path / "own.toml"), "--out", str(tmp_path / "two")])
-    assert (said.exit_code, said.output) == (0, f"{tmp_path / 'two'}: add it to your design, as its README.md says\n")
+    assert (said.exit_code, said.output) == (0, f"{tmp_path / 'two'}: add it to your design; see its README.md\n")
     files = sorted(path.name for path in (tmp_path / "one").iterdir())
     assert "controller.v" in files
     for file in files:

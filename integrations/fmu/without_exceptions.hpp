@@ -1,6 +1,6 @@
-// Functions of the C++ library that std::vector calls, in terms of C. GNU's own throw: linked in, they bring code that
-// unwinds and prints exceptions, which needs a C library of the year of the compiler. LLVM's library would be compiled
-// for each system that zig links for, which takes minutes. Nothing here is compiled to catch any exception.
+// The functions of the C++ library that std::vector calls, written in C. GNU's functions throw: linking them adds the
+// code that unwinds and prints exceptions, which needs a C library as new as the compiler. zig would compile LLVM's
+// library for each target system, which takes minutes. No code here catches exceptions.
 #pragma once
 
 #include <cstddef>

@@ -31,7 +31,7 @@ from words import short
 HERE = Path(__file__).resolve().parent
 OUT = HERE.parents[1] / "build" / "article"
 SOURCES = ("article.typ", "template.typ", "metadata.yaml", "bibliography.yml")
-SEEDS = 100  # as `fracgyro reproduce`
+SEEDS = 100  # the default of `fracgyro reproduce`
 Values = dict[str, Any]
 
 
@@ -42,7 +42,7 @@ def build(out: Path, seeds: int, results: Path) -> Path:
 
 
 def write(out: Path, again: replication.Replication, errors: sensing.Errors, data: dict[str, Values]) -> Path:
-    """Of the runs, the committed logs and the comparison."""
+    """Write the values of the runs, the committed logs and the comparison."""
     values: Values = {
         "version": version("fracgyro"),
         "method": method(),

@@ -19,7 +19,7 @@ UNIT = 1e6  # errors of tracking are shown in millionths of q0
 Row = dict[str, Any]
 Values = dict[str, Any]
 
-# What a table of `rate` shows of `metrics`, in this order, in words, with its unit and the factor to it.
+# Columns of the tables of `rate`: entry of `metrics`, its heading, its unit and the factor to it.
 RATE_COLUMNS = {
     "error": ("ARW", "deg/√h", 1.0),
     "equal_motion": ("ARW at equal total motion", "deg/√h", 1.0),
@@ -32,7 +32,7 @@ RATE_COLUMNS = {
     "start_up": ("start-up", "ms", 1.0),
 }
 MOST_COLUMNS, MOST_TABLES = 9, 2
-NOTHING = 0.01  # what is less, in any of these units, is shown as that
+NOTHING = 0.01  # smaller values, in any of these units, are shown as less than this
 
 
 def load(folder: Path, task: str) -> dict[str, Any]:
@@ -139,7 +139,7 @@ def _cell(row: Row | None) -> str:
 
 
 def spread(row: Row) -> float | None:
-    """Of the samplers: the largest error over the smallest, of tunings by equal effort; infinite where one failed."""
+    """Ratio of the largest to the smallest error over the samplers' tunings of equal effort; infinite if one failed."""
     errors = row["sampler_errors"]
     if len(errors) < 2:
         return None
@@ -199,7 +199,7 @@ def _flattery(rows: list[Row], noises: Sequence[float], ceiling: float) -> Value
 
 
 def _conditions(rows: list[Row]) -> list[str]:
-    """What is not another plant or noise, in the order of the file."""
+    """Conditions other than a changed plant or noise, in the order of the file."""
     plants = ("K +", "K -5", "D +", "D -", "split", "dxy", "kxy", "rate", "noise")
     return [name for name in rows[0]["others"] if not name.startswith(plants)]
 
@@ -356,7 +356,7 @@ def _industry(rows: list[Row]) -> Values:
 
 
 def _columns(rows: list[Row]) -> list[str]:
-    """Those of RATE_COLUMNS that any row has; where there are none, what there is."""
+    """The RATE_COLUMNS that any row has; without any, all metrics of the rows."""
     there = list(dict.fromkeys(name for row in rows for name in row["metrics"]))
     if not there:
         raise ValueError("compare-rate.json has no metrics")

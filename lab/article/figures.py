@@ -22,7 +22,7 @@ from matplotlib.ticker import FixedLocator, LogLocator, NullLocator
 from replication import EACH, LIMIT, RATE, Replication, gains_over_time
 
 WIDE = 160.0  # mm
-GREEN, PURPLE, SKY, GOLD = "#009E73", "#CC79A7", "#56B4E9", "#E69F00"  # of the same palette as COLORS
+GREEN, PURPLE, SKY, GOLD = "#009E73", "#CC79A7", "#56B4E9", "#E69F00"  # from the same palette as COLORS
 GRAY = "#9aa5ac"
 NAMED = 6  # contenders of a front that have a color of their own
 LOOKS = [(COLORS[0], "s"), (GREEN, "^"), (PURPLE, "D"), (GOLD, "v"), (SKY, "P"), ("#000000", "X")]
@@ -53,7 +53,7 @@ def _pair(height: float) -> tuple[Figure, Sequence[Axes]]:
 
 
 def _envelope(time: np.ndarray, values: np.ndarray, bins: int = 160) -> tuple[np.ndarray, np.ndarray]:
-    """The largest of each of so many equal parts of the time."""
+    """Maximum in each of `bins` equal parts of the time."""
     count = len(values) // bins
     return time[: bins * count : count], values[: bins * count].reshape(bins, count).max(axis=1)
 

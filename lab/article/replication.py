@@ -20,7 +20,7 @@ from fracgyro_lab.paper.step_cost import StepCost
 from fracgyro_lab.paper.table import farther_off, order_ranges
 from words import short, spelled, uncertain
 
-LONG, LIMIT = 5000.0, 0.5  # of the runs to the end: their length, and the switching limit of one of them
+LONG, LIMIT = 5000.0, 0.5  # long runs: their length, and the switching limit of one of them
 EACH = 1000  # samples to a unit of time
 RATE = scenario("corrected", "proposed").plant.nondimensional()[2]  # the true one
 Values = dict[str, Any]
@@ -69,7 +69,7 @@ def values(r: Replication) -> Values:
 
 
 def _setup() -> Values:
-    """What the paper states, from the scenario that has it."""
+    """The paper's numbers, from its scenario."""
     s = scenario("corrected", "proposed")
     damping, stiffness, rate, _, _ = s.plant.nondimensional()
     c, a = s.controller, s.adaptation
@@ -152,7 +152,7 @@ def _short(claim: Claim, r: Replication) -> str:
     if claim.id == "f":
         rate = middle(abs(of("rate_error"))) / RATE
         d, k = middle(of("damping_error")), middle(of("stiffness_error"))
-        return f"at t = 80 off by {short(rate)} (Ω̂z), {short(d)} (D̂), {short(k)} (K̂) of the truth"
+        return f"at t = 80 off by {short(rate)} (Ω̂z), {short(d)} (D̂), {short(k)} (K̂) of the true values"
     if claim.id == "g":
         end, half = of("bound_final").sel(bound=0), of("bound_0_halfway")
         return f"b̂₀ grows by {short(100 * float(((end - half) / half).mean()))} % from t = 40 to 80"
@@ -176,7 +176,7 @@ def _best_orders(results: Study, variant: str) -> dict[tuple[str, str], float]:
 
 
 def _seen(r: Replication) -> Values:
-    """Of the three errata that the two readings switch, and of the rate."""
+    """Effects of the three errata that the two readings switch, and of the rate."""
     printed, corrected = (r.runs[variant, "proposed"] for variant in ("printed", "corrected"))
     late = metrics.cut(printed, (40.0, None))
     entry = late["rate_estimate"] + late["rate_symmetric_estimate"].sel(entry="xy")
@@ -245,7 +245,7 @@ def _printed_end() -> Values:
     row = logs.row("boundedness", reading="as printed", layer="quadratic (its own)")
     diverged, _, seeds = row["diverged"].partition(" of ")
     if diverged != "0":
-        raise ValueError("benchmarks/results/boundedness.md has the printed reading diverge: the text says it does not")
+        raise ValueError("benchmarks/results/boundedness.md: the printed reading diverges, which the text denies")
     return {
         "units": row["run to t"],
         "seeds": seeds,

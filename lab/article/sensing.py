@@ -1,4 +1,4 @@
-"""What the estimate of the rate is worth: values from the committed logs, and two sets of short runs for a figure."""
+"""Quality of the rate estimate: values from the committed logs, and two sets of short runs for a figure."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ DEVICES = {
 }
 NOISES = ("1e-14", "1e-13", "1e-12")  # m/sqrt(Hz)
 GRADIENT, LEAST_SQUARES = "gradient laws", "least squares added"
-# Of the log: where, law; and what stands for them in the article.
+# Scenario and law in the log, and their names in the article.
 TABLE = [
     ("paper, its noise, off resonance", "laws (44), the paper's gains", "the paper's, its noise", GRADIENT),
     ("paper, its noise, off resonance", "composite", "the paper's, its noise", LEAST_SQUARES),

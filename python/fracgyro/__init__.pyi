@@ -1,4 +1,4 @@
-"""What `import fracgyro` offers; each name is loaded when it is first used."""
+"""Public names of `import fracgyro`; each is loaded when it is first used."""
 
 from . import export as export
 from . import fractional as fractional

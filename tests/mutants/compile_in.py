@@ -41,7 +41,7 @@ class Mutant:
     after: str
     rule: str
     line: int
-    words: str  # what it does, for the log: the same wherever the line is
+    words: str  # its effect, for the log; independent of the line number
 
     @property
     def edit(self) -> str:
@@ -50,7 +50,7 @@ class Mutant:
 
 
 def blanked(text: str) -> str:
-    """The same length, with spaces for what is no code."""
+    """The text with comments, strings and preprocessor lines replaced by spaces."""
     pattern = r'//[^\n]*|/\*.*?\*/|"(?:\\.|[^"\\\n])*"|\'(?:\\.|[^\'\\\n])\'|^[ \t]*#(?:[^\n]*\\\n)*[^\n]*'
     return re.sub(pattern, lambda m: re.sub(r"[^\n]", " ", m[0]), text, flags=re.DOTALL | re.MULTILINE)
 
@@ -190,12 +190,13 @@ def kept(mutant: Mutant) -> bool:
 
 
 def crosses(a: Mutant, b: Mutant) -> bool:
-    """Neither beside nor inside one another."""
+    """True if the two overlap and neither contains the other."""
     return a.begin < b.begin < a.end < b.end or b.begin < a.begin < b.end < a.end
 
 
 def mutated(text: str, mutants: list[tuple[int, Mutant]]) -> str:
-    """The text with all of them. Of two at one place the longer is outside, and what has no end outside of both."""
+    """The text with all mutants. Of two that begin at the same place the longer is outside; one without an end is
+    outside of both."""
     puts: list[tuple[int, int, int, str]] = []
     for number, m in mutants:
         length = m.end - m.begin

@@ -31,7 +31,7 @@ MODULES = [
     "fracgyro/study/sweep/effects.py", "fracgyro/study/tune/criteria.py", "fracgyro/study/tune/hold_out.py",
     "fracgyro_lab/comparison/rows.py", "fracgyro_lab/paper/claims.py", "fracgyro_lab/paper/step_cost.py",
 ]  # fmt: skip
-# The tests that may kill: of the last files those alone that run in this process, where a mutant is active.
+# The tests that may kill: of the last files only the tests that run in this process, where a mutant is active.
 TESTS: dict[str, list[str]] = {
     "metrics": [], "claims": [], "allan": [], "effects": [], "hold_out": [], "rate_figures": [], "lanes": [],
     "device": [], "setup": [], "kinds": [], "bound": [],

@@ -51,7 +51,7 @@ def keep(part: str, found: Mapping[str, list[Outcome]]) -> None:
 
 
 def cpp(only: Collection[str] = ()) -> Found:
-    """Of the headers, or only of some."""
+    """Mutants of the headers, or only of some headers."""
     from compiled import build
     from cpp_kills import killed_by_cpp_tests, killed_by_python_tests
 
@@ -72,7 +72,7 @@ def cpp(only: Collection[str] = ()) -> Found:
 
 
 def python(only: Collection[str] = ()) -> Found:
-    """Of the package, or only of some files."""
+    """Mutants of the package, or only of some files."""
     found: Found = defaultdict(list)
     files = {entry["id"]: python_kills.path_of(entry["file"]) for entry in python_kills.listed()}
     chosen = [entry for entry in python_kills.listed() if not only or files[entry["id"]] in only]

@@ -109,7 +109,7 @@ def test_lanes_of_every_width_have_the_same_bits(lanes: int, single: bool) -> No
 
 @pytest.mark.parametrize("lanes", [1, *_core.lane_counts()])
 def test_a_run_in_a_lane_has_the_bits_of_a_single_run(lanes: int) -> None:
-    """As far as what is left of it tells: numbers in which no order of additions enters."""
+    """Compares the metrics that do not depend on an order of additions."""
     names, rows = COLUMNS, measured(lanes, False)
     for scenario, row in zip(RUNS, rows, strict=True):
         if not np.isnan(row[names.index("diverged_at")]):

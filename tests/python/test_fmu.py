@@ -489,7 +489,7 @@ def test_a_binary_refuses_the_description_of_another(made: Callable[..., str], t
     said: list[str] = []
     with pytest.raises(Exception, match="instantiate"):
         instantiate_fmu(fmpy.extract(path, str(tmp_path)), description, logger=lambda *a: said.append(a[-1].decode()))
-    assert said == ["the GUID is not that of this FMU: its model description is of another one"]
+    assert said == ["the GUID is not this FMU's: the model description belongs to another FMU"]
 
 
 def test_units_convert_to_si(made: Callable[..., str]) -> None:

@@ -19,7 +19,7 @@ PACKAGES = {
     "fracgyro_fpga": ROOT / "fpga/fracgyro_fpga",
     "fracgyro_lab": ROOT / "lab/fracgyro_lab",
 }
-# The folders of include/fracgyro, each with those that it may include besides itself.
+# The folders of include/fracgyro, each with the other folders that it may include.
 CONTROL = {"core", "control"}
 LAYERS = {
     "core": set(),

@@ -58,7 +58,7 @@ def test_a_log_depends_on_what_its_script_imports_and_on_the_headers_below_it() 
         "python/fracgyro/scenario/shipped/dual_mass.toml",
         "bindings/bind_loop.cpp",
         "include/fracgyro/estimation/joint.hpp",
-        "include/fracgyro/core/covariance.hpp",  # of joint.hpp
+        "include/fracgyro/core/covariance.hpp",  # included by joint.hpp
     } <= found
     joint = of("benchmarks/soak.py", "soak_joint")
     assert "include/fracgyro/estimation/joint.hpp" in joint - of("benchmarks/soak.py", "soak")

@@ -48,7 +48,7 @@ def unfenced(text: str) -> str:
 
 
 def anchors(path: Path) -> set[str]:
-    """As GitHub makes them from headings."""
+    """Anchors that GitHub derives from the headings."""
     headings = re.findall(r"^#+ (.*)$", unfenced(path.read_text(encoding="utf-8")), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 

@@ -1,4 +1,4 @@
-// What exported hardware with a fixed point has to answer: the same core, computing with Fixed on this computer.
+// The expected answers of exported hardware with a fixed point: the same core, computing with Fixed on this computer.
 //
 //     desk NUMBERS OBSERVER POLES WEIGHTS      the numbers that chosen.hpp describes
 //

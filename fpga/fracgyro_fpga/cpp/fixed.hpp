@@ -1,9 +1,10 @@
 // A number with a fixed point, as the core's scalar and as exported hardware has it: `whole` bits left of the point,
 // the sign among them, and `fraction` bits right of it.
 //
-//    What does not fit is the largest number of its sign, of which there is one each: -x is always a number. Sums are
-//    exact. A product is the nearest number, the larger one of two as near. Quotients and roots end towards 0. A
-//    quotient by 0 is the largest number; the root of a negative number is 0. There is no NaN: it becomes 0.
+//    A result that does not fit saturates at the largest number of its sign. The range is symmetric: -x is always a
+//    number. Sums are exact. A product is rounded to the nearest number, ties to the larger one. Quotients and roots
+//    are rounded towards 0. A quotient by 0 is the largest number; the root of a negative number is 0. There is no
+//    NaN: it becomes 0.
 #pragma once
 
 #include "fracgyro/control/reference.hpp"
@@ -33,7 +34,7 @@ struct Fixed {
         const double size = scaled < 0.0 ? -scaled : scaled;
         if (size == size) {
             places = with_sign(scaled < 0.0, size < static_cast<double>(most)
-                                                 ? static_cast<Wide>(size + 0.5)  // exact where there is a half to add
+                                                 ? static_cast<Wide>(size + 0.5)  // exact if there is a half to add
                                                  : static_cast<Wide>(most));
         }
     }
@@ -83,26 +84,27 @@ private:
     }
 };
 
-// What stands for the angle of a phase that comes from an integer; nullptr: nothing does.
+// The angle that replaces the one of the next phase, if a phase comes from an integer; nullptr: none.
 template <class T>
 const T*& angle_of_integer() {
     static const T* angle = nullptr;
     return angle;
 }
 
-// Sine and cosine of a phase whose integer part the hardware has: x = remainder·unit, and on which side of what axis.
+// Sine and cosine of a phase whose integer part the hardware has: x = remainder·unit, with the quadrant's swap and
+// signs.
 template <class T>
 SineCosine<T> sine_cosine_of(T remainder, T unit, T odd_quadrant, T negative_sine, T negative_cosine) {
     const T x = remainder * unit, zero = T(0.0);
     angle_of_integer<T>() = &x;
-    const auto [sine, cosine] = sine_cosine<T>(std::uint32_t{0});  // of x
+    const auto [sine, cosine] = sine_cosine<T>(std::uint32_t{0});  // sine and cosine of x
     angle_of_integer<T>() = nullptr;
     const T first = if_less(zero, odd_quadrant, cosine, sine), second = if_less(zero, odd_quadrant, sine, cosine);
     return {.sine = if_less(zero, negative_sine, -first, first),
             .cosine = if_less(zero, negative_cosine, -second, second)};
 }
 
-// What exported hardware has; other lengths are only to compare with.
+// Word length of exported hardware; other lengths are only for comparison.
 #ifndef FRACGYRO_FRACTION
 #define FRACGYRO_FRACTION 28
 #endif

@@ -1,12 +1,13 @@
-// Records a controller with its guard and writes what exported hardware computes, as JSON.
+// Records a controller with its guard and writes the operations that exported hardware computes, as JSON.
 //
 //     trace NUMBERS OBSERVER POLES WEIGHTS      the numbers that chosen.hpp describes
 //
 //    Compiled with FRACGYRO_FIXED 0, for float, or 1, for a fixed point.
 //
-//    A step is run once for each way through its decisions, all of which begin with the state unknown. Words that never
-//    change are constants; that is found by beginning with all constant and going on with what was found to change,
-//    until nothing else does. What each word becomes is a diagram: decisions to its leaves, equal ones kept once.
+//    A step is run once for each path through its decisions, each path with an unknown state. Words that never change
+//    are constants. They are found by iteration: at first all words are constant; words found to change are made
+//    variable, until no more change. The next value of each word is a diagram: decisions lead to its leaves; equal
+//    diagrams are kept once.
 #include "trace.hpp"
 
 #include "chosen.hpp"
@@ -44,7 +45,7 @@ void walk(Value& value, Visit&& visit) {
     }
 }
 
-// What a word becomes: a number of the graph, or an integer.
+// The next value of a word: a number of the graph, or an integer.
 struct Became {
     int operand = -1, word = -1;
     std::int64_t offset = 0;
@@ -54,7 +55,7 @@ Became became(const Traced& number) { return {.operand = number.operand()}; }
 Became became(const Count& count) { return {.word = count.word, .offset = count.offset}; }
 
 struct Word {
-    int bits = 0;  // of an integer
+    int bits = 0;  // width of an integer
     bool varies = false;
     Number initial{};
     Bounds bounds{};
@@ -188,13 +189,13 @@ struct Tracer {
 
 // Decisions to leaves: a predicate with two diagrams, or a leaf.
 struct Diagram {
-    int predicate = -1, yes = 0, no = 0;  // of a leaf: yes is its number
+    int predicate = -1, yes = 0, no = 0;  // in a leaf, yes is its number
     auto operator<=>(const Diagram&) const = default;
 };
 
 struct Diagrams {
     Numbered<Diagram> all;
-    // Of each leaf of these results, which agree on their first `depth` answers.
+    // The diagrams of each leaf of these results, which agree on their first `depth` answers.
     std::vector<int> build(std::span<const Result> results, std::size_t depth) {
         std::vector<int> found;
         if (results.front().path.size() == depth) {

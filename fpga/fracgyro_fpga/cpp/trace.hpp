@@ -1,11 +1,10 @@
-// A number that records what is computed with it. The core, run on it once for each way through its decisions, leaves a
-// graph of operations: what exported hardware computes.
+// A number that records the operations on it. The core, run on it once for each path through its decisions, leaves a
+// graph of operations: the computation of the exported hardware.
 //
-//    Equal operations are recorded once. Constants are computed at once, in the number that the hardware has: float or,
-//    where FRACGYRO_FIXED is 1, one with a fixed point. What only changes a sign costs nothing: it is part of an
-//    operand. Integers and switches of a state (`Kept` in core/scalar.hpp) are recorded as a word of the state and what
-//    was added to it; a comparison of numbers or words that becomes a bool is a decision, which is answered as the
-//    present path says.
+//    Equal operations are recorded once. Constants are computed immediately, in the number type of the hardware: float
+//    or, if FRACGYRO_FIXED is 1, fixed point. A change of sign costs nothing: it is part of an operand. Integers and
+//    switches of a state (`Kept` in core/scalar.hpp) are recorded as a word of the state plus the amount added to it. A
+//    comparison of numbers or words that becomes a bool is a decision, which is answered according to the present path.
 #pragma once
 
 #include "fixed.hpp"
@@ -43,15 +42,15 @@ enum class Op {
     scale
 };
 
-// Operands: 4 times the number of a node, plus 1 where its sign is changed, plus 2 where it is dropped before.
+// Operands: 4 times the number of a node, plus 1 if its sign is changed, plus 2 if the sign is dropped before.
 struct Node {
     Op op{};
     std::array<int, 4> operands{-1, -1, -1, -1};
-    std::int64_t bits = 0;  // of a constant; the place among words or inputs
+    std::int64_t bits = 0;  // bits of a constant, or the place among words or inputs
     auto operator<=>(const Node&) const = default;
 };
 
-// What the hardware makes of a phase: start + increment·steps.
+// Parts of a phase, start + increment·steps, that the hardware computes.
 enum class OfPhase { remainder, odd_quadrant, negative_sine, negative_cosine };
 struct Input {
     int measured = -1;  // the place in the motion, or:
@@ -230,7 +229,7 @@ private:
         const Node& made = recorder().nodes.things[static_cast<std::size_t>(node)];
         return made.op == Op::add && (made.operands[0] & 3) == 2 && (made.operands[1] & 3) == 2;
     }
-    // Of a product and a quotient the sign comes from those of the operands, whatever their sizes.
+    // The sign of a product or a quotient depends only on the operands' signs, not on their sizes.
     static bool take_sign(Traced& a) {
         const bool taken = a.constant() ? is_negative(a.value) : a.negative;
         a = taken ? -a : a;
@@ -253,8 +252,8 @@ struct Count {
     template <std::integral Built>
     constexpr Count(Built value) : offset(static_cast<std::int64_t>(value)) {}
 
-    // In the place of a built-in number its value is decided. Of one without bounds only whether it is 0 can be asked,
-    // as a guard does: whether time has started.
+    // A conversion to a built-in number decides its value. For a number without bounds the only possible question is
+    // whether it is 0: a guard asks it to find out if time has started.
     template <std::same_as<std::uint64_t> Built>
     operator Built() const {
         std::int64_t value = word < 0 ? 0 : recorder().bounds[static_cast<std::size_t>(word)].low;
@@ -308,7 +307,7 @@ struct Rest {
 };
 inline Rest operator%(const Count& a, std::uint64_t modulus) { return {a, modulus}; }
 
-// One of so many bits.
+// A count of `size` bits.
 template <int size>
 struct CountOf : Count {
     static constexpr int bits = size;
@@ -324,10 +323,10 @@ struct Flag {
     operator bool() const { return count.at_least(1); }
 };
 
-// What a remainder is multiplied by: one of a fixed point is in its last places.
+// The factor from a remainder to radians. A fixed-point remainder is in the last places of its word.
 constexpr double radians = is_fixed ? HardwareFixed::radians_of_remainder : 6.28318530717958647693 / 0x1p32;
 
-// Of a fixed point, for which it is not computed.
+// Hardware with a fixed point does not compute powers.
 template <std::same_as<Traced> T>
     requires is_fixed
 T power(T base, T /*exponent*/) {
@@ -384,7 +383,7 @@ inline trace::Traced angle(detail::Built<trace::Traced> radians) {
     return known != nullptr ? *known : trace::Traced(radians);
 }
 
-// The integer part of sine and cosine is left to the hardware's integers; what is computed from it is recorded.
+// The hardware's integers compute the integer part of sine and cosine; operations on the result are recorded.
 template <>
 struct PhaseOf<trace::Traced> {
     using Type = trace::Phase;

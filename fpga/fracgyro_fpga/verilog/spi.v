@@ -9,9 +9,9 @@
 //             3  read a reported number or a word of the state
 //             4  read the force: index 0 x, 1 y
 //
-//     clk has to be at least 8 times as fast as sck, which begins four cycles of clk after cs_n falls; cs_n rises between
-//     transfers. miso is driven all the time. A word that is written while the controller is not ready is lost, as is one
-//     whose index does not exist; what is read there has no meaning.
+//     clk must be at least 8 times as fast as sck, which begins four cycles of clk after cs_n falls; cs_n rises
+//     between transfers. miso is always driven. A word is lost if it is written while the controller is not ready or
+//     to an index that does not exist; a word read from such an index is undefined.
 `default_nettype none
 module fracgyro_spi #(
     parameter WORD = 32,

@@ -59,7 +59,7 @@ int hung() {
 }  // namespace
 
 int main() {
-    constexpr std::uint64_t most_cycles = 100'000;  // of a step
+    constexpr std::uint64_t most_cycles = 100'000;  // limit for one step
     std::FILE* const in = std::fopen("motion", "rb");
     std::FILE* const out = std::fopen("answer", "wb");
     if (in == nullptr || out == nullptr) {

@@ -2,10 +2,10 @@
 // nearest, ties to even. Units take operands in every cycle; no unit is reset.
 //
 //     Inside, a number has 33 bits: sign, 9 bits of exponent, 23 bits of fraction. The exponent is that of the value
-//     plus 256, also of what is subnormal outside: every number but 0 has its leading one. Exponent 0: zero. Exponent
-//     511: infinity where the fraction is 0, else NaN, of which there is one.
+//     plus 256, also for numbers that are subnormal outside: every number except 0 has its leading one. Exponent 0:
+//     zero. Exponent 511: infinity if the fraction is 0, else NaN, of which there is one.
 //
-//     Rounding adds to exponent and fraction as one number: a fraction that runs over goes on into the exponent.
+//     Rounding adds to exponent and fraction as one number: a fraction that overflows carries into the exponent.
 //
 //     The stages of a unit, from its operands to a register with its result: fp_add 5, fp_mul 4, fp_div 12,
 //     fp_sqrt 16, fp_exponent 3, fp_choose 1, fp_from_integer 4. fp_div and fp_sqrt (digits.v) take operands when their
@@ -160,7 +160,7 @@ module fp_add (
         endcase
         nothing3 <= is_near2 ? near2 == 0 : !big2[23];
         exponent3 <= exponent2;
-        // Of a difference of equal numbers plus; where zeros are added, theirs.
+        // The sign of a difference of equal numbers is plus; a sum of zeros has their sign.
         sign3 <= !nan2 & ((is_near2 ? near2 == 0 : !big2[23]) ? zero2 : sign2);
         {nan3, special3, is_near3} <= {nan2, special2, is_near2};
     end
@@ -214,7 +214,7 @@ module fp_last (
     always @(posedge clk) begin
         z[32] <= sign;
         z[31:23] <= none & !up ? 9'd0 : sum[31:23] | {9{sum[31] & sum[30]}};
-        // What runs over in this sum leaves no fraction.
+        // An overflow in this sum leaves no fraction.
         z[22:0] <= exponent[8] & exponent[7] ? {nan, 22'd0} : sum[22:0] & ~dropped;
     end
 endmodule
@@ -241,8 +241,8 @@ endmodule
 module fp_round (
     input wire clk,
     input wire sign,
-    input wire signed [10:0] exponent,  // as inside, of a significand below 1, doubled
-    input wire [25:0] dropped,  // of this exponent
+    input wire signed [10:0] exponent,  // internal format, for a significand below 1, doubled
+    input wire [25:0] dropped,  // fraction bits that this exponent drops
     input wire [25:0] first,
     input wire [25:0] value,
     input wire left,  // something after it is not 0
@@ -328,7 +328,7 @@ module fp_div (
 );
     wire a_zero = a[31:23] == 0, b_zero = b[31:23] == 0;
     wire a_special = a[31:23] == 9'd511, b_special = b[31:23] == 9'd511;
-    reg signed [10:0] exponent;  // of a quotient below 1, doubled
+    reg signed [10:0] exponent;  // exponent of a quotient below 1, doubled
     reg sign, nan, infinite, zero;
     always @(posedge clk)
         if (load) begin
@@ -362,7 +362,7 @@ module fp_sqrt (
 );
     wire nothing = a[31:23] == 0;
     wire [24:0] radicand = a[23] ? {1'b1, a[22:0], 1'b0} : {2'b01, a[22:0]};
-    reg signed [10:0] half;  // of the exponent, which lies 256 above that of the value; of a root below 1, doubled
+    reg signed [10:0] half;  // half the exponent, which is the value's plus 256; for a root below 1, doubled
     reg sign, nan, special, zero;
     always @(posedge clk)
         if (load) begin

@@ -35,11 +35,11 @@ class Effort:
     """The same for every contender."""
 
     trials: int
-    seeds: int  # of training
+    seeds: int  # training seeds
     samplers: int  # seeds of the sampler, of which the median counts
     held_out: int  # seeds
-    few: int  # of them, for other plants and conditions
-    quick: bool  # what it gives is not called tuned
+    few: int  # held-out seeds used for other plants and conditions
+    quick: bool  # a preview: its gains are not called tuned
 
 
 FULL = Effort(200, 8, 3, 100, 10, False)

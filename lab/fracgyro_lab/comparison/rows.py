@@ -128,9 +128,9 @@ def other(task: Task, error: Values, changed: Values) -> dict[str, Any]:
 
 
 def ratio(mine: Values, theirs: Values) -> Interval:
-    """Of the errors, from their logarithms paired by seed: the mean with a 95 % bootstrap interval.
+    """Geometric mean of the errors' ratio, paired by seed, with a 95 % bootstrap interval.
 
-    Without a value where either diverged, as runs that did are not left out.
+    NaN if any run diverged: diverged runs are not left out.
     """
     gaps = mine - theirs if np.isfinite(mine).all() and np.isfinite(theirs).all() else np.array([math.nan])
     draws = np.random.default_rng(0).integers(0, len(gaps), size=(RESAMPLES, len(gaps)))

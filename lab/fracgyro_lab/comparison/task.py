@@ -128,7 +128,7 @@ def checked(given: Scenario) -> Scenario:
 
 
 def sensed(base: Scenario, information: str, noise: float) -> Scenario:
-    """With noise of the same nondimensional density on what is measured."""
+    """The scenario with noise of the same nondimensional density on all measurements."""
     both = information == "F"
     return base.replace(
         {
@@ -170,7 +170,7 @@ def quadrature(base: Scenario, rate: float) -> dict[str, Any]:
 
 
 def other_noise(base: Scenario) -> Changes:
-    """None where nothing is noisy."""
+    """Changes of the noise density; empty without noise."""
     device = base.device
     if not device.position_noise_density:
         return {}
@@ -191,6 +191,6 @@ def late(base: Scenario, *, hidden: bool) -> dict[str, Any]:
 
 
 def drifting(base: Scenario, ppm: float) -> dict[str, Any]:
-    """A stiffness that changes by so much until the run ends."""
+    """A stiffness that changes by `ppm` until the run ends."""
     seconds = base.run.duration * base.plant.scales.time
     return {"device.stiffness_drift": ppm / 10.0, "device.temperature_ramp": 10.0 / seconds}

@@ -13,7 +13,7 @@ PAPER = "paper"  # the reference of all ratios
 
 BY_PERIOD = "0.6 over the step, where the sampled loop is unstable"
 
-# Of sliding surfaces. The gain within the layer, rho/delta, stays below 0.8 over the step.
+# Gains of sliding surfaces. The gain within the layer, rho/delta, stays below 0.8 over the step.
 ORDER = Gain("controller.order", 0.1, 1.0, log=False, above="1 is the integer order")
 FRACTIONAL_GAIN = Gain("controller.fractional_gain", 1.0, 1e5)
 LINEAR_GAIN = Gain("controller.fractional_gain", 1.0, 1000.0, above="1 over the step")
@@ -54,7 +54,7 @@ def kind(name: str, **adaptation: str) -> dict[str, Any]:
     return {"controller.kind": name, **{f"adaptation.{field}": value for field, value in adaptation.items()}}
 
 
-# Of the nonsingular surfaces, whose second exponent is the first of e.
+# Gains of the nonsingular surfaces, whose second exponent is the first of e.
 NONSINGULAR = (
     Gain("controller.nonsingular_velocity_gain", 1e-5, 10.0),
     Gain("controller.velocity_exponent", 1.05, 1.95, log=False, below="1 is linear", above="2 is the first exponent"),

@@ -55,11 +55,11 @@ class Tuning:
     task: Task
     contender: Contender
     cell: Cell
-    base: Scenario  # as the cell senses it
+    base: Scenario  # with the cell's sensing
     trials: int
     seeds: list[int]
     sampler: int  # its seed
-    storage: str | None  # of the trials, as they are finished
+    storage: str | None  # storage of the finished trials
 
     @property
     def name(self) -> str:

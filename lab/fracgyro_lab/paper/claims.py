@@ -176,7 +176,7 @@ def no_chattering(m: Material) -> Judged:
     without = float(metrics.chattering(switching).max())
     return worst < 0.01, (
         f"largest chattering index over seeds and axes {worst:.2g}; the same controller without a layer (δ = 0): "
-        f"{without:.2g}; a force that flips at every sample would have 4, the smooth force alone "
+        f"{without:.2g}; a force that flips at every sample would have 4, the smooth force only "
         f"{(np.pi * base.run.step) ** 2:.0e}. The largest |u| is {float(m.metric('largest_force').max()):.0f}, "
         f"against {float(m.metric('effort').mean()):.0f} RMS."
     )
@@ -191,7 +191,7 @@ def estimates_converge(m: Material) -> Judged:
     }
     shares = {name: _share(e <= 0.05) for name, e in errors.items()}
     texts = [
-        f"{name} off by {float(e.median()):.2g} of the truth (median; {shares[name]:.0%} of seeds within 5 %)"
+        f"{name} off by {float(e.median()):.2g} of the true value (median; {shares[name]:.0%} of seeds within 5 %)"
         for name, e in errors.items()
     ]
     peaks = {
@@ -199,8 +199,8 @@ def estimates_converge(m: Material) -> Judged:
     }
     settled = {c: _share(m.metric("rate_settling_time", c) < 79) for c in peaks}
     rank = (
-        "Ω̂z is at most this far off, and within 10 % of the truth for good by the last unit of time in this share of "
-        "seeds: "
+        "Peak error of Ω̂z, and share of seeds in which Ω̂z has settled within 10 % of the true value before the last "
+        "unit of time: "
     )
     rank += "; ".join(f"{c} {peaks[c]:.3g} × Ωz, {settled[c]:.0%}" for c in peaks) + "."
     base = scenario(m.variant, "proposed")
@@ -284,7 +284,7 @@ CLAIMS: dict[str, tuple[str, str, Callable[[Material], Judged]]] = {
     ),
     "f": (
         "The estimates of D, K and Ωz converge to their true values, fastest under the proposed controller.",
-        f"at t = 80 each of the three is within 5 % of the truth in {MIN_SHARE:.0%} of seeds",
+        f"at t = 80 each of the three is within 5 % of its true value in {MIN_SHARE:.0%} of seeds",
         estimates_converge,
     ),
     "g": ("The bound estimates b̂ settle.", "b̂0 grows by less than 1 % from t = 40 to t = 80", bounds_settle),

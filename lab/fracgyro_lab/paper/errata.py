@@ -18,7 +18,7 @@ class Erratum:
     printed: str
     correct: str
     why: str
-    fields: tuple[str, ...] = ()  # of the scenario, that choose the reading or deal with it
+    fields: tuple[str, ...] = ()  # fields of the scenario that choose the reading or handle the erratum
     identity: Callable[[], str] | None = None
     runs: Callable[[Results], str] | None = None
 
@@ -195,7 +195,7 @@ ERRATA = (
         "Section 5",
         "results are plotted in Figures 3–16",
         "Figures 3–19",
-        "The captions and the text go on to Figure 19.",
+        "The captions and the text continue to Figure 19.",
         identity=identities.last_figure,
     ),
     Erratum(

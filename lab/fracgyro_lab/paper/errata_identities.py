@@ -87,7 +87,7 @@ def reaching_time() -> str:
     """|s| from 5 to 3 at the rate ε = 1, and a disturbance that (12) allows and that holds s."""
     start, end, rate = 5, 3, 1
     difference = 2 * (Fraction(start**2, 2) - Fraction(end**2, 2))
-    printed = Fraction(isqrt(int(difference)), rate)  # of 16
+    printed = Fraction(isqrt(int(difference)), rate)  # the root of 16
     correct = Fraction(start - end, rate)  # √2 √V = |s|
     s, bound = np.array([3, 4]), 5
     held = s @ s - isqrt(s @ s) * bound  # sᵀf − ‖s‖ρ for f = s

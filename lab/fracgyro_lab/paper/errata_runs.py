@@ -161,7 +161,7 @@ def second_integral(_: Results) -> str:
     law = scenario("corrected", "proposed").controller
     size = np.sqrt((run["surface"].values ** 2).sum(1))
     reached = int(np.flatnonzero(size >= 2 * step)[-1]) + 1
-    e, rate = run["error"].values[:, 0], run["error_rate"].values[:, 0]  # of x
+    e, rate = run["error"].values[:, 0], run["error_rate"].values[:, 0]  # x axis
     memory = law.fractional_gain[0] * fractional.integral(e, rate, step, 1.0 - law.order)
     terminal = law.terminal_gain[0] * abs(e) ** law.terminal_exponent * np.sign(e)
     sliding = slice(reached, reached + round(after / step) + 1)
@@ -233,7 +233,7 @@ def excitation(found: Results) -> str:
     run = metrics.cut(_proposed(found, "printed"), metrics.STEADY)
     (x, y), (vx, vy) = run["position"].values.T, run["velocity"].values.T
     none = np.zeros_like(x)
-    on_x = np.stack([vx, vy, none, x, y, none, -2 * vy])  # of dxx, dxy, dyy, kxx, kxy, kyy and Ωz in (13)
+    on_x = np.stack([vx, vy, none, x, y, none, -2 * vy])  # factors of dxx, dxy, dyy, kxx, kxy, kyy and Ωz in (13)
     on_y = np.stack([none, vx, vy, none, x, y, 2 * vx])
     information = on_x @ on_x.T + on_y @ on_y.T
     scale = np.sqrt(np.diag(information))

@@ -64,7 +64,7 @@ NAMES = {
     "conventional": "the conventional fast terminal controller",
 }
 ALL = list(NAMES)
-# first number, controllers, what is shown, layout, variable, symbol (? is a column's name), units of columns
+# first number, controllers, title, layout, variable, symbol (? is a column's name), units of columns
 CONTENTS: list[tuple[int, list[str], str, Layout, str, str, list[str]]] = [
     (3, ALL[:1], "Position and its reference", "motion", "position", "?", ["q_0"] * 2),
     (4, ALL, "Tracking error", "settling", "error", "e_?", ["q_0"] * 2),
@@ -177,9 +177,9 @@ def _legend(run: xr.Dataset, spec: FigureSpec) -> dict[str, str]:
 
 
 def _limits(pair: list[list[Array]], room: str = "") -> list[tuple[float, float]]:
-    """Of each variant's panel, with a margin; the same where that costs neither much of its height.
+    """Limits of each variant's panel, with a margin; equal limits if both curves still fill most of their panels.
 
-    Where there is an inset, zero, where the curve comes to rest, keeps clear of it.
+    With an inset, zero, the final value of the curve, is kept clear of it.
     """
     ranges = [(min(float(v.min()) for v in side), max(float(v.max()) for v in side)) for side in pair]
     union = (min(low for low, _ in ranges), max(high for _, high in ranges))

@@ -15,7 +15,7 @@ from .runs import ORDERS, PAPER_ORDER, VARIANTS, Study, scenario
 from .table import WINDOWS, Row
 
 DEGREES_PER_SECOND = 180.0 / np.pi
-UNITS = {"whole": 1e-3, "transient": 1e-3, "steady": 1e-6}  # of the RMSE in the tables
+UNITS = {"whole": 1e-3, "transient": 1e-3, "steady": 1e-6}  # units of the RMSE in the tables
 
 TABLE_COLUMNS = (
     *("variant", "order alpha", "axis", "window"),

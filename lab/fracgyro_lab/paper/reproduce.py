@@ -48,8 +48,8 @@ def reproduce(
     """Reruns the paper; writes report.html, figures/, table1.csv, claims.json and `runs/*.nc` into the folder `out`.
 
     `seeds`: noise seeds for Table 1 and the claims, 2 or more (100; 8 when `quick`, which takes seconds). `progress` is
-    called with (done, total, what is being done). Every file is complete or absent. Raises ValueError when `out` cannot
-    be written or `seeds` is too small.
+    called with (done, total, activity). Every file is complete or absent. Raises ValueError if `out` cannot be written
+    or `seeds` is too small.
 
     >>> result = lab.reproduce("out", quick=True)  # doctest: +SKIP
     >>> {claim.id: claim.verdict for claim in result.claims if claim.variant == "printed"}["e"]  # doctest: +SKIP

@@ -38,7 +38,7 @@ def embedded(picture: Figure | bytes, title: str = "") -> str:
 
 
 def csv_text(header: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
-    """Data of a plot as CSV, to nine digits; NaN and None are blank."""
+    """Data of a plot as CSV, to nine digits; NaN and None become blank cells."""
     written = io.StringIO()
     writer = csv.writer(written, lineterminator="\n")
     writer.writerow(header)

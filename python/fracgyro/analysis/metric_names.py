@@ -29,7 +29,7 @@ def quantity(metric: Channel) -> str:
     return name if window in WINDOWS else metric.name
 
 
-COLUMNS = [column for metric in LISTED for column in column_names(metric)]  # of a row of the core
+COLUMNS = [column for metric in LISTED for column in column_names(metric)]  # columns of a row of the core
 # Columns, with words and unit; the time of divergence is not a metric that is compared or optimized.
 METRICS = {
     column: (words, written(unit))

@@ -47,7 +47,7 @@ TRANSIENT, ERROR_BOUND, SURFACE_BOUND, RATE_TOLERANCE = 10.0, 0.01, 0.06, 0.1
 
 
 def cut(run: xr.Dataset, window: Window) -> xr.Dataset:
-    """The samples with window[0] <= t < window[1], in the unit of time of the run; None is open.
+    """The samples with window[0] <= t < window[1], in the unit of time of the run; None: no end.
 
     Raises ValueError if there are none.
 

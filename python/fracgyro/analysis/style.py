@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from ..files import whole_file
 from .compact_svg import compact
 
-WIDTH = 170.0  # of a picture, mm
+WIDTH = 170.0  # width of a picture, mm
 MM = 1 / 25.4  # in inches, which Matplotlib counts in
 DPI = 200
 COLORS = ("#0072B2", "#D55E00")  # x and y, from Okabe and Ito's palette for color-blind readers

@@ -33,7 +33,7 @@ PACKAGES = {
 
 
 def need(*programs: str) -> None:
-    """Raises ValueError, in one sentence that says what to install, when one is missing."""
+    """Raises ValueError if one is missing, with a message that names the package to install."""
     for program in programs:
         if shutil.which(program) is None:
             package = PACKAGES.get(program, program)

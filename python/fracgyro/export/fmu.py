@@ -170,7 +170,7 @@ def _variables(scenario: Scenario, content: Content, fmi: Fmi) -> Iterator[Varia
 
 def _parameters(scenario: Scenario, content: Content) -> Iterator[Variable]:
     places = {name: place for place, name in enumerate([*core_numbers(scenario), *device_numbers(scenario)])}
-    of_device = () if is_ideal(scenario) else ("seed",)  # of the sensors' noise, too
+    of_device = () if is_ideal(scenario) else ("seed",)  # the sensors' noise uses it, too
     used = (*OF_DISTURBANCE[scenario.disturbance.kind], *of_device)
     moving = OF_RATE["staircase" if scenario.rate.kind == "step" else scenario.rate.kind]
     of_loop = device_settings(scenario) if content == "loop" else []

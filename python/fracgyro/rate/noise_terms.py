@@ -89,7 +89,7 @@ class Shape:
     """Shape variants of the flicker and drift densities."""
 
     fractional: bool = False  # flicker noise is B² h/(2 sin π f h)
-    corner: float = 0.0  # of drift, in units of the lowest frequency: an exponential warm-up is flat below it
+    corner: float = 0.0  # corner of drift, in units of the lowest frequency: an exponential warm-up is flat below it
 
 
 @dataclass(frozen=True)

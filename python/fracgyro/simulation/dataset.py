@@ -119,7 +119,7 @@ def metrics_dataset(values: np.ndarray, thresholds: dict[str, float]) -> xr.Data
 
 @lru_cache(maxsize=4)
 def _metrics_form(runs: int) -> xr.Dataset:
-    """As `_form`."""
+    """The Dataset of the metrics with zeros, to be filled by `copy`."""
     labels = {"window": _fixed(WINDOWS), "axis": _fixed(AXES), "bound": _fixed([0, 1, 2])}
     inner = {"rmse": ["window", "axis"]} | {m.name: [m.dimension] for m in METRICS if m.dimension}
     inner |= {m.name: [] for m in METRICS if not m.dimension}

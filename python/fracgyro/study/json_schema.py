@@ -1,8 +1,8 @@
 """JSON Schema of scenario and study files, for editors.
 
-Draft 4, the newest in which 1.0 is not an integer, as in TOML. A schema says what each field takes; what fields mean
-together, as a definite stiffness or whole steps, only the software checks. TOML's inf is null to taplo and what builds
-on it: null stands for inf where that is allowed, and so do -inf and nan.
+Draft 4, the newest in which 1.0 is not an integer, as in TOML. A schema states the values that each field takes; only
+the software checks fields together, such as a definite stiffness or whole steps. taplo, and tools built on it, read
+TOML's inf, -inf and nan as null: null is accepted wherever inf is.
 """
 
 from __future__ import annotations

@@ -71,7 +71,7 @@ class Axis:
     """A field divided into levels or bins."""
 
     field: str
-    names: list[str]  # of the levels or bins
+    names: list[str]  # names of the levels or bins
     places: Array  # values of the levels or centers of the bins; 0, 1, 2 ... for values that are not numbers
     edges: Array | None  # edges of the bins
     log: bool
