@@ -13,7 +13,7 @@ from fracgyro.extras import require
 from fracgyro.files import whole_folder
 from fracgyro.scenario import Scenario
 from fracgyro.scenario.bounded import check_bounded
-from fracgyro.scenario.kinds import lasting
+from fracgyro.scenario.kinds import persistent_channels
 from fracgyro.scenario.to_core import core_setup
 
 from .arithmetic import HardwareNumber
@@ -130,7 +130,7 @@ def _header(scenario: Scenario, code: Microcode, made: str) -> str:
     """For the test bench, and for what reads the report: its numbers by index."""
     arithmetic = code.graph.arithmetic
     scales = scenario.plant.scales
-    names = [name for channel in lasting(core_setup(scenario)) for name in columns(channel)]
+    names = [name for channel in persistent_channels(core_setup(scenario)) for name in columns(channel)]
     lines = [
         f"/* Made by `fracgyro export fpga`: {made}. */",
         f"#define FRACGYRO_LENGTH {scales.length!r} /* m: what a position is divided by */",

@@ -19,7 +19,7 @@ from fracgyro import _core
 from fracgyro.export.compilers import FLAGS, SOURCES, compiler, include, run
 from fracgyro.export.settings import core_kernel, core_numbers, observer_bandwidth
 from fracgyro.scenario import Scenario
-from fracgyro.scenario.kinds import having
+from fracgyro.scenario.kinds import kinds_with
 from fracgyro.scenario.to_core import check_single, core_setup
 
 from .arithmetic import ARITHMETICS, Arithmetic, HardwareNumber
@@ -207,7 +207,7 @@ def trace(scenario: Scenario, number: HardwareNumber = "float") -> Graph:
         except ValueError as error:
             why, controller = str(error).partition("failed: ")[2], scenario.controller
             named = [("controller.kind", repr(controller.kind))]
-            if controller.kind in having("adaptation.kind") and scenario.adaptation.kind != "gradient":
+            if controller.kind in kinds_with("adaptation.kind") and scenario.adaptation.kind != "gradient":
                 named.append(("adaptation.kind", repr(scenario.adaptation.kind)))
             if "powers" in why and controller.terminal_exponent != ROOT:
                 named.append(("controller.terminal_exponent", str(controller.terminal_exponent)))

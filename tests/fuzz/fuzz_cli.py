@@ -22,7 +22,7 @@ import fuzz_scenarios
 import harness
 import mutate
 from fracgyro.cli import main
-from fracgyro.scenario.sentences import paths
+from fracgyro.scenario.messages import paths
 
 FMU = importlib.import_module("fracgyro.export.fmu")
 REPRODUCE = importlib.import_module("fracgyro_lab.paper.reproduce")

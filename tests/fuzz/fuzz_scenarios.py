@@ -15,7 +15,7 @@ import harness
 import mutate
 from fracgyro.export import web
 from fracgyro.export.firmware import coefficients_header
-from fracgyro.scenario.sentences import paths
+from fracgyro.scenario.messages import paths
 from fracgyro.scenario.shipped import SHIPPED, shipped_text
 
 STEPS = 100  # steps of a run: more would take longer without other paths

@@ -22,7 +22,7 @@ import fracgyro as fg
 import harness
 import mutate
 from fracgyro.analysis.metric_names import METRICS
-from fracgyro.scenario.sentences import paths
+from fracgyro.scenario.messages import paths
 from fracgyro.study import sweep, tune
 from fracgyro.study.sweep import blocks, design
 from fracgyro.study.sweep.block_files import BlockFiles

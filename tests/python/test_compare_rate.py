@@ -11,7 +11,7 @@ import fracgyro as fg
 import numpy as np
 import pytest
 from fracgyro.rate.units import DEG_PER_S
-from fracgyro.scenario.kinds import having
+from fracgyro.scenario.kinds import kinds_with
 from fracgyro.scenario.schema import Datasheet
 from fracgyro.study.tune.criteria import Measured
 from fracgyro_lab.comparison import rate_runs
@@ -52,7 +52,7 @@ def test_every_contender_is_a_scenario_at_both_ends_of_every_range(contender: Co
         mine = contender.scenario(base, {gain.field: getattr(gain, end) for gain in gains})
         for table in ("plant", "disturbance", "rate", "device"):
             assert getattr(mine, table) == getattr(base, table), table
-        has_datasheet = mine.controller.kind in having("datasheet.force_noise")
+        has_datasheet = mine.controller.kind in kinds_with("datasheet.force_noise")
         assert mine.datasheet == (base.datasheet if has_datasheet else Datasheet())
         assert mine.controller.force_limit == base.controller.force_limit
         assert mine.adaptation.initial_rate == 0.0, "none knows the rate"

@@ -110,7 +110,7 @@ def test_another_scenario_gives_another_key(tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_kind_of_controller_answers_as_the_simulator_does(kind: str, number: Number, tmp_path: Path) -> None:
     scenario = PAPER.replace({**KINDS[kind], "run.duration": 0.5})
-    if scenario.controller.kind in kinds.having("controller.terminal_exponent"):
+    if scenario.controller.kind in kinds.kinds_with("controller.terminal_exponent"):
         scenario = scenario.replace({"controller.terminal_exponent": 0.6})
     if kind == "lqg" or kind.startswith("joint"):  # beyond what only float allows for, its rounding
         scenario = scenario.replace({"datasheet.position_noise": 1e-6, "datasheet.velocity_noise": 1e-5})
@@ -191,7 +191,7 @@ def test_the_example_closes_the_loop_on_the_gyroscope_and_prints_what_is_reporte
     assert last is not None
     np.testing.assert_allclose(list(map(float, last.groups())), run["position"].values[-1], atol=0.02)
     shown = re.findall(r"^([a-z_]+(?:\.\w+|\[\d\])?): \S+$", said, re.MULTILINE)
-    assert shown == [name for channel in kinds.lasting(core_setup(scenario)) for name in columns(channel)]
+    assert shown == [name for channel in kinds.persistent_channels(core_setup(scenario)) for name in columns(channel)]
     if scenario.adaptation.kind == "joint":
         rate = re.search(r"^rate_estimate: (\S+)$", said, re.MULTILINE)
         assert rate is not None
@@ -412,7 +412,7 @@ def test_a_fault_on_the_way_changes_no_bit_between_processors_and_compilers(
     motion = np.hstack([run["position"].values, run["velocity"].values])[:steps].astype(DTYPES[number])
     motion[1000:1010, 2] = NAN
     motion.tofile(out / "motion")
-    reported = [name for channel in kinds.lasting(core_setup(scenario)) for name in columns(channel)]
+    reported = [name for channel in kinds.persistent_channels(core_setup(scenario)) for name in columns(channel)]
     names, answers = ["status", "control.x", "control.y", *reported], {}
     for target, choice in {
         "gcc": ("CC=gcc", "CXX=g++"),

@@ -14,7 +14,7 @@ from typing import Any, Literal, cast
 import fracgyro as fg
 import pytest
 from embedded import need, where
-from fracgyro.scenario.sentences import paths
+from fracgyro.scenario.messages import paths
 from fracgyro.scenario.shipped import SHIPPED, shipped_text
 from fracgyro.scenario.table import toml_value
 from fracgyro.study.space import _valid

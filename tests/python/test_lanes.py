@@ -6,7 +6,7 @@ import pytest
 import xarray as xr
 from fracgyro import _core
 from fracgyro.analysis.metric_names import COLUMNS
-from fracgyro.scenario.kinds import having, numbers
+from fracgyro.scenario.kinds import kinds_with, numbers
 from fracgyro.scenario.to_core import core_setup
 
 PAPER = fg.Scenario.paper().replace({"run.duration": 3.0})
@@ -208,13 +208,13 @@ def fields() -> set[str]:
 DERIVED = sorted(
     path
     for path in fields() - DIFFERENCES.keys() - WITHOUT_EFFECT.keys()
-    if path.startswith("controller.") and having(path)
+    if path.startswith("controller.") and kinds_with(path)
 )
 
 
 def derived(path: str) -> tuple[dict[str, object], object]:
     """A field of a controller: with the first kind that has it, 1.37 times its default within its range, or another."""
-    kind = having(path)[0]
+    kind = kinds_with(path)[0]
     parts = [number for number in numbers(kind) if number.path == path]
     first = parts[0]
     if first.choices == ("false", "true"):

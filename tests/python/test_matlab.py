@@ -124,7 +124,7 @@ def test_it_says_what_the_scenario_is(built: Path) -> None:
     ]
     named = {status.value: status.name for status in _core.Status}
     assert all(said[36 + value] == name for value, name in named.items())
-    assert said[44:-1] == [channel.name for channel in kinds.lasting(core_setup(LIMITED))]
+    assert said[44:-1] == [channel.name for channel in kinds.persistent_channels(core_setup(LIMITED))]
     assert said[-1] == "0"
 
 

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 import pytest
 from fracgyro.scenario import Scenario, ScenarioError
-from fracgyro.scenario.kinds import KINDS, having
+from fracgyro.scenario.kinds import KINDS, kinds_with
+from fracgyro.scenario.messages import paths
 from fracgyro.scenario.schema import ERRATA_SWITCHES
-from fracgyro.scenario.sentences import paths
 from fracgyro.scenario.table import Symmetric, toml_value
 from fracgyro.simulation.simulate import simulate
 from hypothesis import given, settings
@@ -478,7 +478,7 @@ def test_the_text_is_complete_commented_and_fits_the_line() -> None:
         assert table is not None
         for field, field_info in table.model_fields.items():
             assert field_info.description, f"{name}.{field} has no description"
-            if PAPER.controller.kind not in (having(f"{name}.{field}") or KINDS):
+            if PAPER.controller.kind not in (kinds_with(f"{name}.{field}") or KINDS):
                 assert field not in tables[name], "of other controllers"
                 continue
             assert field in tables[name] or f"# {field} is not set" in lines

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from fracgyro.export.units import base_unit
-from fracgyro.scenario.kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, reported
+from fracgyro.scenario.kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, reported_channels
 from fracgyro.scenario.to_core import core_setup
 from fracgyro.scenario.units import Powers, Scales, powers, si_unit
 from fracgyro.simulation import native
@@ -155,7 +155,7 @@ def test_a_controller_of_every_kind_runs_in_si(kind: str) -> None:
     plain = SI.replace({"controller.kind": kind, "run.units": "nondimensional", "run.duration": 1.0})
     scenario = plain.replace({"run.units": "SI"})
     si, expected, scales = fg.simulate(scenario), fg.simulate(plain), scenario.plant.scales
-    channels = (*LOOP_CHANNELS, *reported(core_setup(scenario)))
+    channels = (*LOOP_CHANNELS, *reported_channels(core_setup(scenario)))
     for channel in channels:
         factors = np.array([scales.of(unit) for unit in channel.units])
         factor = factors if channel.dimension else factors[0]
@@ -171,7 +171,7 @@ def test_a_controller_of_every_kind_runs_in_si(kind: str) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_channel_of_every_kind_has_an_si_unit_and_fmi_can_state_it(kind: str) -> None:
     setup = core_setup(SI.replace({"controller.kind": kind}))
-    for channel in (*LOOP_CHANNELS, *reported(setup), *DEVICE_CHANNELS):
+    for channel in (*LOOP_CHANNELS, *reported_channels(setup), *DEVICE_CHANNELS):
         for unit in channel.units:
             symbol = si_unit(unit).replace(" ", ".")
             assert symbol == "1" or base_unit(symbol, SI.plant), f"{channel.name} in {unit}"

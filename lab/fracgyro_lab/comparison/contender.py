@@ -10,7 +10,7 @@ from typing import Any
 from fracgyro.scenario import Scenario, ScenarioError
 from fracgyro.study.space import Dimension
 
-NEAR = 0.05  # fraction of a range: a best value closer to an end is flagged
+END_FRACTION = 0.05  # fraction of a range: a best value closer to an end is flagged
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Gain:
         low, high, at = self.low, self.high, value
         if self.log:
             low, high, at = math.log(low), math.log(high), math.log(at)
-        near = NEAR * (high - low)
+        near = END_FRACTION * (high - low)
         return (not self.below and at - low < near) or (not self.above and high - at < near)
 
 

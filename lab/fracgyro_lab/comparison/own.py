@@ -11,7 +11,7 @@ from typing import Any
 
 from fracgyro.files import read_input, reason
 from fracgyro.scenario import ScenarioError
-from fracgyro.scenario.table import shown
+from fracgyro.scenario.table import format_value
 from fracgyro.simulation.native import Law
 from fracgyro.simulation.user_controller import ControllerLike
 
@@ -25,11 +25,11 @@ def own_contender(given: str, task: Task) -> Contender:
     """The contender of FILE.py:NAME. Raises ScenarioError if it is not a controller."""
     path, colon, name = given.rpartition(":")
     if not colon or not path or not name.isidentifier():
-        raise ScenarioError(f"--controller is {shown(given)}: it must be FILE.py:NAME")
+        raise ScenarioError(f"--controller is {format_value(given)}: it must be FILE.py:NAME")
     text = _read(path)
     ranges = getattr(_factory(text, path, name), "ranges", None)
     if not isinstance(ranges, Mapping) or not ranges:
-        raise ScenarioError(f"{name}.ranges is {shown(ranges)}: it must be a dict of gains to their (low, high)")
+        raise ScenarioError(f"{name}.ranges is {format_value(ranges)}: it must be a dict of gains to their (low, high)")
     gains = {gain: _gain(name, gain, ends) for gain, ends in ranges.items()}
     lowest = {gain.field: gain.low for gain in gains.values()}
     bandwidth = None
@@ -52,7 +52,9 @@ def own_contender(given: str, task: Task) -> Contender:
     )
     made = controller_of(found, lowest)
     if not callable(made) and not isinstance(made, Law):
-        raise ScenarioError(f"{name} of {path} gives {shown(made)}: it must give a function or a fracgyro.native.Law")
+        raise ScenarioError(
+            f"{name} of {path} gives {format_value(made)}: it must give a function or a fracgyro.native.Law"
+        )
     return found
 
 
@@ -66,7 +68,7 @@ def _read(path: str) -> str:
 
 
 def _gain(owner: str, name: Any, ends: Any) -> Gain:
-    place = f"{owner}.ranges[{shown(name)}] is {shown(ends)}"
+    place = f"{owner}.ranges[{format_value(name)}] is {format_value(ends)}"
     numbers = isinstance(ends, tuple | list) and len(ends) == 2
     if not numbers or not all(isinstance(end, int | float) and math.isfinite(end) for end in ends):
         raise ScenarioError(f"{place}: it must be (low, high), two finite numbers")

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from fracgyro.scenario import Scenario, ScenarioError
-from fracgyro.scenario.table import shown
+from fracgyro.scenario.table import format_value
 from fracgyro.study.space import MAX_POINTS
 
 from .contender import Contender, chosen
@@ -132,14 +132,14 @@ def planned(
 ) -> Comparison:
     """The plan of a comparison. Raises ScenarioError for invalid options."""
     if task not in TASKS:
-        raise ScenarioError(f"the task is {shown(task)}: it must be {' or '.join(TASKS)}")
+        raise ScenarioError(f"the task is {format_value(task)}: it must be {' or '.join(TASKS)}")
     one = TASKS[task]
     for information in classes:
         if information not in CLASSES:
-            raise ScenarioError(f"--class is {shown(information)}: it must be F, P or both, as in F,P")
+            raise ScenarioError(f"--class is {format_value(information)}: it must be F, P or both, as in F,P")
     for density in noise:
         if not 0 <= density < math.inf:
-            raise ScenarioError(f"--noise is {shown(density)}: it must be finite and not negative")
+            raise ScenarioError(f"--noise is {format_value(density)}: it must be finite and not negative")
     if trials is not None and not 1 <= trials <= MAX_POINTS:
         raise ScenarioError(f"--trials is {trials}: it must lie between 1 and {MAX_POINTS}")
     given = {Path(path).stem: one.scenario(Scenario.load(path)) for path in scenarios}
@@ -149,7 +149,7 @@ def planned(
     for contender in own:
         if any(contender.name == theirs.name for theirs in one.contenders):
             raise ScenarioError(
-                f"--controller is {shown(controller)}: it must have a name that no contender of the task has"
+                f"--controller is {format_value(controller)}: it must have a name that no contender of the task has"
             )
     effort = QUICK if quick else FULL
     if trials is not None:
@@ -165,7 +165,8 @@ def planned(
     )
     if not plan.rows():
         raise ScenarioError(
-            f"--only is {shown(list(only))} and --class {shown(list(classes))}: together they must leave a contender"
+            f"--only is {format_value(list(only))} and --class {format_value(list(classes))}: together they must leave "
+            "a contender"
         )
     return plan
 
@@ -173,7 +174,7 @@ def planned(
 def _sensing(task: Task, classes: Sequence[str], noise: Sequence[float], quick: bool) -> tuple[tuple[str, float], ...]:
     """The task's own, or every class with every noise where either is given."""
     if not classes and not noise:
-        return task.looked_at if quick else task.sensing
+        return task.quick_sensing if quick else task.sensing
     known = zip(*task.sensing, strict=True)
     each = (given or own for given, own in zip((classes, noise), known, strict=True))
     return tuple(dict.fromkeys(product(*each)))

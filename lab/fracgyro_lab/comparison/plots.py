@@ -21,7 +21,7 @@ LINE, ROOM = 4.2, 18.0  # mm: height of a contender's line, and of the margins a
 MARKERS = "osD^v<>PXph*"
 PLANT = "#b8c4cc"
 SAMPLER = "#7a868e"
-FAR = 30.0  # largest ratio of the axis: larger ones are drawn here, with their value
+MAX_DRAWN_RATIO = 30.0  # largest ratio of the axis: larger ones are drawn here, with their value
 DEAD = 1e-6  # smaller ratios mean that the converter is too coarse to see any motion
 
 
@@ -104,17 +104,26 @@ class Robustness:
         for place, row in enumerate(reversed(rows)):
             for name, ratio in _shown(row).items():
                 marker, color = self._looks.get(name, ("|", PLANT))
-                panel.plot(min(ratio, FAR), place, marker, color=color, markersize=4, zorder=2 + (name in self._looks))
-            far = [ratio for ratio in _shown(row).values() if ratio > FAR]
+                panel.plot(
+                    min(ratio, MAX_DRAWN_RATIO),
+                    place,
+                    marker,
+                    color=color,
+                    markersize=4,
+                    zorder=2 + (name in self._looks),
+                )
+            far = [ratio for ratio in _shown(row).values() if ratio > MAX_DRAWN_RATIO]
             if far:
                 words = " – ".join(dict.fromkeys(f"{ratio:.2g}" for ratio in (min(far), max(far))))
-                panel.text(1.2 * FAR, place, words, fontsize=5.5, va="center")
+                panel.text(1.2 * MAX_DRAWN_RATIO, place, words, fontsize=5.5, va="center")
             lost = sum(found["lost"] > 0 for found in row["others"].values())
             if lost:
                 there = panel.get_yaxis_transform()
                 panel.text(1, place + 0.35, f"lost in {lost}", transform=there, fontsize=5.5, va="center", ha="right")
         values = [ratio for row in rows for ratio in _shown(row).values()]
-        panel.set_xlim(0.8 * min([0.5, *values]), 6 * FAR if max([1.0, *values]) > FAR else None)
+        panel.set_xlim(
+            0.8 * min([0.5, *values]), 6 * MAX_DRAWN_RATIO if max([1.0, *values]) > MAX_DRAWN_RATIO else None
+        )
         _logarithmic(panel.xaxis, "x")
         panel.set_xlabel("error over that without the change")
         return figure

@@ -12,7 +12,7 @@ from fracgyro.rate.merit import full_scale, static
 from fracgyro.rate.units import DEG_PER_H, DEG_PER_S
 from fracgyro.scenario import Scenario, ScenarioError
 from fracgyro.scenario.shipped import shipped
-from fracgyro.scenario.table import shown
+from fracgyro.scenario.table import format_value
 from fracgyro.simulation.user_controller import ControllerLike
 from fracgyro.study.tune.criteria import Constraint, Measured, Objective
 
@@ -72,7 +72,7 @@ WORDS = {
 SQUARED = ("angle_random_walk", "over_bound", "output_noise", "equal_motion", "rms_drift")
 
 
-HOPELESS = 10.0  # ratio to a limit, above which noise is not simulated
+MAX_LIMIT_RATIO = 10.0  # ratio to a limit, above which noise is not simulated
 NOTHING = 1e-9  # deg/sqrt(h): smaller noise means that the converter is too coarse and its output constant
 
 
@@ -100,7 +100,7 @@ class Rate(Task):
     error_words = ("angle random walk", "deg/√h")
     metrics = tuple(WORDS)[1:]
     sensing = (("F", 0.0), ("F", 1e-13), ("P", 1e-13))
-    looked_at = (("P", 1e-13),)
+    quick_sensing = (("P", 1e-13),)
     ceilings = (0.0,)
     finds_bandwidth = True
     objectives = (Figure(metric="angle_random_walk"), Figure(metric="output_noise"))
@@ -114,14 +114,14 @@ class Rate(Task):
         base = checked(given)
         if not all(base.reference.amplitude) or not all(base.reference.frequency):
             raise ScenarioError(
-                f"reference.amplitude is {shown(base.reference.amplitude)} and reference.frequency "
-                f"{shown(base.reference.frequency)}: both axes must be driven in the task rate"
+                f"reference.amplitude is {format_value(base.reference.amplitude)} and reference.frequency "
+                f"{format_value(base.reference.frequency)}: both axes must be driven in the task rate"
             )
         if base.reference.amplitude[0] != 1.0 or base.reference.frequency[0] != 1.0:
             raise ScenarioError(
-                f"reference.amplitude is {shown(base.reference.amplitude)} and reference.frequency "
-                f"{shown(base.reference.frequency)}: both must begin with 1.0 in the task rate, whose gains are in "
-                "units of the drive's motion"
+                f"reference.amplitude is {format_value(base.reference.amplitude)} and reference.frequency "
+                f"{format_value(base.reference.frequency)}: both must begin with 1.0 in the task rate, whose gains are "
+                "in units of the drive's motion"
             )
         return base.replace(
             {
@@ -182,7 +182,7 @@ class Rate(Task):
         limits = self.constraints(0.0)
         level, settling = at_range(scenario, seeds[:1], controller)
         at_once = {"scale_factor_error": abs(1e6 * (level / RANGE - 1)), "settling_time": settling}
-        if all(limit.of(at_once[limit.metric]) <= HOPELESS * (limit.at_most or 0.0) for limit in limits):
+        if all(limit.of(at_once[limit.metric]) <= MAX_LIMIT_RATIO * (limit.at_most or 0.0) for limit in limits):
             return self._measured(scenario, seeds, controller, SETTLING)
         nothing = {objective.metric: np.full(len(seeds), np.nan) for objective in self.objectives}
         return Measured({**nothing, **at_once}, np.isnan(np.repeat(level, len(seeds))))

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from fracgyro.scenario import ScenarioError
-from fracgyro.scenario.table import shown
+from fracgyro.scenario.table import format_value
 from fracgyro.study.folder import claim, free_if_nothing_came, locked
 from fracgyro.study.tune.search import storage_at
 
@@ -85,7 +85,8 @@ def compare(
     )
     if scheduler is not None and controller is not None:
         raise ScenarioError(
-            f"--scheduler is {shown(scheduler)}: it must be left out with --controller, which runs where its file is"
+            f"--scheduler is {format_value(scheduler)}: it must be left out with --controller, which runs where its "
+            "file is"
         )
     if storage is not None:
         storage_at(storage).engine.dispose()  # creates the tables once, before many workers start

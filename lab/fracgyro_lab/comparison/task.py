@@ -11,8 +11,8 @@ from typing import Any, ClassVar
 import numpy as np
 from fracgyro.analysis.confidence import Mean, mean_interval
 from fracgyro.scenario import Scenario, ScenarioError
-from fracgyro.scenario.kinds import having
-from fracgyro.scenario.table import shown
+from fracgyro.scenario.kinds import kinds_with
+from fracgyro.scenario.table import format_value
 from fracgyro.simulation.user_controller import ControllerLike
 from fracgyro.study.tune.criteria import Constraint, Measured, Objective
 from numpy.typing import NDArray
@@ -52,7 +52,7 @@ class Task(ABC):
     error_words: ClassVar[tuple[str, str]]  # name of the compared error, and its unit
     metrics: ClassVar[tuple[str, ...]]  # additional metrics in tables
     sensing: ClassVar[tuple[tuple[str, float], ...]]  # class of information and noise of each table
-    looked_at: ClassVar[tuple[tuple[str, float], ...]]  # the same for a quick preview
+    quick_sensing: ClassVar[tuple[tuple[str, float], ...]]  # the same for a quick preview
     ceilings: ClassVar[tuple[float, ...]]
     finds_bandwidth: ClassVar[bool] = False  # True if `completed` solves for the bandwidth of the rate estimate
     objectives: ClassVar[tuple[Objective, ...]]  # the mean of their logarithms is minimized
@@ -122,7 +122,7 @@ def checked(given: Scenario) -> Scenario:
     """The scenario. Raises ScenarioError unless its disturbance is noise, for held-out seeds."""
     if given.disturbance.kind != "noise":
         raise ScenarioError(
-            f"disturbance.kind is {shown(given.disturbance.kind)}: it must be noise, or no seed can be held out"
+            f"disturbance.kind is {format_value(given.disturbance.kind)}: it must be noise, or no seed can be held out"
         )
     return given
 
@@ -186,7 +186,7 @@ def other_noise(base: Scenario) -> Changes:
 def late(base: Scenario, *, hidden: bool) -> dict[str, Any]:
     """A step of delay more than the contender knows of, or than it knew of."""
     delay: dict[str, Any] = {"device.delay": base.device.delay + 1}
-    knows = base.controller.kind in having("datasheet.delay")
+    knows = base.controller.kind in kinds_with("datasheet.delay")
     return {**delay, "datasheet.delay": base.device.delay} if hidden and knows else delay
 
 

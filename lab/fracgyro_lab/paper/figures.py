@@ -26,7 +26,7 @@ from typing import Any, Literal
 import numpy as np
 import xarray as xr
 from fracgyro.scenario import Scenario
-from fracgyro.scenario.kinds import LOOP_CHANNELS, reported
+from fracgyro.scenario.kinds import LOOP_CHANNELS, reported_channels
 from fracgyro.scenario.to_core import core_setup
 
 from .drawing import (
@@ -91,7 +91,7 @@ class FigureSpec:
 
 
 def _specs() -> Iterator[FigureSpec]:
-    channels = {channel.name: channel for channel in (*LOOP_CHANNELS, *reported(core_setup(Scenario.paper())))}
+    channels = {channel.name: channel for channel in (*LOOP_CHANNELS, *reported_channels(core_setup(Scenario.paper())))}
     for first, controllers, what, layout, variable, symbol, units in CONTENTS:
         channel = channels[variable]
         names: Any = channel.labels if channel.dimension else [""]

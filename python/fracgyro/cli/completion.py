@@ -12,7 +12,7 @@ from click.shell_completion import CompletionItem
 def changes(context: click.Context, parameter: click.Parameter, begun: str) -> list[CompletionItem]:
     """FIELD= for every field with this beginning; the choices if there is only one field."""
     from ..scenario import Scenario
-    from ..scenario.sentences import leaves
+    from ..scenario.messages import leaves
 
     field, equals, _ = begun.partition("=")
     fields = leaves(Scenario)

@@ -14,7 +14,7 @@ from .. import _core
 from ..files import whole_folder
 from ..scenario import Scenario
 from ..scenario.bounded import check_bounded
-from ..scenario.kinds import ENTRIES, KINDS, Channel, lasting
+from ..scenario.kinds import ENTRIES, KINDS, Channel, persistent_channels
 from ..scenario.to_core import check_single, core_numbers, core_setup
 from ..scenario.units import si_unit
 from .compilers import SOURCES, Number
@@ -66,7 +66,7 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
     alignment = 8
     size = -(-_core.state_size(setup, capacity, single) // alignment) * alignment
     values = initializer(_core.coefficients(setup, single), number)
-    channels, numbers = lasting(setup), core_numbers(scenario)
+    channels, numbers = persistent_channels(setup), core_numbers(scenario)
     stiffness = [numbers[f"adaptation.initial_stiffness.{entry}"] for entry in ENTRIES]
     scales = scenario.plant.scales
     units = {f"{name.upper()}_UNIT": (scales.of(unit), si_unit(unit)) for name, unit in UNITS.items()}

@@ -25,7 +25,7 @@ from ..extras import needs
 from ..files import whole_file
 from ..scenario import Scenario, ScenarioError
 from ..scenario.bounded import check_bounded
-from ..scenario.kinds import DEVICE_CHANNELS, LOOP_CHANNELS, reported
+from ..scenario.kinds import DEVICE_CHANNELS, LOOP_CHANNELS, reported_channels
 from ..scenario.to_core import check_single, core_setup, is_ideal, profiles
 from .compilers import FLAGS, SOURCES, Number, include, join_macos, system_compiler, zig
 from .settings import (
@@ -40,7 +40,7 @@ from .settings import (
     unit,
     without_plant,
 )
-from .units import base_unit, shown
+from .units import base_unit, scale_and_unit
 
 Content = Literal["loop", "controller"]
 Fmi = Literal["2.0", "3.0"]
@@ -202,7 +202,7 @@ def _inputs(scenario: Scenario) -> Iterator[Variable]:
 def _outputs(scenario: Scenario, content: Content) -> Iterator[Variable]:
     place = 0
     device = DEVICE_CHANNELS if content == "loop" and not is_ideal(scenario) else ()
-    for channel in (*LOOP_CHANNELS, *reported(core_setup(scenario)), *device):
+    for channel in (*LOOP_CHANNELS, *reported_channels(core_setup(scenario)), *device):
         for part, name in enumerate(columns(channel)):
             scale, symbol = _shown(channel.units[part % len(channel.units)], scenario)
             if content == "loop" or channel.name not in NOT_OF_THE_CONTROLLER:
@@ -212,7 +212,7 @@ def _outputs(scenario: Scenario, content: Content) -> Iterator[Variable]:
 
 def _shown(unit: str, scenario: Scenario) -> tuple[float, str]:
     """Factor and symbol of a signal's unit, for run.units."""
-    return shown(unit, scenario.plant.scales, scenario.run.units == "SI")
+    return scale_and_unit(unit, scenario.plant.scales, scenario.run.units == "SI")
 
 
 def _token(scenario: Scenario, content: Content, fmi: Fmi, number: Number) -> str:

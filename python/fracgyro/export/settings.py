@@ -15,7 +15,7 @@ from ..scenario.device import Device, Rate
 from ..scenario.kinds import DEVICE_NUMBERS, Channel, Number, numbers
 from ..scenario.schema import Plant
 from ..scenario.to_core import core_setup, datasheet, guard, is_ideal
-from .units import shown
+from .units import scale_and_unit
 
 MAX_EXACT = 2**53 - 1  # integrations use doubles
 
@@ -78,7 +78,7 @@ def settings(scenario: Scenario) -> list[Setting]:
     values = core_numbers(scenario)
     found = []
     for number in offered(scenario.controller.kind):
-        scale, _ = shown(number.unit, scenario.plant.scales, in_si(number))
+        scale, _ = scale_and_unit(number.unit, scenario.plant.scales, in_si(number))
         value = values[number.name] if scale == 1.0 else _si(scenario, number)
         found.append(Setting(number, value, scale))
     return found
@@ -95,7 +95,7 @@ def in_si(number: Number) -> bool:
 
 
 def unit(number: Number) -> str:
-    return shown(number.unit, Plant().scales, in_si(number))[1]
+    return scale_and_unit(number.unit, Plant().scales, in_si(number))[1]
 
 
 def meaning(number: Number) -> str:

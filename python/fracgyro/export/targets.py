@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scenario import Scenario
-from ..scenario.kinds import KINDS, LOOP_CHANNELS, Channel, lasting
+from ..scenario.kinds import KINDS, LOOP_CHANNELS, Channel, persistent_channels
 from ..scenario.to_core import core_setup
 from ..simulation.controller import Controller
 from .compilers import FLAGS, SOURCES, Number, compiler, include, make, need, run, system_compiler
@@ -61,7 +61,7 @@ class Target:
 def answered(scenario: Scenario) -> list[Channel]:
     """Output channels of a controller: the force and its reports."""
     force = [channel for channel in LOOP_CHANNELS if channel.name == "control"]
-    return [*force, *lasting(core_setup(scenario))]
+    return [*force, *persistent_channels(core_setup(scenario))]
 
 
 def answer_columns(scenario: Scenario) -> list[str]:

@@ -9,7 +9,7 @@ SI = {_name.replace(" ", "."): dict(_powers.exponents) for _powers, _name in NAM
 SI |= {ANGLE: {"rad": 1}, "rad/s": {"rad": 1, "s": -1}}
 
 
-def shown(unit: str, scales: Scales, si: bool) -> tuple[float, str]:
+def scale_and_unit(unit: str, scales: Scales, si: bool) -> tuple[float, str]:
     """Factor and name of the displayed unit for a nondimensional unit."""
     return (scales.of(unit), si_unit(unit).replace(" ", ".")) if si else (1.0, unit)
 

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arguments import number
-from ..arguments import short as shown
+from ..arguments import number, short
 from ..files import check_regular, cut, reason
 from .allan import MIN_RECORD
 from .tables import Table, open_table
@@ -85,10 +84,10 @@ class Options:
     def checked(self) -> Options:
         """These options. Raises ValueError for an invalid one."""
         if self.unit is not None and unit_of(self.unit) is None:
-            raise ValueError(f"{self.dashes}unit is {shown(self.unit)}: it must be one of {', '.join(RATES)}")
+            raise ValueError(f"{self.dashes}unit is {short(self.unit)}: it must be one of {', '.join(RATES)}")
         if self.time_unit is not None and self.time_unit not in TIME_UNITS:
             rule = f"it must be one of {', '.join(TIME_UNITS)}"
-            raise ValueError(f"{self.dashes}{self._word('time_unit')} is {shown(self.time_unit)}: {rule}")
+            raise ValueError(f"{self.dashes}{self._word('time_unit')} is {short(self.time_unit)}: {rule}")
         if self.rate is not None:
             number(f"{self.dashes}rate", self.rate, above=0.0)
         if number(f"{self.dashes}scale", self.scale) == 0:
@@ -185,7 +184,7 @@ def _time_column(table: Table, options: Options) -> int | None:
     found = _place(table, options.time)
     if len(found) != 1:
         raise ValueError(
-            f"{options.dashes}time is {shown(options.time)}: it must be one of the columns of {table.path}: "
+            f"{options.dashes}time is {short(options.time)}: it must be one of the columns of {table.path}: "
             f"{_listed(table, range(len(table.names)))}"
         )
     return found[0]
@@ -203,14 +202,14 @@ def _chosen(table: Table, options: Options, timed: int | None) -> list[int]:
         if len(found) > 1:
             numbers = ", ".join(f"#{i + 1}" for i in found)
             raise ValueError(
-                f"{options.dashes}column is {shown(name)}: {table.path} has {len(found)} columns of that name; "
+                f"{options.dashes}column is {short(name)}: {table.path} has {len(found)} columns of that name; "
                 f"use a number, {numbers}"
             )
         if not found or found[0] not in others:
             what = ", which is the time" if found else ""
-            raise ValueError(_of_columns(table, options, f"is {shown(name)}{what}", others))
+            raise ValueError(_of_columns(table, options, f"is {short(name)}{what}", others))
         if found[0] in chosen:
-            raise ValueError(f"{options.dashes}column is {shown(name)} twice: columns must be different")
+            raise ValueError(f"{options.dashes}column is {short(name)} twice: columns must be different")
         chosen.append(found[0])
     return chosen
 

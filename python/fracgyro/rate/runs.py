@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..scenario import Scenario, ScenarioError
 from ..scenario.bounded import is_bounded
-from ..scenario.kinds import reported
+from ..scenario.kinds import reported_channels
 from ..scenario.table import MAX_STEPS
 from ..scenario.to_core import core_setup
 from ..simulation.rate_means import rate_means
@@ -58,7 +58,7 @@ class Sensor:
         """A sensor with seeds 0 to `seeds` - 1. Raises ScenarioError if it has no rate estimate."""
         if controller is not None:
             _check_reports(scenario, controller)
-        elif "rate_estimate" not in {channel.name for channel in reported(core_setup(scenario))}:
+        elif "rate_estimate" not in {channel.name for channel in reported_channels(core_setup(scenario))}:
             raise ScenarioError(
                 f"controller.kind is {scenario.controller.kind}: it must be one that estimates the angular rate, the "
                 "sensor's output"

@@ -24,7 +24,7 @@ import pyarrow as pa
 import pyarrow.csv
 from numpy.typing import NDArray
 
-from ..arguments import short as shown
+from ..arguments import short
 from ..files import cut
 
 Array = NDArray[np.float64]
@@ -356,7 +356,7 @@ def _refusal(path: str, layout: _Layout, error: str, odd: list[tuple[int | None,
     value = re.search(r"CSV column #(\d+): Row #(\d+): .*invalid value '(.*)'", error, re.DOTALL)
     if value:
         name = layout.names[int(value[1])] if int(value[1]) < len(layout.names) else value[1]
-        return f"{path}, line {value[2]}: {cut(name)} is {shown(value[3])}: it must be a finite number"
+        return f"{path}, line {value[2]}: {cut(name)} is {short(value[3])}: it must be a finite number"
     if odd:
         number, actual, _ = odd[0]
         return f"{path}, line {number}: it has {actual} columns: it must have {layout.columns}"

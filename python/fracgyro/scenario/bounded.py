@@ -9,9 +9,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from .kinds import having
+from .kinds import kinds_with
+from .messages import ScenarioError
 from .scenario import Scenario
-from .sentences import ScenarioError
 from .table import toml_value
 
 SAFE = 1.0  # limit of rho h/delta: half the value at which the loop diverges
@@ -31,7 +31,7 @@ def is_bounded(scenario: Scenario) -> bool:
     They rest, or the switching limit keeps it there, or adaptation.projection does so on the reference.
     """
     c, a, r = scenario.controller, scenario.adaptation, scenario.reference
-    if not c.adaptive or c.kind not in having("adaptation.bound_gain"):
+    if not c.adaptive or c.kind not in kinds_with("adaptation.bound_gain"):
         return True
     if c.layer_thickness == 0:
         return False

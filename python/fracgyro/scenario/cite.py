@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from importlib.metadata import version
 
-from .kinds import having
+from .kinds import kinds_with
 from .scenario import Scenario, check_scenario
 
 PAPER = {
@@ -48,7 +48,7 @@ def cite(scenario: Scenario | None = None) -> str:
     if scenario is not None:
         check_scenario(scenario)
         kinds = [scenario.controller.kind]
-        if kinds[0] in having("adaptation.kind"):
+        if kinds[0] in kinds_with("adaptation.kind"):
             kinds.append(scenario.adaptation.kind)
         entries |= {kind: SOURCES[kind] for kind in kinds if kind in SOURCES}
     return "\n\n".join(_entry(key, fields) for key, fields in entries.items())

@@ -15,7 +15,7 @@ from pydantic_core import PydanticCustomError
 
 from ..files import read_input, reason
 from .kinds import si_table_fields
-from .table import NonNegative, Table, field, sentence, toml_value
+from .table import NonNegative, Table, field, message_error, toml_value
 
 MAX_POINTS = 100_000
 Points = tuple[tuple[float, float], ...]
@@ -53,7 +53,7 @@ def _read_file(values: Any, table: str, field: str, points: str, column: str) ->
     if not isinstance(values, Mapping) or not isinstance(values.get(field), str):
         return values
     if values.get(points) is not None:
-        raise sentence(f"{table}.{field} and {table}.{points} are both given: at most one of the two can be")
+        raise message_error(f"{table}.{field} and {table}.{points} are both given: at most one of the two can be")
     read = read_points(values[field], f"{table}.{field}", column)
     return {**values, field: None, points: read}
 
@@ -68,13 +68,13 @@ def read_points(path: str, name: str, column: str) -> list[list[float]]:
         text = io.StringIO(read_input(path).decode("utf-8-sig"), newline="")
         header, *rows = [[cell.strip() for cell in row] for row in csv.reader(text) if row] or [[]]
     except UnicodeDecodeError:
-        raise sentence(f"{place}: it cannot be read: it is not UTF-8") from None
+        raise message_error(f"{place}: it cannot be read: it is not UTF-8") from None
     except OSError as error:
-        raise sentence(f"{place}: it cannot be read: {reason(error)}") from None
+        raise message_error(f"{place}: it cannot be read: {reason(error)}") from None
     except (ValueError, csv.Error) as error:
-        raise sentence(f"{place}: it cannot be read: {error}") from None
+        raise message_error(f"{place}: it cannot be read: {error}") from None
     if header != ["time", column]:
-        raise sentence(f"{place}: its first line must be 'time,{column}'")
+        raise message_error(f"{place}: its first line must be 'time,{column}'")
     found: list[list[float]] = []
     for line, row in enumerate(rows, start=2):
         try:
@@ -82,9 +82,9 @@ def read_points(path: str, name: str, column: str) -> list[list[float]]:
             if not (math.isfinite(time) and math.isfinite(number)):
                 raise ValueError
         except ValueError:
-            raise sentence(f"{place}: row {line} must be two finite numbers") from None
+            raise message_error(f"{place}: row {line} must be two finite numbers") from None
         if found and not time > found[-1][0]:
-            raise sentence(f"{place}: row {line}: times must rise from row to row")
+            raise message_error(f"{place}: row {line}: times must rise from row to row")
         found.append([time, number])
     return found
 
@@ -183,19 +183,19 @@ class Rate(_Rate):
     def _check(self) -> Self:
         if (self.kind == "table") != (self.points is not None):
             given = "missing" if self.points is None else "given"
-            raise sentence(
+            raise message_error(
                 f"rate.kind is {toml_value(self.kind)} and rate.points is {given}: a table, and nothing else, "
                 "must have points, or a file of them"
             )
         if self.kind == "staircase" and self.hold is None:
-            raise sentence("rate.hold is missing: a staircase must have a time on each level")
+            raise message_error("rate.hold is missing: a staircase must have a time on each level")
         if self.kind != "staircase" and self.hold is not None:
-            raise sentence(
+            raise message_error(
                 f"rate.hold is {toml_value(self.hold)}: it must be left out when rate.kind is {toml_value(self.kind)}, "
                 "as only a staircase has a time on each level"
             )
         if self.kind in ("sine", "noise") and self.frequency == 0:
-            raise sentence(
+            raise message_error(
                 f"rate.frequency is 0.0: it must be greater than 0 when rate.kind is {toml_value(self.kind)}"
             )
         return self
@@ -224,25 +224,25 @@ class Device(_Device):
         for quantity, limit in {"position": "range", "velocity": "range", "actuator": "limit"}.items():
             bits, span = getattr(self, f"{quantity}_bits"), getattr(self, f"{quantity}_{limit}")
             if bits and not np.isfinite(span).all():
-                raise sentence(
+                raise message_error(
                     f"device.{quantity}_bits is {bits} and device.{quantity}_{limit} is {toml_value(span)}: "
                     "a converter must have a finite range"
                 )
         for quantity in ("position", "velocity"):
             noise, density = getattr(self, f"{quantity}_noise"), getattr(self, f"{quantity}_noise_density")
             if noise and density:
-                raise sentence(
+                raise message_error(
                     f"device.{quantity}_noise is {noise} and device.{quantity}_noise_density is {density}: "
                     "at most one of the two can be given"
                 )
             corner = getattr(self, f"{quantity}_noise_corner")
             if corner and not (noise or density):
-                raise sentence(
+                raise message_error(
                     f"device.{quantity}_noise_corner is {corner} without white noise: device.{quantity}_noise "
                     f"or device.{quantity}_noise_density must be greater than 0"
                 )
         if self.temperature_ramp and self.temperature_points is not None:
-            raise sentence(
+            raise message_error(
                 f"device.temperature_ramp is {self.temperature_ramp} and device.temperature_points is given: "
                 "at most one of the two can be"
             )

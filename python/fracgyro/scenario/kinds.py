@@ -87,7 +87,7 @@ def fields_of(kind: str, table: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(number.field for number in numbers(kind) if number.table == table))
 
 
-def having(path: str) -> list[str]:
+def kinds_with(path: str) -> list[str]:
     """The kinds that have this field."""
     table, _, name = path.partition(".")
     return [kind for kind in KINDS if name in fields_of(kind, table)]
@@ -225,12 +225,12 @@ def reports(kind: str) -> tuple[tuple[Channel, ...], ...]:
     return tuple(map(_channels, _core.reports_of_kind(KINDS.index(kind))))
 
 
-def reported(setup: _core.Setup) -> tuple[Channel, ...]:
+def reported_channels(setup: _core.Setup) -> tuple[Channel, ...]:
     """Reports of the controller of a run."""
     kind, chosen = _core.chosen_type(setup)
     return reports(KINDS[kind])[chosen]
 
 
-def lasting(setup: _core.Setup) -> tuple[Channel, ...]:
+def persistent_channels(setup: _core.Setup) -> tuple[Channel, ...]:
     """Reports that are also known between steps."""
-    return tuple(channel for channel in reported(setup) if not channel.momentary)
+    return tuple(channel for channel in reported_channels(setup) if not channel.momentary)

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from .kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, MEANINGS, Channel, having, numbers, reported
+from .kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, MEANINGS, Channel, kinds_with, numbers, reported_channels
 from .scenario import Scenario
 from .table import Table, toml_value
 from .to_core import core_setup
@@ -59,7 +59,7 @@ def fields_of_kind(kind: str) -> Iterator[Sequence[str]]:
 
 def _having(table: str, field: str) -> tuple[str, ...]:
     """The kinds of controllers that have the field; none: it does not depend on the kind."""
-    kinds = tuple(having(f"{table}.{field}"))
+    kinds = tuple(kinds_with(f"{table}.{field}"))
     return () if len(kinds) == len(KINDS) else kinds
 
 
@@ -127,7 +127,7 @@ def _reports(kind: str) -> Iterator[tuple[str, tuple[Channel, ...]]]:
     choices = next((number.choices for number in numbers(kind) if number.path == "adaptation.kind"), ("",))
     for choice in choices:
         changed = scenario.replace({"adaptation.kind": choice}) if choice else scenario
-        yield choice, reported(core_setup(changed))
+        yield choice, reported_channels(core_setup(changed))
 
 
 def _variable(channel: Channel) -> Sequence[str]:

@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import create_model, model_validator
 
 from .kinds import KINDS, MEANINGS, table_fields
-from .table import MAX_STEPS, ZERO, Frequencies, Pair, Symmetric, Table, Vector, field, sentence, toml_value
+from .table import MAX_STEPS, ZERO, Frequencies, Pair, Symmetric, Table, Vector, field, message_error, toml_value
 from .units import Scales
 
 SCALED = ("1/omega0", "q0*omega0", "omega0^2*q0", "m*omega0^2*q0", "m*omega0", "m*omega0^2")  # finite in SI
@@ -108,7 +108,7 @@ class Plant(Table):
             if not all(0 < self.scales.of(unit) < math.inf for unit in SCALED) or not all(
                 np.isfinite(part).all() for part in self.nondimensional()
             ):
-                raise sentence(
+                raise message_error(
                     f"plant.mass is {toml_value(self.mass)}: with plant.reference_length and "
                     "plant.reference_frequency it must give finite nondimensional numbers"
                 )
@@ -120,7 +120,7 @@ def _check_definite(name: str, matrix: Symmetric, *, semi: bool = False, unit: s
     if not (least >= -zero if semi else least > zero):  # so worded, NaN fails too
         wanted = "positive semidefinite" if semi else "positive definite"
         smallest = f"its smallest eigenvalue is {least:.6g} {unit}"
-        raise sentence(f"{name} is {toml_value(matrix)}: it must be {wanted}, but {smallest}")
+        raise message_error(f"{name} is {toml_value(matrix)}: it must be {wanted}, but {smallest}")
 
 
 if TYPE_CHECKING:
@@ -172,7 +172,7 @@ class Controller(_Controller):
     @model_validator(mode="after")
     def _check(self) -> Self:
         if self.layer_thickness == 0 and self.switching_limit < math.inf:
-            raise sentence(
+            raise message_error(
                 f"controller.switching_limit is {toml_value(self.switching_limit)}: it must be inf when "
                 "controller.layer_thickness is 0.0, as rho h/delta is then infinite"
             )
@@ -239,7 +239,7 @@ class Disturbance(Table):
                 f"disturbance.{name} is {'missing' if value is None else toml_value(value)}"
                 for name, value in given.items()
             )
-            raise sentence(f"{names}: noise must have exactly one of the two")
+            raise message_error(f"{names}: noise must have exactly one of the two")
         return self
 
 
@@ -276,7 +276,7 @@ class Run(Table):
     def _check(self) -> Self:
         duration, step = toml_value(self.duration), toml_value(self.step)
         if self.duration < self.step:
-            raise sentence(f"run.duration is {duration}: it must be at least run.step, which is {step}")
+            raise message_error(f"run.duration is {duration}: it must be at least run.step, which is {step}")
         if not self.duration / self.step < MAX_STEPS + 0.5:
-            raise sentence(f"run.duration is {duration}: it must be at most {MAX_STEPS} steps of {step}")
+            raise message_error(f"run.duration is {duration}: it must be at most {MAX_STEPS} steps of {step}")
         return self

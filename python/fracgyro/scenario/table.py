@@ -39,14 +39,14 @@ def toml_value(value: Any, depth: int = 0) -> str:
     return str(value)
 
 
-def shown(value: Any) -> str:
+def format_value(value: Any) -> str:
     """A value in a message; a long one is shortened."""
     return cut(toml_value(value))
 
 
-def sentence(text: str) -> PydanticCustomError:
+def message_error(text: str) -> PydanticCustomError:
     """An error inside a validator, already worded in full; `_describe` passes it through."""
-    return PydanticCustomError("sentence", "{text}", {"text": text})
+    return PydanticCustomError("message", "{text}", {"text": text})
 
 
 def field(default: Any, description: str, *, unit: str = "1", **limits: Any) -> Any:

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from ..files import cut, read_input, reason
-from .sentences import ScenarioError
+from .messages import ScenarioError
 from .table import MAX_DEPTH
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from .. import _core
 from ..arguments import number, pair, short
 from ..scenario import Scenario, check_scenario
-from ..scenario.kinds import lasting
+from ..scenario.kinds import persistent_channels
 from ..scenario.to_core import check_single, core_setup
 from .user_controller import units
 
@@ -69,7 +69,7 @@ class Controller:
             check_single(scenario)
         setup = core_setup(scenario)
         self._core = _core.Controller(setup, single_precision)
-        self._reported = lasting(setup)
+        self._reported = persistent_channels(setup)
         self._scales = [[scales.of(unit) if si else 1.0 for unit in channel.units] for channel in self._reported]
 
     def step(self, time: float, position: Sequence[float], velocity: Sequence[float] | None = None) -> Vector:

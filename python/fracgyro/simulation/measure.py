@@ -19,8 +19,8 @@ from .user_controller import ControllerLike, UserController
 
 # Runs between two checks for interrupts and progress: by their steps, and at most.
 CHUNK, CHUNK_STEPS, CHUNK_RUNS = 32, 20_000_000, 4096
-FEW = 2  # up to this many runs, single runs are faster than a block of lanes
-TOGETHER = 32  # scenarios whose runs with the same seed share its noise, which is drawn once
+MAX_SINGLE_RUNS = 2  # up to this many runs, single runs are faster than a block of lanes
+SCENARIOS_PER_NOISE = 32  # scenarios whose runs with the same seed share its noise, which is drawn once
 
 
 def measure_many(
@@ -66,8 +66,8 @@ def measure_many(
         raise ValueError(
             f"controller is {short(laws)}: a list must have one native.Law for each of the {len(scenarios)} scenarios"
         )
-    outside = None if controller is None else UserController(laws[0] if laws else controller)
-    if outside and single_precision:
+    user_controller = None if controller is None else UserController(laws[0] if laws else controller)
+    if user_controller and single_precision:
         raise ValueError("single_precision is True: it must be False with a controller, which runs in double precision")
     for scenario in scenarios if single_precision else ():
         check_single(scenario)
@@ -84,18 +84,18 @@ def measure_many(
     threads, widest = threads_available(), _core.lane_counts()[-1]
     parts: list[np.ndarray] = []
     places: list[int] = []
-    waiting = setups_of(scenarios, seeds, TOGETHER)
+    waiting = setups_of(scenarios, seeds, SCENARIOS_PER_NOISE)
     # Depends only on the scenarios, not on the machine: grouping changes results in the last digits.
     chunk = min(max(CHUNK, CHUNK_STEPS // scenarios[0].run.steps), CHUNK_RUNS)
     while taken := list(islice(waiting, chunk)):
         setups = [setup for _, setup in taken]
         places.extend(place for place, _ in taken)
-        if outside:
+        if user_controller:
             owners = [place // times for place, _ in taken]
             each = [laws[owner] for owner in owners] if laws else None
-            parts.append(outside.measure([scenarios[owner] for owner in owners], setups, params, threads, each))
+            parts.append(user_controller.measure([scenarios[owner] for owner in owners], setups, params, threads, each))
         else:
-            lanes = 1 if len(setups) <= FEW else widest
+            lanes = 1 if len(setups) <= MAX_SINGLE_RUNS else widest
             parts.append(_core.measure_runs(setups, params, threads, lanes, single_precision))
         if progress:
             progress(len(setups))

@@ -18,8 +18,8 @@ import xarray as xr
 from .. import _core
 from ..arguments import pair, short
 from ..scenario import Scenario, ScenarioError, check_scenario
-from ..scenario.kinds import DEVICE_CHANNELS, LOOP_CHANNELS, Channel, numbers, reported
-from ..scenario.sentences import paths
+from ..scenario.kinds import DEVICE_CHANNELS, LOOP_CHANNELS, Channel, numbers, reported_channels
+from ..scenario.messages import paths
 from ..scenario.to_core import core_numbers, core_setup, is_ideal
 from .dataset import dataset, time_scale
 from .simulate import MAX_RECORD, DivergedError
@@ -106,7 +106,7 @@ class Loop:
             self._law = self._user.start(scenario, itself=True)
             self._core = _core.Loop(setup, self._law, units(scenario))
         else:
-            self._reported = reported(setup)
+            self._reported = reported_channels(setup)
             self._core = _core.Loop(setup)
 
     @property

@@ -10,7 +10,7 @@ import xarray as xr
 
 from .. import _core
 from ..scenario import Scenario, bounded, check_scenario
-from ..scenario.kinds import DEVICE_CHANNELS, LOOP_CHANNELS, Channel, reported
+from ..scenario.kinds import DEVICE_CHANNELS, LOOP_CHANNELS, Channel, reported_channels
 from ..scenario.to_core import core_setup, is_ideal
 from .dataset import dataset, time_scale
 from .many import check_many, seed_of_each, setups_of, threads_available
@@ -170,7 +170,7 @@ def _check_alike(scenarios: Sequence[Scenario]) -> None:
 
 def _channels(setups: Sequence[_core.DeviceSetup], device: bool) -> tuple[Channel, ...]:
     """Channels of a joint record: all that any controller reports, NaN for the others."""
-    found = dict.fromkeys(channel for setup in setups for channel in reported(setup))
+    found = dict.fromkeys(channel for setup in setups for channel in reported_channels(setup))
     return (*LOOP_CHANNELS, *found, *(DEVICE_CHANNELS if device else ()))
 
 

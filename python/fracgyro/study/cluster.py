@@ -12,7 +12,7 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from ..extras import needs
 from ..files import reason
-from ..scenario.table import shown
+from ..scenario.table import format_value
 
 Result = TypeVar("Result", covariant=True)
 
@@ -39,7 +39,7 @@ def connected(address: str) -> Iterator[Any]:
     """A Dask client. Raises ValueError if the cluster cannot be reached or has no worker."""
     with needs("cluster"):
         from distributed import Client
-    place = f"scheduler is {shown(address)}"
+    place = f"scheduler is {format_value(address)}"
     try:
         with ThreadPoolExecutor(1) as thread:  # a thread without an event loop
             answer = thread.submit(asyncio.run, _asked(address)).result()

@@ -12,8 +12,8 @@ from pydantic import BaseModel, ValidationError, WithJsonSchema
 from ..analysis.metric_names import METRICS
 from ..analysis.metrics import ERROR_BOUND, RATE_TOLERANCE, SURFACE_BOUND, TRANSIENT
 from ..scenario import Scenario, ScenarioError
-from ..scenario.sentences import explained
-from ..scenario.table import Table, field, sentence, shown
+from ..scenario.messages import scenario_error
+from ..scenario.table import Table, field, format_value, message_error
 from ..scenario.toml import read_tables, read_text
 from .controller import is_parameter
 from .space import MAX_POINTS, flat
@@ -46,8 +46,8 @@ def seeds_of(value: Any) -> Any:
         return list(range(value))
     listed = isinstance(value, list) and all(type(seed) is int and 0 <= seed < 2**63 for seed in value)
     if not listed or not value or len(set(value)) < len(value):
-        raise sentence(
-            f"seeds is {shown(value)}: it must be their number, from 1 to {MAX_POINTS}, "
+        raise message_error(
+            f"seeds is {format_value(value)}: it must be their number, from 1 to {MAX_POINTS}, "
             "or a list of different integers from 0 to 2^63 - 1"
         )
     return value
@@ -70,7 +70,7 @@ def load_study(path: str | os.PathLike[str], model: type[Model]) -> Model:
     try:
         return model(**tables)
     except ValidationError as error:
-        raise explained(error, model) from None
+        raise scenario_error(error, model) from None
 
 
 def base_scenario(name: str, folder: Path, fixed: Mapping[str, Any]) -> Scenario:

@@ -16,8 +16,8 @@ from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import core_schema
 
 from ..scenario import Scenario, ScenarioError
-from ..scenario.sentences import paths
-from ..scenario.table import AsTuple, shown
+from ..scenario.messages import paths
+from ..scenario.table import AsTuple, format_value
 from .space import Range
 
 KINDS = ("scenario", "study", "tuning")
@@ -37,7 +37,7 @@ def schema(kind: Literal["scenario", "study", "tuning"]) -> Schema:
     {'$ref': '#/definitions/Run'}
     """
     if kind not in KINDS:
-        raise ScenarioError(f"kind is {shown(kind)}: it must be one of {', '.join(KINDS)}")
+        raise ScenarioError(f"kind is {format_value(kind)}: it must be one of {', '.join(KINDS)}")
     model: type[BaseModel] = Scenario
     if kind == "study":
         from .sweep.design import Study as model

@@ -14,8 +14,8 @@ from pydantic.fields import FieldInfo
 from .. import _core
 from ..arguments import number
 from ..scenario import Scenario, ScenarioError
-from ..scenario.sentences import explained, paths, unknown
-from ..scenario.table import Table, shown
+from ..scenario.messages import paths, scenario_error, unknown
+from ..scenario.table import Table, format_value
 from ..scenario.table import field as described
 from ..simulation.user_controller import ControllerLike
 from .controller import check_read, is_parameter, parameter
@@ -111,7 +111,7 @@ def flat(entries: Mapping[str, Any], table: str = "") -> dict[str, Any]:
             raise ScenarioError(unknown(field, Scenario))
         deeper = field == "law" or any(path.startswith(f"{field}.") for path in paths(Scenario))
         if deeper and not isinstance(entry, Mapping):
-            raise ScenarioError(f"{field} is {shown(entry)}: it must be a table")
+            raise ScenarioError(f"{field} is {format_value(entry)}: it must be a table")
         for key, value in (flat(entry, field) if deeper else {field: entry}).items():
             if key in found:
                 raise ScenarioError(f"{key} is given twice: it must be given once")
@@ -127,18 +127,20 @@ def _dimension(field: str, entry: Any, base: Scenario, controller: ControllerLik
     if not isinstance(entry, Mapping):
         law = is_parameter(field)
         raise ScenarioError(
-            f"{field} is {shown(entry)}: it must be a list of values or "
+            f"{field} is {format_value(entry)}: it must be a list of values or "
             f"{{ low, high }} or {{ relative }}; a single value belongs to {'the law' if law else '[fixed]'}"
         )
     try:
         asked = Range(**entry)
     except ValidationError as error:
-        raise ScenarioError(f"{field}: {explained(error, Range)}") from None
+        raise ScenarioError(f"{field}: {scenario_error(error, Range)}") from None
     low, high = _ends(field, asked, base, controller)
     if not low < high:
-        raise ScenarioError(f"{field}: low is {shown(low)}: it must be less than high, which is {shown(high)}")
+        raise ScenarioError(
+            f"{field}: low is {format_value(low)}: it must be less than high, which is {format_value(high)}"
+        )
     if asked.scale == "log" and not low > 0:
-        raise ScenarioError(f'{field}: low is {shown(low)}: it must be greater than 0 when scale is "log"')
+        raise ScenarioError(f'{field}: low is {format_value(low)}: it must be greater than 0 when scale is "log"')
     integer = not is_parameter(field) and _info(field).annotation is int
     for end in (low, high):
         _valid(field, int(end) if integer and end == int(end) else end)
@@ -155,15 +157,15 @@ def _ends(field: str, asked: Range, base: Scenario, controller: ControllerLike |
     value = value_of(field, base, controller)
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < abs(value) < math.inf:
         raise ScenarioError(
-            f"{field}: relative is {shown(asked.relative)}: the base value must be a number other than 0, "
-            f"but it is {shown(value)}"
+            f"{field}: relative is {format_value(asked.relative)}: the base value must be a number other than 0, "
+            f"but it is {format_value(value)}"
         )
     ends = value * (1 - asked.relative), value * (1 + asked.relative)
     return min(ends), max(ends)
 
 
 def _given(asked: Range) -> str:
-    return shown({name: getattr(asked, name) for name in asked.model_fields_set})
+    return format_value({name: getattr(asked, name) for name in asked.model_fields_set})
 
 
 def _info(field: str) -> FieldInfo:
@@ -181,10 +183,10 @@ def _valid(field: str, value: Any) -> Any:
         try:
             return number(field, value) + 0.0
         except (TypeError, ValueError):
-            raise ScenarioError(f"{field} is {shown(value)}: it must be a finite number") from None
+            raise ScenarioError(f"{field} is {format_value(value)}: it must be a finite number") from None
     info = _info(field)
     kind: Any = Annotated[info.annotation, info]
     try:
         return TypeAdapter(kind, config=Table.model_config).validate_python(value)
     except ValidationError as error:
-        raise explained(error, Scenario, tuple(field.split("."))) from None
+        raise scenario_error(error, Scenario, tuple(field.split("."))) from None

@@ -15,7 +15,7 @@ from pydantic import BeforeValidator
 
 from ...analysis.metric_names import METRICS, metric_hint
 from ...scenario import Scenario, ScenarioError
-from ...scenario.table import Table, sentence, shown
+from ...scenario.table import Table, format_value, message_error
 from ...scenario.table import field as described
 from ...scenario.toml import read_text
 from ...simulation.user_controller import ControllerLike
@@ -42,7 +42,9 @@ SHOWN = ("rmse_steady_x", "rmse_steady_y", "error_settling_time", "rate_error_rm
 def _show(value: Any) -> Any:
     for name in value if isinstance(value, list) else []:
         if not isinstance(name, str) or name not in METRICS:
-            raise sentence(f"show has {shown(name)}, which is not a known metric; {metric_hint(shown(name))}")
+            raise message_error(
+                f"show has {format_value(name)}, which is not a known metric; {metric_hint(format_value(name))}"
+            )
     return value
 
 
@@ -138,8 +140,8 @@ def read_plan(path: str | os.PathLike[str], controller: ControllerLike | None = 
     seeds = [base.disturbance.seed] if study.seeds is None else study.seeds
     if len(seeds) > 1 and "noise" not in facts.disturbances:
         raise ScenarioError(
-            f"seeds is {shown(seeds)}: it must be one seed, as no result depends on it with disturbance.kind "
-            f"{' or '.join(map(shown, sorted(facts.disturbances)))}"
+            f"seeds is {format_value(seeds)}: it must be one seed, as no result depends on it with disturbance.kind "
+            f"{' or '.join(map(format_value, sorted(facts.disturbances)))}"
         )
     return Plan(study, read_text(path), base, dimensions, points, facts, seeds, controller)
 
@@ -149,7 +151,7 @@ def scenario_of(base: Scenario, number: int, values: Mapping[str, Any]) -> Scena
     try:
         return base.replace(fields_of_scenario(values))
     except ScenarioError as error:
-        where = ", ".join(f"{field} = {shown(value)}" for field, value in values.items())
+        where = ", ".join(f"{field} = {format_value(value)}" for field, value in values.items())
         raise ScenarioError(f"point {number} ({where}) cannot run: {error}") from None
 
 
@@ -176,14 +178,14 @@ def _list(design: Design, dimensions: tuple[Dimension, ...]) -> list[tuple[Any, 
 def _axes(design: Design, dimensions: tuple[Dimension, ...]) -> list[tuple[Any, ...]]:
     if design.points is not None:
         raise ScenarioError(
-            f"design.points is {design.points}: it must be left out when design.kind is {shown(design.kind)}"
+            f"design.points is {design.points}: it must be left out when design.kind is {format_value(design.kind)}"
         )
     axes = []
     for dimension in dimensions:
         axis = dimension.grid()
         if axis is None:
             raise ScenarioError(
-                f"{dimension.field}: steps is missing: it must be given when design.kind is {shown(design.kind)}"
+                f"{dimension.field}: steps is missing: it must be given when design.kind is {format_value(design.kind)}"
             )
         axes.append(axis)
     return axes
@@ -236,12 +238,12 @@ def _sampled(
 ) -> list[tuple[Any, ...]]:
     _some(design, dimensions)
     if design.points is None:
-        raise ScenarioError(f"design.points is missing: {shown(design.kind)} must have a number of points")
+        raise ScenarioError(f"design.points is missing: {format_value(design.kind)} must have a number of points")
     for dimension in dimensions:
         if dimension.steps is not None:
             raise ScenarioError(
                 f"{dimension.field}: steps is {dimension.steps}: it must be left out when design.kind is "
-                f"{shown(design.kind)}"
+                f"{format_value(design.kind)}"
             )
     samples = unit_cube(design.points, len(dimensions), np.random.default_rng(design.seed))
     return [tuple(d.at(float(u)) for d, u in zip(dimensions, row, strict=True)) for row in samples]

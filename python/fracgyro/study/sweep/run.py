@@ -12,7 +12,7 @@ from pathlib import Path
 import pyarrow as pa
 
 from ...files import whole_file
-from ...scenario.table import shown
+from ...scenario.table import format_value
 from ...simulation.user_controller import ControllerLike
 from ..cluster import connected, measured_there
 from ..folder import free_if_nothing_came, locked
@@ -70,7 +70,8 @@ def sweep(
     begin = time.perf_counter()
     if controller is not None and scheduler is not None:
         raise ValueError(
-            f"scheduler is {shown(scheduler)}: it must be left out, as a user's controller runs only in this process"
+            f"scheduler is {format_value(scheduler)}: it must be left out, as a user's controller runs only in this "
+            "process"
         )
     plan = read_plan(study, controller)
     work = blocks(plan)

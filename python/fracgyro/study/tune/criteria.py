@@ -13,7 +13,7 @@ from pydantic import AfterValidator, ConfigDict, WithJsonSchema, model_validator
 
 from ...analysis.metric_names import METRICS, metric_hint
 from ...scenario import Scenario
-from ...scenario.table import Table, field, sentence, shown
+from ...scenario.table import Table, field, format_value, message_error
 from ...simulation.measure import measure_many
 from ...simulation.native import Law
 from ...simulation.user_controller import ControllerLike
@@ -28,15 +28,15 @@ STATISTIC = WithJsonSchema({"type": "string", "pattern": rf"^({'|'.join(STATISTI
 
 def _metric(name: str) -> str:
     if name not in METRICS:
-        raise sentence(f"metric is {shown(name)}, which is not a known metric; {metric_hint(name)}")
+        raise message_error(f"metric is {format_value(name)}, which is not a known metric; {metric_hint(name)}")
     return name
 
 
 def _statistic(text: str) -> str:
     if text not in STATISTICS and _quantile(text) is None:
-        raise sentence(
-            f"statistic is {shown(text)}: it must be mean, median, max, or quantile and a number between 0 and 1, "
-            'as "quantile 0.95"'
+        raise message_error(
+            f"statistic is {format_value(text)}: it must be mean, median, max, or quantile and a number between 0 and "
+            '1, as "quantile 0.95"'
         )
     return text
 
@@ -85,7 +85,7 @@ class Constraint(Objective):
     def _check(self) -> Self:
         if (self.at_most is None) == (self.at_most_base is None):
             given = "neither" if self.at_most is None else "both"
-            raise sentence(
+            raise message_error(
                 f"the constraint on {self.metric} has {given} of at_most and at_most_base: it must have exactly one"
             )
         return self

@@ -16,7 +16,7 @@ from pydantic import BeforeValidator, Field
 
 from ...files import one_line
 from ...scenario import Scenario, ScenarioError
-from ...scenario.table import Table, shown
+from ...scenario.table import Table, format_value
 from ...scenario.table import field as described
 from ...scenario.toml import read_text
 from ...simulation.native import Law
@@ -202,7 +202,7 @@ def read_tuning(path: str | os.PathLike[str], controller: ControllerLike | None 
         )
     if base.disturbance.kind != "noise":
         raise ScenarioError(
-            f"disturbance.kind is {shown(base.disturbance.kind)}: it must be noise, for seeds to be held out"
+            f"disturbance.kind is {format_value(base.disturbance.kind)}: it must be noise, for seeds to be held out"
         )
     first = max(file.seeds) + 1
     if first + file.tune.held_out_seeds > 2**63:

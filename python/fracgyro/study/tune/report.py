@@ -21,7 +21,7 @@ from .criteria import Score
 from .hold_out import HoldOut
 from .plan import Plan
 from .plots import history_figure, pareto_figure
-from .search import Trial, ratios, shown
+from .search import Trial, ratios, study_text
 
 SAMPLERS = {"tpe": "TPE", "cmaes": "CMA-ES", "nsga2": "NSGA-II"}
 EDGE = 0.02  # fraction of a range: closer to an end counts as at the end
@@ -127,7 +127,7 @@ def write_report(result: Result, folder: Path) -> None:
         title=file.title or f"Tuning {plan.name}",
         version=version("fracgyro"),
         plan=plan,
-        shown=shown(plan),
+        study_text=study_text(plan),
         sampler=SAMPLERS[file.tune.sampler],
         trials=len(result.trials),
         feasible=sum(trial.score.feasible for trial in result.trials),

@@ -18,7 +18,7 @@ from .criteria import Score, measure
 from .hold_out import HoldOut, hold_out
 from .plan import Plan, read_tuning
 from .report import Result, tuned_toml, write_report
-from .search import Trial, choose, front, opened, ratios, shown
+from .search import Trial, choose, front, opened, ratios, study_text
 
 DATABASE = "study.db"
 
@@ -69,7 +69,7 @@ def tune(
     begin = time.perf_counter()
     plan = read_tuning(study, controller)
     with locked(Path(out)):
-        folder = claim(Path(out), plan.parts(), {"study": shown(plan)}, resume=resume)
+        folder = claim(Path(out), plan.parts(), {"study": study_text(plan)}, resume=resume)
         seeds = plan.file.seeds
         total = (plan.file.tune.trials + 1) * len(seeds) + 2 * len(plan.held_out)
         done = 0

@@ -225,7 +225,7 @@ def _safe(address: str | None) -> str:
     return URL.create(url.drivername, None, None, url.host, url.port, url.database).render_as_string()
 
 
-def shown(plan: Plan) -> str:
+def study_text(plan: Plan) -> str:
     """The study's text with the safe address of its storage, for a report."""
     address = plan.file.tune.storage
     if address is None or _safe(address) == address:

@@ -12,7 +12,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from ..files import cut, one_line
-from .table import shown
+from .table import format_value
 
 
 class ScenarioError(ValueError):
@@ -25,8 +25,8 @@ class ScenarioError(ValueError):
     controller.ordr is not a known field; did you mean controller.order?
     """
 
-    def __init__(self, sentence: str) -> None:
-        super().__init__(one_line(sentence))
+    def __init__(self, message: str) -> None:
+        super().__init__(one_line(message))
 
 
 @cache
@@ -78,7 +78,7 @@ def _item(path: str, model: type[BaseModel]) -> type[BaseModel] | None:
     return items[0] if items and isinstance(items[0], type) and issubclass(items[0], BaseModel) else None
 
 
-def explained(error: ValidationError, model: type[BaseModel], at: tuple[str, ...] = ()) -> ScenarioError:
+def scenario_error(error: ValidationError, model: type[BaseModel], at: tuple[str, ...] = ()) -> ScenarioError:
     """The first of pydantic's problems as a sentence; `at`: where in `model` the value stood that was validated."""
     first, *others = error.errors(include_url=False)
     first["loc"] = (*at, *first["loc"])
@@ -86,7 +86,7 @@ def explained(error: ValidationError, model: type[BaseModel], at: tuple[str, ...
 
 
 def _describe(problem: ErrorDetails, model: type[BaseModel]) -> str:
-    if problem["type"] == "sentence":
+    if problem["type"] == "message":
         return problem["msg"]
     path, info, fields = "", None, model.model_fields
     for part in problem["loc"]:
@@ -101,7 +101,7 @@ def _describe(problem: ErrorDetails, model: type[BaseModel]) -> str:
     allowed = _allowed(problem, info.metadata if info else [])
     if problem["type"] == "missing":
         return f"{path} is missing: it must be {'a number' if info and info.annotation is float else 'given'}"
-    return f"{path} is {shown(problem['input'])}: {allowed}"
+    return f"{path} is {format_value(problem['input'])}: {allowed}"
 
 
 def _allowed(problem: ErrorDetails, metadata: list[Any]) -> str:
