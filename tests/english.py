@@ -22,7 +22,7 @@ SKIPPED = re.compile(
 # Their strings are the text of logs, which changes only with the logs, or quotes logs and messages.
 QUOTING = re.compile(r"(fpga/)?(benchmarks|tests)/|lab/(best_order|compare|article/sensing)\.py")
 # Not rewritten yet, with the pages generated from them: checked only if named, or with --all.
-UNCLEAN = re.compile(r"(python/fracgyro/scenario|include|bindings|examples/scenarios)/|docs/reference\.md")
+UNCLEAN = re.compile(r"(python/fracgyro/scenario|examples/scenarios)/|docs/reference\.md")
 
 FIRST = re.compile(r"(?i)[\s/*#!<>|-]*(of|what|whether|where|as)\b")
 WORDS = {
