@@ -17,10 +17,10 @@ import fracgyro as fg
 import numpy as np
 from comments import address, comment_of
 from formulas import latex
-from fracgyro.compare import rate_contenders, track_contenders
 from fracgyro.scenario.kinds import KINDS, MEANINGS, numbers, reports
 from fracgyro.scenario.reference import FIELDS, fields_of_kind, rows_of
 from fracgyro.scenario.table import toml_value
+from fracgyro_lab.comparison import rate_contenders, track_contenders
 from picture import SETUPS, closed_loop, pictures
 
 sys.path.append(str(Path(__file__).resolve().parents[2] / "benchmarks"))

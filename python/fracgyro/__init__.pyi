@@ -22,6 +22,7 @@ from .simulation.plant import Plant as Plant
 from .simulation.simulate import DivergedError as DivergedError
 from .simulation.simulate import simulate as simulate
 from .simulation.simulate import simulate_many as simulate_many
+from .simulation.user_controller import ControllerError as ControllerError
 from .study.json_schema import schema as schema
 
 __version__: str

@@ -13,9 +13,10 @@ import fracgyro as fg
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from fracgyro import _core, parity
+from fracgyro import _core
 from fracgyro.analysis.metric_names import COLUMNS
 from fracgyro.cli import cli
+from fracgyro.export import parity
 from fracgyro.scenario.to_core import core_setup
 from numpy._core._multiarray_umath import __cpu_dispatch__, __cpu_features__
 

@@ -145,5 +145,5 @@ def test_allan_takes_what_holds_numbers_and_says_what_does_not() -> None:
         fg.rate.allan(noise, 0)
     with pytest.raises(ValueError, match="values has 3 dimensions"):
         fg.rate.allan(np.ones((2, 2, 100)), 1.0)
-    with pytest.raises(TypeError, match="values holds"):
+    with pytest.raises(TypeError, match="values has dtype"):
         fg.rate.allan(["a"] * 30, 1.0)

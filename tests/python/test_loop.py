@@ -899,7 +899,7 @@ def test_a_record_that_would_be_too_large_is_refused_and_a_thinner_one_is_not() 
         ValueError, match=r"^run.record_every is 11: 1 runs of 9090910 samples of 29 numbers are 2.11 GB"
     ):
         fg.simulate(long.replace({"run.record_every": 11}))
-    with pytest.raises(ValueError, match=r"150 runs of 80001 samples .* have measure_many measure"):
+    with pytest.raises(ValueError, match=r"150 runs of 80001 samples .* use measure_many"):
         fg.simulate_many([PAPER], seeds=range(150))
     thin = PAPER.replace({"run.duration": 1.0, "run.record_every": 10**9})
     run = fg.simulate(thin)

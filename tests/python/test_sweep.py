@@ -427,7 +427,7 @@ def test_the_summary_needs_nothing_but_itself(small: Path) -> None:
 def test_the_numbers_behind_a_figure_are_means_of_the_rows(small: Path) -> None:
     data = figure_data(small / "out" / "summary.html")["rmse_steady_x"]
     runs = pd.read_parquet(small / "out" / "runs")
-    mean, value = "mean of RMS error of x, steady (q0)", "value (of a bin: its center)"
+    mean, value = "mean of RMS error, steady, x (q0)", "value (of a bin: its center)"
     found = {(row["field"], row[value], row["its value"]): float(row[mean]) for row in data}
     assert len(found) == len(data) == 8, "two levels of each of two fields, and their four pairs"
     for (field, of, other), number in found.items():
@@ -458,7 +458,7 @@ adaptation.rate_gain = { low = 1.0, high = 100.0, scale = "log" }
     lower = runs[runs["controller.order"] < 0.7]["effort_x"]
     row = data["effort_x"][0]
     assert (row["field"], float(row["value (of a bin: its center)"])) == ("controller.order", pytest.approx(0.6))
-    assert float(row["mean of RMS force in x (m ω0² q0)"]) == pytest.approx(lower.mean(), rel=1e-8)
+    assert float(row["mean of RMS force, x (m ω0² q0)"]) == pytest.approx(lower.mean(), rel=1e-8)
     assert float(row["95 % quantile"]) == pytest.approx(lower.max(), rel=1e-8)
     pair = next(row for row in data["effort_x"] if row["second field"])
     gain = "adaptation.rate_gain"

@@ -1,7 +1,7 @@
-// Marks a function compiled in two copies: for processors with AVX2 and for all others; the right one is chosen when the
-// program starts. A third copy, for AVX-512, gained 4 % and took a third of the compilation time. Contraction is off, so
-// all compute the same bits. Everything that the function calls is inlined into it, since only then is it compiled for
-// the same processor.
+// Marks a function compiled in two copies: for processors with AVX2 and for all others; the right one is chosen when
+// the program starts. A third copy, for AVX-512, gained 4 % and took a third of the compilation time. Contraction is
+// off, so all compute the same bits. Everything that the function calls is inlined into it, since only then is it
+// compiled for the same processor.
 #pragma once
 
 #include <cstddef>  // detects glibc, which target_clones needs
