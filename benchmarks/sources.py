@@ -181,9 +181,11 @@ def _included(start: Iterable[Path], named: set[str]) -> set[Path]:
         found.add(path)
         for name in re.findall(r'^\s*#\s*include\s+"([^"]+)"', path.read_text(encoding="utf-8"), re.MULTILINE):
             header = next((p for p in (path.parent / name, ROOT / "include" / name) if p.is_file()), None)
-            alternative = Path(name).parent.name in ALTERNATIVES and Path(name).stem not in SHARED
-            chosen = not (named and alternative) or Path(name).stem in named
-            if header is not None and (chosen or str(path.relative_to(ROOT)) not in CHOICES):
+            if header is None:
+                continue
+            alternative = header.parent.name in ALTERNATIVES and header.stem not in SHARED
+            chosen = not (named and alternative) or header.stem in named
+            if chosen or str(path.relative_to(ROOT)) not in CHOICES:
                 waiting.append(header.resolve())
     return found
 

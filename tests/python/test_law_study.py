@@ -318,7 +318,7 @@ def test_what_is_no_law_has_no_parameters(tmp_path: Path) -> None:
     path = study(tmp_path, GRID)
     with pytest.raises(ScenarioError, match=r"^law\.kp is in \[vary\]: it is only allowed with a native\.Law"):
         fg.study.sweep(path, tmp_path / "out", controller=pd_with(1.0))
-    with pytest.raises(ScenarioError, match=r"^law\.kp is in \[vary\]: it must be left out unless the study is run"):
+    with pytest.raises(ScenarioError, match=r"^law\.kp is in \[vary\]: it is only allowed in fracgyro.study.sweep"):
         fg.study.sweep(path, tmp_path / "out")
     plain = study(tmp_path, FIXED)
     for wrong in (3, int):
