@@ -54,7 +54,7 @@ public:
         // The certified error is still against the order itself.
         shape_ = maximum(order, 0.01 * tolerance / (1.0 + span_));
         // Minimax errors are log(error) = log(α) + 0.65 + 1.5 α - decay·count, to within 0.5 or so (a fit); the decay
-        // is Zolotarev's for wide ranges, that of polynomial interpolation for narrow ones.
+        // is Zolotarev's for wide ranges, and the decay of polynomial interpolation for narrow ones.
         const double decay =
             maximum(9.86960440108935861883 / (quarter_period(excess_) + 0.25), 2.0 * logarithm(8.0 / span_));
         const double estimate = (logarithm(shape_ / tolerance) + 0.65 + 1.5 * shape_) / decay;

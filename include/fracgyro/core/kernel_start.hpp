@@ -44,9 +44,8 @@ inline double quarter_period(double excess) {
     return detail::half_pi / a;
 }
 
-// Logs of Zolotarev's 2n+1 alternation points R dn(i K/2n) on [1, R]: close to those of the optimum. Only the half
-// nearer to R is computed; dn(K - u) = 1/(R dn(u)) mirrors it in log t. sn comes from a sine by Landen's
-// transformations.
+// Logs of Zolotarev's 2n+1 alternation points R dn(i K/2n) on [1, R]: close to the optimal points. Only the half nearer
+// to R is computed; dn(K - u) = 1/(R dn(u)) mirrors it in log t. sn follows from a sine by Landen's transformations.
 inline void start_times(double excess, double span, std::size_t n, double* log_times) {
     constexpr std::size_t landen = 8;
     std::array<double, landen> k{};

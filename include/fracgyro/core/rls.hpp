@@ -78,7 +78,7 @@ struct RecursiveLeastSquares {
             d = factor * d;
         }
     }
-    // Adds `variance` to P_00 only, when x_0 has moved. The first column of U is that of the identity.
+    // Adds `variance` to P_00 only, when x_0 has moved. The first column of U is the first one of the identity.
     static void inflate_first(State& state, T variance) { state.d_factor[0] = state.d_factor[0] + variance; }
 
 private:

@@ -1,4 +1,4 @@
-// The scalar concept: what a number must offer, and what follows from it.
+// The scalar concept: requirements of a number, and functions that follow from them.
 //
 // The only libm functions called are sqrt, fabs and copysign, which IEEE 754 defines exactly. With floating-point
 // contraction off, every compiler and processor therefore computes the same bits.

@@ -12,8 +12,8 @@
 //
 //    Predict   z by the Taylor series of this equation at the present estimates, the force held: exact to rounding,
 //              whatever the estimates, so that nothing has to be linearized again. P by z' = A z + B (φ θ̃ + d), with
-//              A the nominal map, corrected to first order, and φ what the parameters add to the force.
-//    Correct   by one measured number after another. The gain needs no measurement, so that it is found beforehand.
+//              A the nominal map, corrected to first order, and φ the contribution of the parameters to the force.
+//    Correct   by one measured number after another. The gain needs no measurement, so it is computed beforehand.
 //
 //    P = U diag(d) Uᵀ (core/covariance.hpp), z before θ̃, in units of the variance of the measured position. Without
 //    noise of its own θ̃ keeps its part of U and d, which makes a step cheap: the columns of U_zθ advance by A U_zθ + B

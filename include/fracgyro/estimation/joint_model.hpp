@@ -28,7 +28,7 @@ struct JointModel {
         Four measured{}, more{};  // variances of the mean of a span, and the excess of a single number
     };
     struct Prior {
-        Four motion{}, unknown{};  // variances over that of a measured position: at first, and of any motion
+        Four motion{}, unknown{};  // variances relative to a measured position: initial, and of any motion
         Row plant{};
     };
 

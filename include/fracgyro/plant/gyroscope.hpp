@@ -38,7 +38,7 @@ template <Scalar T>
 struct Gyroscope {
     using Column = typename PackOf<T, 4>::Type;
     struct Coefficients {
-        std::array<Column, 6> map{};  // columns of x, y, ẋ, ẏ, force x, force y; in each what becomes x, y, ẋ, ẏ
+        std::array<Column, 6> map{};  // columns of x, y, ẋ, ẏ, force x, force y: their effect on x, y, ẋ, ẏ
     };
     using State = Motion<T>;
 

@@ -37,8 +37,8 @@ private:
     }
 };
 
-// Axes turned by `misalignment`, counter-clockwise in rad, from those of the plant, with a gain of 1 + gain_error along
-// them.
+// Axes turned by `misalignment`, counter-clockwise in rad, from the axes of the plant, with a gain of 1 + gain_error
+// along them.
 struct AxesParams {
     Vec2<double> gain_error{};
     double misalignment = 0.0;

@@ -127,7 +127,7 @@ private:
     std::array<double, width_of<typename C::Report>()> numbers_{};
 };
 
-// The controller with these parameters; for a device without velocity sensors, one that needs none or that is to be
+// The controller with these parameters; for a device without velocity sensors, one that needs none or that will be put
 // behind an observer (with_erased).
 template <Scalar T>
 std::unique_ptr<AnyController<T>> make_controller(const ControllerParams& params, const Common& common) {

@@ -181,7 +181,7 @@ std::int64_t end_of_segment(std::int64_t first, std::int64_t steady_from, const 
     return end;
 }
 
-// The part of a report that metrics use; NaN for what this controller does not report.
+// The part of a report that metrics use; NaN if the controller does not report it.
 struct CommonReport {
     static constexpr double nan = std::numeric_limits<double>::quiet_NaN();
     Vec2<double> surface{nan, nan};
@@ -267,8 +267,8 @@ Metrics metric_values(const MetricsParams& params, const SetupOf<Params>& setup,
             .diverged_at = samples > setup.steps ? nan : count(samples) * h};
 }
 
-// The metrics of one run by itself: the bits that it has in a lane (batch.hpp). `in_step(snapshot)`: the part of its
-// report that metrics use; `between_steps(state, coefficients)`: the common report before the coming step.
+// The metrics of one run by itself, with the bits that it has in a lane (batch.hpp). `in_step(snapshot)`: the part of
+// its report that metrics use; `between_steps(state, coefficients)`: the common report before the coming step.
 template <Controller C, class Params, class InStep, class BetweenSteps>
 Metrics measure_segments(const SetupOf<Params>& setup, const MetricsParams& params, FillNoise noise, InStep&& in_step,
                          BetweenSteps&& between_steps) {

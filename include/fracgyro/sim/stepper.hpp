@@ -9,7 +9,7 @@
 
 namespace fracgyro {
 
-// One run. Nondimensional. Params: of any kind, or those of one controller, which need not be in the registry.
+// One run. Nondimensional. Params: of any kind, or of one controller, which need not be in the registry.
 template <class Params>
 struct SetupOf {
     Params controller{};
