@@ -1,24 +1,26 @@
 # make reproduce   run the paper's study, into out/report.html; LOCKED=1, in a fresh clone: with the libraries of
 #                  requirements.lock
-# make test        every check and every test
-# make test-quick  what a change breaks most often, in less than a minute
-# make test-machines    every test as on other processors, with other compilers and Pythons: for a release
-# make web         the WebAssembly module, and the live page, into build/web
-# make lint        the checks that need neither a compiler nor the installed module; logs behind their sources
-# make cpp-test    one C++ test, built and run: TEST=guard is tests/cpp/test_guard.cpp
-# make bench       all logs that docs/performance.md and others quote; takes most of a day. ARGS="rate_sensor": some
-# make bench-behind     only the logs that are behind their sources
-# make logs-current     fails if a log is behind its sources
-# make pages       the numbers of README.md and docs/, from the logs
-# make compare     the controllers compared, in full; into benchmarks/results/compare.md
-# make article     the replication article, as PDF; into build/article/article.pdf
-# make docs      the documentation site, into build/site
-# make wheel     sdist and wheel, tried in a clean environment; into dist
-# make lock        requirements.lock: the newest libraries that `make reproduce` may have, with their hashes
-# make mutants     edits of the code, and which of them the tests notice; into benchmarks/results/mutants.md
-# make check-deep  what takes ten minutes: fuzzing files, folders, the command line, states, FMUs, firmware; clang-tidy
-# make setup-embedded   compilers, emulator and node, from Debian's packages; without them the tests of firmware or
-#                  browser are skipped
+# make test        run every check and every test
+# make test-quick  run the tests that fail most often after a change, in less than a minute
+# make test-machines    run every test as on other processors, with other compilers and Pythons: for a release
+# make web         build the WebAssembly module and the live page, into build/web
+# make lint        run the checks that need neither a compiler nor the installed module; list outdated logs
+# make cpp-test    build and run one C++ test: TEST=guard is tests/cpp/test_guard.cpp
+# make bench       regenerate all logs that docs/performance.md and others quote; takes most of a day.
+#                  ARGS="rate_sensor": only some
+# make bench-behind     regenerate only the logs that are older than their sources
+# make logs-current     fail if a log is older than its sources
+# make pages       update the numbers of README.md and docs/ from the logs
+# make compare     compare the controllers, in full; into benchmarks/results/compare.md
+# make article     typeset the replication article; into build/article/article.pdf
+# make docs        build the documentation site, into build/site
+# make wheel       build sdist and wheel and test them in a clean environment; into dist
+# make lock        update requirements.lock: the newest libraries that `make reproduce` may have, with their hashes
+# make mutants     mutate the code and count the mutants that the tests detect; into benchmarks/results/mutants.md
+# make check-deep  run the slow checks, ten minutes: fuzzing files, folders, the command line, states, FMUs, firmware;
+#                  clang-tidy
+# make setup-embedded   install compilers, emulator and node, from Debian's packages; without them the tests of firmware
+#                  or browser are skipped. The other targets setup-* install:
 # make setup-browser    Chromium, from Debian's packages; without it the tests of pages in a browser are skipped
 # make setup-fpga       Verilator, from Debian's packages; without it the tests of exported hardware are skipped
 # make setup-postgres   a database server, from Debian's packages; without it the test of a shared database is skipped
@@ -39,7 +41,7 @@ CPP := $(shell find include bindings integrations fpga examples tests benchmarks
 BUILT_FROM := pyproject.toml CMakeLists.txt bindings/stub.pat $(filter include/% bindings/%,$(CPP)) \
   $(shell find integrations -type f)
 NINJA := -DCMAKE_MAKE_PROGRAM="$(CURDIR)/$(BIN)/ninja"
-# CMake's own variable: what was compiled before is not compiled again, where ccache is installed.
+# CMake's own variable: with ccache installed, unchanged files are not compiled again.
 export CMAKE_CXX_COMPILER_LAUNCHER ?= $(shell command -v ccache)
 # Tests start many processes: without Python's compiled files each would compile again what it imports.
 unexport PYTHONDONTWRITEBYTECODE
