@@ -15,11 +15,12 @@ import fracgyro as fg
 import numpy as np
 from fracgyro.analysis.style import own_style, save_svg
 from fracgyro.rate.allan import allan
-from fracgyro.rate.measure import WITHIN, Characterization, measure
+from fracgyro.rate.measure import Characterization, measure
 from fracgyro.rate.merit import static
 from fracgyro.rate.report import value_of
 from fracgyro.rate.results import results, short
-from fracgyro.rate.runs import Sensor
+from fracgyro.rate.runs import WITHIN, run_all
+from fracgyro.rate.sensor import Sensor
 from fracgyro.rate.units import DEG_PER_H, DEG_PER_ROOT_H, DEG_PER_S, PERCENT, PPM
 from fracgyro.scenario.shipped import exactly_sensed, shipped
 from machine import command, machine, write
@@ -276,7 +277,8 @@ def main() -> None:
     ]
     measured: list[tuple[str, str, Characterization]] = []
     for place, law, scenario in cases():
-        found = measure(scenario, seeds=options.seeds)
+        sensor = Sensor.of(scenario, options.seeds)
+        found = measure(sensor, run_all(sensor))
         measured.append((place, law, found))
         by_key = {result.key: result for result in results(found)}
         if len(measured) == 1:

@@ -8,7 +8,7 @@ import time
 import fracgyro as fg
 import numpy as np
 from fracgyro.rate.merit import turn_on_time
-from fracgyro.rate.runs import Sensor
+from fracgyro.rate.sensor import Sensor
 from fracgyro.rate.units import DEG_PER_S
 from fracgyro.scenario.shipped import exactly_sensed
 from machine import command, machine, write

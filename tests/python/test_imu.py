@@ -13,7 +13,7 @@ from fracgyro.rate.allan import Allan, Estimate
 from fracgyro.rate.imu import Noise, of_simulation
 from fracgyro.rate.imu import imu_file as imu_file_of
 from fracgyro.rate.inspection import Event
-from fracgyro.rate.runs import Output
+from fracgyro.rate.sensor import Output
 
 TAU = 2.0 ** np.arange(5)
 UNSEEN = Estimate(0.0, 0.0, 2e-5, True)

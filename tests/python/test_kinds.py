@@ -110,7 +110,7 @@ def test_runs_of_kinds_that_report_different_things_are_recorded_together() -> N
 
 
 def test_a_rate_sensor_must_estimate_the_rate() -> None:
-    from fracgyro.rate.runs import Sensor
+    from fracgyro.rate.sensor import Sensor
 
     with pytest.raises(ScenarioError, match=r"controller\.kind is pid: it must be one that estimates"):
         Sensor.of(of_kind("pid"), 2)

@@ -12,7 +12,7 @@ import pytest
 from fracgyro import metrics
 from fracgyro.export.compilers import system_compiler
 from fracgyro.rate.bound import bound_angle_random_walk
-from fracgyro.rate.runs import Sensor
+from fracgyro.rate.sensor import Sensor
 from fracgyro.scenario import ScenarioError
 from fracgyro.scenario.shipped import exactly_sensed
 

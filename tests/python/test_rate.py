@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 from figure_data import column, figure_data
 from fracgyro.rate.bound import Bound, bound_angle_random_walk
-from fracgyro.rate.measure import _couplings, measure
+from fracgyro.rate.measure import measure
 from fracgyro.rate.results import results
-from fracgyro.rate.runs import Output, Sensor
+from fracgyro.rate.runs import _couplings, run_all
+from fracgyro.rate.sensor import Output, Sensor
 from fracgyro.rate.units import thermal_force_density
 from fracgyro.scenario import ScenarioError
 from fracgyro.scenario.schema import Plant
@@ -327,7 +328,8 @@ def test_without_noise_the_bound_is_0_and_a_motion_that_tells_nothing_apart_has_
 def test_the_measured_noise_is_near_the_bound_and_its_figures_are_finite(
     scenario: fg.Scenario, bandwidth: tuple[float, float], lag: tuple[float, float]
 ) -> None:
-    measured = measure(scenario.replace({"run.duration": 8000.0}), seeds=2)
+    sensor = Sensor.of(scenario.replace({"run.duration": 8000.0}), 2)
+    measured = measure(sensor, run_all(sensor))
     found = {result.key: result for result in results(measured)}
     # Only the largest rate tried is known of the full scale: a lower limit.
     assert measured.full_scale_is_last

@@ -23,7 +23,7 @@ from fracgyro.rate.merit import Response, full_scale, gain_and_lag, response, st
 from fracgyro.rate.report import grade_of, interval_of, value_of
 from fracgyro.rate.require import verdict
 from fracgyro.rate.results import Result, _zero_rate_output, noise_terms
-from fracgyro.rate.runs import Output
+from fracgyro.rate.sensor import Output
 from fracgyro.rate.units import (
     DEG_PER_H,
     DEG_PER_H_PER_ROOT_H,

@@ -35,9 +35,9 @@ class Setting:
 
 def without_plant(scenario: Scenario) -> Scenario:
     """The scenario for the controller only: ideal plant and constant rate, with the same sensors."""
-    known = {"guard": guard(scenario), "datasheet": datasheet(scenario)}
+    assumed = {"guard": guard(scenario), "datasheet": datasheet(scenario)}
     device = Device(**{"sensing": scenario.device.sensing})
-    return scenario.model_copy(update={"rate": Rate(), "device": device, **known})
+    return scenario.model_copy(update={"rate": Rate(), "device": device, **assumed})
 
 
 def core_numbers(scenario: Scenario) -> dict[str, float]:

@@ -12,15 +12,18 @@ from __future__ import annotations
 
 import json
 import os
+from pathlib import Path
 
 from ..arguments import number, short
 from ..files import whole_folder
 from ..scenario import Scenario, check_scenario
 from ..simulation.user_controller import ControllerLike, controller_words
 from .imu import FILES, Imu, imu_file, of_simulation
-from .measure import Progress, measure
+from .measure import Characterization, measure
 from .report import write_report
 from .results import Result, results
+from .runs import Progress, run_all
+from .sensor import Sensor
 
 
 def characterise(
@@ -63,17 +66,23 @@ def characterise(
     if imu is not None and imu not in FILES:
         raise ValueError(f"imu is {short(imu)}: it must be one of {', '.join(FILES)}")
     with whole_folder(out) as folder:
-        measured = measure(scenario, seeds=2 if quick else 8, controller=controller, rest=rest, progress=progress)
-        found = results(measured)
-        identity = {} if controller is None else {"controller": controller_words(controller)}
-        gain, lag = measured.response.gain, measured.response.lag
-        response = {"frequency": measured.response.frequency.tolist(), "gain": gain.tolist(), "lag": lag.tolist()}
-        figures = [result.plain() for result in found]
-        content = {"scenario": scenario.to_toml(), **identity, "figures": figures, "response": response}
-        text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
-        (folder / "rate.json").write_text(text + "\n", encoding="utf-8")
+        sensor = Sensor.of(scenario, 2 if quick else 8, controller)
+        runs = run_all(sensor, rest=rest, progress=progress)
+        measured = measure(sensor, runs, rest=rest)
+        figures = results(measured)
+        _write_json(folder / "rate.json", measured, figures)
         if imu is not None:
             name, words = imu_file(imu, [of_simulation(measured)])
             (folder / name).write_text(words, encoding="utf-8")
-        write_report(folder / "report.html", measured, found)
-    return found
+        write_report(folder / "report.html", measured, figures)
+    return figures
+
+
+def _write_json(path: Path, measured: Characterization, figures: list[Result]) -> None:
+    content: dict[str, object] = {"scenario": measured.scenario.to_toml()}
+    if measured.controller is not None:
+        content["controller"] = controller_words(measured.controller)
+    content["figures"] = [figure.plain() for figure in figures]
+    content["response"] = {name: getattr(measured.response, name).tolist() for name in ("frequency", "gain", "lag")}
+    text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
+    path.write_text(text + "\n", encoding="utf-8")

@@ -145,7 +145,7 @@ else:
             Literal["full", "position"],
             field(
                 "full",
-                "What is measured: position and velocity, or only the position, from which an observer of bandwidth "
+                "Measured quantities: position and velocity, or only the position, from which an observer of bandwidth "
                 "controller.observer_bandwidth finds the velocity. full: off.",
             ),
         ),
@@ -169,8 +169,8 @@ class Rate(_Rate):
     )
     points: OptionalPoints = field(
         None,
-        "Of the table: [[time in s, rate in rad/s], ...], linear in between and constant beyond the ends. This is the "
-        "rate itself: plant.angular_rate is then only what the estimate starts from.",
+        "Points of the table: [[time in s, rate in rad/s], ...], linear in between and constant beyond the ends. This "
+        "is the rate itself: plant.angular_rate is then only what the estimate starts from.",
         unit="s, rad/s",
     )
 

@@ -142,12 +142,12 @@ if TYPE_CHECKING:
 
 else:
     PAPER = {"frequency": (math.pi, math.pi / 2), "phase": (0.0, math.pi / 2)}
-    SAID = [f"{kind}: {meaning}" for kind, meaning in zip(KINDS, MEANINGS, strict=True)]
+    KIND_MEANINGS = [f"{kind}: {meaning}" for kind, meaning in zip(KINDS, MEANINGS, strict=True)]
     _Reference = create_model("_Reference", __base__=Table, **table_fields("reference", **PAPER))
     _Controller = create_model(
         "_Controller",
         __base__=Table,
-        kind=(Literal[KINDS], field(KINDS[0], "; ".join(SAID) + ".")),
+        kind=(Literal[KINDS], field(KINDS[0], "; ".join(KIND_MEANINGS) + ".")),
         **table_fields("controller", order=0.9),
     )
     _Adaptation = create_model("_Adaptation", __base__=Table, **table_fields("adaptation"))
@@ -160,11 +160,11 @@ class Reference(_Reference):
 
 
 class Controller(_Controller):
-    """The controller: its kind, and the fields that this kind has."""
+    """Kind of the controller; each kind has its own fields."""
 
     observer_bandwidth: float = field(
         300.0,
-        "Unit omega0, > 0: of the observer of velocity. device.sensing full: off, it is measured.",
+        "Unit omega0, > 0: bandwidth of the velocity observer. device.sensing full: off, velocity is measured.",
         gt=0,
         unit="omega0",
     )
@@ -180,7 +180,7 @@ class Controller(_Controller):
 
 
 class Adaptation(_Adaptation):
-    """What the controller knows of the plant at first, and how it learns: the fields that its kind has."""
+    """Initial estimates of the plant and their adaptation; each kind has its own fields."""
 
     initial_ratio: float = field(
         0.95, "Estimates of D, K, Omega_z at t = 0 over their true values, > 0. 1.0: off, no error.", gt=0
@@ -191,11 +191,11 @@ class Adaptation(_Adaptation):
 
 
 class Guard(_Guard):
-    """Which samples the controller accepts, in Python, FMU, browser, firmware; `simulate` accepts all."""
+    """Limits on accepted samples in Python, FMU, browser and firmware; `simulate` accepts all."""
 
 
 class Datasheet(_Datasheet):
-    """What the controller assumes of noise and delay, which adaptation.kind joint needs."""
+    """Noise and delay that the controller assumes; adaptation.kind joint needs them."""
 
 
 class Disturbance(Table):
@@ -217,11 +217,13 @@ class Disturbance(Table):
         None, "h, unit 1/omega0: time between noise draws, whole steps. Not set: off, one step.", gt=0, unit="1/omega0"
     )
     seed: int = field(0, "Same seed, same noise; 0 to 2^63 - 1. Without effect on other kinds.", ge=0, le=2**63 - 1)
-    amplitude: Pair = field((0.0, 0.0), "Of the sine, [x, y], unit of force. Zeros: off.", unit="m*omega0^2*q0")
-    frequency: Frequencies = field(
-        (0.0, 0.0), "Of the sine, [x, y], unit omega0. Zeros: constant force.", unit="omega0"
+    amplitude: Pair = field(
+        (0.0, 0.0), "Amplitude of the sine, [x, y], unit of force. Zeros: off.", unit="m*omega0^2*q0"
     )
-    phase: Pair = field((0.0, 0.0), "Of the sine, [x, y], rad. Zeros: off.", unit="rad")
+    frequency: Frequencies = field(
+        (0.0, 0.0), "Frequency of the sine, [x, y], unit omega0. Zeros: constant force.", unit="omega0"
+    )
+    phase: Pair = field((0.0, 0.0), "Phase of the sine, [x, y], rad. Zeros: off.", unit="rad")
 
     @model_validator(mode="before")
     @classmethod
@@ -244,13 +246,13 @@ class Disturbance(Table):
 
 
 class Run(Table):
-    """How long, how finely, and what is kept."""
+    """Duration, step and record."""
 
     duration: float = field(80.0, "Unit 1/omega0: end of the run, at least one step.", gt=0, unit="1/omega0")
     step: float = field(
         1e-3, "h, unit 1/omega0: period of control. The paper's loop diverges from about 5e-3.", gt=0, unit="1/omega0"
     )
-    initial_position: Pair = field((0.5, 0.5), "q(0) [x, y], unit q0, eq. (49). Zeros: starts centred.", unit="q0")
+    initial_position: Pair = field((0.5, 0.5), "q(0) [x, y], unit q0, eq. (49). Zeros: starts centered.", unit="q0")
     initial_velocity: Pair = field(
         (0.0, 0.0), "v(0) [x, y], unit q0 omega0, eq. (49). Zeros: at rest.", unit="q0*omega0"
     )

@@ -106,7 +106,7 @@ def guard(scenario: Scenario, found: Derived | None = None) -> Guard:
 def datasheet(scenario: Scenario, found: Derived | None = None) -> Datasheet:
     """The controller's assumptions with every field set: those left out are the simulated values."""
     found = found or derived(scenario)
-    known, device, hold = scenario.datasheet, found.device, scenario.disturbance.hold
+    assumed, device, hold = scenario.datasheet, found.device, scenario.disturbance.hold
     force = 0.0
     if scenario.disturbance.kind == "noise":
         # Held for several steps it is as strong as one drawn every step, of the same density.
@@ -123,7 +123,7 @@ def datasheet(scenario: Scenario, found: Derived | None = None) -> Datasheet:
         "delay": min(device["delay"], MAX_DELAY),
         **_drifts(scenario),
     }
-    return known.model_copy(update={name: value for name, value in values.items() if getattr(known, name) is None})
+    return assumed.model_copy(update={name: value for name, value in values.items() if getattr(assumed, name) is None})
 
 
 def _drifts(scenario: Scenario) -> dict[str, float]:
@@ -152,10 +152,10 @@ def _plant_tolerance(scenario: Scenario) -> float:
     ratio = scenario.adaptation.initial_ratio if scenario.controller.adaptive else 1.0
     unknown = np.abs(plant.stiffness_deviation.entries()).max() / np.abs(plant.stiffness.entries()).max()
     warmest = max(abs(change) for _, change in device.temperature(scenario.run.duration * plant.scales.time))
-    known: float = abs(1 / ratio - 1) + float(unknown) + 1e-6 * abs(device.stiffness_drift) * warmest
-    known += max(map(abs, device.pickoff_gain_error)) + abs(device.pickoff_misalignment)
-    known += max(map(abs, device.force_gain_error)) + abs(device.force_misalignment)
-    return max(0.1, 2 * known)
+    error: float = abs(1 / ratio - 1) + float(unknown) + 1e-6 * abs(device.stiffness_drift) * warmest
+    error += max(map(abs, device.pickoff_gain_error)) + abs(device.pickoff_misalignment)
+    error += max(map(abs, device.force_gain_error)) + abs(device.force_misalignment)
+    return max(0.1, 2 * error)
 
 
 def _force_tolerance(scenario: Scenario, found: Derived) -> float:
@@ -306,16 +306,16 @@ def _unchanged(scenario: Scenario) -> _core.DeviceSetup:
 
 def _made(scenario: Scenario, changes: Mapping[str, float]) -> _core.DeviceSetup:
     kind, run = scenario.controller.kind, scenario.run
-    known = derived(scenario)
-    found = core_numbers(scenario, known)
-    if unknown := set(changes) - set(found):
+    values = derived(scenario)
+    listed = core_numbers(scenario, values)
+    if unknown := set(changes) - set(listed):
         raise KeyError(f"{min(unknown)} is not a number of this run")
-    setup = _core.DeviceSetup(KINDS.index(kind), list((found | dict(changes)).values()))
+    setup = _core.DeviceSetup(KINDS.index(kind), list((listed | dict(changes)).values()))
     if setup.has_memory:
         setup.kernel = core_kernel(scenario.controller.order, run.step, run.duration, run.kernel_tolerance)
     setup.seed = scenario.disturbance.seed  # a double does not hold all
     if scenario.device.sensing == "position":
         setup.observer_bandwidth = scenario.controller.observer_bandwidth
     if not is_ideal(scenario):
-        setup.set_device(list(device_numbers(scenario, known).values()), *profiles(scenario), scenario.rate.seed)
+        setup.set_device(list(device_numbers(scenario, values).values()), *profiles(scenario), scenario.rate.seed)
     return setup
