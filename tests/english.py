@@ -21,8 +21,6 @@ SKIPPED = re.compile(
 )
 # Their strings are the text of logs, which changes only with the logs, or quotes logs and messages.
 QUOTING = re.compile(r"(fpga/)?(benchmarks|tests)/|lab/(best_order|compare|article/sensing)\.py")
-# Not rewritten yet, with the pages generated from them: checked only if named, or with --all.
-UNCLEAN = re.compile(r"(python/fracgyro/scenario|examples/scenarios)/|docs/reference\.md")
 
 FIRST = re.compile(r"(?i)[\s/*#!<>|-]*(of|what|whether|where|as)\b")
 WORDS = {
@@ -130,12 +128,10 @@ def findings(name: str, text: str) -> list[str]:
 
 
 def main(arguments: list[str]) -> int:
-    everything = "--all" in arguments
-    names = [word for word in arguments if word != "--all"]
-    tracked = names or subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True).stdout.split()
+    tracked = arguments or subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True).stdout.split()
     count = 0
     for name in tracked:
-        if SKIPPED.match(name) or (UNCLEAN.match(name) and not everything and not names):
+        if SKIPPED.match(name):
             continue
         if name.endswith((".md", ".py", ".pyi", *SYNTAX)):
             for line in findings(name, (ROOT / name).read_text(encoding="utf-8")):

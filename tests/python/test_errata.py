@@ -299,7 +299,7 @@ def test_every_count_of_errata_is_that_of_the_list() -> None:
 
 
 def test_the_orders_farther_off_are_those_of_the_committed_table() -> None:
-    assert "is farther off on y for α from 0.1 to 0.8" in " ".join(read("docs/paper.md").split())
+    assert "it is farther off on y from α = 0.1 to 0.8" in " ".join(read("docs/paper.md").split())
     table = read("docs/best_order.md").split("## The same as printed")[1].split("\n## ")[0]
     heads = [head.strip() for head in groups(r"(\| α .*)", table)[0].strip("|").split("|")]
     rows = [

@@ -70,7 +70,7 @@ struct AngularRateParams {
             fixed(field("final_frequency", &P::final_frequency, "omega0", at_least_0,
                         "where the chirp ends. At most pi over the step.")),
             fixed(field("seed", &P::seed, "1", {.low = 0.0, .whole = true},
-                        "Of the noise: same seed, same rate; 0 to 2^63 - 1.")),
+                        "Seed of the noise: same seed, same rate; 0 to 2^63 - 1.")),
             settable(Settable::never, choice("inertial", &P::inertial, switches,
                                              "Centrifugal and Euler forces follow the rate: plant.centrifugal.")),
         };

@@ -75,7 +75,7 @@ struct ImperfectionParams {
             fixed(field("velocity_noise", &P::velocity_noise, "q0*omega0", at_least_0,
                         "of the measured velocity. 0.0: off.")),
             fixed(field("velocity_flicker", &P::velocity_flicker, "q0*omega0", at_least_0,
-                        "As position_flicker. 0.0: off.")),
+                        "Flicker noise of the velocity, as position_flicker. 0.0: off.")),
             fixed(field("pickoff_gain_error", Within{&P::pickoff, &AxesParams::gain_error}, "1", gain,
                         "[x, y], > -1: position and velocity are measured 1 plus this times as large as they are. "
                         "Zeros: off.")),
@@ -87,13 +87,13 @@ struct ImperfectionParams {
                         "Bits of the converter: it has 2^bits levels over the range, at most 32 bits. 0: off.")),
             fixed(field("velocity_range", Within{&P::velocity, &Quantizer::range}, "q0*omega0", limit,
                         "> 0, [x, y]: the measured velocity clips at plus and minus this. inf: off.")),
-            fixed(
-                field("velocity_bits", Within{&P::velocity, &Quantizer::bits}, "1", bits, "As position_bits. 0: off.")),
+            fixed(field("velocity_bits", Within{&P::velocity, &Quantizer::bits}, "1", bits,
+                        "Bits of its converter, as position_bits. 0: off.")),
             fixed(field("actuator_limit", &P::actuator_limit, "m*omega0^2*q0", limit,
                         "> 0: largest force of the actuator per axis; the controller does not know of it, as it does "
                         "of controller.force_limit. inf: off.")),
             fixed(field("actuator_bits", &P::actuator_bits, "1", bits,
-                        "Of the force's converter, over plus and minus the limit. 0: off.")),
+                        "Bits of the force's converter, over plus and minus the limit. 0: off.")),
             fixed(field("force_gain_error", Within{&P::force, &AxesParams::gain_error}, "1", gain,
                         "[x, y], > -1: the force that acts is 1 plus this times that of the actuator's converter. "
                         "Zeros: off.")),

@@ -96,8 +96,8 @@ def kinds_with(path: str) -> list[str]:
 def table_fields(table: str, *, derived: bool = False, **paper: Any) -> dict[str, Any]:
     """The fields of a scenario's table, of all kinds together, as pydantic's create_model takes them.
 
-    `derived`: what is not a switch may be left out, and then follows from the rest of the scenario. `paper`: values of
-    the paper in the place of the core's own. Raises ValueError when two kinds mean different things by one name.
+    `derived`: all but switches may be left out and then follow from the rest of the scenario. `paper`: values of
+    the paper instead of the core's own. Raises ValueError when two kinds mean different things by one name.
     """
     found: dict[str, list[Number]] = {}
     for kind in KINDS:
@@ -109,7 +109,7 @@ def table_fields(table: str, *, derived: bool = False, **paper: Any) -> dict[str
     return {name: _field(parts, derived, paper.get(name)) for name, parts in found.items()}
 
 
-Definitions = dict[str, tuple[Any, Any]]  # of fields, as pydantic's create_model takes them
+Definitions = dict[str, tuple[Any, Any]]  # fields as pydantic's create_model takes them
 
 
 def si_table_fields(table: str, instead: Mapping[str, Definitions]) -> Definitions:
@@ -190,7 +190,7 @@ class Channel:
     width: int
     units: tuple[str, ...]  # nondimensional, of every column or of all
     meaning: str
-    dimension: str | None  # of its columns: axis, entry, or of an array the first word of its name
+    dimension: str | None  # its columns' dimension: axis, entry, or for an array the first word of its name
     momentary: bool = False  # known only while a step is computed
 
     @property
@@ -214,7 +214,7 @@ def _channels(found: tuple[tuple[str, int, str, str, str, bool], ...]) -> tuple[
 
 
 METRICS = _channels(_core.metrics)
-WINDOWS = ["whole", "transient", "steady"]  # of the RMS error
+WINDOWS = ["whole", "transient", "steady"]  # windows of the RMS error
 LOOP_CHANNELS = _channels(_core.loop_channels)
 DEVICE_CHANNELS = _channels(_core.device_channels)
 

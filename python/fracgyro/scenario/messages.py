@@ -16,7 +16,7 @@ from .table import format_value
 
 
 class ScenarioError(ValueError):
-    """Bad input, in one sentence that names the field, the value and what is allowed.
+    """Bad input, in one sentence that names the field, the value and the allowed values.
 
     >>> try:
     ...     fg.Scenario.paper().replace({"controller.ordr": 0.8})

@@ -115,9 +115,9 @@ def _recorded() -> Iterator[str]:
             groups.setdefault((adaptation, channels), []).append(kind)
     for (adaptation, channels), kinds in groups.items():
         of = ", ".join(kinds) + (f", with `adaptation.kind` {adaptation}" if adaptation else "")
-        yield from [f"Of {of}{'' if channels else ', nothing'} besides{':' if channels else '.'}", ""]
+        yield from [f"Additional channels of {of}{':' if channels else ': none.'}", ""]
         yield from rows_of(VARIABLES, map(_variable, channels)) if channels else []
-    yield from ["Of a run whose rate moves or whose device is not ideal, besides:", ""]
+    yield from ["Additional channels of a run whose rate moves or whose device is not ideal:", ""]
     yield from rows_of(VARIABLES, map(_variable, DEVICE_CHANNELS))
 
 

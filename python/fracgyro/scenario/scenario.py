@@ -233,7 +233,7 @@ class Scenario(Table):
         """
         tables = self.model_dump()
         kind = changes.get("controller.kind", self.controller.kind)
-        for name in BY_KIND:  # what another kind does not have is not taken along
+        for name in BY_KIND:  # fields that the other kind does not have are dropped
             known = _fields(name, kind) if kind in KINDS else tables[name]
             tables[name] = {field: value for field, value in tables[name].items() if field in known}
         for path, value in changes.items():

@@ -21,7 +21,7 @@ from .table import MAX_STEPS
 
 MAX_DEVIATIONS = 8.0  # standard deviations: noise is never so far off
 MAX_DELAY = 8  # steps that a controller takes into account
-MIN_TOLERANCE = 1e-5  # of sensors and disturbance, nondimensional: rounding, and what is ideal only on paper
+MIN_TOLERANCE = 1e-5  # nondimensional, for sensors and disturbance: rounding, and effects not modeled
 
 
 def only_laws(scenario: Scenario) -> bool:
@@ -142,12 +142,12 @@ def natural_frequencies(scenario: Scenario) -> tuple[float, float]:
     """The lower and the higher resonance frequency."""
     xx, xy, yy = (float(entry) for entry in scenario.plant.nondimensional()[1])
     mean, half = xx / 2 + yy / 2, math.hypot(xx / 2 - yy / 2, xy)
-    least, most = sys.float_info.min, sys.float_info.max  # what rounding leaves of them is still a frequency
+    least, most = sys.float_info.min, sys.float_info.max  # after rounding, still a frequency
     return math.sqrt(max(mean - half, least)), math.sqrt(min(max(mean + half, least), most))
 
 
 def _plant_tolerance(scenario: Scenario) -> float:
-    """Twice what the scenario says of it, and a tenth if that is less."""
+    """Twice the deviation that the scenario states, at least a tenth."""
     plant, device = scenario.plant, scenario.device
     ratio = scenario.adaptation.initial_ratio if scenario.controller.adaptive else 1.0
     unknown = np.abs(plant.stiffness_deviation.entries()).max() / np.abs(plant.stiffness.entries()).max()
@@ -196,7 +196,7 @@ def _disturbance(scenario: Scenario) -> dict[str, Any]:
 
 
 def is_ideal(scenario: Scenario) -> bool:
-    """Whether the rate is constant and nothing is said of the device."""
+    """True if the rate is constant and the device ideal."""
     return scenario.rate.kind == "constant" and scenario.device == Device()
 
 
