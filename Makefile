@@ -1,87 +1,95 @@
-# make reproduce   the paper's study, into out/report.html; LOCKED=1, in a fresh clone: with the libraries of
+# make reproduce   run the paper's study, into out/report.html; LOCKED=1, in a fresh clone: with the libraries of
 #                  requirements.lock
-# make test        every check and every test
-# make test-quick  what a change breaks most often, in less than a minute
-# make test-machines    every test as on other processors, with other compilers and Pythons: for a release
-# make web         the WebAssembly module, and the live page, into build/web
-# make lint        the checks that need no compiler, and the logs that are behind their sources
-# make bench       all logs that docs/performance.md and others quote; takes most of a day. ARGS="rate_sensor": some
-# make bench-behind     only the logs that are behind their sources
-# make logs-current     fails if a log is behind its sources
-# make pages       the numbers of README.md and docs/, from the logs
-# make compare     the controllers compared, in full; into benchmarks/results/compare.md
-# make article     the replication article, as PDF; into build/article/article.pdf
-# make docs      the documentation site, into build/site
-# make stub      what the compiled module offers, for type checkers: after a change of bindings/
-# make wheel     sdist and wheel, tried in a clean environment; into dist
-# make lock        requirements.lock: the newest libraries that `make reproduce` may have, with their hashes
-# make mutants     edits of the code, and which of them the tests notice; into benchmarks/results/mutants.md
-# make check-deep  what takes ten minutes: fuzzing files, folders, the command line, states, FMUs, firmware; clang-tidy
-# make setup-embedded   compilers, emulator and node, from Debian's packages; without them the tests of firmware or
-#                  browser are skipped
+# make test        run every check and every test
+# make test-quick  run the tests that fail most often after a change, in less than a minute
+# make test-machines    run every test as on other processors, with other compilers and Pythons: for a release
+# make web         build the WebAssembly module and the live page, into build/web
+# make lint        run the checks that need neither a compiler nor the installed module; list outdated logs
+# make cpp-test    build and run one C++ test: TEST=guard is tests/cpp/test_guard.cpp
+# make bench       regenerate all logs that docs/performance.md and others quote; takes most of a day.
+#                  ARGS="rate_sensor": only some
+# make bench-behind     regenerate only the logs that are older than their sources
+# make logs-current     fail if a log is older than its sources
+# make pages       update the numbers of README.md and docs/ from the logs
+# make compare     compare the controllers, in full; into benchmarks/results/compare.md
+# make article     typeset the replication article; into build/article/article.pdf
+# make docs        build the documentation site, into build/site
+# make wheel       build sdist and wheel and test them in a clean environment; into dist
+# make lock        update requirements.lock: the newest libraries that `make reproduce` may have, with their hashes
+# make mutants     mutate the code and count the mutants that the tests detect; into benchmarks/results/mutants.md
+# make check-deep  run the slow checks, ten minutes: fuzzing files, folders, the command line, states, FMUs, firmware;
+#                  clang-tidy
+# make setup-embedded   install compilers, emulator and node, from Debian's packages; without them the tests of firmware
+#                  or browser are skipped. The other targets setup-* install:
 # make setup-browser    Chromium, from Debian's packages; without it the tests of pages in a browser are skipped
 # make setup-fpga       Verilator, from Debian's packages; without it the tests of exported hardware are skipped
 # make setup-postgres   a database server, from Debian's packages; without it the test of a shared database is skipped
-# make setup-octave     Octave and what compiles MEX files for it, from Debian's packages; without them the tests of
-#                  MATLAB's class are skipped
-# make check-sanitized  FMUs, the Python module and many runs at once under the sanitizers
-# Parts of them: check, test-core, test-python, setup-test; and clean. ARGS="..." goes to reproduce.
+# make setup-octave     Octave and its MEX compiler, from Debian's packages; without them the tests of MATLAB's class
+#                  are skipped
+# make check-sanitized  test FMUs, the Python module and parallel runs under the sanitizers
+# Partial targets: check, test-core, test-python, setup-test; also clean. ARGS="..." is passed to reproduce.
 
 PYTHON ?= python3
 BIN := .venv/bin
-# Processors that this process may use; tests share no more than they need.
+# Processors available to this process; more than eight workers do not help.
 WORKERS := $(shell n=$$(nproc 2>/dev/null || echo 2); echo $$((n < 8 ? n : 8)))
-# With addresses at random, the sanitizers of some compilers fail on some kernels.
+# With address randomization, the sanitizers of some compilers fail on some kernels.
 FIXED := $(shell setarch -R true 2>/dev/null && echo setarch -R)
 CTEST := $(FIXED) $(BIN)/ctest --output-on-failure -j $(WORKERS) --test-dir build
 PYTEST := $(BIN)/pytest -n $(WORKERS) --dist worksteal
-CPP := $(shell find include bindings integrations examples tests benchmarks -name '*.[ch]pp' 2>/dev/null)
-BUILT_FROM := pyproject.toml CMakeLists.txt $(filter include/% bindings/%,$(CPP)) $(shell find integrations -type f)
+CPP := $(shell find include bindings integrations fpga examples tests benchmarks -name '*.[ch]pp' 2>/dev/null)
+BUILT_FROM := pyproject.toml CMakeLists.txt bindings/stub.pat $(filter include/% bindings/%,$(CPP)) \
+  $(shell find integrations -type f)
+NINJA := -DCMAKE_MAKE_PROGRAM="$(CURDIR)/$(BIN)/ninja"
+# CMake's own variable: with ccache installed, unchanged files are not compiled again.
+export CMAKE_CXX_COMPILER_LAUNCHER ?= $(shell command -v ccache)
 # Tests start many processes: without Python's compiled files each would compile again what it imports.
 unexport PYTHONDONTWRITEBYTECODE
 SUDO = $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 
-.PHONY: reproduce test test-quick test-machines lint check check-deep check-sanitized fuzz-firmware mutants test-core \
-  test-python web bench bench-behind logs-current pages compare article docs stub wheel lock setup-test setup-embedded \
-  setup-browser setup-fpga setup-postgres setup-octave setup-machines clean
+.PHONY: reproduce test test-quick test-machines lint check cpp-test check-deep check-sanitized fuzz-firmware mutants \
+  test-core test-python web bench bench-behind logs-current pages compare article docs wheel lock setup-test \
+  setup-embedded setup-browser setup-fpga setup-postgres setup-octave setup-machines clean
 .SECONDARY:
-.NOTPARALLEL:  # pip installs one thing at a time; compilers and tests use every processor by themselves
+.NOTPARALLEL:  # pip cannot run in parallel; compilers and tests use all processors anyway
 
 COMMA := ,
 DRAWN := netcdf,report
 reproduce: .venv/installed-$(if $(LOCKED),locked,$(DRAWN))
 	$(BIN)/fracgyro reproduce $(ARGS)
 
-# Compilers need not wait until everything is downloaded. What fails here fails again, with its reason, where it is
-# needed.
+# Compilation starts while packages download. A failure here is repeated, with its reason, by the next command.
 test: .venv/tools setup-test
 	@$(MAKE) --no-print-directory .venv/installed-test & \
 	  $(MAKE) --no-print-directory --keep-going build/tests-optimized/built build/tests-sanitized/built; wait
 	@$(MAKE) --no-print-directory --keep-going check test-core test-python
 	@echo "All checks and tests passed."
 
-# Without processes, compilers and reports: less than a minute on two cores where nothing has to be built.
+# Tests without processes, compilers and reports: less than a minute on two cores if everything is built.
 QUICK := composite device documents fractional full_history kernel lanes layers loop rate_figures repository scenario \
   settings study
-test-quick: check
+test-quick: check build/tests-optimized/built
 	$(CTEST)/tests-optimized
 	$(PYTEST) $(QUICK:%=tests/python/test_%.py)
 
 test-machines:
 	tests/machines.sh
 
-lint: .venv/ruff
+lint: .venv/lint
 	$(BIN)/ruff check --quiet --output-format concise
 	$(BIN)/ruff format --check --quiet
+	$(BIN)/clang-format --dry-run -Werror $(CPP)
+	$(BIN)/python -m pytest -q --noconftest -p no:cacheprovider tests/python/test_text.py
 	$(BIN)/python benchmarks/pages.py --check
 	$(BIN)/python benchmarks/sources.py
+	$(BIN)/python tests/english.py
 
 logs-current: $(BIN)/pip
 	$(BIN)/python benchmarks/sources.py --check
 
-check: .venv/installed-test build/tests-optimized/built lint
+# The lint runs first: its findings need no compiler.
+check: lint .venv/installed-test
 	$(BIN)/mypy --no-error-summary
-	$(BIN)/clang-format --dry-run -Werror $(CPP)
 
 test-core: build/tests-optimized/built build/tests-sanitized/built
 	$(CTEST)/tests-optimized
@@ -89,6 +97,12 @@ test-core: build/tests-optimized/built build/tests-sanitized/built
 
 test-python: .venv/installed-test
 	$(PYTEST)
+
+# Quickly compiled, and without copies for processors.
+cpp-test: .venv/tools setup-test
+	$(BIN)/cmake --preset dev $(NINJA) >/dev/null
+	$(BIN)/cmake --build build/dev --target test_$(TEST) -- --quiet
+	$(FIXED) build/dev/tests/cpp/test_$(TEST) --gtest_brief=1 $(ARGS)
 
 web: .venv/installed-export
 	$(BIN)/python -m fracgyro.export.live build/web
@@ -104,19 +118,10 @@ bench-behind: .venv/installed-bench .venv/installed-export .venv/installed-mutan
 pages: $(BIN)/pip
 	$(BIN)/python benchmarks/pages.py
 
-# Classes that the module makes by hand are in bindings/stub.pat; the import that stands for them goes.
-STUB := python/fracgyro/_core.pyi
-stub: .venv/installed-test
-	$(BIN)/python -m nanobind.stubgen --quiet --module fracgyro._core --pattern-file bindings/stub.pat \
-	  --output-file $(STUB)
-	sed -i '/^from fracgyro import /d' $(STUB)
-	$(BIN)/ruff check --quiet --fix --unsafe-fixes --ignore E501 $(STUB)
-	$(BIN)/ruff format --quiet $(STUB)
-
 wheel:
 	PYTHON=$(PYTHON) tests/wheel.sh
 
-# For every system and Python. What the build requires is in it, too.
+# For every system and Python, including the build requirements.
 REQUIRES := import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["build-system"]["requires"], sep="\n")
 lock: $(BIN)/pip
 	$(BIN)/pip install --quiet --disable-pip-version-check uv
@@ -124,15 +129,15 @@ lock: $(BIN)/pip
 	  --fork-strategy fewest --python-version 3.11 --generate-hashes --no-annotate --no-header \
 	  $(patsubst %,--extra %,$(subst $(COMMA), ,$(DRAWN))) --output-file requirements.lock pyproject.toml -
 
-# Resumes what build/compare holds. ARGS="--quick": the log is then marked as untuned.
+# Resumes the results in build/compare. ARGS="--quick": the log is then marked as untuned.
 compare: .venv/installed-test
-	$(BIN)/python benchmarks/compare.py $(ARGS)
+	$(BIN)/python lab/compare.py $(ARGS)
 
-# Its own runs take half a minute. ARGS="--seeds 8": with fewer noise seeds than the 100 of the study.
+# Takes half a minute for its own runs. ARGS="--seeds 8": fewer noise seeds than the study's 100.
 article: .venv/installed-article
-	$(BIN)/python article/build.py $(ARGS)
+	$(BIN)/python lab/article/build.py $(ARGS)
 
-# With every example of the reference run, the gallery's scripts for their pictures, and the live page.
+# Runs every example of the reference and the gallery's scripts, and includes the live page.
 SPHINX = $(BIN)/sphinx-build -c docs/site -d build/site-doctrees -W --keep-going -q
 docs: .venv/installed-docs
 	$(BIN)/python docs/site/pages.py build/site-source
@@ -140,7 +145,7 @@ docs: .venv/installed-docs
 	$(BIN)/python -m fracgyro.export.live build/web && cp -r build/web/live build/site/
 	$(SPHINX) -b doctest build/site-source build/site-doctest
 
-# Inputs made at random: every one works or is refused in one sentence. One line for each fuzzer.
+# Random inputs: every one must work or be refused in one sentence. One line per fuzzer.
 FUZZ_SECONDS := 40
 FUZZ_SEED := 1
 FUZZERS = $(wildcard tests/fuzz/fuzz_*.py)
@@ -149,10 +154,18 @@ check-deep: .venv/installed-test fuzz-firmware
 	  $(BIN)/python $$fuzzer --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED) || failed="$$failed $$fuzzer"; done; \
 	  [ -z "$$failed" ] || { echo "Failed:$$failed"; exit 1; }
 
-# The firmware of a scenario with a force limit, which the fuzzer relies on, and with samples checked.
+# The firmware of a scenario with a force limit, which the fuzzer relies on, and with samples checked. libFuzzer reads
+# one file per input; a line of corpus.jsonl is one, as hexadecimal digits.
+define UNPACK
+import json, pathlib
+for number, line in enumerate(open("tests/firmware/corpus.jsonl")):
+    pathlib.Path(f"build/fuzz/corpus/{number}").write_bytes(bytes.fromhex(json.loads(line)))
+endef
+export UNPACK
 FUZZED := build/fuzz/firmware
 fuzz-firmware: .venv/installed-test
-	rm -rf $(FUZZED) && mkdir -p build/fuzz/found
+	rm -rf $(FUZZED) build/fuzz/corpus && mkdir -p build/fuzz/found build/fuzz/corpus
+	$(BIN)/python -c "$$UNPACK"
 	$(BIN)/fracgyro scenario paper | sed -e 's/^force_limit = .*/force_limit = 1000.0/' \
 	  -e 's/^switching_limit = .*/switching_limit = 0.5/' -e 's/^checked = .*/checked = true/' > build/fuzz/limited.toml
 	$(BIN)/fracgyro export firmware build/fuzz/limited.toml --out $(FUZZED)
@@ -160,10 +173,10 @@ fuzz-firmware: .venv/installed-test
 	clang++ -std=c++20 -O1 -g1 -fsanitize=fuzzer,address,undefined,float-cast-overflow -fno-sanitize-recover=all \
 	  -ffp-contract=off -I$(FUZZED) -I$(FUZZED)/include $(FUZZED)/fracgyro.cpp tests/firmware/fuzz.cpp -o build/fuzz/fuzz
 	cd build/fuzz && ./fuzz -max_total_time=$(FUZZ_SECONDS) -max_len=256 -verbosity=0 -print_final_stats=1 \
-	  found ../../tests/firmware/corpus
+	  found corpus
 
 # The Python module and FMUs under AddressSanitizer and UndefinedBehaviorSanitizer, many runs under ThreadSanitizer.
-# The module is found before the editable one, as -S leaves out what would lead there.
+# This module takes precedence over the editable one, because -S skips the site packages that point to it.
 SANITIZERS := address,undefined,float-cast-overflow
 SANITIZED := build/sanitized
 SANITIZED_SECONDS := 20
@@ -184,7 +197,7 @@ $(SANITIZED)/built: $(BUILT_FROM) | .venv/installed-test
 	  -C cmake.define.FRACGYRO_SANITIZE=$(SANITIZERS) .
 	@touch $@
 
-# Takes under half an hour on two cores. Its parts: ARGS="cpp", ARGS="python", ARGS="log".
+# Takes under half an hour on two cores. Its parts: ARGS="check", ARGS="cpp", ARGS="python", ARGS="log".
 mutants: .venv/installed-mutants setup-test
 	$(BIN)/python tests/mutants/run.py $(ARGS)
 
@@ -194,34 +207,34 @@ setup-embedded:
 	@{ dpkg -s $(EMBEDDED) >/dev/null 2>&1; } \
 	  || { $(SUDO) apt-get -qq update && $(SUDO) apt-get -qq install -y --no-install-recommends $(EMBEDDED); }
 
-# What pages are tested in.
+# Browser for the tests of pages.
 setup-browser:
 	@command -v chromium >/dev/null \
 	  || { $(SUDO) apt-get -qq update && $(SUDO) apt-get -qq install -y --no-install-recommends chromium; }
 
-# What exported hardware is simulated by.
+# Simulator of exported hardware.
 setup-fpga:
 	@command -v verilator >/dev/null \
 	  || { $(SUDO) apt-get -qq update && $(SUDO) apt-get -qq install -y --no-install-recommends verilator; }
 
-# What the test of a shared database runs.
+# Server for the test of a shared database.
 setup-postgres:
 	@ls /usr/lib/postgresql/*/bin/initdb >/dev/null 2>&1 \
 	  || { $(SUDO) apt-get -qq update && $(SUDO) apt-get -qq install -y --no-install-recommends postgresql; }
 
-# What MATLAB's class is tested in. Most of its 370 MB are libraries for plots, which its package depends on.
+# Octave, for the tests of MATLAB's class. Most of its 370 MB are plotting libraries that the package requires.
 setup-octave:
 	@command -v mkoctfile >/dev/null \
 	  || { $(SUDO) apt-get -qq update && $(SUDO) apt-get -qq install -y --no-install-recommends octave octave-dev; }
 
-# GoogleTest, from Debian's packages where it is missing and they can be installed unasked; else CMake downloads it.
+# GoogleTest, from Debian's packages if it is missing and installing needs no password; else CMake downloads it.
 setup-test:
 	@echo '#include <gtest/gtest.h>' | $(CXX) -E -x c++ - >/dev/null 2>&1 || { \
 	  [ "$$(id -u)" = 0 ] && as_root= || as_root='sudo -n'; \
 	  $$as_root apt-get -qq update && $$as_root apt-get -qq install -y --no-install-recommends libgtest-dev; \
 	  } >/dev/null 2>&1 || true
 
-# What stands in for processors that are not this one (tests/machines.sh).
+# Emulator of other processors (tests/machines.sh).
 setup-machines:
 	@command -v qemu-x86_64 >/dev/null \
 	  || { $(SUDO) apt-get -qq update && $(SUDO) apt-get -qq install -y --no-install-recommends qemu-user; }
@@ -255,21 +268,25 @@ if not shutil.which(os.environ.get("CXX", "c++").split()[0]):
 endef
 export COMPILER
 
-RUFF := $(shell sed -n 's/^ *"\(ruff==[^"]*\)",$$/\1/p' pyproject.toml)
-.venv/ruff: pyproject.toml | $(BIN)/pip
-	$(BIN)/pip install --quiet --disable-pip-version-check "$(RUFF)"
+# Libraries of an extra, without the module.
+LIBRARIES := import sys, tomllib; project = tomllib.load(open("pyproject.toml", "rb"))["project"]; \
+  print(*project["optional-dependencies"][sys.argv[1]], sep="\n")
+LIBRARIES_OF = $(BIN)/python -c '$(LIBRARIES)' $1 \
+  | $(BIN)/pip install --quiet --disable-pip-version-check --requirement /dev/stdin
+.venv/lint: pyproject.toml | $(BIN)/pip
+	@$(call LIBRARIES_OF,lint)
 	@touch $@
 
-# All that the C++ tests need of it.
-.venv/tools: | .venv/compiler
-	$(BIN)/pip install --quiet --disable-pip-version-check cmake ninja
+# Tools that compile the module and the C++ tests.
+.venv/tools: pyproject.toml | .venv/compiler
+	@$(call LIBRARIES_OF,dev)
 	@touch $@
 
-# Python compiles what is imported; most is not.
-# The tests' libraries are those of others, too, for which nothing is then built again.
+# No bytecode is compiled at installation, since most modules are never imported. The extra `test` includes other
+# extras, which then need no new build.
 OF_TESTS := $(patsubst %,.venv/installed-%,$(DRAWN) export article docs)
-.venv/installed-%: $(BUILT_FROM) | .venv/compiler
-	$(BIN)/pip install --quiet --disable-pip-version-check --no-compile --editable ".[$*]"
+.venv/installed-%: $(BUILT_FROM) | .venv/tools
+	$(BIN)/pip install --quiet --disable-pip-version-check --no-compile --no-build-isolation --editable ".[$*]"
 	@touch $@ $(if $(filter test,$*),$(OF_TESTS))
 
 .venv/installed-locked: requirements.lock $(BUILT_FROM) | .venv/compiler
@@ -277,14 +294,14 @@ OF_TESTS := $(patsubst %,.venv/installed-%,$(DRAWN) export article docs)
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	@touch $@
 
-# The C++ tests under the sanitizers, and those of numbers and lanes once more as shipped. Warnings are shown; in
+# The C++ tests under the sanitizers, and the tests of numbers and lanes also as shipped. Warnings are shown; in
 # .ci/run they are errors.
 build/tests-optimized/built: OPTIONS := -DFRACGYRO_TESTS_OPTIMIZED=ON
 build/tests-sanitized/built: OPTIONS := -DFRACGYRO_SANITIZE=$(SANITIZERS),float-divide-by-zero
 build/tests-threads/built: OPTIONS := -DFRACGYRO_SANITIZE=thread
 build/tests-threads/built: BUILD := --target test_batch
 build/tests-%/built: $(CPP) CMakeLists.txt tests/cpp/CMakeLists.txt | .venv/tools setup-test
-	$(BIN)/cmake -S . -B $(@D) -G Ninja -DCMAKE_MAKE_PROGRAM="$(CURDIR)/$(BIN)/ninja" \
+	$(BIN)/cmake -S . -B $(@D) -G Ninja $(NINJA) \
 	  -DFRACGYRO_PYTHON=OFF -DFRACGYRO_TESTS=ON $(OPTIONS) \
 	  -DFRACGYRO_WARNINGS_AS_ERRORS=$(if $(FRACGYRO_SKIP_NOTHING),ON,OFF) >/dev/null
 	$(BIN)/cmake --build $(@D) $(BUILD) -- --quiet

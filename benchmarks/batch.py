@@ -24,8 +24,7 @@ DEPENDS_ON = ["sliding_mode"]
 
 ROOT = Path(__file__).resolve().parent.parent
 STEPS = 80_000
-# What is run: of how many scenarios, with how many seeds, on how many threads, in single precision or not; the ratio
-# to be reached.
+# Cases: number of scenarios, of seeds, of threads, single precision or not, and the required ratio.
 CASES = {
     "doubles, one noise": (32, 1, 1, False, 1.3),
     "doubles, noise per run": (1, 32, 1, False, 1.5),

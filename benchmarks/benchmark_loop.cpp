@@ -1,6 +1,6 @@
 // Times the closed loop inside C++, the paper's scenario over 80 units of time, and what the processor can do at
 // best. Prints one JSON line, of everything the median of five, taken in turn:
-//   seconds            one run, every channel recorded, noise drawn on the way
+//   seconds            one run, every channel recorded, noise drawn during the run
 //   seconds_prepared   the same with noise from a prepared array
 //   seconds_unkept     and nothing recorded
 //   seconds_chain      as many steps of the chain that no step can avoid: two square roots and what links them
@@ -19,7 +19,7 @@ using namespace fracgyro;
 
 namespace {
 
-// As the Python module does: a function for each controller, and noise in the widest registers.
+// Built like the Python module: a function for each controller, and noise in the widest registers.
 template <Controller C>
 FRACGYRO_FOR_EACH_PROCESSOR std::int64_t record_one(const Setup& setup, double* rows, FillNoise noise) {
     return record<C>(setup, 1, rows, noise);
@@ -127,7 +127,7 @@ constexpr int accumulators = 1;
 double multiply_add(std::int64_t) { return 0.0; }
 #endif
 
-// As the processor does most of them side by side.
+// Uses the widest lanes of the processor.
 double run_lanes(std::span<const Setup* const> runs, bool single) {
 #ifdef FRACGYRO_LANES_X86
     if (wide()) {
@@ -139,7 +139,7 @@ double run_lanes(std::span<const Setup* const> runs, bool single) {
 
 struct Timed {
     const char* name;
-    std::function<double()> task;  // what it returns is printed, so that nothing is left out
+    std::function<double()> task;  // its result is printed, so that the compiler removes nothing
     double per = 1.0;              // seconds are divided by this
     std::vector<double> seconds{};
 

@@ -1,4 +1,4 @@
-// What the programs that time the loop share: the paper's scenario, and its runs in the lanes of a register.
+// Shared by the programs that time the loop: the paper's scenario, and its runs in the lanes of a register.
 #pragma once
 
 #include "fracgyro/sim/batch.hpp"
@@ -20,7 +20,7 @@ inline Setup paper(std::int64_t steps, const ExponentialSum& kernel) {
     return s;
 }
 
-// The first metric of the first of these runs, side by side in registers of so many bytes.
+// The first metric of the first of these runs, which share registers of `Bytes` bytes.
 template <std::size_t Bytes>
 double run_lanes(const KernelsOfWidth<Bytes>& kernels, std::span<const Setup* const> runs, bool single) {
     return (single ? measure_all(kernels.floats, runs, MetricsParams{}, 1)

@@ -1,4 +1,4 @@
-"""Where the sampled loop ends, and what a limit on rho h/delta costs.
+"""Stability limit of the sampled loop, and the cost of a limit on rho h/delta.
 
 Writes benchmarks/results/boundedness.md.
 """
@@ -9,9 +9,9 @@ import math
 
 import fracgyro as fg
 import numpy as np
-from fracgyro.paper import runs as paper
 from fracgyro.scenario.bounded import gain
 from fracgyro.scenario.shipped import exactly_sensed
+from fracgyro_lab.paper import runs as paper
 from machine import command, machine, write
 
 DEPENDS_ON = ["sliding_mode", "composite"]
@@ -21,7 +21,7 @@ SEEDS = range(24)
 READ_ON, READ_SEEDS = 20_000.0, 8
 LIMITS = [0.05, 0.1, 0.25, 0.5, 0.75, 1.0]
 
-# Known parameters, frozen bounds, no noise; the start is all but on the reference.
+# Known parameters, frozen bounds, no noise; the start is almost on the reference.
 STILL = {
     "controller.adaptive": False,
     "disturbance.kind": "none",
@@ -38,7 +38,7 @@ RESONANT = exactly_sensed("paper_resonance").replace(
         "run.duration": 400.0,
     }
 )
-# Its s = 0 is stable, so that it must start outside the layer.
+# Its s = 0 is stable, so it must start outside the layer.
 QUADRATIC = {"controller.layer": "quadratic", "run.initial_velocity": (math.pi + 1.0, 0.0)}
 KINDS = ["linear", "fractional", "fast_terminal", "fractional_fast_terminal"]
 OF_KIND = {kind: {"controller.kind": kind} for kind in KINDS}
@@ -89,7 +89,7 @@ THRESHOLDS: list[tuple[str, fg.Scenario]] = [
 
 
 def nyquist(order: float, step: float) -> tuple[float, float]:
-    """Of a rate that alternates, +1, -1, at the samples: D^order of the error, and D^(order-1), there."""
+    """D^order and D^(order-1) of the error at the samples, for a rate that alternates between +1 and -1."""
     odd = np.arange(1.0, 20001.0, 2.0)
     scale = 8 / math.pi**2 * (step / math.pi) ** (1 - order)
     derivative = scale * math.sin(0.5 * math.pi * order) * np.sum(odd ** (order - 3))
@@ -98,7 +98,7 @@ def nyquist(order: float, step: float) -> tuple[float, float]:
 
 
 def predicted(scenario: fg.Scenario) -> float:
-    """rho h/delta at which s alternates for ever about e = 0."""
+    """rho h/delta at which s alternates permanently around e = 0."""
     c, h = scenario.controller, scenario.run.step
     order = c.order if c.kind.startswith("fractional") else 1.0
     derivative, integral = nyquist(order, h) if order < 1 else (1.0, 0.0)
@@ -226,7 +226,7 @@ def ends() -> list[str]:
         s = np.hypot(*run["surface"].values.T)
         blocks = s[: len(s) // every * every].reshape(-1, every).mean(axis=1)
         calm = np.flatnonzero(blocks < 0.5 * base.controller.layer_thickness)
-        cells = ["never", "–"]  # the start itself takes the bounds beyond it
+        cells = ["never", "–"]  # the initial transient drives the bounds beyond it
         if calm.size:
             last = slice(calm[-1] * every, (calm[-1] + 1) * every)
             q, v = (np.hypot(*run[each].values[last].T) for each in ("position", "velocity"))

@@ -1,4 +1,4 @@
-"""What a step of the environments of Gymnasium costs; writes benchmarks/results/environments.md."""
+"""Cost of a step of the Gymnasium environments; writes benchmarks/results/environments.md."""
 
 from __future__ import annotations
 

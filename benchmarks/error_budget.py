@@ -1,9 +1,9 @@
-"""What of a run's error comes from its step, its kernel and its numbers; writes benchmarks/results/error_budget.md.
+"""Contributions of step, kernel and precision to a run's error; writes benchmarks/results/error_budget.md.
 
     python benchmarks/error_budget.py
 
-The paper's scenario, corrected, and three of the devices that the package brings along. The noise is the same
-whatever the step: it is held for the step that the scenario has.
+The paper's scenario, corrected, and three of the shipped devices. The noise does not depend on the step: it is held for
+                                 the scenario's step.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ SEEDS = 16
 FINER = 8  # the step of the reference
 EXACT = 1e-9  # its tolerance
 TOLERANCES = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 1e-6, 1e-7)
-SHARE = 0.01  # of the step's error: what the kernel may add
+SHARE = 0.01  # share of the step's error that the kernel may add
 FIGURES = {
     "RMSE, whole": ("rmse", "whole"),
     "RMSE, steady": ("rmse", "steady"),
@@ -54,7 +54,7 @@ def cases() -> list[Case]:
 
 
 def figures(case: Case, changes: dict[str, Any], single: bool = False) -> Array:
-    """(figure, seed, axis); of positions in full, for one seed."""
+    """(figure, seed, axis); positions in full, for one seed."""
     hold = case.scenario.disturbance.hold or case.scenario.run.step
     scenario = case.scenario.replace({"disturbance.hold": hold, "run.units": "nondimensional", **changes})
     half = 0.5 * scenario.run.duration
@@ -73,12 +73,12 @@ def positions(case: Case, changes: dict[str, Any]) -> Array:
 
 
 def share(found: Array, reference: Array) -> Array:
-    """Median over seeds of how far off each figure is, relative to the reference; the worse axis."""
+    """Median over seeds of each figure's relative error; the worse axis."""
     return np.asarray(np.median(abs(found - reference) / abs(reference), axis=1).max(axis=1))
 
 
 def budget(case: Case) -> tuple[list[str], float]:
-    """Rows of a table, and the largest tolerance that keeps to SHARE in every figure."""
+    """Rows of a table, and the maximum tolerance that satisfies SHARE in every figure."""
     step = case.scenario.run.step
     exact = {"run.kernel_tolerance": EXACT}
     own, at = figures(case, exact), positions(case, exact)

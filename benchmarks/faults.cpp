@@ -1,9 +1,9 @@
-// The guarded controller in a closed loop with the exact plant, under faults of its sensors. Reads the files of
+// The guarded controller in a closed loop with the exact plant, with sensor faults. Reads the files of
 // scenario_files.hpp and prints JSON. KIND: its place in controller_kinds.
 //
 //     faults KIND float|double alarms STEPS                how often a sample is refused without any fault
-//     faults KIND float|double run FROM UNTIL              what each fault on standard input does
-//     faults KIND float|double notice FROM UNTIL           how many samples each of them goes unnoticed
+//     faults KIND float|double run FROM UNTIL              effect of each fault on standard input
+//     faults KIND float|double notice FROM UNTIL           samples until each fault is detected
 //
 // A fault is a line WHAT SIZE SAMPLES EVERY.
 #include "scenario_files.hpp"
@@ -25,7 +25,7 @@ using Measured = std::array<double, 4>;  // x, y and their rates
 struct Fault {
     std::string what = "none";
     double size = 0.0;
-    std::int64_t samples = 0, every = 0;  // every: again and again
+    std::int64_t samples = 0, every = 0;  // every: period of repetition
 
     bool acts(std::int64_t since) const { return since >= 0 && (every > 0 ? since % every : since) < samples; }
     // `held`: the last sample before it.
@@ -100,8 +100,8 @@ public:
         return state_.status;
     }
 
-    double error = 0.0, off = 0.0;  // the true ones; that of the rate over the rate
-    double deviations = 0.0;        // that of the rate over what is stated, while it is trusted
+    double error = 0.0, off = 0.0;  // true values; relative rate error
+    double deviations = 0.0;        // rate error over its stated deviation, while trusted
 
 private:
     Setup setup_;
@@ -131,8 +131,8 @@ void alarms(const Setup& setup, std::int64_t steps) {
                 static_cast<long long>(count), static_cast<long long>(saturated), late, loop.off);
 }
 
-// Within 1.25 times the largest of the fault-free runs of eight seeds while it is watched, a run is as if there had
-// been no fault: the largest of finitely many is itself a matter of luck.
+// A run has recovered within 1.25 times the maximum of fault-free runs with eight seeds; the margin allows for the
+// variation of a maximum over few seeds.
 template <class Controller>
 void run(Setup setup, std::int64_t from, std::int64_t until, const std::vector<Fault>& faults) {
     double error = 0.0, off = 0.0;
@@ -161,7 +161,7 @@ void run(Setup setup, std::int64_t from, std::int64_t until, const std::vector<F
             most_error = std::max(most_error, loop.error);
             most_off = std::max(most_off, loop.off);
             most_deviations = std::max(most_deviations, loop.deviations);
-            error_back = loop.error <= error ? error_back : n - from + 1;  // also where it is NaN
+            error_back = loop.error <= error ? error_back : n - from + 1;  // also if NaN
             off_back = loop.off <= off ? off_back : n - from + 1;
         }
         std::printf(
@@ -172,7 +172,7 @@ void run(Setup setup, std::int64_t from, std::int64_t until, const std::vector<F
     }
 }
 
-// Begun at 200 moments evenly spread; -1: not within `samples`.
+// Faults start at 200 evenly spaced times; -1: not detected within `samples`.
 template <class Controller>
 void notice(const Setup& setup, std::int64_t from, std::int64_t until, const std::vector<Fault>& faults) {
     Loop<Controller> loop(setup);

@@ -1,9 +1,12 @@
-"""What faults of the sensors do in the closed loop, without and with the guard; writes benchmarks/results/faults.md.
+"""Effect of sensor faults in the closed loop, without and with the guard; writes benchmarks/results/faults.md.
 
     python benchmarks/faults.py [--quick]
 
 The paper's gyroscope and noise, the exact plant, a force limit of 6000. A fault begins at t = 20 and the loop is
-watched for 40 units of time. Quick: three faults, and 10⁵ steps without any.
+                                                                                                  observed for 40 units
+                                                                                                  of time. Quick: three
+                                                                                                  faults, and 10⁵ steps
+                                                                                                  without any.
 """
 
 from __future__ import annotations
@@ -38,7 +41,7 @@ ADAPTATIONS: dict[str, dict[str, Any]] = {
     "joint": {"adaptation.kind": "joint"},
 }
 
-# What, size, samples, again after so many.
+# Kind, size, samples, period of repetition.
 Fault = tuple[str, float, int, int]
 ONE_SAMPLE: list[Fault] = [
     *(("x", size, 1, 0) for size in (1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e4, 9e5, 1.1e6)),
@@ -124,7 +127,7 @@ class Program:
 
 
 def recovered(found: dict[str, Any], step: float) -> str:
-    """Largest error; when it is back; largest error of the rate over the rate; when that is back."""
+    """Maximum error; recovery time; maximum relative rate error; its recovery time."""
 
     def back(samples: int) -> str:
         return "–" if samples >= round((END - BEGIN) / step) else f"{samples * step:.3g}"
@@ -135,7 +138,7 @@ def recovered(found: dict[str, Any], step: float) -> str:
 
 
 def tables(program: Program, faults: list[Fault]) -> tuple[list[str], list[str]]:
-    """What each fault does, and whether one bad sample is over within 100."""
+    """Effect of each fault, and true if the effect of one bad sample ends within 100 samples."""
     lines, claims = [], []
     for name, change in ADAPTATIONS.items():
         runs = {}
@@ -184,9 +187,9 @@ def noticed(program: Program) -> list[str]:
 def alarms(program: Program, steps: int) -> list[str]:
     lines = ["| scenario | steps | refused, double | refused, float | at the force limit |", "|---|---|---|---|---|"]
     scenarios = {name: exactly_sensed(name) for name in SHIPPED}
-    bounded = PAPER.replace({"controller.switching_limit": 0.5})  # else noise ends the loop
+    bounded = PAPER.replace({"controller.switching_limit": 0.5})  # otherwise the loop diverges in noise
     scenarios |= {f"paper, limit 6000, {name}": bounded.replace(change) for name, change in ADAPTATIONS.items()}
-    # A limit that the start, and in the last one every period, runs into.
+    # A limit reached at the start, and in the last case in every period.
     for limit in (1000.0, 700.0, 500.0):
         scenarios[f"paper, limit {limit:g}"] = bounded.replace({"controller.force_limit": limit})
     for name, scenario in scenarios.items():

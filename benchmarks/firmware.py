@@ -1,10 +1,10 @@
-"""What the exported firmware costs: instructions, memory, and the error that it makes.
+"""Cost of the exported firmware: instructions, memory, and its error.
 
 Writes integrations/firmware/measured.md.
 
 python benchmarks/firmware.py            measures everything
-python benchmarks/firmware.py --check    counts some again and compares with what is committed; where the tools have
-                                         other versions, only exponentials and bytes of data
+python benchmarks/firmware.py --check    recounts some and compares them with the committed ones; only exponentials and
+                                         bytes of data if the tools have other versions
 """
 
 from __future__ import annotations
@@ -65,16 +65,17 @@ SCENARIOS = {
     | {"device.sensing": "position", "adaptation.covariance_steps": 8},
     "linear, joint, velocities too": LINEAR_JOINT,
 }
-CHECKED = [
-    "paper",
-    "16 exponentials, c = 0.6, force limit, samples checked",
-    "linear, composite",
-    "linear, joint, positions, divided by 8",
+ROWS: list[tuple[str, Number]] = [(name, number) for name in SCENARIOS for number in get_args(Number)]
+CHECKED: list[tuple[str, Number]] = [
+    ("paper", "double"),
+    ("16 exponentials, c = 0.6, force limit, samples checked", "float"),
+    ("linear, composite", "double"),
+    ("linear, joint, positions, divided by 8", "float"),
 ]
 TARGETS = {"m4f": "Cortex-M4F", "m7": "Cortex-M7"}
 
-# Cycles per instruction, least and most, and cycles per division or square root, of which a step has nine, with
-# composite adaptation 18 more, with joint adaptation 40 more, or 66 where velocities are measured.
+# Cycles per instruction, min and max, and cycles per division or square root. A step has nine of these, with composite
+# adaptation 18 more, with joint adaptation 40 more, or 66 if velocities are measured.
 CYCLES = {"Cortex-M4F": (1.0, 1.5), "Cortex-M7": (0.65, 1.1)}
 ROOTS, ROOTS_OF, CYCLES_PER_ROOT = 9, {"composite": 27, "joint, positions": 49, "joint, velocities": 75}, 14
 CLOCKS = {"168 MHz M4F": ("Cortex-M4F", 168), "480 MHz M7": ("Cortex-M7", 480), "1 GHz M7": ("Cortex-M7", 1000)}
@@ -117,23 +118,22 @@ def exponentials(scenario: fg.Scenario) -> int:
     return len(_core.setup_kernel(core_setup(scenario))[0])
 
 
-def table(names: Iterable[str]) -> list[str]:
+def table(rows: Iterable[tuple[str, Number]]) -> list[str]:
     lines = [
         "| controller | exponentials | scalar | Cortex-M4F: mean / most | Cortex-M7: mean / most "
         "| bytes: coefficients + state | stack M4F / M7 | image M4F / M7 |",
         "|---|---|---|---|---|---|---|---|",
     ]
-    for name in names:
+    for name, number in rows:
         scenario = PAPER.replace(SCENARIOS[name])
-        for number in get_args(Number):
-            with tempfile.TemporaryDirectory() as folder:
-                cells = measure(scenario, number, Path(folder) / "out")
-            lines.append(f"| {name} | {exponentials(scenario)} | {number} | {' | '.join(cells.values())} |")
+        with tempfile.TemporaryDirectory() as folder:
+            cells = measure(scenario, number, Path(folder) / "out")
+        lines.append(f"| {name} | {exponentials(scenario)} | {number} | {' | '.join(cells.values())} |")
     return lines
 
 
 def sampling(counted: list[str]) -> list[str]:
-    """The time of the longest step in microseconds, estimated from what was counted."""
+    """The time of the longest step in microseconds, estimated from the counts."""
     lines = [
         "Estimated time of the longest step in microseconds, float. Assumed, not measured:",
         "; ".join(f"{name} {low} to {high} cycles per instruction" for name, (low, high) in CYCLES.items()) + ";",
@@ -196,15 +196,15 @@ def tools() -> str:
 
 
 def without_tools(rows: list[str]) -> list[str]:
-    """Controller, exponentials, scalar, and bytes of coefficients and state: the same by every version of the tools."""
+    """Controller, exponentials, scalar, and bytes of coefficients and state: independent of the tools' versions."""
     kept = (0, 1, 2, 5)
     return [" | ".join(cells[i].strip() for i in kept) for cells in (row.strip("| ").split("|") for row in rows)]
 
 
 def check(counted: list[str]) -> None:
     text = RESULTS.read_text(encoding="utf-8")
-    whole = [line for line in text.splitlines() if line.startswith("|")][: 2 + len(get_args(Number)) * len(SCENARIOS)]
-    committed = [line for line in whole if line in whole[:2] or line.split("|")[1].strip() in CHECKED]
+    whole = [line for line in text.splitlines() if line.startswith("|")][: 2 + len(ROWS)]
+    committed = whole[:2] + [whole[2 + ROWS.index(row)] for row in CHECKED]
     same_tools = tools() in text
     if counted != committed if same_tools else without_tools(counted) != without_tools(committed):
         rows = "\n".join(counted)
@@ -215,7 +215,7 @@ def check(counted: list[str]) -> None:
 
 
 def main() -> None:
-    rows = table(CHECKED if "--check" in sys.argv else SCENARIOS)
+    rows = table(CHECKED if "--check" in sys.argv else ROWS)
     if "--check" in sys.argv:
         return check(rows)
     counted, head = "\n".join(rows), HEAD.format(tools=tools())

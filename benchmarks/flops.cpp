@@ -12,7 +12,7 @@ struct Counts {
 };
 Counts counts;
 
-// A sign is not counted: it takes no time of its own.
+// A sign is not counted: it takes no extra time.
 class Counted {
 public:
     Counted() = default;
@@ -41,7 +41,7 @@ private:
     double value_ = 0.0;
 };
 
-constexpr std::size_t kernel_terms = 10;  // of the paper's run
+constexpr std::size_t kernel_terms = 10;  // the number of the paper's run
 constexpr int steps = 1000;
 
 template <class C, class Params>

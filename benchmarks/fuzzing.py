@@ -1,4 +1,4 @@
-"""Files, folders and commands made at random for SECONDS, then states and the calls of FMUs.
+"""Random files, folders and commands for SECONDS, then states and the calls of FMUs.
 
     python benchmarks/fuzzing.py [SECONDS [SEED]]    900 s and seed 1 by default
 
@@ -17,7 +17,7 @@ DEPENDS_ON = ["tests/fuzz/*.py"]
 
 FUZZ = Path(__file__).resolve().parents[1] / "tests" / "fuzz"
 FILES = ("fuzz_scenarios", "fuzz_studies", "fuzz_cli")
-STATES = {  # of each face
+STATES = {  # for each target
     "fuzz_states": ["--seconds", "60"],
     "fuzz_fmu": ["--seconds", "3600", "--attempts", "34000"],
 }

@@ -13,7 +13,7 @@ from machine import command, machine, on_one_core, write
 
 DEPENDS_ON = ["include/fracgyro/core/kernel_design.hpp"]
 
-MINIMAX = {0.1: (8, 17, 26), 0.5: (11, 20, 29), 0.9: (12, 22, 31)}  # counts of minimax sets on [1e-3, 100]
+MINIMAX = {0.1: (8, 17, 26), 0.5: (11, 20, 29), 0.9: (12, 22, 31)}  # minimax counts on [1e-3, 100]
 TOLERANCES = (1e-3, 1e-6, 1e-9)
 DRAWN, CHECKED = 1000, 60  # designs; those compared with 40 digits
 MAX_WIDTH = 1e6
@@ -32,7 +32,7 @@ def timed(order: float, ratio: float, tolerance: float, repeats: int = 1) -> tup
 
 
 def true_error(kernel: ExponentialSum) -> float:
-    """In 40 digits, at both ends and where double precision sees the highest peaks."""
+    """Error in 40 digits, at both ends and at the highest peaks found in double precision."""
     grid = np.geomspace(kernel.shortest, kernel.longest, 4001)
     seen = np.exp(-np.outer(grid, kernel.poles)) @ kernel.weights * grid**kernel.order
     worst = grid[np.argsort(np.abs(seen * float(mpmath.gamma(1 - kernel.order)) - 1))[-20:]]

@@ -1,4 +1,4 @@
-"""What lanes without fused multiply-adds cost; writes benchmarks/results/lane_contraction.md.
+"""Cost of lanes without fused multiply-adds; writes benchmarks/results/lane_contraction.md.
 
 Studies' lanes for AVX2 and AVX-512, each compiled as it is shipped and with contraction, timed in turn.
 """

@@ -1,6 +1,6 @@
 """The live page: bytes, and frames while it plays; writes benchmarks/results/live.md. `--pictures DIR`: every preset.
 
-With `--readme` it makes docs/live.png only.
+`--readme` draws only docs/live.png.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Numbers of the committed logs: the tables of benchmarks/results/*.md and others, as they are printed there."""
+"""Numbers of the committed logs: the tables of benchmarks/results/*.md and others, as printed there."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an hour of a rate sensor's output costs, and its Allan deviation: N, B and K of one record.
+"""Cost of an hour of a rate sensor's output, and its Allan deviation: N, B and K of one record.
 
 Writes benchmarks/results/long_record.md and long_record.svg.
 """
@@ -11,7 +11,7 @@ import time
 
 import fracgyro as fg
 import numpy as np
-from fracgyro.analysis.style import own_style
+from fracgyro.analysis.style import own_style, save_svg
 from fracgyro.rate.allan import Allan, Estimate, allan
 from fracgyro.rate.bound import bound_angle_random_walk
 from fracgyro.rate.units import DEG_PER_H, DEG_PER_ROOT_H
@@ -40,7 +40,7 @@ def sensor() -> fg.Scenario:
 
 
 def timed(scenario: fg.Scenario, span: float, seeds: range) -> tuple[np.ndarray, float, float, float]:
-    """Outputs in rad/s, (seed, output); their interval in s; and what it took, by the clock and of processors, in s."""
+    """Outputs in rad/s, (seed, output); their interval in s; wall-clock and CPU time in s."""
     scales = scenario.plant.scales
     step = scenario.run.step * scales.time
     block = round(OUTPUT / step)
@@ -56,7 +56,7 @@ def peak() -> float:
 
 
 def costs() -> list[str]:
-    """Processor time of an hour of device time, by what is in [device]; the least of five spans, in turn."""
+    """CPU time of an hour of device time, for each content of [device]; the minimum of five interleaved runs."""
     electronics = {
         "device.position_noise_density": 1e-13,
         "device.velocity_noise_density": 1e-13 * exactly_sensed("dual_mass").plant.reference_frequency,
@@ -129,7 +129,7 @@ def draw(found: Allan, walk: float) -> None:
         axes.set_ylabel("Allan deviation (deg/h)")
         axes.grid(True, linewidth=0.3)
         axes.legend()
-        figure.savefig(DRAWING, metadata={"Date": None})
+        save_svg(figure, DRAWING, "Allan deviation of a long record")
 
 
 def main() -> None:

@@ -34,7 +34,7 @@ DEPENDS_ON = ["sliding_mode", "benchmarks/benchmark_loop.cpp", "benchmarks/peers
 ROOT = Path(__file__).resolve().parent.parent
 TOLERANCE, TRANSIENT = 1e-6, 10.0
 MARK = 5e-3  # seconds
-RUNS = 256  # of the batch
+RUNS = 256  # runs of the batch
 SPAN = 10.0  # units of time that solve_ivp runs; the transient's steps cost it a little more than later ones
 OURS = "fracgyro, C++"
 FLOPS = 169, 16  # that a step of the law and the linear plant needs: without exponentials, and for each
@@ -52,9 +52,9 @@ class Peer:
     run: Callable[[], np.ndarray]  # positions
     tolerances: tuple[float, float]
     rounds: int
-    calls: int = 1  # a repeat is the median of so many
+    calls: int = 1  # a repeat is the median of this number of calls
     slow: bool = False  # left out by --quick
-    scale: float = 1.0  # of the seconds measured, where a shorter span is run
+    scale: float = 1.0  # factor on the measured seconds, for a shorter span
     expected: np.ndarray | None = None  # positions to compare with, if not ours
     first: float = 0.0  # seconds of the first call, compilation included
     seconds: list[float] = field(default_factory=list)
@@ -80,7 +80,7 @@ def build(folder: Path) -> Path:
 
 
 def core(program: Path, kernel: fg.fractional.ExponentialSum) -> dict[str, float]:
-    """What benchmark_loop prints, medians of three processes."""
+    """Output of benchmark_loop: medians of three processes."""
     pairs = zip(kernel.poles.tolist(), kernel.weights.tolist(), strict=True)
     text = f"{kernel.count}\n" + "\n".join(f"{s!r} {w!r}" for s, w in pairs)
     runs = [subprocess.run([program], input=text, text=True, capture_output=True, check=True) for _ in range(3)]
@@ -89,7 +89,7 @@ def core(program: Path, kernel: fg.fractional.ExponentialSum) -> dict[str, float
 
 
 def octave(noise: np.ndarray, folder: Path) -> tuple[float, np.ndarray]:
-    """Seconds of the loop alone, and positions."""
+    """Seconds of the loop only, and positions."""
     source, target = folder / "noise", folder / "positions"
     noise.tofile(source)
     script = Path(__file__).parent / "peers" / "octave_loop.m"
@@ -185,7 +185,7 @@ def batch(kernel: fg.fractional.ExponentialSum, rounds: int, runs: int) -> dict[
     ours = metrics["rmse"].sel(window=["whole", "steady"]).transpose("run", "window", "axis").values
     deviation = np.abs(np.asarray(vmapped(noise)) / ours - 1.0)
     # A few noises magnify the signal's being linear instead of cubic between samples: 2 % for 1 of 256. An independent
-    # loop, tests/python/oracle.py, shows the same difference when its interpolation alone is changed.
+    # loop, tests/python/oracle.py, shows the same difference when only its interpolation is changed.
     assert np.median(deviation) < 1e-3, "JAX's runs are not ours"
     assert deviation.max() < 0.05, "JAX's runs are not ours"
     seconds: dict[str, list[float]] = {"ours": [], "JAX": []}
@@ -205,7 +205,7 @@ def line(name: str, seconds: list[float], ours: float, scale: float = 1.0) -> st
 
 
 def limits(cores: list[dict[str, float]], exponentials: int) -> list[str]:
-    """Ours beside what the processor can do at best: medians and ranges of ratios, each of one process's figures."""
+    """Our times against the processor's limits: medians and ranges of ratios, each from the figures of one process."""
     flops = (FLOPS[0] + FLOPS[1] * exponentials) * (STEPS + 1)
 
     def row(what: str, ratio: Callable[[dict[str, float]], float], mark: str, percent: bool = False) -> str:
@@ -277,7 +277,7 @@ def main() -> None:
     noise, ours = (np.ascontiguousarray(run[name].values) for name in ("disturbance", "position"))
     peers = [p for p in single_runs(noise, ours, kernel) if not (options.quick and p.slow)]
     cores: list[dict[str, float]] = []
-    wall = used = 0.0  # of the peers, to tell whether they had their processor to themselves
+    wall = used = 0.0  # seconds of the peers; equal if no other program used the processor
     absent = octave_version = ""
     with tempfile.TemporaryDirectory() as scratch:
         program = build(Path(scratch))
@@ -307,7 +307,7 @@ def main() -> None:
             peers.append(peer)
     many = batch(kernel, min(3, rounds), 32 if options.quick else RUNS)
 
-    # Of the two numbas the faster counts.
+    # The faster of the two numba variants counts.
     numbas = sorted(peers[:2], key=lambda p: statistics.median(p.seconds))
     log(f"numba: {numbas[1].name} takes {statistics.median(numbas[1].seconds):.4g} s")
     peers = [numbas[0], *peers[2:]]

@@ -1,4 +1,4 @@
-"""What a measurement was made on, and how it is kept."""
+"""The machine of a measurement, and its log."""
 
 import os
 import platform
@@ -15,11 +15,11 @@ RESULTS = ROOT / "benchmarks" / "results"
 COLUMNS = 120
 _MAIN = Path(sys.argv[0]).resolve()
 # Taken at the start: sources may change while a measurement runs.
-_STAMP = stamp(_MAIN, sys.argv[1:]) if _MAIN in scripts().values() else ""
+_STAMPS = {log: stamp(_MAIN, sys.argv[1:], log) for log, script in scripts().items() if script == _MAIN}
 
 
 def on_one_core() -> None:
-    """Starts this program again on one processor, before any library has counted them."""
+    """Restart this program on one processor, before any library has counted them."""
     if hasattr(os, "sched_setaffinity") and len(os.sched_getaffinity(0)) > 1:
         os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
         os.execv(sys.executable, [sys.executable, *sys.argv])
@@ -38,11 +38,11 @@ def machine(*packages: str) -> str:
 
 def command() -> str:
     """The command that is running, as it would be typed at the root of the repository."""
-    return shlex.join(["python", f"benchmarks/{Path(sys.argv[0]).name}", *sys.argv[1:]])
+    return shlex.join(["python", str(_MAIN.relative_to(ROOT)), *sys.argv[1:]])
 
 
 def wrapped(lines: list[str]) -> list[str]:
-    """Markdown in at most 120 columns, except rows of tables. No line begins with what Markdown takes for a list."""
+    """Markdown in at most 120 columns, except rows of tables. No line begins with a list marker."""
     found: list[str] = []
     for line in "\n".join(lines).split("\n"):
         rest = line
@@ -59,8 +59,8 @@ def wrapped(lines: list[str]) -> list[str]:
 
 
 def write(name: str, lines: list[str], keep: bool = True) -> None:
-    """Prints the log and keeps it with its sources, as benchmarks/results/<name>.md or wherever sources.py says."""
-    text = "\n".join(wrapped([*lines, "", _STAMP])).rstrip() + "\n"
+    """Prints the log and keeps it with its sources, in benchmarks/results/<name>.md or the path given in sources.py."""
+    text = "\n".join(wrapped([*lines, "", _STAMPS.get(log_of(name), "")])).rstrip() + "\n"
     if keep:
         (ROOT / log_of(name)).write_text(text, encoding="utf-8")
     print(text)

@@ -1,6 +1,6 @@
 // A rate sensor off its model: the guarded controller in a closed loop with the device, under faults of its sensors.
-// Reads the files of scenario_files.hpp and "device" (of device_settings.hpp), and prints one line for each fault on
-// standard input, WHAT,SIZE,SAMPLES:
+// Reads the files of scenario_files.hpp and "device", "rate" and "temperature" (off_model.py), and prints one line for
+// each fault on standard input, WHAT,SIZE,SAMPLES:
 //
 //     off_model KIND position|both|composite checked|unchecked FROM UNTIL
 //
@@ -10,7 +10,6 @@
 #include "scenario_files.hpp"
 
 #include "fracgyro/hardware/guard.hpp"
-#include "fracgyro/sim/device_settings.hpp"
 
 #include <cmath>
 #include <cstdio>
@@ -201,7 +200,13 @@ int main(int count, char** words) {
     if (count < 6 || !take_files(setup)) {
         return 2;
     }
+    const auto points = [](const std::vector<double>& both) {
+        const auto half = both.begin() + static_cast<std::ptrdiff_t>(both.size() / 2);
+        return Profile{{both.begin(), half}, {half, both.end()}};
+    };
     take_device_settings(setup, read("device").data());
+    setup.rate.table = points(read("rate"));
+    setup.device.temperature = points(read("temperature"));
     setup.common.guard.checked = words[3] == std::string("checked");
     if (!setup.common.guard.checked) {
         setup.common.guard.patience = setup.common.guard.saturation_patience = 0.0;

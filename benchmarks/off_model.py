@@ -1,4 +1,4 @@
-"""The rate sensor off its model: faults of sensors, drifts and turns; writes benchmarks/results/off_model.md.
+"""The rate sensor with model errors: sensor faults, drifts and turns; writes benchmarks/results/off_model.md.
 
     python benchmarks/off_model.py [--quick]
 
@@ -24,7 +24,7 @@ from fracgyro import _core
 from fracgyro.export.compilers import FLAGS, SOURCES, include, system_compiler
 from fracgyro.scenario.kinds import KINDS
 from fracgyro.scenario.shipped import shipped
-from fracgyro.scenario.to_core import core_setup
+from fracgyro.scenario.to_core import core_setup, device_numbers, profiles
 from machine import command, machine, write
 
 DEPENDS_ON = ["sliding_mode", "joint", "composite", "benchmarks/off_model.cpp", "benchmarks/scenario_files.hpp"]
@@ -36,7 +36,7 @@ SAMPLES = 400_000  # without faults
 TURNS = ((1, 300), (10, 100), (50, 30), (100, 30))  # Hz, deg/s; the bandwidth is 100 Hz
 FAST = ((150, 30), (200, 30), (300, 30), (400, 30))
 ALLOWED = 50.0  # ms, after the end of a fault
-# What, size in q0 or as a factor.
+# Kind, size in q0 or as a factor.
 FAULTS: list[tuple[str, float]] = [
     *(("x", size) for size in (1e-5, 1e-4, 1e-3, 1e-2, 1.0, 100.0, 1e5)),
     ("y", -0.01),
@@ -68,7 +68,7 @@ QUICK = [
 
 
 def both(scenario: fg.Scenario) -> fg.Scenario:
-    """The same device with a sensor of velocity, as noisy as that of position at the natural frequency."""
+    """The same device with a velocity sensor, with the position sensor's noise at the natural frequency."""
     density = scenario.device.position_noise_density * scenario.plant.reference_frequency
     return scenario.replace({"device.sensing": "full", "device.velocity_noise_density": density})
 
@@ -86,7 +86,9 @@ class Program:
         with tempfile.TemporaryDirectory(dir=self._folder) as name:
             folder = Path(name)
             np.array(_core.setup_settings(setup)).tofile(folder / "numbers")
-            np.array(_core.device_settings(setup)).tofile(folder / "device")
+            np.array(list(device_numbers(scenario).values())).tofile(folder / "device")
+            for kind, points in zip(("rate", "temperature"), profiles(scenario), strict=True):
+                np.array(points).tofile(folder / kind)
             for kind, values in zip(("poles", "weights"), _core.setup_kernel(setup), strict=True):
                 np.array(values).tofile(folder / kind)
             sensing = "both" if scenario.device.sensing == "full" else "position"
@@ -106,7 +108,8 @@ class Program:
 
 
 def least_squares(scenario: fg.Scenario) -> fg.Scenario:
-    """Composite adaptation, for sensors of position and velocity of a hundredth of the noise that joint has here."""
+    """Composite adaptation, for position and velocity sensors with a hundredth of the noise used for joint
+    adaptation."""
     fine = both(scenario.replace({"device.position_noise_density": 1e-2 * scenario.device.position_noise_density}))
     return fine.replace({"adaptation.kind": "composite"})
 
@@ -156,7 +159,7 @@ Case = tuple[str, fg.Scenario, int]  # first cells of its row, scenario, samples
 
 
 def without_faults(program: Program, cases: list[Case]) -> list[str]:
-    """A row for each case: RMS error, stated deviation, shares of what is trusted and of what of it is wrong."""
+    """A row for each case: RMS error, stated deviation, shares of trusted samples and of wrong samples among these."""
 
     def row(case: Case) -> str:
         words, scenario, until = case

@@ -49,7 +49,7 @@ def main() -> None:
         kept.append(timed(FRESH, lambda: fg.simulate(PAPER)))
         timed(MEASURED, lambda: fg.measure_many([PAPER]))
     for times in seconds.values():
-        del times[0]  # of what is made once
+        del times[0]  # the first call includes one-time setup
 
     def row(name: str) -> str:
         times = seconds[name]

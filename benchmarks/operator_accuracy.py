@@ -31,13 +31,13 @@ DEPENDS_ON = [
 
 STEP, SAMPLES, ORDER = 1e-3, 80_000, 0.9
 CHECKED = 400  # samples compared with the exact derivative
-LATE = 0.1  # the start apart: methods of first order are worst there
+LATE = 0.1  # excluding the start, where first-order methods are worst
 
 
 @dataclass
 class Method:
     name: str
-    run: Callable[[int], object]  # of so many samples
+    run: Callable[[int], object]  # for records of at most this many samples
     online: bool
     samples: int = SAMPLES
     repeats: int = 7

@@ -15,9 +15,8 @@ from typing import get_args
 
 import fracgyro as fg
 import numpy as np
-from fracgyro.analysis.style import own_style, svg
+from fracgyro.analysis.style import own_style, save_svg
 from fracgyro.export.compilers import run
-from fracgyro.files import whole_file
 from fracgyro.fractional import Sampled, design
 from fracgyro.fractional.sampled import Between
 from machine import command, machine, write
@@ -39,9 +38,9 @@ class Method:
     """One that computes y from samples of u in fixed memory."""
 
     family: str
-    words: str  # what distinguishes it from others of the family
+    words: str  # the difference from other methods of the family
     flops: int  # multiplications and additions a sample
-    numbers: int  # that it remembers
+    numbers: int  # size of its memory
     output: Vector  # for the samples of `record`
     response: Vector | None  # over (j w)^ORDER, at FREQUENCY; None where rates are given
 
@@ -82,7 +81,7 @@ def derivative(tolerance: float, between: Between = "lines") -> Sampled:
 def of_values_and_rates(values: Vector, rates: Vector, tolerance: float) -> Method:
     count = design(ORDER, STEP, LONGEST, tolerance).count
     found = fg.fractional.caputo(values, rates, STEP, ORDER, tolerance=tolerance)
-    # Of each: decay·g, bump·κ, + rate, + g, + g; weight·g, + sum. Once: κ, differences and their weights.
+    # For each exponential: decay·g, bump·κ, + rate, + g, + g; weight·g, + sum. Once: κ, differences, their weights.
     return Method("fracgyro, values and rates", f"{count} exponentials", 7 * count + 20, count + 5, found, None)
 
 
@@ -113,7 +112,7 @@ def oustaloup(values: Vector, sections: int, band: tuple[float, float], name: st
 
 
 def tried_bands(values: Vector, chosen: NDArray[np.intp], exact: Vector) -> list[str]:
-    """Of Oustaloup's filter with 15 sections: the error by band."""
+    """Error of Oustaloup's filter with 15 sections, by band."""
     rows = [f"| lowest | {' | '.join(f'to {high:,.0f}' for high in HIGHEST)} |", "|---:" * (1 + len(HIGHEST)) + "|"]
     for low in LOWEST:
         errors = (abs(oustaloup(values, 15, (low, high), "").output[chosen] - exact).max() for high in HIGHEST)
@@ -159,15 +158,14 @@ def draw(found: list[Method], errors: dict[Method, float]) -> None:
         for panel in (cost, frequency):
             panel.grid(True, linewidth=0.3)
             panel.spines[["top", "right"]].set_visible(False)
-        cost.set_xlim(15.0, 3e3)  # what is beyond stands in the table
+        cost.set_xlim(15.0, 3e3)  # the table has the points beyond
         figure.legend(loc="outside lower center", ncols=3)
         frequency.set_ylim(1e-8, 1.0)
-        with whole_file(PICTURE) as scratch:
-            scratch.write_text(svg(figure, "Errors of fractional derivatives"), encoding="utf-8", newline="\n")
+        save_svg(figure, PICTURE, "Errors of fractional derivatives")
 
 
 def jumps() -> list[str]:
-    """What lines and parabolas make of a step and of noise."""
+    """Response of lines and parabolas to a step and to noise."""
     both = [derivative(1e-6, between) for between in get_args(Between)]
     first = [", ".join(f"{y:.0f}" for y in sampled.run(np.ones(3))) for sampled in both]
     noise = np.random.default_rng(0).normal(size=50_000)

@@ -22,7 +22,7 @@ def cell(log: str, column: str, /, **cells: str) -> str:
 
 
 def digits(text: str, count: int = 2) -> str:
-    """The first number of a cell with `count` significant digits; what is not a number stays."""
+    """The first number of a cell with `count` significant digits; other text stays."""
     return short(number(text), count) if re.search(r"\d", text) else text
 
 
@@ -169,13 +169,13 @@ def of_composite(column: str) -> list[float]:
 
 
 def late() -> list[float]:
-    """RMS error in deg/s of each device with a delay that its datasheet does not state."""
+    """RMS error in deg/s of each device with an unstated delay."""
     rows = logs.rows("off_model", "device", "RMS error, deg/s")
     return [number(row["RMS error, deg/s"]) for row in rows if "A delay" in row["section"]]
 
 
 def of_fast_turns(device: str) -> float:
-    """Largest share in % of a device's samples that is trusted and wrong in turns faster than the bandwidth."""
+    """Maximum share in % of a device's samples that are trusted but wrong in turns faster than the bandwidth."""
     rows = [row for row in logs.rows("off_model", "rate", "trusted, %") if "faster" in row["section"]]
     of = [(number(row["trusted, %"]), number(row["wrong while trusted, %"])) for row in rows if row["device"] == device]
     return max(trusted * wrong / 100.0 for trusted, wrong in of)
@@ -638,7 +638,7 @@ def ratios(contender: str) -> list[float]:
 
 
 def extremes(name: str, of: Callable[[], list[float]], form: Callable[[float], str]) -> dict[str, Callable[[], str]]:
-    """Two numbers: the least and the most."""
+    """Two numbers: minimum and maximum."""
     return {f"{name}.low": lambda: form(min(of())), f"{name}.high": lambda: form(max(of()))}
 
 

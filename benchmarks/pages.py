@@ -1,10 +1,10 @@
-"""Numbers of README.md and docs/ from the committed logs: rewrites the pages, as `make pages`.
+"""Update the numbers of README.md and docs/ from the committed logs, as `make pages`.
 
     python benchmarks/pages.py            rewrites
-    python benchmarks/pages.py --check    lists what differs, and exits with 1 if anything does
+    python benchmarks/pages.py --check    lists differences; exits with 1 if there are any
 
-A page marks a measured number with a comment right after it, `4.1<!--run.ms-->`, and a table whose rows are measured
-with a line before it, `<!-- table: bounds -->`. page_numbers.py says where each is from.
+A page marks a measured number with a comment directly after it, `4.1<!--run.ms-->`, and a table whose rows are measured
+with a line before it, `<!-- table: bounds -->`. page_numbers.py lists their sources.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def written(page: str) -> str:
 
 
 def filled(text: str) -> str:
-    """Paragraphs with a line that has become too long are filled again."""
+    """Rewrap paragraphs with a line that has become too long."""
     done: list[str] = []
     paragraph: list[str] = []
     fenced = False

@@ -1,9 +1,9 @@
-"""How well the gyroscope senses: composite adaptation against the Cramér-Rao bound, and against the gradient law.
+"""Accuracy of the rate estimate: composite adaptation against the Cramér-Rao bound and the gradient law.
 
     python benchmarks/rate_estimation.py [--seeds N]
 
-Writes benchmarks/results/rate_estimation.md. The bound is that of the velocity equation with unknown d: for each run,
-from its own motion, σ² (Σ rowᵀ row)⁻¹ with the true σ and rows free of the disturbance of their own step.
+Writes benchmarks/results/rate_estimation.md. The bound is for the velocity equation with unknown d: for each run,
+from its own motion, σ² (Σ rowᵀ row)⁻¹ with the true σ and rows without the disturbance of their own step.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SETTLED_BY, SETTLED, EARLY = 6.0, 0.1, 0.5
 BLOCK = 16  # runs recorded at a time: 20 MB each
 NAMES = ("Ωz", "Dxx", "Dxy", "Dyy", "Kxx", "Kxy", "Kyy")
 RATE = 100.0  # rad/s, the paper's
-UNIT = 0.1  # the same, nondimensional; what errors are told in, also where the rate itself is zero
+UNIT = 0.1  # the same, nondimensional; the unit of errors, also if the rate itself is zero
 
 PAPER = fg.Scenario.paper("corrected")
 COMPOSITE = PAPER.replace({"adaptation.kind": "composite"})
@@ -48,12 +48,12 @@ QUIET_LAWS = {f"adaptation.{name}_gain": 1e-9 for name in ("damping", "stiffness
 
 @dataclass
 class Sensed:
-    """Of every run: at TIMES errors and bounds of the seven parameters and the deviation claimed; how it went."""
+    """Results of every run: at TIMES, errors and bounds of the seven parameters and the stated deviation; a summary."""
 
     error: np.ndarray  # (run, time, parameter)
     variance: np.ndarray
     claimed: np.ndarray  # (run, time)
-    settled: np.ndarray  # (run,): within a tenth of UNIT for good, from when on
+    settled: np.ndarray  # (run,): time from which it stays within a tenth of UNIT
     largest: np.ndarray  # largest |Ω̂z| after EARLY over UNIT
 
 
@@ -63,7 +63,7 @@ def truth(scenario: fg.Scenario) -> np.ndarray:
 
 
 def regressors(q: np.ndarray, v: np.ndarray, d: np.ndarray, h: float) -> np.ndarray:
-    """Rows (step, axis, parameter), as they were before the disturbance of their step."""
+    """Rows (step, axis, parameter), without the disturbance of their step."""
     mean_v = np.diff(q, axis=0) / h - h / 2 * d[:-1]
     mean_q = (q[1:] + q[:-1]) / 2 + h / 12 * (v[:-1] - v[1:]) - h**2 / 6 * d[:-1]
     rows = np.zeros((len(mean_v), 2, 7))
@@ -86,7 +86,7 @@ def bounds(run: xr.Dataset, h: float) -> np.ndarray:
 
 def sense(scenario: fg.Scenario, seeds: range) -> Sensed:
     h, true = scenario.run.step, truth(scenario)
-    at = [round(time_of / h) + 1 for time_of in TIMES]  # told at a sample is what was known before it
+    at = [round(time_of / h) + 1 for time_of in TIMES]  # the report at a sample is the estimate before it
     parts = []
     longer = scenario.replace({"run.duration": scenario.run.duration + h})
     for first in range(0, len(seeds), BLOCK):
@@ -116,7 +116,7 @@ def tracking(scenario: fg.Scenario, seeds: range) -> np.ndarray:
 
 
 def late(scenario: fg.Scenario, seeds: range) -> list[str]:
-    """Cells on runs whose force comes one step late."""
+    """Cells for runs with a delay of one step."""
     scenario = scenario.replace({"device.delay": 1})
     largest, trusted, last = [], [], []
     for first in range(0, len(seeds), BLOCK):

@@ -1,4 +1,4 @@
-"""The rate's bandwidth and step against its noise, beside a Kalman filter.
+"""Bandwidth and step response of the rate against its noise, compared with a Kalman filter.
 
 Writes benchmarks/results/rate_response.md and docs/rate_response.svg.
 """
@@ -14,7 +14,7 @@ from pathlib import Path
 import fracgyro as fg
 import numpy as np
 import xarray as xr
-from fracgyro.analysis.style import own_style
+from fracgyro.analysis.style import own_style, save_svg
 from fracgyro.rate.merit import gain_and_lag, response
 from fracgyro.rate.units import DEG_PER_S
 from fracgyro.scenario.shipped import exactly_sensed, shipped
@@ -31,30 +31,33 @@ DRAWING = Path(__file__).resolve().parents[1] / "docs" / "rate_response.svg"
 SCENARIOS = ["paper_resonance", "dual_mass"]
 DEVICES = ["paper_resonance", "dual_mass", "tuned_in_air", "disc"]
 RATE = DEG_PER_S.to_si(100.0)
-# A rate of more deviations at once makes a filter begin again: of least squares, and of the joint filter.
+# A step of more standard deviations makes a filter restart; for least squares and for the joint filter.
 MOST, MOST_JOINT = 300.0, 100.0
 CORNERS = [10.0, 30.0, 100.0, 300.0]  # Hz, of adaptation.rate_forgetting
 SPREAD = np.geomspace(0.25, 4.0, 7)  # sine frequencies over the corner
 SEEDS = range(4)
-EVERY = 8  # steps between looks at the output; the Kalman filter takes in as many at a time
-SETTLED = 0.02  # of the step
-WITHIN = 1.5  # times the Kalman filter's noise: what the estimator is to keep
+EVERY = 8  # steps between samples of the output; the Kalman filter processes as many at a time
+SETTLED = 0.02  # fraction of the step
+WITHIN = 1.5  # limit for the estimator's noise over the Kalman filter's
 COLOURS = ["#E69F00", "#0072B2", "#009E73", "#CC79A7"]
 
 
 def kalman(run: xr.Dataset, scenario: fg.Scenario, walk: float) -> Array:
-    """The rate as the Kalman filter has it that knows D and K and takes Omega_z for a random walk of this intensity.
+    """Rate estimate of a Kalman filter that knows D and K and models Omega_z as a random walk of this intensity.
 
-    Nondimensional; `walk` is variance per unit of time. From every step of the same run: the impulse of eq. (9) over a
-    step that D, K and the force leave unexplained is 2 Omega_z J dq, plus noise of variance S h on each axis. EVERY
-    steps are taken in at once: an element for each. The element at a time holds the information of the steps before it.
+    Nondimensional; `walk` is variance per unit of time. Measurement of every step: the impulse of eq. (9) not explained
+                                                         by D, K and the force is 2 Omega_z J dq, plus noise of variance
+                                                         S h on each axis. EVERY steps are processed at once, one
+                                                         element for each. The element at a time contains the
+                                                         information of the steps before it.
     """
     position, velocity, force = (run[name].values for name in ("position", "velocity", "control"))
     h = scenario.run.step
     damping, stiffness = (_matrix(entries) for entries in scenario.plant.nondimensional()[:2])
     moved = np.diff(position, axis=0)
     held = h / 2 * (position[1:] + position[:-1]) + h**2 / 12 * (velocity[:-1] - velocity[1:])
-    # Hermite's rule lacks h^5/720 times the fourth derivative, which with K known is heard as a beat of the two axes.
+    # Hermite's rule has an error of h^5/720 times the fourth derivative, which with known K appears as a beat of the
+    # axes.
     held += h**5 / 720 * np.array(scenario.reference.frequency) ** 4 * position[1:]
     left = np.diff(velocity, axis=0) - h * force[:-1] + moved @ damping + held @ stiffness
     # left = -2 Omega_z (-dq_y, dq_x) + noise
@@ -85,9 +88,8 @@ Outputs = Callable[[Changes], tuple[Array, ...]]  # time in s, and estimates in 
 
 
 def both(scenario: fg.Scenario, walk: float, changes: Changes) -> tuple[Array, Array, Array]:
-    """Time in s; Omega_z in rad/s as least squares have it, and as the Kalman filter has it, in the same run.
-
-    The filter knows of the scenario, and not of these changes to the run.
+    """Time in s; Omega_z in rad/s from least squares and from the Kalman filter, in the same run. The filter uses the
+    scenario without these changes to the run.
     """
     run = fg.simulate(scenario.replace(changes))
     scales = scenario.plant.scales
@@ -104,7 +106,7 @@ def noise(records: list[Array]) -> float:
 
 @dataclass(frozen=True)
 class Step:
-    """The answer to a step of the rate, from the step on: over it, at times in s."""
+    """Response to a step of the rate, normalized, at times in s after the step."""
 
     time: Array
     answer: Array
@@ -121,14 +123,14 @@ class Step:
 
     @property
     def settling(self) -> float:
-        """s, until within 2 % for good."""
+        """s, until it stays within 2 %."""
         off = np.flatnonzero(abs(self.answer - 1.0) > SETTLED)
         return float(self.time[off[-1] + 1])
 
 
 @dataclass(frozen=True)
 class Answer:
-    """Of one estimator, set to one corner: rad/s, Hz, rad."""
+    """Response of one estimator at one corner: rad/s, Hz, rad."""
 
     noise: float
     bandwidth: float
@@ -137,7 +139,7 @@ class Answer:
 
 
 def answers(scenario: fg.Scenario, corner: float, outputs: Outputs, quiet: Changes, most: float) -> list[Answer]:
-    """One for each estimator; `quiet` takes noise away that it goes by whether it is there or not."""
+    """One for each estimator; `quiet` removes noise that the estimator assumes in any case."""
     scales = scenario.plant.scales
     resting = [outputs({"disturbance.seed": seed})[1:] for seed in SEEDS]
     deviations = [noise(list(records)) for records in zip(*resting, strict=True)]
@@ -167,7 +169,7 @@ def answers(scenario: fg.Scenario, corner: float, outputs: Outputs, quiet: Chang
 
 
 def measure(scenario: fg.Scenario, corner: float) -> tuple[Answer, Answer]:
-    """Of least squares and of the Kalman filter."""
+    """Results of least squares and of the Kalman filter."""
     # The steady filter is of first order: corner sqrt(walk)/N, with N^2 = S/(4 mean |v|^2).
     speed = fg.simulate(scenario.replace({"run.duration": 2000.0}))["velocity"].values
     density = scenario.disturbance.density or 0.0
@@ -178,7 +180,7 @@ def measure(scenario: fg.Scenario, corner: float) -> tuple[Answer, Answer]:
 
 
 def of_positions(scenario: fg.Scenario, corner: float) -> Answer:
-    """Of the joint filter of a shipped device, which goes by the noise of its datasheet whatever the noise is."""
+    """Results of the joint filter of a shipped device, which assumes the noise of its datasheet."""
     noise_of = datasheet(scenario)
     named = {f"datasheet.{name}": getattr(noise_of, name) for name in ("force_noise", "position_noise")}
     scenario = scenario.replace({**named, "run.record_every": EVERY})
@@ -219,7 +221,7 @@ def line(*words: str) -> str:
 
 
 def long_enough(scenario: fg.Scenario, corner: float) -> fg.Scenario:
-    """For 12 periods of the slowest sine in the steady half, as far as the exponentials reach."""
+    """12 periods of the slowest sine in the steady half, within the range of the exponentials."""
     steps = min(24 / (corner * SPREAD[0]) / scenario.plant.scales.time / scenario.run.step, 900_000)
     steps = EVERY * round(max(steps, 80_000) / EVERY)
     rate = 2 * math.pi * corner * scenario.plant.scales.time
@@ -281,7 +283,7 @@ def main() -> None:
 
 
 def draw(measured: dict[str, list[tuple[Answer, Answer]]]) -> None:
-    """Noise over bandwidth, of either scenario, and beside them the steps of the last one."""
+    """Noise over bandwidth for both scenarios, and next to them the step responses of the last one."""
     with own_style():
         figure = Figure(figsize=(170 / 25.4, 72 / 25.4), layout="constrained")
         trade, steps = figure.subplots(1, 2)
@@ -324,7 +326,7 @@ def draw(measured: dict[str, list[tuple[Answer, Answer]]]) -> None:
         trade.set_ylim(top=400.0)  # room for the legend
         trade.legend(fontsize=7, loc="upper left")
         steps.legend(fontsize=7, loc="upper left", title="set to", title_fontsize=7)
-        figure.savefig(DRAWING, metadata={"Date": None})
+        save_svg(figure, DRAWING, "Noise and step response of the rate against its bandwidth")
 
 
 if __name__ == "__main__":

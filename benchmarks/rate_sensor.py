@@ -1,4 +1,4 @@
-"""What each law gives as a rate sensor, and what is left of it on devices that are not ideal.
+"""Performance of each law as a rate sensor, and on real devices.
 
 Writes benchmarks/results/rate_sensor.md and docs/rate_sensor.svg.
 """
@@ -13,13 +13,14 @@ from pathlib import Path
 
 import fracgyro as fg
 import numpy as np
-from fracgyro.analysis.style import own_style
+from fracgyro.analysis.style import own_style, save_svg
 from fracgyro.rate.allan import allan
-from fracgyro.rate.measure import WITHIN, Characterisation, measure
+from fracgyro.rate.measure import Characterization, measure
 from fracgyro.rate.merit import static
 from fracgyro.rate.report import value_of
 from fracgyro.rate.results import results, short
-from fracgyro.rate.runs import Sensor
+from fracgyro.rate.runs import WITHIN, run_all
+from fracgyro.rate.sensor import Sensor
 from fracgyro.rate.units import DEG_PER_H, DEG_PER_ROOT_H, DEG_PER_S, PERCENT, PPM
 from fracgyro.scenario.shipped import exactly_sensed, shipped
 from machine import command, machine, write
@@ -33,9 +34,9 @@ DEVICES = ["dual_mass", "tuned_in_air"]
 ALL_DEVICES = ["paper_resonance", "dual_mass", "tuned_in_air", "disc"]
 MINUTE = 60.0  # s
 QUADRATURE = DEG_PER_S.to_si(250.0)
-RANGE = 1.25  # of the sensors, over the largest amplitude
+RANGE = 1.25  # range of the sensors, over the maximum amplitude
 PICK_OFF = 1e-13  # m/sqrt(Hz), one-sided, as the devices are shipped
-CORNER = 1e3  # Hz, of flicker noise
+CORNER = 1e3  # Hz, corner of flicker noise
 WARMING = 10.0  # K over a run
 DRIFT = -30.0  # ppm/K, silicon
 KEYS = [
@@ -53,13 +54,13 @@ COLOURS = ["#E69F00", "#0072B2", "#009E73", "#CC79A7"]
 
 
 def sensing(scenario: fg.Scenario) -> fg.Scenario:
-    """The same with least squares as the sensor, as far as Omega_z is concerned of 100 Hz."""
+    """The same with least squares as the sensor, with a bandwidth of 100 Hz for Omega_z."""
     rate = 2 * math.pi * 100.0 * scenario.plant.scales.time
     return scenario.replace({"adaptation.kind": "composite", "adaptation.rate_forgetting": rate})
 
 
 def cases() -> list[tuple[str, str, fg.Scenario]]:
-    """Where, which law, scenario."""
+    """Device, law, scenario."""
     paper = fg.Scenario.paper().replace({"run.duration": 800.0})
     found = [
         ("paper, its noise, off resonance", "laws (44), the paper's gains", paper),
@@ -95,14 +96,14 @@ Effects = list[tuple[str, dict[str, object]]]
 
 
 def of_exact_sensing(scenario: fg.Scenario) -> Effects:
-    """What a device has that the ideal one has not, one at a time, and then together."""
+    """Effects of a real device, one at a time, and then together."""
     noise: dict[str, object] = {
         "device.position_noise_density": PICK_OFF,
         "device.velocity_noise_density": PICK_OFF * scenario.plant.reference_frequency,
     }
     delay: dict[str, object] = {"device.delay": 1}
     drift, fine = falling(scenario), converters(scenario, 16, "position", "velocity")
-    # The observer starts at rest, and so does the mass: where it turns.
+    # The observer starts at rest, and so does the mass, at a turning point.
     x, y = scenario.reference.amplitude
     position: dict[str, object] = {
         "device.sensing": "position",
@@ -129,7 +130,7 @@ def of_exact_sensing(scenario: fg.Scenario) -> Effects:
 
 
 def of_positions(scenario: fg.Scenario) -> Effects:
-    """The same of a device that senses positions, with noise."""
+    """The same for a device that senses positions, with noise."""
     fine, drift, tracked = converters(scenario, 16, "position"), falling(scenario), forgetting(scenario, 100.0)
     flicker: dict[str, object] = {"device.position_noise_corner": CORNER}
     delay: dict[str, object] = {"device.delay": 1}
@@ -167,7 +168,7 @@ def of_a_minute(_: fg.Scenario) -> Effects:
 
 
 def of_hidden_delay(scenario: fg.Scenario) -> Effects:
-    """A force a step late that the filter does not know of, at rest and with quadrature."""
+    """An unstated delay of the force by one step, at rest and with quadrature."""
     plant = scenario.plant
     hidden: dict[str, object] = {"device.delay": 1, "datasheet.delay": 0}
     coupling = 2 * plant.mass * math.sqrt(plant.stiffness.xx / plant.mass) * QUADRATURE
@@ -274,9 +275,10 @@ def main() -> None:
         "As `fracgyro rate` defines each figure. As printed the law never moves Ω̂z: there is nothing to measure.",
         "",
     ]
-    measured: list[tuple[str, str, Characterisation]] = []
+    measured: list[tuple[str, str, Characterization]] = []
     for place, law, scenario in cases():
-        found = measure(scenario, seeds=options.seeds)
+        sensor = Sensor.of(scenario, options.seeds)
+        found = measure(sensor, run_all(sensor))
         measured.append((place, law, found))
         by_key = {result.key: result for result in results(found)}
         if len(measured) == 1:
@@ -306,7 +308,7 @@ def main() -> None:
     write("rate_sensor", lines)
 
 
-def draw(measured: list[tuple[str, str, Characterisation]]) -> None:
+def draw(measured: list[tuple[str, str, Characterization]]) -> None:
     """Allan deviations of the paper's gyroscope, off and on resonance, with the bounds."""
     titles = ["paper, its noise, off resonance", "paper, thermal noise, off resonance", "paper_resonance"]
     heads = ["off resonance, the paper's noise", "off resonance, thermal noise", "at resonance, thermal noise"]
@@ -328,7 +330,7 @@ def draw(measured: list[tuple[str, str, Characterisation]]) -> None:
         panels[0].set_ylabel("Allan deviation (deg/h)")
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=3)
-        figure.savefig(DRAWING, metadata={"Date": None})
+        save_svg(figure, DRAWING, "Allan deviation of the rate")
 
 
 if __name__ == "__main__":

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import fracgyro as fg
 import xarray as xr
-from fracgyro.analysis.style import COLORS, PAGE, own_style, svg
-from fracgyro.files import whole_file
+from fracgyro.analysis.style import COLORS, PAGE, own_style, save_svg
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -30,8 +29,7 @@ def draw(path: Path) -> None:
             panel.grid(True, linewidth=0.3)
             panel.spines[["top", "right"]].set_visible(False)
         figure.tight_layout(w_pad=2)
-        with whole_file(path) as scratch:
-            scratch.write_text(svg(figure, "A simulated run"), encoding="utf-8", newline="\n")
+        save_svg(figure, path, "A simulated run")
 
 
 def draw_tracking(panel: Axes, run: xr.Dataset) -> None:

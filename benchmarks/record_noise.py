@@ -21,7 +21,7 @@ from scipy.signal import butter, lfilter
 Array = NDArray[np.float64]
 DEG = math.pi / 180
 
-SAMPLES, RECORDS = 20_000, 500  # of each kind
+SAMPLES, RECORDS = 20_000, 500  # per kind
 KINDS = {  # N is 1, a sample a second
     "N": (0.0, 0.0),
     "N and B": (0.5, 0.0),
@@ -52,7 +52,7 @@ def flicker(b: float, samples: int, rng: np.random.Generator) -> Array:
 
 
 def one_clean(job: tuple[str, int]) -> list[tuple[bool, bool, float]]:
-    """For N, B, K: seen or not, in its interval or not, half the interval over it."""
+    """For N, B, K: observed or not, in its interval or not, relative half width of the interval."""
     kind, seed = job
     b, k = KINDS[kind]
     rng = np.random.default_rng([seed, list(KINDS).index(kind)])
@@ -86,7 +86,7 @@ def coverage(pool: ProcessPoolExecutor) -> Iterator[str]:
 
 @dataclass
 class Bench:
-    """A record at rest, and what the faults need to know of it."""
+    """A record at rest, and the data that the faults need."""
 
     record: Array
     noise: float  # deviation of a sample
@@ -108,7 +108,7 @@ class Bench:
         return self.rng.random(self.samples) < share
 
     def with_change(self, length: int, change: Callable[[Array], Array | float]) -> Array:
-        """From the middle on, over so many samples."""
+        """From the middle on, over a number of samples."""
         part = slice(self.middle, self.middle + length)
         self.record[part] = change(self.record[part])
         return self.record
@@ -152,7 +152,8 @@ FAULTS: dict[str, Callable[[Bench], Array]] = {
 
 
 def one_fault(job: tuple[str, str, int]) -> tuple[str, float]:
-    """`names` a fault, `holds` the truth, `limits` it, is `silent`, or is `wrong`; and the fitted N over the truth."""
+    """`names` a fault, `holds` the true value, `limits` it, is `silent`, or is `wrong`; and the fitted N over the true
+    N."""
     fault, grade, seed = job
     n, samples = GRADES[grade]
     rng = np.random.default_rng([seed, list(FAULTS).index(fault), list(GRADES).index(grade)])
@@ -221,7 +222,7 @@ CLEAN_KINDS = [
 
 
 def blamed(job: tuple[str, int]) -> list[str]:
-    """Kinds of what was found that spoils."""
+    """Kinds of found events that corrupt the noise."""
     name, seed = job
     record = clean(name, np.random.default_rng([seed, CLEAN_KINDS.index(name), 7]))
     return [event.kind for event in fg.rate.inspect(record, INTERVAL) if event.spoils]
@@ -237,7 +238,7 @@ def alarms(pool: ProcessPoolExecutor) -> Iterator[str]:
 
 
 def main() -> None:
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # of the processes below
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # for the processes below
     with ProcessPoolExecutor(os.cpu_count()) as pool:
         lines = [
             "# The noise terms of records",

@@ -1,4 +1,4 @@
-"""Makes the sample records in examples/records and the pictures of docs/record.md.
+"""Generate the sample records in examples/records and the pictures of docs/record.md.
 
 The gyroscope: N = 0.3 deg/sqrt(h), B = 4 deg/h, K = 12 deg/h/sqrt(h), 10 samples a second, four decimals.
 """
@@ -11,7 +11,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from fracgyro.rate import analyse_record
+from fracgyro.rate import analyze_record
 from numpy.typing import NDArray
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -48,7 +48,7 @@ def main(docs: Path = DOCS, folder: Path = RECORDS) -> None:
         rows = (f"{INTERVAL * i:.1f},{value:.4f}\n" for i, value in enumerate(values))
         (folder / f"{name}.csv").write_text("time [s],rate [deg/s]\n" + "".join(rows), encoding="utf-8", newline="\n")
         with tempfile.TemporaryDirectory() as scratch:
-            analyse_record(folder / f"{name}.csv", Path(scratch) / "out")
+            analyze_record(folder / f"{name}.csv", Path(scratch) / "out")
             for picture in PICTURES[name]:
                 text = (Path(scratch) / "out" / f"{picture}.svg").read_text(encoding="utf-8")
                 (docs / f"record_{name}_{picture}.svg").write_text(text, encoding="utf-8", newline="\n")

@@ -25,9 +25,9 @@ used = resource.getrusage(resource.RUSAGE_SELF)
 print(time.perf_counter() - began, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024)
 """
 WORK = {
-    "`fracgyro allan`: reads, looks, fits": "from fracgyro.rate import analyse_record\n"
-    "analyse_record(sys.argv[1], column='x')",
-    "… with a report": "from fracgyro.rate import analyse_record\nanalyse_record(sys.argv[1], sys.argv[2], column='x')",
+    "`fracgyro allan`: reads, looks, fits": "from fracgyro.rate import analyze_record\n"
+    "analyze_record(sys.argv[1], column='x')",
+    "… with a report": "from fracgyro.rate import analyze_record\nanalyze_record(sys.argv[1], sys.argv[2], column='x')",
     "`fg.rate.inspect` of the array": "import numpy as np; from fracgyro.rate import inspect\n"
     "values = np.load(sys.argv[3]); inspect(values, 0.001)",
     "`fg.rate.allan` of the array": "import numpy as np; from fracgyro.rate import allan\n"

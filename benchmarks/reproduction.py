@@ -1,4 +1,4 @@
-"""Runs the reproduction in full and in short, and keeps its verdicts; writes benchmarks/results/reproduction.md."""
+"""Run the full and the quick reproduction, and record the verdicts; writes benchmarks/results/reproduction.md."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 
 from machine import machine, write
 
-DEPENDS_ON = ["sliding_mode", "python/fracgyro/paper/reproduce.py"]
+DEPENDS_ON = ["sliding_mode", "lab/fracgyro_lab/paper/reproduce.py"]
 
 
 def reproduce(folder: str, *options: str) -> float:

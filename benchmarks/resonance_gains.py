@@ -1,4 +1,4 @@
-"""Which adaptation gains a gyroscope driven at resonance needs; writes benchmarks/results/resonance_gains.md."""
+"""Adaptation gains for a gyroscope driven at resonance; writes benchmarks/results/resonance_gains.md."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import time
 import fracgyro as fg
 import numpy as np
 from fracgyro.rate.merit import turn_on_time
-from fracgyro.rate.runs import Sensor
+from fracgyro.rate.sensor import Sensor
 from fracgyro.rate.units import DEG_PER_S
 from fracgyro.scenario.shipped import exactly_sensed
 from machine import command, machine, write
@@ -23,7 +23,7 @@ SEEDS = 4
 
 
 def changes(rate_gain: float, switching: float) -> dict[str, object]:
-    """The laws alone; M and N a third of P, as in the shipped scenario."""
+    """Only the laws; M and N a third of P, as in the shipped scenario."""
     layer = exactly_sensed(NAME).controller.layer_thickness
     return {
         "adaptation.kind": "gradient",
@@ -35,7 +35,7 @@ def changes(rate_gain: float, switching: float) -> dict[str, object]:
 
 
 def cell(scenario: fg.Scenario) -> str:
-    """Steady error of the rate's mean and its spread, deg/s; time until within 1 % for good, ms."""
+    """Steady error of the rate's mean and its spread, deg/s; time until it stays within 1 %, ms."""
     try:
         output = Sensor.of(scenario, SEEDS).output(RATE)
     except ValueError:
@@ -49,7 +49,7 @@ def cell(scenario: fg.Scenario) -> str:
 
 
 def lag_of_surface(base: fg.Scenario, switching: float) -> float:
-    """rad: how far s on y is behind the force of a wrong Omega_z, which is in phase with q'_x, when nothing learns."""
+    """rad: phase lag of s on y behind the force of a wrong Omega_z, which is in phase with q'_x, without adaptation."""
     still = {
         "adaptation.damping_gain": 1e-12,
         "adaptation.stiffness_gain": 1e-12,
@@ -63,14 +63,14 @@ def lag_of_surface(base: fg.Scenario, switching: float) -> float:
         for rate in (0.0, RATE)
     ]
     without, wrong = (run.isel(time=slice(run.sizes["time"] // 2, None)) for run in runs)
-    answer = (wrong["surface"] - without["surface"]).values[:, 1]  # what the rate adds to s
+    answer = (wrong["surface"] - without["surface"]).values[:, 1]  # contribution of the rate to s
     force = -wrong["velocity"].values[:, 0]  # times 2 Omega_z
     carrier = np.exp(-1j * wrong["time"].values) * np.hanning(len(force))  # the x axis moves at 1
     return float(np.angle((force * carrier).sum() / (answer * carrier).sum()))
 
 
 def thrown(base: fg.Scenario) -> str:
-    """The largest estimate over the rate, of each seed, from rest and from the reference, with the laws alone."""
+    """The largest estimate over the rate, of each seed, from rest and from the reference, with only the laws."""
     cells = []
     for start in ({"run.initial_position": (0.0, 0.0), "run.initial_velocity": (0.0, 0.0)}, {}):
         scenario = base.replace(

@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 import fracgyro as fg
 import matplotlib
 import numpy as np
+from fracgyro.analysis.style import LETTERS, save_svg
 from machine import RESULTS, command, machine, write
 
 matplotlib.use("Agg")
@@ -30,7 +31,7 @@ STEP = 1e-3
 STEPS = (1_000, 3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000)
 TOLERANCES = tuple(10.0**-n for n in range(2, 10))
 RUNS = (1, 4, 16, 64, 256, 1024, 4096)
-FEW_STEPS = 10_000  # of each run where there are many
+FEW_STEPS = 10_000  # steps of each run if there are many runs
 RUNS_PER_THREADS = 64
 
 
@@ -50,7 +51,7 @@ class Series:
         return np.array([statistics.median(s) for s in self.seconds])
 
     def slope(self) -> float:
-        """Of log time against log `at`, least squares."""
+        """Least-squares slope of log time against log `at`."""
         x = np.array(self.at)
         used = x >= self.slope_from
         return float(np.polyfit(np.log(x[used]), np.log(self.medians[used]), 1)[0]) if used.sum() > 1 else math.nan
@@ -127,7 +128,7 @@ def threads_panel(rounds: int) -> Series:
 
 
 def draw(panels: list[Series]) -> None:
-    plt.rcParams["svg.hashsalt"] = "fracgyro"
+    plt.rcParams.update(LETTERS)
     figure, axes = plt.subplots(2, 2, figsize=(10, 7.5), layout="constrained")
     for axis, series in zip(axes.flat, panels, strict=True):
         x, median = np.array(series.at), 1e3 * series.medians
@@ -153,7 +154,7 @@ def draw(panels: list[Series]) -> None:
         axis.set_title(series.title, fontsize=10)
         axis.grid(True, which="major", alpha=0.3)
         axis.legend(fontsize=8)
-    figure.savefig(RESULTS / "scaling.svg", metadata={"Date": None})
+    save_svg(figure, RESULTS / "scaling.svg", "Time of runs")
 
 
 def main() -> None:

@@ -26,9 +26,9 @@ DEPENDS_ON = ["sliding_mode", "joint"]
 SEEDS = 64
 MANY = 500  # seeds of rows with a mark on the ratio: their interval is -6 to +6.5 %
 STARTS = count(0, MANY)  # first seed of each row: no two rows share one
-TIME = 0.2  # s, of a run
+TIME = 0.2  # s, duration of a run
 DEVICES = ["paper_resonance", "dual_mass", "tuned_in_air", "disc"]
-NOISES = [0.0, 1e-14, 1e-13, 1e-12]  # m/sqrt(Hz), one-sided, of the position; of the velocity omega0 times that
+NOISES = [0.0, 1e-14, 1e-13, 1e-12]  # m/sqrt(Hz), one-sided, position; velocity noise is omega0 times that
 COMMODITY = 1e-13
 FAST = DEG_PER_S.to_si(300.0)
 
@@ -52,7 +52,7 @@ class Ends:
 
     @property
     def half_width(self) -> float:
-        """Of the 95 % interval of the mean."""
+        """Half width of the 95 % interval of the mean."""
         spread = self.error.std(ddof=1) / math.sqrt(len(self.error))
         return float(stats.t.ppf(0.975, len(self.error) - 1) * spread)
 
@@ -65,7 +65,7 @@ class Ends:
 
 
 def device(name: str, density: float, *, velocity: bool = False, **changes: Any) -> fg.Scenario:
-    """A shipped one with this sensing noise and the joint filter, whose first guess of the rate is 0."""
+    """A shipped device with this sensing noise and the joint filter, with an initial rate estimate of 0."""
     scenario = shipped(name)
     noise: dict[str, object] = {
         "device.sensing": "full" if velocity else "position",
@@ -212,7 +212,7 @@ def electronics() -> list[str]:
 
 
 def hidden() -> list[str]:
-    """A force a step late that the filter does not know of, on each device, without and with quadrature."""
+    """An unstated delay of the force by one step, on each device, without and with quadrature."""
     lines = heads("device", "hidden delay of one step")
     for name in DEVICES:
         plant = shipped(name).plant
@@ -226,7 +226,7 @@ def hidden() -> list[str]:
 
 
 def drift() -> list[str]:
-    """The second half of runs in which the stiffness falls."""
+    """The second half of runs with falling stiffness."""
     lines = [
         "| D, K forgotten at (Hz) | mean error (deg/h) | RMS error (deg/h) | noise without drift, over that at 0 |",
         "|---" * 4 + "|",

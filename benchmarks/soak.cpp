@@ -1,10 +1,15 @@
-// The closed loop of soak.py: up to eight runs side by side in the lanes of a register, without contraction, so that
-// each has the bits of its single run. Standard output: one line for each run at each mark.
-#include "soak_input.hpp"
-
+// The closed loops of soak.py, compiled for each NUMBER. Standard input: number of runs and of steps; then of each run
+// the place of its kind, its settings (settings.hpp), and its exponentials. Standard output: lines at each mark.
+//     without argument   up to eight runs in the lanes of a register, without contraction: the bits of single runs
+//     one argument       one run from positions with noise of this deviation; plant in double, controller in NUMBER
 #include "fracgyro/sim/batch.hpp"
+#include "fracgyro/sim/loop.hpp"
+#include "fracgyro/sim/settings.hpp"
 
 #include <cmath>
+#include <cstdlib>
+#include <iostream>
+#include <vector>
 
 namespace fracgyro {
 namespace {
@@ -12,6 +17,36 @@ namespace {
 constexpr std::size_t lanes = 8;
 constexpr std::int64_t window = 1'000'000;  // steps before a mark over which is averaged
 constexpr std::int64_t stretch = 500;
+
+std::vector<Setup> read_runs(std::int64_t& steps) {
+    std::size_t count = 0;
+    std::cin >> count >> steps;
+    std::vector<Setup> runs(count);
+    for (Setup& run : runs) {
+        std::size_t kind = 0;
+        std::cin >> kind;
+        run.controller = params_of_kind(kind);
+        std::vector<double> values(setting_count(run));
+        for (double& value : values) {
+            std::cin >> value;
+        }
+        take_settings(run, values.data());
+        ExponentialSum* const kernel = kernel_of(run.controller);
+        for (std::size_t i = 0; kernel != nullptr && i < kernel->count; ++i) {
+            std::cin >> kernel->poles[i] >> kernel->weights[i];
+        }
+    }
+    return runs;
+}
+
+// The next figures are due after 1e6, 1e7, … steps, half of them and all.
+std::int64_t next_mark(std::int64_t n, std::int64_t steps) {
+    std::int64_t mark = 10 * window;
+    while (mark <= n) {
+        mark = mark < steps / 2 ? std::min(mark * 10, steps / 2) : steps;
+    }
+    return n < window ? window : mark;
+}
 
 SwitchingParams control_of(const Setup& setup) {
     SwitchingParams control;
@@ -24,7 +59,7 @@ SwitchingParams control_of(const Setup& setup) {
 }
 
 struct Sums {
-    double error_x = 0.0, error_y = 0.0, rate = 0.0, rate_squared = 0.0, gain = 0.0;
+    double error_x = 0.0, error_y = 0.0, rate = 0.0, rate_squared = 0.0, gain = 0.0, stated = 0.0, trusted = 0.0;
 };
 
 template <Controller C>
@@ -65,7 +100,7 @@ void soak(const std::vector<Setup>& runs, std::int64_t steps) {
         for (std::size_t k = 0; k < lanes; ++k) {
             disturbances[k].fill(n, coming[k]);
         }
-        const std::int64_t mark = next_mark(n, window, steps);
+        const std::int64_t mark = next_mark(n, steps);
         const bool counting = n >= mark - window;
         T x{}, y{}, rate{}, squared{}, gain{};
         Signals<T, typename C::Report> signals;
@@ -118,8 +153,52 @@ void soak(const std::vector<Setup>& runs, std::int64_t steps) {
     }
 }
 
-template <class Number>
-int run() {
+template <Controller C>
+void soak_joint(const Setup& setup, std::int64_t steps, double sensing) {
+    using T = typename C::Value;
+    const auto controller = prepare<C>(setup.controller, setup.common);
+    const auto plant = Gyroscope<double>::prepare(setup.plant, setup.common.step);
+    typename C::State state{};
+    Motion<double> motion = Gyroscope<double>::start(setup.plant);
+    Disturbance force(setup.disturbance, setup.common.step);
+    DisturbanceParams of_sensor = setup.disturbance;
+    of_sensor.standard_deviation = sensing;
+    of_sensor.stream = 1;
+    Disturbance sensor(of_sensor, setup.common.step);
+    const auto number = [](T a) { return static_cast<double>(a); };
+    Sums s;
+    for (std::int64_t n = 0; n < steps;) {
+        const std::int64_t mark = next_mark(n, steps);
+        for (; n < mark; ++n) {
+            const Vec2<double> seen = motion.position + sensor(n);
+            const auto signals = C::step(state, controller, {.position = {T(seen.x()), T(seen.y())}, .velocity = {}});
+            if (n >= mark - window) {
+                const Vec2<T>& r = signals.reference.position;
+                const double x = motion.position.x() - number(r.x()), y = motion.position.y() - number(r.y());
+                const auto& report = signals.report;
+                const double rate = number(report.rate) - setup.plant.rate;
+                s.error_x += x * x;
+                s.error_y += y * y;
+                s.rate += rate;
+                s.rate_squared += rate * rate;
+                s.stated += number(report.rate_deviation);
+                s.trusted += number(report.rate_trusted);
+            }
+            Gyroscope<double>::step(motion, plant, {number(signals.force.x()), number(signals.force.y())}, force(n));
+        }
+        if (!bounded(motion)) {
+            std::cout << n << " diverged\n";
+            return;
+        }
+        const double count = static_cast<double>(window), mean = s.rate / count;
+        std::cout << n << ' ' << std::sqrt(s.error_x / count) << ' ' << std::sqrt(s.error_y / count) << ' ' << mean
+                  << ' ' << std::sqrt(std::max(0.0, s.rate_squared / count - mean * mean)) << ' ' << s.stated / count
+                  << ' ' << s.trusted / count << std::endl;
+        s = {};
+    }
+}
+
+int run(const char* sensing) {
     std::int64_t steps = 0;
     const std::vector<Setup> runs = read_runs(steps);
     if (!std::cin || runs.empty() || runs.size() > lanes) {
@@ -127,16 +206,25 @@ int run() {
     }
     std::cout.precision(6);
     bool soaked = false;
-    with_controller<Lanes<Number, lanes>>(runs[0].controller, [&]<class C>() {
-        if constexpr (requires(typename C::Report report) { report.rate, report.bound; }) {
-            soak<C>(runs, steps);
-            soaked = true;
-        }
-    });
+    if (sensing != nullptr) {
+        with_controller<NUMBER>(runs[0].controller, true, [&]<class C>() {
+            if constexpr (requires(typename C::Report report) { report.rate, report.rate_deviation; }) {
+                soak_joint<C>(runs[0], steps, std::atof(sensing));
+                soaked = true;
+            }
+        });
+    } else {
+        with_controller<Lanes<NUMBER, lanes>>(runs[0].controller, [&]<class C>() {
+            if constexpr (requires(typename C::Report report) { report.rate, report.bound; }) {
+                soak<C>(runs, steps);
+                soaked = true;
+            }
+        });
+    }
     return soaked ? 0 : 1;
 }
 
 }  // namespace
 }  // namespace fracgyro
 
-int main() { return fracgyro::run<NUMBER>(); }
+int main(int, char** arguments) { return fracgyro::run(arguments[1]); }

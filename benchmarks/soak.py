@@ -1,15 +1,19 @@
-"""Every shipped scenario for 1e8 steps: errors, rate, bounds and rho h/delta, in each kind, adaptation and precision;
-the paper's kind for 1e9 steps, which are 1,000 s of its device.
+"""Runs of 1e8 and 1e9 steps; writes benchmarks/results/soak.md or soak_joint.md. Compiles benchmarks/soak.cpp.
 
-Writes benchmarks/results/soak.md. python benchmarks/soak.py compiles benchmarks/soak.cpp and runs it, which takes a
-processor an hour. Killed, it goes on with the blocks that build/soak does not hold for these sources.
+python benchmarks/soak.py soak          every shipped scenario in each kind, adaptation and precision: errors, rate,
+                                        bounds and rho h/delta; takes a processor an hour. After an interruption
+                                        it continues with the blocks that build/soak does not yet hold.
+python benchmarks/soak.py soak_joint    every shipped device as shipped, from positions with sensing noise and joint
+                                        adaptation
 """
 
 from __future__ import annotations
 
+import argparse
 import os
 import subprocess
 import tempfile
+import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import product
@@ -21,13 +25,14 @@ import numpy as np
 from fracgyro import _core
 from fracgyro.export.compilers import FLAGS, SOURCES, Number, include, system_compiler
 from fracgyro.files import whole_file
+from fracgyro.rate.units import DEG_PER_S
 from fracgyro.scenario import kinds
-from fracgyro.scenario.shipped import SHIPPED, exactly_sensed
-from fracgyro.scenario.to_core import core_setup
-from machine import write
+from fracgyro.scenario.shipped import SHIPPED, exactly_sensed, shipped
+from fracgyro.scenario.to_core import core_setup, datasheet
+from machine import command, machine, write
 from sources import digest
 
-DEPENDS_ON = ["sliding_mode", "composite"]
+LOGS = {"soak": ["sliding_mode", "composite"], "soak_joint": ["sliding_mode", "joint"]}
 
 HERE = Path(__file__).parent
 STEPS, MAX_STEPS = 10**8, 10**9
@@ -37,7 +42,7 @@ NUMBERS: tuple[Number, ...] = get_args(Number)
 # So large that it limits nothing: the lanes of a block are all limited or none.
 NO_LIMIT = 1e30
 
-KEPT = HERE.parent / "build" / "soak" / digest(Path(__file__).resolve())  # blocks of other sources are not used
+KEPT = HERE.parent / "build" / "soak" / digest(Path(__file__).resolve(), "soak")  # blocks of other sources are not used
 
 
 class Block(NamedTuple):
@@ -51,6 +56,7 @@ class Block(NamedTuple):
         return KEPT / f"{self.kind}-{self.adaptation}-{self.number}-{self.steps}.txt"
 
 
+DEVICES = [name for name in SHIPPED if shipped(name).adaptation.kind == "joint"]
 BLOCKS = [Block(*chosen, STEPS) for chosen in product(KINDS, ADAPTATIONS, NUMBERS)]
 BLOCKS += [Block(KINDS[0], *chosen, MAX_STEPS) for chosen in product(ADAPTATIONS, NUMBERS)]
 Row = tuple[str, Block, list[str]]
@@ -92,7 +98,7 @@ def soak(program: Path, block: Block) -> None:
 
 
 def rows() -> Iterator[Row]:
-    """Of the blocks that have been run."""
+    """Rows of the finished blocks."""
     names = list(SHIPPED)
     for block in BLOCKS:
         for line in block.kept.read_text(encoding="utf-8").splitlines() if block.kept.exists() else []:
@@ -106,7 +112,7 @@ def power(count: float) -> str:
 
 
 def seconds(steps: int) -> str:
-    """Of each device."""
+    """Duration of `steps` steps on each device."""
     found = {name: exactly_sensed(name) for name in SHIPPED}
     return ", ".join(f"{s.run.step * steps * s.plant.scales.time:.3g} ({name})" for name, s in found.items())
 
@@ -117,9 +123,8 @@ def report(found: list[Row]) -> list[str]:
     lines = [
         "# Soak",
         "",
-        f"`python benchmarks/soak.py`: every shipped scenario for {power(STEPS)} steps, in lanes without contraction, "
-        f"which have the bits of single runs; in double or in float, plant included. {KINDS[0]} also for "
-        f"{power(MAX_STEPS)} steps.",
+        f"`{command()}`: every shipped scenario for {power(STEPS)} steps, in lanes without contraction, which have the "
+        f"bits of single runs; in double or in float, plant included. {KINDS[0]} also for {power(MAX_STEPS)} steps.",
         "",
         "Over the million steps before each mark: RMS error of x and y; Ω̂z less Ωz, mean and standard deviation (which "
         "float resolves to 1e-3 of Ωz); at the mark the bound estimates; and the largest ρ h/δ of these steps, limited "
@@ -148,17 +153,70 @@ def line(name: str, number: str, cells: list[str]) -> str:
     )
 
 
-def main() -> None:
+def soak_joint(program: Path, scenario: fg.Scenario) -> list[list[str]]:
+    """The numbers of each mark."""
+    sensing = datasheet(scenario).position_noise  # the simulated value by default
+    assert sensing is not None
+    run = as_input([scenario.replace({"run.duration": STEPS * scenario.run.step})], STEPS)
+    ran = subprocess.run([str(program), repr(sensing)], input=run, capture_output=True, text=True, check=True)
+    return [line.split() for line in ran.stdout.splitlines()]
+
+
+def joint_row(name: str, number: str, numbers: list[str]) -> str:
+    at, *found = numbers
+    if found == ["diverged"]:
+        cells = ["**diverged**", "", "", ""]
+    else:
+        ex, ey, mean, deviation, stated, trusted = map(float, found)
+        unit = DEG_PER_S.per_si * shipped(name).plant.scales.rate
+        cells = [f"{ex:.2e}, {ey:.2e}", f"{unit * mean:+.2e} ± {unit * deviation:.1e}", f"{unit * stated:.1e}"]
+        cells += [f"{100 * trusted:g} %"]
+    line = f"| {name} | {number} | {power(float(at))} | {' | '.join(cells)} |"
+    print(line, flush=True)
+    return line
+
+
+def report_joint(programs: dict[Number, Path]) -> list[str]:
+    begin = time.perf_counter()
+    lines = [
+        "# Soak of joint adaptation",
+        "",
+        f"Made by `{command()}`, which is part of `make bench`. Machine: {machine()}.",
+        "",
+        f"The shipped devices as shipped for {power(STEPS)} steps, the controller in double or in float. Over the "
+        "million steps before each mark: RMS error of x and y, in units of the amplitude; Ω̂z less Ωz in deg/s, "
+        "mean and standard deviation; the deviation that it states; how often Ω̂z was trusted.",
+        "",
+        "| device | controller | steps | error x, y | Ω̂z − Ωz (deg/s) | stated | trusted |",
+        "|---" * 7 + "|",
+    ]
+    cases = list(product(DEVICES, NUMBERS))
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        found = pool.map(lambda case: soak_joint(programs[case[1]], shipped(case[0])), cases)
+        for (name, number), marks in zip(cases, found, strict=True):
+            lines += [joint_row(name, number, numbers) for numbers in marks]
+    lines += ["", f"{time.perf_counter() - begin:.0f} s."]
+    return lines
+
+
+def report_blocks(programs: dict[Number, Path]) -> list[str]:
     KEPT.mkdir(parents=True, exist_ok=True)
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(lambda block: soak(programs[block.number], block), BLOCKS))
+    return report(list(rows()))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("log", choices=LOGS)
+    log = parser.parse_args().log
     with tempfile.TemporaryDirectory() as folder:
         programs = {number: Path(folder) / number for number in NUMBERS}
         headers = include(SOURCES / "include")
         for number, program in programs.items():
             options = [*FLAGS, "-fexceptions", "-O2", "-march=native", "-Wno-psabi", f"-DNUMBER={number}"]
             system_compiler(*options, *headers, HERE / "soak.cpp", "-o", program)
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            list(pool.map(lambda block: soak(programs[block.number], block), BLOCKS))
-    write("soak", report(list(rows())))
+        write(log, report_joint(programs) if log == "soak_joint" else report_blocks(programs))
 
 
 if __name__ == "__main__":

@@ -1,15 +1,16 @@
-"""Sources of each log, their hash, and the logs behind them; needs neither the installed module nor a compiler.
+"""Sources of each log, their hash, and outdated logs; needs neither the installed module nor a compiler.
 
     python benchmarks/sources.py            lists logs whose sources have changed since they were made
     python benchmarks/sources.py --check    the same; exits with 1 if any has
 
-A log depends on the script that writes it and on everything that the script imports from benchmarks/ and the package.
+A log depends on the script that writes it and on everything that the script imports from its folder and the packages.
 If that includes the compiled module, the log depends on bindings/ and on all headers included from there. A script
 narrows or widens this with a list DEPENDS_ON: names such as "joint" are the only controllers and adaptations that
 count, headers and bindings replace bindings/, and all other entries are files to add, as patterns; modules among them
-with what they import.
+with what they import. A script that writes several logs has a dictionary LOGS of such lists instead, by the logs'
+names, and is given the name of the log to write.
 
-The hash is of tokens: comments, docstrings, layout, messages of exceptions and, outside of benchmarks/, prose (strings
+The hash is of tokens: comments, docstrings, layout, messages of exceptions and, outside of scripts, prose (strings
 with a space) do not count. Decision 0032 has the reasons.
 """
 
@@ -26,9 +27,11 @@ import tomllib
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 INCLUDE = "include/fracgyro"
+CORE = ROOT / "python/fracgyro/_core.pyi"  # made with the compiled module; stands for it here
 # Headers that include alternatives, of which a log depends only on those it names.
 CHOICES = (f"{INCLUDE}/controllers/registry.hpp", f"{INCLUDE}/controllers/sliding_mode.hpp")
 ALTERNATIVES = ("controllers", "estimation")  # folders of headers that are one choice among others
@@ -42,6 +45,8 @@ WRITERS = {
     "sources",
     "words",
 }  # write and read logs; no number depends on them
+PACKAGES = {"fracgyro": "python", "fracgyro_fpga": "fpga", "fracgyro_lab": "lab"}  # and the folders that they are in
+SCRIPTS = ("benchmarks", "fpga/benchmarks", "lab")
 ELSEWHERE = {"best_order": "docs/best_order.md", "firmware": "integrations/firmware/measured.md"}
 WITHOUT_LOG = {
     "readme_picture": "draws docs/run.svg, which a test compares",
@@ -55,18 +60,27 @@ TOKENS = re.compile(
 
 
 def log_of(name: str) -> str:
-    """Path of the log that benchmarks/<name>.py writes, from the root."""
+    """Path of the log that the script <name>.py writes, from the root."""
     return ELSEWHERE.get(name, f"benchmarks/results/{name}.md")
 
 
 def scripts() -> dict[str, Path]:
     """Scripts that write a log, by the log's path from the root."""
-    found = {path.stem: path for path in sorted((ROOT / "benchmarks").glob("*.py"))}
-    logs = {log_of(name): path for name, path in found.items() if name not in WRITERS | WITHOUT_LOG.keys()}
+    found = {path.stem: path for folder in SCRIPTS for path in sorted((ROOT / folder).glob("*.py"))}
+    logs = {
+        log_of(log): path
+        for name, path in found.items()
+        if name not in WRITERS | WITHOUT_LOG.keys()
+        for log in _assigned(path, "LOGS") or [name]
+    }
     return logs | {"benchmarks/results/mutants.md": ROOT / "tests/mutants/run.py"}
 
 
 # -- Python ------------------------------------------------------------------------------------------------------------
+
+
+def _packaged(path: Path) -> bool:
+    return any(path.is_relative_to(ROOT / folder / name) for name, folder in PACKAGES.items())
 
 
 @cache
@@ -74,10 +88,17 @@ def _tree(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
+def _base(module: str, near: Path) -> Path:
+    """Path without suffix of a module of a package, or of the folder of a script."""
+    folder = PACKAGES.get(module.partition(".")[0])
+    return (ROOT / folder if folder else near).joinpath(*module.split("."))
+
+
 def _file(module: str, near: Path) -> Path | None:
-    """File of a module of the package, or of the folder of a script."""
-    place = ROOT / "python" if module.partition(".")[0] == "fracgyro" else near
-    base = place.joinpath(*module.split("."))
+    """File of a module of a package, or of the folder of a script; it exists unless it is `CORE`."""
+    if module == "fracgyro._core":
+        return CORE
+    base = _base(module, near)
     candidates = (base.with_suffix(".py"), base / "__init__.py", base.with_suffix(".pyi"))
     return next((path for path in candidates if path.is_file()), None)
 
@@ -97,12 +118,12 @@ def _imports(tree: ast.AST, module: str, package: bool) -> Iterator[tuple[str, s
 
 
 def _resolved(module: str, name: str | None, near: Path) -> str:
-    """Module that a name of a package is from: packages load their public names lazily, as their stubs list them."""
+    """Module of a package's name: packages load public names lazily, as listed in their stubs."""
     if name is None:
         return module
     if _file(f"{module}.{name}", near) is not None:
         return f"{module}.{name}"
-    stub = ROOT / "python" / module.replace(".", "/") / "__init__.pyi"
+    stub = _base(module, near) / "__init__.pyi"
     if stub.is_file():
         for origin, imported, local in _imports(_tree(stub), module, package=True):
             if local == name:
@@ -111,11 +132,11 @@ def _resolved(module: str, name: str | None, near: Path) -> str:
 
 
 def _used(path: Path, module: str, near: Path) -> Iterator[str]:
-    """Modules that a file uses: those it imports, and for a package those of the names it asks the package for."""
+    """Modules that a file uses: its imports, and for a package the modules of the imported names."""
     tree, packages = _tree(path), {}
     for origin, name, local in _imports(tree, module, path.name == "__init__.py"):
         found = _resolved(origin, name, near)
-        if (ROOT / "python" / found.replace(".", "/") / "__init__.pyi").is_file():
+        if (_base(found, near) / "__init__.pyi").is_file():
             packages[local] = found
         else:
             yield found
@@ -129,9 +150,8 @@ def _used(path: Path, module: str, near: Path) -> Iterator[str]:
 
 
 def _python(start: Path) -> set[Path]:
-    """A script or module and all that it imports, however far; `_core` by its stub."""
-    package = start.is_relative_to(ROOT / "python")
-    name = ".".join(start.relative_to(ROOT / "python").with_suffix("").parts) if package else start.stem
+    """A script or module and all that it imports, however far; `CORE` for the compiled module."""
+    name = ".".join(start.relative_to(ROOT).with_suffix("").parts[1:])
     found: set[Path] = set()
     waiting = [(start, name)]
     while waiting:
@@ -151,7 +171,7 @@ def _python(start: Path) -> set[Path]:
 
 
 def _included(start: Iterable[Path], named: set[str]) -> set[Path]:
-    """Files and all that they include; of alternatives only those named, or all if none is."""
+    """Files and all their includes; among alternatives only the named ones, or all without names."""
     found: set[Path] = set()
     waiting = list(start)
     while waiting:
@@ -161,9 +181,11 @@ def _included(start: Iterable[Path], named: set[str]) -> set[Path]:
         found.add(path)
         for name in re.findall(r'^\s*#\s*include\s+"([^"]+)"', path.read_text(encoding="utf-8"), re.MULTILINE):
             header = next((p for p in (path.parent / name, ROOT / "include" / name) if p.is_file()), None)
-            alternative = Path(name).parent.name in ALTERNATIVES and Path(name).stem not in SHARED
-            chosen = not (named and alternative) or Path(name).stem in named
-            if header is not None and (chosen or str(path.relative_to(ROOT)) not in CHOICES):
+            if header is None:
+                continue
+            alternative = header.parent.name in ALTERNATIVES and header.stem not in SHARED
+            chosen = not (named and alternative) or header.stem in named
+            if chosen or str(path.relative_to(ROOT)) not in CHOICES:
                 waiting.append(header.resolve())
     return found
 
@@ -171,22 +193,23 @@ def _included(start: Iterable[Path], named: set[str]) -> set[Path]:
 # -- Logs --------------------------------------------------------------------------------------------------------------
 
 
-def _declared(path: Path) -> list[str]:
+def _assigned(path: Path, name: str) -> Any:
+    """Value of a constant of a script, None if it has none."""
     for node in _tree(path).body:
-        if (
-            isinstance(node, ast.Assign)
-            and isinstance(node.targets[0], ast.Name)
-            and node.targets[0].id == "DEPENDS_ON"
-        ):
-            return list(ast.literal_eval(node.value))
-    return []
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and node.targets[0].id == name:
+            return ast.literal_eval(node.value)
+    return None
 
 
-def sources(script: Path) -> list[Path]:
-    """All files that the log of a script depends on."""
+def _declared(path: Path, log: str) -> list[str]:
+    return _assigned(path, "DEPENDS_ON") or (_assigned(path, "LOGS") or {}).get(Path(log).stem, [])
+
+
+def sources(script: Path, log: str = "") -> list[Path]:
+    """All files that the log of a script depends on, or this one of its logs."""
     python = _python(script)
-    own = {path for path in python if not path.is_relative_to(ROOT / "python") and path.suffix == ".py"}
-    declared = {entry for path in own for entry in _declared(path)}
+    own = {path for path in python if not _packaged(path) and path.suffix == ".py"}
+    declared = {entry for path in own for entry in _declared(path, log)}
     named = {entry for entry in declared if "/" not in entry}
     files: set[Path] = set()
     for pattern in declared - named:
@@ -198,13 +221,13 @@ def sources(script: Path) -> list[Path]:
     compiled = {path for path in files if path.suffix in (".cpp", ".hpp", ".h")}
     compiled |= {path.with_suffix(".cpp") for path in own if path.with_suffix(".cpp").is_file()}
     core = {path for path in compiled if path.parts[len(ROOT.parts)] in ("include", "bindings")}
-    if ROOT / "python/fracgyro/_core.pyi" in python and not core:
+    if CORE in python and not core:
         compiled.update((ROOT / "bindings").glob("*.cpp"))
-    return sorted((python - {ROOT / "python/fracgyro/_core.pyi"}) | files | _included(compiled, named))
+    return sorted((python - {CORE}) | files | _included(compiled, named))
 
 
 class _Bare(ast.NodeTransformer):
-    """Python without what no number depends on."""
+    """Python without parts that no number depends on."""
 
     def __init__(self, prose: bool) -> None:
         self.prose = prose
@@ -221,10 +244,10 @@ class _Bare(ast.NodeTransformer):
 
 @cache
 def tokens(path: Path) -> str:
-    """Content of a file without comments, layout and, outside of benchmarks/, prose."""
+    """Content of a file without comments and layout; also without prose, except in scripts."""
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".py":
-        bare = _Bare(prose=path.is_relative_to(ROOT / "python")).visit(ast.parse(text))
+        bare = _Bare(prose=_packaged(path)).visit(ast.parse(text))
         return ast.dump(bare)
     if path.suffix == ".toml":
         return json.dumps(tomllib.loads(text), sort_keys=True, default=str)
@@ -235,10 +258,10 @@ def tokens(path: Path) -> str:
 
 
 @cache
-def digest(script: Path) -> str:
+def digest(script: Path, log: str = "") -> str:
     """Hash of all sources of a script's log, 16 hexadecimal digits."""
     found = hashlib.sha256()
-    for path in sources(script):
+    for path in sources(script, log):
         found.update(f"{path.relative_to(ROOT)}\0{tokens(path)}\0".encode())
     return found.hexdigest()[:16]
 
@@ -248,12 +271,12 @@ def _git(*words: str) -> str:
     return ran.stdout.strip() if ran.returncode == 0 else ""
 
 
-def stamp(script: Path, arguments: Sequence[str] = ()) -> str:
+def stamp(script: Path, arguments: Sequence[str] = (), log: str = "") -> str:
     """The last line of a log: its sources, the commit they are from, and arguments, with which it is not the log."""
     commit = _git("rev-parse", "--short=10", "HEAD") or "none"
-    changed = _git("status", "--porcelain", "--", *map(str, sources(script)))
-    partial = f" Made with `{shlex.join(arguments)}`." if arguments else ""
-    return f"Sources `{digest(script)}`, commit `{commit}`{' and changes since' if changed else ''}.{partial}"
+    changed = _git("status", "--porcelain", "--", *map(str, sources(script, log)))
+    partial = f" Made with `{shlex.join(arguments)}`." if arguments and list(arguments) != [Path(log).stem] else ""
+    return f"Sources `{digest(script, log)}`, commit `{commit}`{' and changes since' if changed else ''}.{partial}"
 
 
 def behind() -> dict[str, str]:
@@ -266,8 +289,8 @@ def behind() -> dict[str, str]:
             found[log] = "does not state its sources" if path.is_file() else "is missing"
         elif stamped[3]:
             found[log] = f"was made with {stamped[3]}"
-        elif stamped[1] != digest(script):
-            files = [str(path.relative_to(ROOT)) for path in sources(script)]
+        elif stamped[1] != digest(script, log):
+            files = [str(path.relative_to(ROOT)) for path in sources(script, log)]
             names = _git("diff", "--name-only", stamped[2], "--", *files).split()
             named = f": {', '.join(names[:3])}{', …' if len(names) > 3 else ''}" if names else ""
             found[log] = f"was made from other sources, at {stamped[2]}{named}"

@@ -1,4 +1,4 @@
-"""What a sweep of many runs takes in time, memory and on a cluster; writes benchmarks/results/sweep_scaling.md.
+"""Time and memory of a sweep of many runs, also on a cluster; writes benchmarks/results/sweep_scaling.md.
 
     python benchmarks/sweep_scaling.py [--quick]
 

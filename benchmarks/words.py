@@ -10,7 +10,7 @@ NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight",
 
 
 def short(value: float | None, digits: int = 2) -> str:
-    """With so many significant digits; a dash where there is none."""
+    """The value with `digits` significant digits; a dash if it is missing."""
     if value is None or not math.isfinite(value):
         return "–"
     mantissa, _, exponent = f"{value:.{digits - 1}e}".partition("e")
@@ -30,7 +30,7 @@ def uncertain(value: float, half: float) -> str:
 
 
 def concise(value: float, half: float) -> str:
-    """The same as 0.018(2): in parentheses the half width, in units of the last digit. Without it where it is less."""
+    """The same as 0.018(2), with the half width in parentheses in units of the last digit; omitted if it is smaller."""
     if not abs(value) * 1e-4 <= half < math.inf or half == 0:
         return short(value, 4)
     exponent = int(f"{half:.0e}".partition("e")[2])

@@ -47,7 +47,7 @@ nb::ndarray<nb::numpy, T> owned(std::unique_ptr<T[]> data, const std::array<std:
     return nb::ndarray<nb::numpy, T>(pointer, Dimensions, shape.data(), owner);
 }
 
-// Rows one after another as a NumPy array.
+// Consecutive rows as a NumPy array.
 template <std::size_t Dimensions>
 nb::ndarray<nb::numpy, double> owned_rows(Rows rows, const std::array<std::size_t, Dimensions>& shape) {
     auto kept = std::make_unique<Rows>(std::move(rows));

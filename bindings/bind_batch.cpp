@@ -17,7 +17,7 @@ namespace fracgyro::bindings {
 
 namespace {
 
-// Doubles in a register, by the kinds of processor that this one can stand in for, the fastest last.
+// Doubles per register, for the kinds of processor whose code this one can run, fastest last.
 std::vector<std::size_t> lane_counts() {
     std::vector<std::size_t> counts{2};
 #ifdef FRACGYRO_LANES_X86
@@ -33,7 +33,7 @@ std::vector<std::size_t> lane_counts() {
 
 using Setups = std::vector<const DeviceSetup*>;
 
-// The controllers of runs: users', one for each, or if there are none those of the setups, made when a run begins.
+// Controllers of runs: users' controllers, one for each run, or else the setups' own, made when a run begins.
 class Controllers {
 public:
     Controllers(const Setups& setups, const Users& users, const std::vector<const Units*>& units)
@@ -60,7 +60,7 @@ public:
         }
         parallel_for(setups_.size(), threaded_ ? threads : 1, one(run));
     }
-    // The same for runs that may take long: `stop` ends them if a key is pressed.
+    // The same for long runs: `stop` ends them if a key is pressed.
     template <class Run>
     void each(unsigned threads, std::atomic<bool>& stop, Run&& run) const {
         if (threaded_) {
@@ -88,8 +88,8 @@ private:
     bool threaded_ = true;
 };
 
-// Rows of all runs, (runs, samples, width), NaN if a run had diverged; and the samples each run lasted. `device`: by
-// the loop and in the channels of device_loop.hpp, which a run that is not ideal needs.
+// Rows of all runs, (runs, samples, width), NaN after a run has diverged; and the number of samples of each run.
+// `device`: with the loop and the channels of device_loop.hpp, which non-ideal runs need.
 nb::tuple record_runs(const Setups& setups, std::int64_t every, unsigned threads, bool device, const Users& users,
                       const std::vector<const Units*>& units) {
     const Controllers controllers(setups, users, units);
@@ -144,7 +144,7 @@ nb::tuple record_runs(const Setups& setups, std::int64_t every, unsigned threads
                           owned<std::int64_t, 1>(std::move(lasted), {setups.size()}));
 }
 
-// Means of the rate estimate, (runs, blocks), and the samples that each run lasted. `device`: as in record_runs.
+// Means of the rate estimate, (runs, blocks), and the number of samples of each run. `device`: as in record_runs.
 nb::tuple rate_means(const Setups& setups, std::int64_t every, std::int64_t block, unsigned threads, bool device,
                      const Users& users, const std::vector<const Units*>& units) {
     const Controllers controllers(setups, users, units);
@@ -162,8 +162,12 @@ nb::tuple rate_means(const Setups& setups, std::int64_t every, std::int64_t bloc
                           owned<std::int64_t, 1>(std::move(lasted), {setups.size()}));
 }
 
+void write_metrics(const Metrics& metrics, double* row) {
+    for_each_number(metrics, [&](double number) { *row++ = number; });
+}
+
 // Metrics of all runs, (runs, metrics). `lanes`: one of lane_counts(), counted in doubles, or 1: every run by itself,
-// with the same bits. Runs that are not ideal go one by one, in double precision.
+// with the same bits. Non-ideal runs are measured one by one, in double precision.
 nb::ndarray<nb::numpy, double> measure_runs(const Setups& setups, const MetricsParams& params, unsigned threads,
                                             std::size_t lanes_or_one, bool single_precision) {
     const auto counts = lane_counts();
@@ -186,12 +190,12 @@ nb::ndarray<nb::numpy, double> measure_runs(const Setups& setups, const MetricsP
         }
         return measure_all(kernels.doubles, ideal, params, threads);
     };
-    auto data = std::make_unique<double[]>(setups.size() * metric_names.size());
+    auto data = std::make_unique<double[]>(setups.size() * metrics_width);
     {
         nb::gil_scoped_release unlocked;
         const auto measured = [&] {
             if (lanes_or_one == 1 && !single_precision) {
-                std::vector<MetricValues> values(ideal.size());
+                std::vector<Metrics> values(ideal.size());
                 const FillNoise noise = fastest_noise();
                 parallel_for(ideal.size(), threads,
                              [&](std::size_t i) { values[i] = measure_double(*ideal[i], params, noise); });
@@ -208,8 +212,8 @@ nb::ndarray<nb::numpy, double> measure_runs(const Setups& setups, const MetricsP
 #endif
             return measure(kernels_for_any_processor());
         }();
-        const auto keep = [&](std::size_t place, const MetricValues& values) {
-            std::copy(values.begin(), values.end(), data.get() + place * values.size());
+        const auto keep = [&](std::size_t place, const Metrics& values) {
+            write_metrics(values, data.get() + place * metrics_width);
         };
         for (std::size_t i = 0; i < places.size(); ++i) {
             keep(places[i], measured[i]);
@@ -219,19 +223,18 @@ nb::ndarray<nb::numpy, double> measure_runs(const Setups& setups, const MetricsP
             keep(others[i], measure_any(setup, *make_double(setup), params));
         });
     }
-    return owned<double, 2>(std::move(data), {setups.size(), metric_names.size()});
+    return owned<double, 2>(std::move(data), {setups.size(), metrics_width});
 }
 
-// The same of runs by the loop of device_loop.hpp, in double precision, with the controllers of users or of the setups.
+// The same with the loop of device_loop.hpp, in double precision, with controllers of users or of the setups.
 nb::ndarray<nb::numpy, double> measure_device_runs(const Setups& setups, const MetricsParams& params, unsigned threads,
                                                    const Users& users, const std::vector<const Units*>& units) {
     const Controllers controllers(setups, users, units);
-    auto data = std::make_unique<double[]>(setups.size() * metric_names.size());
+    auto data = std::make_unique<double[]>(setups.size() * metrics_width);
     controllers.each(threads, [&](std::size_t i, AnyController<double>& controller) {
-        const auto values = measure_any(*setups[i], controller, params);
-        std::copy(values.begin(), values.end(), data.get() + i * values.size());
+        write_metrics(measure_any(*setups[i], controller, params), data.get() + i * metrics_width);
     });
-    return owned<double, 2>(std::move(data), {setups.size(), metric_names.size()});
+    return owned<double, 2>(std::move(data), {setups.size(), metrics_width});
 }
 
 }  // namespace
@@ -303,7 +306,6 @@ void bind_batch(nb::module_& m) {
           nb::arg("single_precision") = false);
     m.def("measure_device_runs", &measure_device_runs, nb::arg("setups"), nb::arg("params"), nb::arg("threads") = 1,
           nb::arg("users") = Users(), nb::arg("units") = std::vector<const Units*>());
-    m.attr("metric_names") = nb::cast(std::vector<std::string_view>(metric_names.begin(), metric_names.end()));
     const auto all_described = [](const auto& all) {
         nb::list found;
         for (const Channel& c : all) {
@@ -311,6 +313,9 @@ void bind_batch(nb::module_& m) {
         }
         return nb::tuple(found);
     };
+    nb::list metrics;
+    for_each_reported<Metrics>([&](const Channel& c) { metrics.append(described(c)); });
+    m.attr("metrics") = nb::tuple(metrics);
     m.attr("loop_channels") = all_described(loop_channels);
     m.attr("device_channels") = all_described(device_channels);
 }

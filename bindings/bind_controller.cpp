@@ -14,7 +14,7 @@ namespace fracgyro::bindings {
 
 namespace {
 
-// A controller of whichever kind and precision, one sample at a time. Python frees it as an object of this type.
+// A controller of any kind and precision, one sample at a time. Python frees it as an object of this type.
 struct Stepped {
     std::unique_ptr<GuardedController> held;
 
@@ -31,8 +31,8 @@ struct Stepped {
     }
 };
 
-// The force, in the units of the run, or None where an argument is not a plain finite number or the time is not that of
-// the next step, and nothing happened. `velocity`: None where it is not measured.
+// The force, in the units of the run, or None without any change if an argument is not a plain finite number or the
+// time is not the time of the next step. `velocity`: None if it is not measured.
 nb::object checked_step(const Stepped& self, double step, const Units& units, nb::handle time, nb::handle position,
                         nb::handle velocity) {
     double t = 0.0;
@@ -48,14 +48,15 @@ nb::object checked_step(const Stepped& self, double step, const Units& units, nb
 
 nb::str text(std::string_view a) { return nb::str(a.data(), a.size()); }
 
-// By the places of Settable.
+// Names in the order of Settable.
 constexpr std::string_view settable[] = {"any_time", "at_start", "beforehand", "never"};
 
-// What a kind's numbers are, in the order of settings.hpp.
-nb::list fields_of_kind(std::size_t kind) {
-    nb::list all;
-    Setup setup{.controller = params_of_kind(kind)};
-    for_each_setting(setup, [&](std::string_view table, const auto& field, std::string_view part, const auto& number) {
+// Appends the description of a number of a run.
+struct Describe {
+    nb::list& all;
+
+    template <class Field, class Number>
+    void operator()(std::string_view table, const Field& field, std::string_view part, const Number& number) const {
         nb::dict one;
         one["table"] = text(table);
         one["field"] = text(field.name);
@@ -75,7 +76,20 @@ nb::list fields_of_kind(std::size_t kind) {
         }
         one["choices"] = nb::tuple(choices);
         all.append(one);
-    });
+    }
+};
+
+// Both in the order of settings.hpp.
+nb::list fields_of_kind(std::size_t kind) {
+    nb::list all;
+    const Setup setup{.controller = params_of_kind(kind)};
+    for_each_setting(setup, Describe{all});
+    return all;
+}
+nb::list device_fields() {
+    nb::list all;
+    const DeviceSetup setup;
+    for_each_device_setting(setup, Describe{all});
     return all;
 }
 
@@ -125,7 +139,9 @@ void bind_controller(nb::module_& m) {
 
     m.attr("controller_kinds") = nb::cast(controller_kinds);
     m.attr("controller_meanings") = nb::cast(controller_meanings);
-    m.def("fields_of_kind", &fields_of_kind, nb::arg("kind"), "What each number of a run of this kind is, in order.");
+    m.def("fields_of_kind", &fields_of_kind, nb::arg("kind"),
+          "Descriptions of the numbers of a run of this kind, in order.");
+    m.def("device_fields", &device_fields, "Descriptions of the numbers of a moving rate and a real device, in order.");
     m.def(
         "reports_of_kind",
         [](std::size_t kind) {

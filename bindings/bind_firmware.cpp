@@ -12,7 +12,7 @@ namespace fracgyro::bindings {
 
 namespace {
 
-// The numbers in a struct, in the order of its members, nested as its braces would be.
+// Numbers of a struct, in the order of its members, nested like its braces.
 template <class Value>
 nb::object nested(const Value& value) {
     if constexpr (std::is_arithmetic_v<Value>) {
@@ -37,7 +37,7 @@ nb::object nested(const Value& value) {
     }
 }
 
-// Of the guarded state here; processors with shorter integers need no more. 0 for a capacity that is none.
+// Size of the guarded state on this machine; processors with shorter integers need no more. 0 for an unknown capacity.
 template <Scalar T>
 std::size_t state_size(const Setup& s, std::size_t capacity) {
     std::size_t found = 0;

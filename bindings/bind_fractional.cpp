@@ -72,7 +72,7 @@ nb::ndarray<nb::numpy, T> apply_operator(const Input<T>& values, const Input<T>&
 
 using Doubles = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
-// Rates, weights and certified error of a design; no rates where it has none.
+// Rates, weights and certified error of a design; no rates if it failed.
 nb::tuple design_kernel(double order, double shortest, double longest, double tolerance) {
     const auto found = std::make_unique<KernelDesign>();
     found->design(order, shortest, longest, tolerance);
@@ -95,7 +95,7 @@ nb::ndarray<nb::numpy, double> kernel(const Doubles& times, double order) {
 
 using Terms = nb::ndarray<const double, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
 
-using Gains4 = std::array<double, 4>;  // of this sample, the last, the change, the last change
+using Gains4 = std::array<double, 4>;  // weights of this sample, the last, the change, the last change
 
 // Terms as rows of decay and weight, then the gains.
 nb::tuple sampled(const Doubles& poles, const Doubles& weights, double order, double shortest, double step,

@@ -26,7 +26,7 @@ public:
         sense();
     }
 
-    // Under the force that a controller asks for. A motion that has diverged stays as it is.
+    // Advances under the force requested by a controller. A diverged motion stays unchanged.
     void step(const Vec2<double>& asked) {
         if (bounded(now_.state.motion)) {
             DeviceGyroscope::act(now_.state, plant_, asked, now_.n);
@@ -35,7 +35,7 @@ public:
             sense();
         }
     }
-    // What is measured and what is to be followed, then what only a simulator knows: the true error and rate.
+    // Writes the measurement and the reference, then the values known only to a simulator: the true error and rate.
     void write(double* row) const {
         const ReferencePoint<double>& point = now_.point;
         const Motion<double>& measured = now_.state.measured;
@@ -49,7 +49,7 @@ public:
         *row = plant_.rate.at(now_.n);
     }
 
-    // All that changes while it moves.
+    // Everything that changes during the motion.
     struct Now {
         DeviceGyroscope::State state{};
         Reference<double>::State turning{};
@@ -71,7 +71,7 @@ private:
     Now now_;
 };
 
-// Gyroscopes that are stepped together, one after another: those of a learner's environments.
+// Gyroscopes stepped together, one after another: the environments of a learner.
 class Gyroscopes {
 public:
     explicit Gyroscopes(const std::vector<DeviceSetup>& setups) {
@@ -87,8 +87,8 @@ public:
         }
         return owned<double, 2>(std::move(made), {all_.size(), Tracked::width});
     }
-    // The rows after a step. Of the numbers of an action, `acted` for each, the first two are the force, in units of
-    // `limit`, and cut to -1 and 1.
+    // Rows after a step. An action has `acted` numbers for each gyroscope; the first two are the force, in units of
+    // `limit`, clipped to -1 and 1.
     nb::ndarray<nb::numpy, double> step(const nb::ndarray<const double, nb::c_contig, nb::device::cpu>& actions,
                                         std::size_t acted, double limit) {
         if (actions.size() != acted * all_.size()) {

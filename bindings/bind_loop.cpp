@@ -4,9 +4,13 @@
 #include "fracgyro/sim/device_loop.hpp"
 #include "fracgyro/sim/settings.hpp"
 
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/vector.h>
 
 namespace fracgyro::bindings {
+
+// Times and values.
+using Points = std::pair<std::vector<double>, std::vector<double>>;
 
 void bind_loop(nb::module_& m) {
     m.def(
@@ -60,8 +64,21 @@ void bind_loop(nb::module_& m) {
             },
             nb::arg("kind"), nb::arg("settings"), "The kind's place in controller_kinds; numbers in its fields' order.")
         .def(nb::init<const DeviceSetup&>())
-        .def_rw("rate", &DeviceSetup::rate)
-        .def_rw("device", &DeviceSetup::device);
+        .def(
+            "set_device",
+            [](DeviceSetup& s, const std::vector<double>& settings, const Points& rate, const Points& temperature,
+               std::uint64_t seed) {
+                if (settings.size() != device_setting_count()) {
+                    throw nb::value_error("there must be one number for each of device_fields");
+                }
+                take_device_settings(s, settings.data());
+                s.rate.table = {rate.first, rate.second};
+                s.device.temperature = {temperature.first, temperature.second};
+                s.rate.seed = seed;
+            },
+            nb::arg("settings"), nb::arg("rate"), nb::arg("temperature"), nb::arg("seed"),
+            "Numbers of the rate and the device in the order of device_fields; times, in steps, and values of the rate "
+            "and of the change of temperature; the seed of the rate.");
 }
 
 }  // namespace fracgyro::bindings

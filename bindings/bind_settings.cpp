@@ -1,7 +1,6 @@
 #include "arrays.hpp"
 #include "bindings.hpp"
 
-#include "fracgyro/sim/device_settings.hpp"
 #include "fracgyro/sim/settings.hpp"
 
 #include <nanobind/stl/pair.h>
@@ -20,8 +19,6 @@ void bind_settings(nb::module_& m) {
             return settings;
         },
         nb::arg("setup"), "The numbers of a run, in the order of fields_of_kind.");
-    m.def("device_settings", &device_settings, nb::arg("setup"),
-          "The numbers of its rate and device, as take_device_settings takes them.");
     m.def(
         "setup_kernel",
         [](const Setup& setup) {

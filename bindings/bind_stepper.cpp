@@ -11,11 +11,11 @@ namespace fracgyro::bindings {
 
 namespace {
 
-// What is measured, as Python has it: (time, position, velocity).
+// The measured motion in Python: (time, position, velocity).
 PyTypeObject* motion_type() {
     static PyStructSequence_Field fields[] = {{"time", "of the sample"},
                                               {"position", "as measured, (x, y)"},
-                                              {"velocity", "as measured, (x, y); NaN where there is no sensor of it"},
+                                              {"velocity", "as measured, (x, y); NaN without a velocity sensor"},
                                               {nullptr, nullptr}};
     static PyStructSequence_Desc about{"fracgyro.Motion",
                                        "The motion that is measured at a sample, in the units of the run.\n\n"
@@ -54,14 +54,14 @@ public:
         }
         return made;
     }
-    // None: the force is not two plain finite numbers, and nothing happened.
+    // None: the force is not two plain finite numbers, and nothing changes.
     nb::object step(nb::handle force) {
         Vec2<double> asked;
         if (!take(force.ptr(), asked)) {
             return nb::none();
         }
         if (!bounded(now_.state.motion)) {
-            throw nb::value_error("the motion has diverged: the plant can go on no longer");
+            throw nb::value_error("the motion has diverged: the plant cannot continue");
         }
         DeviceGyroscope::act(now_.state, coefficients_, {asked.x() / units_.force, asked.y() / units_.force}, now_.n);
         DeviceGyroscope::step(now_.state, coefficients_, now_.n);
@@ -100,7 +100,7 @@ private:
     bool senses_velocity_;
 };
 
-// A closed loop that is run in parts, with its controller or a user's.
+// A closed loop run in parts, with its controller or a user's.
 class LoopHolder {
 public:
     explicit LoopHolder(const DeviceSetup& s) : own_(make_double(s)), loop_(new RunningLoop(s, *own_)) {}
@@ -139,7 +139,7 @@ public:
             throw nb::value_error("state is damaged: it is not as it was saved");
         }
     }
-    // Other numbers from the next sample on. Whether they can be: the controller is the same, with the same memory.
+    // Sets other numbers from the next sample on. True if possible: the controller is the same, with the same memory.
     bool set(const DeviceSetup& other) { return loop_->set(other); }
 
 private:

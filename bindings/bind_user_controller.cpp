@@ -14,7 +14,7 @@ namespace fracgyro::bindings {
 
 namespace {
 
-// What a callable is given: tuples are made of it only where they are asked for.
+// Input of a callable: its tuples are made only when they are requested.
 struct SampleObject {
     PyObject_HEAD UserInput in;
 };
@@ -99,7 +99,7 @@ bool take_items(PyObject* from, Vec2<double>& to) {
     to = {x, y};
     return taken;
 }
-// The numbers of nested lists; false where there are more than two, or anything else.
+// Numbers of nested lists; false if there are more than two, or anything else.
 bool gather(PyObject* from, std::array<double, 2>& to, std::size_t& count) {
     if (!PyList_CheckExact(from)) {
         return count < to.size() && take_number(from, to[count++]);
@@ -111,7 +111,7 @@ bool gather(PyObject* from, std::array<double, 2>& to, std::size_t& count) {
     }
     return true;
 }
-// Two numbers of whatever shape: a column, a matrix, a tensor. The mask of an array becomes None.
+// Two numbers in any shape: a column, a matrix, a tensor. The mask of an array becomes None.
 bool take_shaped(PyObject* from, Vec2<double>& to) {
     static PyObject* const shaped = nb::object(nb::module_::import_("numpy.ma").attr("asarray")).release().ptr();
     const nb::object array = nb::steal(PyObject_CallOneArg(shaped, from));
@@ -135,19 +135,19 @@ bool take_pair(PyObject* from, Vec2<double>& to) {
     return take_items(from, to) || take_shaped(from, to);
 }
 
-// A Python callable as a controller. Whoever calls it holds the GIL.
+// A Python callable as a controller. Its caller holds the GIL.
 class PythonController final : public UserController {
 public:
     explicit PythonController(nb::object controller)
         : call_(std::move(controller)), report_(nb::getattr(call_, "report", nb::none())) {
-        // A method that is bound already is called faster than an object.
+        // A bound method is called faster than an object.
         if ((Py_TYPE(call_.ptr())->tp_flags & Py_TPFLAGS_HAVE_VECTORCALL) == 0) {
             call_ = call_.attr("__call__");
         }
     }
 
     Vec2<double> force(const UserInput& in) override {
-        if (!sample_.is_valid() || Py_REFCNT(sample_.ptr()) > 1) {  // somebody keeps the last one
+        if (!sample_.is_valid() || Py_REFCNT(sample_.ptr()) > 1) {  // the user keeps the last one
             sample_ = nb::steal(PyType_GenericAlloc(sample_type(), 0));
             if (!sample_.is_valid()) {
                 nb::raise_python_error();
@@ -206,7 +206,7 @@ public:
     bool estimates_rate() const override { return !report_.is_none(); }
     bool runs_on_any_thread() const override { return false; }
 
-    // The time at which it raised; None: it did not.
+    // The time at which it raised; None if it did not.
     std::optional<double> failed_at() const { return failed_ ? std::optional(time_) : std::nullopt; }
     nb::list names() const {
         nb::list all;

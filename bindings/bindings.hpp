@@ -9,11 +9,10 @@
 
 namespace fracgyro::bindings {
 
-// One for each header that is bound.
+// One function for each bound header.
 void bind_fractional(nanobind::module_& m);
 void bind_controller(nanobind::module_& m);
 void bind_loop(nanobind::module_& m);
-void bind_device(nanobind::module_& m);
 void bind_settings(nanobind::module_& m);
 void bind_batch(nanobind::module_& m);
 void bind_disturbance(nanobind::module_& m);
@@ -22,10 +21,10 @@ void bind_gyroscopes(nanobind::module_& m);
 void bind_user_controller(nanobind::module_& m);
 void bind_stepper(nanobind::module_& m);
 
-// For this processor.
+// The fastest one on this processor.
 FillNoise fastest_noise();
 
-// parallel_for without the GIL, during which somebody may press a key: `stop` is then set, for the tasks to end by
+// parallel_for without the GIL, during which a user may press a key: `stop` is then set, for the tasks to end by
 // throwing Stopped, and KeyboardInterrupt is raised.
 void interruptible_for(std::size_t count, unsigned threads, std::atomic<bool>& stop,
                        const std::function<void(std::size_t)>& task);

@@ -10,14 +10,14 @@ namespace {
 
 // A function for each controller: in one for all, compilers optimize none of them well.
 template <Controller C>
-FRACGYRO_FOR_EACH_PROCESSOR MetricValues measure_one(const Setup& setup, const MetricsParams& params, FillNoise noise) {
+FRACGYRO_FOR_EACH_PROCESSOR Metrics measure_one(const Setup& setup, const MetricsParams& params, FillNoise noise) {
     return measure_alone<C>(setup, params, noise);
 }
 
 }  // namespace
 
-MetricValues measure_double(const Setup& setup, const MetricsParams& params, FillNoise noise) {
-    MetricValues values{};
+Metrics measure_double(const Setup& setup, const MetricsParams& params, FillNoise noise) {
+    Metrics values{};
     with_controller<double>(setup.controller, [&]<class C>() {
         if constexpr (has_copies<C>) {
             values = measure_one<C>(setup, params, noise);

@@ -1,5 +1,5 @@
-// Memory of records: in large pages, and of a record that is gone taken again by the next of its size. A page that is
-// touched for the first time is zeroed by the system, and page by page of 4 KB that takes as long as the run.
+// Memory of records: in large pages, and reused for the next record of the same size. The system zeroes a page when it
+// is first touched, and in pages of 4 KB that takes as long as the run.
 #pragma once
 
 #include <algorithm>
@@ -16,13 +16,13 @@
 
 namespace fracgyro::bindings {
 
-// Of any thread. Bytes are whole large pages.
+// Shared by all threads. Sizes are whole large pages.
 class RecordMemory {
 public:
     static constexpr std::size_t page = std::size_t{2} << 20, least = 2 * page, most_kept = 32 * page;
 
     static RecordMemory& shared() {
-        static auto* const memory = new RecordMemory;  // never destroyed: arrays may outlive what is static
+        static auto* const memory = new RecordMemory;  // never destroyed: arrays may outlive static objects
         return *memory;
     }
 
@@ -37,11 +37,11 @@ public:
         }
         void* const memory = ::operator new(bytes, std::align_val_t{page});
 #ifdef __linux__
-        madvise(memory, bytes, MADV_HUGEPAGE);  // where the system has none, the pages are small
+        madvise(memory, bytes, MADV_HUGEPAGE);  // systems without large pages use small ones
 #endif
         return memory;
     }
-    // Those kept longest make room.
+    // The blocks kept longest make room.
     void give_back(void* memory, std::size_t bytes) noexcept {
         const std::lock_guard lock(mutex_);
         while (count_ > 0 && kept_bytes_ + bytes > most_kept) {
@@ -71,11 +71,11 @@ private:
     }
 
     std::mutex mutex_;
-    std::array<Kept, most_kept / least> kept_{};  // the oldest first
+    std::array<Kept, most_kept / least> kept_{};  // oldest first
     std::size_t count_ = 0, kept_bytes_ = 0;
 };
 
-// For numbers that are written before they are read: they are not zeroed.
+// Allocator for numbers that are written before they are read: they are not zeroed.
 template <class T>
 struct RecordAllocator {
     using value_type = T;

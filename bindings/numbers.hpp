@@ -12,8 +12,8 @@ namespace fracgyro::bindings {
 
 namespace nb = nanobind;
 
-// All of these take what is a plain finite number, and nothing else: what is not may still be one, which is then for
-// arguments.py to say.
+// All functions here accept plain finite numbers only. Another argument may still be a number, which arguments.py then
+// decides.
 
 inline bool take(PyObject* from, double& to) {
     if (!PyFloat_Check(from)) {
@@ -71,7 +71,7 @@ inline bool take(PyObject* from, Vec2<double>& to) {
     return both(fits && std::isfinite(x) && std::isfinite(y));
 }
 
-// (x, y); nullptr where there is no memory.
+// (x, y); nullptr if out of memory.
 inline PyObject* new_pair(const Vec2<double>& a) {
     PyObject* const pair = PyTuple_New(2);
     PyObject* const x = PyFloat_FromDouble(a.x());

@@ -1,4 +1,4 @@
-// Whole runs on an ideal device, compiled for each kind of processor: in files of their own, as they take longest to
+// Whole runs on an ideal device, compiled for each kind of processor: in separate files, as they take longest to
 // compile.
 #pragma once
 
@@ -7,6 +7,6 @@
 namespace fracgyro::bindings {
 
 std::int64_t record_run(const Setup& setup, std::int64_t every, double* rows, FillNoise noise);
-MetricValues measure_double(const Setup& setup, const MetricsParams& params, FillNoise noise);
+Metrics measure_double(const Setup& setup, const MetricsParams& params, FillNoise noise);
 
 }  // namespace fracgyro::bindings

@@ -1,5 +1,5 @@
-# What nanobind.stubgen cannot know of the compiled module, or would write of this machine.
-fracgyro._core.__prefix__:
+# Types that nanobind.stubgen cannot know, and values that depend on the machine.
+_core.__prefix__:
     \from typing import Any, NamedTuple
     _Vector = tuple[float, float]
     class Motion(NamedTuple):
@@ -22,56 +22,60 @@ fracgyro._core.__prefix__:
         @property
         def reference_acceleration(self) -> _Vector: ...
 
-fracgyro._core.compiler:
+_core.compiler:
     compiler: str
 
-fracgyro._core.design_kernel:
+_core.design_kernel:
     def design_kernel(order: float, shortest: float, longest: float, tolerance: float) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64], float]: ...
 
-fracgyro._core.sampled_operator:
+_core.sampled_operator:
     def sampled_operator(poles: NDArray[Any], weights: NDArray[Any], order: float, shortest: float, step: float, derivative: bool, parabolas: bool) -> tuple[NDArray[numpy.float64], tuple[float, float, float, float]]: ...
 
-fracgyro._core.kernel$:
+_core.kernel$:
     def kernel(times: NDArray[Any], order: float) -> NDArray[numpy.float64]: ...
 
-fracgyro._core.(controller_kinds|controller_meanings|metric_names):
+_core.(controller_kinds|controller_meanings):
     \1: list[str]
 
-fracgyro._core.(loop_channels|device_channels):
+_core.(loop_channels|device_channels|metrics):
     \1: tuple[tuple[str, int, str, str, str, bool], ...]
 
-fracgyro._core.fields_of_kind:
+_core.fields_of_kind:
     def fields_of_kind(kind: int) -> list[dict[str, Any]]:
         \doc
 
-fracgyro._core.reports_of_kind:
+_core.device_fields:
+    def device_fields() -> list[dict[str, Any]]:
+        \doc
+
+_core.reports_of_kind:
     def reports_of_kind(kind: int) -> list[tuple[tuple[str, int, str, str, str, bool], ...]]:
         \doc
 
-fracgyro._core.PythonController.failed_at:
+_core.PythonController.failed_at:
     @property
     def failed_at(self) -> float | None: ...
 
-fracgyro._core.PythonController.names:
+_core.PythonController.names:
     @property
     def names(self) -> list[tuple[str, int]]: ...
 
-fracgyro._core.chosen_type:
+_core.chosen_type:
     def chosen_type(setup: Setup) -> tuple[int, int]:
         \doc
 
-fracgyro._core.Controller.checked_step:
+_core.Controller.checked_step:
     def checked_step(self, step: float, units: Units, time: object, position: object, velocity: object) -> Any: ...
 
-fracgyro._core.record_runs:
+_core.record_runs:
     def record_runs(setups: Sequence[DeviceSetup], every: int, threads: int, device: bool = False, users: Sequence[UserController] = [], units: Sequence[Units] = []) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]: ...
 
-fracgyro._core.rate_means:
+_core.rate_means:
     def rate_means(setups: Sequence[DeviceSetup], every: int, block: int, threads: int, device: bool, users: Sequence[UserController] = [], units: Sequence[Units] = []) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]: ...
 
-fracgyro._core.Gyroscope.motion:
+_core.Gyroscope.motion:
     @property
     def motion(self) -> Motion: ...
 
-fracgyro._core.Gyroscope.step:
+_core.Gyroscope.step:
     def step(self, force: object) -> Any: ...

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Tests of an installed package, away from its sources: of a wheel, and of the oldest libraries that it admits.
+# Test an installed package without its sources: a wheel, and the oldest supported libraries.
 #
 #     tests/installed.sh [PYTHON]     a Python that has fracgyro[all,test-wheel]
 set -euo pipefail

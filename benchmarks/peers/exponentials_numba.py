@@ -1,4 +1,4 @@
-"""The closed loop as a good numba user would write it: exponentials, constant memory, every channel recorded.
+"""The closed loop as an expert numba user would write it: exponentials, constant memory, every channel recorded.
 
 Tried and kept: one row of exponentials per channel, which becomes vectors over channels; the reference by
 rotation instead of sines; the record touched beforehand. Tried, no faster: one row of channels per exponential.

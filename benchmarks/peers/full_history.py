@@ -1,6 +1,6 @@
-"""What is usually written for this controller: a loop over the samples that sums the whole history at every one.
+"""The usual implementation of this controller: a loop over the samples that sums the whole history at each.
 
-Grünwald-Letnikov sums for both fractional terms. Three ways of writing it:
+Grünwald-Letnikov sums for both fractional terms. Three variants:
     `arrays`             NumPy as most would write it, vectors and matrices throughout, for which `simulate` is there;
     `make(...)`          the same over plain numbers, where only the sums are arrays: twice as fast in Python, and what
                          numba compiles. The sums are four `np.dot` over contiguous memory; in numba that is as fast as

@@ -1,4 +1,4 @@
-"""The paper's study as the peers share it: its numbers, the control law in scalars, and the plant's held step.
+"""The paper's study, shared by the peers: its numbers, the control law in scalars, and the plant's held step.
 
 The loop is the corrected one, as `fracgyro.Scenario.paper()`: linear layer, Riemann-Liouville derivative, skew law for
 the rate. The law is written over plain numbers because that is the fastest form for each peer: Python runs it without
@@ -69,7 +69,7 @@ def references(times: np.ndarray) -> np.ndarray:
 
 
 def make_law(sqrt: Callable[..., Any], select: Callable[..., Any], copysign: Callable[..., Any]) -> Callable[..., Any]:
-    """Equations (16), (35), (36), (44) of one sample, over whatever numbers `sqrt`, `select` and `copysign` are for."""
+    """Equations (16), (35), (36), (44) of one sample, for the number type of `sqrt`, `select` and `copysign`."""
 
     def law(q, v, e, de, acceleration, integral, derivative, estimates):
         """From q, v, e, de/dt, d²r/dt², D^(α-1) e, D^α e, each a pair: the pairs s and u, and d/dt of the estimates."""

@@ -1,6 +1,6 @@
-"""What Simulink users do, in SciPy: a continuous controller, RK45 with steps of at most h, and Oustaloup filters.
+"""A typical Simulink approach, in SciPy: a continuous controller, RK45 with steps of at most h, and Oustaloup filters.
 
-One filter of 21 poles per axis serves both terms, as a careful user would arrange it: Oustaloup's s^(α-1), expanded in
+One filter of 21 poles per axis serves both terms, as a careful user would set it up: Oustaloup's s^(α-1), expanded in
 partial fractions D + Σ c_i/(s + p_i), acts on e, dz_i/dt = e - p_i z_i. As both e and ė are measured, D^(α-1) e =
 D e + Σ c_i z_i and its exact derivative D ė + Σ c_i (e - p_i z_i), the Riemann-Liouville D^α e, are the two terms. The
 first jumps by D e(0) at the start, so the second has an impulse there, which the force spreads over the first h. The

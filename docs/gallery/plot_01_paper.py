@@ -2,8 +2,8 @@
 The paper's run in five lines
 =============================
 
-The mass follows its reference on both axes. The third panel is the control force, the last one the estimate of the
-angular rate, which the paper's corrected law leaves some percent off.
+The mass follows its reference on both axes. The third panel is the control force, the last one the rate estimate, which
+remains some percent off with the paper's corrected law.
 """
 
 import fracgyro as fg

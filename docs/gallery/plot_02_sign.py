@@ -1,10 +1,10 @@
 """
-Printed against corrected: the sign that never learns
-=====================================================
+Printed and corrected: the effect of a sign error
+=================================================
 
 With the sign that the paper prints in eq. (44), the law for the angular rate moves only a symmetric part, which a rate
-does not have: the estimate stays at its first guess for ever. With the sign corrected it moves, first by hundreds of
-times the rate. Least squares alongside the laws, ``composite``, find the rate within a few units of time.
+does not have: the estimate stays at its initial value. With the sign corrected it moves, initially by hundreds of times
+the rate. Least squares alongside the laws, ``composite``, find the rate within a few units of time.
 """
 
 import fracgyro as fg

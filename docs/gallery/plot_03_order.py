@@ -1,9 +1,9 @@
 """
-What the order does: 1,000 runs in seconds
+Effect of the order: 1,000 runs in seconds
 ==========================================
 
 The tracking error for ten orders α of the fractional derivative and 100 noise seeds each. Over the whole run, which the
-start decides, the least error is at 0.6 on x and at 0.9 on y. From t = 10 on it is at 1, the integer order.
+initial transient dominates, the minimum is at 0.6 on x and at 0.9 on y. From t = 10 on it is at 1, the integer order.
 """
 
 import fracgyro as fg

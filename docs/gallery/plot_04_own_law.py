@@ -1,9 +1,9 @@
 """
-A law of your own in ten lines of Python
-========================================
+Your own controller in ten lines of Python
+==========================================
 
-Any callable takes the controller's place: it gets a sample and returns the force. What it reports is recorded. Plant,
-noise, metrics and plots stay as they are.
+Any callable can replace the controller: it receives a sample and returns the force. Its reports are recorded. Plant,
+noise, metrics and plots stay the same.
 """
 
 import fracgyro as fg

@@ -2,8 +2,8 @@
 The same in numba: on all processors, without Python
 ====================================================
 
-A function that numba has compiled runs as fast as the controllers of the package. Its parameters have names, so that
-they can vary: here its stiffness, over a decade, with 8 noise seeds each.
+A function that numba has compiled runs as fast as the controllers of the package. Its parameters have names, so a
+study can vary them: here the stiffness, over a decade, with 8 noise seeds each.
 """
 
 import fracgyro as fg

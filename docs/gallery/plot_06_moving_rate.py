@@ -1,5 +1,5 @@
 """
-A moving rate, followed
+Tracking a dynamic rate
 =======================
 
 The dual-mass device from the literature, with noisy pick-offs that measure positions only. The rate to be sensed is a

@@ -3,7 +3,7 @@ A gyroscope as a rate sensor: its datasheet
 ===========================================
 
 ``fg.rate.characterise`` puts a device on a simulated rate table: scale factor, noise, bandwidth and more. Here it is
-cut short: two noise seeds, short runs, a short record at rest. What so little does not show is only bounded. It also
+shortened: two noise seeds, short runs, a short record at rest. Figures that were not observed are only bounded. It also
 writes a report with intervals and pictures.
 """
 

@@ -3,7 +3,7 @@ A fractional PID in python-control
 ==================================
 
 kp + ki/s^0.8 + kd s^0.9 as a sampled linear system, from values only. Its frequency response follows the ideal one; the
-error below grows with the frequency, as the signal between samples is taken for lines or for parabolas. Its state space
+error grows with the frequency, because lines or parabolas replace the signal between samples. Its state space
 closes a loop with the gyroscope's first axis.
 """
 

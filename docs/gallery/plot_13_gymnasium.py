@@ -2,8 +2,8 @@
 Gains by trial and error, in Gymnasium
 ======================================
 
-200 copies of the environment at once, each with PD gains of its own: what the mass did in an episode is all that is
-known of them. The dashed line is the return of the paper's controller on the same episode.
+200 copies of the environment at once, each with its own PD gains, which are judged only by the motion of the mass in an
+episode. The dashed line is the return of the paper's controller on the same episode.
 """
 
 import fracgyro as fg

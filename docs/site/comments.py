@@ -13,8 +13,8 @@ from fracgyro.export.compilers import SOURCES
 ROOT = Path(__file__).resolve().parents[2]
 REPOSITORY = "https://github.com/fracgyro/fracgyro"
 HEADERS = SOURCES / "include/fracgyro"
-INDENT = 8  # of a line of equations
-MAX_WORDS = 40  # of what a controller is and when to use it
+INDENT = 8  # spaces before a line of equations
+MAX_WORDS = 40  # length of a controller's summary
 
 
 @dataclass

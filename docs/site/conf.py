@@ -6,6 +6,9 @@ import sys
 from importlib.metadata import version as version_of
 from pathlib import Path
 
+import click
+from fracgyro.cli import cli
+
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
 
@@ -29,14 +32,14 @@ nitpicky = True
 nitpick_ignore_regex = [
     ("py:.*", r"(collections|control|ctypes|matplotlib|numpy|np|os|pathlib|scipy|typing|xarray|xr)\..*"),
     # Tables of fields, which have their own reference.
-    ("py:class", r"fracgyro\.(compare\.task|scenario\.(device|schema))\..*"),
+    ("py:class", r"fracgyro(_lab\.comparison\.task|\.scenario\.(device|schema))\..*"),
     ("py:class", r"(Any|Array|ArrayLike|Callable|ControllerLike|Figure|Iterable|Mapping|NDArray|Path|Sequence|Vector)"),
 ]
 
 # Markdown
 myst_enable_extensions = ["colon_fence"]
-myst_fence_as_directive = ["math"]  # as GitHub writes it
-myst_heading_anchors = 4  # by GitHub's names
+myst_fence_as_directive = ["math"]  # the syntax of GitHub
+myst_heading_anchors = 4  # with GitHub's names
 html_math_renderer = "mathml"
 
 # Docstrings: backticks mark code, as in Markdown
@@ -49,6 +52,7 @@ doctest_global_setup = """
 import os, tempfile
 import numpy as np
 import fracgyro as fg
+import fracgyro_lab as lab
 os.chdir(tempfile.mkdtemp())
 """
 
@@ -68,6 +72,18 @@ sphinx_gallery_conf = {
     "within_subsection_order": "FileNameSortKey",
     "write_computation_times": False,
 }
+
+
+def load(group: click.Group) -> None:
+    """Loads commands of other packages, too: sphinx_click lists only loaded commands."""
+    context = click.Context(group)
+    for name in group.list_commands(context):
+        command = group.get_command(context, name)
+        if isinstance(command, click.Group):
+            load(command)
+
+
+load(cli)
 
 html_theme = "furo"
 html_title = f"fracgyro {version}"

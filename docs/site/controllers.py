@@ -17,17 +17,17 @@ import fracgyro as fg
 import numpy as np
 from comments import address, comment_of
 from formulas import latex
-from fracgyro.compare import rate_contenders, track_contenders
 from fracgyro.scenario.kinds import KINDS, MEANINGS, numbers, reports
 from fracgyro.scenario.reference import FIELDS, fields_of_kind, rows_of
 from fracgyro.scenario.table import toml_value
+from fracgyro_lab.comparison import rate_contenders, track_contenders
 from picture import SETUPS, closed_loop, pictures
 
 sys.path.append(str(Path(__file__).resolve().parents[2] / "benchmarks"))
 import logs
 import page_numbers
 
-MARK = "<!-- controllers -->"  # of the overview, in a text of the site
+MARK = "<!-- controllers -->"  # place of the overview in a page of the site
 SENSING = (page_numbers.BOTH, page_numbers.ONLY)
 NOT_FOLLOWED = "With those of the paper's scenario it does not follow the paper's reference."
 ARW = "angle random walk, deg/√h (95 %)"
@@ -74,7 +74,7 @@ def _greek(text: str) -> str:
 
 
 def adaptations(kind: str) -> tuple[str, ...]:
-    """What adaptation.kind can be; the empty string for a kind that does not have it."""
+    """Possible values of adaptation.kind; the empty string for a kind that does not have it."""
     return next((number.choices for number in numbers(kind) if number.path == "adaptation.kind"), ("",))
 
 
@@ -83,7 +83,7 @@ def variant(kind: str, adaptation: str) -> dict[str, object]:
 
 
 def velocity(kind: str, adaptation: str) -> str:
-    """Where the velocity is from when only positions are measured, as short runs show."""
+    """Source of the velocity if only positions are measured, found by short runs."""
     base = fg.Scenario.paper().replace({**variant(kind, adaptation), "run.duration": 0.1})
     positions = base.replace({"device.sensing": "position"})
     slower = positions.replace({"controller.observer_bandwidth": 0.5 * positions.controller.observer_bandwidth})
@@ -177,7 +177,7 @@ def page(kind: str) -> tuple[str, dict[str, str]]:
 
 
 def _commands(kind: str, scenario: str, changes: Mapping[str, Any]) -> Iterator[str]:
-    """What runs the setup of the picture: the paper's is the default."""
+    """Commands that run the setup of the picture: the paper's is the default."""
     if scenario != "paper":
         yield f"fracgyro scenario {scenario} > device.toml"
     sets = [f"--set controller.kind={kind}"] + [

@@ -1,4 +1,4 @@
-"""The C interface as a page: each declaration of a header under the words that stand above it there."""
+"""The C interface as a page: each declaration of a header below its comment."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def c_reference(header: Path, coefficients: str) -> str:
         assert name is not None
         lines += [f"## {name[1] or name[2]}", "", *([_sentences(found["words"]), ""] if found["words"] else [])]
         lines += ["```c", found["code"], "```", ""]
-    shown = coefficients[: coefficients.index("\n/* Of the plant")]
+    shown = coefficients[: coefficients.index("\n/* Stiffness of the")]
     lines += ["## fracgyro_coefficients.h", "", "Made for each scenario. For the shipped `hardware` it begins:", ""]
     return "\n".join([*lines, "```c", shown.rstrip(), "```", ""])
 

@@ -1,4 +1,4 @@
-"""Formulas as MathML, which browsers draw by themselves: no script, no font, nothing to fetch."""
+"""Formulas as MathML, which browsers render natively: no script, no font, nothing to fetch."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def _inline(translator: Any, node: nodes.math) -> None:
 
 
 def _block(translator: Any, node: nodes.math_block) -> None:
-    # Wide ones scroll, also for those who have only a keyboard.
+    # Wide formulas scroll, also with the keyboard.
     translator.body.append(f'<div class="math" tabindex="0">{convert(node.astext(), display="block")}</div>')
     raise nodes.SkipNode
 

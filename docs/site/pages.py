@@ -1,7 +1,7 @@
-"""Gathers the texts of the documentation site: `python docs/site/pages.py FOLDER`, then sphinx-build on FOLDER.
+"""Collect the sources of the documentation site: `python docs/site/pages.py FOLDER`, then sphinx-build on FOLDER.
 
-Most pages are files that stand somewhere else in the repository: guides, equations, decisions, logs. PAGES says which.
-In all of them links to files are made links to pages, to pictures, or to the repository where it has none.
+Most pages are files elsewhere in the repository: guides, equations, decisions, logs. PAGES lists them. Links to files
+become links to pages, to pictures, or, if the site has neither, to the repository.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ PAGES = {
     "how-to/firmware": "docs/firmware.md",
     "how-to/firmware-folder": "integrations/firmware/README.md",
     "how-to/fpga": "docs/fpga.md",
-    "how-to/fpga-folder": "integrations/fpga/README.md",
+    "how-to/fpga-folder": "fpga/fracgyro_fpga/verilog/README.md",
     "how-to/tuned-gains": "examples/tuning/README.md",
     "understand/equations": "EQUATIONS.md",
     "understand/paper": "docs/paper.md",
@@ -61,9 +61,9 @@ PAGES = {
     "releasing": "RELEASING.md",
     "changelog": "CHANGELOG.md",
 }
-LEFT_OUT = {"mutants.md"}  # a list of edits of the code, for those who change it
+LEFT_OUT = {"mutants.md"}  # a list of edits of the code, for developers
 PICTURES = {".svg", ".png"}
-# Listed on a page, but not in the bar at the side of every page, which would take a third of the time.
+# Listed on a page, but not in the sidebar of every page, which would take a third of the build time.
 LISTED = {"decisions", "measured"}
 ORPHAN = "---\norphan: true\n---\n\n"
 
@@ -135,7 +135,7 @@ class Gathered:
             opened = re.match(r"\s*(`{3,}|~{3,})", line)
             if opened and (not fence or opened[1].startswith(fence)):
                 fence = "" if fence else opened[1]
-            # MyST takes a line that begins with % for a comment.
+            # MyST treats a line that begins with % as a comment.
             yield line if fence or opened else re.sub(r"^(\s*)%", r"\1\\%", self.line_linked(line, path, name))
 
     def line_linked(self, line: str, path: Path, name: str) -> str:
@@ -153,7 +153,7 @@ class Gathered:
         found = Path(os.path.normpath(path.parent / file))
         if found in self.name_of:
             page = self.name_of[found]
-            suffix = ".md" if page in self.pages else ".rst"  # of the gallery
+            suffix = ".md" if page in self.pages else ".rst"  # gallery
             return f"{os.path.relpath(page + suffix, Path(name).parent)}{hash_sign}{anchor}"
         if found.suffix in PICTURES:
             copied = self.folder / "pictures" / found.name

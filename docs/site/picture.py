@@ -27,7 +27,7 @@ SETUPS: tuple[tuple[str, str, Mapping[str, Any]], ...] = (
     ),
 )
 FOLLOWED = 0.1  # RMS error over the reference's, in the second half
-POINTS = 200  # of a curve
+POINTS = 200  # points of a curve
 # Letters and frames, x, y; on the page's own background. The second pair is from the same palette, for dark pages.
 SCHEMES = {"light": ("#222222", *COLORS), "dark": ("#dddddd", "#56B4E9", "#E69F00")}
 SIZE = 3.7, 2.4  # inches: two next to each other, or one on a telephone
@@ -117,7 +117,7 @@ def _band(panel: Axes, run: xr.Dataset, low: Values, high: Values, **style: Any)
 
 
 def _limit(panel: Axes, low: Values, high: Values) -> None:
-    """As high as the second half of the run needs."""
+    """Set the limits of the y axis to the range of the second half of the run."""
     later = slice(len(low) // 2, None)
     bottom, top = float(low[later].min()), float(high[later].max())
     margin = max(0.15 * (top - bottom), 0.02 * abs(top), 1e-9)

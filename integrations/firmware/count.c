@@ -6,7 +6,7 @@
 #include <stdio.h>
 
 #define SYSTICK ((volatile uint32_t*)0xE000E010)
-/* As many repeats as instructions per tick: exact to the instruction. */
+/* One repeat for each instruction of a tick, so that counts are exact to the instruction. */
 enum { per_tick = 40, repeats = 40, period = 64, settled = 150 * period };
 
 static fracgyro_state state, before;
@@ -26,7 +26,7 @@ static fracgyro_motion moved(fracgyro_motion m) {
     return m;
 }
 
-/* Of one step from the present state, which is left as it was. */
+/* Instructions of one step from the present state, which does not change. */
 static uint32_t of_one_step(const fracgyro_motion* motion, int count) {
     before = state;
     const uint32_t start = ticks();
@@ -54,8 +54,8 @@ int main(void) {
     SYSTICK[2] = 0;
     SYSTICK[0] = 5;
     fracgyro_init(&state);
-    /* Of the first 64 steps, and of 64 once what only the start needs is past, two in each evaluating the reference
-       anew: the mean of the later, and the most of any, those of faults included. */
+    /* Counts the first 64 steps and 64 steps after the start-up; in each group two steps evaluate the reference again.
+       Prints the mean of the later group, and the maximum of all steps, including those after faults. */
     fracgyro_motion motion = {{(fracgyro_number)0.5, (fracgyro_number)0.5}, {0, 0}};
     for (uint32_t n = 0; n < settled + period; ++n) {
         total = n < settled ? 0 : total;
@@ -68,7 +68,7 @@ int main(void) {
     const uint32_t mean = total / period;
     const fracgyro_motion wild = {{(fracgyro_number)1e4, 0}, {0, 0}}, lost = {{0, 0}, {0, (fracgyro_number)1e30}};
     count(&wild);
-    for (int n = 0; n < period; ++n) { /* until it lets go, and beyond */
+    for (int n = 0; n < period; ++n) { /* until the controller restarts, and beyond */
         count(&lost);
         fracgyro_step(&state, &lost, &force);
     }

@@ -1,11 +1,11 @@
-/* The controller for C, C99 and later. Everything is nondimensional; fracgyro_coefficients.h says what one unit is.
+/* The controller for C, C99 and later. Everything is nondimensional; fracgyro_coefficients.h defines the units.
  *
  *     fracgyro_state state;
  *     fracgyro_init(&state);
  *     every FRACGYRO_STEP_SECONDS:  status = fracgyro_step(&state, &motion, &force);
  *
- * Nothing here allocates, blocks, recurses or fails; every function ends in bounded time. A state belongs to one caller
- * at a time; any number of states may be in use. */
+ * No function allocates, blocks, recurses or fails, and each returns in bounded time. A state belongs to one caller at
+ * a time; any number of states may be in use. */
 #ifndef FRACGYRO_H
 #define FRACGYRO_H
 
@@ -19,13 +19,13 @@ extern "C" {
 
 typedef enum {
     FRACGYRO_OK = 0,
-    FRACGYRO_SATURATED = 1,    /* the force is at its limit, and the estimates rest rather than wind up */
-    FRACGYRO_NOT_FINITE = 2,   /* NaN or infinity was measured: the last force is held, the estimates rest */
-    FRACGYRO_OUT_OF_RANGE = 3, /* what was measured is no motion of a gyroscope: as above */
+    FRACGYRO_SATURATED = 1,    /* the force is at its limit; the estimates are frozen, so that they do not wind up */
+    FRACGYRO_NOT_FINITE = 2,   /* NaN or infinity was measured: the last force is held, the estimates are frozen */
+    FRACGYRO_OUT_OF_RANGE = 3, /* the sample is outside the range of a gyroscope's motion: as FRACGYRO_NOT_FINITE */
     FRACGYRO_RESTARTED = 4,    /* the force was not finite, or at its limit too long: the next sample starts again */
     FRACGYRO_REFUSED = 5,      /* nothing was restored: saved by another controller, or damaged since */
-    FRACGYRO_IMPLAUSIBLE = 6,  /* the plant cannot have moved so since the last sample: as FRACGYRO_NOT_FINITE */
-    FRACGYRO_LOST = 7          /* no sample is accepted: the force is that of the reference, until enough agree */
+    FRACGYRO_IMPLAUSIBLE = 6,  /* the plant cannot have moved so far in one step: as FRACGYRO_NOT_FINITE */
+    FRACGYRO_LOST = 7          /* no sample is accepted: feedforward only, until enough samples agree */
 } fracgyro_status;
 
 typedef struct {
@@ -40,19 +40,19 @@ typedef struct {
     unsigned char bytes[FRACGYRO_STATE_SIZE];
 } __attribute__((aligned(FRACGYRO_STATE_ALIGNMENT))) fracgyro_state;
 
-/* For flash or a wire between equal processors. */
+/* A state with its checksum, for flash memory or transfer between equal processors. */
 typedef struct {
     uint32_t key, checksum;
     fracgyro_state state;
 } fracgyro_saved;
 
-/* To t = 0. */
+/* Resets the state to t = 0. */
 void fracgyro_init(fracgyro_state* state);
 
 /* The force to hold until the next step, from the motion measured now. `force` is always set and within the limit. */
 fracgyro_status fracgyro_step(fracgyro_state* state, const fracgyro_motion* motion, fracgyro_vector* force);
 
-/* What the controller reports, as it stands before the coming step. With nothing to report nothing is done. */
+/* The controller's report before the next step. Does nothing for a controller without a report. */
 void fracgyro_read_report(const fracgyro_state* state, fracgyro_report* report);
 
 /* A restored state continues as the saved one would have, bit for bit. */

@@ -1,5 +1,5 @@
-/* What a control loop looks like, tried on a simulated gyroscope. Put your sensors and actuators in place of
-   read_motion and apply_force. */
+/* Example of a control loop, on a simulated gyroscope. Replace read_motion and apply_force by your sensors and
+   actuators. */
 #include "fracgyro.h"
 
 #include <stdio.h>
@@ -43,7 +43,7 @@ int main(void) {
         }
     }
 
-    /* What the controller knows by now. Your own code reads the members: report.rate_estimate, for example. */
+    /* The controller's report. Your own code reads the members: report.rate_estimate, for example. */
     fracgyro_report report;
     fracgyro_read_report(&state, &report);
     static const char* const names[] = FRACGYRO_EXAMPLE_NAMES;

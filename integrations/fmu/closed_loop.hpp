@@ -4,7 +4,6 @@
 #include "exported.hpp"
 #include "without_exceptions.hpp"
 
-#include "fracgyro/sim/device_settings.hpp"
 #include "fracgyro/sim/settings.hpp"
 
 namespace fracgyro {
@@ -15,7 +14,7 @@ struct IdealLoop : Stepper<C> {
     using Draw = Disturbance;
     static constexpr std::size_t width = row_width<typename C::Report>;
 
-    static void take_device(RunSetup&) {}
+    static void take_device(RunSetup&, const double*) {}
     static Draw draw(const RunSetup& setup) { return {setup.disturbance, setup.common.step}; }
     static void write(const typename Stepper<C>::State& state, const typename Stepper<C>::Coefficients&, double* row) {
         write_row(state.snapshot(), row);
@@ -29,7 +28,12 @@ struct DeviceLoop : Stepper<C, DeviceGyroscope> {
     using Loop = Stepper<C, DeviceGyroscope>;
     static constexpr std::size_t width = row_width<typename C::Report> + device_width;
 
-    static void take_device(RunSetup& setup) { take_device_settings(setup, exported::device.data()); }
+    static void take_device(RunSetup& setup, const double* numbers) {
+        const auto list = [](const auto& values) { return std::vector<double>(values.begin(), values.end()); };
+        take_device_settings(setup, numbers);
+        setup.rate.table = {list(exported::rate_times), list(exported::rate_values)};
+        setup.device.temperature = {list(exported::temperature_times), list(exported::temperature_values)};
+    }
     static Draw draw(const RunSetup& setup) { return Draw(setup); }
     static void write(const typename Loop::State& state, const typename Loop::Coefficients& c, double* row) {
         write_device_row(DeviceGyroscope::snapshot(state, c.gyroscope, state.signals), row);

@@ -54,9 +54,9 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
         component->callbacks = *callbacks;
     }
     std::snprintf(component->name, sizeof component->name, "%s", name == nullptr ? "" : name);
-    const char* const wrong = type != fmi2CoSimulation ? "this FMU is for co-simulation alone"
+    const char* const wrong = type != fmi2CoSimulation ? "this FMU supports co-simulation only"
                               : guid == nullptr || std::strcmp(guid, fracgyro::exported::token) != 0
-                                  ? "the GUID is not that of this FMU: its model description is of another one"
+                                  ? "the GUID is not this FMU's: the model description belongs to another FMU"
                                   : nullptr;
     if (wrong != nullptr) {
         component->failed(wrong);

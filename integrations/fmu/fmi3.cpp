@@ -121,8 +121,8 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time, fmi3Float64 length, fmi3
     return of(c).stepped(worked);
 }
 
-// What an importer may look for all the same: other types, events, clocks, derivatives, model exchange. The description
-// of this FMU says that it has none of them.
+// Functions that an importer may look up even though the description of this FMU declares none of them: other types,
+// events, clocks, derivatives, model exchange.
 #define NOT_OFFERED(name, ...) \
     fmi3Status name(fmi3Instance c __VA_OPT__(, ) __VA_ARGS__) { return of(c).failed("this FMU has no " #name); }
 #define REFERENCES const fmi3ValueReference[], size_t

@@ -22,12 +22,11 @@ struct FromMotions {
     using Type = C;
 };
 using Unguarded = std::conditional_t<from_positions, FromPositions<Registered>, FromMotions<Registered>>::Type;
-// What is measured in the FMU itself has no faults.
+// A closed loop needs no guard: the measurements come from the FMU's own simulation and have no faults.
 using ExportedController = std::conditional_t<exported::closed_loop, Unguarded, Guard<Unguarded>>;
-using Loop =
-    std::conditional_t<exported::device.empty(), IdealLoop<ExportedController>, DeviceLoop<ExportedController>>;
+using Loop = std::conditional_t<exported::ideal, IdealLoop<ExportedController>, DeviceLoop<ExportedController>>;
 
-// Of the steps in one call of the importer: some seconds of work, after which it may think again.
+// Limit on the steps in one call of the importer: a few seconds of work.
 inline constexpr double most_steps = 1e7;
 
 class Instance {
@@ -49,7 +48,7 @@ public:
     }
 
     const char* problem() const { return problem_; }
-    // Of the last step, why a sample was not accepted; nullptr: all were.
+    // The reason why a sample of the last communication step was not accepted; nullptr: all were accepted.
     const char* warning() const { return warning_[0] == '\0' ? nullptr : warning_; }
     const State& state() const { return state_; }
     void restore(const State& saved) {
@@ -84,7 +83,7 @@ public:
         gain_ = 0.0;
     }
 
-    // All of these return whether it worked; if not, `problem` says why.
+    // These functions return true on success; otherwise `problem` returns the reason.
     bool start_at(double time) {
         if (!in(Phase::made, "the start time")) {
             return false;
@@ -194,8 +193,8 @@ public:
     }
 
 private:
-    // ρ h/δ and the bound estimates, from when s was within the layer: they tell what ended a loop that diverges. Only
-    // of a controller that has such.
+    // ρ h/δ and the bound estimates, from the time when s was within the layer: they show why a loop diverged. Only for
+    // controllers that have them.
     template <class Params, class Report>
     void look_at_bounds([[maybe_unused]] const Params& params, [[maybe_unused]] const Report& report) {
         if constexpr (requires {
@@ -231,7 +230,7 @@ private:
                     exported::step);
     }
 
-    // Whether the instance is where a call may come.
+    // Checks that a call is allowed in the present phase.
     bool in(Phase phase, const char* what) {
         static constexpr const char* names[] = {"before the initialization", "during the initialization",
                                                 "between initialization and end", "after the end"};
@@ -264,7 +263,7 @@ private:
 
     double now() const { return state_.start_time + static_cast<double>(state_.loop.step) * exported::step; }
 
-    // Of a controller behind its guard, which one in its own loop is not.
+    // Keeps the guard's warning. A controller in the FMU's own loop has no guard.
     template <class Controlled>
     void warn(const Controlled& controller) {
         if constexpr (requires { controller.status; }) {
@@ -276,8 +275,8 @@ private:
                                  : status == Status::out_of_range ? "is out of range: the last force is held"
                                  : status == Status::implausible
                                      ? "is not a motion of this plant: the last force is held"
-                                 : status == Status::lost      ? "is not accepted: the force is that of the reference"
-                                 : status == Status::restarted ? "ends what was learnt: the controller starts again"
+                                 : status == Status::lost      ? "is not accepted: the force is feedforward only"
+                                 : status == Status::restarted ? "resets the estimates: the controller starts again"
                                                                : nullptr;
         if (what != nullptr) {
             std::snprintf(warning_, sizeof warning_, "the sample at %.9g %s", now(), what);
@@ -316,7 +315,7 @@ private:
             std::copy(exported::weights.begin(), exported::weights.end(), kernel->weights.begin());
         }
         setup_.common.observer_bandwidth = exported::observer_bandwidth;
-        Loop::take_device(setup_);
+        Loop::take_device(setup_, numbers.data() + setting_count(setup_));
         coefficients_ = Loop::prepare(setup_);
         draw_ = Loop::draw(setup_);
         prepared_ = true;
@@ -400,7 +399,7 @@ private:
     }
 
     State state_{};
-    bool prepared_ = false;  // what follows is that of state_.values
+    bool prepared_ = false;  // the members below are up to date with state_.values
     Loop::RunSetup setup_{};
     typename Loop::Coefficients coefficients_{};
     Loop::Draw draw_ = Loop::draw(setup_);

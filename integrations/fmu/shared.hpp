@@ -1,5 +1,5 @@
-// What the functions of both versions of FMI do alike. A Component is an instance with its importer's logger: `failed`
-// logs a reason and returns the version's error, `status` its word for whether something worked.
+// Code shared by the functions of both FMI versions. A Component is an instance with its importer's logger: `failed`
+// logs a reason and returns the version's error code; `status` converts success or failure to the version's status.
 #pragma once
 
 #include "instance.hpp"
@@ -37,7 +37,7 @@ auto set_values(Component& c, const Reference* references, std::size_t count, co
     return c.status(true);
 }
 
-// A state that the importer keeps: made, or written over where there is one.
+// Copies the state for the importer, into a new one or over the one it passes.
 template <class Component>
 auto get_state(Component& c, void** state) {
     if (*state == nullptr) {

@@ -9,10 +9,10 @@ inline constexpr double infinity = std::numeric_limits<double>::infinity();
 
 enum class Role {
     time,
-    constant,  // what the exponentials were designed for
+    constant,  // a number for which the exponentials were designed
     fixed,     // a number of settings.hpp, which can be set until the first sample
     tunable,   // the same, at any time
-    input,     // of the controller by itself: x, y and, where they are measured, vx, vy
+    input,     // only of an FMU without a loop: x, y and, if they are measured, vx, vy
     output     // a column of recorder.hpp's rows
 };
 
@@ -21,10 +21,10 @@ struct Variable {
     Role role;
     int place;     // among the settings, inputs or columns
     double start;  // in the FMU's unit
-    double scale;  // of that unit: the core's number is value / scale
+    double scale;  // factor of that unit: the core's number is value / scale
     double low = -infinity, high = infinity;
     bool strict = false;   // low < value < high
-    bool integer = false;  // of an integer's type
+    bool integer = false;  // has the type of an integer
 };
 
 }  // namespace fracgyro

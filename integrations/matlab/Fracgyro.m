@@ -10,10 +10,10 @@ classdef Fracgyro < handle
 
     properties (SetAccess = private)
         units            % Struct: step in s, length in m, velocity in m/s, force in N, rate in rad/s, ...
-        number           % 'double' or 'single': what it computes with
-        velocity_sensed  % Whether step needs the velocity
+        number           % 'double' or 'single': precision of its arithmetic
+        velocity_sensed  % True if step needs the velocity
         gyroscope        % Struct: [q; v] after a step is A*[q; v] + B*u, from the initial [q; v] on; no noise
-        statuses         % Cell array: what the second output of step may be
+        statuses         % Cell array: possible values of the second output of step
     end
 
     properties (Access = private)
@@ -39,10 +39,10 @@ classdef Fracgyro < handle
         end
 
         function [force, status] = step(self, position, velocity)
-            % [u, status] = c.step(q, v)  The force for the motion that is measured now, [x y] each.
+            % [u, status] = c.step(q, v)  The force for the measured motion, [x y] each.
             %
-            % Whatever is measured, u is finite and within the limit, and status says what was thought of it: 'ok',
-            % 'saturated', 'not_finite', ... Without a sensor of velocity, c.step(q).
+            % For every input, u is finite and within the limit, and status is the guard's verdict: 'ok', 'saturated',
+            % 'not_finite', ... Without a velocity sensor, c.step(q).
             if nargin < 3
                 if self.velocity_sensed || nargin < 2
                     error('fracgyro:argument', 'an argument is missing: call step(position, velocity)');
@@ -73,7 +73,7 @@ classdef Fracgyro < handle
         end
 
         function restore(self, saved)
-            % c.restore(saved)  Goes on as the saved controller would have, bit for bit.
+            % c.restore(saved)  Continues as the saved controller would have, bit for bit.
             self.mex('restore', self.handle, saved);
         end
 

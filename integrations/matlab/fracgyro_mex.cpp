@@ -1,4 +1,4 @@
-// What Fracgyro.m calls: the C interface for MATLAB and Octave, with the controllers kept here under handles.
+// MEX function behind Fracgyro.m: the C interface for MATLAB and Octave. Controllers are kept here, under handles.
 //
 // Clearing this file clears its controllers: their handles are unknown from then on. An error leaves through
 // mexErrMsgIdAndTxt, which runs no destructor in MATLAB: no object that has one is alive where it is called.
@@ -93,7 +93,7 @@ mxArray* reported(const fracgyro_state& state) {
     return made;
 }
 
-// What holds for every controller of the scenario.
+// Properties that all controllers of the scenario share.
 mxArray* facts() {
     mxArray* units = new_struct();
     set_field(units, "step", mxCreateDoubleScalar(FRACGYRO_STEP_SECONDS));
@@ -140,7 +140,7 @@ void restore(fracgyro_state& state, const mxArray* given) {
     }
 }
 
-// 0, which no controller has, for what is not a handle.
+// Returns 0, which no controller has, if `given` is not a handle.
 Handle handle_in(const mxArray* given) {
     return mxIsUint64(given) && mxGetNumberOfElements(given) == 1 ? *static_cast<const Handle*>(mxGetData(given)) : 0;
 }

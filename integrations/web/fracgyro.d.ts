@@ -6,38 +6,46 @@ export function load(files?: { wasm?: BufferSource; data?: object }): Promise<Fr
 
 export interface Fracgyro {
   readonly version: string;
-  /** What each setting means and may be: enough to build a form from. */
+  /** Meaning, unit and range of each setting, enough to build a form. */
   readonly fields: Readonly<Record<SettingName, Field>>;
   /** The paper's study, eqs (47)-(53), corrected and as printed. */
   readonly paper: { readonly corrected: Scenario; readonly printed: Scenario };
   /**
-   * The closed loop from t = 0 to run.duration. With a scenario's own settings it equals Python's fracgyro.simulate to
-   * the bit. Throws RangeError, in one sentence, for a setting that is unknown or out of range.
+   * The closed loop from t = 0 to run.duration. With a scenario's own settings it equals Python's fracgyro.simulate,
+   * bit for bit. Throws RangeError, in one sentence, for a setting that is unknown or out of range.
    */
   simulate(scenario: Scenario, changes?: Partial<Settings>): Promise<Run>;
   /** The closed loop in parts, tuned while it runs. Without changes its rows are those of `simulate`, bit for bit. */
   loop(scenario: Scenario, changes?: Partial<Settings>): Promise<Loop>;
-  /** The controller by itself, for a loop of your own; in double precision unless `single`. */
+  /** The controller without a loop, for a loop of your own; in double precision unless `single`. */
   controller(scenario: Scenario, changes?: Partial<Settings>, options?: { single?: boolean }): Promise<Controller>;
 }
 
-/** `fracgyro export web my.toml --out my.json` writes one. */
+/** A scenario, as `fracgyro export web my.toml --out my.json` writes it. */
 export interface Scenario {
   readonly settings: Settings;
-  /** Nondimensional = setting / scale, for those in SI units. */
+  /** Scales of the settings in SI units: setting / scale is nondimensional. */
   readonly scales: Partial<Record<SettingName, number>>;
-  /** Of a rate that moves and a device that is not ideal, for the run.step of the settings; null is infinity. */
-  readonly device?: readonly (number | null)[];
+  /** A dynamic rate and a real device, nondimensional, for the run.step of the settings. */
+  readonly device?: Device;
+}
+
+export interface Device {
+  /** By name, such as rate.amplitude and device.position_noise; null is infinity. */
+  readonly numbers: Readonly<Record<string, number | null>>;
+  /** Profiles of the rate, and of the change of temperature in K: times, in steps, and values. */
+  readonly rate: readonly [readonly number[], readonly number[]];
+  readonly temperature: readonly [readonly number[], readonly number[]];
 }
 
 export interface Field {
   description: string;
   unit?: string;
   choices?: (string | boolean)[];
-  /** null or Infinity is allowed, and switches off. */
+  /** null or Infinity is allowed and switches the effect off. */
   infinite?: true;
   whole?: true;
-  /** Acts only at the start: a loop that runs does not take it. */
+  /** Acts only at the start: a running loop refuses a change. */
   fixed?: true;
   minimum?: number;
   maximum?: number;
@@ -45,11 +53,11 @@ export interface Field {
   exclusiveMaximum?: number;
 }
 
-/** All of it nondimensional. */
+/** A finished run. Everything is nondimensional. */
 export interface Run {
-  /** Of the recorded samples, in units of 1/omega0. */
+  /** Times of the recorded samples, in units of 1/omega0. */
   time: Float64Array;
-  /** position.x, …, bound_estimate[2]: as the variables of Python's Dataset. */
+  /** position.x, …, bound_estimate[2]: names of the variables of Python's Dataset, with the part. */
   columns: string[];
   column(name: string): Float64Array;
   /** All columns, sample by sample. */
@@ -58,49 +66,48 @@ export interface Run {
   diverged: number | null;
 }
 
-/** As Python's fracgyro.Loop. All of it nondimensional. */
+/** A closed loop in parts, like Python's fracgyro.Loop. Everything is nondimensional. */
 export interface Loop {
-  /** As those of a run. */
+  /** The columns of a run. */
   readonly columns: string[];
-  /** When the coming sample is, in units of 1/omega0. */
+  /** Time of the next sample, in units of 1/omega0. */
   readonly time: number;
   /** When the motion left all bounds; null if it did not. */
   readonly diverged: number | null;
   /**
-   * The coming samples: rows of all columns at the samples that `every` divides, fewer where the motion diverges. It
-   * may go on beyond run.duration, the longest time that a fractional memory is accurate for.
+   * The next samples: rows of all columns at the samples that `every` divides, fewer if the motion diverges. The loop
+   * may continue beyond run.duration, but the fractional memory is accurate only up to there.
    */
   run(samples: number, every?: number): Float64Array;
   /**
-   * Other settings from the coming sample on; what the controller has learnt stays. Throws RangeError for one that is
-   * out of range, acts only at the start, or would make it another controller; then nothing changes.
+   * Changes settings from the next sample on; the controller keeps its estimates. Throws RangeError for a setting that
+   * is out of range, acts only at the start, or would make it another controller; then nothing changes.
    */
   set(changes: Partial<Settings>): void;
-  /** An impulse on the mass just before the coming sample: what it adds to the velocity. */
+  /** An impulse on the mass just before the next sample, as the change of velocity. */
   kick(velocity: [number, number]): void;
   /**
-   * All that changes while running, what was set included: assign it to a loop of the same scenario to resume, bit for
-   * bit. Throws RangeError as that of a controller.
+   * Everything that changes during a run, including changed settings: assign it to a loop of the same scenario to
+   * resume, bit for bit. Throws RangeError like the state of a controller.
    */
   state: Uint8Array;
 }
 
 export interface Controller {
   /**
-   * The force [x, y] to hold for the coming step, from what is measured now. Call it once every run.step. With
-   * device.sensing = "position" the velocity is not looked at. NaN is a sample that is missing: `status` tells.
+   * The force [x, y] to hold for the next step, from the present measurement. Call it once every run.step. With
+   * device.sensing = "position" the velocity is ignored. NaN marks a missing sample, which `status` reports.
    */
   step(position: [number, number], velocity?: [number, number]): [number, number];
-  /** What was thought of the last sample; anything but ok and saturated says that it was not accepted. */
+  /** The guard's verdict on the last sample: accepted if ok or saturated. */
   readonly status: "ok" | "saturated" | "not_finite" | "out_of_range" | "restarted" | "implausible" | "lost";
   /**
-   * What the controller reports besides the force, by channel, as it stands after the last step: rate_estimate,
-   * stiffness_estimate as [xx, xy, yy], and so on. What is known only within a step, as the sliding surface, is none
-   * of them.
+   * The controller's report after the last step, by channel: rate_estimate, stiffness_estimate as [xx, xy, yy], and so
+   * on. Numbers that exist only within a step, such as the sliding surface, are not included.
    */
   readonly report: Readonly<Record<string, number | number[]>>;
   /**
-   * All that changes while running: assign it to a controller of the same scenario to resume, bit for bit. Throws
+   * Everything that changes during a run: assign it to a controller of the same scenario to resume, bit for bit. Throws
    * RangeError for a state that is damaged, or was saved by another version or a controller of another scenario or
    * precision.
    */

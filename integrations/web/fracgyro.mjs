@@ -9,7 +9,7 @@
 // their meanings and ranges. `fracgyro export web my.toml --out my.json` makes a scenario of your own. Types are in
 // fracgyro.d.ts.
 
-// The module and its data, by default from beside this file. In node, which fetches no files, hand both over.
+// Loads the module and its data, by default from this file's folder. In node, which cannot fetch files, pass both.
 export async function load({ wasm, data } = {}) {
   const fetched = async (name) => {
     const response = await fetch(new URL(name, import.meta.url));
@@ -70,14 +70,14 @@ class Fracgyro {
     const { settings, core, loop, valuesOf } = await this.#started(scenario, changes);
     const step = settings["run.step"];
     const first = { ...settings };
-    // Of what the loop was started from; kind, sensors and exponentials are not among the values.
+    // The key identifies the start of the loop; kind, sensors and exponentials are not among the values.
     const design = ["controller.kind", "device.sensing", "controller.observer_bandwidth", "run.kernel_tolerance"];
-    const started = [design.map((name) => first[name]), valuesOf(first), scenario.device ?? []];
+    const started = [design.map((name) => first[name]), valuesOf(first), scenario.device ?? null];
     const key = utf8(`fracgyro ${this.version} loop 2 ${checksum(utf8(JSON.stringify(started))).toString(16)}\n`);
     const saved = () => new Uint8Array(core.memory.buffer, core.loop_saved(), core.loop_saved_size());
     const checked = (before, changes) => this.#checked(before, changes);
     const isFixed = (name) => this.fields[name].fixed;
-    // Whether a loop that runs can take these settings.
+    // Returns true if a running loop accepts these settings.
     const takes = (wanted) => {
       const values = valuesOf(wanted);
       core.doubles(core.setting_values(), values.length).set(values);
@@ -262,9 +262,15 @@ class Fracgyro {
     const place = this.fields["controller.kind"].choices.indexOf(kind);
     const observed = settings["device.sensing"] === "position";
     const bandwidth = observed ? settings["controller.observer_bandwidth"] : 0;
-    const at = device ? core.room_for(device.length) : 0;
+    const placed = (numbers) => {
+      const at = core.room_for(Math.max(numbers.length, 1)) >>> 0;
+      core.doubles(at, numbers.length).set(numbers);
+      return at;
+    };
+    const at = device ? placed(this.#deviceNumbers(device.numbers)) : 0;
     if (device) {
-      core.doubles(at, device.length).set(device.map((number) => number ?? Infinity));
+      const { rate, temperature } = device;
+      core.device_points(rate[0].length, placed(rate.flat()), temperature[0].length, placed(temperature.flat()));
     }
     if (!core.setup_done(place, bandwidth, settings["run.duration"], settings["run.kernel_tolerance"], at)) {
       throw new RangeError(`run.step is ${settings["run.step"]}: it must lie between 1e-200 and 1e200`);
@@ -272,7 +278,17 @@ class Fracgyro {
     return { core, settings, reported: reported[core.chosen_type()], observed, valuesOf };
   }
 
-  // The settings of the kind. What a scenario says of another one's is left out.
+  // In the core's order.
+  #deviceNumbers(named) {
+    return this.#data.device_numbers.map((name) => {
+      if (!Object.hasOwn(named, name)) {
+        throw new RangeError(`${name} is missing: it must be given`);
+      }
+      return named[name] ?? Infinity;
+    });
+  }
+
+  // The settings of the controller's kind, without a scenario's settings for other kinds.
   #checked(stated, changes) {
     const all = { ...stated, ...changes };
     const kind = all["controller.kind"];
@@ -353,14 +369,14 @@ function wrong(value, field) {
 
 const stepsOf = (settings) => roundHalfToEven(settings["run.duration"] / settings["run.step"]);
 
-// Throws RangeError with the sentence where so many numbers do not fit into memory.
+// Throws RangeError with the sentence if `numbers` numbers do not fit in memory.
 function roomFor(numbers, sentence) {
   try {
     if (8 * numbers <= LARGEST_RECORD) {
       return new Float64Array(numbers);
     }
   } catch {
-    // as above
+    // an allocation that fails throws, too
   }
   throw new RangeError(sentence());
 }
@@ -380,7 +396,7 @@ function joined(...parts) {
   return all;
 }
 
-// Of a saved state, what follows the key.
+// The part of a saved state that follows the key.
 function ownPart(bytes, key, other) {
   if (!(bytes instanceof Uint8Array)) {
     throw new TypeError("state must be a Uint8Array, as it was saved");
@@ -403,7 +419,7 @@ function checksum(bytes) {
   return ~sum >>> 0;
 }
 
-// As Python rounds.
+// Rounds halves to even, like Python.
 function roundHalfToEven(value) {
   const below = Math.floor(value);
   return value - below === 0.5 ? below + (below % 2) : Math.round(value);

@@ -1,8 +1,7 @@
-// What fracgyro.mjs calls: the closed loop, and the controller by itself. One instance of the module holds one of them,
-// in these globals and in pages behind them that go when it does. Nothing is imported.
-#define _LIBCPP_VERBOSE_ABORT(...) __builtin_trap()  // of a vector that would be too long
+// Functions that fracgyro.mjs calls: the closed loop, and a single controller. One instance of the module holds one of
+// them, in these globals and in the module's memory, which is freed with the instance. The module imports nothing.
+#define _LIBCPP_VERBOSE_ABORT(...) __builtin_trap()  // called for a vector that would be too long
 #include "fracgyro/core/kernel_design.hpp"
-#include "fracgyro/sim/device_settings.hpp"
 #include "fracgyro/sim/guarded_controller.hpp"
 #include "fracgyro/sim/running_loop.hpp"
 #include "fracgyro/sim/settings.hpp"
@@ -15,7 +14,7 @@
 namespace fracgyro {
 namespace {
 
-// As many as any kind has.
+// Maximum number of settings over all kinds.
 constexpr std::size_t most_settings = []<std::size_t... I>(std::index_sequence<I...>) {
     const auto count = [](const Setup& of_kind) {
         std::size_t found = 0;
@@ -29,8 +28,8 @@ constexpr std::size_t most_settings = []<std::size_t... I>(std::index_sequence<I
 std::array<double, most_settings> values;  // those of the kind, in the order of settings.hpp
 KernelDesign kernel_design;                // room to design the exponentials in
 
-[[clang::no_destroy]] constinit std::unique_ptr<GuardedController> controller;  // by itself
-std::array<double, 2> force;                                                    // of its last step
+[[clang::no_destroy]] constinit std::unique_ptr<GuardedController> controller;  // without a loop
+std::array<double, 2> force;                                                    // output of its last step
 [[clang::no_destroy]] constinit std::vector<double> report;
 [[clang::no_destroy]] constinit std::unique_ptr<AnyController<double>> loop_controller;
 [[clang::no_destroy]] constinit std::unique_ptr<RunningLoop> loop;
@@ -52,7 +51,7 @@ struct alignas(16) Block {
 };
 constexpr std::size_t smallest = 5;
 std::array<Block*, 32> free_blocks{};
-std::byte* rest = nullptr;  // of the pages that small blocks are cut from
+std::byte* rest = nullptr;  // unused part of the page from which small blocks are cut
 std::size_t rest_size = 0;
 
 Block* new_block(std::size_t place) {
@@ -96,14 +95,14 @@ void operator delete(void* at, std::size_t) noexcept { operator delete(at); }
 
 #define EXPORT extern "C" [[gnu::visibility("default")]]
 
-// Room for so many numbers; nullptr: there is none left.
+// Memory for `count` numbers; nullptr if there is too little.
 EXPORT double* room_for(std::size_t count) { return static_cast<double*>(pages(count * sizeof(double))); }
 
 // To be filled in before `setup_done`.
 EXPORT double* setting_values() { return values.data(); }
 // The kind is a place in the registry; the bandwidth, that of the observer of velocity, 0: the velocity is measured.
-// `device`: the numbers of a rate that moves and a device that is not ideal (device_settings.hpp), or nullptr. Designs
-// the exponentials of a controller with memory. Returns whether there are such.
+// `device`: the numbers of a moving rate and a real device, or nullptr. Designs the exponentials of a controller with
+// memory. Returns whether there are such.
 EXPORT bool setup_done(std::size_t kind, double observer_bandwidth, double duration, double tolerance,
                        const double* device) {
     setup.controller = params_of_kind(kind);
@@ -124,6 +123,15 @@ EXPORT std::size_t chosen_type() {
     std::size_t chosen = 0;
     with_params(setup.controller, [&](const auto& params, auto family) { chosen = family.chosen(params); });
     return chosen;
+}
+
+// The points of the rate and of the temperature: how many, and their times, in steps, followed by their values.
+EXPORT void device_points(std::size_t rates, const double* rate, std::size_t temperatures, const double* temperature) {
+    const auto profile = [](std::size_t count, const double* from) {
+        return Profile{{from, from + count}, {from + count, from + 2 * count}};
+    };
+    setup.rate.table = profile(rates, rate);
+    setup.device.temperature = profile(temperatures, temperature);
 }
 
 // The loop at t = 0.
@@ -148,7 +156,7 @@ EXPORT int loop_run(int samples, double every, double* rows, bool device) {
     });
     return static_cast<int>(loop->step() - first);
 }
-// Goes on with the numbers that `setting_values` now has. Returns whether a loop that runs can.
+// Continues with the numbers that `setting_values` now has. Returns false if a running loop cannot.
 EXPORT bool loop_set() {
     ExponentialSum* const kernel = kernel_of(setup.controller);
     const ExponentialSum designed = kernel != nullptr ? *kernel : ExponentialSum{};
@@ -173,7 +181,7 @@ EXPORT void controller_start(bool single) {
     }
     saved.resize(controller->saved_size());
 }
-// Of what the controller is made from.
+// Key of the settings from which the controller was made.
 EXPORT std::uint32_t controller_key() {
     const std::size_t kind = setup.controller.index();
     std::uint32_t sum = checksum(&kind, sizeof kind);
@@ -191,12 +199,12 @@ EXPORT const double* controller_step(double x, double y, double vx, double vy) {
     force = {found.x(), found.y()};
     return force.data();
 }
-// What it reports, as it stands after the last step.
+// The report after the last step.
 EXPORT const double* controller_report() {
     report = controller->report();
     return report.data();
 }
-// What was thought of the last sample.
+// The guard's verdict on the last sample.
 EXPORT int controller_status() { return static_cast<int>(controller->status()); }
 // The saved state, a checksum and the state: where it is, and how long; written by controller_save, and to be filled in
 // before controller_restore, which returns whether it is as it was saved.

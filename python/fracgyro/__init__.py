@@ -1,4 +1,4 @@
-"""fracgyro: the robust adaptive fractional fast terminal sliding mode controller for MEMS gyroscopes.
+"""fracgyro: robust adaptive fractional fast terminal sliding-mode control of MEMS gyroscopes.
 
     import fracgyro as fg
     run = fg.simulate(fg.Scenario.paper())
@@ -17,12 +17,12 @@ _load, __dir__, __all__ = public(__name__, __file__, "report")
 
 
 def __getattr__(name: str) -> Any:
-    """What __init__.pyi lists, loaded when it is first asked for."""
+    """Loads a name of __init__.pyi on first use."""
     if name == "__version__":
         from importlib.metadata import version
 
         return version(__name__)
     found = _load(name)
     if "xarray" in sys.modules:
-        import_module(".analysis.accessor", __name__)  # Datasets have `run.fracgyro` from now on
+        import_module(".analysis.accessor", __name__)  # registers `run.fracgyro` for Datasets
     return found

@@ -1,4 +1,4 @@
-"""Arguments in Python that are not fields of a scenario: a wrong one is refused in one sentence."""
+"""Validation of Python arguments that are not fields of a scenario; errors are one sentence."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ NO_NUMBERS = (str, bytes, bytearray, memoryview, np.ma.MaskedArray)
 
 
 def short(value: object) -> str:
-    """A value for a sentence."""
+    """A value as text of at most 80 characters, for a message."""
     try:
-        text = " ".join(repr(value).split())  # an array may have several lines
-    except ValueError:  # an integer of more digits than Python prints
+        text = " ".join(repr(value).split())  # the text of an array may have several lines
+    except ValueError:  # an integer with more digits than Python prints
         return "too long a number"
     return text if len(text) <= 80 else f"{text[:77]}..."
 
@@ -32,7 +32,7 @@ def real(name: str, value: object) -> float:
 
 
 def number(name: str, value: object, *, least: float = -math.inf, above: float = -math.inf) -> float:
-    """A finite one. Raises ValueError besides for one that is not allowed."""
+    """A finite float. Raises TypeError as `real`, ValueError for a number that is not finite or too small."""
     result = real(name, value)
     if not math.isfinite(result):
         raise ValueError(f"{name} is {short(value)}: it must be a finite number")
@@ -43,10 +43,9 @@ def number(name: str, value: object, *, least: float = -math.inf, above: float =
 
 
 def pair(name: str, values: object, *, finite: bool = True) -> tuple[float, float]:
-    """Two floats, of a list or an array of any shape, as a column is.
+    """Two floats from a list or an array of any shape.
 
-    Raises TypeError for what holds no numbers, ValueError for others than two, and for any that is not finite unless
-    all are allowed.
+    Raises TypeError for anything but numbers, ValueError for another count and, with `finite`, for NaN or infinity.
     """
     rule = "it must be two finite numbers" if finite else "it must be two numbers"
     if not isinstance(values, Sequence | np.ndarray) or isinstance(values, NO_NUMBERS):
@@ -67,11 +66,11 @@ def pair(name: str, values: object, *, finite: bool = True) -> tuple[float, floa
 def signal(name: str, values: object) -> NDArray[Any]:
     """An array of real numbers. Raises TypeError for anything else."""
     if isinstance(values, np.ma.MaskedArray):
-        raise TypeError(f"{name} is a masked array: it must hold a number in every place")
+        raise TypeError(f"{name} is a masked array: it must not be masked")
     try:
         array = np.asarray(values)
     except (TypeError, ValueError, OverflowError):
         raise TypeError(f"{name} is {short(values)}: it must be an array of real numbers") from None
     if array.dtype.kind not in "iuf" and array.size:
-        raise TypeError(f"{name} holds {array.dtype}: it must hold real numbers")
+        raise TypeError(f"{name} has dtype {array.dtype}: it must have real numbers")
     return array

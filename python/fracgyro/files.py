@@ -1,6 +1,6 @@
-"""Reading files that may be anything; writing files whole: neither a reader nor a kill meets half a file.
+"""Safe reading of arbitrary files, and atomic writing: a file is complete or absent, even after a kill.
 
-A power cut may: files are not flushed to disk one by one, which would take longer than most of them take to make.
+A power failure may leave an incomplete file: files are not flushed to disk, which would be too slow.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Literal
 
-Replaced = Literal["any", "its kind", "nothing"]  # which file that is there may go
+Replaced = Literal["any", "its kind", "nothing"]  # existing files that may be replaced
 
-MAX_SENTENCE = 900  # characters, of which names of files may have any number
+MAX_SENTENCE = 900  # characters of a message; file names may be longer
 MAX_INPUT = 16 * 2**20  # bytes; a scenario with two tables of 100,000 points has about 10 million
 
 
 def cut(text: str, most: int = 80) -> str:
-    """The text, or its beginning and three dots."""
+    """The text, shortened to `most` characters with three dots."""
     return text if len(text) <= most else text[: most - 3] + "..."
 
 
 def one_line(text: str) -> str:
-    """A sentence with line breaks and other characters that do not print as escapes, and not too long."""
+    """A message on one line: nonprinting characters as escapes, shortened to MAX_SENTENCE."""
     text = text if text.isprintable() else "".join(map(_printable, text))
     return text if len(text) <= MAX_SENTENCE else f"{text[:400]} ... {text[-400:]}"
 
@@ -38,7 +38,7 @@ def _printable(character: str) -> str:
 
 
 def reason(error: OSError) -> str:
-    """The error in the system's few words; libraries put whole paragraphs into strerror, shutil a list of errors."""
+    """The system's text for an error; some libraries put paragraphs into strerror, shutil a list of errors."""
     if error.errno:
         return os.strerror(error.errno)
     first = re.search(r"\[Errno (\d+)\]", str(error))
@@ -46,7 +46,7 @@ def reason(error: OSError) -> str:
 
 
 def check_regular(path: str | os.PathLike[str]) -> None:
-    """Raises OSError, also for a device or a pipe, which may never end."""
+    """Raises OSError unless `path` is a regular file; a device or a pipe may never end."""
     mode = os.stat(path).st_mode
     if stat.S_ISDIR(mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
@@ -65,9 +65,9 @@ def read_input(path: str | os.PathLike[str]) -> bytes:
 
 
 def check_place(path: str | os.PathLike[str], beginning: bytes) -> None:
-    """Raises ValueError in one sentence when `whole_file` would not replace or make this file, of its kind.
+    """Raises ValueError if `whole_file` could not create the file, or replace one of its kind.
 
-    It is for the time before the work. `beginning`: the first four bytes of such a file.
+    Call it before long work. `beginning`: first four bytes of such a file.
     """
     with suppress(_NothingWritten), whole_file(path) as scratch:
         scratch.touch()
@@ -81,10 +81,10 @@ class _NothingWritten(Exception):
 
 @contextmanager
 def whole_file(path: str | os.PathLike[str], *, replaces: Replaced = "any") -> Iterator[Path]:
-    """A scratch path next to `path`, moved there when the block ends without an error and removed otherwise.
+    """Context manager: a scratch path next to `path`, moved there at the end or removed after an error.
 
-    `replaces`: a file of its kind is one that begins with the same bytes.
-    Raises ValueError in one sentence when it cannot be written.
+    `replaces`: existing files that may be replaced; a file of "its kind" starts with the same bytes.
+    Raises ValueError if the file cannot be written.
     """
     target = Path(os.path.realpath(path))
     scratch = target.parent / f".{uuid.uuid4().hex}{target.suffix}"
@@ -93,7 +93,7 @@ def whole_file(path: str | os.PathLike[str], *, replaces: Replaced = "any") -> I
         if there and not target.is_file():
             raise ValueError(f"{path} cannot be written: it is not a regular file")
         if there and replaces == "nothing" and target.stat().st_size:
-            raise ValueError(f"{path} cannot be written: it is there already; name an empty or a new file")
+            raise ValueError(f"{path} cannot be written: it already exists; name an empty or a new file")
         yield scratch
         if replaces == "its kind":
             _check_kind(path, _beginning(scratch))
@@ -106,7 +106,7 @@ def whole_file(path: str | os.PathLike[str], *, replaces: Replaced = "any") -> I
 
 
 def _exists(path: str | os.PathLike[str]) -> bool:
-    """Whether the path leads to something. Raises OSError when nobody can tell, as in a loop of links."""
+    """True if the path exists. Raises OSError if that is unknown, as in a loop of links."""
     try:
         os.stat(path)
     except FileNotFoundError:
@@ -125,14 +125,14 @@ def _beginning(path: str | os.PathLike[str]) -> bytes:
 
 
 def remove_scratch(folder: Path) -> None:
-    """Removes what `whole_file` left behind where it was killed."""
+    """Removes scratch files of `whole_file` after a kill."""
     for path in folder.glob(".*"):
         if re.fullmatch(r"\.[0-9a-f]{32}(\.\w+)?", path.name):
             path.unlink(missing_ok=True)
 
 
 def writable_folder(path: str | os.PathLike[str]) -> Path:
-    """The folder, made if need be. Raises ValueError in one sentence when it cannot be written to."""
+    """The folder, created if needed. Raises ValueError if it cannot be written to."""
     folder = Path(path)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -140,21 +140,21 @@ def writable_folder(path: str | os.PathLike[str]) -> Path:
         probe.touch()
         probe.unlink()
     except OSError as error:
-        raise ValueError(f"{path} cannot be made: {reason(error)}") from None
+        raise ValueError(f"{path} cannot be created: {reason(error)}") from None
     return folder
 
 
 @contextmanager
 def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """A scratch folder next to `path`, moved there when the block ends without an error and removed otherwise.
+    """Context manager: a scratch folder next to `path`, moved there at the end or removed after an error.
 
-    Raises ValueError in one sentence when it cannot be written, or when `path` is there already and not empty.
+    Raises ValueError if it cannot be written, or `path` exists and is not empty.
     """
     target = Path(os.path.realpath(path))
     scratch = target.with_name(f".{uuid.uuid4().hex}")
     try:
         if _exists(path) and (not target.is_dir() or any(target.iterdir())):
-            raise ValueError(f"{path} cannot be written: it is there already; name an empty or a new folder")
+            raise ValueError(f"{path} cannot be written: it already exists; name an empty or a new folder")
         target.parent.mkdir(parents=True, exist_ok=True)
         scratch.mkdir()
         yield scratch

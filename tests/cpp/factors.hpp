@@ -1,4 +1,4 @@
-// U diag(d) Uᵀ as a matrix, of any state that keeps its factors.
+// U diag(d) Uᵀ as a matrix, for any state with these factors.
 #pragma once
 
 #include "scalars.hpp"

@@ -1,4 +1,4 @@
-// Joint adaptation in its loop, for the tests of it.
+// Joint adaptation in a closed loop, for tests.
 #pragma once
 
 #include "scalars.hpp"
@@ -14,7 +14,7 @@
 
 namespace fracgyro::testing {
 
-// A gyroscope driven at its resonances, in units of theirs, in thermal noise, with noisy sensors.
+// A gyroscope driven at its resonances, in units of these, with thermal noise and noisy sensors.
 struct Case {
     GyroscopeParams plant{.damping = {2e-4, 5e-5, 2e-3},
                           .stiffness = {1.0, 0.002, 1.027},
@@ -40,7 +40,7 @@ struct Case {
     }
 };
 
-// Sensing noise, which slows the filter down, is far less than that of the force.
+// Sensing noise slows the filter down; here it is far below the force noise.
 inline Case finely_sensed() {
     Case a;
     a.law.datasheet.force_noise = a.force_noise = 1e-6;
@@ -82,7 +82,7 @@ struct Loop {
         return {.kind = DisturbanceKind::noise, .standard_deviation = deviation, .seed = seed, .stream = stream};
     }
 
-    // One step; `change` may spoil what is measured.
+    // One step; `change` may corrupt the measurements.
     void step(const std::function<void(Motion<double>&)>& change = {}, bool missing = false) {
         seen = {.position = motion.position + position(n), .velocity = motion.velocity + velocity(n)};
         if (change) {

@@ -2,8 +2,8 @@
 //
 //     t^(-α)/Γ(1-α) = 1/(Γ(α) Γ(1-α)) ∫ s^(α-1) exp(-s t) ds = 1/(Γ(α) Γ(1-α)) ∫ exp(α x) exp(-t exp(x)) dx.
 //
-// The integrand is analytic for |Im x| < π/2, so the rule of spacing d errs by some exp(-π²/d), relative. Exponentials
-// with s t < slowest for all times count as one, which errs by some slowest².
+// The integrand is analytic for |Im x| < π/2, so the rule with spacing d has a relative error of about exp(-π²/d).
+// Exponentials with s t < slowest for all times are merged into one, with an error of about slowest².
 #pragma once
 
 #include "fracgyro/core/fractional.hpp"

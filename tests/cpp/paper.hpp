@@ -1,4 +1,4 @@
-// What the controllers are tested on.
+// Setups for the tests of controllers.
 #pragma once
 
 #include "kernel.hpp"
@@ -22,7 +22,7 @@ inline std::size_t kind_of(std::string_view name) {
     return static_cast<std::size_t>(found - controller_kinds.begin());
 }
 
-// What is set of a sliding mode controller.
+// Settings of a sliding mode controller.
 inline SlidingModeParams& law(Setup& setup) {
     SlidingModeParams* found = nullptr;
     with_params(setup.controller, [&]<class Params>(Params& params, auto) {
@@ -33,7 +33,7 @@ inline SlidingModeParams& law(Setup& setup) {
     return found != nullptr ? *found : throw std::invalid_argument("no sliding mode");
 }
 
-// All that one is prepared from: prepare(p, p).
+// All inputs of prepare(p, p).
 struct Tuning : SlidingModeParams, Common {};
 inline Tuning tuning(Setup setup) { return {law(setup), setup.common}; }
 
@@ -42,8 +42,8 @@ typename C::Coefficients prepared(const Setup& setup) {
     return prepare<C>(setup.controller, setup.common);
 }
 
-// Calls visit.template operator()<Controller>() for that of the setup, which has no joint adaptation (test_joint.cpp):
-// to compile that too would take as long again.
+// Calls visit.template operator()<Controller>() for the controller of the setup, without joint adaptation
+// (test_joint.cpp), which would double the compile time.
 template <Scalar T, class Visit>
 void with_light_controller(const Setup& setup, Visit&& visit) {
     with_controller<T>(setup.controller, [&]<class C>() {
@@ -77,7 +77,8 @@ inline Setup paper(std::int64_t steps, std::string_view kind = sliding_modes[0])
     return setup;
 }
 
-// For a linear surface with λ1 = 10: holding (0, 0) by a force of at most 100, K̂ at first `stiffness` on both axes.
+// A linear surface with λ1 = 10, which holds (0, 0) with a force of at most 100; initial K̂ is `stiffness` on both
+// axes.
 inline Tuning held_at_zero(double stiffness) {
     Tuning p;
     p.reference.amplitude = {0.0, 0.0};

@@ -1,4 +1,4 @@
-// The scalar types that every test runs on: double, float, and one that converts to and from double only when told to.
+// The scalar types that every test runs on: double, float, and one that converts to and from double only explicitly.
 #pragma once
 
 #include "fracgyro/core/elementary.hpp"
@@ -10,8 +10,8 @@
 
 namespace fracgyro::testing {
 
-// A double behind an explicit constructor. All its functions are hidden friends: the core finds them through its
-// arguments, as it must those of any user's type.
+// A double behind an explicit constructor. All its functions are hidden friends: the core must find them by
+// argument-dependent lookup, as for any user's type.
 class Explicit {
 public:
     Explicit() = default;

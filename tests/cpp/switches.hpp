@@ -1,4 +1,4 @@
-// The numbers of a run by name, and those of them that are switches.
+// The numbers of a run by name, and the switches among them.
 #pragma once
 
 #include "paper.hpp"
@@ -37,7 +37,7 @@ inline fracgyro::Setup with(fracgyro::Setup setup, const std::string& name, doub
 struct Switch {
     double off, on, also_on;
 };
-// What decides over a whole block. On is one thing, whatever the value.
+// Switches that apply to a whole block. All values that turn a feature on are equal.
 inline const std::map<std::string, Switch> switches{
     {"run.step", {1e-3, 2e-3, 2e-3}},
     {"run.steps", {2000, 1999, 1999}},

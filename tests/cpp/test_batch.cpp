@@ -3,6 +3,7 @@
 
 #include "fracgyro/sim/batch.hpp"
 
+#include <map>
 #include <chrono>
 #include <stdexcept>
 #include <string>
@@ -36,7 +37,7 @@ TEST(ParallelFor, HandsOnWhatIsThrownInAnyThread) {
     }
 }
 
-// Two tasks that wait for each other, of which the caller's ends long before the other throws.
+// Two tasks that wait for each other; the caller's ends long before the other throws.
 TEST(ParallelFor, HandsOnWhatIsThrownLast) {
     std::atomic<int> begun{0};
     const auto caller = std::this_thread::get_id();
@@ -62,14 +63,14 @@ TEST(Metrics, TheSteadyWindowBeginsAtTheFirstSampleThatIsNotBeforeIt) {
     EXPECT_EQ(first_steady_sample({.transient = 0.0}, setup), 0);
 }
 
-std::vector<MetricValues> measured(const std::vector<const fracgyro::Setup*>& runs, unsigned threads,
-                                   double transient = 1.0) {
+std::vector<Metrics> measured(const std::vector<const fracgyro::Setup*>& runs, unsigned threads,
+                              double transient = 1.0) {
     static constexpr Kernels<double, 2> kernels{};
     return measure_all(kernels, runs, MetricsParams{.transient = transient}, threads);
 }
 
-// Twenty runs of 2,000 steps, two of which go together, and forty with one noise, by any number of threads: also for
-// the sanitizer of threads.
+// Twenty runs of 2,000 steps, two of them in one block, and forty with the same noise, on any number of threads; also
+// run under the thread sanitizer.
 TEST(MeasureAll, GivesTheSameWhateverTheNumberOfThreads) {
     std::vector<fracgyro::Setup> setups;
     for (int i = 0; i < 40; ++i) {
@@ -130,21 +131,16 @@ TEST(MeasureAll, RunsWithAnyDisturbancesShareABlock) {
     }
 }
 
-double metric(const MetricValues& values, std::string_view name) {
-    return values[static_cast<std::size_t>(std::find(metric_names.begin(), metric_names.end(), name) -
-                                           metric_names.begin())];
-}
-
 TEST(MeasureAll, ANegativeRateThatIsKnownHasSettledFromTheStart) {
     for (const double rate : {0.1, -0.1}) {
         auto known = paper(100);
         known.plant.rate = known.common.nominal.rate = rate;
         law(known).adaptation.adaptive = false;
-        EXPECT_EQ(metric(measured({&known}, 1)[0], "rate_settling_time"), 0.0) << rate;
+        EXPECT_EQ(measured({&known}, 1)[0].rate_settling_time, 0.0) << rate;
     }
 }
 
-// Of runs with one seed or several: how many tasks of which blocks.
+// Number of tasks and their blocks, for runs with one seed or several.
 TEST(Tasks, AreEnoughForAllThreadsWhateverTheNumberOfSeeds) {
     constexpr std::size_t lanes = 8;
     for (const std::uint64_t seeds : {1U, 3U, 128U}) {
@@ -175,6 +171,17 @@ TEST(Tasks, AreEnoughForAllThreadsWhateverTheNumberOfSeeds) {
     }
 }
 
+// By name; NaN is equal to itself.
+std::map<std::string, std::uint64_t> bits(const Metrics& metrics) {
+    std::map<std::string, std::uint64_t> found;
+    for_each_field("", metrics, [&](std::string_view, const auto& field, const auto& value) {
+        for_each_part(value, [&](std::string_view part, double number) {
+            found[std::string(field.name).append(part)] = std::bit_cast<std::uint64_t>(number);
+        });
+    });
+    return found;
+}
+
 template <class Number>
 void a_run_has_the_bits_of_a_lane(const fracgyro::Setup& setup, double transient) {
     constexpr std::size_t lanes = 16 / sizeof(Number);
@@ -182,13 +189,10 @@ void a_run_has_the_bits_of_a_lane(const fracgyro::Setup& setup, double transient
     const MetricsParams params{.transient = transient, .error_bound = 0.3, .surface_bound = 3.0};
     const fracgyro::Setup* const run = &setup;
     const auto in_lane = measure_all<Number, lanes>(kernels, std::span(&run, 1), params, 1)[0];
-    MetricValues alone{};
+    Metrics alone{};
     with_controller<Number>(setup.controller,
                             [&]<class C>() { alone = measure_alone<C>(setup, params, kernels.fill_noise); });
-    for (std::size_t i = 0; i < alone.size(); ++i) {
-        EXPECT_EQ(std::bit_cast<std::uint64_t>(alone[i]), std::bit_cast<std::uint64_t>(in_lane[i]))
-            << metric_names[i] << " of " << setup.steps << " steps: " << alone[i] << ", in a lane " << in_lane[i];
-    }
+    EXPECT_EQ(bits(alone), bits(in_lane)) << setup.steps << " steps";
 }
 void a_run_has_the_bits_of_a_lane_in_either_precision(const fracgyro::Setup& setup, double transient = 0.05) {
     a_run_has_the_bits_of_a_lane<double>(setup, transient);
@@ -203,7 +207,7 @@ TEST(MeasureAlone, HasTheBitsOfALane) {
     law(setup).adaptation.kind = AdaptationKind::composite;
     setup.common.force_limit = 300.0;
     a_run_has_the_bits_of_a_lane_in_either_precision(setup);
-    // Windows that end anywhere in a stretch of 64 samples, or nowhere in the run.
+    // Windows that end anywhere in a segment of 64 samples, or beyond the run.
     for (const double transient : {0.0, 0.001, 0.064, 0.0979, 0.3, 1.0}) {
         a_run_has_the_bits_of_a_lane_in_either_precision(paper(300), transient);
     }
@@ -228,8 +232,8 @@ TEST(MeasureAll, ARunThatStartsBeyondTheLimitHasNoSample) {
     wild.plant.initial_position = {0.0, -2.0 * divergence_limit};
     const auto calm = paper(100);
     const auto found = measured({&wild, &calm}, 1);
-    EXPECT_EQ(metric(found[0], "diverged_at"), 0.0);
-    EXPECT_TRUE(std::isnan(metric(found[1], "diverged_at")));
+    EXPECT_EQ(found[0].diverged_at, 0.0);
+    EXPECT_TRUE(std::isnan(found[1].diverged_at));
 }
 
 }  // namespace

@@ -47,12 +47,12 @@ TYPED_TEST(Squares, OneRowMovesAndNarrowsItsOwnParameterAlone) {
     using T = TypeParam;
     using L = RecursiveLeastSquares<T, 3>;
     typename L::State state{};
-    // α = 1 + 2² prior. What is left of the residual is 1/α of it; the variance becomes 1/(1/prior + 2²).
+    // α = 1 + 2² prior. The remaining residual is 1/α of it; the variance becomes 1/(1/prior + 2²).
     const T left = L::update(state, {T(0.0), T(2.0), T(0.0)}, T(6.0));
     const double alpha = 1.0 + 4.0 * L::prior;
     EXPECT_NEAR(number(left), 1.0 / alpha, epsilon<T>);
     EXPECT_EQ(number(state.value[0]), 0.0);
-    EXPECT_NEAR(number(state.value[1]), -3.0, 1e-4);  // 6 + 2 x = 0, but for the prior
+    EXPECT_NEAR(number(state.value[1]), -3.0, 1e-4);  // 6 + 2 x = 0, except for the prior
     EXPECT_NEAR(number(L::variance(state, 1)), L::prior / alpha, epsilon<T>);
     EXPECT_EQ(number(L::variance(state, 2)), L::prior);
 }
@@ -120,7 +120,7 @@ TYPED_TEST(Squares, SpreadingTheFirstParameterAddsToItsVarianceAlone) {
     EXPECT_EQ(after[1][1], before[1][1]);
 }
 
-// A plant that is slow and damped enough to see its damping, pushed about by two sines and by noise.
+// A plant slow and damped enough that its damping is observable, excited by two sines and by noise.
 struct Pushed {
     double step = 0.02;
     double noise = 0.0;
@@ -176,7 +176,7 @@ TYPED_TEST(Composed, WithoutNoiseThePlantIsFoundFromNothing) {
     EXPECT_NEAR(number(found.rate), 0.2, tolerance);
 }
 
-// Started at the truth, it is left by the error of the quadrature alone.
+// Starting from the true values, only the quadrature error moves it.
 TEST(ComposedOrder, TheHoldIsModelledToTheFourthOrder) {
     const GyroscopeParams truth = slow_plant();
     const auto error = [&](double step, int steps) {
@@ -191,7 +191,7 @@ TEST(ComposedOrder, TheHoldIsModelledToTheFourthOrder) {
 // With rows made of the measured mean velocity, D̂ is off by h σ²/(2 v²), here by some 0.1: ten standard deviations.
 TYPED_TEST(Composed, NoiseDoesNotBiasTheDamping) {
     using Law = CompositeAdaptation<TypeParam>;
-    // Such noise is distinguished from the estimates' own errors only once they are trusted: early, with so wide a
+    // Such noise is distinguished from the estimates' own errors only once they are trusted, which is early with this
     // limit.
     const auto sensed = sense<TypeParam>({.noise = 3.0, .nominal = {.stiffness = {100, 0, 100}}}, 100'000);
     const auto found = sensed.estimates();
@@ -213,7 +213,7 @@ TYPED_TEST(Composed, TheRateIsTrustedOnceBothAxesMoveMoreThanNoiseMovesThem) {
     EXPECT_EQ(sense<T>(p, 2'000).trusted(), 1.0);
     p.amplitude = {0.0, 0.0};
     EXPECT_EQ(sense<T>(p, 2'000).trusted(), 0.0);
-    p.noise = 3.0;  // tells much, and too little beside it
+    p.noise = 3.0;  // much information, but too little compared with the noise
     EXPECT_EQ(sense<T>(p, 2'000).trusted(), 0.0);
     p.noise = 0.0;
     EXPECT_EQ(sense<T>(p, 2'000).trusted(), 0.0);
@@ -255,8 +255,8 @@ TYPED_TEST(Composed, BothStiffnessesDecideOnTrust) {
     EXPECT_EQ(trusted(0.4, 1.4), 0.0);
 }
 
-// The slow plant as above, sensed through `fault(n, numbers of the motion)`, from a state on, with what was known after
-// each step, or after every so many.
+// The slow plant as above, sensed through `fault(n, numbers of the motion)`, from a given state on, with the estimates
+// after each step, or after every n steps.
 template <Scalar T, class Fault>
 std::vector<Sensed<T>> sense_faulty(int steps, double later_rate, Fault&& fault, int every = 1,
                                     const typename CompositeAdaptation<T>::State& from = {}) {
@@ -324,7 +324,7 @@ TYPED_TEST(Composed, AfterADisagreementAllOthersAgreeForFourWindowsBeforeTheRate
     using T = TypeParam;
     const auto sensed = sense_faulty<T>(
         11'000, 0.2, [](int n, std::array<double, 4>& m) { m[2] += 4'000 <= n && n < 4'004 ? 0.1 * (n % 3) : 0.0; });
-    const std::size_t four_windows = 4 * 1'256;  // of four periods of 2π in steps of 0.02
+    const std::size_t four_windows = 4 * 1'256;  // four periods of 2π in steps of 0.02
     EXPECT_EQ(sensed[4'000].trusted(), 1.0);
     for (std::size_t n = 4'004; n < 4'004 + four_windows; ++n) {
         ASSERT_EQ(sensed[n].trusted(), 0.0) << n;
@@ -361,7 +361,8 @@ TYPED_TEST(Composed, NoiseThatStaysIsThatOfTheSensorInTheEnd) {
     EXPECT_NEAR(number(sensed.back().estimates().rate), 0.2, 4.0 * sensed.back().deviation());
 }
 
-// The guard starts over when nothing else helps: what is learned in the fault that made it must agree with before.
+// The guard restarts if nothing else helps: estimates learned during the fault that caused it must agree with earlier
+// ones.
 TYPED_TEST(Composed, AControllerThatStartsOverKnowsItsSensorStill) {
     using T = TypeParam;
     using Controller = SlidingModeController<T, LinearSurface, CompositeAdaptation>;
@@ -421,7 +422,7 @@ Sensed<T> sense_motion(double other) {
     return sensed;
 }
 
-// Ωz and Dxy are felt by the axis at rest alone, and alike.
+// Ωz and Dxy act only on the axis at rest, in the same way.
 TYPED_TEST(Composed, OneAxisInMotionDoesNotTellTheRateFromTheDampingBetweenTheAxes) {
     using T = TypeParam;
     EXPECT_EQ(sense_motion<T>(0.7).trusted(), 1.0);
@@ -429,7 +430,7 @@ TYPED_TEST(Composed, OneAxisInMotionDoesNotTellTheRateFromTheDampingBetweenTheAx
     EXPECT_EQ(sense_motion<T>(0.02).trusted(), 0.0);
     EXPECT_EQ(sense_motion<T>(0.0).trusted(), 0.0);
     const auto e = sense_motion<T>(0.0).estimates();
-    EXPECT_NEAR(number(e.damping.xy()) + 2.0 * number(e.rate), 0.5, 1e-3);  // their sum is known all the same
+    EXPECT_NEAR(number(e.damping.xy()) + 2.0 * number(e.rate), 0.5, 1e-3);  // their sum is still known
 }
 
 TYPED_TEST(Composed, TheInflationOfTheVarianceIsThatOfTheWholeMatrixWithForgettingToo) {
@@ -452,12 +453,12 @@ TYPED_TEST(Composed, WhatIsForgottenIsNeverMoreThanThePrior) {
     Pushed p;
     p.adaptation.forgetting = 1.0;
     p.adaptation.rate_forgetting = 10.0;
-    p.amplitude = {0.0, 0.0};  // nothing is ever excited
+    p.amplitude = {0.0, 0.0};  // no excitation
     const auto sensed = sense<T>(p, 100'000);
     for (std::size_t i = 0; i < 7; ++i) {
         EXPECT_LE(number(L::variance(sensed.state.squares, i)), 7.0 * L::prior);
     }
-    // Of one axis alone nearly all is forgotten, and what is not known of the other does not grow without end.
+    // With one excited axis nearly everything is forgotten, but the variances of the other do not grow without bound.
     p.amplitude = {1.0, 0.0};
     const auto half = sense<T>(p, 100'000);
     double trace = 0.0;

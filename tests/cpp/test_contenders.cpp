@@ -1,4 +1,5 @@
-// Controllers other than the paper's that a comparison needs: what theory says of each in a closed loop, and by hand.
+// Controllers of the comparison other than the paper's: theoretical closed-loop properties, and results computed by
+// hand.
 #include "paper.hpp"
 #include "scalars.hpp"
 
@@ -17,7 +18,7 @@ constexpr double pi = 3.14159265358979323846;
 
 // The gyroscope dual_mass (Micromachines 2018, 9, 511), nondimensional.
 struct Gyro {
-    double rate = 0.0, quadrature = 0.0, damping = 0.0;  // Ωz, and kxy and dxy as the rates that they look like
+    double rate = 0.0, quadrature = 0.0, damping = 0.0;  // Ωz, and kxy and dxy as equivalent rates
     std::int64_t delay = 0, declared = 0;
     bool from_rest = false;
 };
@@ -76,7 +77,7 @@ Settled rebalanced(const Gyro& gyro) {
     return settled<ForceRebalance<double>>(setup_of(gyro, p));
 }
 
-// The hold makes the force weaker than what is asked for by sinc(ωh/2), so that more is asked for.
+// The hold weakens the requested force by sinc(ωh/2), so more force is requested.
 TEST(ForceRebalance, TheHoldAddsItsSquareOver24ToTheScaleFactor) {
     const Settled found = rebalanced({.rate = rate_300});
     EXPECT_NEAR(found.rate / rate_300 - 1.0, h * h / 24.0, 0.01 * h * h / 24.0);
@@ -109,9 +110,9 @@ TEST(OpenLoop, ReadsTheRateFromTheSwingOfTheSenseAxis) {
     const Settled found = settled<OpenLoop<double>>(setup_of({.rate = rate_300}, loops(0)));
     EXPECT_NEAR(found.rate / rate_300, 1.0, 0.01);
     EXPECT_GT(found.sense, 0.01);
-    // What is read off is Y δ: with a stiffness that is not as believed the scale goes by dδ/δ.
+    // The output is Y δ: an error of the assumed stiffness changes the scale by dδ/δ.
     auto stiffer = setup_of({.rate = rate_300}, loops(0));
-    stiffer.plant.stiffness_deviation = {0.0, 0.0, 0.0027};  // of a split kyy - kxx of 0.0272
+    stiffer.plant.stiffness_deviation = {0.0, 0.0, 0.0027};  // for a split kyy - kxx of 0.0272
     EXPECT_NEAR(settled<OpenLoop<double>>(stiffer).rate / found.rate, 0.0272 / 0.0299, 0.01);
 }
 
@@ -134,12 +135,13 @@ TEST(DisturbanceRejection, FindsTheRateInWhatItsModelLacksAndTheModelTakesTheQua
         return sum / count;
     };
     EXPECT_NEAR(rate_of({.rate = rate_300}, true) / rate_300, 1.0, 0.01);
-    // Without it the plant's own force on y is canceled late, so that y moves.
+    // Without it the plant's own force on y is canceled late, so y moves.
     EXPECT_NEAR(rate_of({.rate = rate_300}, false) / rate_300, 1.0, 0.15);
     EXPECT_NEAR(rate_of({.quadrature = rate_300}, true) / rate_300, 0.0, 0.01);
 }
 
-// On the reference, with the plant known: of those whose theory says so the error stays at what the hold leaves.
+// On the reference, with a known plant: the error of controllers whose theory predicts it stays at the error of the
+// hold.
 template <class C>
 double largest_error(typename C::Params params, double step) {
     DeviceSetupOf<typename C::Params> s{};
@@ -169,7 +171,7 @@ TEST(OnTheReference, WithThePlantKnownTheErrorIsThatOfTheHeldForce) {
     expect_first_order<Lqg<double>>({.natural_frequency = 20.0, .datasheet = {1e-4, 1e-6, 1e-6, 0}}, 0.1);
 }
 
-// The same equations in complex numbers and the C library's functions, which a demodulator in vectors must agree with.
+// The same equations in complex numbers and the C library's functions, with which the vector demodulator must agree.
 template <bool rebalanced>
 class InComplexNumbers {
 public:

@@ -1,5 +1,4 @@
-// What a controller has to have, and that nothing else is asked of it: one that no list knows goes through all that
-// takes controllers.
+// Requirements of a controller, and that they suffice: an unregistered controller works everywhere.
 #include "paper.hpp"
 #include "scalars.hpp"
 
@@ -166,7 +165,7 @@ struct Pd {
     }
 };
 
-// The same that can do without a sample.
+// The same controller, which can also handle a missing sample.
 template <Scalar T>
 struct PatientPd : Pd<T> {
     using Plain = Pd<T>;
@@ -202,7 +201,7 @@ SetupOf<typename Pd<T>::Params> free_mass() {
     return setup;
 }
 constexpr std::array<double, 4> positions{4.0, 2.0, 0.0, 0.0}, velocities{0.0, -4.0, 0.0, 0.0};
-constexpr std::array<double, 4> forces{-4.0, 4.0, 0.0, 0.0};  // of x; y moves twice as far
+constexpr std::array<double, 4> forces{-4.0, 4.0, 0.0, 0.0};  // x; y moves twice as far
 
 template <class T>
 class Unlisted : public ::testing::Test {};
@@ -251,25 +250,22 @@ TEST(AnUnlistedController, HasTheMetricsOfWhatItReportsAndNoOthers) {
     CommonReport last{};
     run_loop<Pd<double>>(setup, [&](const auto& at) {
         sums.add(at.signals);
-        totals.add(sums.stretch, at.step, first_steady_sample(params, setup));
-        sums.stretch = {};
+        totals.add(sums.segment, at.step, first_steady_sample(params, setup));
+        sums.segment = {};
         last = CommonReport::of(at.signals.report, [](double a) { return a; });
     });
     const auto values = metric_values(params, setup, totals, last, last.bound[0], 4);
-    const auto metric = [&](std::string_view name) {
-        return values[static_cast<std::size_t>(std::find(metric_names.begin(), metric_names.end(), name) -
-                                               metric_names.begin())];
-    };
-    EXPECT_NEAR(metric("rmse_whole_x"), std::sqrt((16.0 + 4.0) / 4.0), 1e-12);
-    EXPECT_NEAR(metric("rmse_transient_y"), std::sqrt((64.0 + 16.0) / 2.0), 1e-12);
-    EXPECT_NEAR(metric("rmse_steady_x"), 0.0, 1e-12);
-    EXPECT_NEAR(metric("effort_x"), std::sqrt((16.0 + 16.0) / 4.0), 1e-12);
-    EXPECT_NEAR(metric("largest_force"), 8.0, 1e-12);
-    EXPECT_EQ(metric("error_settling_time"), 2.0);
-    for (const char* const name :
-         {"surface_settling_time", "rate_error", "rate_error_rms", "rate_error_peak", "rate_settling_time",
-          "damping_error", "stiffness_error", "bound_0", "bound_2", "bound_0_halfway", "diverged_at"}) {
-        EXPECT_TRUE(std::isnan(metric(name))) << name;
+    EXPECT_NEAR(values.rmse_whole.x(), std::sqrt((16.0 + 4.0) / 4.0), 1e-12);
+    EXPECT_NEAR(values.rmse_transient.y(), std::sqrt((64.0 + 16.0) / 2.0), 1e-12);
+    EXPECT_NEAR(values.rmse_steady.x(), 0.0, 1e-12);
+    EXPECT_NEAR(values.effort.x(), std::sqrt((16.0 + 16.0) / 4.0), 1e-12);
+    EXPECT_NEAR(values.largest_force, 8.0, 1e-12);
+    EXPECT_EQ(values.error_settling_time, 2.0);
+    for (const double unreported :
+         {values.surface_settling_time, values.rate_error, values.rate_error_rms, values.rate_error_peak,
+          values.rate_settling_time, values.damping_error, values.stiffness_error, values.bound_final[0],
+          values.bound_final[2], values.bound_0_halfway, values.diverged_at}) {
+        EXPECT_TRUE(std::isnan(unreported));
     }
 }
 
@@ -295,7 +291,7 @@ TYPED_TEST(Unlisted, IsGuardedIfItCanDoWithoutASample) {
     EXPECT_TRUE(Safe::sound(state, c));
 }
 
-// The observer starts at rest as the mass does, and knows every force: it never misses.
+// The observer starts at rest like the mass, and knows every force, so it has no error.
 TYPED_TEST(Unlisted, IsObservedIfItCanDoWithoutASample) {
     using T = TypeParam;
     using Observed = Observing<PatientPd<T>>;
@@ -315,7 +311,7 @@ class UnlistedInLanes : public ::testing::Test {};
 using Several = ::testing::Types<Lanes<double, 2>, Lanes<float, 4>>;
 TYPED_TEST_SUITE(UnlistedInLanes, Several);
 
-// Beside it one of half the stiffness and damping 1: 4, 4 - 2/2 = 3 with -2, 3 - 2 + 0.5/2 = 1.25 with -1.5.
+// In parallel, one with half the stiffness and damping 1: 4, 4 - 2/2 = 3 with -2, 3 - 2 + 0.5/2 = 1.25 with -1.5.
 TYPED_TEST(UnlistedInLanes, RunsInABlockBesideAnotherOfItsKind) {
     using T = TypeParam;
     using Plain = typename T::Number;
@@ -333,8 +329,8 @@ TYPED_TEST(UnlistedInLanes, RunsInABlockBesideAnotherOfItsKind) {
     EXPECT_NEAR(lane(block.motion.velocity.y(), 0), 0.0, close);
     EXPECT_NEAR(lane(block.motion.position.x(), 1), 1.25, close);
     EXPECT_NEAR(lane(block.motion.velocity.x(), 1), -1.5, close);
-    EXPECT_NEAR(lane(block.sums.stretch.squares.x(), 0), 16.0 + 4.0, 10 * close);
-    EXPECT_NEAR(lane(block.sums.stretch.squares.x(), 1), 16.0 + 9.0, 10 * close);
+    EXPECT_NEAR(lane(block.sums.segment.squares.x(), 0), 16.0 + 4.0, 10 * close);
+    EXPECT_NEAR(lane(block.sums.segment.squares.x(), 1), 16.0 + 9.0, 10 * close);
     EXPECT_FALSE(diverged<T>(block));
     block.motion.position.second.lane[1] = static_cast<Plain>(2e6);
     EXPECT_TRUE(diverged<T>(block));

@@ -233,7 +233,7 @@ TYPED_TEST(Law, TheSwitchingLimitBoundsRhoInTheForceAndNothingBelowIt) {
     expect_near(force(3, 4, 1.0), {-0.6, -0.8}, close);
     p.layer = Layer::quadratic;
     expect_near(force(0.15, 0.2, 100.0), {-0.3, -0.4}, close);
-    p.layer_thickness = 0.0;  // a slope without end is not allowed any ρ
+    p.layer_thickness = 0.0;  // an infinite slope allows no ρ
     expect_equal(force(3, 4, 100.0), {0, 0});
     p.switching_limit = infinity;
     expect_near(force(3, 4, 100.0), {-60, -80}, 100 * close);
@@ -257,7 +257,7 @@ TYPED_TEST(Law, UnderTheSwitchingLimitNoBoundGrowsBeyondTheLargestRho) {
         }
         return found;
     };
-    // x₀ h ‖s‖ = 1/16; b̂₂ begins above, and rests there.
+    // x₀ h ‖s‖ = 1/16; b̂₂ starts above and stays there.
     const auto bounded = after(1.0, 100), free = after(infinity, 100), early = after(1.0, 4);
     EXPECT_EQ(bounded, (std::array<double, 3>{1.0, 1.0, 3.0}));
     EXPECT_NEAR(free[0], 0.25 + 6.25, 1e-3);
@@ -265,7 +265,7 @@ TYPED_TEST(Law, UnderTheSwitchingLimitNoBoundGrowsBeyondTheLargestRho) {
     EXPECT_NEAR(early[0], 0.5, 1e-6) << "and up to there it grows as it would";
 }
 
-// The paper's linear surface in the loop with noise of 1 a step and bounds that grow 100 times as fast. Returns whether
+// The paper's linear surface in the loop with noise of 1 a step and bounds that grow 100 times as fast. Returns true if
 // it is bounded after 200,000 steps.
 template <class T, template <class> class AdaptationOf>
 bool lasts(double switching_limit) {
@@ -381,7 +381,7 @@ TYPED_TEST(Law, LeakageReturnsEstimatesToTheirInitialValues) {
     using T = TypeParam;
     AdaptationParams p = adaptation_params();
     p.leakage = 1.0;     // half of the deviation a step
-    p.dead_zone = 10.0;  // and nothing else
+    p.dead_zone = 10.0;  // and no other change
     const typename GradientAdaptation<T>::State away{
         .deviation = {.damping = {T(2.0), T(4.0), T(-8.0)}, .rate = T(1.0)}};
     const auto moved = adapted<T>(p, {.damping = {1, 1, 1}}, away);
@@ -405,7 +405,7 @@ TYPED_TEST(Law, ProjectionHoldsTheSymmetricPartOfThePrintedLawToTheShareOfTheRat
     p.rate_law = RateLaw::printed;
     p.projection = 0.5;
     const auto moved = adapted<TypeParam>(p, {.rate = 24});
-    expect_equal(moved.rate_symmetric, {0, -12, -12});  // of -15 and -40, within ±12
+    expect_equal(moved.rate_symmetric, {0, -12, -12});  // -15 and -40, clipped to ±12
     EXPECT_EQ(number(moved.rate), 24.0);
 }
 
@@ -445,7 +445,7 @@ std::vector<Sampled<T>> simulate(const Setup& setup) {
     return run;
 }
 
-// Without the one whose joint filter takes long to compile (test_joint.cpp).
+// Excludes the controller with the joint filter, which takes long to compile (test_joint.cpp).
 std::vector<std::string_view> light_kinds() {
     std::vector<std::string_view> kinds(controller_kinds.begin(), controller_kinds.end());
     std::erase(kinds, "lqg");
@@ -454,7 +454,7 @@ std::vector<std::string_view> light_kinds() {
 
 TEST(ClosedLoop, EveryControllerTracksThePapersReference) {
     auto kinds = light_kinds();
-    // Of these the first is for operation at resonance, the others move one axis only.
+    // The first of these is for operation at resonance, the others move only one axis.
     for (const std::string_view other : {"park_horowitz", "open_loop", "force_rebalance"}) {
         std::erase(kinds, other);
     }
@@ -462,14 +462,15 @@ TEST(ClosedLoop, EveryControllerTracksThePapersReference) {
         const auto setup = paper(20'000, kind);
         const auto run = simulate<double>(setup);
         for (std::size_t n = 10'000; n < run.size(); ++n) {
-            // Where the velocity of the error vanishes, one has no authority.
+            // One has no authority if the error's velocity vanishes.
             ASSERT_LT(norm(run[n].error.value), kind == "nonsingular_terminal" ? 2e-2 : 5e-3)
                 << kind << " at step " << n;
         }
     }
 }
 
-// While the estimates are far off the loop amplifies any difference some thousandfold; then it forgets it.
+// While the estimates are far off, the loop amplifies any difference about a thousandfold; later it forgets the
+// difference.
 TEST(ClosedLoop, SinglePrecisionFollowsDoublePrecision) {
     for (const std::string_view kind : light_kinds()) {
         const auto setup = paper(20'000, kind);
@@ -484,7 +485,7 @@ TEST(ClosedLoop, SinglePrecisionFollowsDoublePrecision) {
             finally_apart = std::max(finally_apart, n < 12'000 ? 0.0 : distance);
         }
         EXPECT_LT(apart, 1e-2) << kind;
-        // Of one the integral switches with the sign of s, and of a rounding; the error of others is as large as r.
+        // In one, the integral switches with the sign of s, hence with rounding; the error of some is as large as r.
         const bool exact =
             kind != "super_twisting" && kind != "park_horowitz" && kind != "open_loop" && kind != "force_rebalance";
         EXPECT_LT(finally_apart, exact ? 5e-5 : 3e-4) << kind;

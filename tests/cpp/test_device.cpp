@@ -1,13 +1,16 @@
-// A moving rate, springs that are not constant, and what stands between the gyroscope and its controller.
+// A dynamic rate, time-varying springs, and the device between the gyroscope and its controller.
 #include "paper.hpp"
 #include "scalars.hpp"
 
-#include "fracgyro/sim/device_settings.hpp"
 #include "fracgyro/sim/running_loop.hpp"
+#include "fracgyro/sim/settings.hpp"
 #include "fracgyro/hardware/guard.hpp"
 
 #include <cmath>
 #include <complex>
+#include <map>
+#include <random>
+#include <string>
 
 namespace fracgyro::testing {
 namespace {
@@ -60,13 +63,13 @@ TEST(MovingRate, NoiseHasItsStandardDeviationAndNothingBeyondItsBand) {
         }
     }
     EXPECT_NEAR(mean_square, 9.0, 0.1);
-    // Of a flat spectrum up to ω the slope has ω²/3 of the variance.
+    // For a flat spectrum up to ω the slope has ω²/3 of the variance.
     EXPECT_NEAR(mean_square_slope / mean_square, band * band / 3.0, 0.03);
 }
 
 TEST(MovingRate, NoiseDoesNotComeBackWhenEvenlySpacedTonesWould) {
     constexpr double step = 0.05, band = 2.0;
-    // The tones of even spacing band/32 would be as at the start, but for a sign, after 2π 32/band.
+    // Tones with even spacing band/32 would repeat the start, up to a sign, after 2π 32/band.
     const auto period = static_cast<std::int64_t>(std::round(2.0 * 3.14159265358979 * 32.0 / band / step));
     const AngularRate rate({.kind = AngularRateKind::noise, .amplitude = 1.0, .frequency = band, .seed = 3}, 0.0, step,
                            8 * period);
@@ -104,23 +107,35 @@ TEST(MovingRate, AProfileIsLinearBetweenItsTimesAndConstantBeyondThem) {
     EXPECT_EQ(Profile{}.at(3), 0.0);
 }
 
-TEST(DeviceSettings, ComeBackFromNumbersWithHowManyBeforeEachList) {
+TEST(DeviceSettings, AreDescribedAndComeBackFromTheirNumbers) {
     constexpr double off = Quantizer::unlimited;
     DeviceSetup setup;
-    setup.rate = {.kind = AngularRateKind::table, .seed = 7, .table = {{0.0, 5.0}, {1.0, 2.0}}, .inertial = true};
-    setup.device = {.position = {{2.0, off}, 24}, .delay = 3, .temperature = {{4.0}, {6.0}}, .rate_random_walk = 8.0};
-    const std::vector<double> numbers = device_settings(setup);
-    const std::vector<double> of_rate{5, 0, 0, 1, 1, 0, 0, 7, 2, 0, 5, 2, 1, 2, 1};
-    EXPECT_EQ(std::vector<double>(numbers.begin(), numbers.begin() + 15), of_rate);
+    setup.rate = {.kind = AngularRateKind::table, .seed = 7, .inertial = true};
+    setup.device = {.position = {{2.0, off}, 24}, .actuator_limit = 3.0, .delay = 3, .rate_walk_step = 8.0};
+    std::map<std::string, double> named;
+    std::vector<double> numbers;
+    for_each_device_setting(setup, [&](std::string_view table, const auto& field, std::string_view part, auto number) {
+        named[std::string(table) + '.' + std::string(field.name) + std::string(part)] = static_cast<double>(number);
+        numbers.push_back(static_cast<double>(number));
+    });
+    EXPECT_EQ(numbers.size(), device_setting_count());
+    EXPECT_EQ(named.size(), numbers.size()) << "two numbers have one name";
+    EXPECT_EQ(named["rate.kind"], 5.0);
+    EXPECT_EQ(named["rate.seed"], 7.0);
+    EXPECT_EQ(named["device.position_range.x"], 2.0);
+    EXPECT_EQ(named["device.position_range.y"], off);
+    EXPECT_EQ(named["device.position_bits"], 24.0);
+    EXPECT_EQ(named["device.velocity_bits"], 0.0);
+    EXPECT_EQ(named["device.actuator_limit"], 3.0);
     DeviceSetup other;
     take_device_settings(other, numbers.data());
-    EXPECT_EQ(device_settings(other), numbers);
     EXPECT_EQ(other.rate.kind, AngularRateKind::table);
-    EXPECT_EQ(other.rate.table.values, (std::vector<double>{1.0, 2.0}));
+    EXPECT_TRUE(other.rate.inertial);
     EXPECT_EQ(other.device.position.range.y(), off);
     EXPECT_EQ(other.device.position.bits, 24);
-    EXPECT_EQ(other.device.temperature.values, std::vector<double>{6.0});
-    EXPECT_EQ(other.device.rate_random_walk, 8.0);
+    EXPECT_EQ(other.device.delay, 3);
+    EXPECT_EQ(other.device.rate_walk_step, 8.0);
+    EXPECT_EQ(other.device.actuator()(Vec2<double>{5.0, -1.0}).x(), 3.0);
 }
 
 // -- The plant that varies --------------------------------------------------------------------------------------------
@@ -256,7 +271,7 @@ TEST(VaryingGyroscope, AModeOfHighQualityKeepsItsAmplitude) {
             {rate.before(n), {{{rate.at(n), 0.0}, {rate.within(n, 1), 0.0}, {rate.within(n, 2), 0.0}}}});
     }
     const double energy = squared_norm(motion.position) + squared_norm(motion.velocity);
-    EXPECT_NEAR(energy, 1.0, 1e-5);  // the Runge-Kutta method alone would leave 0.4 % of it
+    EXPECT_NEAR(energy, 1.0, 1e-5);  // Runge-Kutta without the exact linear part would leave 0.4 %
 }
 
 // -- The device -------------------------------------------------------------------------------------------------------
@@ -268,6 +283,24 @@ TEST(Quantisation, ThreeBitsOverFourHaveEightLevelsOfOne) {
     expect_equal(q({-100.0, 3.4}), {-4.0, 3.0});
     const Quantizer clip{.range = {4.0, 4.0}};
     expect_equal(clip({0.4, -7.0}), {0.4, -4.0});
+}
+
+TEST(Quantisation, IsIdempotentMonotoneAndWithinHalfAStep) {
+    std::mt19937_64 random(7);
+    for (int i = 0; i < 10'000; ++i) {
+        const double span = std::exp2(static_cast<double>(random() % 40) - 30.0);
+        const int bits = 1 + static_cast<int>(random() % 32);
+        const Quantizer q{.range = {span, span}, .bits = bits};
+        const auto uniform = [&] { return 6.0 * span * (static_cast<double>(random() >> 11) * 0x1p-53 - 0.5); };
+        const auto of = [&](double a) { return q(Vec2<double>{a, 0.0}).x(); };
+        const double a = uniform(), b = uniform(), step = 2.0 * span / std::exp2(bits);
+        ASSERT_EQ(of(of(a)), of(a));
+        ASSERT_LE(of(std::min(a, b)), of(std::max(a, b)));
+        ASSERT_TRUE(-span <= of(a) && of(a) <= span - step);
+        if (-span <= a && a <= span - step) {
+            ASSERT_LE(std::abs(of(a) - a), 0.5 * step * (1.0 + 1e-9));
+        }
+    }
 }
 
 TEST(Quantisation, EachAxisHasItsOwnRange) {
@@ -398,7 +431,7 @@ class VelocityObserver : public ::testing::Test {};
 TYPED_TEST_SUITE(VelocityObserver, Scalars, ScalarNames);
 
 TYPED_TEST(VelocityObserver, ForgetsAnErrorAtItsBandwidthThreeTimesOver) {
-    // Of a free mass under an unmodeled constant acceleration, all errors are polynomials of degree 2 times θⁿ.
+    // For a free mass under an unmodeled constant acceleration, all errors are polynomials of degree 2 times θⁿ.
     using T = TypeParam;
     constexpr double h = 0.01, bandwidth = 20.0;
     const auto c = Observer<T>::prepare({}, bandwidth, h);
@@ -471,7 +504,7 @@ TEST(Observing, ItsGuardHoldsTheForceThroughBadSamplesAndGoesOn) {
             ASSERT_EQ(state.force, before);
         }
         Gyroscope<double>::step(motion, plant, state.force);
-        if (n == 1'009) {  // it has predicted with the force that was held: with the one not given it were off by .08
+        if (n == 1'009) {  // the prediction used the held force; the missing one would give an error of .08
             expect_near(state.controller.observer.motion.velocity, motion.velocity, 0.02);
         }
     }

@@ -1,4 +1,4 @@
-// The controllers that follow the reference by the nominal plant: PID, and super-twisting where its sign matters.
+// Controllers with feedforward of the nominal plant: PID, and super-twisting, for which its sign matters.
 #include "paper.hpp"
 #include "scalars.hpp"
 
@@ -7,7 +7,7 @@
 namespace fracgyro::testing {
 namespace {
 
-constexpr double h = 0.125;  // powers of two and small integers: what is expected is exact
+constexpr double h = 0.125;  // powers of two and small integers: expected values are exact
 
 template <Scalar T>
 Motion<T> motion(double x, double y, double vx = 0.0, double vy = 0.0) {

@@ -55,7 +55,7 @@ protected:
         return log_trapezoid(order, step, samples * step, 0.4, std::is_same_v<T, float> ? 1e-2 : 1e-4);
     }
 
-    // Largest error relative to the answer at the end, of the second axis as well as the first.
+    // Maximum error of both axes, relative to the final value.
     template <int p>
     static void expect_monomial(double order) {
         Operator<T> op(kernel(order), step);
@@ -79,8 +79,8 @@ protected:
         const double rounding = (p == 0 ? 1000.0 : 50.0) * epsilon<T> * terms;
         EXPECT_LE(integral_error, tolerance * of_monomial(p, 1.0 - order, end) + rounding)
             << "t^" << p << ", order " << order;
-        // That of a constant is the difference of the memory and of what the jump left, both as large as the kernel and
-        // rounded at every sample.
+        // The derivative of a constant is the difference of the memory and the remainder of the jump, both as large as
+        // the kernel and rounded at every sample.
         EXPECT_LE(derivative_error,
                   p == 0 ? samples / 8 * epsilon<T> * std::pow(step, -order) : tolerance * of_monomial(p, -order, end))
             << "t^" << p << ", order " << order;
@@ -145,7 +145,7 @@ TYPED_TEST(FractionalOperator, TheOnsetIsDroppedWhereItsMeanIsTheValueToTheLarge
     kernel.error = error;
     Operator<TypeParam> op(kernel, step, true);
     const double largest = 1.0 / (std::sqrt(step) * std::tgamma(0.5));  // k(h)
-    double worst = 0.0;                                                 // of k(h)
+    double worst = 0.0;                                                 // relative to k(h)
     int ended = 0;
     for (int n = 0; n <= 60; ++n) {
         const double mean =
@@ -212,7 +212,7 @@ TYPED_TEST(FractionalOperator, TheInitialValueIsForgottenWithoutSlowSubnormalNum
     }
 }
 
-// The fourth power is the first that the interpolant misses: its value by h⁴ and its rate by h³, but with mean 0.
+// The fourth power is the first with an interpolation error: h⁴ in value and h³ in rate, but with mean 0.
 TEST(FractionalConvergence, TheIntegralIsOfOrderFourAndTheDerivativeOfOrderFourMinusAlpha) {
     for (const double order : {0.3, 0.5, 0.8}) {
         std::vector<double> integral, derivative;
@@ -233,7 +233,7 @@ TEST(FractionalConvergence, TheIntegralIsOfOrderFourAndTheDerivativeOfOrderFourM
     }
 }
 
-// -- Of values only --------------------------------------------------------------------------------------------------
+// -- Values only -----------------------------------------------------------------------------------------------------
 
 // The last output for samples from step on.
 template <class Number, class Gains, class Term, class Past>
@@ -273,12 +273,12 @@ protected:
     const bool derivative = std::get<2>(GetParam());
     const ExponentialSum kernel = designed_kernel(*std::make_unique<KernelDesign>(), order, shortest, 1000.0, 1e-8);
 
-    // Of (t - since)^p.
+    // Operator applied to (t - since)^p.
     double exact(int p, double t, double since = 0.0) const {
         return t < since ? 0.0 : of_monomial(p, derivative ? -order : 1.0 - order, t - since);
     }
 };
-// The shortest time, and longer than some exponentials last.
+// The shortest time, and a time longer than some exponentials last.
 INSTANTIATE_TEST_SUITE_P(Operators, Sampled,
                          ::testing::Combine(::testing::Values(0.1, 0.5, 0.9), ::testing::Values(0x1p-10, 0x1p-4, 3.0),
                                             ::testing::Bool()));
@@ -291,8 +291,8 @@ TEST_P(Sampled, OfLinesBetweenSamplesIsAsExactAsItsKernel) {
     EXPECT_NEAR(in_floats(kernel, shortest, step, {derivative, false}, 200, bent), expected, 2e-5 * expected);
 }
 
-// Of t², whose first parabola is another: it goes through 0 a step before the start. What that makes fades as the
-// kernel or its derivative do.
+// The signal t², whose first parabola differs: it is 0 one step before the start. The resulting error fades like the
+// kernel or its derivative.
 TEST_P(Sampled, OfParabolasThroughSamplesIsAsExactAsItsKernel) {
     const auto square = [](double t) { return t * t; };
     const double expected = exact(2, 200 * step);

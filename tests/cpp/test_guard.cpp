@@ -24,7 +24,7 @@ Motion<T> motion(double x, double y, double vx = 0.0, double vy = 0.0) {
     return {.position = vec2<T>(x, y), .velocity = vec2<T>(vx, vy)};
 }
 
-// A guarded controller and what it said last.
+// A guarded controller and its last status.
 template <class Controller>
 struct Guarded {
     using T = typename Controller::Value;
@@ -58,7 +58,7 @@ template <class T>
 class Guards : public ::testing::Test {};
 TYPED_TEST_SUITE(Guards, Scalars, ScalarNames);
 
-// -- What is not finite, and what is beyond any motion
+// -- Samples that are not finite or beyond any motion
 
 TYPED_TEST(Guards, ForceAndEstimatesAreHeldWhileNothingIsMeasured) {
     using T = TypeParam;
@@ -76,7 +76,7 @@ TYPED_TEST(Guards, ForceAndEstimatesAreHeldWhileNothingIsMeasured) {
     EXPECT_EQ(guarded.step(motion<T>(-infinity, 0)), Status::not_finite);
     expect_equal(guarded.state.force - force, {0, 0});
     EXPECT_EQ(number(guarded.estimates().rate), rate);
-    EXPECT_EQ(guarded.state.controller.reference.steps, 4U) << "time goes on";
+    EXPECT_EQ(guarded.state.controller.reference.steps, 4U) << "time continues";
     EXPECT_EQ(guarded.step(good), Status::ok);
 }
 
@@ -186,9 +186,9 @@ TYPED_TEST(Guards, AfterTooManySamplesAtTheLimitEverythingLearntIsDropped) {
     }
 }
 
-// -- What the plant cannot have moved to
+// -- Samples that the plant cannot have moved to
 
-// Without forces of the plant's own, and with a controller whose force is known: K̂ = 0, so that v⁻ = v + h u.
+// A plant without forces of its own and a controller with a known force: K̂ = 0, so v⁻ = v + h u.
 Tuning free_mass() {
     Tuning p = held_at_zero(0.0);
     p.step = 0.125;
@@ -197,7 +197,7 @@ Tuning free_mass() {
     return p;
 }
 
-// What is said of the last of these samples.
+// Status of the last of these samples.
 template <class Controller>
 Status judged(const Tuning& p, std::initializer_list<Motion<typename Controller::Value>> samples) {
     Guarded<Controller> guarded(p);
@@ -233,7 +233,7 @@ TYPED_TEST(Guards, AStepMayBeOffByWhatDisturbanceSensorsAndPlantExplainAndNoMore
     EXPECT_TRUE(takes(p, motion<T>(0.5, -0.4375)));
     EXPECT_FALSE(takes(p, motion<T>(0.5, -0.5625)));
     p.guard.position_tolerance = 0.0;
-    p.guard.plant_tolerance = 0.25;  // of h v, that is of 0.5; the rule of the trapezoid says 0.25
+    p.guard.plant_tolerance = 0.25;  // a fraction of h v = 0.5; the trapezoidal rule gives 0.25
     EXPECT_TRUE(takes(p, motion<T>(0.25 + 0.1, 0, 4, 0)));
     EXPECT_FALSE(takes(p, motion<T>(0.25 + 0.15, 0, 4, 0)));
 }
@@ -282,7 +282,7 @@ TYPED_TEST(Guards, OfASampleThatIsMissedTheNextTwoMayBeOffByWhatThePredictionMay
     EXPECT_NE(status_after(p, {right, motion<T>(1.74, 0, 4, 0)}), Status::implausible);
     EXPECT_EQ(status_after(p, {right, right_too, motion<T>(2.24, 0, 4, 0)}), Status::implausible);
     EXPECT_NE(status_after(p, {right, right_too, motion<T>(2.12, 0, 4, 0)}), Status::implausible);
-    const auto missed = motion<T>(nan, 0);  // once more: the first time is forgotten
+    const auto missed = motion<T>(nan, 0);  // again: the first time is forgotten
     EXPECT_NE(status_after(p, {right, right_too, missed, motion<T>(2.74, 0, 4, 0)}), Status::implausible);
     EXPECT_EQ(status_after(p, {right, right_too, missed, motion<T>(2.76, 0, 4, 0)}), Status::implausible);
 }
@@ -315,7 +315,7 @@ TYPED_TEST(Guards, TheSpringsAndTheForceThatActedAreReckonedWith) {
 // x, y and their rates.
 using Measured = std::array<double, 4>;
 
-// The closed loop of the paper, samples changed on their way by `fault(n, measured)`.
+// The closed loop of the paper, with samples changed by `fault(n, measured)`.
 template <class Controller>
 struct Watched {
     using T = typename Controller::Value;
@@ -406,7 +406,7 @@ TYPED_TEST(Guards, AfterAnOutageWithinItsPatienceTheNextSampleIsBelieved) {
     EXPECT_LT(hit.errors[3999], 5e-3);
 }
 
-// The nominal plant is off by a tenth, and so is what is predicted, more so with every sample that is missed.
+// The nominal plant is off by a tenth, and so is the prediction, increasingly with every missed sample.
 TYPED_TEST(Guards, AfterAnOutageTheNextSampleMayBeOffByWhatThePredictionMayBe) {
     using T = TypeParam;
     Tuning p = checked_paper();
@@ -473,11 +473,11 @@ TYPED_TEST(Guards, WhateverIsMeasuredTheForceIsFiniteAndWithinTheLimit) {
                     const std::uint64_t bits = random();
                     number = bits % 3 == 0 ? std::bit_cast<double>(random()) : bits % 3 == 1 ? number + 1.0 : number;
                 }
-            });  // which expects it
+            });  // which expects the fault
     }
 }
 
-// -- From positions alone
+// -- From positions only
 
 TYPED_TEST(Guards, APositionMayBeOffByEightErrorsOfItsSensorAgainstThreeBefore) {
     using T = TypeParam;
@@ -539,7 +539,7 @@ TYPED_TEST(Guards, AStepWithAMissedSampleIsNotLearntFromAndNotTrusted) {
     before = learnt();
     EXPECT_EQ(guarded.step(at(nan)), Status::not_finite);
     EXPECT_TRUE(same(before));
-    guarded.step(at(0.503));  // the step before it was not seen
+    guarded.step(at(0.503));  // the step before it was missed
     EXPECT_TRUE(same(before));
     guarded.step(at(0.504));
     EXPECT_FALSE(same(before));

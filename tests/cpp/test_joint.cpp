@@ -79,7 +79,7 @@ TYPED_TEST(JointOf, TheFactorsAreThoseOfTheCovariance) {
     }
 }
 
-// The extended Kalman filter as it stands in textbooks: dense, the map by the matrix exponential at the estimates, its
+// The textbook extended Kalman filter: dense, the map by the matrix exponential at the estimates, its
 // derivatives by differences.
 struct Textbook {
     Case a;
@@ -170,7 +170,7 @@ void expect_that_of_textbooks(bool velocities) {
         book.correct(loop.seen, velocities);
         if (n % 100 == 0) {
             const auto report = C::report(loop.state, loop.c);
-            // The report is that before the force was computed: after this correction.
+            // The report precedes the force: it is the state after this correction.
             const std::array<double, 7> found{report.rate,          report.damping.xx(),   report.damping.xy(),
                                               report.damping.yy(),  report.stiffness.xx(), report.stiffness.xy(),
                                               report.stiffness.yy()};
@@ -178,7 +178,7 @@ void expect_that_of_textbooks(bool velocities) {
                 const double deviation = std::sqrt(book.p[4 + i][4 + i]);
                 EXPECT_NEAR(found[i], book.x[4 + i], 0.2 * deviation) << n << " " << i;
             }
-            if (!velocities) {  // else it is what was measured
+            if (!velocities) {  // else it is the measured value
                 const Motion<double> known{.position = {book.x[0], book.x[1]}, .velocity = {book.x[2], book.x[3]}};
                 EXPECT_NEAR(loop.signals.reference.position.x() + loop.signals.error.value.x(), known.position.x(),
                             0.2 * std::sqrt(book.p[0][0]));
@@ -206,7 +206,7 @@ TEST(Joint, ItsDeviationIsThatOfItsErrors) {
         deviation = loop.deviation();
         EXPECT_EQ(loop.trusted(), 1.0);
     }
-    EXPECT_GT(squares, 0.45);  // of χ² with 24 degrees of freedom over 24: beyond these once in 10,000
+    EXPECT_GT(squares, 0.45);  // χ² with 24 degrees of freedom, over 24: outside these limits once in 10,000
     EXPECT_LT(squares, 2.0);
     EXPECT_LT(deviation, 3e-6);
 }
@@ -284,10 +284,10 @@ TEST(Joint, OneSampleFarOffSpoilsNothingAndALastingMoveIsLearned) {
     EXPECT_NEAR(hit.signals.error.value.x(), 0.1, 0.05);
 }
 
-// Exact sensors move positions and velocities together: each is judged given those before it.
+// Exact sensors move positions and velocities together: each residual is conditioned on the earlier ones.
 TEST(Joint, ExactSensorsAgreeWithTheModelFromTheFirstSampleOn) {
     Case a;
-    a.common.nominal.stiffness = {1.05, 0.0, 1.0};  // 5 % off, which innovations tell at first
+    a.common.nominal.stiffness = {1.05, 0.0, 1.0};  // 5 % off, which innovations show at first
     a.position_noise = a.velocity_noise = 0.0;
     a.law.datasheet.position_noise = a.law.datasheet.velocity_noise = 0.0;
     const auto doubts = [](auto loop) {
@@ -319,7 +319,7 @@ TEST(Joint, RoundingToSinglePrecisionIsNoise) {
     right(Loop<Positions<float>>(a));
 }
 
-// Steps from the end of a fault until the rate is trusted again; in it and after it a trusted rate is right.
+// Steps from the end of a fault until the rate is trusted again; during and after it a trusted rate is correct.
 template <class C>
 int recovered(Loop<C> loop, int samples, const std::function<void(Motion<double>&)>& fault, double rate) {
     int wrong = 0, steps = 0;
@@ -380,8 +380,7 @@ TEST(Joint, APlantThatHasChangedIsAcceptedInTheEnd) {
     EXPECT_NEAR(loop.rate(), a.plant.rate, 4.0 * loop.deviation());
 }
 
-// Shares of samples within four stated deviations or not trusted, and of those trusted, from when a rate begins to
-// turn.
+// Shares of samples within four stated deviations or not trusted, and of trusted samples, from the start of a turn.
 template <class C>
 std::array<double, 2> in_a_turn(Case a, int first, double size, double frequency) {
     Loop<C> loop(a);
@@ -446,7 +445,7 @@ TEST(Joint, ADeviceThatTurnsFromItsFirstSampleOnLearnsNoStiffnessFromIt) {
     EXPECT_GT(trusted, 0.95);
 }
 
-// The deviation states what would explain all: ε explains a part of a rate that turns beyond the bandwidth.
+// The deviation covers everything, since ε explains only part of a rate beyond the bandwidth.
 TEST(Joint, TheDeviationStatesWhatIsNotExplainedToo) {
     using Judged = Consistency<double, 2>;
     const auto c = Judged::prepare(1.0, 0.01, 2, 8.0, 0.0, 1e4);  // windows of 400 samples
@@ -465,7 +464,7 @@ TEST(Joint, TheDeviationStatesWhatIsNotExplainedToo) {
     EXPECT_NEAR(Judged::variance(state, c, 1e-3), 61e-3 + 2.0 * 80.0 / 4.0, 0.01);
 }
 
-// Counts and means of the judgment begin again, in those of the runs side by side that it is for.
+// Counts and means of the consistency test restart, only in the affected lanes.
 TEST(Joint, ADisagreementForgetsWhatWasJudged) {
     using Judged = Consistency<double, 2>;
     Judged::State state{};
@@ -490,7 +489,7 @@ TEST(Joint, ADisagreementForgetsWhatWasJudged) {
     EXPECT_EQ(state.doubted, 1.0);
 }
 
-// Several steps a span: gains that are due later in it were foreseen with the covariance that is forgotten.
+// Several steps per span: gains scheduled for later in the span were computed from the discarded covariance.
 TEST(Joint, ADisagreementForgetsWhatWasForeseen) {
     Case a;
     a.law.adaptation.covariance_steps = 16;
@@ -567,7 +566,7 @@ TEST(Joint, AMotionThatWasLostIsFoundWithTheEstimatesBefore) {
     EXPECT_EQ(filter.plant[1], before[1]);
 }
 
-// Each time it begins again its estimate is of no use for a while.
+// After each restart its estimate is useless for a while.
 TEST(Joint, AModelThatStaysWrongIsLearnedAgainSeldom) {
     Case a;
     a.delay = 1;
@@ -687,7 +686,7 @@ TEST(Joint, TheRateIsTrustedOnlyWhereTheMotionTellsIt) {
     EXPECT_EQ(still.trusted(), 0.0);
 }
 
-// Amplitude of the estimate's answer to a rate that oscillates at the bandwidth asked for, over that of the rate.
+// Amplitude of the estimate for a rate that oscillates at the requested bandwidth, over the amplitude of the rate.
 template <class C>
 double seen_at_the_corner(Case a, double bandwidth) {
     a.law.adaptation.rate_forgetting = bandwidth;
@@ -751,7 +750,7 @@ TEST(Joint, WhatTheMotionDoesNotTellIsForgottenNoFurtherThanThePrior) {
     Loop<Positions<double>> loop(a);
     loop.run(3000);
     using Covariance = Loop<Positions<double>>::Filter::Covariance;
-    const double variance = Covariance::variance(loop.state.adaptation.covariance, 10);  // of Kyy
+    const double variance = Covariance::variance(loop.state.adaptation.covariance, 10);  // variance of Kyy
     const double prior = loop.c.adaptation.filter.prior.plant[6];
     EXPECT_GT(variance, 0.5 * prior);
     EXPECT_LE(variance, prior);

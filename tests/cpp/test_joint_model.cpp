@@ -1,4 +1,4 @@
-// What the joint filter assumes, in numbers: its map, what it does not foresee, its prior and what may drift.
+// Assumptions of the joint filter, in numbers: its map, process noise, prior and drifts.
 #include "joint.hpp"
 
 #include <cmath>
@@ -6,7 +6,7 @@
 namespace fracgyro::testing {
 namespace {
 
-// Far from the nominal plant, where the covariance has to go by the map at the estimates.
+// Far from the nominal plant, where the covariance must use the map at the estimates.
 TEST(JointModel, ItsMapIsThatOfThePlantAtTheEstimates) {
     Case a;
     a.plant.rate = 0.03;
@@ -66,7 +66,7 @@ TEST(JointModel, WhatItDoesNotForeseeHasTheVarianceThatItForesees) {
     }
 }
 
-// A plant that is `factor` times as fast, and all that is set of it.
+// A plant that is `factor` times as fast, with all its settings.
 Case faster(Case a, double factor) {
     const double square = factor * factor;
     a.common.step /= factor;
@@ -150,12 +150,12 @@ TEST(JointModel, WhatMayDriftGrowsByTheSquareOfItsBandwidthOverTheInformationOnI
     a = of_two_lines({.position_noise = 1e-3});
     const double xx = 2.0 / 16.0, xy = 2.0 / 81.0, yx = 4.5, yy = 4.5 / 36.0;
     expect_drift<Positions<double>>(a, over({4.0 * (xy + 4.0 * yx), xx, xy + 4.0 * yx, 4.0 * yy, xx, xy + yx, yy}));
-    // A sensor of velocity as noisy as that of the position adds w² times what that tells: 1 + 1 on x, 1 + 4 on y.
+    // A velocity sensor with the noise of the position sensor adds w² times its information: 1 + 1 on x, 1 + 4 on y.
     a = of_two_lines({.position_noise = 1e-3, .velocity_noise = 1e-3});
     expect_drift<Both<double>>(a, over({8.0 * xy + 80.0 * yx, 2.0 * xx, 2.0 * xy + 20.0 * yx, 20.0 * yy, 2.0 * xx,
                                         2.0 * xy + 5.0 * yx, 5.0 * yy}));
 
-    a.common.reference.amplitude = {2.0, 0.0};  // which tells nothing of Dyy and Kyy
+    a.common.reference.amplitude = {2.0, 0.0};  // which carries no information on Dyy and Kyy
     const auto c = Both<double>::prepare(a.law, a.common).adaptation.filter;
     EXPECT_EQ(c.drift[3], 0.0);
     EXPECT_EQ(c.drift[6], 0.0);

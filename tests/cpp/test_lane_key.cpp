@@ -1,4 +1,4 @@
-// Which runs may lie in one block: those whose coefficients differ in nothing but what every lane has of its own.
+// Runs may share a block if their coefficients differ only in per-lane numbers.
 #include "switches.hpp"
 
 #include "fracgyro/sim/batch.hpp"
@@ -84,7 +84,7 @@ TEST(LaneKey, NoPlainNumberIsInIt) {
         const fracgyro::Setup& setup = kind.setup;
         const std::string key = lane_key(setup);
         for_each_named(setup, [&](const std::string& name, const auto& field, const auto& number) {
-            if (kind.switches.contains(name) || name == "controller.kernel_terms") {  // which are filled up
+            if (kind.switches.contains(name) || name == "controller.kernel_terms") {  // which are padded
                 return;
             }
             if (field.choices.empty()) {
@@ -120,7 +120,7 @@ TEST(LaneKey, IsAnotherForEveryKind) {
     fracgyro::Setup known = paper(2000), composite = known;
     law(known).adaptation.adaptive = false;
     law(composite).adaptation = {.kind = AdaptationKind::composite, .adaptive = false};
-    EXPECT_EQ(lane_key(known), lane_key(composite)) << "where nothing is learnt no least squares run";
+    EXPECT_EQ(lane_key(known), lane_key(composite)) << "without adaptation no least squares run";
 }
 
 TEST(LaneKey, IsOneForOrdersOfAnyNumberOfModesAndAnotherForNone) {
@@ -136,7 +136,7 @@ TEST(LaneKey, IsOneForOrdersOfAnyNumberOfModesAndAnotherForNone) {
     EXPECT_EQ(lane_key(of_order(0.0)), lane_key(of_order(1.0)));
 }
 
-// -- Of coefficients that no list knows
+// -- Coefficients that are in no list
 
 template <class T>
 struct MadeUp {

@@ -1,4 +1,4 @@
-// The lanes as they ship for each kind of processor, on those that this one can stand in for.
+// The shipped lanes of each kind of processor, as far as this processor supports them.
 #include "lanes_by_processor.hpp"
 
 #include "fracgyro/sim/lane_noise.hpp"
@@ -142,7 +142,7 @@ TYPED_TEST(EachKind, AreAlwaysLessWhereEachIs) {
     EXPECT_FALSE(Checked::each_is_less(small.data(), large.data()));
 }
 
-// Steps and holds at which something begins again: odd ones, a register's, a block of normals', and where the count of
+// Steps and holds at which something restarts: odd ones, a register's, a block of normals', and where the count of
 // blocks passes 2^32.
 struct Part {
     std::int64_t hold, first;

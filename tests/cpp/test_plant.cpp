@@ -9,7 +9,7 @@
 namespace fracgyro::testing {
 namespace {
 
-// The paper's gyroscope, eq. (48), turning ten times as fast and with some of what the controller does not know.
+// The paper's gyroscope, eq. (48), turning ten times as fast, with parameters that the controller does not know.
 GyroscopeParams gyroscope() {
     return {.damping = {0.01, 0.002, 0.01},
             .stiffness = {355.3, 70.99, 532.9},

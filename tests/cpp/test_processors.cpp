@@ -10,7 +10,7 @@
 namespace fracgyro::testing {
 namespace {
 
-// As include/fracgyro/sim/cpu_dispatch.hpp compiles the loop. Only where everything is inlined do they differ.
+// Copies compiled like the loop in include/fracgyro/sim/cpu_dispatch.hpp. They differ only if everything is inlined.
 #if defined(__x86_64__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__)
 
 template <class C>

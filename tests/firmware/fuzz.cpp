@@ -30,7 +30,7 @@ Answer answer(fracgyro_state& state, const fracgyro_motion& motion) {
     return a;
 }
 
-// How many numbers of a report rest while no sample is believed: all but those that say how well the rate is known.
+// Count of report numbers that are frozen while no sample is accepted: all except those on the quality of the rate.
 using Report = fracgyro_exported::Controller::Report;
 constexpr bool says_how_well = std::derived_from<Report, fracgyro::CompositeReport<fracgyro_number>>;
 using Resting = std::conditional_t<says_how_well, fracgyro::AdaptiveReport<fracgyro_number>, Report>;
@@ -79,7 +79,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
             const Answer now = answer(state, motion);
             must(std::fabs(now.force.x) <= 1000 && std::fabs(now.force.y) <= 1000);  // false for NaN
             fracgyro_number size = std::fabs(motion.position.x) + std::fabs(motion.position.y);
-            if (fracgyro::measures_velocity<fracgyro_exported::Controller>) {  // else it is not looked at
+            if (fracgyro::measures_velocity<fracgyro_exported::Controller>) {  // else it is ignored
                 size += std::fabs(motion.velocity.x) + std::fabs(motion.velocity.y);
             }
             const bool answered = now.status == FRACGYRO_OK || now.status == FRACGYRO_SATURATED;
@@ -97,7 +97,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
             if (held) {
                 must(same(&now.force, &last.force, sizeof now.force));
             }
-            if (held || now.status == FRACGYRO_LOST) {  // what was learnt rests
+            if (held || now.status == FRACGYRO_LOST) {  // estimates are frozen
                 must(same(&now.report, &last.report, resting * sizeof(fracgyro_number)));
             }
             last = now;

@@ -1,6 +1,6 @@
 """The command line, in this process: any words and any files end with results, or with one sentence and exit code 2.
 
-An input is JSON: the words, and the files that lie in the current folder besides those of `_furnish`.
+An input is JSON: the words, and files in the current folder in addition to those of `_furnish`.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ import fuzz_scenarios
 import harness
 import mutate
 from fracgyro.cli import main
-from fracgyro.scenario.sentences import paths
+from fracgyro.scenario.messages import paths
 
 FMU = importlib.import_module("fracgyro.export.fmu")
-REPRODUCE = importlib.import_module("fracgyro.paper.reproduce")
+REPRODUCE = importlib.import_module("fracgyro_lab.paper.reproduce")
 
 STUDY = '[fixed]\nrun.duration = 0.02\n[vary]\ncontroller.kind = ["linear", "fractional"]\n'
 SCENARIOS = ["good.toml", "any.toml", "link.toml", "line\nbreak.toml", "\udcff.toml", "empty", "any.nc"]  # may be valid
@@ -127,7 +127,7 @@ def _furnish(folder: Path) -> None:
 
 
 def _left_out(_: object) -> None:
-    """Instead of what comes after the arguments have been accepted: a whole reproduction takes minutes."""
+    """Replacement for the work after the arguments have been accepted: a whole reproduction takes minutes."""
     sys.exit(0)
 
 
@@ -137,7 +137,7 @@ def check(case: bytes, folder: Path) -> str:
     for name, text in given["files"].items():
         (folder / name).write_bytes(text.encode("latin-1"))
     precious = {p: p.read_bytes() for p in [folder / "good.toml", folder / "full" / "precious"]}
-    FMU._binaries = lambda *_: {}  # compilers take seconds, and are not asked here
+    FMU._binaries = lambda *_: {}  # compilers take seconds, and are not run here
     REPRODUCE.time_steps = _left_out
     out, err = io.StringIO(), io.StringIO()
     sys.argv = ["fracgyro", *given["words"]]
@@ -152,7 +152,7 @@ def check(case: bytes, folder: Path) -> str:
     assert "Traceback" not in said, said
     assert code in (0, 2), (code, said)
     if code == 2:
-        *bar, line = said.split("\n")[:-1]  # which is there when something was run
+        *bar, line = said.split("\n")[:-1]  # which exists if something was run
         assert not bar or given["words"][0] in ("sweep", "tune"), said
         assert line.startswith("fracgyro: "), said
         assert harness.is_sentence(line), said

@@ -1,8 +1,8 @@
-"""FMUs of both versions under an importer that makes every mistake: calls in any order, wrong references, wrong sizes,
-NULL where FMI allows it or a careless importer has it, any bytes as a state.
+"""FMUs of both versions with an importer that makes every mistake: calls in any order, wrong references, wrong sizes,
+NULL where FMI allows it or a careless importer passes it, any bytes as a state.
 
-An input is a string of bytes that says which calls to make. Every call ends in OK or in an error with one sentence for
-the logger; what may come when is what FMI says. With sanitizers: CXX="c++ -fsanitize=address,undefined" and libasan
+An input is a string of bytes that encodes the calls. Every call ends in OK or in an error with one sentence for
+the logger; FMI defines the allowed order of calls. With sanitizers: CXX="c++ -fsanitize=address,undefined" and libasan
 preloaded.
 """
 
@@ -27,9 +27,9 @@ from payloads import payload
 OK, WARNING, ERROR = 0, 1, 3
 MADE, INITIALIZING, RUNNING, TERMINATED = range(4)
 STEP = 1e-3
-TOKEN = 39  # a GUID in braces and the zero that ends it
+TOKEN = 39  # a GUID in braces and its terminating zero
 NUMBERS = [0.0, 1.0, -1.0, 0.5, 1e-3, 1e9, -1e300, 1.7976931348623157e308, float("nan"), float("inf"), 5e-324]
-# Of the device: noise, converters and a moving rate have a loop of their own.
+# Device settings: noise, converters and a dynamic rate use a different loop.
 DEVICE = {
     "adaptation.kind": "joint",
     "rate.kind": "sine",
@@ -56,7 +56,7 @@ class Callbacks(ctypes.Structure):
 
 
 class Bytes:
-    """What an attempt says, number by number; 0 when it is used up."""
+    """Numbers of an input, one by one; 0 after its end."""
 
     def __init__(self, text: bytes) -> None:
         self._text, self._at = text, 0
@@ -74,11 +74,11 @@ class Bytes:
 
 
 class Importer:
-    """One instance at a time, and what it must be doing."""
+    """One instance at a time, and its expected state."""
 
     def __init__(self, library: Path, token: bytes, variables: int, matrices: list[list[int]]) -> None:
         self.library, self.token, self.variables = ctypes.CDLL(str(library)), token, variables
-        self.matrices = matrices  # references of D's entries, K's and its deviation's; none without a plant
+        self.matrices = matrices  # references of the entries of D, K and its deviation; none without a plant
         self.two = hasattr(self.library, "fmi2DoStep")
         self.said: list[bytes] = []
         self._log = (
@@ -94,7 +94,7 @@ class Importer:
         self.phase, self.time = MADE, 0.0
 
     def call(self, name: str, *values: Any) -> bool:
-        """Whether it worked. What did not must have been explained, and so must a sample that is not believed."""
+        """True if the call worked. A failure must have been explained, and so must a refused sample."""
         function = getattr(self.library, f"fmi{2 if self.two else 3}{name}")
         function.restype = c_int
         self.said.clear()
@@ -128,7 +128,7 @@ class Importer:
         for state, *_ in self.saved:
             getattr(self.library, f"fmi{version}Free{states}")(c_void_p(self.instance), byref(state))
         self.saved.clear()
-        getattr(self.library, f"fmi{version}FreeInstance")(c_void_p(self.instance))  # of NULL too
+        getattr(self.library, f"fmi{version}FreeInstance")(c_void_p(self.instance))  # also NULL
         self.instance = None
 
     def moved(self, worked: bool, may: bool, to: int) -> None:
@@ -301,7 +301,7 @@ class Importer:
 
 @cache
 def importer(face: str) -> Importer:
-    """With the library, and what it reads in the model description."""
+    """Importer with the library and the data of its model description."""
     fmi, content, device = FACES[face]
     folder = Path(tempfile.mkdtemp())
     changes = {"run.duration": 2.0, "adaptation.kind": "composite", "controller.switching_limit": 0.5}
@@ -317,7 +317,7 @@ def importer(face: str) -> Importer:
 
 
 def _least(matrix: np.ndarray) -> float:
-    """The smallest eigenvalue over the largest entry; zero where rounding alone makes it differ."""
+    """The smallest eigenvalue over the largest entry; zero if it differs only by rounding."""
     largest = float(np.abs(matrix).max())
     if largest == 0 or largest == np.inf:
         return 0.0 if largest == 0 else -1.0
@@ -331,7 +331,7 @@ def make(rng: random.Random) -> bytes:
 
 def check(face: str, case: bytes, _: Path) -> str:
     trying = importer(face)
-    trying.end()  # what an input that failed has left
+    trying.end()  # left by a failed input
     trying.bytes.clear()
     source = Bytes(case)
     while source:

@@ -15,10 +15,10 @@ import harness
 import mutate
 from fracgyro.export import web
 from fracgyro.export.firmware import coefficients_header
-from fracgyro.scenario.sentences import paths
+from fracgyro.scenario.messages import paths
 from fracgyro.scenario.shipped import SHIPPED, shipped_text
 
-STEPS = 100  # of a run: what else the scenario asks for takes longer, not another way
+STEPS = 100  # steps of a run: more would take longer without other paths
 
 
 @cache
@@ -67,7 +67,7 @@ def check(case: bytes, folder: Path) -> str:
         assert fg.Scenario.from_toml(text).to_toml() == text
         if scenario.run.steps > STEPS:
             scenario = scenario.replace({"run.duration": scenario.run.step * STEPS})
-        use = USES[zlib.crc32(case) % len(USES)]  # one of them: time goes into more inputs rather
+        use = USES[zlib.crc32(case) % len(USES)]  # only one: the time is better spent on more inputs
         try:
             use(scenario)
         except Exception as error:

@@ -1,7 +1,6 @@
-"""Saved states, in Python and in the browser's module; fuzz_fmu.py has them in FMUs.
-
-Whatever the bytes, they are refused in one sentence or the controller goes on from them: it dies of none, and none that
-are damaged are taken. The first byte of an input says of which controller it is to be a state.
+"""Saved states, in Python and in the browser's module; fuzz_fmu.py covers FMUs. Any bytes are refused in one sentence
+or the controller continues from them: none crash it, and damaged ones are never accepted. The first byte of an input
+selects the controller of the state.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ SCENARIOS = [
     PAPER.replace({"device.sensing": "position", "controller.derivative": "caputo"}),
 ]
 MOTION = ([0.5, 0.25], [0.0, 0.1])
-IN_BROWSER = 3  # of the scenarios: it has no observer
+IN_BROWSER = 3  # among the scenarios: it has no observer
 
 
 def made(rng: random.Random, states: list[list[bytes]]) -> bytes:
@@ -51,7 +50,7 @@ def controllers() -> list[fg.Controller]:
 
 @cache
 def states() -> list[list[bytes]]:
-    """Of each at the start, after one sample and after many."""
+    """States of each at the start, after one sample and after many."""
     found = []
     for controller in controllers():
         saved = [controller.state]
@@ -92,7 +91,7 @@ def check_python(case: bytes, _: Path) -> str:
     return "worked"
 
 
-# -- The browser's module, in node: prints the states, then what comes of each line, `number base64`.
+# -- The browser's module, in node: prints the states, then the result of each line, `number base64`.
 
 BROWSER = """
 import { readFileSync } from "node:fs";

@@ -1,6 +1,5 @@
-"""Studies and tunings: files that are nearly right, and folders that are resumed after something was damaged.
-
-The first line of an input says which: #sweep or #tune, then TOML; #sweep-folder or #tune-folder, then edits as JSON.
+"""Studies and tunings: files that are nearly right, and folders that are resumed after damage. The first line of an
+input selects one: #sweep or #tune, then TOML; #sweep-folder or #tune-folder, then edits as JSON.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ import fracgyro as fg
 import harness
 import mutate
 from fracgyro.analysis.metric_names import METRICS
-from fracgyro.scenario.sentences import paths
+from fracgyro.scenario.messages import paths
 from fracgyro.study import sweep, tune
 from fracgyro.study.sweep import blocks, design
 from fracgyro.study.sweep.block_files import BlockFiles
@@ -31,11 +30,11 @@ from fracgyro.study.tune.criteria import measure
 from fracgyro.study.tune.plan import read_tuning
 from fracgyro.study.tune.search import choose, front, opened
 
-# A larger study takes longer, not another way.
+# A larger study takes longer without other paths.
 design.MAX_POINTS = 500
 blocks.RUNS_PER_BLOCK = 2
-FEW, SHORT = 8, 20_000  # runs and steps that are indeed run
-OFTEN = 100  # one study in so many is run to its report
+FEW, SHORT = 8, 20_000  # runs and steps that are actually run
+OFTEN = 100  # every n-th study runs to its report
 
 SWEEP = """
 title = "Small"
@@ -97,7 +96,7 @@ def make(rng: random.Random) -> bytes:
         return f"#{kind}\n{json.dumps(edits)}".encode()
     tree = tomllib.loads(SWEEP if kind == "sweep" else TUNE)
     for _ in range(rng.choice([1, 1, 1, 2, 2, 3, 5])):
-        if rng.random() < 0.2:  # words that mean something, where values are
+        if rng.random() < 0.2:  # meaningful words as values
             place = rng.choice(mutate.paths(tree))
             mutate.at(tree, place[:-1])[place[-1]] = rng.choice(NAMES)
         else:
@@ -159,7 +158,7 @@ def _scratch() -> Path:
 def _finished_sweep() -> tuple[Path, Any, list[blocks.Block]]:
     folder = _scratch()
     tree = tomllib.loads(SWEEP)
-    del tree["vary"]["plant"], tree["vary"]["reference"]  # which leaves four blocks
+    del tree["vary"]["plant"], tree["vary"]["reference"]  # leaves four blocks
     (folder / "study.toml").write_text(mutate.toml(tree), encoding="utf-8")
     plan = design.read_plan(folder / "study.toml")
     work = blocks.blocks(plan)

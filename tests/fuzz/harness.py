@@ -1,12 +1,17 @@
 """Many inputs through one property, each in a process that may crash or hang without ending the run.
 
     python tests/fuzz/fuzz_x.py --seconds 60 --seed 1      as often as time allows
-    python tests/fuzz/fuzz_x.py --known                    what failed once, in this process
+    python tests/fuzz/fuzz_x.py --known                    past failures, in this process
     python tests/fuzz/fuzz_x.py --known NAME ...           some of it
 
-A fuzzer is a script with one face or more. Each has `make`, which makes the bytes of an input from a random generator,
-and `check`, which tries them in an empty folder and returns "worked" or "refused", or raises. Input n depends on the
-seed and n only. What fails is added to tests/fuzz/corpus/<x>.jsonl, one input per line, which every run begins with.
+A fuzzer is a script with one or more targets. Each has `make`, which makes the bytes of an input from a random
+generator,
+and `check`, which tries them in an empty folder and returns "worked" or "refused", or raises. Input n depends only on
+                                                                                               the seed and n. Failed
+                                                                                               inputs are added to
+                                                                                               tests/fuzz/corpus/<x>.jsonl,
+                                                                                               one per line, with which
+                                                                                               every run begins.
 """
 
 from __future__ import annotations
@@ -40,7 +45,7 @@ import fracgyro
 Make = Callable[[random.Random], bytes]
 Check = Callable[[bytes, Path], str]
 
-HANG = 20.0  # s for one input, of the processor or of waiting: a busy machine makes no hang
+HANG = 20.0  # s for one input, of CPU or waiting time, so that a busy machine does not cause a hang
 MEMORY = 6 * 2**30  # bytes of address space
 MAX_SENTENCE = 1000
 PACKAGE = str(Path(fracgyro.__file__).parent)
@@ -65,7 +70,7 @@ def refused(error: Exception) -> str:
 
 
 def raised(frame: traceback.FrameSummary) -> bool:
-    """Whether by a statement there, rather than by a function of Python's own."""
+    """True if raised by a statement there, not by a function of the standard library."""
     return (frame.line or "").startswith("raise ")
 
 
@@ -75,7 +80,7 @@ def is_sentence(text: str) -> bool:
 
 @contextlib.contextmanager
 def quiet() -> Iterator[None]:
-    """Warnings are errors, and so is whatever is printed."""
+    """Treat warnings and any output as errors."""
     said = io.StringIO()
     with warnings.catch_warnings(), contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
         warnings.simplefilter("error")
@@ -103,7 +108,7 @@ def _outcome(check: Check, case: bytes) -> str:
 
 
 def _work(pipe: Connection, face: Face, known: Sequence[bytes], seed: int, first: int, folder: str) -> None:
-    """Sends every input before it is tried, and then what came of it."""
+    """Send every input before it is tried, and then its outcome."""
     tempfile.tempdir = folder
     resource.setrlimit(resource.RLIMIT_AS, (face.memory, face.memory))
     if face.prepare:
@@ -116,11 +121,11 @@ def _work(pipe: Connection, face: Face, known: Sequence[bytes], seed: int, first
 
 
 def run(face: Face, corpus: Path, prefix: str, seconds: float, attempts: int, seed: int) -> tuple[Counter[str], float]:
-    """Counts of worked, refused, tracebacks, crashes and hangs. What failed is kept in `corpus`."""
+    """Counts of worked, refused, tracebacks, crashes and hangs. Failed inputs are kept in `corpus`."""
     context = multiprocessing.get_context("spawn")
     known = [case for name, case in known_inputs(corpus).items() if name.startswith(prefix)]
     counts: Counter[str] = Counter()
-    number, begin = 0, math.inf  # when the first input is there: what was prepared for it does not count
+    number, begin = 0, math.inf  # from the first input on: its preparation does not count
 
     def going() -> bool:
         return number < attempts and time.monotonic() - begin < seconds
@@ -153,7 +158,7 @@ def run(face: Face, corpus: Path, prefix: str, seconds: float, attempts: int, se
 
 
 def _answers(pipe: Connection, process: int | None) -> bool:
-    """Whether an answer, or the end of the process, comes before it has used HANG s, or done nothing for so long."""
+    """True if an answer or the end of the process comes before it has used, or been idle for, HANG s."""
     begin = before = _used(process)
     while not pipe.poll(HANG):
         now = _used(process)
@@ -164,7 +169,7 @@ def _answers(pipe: Connection, process: int | None) -> bool:
 
 
 def _used(process: int | None) -> float:
-    """Seconds of the processor."""
+    """CPU time in seconds."""
     user, system = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[11:13]
     return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
 
@@ -191,7 +196,7 @@ def _keep(corpus: Path, name: str, case: bytes, outcome: str) -> None:
 
 
 def main(faces: Mapping[str, Face] | Face) -> None:
-    """Ends with 1 if an input failed. Inputs of a face that has a name have it before theirs."""
+    """Exit with 1 if an input failed. The names of a named target's inputs begin with its name."""
     script = Path(sys.argv[0]).stem
     named = {"": faces} if isinstance(faces, Face) else faces
     options = argparse.ArgumentParser()

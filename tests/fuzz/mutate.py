@@ -30,7 +30,7 @@ TOKENS = (
 
 
 def paths(tree: Any) -> list[tuple[Any, ...]]:
-    """The way to every value, tables and lists included."""
+    """Path of every value, including tables and lists."""
     entries = tree.items() if isinstance(tree, dict) else enumerate(tree) if isinstance(tree, list) else ()
     return [way for key, inner in entries for way in [(key,), *((key, *deeper) for deeper in paths(inner))]]
 
@@ -46,7 +46,7 @@ def extreme(rng: random.Random) -> Any:
 
 
 def value(rng: random.Random, old: Any, others: Callable[[], Any]) -> Any:
-    """Something instead of `old`: near to it, extreme, or from elsewhere in the document."""
+    """Something instead of `old`: close to it, extreme, or from elsewhere in the document."""
     kind = rng.random()
     if isinstance(old, float | int) and not isinstance(old, bool) and not abs(old) > 1e300 and kind < 0.45:
         whole = int(min(max(old, -1e18), 1e18)) if math.isfinite(old) else 1
@@ -59,7 +59,7 @@ def value(rng: random.Random, old: Any, others: Callable[[], Any]) -> Any:
 
 
 def change(rng: random.Random, tree: Tree, names: Sequence[str]) -> None:
-    """One edit in place: a value, a name, an entry more or less; `names` are words that mean something."""
+    """One edit in place: a value, a name, an entry more or less; `names` are meaningful words."""
     ways = paths(tree)
     if not ways or rng.random() < 0.02:
         tree[rng.choice(names)] = extreme(rng)
@@ -111,7 +111,7 @@ def _value(entry: Any) -> str:
 
 
 def damage(rng: random.Random, data: bytes) -> bytes:
-    """Some bytes flipped, lost, doubled or put in."""
+    """Some bytes flipped, deleted, doubled or inserted."""
     found = bytearray(data)
     for _ in range(rng.choice([1, 1, 1, 2, 4, 16])):
         place, size = rng.randrange(len(found) + 1), rng.choice([1, 1, 2, 8, 64, 512])

@@ -1,4 +1,5 @@
-"""Bytes that pretend to be a saved state. All faces save a prefix that names the controller, CRC-32, then the state."""
+"""Bytes in the format of a saved state. All integrations save a prefix that names the controller, CRC-32, then the
+state."""
 
 from __future__ import annotations
 
@@ -6,13 +7,13 @@ import random
 import struct
 import zlib
 
-# As whole numbers and as doubles: what is wrong with an index, a switch, a number.
+# Integers and doubles that are invalid as an index, a switch or a number.
 WORDS = [struct.pack("<q", word) for word in (0, 1, 2, 12, 64, 255, 2**31, 2**32 + 1, 2**62, -1, -(2**63))]
 WORDS += [struct.pack("<d", word) for word in (float("nan"), float("inf"), -float("inf"), 1e300, -1.0, 5e-324)]
 
 
 def sealed(prefix: bytes, body: bytes) -> bytes:
-    """With the right checksum, as an attacker or a faulty writer may have it."""
+    """Payload with a valid checksum, as from an attacker or a faulty writer."""
     return prefix + struct.pack("<I", zlib.crc32(body)) + body
 
 

@@ -41,15 +41,16 @@ class Mutant:
     after: str
     rule: str
     line: int
-    words: str  # what it does, for the log: the same wherever the line is
+    words: str  # its effect, for the log; independent of the line number
 
     @property
-    def key(self) -> str:
-        return f"{self.file}: {self.words}"
+    def edit(self) -> str:
+        """Kind of edit, as in survivors.toml; of an edit that is written out, its id."""
+        return re.sub(r"(?: \(\d+\))? in `.*", "", self.words)
 
 
 def blanked(text: str) -> str:
-    """The same length, with spaces for what is no code."""
+    """The text with comments, strings and preprocessor lines replaced by spaces."""
     pattern = r'//[^\n]*|/\*.*?\*/|"(?:\\.|[^"\\\n])*"|\'(?:\\.|[^\'\\\n])\'|^[ \t]*#(?:[^\n]*\\\n)*[^\n]*'
     return re.sub(pattern, lambda m: re.sub(r"[^\n]", " ", m[0]), text, flags=re.DOTALL | re.MULTILINE)
 
@@ -128,6 +129,23 @@ def candidates(file: str, text: str) -> list[Mutant]:
     return found
 
 
+def place_of(code: str, at: int) -> str:
+    """Name of the innermost function around a character of blanked code, or of the type if no function is."""
+    heads: list[str] = []  # text before each open brace, from the statement before it
+    for brace in re.finditer(r"[{}]", code[:at]):
+        if brace[0] == "}":
+            heads.pop()
+        else:
+            heads.append(re.split(r"[;{}]", code[: brace.start()])[-1])
+    for head in reversed(heads):
+        plain = re.sub(r"template <.*?>\s", "", head, flags=re.DOTALL)
+        named = re.search(r"\b(?:struct|class) (\w+)", plain) or re.match(r"[^()=]*?(\w+)\(", plain)
+        is_lambda = re.search(r"\](?: ?\([^()]*\))?[^()]*$", plain)
+        if named and not is_lambda and named[1] not in ("if", "for", "while", "switch"):
+            return named[1]
+    return ""
+
+
 def float_of(literal: str) -> float:
     literal = literal.rstrip("FU")
     return float.fromhex(literal) if literal.startswith("0x") else float(literal)
@@ -172,12 +190,13 @@ def kept(mutant: Mutant) -> bool:
 
 
 def crosses(a: Mutant, b: Mutant) -> bool:
-    """Neither beside nor inside one another."""
+    """True if the two overlap and neither contains the other."""
     return a.begin < b.begin < a.end < b.end or b.begin < a.begin < b.end < a.end
 
 
 def mutated(text: str, mutants: list[tuple[int, Mutant]]) -> str:
-    """The text with all of them. Of two at one place the longer is outside, and what has no end outside of both."""
+    """The text with all mutants. Of two that begin at the same place the longer is outside; one without an end is
+    outside of both."""
     puts: list[tuple[int, int, int, str]] = []
     for number, m in mutants:
         length = m.end - m.begin

@@ -38,13 +38,13 @@ PYTHON = [
     "fractional",
     "settings",
     "claims",
-    "outside",
+    "user_controller",
     "law_rate",
     "kinds",
 ]
 LONGEST = 20.0  # s of tests for one mutant, the quickest first
 STUCK = 600.0  # s of waiting for nothing
-MANY = 8192  # as in switch.hpp
+MANY = 8192  # equal to the constant in switch.hpp
 
 
 # -- C++ tests -----------------------------------------------------------------------------------------------
@@ -69,7 +69,7 @@ def killed_by_cpp_tests(mutants: Iterable[int], jobs: int) -> set[int]:
     def dies(number: int) -> bool:
         for seconds, program, numbers in reached:
             if number in numbers:
-                limit = f"--cpu={5 + round(5 * seconds)}"  # of the processor: a busy machine kills nothing
+                limit = f"--cpu={5 + round(5 * seconds)}"  # processor time, so that a busy machine kills no mutant
                 command = ["prlimit", limit, str(program), "--gtest_brief=1", "--gtest_fail_fast"]
                 env = {**os.environ, "FRACGYRO_MUTANT": str(number)}
                 try:

@@ -10,7 +10,7 @@ from types import ModuleType
 from typing import Any
 
 from compile_in import ROOT
-from python_kills import edited, listed, module_of
+from python_kills import edited, listed, module_of, path_of
 
 (ENTRY,) = (entry for entry in listed() if entry["id"] == os.environ["FRACGYRO_EDIT"])
 
@@ -19,7 +19,7 @@ class Edited(MetaPathFinder, Loader):
     def find_spec(self, name: str, path: Any, target: Any = None) -> importlib.machinery.ModuleSpec | None:
         if name != module_of(ENTRY["file"]):
             return None
-        file = str(ROOT / "python/fracgyro" / ENTRY["file"])
+        file = str(ROOT / path_of(ENTRY["file"]))
         return importlib.machinery.ModuleSpec(name, self, origin=file)
 
     def exec_module(self, module: ModuleType) -> None:

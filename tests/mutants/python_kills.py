@@ -19,14 +19,19 @@ from typing import Any
 
 from compile_in import HERE, ROOT
 
+sys.path.append(str(ROOT / "benchmarks"))
+
+from sources import PACKAGES
+
 FOLDER = ROOT / "build/mutants/python"
 SHARE = 0.3
 MODULES = [
-    "analysis/confidence.py", "analysis/metrics.py", "compare/rows.py", "paper/claims.py", "paper/step_cost.py",
-    "rate/allan.py", "rate/bound.py", "rate/merit.py", "rate/units.py", "scenario/to_core.py", "study/sweep/effects.py",
-    "study/tune/criteria.py", "study/tune/hold_out.py",
+    "fracgyro/analysis/confidence.py", "fracgyro/analysis/metrics.py", "fracgyro/rate/allan.py",
+    "fracgyro/rate/bound.py", "fracgyro/rate/merit.py", "fracgyro/rate/units.py", "fracgyro/scenario/to_core.py",
+    "fracgyro/study/sweep/effects.py", "fracgyro/study/tune/criteria.py", "fracgyro/study/tune/hold_out.py",
+    "fracgyro_lab/comparison/rows.py", "fracgyro_lab/paper/claims.py", "fracgyro_lab/paper/step_cost.py",
 ]  # fmt: skip
-# The tests that may kill: of the last files those alone that run in this process, where a mutant is active.
+# The tests that may kill: of the last files only the tests that run in this process, where a mutant is active.
 TESTS: dict[str, list[str]] = {
     "metrics": [], "claims": [], "allan": [], "effects": [], "hold_out": [], "rate_figures": [], "lanes": [],
     "device": [], "setup": [], "kinds": [], "bound": [],
@@ -76,10 +81,16 @@ def selected(folder: str, name: str) -> list[str]:
     return [f"{file}::{test}" for test in TESTS[name]] or [file]
 
 
+def path_of(file: str) -> str:
+    """From the root: that of a file of a package."""
+    return f"{PACKAGES[file.partition('/')[0]]}/{file}"
+
+
 def prepare(modules: list[str]) -> None:
-    """A project of the package, its compiled module and the tests, as mutmut wants it, to mutate these modules."""
+    """A project of the packages, the compiled module and the tests, as mutmut wants it, to mutate these modules."""
     shutil.rmtree(FOLDER, ignore_errors=True)
-    shutil.copytree(ROOT / "python/fracgyro", FOLDER / "fracgyro", ignore=shutil.ignore_patterns("__pycache__"))
+    for package in PACKAGES:
+        shutil.copytree(ROOT / path_of(package), FOLDER / package, ignore=shutil.ignore_patterns("__pycache__"))
     installed = subprocess.run(
         [sys.executable, "-c", "import fracgyro._core as c; print(c.__file__)"],
         capture_output=True,
@@ -96,7 +107,7 @@ def prepare(modules: list[str]) -> None:
         shutil.copyfile(path, FOLDER / "tests" / path.name)
     files = [test for name in TESTS for test in selected("tests", name)]
     (FOLDER / "pyproject.toml").write_text(
-        f'[tool.mutmut]\nsource_paths = ["fracgyro"]\nonly_mutate = {[f"fracgyro/{name}" for name in modules]}\n'
+        f"[tool.mutmut]\nsource_paths = {list(PACKAGES)}\nonly_mutate = {modules}\n"
         f"pytest_add_cli_args_test_selection = {files}\n"
         'pytest_add_cli_args = ["-p", "no:xdist", "-p", "no:cacheprovider", "--hypothesis-seed=0"]\n'
         "timeout_constant = 10.0\ntrack_dependencies = false\nuse_git_change_detection = false\n"
@@ -168,7 +179,7 @@ def mutmut() -> None:
         cli()
         return
     for name in sys.argv[2:]:
-        data = SourceFileMutationData(path=Path("fracgyro") / name)
+        data = SourceFileMutationData(path=Path(name))
         data.load()
         for key, code in data.exit_code_by_key.items():
             status = status_by_exit_code[code]
@@ -185,7 +196,7 @@ def listed() -> list[dict[str, Any]]:
 
 
 def edited(entry: dict[str, Any]) -> str:
-    text = (ROOT / "python/fracgyro" / entry["file"]).read_text(encoding="utf-8")
+    text = (ROOT / path_of(entry["file"])).read_text(encoding="utf-8")
     if text.count(entry["original"]) != 1:
         raise ValueError(
             f"mutant {entry['id']}: its original occurs {text.count(entry['original'])} times in {entry['file']}: "
@@ -212,7 +223,7 @@ def killed_listed(entries: list[dict[str, Any]], jobs: int) -> dict[str, bool]:
 
 
 def module_of(file: str) -> str:
-    return "fracgyro." + file.removesuffix(".py").replace("/", ".")
+    return file.removesuffix(".py").replace("/", ".")
 
 
 if __name__ == "__main__":

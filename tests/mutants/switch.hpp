@@ -31,7 +31,7 @@ struct Report {
 };
 inline Report report;
 
-// What the compiler computes is never mutated.
+// Constant expressions are never mutated.
 constexpr bool active(int id) {
     if (std::is_constant_evaluated()) {
         return false;
@@ -54,7 +54,7 @@ struct Sign {
         if constexpr (requires { T(-b); }) {
             return active(s.id) ? T(-b) : b;
         } else {
-            return active(s.id) ? T(b + b) : b;  // what has no minus
+            return active(s.id) ? T(b + b) : b;  // a type without minus
         }
     }
 };

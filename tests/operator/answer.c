@@ -1,4 +1,4 @@
-/* Answers the numbers of the file "samples" with the outputs of an exported operator, in the file "answer". */
+/* Write the outputs of an exported operator for the samples in the file "samples" to the file "answer". */
 #include "operator.h"
 
 #include <stdio.h>

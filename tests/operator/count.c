@@ -31,7 +31,7 @@ int main(void) {
     operator_reset(&state);
     sample = 1;
     const uint32_t spent = ticks(operator_step) - ticks(nothing);
-    /* `nothing` returns by one instruction, which a step does, too. */
+    /* `nothing` consists of one return instruction, which a step also has. */
     printf("%lu\n", (unsigned long)(spent * per_tick / steps + 1));
     return 0;
 }

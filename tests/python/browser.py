@@ -1,4 +1,4 @@
-"""Pages in Debian's Chromium, served on this machine, and what they must not do."""
+"""Pages in Debian's Chromium, served on this machine, with checks for forbidden behavior."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 CHROMIUM = shutil.which("chromium") or "/usr/bin/chromium"
-# It asks nobody for updates, and needs neither a display nor its own sandbox.
+# It does not look for updates, and needs neither a display nor its own sandbox.
 FLAGS = [
     "--no-sandbox",
     "--disable-gpu",
@@ -55,7 +55,8 @@ def served(folder: Path) -> Iterator[str]:
 
 
 def watched(page: Any, own: str) -> list[str]:
-    """Fills with every message on the console, every error, and every request to what does not begin with `own`."""
+    """Fills with every message on the console, every error, and every request whose address does not begin with
+    `own`."""
     faults: list[str] = []
     page.on("console", lambda message: faults.append(f"console: {message.text}"))
     page.on("pageerror", lambda error: faults.append(f"error: {error}"))
@@ -65,7 +66,7 @@ def watched(page: Any, own: str) -> list[str]:
 
 
 def violations(page: Any, impacts: Sequence[str] = ("minor", "moderate", "serious", "critical")) -> list[str]:
-    """What axe-core finds."""
+    """Findings of axe-core."""
     page.evaluate(files("axe_playwright_python").joinpath("axe.min.js").read_text(encoding="utf-8"))
     found = page.evaluate("axe.run({ resultTypes: ['violations'] }).then(({ violations }) => violations)")
     chosen = (each for each in found if each["impact"] in impacts)

@@ -1,4 +1,4 @@
-"""Commands in processes of their own, stopped at a stated place of their work and not after a stated time."""
+"""Commands in separate processes, stopped at a defined point of their work and not after a given time."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-PATIENCE = 900  # s, for what takes seconds: a limit for what hangs, not for a slow machine
+PATIENCE = 900  # s, for commands that take seconds: a limit for hangs, not for a slow machine
 
-# `fracgyro WORDS`, whose process group gets SIGNAL, as from Ctrl-C, when FUNCTION of MODULE first tells a progress of
-# which PLACE is true: an expression in `done` and `doing`.
+# `fracgyro WORDS`, whose process group gets SIGNAL, as from Ctrl-C, when FUNCTION of MODULE first reports a progress
+# for which PLACE, an expression in `done` and `doing`, is true.
 STOPPED = """
 import importlib, os, sys
 
@@ -41,7 +41,7 @@ def run_until(
     place: str, number: signal.Signals, module: str, function: str, *words: str | Path
 ) -> subprocess.CompletedProcess[str]:
     arguments = [module, function, place, str(int(number)), *map(str, words)]
-    # In a session of its own, or the signal would reach the tests, too.
+    # Runs in a separate session, or the signal would also reach the tests.
     return subprocess.run(
         [sys.executable, "-c", STOPPED, *arguments],
         capture_output=True,

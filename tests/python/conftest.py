@@ -1,4 +1,4 @@
-"""The same examples on every machine, and one line that names the faces not tested, and why."""
+"""The same examples on every machine, and one line that names the untested targets, with the reason."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from browser import chromium
 from embedded import need
 from hypothesis import HealthCheck, settings
 
-# Neither the clock nor chance decides: `make check-deep` is where new examples are searched for.
+# Deterministic, independent of time: `make check-deep` searches for new examples.
 settings.register_profile(
     "same everywhere",
     derandomize=True,
@@ -26,13 +26,13 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Tests that take a minute come first: at the end no worker waits for one of them."""
+    """Run tests that take a minute first, so that no worker waits for one of them at the end."""
     items.sort(key=lambda item: item.get_closest_marker("takes_a_minute") is None)
 
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Any]:
-    """One for all tests of a process: Playwright starts no second one while it runs."""
+    """One browser for all tests of a process, because Playwright cannot start a second one while it runs."""
     need("pages")
     with chromium() as started:
         yield started
@@ -40,6 +40,6 @@ def browser() -> Iterator[Any]:
 
 def pytest_terminal_summary(terminalreporter: Any) -> None:
     reasons = {report.longrepr[2] for report in terminalreporter.stats.get("skipped", []) if report.longrepr}
-    faces = sorted(reason.removeprefix("Skipped: face ") for reason in reasons if "Skipped: face " in reason)
-    if faces:
-        terminalreporter.write_line(f"Faces skipped: {'; '.join(faces)}")
+    targets = sorted(reason.removeprefix("Skipped: target ") for reason in reasons if "Skipped: target " in reason)
+    if targets:
+        terminalreporter.write_line(f"Targets skipped: {'; '.join(targets)}")

@@ -1,7 +1,12 @@
-"""The loop of a moving rate and of a device that is not ideal, once more: plain NumPy, and solve_ivp between samples.
+"""Independent reference for the loop with a dynamic rate and a real device: plain NumPy, and solve_ivp between samples.
 
-The control law is fracgyro.Controller's, which oracle.py checks; everything around it is transcribed here. Noise is
-taken as given: what a run's measurements were off by, and what acted as a rate.
+The control law is fracgyro.Controller's, which oracle.py checks; everything around it is transcribed here. Noise is an
+                                                                                                            input: the
+                                                                                                            measurement
+                                                                                                            errors of a
+                                                                                                            run, and its
+                                                                                                            disturbance
+                                                                                                            rate.
 """
 
 from __future__ import annotations
@@ -66,8 +71,8 @@ def rotation(angle: float) -> np.ndarray:
 
 
 def flicker(white: np.ndarray) -> np.ndarray:
-    """The noise of include/fracgyro/plant/flicker.hpp, of these draws, pole after pole; (samples, ...)."""
-    u = math.log(10) * (1 - np.arange(23) / 2)  # where the poles lie, half a decade apart from 10 down
+    """The noise of include/fracgyro/plant/flicker.hpp, from these draws, pole by pole; (samples, ...)."""
+    u = math.log(10) * (1 - np.arange(23) / 2)  # poles, half a decade apart from 10 down
     weight = math.log(10) / 2 / math.pi / (2 * np.cosh(u / 2))
     pole = 1 / (1 + np.exp(u))
     above, below = math.log(10) * np.arange(1.5, 31.5, 0.5), u[-1] - math.log(10) / 2 * np.arange(300)

@@ -1,4 +1,4 @@
-"""What compiling for other processors needs, and what happens to tests where it is missing."""
+"""Tools for compiling for other processors, and the handling of tests without them."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import sysconfig
 import pytest
 from fracgyro.export import compilers
 
-# Nothing may be skipped, and no compiler may warn: as in .ci/run.
+# Nothing may be skipped, and no compiler may warn, as in .ci/run.
 STRICT = bool(os.environ.get("FRACGYRO_SKIP_NOTHING"))
-# What a face needs.
+# Tools of a target.
 TOOLS = {
     "Cortex-M": ("arm-none-eabi-g++", "qemu-system-arm"),
     "gcc": ("gcc", "g++"),
@@ -34,17 +34,17 @@ BROUGHT_BY = {
 
 
 def where(tool: str) -> str | None:
-    """Also what comes with Python's packages."""
+    """Includes tools from Python packages."""
     return shutil.which(tool, path=f"{sysconfig.get_path('scripts')}{os.pathsep}{os.environ['PATH']}")
 
 
-def need(face: str) -> None:
-    """Skips the test where a tool is missing, unless nothing may be skipped."""
-    found = {tool: compilers.has_zig() if tool == "zig" else where(tool) for tool in TOOLS.get(face, ())}
+def need(target: str) -> None:
+    """Skip the test if a tool is missing, unless nothing may be skipped."""
+    found = {tool: compilers.has_zig() if tool == "zig" else where(tool) for tool in TOOLS.get(target, ())}
     missing = [tool for tool, there in found.items() if not there]
     if missing:
         setup = BROUGHT_BY.get(missing[0], "make setup-embedded")
-        reason = f"face {face}: {', '.join(missing)} missing, which `{setup}` installs"
+        reason = f"target {target}: {', '.join(missing)} missing, which `{setup}` installs"
         if STRICT:
             pytest.fail(reason)
         pytest.skip(reason)

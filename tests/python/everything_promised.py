@@ -11,7 +11,7 @@ import fracgyro as fg
 import numpy as np
 from fracgyro.export import web
 from fracgyro.export.firmware import coefficients_header
-from fracgyro.export.settings import core_kernel, core_numbers, device_settings
+from fracgyro.export.settings import core_kernel, core_numbers, device_numbers
 from fracgyro.export.units import base_unit
 from fracgyro.study.sweep.design import read_plan
 
@@ -103,7 +103,12 @@ for name, scenario in KINDS.items():
     for number in ("float", "double"):
         keep(f"header, {name}, {number}", coefficients_header(scenario, number))
     keep(f"TOML, {name}", scenario.to_toml(), scenario.content_hash())
-    keep(f"numbers, {name}", list(core_numbers(scenario).values()), *core_kernel(scenario), device_settings(scenario))
+    keep(
+        f"numbers, {name}",
+        list(core_numbers(scenario).values()),
+        *core_kernel(scenario),
+        [*device_numbers(scenario).values()],
+    )
 
 for single in (False, True):
     chosen = [scenario for name, scenario in KINDS.items() if name != "composite"]

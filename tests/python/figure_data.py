@@ -1,4 +1,4 @@
-"""The numbers behind the figures of a report, as who clicks their links gets them."""
+"""The numbers behind the figures of a report, as downloaded through their links."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The controller of CONTRIBUTING.md in every face: run by test_one_place.py, with a package that was built with it."""
+"""The controller of CONTRIBUTING.md in every integration: run by test_one_place.py, with a package built with it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An exported operator compiled by some compiler, with a main program of tests/operator, and run."""
+"""Compile an exported operator with a main program of tests/operator, and run it."""
 
 from __future__ import annotations
 

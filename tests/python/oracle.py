@@ -1,6 +1,5 @@
-"""The closed loop once more, slowly, straight from the paper: full history, full matrices, plain NumPy.
-
-It shares nothing with the package but the scenario, and takes the disturbance as given. Where the package
+"""An independent, slow reference of the closed loop, straight from the paper: full history, full matrices, plain NumPy.
+It shares only the scenario with the package, and the disturbance is an input. Where the package
 sums exponentials, this integrates the true kernel against the whole history; where the package stores
 three entries of a symmetric matrix, this lets the adaptation laws move all four.
 """
@@ -19,8 +18,9 @@ def simulate(scenario: Scenario, disturbance: np.ndarray) -> dict[str, np.ndarra
     """Run `scenario` under `disturbance`, shape (samples, 2), its force over each step; returns histories.
 
     Sample n is at t = n h. Position and velocity are measured there, the force found from them is held until
-    the next sample, and the estimates then advance by an Euler step. Options that the paper does not know
-    (force limit, leakage, dead zone, projection) are not here.
+    the next sample, and the estimates then advance by an Euler step. Options that the paper does not have (force limit,
+                                                                      leakage, dead zone, projection) are not
+                                                                      implemented.
     """
     c, a, h = scenario.controller, scenario.adaptation, scenario.run.step
     true_damping, true_stiffness, rate, more_damping, more_stiffness = scenario.plant.nondimensional()
@@ -75,7 +75,7 @@ def simulate(scenario: Scenario, disturbance: np.ndarray) -> dict[str, np.ndarra
         # Eqs (35), (36), (46); with known parameters (18), (19), (34).
         slope = exponent * np.maximum(np.abs(e), c.singularity_floor) ** (exponent - 1)
         reported = damping, stiffness, omega
-        if squares:  # beside which the laws move what they would move alone
+        if squares:  # to which the laws add their own change
             run["deviation"][n], run["trusted"][n] = squares.quality()
             reported = squares.matrices(squares.start + squares.change)
             more = squares.matrices(squares.believed * squares.change)
@@ -94,7 +94,7 @@ def simulate(scenario: Scenario, disturbance: np.ndarray) -> dict[str, np.ndarra
             damping, stiffness, omega = damping - more[0], stiffness - more[1], omega - more[2]
             squares.sample(q, v, u)
 
-        # Eq. (44), where it gives the rates of the transposes.
+        # Eq. (44), which gives the derivatives of the transposes.
         if c.adaptive:
             vs, qs = np.outer(v, s), np.outer(q, s)
             swirl = vs + vs.T if c.rate_law == "printed" else vs - vs.T
@@ -111,8 +111,8 @@ def simulate(scenario: Scenario, disturbance: np.ndarray) -> dict[str, np.ndarra
 class LeastSquares:
     """Composite adaptation's least squares, by inverting the whole information matrix at every step.
 
-    Eq. (9) over one step with the hold modelled: residuals a - u + (D + 2 Omega) v + K q of the mean acceleration,
-    velocity and position; rows of the mean velocity less the part of it that the disturbance made.
+    Eq. (9) over one step with the hold modeled: residuals a - u + (D + 2 Omega) v + K q of the mean acceleration,
+    velocity and position; rows of the mean velocity minus the part caused by the disturbance.
     """
 
     prior = 1e4
@@ -130,7 +130,7 @@ class LeastSquares:
         self.rate_forgetting = scenario.adaptation.rate_forgetting
         self.largest_deviation = 0.01 * math.sqrt(np.trace(stiffness) / 2)
         self.last: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
-        # Means of r^2/S, r g/S and g^2/S, r what an error of the rate adds g to, and of what it explains of them.
+        # Means of r^2/S, r g/S and g^2/S, and of the explained part; an error of the rate adds g to r.
         self.window = min(max(4 * 2 * math.pi / (100 * self.largest_deviation) / self.h, 16), 65536)
         self.normalized, self.along, self.sensitivity, self.explained = 1.0, 0.0, 0.0, 0.0
         self.consistent = True
@@ -153,7 +153,7 @@ class LeastSquares:
         return self.along**2 / self.sensitivity / 2 if self.sensitivity else 0.0
 
     def judge(self, residual: np.ndarray, v: np.ndarray) -> None:
-        """While no sample is refused, which this does not follow."""
+        """Valid only while no sample is refused."""
         precision = self.believed * self.left * self.draws / self.squares if self.squares else np.zeros(2)
         g = np.array([-2 * v[1], 2 * v[0]])
         self.normalized += (precision @ residual**2 / 2 - self.normalized) / self.window
@@ -207,7 +207,7 @@ def norm(vector: np.ndarray) -> float:
 
 
 def switching(s: np.ndarray, thickness: float, layer: str) -> np.ndarray:
-    """What multiplies -rho: eq. (20) outside the layer, (33) or its linear reading inside."""
+    """Factor of -rho: eq. (20) outside the layer, (33) or its linear reading inside."""
     size = norm(s)
     if size >= thickness:
         return s / size if size > 0 else s
@@ -222,8 +222,8 @@ class FullHistory:
         I^nu e = 1/Gamma(nu) integral_0^t (t - tau)^(nu-1) e(tau) dtau
                = sum over m of h^nu/Gamma(nu) integral_0^1 (m - x)^(nu-1) H(x) dx . [e, h de/dt at both ends],
 
-    and with H'/h in place of H the same of de/dt. The newest interval, m = 1, has the kernel's singularity at
-    x = 1, which Gauss-Jacobi takes up; the others are smooth and take Gauss-Legendre.
+    and the same for de/dt with H'/h instead of H. The newest interval, m = 1, has the kernel's singularity at
+    x = 1, which Gauss-Jacobi quadrature handles; the others are smooth and use Gauss-Legendre.
     """
 
     def __init__(self, alpha: float, h: float, samples: int) -> None:
@@ -261,7 +261,7 @@ class FullHistory:
 
 
 def hermite_basis(x: np.ndarray) -> np.ndarray:
-    """Of [left value, right value, left slope, right slope]."""
+    """Basis for [left value, right value, left slope, right slope]."""
     left, right = (1 + 2 * x) * (1 - x) ** 2, x**2 * (3 - 2 * x)
     return np.array([left, right, x * (1 - x) ** 2, x**2 * (x - 1)])
 

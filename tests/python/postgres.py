@@ -1,4 +1,4 @@
-"""A PostgreSQL server of one test's own, from Debian's package."""
+"""A PostgreSQL server for a single test, from Debian's package."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ USER = "fracgyro"
 
 @contextmanager
 def postgres() -> Iterator[str]:
-    """Its address for SQLAlchemy. Skips the test where there is none, unless nothing may be skipped."""
+    """Its address for SQLAlchemy. Skip the test if it is missing, unless nothing may be skipped."""
     programs = [Path(found).parent for found in sorted(glob.glob("/usr/lib/postgresql/*/bin/initdb"))]
     if not programs:
-        reason = "face PostgreSQL: its server is missing, which `make setup-postgres` installs"
+        reason = "target PostgreSQL: its server is missing, which `make setup-postgres` installs"
         if STRICT:
             pytest.fail(reason)
         pytest.skip(reason)

@@ -53,7 +53,7 @@ def walk(k: float, samples: int, interval: float, seed: int) -> Array:
 
 
 def slow(record: Array, interval: float, lag: float) -> Array:
-    """As a sensor of first order reports it."""
+    """Output of a first-order sensor."""
     keep = math.exp(-interval / lag)
     return np.asarray(lfilter([1 - keep], [1, -keep], record))
 
@@ -84,7 +84,7 @@ def test_a_term_that_is_not_there_is_seldom_seen_and_its_limit_holds() -> None:
     assert sum(not one.bias_instability.limit for one in found) <= 1
     assert sum(not one.rate_random_walk.limit for one in found) <= 1
     for seed in range(20):
-        # B and K too weak to be seen in so short a record.
+        # B and K are too weak to be observed in a record this short.
         weak = white(1.0, 2000, 1.0, seed) + flicker(0.02, 2000, 1.0, seed) + walk(1e-3, 2000, 1.0, seed)
         one = fg.rate.allan(weak, 1.0)
         assert one.bias_instability.high > 0.02
@@ -97,7 +97,7 @@ def test_a_response_of_second_order_is_divided_out(cutoff: float) -> None:
     found = fg.rate.allan(filtered, 0.005)
     assert found.angle_random_walk.value == pytest.approx(0.1, rel=0.02)
     assert found.response_time == pytest.approx(1 / (2 * math.pi * cutoff), rel=0.15)
-    # The first average itself is lower, by what the filter takes.
+    # The first average itself is lower, because of the filter.
     assert found.deviation[0] * math.sqrt(0.005) < 0.08
 
 
@@ -252,7 +252,7 @@ def test_behind_a_slow_sensor_white_noise_is_markov_noise(lag: float) -> None:
     columns = Curve(TAU, INTERVAL, SAMPLES, 1).columns(Response(lag))
     np.testing.assert_allclose(columns[3:, WHITE], markov[3:], rtol=0.03)
     assert columns[0, WHITE] < 0.2 / TAU[0]
-    # Long averages do not know of it.
+    # Long averages are unaffected.
     np.testing.assert_allclose(columns[-1, :3], [1 / TAU[-1], 0.4413, TAU[-1] / 3], rtol=0.01)
 
 
@@ -264,7 +264,7 @@ def test_the_terms_of_a_spectrum_without_noise_are_those_it_was_made_of(
     n: float, b: float, k: float, response: Response
 ) -> None:
     if response.time and not n:
-        return  # nothing to see of it
+        return  # not observed
     made_of = np.array([n, b, k]) ** 2
     plain = spectrum(white(1.0, SAMPLES, INTERVAL, 0)[None], INTERVAL)
     density = densities(plain)[:, :3] @ made_of * response.gain(plain.frequency, INTERVAL)
@@ -321,10 +321,10 @@ def test_the_averaging_times_go_by_octaves_up_to_a_tenth_of_the_record() -> None
     record = np.random.default_rng(0).normal(size=(1, 1000))
     found = fg.rate.allan(record, 0.5)
     assert found.tau.tolist() == [0.5 * 2**n for n in range(7)]  # 64 of 1000, and 128 would be too many
-    # Of one sample: half the mean square of differences.
+    # One sample: half the mean square of differences.
     assert found.deviation[0] == pytest.approx(math.sqrt(0.5 * np.mean(np.diff(record) ** 2)), rel=1e-9)
     both = fg.rate.allan(np.concatenate([record, 3 * record]), 0.5)
-    np.testing.assert_allclose(both.deviation, math.sqrt(5) * found.deviation, rtol=1e-12)  # of 1 and 9 the mean
+    np.testing.assert_allclose(both.deviation, math.sqrt(5) * found.deviation, rtol=1e-12)  # the mean of 1 and 9
     assert ((found.low < found.deviation) & (found.deviation < found.high)).all()
     with pytest.raises(ValueError, match=r"^the record has 19 samples: it must have at least 20$"):
         fg.rate.allan(np.ones(19), 1.0)

@@ -14,16 +14,16 @@ from typing import Any
 
 import pytest
 import typst
-from fracgyro.compare.track_contenders import CONTENDERS
+from fracgyro_lab.comparison.track_contenders import CONTENDERS
 
 ROOT = Path(__file__).resolve().parents[2]
-ARTICLE = ROOT / "article"
+ARTICLE = ROOT / "lab/article"
 sys.path += [str(ARTICLE), str(ROOT / "benchmarks")]
 
 MODULES = ("comparison", "logs", "replication", "sensing", "words")
 comparison, logs, replication, sensing, words = map(importlib.import_module, MODULES)
 
-# By its path, as a package of PyPI has the same name.
+# Loaded by its path, because a package on PyPI has the same name.
 _spec = importlib.util.spec_from_file_location("article_build", ARTICLE / "build.py")
 assert _spec is not None
 assert _spec.loader is not None
@@ -41,7 +41,7 @@ def about(value: float, by: float = 0.02) -> dict[str, float]:
 
 
 def row(name: str, information: str, noise: float, ceiling: float, error: float, **changes: Any) -> Row:
-    """Of compare-track.json: a made-up contender whose error is so many times that of the paper's."""
+    """Entry of compare-track.json: a made-up contender with a given multiple of the paper's error."""
     return {
         "name": name,
         "words": f"the controller called {name}",
@@ -101,7 +101,7 @@ def pages(out: Path) -> int:
 
 
 def text(out: Path) -> str:
-    """What a reader reads, tables included, which typst's HTML loses where they reach into the margin."""
+    """Text for the reader, including tables, which typst's HTML loses if they extend into the margin."""
     main = out / "text.typ"
     main.write_text('#show pad: it => it.body\n#include "article.typ"\n', encoding="utf-8")
     page = typst.compile(main, format="html", **build.fonts()).decode()
@@ -124,7 +124,7 @@ def test_the_article_has_its_tables_and_no_hole_where_a_value_belongs(written: P
 
 
 def leaves(value: Any, place: str = "") -> list[tuple[str, Any]]:
-    """Everything that a text can show, with where it stands."""
+    """Every value that a text can show, with its place."""
     items: Any = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     return [leaf for key, each in items for leaf in leaves(each, f"{place}.{key}")] or (
         [] if isinstance(value, dict | list) else [(place, value)]
@@ -148,7 +148,7 @@ def test_the_article_shows_verdicts_of_the_claims_code(written: Path) -> None:
     assert f"{claims['held']['printed']} of nine claims hold as printed ({', '.join(printed)})" in text(written)
 
 
-# What the original states, and limits that the text chooses: everything else with a point is a value.
+# Numbers of the original and limits chosen by the text; every other number with a point is a value.
 STATED = {"0.9", "0.08", "3.11", "1.3", "1.5e-5", "0.1", "0.2", "0.81"}
 
 

@@ -1,4 +1,4 @@
-"""The same bits whatever processor NumPy, OpenBLAS and glibc take this one for, and in lanes of any width."""
+"""The same bits on every processor that NumPy, OpenBLAS and glibc emulate here, and in lanes of any width."""
 
 from __future__ import annotations
 
@@ -13,15 +13,17 @@ import fracgyro as fg
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from fracgyro import _core, parity
+from fracgyro import _core
+from fracgyro.analysis.metric_names import COLUMNS
 from fracgyro.cli import cli
+from fracgyro.export import parity
 from fracgyro.scenario.to_core import core_setup
 from numpy._core._multiarray_umath import __cpu_dispatch__, __cpu_features__
 
 # Prints a hash of everything that has promised bits, by name.
 EVERYTHING = Path(__file__).with_name("everything_promised.py")
-KERNELS = ["Haswell", "SkylakeX", "Nehalem", "Sandybridge", "Zen", "Prescott"]  # of OpenBLAS
-DISPATCHED = [name for name in __cpu_dispatch__ if __cpu_features__.get(name)]  # NumPy's, beyond its least
+KERNELS = ["Haswell", "SkylakeX", "Nehalem", "Sandybridge", "Zen", "Prescott"]  # OpenBLAS kernels
+DISPATCHED = [name for name in __cpu_dispatch__ if __cpu_features__.get(name)]  # NumPy's, above its baseline
 SETTINGS = {
     **{f"OpenBLAS for {name}": {"OPENBLAS_CORETYPE": name} for name in KERNELS},
     "NumPy without vectors": {"NPY_DISABLE_CPU_FEATURES": " ".join(DISPATCHED)},
@@ -61,7 +63,7 @@ def test_no_promised_bit_depends_on_the_processor_that_libraries_see(name: str, 
 
 
 def test_the_settings_do_change_what_numpy_computes() -> None:
-    """Or the test above tells nothing: NumPy's own exp, in its widest vectors and in none."""
+    """NumPy's own exp differs between its widest vectors and none; otherwise the test above proves nothing."""
     if not DISPATCHED:
         pytest.skip("NumPy has one code path for this processor")
     code = "from numpy._core._multiarray_umath import __cpu_features__ as f; print(sorted(n for n in f if f[n]))"
@@ -108,8 +110,8 @@ def test_lanes_of_every_width_have_the_same_bits(lanes: int, single: bool) -> No
 
 @pytest.mark.parametrize("lanes", [1, *_core.lane_counts()])
 def test_a_run_in_a_lane_has_the_bits_of_a_single_run(lanes: int) -> None:
-    """As far as what is left of it tells: numbers in which no order of additions enters."""
-    names, rows = list(_core.metric_names), measured(lanes, False)
+    """Compares the metrics that do not depend on an order of additions."""
+    names, rows = COLUMNS, measured(lanes, False)
     for scenario, row in zip(RUNS, rows, strict=True):
         if not np.isnan(row[names.index("diverged_at")]):
             continue
@@ -137,7 +139,7 @@ def test_this_installation_has_the_published_bits() -> None:
 
 def test_the_published_hashes_are_those_of_the_committed_log() -> None:
     log = (Path(__file__).resolve().parents[2] / "benchmarks/results/parity.md").read_text(encoding="utf-8")
-    for number, published in {**parity.PUBLISHED, "fixed": parity.IN_FIXED}.items():
+    for number, published in parity.PUBLISHED.items():
         assert f"## {number}: `{published}`" in log
 
 

@@ -56,7 +56,7 @@ def test_the_table_of_bounds_is_reproduced_to_three_digits(name: str, which: str
 
 
 def by_hand(name: str, rate: float) -> tuple[float, float]:
-    """From what the file says and nothing else, in SI: what each parameter adds to the measured position."""
+    """Computed only from the file, in SI units: the effect of each parameter on the measured position."""
     with open(SHIPPED / f"{name}.toml", "rb") as file:
         said = tomllib.load(file)
     plant, reference, device = said["plant"], said["reference"], said["device"]
@@ -203,7 +203,7 @@ def test_the_step_of_the_sensitivities_is_that_of_the_plant() -> None:
 
 
 def test_the_force_of_a_motion_is_the_one_that_acts_and_the_units_are_the_cores() -> None:
-    # Actuators that are strong by a tenth and late: the motion goes by what they give, whatever its units.
+    # Actuators 10 % too strong and late: the motion follows the force that they apply, in any units.
     quiet = {"disturbance.density": None, "disturbance.standard_deviation": 0.0, "run.duration": 5.0}
     faulty = {"device.force_gain_error": [0.1, 0.1], "device.delay": 1, "run.units": "SI"}
     scenario = shipped("tuned_in_air").replace(quiet | faulty)

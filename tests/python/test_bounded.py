@@ -1,4 +1,5 @@
-"""Bounded for good: what ends a sampled loop whose bounds grow in noise, what limits them, and what may be exported.
+"""Boundedness: divergence of a sampled loop whose bounds grow in noise, limits of the bounds, and conditions for
+exports.
 
 The runs here have the paper's noise. Bounds that grow FAST, ten times as fast as the paper's, come in some 300 units of
 time to where the paper's come in some 4000.
@@ -62,7 +63,8 @@ def test_the_papers_own_bounds_end_the_loop_after_seconds_of_its_device(kind: st
     long = PAPER.replace({"controller.kind": kind, "run.duration": 6000.0, "run.record_every": 1000})
     with pytest.raises(fg.DivergedError, match=r"at t = [345]\d{3}.*so that rho h/delta was") as caught:
         fg.simulate(long)
-    # Long before, while all is well, it has come near 2, or in the terminal surface's steep middle somewhat below.
+    # Long before, while the loop is still stable, it approaches 2, or in the terminal surface's steep middle somewhat
+    # below.
     before = caught.value.run.isel(time=slice(None, -900))
     assert abs(before["error"].values[-1000:]).max() < 1e-3
     assert 1.2 < gains(long, before)[-1] < 2.1
@@ -132,7 +134,7 @@ def test_runs_with_and_without_the_limit_share_no_block() -> None:
     assert runs["bound_final"].values[1].max() == pytest.approx(0.6)
 
 
-# -- What ended a run ----------------------------------------------------------------------------------------
+# -- Cause of a divergence -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("units", ["nondimensional", "SI"])
@@ -151,7 +153,7 @@ def test_a_run_that_its_step_ended_says_so() -> None:
         fg.simulate(PAPER.replace({"run.step": 1e-2, "disturbance.hold": 1e-2}))
 
 
-# -- What may be exported ------------------------------------------------------------------------------------
+# -- Conditions for exports ----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -212,7 +214,7 @@ def test_a_limit_without_a_layer_is_refused() -> None:
         LIMITED.replace({"controller.layer_thickness": 0.0})
 
 
-# -- What is shipped for hardware ----------------------------------------------------------------------------
+# -- Shipped scenarios for hardware --------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", SHIPPED)

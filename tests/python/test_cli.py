@@ -114,7 +114,7 @@ def test_a_table_of_metrics_is_printed_for_people() -> None:
         (["simulate", "half.toml\n"], "half.toml\\n cannot be read"),
         (
             ["export", "web", "whole.toml", "--out", "whole.toml"],
-            "whole.toml cannot be written: it is there already",
+            "whole.toml cannot be written: it already exists",
         ),
         (["simulate", "whole.toml", *SHORT, "--out", "whole.toml"], "whole.toml cannot be written: it is a file of"),
         (["simulate", "nowhere.toml"], "nowhere.toml cannot be read: No such file or directory"),
@@ -123,7 +123,7 @@ def test_a_table_of_metrics_is_printed_for_people() -> None:
         (["simulate", *SHORT, "--plot", "run.mp3"], "run.mp3 cannot be drawn"),
         (["reproduce", "--seeds", "1"], "seeds is 1: it must be at least 2"),
         (["reproduce", "--seeds", "some"], "'some' is not a valid integer"),
-        (["reproduce", "--out", "half.toml"], "half.toml cannot be made: File exists"),
+        (["reproduce", "--out", "half.toml"], "half.toml cannot be created: File exists"),
         (["reprodce"], "reprodce is not a command; did you mean reproduce?"),
         (["export", "firmwar"], "firmwar is not a command; did you mean firmware?"),
         (["export", "rocket"], "rocket is not a command; known are firmware, fmu, "),
@@ -176,6 +176,43 @@ def test_help_lists_the_commands() -> None:
     assert result.returncode == 0
     for command in ("reproduce", "simulate", "scenario"):
         assert command in result.stdout
+
+
+def test_a_package_adds_a_command_by_an_entry_point(tmp_path: Path) -> None:
+    """It is imported when it is run or listed, and its own ValueError is a sentence."""
+    (tmp_path / "fracgyro_more.py").write_text(
+        "import click\nprint('imported')\n@click.command()\n@click.option('--fail', is_flag=True)\n"
+        "def greet(fail):\n    'Greet the user.'\n    if fail:\n        raise ValueError('nobody is here')\n"
+        "    click.echo('hello')\n",
+        encoding="utf-8",
+    )
+    about = tmp_path / "fracgyro_more-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: fracgyro_more\nVersion: 1.0\n", encoding="utf-8")
+    (about / "entry_points.txt").write_text("[fracgyro.commands]\ngreet = fracgyro_more:greet\n", encoding="utf-8")
+    path = {"PYTHONPATH": str(tmp_path)}
+    assert through_shell("greet", tmp_path, **path).stdout == "imported\nhello\n"
+    assert through_shell("greet --fail", tmp_path, **path).stderr == "fracgyro: nobody is here\n"
+    assert "; did you mean greet?" in through_shell("geet", tmp_path, **path).stderr
+    assert "imported" not in through_shell("scenario --list", tmp_path, **path).stdout
+    listed = through_shell("--help", tmp_path, **path).stdout.splitlines()
+    assert [line.split()[0] for line in listed[listed.index("Commands:") + 1 :]] == sorted([*NAMES, "greet"])
+    assert "  greet      Greet the user." in listed
+
+
+NAMES = ["allan", "compare", "export", "rate", "replay", "reproduce", "scenario", "schema", "selfcheck", "simulate"]
+NAMES += ["sweep", "tune"]
+
+
+def test_help_loads_neither_the_reproduction_nor_the_comparison() -> None:
+    code = """
+import sys, fracgyro.cli
+sys.argv = ["fracgyro", "--help"]
+try: fracgyro.cli.main()
+finally: print(*(name for name in sys.modules if name.startswith("fracgyro_lab") or name in ("matplotlib", "optuna")))
+"""
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=PATIENCE)
+    assert ran.stdout.splitlines()[-1].split() == ["fracgyro_lab", "fracgyro_lab.commands"]
 
 
 def test_output_that_cannot_be_written_is_said_in_one_sentence() -> None:
@@ -321,7 +358,7 @@ def test_metrics_of_a_time_after_the_end_are_left_out_with_the_reason() -> None:
     short = CliRunner().invoke(cli, ["simulate", "--set", "run.duration=5"]).output
     assert "steady: x" not in short
     assert "chattering  " not in short
-    assert "run.duration is 5: without rmse steady, chattering and rate_error_rms, which are of the time" in short
+    assert "run.duration is 5: rmse steady, chattering and rate_error_rms need samples from" in short
     long = CliRunner().invoke(cli, ["simulate", "--set", "run.duration=12"]).output
     assert "steady: x" in long
     assert "run.duration is" not in long

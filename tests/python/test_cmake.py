@@ -46,7 +46,7 @@ def from_source(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def simulated() -> str:
-    """What the example prints, from `fracgyro simulate`."""
+    """Expected output of the example, from `fracgyro simulate`."""
     command = [sys.executable, "-m", "fracgyro", "simulate", "--json"]
     ran = subprocess.run(command, capture_output=True, text=True, check=True, timeout=PATIENCE)
     rmse = json.loads(ran.stdout)["rmse"]["whole"]

@@ -1,4 +1,4 @@
-"""`fracgyro compare`: who takes part and with what, how the work goes on after a kill, and what is said of it."""
+"""`fracgyro compare`: the contenders and their settings, resuming after a kill, and the report."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ import numpy as np
 import pytest
 from children import PATIENCE, run_until
 from figure_data import column, figure_data
-from fracgyro.compare.contender import Contender, Gain
-from fracgyro.compare.own import own_contender
-from fracgyro.compare.plan import FIRST_HELD_OUT, FULL, QUICK, planned
-from fracgyro.compare.rate import Rate
-from fracgyro.compare.rows import Tuned, front, made, median_of, other, ratio, verdict
-from fracgyro.compare.run import Compared, compare
-from fracgyro.compare.task import Cell, sensed
-from fracgyro.compare.track import Track
 from fracgyro.scenario.schema import ZERO
-from fracgyro.scenario.to_core import core_numbers, device_params
+from fracgyro.scenario.to_core import core_numbers, device_values
 from fracgyro.study.space import value_of
 from fracgyro.study.tune.criteria import Measured, measure
+from fracgyro_lab.comparison.contender import Contender, Gain
+from fracgyro_lab.comparison.own import own_contender
+from fracgyro_lab.comparison.plan import FIRST_HELD_OUT, FULL, QUICK, planned
+from fracgyro_lab.comparison.rate import Rate
+from fracgyro_lab.comparison.rows import Tuned, front, made, median_of, other, ratio, verdict
+from fracgyro_lab.comparison.run import Compared, compare
+from fracgyro_lab.comparison.task import Cell, sensed
+from fracgyro_lab.comparison.track import Track
 
 TRACK = Track()
 PAPER = TRACK.scenarios()["paper"]
-COMPARE = "fracgyro.compare.run", "compare"
+COMPARE = "fracgyro_lab.comparison.run", "compare"
 SMALL: dict[str, Any] = {"only": ["paper", "pid"], "classes": ["F"], "noise": [0.0], "trials": 4, "quick": True}
 WORDS = ["--only", "paper,pid", "--class", "F", "--noise", "0", "--trials", "4", "--quick"]
 METRICS = [*(f"rmse_{window}_{axis}" for window in ("steady", "transient") for axis in "xy"), "chattering_x"]
@@ -86,7 +86,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Compared:
     return result
 
 
-# -- Who takes part ------------------------------------------------------------------------------------------
+# -- Contenders ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -123,10 +123,10 @@ def test_positions_only_means_no_velocity_and_the_noise_is_the_same_on_what_is_m
     assert (full.device.sensing, positions.device.sensing) == ("full", "position")
     # 1e-13 m/sqrt(Hz), one-sided, at 1 MHz over q0 = 1 um.
     sigma = 1e-13 * math.sqrt(0.5e6) / 1e-6
-    assert device_params(full).position_noise == pytest.approx(sigma)
-    assert device_params(full).velocity_noise == pytest.approx(sigma)
-    assert device_params(positions).position_noise == pytest.approx(sigma)
-    assert device_params(positions).velocity_noise == 0.0
+    assert device_values(full)["position_noise"] == pytest.approx(sigma)
+    assert device_values(full)["velocity_noise"] == pytest.approx(sigma)
+    assert device_values(positions)["position_noise"] == pytest.approx(sigma)
+    assert device_values(positions)["velocity_noise"] == 0.0
 
 
 def test_an_observer_is_tuned_where_one_is_needed_and_nowhere_else() -> None:
@@ -180,7 +180,7 @@ def test_a_best_value_near_the_end_of_its_range_is_flagged_unless_the_end_has_a_
     assert [limited.at_end(value) for value in (0.01, 0.99)] == [False, True]
 
 
-# -- What it is judged by ------------------------------------------------------------------------------------
+# -- Criteria ------------------------------------------------------------------------------------------------
 
 
 def test_the_error_is_the_mean_logarithm_of_the_four_and_infinite_where_a_run_diverged() -> None:
@@ -528,8 +528,8 @@ def test_what_is_no_controller_is_refused_in_one_sentence(tmp_path: Path, text: 
         (["track", "--noise", "-1"], "--noise is -1.0: it must be finite and not negative"),
         (["track", "--trials", "0"], "--trials is 0: it must lie between 1 and 1000000"),
         (["track", "--storage", "nowhere://me@y/z"], "nowhere://y/z cannot be opened as a database"),
-        (["track", "--storage", "nowhere://me:secret@y/z"], "--storage holds a password, which the list of processes"),
-        (["track", "--storage", "nowhere://y/z?password=secret"], "--storage holds a password"),
+        (["track", "--storage", "nowhere://me:secret@y/z"], "--storage has a password, which every user"),
+        (["track", "--storage", "nowhere://y/z?password=secret"], "--storage has a password"),
         (["track", "none.toml"], "none.toml cannot be read"),
     ],
 )

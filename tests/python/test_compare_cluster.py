@@ -14,8 +14,8 @@ from typing import Any
 
 import pytest
 from children import PATIENCE
-from fracgyro.compare.run import compare
 from fracgyro.study.tune.search import Search
+from fracgyro_lab.comparison.run import compare
 from postgres import postgres
 from sqlalchemy import create_engine, text
 
@@ -28,7 +28,7 @@ def rows(path: Path) -> list[dict[str, Any]]:
 
 
 def states(address: str) -> dict[str, int]:
-    """How many trials the database has, by state."""
+    """Number of trials in the database, by state."""
     engine = create_engine(address)
     with engine.connect() as connection:
         found = connection.execute(text("SELECT state, count(*) FROM trials GROUP BY state")).all()
@@ -37,7 +37,7 @@ def states(address: str) -> dict[str, int]:
 
 
 def linger(inside: str) -> None:
-    """In a worker: its next tuning stops within the third trial, says so, and never ends."""
+    """In a worker: its next tuning stops within the third trial, reports this, and never ends."""
     tell, reported = Search._tell, []
 
     def stop(self: Search, *arguments: Any) -> None:

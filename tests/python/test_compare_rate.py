@@ -1,4 +1,4 @@
-"""The task `rate` of `fracgyro compare`: what it measures, against closed forms, and a controller of one's own."""
+"""The task `rate` of `fracgyro compare`: its measurements against closed forms, and a user's controller."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from typing import Any
 import fracgyro as fg
 import numpy as np
 import pytest
-from fracgyro.compare import rate_runs
-from fracgyro.compare.contender import Contender
-from fracgyro.compare.own import own_contender
-from fracgyro.compare.plan import planned
-from fracgyro.compare.rate import Rate
-from fracgyro.compare.run import compare
-from fracgyro.compare.task import sensed
 from fracgyro.rate.units import DEG_PER_S
-from fracgyro.scenario.kinds import having
+from fracgyro.scenario.kinds import kinds_with
 from fracgyro.scenario.schema import Datasheet
 from fracgyro.study.tune.criteria import Measured
+from fracgyro_lab.comparison import rate_runs
+from fracgyro_lab.comparison.contender import Contender
+from fracgyro_lab.comparison.own import own_contender
+from fracgyro_lab.comparison.plan import planned
+from fracgyro_lab.comparison.rate import Rate
+from fracgyro_lab.comparison.run import compare
+from fracgyro_lab.comparison.task import sensed
 
 RATE = Rate()
 DUAL_MASS = RATE.scenarios()["dual_mass"]
@@ -52,13 +52,13 @@ def test_every_contender_is_a_scenario_at_both_ends_of_every_range(contender: Co
         mine = contender.scenario(base, {gain.field: getattr(gain, end) for gain in gains})
         for table in ("plant", "disturbance", "rate", "device"):
             assert getattr(mine, table) == getattr(base, table), table
-        has_datasheet = mine.controller.kind in having("datasheet.force_noise")
+        has_datasheet = mine.controller.kind in kinds_with("datasheet.force_noise")
         assert mine.datasheet == (base.datasheet if has_datasheet else Datasheet())
         assert mine.controller.force_limit == base.controller.force_limit
         assert mine.adaptation.initial_rate == 0.0, "none knows the rate"
 
 
-# -- What is measured ----------------------------------------------------------------------------------------
+# -- Measurements --------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -75,7 +75,7 @@ def test_the_bound_is_that_of_the_axes_that_move(name: str, noise: float, expect
 
 
 def test_the_angle_random_walk_of_white_noise_is_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of a density that is known, with a slope of the output that a standard deviation would count."""
+    """Noise of known density on a slope of the output, which a standard deviation would include."""
     unit, density = DUAL_MASS.plant.scales, 1e-6  # rad/s/sqrt(Hz)
     rng = np.random.default_rng(5)
 
@@ -98,7 +98,7 @@ def test_the_angle_random_walk_of_white_noise_is_its_own(monkeypatch: pytest.Mon
 
 
 def test_a_constant_output_has_an_error_and_has_not_diverged() -> None:
-    """As of converters too coarse for an axis that is held at rest."""
+    """Output like that of converters too coarse for an axis held at rest."""
     found = RATE.error(Measured({"angle_random_walk": np.array([0.0, 0.02, np.nan])}, np.array([False, False, True])))
     assert np.isfinite(found[:2]).all()
     assert found[2] == math.inf

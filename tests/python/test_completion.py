@@ -1,4 +1,4 @@
-"""What a shell offers while a command is typed, by click's own classes."""
+"""Completions of a shell, through click's own classes."""
 
 from __future__ import annotations
 

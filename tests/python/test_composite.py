@@ -1,6 +1,5 @@
-"""Composite adaptation: against the oracle, against the Cramér-Rao bound, and as Python hands it on.
-
-Reading order: agreement, the bound, a moving rate, what is trusted, one sample at a time, many runs.
+"""Composite adaptation: against the oracle, against the Cramér-Rao bound, and through Python. Reading order: agreement,
+the bound, a dynamic rate, trust, one sample at a time, many runs.
 """
 
 from __future__ import annotations
@@ -98,7 +97,8 @@ def test_four_times_the_forgetting_of_the_rate_is_twice_the_deviation_which_erro
     late = fg.simulate_many(scenarios, seeds=range(8)).sel(time=slice(5, None))
     deviation = late["rate_deviation"].mean("time").values.reshape(2, 8).mean(axis=1)
     assert deviation[1] / deviation[0] == pytest.approx(2.0, rel=0.1)
-    # It allows for a rate that moves. One that rests is estimated as by a window of 2/forgetting: better by sqrt 2.
+    # The estimator assumes a varying rate. A constant rate is estimated as with a window of 2/forgetting: better by
+    # sqrt 2.
     off = np.sqrt(((late["rate_estimate"] - 0.1) ** 2).mean("time").values.reshape(2, 8).mean(axis=1))
     np.testing.assert_allclose(off / deviation, 1 / math.sqrt(2), rtol=0.25)
 
@@ -123,7 +123,7 @@ def test_forgetting_at_a_rate_follows_a_step_at_that_rate() -> None:
         assert left == pytest.approx(math.exp(-2.0 * later), abs=0.08)
 
 
-# -- What is trusted -----------------------------------------------------------------------------------------
+# -- Trust ---------------------------------------------------------------------------------------------------
 
 
 def test_without_motion_nothing_is_believed() -> None:
@@ -160,7 +160,7 @@ def test_a_force_one_step_late_throws_the_estimates_and_neither_the_loop_nor_the
     assert np.abs(end["error"]).max() < 1e-3
 
 
-# First fits jump. Taken for a sensor that jumps, they would be made again, without end.
+# First fits jump. If mistaken for a sensor that jumps, they would be repeated endlessly.
 def test_it_begins_again_once_where_a_hidden_delay_makes_it_disagree() -> None:
     scenario = exactly_sensed("tuned_in_air").replace(
         {

@@ -25,7 +25,7 @@ LOOPS = {
     "controller.output_bandwidth": 90 * HZ,
 }
 REBALANCED = LOOPS | {"controller.kind": "force_rebalance", "controller.rebalance_bandwidth": 200 * HZ}
-# Without rebalance y rings at the split, 53 Hz, which the output must not let through.
+# Without rebalance y rings at the split, 53 Hz, which the output must suppress.
 OPEN = LOOPS | {"controller.kind": "open_loop", "controller.output_bandwidth": 15 * HZ}
 AVERAGE = 0.1  # s: much longer than 1/split
 
@@ -33,7 +33,7 @@ AVERAGE = 0.1  # s: much longer than 1/split
 def bound(noise: float) -> float:
     """deg/sqrt(h): the amplitude of a known line on y in colored noise, with x's motion only."""
     damping, stiffness, *_ = DUAL_MASS.plant.nondimensional()
-    response = complex(stiffness[2] - 1.0, damping[2])  # what y needs of force for its motion, at x's frequency
+    response = complex(stiffness[2] - 1.0, damping[2])  # force that y needs for its motion, at x's frequency
     density = noise**2 * OMEGA / (2 * DUAL_MASS.plant.reference_length**2)
     force = DUAL_MASS.disturbance.density
     assert force is not None

@@ -1,6 +1,5 @@
-"""A moving rate and a device that is not ideal: against the oracle, each effect alone, and what is refused.
-
-Reading order: agreement with the oracle, rates, effects of the device, many runs and metrics, files, other faces.
+"""A dynamic rate and a real device: against the oracle, each effect by itself, and refused input. Reading order:
+agreement with the oracle, rates, effects of the device, many runs and metrics, files, other integrations.
 """
 
 from __future__ import annotations
@@ -19,8 +18,6 @@ from fracgyro.rate.allan import allan
 from fracgyro.scenario import Scenario, ScenarioError
 from fracgyro.scenario.kinds import DEVICE_CHANNELS
 from fracgyro.scenario.to_core import core_setup
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 from scipy.signal import periodogram
 
@@ -145,7 +142,7 @@ def drawn(scenario: Scenario, samples: int, stream: int) -> np.ndarray:
 
 
 def rate_bias(scenario: Scenario, samples: int) -> np.ndarray:
-    """What acts as a rate, nondimensional: 1 is 1000 rad/s. The square root of a step is that of 1e-6 s."""
+    """Disturbance rate, nondimensional: 1 is 1000 rad/s. The square root of a step is that of 1e-6 s."""
     white = drawn(scenario, samples, 6)
     flicker, walk = device_oracle.flicker(white[:, 0]), np.cumsum(white[:, 1]) * 1e-3
     return np.asarray(scenario.device.bias_instability * flicker + scenario.device.rate_random_walk * walk) / 1000
@@ -279,7 +276,7 @@ def test_a_device_that_diverges_on_y_alone_ends_where_an_ideal_one_does() -> Non
         }
     )
     ends = []
-    for limit in (math.inf, 1e300):  # of the actuator: the second makes it a device, and never acts
+    for limit in (math.inf, 1e300):  # actuator limits: the second makes it a real device, and is never reached
         with pytest.raises(fg.DivergedError) as caught:
             fg.simulate(uncoupled.replace({"device.actuator_limit": limit}))
         position = caught.value.run["position"].values
@@ -342,25 +339,6 @@ def test_what_acts_as_a_rate_is_none_and_counts_as_an_error() -> None:
     np.testing.assert_allclose(fg.metrics.rate_error(run), run["rate_bias"], rtol=0, atol=1e-15)
 
 
-@given(value=st.floats(-3.0, 3.0), other=st.floats(-3.0, 3.0), span=st.floats(1e-9, 1e3), bits=st.integers(1, 32))
-def test_a_quantiser_is_idempotent_monotone_and_within_half_a_step(
-    value: float, other: float, span: float, bits: int
-) -> None:
-    core = _core.Quantizer()
-    core.range, core.bits = (span, 3 * span), bits
-
-    def quantiser(a: float) -> float:
-        return float(core((a, 3 * a))[0])
-
-    step = 2 * span / 2**bits
-    a, b = value * span, other * span
-    assert quantiser(quantiser(a)) == quantiser(a)
-    assert quantiser(min(a, b)) <= quantiser(max(a, b))
-    if -span <= a <= span - step:
-        assert abs(quantiser(a) - a) <= step / 2 * (1 + 1e-9)
-    assert -span <= quantiser(a) <= span - step
-
-
 # -- Many runs and metrics -----------------------------------------------------------------------------------
 
 
@@ -396,7 +374,7 @@ def test_recorded_side_by_side_they_have_the_bits_of_single_runs() -> None:
 
 def test_a_rate_has_settled_within_a_tolerance_of_its_largest_size() -> None:
     run = fg.simulate(SHORT.replace(RATES["step"]))
-    run["rate_estimate"] = run["angular_rate"] + xr.where(run["time"] < 0.3, 0.0805, 0.0795)  # of .8 at most
+    run["rate_estimate"] = run["angular_rate"] + xr.where(run["time"] < 0.3, 0.0805, 0.0795)  # at most .8
     assert float(fg.metrics.rate_settling_time(run)) == pytest.approx(0.3)
     np.testing.assert_allclose(fg.metrics.rate_error(run).values[-1], 0.0795)
 
@@ -546,7 +524,7 @@ def test_bad_values_are_refused_in_one_sentence(changes: dict[str, Any], said: s
     assert "\n" not in str(caught.value)
 
 
-# -- Other faces ---------------------------------------------------------------------------------------------
+# -- Other integrations --------------------------------------------------------------------------------------
 
 
 def test_the_controller_alone_observes_the_velocity_and_resumes() -> None:

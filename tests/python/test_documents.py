@@ -1,4 +1,4 @@
-"""The documents say what is so: identifiers, defaults and links exist, examples run."""
+"""The documents match the package: defaults and units are its own, examples and commands run."""
 
 from __future__ import annotations
 
@@ -7,34 +7,21 @@ import re
 import shlex
 import subprocess
 import sys
-import unicodedata
 from collections.abc import Iterator
 from itertools import takewhile
 from pathlib import Path
-from urllib.parse import unquote
 
 import click
 import fracgyro as fg
 import matplotlib
 import pytest
-from fracgyro import study_files
 from fracgyro.cli import cli
 from fracgyro.export.compilers import system_compiler
 from fracgyro.scenario import reference
 from fracgyro.scenario.schema import ERRATA_SWITCHES
 from fracgyro.scenario.table import toml_value
-
-ROOT = Path(__file__).resolve().parents[2]
-GENERATED = {"build", "out", "node_modules"}
-DOCUMENTS = sorted(
-    path
-    for path in ROOT.rglob("*.md")
-    if not any(part.startswith(".") or part in GENERATED for part in path.relative_to(ROOT).parts)
-)
-
-
-def relative(path: Path) -> str:
-    return str(path.relative_to(ROOT))
+from fracgyro.study import reference as study_reference
+from test_text import DOCUMENTS, ROOT, relative
 
 
 def read(name: str) -> str:
@@ -46,24 +33,7 @@ def blocks(text: str, language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
 
 
-def unfenced(text: str) -> str:
-    return re.sub(r"^```.*?^```$", "", text, flags=re.DOTALL | re.MULTILINE)
-
-
 # -- EQUATIONS.md --------------------------------------------------------------------------------------------
-
-
-def cited() -> list[tuple[str, str]]:
-    return sorted(set(re.findall(r"`([\w./]+\.(?:hpp|cpp|py))::(\w+)`", read("EQUATIONS.md"))))
-
-
-@pytest.mark.parametrize(("file", "identifier"), cited())
-def test_every_identifier_of_the_equations_exists_in_its_file(file: str, identifier: str) -> None:
-    found = [path for folder in ("include", "python") for path in (ROOT / folder).rglob(file)]
-    assert len(found) == 1, f"{file} must name one file"
-    comment = "#" if found[0].suffix == ".py" else "//"
-    code = re.sub(rf"{comment}.*", "", found[0].read_text(encoding="utf-8"))
-    assert re.search(rf"\b{identifier}\b", code)
 
 
 def rows() -> Iterator[list[str]]:
@@ -133,78 +103,7 @@ def test_the_reference_is_what_the_core_and_the_tables_say() -> None:
 
 
 def test_the_reference_of_study_files_is_what_their_models_say() -> None:
-    assert read("docs/study_files.md") == study_files.page(), "make it again, as its first lines say"
-
-
-# -- Links ---------------------------------------------------------------------------------------------------
-
-
-def anchors(path: Path) -> set[str]:
-    """As GitHub makes them from headings."""
-    headings = re.findall(r"^#+ (.*)$", unfenced(path.read_text(encoding="utf-8")), re.MULTILINE)
-    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
-
-
-@pytest.mark.parametrize("path", DOCUMENTS, ids=relative)
-def test_every_relative_link_resolves(path: Path) -> None:
-    text = re.sub(r"`[^`\n]*`", "", unfenced(path.read_text(encoding="utf-8")))
-    links = re.findall(r"\]\(\s*<?([^)\s>]+)", text) + re.findall(r"^\[[^\]]+\]:\s*(\S+)", text, re.MULTILINE)
-    links += re.findall(r"(?:src|href)=\"([^\"]+)\"", text)
-    for link in links:
-        if re.match(r"[a-z]+:", link):
-            continue
-        target, _, anchor = unquote(link).partition("#")
-        found = path.parent / target if target else path
-        assert found.exists(), link
-        if anchor and found.suffix == ".md":
-            assert anchor in anchors(found), link
-
-
-# -- Width ---------------------------------------------------------------------------------------------------
-
-TEXT = {
-    ".md",
-    ".py",
-    ".cpp",
-    ".hpp",
-    ".c",
-    ".h",
-    ".mjs",
-    ".ts",
-    ".css",
-    ".html",
-    ".toml",
-    ".txt",
-    ".sh",
-    ".cff",
-    ".m",
-    "",
-}
-WIDE = ("tests/fuzz/corpus", "tests/firmware/corpus")  # data
-# Mutants are named by their lines of code.
-WIDE += ("benchmarks/results/mutants.md", "tests/mutants/survivors.toml")
-COLUMNS = 120
-
-
-def texts() -> Iterator[Path]:
-    for path in sorted(ROOT.rglob("*")):
-        parts = path.relative_to(ROOT).parts
-        skipped = relative(path).startswith(WIDE) or any(part.startswith(".") or part in GENERATED for part in parts)
-        if path.suffix in TEXT and path.is_file() and not skipped:
-            yield path
-
-
-def test_no_line_is_wider_than_120_columns() -> None:
-    """Except what cannot be broken: a row of a table in Markdown, and one word, as a link or a hash."""
-    wide = [
-        f"{relative(path)}:{number} has {columns} columns"
-        for path in texts()
-        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
-        if (columns := sum(not unicodedata.combining(letter) for letter in line)) > COLUMNS
-        and not (path.suffix == ".md" and line.lstrip().startswith("|"))
-        and len(line.split()) > 1
-    ]
-    assert not wide, "\n".join(wide)
+    assert read("docs/study_files.md") == study_reference.page(), "make it again, as its first lines say"
 
 
 # -- Examples ------------------------------------------------------------------------------------------------
@@ -256,18 +155,20 @@ def test_the_readme_is_short_and_shows_python() -> None:
 
 
 def test_the_picture_of_the_readme_is_that_of_a_run(tmp_path: Path) -> None:
-    """The same elements with the same numbers, but for rounding; another Matplotlib may draw it otherwise."""
+    """The same elements with the same numbers, rounded to 0.1 pt; another Matplotlib may draw it otherwise."""
     committed = read("docs/run.svg")
-    if f"Matplotlib v{matplotlib.__version__}," not in committed:
+    if f"Matplotlib v{matplotlib.__version__} " not in committed:
         pytest.skip(f"docs/run.svg was drawn by another Matplotlib than {matplotlib.__version__}")
     script = "import sys; from pathlib import Path; import readme_picture; readme_picture.draw(Path(sys.argv[1]))"
     again = tmp_path / "run.svg"
     environment = {**os.environ, "PYTHONPATH": str(ROOT / "benchmarks")}
     subprocess.run([sys.executable, "-c", script, again], env=environment, check=True)
-    number = r"(?<![\w#.])-?\d+\.\d+"
+    number = r"(?<![\w#.])-?\d+(?:\.\d+)?"
     drawn, committed = (
         re.sub(r"[mp][0-9a-f]{10}", "", text) for text in (again.read_text(encoding="utf-8"), committed)
     )
     assert re.sub(number, "0", drawn) == re.sub(number, "0", committed)
     of_committed = [float(each) for each in re.findall(number, committed)]
-    assert [float(each) for each in re.findall(number, drawn)] == pytest.approx(of_committed, abs=0.01)
+    assert [float(each) for each in re.findall(number, drawn)] == pytest.approx(
+        of_committed, abs=0.11
+    )  # rounded to 0.1 pt

@@ -1,4 +1,4 @@
-"""What the rows of a study say, on made-up rows of a known answer: sampled designs, signed metrics, divergence."""
+"""Summary of a study, on made-up rows with known results: sampled designs, signed metrics, divergence."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_quantiles_leave_out_the_runs_that_diverged_and_count_never_as_infinite(
     values: list[float | None] = [1.0, 2.0, 3.0, 4.0, None, 100.0, 200.0, 300.0]
     diverged: list[float | None] = [None] * 5 + [0.1, 0.2, 0.3]
     rows = sample(tmp_path, values, diverged)
-    # Of five: 5, 25, 50, 75 and 95 % are the first, second, third, fourth and fifth.
+    # With five values, 5, 25, 50, 75 and 95 % are the first, second, third, fourth and fifth.
     assert effects.quantiles(rows, "effort_x").tolist() == [1.0, 2.0, 3.0, 4.0, math.inf]
     assert rows.diverged == 3
     assert np.isnan(rows.metric("effort_x")[4:]).all()

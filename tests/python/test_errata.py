@@ -1,4 +1,4 @@
-"""The paper's errata: the list is well formed, its evidence is so, and the documents are made of it."""
+"""The paper's errata: the list is well formed, its evidence holds, and the documents match it."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import fracgyro as fg
 import numpy as np
 import pytest
 import xarray as xr
-from fracgyro.paper import errata_identities as identities
-from fracgyro.paper import errata_page, runs
-from fracgyro.paper import errata_runs as seen
-from fracgyro.paper.errata import ERRATA
-from fracgyro.paper.runs import Results
-from fracgyro.paper.table import farther_off, order_ranges
 from fracgyro.scenario.schema import ERRATA_SWITCHES
+from fracgyro_lab.paper import errata_identities as identities
+from fracgyro_lab.paper import errata_page, runs
+from fracgyro_lab.paper import errata_runs as seen
+from fracgyro_lab.paper.errata import ERRATA
+from fracgyro_lab.paper.runs import Results
+from fracgyro_lab.paper.table import farther_off, order_ranges
 
 ROOT = Path(__file__).resolve().parents[2]
 NUMBER = r"[-−]?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
@@ -254,7 +254,7 @@ def test_excitation_does_not_move_the_rate_as_printed(found: Results) -> None:
 
 
 def test_orders_differ_only_beyond_the_noise_of_their_seeds() -> None:
-    means = {0.1: 5.0, 0.2: 5.0, 0.5: 2.01, 0.7: 5.0, 1.0: 2.0}  # of spread 1
+    means = {0.1: 5.0, 0.2: 5.0, 0.5: 2.01, 0.7: 5.0, 1.0: 2.0}  # with spread 1
     spread = np.sin(np.arange(20.0) ** 2)
 
     def metrics(order: float) -> xr.Dataset:
@@ -288,7 +288,7 @@ def test_the_page_and_the_table_are_those_of_the_list() -> None:
 
 def test_every_count_of_errata_is_that_of_the_list() -> None:
     texts = {path: path.read_text(encoding="utf-8") for path in [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]}
-    texts[ROOT / "article/article.typ"] = read("article/article.typ")
+    texts[ROOT / "lab/article/article.typ"] = read("lab/article/article.typ")
     counts = {
         str(path): found for path, text in texts.items() if (found := re.findall(r"\b(\w+)\W{1,2}errata\b", text))
     }

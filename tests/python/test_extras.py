@@ -1,4 +1,4 @@
-"""What is loaded when, and what is said where an optional library is not installed."""
+"""Lazy loading, and the message if an optional library is missing."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from types import ModuleType
 from typing import Any, cast
 
 import fracgyro as fg
+import fracgyro_lab as lab
 import numpy as np
 import pint_xarray
 import pytest
@@ -18,7 +19,7 @@ import xarray as xr
 from pint import UnitRegistry
 from scipy.io import loadmat
 
-# Modules of what each extra brings, besides those of other extras.
+# Modules that only this extra installs.
 MODULES = {
     "netcdf": ["h5netcdf", "h5py"],
     "report": ["jinja2", "matplotlib", "scipy"],
@@ -32,7 +33,7 @@ ALL = sorted({module for modules in MODULES.values() for module in modules})
 
 
 def without(modules: list[str], code: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    """Runs the code where the modules are not installed."""
+    """Run the code as if the modules were not installed."""
     lines = [f"import sys; sys.modules.update(dict.fromkeys({modules!r}))", code]
     return subprocess.run([sys.executable, "-c", "\n".join(lines)], cwd=folder, capture_output=True, text=True)
 
@@ -49,7 +50,7 @@ def test_importing_the_package_loads_no_library_that_takes_long(tmp_path: Path) 
     assert not slow & {name.partition(".")[0] for name in loaded}
 
 
-@pytest.mark.parametrize("package", [fg, fg.compare, fg.export, fg.fractional, fg.paper, fg.rate, fg.study])
+@pytest.mark.parametrize("package", [fg, fg.export, fg.fractional, fg.rate, fg.study, lab])
 def test_every_public_name_is_there_and_described(package: ModuleType) -> None:
     names = package.__all__
     assert names
@@ -91,7 +92,7 @@ def test_a_command_without_its_extra_says_what_to_install_and_writes_nothing(
     assert said.stdout == ""
     (line,) = said.stderr.splitlines()
     assert line.startswith("fracgyro: ")
-    assert line.endswith(f"; the extra {missing} brings it: in your clone, pip install '.[{missing}]'")
+    assert line.endswith(f": install the extra {missing}; in your clone, pip install '.[{missing}]'")
     assert sorted(tmp_path.iterdir()) == before
 
 
@@ -115,8 +116,7 @@ def test_in_python_too_a_missing_library_is_named_with_its_extra(tmp_path: Path)
     code = "import fracgyro as fg\ntry: fg.plot\nexcept ImportError as error: print(error)"
     said = without(["matplotlib"], code, tmp_path)
     assert (
-        said.stdout
-        == "matplotlib is not installed; the extra report brings it: in your clone, pip install '.[report]'\n"
+        said.stdout == "matplotlib is not installed: install the extra report; in your clone, pip install '.[report]'\n"
     )
 
 
@@ -126,7 +126,7 @@ def test_a_run_knows_its_metrics_and_its_scenario(tmp_path: Path) -> None:
     assert run.fracgyro.scenario == scenario
     xr.testing.assert_identical(run.fracgyro.rmse(window=(0.5, None)), fg.metrics.rmse(run, window=(0.5, None)))
     assert {"chattering", "plot", "rmse", "scenario"} <= set(dir(run.fracgyro))
-    with pytest.raises(AttributeError, match="rsme is not a metric: known are chattering, "):
+    with pytest.raises(AttributeError, match="rsme is not a metric: it must be one of chattering, "):
         _ = run.fracgyro.rsme
     neither = "the Dataset has neither an attribute nor a coordinate scenario: it is not a run of fracgyro"
     with pytest.raises(ValueError, match=neither):
@@ -156,9 +156,7 @@ try: run.fracgyro.to_mat("run.mat")
 except ImportError as error: print(error)
 """
     said = without(["scipy"], code, tmp_path)
-    assert (
-        said.stdout == "scipy is not installed; the extra interop brings it: in your clone, pip install '.[interop]'\n"
-    )
+    assert said.stdout == "scipy is not installed: install the extra interop; in your clone, pip install '.[interop]'\n"
     assert not list(tmp_path.iterdir())
 
 

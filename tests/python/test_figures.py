@@ -12,7 +12,7 @@ import fracgyro as fg
 import numpy as np
 import pytest
 import xarray as xr
-from fracgyro.paper import drawing, figures
+from fracgyro_lab.paper import drawing, figures
 from hypothesis import given
 from hypothesis import strategies as st
 

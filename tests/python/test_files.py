@@ -1,4 +1,4 @@
-"""Files that a user may name: pipes, devices, links, huge ones, others' files. And those that are written."""
+"""Files named by a user: pipes, devices, links, huge files, others' files; and written files."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ for name, read in readers.items():
 
 
 def sentences(named: str, folder: Path) -> dict[str, str]:
-    """What every reader says of the file."""
+    """Message of every reader for the file."""
     command = [sys.executable, "-c", READ_ALL, named]
     ran = subprocess.run(command, capture_output=True, text=True, cwd=folder, timeout=PATIENCE)
     assert ran.returncode == 0, ran.stderr[-2000:]
@@ -123,7 +123,7 @@ def test_an_empty_file_and_one_of_the_same_kind_are_replaced(tmp_path: Path, bef
 def test_no_export_replaces_what_is_there(export: Callable[..., None], mine: bytes, tmp_path: Path) -> None:
     path = tmp_path / "mine"
     path.write_bytes(mine)
-    with pytest.raises(ValueError, match="mine cannot be written: it is there already; name an empty or a new f"):
+    with pytest.raises(ValueError, match="mine cannot be written: it already exists; name an empty or a new f"):
         export(PAPER, path, unbounded=True)
     assert path.read_bytes() == mine
     assert [entry.name for entry in tmp_path.iterdir()] == ["mine"]
@@ -174,8 +174,8 @@ def test_a_sentence_is_one_line_whatever_names_are_in_it() -> None:
         fg.Scenario.load("my\nfile.toml")
 
 
-# Every writer, in a process whose files may not grow beyond a limit: as on a full disk. Started with -B, as Python
-# keeps half a compiled file where the rest finds no room.
+# Every writer, in a process whose files may not grow beyond a limit: as on a full disk. Started with -B, because Python
+# keeps a truncated bytecode file if the disk is full.
 WRITE_ALL = """
 import json, resource, sys
 from pathlib import Path
@@ -207,7 +207,7 @@ writers = {
     "firmware": lambda path: fg.export.firmware(scenario, path),
     "matlab": lambda path: fg.export.matlab(scenario, path),
     "operator": lambda path: fg.export.operator(integral, path),
-    "allan": lambda path: fg.rate.analyse_record("record.csv", path, rate=100.0),
+    "allan": lambda path: fg.rate.analyze_record("record.csv", path, rate=100.0),
     "sweep": lambda path: fg.study.sweep("sweep.toml", path),
     "tune": lambda path: fg.study.tune("tune.toml", path),
 }

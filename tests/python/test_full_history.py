@@ -51,7 +51,7 @@ def test_cubics_are_differentiated_and_integrated_to_rounding(order: float, powe
 
 @pytest.mark.parametrize("order", ORDERS)
 def test_the_exponential_is_reproduced_to_ten_digits(order: float) -> None:
-    # Of exp both operators are exp(t) P(1 - order, t), P the regularised incomplete gamma function.
+    # For exp both operators are exp(t) P(1 - order, t), P the regularized incomplete gamma function.
     step = 1e-3
     times = grid(2.0, step)
     integral, caputo = full_history.hermite(np.exp(times), np.exp(times), step, order)

@@ -1,4 +1,4 @@
-"""What fuzzers found once stays fixed: every input of tests/fuzz/corpus works, or is refused in one sentence."""
+"""Faults found by fuzzers stay fixed: every input of tests/fuzz/corpus works, or is refused in one sentence."""
 
 from __future__ import annotations
 

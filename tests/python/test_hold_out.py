@@ -1,4 +1,4 @@
-"""What is said of a tuned scenario beside its base, on made-up metrics of a known answer."""
+"""Comparison of a tuned scenario with its base, on made-up metrics with known results."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from fracgyro.study.tune.criteria import Constraint, Measured, Objective
 from fracgyro.study.tune.hold_out import Compared, Constrained, _compared, _constrained, _objected
 
-SPREAD = np.linspace(-1.0, 1.0, 20)  # of a mean the interval is ±0.2916
+SPREAD = np.linspace(-1.0, 1.0, 20)  # the interval of a mean is ±0.2916
 NONE = np.zeros(20, dtype=bool)
 
 
@@ -85,7 +85,7 @@ def test_a_metric_that_comes_about_more_often_is_better_whatever_its_mean() -> N
     assert (found.never_base, found.never_tuned, found.verdict) == (2, 1, "better")
     assert (found.base, found.tuned) == (1.5, 9.0)
     assert found.difference is not None
-    assert found.difference.mean == 7.5  # of the two in which both came about
+    assert found.difference.mean == 7.5  # the two in which both occurred
     assert compared(np.array([9.0, 9.0, 9.0, math.nan]), some).verdict == "worse"
     alone = compared(np.array([1.0, math.nan]), np.array([2.0, math.nan]))
     assert (alone.difference, alone.verdict) == (None, "")

@@ -1,4 +1,4 @@
-"""The noise model for navigation simulations: what was measured, in their words and units, and nothing else."""
+"""The noise model for navigation simulations: the measured terms, in their names and units, and nothing else."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fracgyro.rate.allan import Allan, Estimate
 from fracgyro.rate.imu import Noise, of_simulation
 from fracgyro.rate.imu import imu_file as imu_file_of
 from fracgyro.rate.inspection import Event
-from fracgyro.rate.runs import Output
+from fracgyro.rate.sensor import Output
 
 TAU = 2.0 ** np.arange(5)
 UNSEEN = Estimate(0.0, 0.0, 2e-5, True)
@@ -51,7 +51,7 @@ def measured(found: Allan) -> Any:
 
 
 def values(text: str) -> dict[str, float]:
-    """Of a flat YAML file."""
+    """Entries of a flat YAML file."""
     pairs = [line.partition("#")[0].partition(":") for line in text.splitlines()]
     return {name: float(value) for name, colon, value in pairs if colon}
 
@@ -94,7 +94,7 @@ def test_gnss_ins_sim_gets_a_profile_in_si() -> None:
     assert err["arw"][2] == pytest.approx(1e-4)
     # The Allan deviation of Gauss-Markov noise is largest at 1.892 correlation times: 0.617 of the standard deviation.
     spread, time = err["b_drift"][2], err["b_corr"][2]
-    tau = 4.0  # where the least deviation of the record lies
+    tau = 4.0  # minimum of the record's deviation
     x = tau / time
     largest = spread * math.sqrt(2 / x * (1 - (3 - 4 * math.exp(-x) + math.exp(-2 * x)) / (2 * x)))
     assert largest == pytest.approx(0.664 * 3e-6, rel=2e-3)

@@ -1,4 +1,4 @@
-"""Sobol's indices of a sweep: against closed forms, of real runs, after a cut, and where there are none."""
+"""Sobol's indices of a sweep: against closed forms, from real runs, after an interruption, and undefined indices."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ controller.order = { low = 0.2, high = 0.8 }
 adaptation.rate_gain = { low = 1.0, high = 100.0, scale = "log" }
 plant.angular_rate = { low = -100.0, high = 100.0 }
 """
-# Without adaptation its gain acts on nothing, and what is left of the force acts on the plant's stiffness.
+# Without adaptation its gain has no effect, and only the rest of the force acts on the plant's stiffness.
 REAL = """
 seeds = 2
 show = ["effort_x", "rate_error_rms"]
@@ -90,7 +90,7 @@ def test_the_indices_of_the_ishigami_function_are_its_closed_forms(tmp_path: Pat
     found = indices.sensitivity(rows_of(tmp_path, text, values, [None] * len(values))).indices
     assert [each.field for each in found] == ["controller.order", "adaptation.rate_gain", "plant.angular_rate"]
     single = 0.5 * (1 + 0.1 * np.pi**4 / 5) ** 2, 49 / 8, 0.0
-    together = 0.01 * np.pi**8 * (1 / 18 - 1 / 50)  # of the first and the third
+    together = 0.01 * np.pi**8 * (1 / 18 - 1 / 50)  # the first and the third
     first = np.array(single) / (sum(single) + together)
     total = first + np.array([1, 0, 1]) * together / (sum(single) + together)
     for order, exact in (("first", first), ("total", total)):
@@ -120,11 +120,11 @@ def test_of_a_single_field_both_indices_are_one(tmp_path: Path) -> None:
 def test_an_interval_holds_the_index_19_times_of_20() -> None:
     rng, parts, held = np.random.default_rng(0), np.array([0.36, 0.64]), 0
     for seed in range(40):
-        a, b = rng.standard_normal((2, 128, 2)) * np.sqrt(parts)  # of the variance of the sum
+        a, b = rng.standard_normal((2, 128, 2)) * np.sqrt(parts)  # variance of the sum
         points = [a, b, np.stack([b[:, 0], a[:, 1]], axis=1), np.stack([a[:, 0], b[:, 1]], axis=1)]
         found = indices.indices(np.array(points).sum(axis=2), seed).reshape(2, 3, 2)
         held += int(((found[:, 1] < parts) & (parts < found[:, 2])).sum())
-    assert 142 <= held <= 158  # of 160
+    assert 142 <= held <= 158  # 160 in all
 
 
 # -- Real runs -----------------------------------------------------------------------------------------------
@@ -185,7 +185,7 @@ def test_a_study_that_was_cut_has_the_same_indices_and_page_when_resumed(
         assert (tmp_path / "out" / name).read_bytes() == (real / "out" / name).read_bytes()
 
 
-# -- Where there are none ------------------------------------------------------------------------------------
+# -- Undefined indices ---------------------------------------------------------------------------------------
 
 
 def test_a_metric_that_a_point_lacks_or_that_never_changes_has_no_indices(tmp_path: Path) -> None:
@@ -197,7 +197,7 @@ def test_a_metric_that_a_point_lacks_or_that_never_changes_has_no_indices(tmp_pa
     found = indices.sensitivity(rows_of(tmp_path, text, values, diverged))
     assert found.indices == []
     assert found.missing == {
-        "effort_x": "2 of 80 points have a run without it, and indices need every point",
+        "effort_x": "2 of 80 points have a run without it, and indices require all points",
     }
     same = indices.sensitivity(rows_of(tmp_path, text, [1.0] * 160, [None] * 160))
     assert same.missing == {"effort_x": "it is the same at every point"}
@@ -219,7 +219,7 @@ controller.order = { low = 0.5, high = 0.9 }
     command = [sys.executable, "-m", "fracgyro", "sweep", str(study(tmp_path, text)), "--out", str(tmp_path / "out")]
     ran = subprocess.run(command, capture_output=True, text=True)
     assert ran.returncode == 0, ran.stderr
-    why = "32 of 64 points have a run without it, and indices need every point"
+    why = "32 of 64 points have a run without it, and indices require all points"
     assert f"rmse_whole_x has no Sobol indices: {why}." in ran.stdout
     assert "32 diverged" in ran.stdout
     assert f"has no indices: {why}." in (tmp_path / "out" / "summary.html").read_text(encoding="utf-8")

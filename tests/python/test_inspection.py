@@ -1,4 +1,4 @@
-"""Events in records: injected faults are named with time and size, clean records are not blamed."""
+"""Events in records: injected faults are reported with time and size, clean records have none."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from test_allan import flicker, walk, white
 Array = NDArray[np.float64]
 DEG = np.pi / 180
 SAMPLES, INTERVAL = 64_000, 0.01
-NOISE = 0.1 * DEG  # of a sample
+NOISE = 0.1 * DEG  # one sample
 
 
 def noise(seed: int = 0) -> Array:
@@ -106,7 +106,7 @@ def test_clean_records_are_not_blamed(seed: int) -> None:
 def test_noise_of_about_a_step_is_a_note_and_not_a_fault() -> None:
     (event,) = fg.rate.inspect(np.round(noise() / (1.2 * NOISE)) * 1.2 * NOISE, INTERVAL)
     assert (event.kind, event.spoils) == ("steps", False)
-    assert event.sentence == "the sensor's steps of 0.12 deg/s are as coarse as its noise, and add to it"
+    assert event.sentence == "the sensor's quantization step of 0.12 deg/s is as large as its noise and increases it"
 
 
 def test_short_or_constant_records_show_nothing_and_others_are_refused() -> None:

@@ -1,4 +1,4 @@
-"""Systems of python-control and scipy.signal: what they compute is what the core computes."""
+"""Systems of python-control and scipy.signal compute the same as the core."""
 
 from __future__ import annotations
 
@@ -91,10 +91,10 @@ def test_the_controller_gives_the_forces_of_fg_controller_bit_for_bit_from_a_sta
     for i, motion in enumerate(motions):
         force = expected.step(1e-3 * i, motion[:2], motion[2:])
         np.testing.assert_array_equal(system.output(0.0, state, motion), force)
-        others = system.output(0.0, state, -motion)  # asked in between: it changes nothing
+        others = system.output(0.0, state, -motion)  # evaluated in between: it changes nothing
         assert not np.array_equal(others, force)
         following = system.dynamics(0.0, state, motion)
-        state = 0.0 + 1.0 * following  # as arithmetic may copy it
+        state = 0.0 + 1.0 * following  # arithmetic may copy it
     assert state.max() < 2**32
     assert np.isfinite(state).all()
 
@@ -105,13 +105,13 @@ def test_a_step_is_computed_once_for_each_input(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(fg.Controller, "step", lambda self, *given: taken.append(given) or step(self, *given))
     system, start = fg.interop.control.loop(PAPER)
     ct.input_output_response(system, samples(system, 10), 0, start)
-    assert len(taken) <= 2 * 10  # python-control asks with inputs of 0 before it asks with those of the plant
+    assert len(taken) <= 2 * 10  # python-control evaluates with inputs of 0 before it evaluates with those of the plant
 
 
 def test_a_state_that_was_computed_with_is_refused() -> None:
     system = fg.interop.control.controller(PAPER)
     for wrong in (0.5, -1.0, 2.0**32, np.nan):
-        with pytest.raises(ValueError, match="the state is not one of the controller's"):
+        with pytest.raises(ValueError, match="the state is invalid"):
             system.output(0.0, np.full(system.nstates, wrong), np.zeros(4))
 
 
@@ -131,9 +131,9 @@ def test_a_variable_of_a_run_is_a_response() -> None:
     np.testing.assert_array_equal(error.time, run["time"])
     rate = fg.interop.control.response(run, "rate_estimate")
     np.testing.assert_array_equal(rate.outputs, [run["rate_estimate"]])
-    with pytest.raises(ValueError, match="variable is 'eror': the run has position, velocity"):
+    with pytest.raises(ValueError, match="variable is 'eror': it must be one of position, velocity"):
         fg.interop.control.response(run, "eror")
-    with pytest.raises(ValueError, match="run has several runs: select one"):
+    with pytest.raises(ValueError, match="the Dataset has several runs: select one"):
         fg.interop.control.response(runs, "error")
 
 
@@ -164,5 +164,5 @@ def test_a_missing_library_is_named_with_its_extra(module: str, tmp_path: Path) 
     code = f"import fracgyro as fg\ntry: fg.interop.{module}\nexcept ImportError as error: print(error)"
     said = without([module], code, tmp_path)
     assert said.stdout == (
-        f"{module} is not installed; the extra interop brings it: in your clone, pip install '.[interop]'\n"
+        f"{module} is not installed: install the extra interop; in your clone, pip install '.[interop]'\n"
     ), said.stderr

@@ -20,7 +20,7 @@ gymnasium = pytest.importorskip("gymnasium", reason="gymnasium, which the extra 
 EnvSpec = gymnasium.envs.registration.EnvSpec
 environments = fg.interop.gymnasium
 
-# With a power of two as the limit, a force is that of an action to the last bit.
+# With a power of two as the limit, a force equals that of its action to the last bit.
 PAPER = fg.Scenario.paper().replace({"controller.force_limit": 4096.0, "run.duration": 0.5})
 SCENARIOS = {
     "paper": PAPER,
@@ -185,7 +185,7 @@ def test_actions_beyond_the_space_are_cut_to_it() -> None:
         np.testing.assert_array_equal(one.step(np.array(far))[0], other.step(np.array(near))[0])
 
 
-# -- What is refused -----------------------------------------------------------------------------------------
+# -- Refused input -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -204,7 +204,7 @@ def test_actions_beyond_the_space_are_cut_to_it() -> None:
         (
             {"scenario": fg.Scenario.paper()},
             ValueError,
-            "controller.force_limit is inf: it must be finite, as actions are shares of it",
+            "controller.force_limit is inf: it must be finite, as actions are fractions of it",
         ),
         ({"error_limit": 0.0}, ValueError, "error_limit is 0.0: it must be greater than 0"),
         ({"error_limit": "wide"}, TypeError, "error_limit is 'wide': it must be a number"),

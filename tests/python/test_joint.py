@@ -1,4 +1,4 @@
-"""Joint adaptation in whole runs: its error is that of the bound, whatever the electronics; what it assumes."""
+"""Joint adaptation in whole runs: its error reaches the bound with any electronics; its assumptions."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def walk(error: np.ndarray, scenario: fg.Scenario) -> float:
     return float(error.std(ddof=1)) * math.sqrt(SPAN * scenario.plant.scales.time) * 60.0
 
 
-# Of 24 seeds 99.9 % lie within 0.6 and 1.5 of the truth.
+# For 24 seeds 99.9 % are within 0.6 and 1.5 times the true value.
 @pytest.mark.parametrize(
     ("changes", "bound"),
     [

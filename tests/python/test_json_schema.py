@@ -1,4 +1,4 @@
-"""What an editor says of a file with the schema of its kind, as taplo says it."""
+"""Findings of an editor for a file with its schema, through taplo."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import Any, Literal, cast
 import fracgyro as fg
 import pytest
 from embedded import need, where
-from fracgyro.scenario.sentences import paths
+from fracgyro.scenario.messages import paths
 from fracgyro.scenario.shipped import SHIPPED, shipped_text
 from fracgyro.scenario.table import toml_value
 from fracgyro.study.space import _valid
@@ -30,7 +30,7 @@ FIELDS = [path for path in paths(fg.Scenario) if not any(other.startswith(f"{pat
 
 
 def complaints(kind: Kind, texts: Sequence[str], folder: Path) -> list[set[int]]:
-    """Of each text the numbers of the lines that taplo complains of."""
+    """Lines with findings of taplo, for each text."""
     need("editor")
     schema = folder / "schema.json"
     schema.write_text(json.dumps(fg.schema(kind), allow_nan=False), encoding="utf-8")
@@ -64,7 +64,7 @@ numbers = st.sampled_from([0.0, 1.0, -1.0, 0.5, 1e-3, 1e7, math.inf, 0, 1, -1, 2
 values = st.one_of(
     numbers,
     st.lists(numbers, max_size=4),
-    st.lists(st.lists(numbers, max_size=3), max_size=1),  # of more points a schema cannot ask that times rise
+    st.lists(st.lists(numbers, max_size=3), max_size=1),  # a schema cannot require rising times for more points
     st.booleans(),
     st.sampled_from(["", "noise", "linear", "full", "SI", "pid"]),
     st.just({"xx": 1.0, "xy": 0.0, "yy": 1.0}),
@@ -72,7 +72,7 @@ values = st.one_of(
 
 
 def takes(field: str, value: Any) -> bool:
-    """Whether the field takes the value, whatever the others have."""
+    """True if the field accepts the value, independent of other fields."""
     try:
         _valid(field, value)
     except fg.ScenarioError:
@@ -127,7 +127,7 @@ at_most_base = 1.1
 
 
 def expect_refused(kind: Kind, good: str, bad: str, read: Callable[[Path], object], folder: Path) -> None:
-    """By the software as by the editor, which both take the good text."""
+    """Rejected by both the software and the editor, which both accept the good text."""
     file = folder / "file.toml"
     file.write_text(good)
     read(file)

@@ -66,7 +66,7 @@ def test_the_certified_error_bounds_forty_digit_arithmetic_closely(
         rates, weights = map(mpmath.mpf, found.poles), map(mpmath.mpf, found.weights)
         pairs = list(zip(rates, weights, strict=True))
         scale = mpmath.gamma(1 - mpmath.mpf(order))
-        # Both ends, and the neighbourhoods of the highest peaks seen in double precision.
+        # Both ends, and the neighborhoods of the highest peaks found in double precision.
         grid = np.geomspace(found.shortest, found.longest, 20001)
         worst = grid[np.argsort(np.abs(relative_error(found, grid)))[-200:]]
         times = [mpmath.mpf(t) for t in [found.shortest, found.longest, *grid[::100], *worst]]

@@ -1,4 +1,4 @@
-"""Controllers of every kind: what a scenario lets them have, and what a run of one says."""
+"""Controllers of every kind: their fields in a scenario, and the contents of a run."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import fracgyro as fg
 import numpy as np
 import pytest
 from fracgyro.scenario import Scenario, ScenarioError
-from fracgyro.scenario.kinds import KINDS, LOOP_CHANNELS, fields_of, numbers, reported
+from fracgyro.scenario.kinds import KINDS, LOOP_CHANNELS, fields_of, numbers, reported_channels
 from fracgyro.scenario.to_core import core_setup
 
 PAPER = Scenario.paper()
@@ -57,7 +57,7 @@ def test_between_steps_a_controller_reports_what_the_coming_one_records(kind: st
     if "kind" in fields_of(kind, "adaptation"):
         scenario = scenario.replace({"adaptation.kind": adaptation})
     run, controller = fg.simulate(scenario), fg.Controller(scenario)
-    momentary = {channel.name for channel in reported(core_setup(scenario)) if channel.momentary}
+    momentary = {channel.name for channel in reported_channels(core_setup(scenario)) if channel.momentary}
     for n in range(run.sizes["time"]):
         found = controller.report
         assert not momentary & set(found), "the coming step's is not known yet"
@@ -110,7 +110,7 @@ def test_runs_of_kinds_that_report_different_things_are_recorded_together() -> N
 
 
 def test_a_rate_sensor_must_estimate_the_rate() -> None:
-    from fracgyro.rate.runs import Sensor
+    from fracgyro.rate.sensor import Sensor
 
     with pytest.raises(ScenarioError, match=r"controller\.kind is pid: it must be one that estimates"):
         Sensor.of(of_kind("pid"), 2)

@@ -1,4 +1,4 @@
-"""Controllers from outside as rate sensors."""
+"""User controllers as rate sensors."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 from fracgyro import metrics
 from fracgyro.export.compilers import system_compiler
 from fracgyro.rate.bound import bound_angle_random_walk
-from fracgyro.rate.runs import Sensor
+from fracgyro.rate.sensor import Sensor
 from fracgyro.scenario import ScenarioError
 from fracgyro.scenario.shipped import exactly_sensed
 
@@ -131,7 +131,7 @@ def test_a_controller_without_an_estimate_is_refused(tmp_path: Path, sensing: ct
         return 0.0, 0.0
 
     for controller, name in ((silent, "sensing with gain = 0.05, .*"), (rest, ".*rest")):
-        with pytest.raises(ScenarioError, match=rf"^controller is {name}: it must report rate_estimate, as the sensor"):
+        with pytest.raises(ScenarioError, match=rf"^controller is {name}: it must report rate_estimate, the sensor"):
             fg.rate.characterise(DEVICE, tmp_path / "out", controller=controller)
     with pytest.raises(TypeError, match=r"controller is 3: it must be a native\.Law"):
         fg.rate.characterise(DEVICE, tmp_path / "out", controller=3)
@@ -145,5 +145,5 @@ def test_allan_takes_what_holds_numbers_and_says_what_does_not() -> None:
         fg.rate.allan(noise, 0)
     with pytest.raises(ValueError, match="values has 3 dimensions"):
         fg.rate.allan(np.ones((2, 2, 100)), 1.0)
-    with pytest.raises(TypeError, match="values holds"):
+    with pytest.raises(TypeError, match="values has dtype"):
         fg.rate.allan(["a"] * 30, 1.0)

@@ -1,4 +1,4 @@
-"""Studies with a controller from outside: its parameters vary, study.json says which it was, and no other resumes."""
+"""Studies with a user's controller: its parameters vary, study.json identifies it, and no other resumes."""
 
 from __future__ import annotations
 
@@ -95,15 +95,15 @@ def test_measure_many_takes_a_law_for_each_scenario(law: fg.native.Law) -> None:
         alone = fg.measure_many([BASE], seeds=range(3), controller=each)["rmse"].values
         np.testing.assert_array_equal(together[3 * i : 3 * i + 3], alone)
     for wrong in (laws[:1], [laws[0], print], []):
-        with pytest.raises(ValueError, match=r"a list must have a native\.Law for each scenario, of which there are 2"):
+        with pytest.raises(ValueError, match=r"a list must have one native\.Law for each of the 2 scenarios"):
             fg.measure_many([BASE, BASE], controller=wrong)
 
 
 def test_the_summary_says_what_ran(swept: Path) -> None:
     page = (swept / "out" / "summary.html").read_text(encoding="utf-8")
-    assert "controller is pd with kp = 20000, kd = 250, in the place of [controller]" in page
+    assert "controller is pd with kp = 20000, kd = 250, which replaces [controller]" in page
     assert "law.kp" in page
-    assert "have none, as the controller does not report what it is of" in page
+    assert "have none, as the controller does not report this quantity" in page
 
 
 def test_study_json_says_which_controller_it_was(swept: Path) -> None:
@@ -138,7 +138,7 @@ def test_another_controller_is_refused(swept: Path, law: fg.native.Law, compiled
         fg.native.Law(changed, parameters=GAINS),
     ]
     for other in others:
-        with pytest.raises(ScenarioError, match="holds another study, which differs in controller: "):
+        with pytest.raises(ScenarioError, match="has another study, which differs in controller: "):
             resumed(swept, other)
 
 
@@ -191,17 +191,17 @@ def test_a_controller_whose_code_cannot_be_read_is_not_resumed(tmp_path: Path) -
     text = FIXED + "[vary]\nplant.angular_rate = [0.0]\n"
     fg.study.sweep(study(tmp_path, text), tmp_path / "out", controller=Locked())
     assert json.loads((tmp_path / "out" / "study.json").read_text())["parts"]["controller"]["code"] is None
-    with pytest.raises(ScenarioError, match=r"^controller is .*Locked, whose code cannot be read: it must start in a"):
+    with pytest.raises(ScenarioError, match=r"^controller is .*Locked, whose code cannot be read and compared"):
         resumed(tmp_path, Locked())
 
 
 def test_no_cluster_runs_a_controller_from_outside(tmp_path: Path, law: fg.native.Law) -> None:
-    with pytest.raises(ValueError, match='scheduler is "tcp://a:1": it must be left out, as a controller from outside'):
+    with pytest.raises(ValueError, match=r'scheduler is "tcp://a:1": it must be left out, as a user.s controller'):
         fg.study.sweep(study(tmp_path, GRID), tmp_path / "out", controller=law, scheduler="tcp://a:1")
     assert not (tmp_path / "out").exists()
 
 
-# -- What is known of a controller ---------------------------------------------------------------------------
+# -- Identity of a controller --------------------------------------------------------------------------------
 
 MODULE = """
 import math
@@ -274,7 +274,7 @@ def test_a_function_of_numba_is_known_by_its_python() -> None:
     assert found[0] == found[1] != found[2]
 
 
-# -- What is refused -----------------------------------------------------------------------------------------
+# -- Refused input -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -297,11 +297,11 @@ def test_a_function_of_numba_is_known_by_its_python() -> None:
         ('[vary]\nlaw.kp = [1.0]\n"law.kp" = [1.0]', "law.kp is given twice: it must be given once"),
         (
             "[vary]\ncontroller.order = [0.5, 0.9]",
-            "controller.order is in [vary]: it must be left out, as it is of the scenario's controller and the study "
-            "runs with a native.Law, for which only controller.force_limit and controller.observer_bandwidth count",
+            "controller.order is in [vary]: it has no effect, as a native.Law replaces the scenario's controller; only "
+            "controller.force_limit and controller.observer_bandwidth remain",
         ),
-        ("[vary]\nrun.kernel_tolerance = [1e-6, 1e-5]", "run.kernel_tolerance is in [vary]: it must be left out"),
-        ("[fixed]\nlaw.kp = 1.0", "law.kp is in [fixed]: it must be set in the controller that the study is given"),
+        ("[vary]\nrun.kernel_tolerance = [1e-6, 1e-5]", "run.kernel_tolerance is in [vary]: it has no effect"),
+        ("[fixed]\nlaw.kp = 1.0", "law.kp is in [fixed]: it must be set in the controller that is passed to the study"),
     ],
 )
 def test_a_bad_parameter_is_refused_in_one_sentence(
@@ -316,9 +316,9 @@ def test_a_bad_parameter_is_refused_in_one_sentence(
 
 def test_what_is_no_law_has_no_parameters(tmp_path: Path) -> None:
     path = study(tmp_path, GRID)
-    with pytest.raises(ScenarioError, match=r"^law\.kp is in \[vary\]: it must be left out, as only a native\.Law has"):
+    with pytest.raises(ScenarioError, match=r"^law\.kp is in \[vary\]: it is only allowed with a native\.Law"):
         fg.study.sweep(path, tmp_path / "out", controller=pd_with(1.0))
-    with pytest.raises(ScenarioError, match=r"^law\.kp is in \[vary\]: it must be left out unless the study is run"):
+    with pytest.raises(ScenarioError, match=r"^law\.kp is in \[vary\]: it is only allowed in fracgyro.study.sweep"):
         fg.study.sweep(path, tmp_path / "out")
     plain = study(tmp_path, FIXED)
     for wrong in (3, int):
@@ -363,7 +363,7 @@ def test_the_command_line_says_that_a_law_needs_python(tmp_path: Path, command: 
     words = [sys.executable, "-m", "fracgyro", command, study(tmp_path, text), "--out", tmp_path / "out"]
     ran = subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE)
     assert ran.returncode == 2
-    assert ran.stderr.startswith("fracgyro: law.kp is in [vary]: it must be left out unless the study is run from Py")
+    assert ran.stderr.startswith("fracgyro: law.kp is in [vary]: it is only allowed in fracgyro.study.sweep and")
     assert ran.stderr.count("\n") == 1
     assert not (tmp_path / "out").exists()
 
@@ -405,7 +405,7 @@ def test_a_law_is_tuned(tmp_path: Path, law: fg.native.Law) -> None:
     assert tuned.held_out.objectives[0].tuned < tuned.held_out.objectives[0].base
     text = tuned.scenario.read_text(encoding="utf-8")
     assert f"#   law.kp = {found['kp']}, was 2000.0" in text
-    assert "# The controller was pd with kp = 2000, kd = 250 before, in the place of [controller]." in text
+    assert "# The controller before tuning was pd with kp = 2000, kd = 250, which replaces [controller]." in text
     page = tuned.report.read_text(encoding="utf-8")
     assert "fracgyro simulate tuned.toml" not in page
     assert "pd with kp = 2000, kd = 250" in page
@@ -417,7 +417,7 @@ def test_a_law_is_tuned(tmp_path: Path, law: fg.native.Law) -> None:
         fg.study.tune(path, tmp_path / "out", controller=law, resume=True)
 
 
-# -- Where it is found ---------------------------------------------------------------------------------------
+# -- Location ------------------------------------------------------------------------------------------------
 
 
 def test_importing_fracgyro_is_light_and_studies_and_rate_are_at_hand() -> None:

@@ -1,4 +1,4 @@
-"""Who may include and import whom: dependencies point down, and the core needs nothing firmware lacks."""
+"""Allowed includes and imports: dependencies point down, and the core needs nothing that firmware lacks."""
 
 from __future__ import annotations
 
@@ -14,7 +14,12 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 INCLUDE = ROOT / "include"
-# The folders of include/fracgyro, each with those that it may include besides itself.
+PACKAGES = {
+    "fracgyro": ROOT / "python/fracgyro",
+    "fracgyro_fpga": ROOT / "fpga/fracgyro_fpga",
+    "fracgyro_lab": ROOT / "lab/fracgyro_lab",
+}
+# The folders of include/fracgyro, each with the other folders that it may include.
 CONTROL = {"core", "control"}
 LAYERS = {
     "core": set(),
@@ -27,7 +32,7 @@ LAYERS = {
 LAYERS["sim"] = set(LAYERS)
 FIRMWARE = {"core", "control", "estimation", "hardware", "controllers"}
 
-# No heap, no exceptions, no I/O, no libm but in scalar.hpp.
+# No heap, no exceptions, no I/O, no libm except in scalar.hpp.
 FIRMWARE_STANDARD = {"array", "bit", "concepts", "cstddef", "cstdint", "limits", "type_traits", "utility"}
 # For lists of fields and controllers, which firmware never asks for.
 LISTS_STANDARD = {"span", "string_view", "tuple", "variant"}
@@ -134,8 +139,7 @@ def test_the_bindings_include_the_headers_and_nanobind(path: Path) -> None:
             assert is_ours(header) or (path.parent / header).is_file(), header
 
 
-OTHERS = [path for of in ("fmu", "fpga", "lanes", "web") for path in sources(f"integrations/{of}")]
-OF_HARDWARE = {"controller.h", "Vfracgyro_controller.h", "verilated.h"}  # what it is simulated with
+OTHERS = [path for of in ("fmu", "lanes", "web") for path in sources(f"integrations/{of}")]
 
 
 @pytest.mark.parametrize("path", OTHERS, ids=name)
@@ -144,8 +148,19 @@ def test_an_integration_includes_the_headers_itself_and_the_standard_it_speaks(p
         if bracket == "<":
             assert is_standard(header)
         else:
-            made_or_fmi = {"exported.hpp", "fmi2Functions.h", "fmi3Functions.h", *OF_HARDWARE}
+            made_or_fmi = {"exported.hpp", "fmi2Functions.h", "fmi3Functions.h"}
             assert header in made_or_fmi or is_ours(header) or (path.parent / header).is_file(), header
+
+
+@pytest.mark.parametrize("path", sources("fpga"), ids=name)
+def test_the_room_of_hardware_includes_the_headers_itself_and_what_simulates_it(path: Path) -> None:
+    for bracket, header in includes(path):
+        if bracket == "<":
+            assert is_standard(header)
+        else:
+            simulated = re.fullmatch(r"V\w+\.h|verilated\.h|controller\.h", header)
+            own = (ROOT / "fpga/fracgyro_fpga/cpp" / header).is_file()
+            assert simulated or own or is_ours(header), header
 
 
 def test_firmware_needs_the_core_alone() -> None:
@@ -171,7 +186,7 @@ def test_the_core_tests_need_neither_the_bindings_nor_python(path: Path) -> None
 
 
 def imported(path: Path) -> set[str]:
-    """First parts of absolute imports, wherever they stand."""
+    """First parts of absolute imports, anywhere in the file."""
     found: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -181,63 +196,81 @@ def imported(path: Path) -> set[str]:
     return found
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "python").rglob("*.py")), ids=name)
-def test_the_package_imports_nothing_that_is_not_installed_with_it(path: Path) -> None:
+@pytest.mark.parametrize("path", sorted(p for at in PACKAGES.values() for p in at.rglob("*.py")), ids=name)
+def test_a_package_imports_nothing_that_is_not_installed_with_it(path: Path) -> None:
     assert not imported(path) & {"tests", "benchmarks", "pytest", "hypothesis", "mpmath", "numba", "conftest"}
 
 
-# The rooms of the Python package from the ground up. A room imports itself and what stands in lines before its own.
-ROOMS = [
+@pytest.mark.parametrize("of", PACKAGES)
+def test_of_our_packages_only_the_library_is_imported_by_another(of: str) -> None:
+    paths = [path for ending in ("py", "pyi") for path in PACKAGES[of].rglob(f"*.{ending}")]
+    ours = {each for path in paths for each in imported(path) if each.partition("_")[0] == "fracgyro"}
+    assert ours <= {"fracgyro", of}
+
+
+@pytest.mark.parametrize("room", sorted(set(PACKAGES) - {"fracgyro"}))
+def test_a_room_of_its_own_imports_the_library_and_no_other_room(room: str) -> None:
+    found = set().union(*(imported(path) for path in PACKAGES[room].rglob("*.py")))
+    assert "fracgyro" in found
+    assert not found & set(PACKAGES) - {room, "fracgyro"}
+
+
+# The rooms of each package from the ground up, and of a room that has rooms within it. A room imports itself and rooms
+# of the lines before its own; "" is the package or the room itself: its __init__ and its stub.
+LIBRARY = [
     ["_core", "files", "arguments", "extras"],
     ["fractional"],
     ["scenario"],
     ["simulation"],
-    ["analysis"],
-    ["export", "interop", "paper", "rate", "study"],
-    ["study.sweep", "study.tune"],
-    ["the door of study"],
-    ["cite", "compare", "json_schema", "parity", "study_files"],
-    ["cli"],
-    ["", "__main__"],  # what `import fracgyro` and `python -m fracgyro` run
+    ["analysis", "export", "interop"],
+    ["rate", "study"],
+    ["", "cli"],
+    ["__main__"],
 ]
+STUDY = [
+    ["cluster", "controller", "folder", "sums"],
+    ["space"],
+    ["file"],
+    ["sweep", "tune"],
+    ["", "json_schema", "reference"],
+]
+LAB = [["comparison", "paper"], ["", "commands"]]
+ROOMS = {"fracgyro": LIBRARY, "fracgyro.study": STUDY, "fracgyro_lab": LAB}
 
 
-# What a room's own __init__ offers of rooms within it.
-DOORS = {"study": "the door of study"}
-
-
-def package() -> dict[str, set[str]]:
-    """The modules that each module of the package imports, a package's own by the package's name."""
-    paths = {"_core": ROOT / "python/fracgyro/_core.pyi"}
-    for path in sorted((ROOT / "python/fracgyro").rglob("*.py")):
-        parts = path.relative_to(ROOT / "python/fracgyro").with_suffix("").parts
+def package(name: str) -> dict[str, set[str]]:
+    """The modules that each module of a package imports from it; an __init__ has the name of its package."""
+    paths = {}
+    for path in sorted(PACKAGES[name].rglob("*.py")):
+        parts = path.relative_to(PACKAGES[name]).with_suffix("").parts
         paths[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
-    found = {}
+    found: dict[str, set[str]] = {"_core": set()}
     for module, path in paths.items():
         is_package = path.stem == "__init__"
         texts = [each.read_text(encoding="utf-8") for each in (path, path.with_suffix(".pyi")) if each.exists()]
-        found[module] = set().union(*(imported_of(text, module, is_package, set(paths)) for text in texts))
+        known = {"_core", *paths} if name == "fracgyro" else set(paths)
+        found[module] = set().union(*(imported_of(text, module, is_package, known, name) for text in texts))
     return found
 
 
-def imported_of(text: str, module: str, is_package: bool, known: set[str]) -> set[str]:
+def imported_of(text: str, module: str, is_package: bool, known: set[str], package: str = "fracgyro") -> set[str]:
     """Wherever an import stands: in a function and under TYPE_CHECKING, too."""
     found = set()
     here = module.split(".") if module else []
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):
-            names = [alias.name.partition("fracgyro.") for alias in node.names]
+            names = [alias.name.partition(f"{package}.") for alias in node.names]
             found |= {rest for before, own, rest in names if own and not before}
             continue
         if not isinstance(node, ast.ImportFrom):
             continue
         if node.level:
             base = here[: len(here) - node.level + is_package]
-        elif str(node.module).partition(".")[0] == "fracgyro":
+        elif str(node.module).partition(".")[0] == package:
             base = []
         else:
             continue
-        inner = str(node.module or "").removeprefix("fracgyro").removeprefix(".") if not node.level else node.module
+        inner = str(node.module or "").removeprefix(package).removeprefix(".") if not node.level else node.module
         target = ".".join([*base, *([inner] if inner else [])])
         for alias in node.names:
             deeper = f"{target}.{alias.name}" if target else alias.name
@@ -245,12 +278,17 @@ def imported_of(text: str, module: str, is_package: bool, known: set[str]) -> se
     return found
 
 
-def room_of(module: str) -> str:
-    """The room that is named most exactly; a door is outside of its room."""
-    if module in DOORS:
-        return DOORS[module]
-    rooms = [room for line in ROOMS for room in line]
-    return max((room for room in rooms if room and f"{module}.".startswith(f"{room}.")), key=len, default=module)
+def arrows(place: str) -> set[tuple[str, str]]:
+    """(room, room that it imports) for each import within a package or within a room."""
+    name, _, room = place.partition(".")
+    inside = f"{room}." if room else ""
+    found = set()
+    for module, targets in package(name).items():
+        for target in targets:
+            if all(f"{each}.".startswith(inside) for each in (module, target)):
+                mine, theirs = (f"{each}.".removeprefix(inside).partition(".")[0] for each in (module, target))
+                found.add((mine, theirs))
+    return found
 
 
 def circle(modules: Mapping[str, set[str]]) -> list[str]:
@@ -282,27 +320,34 @@ def late():
     assert imported_of("from .allan import a", "rate.bound", False, {"rate.allan"}) == {"rate.allan"}
 
 
-def test_no_modules_of_the_package_import_one_another_in_a_circle() -> None:
+def test_no_modules_of_a_package_import_one_another_in_a_circle() -> None:
     assert circle({"a": {"b"}, "b": {"c"}, "c": {"a"}})
-    modules = package()
+    modules = package("fracgyro")
     assert "analysis.metrics" in modules["cli.simulate"], "the imports are not read"
     assert "study.sweep.run" in modules["study"], "the stubs are not read"
-    assert circle(modules) == []
+    assert "comparison.run" in package("fracgyro_lab")["comparison"]
+    assert [circle(package(name)) for name in PACKAGES] == [[] for _ in PACKAGES]
 
 
-def test_rooms_of_the_package_import_only_rooms_below() -> None:
-    floor = {room: level for level, line in enumerate(ROOMS) for room in line}
-    for module, targets in package().items():
-        for target in targets:
-            mine, theirs = room_of(module), room_of(target)
-            assert mine in floor, f"{mine} is not one of ROOMS"
-            assert mine == theirs or floor[theirs] < floor[mine], f"{module} imports {target}"
+@pytest.mark.parametrize("place", ROOMS)
+def test_rooms_import_only_rooms_below(place: str) -> None:
+    floor = {room: level for level, line in enumerate(ROOMS[place]) for room in line}
+    found = sorted(arrows(place))
+    assert {room for arrow in found for room in arrow} == floor.keys()
+    assert [(mine, theirs) for mine, theirs in found if mine != theirs and floor[theirs] >= floor[mine]] == []
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "benchmarks").glob("*.py")), ids=name)
-def test_a_benchmark_imports_what_the_package_has(path: Path) -> None:
+SCRIPTS = [
+    path
+    for folder in ("benchmarks", "fpga/benchmarks", "lab", "lab/article")
+    for path in sorted((ROOT / folder).glob("*.py"))
+]
+
+
+@pytest.mark.parametrize("path", SCRIPTS, ids=name)
+def test_a_script_imports_what_the_packages_have(path: Path) -> None:
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.ImportFrom) and str(node.module).partition(".")[0] == "fracgyro":
+        if isinstance(node, ast.ImportFrom) and str(node.module).partition(".")[0] in PACKAGES:
             module = importlib.import_module(str(node.module))
             for alias in node.names:
                 there = hasattr(module, alias.name) or find_spec(f"{node.module}.{alias.name}")
@@ -312,7 +357,11 @@ def test_a_benchmark_imports_what_the_package_has(path: Path) -> None:
 def test_the_version_is_typed_once() -> None:
     version = re.search(r'^version = "([^"]+)"', (ROOT / "pyproject.toml").read_text(), re.MULTILINE)
     assert version
-    code_files = [ROOT / "CMakeLists.txt", ROOT / "Makefile", *sorted((ROOT / "python").rglob("*.py"))]
+    code_files = [
+        ROOT / "CMakeLists.txt",
+        ROOT / "Makefile",
+        *(p for at in PACKAGES.values() for p in sorted(at.rglob("*.py"))),
+    ]
     code_files += [path for folder in ("include", "bindings") for path in sources(folder)]
     for path in code_files:
         assert version[1] not in path.read_text(encoding="utf-8"), name(path)

@@ -1,4 +1,4 @@
-"""The live page: what it says of its state in node, and the page itself in Chromium."""
+"""The live page: its state in node, and the page itself in Chromium."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from fracgyro.export.live import FACE, bundled, laws, page_data, write_page
 from fracgyro.export.web import build, document
 from fracgyro.scenario.kinds import KINDS
 
-# -- What the page knows and says, in node -------------------------------------------------------------------------
+# -- The page's state, in node -------------------------------------------------------------------------------------
 
 PRELUDE = """
 import { readFileSync } from "node:fs";
@@ -70,7 +70,7 @@ ADDRESSES = {
 
 
 def test_toml_and_command_are_the_scenario_that_is_run(data_file: Path) -> None:
-    """Every number that the module is handed is the one that Python makes of them."""
+    """Every number passed to the module equals Python's."""
     code = f"""
     const said = Object.fromEntries(Object.entries({json.dumps(ADDRESSES)}).map(([name, rest]) => {{
       const of = at(`#follow&a=corrected${{rest && "&" + rest}}`);
@@ -135,7 +135,7 @@ def preset_runs(data_file: Path) -> dict[str, list[fg.Scenario]]:
 
 
 def rms(run: xr.Dataset, begin: float, end: float) -> np.ndarray:
-    """Of the tracking error, on each axis."""
+    """Tracking error, on each axis."""
     errors: np.ndarray = run["error"].sel(time=slice(begin, end)).values
     return np.sqrt((errors**2).mean(axis=0))
 
@@ -277,7 +277,7 @@ def address(folder: Path) -> Iterator[str]:
 
 @contextmanager
 def opened(browser: Any, address: str, hash: str = "", **options: Any) -> Iterator[Any]:
-    """The page once it has its first sample; it must say nothing and ask nobody."""
+    """The page after its first sample; it must print no messages and send no external requests."""
     page = browser.new_page(**{"viewport": {"width": 1280, "height": 800}, **STILL, **options})
     page.set_default_timeout(1000 * PATIENCE)
     faults = watched(page, address)
@@ -294,14 +294,14 @@ def ready(page: Any, playing: bool = False) -> None:
 
 
 def time(page: Any) -> float:
-    """Of the sample that is shown, ms."""
+    """Time of the displayed sample, ms."""
     found = re.match(r"t = ([\d.]+) ms", page.text_content("#clock"))
     assert found
     return float(found[1])
 
 
 def run_to(page: Any, until: float) -> int:
-    """Plays to a sample at this time or later; returns which it is."""
+    """Play to a sample at this time or later; return its time."""
     page.keyboard.press(" ")
     page.wait_for_function("!document.getElementById('clock').textContent.includes('paused')")
     page.wait_for_function(f"parseFloat(document.getElementById('clock').textContent.slice(4)) >= {until}")
@@ -316,7 +316,7 @@ def value(page: Any, channel: str, run: str = "a") -> str:
 
 
 def digits(number: float) -> str:
-    """As the page shows them."""
+    """Numbers as displayed by the page."""
     return str(float(f"{number:.3e}"))
 
 
@@ -422,7 +422,7 @@ def test_the_plots_draw_both_runs_and_their_cursor_shows_a_sample(browser: Any, 
         found = re.search(r"t = ([\d.]+) ms", caption)
         assert found
         at_cursor = round(float(found[1]) / 1e-3)
-        assert at_cursor >= sample - 610  # what was on its way when it was stopped comes besides
+        assert at_cursor >= sample - 610  # a request pending at the stop adds to it
         at = fg.simulate(fg.Scenario.paper()).isel(time=at_cursor)
         assert str(float(error)) == digits(abs(float(at["error"][0])))
         page.keyboard.press("Escape")

@@ -233,7 +233,7 @@ def test_with_known_parameters_and_no_disturbance_the_error_goes_to_zero(kind: s
 
 
 def reaching(kind: str, step: float, changes: dict[str, object]) -> tuple[np.ndarray, ...]:
-    """||s||, rho of eq. (19), f until ||s|| first falls within what the sampling can tell from 0."""
+    """||s||, rho of eq. (19), f until ||s|| first falls to the resolution of the sampling."""
     changes = {"controller.kind": kind, "controller.layer_thickness": 0.0, "run.step": step, **changes}
     scenario = PAPER.replace({**KNOWN, "run.duration": 8.0, **changes})
     run = fg.simulate(scenario)
@@ -296,12 +296,12 @@ def dissipation_defects(changes: dict[str, object], bounds: tuple[float, float, 
 @pytest.mark.parametrize("kind", KINDS)
 def test_lyapunov_function_loses_exactly_what_equation_45_says(kind: str, bounds: tuple[float, float, float]) -> None:
     defects = dissipation_defects({"controller.kind": kind}, bounds)
-    # Sampling alone: proportional to the step, a few percent of V(0) = 7 to 20 at the finest.
+    # Sampling error only: proportional to the step, a few percent of V(0) = 7 to 20 at the finest.
     assert defects[2] < 0.5
     assert [math.log2(a / b) for a, b in itertools.pairwise(defects)] == pytest.approx([1.0, 1.0], abs=0.2)
 
 
-# A fast rotation, poorly known: at the paper's, the skew part that nothing moves is too small to tell.
+# A fast, poorly known rotation: at the paper's rate, the constant skew part is too small to detect.
 FAST = {"plant.angular_rate": 5000.0, "adaptation.initial_ratio": 0.8}
 CAPUTO, PRINTED_RATE_LAW = {"controller.derivative": "caputo"}, {"controller.rate_law": "printed"}
 
@@ -451,7 +451,7 @@ def test_the_noise_is_gaussian() -> None:
 def test_axes_seeds_and_times_of_the_noise_are_uncorrelated() -> None:
     one = noise(200_000)
     streams = [one[:-1, 0], one[:-1, 1], one[1:, 0], one[1:, 1]]
-    # 2^32 differs from 0 in the upper word of the key alone.
+    # 2^32 differs from 0 only in the upper word of the key.
     streams += [noise(200_000, seed=seed)[:-1, axis] for seed in (1, 2, 2**32) for axis in (0, 1)]
     correlation = np.corrcoef(streams) - np.eye(len(streams))
     assert np.abs(correlation).max() < 4.5 / math.sqrt(200_000)
@@ -506,12 +506,12 @@ def test_within_the_dead_zone_the_estimates_freeze_and_outside_they_move() -> No
     assert 0.1 < resting.mean() < 0.999
     for name in ESTIMATES:
         still = (np.diff(run[name].values.reshape(len(run["time"]), -1), axis=0) == 0).all(axis=1)
-        # At the first sample v = 0, so that the laws of D and Omega have nothing to go by.
+        # At the first sample v = 0, so the laws of D and Omega get no information.
         np.testing.assert_array_equal(still[1:], resting[1:], err_msg=name)
 
 
 def test_leakage_returns_the_estimates_to_their_initial_values_at_its_rate() -> None:
-    # Inside a dead zone leakage acts alone: every deviation shrinks by 1 - h leakage a step.
+    # Inside a dead zone only leakage acts: every deviation shrinks by 1 - h leakage a step.
     run = fg.simulate(PAPER.replace({"run.duration": 5.0, "adaptation.leakage": 0.5, "adaptation.dead_zone": 0.05}))
     resting = np.flatnonzero(norms(run["surface"])[:-1] < 0.05)
     assert 500 < len(resting) < 5000
@@ -523,8 +523,8 @@ def test_leakage_returns_the_estimates_to_their_initial_values_at_its_rate() -> 
 
 
 def test_at_the_force_limit_the_estimates_do_not_wind_up() -> None:
-    # The limit is below what the spring alone asks for on y, 533 + 71 or so: there the loop cannot follow, on x it can.
-    # Learning on regardless would end in an error of 0.05 on x.
+    # The limit is below the spring force on y, about 533 + 71: the loop cannot follow there, but it can on x. Without
+    # anti-windup the error on x would be 0.05.
     steady = fg.metrics.rmse(fg.simulate(PAPER.replace({"controller.force_limit": 500.0})), window=(10, None))
     assert float(steady[0]) < 2e-3
 
@@ -534,7 +534,7 @@ def test_the_force_limit_clips_each_axis_and_changes_nothing_below_it() -> None:
     free = fg.simulate(PAPER.replace(changes))
     largest = float(abs(free["control"]).max())
     assert_same(free, fg.simulate(PAPER.replace({**changes, "controller.force_limit": 1.01 * largest})))
-    # So much that it clips one axis, not both.
+    # A limit that clips one axis, not both.
     limit = 0.9 * largest
     clipped = fg.simulate(PAPER.replace({**changes, "controller.force_limit": limit}))
     assert float(abs(clipped["control"]).max()) == limit
@@ -602,7 +602,7 @@ def test_the_estimates_before_the_first_step_are_the_initial_ones() -> None:
 def test_SI_units_scale_the_run_and_change_nothing_else() -> None:
     scenario = PAPER.replace({"run.duration": 1.0})
     plain, si = fg.simulate(scenario), fg.simulate(scenario.replace({"run.units": "SI"}))
-    # omega0 = 1000 rad/s, q0 = 1 um, m = 1.8e-7 kg, in the head.
+    # omega0 = 1000 rad/s, q0 = 1 um, m = 1.8e-7 kg, checked by mental arithmetic.
     factors = {"time": 1e-3, "position": 1e-6, "velocity": 1e-3, "surface": 1e-3, "control": 1.8e-7}
     factors |= {"disturbance": 1.8e-7, "damping_estimate": 1.8e-4, "stiffness_estimate": 0.18}
     factors |= {"rate_estimate": 1e3, "bound_estimate": np.array([1.8e-7, 0.18, 1.8e-4])}
@@ -695,7 +695,7 @@ def test_time_starts_with_a_sample_that_is_believed() -> None:
         np.testing.assert_array_equal(controller.step(0.0, (math.nan, 0.5), (0.0, 0.0)), [0.0, 0.0])
         assert controller.status == "not_finite"
     with pytest.raises(
-        ValueError, match=r"^time is 0.001: the next step is at 0, and time starts with a sample that is"
+        ValueError, match=r"^time is 0.001: the next step is at 0, and time starts with the first accepted sample"
     ):
         controller.step(1e-3, (0.5, 0.5), (0.0, 0.0))
     assert controller.time == 0.0
@@ -785,7 +785,7 @@ def test_the_number_of_threads_changes_nothing(threads: int, monkeypatch: pytest
 def test_metrics_without_a_record_equal_those_of_the_record() -> None:
     scenarios = mixed(12, run__duration=3.0)
     runs = [fg.simulate(scenario) for scenario in scenarios]
-    # Such that half of the runs settle: NaN alone would compare equal, too.
+    # Chosen so that half of the runs settle, since only NaN would also compare equal.
     error_bound = float(np.median([norms(run["error"])[-1] for run in runs]))
     surface_bound = float(np.median([norms(run["surface"])[-1] for run in runs]))
     limits = {
@@ -899,7 +899,7 @@ def test_a_record_that_would_be_too_large_is_refused_and_a_thinner_one_is_not() 
         ValueError, match=r"^run.record_every is 11: 1 runs of 9090910 samples of 29 numbers are 2.11 GB"
     ):
         fg.simulate(long.replace({"run.record_every": 11}))
-    with pytest.raises(ValueError, match=r"150 runs of 80001 samples .* have measure_many measure"):
+    with pytest.raises(ValueError, match=r"150 runs of 80001 samples .* use measure_many"):
         fg.simulate_many([PAPER], seeds=range(150))
     thin = PAPER.replace({"run.duration": 1.0, "run.record_every": 10**9})
     run = fg.simulate(thin)

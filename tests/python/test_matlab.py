@@ -1,4 +1,4 @@
-"""The class for MATLAB, in Octave: what is written, that it answers as Python does, and what it refuses."""
+"""The class for MATLAB, in Octave: its files, its results, equal to Python's, and refused input."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ PID = LIMITED.replace({"controller.kind": "pid"})
 
 
 def octave(code: str, folder: Path) -> str:
-    """What Octave prints."""
+    """Output of Octave."""
     need("Octave")
     ran = subprocess.run([*OCTAVE, code], cwd=folder, capture_output=True, text=True, timeout=PATIENCE)
     assert ran.returncode == 0, ran.stderr
@@ -47,7 +47,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-# -- What is written -----------------------------------------------------------------------------------------
+# -- Files ---------------------------------------------------------------------------------------------------
 
 
 def test_the_same_scenario_gives_the_same_bytes_and_the_firmware_of_it(tmp_path: Path) -> None:
@@ -74,11 +74,11 @@ def test_what_would_not_stay_bounded_is_refused_and_nothing_is_written(tmp_path:
         fg.export.matlab(fg.Scenario.paper(), tmp_path / "out")
     assert not list(tmp_path.iterdir())
     fg.export.matlab(fg.Scenario.paper(), tmp_path / "out", unbounded=True)
-    with pytest.raises(ValueError, match=r"out cannot be written: it is there already; name an empty or a new folder$"):
+    with pytest.raises(ValueError, match=r"out cannot be written: it already exists; name an empty or a new folder$"):
         fg.export.matlab(LIMITED, tmp_path / "out")
 
 
-# -- What it answers -----------------------------------------------------------------------------------------
+# -- Results -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -124,7 +124,7 @@ def test_it_says_what_the_scenario_is(built: Path) -> None:
     ]
     named = {status.value: status.name for status in _core.Status}
     assert all(said[36 + value] == name for value, name in named.items())
-    assert said[44:-1] == [channel.name for channel in kinds.lasting(core_setup(LIMITED))]
+    assert said[44:-1] == [channel.name for channel in kinds.persistent_channels(core_setup(LIMITED))]
     assert said[-1] == "0"
 
 
@@ -155,7 +155,7 @@ def test_a_bad_sample_is_a_status_and_the_force_stays_finite(built: Path) -> Non
     assert said.splitlines() == ["not_finite 1", "not_finite 1", "out_of_range 1", "ok 1"]
 
 
-# -- What it refuses -----------------------------------------------------------------------------------------
+# -- Refused input -------------------------------------------------------------------------------------------
 
 TWO = "it must be two real numbers [x y], double or single"
 GONE = "the controller was deleted, or cleared with fracgyro_mex: make a new one"

@@ -12,7 +12,8 @@ import xarray as xr
 from fracgyro import metrics
 
 PAPER = fg.Scenario.paper().replace({"run.duration": 2.0})
-KNOWN = {"controller.adaptive": False}  # the estimates are the truth but for what the controller is not told
+KNOWN = {"controller.adaptive": False}  # the estimates are the true values except for the parameters unknown to the
+# controller
 
 
 def both(scenario: fg.Scenario, **limits: float) -> list[xr.Dataset]:
@@ -33,7 +34,7 @@ def test_a_run_measured_without_a_record_has_the_figures_of_its_record(units: st
 
 @pytest.mark.parametrize("units", ["nondimensional", "SI"])
 def test_what_the_controller_is_not_told_of_the_plant_is_missing_from_its_estimates(units: str) -> None:
-    # D is told and 3 D more are there: 3/4 are missing. Of K as much as is told is there once more: 1/2.
+    # The plant has 4 D, and the controller knows D: 3/4 are missing. It has 2 K, and K is known: 1/2.
     plant = PAPER.plant
     damping, stiffness = ({e: getattr(m, e) for e in ("xx", "xy", "yy")} for m in (plant.damping, plant.stiffness))
     scenario = PAPER.replace(
@@ -50,7 +51,7 @@ def test_what_the_controller_is_not_told_of_the_plant_is_missing_from_its_estima
 
 
 def test_errors_of_matrices_count_the_entry_beside_the_diagonal_twice() -> None:
-    # K is told as diag(3, 4) and has 6 beside its diagonal: the square of the error is 2 * 36 of 9 + 16 + 2 * 36.
+    # The known K is diag(3, 4), the true K also has 6 off the diagonal: the squared error is 2 * 36 of 9 + 16 + 2 * 36.
     unit = PAPER.plant.scales.stiffness
     scenario = PAPER.replace(
         {
@@ -208,9 +209,9 @@ def test_v_of_one_sample_is_that_worked_by_hand() -> None:
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"run.units": "SI"}, r"units is SI: V of eq\. \(39\) needs a nondimensional run"),
-        ({"adaptation.kind": "composite"}, r"adaptation\.kind is composite: V of eq\. \(39\) is that of gradient"),
-        ({"adaptation.kind": "joint"}, r"adaptation\.kind is joint: V of eq\. \(39\) is that of gradient"),
+        ({"run.units": "SI"}, r"units is SI: V of eq\. \(39\) requires a nondimensional run"),
+        ({"adaptation.kind": "composite"}, r"adaptation\.kind is composite: it must be gradient for V of eq\. \(39\)"),
+        ({"adaptation.kind": "joint"}, r"adaptation\.kind is joint: it must be gradient for V of eq\. \(39\)"),
     ],
 )
 def test_v_is_refused_of_runs_that_it_is_not_defined_for(changes: dict[str, object], said: str) -> None:

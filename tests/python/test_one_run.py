@@ -1,5 +1,4 @@
-"""What runs have in common is made once, and a run that is gone leaves its memory to the next: no run has anything of
-another."""
+"""Shared inputs of runs are computed once, and a freed run's memory is reused, without leaking data between runs."""
 
 from __future__ import annotations
 
@@ -68,7 +67,7 @@ def test_what_is_changed_in_one_dataset_is_not_in_the_next(made) -> None:
         try:
             changed[name].values[...] = 7
         except ValueError:
-            assert name in changed.coords  # of which nobody can change the values
+            assert name in changed.coords  # values are read-only
     for index in changed.indexes.values():
         index.name = "furlongs"
     changed["more"] = 1
@@ -106,7 +105,7 @@ def test_times_are_those_of_the_run_and_of_its_units() -> None:
 def test_long_runs_do_not_keep_their_coordinates(monkeypatch: pytest.MonkeyPatch) -> None:
     fg.simulate(PAPER)
     before = dataset._form.cache_info()
-    monkeypatch.setattr(dataset, "MAX_KEPT", 100)
+    monkeypatch.setattr(dataset, "MAX_CACHED", 100)
     run = fg.simulate(PAPER)
     assert dataset._form.cache_info() == before
     monkeypatch.undo()
@@ -116,7 +115,8 @@ def test_long_runs_do_not_keep_their_coordinates(monkeypatch: pytest.MonkeyPatch
 def test_a_changed_scenario_has_its_own_text_and_setup() -> None:
     text = PAPER.to_toml()
     assert PAPER.to_toml() is text
-    other = PAPER.model_copy(update={"run": PAPER.run.model_copy(update={"duration": 0.3})})  # keeps what it can
+    other = PAPER.model_copy(update={"run": PAPER.run.model_copy(update={"duration": 0.3})})  # keeps as much as
+    # possible
     assert "duration = 0.3" in other.to_toml()
     assert core_setup(other).steps == 300
     assert core_setup(PAPER, {"run.steps": 50}).steps == 50
@@ -133,7 +133,7 @@ def address(record: np.ndarray) -> int:
 
 
 def kept_from_others(place: int, size: int) -> bool:
-    """Whether nobody else is given this memory: malloc, which had it back, would give it to the next who asks."""
+    """True if this memory is not reused: malloc would give freed memory to the next caller."""
     others = [np.empty(size, np.uint8) for _ in range(8)]
     return not any(address(other) < place + size and place < address(other) + size for other in others)
 

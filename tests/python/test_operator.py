@@ -33,7 +33,7 @@ numbers = pytest.mark.parametrize("number", ["float", "double"])
 
 
 def signal(number: Number) -> NDArray[Any]:
-    """Noise of all sizes, then nothing for so long that what is remembered of it vanishes."""
+    """Noise of all sizes, then zeros until its memory vanishes."""
     rng = np.random.default_rng(5)
     loud = rng.normal(size=600) * 10.0 ** rng.uniform(-6, 3, 600)
     return np.append(loud, np.zeros(20_000)).astype(DTYPES[number])
@@ -124,13 +124,13 @@ def test_what_is_no_operator_is_refused_in_one_sentence(tmp_path: Path) -> None:
         (lambda: KERNEL.sampled(cast(Any, "a")), "step is 'a': it must be a number"),
         (lambda: KERNEL.frequency_error(cast(Any, None), 1.0), "lowest is None: it must be a number"),
         (lambda: pid(cast(Any, "a"), 1, 1, 1, 1, step=1, longest=2), "kp is 'a': it must be a number"),
-        (lambda: fg.export.operator(cast(Any, "x"), tmp_path / "x"), "sampled is 'x': it must be Sampled, as"),
+        (lambda: fg.export.operator(cast(Any, "x"), tmp_path / "x"), "sampled is 'x': it must be Sampled, for example"),
     ):
         with pytest.raises(TypeError, match=f"^{message}"):
             call()
     with pytest.raises(ValueError, match=r"^name is 3: it must be a letter"):
         fg.export.operator(sampled, tmp_path / "x", name=cast(Any, 3))
-    with pytest.raises(ValueError, match=r"^other has interval 0.001: it must be that of this one, 0.01$"):
+    with pytest.raises(ValueError, match=r"^other has interval 0.001: it must be 0.01$"):
         sampled.plus(OPERATORS["derivative"])
 
 
@@ -192,17 +192,17 @@ def test_the_command_line_names_what_is_exported(words: list[str], expected: Sam
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ([], "one of --order and --pid must be given, and not both"),
-        (["--order", "0.5", "--pid", "1", "1", "1", "1", "1"], "one of --order and --pid must be given, and not both"),
+        ([], "exactly one of --order and --pid must be given"),
+        (["--order", "0.5", "--pid", "1", "1", "1", "1", "1"], "exactly one of --order and --pid must be given"),
         (["--order", "0"], "--order is 0: it must be above 0 and at most 1, or at least -1 and below 0"),
         (["--order", "nan"], "--order is nan: it must be above 0"),
         (["--order", "0.5", "--step", "-1"], "step must be positive and finite, got -1.0"),
-        (["--order", "0.5", "--name", "2nd"], "name is '2nd': it must be a letter and then at most 30 letters"),
+        (["--order", "0.5", "--name", "2nd"], "name is '2nd': it must be a letter followed by at most 30 letters"),
         (["--order", "0.5", "--tolerance", "2"], "tolerance must lie in [1e-11, 0.1], got 2.0"),
-        (["--order", "0.5", "--name", "Math"], "name is 'Math': it must not be that of a header of C's library"),
-        (["--pid", "1e300", "1", "0.5", "1", "0.5"], "a weight of the operator is 1e+300, which float cannot hold"),
-        (["--pid", "0", "1e-46", "0.5", "0", "1"], "which float cannot hold: scale it"),
-        (["--pid", "1e308", "1e308", "0.5", "1e308", "0.5"], "a weight of the operator is not finite: its gains must"),
+        (["--order", "0.5", "--name", "Math"], "name is 'Math': it must not be the name of a standard C header"),
+        (["--pid", "1e300", "1", "0.5", "1", "0.5"], "a weight of the operator is 1e+300: it must fit float"),
+        (["--pid", "0", "1e-46", "0.5", "0", "1"], "it must fit float; scale the gains"),
+        (["--pid", "1e308", "1e308", "0.5", "1e308", "0.5"], "a weight of the operator is not finite: the gains must"),
     ],
 )
 def test_what_cannot_be_exported_is_refused_in_one_sentence(words: list[str], message: str, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""One recorded run through every target: the same bits, and what is said where they are not."""
+"""One recorded run through every target: the same bits, and the message if they differ."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from fracgyro.export import compilers
 from fracgyro.export.compilers import Number
 from fracgyro.export.host import Host
 from fracgyro.export.replay import Difference, Trace, first_difference, load, parity_hash
-from fracgyro.export.targets import DTYPES, Target, answer_columns, answered, answers
+from fracgyro.export.targets import DTYPES, answer_columns, answered, answers
 from fracgyro.simulation.dataset import write_run
 
-STEPS = 100_000
+STEPS = 20_000
 PAPER = fg.Scenario.paper().replace({"run.duration": STEPS * 1e-3})
 GCC, CLANG = {"CC": "gcc", "CXX": "g++"}, {"CC": "clang", "CXX": "clang++"}
 NUMBERS: tuple[Number, ...] = get_args(Number)
 
 # How it is called here: target, what it needs beyond the Python package, compilers.
-TARGETS: dict[str, tuple[Target, str, dict[str, str]]] = {
+TARGETS: dict[str, tuple[str, str, dict[str, str]]] = {
     "Python Controller": ("python", "", {}),
     "lanes": ("lanes", "", {}),
     "host": ("host", "", {}),
@@ -40,7 +40,8 @@ TARGETS: dict[str, tuple[Target, str, dict[str, str]]] = {
     "WebAssembly": ("wasm", "WebAssembly", {}),
     "FMU": ("fmu", "", {}),
 }
-# Other ways through the law, on a short run: other surfaces, powers and orders, and what is off in the paper.
+# Other paths through the law, on a short run: other surfaces, powers and orders, and options that the paper does not
+# use.
 SCENARIOS = {
     "power, printed": fg.Scenario.paper("printed").replace({"controller.terminal_exponent": 0.6}),
     "fractional of order zero, limited": fg.Scenario.paper().replace(
@@ -94,7 +95,7 @@ def trace(tmp_path_factory: pytest.TempPathFactory) -> Trace:
 
 @pytest.fixture(scope="session")
 def expected(trace: Trace) -> dict[Number, np.ndarray]:
-    """In float one target has to be believed: firmware on this computer."""
+    """In float one target is the reference: firmware on this computer."""
     return {"double": trace.answers, "float": answers("host", PAPER, "float", trace.motion)}
 
 
@@ -115,8 +116,8 @@ def test_every_target_answers_a_recorded_run_with_the_same_bits(
     expected: dict[Number, np.ndarray],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    _, face, choice = TARGETS[name]
-    need(face)
+    _, tools, choice = TARGETS[name]
+    need(tools)
     for variable, value in choice.items():
         monkeypatch.setenv(variable, value)
     assert len(trace.motion) == STEPS + 1
@@ -129,7 +130,8 @@ def test_every_way_through_the_law_has_the_same_bits(scenario: str, number: Numb
     short = record(SCENARIOS[scenario].replace({"run.duration": 2.0}), tmp_path / "run.nc")
     double = number == "double"
     expected = short.answers if double else answers("python", short.scenario, number, short.motion)
-    for name in ("lanes", "host", "FMU"):
+    # An FMU in float is compared above: it takes longest to compile.
+    for name in ("lanes", "host", "FMU") if double else ("lanes", "host"):
         compare(name, number, short, expected)
 
 
@@ -159,8 +161,7 @@ def test_a_run_with_faults_has_the_same_bits_on_every_face(
     assert statuses >= {0, 3, 6, 7}
     expected = np.array(rows).astype(DTYPES[number])
     assert np.isfinite(expected).all()
-    targets: tuple[Target, ...] = ("python", "fmu", "wasm")
-    for target in targets:
+    for target in ("python", "fmu", "wasm"):
         difference = first_difference(answers(target, scenario, number, motion), expected, answer_columns(scenario))
         assert difference is None, f"{target}, {number}: {difference}"
 
@@ -174,7 +175,7 @@ def test_a_device_that_is_not_ideal_is_replayed_from_what_the_controller_measure
         compare(name, "double", short, short.answers)
 
 
-# -- What is said --------------------------------------------------------------------------------------------
+# -- Messages ------------------------------------------------------------------------------------------------
 
 
 def command(*words: str | Path) -> Result:
@@ -193,7 +194,7 @@ def test_the_command_says_equal_and_the_hash(short: Path, number: Number) -> Non
     assert said.exit_code == 0
     against = {"double": "the trace", "float": "the Python Controller"}[number]
     first, last = said.output.splitlines()
-    assert first == f"host, {number}: 201 steps, every bit of forces and estimates is that of {against}"
+    assert first == f"host, {number}: 201 steps, all bits of forces and estimates equal {against}"
     found = json.loads(command(short, "--target", "host", "--number", number, "--json").output)
     assert last == f"parity hash (SHA-256): {found['hash']}"
     assert (found["steps"], found["difference"]) == (201, None)
@@ -252,11 +253,11 @@ def test_what_is_no_record_of_every_step_is_refused_in_one_sentence(short: Path,
     write_run(run.isel(time=slice(0, 0)), path)
     assert refused(path) == "has no steps: it must have at least one"
     write_run(run.assign(position=run["position"].astype("float32")), path)
-    assert refused(path) == "has position as float32: it must be float64, as it was recorded"
+    assert refused(path) == "has position as float32: it must be float64"
     write_run(run.isel(axis=[0]), path)
-    assert refused(path) == "has 2 numbers a step as position and velocity: it must have 4"
+    assert refused(path) == "has 2 numbers per step in position and velocity: it must have 4"
     write_run(run.isel(entry=[0]), path)
-    assert re.match(r"has \d+ numbers a step as control and .*: it must have \d+$", refused(path))
+    assert re.match(r"has \d+ numbers per step in control and .*: it must have \d+$", refused(path))
     base = fg.Scenario.paper().replace({"run.duration": 0.2})
     for change, report in {
         "run.record_every": "lacks steps: run.record_every is 4, and must be 1",
@@ -272,8 +273,8 @@ def test_a_motion_that_firmware_takes_for_a_fault_is_no_difference_of_bits(short
     run["velocity"].values[5, 0] = 1e7
     write_run(run, tmp_path / "wild.nc")
     report = refused(tmp_path / "wild.nc")
-    fault = "host takes the motion at step 5 for a fault of the sensor: status 3"
-    assert report == f"{fault}; replay compares motions without faults"
+    fault = "host rejects the motion at step 5 as a sensor fault, status 3"
+    assert report == f"{fault}: the trace must not have faults"
 
 
 @pytest.mark.parametrize(

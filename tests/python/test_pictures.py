@@ -11,6 +11,7 @@ from urllib.parse import unquote
 from xml.etree import ElementTree
 
 import fracgyro as fg
+import pytest
 from figure_data import LINK, read
 from fracgyro.analysis.html import csv_text, data_link, embedded
 from fracgyro.analysis.plots import write_plot
@@ -33,6 +34,29 @@ def test_the_letters_of_a_run_are_text_in_fonts_that_stand_in_for_one_another(tm
     assert families == {"'DejaVu Sans', 'Verdana', sans-serif"}
     assert picture.findtext(f"{SVG}title") == "A run"
     assert "tracking error: x, y" in str(picture.findtext(f"{SVG}desc"))
+
+
+def test_a_compact_picture_has_every_point_and_joins_only_lines_that_look_the_same() -> None:
+    with own_style():
+        figure = Figure()
+        panel = figure.add_axes((0, 0, 1, 1))
+        panel.axis("off")
+        panel.set(xlim=(0, 1), ylim=(0, 1))
+        width, height = 72 * figure.get_size_inches()
+        for x in (0.25, 0.5):
+            panel.plot([x, x], [0, 1], color="black")
+        for x in (0.25, 0.5):
+            panel.plot([x, 0.75], [0, 1], color="red", alpha=0.5)
+        picture = ElementTree.fromstring(svg(figure, "a"))
+    drawn = {each.get("d", ""): each.get("style", "") for each in picture.iter(f"{SVG}path")}
+    paths = [path for path in drawn if "stroke: " in drawn[path]]
+    black, *red = ([float(each) for each in re.findall(r"[\d.]+", path)] for path in paths)
+    assert black == pytest.approx(
+        [0.25 * width, height, 0.25 * width, 0, 0.5 * width, height, 0.5 * width, 0], abs=0.05
+    )
+    assert red == [pytest.approx([x * width, height, 0.75 * width, 0.0], abs=0.05) for x in (0.25, 0.5)], (
+        "where they cross, they are darker"
+    )
 
 
 def test_numbers_are_saved_as_they_are_whatever_is_in_their_names() -> None:

@@ -1,4 +1,4 @@
-"""The gyroscope by itself and the closed loop in parts: the samples of `simulate`, bit for bit."""
+"""The gyroscope without a controller and the closed loop in parts: the samples of `simulate`, bit for bit."""
 
 from __future__ import annotations
 
@@ -158,7 +158,7 @@ def test_a_loop_takes_a_controller_from_outside(changes: dict[str, Any]) -> None
     scenario = SHORT.replace(changes)
     loop = fg.Loop(scenario, pd)
     equal(xr.concat([loop.run(10), loop.run(AT_MOST - 10)], "time"), fg.simulate(scenario, pd))
-    with pytest.raises(ValueError, match=r"^a loop with a Python callable has no state"):
+    with pytest.raises(ValueError, match=r"^a loop with a Python callable cannot be saved"):
         _ = loop.state
 
 
@@ -229,7 +229,7 @@ def test_what_is_set_acts_from_the_next_sample_on() -> None:
     changed = loop.run(100)
     at = plain.isel(time=slice(100, 200))
     assert (changed["reference"].values == 0.9 * at["reference"].values).all()
-    assert changed["rate_estimate"].values[0] == at["rate_estimate"].values[0], "what was learnt stays"
+    assert changed["rate_estimate"].values[0] == at["rate_estimate"].values[0], "estimates stay"
     assert not changed["control"].equals(at["control"])
     np.testing.assert_array_equal(changed["position"].values[0], at["position"].values[0])
     assert loop.scenario.plant.angular_rate == 50.0
@@ -334,7 +334,7 @@ def test_a_loop_with_a_law_is_copied_and_one_with_a_callable_is_not() -> None:
     equal(copy.deepcopy(loop).run(50), loop.run(50))
     with pytest.raises(TypeError, match=r"^a Law cannot be pickled"):
         pickle.dumps(loop)
-    with pytest.raises(ValueError, match=r"^a loop with a Python callable has no state, and cannot be copied"):
+    with pytest.raises(ValueError, match=r"^a loop with a Python callable cannot be saved or copied"):
         copy.deepcopy(fg.Loop(SHORT, pd))
 
 
@@ -360,7 +360,7 @@ def test_a_loop_that_its_own_controller_runs_or_sets_says_so_once() -> None:
         with pytest.raises(fg.ControllerError) as said:
             loop.run(3)
         assert str(said.value) == (
-            "the controller raised ValueError: the loop is running: neither its controller nor another thread can run "
+            "the controller raised ValueError: the loop is running: its controller or another thread cannot run "
             "or change it at t = 0"
         )
 
@@ -422,7 +422,7 @@ def test_a_step_that_another_thread_took_first_is_refused() -> None:
             return [0.5, 0.5][place]
 
     Sequence.register(Late)
-    with pytest.raises(ValueError, match=r"^time is 0.0: the next step is at 0.001, and steps must be taken one after"):
+    with pytest.raises(ValueError, match=r"^time is 0.0: the next step is at 0.001, and steps must be consecutive"):
         controller.step(0.0, Late(), (0.0, 0.0))  # type: ignore[arg-type]
 
 

@@ -1,4 +1,4 @@
-"""`fracgyro rate` and the shipped scenarios: what they are, and what a user of them meets."""
+"""`fracgyro rate` and the shipped scenarios: their properties, and the user's view."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 from figure_data import column, figure_data
 from fracgyro.rate.bound import Bound, bound_angle_random_walk
-from fracgyro.rate.measure import _couplings, measure
+from fracgyro.rate.measure import measure
 from fracgyro.rate.results import results
-from fracgyro.rate.runs import Output, Sensor
+from fracgyro.rate.runs import _couplings, run_all
+from fracgyro.rate.sensor import Output, Sensor
 from fracgyro.rate.units import thermal_force_density
 from fracgyro.scenario import ScenarioError
 from fracgyro.scenario.schema import Plant
@@ -173,7 +174,9 @@ def test_the_measured_response_is_one_of_python_control(report: Path, tmp_path: 
         fg.interop.control.rate_response(tmp_path / "none")
     for content in ("{}", "no JSON", '{"response": {"frequency": [1], "gain": ["a"], "lag": [0]}}'):
         (tmp_path / "rate.json").write_text(content, encoding="utf-8")
-        with pytest.raises(ValueError, match=r"rate\.json has no measured response: write it by fracgyro rate --out$"):
+        with pytest.raises(
+            ValueError, match=r"rate\.json has no measured response: create it with fracgyro rate --out$"
+        ):
             fg.interop.control.rate_response(tmp_path)
 
 
@@ -192,7 +195,7 @@ def test_the_numbers_behind_the_figures_give_the_figures_of_merit(report: Path) 
     found = {figure["key"]: figure["value"] for figure in content["figures"]}
     rates = data["constant_rates"]
     assert column(rates, "rate (deg/s)") == pytest.approx([-300, -200, -100, -30, -10, 0, 10, 30, 100, 200, 300])
-    worst = max(map(abs, column(rates, "mean output less the line (deg/s)")))
+    worst = max(map(abs, column(rates, "mean output minus the line (deg/s)")))
     assert 100 * worst / 300 == pytest.approx(abs(found["nonlinearity"]), rel=1e-6)
     allan = data["allan_deviation"]
     tau, walk = (column(allan, name) for name in ("averaging time (s)", "slope −1/2: angle random walk (deg/h)"))
@@ -215,7 +218,7 @@ def test_the_numbers_behind_the_figures_give_the_figures_of_merit(report: Path) 
 def test_a_folder_that_is_there_is_left_alone(report: Path, tmp_path: Path) -> None:
     shipped("dual_mass").save(tmp_path / "device.toml")
     before = (report / "rate.json").read_bytes()
-    assert "it is there already" in sentence(run("rate", tmp_path / "device.toml", "--out", report))
+    assert "it already exists" in sentence(run("rate", tmp_path / "device.toml", "--out", report))
     assert (report / "rate.json").read_bytes() == before
 
 
@@ -246,7 +249,7 @@ def test_a_run_that_diverges_within_the_range_leaves_nothing(tmp_path: Path) -> 
     assert [path.name for path in tmp_path.iterdir()] == ["coarse.toml"]
 
 
-# -- What is measured ----------------------------------------------------------------------------------------
+# -- Measurements --------------------------------------------------------------------------------------------
 
 
 def test_the_controller_is_not_told_the_rate() -> None:
@@ -275,8 +278,8 @@ def test_knowing_damping_and_stiffness_lowers_the_bound_where_the_speeds_differ(
     speeds = 0.5 * (1.0 + (0.5 * 1.010883085) ** 2)
     worked = math.sqrt(scenario.disturbance.density / (4 * speeds)) * scales.rate * math.sqrt(scales.time)
     assert bound.known == pytest.approx(worked, rel=1e-3)
-    # With D unknown, y at w1 tells d + 2 W and x at w2 d - 2 W, of as many units of information as vx^2 and vy^2: the
-    # variance of half their difference.
+    # With D unknown, y at w1 measures d + 2 W and x at w2 d - 2 W, with information vx^2 and vy^2: the variance of half
+    # their difference.
     a, b = 0.5, 0.5 * (0.5 * 1.010883085) ** 2
     assert (bound.unknown / bound.known) ** 2 == pytest.approx((1 / a + 1 / b) / 4 * (a + b), rel=1e-2)
 
@@ -308,7 +311,7 @@ def test_without_noise_the_bound_is_0_and_a_motion_that_tells_nothing_apart_has_
     assert bound is not None
     assert (bound.known, bound.unknown) == (0.0, 0.0)
     assert bound_angle_random_walk(scenario.replace({"disturbance.kind": "none"})) is None
-    # Motions of very different sizes tell as much apart as others.
+    # Motions of very different sizes separate parameters as well as others.
     small = {"reference.amplitude": (1.0, 5e-4), "run.initial_position": (0.0, 5e-4)}
     assert bound_angle_random_walk(scenario.replace(small)) is not None
     line = {"reference.amplitude": (1.0, 0.0), "reference.phase": (0.0, 0.0)}  # y rests
@@ -325,7 +328,8 @@ def test_without_noise_the_bound_is_0_and_a_motion_that_tells_nothing_apart_has_
 def test_the_measured_noise_is_near_the_bound_and_its_figures_are_finite(
     scenario: fg.Scenario, bandwidth: tuple[float, float], lag: tuple[float, float]
 ) -> None:
-    measured = measure(scenario.replace({"run.duration": 8000.0}), seeds=2)
+    sensor = Sensor.of(scenario.replace({"run.duration": 8000.0}), 2)
+    measured = measure(sensor, run_all(sensor))
     found = {result.key: result for result in results(measured)}
     # Only the largest rate tried is known of the full scale: a lower limit.
     assert measured.full_scale_is_last

@@ -1,4 +1,4 @@
-"""Figures of merit of a rate sensor: units by hand, and gyroscopes whose truth is known."""
+"""Figures of merit of a rate sensor: units by hand, and gyroscopes with known errors."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from fracgyro.rate.merit import Response, full_scale, gain_and_lag, response, st
 from fracgyro.rate.report import grade_of, interval_of, value_of
 from fracgyro.rate.require import verdict
 from fracgyro.rate.results import Result, _zero_rate_output, noise_terms
-from fracgyro.rate.runs import Output
+from fracgyro.rate.sensor import Output
 from fracgyro.rate.units import (
     DEG_PER_H,
     DEG_PER_H_PER_ROOT_H,
@@ -123,7 +123,7 @@ def test_white_noise_and_a_walking_rate_are_told_apart() -> None:
 
 
 def slow(records: NDArray[np.float64], interval: float, lag: float) -> NDArray[np.float64]:
-    """As a sensor of first order tells it."""
+    """Output of a first-order sensor."""
     keep = math.exp(-interval / lag)
     return np.asarray(lfilter([1 - keep], [1, -keep], records, axis=1))
 
@@ -168,7 +168,7 @@ def test_a_record_too_short_or_not_finite_is_refused(record: NDArray[np.float64]
         allan(record, 1.0)
 
 
-# -- What is shown of a figure -------------------------------------------------------------------------------
+# -- Display of a figure -------------------------------------------------------------------------------------
 
 
 def figure(value: float, low: float = math.nan, high: float = math.nan, graded: Grade | None = "tactical") -> Result:
@@ -243,7 +243,7 @@ def test_full_scale_is_about_the_output_at_rest_and_the_scale_factor_of_the_line
     outputs = (1.05 * rates + 20 * DEG)[:, None].repeat(2, axis=1)
     line = static(rates[1:4], outputs[1:4])
     assert full_scale(rates, outputs, line) == (pytest.approx(600 * DEG), True)
-    outputs[0] -= 6.1 * DEG  # on one side alone, and more than 1 % of 600
+    outputs[0] -= 6.1 * DEG  # on one side only, and more than 1 % of 600
     assert full_scale(rates, outputs, line) == (pytest.approx(300 * DEG), False)
     outputs[0] += 0.2 * DEG
     assert full_scale(rates, outputs, line) == (pytest.approx(600 * DEG), True)
@@ -354,7 +354,7 @@ def test_a_turn_on_is_drawn_to_its_last_output_in_decades_about_zero(monkeypatch
     assert drawn[0].axes[0].get_yticks() == pytest.approx([*(-d for d in reversed(decades)), 0.0, *decades])
 
 
-# -- What was observed, and what is required -----------------------------------------------------------------
+# -- Observed figures and requirements -----------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -387,7 +387,7 @@ def test_a_requirement_is_decided_by_the_interval(
 def test_an_output_at_rest_that_may_be_zero_has_no_grade() -> None:
     noise, bias = (_zero_rate_output(Mean(1e-4, 1e-4 - half, 1e-4 + half)) for half in (2e-4, 5e-5))
     assert noise.grade is None
-    assert noise.note == "not observed: its interval includes 0, and it may be only noise"
+    assert noise.note == "not observed: its interval includes 0"
     assert (bias.grade, bias.note) == (grade("bias", bias.value), "")
 
 

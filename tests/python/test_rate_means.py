@@ -1,4 +1,4 @@
-"""Rate estimates averaged while a run goes on, against those of its record."""
+"""Rate estimates averaged during a run, against the averages of its record."""
 
 from __future__ import annotations
 

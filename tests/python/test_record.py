@@ -1,4 +1,4 @@
-"""`fracgyro allan` on files as engineers have them, and what it says of files that are no records."""
+"""`fracgyro allan` on typical files of engineers, and its messages for files that are not records."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 import scipy.io
-from fracgyro.rate.of_record import analyse_record, analyse_series
+from fracgyro.rate.of_record import analyze_record, analyze_series
 from fracgyro.rate.record import Options
 from fracgyro.rate.record import read_record as read
 from fracgyro.rate.times import examine
@@ -105,7 +105,10 @@ def test_decimals_may_be_commas_in_a_column_of_a_name_and_in_columns_without_nam
 def test_a_column_of_decimal_commas_without_a_name_is_not_read_as_two_columns(tmp_path: Path) -> None:
     path = written(tmp_path / "a.csv", [f"{value:.4f}".replace(".", ",") for value in RATES.tolist()])
     for column in (None, "1", "2"):
-        with pytest.raises(ValueError, match="its rows can be two columns or one of decimal commas: it must have"):
+        with pytest.raises(
+            ValueError,
+            match="has no column names, and a comma in its rows may be a separator or a decimal comma: it must have",
+        ):
             read_record(path, column, rate=100.0)
     counts = [f"{i},{count}" for i, count in enumerate((1e6 * RATES).astype(int).tolist())]
     assert read_record(written(tmp_path / "b.csv", counts), "2", rate=100.0).values[0] == int(1e6 * RATES[0]) * DEG
@@ -119,11 +122,11 @@ def test_a_time_column_names_its_unit(tmp_path: Path, name: str, seconds: float)
     rows = [f"{i * 0.01 / seconds:.3f},{value!r}" for i, value in enumerate(RATES.tolist())]
     record = read_record(written(tmp_path / "a.csv", rows, f"{name},x\n"))
     assert record.interval == pytest.approx(0.01, rel=1e-9)
-    assert record.note == "x names no unit and is taken for deg/s"
+    assert record.note == "x has no unit; deg/s is assumed"
 
 
 def ticks(per_second: float, name: str = "timestamp") -> list[str]:
-    """200 samples a second, their times in ticks."""
+    """A record at 200 Hz with its times in ticks."""
     return [f"{name},x [deg/s]", *(f"{i * per_second / 200:.12g},{value!r}" for i, value in enumerate(RATES.tolist()))]
 
 
@@ -135,7 +138,7 @@ def test_ticks_without_a_unit_are_in_the_only_one_that_makes_them_a_gyroscopes(
     path = written(tmp_path / "a.csv", ticks(per_second, name))
     record = read_record(path)
     assert record.interval == pytest.approx(0.005, rel=1e-9)
-    assert record.note == f"{name} names no unit and is taken for {unit}, 200 samples a second"
+    assert record.note == f"{name} has no unit; {unit} are assumed, which gives 200 Hz"
     assert read_record(path, rate=200.0).note == ""
     assert read_record(path, time_unit=unit).note == ""
     written(path, ticks(per_second, f"{name} [{unit}]"))
@@ -146,7 +149,7 @@ def test_ticks_that_may_be_of_two_units_are_refused(tmp_path: Path) -> None:
     rows = ["t,x", *(f"{20 * i},{value!r}" for i, value in enumerate(RATES.tolist()))]  # 50 Hz in ms, 50 kHz in us
     path = written(tmp_path / "a.csv", [rows[0], *(row.replace(",", "0,") for row in rows[1:])])
     with pytest.raises(
-        ValueError, match=r"t has no unit, and in seconds its samples would be 200 s apart: give time_u"
+        ValueError, match=r"t has no unit, and in seconds the samples would be 200 s apart: give time_u"
     ):
         read_record(path)
     assert read_record(path, time_unit="us").interval == pytest.approx(2e-4)
@@ -156,7 +159,7 @@ def test_ticks_that_may_be_of_two_units_are_refused(tmp_path: Path) -> None:
 
 def test_a_time_that_names_no_unit_is_said_to_be_taken_for_seconds(tmp_path: Path) -> None:
     path = written(tmp_path / "a.csv", ticks(1.0))
-    words = "timestamp names no unit and is taken for seconds"
+    words = "timestamp has no unit; seconds are assumed"
     assert read_record(path).note == words
     assert f"Note: {words}" in run("allan", path).stdout
     assert json.loads(run("allan", path, "--json").stdout)["notes"] == [words]
@@ -166,7 +169,7 @@ def test_a_time_that_names_no_unit_is_said_to_be_taken_for_seconds(tmp_path: Pat
 def test_a_rate_within_five_percent_of_the_times_is_taken(tmp_path: Path, given: float, note: str) -> None:
     record = read_record(written(tmp_path / "a.csv", ticks(1.0, "time [s]")), rate=given)
     assert record.interval == 1 / given
-    assert (f"rate is +{note} % off that of time [s]".replace("+-", "-") in record.note) == bool(note)
+    assert (f"rate differs by +{note} % from that of time [s]".replace("+-", "-") in record.note) == bool(note)
 
 
 def test_a_rate_serves_where_the_times_jitter_or_are_dates_or_no_times(tmp_path: Path) -> None:
@@ -254,7 +257,7 @@ def test_jitter_is_a_note(tmp_path: Path) -> None:
 def test_sentences_name_arguments_in_python_and_options_on_the_command_line(tmp_path: Path) -> None:
     path = written(tmp_path / "a.csv", ["x", *map(repr, RATES.tolist())])
     with pytest.raises(ValueError, match=r"^rate is needed, in Hz"):
-        analyse_record(path)
+        analyze_record(path)
     assert sentence(run("allan", path)).startswith("--rate is needed, in Hz")
 
 
@@ -306,7 +309,7 @@ def test_the_unit_is_that_of_the_name_or_stated_as_assumed(tmp_path: Path, name:
     record = read_record(path, rate=1.0)
     np.testing.assert_allclose(record.values, RATES / RATE_UNITS[unit].per_si)
     assert record.unit == unit
-    assert ("is taken for" in record.note) == (name in ("gz", "gyro (z)", "field.angular_velocity.z"))
+    assert ("is assumed" in record.note) == (name in ("gz", "gyro (z)", "field.angular_velocity.z"))
 
 
 def test_a_unit_in_latin_1_is_read(tmp_path: Path) -> None:
@@ -333,7 +336,7 @@ def test_stamps_that_many_samples_share_are_no_gaps(stamps: str) -> None:
 def test_the_part_that_a_fall_of_the_times_suggests_is_read(tmp_path: Path) -> None:
     rows = ticks(1.0, "time [s]")
     path = written(tmp_path / "a.csv", [*rows[:101], *rows[1:]])
-    with pytest.raises(ValueError, match="longest even stretch has 400 samples") as said:
+    with pytest.raises(ValueError, match="longest even segment has 400 samples") as said:
         read_record(path)
     found = re.search(r"use begin (\S+) end (\S+), or", str(said.value))
     assert found
@@ -344,7 +347,7 @@ def test_the_part_that_a_fall_of_the_times_suggests_is_read(tmp_path: Path) -> N
 
 def test_another_unit_than_the_files_is_noted_and_counts(tmp_path: Path) -> None:
     path = written(tmp_path / "a.csv", ["x (rad/s)", *map(repr, RATES.tolist())])
-    assert read_record(path, rate=1.0).note == "the unit is rad/s, as the file names it"
+    assert read_record(path, rate=1.0).note == "the unit is rad/s, from the file"
     record = read_record(path, rate=1.0, unit="deg/s")
     assert record.note == "the file names rad/s, but unit is deg/s"
     np.testing.assert_allclose(record.values, RATES * DEG)
@@ -355,8 +358,8 @@ def test_counts_are_scaled_and_increments_are_over_the_interval(tmp_path: Path) 
     np.testing.assert_allclose(read_record(path, rate=50.0, scale=1 / 131).values, RATES / 131 * DEG)
     angles = read_record(path, rate=50.0, increments=True)
     np.testing.assert_allclose(angles.values, RATES * 50 * DEG)
-    assumed = "column 1 names no unit and is taken for deg/s"
-    assert angles.note == f"{assumed}; each sample is an angle, deg, and over 0.02 s a rate"
+    assumed = "column 1 has no unit; deg/s is assumed"
+    assert angles.note == f"{assumed}; each sample is an angle increment in deg over 0.02 s"
 
 
 # -- Layouts of public files ---------------------------------------------------------------------------------
@@ -418,7 +421,7 @@ def test_a_layout_of_loggers_is_read(tmp_path: Path, kind: str) -> None:
     record = read(path, Options(**{"columns": ("gx", "gy", "gz"), **options}))
     np.testing.assert_allclose(record.values, np.array(ROWS)[:, 1:].T * DEG, rtol=1e-12)
     assert record.interval == pytest.approx(0.01)
-    notes = [note for note in record.notes if "names no unit" not in note]
+    notes = [note for note in record.notes if "has no unit" not in note]
     assert len(notes) == (kind in ("a cut last row", "rows of other sensors"))
 
 
@@ -461,7 +464,7 @@ def test_files_of_other_encodings_and_kinds_are_read(tmp_path: Path) -> None:
         (b"\x93NUMPY\x01\x00broken", "is a NumPy array that cannot be read"),
         (b"PAR1broken", "is a Parquet file that cannot be read"),
         (b"\x1f\x8bbroken", "cannot be unpacked"),
-        (bytes(range(256)) * 9, "is neither text nor a file of numbers"),
+        (bytes(range(256)) * 9, "is not a supported file"),
         (b"lorem ipsum\ndolor sit amet\n" * 9, "has no rows of numbers"),
         (b"", "has 0 rows: it must have at least 20"),
     ],
@@ -505,9 +508,9 @@ def test_the_command_finds_the_terms_of_a_record_and_writes_them_and_a_plot(tmp_
     curve = np.array(content["deviation_deg_per_h"]) * DEG / 3600
     np.testing.assert_allclose(curve, found.deviation, rtol=1e-9)
     again = run("allan", tmp_path / "gyro.csv", "--rate", "10", "--out", out)
-    assert "it is there already" in sentence(again)
+    assert "it already exists" in sentence(again)
     table = run("allan", tmp_path / "gyro.csv", "--rate", "10").stdout
-    assert "z: 100000 samples in deg/s, 10 a second" in table
+    assert "z: 100000 samples in deg/s at 10 Hz" in table
     assert "Angle random walk" in table
 
 
@@ -518,26 +521,26 @@ X: dict[str, Any] = {"columns": ("x",)}
 @pytest.mark.parametrize(
     ("lines", "options", "expected"),
     [
-        (GOOD, {}, "--column is needed: it must be one of those of {path}: x, y"),
-        (GOOD, {"columns": ("z",)}, "--column is 'z': it must be one of those of {path}: x, y"),
-        (GOOD, {"columns": ("#4",)}, "--column is '#4': it must be one of those of {path}: x, y"),
-        (GOOD, {"columns": ("x", "#2")}, "--column is '#2' twice: it must be another column each time"),
+        (GOOD, {}, "--column is needed: it must be one of the columns of {path}: x, y"),
+        (GOOD, {"columns": ("z",)}, "--column is 'z': it must be one of the columns of {path}: x, y"),
+        (GOOD, {"columns": ("#4",)}, "--column is '#4': it must be one of the columns of {path}: x, y"),
+        (GOOD, {"columns": ("x", "#2")}, "--column is '#2' twice: columns must be different"),
         (
             GOOD,
             {"columns": ("time",)},
-            "--column is 'time', which is the time: it must be one of those of {path}: x, y",
+            "--column is 'time', which is the time: it must be one of the columns of {path}: x, y",
         ),
         (GOOD, {**X, "time": "u"}, "--time is 'u': it must be one of the columns of {path}: time, x, y"),
         (
             GOOD,
             {**X, "rate": 50.0},
-            "--rate is 50: it must be that of time in {path} within 5 %, whose samples are 0.01 apart in an unnamed "
+            "--rate is 50: it must agree within 5 % with time in {path}, whose samples are 0.01 apart in an unnamed "
             "unit; rename that column if it is not the time",
         ),
         (
             ["time [s],x,y", *numbered()],
             {**X, "rate": 106.0},
-            "--rate is 106: it must be that of time [s] in {path} within 5 %, whose samples are 100 a second; rename "
+            "--rate is 106: it must agree within 5 % with time [s] in {path}, whose samples are at 100 Hz; rename "
             "that column if it is not the time",
         ),
         (
@@ -547,7 +550,7 @@ X: dict[str, Any] = {"columns": ("x",)}
         ),
         (GOOD, {**X, "time_unit": "h"}, "--time-unit is 'h': it must be one of s, ms, us, ns"),
         (GOOD, {**X, "rate": 0.0}, "--rate is 0.0: it must be greater than 0"),
-        (GOOD, {**X, "scale": 0.0}, "--scale is 0: it must be another number"),
+        (GOOD, {**X, "scale": 0.0}, "--scale is 0: it must not be 0"),
         (GOOD, {**X, "begin": -1.0}, "--from is -1.0: it must be at least 0"),
         (GOOD, {**X, "begin": 2.0, "end": 1.0}, "--to is 1.0: it must be greater than 2"),
         (GOOD, {**X, "begin": 3.9}, "{path} has 10 rows from 3.9 s to the end: it must have at least 20"),
@@ -556,20 +559,20 @@ X: dict[str, Any] = {"columns": ("x",)}
         (
             ["time,x,y"],
             X,
-            "{path} has no rows of numbers, as far as can be seen: it must be a table, its columns "
-            "separated by commas, semicolons, tabs or blanks",
+            "{path} has no rows of numbers: it must be a table with columns separated by commas, semicolons, tabs "
+            "or blanks",
         ),
         ([], {"rate": 1.0}, "{path} has 0 rows: it must have at least 20"),
         (
             ["x", *map(str, RATES)],
             {},
-            "--rate is needed, in Hz, as {path} has no column called time, timestamp or t, as in time [ns]",
+            "--rate is needed, in Hz: {path} has no column called time, timestamp or t, as in time [ns]",
         ),
         (["x", *["1.5"] * 50], {"rate": 1.0}, "{path}: x is 1.5 in every row: it must vary"),
         (
             ["x,x", *["1,2"] * 50],
             {**X, "rate": 1.0},
-            "--column is 'x': {path} must have one of that name, not 2; name it by its number, #1, #2",
+            "--column is 'x': {path} has 2 columns of that name; use a number, #1, #2",
         ),
         ([*GOOD[:30], "0.3,abc,1", *GOOD[30:]], X, "{path}, line 31: x is 'abc': it must be a finite number"),
         (
@@ -580,8 +583,8 @@ X: dict[str, Any] = {"columns": ("x",)}
         (
             [*GOOD[:30], *["0.3,nan,1", "0.3,,1"] * 60, *GOOD[30:]],
             X,
-            "{path}, line 31: x is empty or not a number: it must be a finite number; --skip-empty leaves out rows as "
-            "this one, of which there are 120",
+            "{path}, line 31: x is empty or not a number: it must be a finite number; --skip-empty excludes such rows, "
+            "of which there are 120",
         ),
         ([*GOOD[:30], "0.3,-inf,1", *GOOD[30:]], X, "{path}, line 31: x is infinite: it must be a finite number"),
         ([*GOOD[:30], "0.3,1", *GOOD[30:]], X, "{path}, line 31: it has 2 columns: it must have 3"),
@@ -594,26 +597,26 @@ X: dict[str, Any] = {"columns": ("x",)}
             [*GOOD[:30], *GOOD[31:]],
             X,
             "{path}: time has a gap at line 31; 1 sample is missing: times must increase evenly. The longest even "
-            "stretch has 370 samples: use --from 0.3 --to 4, or override the times with --rate",
+            "segment has 370 samples: use --from 0.3 --to 4, or override the times with --rate",
         ),
         (
             ["time [week],x", *numbered()],
             {"columns": ("x",), "time": "time [week]"},
-            "{path}: time [week] is in week, which is not known as a unit of time: give --time-unit, one of s, ms, us, "
+            "{path}: time [week] is in week, which is not a known unit of time: give --time-unit, one of s, ms, us, "
             "ns, or --rate",
         ),
         (
             ["x [LSB]", *map(str, RATES)],
             {"rate": 1.0},
-            "{path}: x [LSB] is in LSB, which is not known as a unit of rate: give --unit, one of deg/s, rad/s, deg/h, "
-            "mdeg/s, mrad/s, urad/s, arcsec/s, rpm, and --scale for counts.",
+            "{path}: x [LSB] is in LSB, which is not a known unit of rate: give --unit, one of deg/s, rad/s, deg/h, "
+            "mdeg/s, mrad/s, urad/s, arcsec/s, rpm, and for counts --scale.",
         ),
         (
             ["x [rad]", *map(str, RATES)],
             {"rate": 1.0},
-            "{path}: x [rad] is in rad, which is not known as a unit of rate: give --unit, one of deg/s, rad/s, deg/h, "
-            "mdeg/s, mrad/s, urad/s, arcsec/s, rpm, and --scale for counts. An angle in each sample needs "
-            "--increments, too.",
+            "{path}: x [rad] is in rad, which is not a known unit of rate: give --unit, one of deg/s, rad/s, deg/h, "
+            "mdeg/s, mrad/s, urad/s, arcsec/s, rpm, and for counts --scale. Angle increments also need "
+            "--increments.",
         ),
         (
             ["x", *map(str, RATES), "1e300"],
@@ -623,7 +626,7 @@ X: dict[str, Any] = {"columns": ("x",)}
         (
             ["time,x", *["0.0,1", "0.0,2"] * 20],
             {},
-            "{path}: time does not rise from line to line: it must, or give --rate",
+            "{path}: time does not increase: it must increase, or give --rate",
         ),
     ],
 )
@@ -633,19 +636,19 @@ def test_what_is_no_record_is_refused_in_one_sentence_and_nothing_is_written(
     path = written(tmp_path / "a.csv", lines) if lines else tmp_path / "a.csv"
     path.touch()
     with pytest.raises(ValueError, match=r"\A") as said:
-        analyse_series([path], tmp_path / "out", Options(**options, dashes="--"))
+        analyze_series([path], tmp_path / "out", Options(**options, dashes="--"))
     assert str(said.value) == expected.format(path=path)
     assert [each.name for each in tmp_path.iterdir()] == ["a.csv"]
 
 
 def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"none\.csv cannot be read: No such file or directory"):
-        analyse_record(tmp_path / "none.csv", rate=1.0)
+        analyze_record(tmp_path / "none.csv", rate=1.0)
     with pytest.raises(ValueError, match="cannot be read: Is a directory"):
-        analyse_record(tmp_path, rate=1.0)
+        analyze_record(tmp_path, rate=1.0)
     (tmp_path / "picture.csv").write_bytes(bytes(range(256)) * 1000)
     with pytest.raises(ValueError, match=r"picture\.csv"):
-        analyse_record(tmp_path / "picture.csv", rate=1.0)
+        analyze_record(tmp_path / "picture.csv", rate=1.0)
 
 
 def test_a_line_of_a_later_block_is_named(tmp_path: Path) -> None:
@@ -659,7 +662,7 @@ def test_a_line_of_a_later_block_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("name", "options"), [("still", {}), ("warm_up", {}), ("knock", {"begin": 610.0})])
 def test_the_sample_records_show_what_they_were_made_of(name: str, options: dict[str, Any]) -> None:
-    figures, content = analyse_record(ROOT / f"examples/records/{name}.csv", **options)
+    figures, content = analyze_record(ROOT / f"examples/records/{name}.csv", **options)
     n, b, k = figures[:3]
     assert n.low < 0.3 < n.high
     assert n.high - n.low < 0.03 * n.value
@@ -669,14 +672,14 @@ def test_the_sample_records_show_what_they_were_made_of(name: str, options: dict
 
 
 def test_the_knock_of_the_sample_record_is_found() -> None:
-    figures, content = analyse_record(ROOT / "examples/records/knock.csv")
-    assert content["events"][0]["sentence"].startswith("10 samples from 600 to 601.1 s are far off the others")
+    figures, content = analyze_record(ROOT / "examples/records/knock.csv")
+    assert content["events"][0]["sentence"].startswith("10 samples from 600 to 601.1 s are outliers, by up to")
     assert all(math.isnan(figure.low) and figure.grade is None for figure in figures)
 
 
 def test_three_axes_make_one_report(tmp_path: Path) -> None:
     path = written(tmp_path / "a.csv", ["time [s],x,y,z", *(f"{row},1.{i % 7}" for i, row in enumerate(numbered()))])
-    _, content = analyse_record(path, tmp_path / "out", column=["x", "y", "z"], imu="kalibr")
+    _, content = analyze_record(path, tmp_path / "out", column=["x", "y", "z"], imu="kalibr")
     assert [each["column"] for each in content["series"]] == ["x", "y", "z"]
     assert (tmp_path / "out" / "imu.yaml").is_file()
     text = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
@@ -684,5 +687,5 @@ def test_three_axes_make_one_report(tmp_path: Path) -> None:
     assert sorted(each.name for each in (tmp_path / "out").glob("*.svg")) == [
         f"{kind}-{i}.svg" for kind in ("allan", "series") for i in (1, 2, 3)
     ]
-    with pytest.raises(ValueError, match="imu needs out, the folder"):
-        analyse_record(path, column="x", imu="kalibr")
+    with pytest.raises(ValueError, match="imu requires out, the folder"):
+        analyze_record(path, column="x", imu="kalibr")

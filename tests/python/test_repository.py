@@ -1,4 +1,4 @@
-"""What is around the code: one version everywhere, scenario files of releases, what GitHub reads, the lock file."""
+"""Repository files: one version everywhere, scenario files of releases, GitHub's files, the lock file."""
 
 from __future__ import annotations
 
@@ -74,13 +74,13 @@ def test_what_github_reads_is_valid(schema: str) -> None:
 
 
 def test_actionlint_has_no_complaint() -> None:
-    """Also where nothing may be skipped this needs Go, and the network once: it is skipped without them."""
+    """Skipped without Go or, on first use, the network, even if nothing may be skipped."""
     if shutil.which("go") is None:
         pytest.skip("go is missing")
     got = subprocess.run(["go", "run", ACTIONLINT, "-version"], capture_output=True, text=True, timeout=PATIENCE)
     if got.returncode != 0:
         pytest.skip(f"actionlint cannot be had: {got.stderr.strip().splitlines()[-1:]}")
-    words = ["-shellcheck=", "-pyflakes=", *map(str, WORKFLOWS)]  # only itself, not what a machine may have
+    words = ["-shellcheck=", "-pyflakes=", *map(str, WORKFLOWS)]  # without optional tools of the machine
     ran = subprocess.run(["go", "run", ACTIONLINT, *words], capture_output=True, text=True, timeout=PATIENCE)
     assert ran.returncode == 0, ran.stdout + ran.stderr
 
@@ -119,7 +119,7 @@ def test_every_wheel_is_asked_for_its_bits() -> None:
 def test_hooks_before_a_commit_are_the_checks_of_make() -> None:
     """Each tool by the name that `make lint` and `make check` give it; versions are in pyproject.toml only."""
     recipes = dict(re.findall(r"^(lint|check): .*\n((?:\t.*\n)+)", read("Makefile"), re.MULTILINE))
-    assert re.search(r"^check: .*\blint$", read("Makefile"), re.MULTILINE)
+    assert re.search(r"^check: lint\b", read("Makefile"), re.MULTILINE)
     hooks = yaml.safe_load(read(".pre-commit-config.yaml"))["repos"]
     assert [repo["repo"] for repo in hooks] == ["local"]
     tool = r"(?:\$\(BIN\)|\.venv/bin)/(ruff \w+|\S+)"

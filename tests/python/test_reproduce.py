@@ -1,4 +1,4 @@
-"""The whole reproduction, once with few seeds, and the parts of its judgement on made-up numbers."""
+"""The whole reproduction, once with few seeds, and its statistics on made-up numbers."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from children import run_until
 from figure_data import column, figure_data
 from fracgyro.analysis.confidence import Mean, mean_interval
 from fracgyro.files import writable_folder
-from fracgyro.paper import claims, runs
-from fracgyro.paper.errata import ERRATA
-from fracgyro.paper.reproduce import reproduce
-from fracgyro.paper.table import Row, table
 from fracgyro.scenario import Scenario
 from fracgyro.simulation.measure import measure_many
+from fracgyro_lab.paper import claims, runs
+from fracgyro_lab.paper.errata import ERRATA
+from fracgyro_lab.paper.reproduce import reproduce
+from fracgyro_lab.paper.table import Row, table
 
 SEEDS = 3
 
@@ -71,7 +71,7 @@ def test_table_1_has_every_cell_with_its_interval(out: Path) -> None:
     assert [float(found[f"rmse_{name}"]) for name in ("mean", "ci_low", "ci_high")] == pytest.approx(expected, rel=1e-4)
 
 
-# What three seeds say as clearly as a hundred; claim i is a matter of time and of the machine.
+# Claims that three seeds decide as clearly as a hundred; claim i depends on time and the machine.
 REPRODUCED = {("c", "printed"), ("e", "printed"), ("a", "corrected"), ("d", "corrected"), ("e", "corrected")}
 
 
@@ -149,7 +149,7 @@ STAGES = ["recording runs", "writing runs", "simulating 2 seeds", "drawing figur
 def test_an_interrupt_at_any_stage_is_one_sentence_and_leaves_complete_files_only(tmp_path: Path, stage: str) -> None:
     folder = tmp_path / "out"
     words = ("reproduce", "--out", folder, "--seeds", "2")
-    ran = run_until(f"doing == {stage!r}", signal.SIGINT, "fracgyro.paper.reproduce", "reproduce", *words)
+    ran = run_until(f"doing == {stage!r}", signal.SIGINT, "fracgyro_lab.paper.reproduce", "reproduce", *words)
     assert ran.returncode == 130, ran.stderr
     assert "Traceback" not in ran.stderr
     assert ran.stderr.endswith("fracgyro: interrupted; the files written so far are complete\n")

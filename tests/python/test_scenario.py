@@ -1,4 +1,4 @@
-"""The scenario: what it accepts, what it says when it does not, and that TOML carries it unchanged."""
+"""The scenario: accepted values, messages for others, and an unchanged round trip through TOML."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 import pytest
 from fracgyro.scenario import Scenario, ScenarioError
-from fracgyro.scenario.kinds import KINDS, having
+from fracgyro.scenario.kinds import KINDS, kinds_with
+from fracgyro.scenario.messages import paths
 from fracgyro.scenario.schema import ERRATA_SWITCHES
-from fracgyro.scenario.sentences import paths
 from fracgyro.scenario.table import Symmetric, toml_value
 from fracgyro.simulation.simulate import simulate
 from hypothesis import given, settings
@@ -224,7 +224,7 @@ def test_the_edge_of_what_is_allowed_is_allowed(changes: dict[str, Any]) -> None
     PAPER.replace(changes)
 
 
-# Bad input: one sentence with the field, the value and what is allowed
+# Bad input: one sentence with the field, the value and the allowed values
 
 BAD = [
     ({"controller.order": 1.2}, "controller.order is 1.2: it must lie between 0 and 1"),
@@ -382,7 +382,7 @@ def test_bad_input_is_answered_with_one_sentence(changes: dict[str, Any], senten
 
 
 def test_what_is_not_used_is_not_converted() -> None:
-    """A rate that does not move has no start; the device is not ideal, so that the core is told of the rate at all."""
+    """A constant rate has no start; the device is not ideal, so that the core receives the rate at all."""
     late = PAPER.replace({"rate.start": 1e300, "device.delay": 1, "run.duration": 0.01})
     assert len(simulate(late)["time"]) == 11
 
@@ -478,7 +478,7 @@ def test_the_text_is_complete_commented_and_fits_the_line() -> None:
         assert table is not None
         for field, field_info in table.model_fields.items():
             assert field_info.description, f"{name}.{field} has no description"
-            if PAPER.controller.kind not in (having(f"{name}.{field}") or KINDS):
+            if PAPER.controller.kind not in (kinds_with(f"{name}.{field}") or KINDS):
                 assert field not in tables[name], "of other controllers"
                 continue
             assert field in tables[name] or f"# {field} is not set" in lines

@@ -1,4 +1,4 @@
-"""What the faces outside Python get of a scenario: every number, with its unit, range and meaning."""
+"""Settings of a scenario for integrations outside Python: every number, with its unit, range and meaning."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A scenario in the core's terms, in round numbers: what is divided by which unit, and the guard that follows."""
+"""A scenario as the core's structs, in round numbers: division by units, and the derived guard."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ QUIET = to_core.MIN_TOLERANCE
 
 
 def device(**fields: Any) -> Any:
-    return to_core.device_params(ROUND.replace({f"device.{name}": value for name, value in fields.items()}))
+    return to_core.device_values(ROUND.replace({f"device.{name}": value for name, value in fields.items()}))
 
 
 def guard(changes: dict[str, Any]) -> Any:
@@ -40,54 +40,58 @@ def guard(changes: dict[str, Any]) -> Any:
 
 
 def test_noise_is_in_units_of_the_plant_and_a_density_reaches_half_the_sampling_frequency() -> None:
-    assert device(position_noise=1.0).position_noise == 4.0
-    assert device(velocity_noise=1.0).velocity_noise == 0.25
+    assert device(position_noise=1.0)["position_noise"] == 4.0
+    assert device(velocity_noise=1.0)["velocity_noise"] == 0.25
     # 128 samples a second: of a density of 1, 64 Hz make a variance of 64.
-    assert device(position_noise_density=1.0).position_noise == 8.0 * 4.0
-    assert device(velocity_noise_density=1.0).velocity_noise == 8.0 * 0.25
+    assert device(position_noise_density=1.0)["position_noise"] == 8.0 * 4.0
+    assert device(velocity_noise_density=1.0)["velocity_noise"] == 8.0 * 0.25
 
 
 def test_flicker_noise_is_as_dense_as_the_white_one_at_its_corner() -> None:
-    # Of A^2/omega, two-sided, as of the white one, sigma^2/128 s; omega = 2 pi f_c.
+    # Density A^2/omega, two-sided, equal to the white one, sigma^2/128 s, at omega = 2 pi f_c.
     found = device(position_noise=1.0, position_noise_corner=2.0, velocity_noise=1.0, velocity_noise_corner=32.0)
-    assert found.position_flicker == pytest.approx(4.0 * math.sqrt(2 * math.pi * 2.0 / 128), rel=1e-15)
-    assert found.velocity_flicker == pytest.approx(0.25 * math.sqrt(2 * math.pi * 32.0 / 128), rel=1e-15)
-    assert device(position_noise=1.0).position_flicker == 0.0
+    assert found["position_flicker"] == pytest.approx(4.0 * math.sqrt(2 * math.pi * 2.0 / 128), rel=1e-15)
+    assert found["velocity_flicker"] == pytest.approx(0.25 * math.sqrt(2 * math.pi * 32.0 / 128), rel=1e-15)
+    assert device(position_noise=1.0)["position_flicker"] == 0.0
 
 
 def test_what_acts_as_a_rate_is_in_units_of_the_plant_and_its_walk_goes_as_the_root_of_time() -> None:
-    assert device(bias_instability=16.0).bias_instability == 1.0
-    assert device(rate_random_walk=16.0).rate_random_walk == pytest.approx(math.sqrt(1 / 128), rel=1e-15)
+    assert device(bias_instability=16.0)["bias_instability"] == 1.0
+    assert device(rate_random_walk=16.0)["rate_walk_step"] == pytest.approx(math.sqrt(1 / 128), rel=1e-15)
 
 
 def test_ranges_springs_and_temperatures_are_in_units_of_the_plant() -> None:
-    for name, field, value in (("position", "range", 0.5), ("velocity", "range", 8.0), ("actuator", "limit", 256.0)):
-        found = getattr(device(**{f"{name}_{field}": value, f"{name}_bits": 3}), name)
-        assert (tuple(found.range), found.bits) == ((2.0, 2.0), 3), name
-    assert tuple(device(position_range=[0.5, 0.25]).position.range) == (2.0, 1.0)
-    assert tuple(device(cubic_stiffness=(8192.0, 3 * 8192.0)).cubic_stiffness) == (1.0, 3.0)
-    warm = device(stiffness_drift=-30.0, temperature_ramp=4.0)
-    assert warm.stiffness_drift == pytest.approx(-3e-5, rel=1e-15)
-    assert device(damping_drift=5e3).damping_drift == pytest.approx(5e-3, rel=1e-15)
-    assert (warm.temperature.times, warm.temperature.values) == ([0.0, 64.0], [0.0, 2.0])  # half a second
-    assert device(delay=3).delay == 3
+    for name, value in (("position_range", 0.5), ("velocity_range", 8.0)):
+        assert device(**{name: value})[name] == [2.0, 2.0], name
+    assert device(actuator_limit=256.0)["actuator_limit"] == 2.0
+    assert device(position_range=[0.5, 0.25])["position_range"] == [2.0, 1.0]
+    assert tuple(device(cubic_stiffness=(8192.0, 3 * 8192.0))["cubic_stiffness"]) == (1.0, 3.0)
+    warm = device(stiffness_drift=-30.0)
+    assert warm["stiffness_drift"] == pytest.approx(-3e-5, rel=1e-15)
+    assert device(damping_drift=5e3)["damping_drift"] == pytest.approx(5e-3, rel=1e-15)
+    ramp = ROUND.replace({"device.temperature_ramp": 4.0})
+    assert to_core.profiles(ramp) == (([], []), ([0.0, 64.0], [0.0, 2.0]))  # half a second
+    assert device(delay=3)["delay"] == 3
     turned = device(pickoff_gain_error=[0.5, 0.25], force_gain_error=0.125, force_misalignment=0.1)
-    assert (tuple(turned.pickoff.gain_error), turned.pickoff.misalignment) == ((0.5, 0.25), 0.0)
-    assert (tuple(turned.force.gain_error), turned.force.misalignment) == ((0.125, 0.125), 0.1)
+    assert (turned["pickoff_gain_error"], turned["pickoff_misalignment"]) == ((0.5, 0.25), 0.0)
+    assert (turned["force_gain_error"], turned["force_misalignment"]) == ((0.125, 0.125), 0.1)
 
 
 def test_rates_are_in_units_of_the_plant_and_their_times_in_steps() -> None:
-    def rate(**fields: Any) -> Any:
-        return to_core.rate_params(ROUND.replace({f"rate.{name}": value for name, value in fields.items()}))
+    def rate(*names: str, **fields: Any) -> list[Any]:
+        values = to_core.rate_values(ROUND.replace({f"rate.{name}": value for name, value in fields.items()}))
+        return [values[name] for name in names]
 
-    step = rate(kind="step", amplitude=8.0, start=0.5 / 16)
-    assert (step.kind.name, step.amplitude, step.start) == ("staircase", 0.5, 4)
-    climb = rate(kind="staircase", amplitude=8.0, hold=0.75 / 16, levels=3)
-    assert (climb.kind.name, climb.start, climb.hold, climb.levels) == ("staircase", 0, 6, 3)
-    sine = rate(kind="sine", amplitude=8.0, start=0.5 / 16, frequency=32.0)
-    assert (sine.kind.name, sine.start, sine.frequency) == ("sine", 4, 2.0)
-    points = rate(kind="table", points=[[0.0, 16.0], [0.5, 32.0]]).table
-    assert (points.times, points.values) == ([0.0, 64.0], [1.0, 2.0])
+    step = rate("kind", "amplitude", "start_steps", kind="step", amplitude=8.0, start=0.5 / 16)
+    assert step == ["staircase", 0.5, 4]
+    climb = rate(
+        "kind", "start_steps", "hold_steps", "levels", kind="staircase", amplitude=8.0, hold=0.75 / 16, levels=3
+    )
+    assert climb == ["staircase", 0, 6, 3]
+    sine = rate("kind", "start_steps", "frequency", kind="sine", amplitude=8.0, start=0.5 / 16, frequency=32.0)
+    assert sine == ["sine", 4, 2.0]
+    table = ROUND.replace({"rate.kind": "table", "rate.points": [[0.0, 16.0], [0.5, 32.0]]})
+    assert to_core.profiles(table)[0] == ([0.0, 64.0], [1.0, 2.0])
 
 
 def test_noise_of_a_density_has_that_over_the_time_that_it_is_held() -> None:

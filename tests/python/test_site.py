@@ -1,11 +1,10 @@
-"""The documentation site: made without a warning, complete, its links alive, its examples run, its pages usable.
+"""The documentation site: built without a warning, complete, with working links, running examples and usable pages.
 
 The pictures of the gallery are left out here: test_gallery.py runs its scripts.
 """
 
 from __future__ import annotations
 
-import fcntl
 import inspect
 import re
 import subprocess
@@ -21,9 +20,11 @@ from typing import Any
 from urllib.parse import unquote, urljoin, urlsplit
 
 import fracgyro as fg
+import fracgyro_lab as lab
 import pytest
 from browser import served, violations, watched
 from children import PATIENCE
+from shared import shared
 
 ROOT = Path(__file__).resolve().parents[2]
 MAX_BYTES = 15e6
@@ -31,16 +32,7 @@ MAX_BYTES = 15e6
 
 @pytest.fixture(scope="session")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Made once, by whichever process asks first."""
-    shared = tmp_path_factory.getbasetemp()
-    shared = (shared.parent if shared.name.startswith("popen-") else shared) / "site"
-    shared.mkdir(exist_ok=True)
-    with open(shared / "lock", "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        if not (shared / "made").exists():
-            make(shared, "html")
-            (shared / "made").touch()
-    return shared / "html"
+    return shared(tmp_path_factory, "site", lambda folder: make(folder, "html")) / "html"
 
 
 def make(folder: Path, builder: str) -> None:
@@ -58,6 +50,7 @@ def test_the_site_is_made_without_a_warning_and_is_small(site: Path) -> None:
     assert sum(path.stat().st_size for path in site.rglob("*") if path.is_file()) < MAX_BYTES
 
 
+@pytest.mark.takes_a_minute
 def test_the_examples_of_the_reference_do_as_they_say(site: Path) -> None:
     make(site.parent, "doctest")
 
@@ -75,7 +68,7 @@ def public(module: ModuleType, name: str = "fracgyro") -> Iterator[tuple[str, ob
             yield f"{name}.{each}", found
 
 
-NAMES = dict(public(fg))
+NAMES = dict(public(fg)) | dict(public(lab, "fracgyro_lab"))
 
 
 def documented(site: Path) -> set[str]:
@@ -90,13 +83,13 @@ def test_every_public_name_is_on_a_page(site: Path) -> None:
 
 
 def returned(function: object) -> set[str]:
-    """The names in what a function says that it returns."""
+    """The names in the return annotation of a function."""
     said = inspect.signature(function).return_annotation if inspect.isfunction(function) else ""
     return set(re.findall(r"\w+", said if isinstance(said, str) else ""))
 
 
 def test_every_public_function_and_class_has_an_example() -> None:
-    """Except what functions return, or what is in that: the examples of the functions show it."""
+    """Except types returned by functions, and types within them: the examples of the functions show these."""
     results = set().union(*map(returned, NAMES.values()))
     fields = [inspect.get_annotations(found) for name, found in NAMES.items() if name.rpartition(".")[2] in results]
     results |= set(re.findall(r"\w+", " ".join(str(said) for each in fields for said in each.values())))
@@ -108,7 +101,7 @@ def test_every_public_function_and_class_has_an_example() -> None:
 
 
 class Page(HTMLParser):
-    """What a page refers to, and what in it can be referred to."""
+    """Links of a page, and link targets in it."""
 
     def __init__(self, path: Path) -> None:
         super().__init__()
@@ -156,7 +149,7 @@ LOOKED_AT = [
 
 @pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 360)])
 def test_pages_are_quiet_fit_and_accessible(site: Path, browser: Any, scheme: str, width: int) -> None:
-    """No message on the console, no request to anybody else, nothing wider than the window, no serious violation."""
+    """No console message, no external request, nothing wider than the window, no serious violation."""
     size = {"width": width, "height": 800}
     with served(site) as address, browser.new_page(viewport=size, color_scheme=scheme) as page:
         faults = watched(page, address)

@@ -1,4 +1,4 @@
-"""The saved state of a controller: what resumes, what is refused, and that no bytes do harm."""
+"""The saved state of a controller: resuming, refused states, and safety for arbitrary bytes."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_no_bytes_do_harm(script: str, face: str, attempts: int) -> None:
     if face == "browser":
         need("WebAssembly")
     command = [sys.executable, ROOT / "tests/fuzz" / script, "--face", face, "--attempts", str(attempts)]
-    command += ["--seconds", str(PATIENCE)]  # the number of attempts is what ends them
+    command += ["--seconds", str(PATIENCE)]  # the number of attempts ends them
     ran = subprocess.run(command, capture_output=True, text=True, timeout=2 * PATIENCE)
     assert ran.returncode == 0, ran.stdout + ran.stderr
     assert f"{face}: {attempts}" in ran.stdout
@@ -97,7 +97,7 @@ def test_a_state_of_another_controller_is_refused() -> None:
 
 @pytest.mark.parametrize("state", ["text", None, 3, [1, 2]])
 def test_what_is_no_bytes_is_no_state(state: object) -> None:
-    with pytest.raises(TypeError, match=r"^state is .*: it must be bytes, as they were saved$"):
+    with pytest.raises(TypeError, match=r"^state is .*: it must be bytes from `state`$"):
         running().state = state  # type: ignore[assignment]
 
 

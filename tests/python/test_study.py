@@ -1,4 +1,4 @@
-"""Study files: what varies, which points are visited, and what is refused before anything runs."""
+"""Study files: varied fields, visited points, and input refused before anything runs."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import fracgyro as fg
+import fracgyro_lab as lab
 import numpy as np
 import pytest
 from fracgyro.scenario import ScenarioError
@@ -144,7 +145,7 @@ def test_a_kill_costs_at_most_20_million_steps_or_4096_runs(
     assert max(block.runs for block in work) == runs
 
 
-# -- What is refused -----------------------------------------------------------------------------------------
+# -- Refused input -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -190,7 +191,7 @@ def test_a_kill_costs_at_most_20_million_steps_or_4096_runs(
         ("[vary]\ncontroller.kind = { low = 0.1, high = 1.0 }", "controller.kind is 0.1: it must be fractional_fast"),
         ("[vary]\nplant.damping = { relative = 0.1 }", "plant.damping.relative is not a known field"),
         ('[vary]\ncontroller.order = [0.1]\n"controller.order" = [0.1]', "controller.order is given twice"),
-        ("[vary]\ndisturbance.seed = [1, 2]", "disturbance.seed is in [vary]: it must be left to seeds"),
+        ("[vary]\ndisturbance.seed = [1, 2]", "disturbance.seed is in [vary]: use seeds"),
         ("[vary]\ncontroller.order = { low = 0.1, high = 1.0 }", "controller.order: steps is missing"),
         (PAIR + "[design]\npoints = 4", 'design.points is 4: it must be left out when design.kind is "grid"'),
         (PAIR + '[design]\nkind = "random"\npoints = 4', "terminal_exponent: steps is 2: it must be left out"),
@@ -204,7 +205,7 @@ def test_a_kill_costs_at_most_20_million_steps_or_4096_runs(
         (INDICES + "points = 16", "vary is empty: at least one field must vary when design.kind is sobol_indices"),
         ('[design]\nkind = "list"', "vary is empty: at least one field must vary"),
         (PAIR.replace("0.6]", "0.6, 0.7]") + '[design]\nkind = "list"', "has 2 values: it must have 3"),
-        ('seeds = 2\n[fixed]\ndisturbance.kind = "none"\n' + PAIR, "it must be one, as disturbance.kind is \"none\""),
+        ('seeds = 2\n[fixed]\ndisturbance.kind = "none"\n' + PAIR, "it must be one seed, as no result"),
         ("[vary]\n" + "".join(f"plant.{m}.{e} = {{ relative = 0.1, steps = 11 }}\n"
          for m in ("damping", "stiffness") for e in ("xx", "xy", "yy")), "the grid has 1771561 points: it must have"),
     ],
@@ -245,11 +246,11 @@ def test_two_at_once_in_one_folder_are_refused(tmp_path: Path, monkeypatch: pyte
     begin: dict[str, Callable[[], object]] = {
         "sweep": lambda: fg.study.sweep("sweep.toml", "out"),
         "tune": lambda: fg.study.tune("tune.toml", "out"),
-        "compare": lambda: fg.compare.compare("track", "out", only=["pid"], quick=True),
+        "compare": lambda: lab.compare("track", "out", only=["pid"], quick=True),
     }
     with (
         locked(Path("out")),
-        pytest.raises(fg.ScenarioError, match=r"^out is in use by another process"),
+        pytest.raises(fg.ScenarioError, match=r"^out is in use by a study in another process"),
     ):
         begin[work]()
     assert not Path("out").exists(), "a folder that was made for nothing"

@@ -1,4 +1,4 @@
-"""Studies as a user meets them: run, killed, resumed, on a cluster, read by other tools, summarised."""
+"""Studies from the user's view: run, killed, resumed, on a cluster, read by other tools, summarized."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ def test_a_killed_study_resumes_to_the_same_bytes(whole: Path, tmp_path: Path) -
     kept = {path.name: path.stat().st_mtime_ns for path in runs.glob("block-*")}
     assert len(kept) == 2, "killed in the third block of 20 runs"
     assert not (tmp_path / "out" / "summary.html").exists()
-    (runs / f".{'0' * 32}.parquet").write_bytes(b"half")  # as of a kill while a block was written
+    (runs / f".{'0' * 32}.parquet").write_bytes(b"half")  # left by a kill while a block was written
 
     again = subprocess.run(
         command(whole / "study.toml", "--out", tmp_path / "out", "--resume", "--json"), capture_output=True, text=True
@@ -251,7 +251,7 @@ def test_a_file_of_anybody_elses_among_the_blocks_is_named(small: Path, tmp_path
     shutil.copytree(small / "out", tmp_path / "out")
     runs = tmp_path / "out" / "runs"
     (runs / "block-000099.parquet").write_bytes((runs / "block-000000.parquet").read_bytes())
-    with pytest.raises(ScenarioError, match=r"runs holds block-000099\.parquet, which is not part of the study"):
+    with pytest.raises(ScenarioError, match=r"runs has block-000099\.parquet, which is not part of the study"):
         sweep(small / "study.toml", tmp_path / "out", resume=True)
 
 
@@ -261,7 +261,7 @@ def test_a_file_of_anybody_elses_among_the_blocks_is_named(small: Path, tmp_path
 def test_a_damaged_manifest_is_one_sentence(small: Path, tmp_path: Path, text: str) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "study.json").write_bytes(text.encode(errors="surrogateescape"))
-    with pytest.raises(ScenarioError, match=r"study\.json is damaged: the study must start again in another folder$"):
+    with pytest.raises(ScenarioError, match=r"study\.json is damaged: start the study again in another folder$"):
         sweep(small / "study.toml", tmp_path / "out", resume=True)
 
 
@@ -277,7 +277,7 @@ def test_a_finished_study_says_so_and_runs_nothing(small: Path) -> None:
         command(small / "study.toml", "--out", small / "out", "--resume"), capture_output=True, text=True
     )
     assert again.returncode == 0
-    assert "it was finished: nothing was left to run" in again.stdout
+    assert "already finished: no runs left" in again.stdout
 
 
 def test_resuming_nothing_starts(tmp_path: Path) -> None:
@@ -296,7 +296,7 @@ def test_resuming_nothing_starts(tmp_path: Path) -> None:
 def test_a_changed_study_does_not_resume(small: Path, tmp_path: Path, before: str, after: str, differs: str) -> None:
     assert before in SMALL
     was = contents(small / "out")
-    with pytest.raises(ScenarioError, match=f"holds another study, which differs in .*{differs}"):
+    with pytest.raises(ScenarioError, match=f"has another study, which differs in .*{differs}"):
         sweep(study(tmp_path, SMALL.replace(before, after)), small / "out", resume=True)
     assert contents(small / "out") == was
 
@@ -315,9 +315,9 @@ def test_a_study_that_only_reads_differently_resumes(small: Path, tmp_path: Path
         (["study.toml"], "Missing option '--out'"),
         (["nowhere.toml", "--out", "new"], "nowhere.toml cannot be read: No such file or directory"),
         (["study.toml", "--out", "study.toml"], "study.toml cannot be"),
-        (["study.toml", "--out", "full"], "full is not empty and holds no study: --out must name an empty or new"),
-        (["study.toml", "--out", "full", "--resume"], "full is not empty and holds no study"),
-        (["study.toml", "--out", "done"], "done holds a study already: --out must name another folder, or --resume"),
+        (["study.toml", "--out", "full"], "full is not empty and has no study: --out must be an empty or new"),
+        (["study.toml", "--out", "full", "--resume"], "full is not empty and has no study"),
+        (["study.toml", "--out", "done"], "done already has a study: finish it with --resume, or name another"),
         (["study.toml", "--out", "broken", "--resume"], "study.json is damaged"),
         (["study.toml", "--out", "new", "--scheduler", "nonsense://x"], 'scheduler is "nonsense://x": it cannot be'),
         (["study.toml", "--out", "new", "--scheduler", "garbage"], 'scheduler is "garbage": it cannot be reached'),
@@ -352,7 +352,7 @@ def test_an_interrupt_leaves_whole_blocks_to_resume(whole: Path, tmp_path: Path)
 
 
 def linger(inside: str) -> None:
-    """In a worker: its next block begins, says so, and never ends."""
+    """In a worker: its next block begins, reports this, and never ends."""
 
     def measure(*_: object) -> None:
         Path(inside).touch()
@@ -362,7 +362,7 @@ def linger(inside: str) -> None:
 
 
 def test_what_listens_but_is_no_scheduler_is_told_in_one_sentence(tmp_path: Path) -> None:
-    """A web server answers anything with a page; another says nothing at all."""
+    """A web server answers anything with a page; another server never answers."""
 
     class Pages(http.server.BaseHTTPRequestHandler):
         def handle_one_request(self) -> None:
@@ -427,7 +427,7 @@ def test_the_summary_needs_nothing_but_itself(small: Path) -> None:
 def test_the_numbers_behind_a_figure_are_means_of_the_rows(small: Path) -> None:
     data = figure_data(small / "out" / "summary.html")["rmse_steady_x"]
     runs = pd.read_parquet(small / "out" / "runs")
-    mean, value = "mean of RMS error of x, steady (q0)", "value (of a bin: its middle)"
+    mean, value = "mean of RMS error, steady, x (q0)", "value (of a bin: its center)"
     found = {(row["field"], row[value], row["its value"]): float(row[mean]) for row in data}
     assert len(found) == len(data) == 8, "two levels of each of two fields, and their four pairs"
     for (field, of, other), number in found.items():
@@ -457,8 +457,8 @@ adaptation.rate_gain = { low = 1.0, high = 100.0, scale = "log" }
     assert other["rank correlation with controller.order"] == ""
     lower = runs[runs["controller.order"] < 0.7]["effort_x"]
     row = data["effort_x"][0]
-    assert (row["field"], float(row["value (of a bin: its middle)"])) == ("controller.order", pytest.approx(0.6))
-    assert float(row["mean of RMS force in x (m ω0² q0)"]) == pytest.approx(lower.mean(), rel=1e-8)
+    assert (row["field"], float(row["value (of a bin: its center)"])) == ("controller.order", pytest.approx(0.6))
+    assert float(row["mean of RMS force, x (m ω0² q0)"]) == pytest.approx(lower.mean(), rel=1e-8)
     assert float(row["95 % quantile"]) == pytest.approx(lower.max(), rel=1e-8)
     pair = next(row for row in data["effort_x"] if row["second field"])
     gain = "adaptation.rate_gain"
@@ -487,7 +487,7 @@ run.step = [0.001, 0.008]
 
 
 def test_what_no_controller_of_the_study_reports_is_said_to_be_missing(tmp_path: Path) -> None:
-    reasons = {"pid": "as the controller does not report what it is of", "linear": "as they had not settled"}
+    reasons = {"pid": "as the controller does not report this quantity", "linear": "as they had not settled"}
     for kind, why in reasons.items():
         text = f"""
 show = ["rate_settling_time", "effort_x"]
@@ -520,7 +520,7 @@ def test_an_effect_is_a_mean_over_seeds_with_its_interval(tmp_path: Path) -> Non
     rows = rows_of(tmp_path, text, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 100.0], [*none[:7], 0.5])
     low, high = effects.effect(rows, "effort_x", rows.plan.dimensions[0]).means
     assert low is not None
-    assert low.mean == 2.5  # of 2 and 3, the means of the seeds
+    assert low.mean == 2.5  # spread of 2 and 3, the means of the seeds
     assert low.high - low.mean == pytest.approx(12.706 * 0.5, rel=1e-3)
     assert high is not None
     assert high.mean == pytest.approx((6.0 + 6.0) / 2)  # the run that diverged is left out

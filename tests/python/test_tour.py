@@ -1,4 +1,4 @@
-"""The tour, typed line by line in an empty folder, prints what its pages say; so do other pages with output."""
+"""The tour, entered line by line in an empty folder, prints the output on its pages; so do other pages with output."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def blocks(path: Path) -> Iterator[tuple[str, str]]:
 
 
 def typed(lines: str) -> str:
-    """What a shell prints."""
+    """Output of a shell."""
     ran = subprocess.run(
         ["bash", "-e", "-c", lines],
         env={**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"},

@@ -1,4 +1,4 @@
-"""`fracgyro tune`: what it searches, what it promises of what it found, and the scenario that it shipped."""
+"""`fracgyro tune`: its search, its statements about the result, and the shipped scenario."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from fracgyro.study.tune.search import Trial, choose, front
 
 ROOT = Path(__file__).resolve().parents[2]
 TUNE = "fracgyro.study.tune.run", "tune"
-WITHIN_A_BATCH = "done > 3 + 5 * 3"  # after the base, in the first batch alone, and one of 4: each trial has 3 runs
+WITHIN_A_BATCH = "done > 3 + 5 * 3"  # after the base, only in the first batch, and one of 4: each trial has 3 runs
 
 HEAD = """
 seeds = 3
@@ -254,7 +254,7 @@ def test_a_constraint_that_nothing_keeps_is_named_with_how_far_off_the_nearest_i
     path = study(
         tmp_path, tail='[[objective]]\nmetric = "rmse_steady_x"\n[[constraint]]\nmetric = "effort_x"\nat_most = 1.0'
     )
-    with pytest.raises(fg.ScenarioError, match=r"none of 10 trials keeps .* misses: mean of effort_x by \d"):
+    with pytest.raises(fg.ScenarioError, match=r"no feasible trial among 10; .* misses: mean of effort_x by \d"):
         tune(path, tmp_path / "out")
     assert not (tmp_path / "out" / "tuned.toml").exists()
 
@@ -412,11 +412,11 @@ def test_a_bad_study_is_one_sentence(tmp_path: Path, old: str, new: str, expecte
 def test_a_folder_in_use_and_a_changed_study_are_refused(tmp_path: Path) -> None:
     path, folder = study(tmp_path, trials=2), tmp_path / "out"
     tune(path, folder)
-    with pytest.raises(fg.ScenarioError, match="holds no study"):
+    with pytest.raises(fg.ScenarioError, match="has no study"):
         tune(path, tmp_path)
     with pytest.raises(fg.ScenarioError, match="cannot be read"):
         tune(tmp_path / "none.toml", folder)
-    assert "holds a study already" in sentence(path, "--out", folder)
+    assert "already has a study" in sentence(path, "--out", folder)
     study(tmp_path, trials=3, tail=ONE)
     assert "differs in objective and constraint" in sentence(path, "--out", folder, "--resume")
 
@@ -454,7 +454,7 @@ def test_a_damaged_database_is_one_sentence(out: Path, tmp_path: Path, edit: str
     with sqlite3.connect(tmp_path / "out" / "study.db") as database:
         assert database.execute(edit).rowcount > 0
     database.close()
-    with pytest.raises(fg.ScenarioError, match=r"damaged: the study must start again|cannot be used: ") as caught:
+    with pytest.raises(fg.ScenarioError, match=r"damaged: start the study again|cannot be used: ") as caught:
         tune(out.parent / "study.toml", tmp_path / "out", resume=True)
     assert len(str(caught.value).splitlines()) == 1
 
@@ -463,9 +463,7 @@ def test_a_damaged_database_is_one_sentence(out: Path, tmp_path: Path, edit: str
 def test_a_damaged_manifest_is_one_sentence(tmp_path: Path, text: str) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "study.json").write_text(text, encoding="utf-8")
-    with pytest.raises(
-        fg.ScenarioError, match=r"study\.json is damaged: the study must start again in another folder$"
-    ):
+    with pytest.raises(fg.ScenarioError, match=r"study\.json is damaged: start the study again in another folder$"):
         tune(study(tmp_path), tmp_path / "out", resume=True)
 
 
@@ -498,12 +496,12 @@ def test_a_storage_of_ones_own_holds_the_trials(tmp_path: Path) -> None:
     tune(path, tmp_path / "out")
     assert not (tmp_path / "out" / "study.db").exists()
     assert finished(tmp_path / "mine.db") == 3
-    with pytest.raises(fg.ScenarioError, match="holds this study already"):
+    with pytest.raises(fg.ScenarioError, match="already has this study"):
         tune(path, tmp_path / "another")
 
 
 def test_no_file_shows_a_password(tmp_path: Path) -> None:
-    """Python's own driver takes what is asked of SQLite, and so opens the file."""
+    """Python's own driver receives requests for SQLite and opens the file."""
     address = f"sqlite:///file:{tmp_path / 'mine.db'}?uri=true&nolock=1&vfs=unix"
     path = study(tmp_path, trials=3, storage=address)
     tune(path, tmp_path / "out")
@@ -514,7 +512,7 @@ def test_no_file_shows_a_password(tmp_path: Path) -> None:
         assert "nolock" not in text, name
 
 
-# -- What is shipped -----------------------------------------------------------------------------------------
+# -- The shipped scenario ------------------------------------------------------------------------------------
 
 
 def test_the_shipped_study_can_be_read() -> None:
@@ -552,7 +550,7 @@ def test_the_shipped_scenario_is_of_the_shipped_study() -> None:
     hardware = {
         "controller.force_limit": 6000.0,
         "controller.switching_limit": 0.5,
-    }  # said to be added, and to change nothing
+    }  # documented as an addition that changes nothing
     assert fg.Scenario.from_toml(text) == fg.Scenario.paper().replace({**values, **hardware})
     assert all(f"#   {field} = {value}\n" in text for field, value in hardware.items())
     assert set(values) == {dimension.field for dimension in read_tuning(path).dimensions}

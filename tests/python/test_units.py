@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from fracgyro.export.units import base_unit
-from fracgyro.scenario.kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, reported
+from fracgyro.scenario.kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, reported_channels
 from fracgyro.scenario.to_core import core_setup
 from fracgyro.scenario.units import Powers, Scales, powers, si_unit
 from fracgyro.simulation import native
@@ -33,7 +33,7 @@ def scaled(mass: float = 1.0, length: float = 1.0, frequency: float = 1.0) -> fg
 
 
 class Proportional:
-    """Feedback in the units of the run, which reports what it finds."""
+    """Feedback in the units of the run, which reports its inputs."""
 
     def reset(self, scenario: fg.Scenario) -> None:
         self.scales = scenario.plant.scales
@@ -93,7 +93,7 @@ def test_scenarios_in_si_with_another_unit_of_time_are_refused_together_and_nond
         fg.simulate_many([SI, scaled(frequency=2.0)])
     assert str(caught.value) == (
         "plant.reference_frequency is 1000.0 and 2000.0: it must be the same in all scenarios that are recorded "
-        "together when run.units is SI; measure_many keeps no record"
+        "together when run.units is SI; measure_many has no such limit"
     )
     plain = [s.replace({"run.units": "nondimensional"}) for s in (SI, scaled(frequency=2.0))]
     assert_each_is_its_own_run(fg.simulate_many(plain), plain)
@@ -133,9 +133,9 @@ def test_one_of_several_runs_is_drawn_and_measured_and_several_are_not_drawn_as_
     assert len(fg.plot(one).axes) == 4
     assert one.fracgyro.scenario == scaled(mass=2.0)
     assert float(one.fracgyro.settling_time()) == float(fg.metrics.settling_time(fg.simulate(scaled(mass=2.0))))
-    with pytest.raises(ValueError, match=r"^the Dataset has 2 runs: take one, as run.isel\(run=0\), to draw it$"):
+    with pytest.raises(ValueError, match=r"^the Dataset has 2 runs: select one, for example run.isel\(run=0\)$"):
         fg.plot(many)
-    with pytest.raises(ValueError, match=r"^the Dataset has 2 runs: take one, as run.isel\(run=0\), for its scenario$"):
+    with pytest.raises(ValueError, match=r"^the Dataset has 2 runs: select one, for example run.isel\(run=0\)$"):
         _ = many.fracgyro.scenario
 
 
@@ -155,7 +155,7 @@ def test_a_controller_of_every_kind_runs_in_si(kind: str) -> None:
     plain = SI.replace({"controller.kind": kind, "run.units": "nondimensional", "run.duration": 1.0})
     scenario = plain.replace({"run.units": "SI"})
     si, expected, scales = fg.simulate(scenario), fg.simulate(plain), scenario.plant.scales
-    channels = (*LOOP_CHANNELS, *reported(core_setup(scenario)))
+    channels = (*LOOP_CHANNELS, *reported_channels(core_setup(scenario)))
     for channel in channels:
         factors = np.array([scales.of(unit) for unit in channel.units])
         factor = factors if channel.dimension else factors[0]
@@ -171,7 +171,7 @@ def test_a_controller_of_every_kind_runs_in_si(kind: str) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_channel_of_every_kind_has_an_si_unit_and_fmi_can_state_it(kind: str) -> None:
     setup = core_setup(SI.replace({"controller.kind": kind}))
-    for channel in (*LOOP_CHANNELS, *reported(setup), *DEVICE_CHANNELS):
+    for channel in (*LOOP_CHANNELS, *reported_channels(setup), *DEVICE_CHANNELS):
         for unit in channel.units:
             symbol = si_unit(unit).replace(" ", ".")
             assert symbol == "1" or base_unit(symbol, SI.plant), f"{channel.name} in {unit}"

@@ -39,7 +39,7 @@ def module(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def in_node(module: Path, folder: Path, code: str, scenario: fg.Scenario = SHORT) -> str:
-    """What `code` prints."""
+    """Output of `code`."""
     (folder / "own.json").unlink(missing_ok=True)
     web(scenario, folder / "own.json", unbounded=True)
     command = ["node", "--input-type=module", "-e", PRELUDE + code, str(module), str(folder)]
@@ -163,7 +163,7 @@ def test_order_step_and_length_can_be_changed_in_the_browser_and_keep_the_bits(
 
 
 def loop_rows(scenario: fg.Scenario, samples: list[int], sets: list[dict[str, Any]]) -> np.ndarray:
-    """As fg.Loop has them: after each number of samples but the last, something is set."""
+    """Steps as for fg.Loop: after each number of samples except the last, something is set."""
     loop, parts = fg.Loop(scenario), []
     for count, changes in zip(samples, [*sets, {}], strict=True):
         found = loop.run(count)
@@ -386,7 +386,7 @@ def test_a_loop_that_diverges_says_when(module: Path, tmp_path: Path) -> None:
 
 
 def check_controller_alone(module: Path, tmp_path: Path, scenario: fg.Scenario) -> tuple[dict[str, Any], fg.Controller]:
-    """Returns what the one in JavaScript tells in the end, and Python's."""
+    """Return the final values in JavaScript and in Python."""
     run = fg.simulate(scenario)
     motion = np.hstack([run["position"].values, run["velocity"].values])
     motion.tofile(tmp_path / "motion")

@@ -1,10 +1,10 @@
-// What scrolls can be scrolled with a keyboard, too.
+// Make scrolling elements scrollable with a keyboard, too.
 for (const each of document.querySelectorAll(".table-wrapper, .highlight pre")) {
   if (each.scrollWidth > each.clientWidth) {
     each.tabIndex = 0;
   }
 }
-// Captions of the bar at the side say that they are headings, but not of which level.
+// Captions of the sidebar are headings without a level.
 for (const each of document.querySelectorAll("[role=heading]:not([aria-level])")) {
   each.ariaLevel = "2";
 }

@@ -1,4 +1,4 @@
-// Parameters that all controllers of a loop share.
+// Parameters shared by all controllers of a loop.
 #pragma once
 
 #include "fracgyro/control/reference.hpp"
@@ -8,11 +8,11 @@ namespace fracgyro {
 
 // Parameters of the guard (hardware/guard.hpp).
 struct GuardParams {
-    bool checked = false;                                       // held against the plant
-    double plant_tolerance = 0.1;                               // share by which the plant may be other than nominal
-    double force_tolerance = 0.0;                               // largest disturbance, on one axis
-    double position_tolerance = 0.0, velocity_tolerance = 0.0;  // the sensors' largest errors, on one axis
-    double patience = 0.0, saturation_patience = 0.0;           // samples; 0: without end
+    bool checked = false;                                       // samples are checked against the nominal plant
+    double plant_tolerance = 0.1;                               // relative deviation of the plant from the nominal one
+    double force_tolerance = 0.0;                               // maximum disturbance, per axis
+    double position_tolerance = 0.0, velocity_tolerance = 0.0;  // maximum sensor errors, per axis
+    double patience = 0.0, saturation_patience = 0.0;           // samples; 0: no limit
 
     static constexpr std::string_view switches[] = {"false", "true"};
     static constexpr auto fields() {
@@ -31,10 +31,10 @@ struct GuardParams {
             field("velocity_tolerance", &P::velocity_tolerance, "q0*omega0", at_least_0,
                   "Unit q0 omega0: the same of the velocity."),
             field("patience", &P::patience, "1", samples,
-                  "Samples: after so many refused in a row the force is only that of the reference, and no sample is "
+                  "Samples: after this many rejected in a row the force is only feedforward, and no sample is "
                   "accepted until four times as many agree. 0: off, the last force is held."),
             field("saturation_patience", &P::saturation_patience, "1", samples,
-                  "Samples: after so many in a row at the force limit everything learnt is dropped. 0: off."),
+                  "Samples: after this many in a row at the force limit all estimates are reset.  0: off."),
         };
     }
 };
@@ -43,10 +43,10 @@ struct GuardParams {
 struct Common {
     double step = 1e-3;
     ReferenceParams reference{};
-    PlantModel<double> nominal{};                                  // what is known of the plant beforehand
+    PlantModel<double> nominal{};                                  // plant model assumed beforehand
     double force_limit = std::numeric_limits<double>::infinity();  // |u| on each axis; infinity: off
     GuardParams guard{};
-    double observer_bandwidth = 0.0;  // of the observer (hardware/observer.hpp); 0: the velocity is measured
+    double observer_bandwidth = 0.0;  // bandwidth of the observer (hardware/observer.hpp); 0: the velocity is measured
 
     static constexpr auto fields() {
         using C = Common;

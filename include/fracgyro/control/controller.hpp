@@ -36,7 +36,7 @@ concept Controller =
         { C::prepare(p, common) } -> std::same_as<typename C::Coefficients>;
         // The force for the coming step, from the motion measured now. Called once every step.
         { C::step(state, c, measured) } -> std::same_as<Signals<typename C::Value, typename C::Report>>;
-        // The report as it stands before the coming step.
+        // The report as known before the coming step.
         { C::report(known, c) } -> std::same_as<typename C::Report>;
         C::Report::fields();
     };
@@ -56,11 +56,11 @@ concept Resumable =
         // Drops the memory of measurements, and the estimates unless they are kept. Time continues.
         C::start_over(state, /*keep_estimates=*/true);
         { C::steps(known) } -> std::same_as<std::uint64_t>;
-        // True if every index and switch of a state has a value that it can have.
+        // True if every index and switch of a state has a permitted value.
         { C::sound(known, c) } -> std::same_as<bool>;
     };
 
-// True unless the controller declares otherwise, as one behind an observer does.
+// True unless the controller declares otherwise, as a controller behind an observer does.
 template <class C>
 inline constexpr bool measures_velocity = true;
 template <class C>

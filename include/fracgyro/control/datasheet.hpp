@@ -1,4 +1,4 @@
-// Sensors, actuator and noise as a controller assumes them.
+// Sensors, actuator and noise, as assumed by a controller.
 #pragma once
 
 #include "fracgyro/core/fields.hpp"
@@ -15,13 +15,13 @@ struct Datasheet {
         constexpr Range delays{.low = 0.0, .high = 8.0, .whole = true};
         return std::tuple{
             fixed(field("force_noise", &D::force_noise, "m*omega0^2*q0", at_least_0,
-                        "Standard deviation of the disturbing force, drawn every step. Not set: the truth.")),
+                        "Standard deviation of the disturbing force, drawn every step. Not set: the simulated value.")),
             fixed(field("position_noise", &D::position_noise, "q0", at_least_0,
-                        "Of a measured position, the converter's steps included. Not set: the truth.")),
+                        "Standard deviation of a measured position, with quantization. Not set: the simulated value.")),
             fixed(field("velocity_noise", &D::velocity_noise, "q0*omega0", at_least_0,
-                        "Of a measured velocity. Not set: the truth.")),
+                        "Standard deviation of a measured velocity. Not set: the simulated value.")),
             fixed(field("delay", &D::delay, "h", delays,
-                        "Steps by which the force is late, at most 8. Not set: the truth.")),
+                        "Delay of the force in steps, at most 8. Not set: the simulated value.")),
             fixed(field("stiffness_drift", &D::stiffness_drift, "omega0", at_least_0,
                         "Unit omega0: standard deviation of the rate at which the stiffness drifts, as a fraction of "
                         "itself. Not set: the largest of the simulated device.")),

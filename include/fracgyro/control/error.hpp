@@ -1,4 +1,4 @@
-// 2  The tracking error, eq. (14): e = q - r and ė = v - dr/dt. The sign is defined here and nowhere else.
+// 2  The tracking error, eq. (14): e = q - r and ė = v - dr/dt. Its sign is defined only here.
 #pragma once
 
 #include "fracgyro/control/reference.hpp"

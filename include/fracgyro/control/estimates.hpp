@@ -1,4 +1,4 @@
-// Estimates of an adaptation, and the norms that its laws and the force share.
+// Estimates of an adaptation, and the norms shared by its laws and the force.
 #pragma once
 
 #include "fracgyro/control/error.hpp"
@@ -11,7 +11,7 @@ template <Scalar T>
 struct Estimates {
     Sym2<T> damping{}, stiffness{};
     T rate{};
-    Sym2<T> rate_symmetric{};  // stays 0 unless the law is the printed one
+    Sym2<T> rate_symmetric{};  // stays 0 unless the printed law is used
     std::array<T, 3> bound{};  // b̂₀, b̂₁, b̂₂
 
     friend constexpr Estimates operator+(const Estimates& a, const Estimates& b) {
@@ -32,7 +32,7 @@ struct Estimates {
 
 enum class RateLaw { skew, printed };
 
-// ‖q‖, ‖v‖ and ‖s‖, which the force and the laws share.
+// ‖q‖, ‖v‖ and ‖s‖, used by the force and the laws.
 template <Scalar T>
 struct Norms {
     T position{}, velocity{}, surface{};

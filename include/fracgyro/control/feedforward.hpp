@@ -1,4 +1,4 @@
-// Forces of a known plant: on the reference, and for an acceleration.
+// Forces of a known plant: along the reference, and for an acceleration.
 #pragma once
 
 #include "fracgyro/control/reports.hpp"
@@ -24,7 +24,7 @@ struct Feedforward {
     }
 };
 
-// (D̂ + 2Ω̂) v + K̂ q + a: the force that accelerates the plant by a, as far as it is known.
+// (D̂ + 2Ω̂) v + K̂ q + a: the force that accelerates the estimated plant by a.
 template <Scalar T>
 Vec2<T> plant_force(const PlantReport<T>& known, const Motion<T>& motion, const Vec2<T>& acceleration) {
     const Vec2<T>& v = motion.velocity;

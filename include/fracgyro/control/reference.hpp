@@ -28,7 +28,7 @@ struct ReferencePoint {
     Vec2<T> position{}, velocity{}, acceleration{};
 };
 
-// Between two exact evaluations the pair (sine, cosine) is turned by one step's angle, which is far cheaper.
+// Between two exact evaluations the pair (sine, cosine) is rotated by the angle of one step, which is far cheaper.
 template <Scalar T>
 struct Reference {
     static constexpr std::uint64_t exact_every = 32;
@@ -53,7 +53,7 @@ struct Reference {
                 .curvature = cast<T>(-p.frequency * p.frequency)};
     }
 
-    // The point at the present step; then one step on.
+    // Returns the point at the present step, then advances by one step.
     static ReferencePoint<T> update(State& state, const Coefficients& c) {
         if (state.steps % exact_every == 0) {
             state.at = c.phases.at(state.steps);

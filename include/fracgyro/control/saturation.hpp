@@ -16,8 +16,8 @@ struct Saturation {
     }
     static Vec2<T> within(const Coefficients& c, const Vec2<T>& force) { return clamp(force, -c.limit, c.limit); }
 
-    // Of a controller's signals the force that acts, and what the limit takes from it. Returns 1, or 0 where what moves
-    // the force against `error` would wind up: it is beyond the limit that way.
+    // Splits the wanted force into the acting force and the excess, both in `signals`. Returns 0 if integral action on
+    // `error` would wind up, as the excess opposes the error, else 1.
     template <class Signals>
     static T apply(Signals& signals, const Coefficients& c, const Vec2<T>& wanted, const Vec2<T>& error) {
         signals.force = wanted;

@@ -1,4 +1,4 @@
-// Signals between a controller and the loop around it.
+// Signals between a controller and its loop.
 #pragma once
 
 #include "fracgyro/control/error.hpp"
@@ -32,8 +32,8 @@ enum class Status : std::uint8_t {
     not_finite = 2,    // an input is NaN or infinite
     out_of_range = 3,  // the input is not a motion of a gyroscope
     restarted = 4,     // the memory was lost
-    // 5 is a refused saved state (integrations/firmware/fracgyro.h)
-    implausible = 6,  // the plant cannot have moved from the last input to this one
+    // 5 is a rejected saved state (integrations/firmware/fracgyro.h)
+    implausible = 6,  // the plant cannot have moved here from the last input
     lost = 7          // no sample is accepted until several agree
 };
 

@@ -12,8 +12,7 @@
 //    Their drifts are λ1 ė or λ1 D^α e, and λ2 c |e|^(c-1) ė (eq. (17)).
 //
 //    To add a surface: a type with Coefficients, State, prepare() and evaluate() as below, sound() if the state is not
-//    empty, advance() if it has memory to move when the force is on its way, and one line in
-//    registry.hpp.
+//    empty, advance() if it has memory to update after the force is sent, and one line in registry.hpp.
 #pragma once
 
 #include "fracgyro/control/error.hpp"
@@ -70,7 +69,7 @@ struct LinearTerm {
     }
 };
 
-// λ1 D^(α-1) e, with room for as many exponentials as Capacity says.
+// λ1 D^(α-1) e, with room for `Capacity` exponentials.
 template <Scalar T, std::size_t Capacity = ExponentialSum::capacity>
 struct FractionalTerm {
     using Operator = Fractional<T, Capacity>;
@@ -118,7 +117,7 @@ struct TerminalTerm {
         } else {
             root = {power(size.x(), c.exponent), power(size.y(), c.exponent)};
         }
-        // |e|^(c-1) = |e|^c / |e|, with the division beside the root instead of after it.
+        // |e|^(c-1) = |e|^c / |e|, with the division in parallel with the root instead of after it.
         const Vec2<T> slope = if_less({c.floor, c.floor}, size, root * reciprocal(maximum(size, c.floor)),
                                       {c.floored_slope, c.floored_slope});
         return {.s = with_sign_of(error.value, c.gain * root),
@@ -146,7 +145,7 @@ struct Surface {
     };
     using State = typename First::State;
     static constexpr bool has_memory = !std::is_same_v<typename detail::SizedTerm<First, 2>::Type, First>;
-    // With room for so many exponentials.
+    // Room for `Capacity` exponentials.
     template <std::size_t Capacity>
     using Sized = Surface<T, typename detail::SizedTerm<First, Capacity>::Type, with_terminal>;
 
@@ -169,7 +168,7 @@ struct Surface {
         }
         return point;
     }
-    // Moves the memory to the next sample, when the force is on its way.
+    // Moves the memory to the next sample, after the force is sent.
     static void advance(State& state, const Coefficients& c, const Sample<T>& error) {
         if constexpr (requires { First::advance(state, c.first, error); }) {
             First::advance(state, c.first, error);

@@ -7,7 +7,7 @@
 //                                            (s/δ²) ‖s‖ ρ         quadratic, as printed: no gain at s = 0
 //    With known parameters the estimates are the true values and the same formula is eqs. (20) and (34).
 //
-//    Near s = 0 the held force takes ρ h/δ of s back in one step, and from about 2 on the sampled loop is unstable. The
+//    Near s = 0 the held force removes ρ h/δ of s in one step, and from about 2 on the sampled loop is unstable. The
 //    switching limit (ours) keeps ρ h/δ at or below a number, and b̂₀, b̂₁, b̂₂ at or below the ρ that this allows.
 #pragma once
 
@@ -21,7 +21,7 @@ enum class Layer { linear, quadratic };
 struct SwitchingParams {
     double layer_thickness = 0.06;  // δ; 0: no layer, the force switches
     Layer layer = Layer::linear;
-    double switching_limit = std::numeric_limits<double>::infinity();  // of ρ h/δ; infinity: off
+    double switching_limit = std::numeric_limits<double>::infinity();  // limit of ρ h/δ; infinity: off
 
     static constexpr std::string_view layers[] = {"linear", "quadratic"};
     static constexpr auto fields() {
@@ -40,7 +40,7 @@ struct SwitchingParams {
     }
 };
 
-// The largest ρ that the switching limit allows; infinity where it is off.
+// The maximum ρ that the switching limit allows; infinity if it is off.
 inline double largest_bound(const SwitchingParams& p, double step) {
     const bool bounded = p.switching_limit < std::numeric_limits<double>::infinity();
     return bounded ? p.switching_limit * p.layer_thickness / step : p.switching_limit;
@@ -81,10 +81,10 @@ struct Switching {
         if (c.bounded) {
             bound = minimum(bound, c.largest_bound);
         }
-        // Inside and outside the layer alike the switching term is s (gain + slope ‖s‖) ρ, with 1/‖s‖ = ‖s‖/‖s‖²: only
-        // the product with ‖s‖, a square root, is left to be waited for, and no division after it.
+        // Inside and outside the layer the switching term is s (gain + slope ‖s‖) ρ, with 1/‖s‖ = ‖s‖/‖s‖²: only the
+        // product with ‖s‖ waits for the square root, and no division follows it.
         const T square = squared_norm(surface.s);
-        // ‖s‖ below 1e-15 makes no difference to the force, as s itself multiplies what follows.
+        // ‖s‖ below 1e-15 does not change the force, since s itself multiplies the result.
         const T outside = T(1.0) / maximum(square, T(1e-30));
         const Vec2<T> gains = if_less({square, square}, {c.thickness_squared, c.thickness_squared},
                                       {c.linear_gain, c.quadratic_gain}, Vec2<T>{T(0.0), outside});

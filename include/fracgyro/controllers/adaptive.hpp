@@ -1,4 +1,4 @@
-// What controllers share whose estimates follow the laws (44), with or without a little memory of their own.
+// Base of the controllers whose estimates follow the laws (44), with or without a small memory of their own.
 #pragma once
 
 #include "fracgyro/control/controller.hpp"
@@ -39,7 +39,8 @@ struct Adaptive {
         }
     }
 
-    // The reference and the error of this step; returns the motion, which the error tells where nothing was measured.
+    // Updates the reference and the error of this step; returns the motion, which follows from the error if no sample
+    // was measured.
     template <class Signals>
     static Motion<T> begin(State& state, const Coefficients& c, Signals& signals, const Motion<T>& measured,
                            const Sample<T>* missing) {
@@ -48,9 +49,9 @@ struct Adaptive {
         return {.position = r.position + e.value, .velocity = r.velocity + e.derivative};
     }
 
-    // `learnt_from` stands where the laws have s; 0 where the limit of the force keeps them from learning.
-    static void learn(State& state, const Coefficients& c, const Motion<T>& motion, const Vec2<T>& learnt_from) {
-        Laws::update(state.adaptation, c.adaptation, motion, learnt_from, norms_of(motion, learnt_from));
+    // `learned_from` replaces s in the laws; it is 0 if the force limit stops them from learning.
+    static void learn(State& state, const Coefficients& c, const Motion<T>& motion, const Vec2<T>& learned_from) {
+        Laws::update(state.adaptation, c.adaptation, motion, learned_from, norms_of(motion, learned_from));
     }
 };
 

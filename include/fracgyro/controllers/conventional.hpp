@@ -16,8 +16,8 @@
 //
 //        Y = b - j a        dY/dt = (jδ - ½dyy) Y + W + F_c/(2jω̂)        Re F_c = -2 A ω̂ Ωz
 //
-//    The rate is filtered by a low-pass of first order. θ′ = θ + ω̂h (½ + delay): the center of the hold, and the delay
-//    that the datasheet declares. A dxy acts as a rate dxy/2, and no conventional gyroscope can separate them.
+//    The rate is filtered by a first-order low-pass. θ′ = θ + ω̂h (½ + delay): the center of the hold, and the delay
+//    declared in the datasheet. A dxy acts as a rate dxy/2, and no conventional gyroscope can separate them.
 //
 // Source: AGC and PLL: Leland 2005, doi 10.1109/JSEN.2005.844538 (abstract read).
 #pragma once
@@ -93,7 +93,7 @@ struct ConventionalGyroscope {
         typename Reference<T>::Coefficients reference{};
         T limit{};
         bool limited = false;
-        T step{}, amplitude{}, frequency{}, largest_detuning{};  // A_r, ω; of ω̂h from ωh
+        T step{}, amplitude{}, frequency{}, largest_detuning{};  // A_r, ω; maximum deviation of ω̂h from ωh
         Vec2<T> turn{}, lead{};                                  // cosine and sine of ωh, and of ωh (½ + delay)
         T lead_steps{};
         T demodulation{};  // 2μ
@@ -101,13 +101,13 @@ struct ConventionalGyroscope {
         T damping{}, stiffness{};  // ½dyy, kyy
         T rebalance_gain{}, rebalance_step{}, output{};
     };
-    // A complex number is cosine and sine, or real and imaginary part.
+    // A complex number is stored as cosine and sine, or real and imaginary part.
     struct State {
         typename Reference<T>::State reference{};
         Vec2<T> oscillator{T(1.0), T(0.0)};  // e^jθ
-        Vec2<T> drive{}, sense{};            // b and -a of x and of y
-        T detuning{}, force{};               // of ω̂ from ω and of F: the integral parts
-        Vec2<T> rebalance{};                 // that of W
+        Vec2<T> drive{}, sense{};            // b and -a, for x and y
+        T detuning{}, force{};               // integral parts: ω̂ - ω, and F
+        Vec2<T> rebalance{};                 // integral part of W
         T rate{}, quadrature{}, frequency{};
     };
 
@@ -149,9 +149,9 @@ struct ConventionalGyroscope {
                 .frequency = c.frequency + state.frequency,
                 .quadrature = state.quadrature};
     }
-    static bool sound(const State&, const Coefficients&) { return true; }  // all of it is numbers
+    static bool sound(const State&, const Coefficients&) { return true; }  // numbers only
     static std::uint64_t steps(const State& state) { return state.reference.steps; }
-    // The frequency that was found is kept with the estimates; the phase is found again.
+    // Keeps the frequency found if the estimates are kept; the phase is acquired again.
     static void start_over(State& state, bool keep_estimates) {
         State fresh{};
         fresh.reference = state.reference;
@@ -165,7 +165,7 @@ struct ConventionalGyroscope {
         state = fresh;
     }
 
-    // Where nothing was measured all amplitudes are taken to be as they were.
+    // Without a measurement all amplitudes keep their values.
     static Signals<T, Report> step(State& state, const Coefficients& c, const Motion<T>& measured,
                                    const Sample<T>* missing = nullptr) {
         if (state.reference.steps == 0) {
@@ -185,7 +185,7 @@ struct ConventionalGyroscope {
             signals.error = *missing;
         }
 
-        // x = A sin θ where it is locked: b = 0 and a = A.
+        // x = A sin θ in lock: b = 0 and a = A.
         const T a = -state.drive.y(), b = state.drive.x(), size = norm(state.drive);
         const T side = with_sign_of(b, one);
         const T phase = if_less(zero, a, b / maximum(size, T(1e-9)), side);
@@ -200,14 +200,14 @@ struct ConventionalGyroscope {
         const T winds_up = (wanted - drive) * lacks;
         state.force = clamp(state.force + if_less(zero, winds_up, zero, c.amplitude_step) * lacks, zero, c.limit);
 
-        const T extra = c.step * state.frequency;  // of the phase over this step
+        const T extra = c.step * state.frequency;  // extra phase over this step
         const Vec2<T> ahead = product(state.oscillator, product(c.lead, small_turn(c.lead_steps * extra)));  // e^jθ′
         Vec2<T> force{drive * ahead.x(), zero};
 
-        // Without a reference there is nothing to divide by.
+        // Avoids a division by 0 without a reference.
         const auto sound_divisor = [&](T a) { return if_less(absolute(a), T(1e-9), one, a); };
         const T double_speed = T(2.0) * frequency, per_rate = one / sound_divisor(double_speed * c.amplitude);
-        Vec2<T> coupling;  // the force on y that the rate makes, times -1
+        Vec2<T> coupling;  // minus the force on y due to the rate
         if constexpr (rebalanced) {
             const Vec2<T> held = -(c.rebalance_gain * state.sense) - state.rebalance;  // W
             coupling = double_speed * turned(held);
@@ -230,7 +230,7 @@ struct ConventionalGyroscope {
         state.quadrature = state.quadrature + c.output * (per_rate * coupling.y() - state.quadrature);
 
         const Vec2<T> next = product(state.oscillator, product(c.turn, small_turn(extra)));
-        state.oscillator = (T(1.5) - T(0.5) * squared_norm(next)) * next;  // of length 1
+        state.oscillator = (T(1.5) - T(0.5) * squared_norm(next)) * next;  // normalized to length 1
         return signals;
     }
 
@@ -242,7 +242,7 @@ private:
             return p;
         }
     }
-    // Of complex numbers.
+    // Product of complex numbers.
     static Vec2<T> product(const Vec2<T>& a, const Vec2<T>& b) {
         return {a.x() * b.x() - a.y() * b.y(), a.x() * b.y() + a.y() * b.x()};
     }

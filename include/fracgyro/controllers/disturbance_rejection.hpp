@@ -1,21 +1,21 @@
-// Active disturbance rejection control (ADRC): an extended state observer finds, from positions, the acceleration f
-// that its model of the plant lacks, and the force cancels it.
+// Active disturbance rejection control (ADRC): an extended state observer estimates, from positions, the acceleration f
+// missing from its model of the plant, and the force cancels it.
 //
 // Use it when only positions are measured and the plant is hardly known.
 //
 //        u = r̈ - ω² (q̂ - r) - 2ω (v̂ - ṙ) - f + (D̂₀ + 2Ω̂₀) v̂ + K̂₀ q̂
 //
-//    The observer is that of observer.hpp. With `nominal_model` it has the nominal plant; without, none, and the last
-//    two terms are missing, so that f is all that the plant does.
+//    The observer is the one of observer.hpp. With `nominal_model` it contains the nominal plant; without it, no plant,
+//    and the last two terms are missing, so that f is the whole action of the plant.
 //
 //    The angular rate (our form of their demodulation) is the part of f on y that follows the velocity of x:
 //
 //        Ω̂z = Ω̂₀ - LP(f_y w)/(2 LP(w²))        w = G v̂_x
 //
-//    where G is the observer's response from a missing acceleration to f at the reference's frequency, which f lags by
-//    some 3ω/ω_o, and LP is a low-pass filter of first order. Without the model Ω̂₀ is 0 here.
+//    G is the response of the observer from a missing acceleration to f at the reference's frequency, which f lags by
+//    some 3ω/ω_o, and LP is a first-order low-pass filter. Without the model Ω̂₀ is 0 here.
 //
-// Source: Zheng, Dong and Gao 2007, doi 10.1109/CCA.2007.4389216, of which the abstract was read.
+// Source: Zheng, Dong and Gao 2007, doi 10.1109/CCA.2007.4389216 (abstract read).
 #pragma once
 
 #include "fracgyro/control/loop_frequency.hpp"
@@ -27,7 +27,7 @@ namespace fracgyro {
 struct DisturbanceRejectionParams {
     double natural_frequency = 200.0;  // ω
     double extended_observer = 600.0;  // ω_o
-    double rate_bandwidth = 1.0;       // of LP
+    double rate_bandwidth = 1.0;       // bandwidth of LP
     bool nominal_model = true;
 
     static constexpr std::string_view switches[] = {"false", "true"};
@@ -79,7 +79,7 @@ struct DisturbanceRejection {
     struct State {
         typename Reference<T>::State reference{};
         typename Watch::State observer{};
-        Vec2<T> force{};        // that acts
+        Vec2<T> force{};        // the acting force
         T product{}, square{};  // LP(f_y w), LP(w²)
     };
 
@@ -112,7 +112,7 @@ struct DisturbanceRejection {
         }
     }
 
-    // Where nothing was measured the last force is held, and the observer predicts.
+    // Without a measurement the last force is held, and the observer predicts.
     static Signals<T, Report> step(State& state, const Coefficients& c, const Motion<T>& measured,
                                    const Sample<T>* missing = nullptr) {
         Signals<T, Report> signals{.reference = Reference<T>::update(state.reference, c.reference),
@@ -139,8 +139,8 @@ struct DisturbanceRejection {
     }
 
 private:
-    // The observer's response from a missing acceleration to f as corrected: with z = e^(jωh) and
-    // the gains of observer.hpp, from its three equations. Its real part is `cosine`, its imaginary part `sine`.
+    // Response of the observer from a missing acceleration to f as corrected: with z = e^(jωh) and the gains of
+    // observer.hpp, from its three equations. Its real part is `cosine`, its imaginary part `sine`.
     static SineCosine<double> of_missing(double bandwidth, double angle) {
         struct Complex {
             double re, im;
@@ -159,11 +159,11 @@ private:
         const auto turn = sine_cosine<double>(phase_of(angle));
         const Complex z{turn.cosine, turn.sine}, one{1.0, 0.0}, sum = one / Complex{turn.cosine - 1.0, turn.sine};
         const auto times = [](double a, Complex b) { return Complex{a * b.re, a * b.im}; };
-        // The miss of the position over h² f.
+        // Position error over h² f.
         const Complex above = Complex{0.5, 0.0} + sum;
         const Complex below =
             z + Complex{second + 0.5 * third - cube, 0.0} + times(second + 1.5 * third, sum) + times(third, sum * sum);
-        // What is missing moves on while it is held: in the mean over the step it is half a step ahead.
+        // The missing acceleration changes while it is held: its mean over the step is half a step ahead.
         const auto ahead = sine_cosine<double>(phase_of(0.5 * angle));
         const Complex found = times(third, z * sum) * (above / below) * Complex{ahead.cosine, ahead.sine};
         return {.sine = found.im, .cosine = found.re};

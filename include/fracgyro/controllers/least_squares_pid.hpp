@@ -1,12 +1,12 @@
-// Certainty-equivalence PID: the PID of pid.hpp on the plant that least squares find, from when its angular rate is
+// Certainty-equivalence PID: the PID of pid.hpp on the plant estimated by least squares, once its angular rate is
 // trusted.
 //
 // Use it when velocities are measured with little noise, and rate, damping and stiffness are wanted with few gains.
 //
 //        u = (D̂ + 2Ω̂) ṙ + K̂ r + r̈ - ω² e - 2ζω ė - I        dI/dt = ωᵢ ω² e
 //
-//    D̂, K̂ and Ω̂z are those of composite.hpp, and the nominal plant until the rate is trusted. There is no sliding
-//    surface, and no law that s drives.
+//    D̂, K̂ and Ω̂z are the estimates of composite.hpp, and the nominal plant until the rate is trusted. It has no
+//    sliding surface, and no law driven by s.
 //
 // Source: textbook (certainty equivalence); least squares: docs/decisions/0016.
 #pragma once
@@ -18,7 +18,7 @@ namespace fracgyro {
 
 struct LeastSquaresPidParams {
     PidParams pid{};
-    AdaptationParams adaptation{};  // of which only forgetting is used
+    AdaptationParams adaptation{};  // only forgetting is used
 
     static constexpr auto fields() {
         using P = LeastSquaresPidParams;

@@ -5,8 +5,8 @@
 //
 //        u = (D̂ + 2Ω̂) ṙ + K̂ r + r̈ - ω² e - √2 ω ė
 //
-//    with e and ė as the filter of joint.hpp estimates them. The feedback is the optimal one for ë = u with the weights
-//    ω⁴ of e² and 1 of u²: far below ω the plant's own forces on e do not count.
+//    with e and ė as estimated by the filter of joint.hpp. The feedback is optimal for ë = u with the weights ω⁴ of e²
+//    and 1 of u²: far below ω the plant's own forces on e are negligible.
 //
 // Source: textbook; the filter: docs/decisions/0024.
 #pragma once
@@ -21,7 +21,7 @@ namespace fracgyro {
 
 struct LqgParams {
     double natural_frequency = 200.0;  // ω
-    AdaptationParams adaptation{};     // of which only forgetting is used
+    AdaptationParams adaptation{};     // only forgetting is used
     Datasheet datasheet{};
 
     static constexpr auto fields() {

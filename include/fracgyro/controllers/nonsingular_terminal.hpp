@@ -1,5 +1,5 @@
-// Adaptive nonsingular terminal sliding mode control: the error reaches zero in finite time, and no power in the force
-// is negative.
+// Adaptive nonsingular terminal sliding mode control: the error reaches zero in finite time, without negative powers in
+// the force.
 //
 // Use it when you compare terminal surfaces, or need one without a singularity at zero error.
 //
@@ -11,11 +11,11 @@
 //    on each axis. a = 0 is the nonsingular terminal surface, a > 0 the nonsingular fast terminal one. ρ between 0 and
 //    1 is the power reaching law of the continuous variants, ρ = 0 the boundary layer.
 //
-//    No power of the force is negative, so that nothing is singular; but ds/du = b γ₂ |ė|^(γ₂-1) vanishes with ė, and
-//    there the force has no authority over s. The estimates follow the laws (44) with (ds/du) s instead of s.
+//    No power in the force is negative, so nothing is singular; but ds/du = b γ₂ |ė|^(γ₂-1) vanishes with ė, and there
+//    the force has no authority over s. The estimates follow the laws (44) with (ds/du) s instead of s.
 //
 // Source: Feng, Yu and Man 2002, doi 10.1016/S0005-1098(02)00147-4; fast: Yang and Yang 2011, cited from memory; for
-// gyroscopes doi 10.1155/2019/6840639, of which the abstract was read.
+// gyroscopes doi 10.1155/2019/6840639 (abstract read).
 #pragma once
 
 #include "fracgyro/controllers/adaptive.hpp"
@@ -31,7 +31,7 @@ struct NonsingularTerminalParams {
     double switching_gain = 100.0;         // k_s
     double reaching_exponent = 0.5;        // ρ
     double layer_thickness = 0.01;         // δ
-    AdaptationParams adaptation{};         // of which the bounds are not used
+    AdaptationParams adaptation{};         // the bounds are not used
 
     static constexpr auto fields() {
         using P = NonsingularTerminalParams;
@@ -61,7 +61,7 @@ struct NonsingularTerminalParams {
 
 template <Scalar T>
 struct NonsingularTerminalReport : PlantReport<T> {
-    Vec2<T> sliding{};  // s, a length where other surfaces are rates
+    Vec2<T> sliding{};  // s, a length; a rate on other surfaces
 
     static constexpr auto fields() {
         using R = NonsingularTerminalReport;
@@ -81,7 +81,7 @@ struct NonsingularTerminal {
     struct Coefficients {
         typename Base::Coefficients base{};
         T position_gain{}, velocity_gain{};    // a, b
-        T position_power{}, velocity_power{};  // γ₁ - 1, less 1 where it is at least 1; γ₂ - 1
+        T position_power{}, velocity_power{};  // γ₁ - 1, less 1 if it is at least 1; γ₂ - 1
         T position_slope{}, inverse_slope{};   // a γ₁, 1/(b γ₂)
         T velocity_slope{};                    // b γ₂
         T reaching_gain{}, switching_gain{}, reaching_exponent{}, inverse_layer{};
@@ -111,7 +111,7 @@ struct NonsingularTerminal {
     }
 
     static Report report(const State& state, const Coefficients& c) { return {Base::report(state.base, c.base), {}}; }
-    static bool sound(const State&, const Coefficients&) { return true; }  // all of it is numbers
+    static bool sound(const State&, const Coefficients&) { return true; }  // numbers only
     static std::uint64_t steps(const State& state) { return state.base.reference.steps; }
     static void start_over(State& state, bool keep_estimates) { Base::start_over(state.base, keep_estimates); }
 

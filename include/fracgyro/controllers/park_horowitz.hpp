@@ -6,8 +6,8 @@
 //        u = (D̂ + 2Ω̂) v + K̂ q - K_m q - γ ė
 //        ë + γ ė + K_m e = -Φᵀθ̃
 //
-//    for a sinusoidal reference, r̈ = -K_m r. The estimates follow the laws (44) with ė instead of s. Only K_m brings
-//    the position back: off resonance, where K_m is far below K, no γ makes the error small.
+//    for a sinusoidal reference, r̈ = -K_m r. The estimates follow the laws (44) with ė instead of s. Only K_m restores
+//    the position: off resonance, where K_m is far below K, no γ makes the error small.
 //
 // Source: Park and Horowitz 2003, doi 10.1109/JMEMS.2002.807468; its structure is cited from memory and from the
 // nomenclature of Sensors 2016, 16, 321.
@@ -19,7 +19,7 @@ namespace fracgyro {
 
 struct ParkHorowitzParams {
     double velocity_gain = 10.0;    // γ
-    AdaptationParams adaptation{};  // of which the bounds are not used
+    AdaptationParams adaptation{};  // the bounds are not used
 
     static constexpr auto fields() {
         using P = ParkHorowitzParams;
@@ -51,7 +51,7 @@ struct ParkHorowitz {
     }
 
     static Report report(const State& state, const Coefficients& c) { return Base::report(state.base, c.base); }
-    static bool sound(const State&, const Coefficients&) { return true; }  // all of it is numbers
+    static bool sound(const State&, const Coefficients&) { return true; }  // numbers only
     static std::uint64_t steps(const State& state) { return state.base.reference.steps; }
     static void start_over(State& state, bool keep_estimates) { Base::start_over(state.base, keep_estimates); }
 
@@ -60,7 +60,7 @@ struct ParkHorowitz {
         Signals<T, Report> signals{.report = report(state, c)};
         const Motion<T> motion = Base::begin(state.base, c.base, signals, measured, missing);
         const Sample<T>& e = signals.error;
-        // -K_m q: what a motion of the reference's frequency is accelerated by.
+        // -K_m q: the acceleration of a motion at the reference's frequency.
         const Vec2<T> resonance = c.base.reference.curvature * motion.position;
         const Vec2<T> wanted = plant_force<T>(signals.report, motion, resonance) - c.velocity_gain * e.derivative;
         const T active = Saturation<T>::apply(signals, c.base.saturation, wanted, e.derivative);

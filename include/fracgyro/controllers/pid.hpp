@@ -4,8 +4,8 @@
 //
 //        u = (D̂₀ + 2Ω̂₀) ṙ + K̂₀ r + r̈ - ω² e - 2ζω ė - I        dI/dt = ωᵢ ω² e
 //
-//    where e = q - r on each axis and the index 0 marks the nominal plant, which is not corrected. At the force limit I
-//    rests where it would wind up.
+//    with e = q - r on each axis; the index 0 marks the nominal plant, which is not corrected. At the force limit I is
+//    frozen if it would wind up.
 //
 // Source: textbook.
 #pragma once
@@ -61,7 +61,7 @@ struct Pid {
     }
 
     static Report report(const State&, const Coefficients&) { return {}; }
-    static bool sound(const State&, const Coefficients&) { return true; }  // all of it is numbers
+    static bool sound(const State&, const Coefficients&) { return true; }  // numbers only
     static std::uint64_t steps(const State& state) { return state.reference.steps; }
     static void start_over(State& state, bool keep_estimates) {
         if (!keep_estimates) {
@@ -73,7 +73,7 @@ struct Pid {
                                    const Sample<T>* missing = nullptr) {
         return step(state, c, measured, missing, c.nominal);
     }
-    // With this plant in the place of the nominal one.
+    // Uses this plant instead of the nominal one.
     static Signals<T, Report> step(State& state, const Coefficients& c, const Motion<T>& measured,
                                    const Sample<T>* missing, const typename Feedforward<T>::Coefficients& plant) {
         Signals<T, Report> signals{.reference = Reference<T>::update(state.reference, c.reference)};
@@ -82,7 +82,7 @@ struct Pid {
         const Vec2<T> feedforward = Feedforward<T>::force(plant, r);
         const Vec2<T> wanted =
             feedforward - c.position_gain * e.value - c.velocity_gain * e.derivative - state.integral;
-        // Growing with e, I moves the force against it.
+        // I grows with e and moves the force against it.
         const T active = Saturation<T>::apply(signals, c.saturation, wanted, e.value);
         const T learns = T(missing == nullptr ? 1.0 : 0.0);
         state.integral = state.integral + ((learns * active) * c.integral_step) * e.value;

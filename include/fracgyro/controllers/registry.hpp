@@ -1,4 +1,4 @@
-// The controllers by name. A new one is its own file plus one line here.
+// Controllers by name. A new one is its own file plus one line here.
 #pragma once
 
 #include "fracgyro/controllers/conventional.hpp"
@@ -30,7 +30,7 @@ struct Name {
 template <class... Controllers>
 struct List {};
 
-// A controller of one type for each scalar.
+// A controller of one type, for each scalar.
 template <template <class> class Of>
 struct One {
     using Params = typename Of<double>::Params;
@@ -39,7 +39,7 @@ struct One {
     static constexpr std::size_t chosen(const Params&) { return 0; }
 };
 
-// Sliding mode on this surface, with each of the adaptations.
+// Sliding mode on this surface, with each adaptation.
 template <template <class> class Surface>
 struct SlidingMode {
     using Params = SlidingModeParams;
@@ -103,12 +103,12 @@ void visit_chosen(std::size_t chosen, Visit&& visit, List<Types...>) {
 
 }  // namespace detail
 
-// The parameters of any controller. The alternative is its kind: the place of its name in controller_kinds.
+// Parameters of any controller. The alternative is its kind: the index of its name in controller_kinds.
 using ControllerParams = typename detail::Listed<Registry>::Params;
 inline constexpr auto controller_kinds = detail::Listed<Registry>::kinds;
 inline constexpr auto controller_meanings = detail::Listed<Registry>::meanings;
 
-// Calls visit(params, family) with the alternative that is held, and the family of the registry's line.
+// Calls visit(params, family) with the alternative held, and the family of its line in the registry.
 template <class Params, class Visit>
 constexpr void with_params(Params&& any, Visit&& visit) {
     const auto one = [&]<std::size_t I>(std::integral_constant<std::size_t, I>) {
@@ -121,7 +121,7 @@ constexpr void with_params(Params&& any, Visit&& visit) {
     }(std::make_index_sequence<controller_kinds.size()>{});
 }
 
-// Those of a kind, as they are by default. The kind is one of controller_kinds.
+// Default parameters of a kind, one of controller_kinds.
 inline ControllerParams params_of_kind(std::size_t kind) {
     ControllerParams params;
     [&]<std::size_t... I>(std::index_sequence<I...>) {
@@ -130,7 +130,7 @@ inline ControllerParams params_of_kind(std::size_t kind) {
     return params;
 }
 
-// Calls visit.template operator()<Controller>() for the controller that has these parameters.
+// Calls visit.template operator()<Controller>() with the controller of these parameters.
 template <Scalar T, class Visit>
 void with_controller(const ControllerParams& any, Visit&& visit) {
     with_params(any, [&]<class Params, class Family>(const Params& p, Family) {
@@ -138,7 +138,7 @@ void with_controller(const ControllerParams& any, Visit&& visit) {
     });
 }
 
-// The same, behind an observer where there is one.
+// The same, behind an observer if there is one.
 template <Scalar T, class Visit>
 void with_controller(const ControllerParams& any, bool observed, Visit&& visit) {
     with_controller<T>(any, [&]<class C>() {
@@ -150,12 +150,12 @@ void with_controller(const ControllerParams& any, bool observed, Visit&& visit) 
     });
 }
 
-// The type for a line of the registry, and for one that the parameters choose from it.
+// The type for a line of the registry, and the one that the parameters choose from it.
 template <Scalar T, std::size_t kind, std::size_t chosen>
 using RegisteredController =
     typename detail::At<chosen, typename std::tuple_element_t<kind, Registry>::Type::template Types<T>>::Type;
 
-// With room for so many exponentials, where it has any.
+// Room for `Capacity` exponentials, if the controller has any.
 template <class C, std::size_t>
 struct SizedController {
     using Type = C;
@@ -166,7 +166,7 @@ struct SizedController<C, Capacity> {
     using Type = typename C::template Sized<Capacity>;
 };
 
-// Of a controller that is the one for these parameters.
+// Coefficients of a controller from these parameters, if they are its own.
 template <class C>
 typename C::Coefficients prepare(const ControllerParams& any, const Common& common) {
     const typename C::Params* own = nullptr;
@@ -177,13 +177,13 @@ typename C::Coefficients prepare(const ControllerParams& any, const Common& comm
     });
     return own == nullptr ? typename C::Coefficients{} : C::prepare(*own, common);
 }
-// Of one that need not be in the registry, from its own.
+// Coefficients of a controller from its own parameters; it need not be in the registry.
 template <class C>
 typename C::Coefficients prepare(const typename C::Params& params, const Common& common) {
     return C::prepare(params, common);
 }
 
-// Whether a controller has a fractional memory, whose exponentials are designed beforehand.
+// Returns true if a controller has a fractional memory, whose exponentials are designed beforehand.
 inline bool has_memory(const ControllerParams& any) {
     bool has = false;
     with_controller<double>(any, [&]<class C>() {
@@ -194,7 +194,7 @@ inline bool has_memory(const ControllerParams& any) {
     return has;
 }
 
-// The exponentials among the parameters; nullptr: there are none.
+// Exponentials among the parameters; nullptr if there are none.
 template <class Params>
 constexpr auto* kernel_of(Params&& any) {
     std::conditional_t<std::is_const_v<std::remove_reference_t<Params>>, const ExponentialSum*, ExponentialSum*>

@@ -4,9 +4,9 @@
 //        u = (D̂ + 2Ω̂) v + K̂ q + r̈ - drift - ρ s/max(‖s‖, δ)
 //        ρ = b̂₀ + b̂₁ ‖q‖ + b̂₂ ‖v‖
 //
-//    The force cancels the known part of ds/dt and drives s to zero (switching.hpp). D̂, K̂, Ω̂z and the bounds b̂ follow
-//    the laws (44), which s drives (gradient.hpp), with least squares (composite.hpp), or a Kalman filter that knows
-//    the sensors' noise (joint.hpp).
+//    The force cancels the known part of ds/dt and drives s to zero (switching.hpp). D̂, K̂, Ω̂z and the bounds b̂
+//    follow the laws (44), which s drives (gradient.hpp), optionally with least squares (composite.hpp), or a Kalman
+//    filter that models the sensors' noise (joint.hpp).
 //
 // Source: the paper, Complexity 2020, 8542961, doi 10.1155/2020/8542961.
 #pragma once
@@ -22,7 +22,7 @@
 
 namespace fracgyro {
 
-// What a person sets. Nondimensional.
+// Parameters set by the user. Nondimensional.
 struct SlidingModeParams {
     SurfaceParams surface{};
     SwitchingParams control{};
@@ -54,10 +54,10 @@ struct SlidingModeController {
     using Params = SlidingModeParams;
     using Report = typename AdaptationType::Report;
     static constexpr bool has_memory = SurfaceType::has_memory;
-    // Whether the adaptation estimates the motion too, which the surface and the force are then computed with.
+    // True if the adaptation also estimates the motion, which the surface and the force then use.
     static constexpr bool estimates_motion = requires { AdaptationType::estimates_motion; };
     static constexpr bool measures_velocity = fracgyro::measures_velocity<AdaptationType>;
-    // With room for so many exponentials.
+    // Room for `Capacity` exponentials.
     template <std::size_t Capacity>
     using Sized = SlidingModeController<T, detail::SizedSurface<SurfaceOf, Capacity>::template Of, AdaptationOf>;
 
@@ -101,9 +101,9 @@ struct SlidingModeController {
 
     static std::uint64_t steps(const State& state) { return state.reference.steps; }
 
-    // Forgets what was measured, and what was learnt from it unless it is kept. Time goes on.
+    // Drops the memory of measurements, and the estimates unless they are kept. Time continues.
     static void start_over(State& state, bool keep_estimates) {
-        // Constants: they are copied as they are, and not put together on the stack.
+        // Constants, which are copied as they are and not assembled on the stack.
         static constexpr typename SurfaceType::State no_motion{};
         state.surface = no_motion;
         if constexpr (estimates_motion) {
@@ -113,8 +113,8 @@ struct SlidingModeController {
         } else if constexpr (requires { AdaptationType::start_over(state.adaptation); }) {
             AdaptationType::start_over(state.adaptation);
         } else {
-            static constexpr typename AdaptationType::State nothing_learnt{};
-            state.adaptation = nothing_learnt;
+            static constexpr typename AdaptationType::State nothing_learned{};
+            state.adaptation = nothing_learned;
         }
     }
 
@@ -141,12 +141,12 @@ struct SlidingModeController {
         Norms<T> norms = norms_of(motion, surface.s);
         const auto& estimates = control_estimates(state, c, signals.report);
         signals.force = Switching<T>::force(c.control, estimates, motion, signals.reference, surface, norms);  // 4
-        Vec2<T> learnt_from = surface.s;
+        Vec2<T> learned_from = surface.s;
         if (c.saturation.limited) {
             // The laws move the force against s.
             const Vec2<T> wanted = signals.force;
             const T active = Saturation<T>::apply(signals, c.saturation, wanted, surface.s);
-            learnt_from = active * surface.s;
+            learned_from = active * surface.s;
             norms.surface = active * norms.surface;
         }
         SurfaceType::advance(state.surface, c.surface, error);
@@ -154,7 +154,7 @@ struct SlidingModeController {
             const Vec2<T>& acts = missing == nullptr ? signals.force : state.adaptation.force;
             AdaptationType::Filter::predict(state.adaptation, c.adaptation.filter, r, acts, missing == nullptr);
         } else if (missing == nullptr) {
-            AdaptationType::update(state.adaptation, c.adaptation, motion, learnt_from, norms, signals.force);
+            AdaptationType::update(state.adaptation, c.adaptation, motion, learned_from, norms, signals.force);
         } else {
             AdaptationType::rest(state.adaptation);
         }

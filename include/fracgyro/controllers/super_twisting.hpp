@@ -5,9 +5,9 @@
 //
 //        u = (D̂ + 2Ω̂) v + K̂ q + r̈ - λ ė - k₁ |s|^½ sign(s) + w        dw/dt = -k₂ sign(s)
 //
-//    For a mismatch that changes at most at the rate L: k₂ > L and k₁ ≈ 1.5 √L. The estimates follow the laws (44), in
-//    which w and they compete for the same signal: Ω̂z may wander far from Ωz. w rests at the force limit where it would
-//    wind up, and never grows beyond it.
+//    For a mismatch that changes at most at the rate L: k₂ > L and k₁ ≈ 1.5 √L. The estimates follow the laws (44) and
+//    compete with w for the same signal: Ω̂z may wander far from Ωz. w is frozen at the force limit if it would wind
+//    up, and never grows beyond the limit.
 //
 // Source: Levant 1993; for a gyroscope, doi 10.1371/journal.pone.0189457.
 #pragma once
@@ -20,7 +20,7 @@ struct SuperTwistingParams {
     double surface_gain = 30.0;     // λ
     double twisting_gain = 20.0;    // k₁
     double integral_gain = 300.0;   // k₂
-    AdaptationParams adaptation{};  // of which the bounds are not used
+    AdaptationParams adaptation{};  // the bounds are not used
 
     static constexpr auto fields() {
         using P = SuperTwistingParams;
@@ -76,7 +76,7 @@ struct SuperTwisting {
     static Report report(const State& state, const Coefficients& c) {
         return {Base::report(state.base, c.base), {}, state.integral};
     }
-    static bool sound(const State&, const Coefficients&) { return true; }  // all of it is numbers
+    static bool sound(const State&, const Coefficients&) { return true; }  // numbers only
     static std::uint64_t steps(const State& state) { return state.base.reference.steps; }
     static void start_over(State& state, bool keep_estimates) {
         Base::start_over(state.base, keep_estimates);

@@ -1,5 +1,5 @@
-// A covariance in factors: P = U diag(d) Uᵀ with U unit upper triangular (Bierman, "Factorization methods for discrete
-// sequential estimation", 1977). d stays positive in whatever precision, where P itself would lose its definiteness in
+// A factored covariance: P = U diag(d) Uᵀ with U unit upper triangular (Bierman, "Factorization methods for discrete
+// sequential estimation", 1977). d stays positive in any precision, whereas P itself would lose its definiteness in
 // single precision. No square roots.
 #pragma once
 
@@ -18,10 +18,10 @@ struct FactoredCovariance {
         std::array<T, Count*(Count - 1) / 2> u_factor{};  // U above its diagonal, column by column
     };
 
-    // Divided by instead of 0, which a d only comes to after numbers beyond all measure.
+    // Divisor instead of 0, which d reaches only after absurdly large numbers.
     static constexpr double vanishing = 1e-30;
 
-    // Where column j begins: U_ij is u_factor[column(j) + i], i < j.
+    // Start of column j: U_ij is u_factor[column(j) + i], i < j.
     static constexpr std::size_t column(std::size_t j) { return j * (j - 1) / 2; }
 
     // P_ii
@@ -35,11 +35,11 @@ struct FactoredCovariance {
     }
 
     struct Gain {
-        Vector move{};  // of every component, for a residual of 1
-        T variance{};   // of the residual
+        Vector move{};  // change of every component, for a residual of 1
+        T variance{};   // variance of the residual
     };
 
-    // row·x was measured, of the first components only, with this variance of the noise, > 0 (ch. V).
+    // Measurement of row·x, on the first components only, with this noise variance, > 0 (ch. V).
     //
     //     f = Uᵀ rowᵀ,   g_j = d_j f_j,   α_j = α_(j-1) + f_j g_j from α = noise to α = noise + row P rowᵀ
     //     d_j  <- d_j α_(j-1)/α_j
@@ -54,12 +54,12 @@ struct FactoredCovariance {
             return f;
         });
     }
-    // x_i was.
+    // Measurement of x_i.
     static Gain measure(State& state, std::size_t i, T noise) {
         return measured(state, noise, i, [&](std::size_t j, const T* u) { return j == i ? T(1.0) : u[i]; });
     }
 
-    // P_ii grows by `variance` >= 0, and nothing else changes (Agee and Turner; Bierman, ch. III).
+    // Adds `variance` >= 0 to P_ii only (Agee and Turner; Bierman, ch. III).
     static void add(State& state, std::size_t i, T variance) {
         Vector a{};
         a[i] = T(1.0);

@@ -18,8 +18,7 @@ namespace fracgyro {
 
 namespace detail {
 
-// How numbers of type T are laid out. Lanes, which are several of them, bring their own
-// (include/fracgyro/sim/lanes.hpp).
+// Layout of numbers of type T. Lanes, which are several numbers, bring their own (include/fracgyro/sim/lanes.hpp).
 template <class T>
 struct Bits;
 template <>
@@ -55,8 +54,8 @@ struct BuiltFor<T> {
 template <class T>
 using Built = typename BuiltFor<T>::Type;
 
-// Less than the rounding of any number that matters. Without it, what decays for ever would become subnormal, which
-// slows processors down.
+// Below the rounding of any relevant number. Without it, decaying values would become subnormal, which slows processors
+// down.
 template <class T>
 constexpr double vanishing = std::same_as<Built<T>, float> ? 1e-24 : 1e-290;
 
@@ -77,7 +76,7 @@ constexpr double inverse_factorial(int n) {
 }
 // ±1/n!, with the sign that n has in the series of sine and cosine.
 constexpr double series_term(int n) { return n / 2 % 2 == 0 ? inverse_factorial(n) : -inverse_factorial(n); }
-// c0 + x (c1 + x (c2 + …)), written out: in a loop a microcontroller would spend as much on the loop.
+// c0 + x (c1 + x (c2 + …)), written out: in a loop a microcontroller would spend as much time on the loop itself.
 template <class Number, std::size_t Terms, Scalar T>
 constexpr T horner(const std::array<Number, Terms>& c, T x) {
     return [&]<std::size_t... K>(std::index_sequence<K...>) {
@@ -105,9 +104,9 @@ template <class T>
     constexpr auto origin = std::bit_cast<typename Bits<Value>::Integer>(static_cast<Value>(0.70710678118654752440));
     constexpr auto one = static_cast<typename Bits<Value>::Integer>(1);
     const Integer shifted = std::bit_cast<Integer>(x) - origin;
-    // The exponent as a number: an integer added to the last places of a large one, which is then taken away.
+    // The exponent as a number: an integer added to the last places of a large one, which is then subtracted.
     constexpr auto large = std::bit_cast<typename Bits<Value>::Integer>(B::round_to_integer);
-    constexpr auto lift = (one << (sizeof(Value) * 8 - 2)) >> B::fraction;  // keeps what is shifted positive
+    constexpr auto lift = (one << (sizeof(Value) * 8 - 2)) >> B::fraction;  // keeps the shifted value positive
     constexpr auto lift_bits = static_cast<typename Bits<Value>::Unsigned>(lift) << B::fraction;
     const auto lifted = (std::bit_cast<Unsigned>(shifted) + lift_bits) >> B::fraction;
     exponent = std::bit_cast<T>(std::bit_cast<Integer>(lifted) + (large - lift)) - T(B::round_to_integer);
@@ -151,9 +150,9 @@ T exp2_split(T whole, T part) {
 }  // namespace detail
 
 // base^exponent for base >= 0 and 0 <= exponent <= 1, within 4 units in the last place over the range of normal
-// numbers; a subnormal base counts as the least normal one.
-// log2(base) = k + l is never added up: exponent*k is split exactly into an integer and a remainder, so that the
-// large part of the logarithm costs no accuracy.
+// numbers; a subnormal base counts as the minimum normal one.
+// log2(base) = k + l is never added up: exponent*k is split exactly into an integer and a remainder, so that the large
+// part of the logarithm costs no accuracy.
 template <Scalar T>
     requires requires { typename detail::Bits<T>::Value; }
 T power(T base, T exponent) {
@@ -177,7 +176,7 @@ T power(T base, T exponent) {
 }
 
 // e^x, within a few units in the last place; 0 for x below some -708 (double) or -86 (float), where the result would
-// leave the normal range, and the largest normal power of two for x above some 709 or 88.
+// leave the normal range, and the maximum normal power of two for x above some 709 or 88.
 template <std::floating_point T>
 T exponential(T x) {
     constexpr T high = detail::Bits<T>::ln2_high, low = detail::Bits<T>::ln2_low;
@@ -189,7 +188,7 @@ T exponential(T x) {
     return x < smallest ? T(0) : detail::exp2_split(k, part);
 }
 
-// ln x for a normal x > 0, within a few units in the last place, near x = 1 too.
+// ln x for a normal x > 0, within a few units in the last place, also near x = 1.
 template <std::floating_point T>
 T logarithm(T x) {
     T k{};
@@ -197,7 +196,7 @@ T logarithm(T x) {
     return k * detail::Bits<T>::ln2_high + (k * detail::Bits<T>::ln2_low + l * static_cast<T>(0.69314718055994530942));
 }
 
-// ln(1 + x) for x > -1. The rounding of 1 + x is made good by a factor (Kahan).
+// ln(1 + x) for x > -1. A factor corrects the rounding of 1 + x (Kahan).
 template <std::floating_point T>
 T logarithm_of_one_plus(T x) {
     const T sum = T(1) + x;
@@ -227,7 +226,7 @@ template <Scalar T>
 }
 
 // Sine and cosine of `phase` turns, a fraction of 2^32 or 2^64 (Phase std::uint32_t or std::uint64_t). Integer phase
-// wraps exactly, so a reference that runs for ever neither drifts nor loses precision, in any scalar type.
+// wraps exactly, so a reference that runs indefinitely neither drifts nor loses precision, in any scalar type.
 template <Scalar T, std::unsigned_integral Phase>
 [[gnu::always_inline]] inline SineCosine<T> sine_cosine(Phase phase) {
     constexpr bool single = std::same_as<detail::Built<T>, float>;
@@ -248,7 +247,7 @@ template <Scalar T, std::unsigned_integral Phase>
         const T square = x * x;
         const T sine = x * detail::horner(of_sine, square);
         const T cosine = detail::horner(of_cosine, square);
-        // Written out, as compilers make vectors of this form and not of `select`.
+        // Written out, as compilers vectorize this form and not `select`.
         const T first = (quadrant & 1U) != 0 ? cosine : sine;
         const T second = (quadrant & 1U) != 0 ? sine : cosine;
         return {.sine = (quadrant & 2U) != 0 ? -first : first,

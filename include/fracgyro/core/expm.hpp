@@ -1,4 +1,4 @@
-// The matrix exponential, by scaling and squaring: the same bits everywhere, as it is made of sums and products only.
+// The matrix exponential, by scaling and squaring: the same bits everywhere, since it uses only sums and products.
 #pragma once
 
 #include "fracgyro/core/scalar.hpp"
@@ -24,7 +24,7 @@ Matrix<Size> product(const Matrix<Size>& l, const Matrix<Size>& r) {
     return m;
 }
 
-// exp(a·time): a Taylor series where the matrix is small, then repeated squares.
+// exp(a·time): a Taylor series for a small matrix, then repeated squaring.
 template <std::size_t Size>
 Matrix<Size> expm(const Matrix<Size>& a, double time) {
     double size = 0.0;

@@ -13,7 +13,7 @@ struct ExponentialSum {
     std::size_t count = 0;  // 0 when order is 0 or 1
     double order = 1.0;
     double gamma = 1.0;  // Γ(2-order)
-    double error = 0.0;  // largest relative one of the sum; 0: unknown
+    double error = 0.0;  // maximum relative error of the sum; 0: unknown
     std::array<double, capacity> poles{}, weights{};
 
     static constexpr auto fields() {
@@ -30,7 +30,7 @@ struct ExponentialSum {
     }
 };
 
-// ExponentialSum of weight 0 until there are so many: the sum is the same.
+// Pads an ExponentialSum to `count` exponentials with weight 0: the sum is the same.
 inline void fill_up(ExponentialSum& kernel, std::size_t count) {
     for (; kernel.count < count; ++kernel.count) {
         kernel.poles[kernel.count] = kernel.poles[kernel.count - 1];

@@ -1,6 +1,6 @@
-// What the numbers of a struct are, listed once, next to it: name, unit, range and meaning of each. From such a list
-// come the scenario's tables, the recorded channels, the variables of an FMU, what JavaScript sees and the reference
-// pages. Firmware never asks for it, so that it costs no byte there.
+// Descriptions of the numbers of a struct, listed once, next to it: name, unit, range and meaning of each. From such a
+// list come the scenario's tables, the recorded channels, the variables of an FMU, the JavaScript interface and the
+// reference pages. Firmware never uses it, so it costs no byte there.
 //
 //     static constexpr auto fields() {
 //         return std::tuple{field("bandwidth", &P::bandwidth, "omega0", positive, "Bandwidth of the loop."), …};
@@ -18,7 +18,7 @@ namespace fracgyro {
 struct Range {
     double low = -std::numeric_limits<double>::infinity(), high = std::numeric_limits<double>::infinity();
     bool strict = false;    // low < value < high
-    bool infinite = false;  // infinity is allowed, and switches off
+    bool infinite = false;  // infinity is allowed, and disables
     bool whole = false;     // an integer
 };
 inline constexpr Range any_number{}, at_least_0{.low = 0.0}, above_0{.low = 0.0, .strict = true};
@@ -30,7 +30,7 @@ using Choices = std::span<const std::string_view>;
 // When a number may be set.
 enum class Settable {
     any_time,
-    at_start,    // it has a meaning only there
+    at_start,    // meaningful only there
     beforehand,  // others are designed for it
     never,       // it follows from others
 };
@@ -42,10 +42,10 @@ struct Field {
     std::string_view unit;  // nondimensional; "a, b, c": of each part
     Range range;
     std::string_view meaning;
-    Choices choices;  // of an enum or a switch, by its numbers
+    Choices choices;  // names of an enum or a switch, by number
     Settable settable = Settable::any_time;
-    bool momentary = false;       // of a report: known only while a step is computed
-    std::string_view table = {};  // where it is not that of its struct
+    bool momentary = false;       // a report's number, known only while a step is computed
+    std::string_view table = {};  // if it is not the table of its struct
 };
 template <class Member>
 constexpr Field<Member> field(std::string_view name, Member member, std::string_view unit, Range range,
@@ -56,7 +56,7 @@ template <class Member>
 constexpr Field<Member> choice(std::string_view name, Member member, Choices choices, std::string_view meaning) {
     return {name, member, "1", {}, meaning, choices};
 }
-// Of a report: what is recorded.
+// A recorded number of a report.
 template <class Member>
 constexpr Field<Member> channel(std::string_view name, Member member, std::string_view unit, std::string_view meaning) {
     return {name, member, unit, {}, meaning, {}};
@@ -81,7 +81,22 @@ constexpr Field<Member> in_table(std::string_view table, Field<Member> field) {
     return field;
 }
 
-// The fields of a member, in a table of their own: all, or those of a list.
+// A member of a member.
+template <class Outer, class Member>
+struct Within {
+    Outer outer;
+    Member inner;
+};
+template <class Struct, class Member>
+constexpr auto& member_of(Struct& of, const Member& member) {
+    if constexpr (requires { of.*member; }) {
+        return of.*member;
+    } else {
+        return member_of(member_of(of, member.outer), member.inner);
+    }
+}
+
+// Fields of a member, in a table of their own: all, or those of a list.
 struct AllFields {};
 template <class Member, class List = AllFields>
 struct Inner {
@@ -94,18 +109,18 @@ Inner(std::string_view, Member) -> Inner<Member>;
 template <class Member, class List>
 Inner(std::string_view, Member, List) -> Inner<Member, List>;
 
-// A constant, so that nothing is left in firmware of what it does not use of them.
+// A constant, so firmware contains nothing of it that it does not use.
 template <class Struct>
 inline constexpr auto fields_of = Struct::fields();
 
-// Calls visit(table, field, value) for each of a list, by default of all.
+// Calls visit(table, field, value) for each field of a list, by default all.
 template <class Struct, class Visit, class List = AllFields>
 constexpr void for_each_field(std::string_view table, Struct& of, Visit&& visit, const List& list = {}) {
     const auto one = [&]<class Listed>(const Listed& listed) {
         if constexpr (requires { listed.inner_table; }) {
-            for_each_field(listed.inner_table, of.*listed.member, visit, listed.list);
+            for_each_field(listed.inner_table, member_of(of, listed.member), visit, listed.list);
         } else {
-            visit(listed.table.empty() ? table : listed.table, listed, of.*listed.member);
+            visit(listed.table.empty() ? table : listed.table, listed, member_of(of, listed.member));
         }
     };
     const auto each = [&](const auto&... listed) { (one(listed), ...); };
@@ -119,7 +134,7 @@ constexpr void for_each_field(std::string_view table, Struct& of, Visit&& visit,
 // Calls visit(part, number) for the numbers of a field's value: part is "", ".x", ".xy" or "[0]".
 template <class Value, class Visit>
 constexpr void for_each_part(Value& value, Visit&& visit) {
-    // What lies in a register is visited as copies.
+    // Members in a register are visited as copies.
     const auto put_back = [&](const auto&... parts) {
         if constexpr (!std::is_const_v<Value>) {
             value = Value{parts...};
@@ -159,7 +174,7 @@ constexpr std::size_t count_parts(const Value& value) {
     }
 }
 
-// The numbers of a report, in order: those of a step, or of them those that are known between steps too.
+// Numbers of a report, in order: all numbers of a step, or only those also known between steps.
 enum class Reported { in_step, between_steps };
 template <Reported when = Reported::in_step, class Report, class Put>
 constexpr void for_each_number(const Report& report, Put&& put) {

@@ -12,20 +12,20 @@
 //     ∫ k ė = S [ ν/(ν+1) v₀ + 1/(ν+1) v₁ + 6ν/((ν+1)(ν+2)) κ ]
 //     ∫ k e = S e₀ + S h [ v₀/(ν+2) + v₁/((ν+1)(ν+2)) + 6 κ/((ν+2)(ν+3)) ]        (by parts)
 //
-// History, all older than h: k(t) = Σ w_j exp(-s_j t) to the tolerance of the kernel design. One state
-// per exponential and axis,
+// History, all older than h: k(t) = Σ w_j exp(-s_j t) to the tolerance of the kernel design. With one state per
+// exponential and axis,
 //     E_j(t_n) = e(0) exp(-s_j t_n) + ∫ exp(-s_j (t_n-τ)) ė(τ) dτ over [0, t_n],   r_j = exp(-s_j h),
 //     E_j(t_n) = r_j E_j(t_{n-1}) + A_j v₀ + B_j v₁ + C_j κ    exactly, for the Hermite interpolant,
 // the memory of ė with e(0) as the jump that it is from rest. It serves both operators, as
 // ∫ exp(-s(t-τ)) e dτ = (e - E)/s:
 //     derivative history at t_{n+1}:  Σ w_j r_j E_j(t_n)   Riemann-Liouville; less e(0) Σ w_j exp(-s_j t_{n+1}): Caputo
 //     integral history at t_{n+1}:    Σ (w_j r_j/s_j) (e(t_n) - E_j(t_n)).
-// What is stored is g_j = (E_j - B_j v_n - C_j κ_n)/(A_j + r_j B_j), whose recursion needs only the sample before,
+// The stored state is g_j = (E_j - B_j v_n - C_j κ_n)/(A_j + r_j B_j), whose recursion needs only the sample before,
 //     g_j(n) = r_j g_j(n-1) + v_{n-1} + ρ_j κ_{n-1},     ρ_j = r_j C_j/(A_j + r_j B_j),
 // so the sum over the exponentials runs alongside the control law instead of ahead of it.
 //
-// The Riemann-Liouville derivative of the jump, e(0) t^(-α)/Γ(1-α), falls steeply at first. The force that answers it
-// is held for a step, so its mean over the coming step is taken: exp(-s t) becomes μ exp(-s t), μ = ∫ exp(-s x h) dx
+// The Riemann-Liouville derivative of the jump, e(0) t^(-α)/Γ(1-α), falls steeply at first. The force that responds to
+// it is held for a step, so its mean over the coming step is used: exp(-s t) becomes μ exp(-s t), μ = ∫ exp(-s x h) dx
 // over [0, 1].
 //
 // α = 1 and α = 0 use no exponentials and are exact: D^1 e = ė, I^0 e = e; D^0 e = e (eq. (7)), I^1 e the Hermite
@@ -46,8 +46,8 @@ struct FractionalOutput {
     Vec2<T> integral{}, derivative{};
 };
 
-// Two exponentials at a time, x and y of each: for a built-in number all four in one register where there are such,
-// else on its own.
+// Two exponentials at a time, x and y of each: for a built-in number all four in one register if the processor has such
+// registers, else each on its own.
 template <Scalar T>
 struct TwoTerms {
     static constexpr std::size_t terms = 2, axes = 2;  // handled one by one
@@ -81,7 +81,7 @@ template <Scalar T, std::size_t Capacity = ExponentialSum::capacity>
 struct Fractional {
     static_assert(Capacity % 2 == 0);
     // Two exponentials at a time, which fixes the order of all additions. For a built-in number their memory, x, y of
-    // one and x, y of the next, is one register, and so is a coefficient of both; any other number is on its own.
+    // one and x, y of the next, is one register, and so is a coefficient of both; any other number is separate.
     using Two = TwoTerms<T>;
     using Memory = typename Two::Memory;
     using PerTerm = typename Two::PerTerm;
@@ -89,7 +89,7 @@ struct Fractional {
     template <class OfTwo>
     using All = std::array<OfTwo, Capacity / 2>;
 
-    // One output is  difference·(e - e_past) + rate·ė  of the newest sample, plus what was known before it came:
+    // One output is  difference·(e - e_past) + rate·ė  of the newest sample, plus the part known before that sample:
     // past_derivative·ė_past + past_bump·κ_past + Σ over the exponentials.
     struct Weights {
         T difference{}, rate{}, past_derivative{}, past_bump{};
@@ -99,12 +99,12 @@ struct Fractional {
         T inverse_step{};
         T onset_mean{};  // mean of t^(-α)/Γ(1-α) over the first hold, where it is singular; 0 for Caputo
         Weights integral{}, derivative{};
-        T integral_past_value{};  // of e_past
-        // Without exponentials, α = 0 or 1: shares of e and ė themselves, and of the previous integral, which
-        // that of α = 0 continues.
+        T integral_past_value{};  // weight of e_past
+        // Without exponentials, α = 0 or 1: shares of e and ė themselves, and of the previous integral, which the
+        // integral of α = 0 continues.
         T integral_value{}, derivative_value{}, derivative_rate{}, carry{};
         std::size_t pairs = 0;  // in use; padded with zero weights
-        // Of two exponentials.
+        // Two exponentials.
         struct Pair {
             PerTerm decay{};          // r - 1
             PerTerm from_bump{};      // ρ
@@ -113,20 +113,20 @@ struct Fractional {
         };
         All<Pair> pair{};
         All<PerTerm> initial_value{}, initial_rate{};  // 1/(A + r B) and B/(A + r B): g at the first sample
-        // What the jump e(0) adds to the derivative beyond E: w r (μ - 1), for Caputo -w r.
+        // Contribution of the jump e(0) to the derivative beyond E: w r (μ - 1), for Caputo -w r.
         All<PerTerm> initial_onset{};
-        All<T> onset_life{};  // steps after which this pair and the later ones are past
+        All<T> onset_life{};  // steps after which this pair and the later ones have decayed
     };
 
     struct State {
         Kept<T, bool> started = false;
         Kept<T, std::size_t> onset_pairs = 0;
-        T onset_age{};  // samples seen while there are any
+        T onset_age{};  // samples seen while any are left
         Vec2<T> initial_value{};
         Sample<T> past{};
         Vec2<T> past_bump{};
-        FractionalOutput<T> known{};  // of the next sample's
-        Vec2<T> integral{};           // the last one, where α = 0
+        FractionalOutput<T> known{};  // known part of the next sample's output
+        Vec2<T> integral{};           // the last one, for α = 0
         All<Memory> memory{};         // g
         All<PerTerm> onset{};
     };
@@ -137,14 +137,14 @@ struct Fractional {
         return fracgyro::sound(state.started) && state.onset_pairs <= c.pairs;
     }
 
-    // The outputs at the next sample; then on to the one after. Samples come at multiples of the step of `c`.
+    // Returns the outputs at the next sample, then advances. Samples are at multiples of the step of `c`.
     static FractionalOutput<T> update(State& state, const Coefficients& c, const Sample<T>& now) {
         const FractionalOutput<T> output = evaluate(state, c, now);
         advance(state, c, now);
         return output;
     }
 
-    // The first half of `update`: all that the control law waits for.
+    // The first half of `update`: only the part needed by the control law.
     static FractionalOutput<T> evaluate(State& state, const Coefficients& c, const Sample<T>& now) {
         if (!state.started) {
             return {.integral = c.integral_value * now.value,
@@ -163,7 +163,7 @@ struct Fractional {
         return {.integral = integral, .derivative = output(c.derivative, state.known.derivative)};
     }
 
-    // The second half: moves the exponentials to the sample before the next one, from what was known a sample ago, and
+    // The second half: moves the exponentials to the sample before the next one, from values known a sample ago, and
     // sums them for its outputs.
     static void advance(State& state, const Coefficients& c, const Sample<T>& now) {
         Memory derivative{}, integral{};
@@ -189,7 +189,7 @@ struct Fractional {
                 }
             }
         };
-        Vec2<T> newest{};  // κ of the interval that ends now; there is none before the first sample
+        Vec2<T> newest{};  // κ of the interval that ends now; none before the first sample
         if (!state.started) {
             state.initial_value = now.value;
             move(Two::both(now.value), Two::both(-now.derivative),
@@ -246,11 +246,11 @@ private:
         while (state.onset_pairs > 0 && always_less(c.onset_life[state.onset_pairs - 1], state.onset_age)) {
             --state.onset_pairs;
         }
-        return if_less(c.onset_life[0], age, T(0.0), Two::sum(sum));  // of several runs, each ends at its own time
+        return if_less(c.onset_life[0], age, T(0.0), Two::sum(sum));  // each of several runs ends at its own time
     }
 };
 
-// All in double, whatever T: coefficients are derived once.
+// Computed in double, whatever T: coefficients are derived once.
 template <Scalar T, std::size_t Capacity>
 typename Fractional<T, Capacity>::Coefficients Fractional<T, Capacity>::prepare(const ExponentialSum& kernel,
                                                                                 double step, bool riemann_liouville) {
@@ -263,7 +263,7 @@ typename Fractional<T, Capacity>::Coefficients Fractional<T, Capacity>::prepare(
     const double nu = 1.0 - kernel.order;
     const double scale = power(step, nu) / kernel.gamma;
     const bool integer_order = kernel.order == 0.0;
-    // Sums over the exponentials of what one unit of rate or bump leaves in E, times the output weights.
+    // Sums over the exponentials of the effect of one unit of rate or bump on E, times the output weights.
     double rate_to_derivative = 0.0, bump_to_derivative = 0.0, rate_to_integral = 0.0, bump_to_integral = 0.0;
     double value_to_integral = 0.0;
     for (std::size_t i = 0; i < kernel.count; ++i) {
@@ -277,7 +277,7 @@ typename Fractional<T, Capacity>::Coefficients Fractional<T, Capacity>::prepare(
         const double bump = 6.0 * step * (moments[1] - moments[2]);
         const double to_derivative = kernel.weights[i] * r;
         const double to_integral = to_derivative / s;
-        const double unit = a + r * b;  // of the memory
+        const double unit = a + r * b;  // unit of the memory
         Two::set(c.pair[i / 2].decay, i % 2, decay);
         Two::set(c.pair[i / 2].from_bump, i % 2, r * bump / unit);
         Two::set(c.pair[i / 2].to_derivative, i % 2, to_derivative * unit);
@@ -285,10 +285,10 @@ typename Fractional<T, Capacity>::Coefficients Fractional<T, Capacity>::prepare(
         Two::set(c.initial_value[i / 2], i % 2, 1.0 / unit);
         Two::set(c.initial_rate[i / 2], i % 2, b / unit);
         Two::set(c.initial_onset[i / 2], i % 2, to_derivative * (riemann_liouville ? moments[0] - 1.0 : -1.0));
-        // Until exp(-s t) is 2^-60, below rounding; and not after the mean differs from the value by less than the sum
-        // over the exponentials may from the kernel where that is largest, at h. As k is convex, the mean over the hold
-        // from t = n h on is at most h/2 |k'(t)| = α/(2 n) k(n h) = α/2 n^(-1-α) k(h) below k(t). This is below
-        // error·k(h) from n = (α/(2 error))^(1/(1+α)) on.
+        // Ends when exp(-s t) is 2^-60, below rounding; and not after the mean differs from the value by less than the
+        // sum over the exponentials may differ from the kernel at h, where the kernel is largest. As k is convex, the
+        // mean over the hold from t = n h on is at most h/2 |k'(t)| = α/(2 n) k(n h) = α/2 n^(-1-α) k(h) below k(t).
+        // This is below error·k(h) from n = (α/(2 error))^(1/(1+α)) on.
         const bool bounded = riemann_liouville && kernel.error > 0.0;
         const double end = bounded ? power(0.5 * kernel.order / kernel.error, 1.0 / (1.0 + kernel.order))
                                    : std::numeric_limits<double>::infinity();
@@ -302,7 +302,7 @@ typename Fractional<T, Capacity>::Coefficients Fractional<T, Capacity>::prepare(
         value_to_integral += to_integral;
     }
     c.pairs = (kernel.count + 1) / 2;
-    // The weight of κ is spread over the differences that make it up.
+    // Spreads the weight of κ over its differences.
     const auto weights = [&](double rate, double bump, double past_derivative, double past_bump) {
         return Weights{.difference = T(bump / step),
                        .rate = T(rate - 0.5 * bump),

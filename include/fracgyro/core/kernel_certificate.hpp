@@ -19,8 +19,7 @@ namespace fracgyro {
 // Rounding, in units of 2^-52: a sample time is off by at most 40 relatively (its logarithm, at most 23.1, by 32 in
 // three roundings, and the exponential by 4), which changes a term by 40 (α + s_j t). The power (4), the exponential
 // (4, and s_j t for its argument's rounding), three products, the sum over the exponentials (n) and the final scaling
-// of a rate and a weight by whoever takes them (16, of a rate again times s_j t) come to less than n + 80 + 80 s_j t in
-// all.
+// of a rate and a weight by the caller (16, of a rate again times s_j t) come to less than n + 80 + 80 s_j t in all.
 inline double certified_error(double order, double span, std::size_t count, const double* poles,
                               const double* weights) {
     constexpr int degree = 16;
@@ -56,7 +55,7 @@ inline double certified_error(double order, double span, std::size_t count, cons
         }
     }
     const double rho = (psi + reach) / half;
-    double remainder = 2.000001 * largest / (rho - 1.0);  // 2 M, and more than the rounding of this
+    double remainder = 2.000001 * largest / (rho - 1.0);  // 2 M, with a margin above the rounding of this
     for (int m = 0; m < degree; ++m) {
         remainder /= rho;
     }

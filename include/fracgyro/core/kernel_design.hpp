@@ -1,11 +1,11 @@
-// The design of a kernel: the constants behind a fractional operator in fixed memory.
+// Kernel design: the constants of a fractional operator in fixed memory.
 //
 // The kernel of I^(1-α) and of the Caputo derivative D^α, 0 < α < 1, eq. (7), is
 //
 //     k(t) = t^(-α)/Γ(1-α) = sin(πα)/π ∫ s^(α-1) exp(-s t) ds over [0, ∞).
 //
 // `design` replaces it on [shortest, longest] by Σ weights·exp(-poles·t), all weights and poles positive (each
-// exponential is a stable first-order lag), with nearly the fewest exponentials that hold the relative error below a
+// exponential is a stable first-order lag), with nearly the fewest exponentials that keep the relative error below a
 // tolerance. The best sum of n exponentials is the one whose relative error takes its maximum with alternating sign at
 // 2n+1 times (Braess, "Nonlinear approximation theory", 1986), and is found as follows.
 //
@@ -30,11 +30,11 @@ namespace fracgyro {
 class KernelDesign {
 public:
     static constexpr std::size_t max_terms = 80;
-    static constexpr double earliest = 1e-200, latest = 1e200;  // of `shortest`
-    static constexpr double largest_ratio = 1e10;               // longest/shortest
+    static constexpr double earliest = 1e-200, latest = 1e200;  // range of `shortest`
+    static constexpr double largest_ratio = 1e10;               // maximum of longest/shortest
     static constexpr double smallest_tolerance = 1e-11, largest_tolerance = 1e-1;
 
-    std::size_t count = 0;  // of exponentials; 0: none were found, or the arguments are outside the ranges above
+    std::size_t count = 0;  // number of exponentials; 0: none were found, or the arguments are outside the ranges above
     double error = 0.0;     // proven bound on |sum/kernel - 1| over the range
     std::array<double, max_terms> poles{}, weights{};  // poles ascending
 
@@ -49,12 +49,12 @@ public:
         order_ = order;
         excess_ = (longest - shortest) / shortest;
         span_ = logarithm_of_one_plus(excess_);
-        // An order far below the tolerance gets the exponentials of a larger one, a hundredth of the tolerance away:
-        // its own poles would be so slow that the integral, a difference divided by the pole, drowns in rounding. The
-        // certified error is still that against the order itself.
+        // An order far below the tolerance gets the exponentials of a larger order, a hundredth of the tolerance away:
+        // its own poles would be so slow that the integral, a difference divided by the pole, would drown in rounding.
+        // The certified error is still against the order itself.
         shape_ = maximum(order, 0.01 * tolerance / (1.0 + span_));
         // Minimax errors are log(error) = log(α) + 0.65 + 1.5 α - decay·count, to within 0.5 or so (a fit); the decay
-        // is Zolotarev's for wide ranges, that of polynomial interpolation for narrow ones.
+        // is Zolotarev's for wide ranges, and the decay of polynomial interpolation for narrow ones.
         const double decay =
             maximum(9.86960440108935861883 / (quarter_period(excess_) + 0.25), 2.0 * logarithm(8.0 / span_));
         const double estimate = (logarithm(shape_ / tolerance) + 0.65 + 1.5 * shape_) / decay;
@@ -68,7 +68,7 @@ public:
         }
         keep(n, bound, shortest);
         const double per_term = exponential(0.8 * decay);
-        while (n > 1 && bound * per_term <= tolerance) {  // one exponential fewer might do: try it
+        while (n > 1 && bound * per_term <= tolerance) {  // one exponential fewer may suffice: try it
             bound = certified(--n);
             if (bound > tolerance) {
                 return;
@@ -79,7 +79,7 @@ public:
 
 private:
     static constexpr std::size_t most_times = 2 * max_terms + 1;
-    static constexpr std::size_t pieces = 12;  // of the grid between two alternation times
+    static constexpr std::size_t pieces = 12;  // pieces of the grid between two alternation times
     using PerTerm = std::array<double, max_terms>;
 
     struct Sum {
@@ -185,9 +185,9 @@ private:
         take_exponentials();
     }
 
-    // Least squares by QR of [triangle; jacobian] with Householder's reflections: not normal equations, which square
-    // the condition. Each reflection leaves the rows of the triangle below its own as they are. The solution is left in
-    // the triangle's last column.
+    // Least squares by QR of [triangle; jacobian] with Householder reflections: not normal equations, which square the
+    // condition number. Each reflection leaves the rows of the triangle below its own unchanged. The solution is left
+    // in the triangle's last column.
     void solve_least_squares(std::size_t unknowns) {
         Row projection;
         for (std::size_t k = 0; k < unknowns; ++k) {
@@ -198,7 +198,7 @@ private:
             }
             const double length = square_root(top[k] * top[k] + below);
             const double head =
-                top[k] + with_sign_of(top[k], length);  // of the reflected vector; its rest is the column
+                top[k] + with_sign_of(top[k], length);  // pivot of the reflected vector; its rest is the column
             if (!(length > 0.0)) {
                 continue;
             }
@@ -237,7 +237,7 @@ private:
 
     // -- 3 ------------------------------------------------------------------------------------------------------------
 
-    // Exponentials of nearly the least maximum relative error.
+    // Exponentials of nearly the minimum maximum relative error.
     void minimax() {
         start_times(excess_, span_, n_, log_times_.data());
         start_terms(shape_, span_, n_, sum_.log_weight.data(), sum_.log_pole.data());
@@ -260,8 +260,8 @@ private:
     struct Levels {
         double highest{}, lowest{};
     };
-    // Moves the times to the 2n+1 extrema of the error, and finds the greatest and the least of its levels there. Where
-    // the error has not exactly 2n-1 interior extrema the least is 0 and the times stay.
+    // Moves the times to the 2n+1 extrema of the error, and finds the maximum and minimum of its levels there. If the
+    // error does not have exactly 2n-1 interior extrema, the minimum is 0 and the times stay.
     Levels to_extrema() {
         const std::size_t intervals = 2 * n_, last = intervals * pieces;
         PerTerm term, decay;
@@ -303,8 +303,8 @@ private:
     }
 };
 
-// The kernel of I^(1-order) for samples `step` apart over `duration`, at least 10 steps; none for orders 0 and 1, which
-// need none. For other orders a count of 0 says that there are none within the tolerance and the ranges above.
+// The kernel of I^(1-order) for samples `step` apart over `duration`, at least 10 steps; without exponentials for
+// orders 0 and 1. For other orders a count of 0 means that none meet the tolerance within the ranges above.
 inline ExponentialSum designed_kernel(KernelDesign& workspace, double order, double step, double duration,
                                       double tolerance) {
     ExponentialSum kernel{.order = order, .gamma = gamma_from_one_to_two(2.0 - order)};

@@ -1,4 +1,4 @@
-// Where the design of the exponentials starts: estimates of the times of alternation and of the optimal exponentials.
+// Start of the kernel design: estimates of the times of alternation and of the optimal exponentials.
 //
 // Inside the design, time runs over [1, R]; x = log t in [0, span], span = log R; excess = R - 1; the kernel is t^(-α).
 #pragma once
@@ -15,8 +15,8 @@ inline constexpr double half_pi = 1.57079632679489661923;
 inline void first_bessel_zero(double order, double& zero, double& gauss) {
     double y = order * (1.0 + 0.5 * order - order * order / 12.0), slope = 0.0;
     for (int iteration = 0; iteration < 6; ++iteration) {
-        double value = order, term = -y;  // of the series times α
-        double of_slope = 1.0;            // of Γ(α+1) y^(-α/2) J_α, which is minus the derivative of `value`
+        double value = order, term = -y;  // terms of the series times α
+        double of_slope = 1.0;            // series of Γ(α+1) y^(-α/2) J_α, which is minus the derivative of `value`
         slope = 0.0;
         for (int k = 1; k < 20; ++k) {
             value += term;
@@ -44,9 +44,8 @@ inline double quarter_period(double excess) {
     return detail::half_pi / a;
 }
 
-// Logs of Zolotarev's 2n+1 alternation points R dn(i K/2n) on [1, R]: close to those of the optimum. Only the half
-// nearer to R is computed; dn(K - u) = 1/(R dn(u)) mirrors it in log t. sn comes from a sine by Landen's
-// transformations.
+// Logs of Zolotarev's 2n+1 alternation points R dn(i K/2n) on [1, R]: close to the optimal points. Only the half nearer
+// to R is computed; dn(K - u) = 1/(R dn(u)) mirrors it in log t. sn follows from a sine by Landen's transformations.
 inline void start_times(double excess, double span, std::size_t n, double* log_times) {
     constexpr std::size_t landen = 8;
     std::array<double, landen> k{};

@@ -5,7 +5,7 @@
 
 namespace fracgyro {
 
-// Two numbers, one for each axis: Vec2{x, y}. What is added or multiplied goes element by element.
+// Two numbers, one for each axis: Vec2{x, y}. Sums and products are elementwise.
 template <Scalar T>
 struct Vec2 {
     T first{}, second{};
@@ -14,8 +14,8 @@ struct Vec2 {
     constexpr const T& y() const { return second; }
 };
 
-// Built-in numbers share a register, in memory too: put together from halves it would be read back before both had
-// arrived. Aligned as one number, so that nothing is laid out otherwise than above.
+// Built-in numbers share a register, in memory too: after two stores of halves, a load would wait for both. Aligned as
+// one number, so that the layout is as above.
 template <Scalar T>
     requires(std::floating_point<T> && FRACGYRO_PACKS)
 struct Vec2<T> {
@@ -30,8 +30,8 @@ struct Vec2<T> {
     constexpr T y() const { return pair[1]; }
 };
 
-// What an operation on one number makes of each; in a register, of both at once. By value: a reference to a pair would
-// say that it is aligned as a register.
+// Result of an operation applied to each number; in a register, to both at once. By value: a reference to a pair would
+// imply that it is aligned as a register.
 template <class Operation, Scalar T, class... More>
 constexpr Vec2<T> each(Operation operation, const Vec2<T>& a, const More&... more) {
     if constexpr (requires { a.pair; }) {
@@ -77,14 +77,13 @@ template <Scalar T>
 constexpr Vec2<T> swapped(const Vec2<T>& a) {
     return {a.y(), a.x()};
 }
-// By a right angle: (-y, x).
+// Rotated by a right angle: (-y, x).
 template <Scalar T>
 constexpr Vec2<T> turned(const Vec2<T>& a) {
     return {-a.y(), a.x()};
 }
 
-// Element by element. In a register one operation: a branch would wait for the comparison, and noise would mispredict
-// it.
+// Elementwise. In a register one operation: a branch would wait for the comparison, and noise would mispredict it.
 template <Scalar T>
 constexpr Vec2<T> if_less(const Vec2<T>& a, const Vec2<T>& b, const Vec2<T>& yes, const Vec2<T>& no) {
     if constexpr (requires { a.pair; }) {
@@ -118,7 +117,7 @@ template <Scalar T>
 Vec2<T> square_root(const Vec2<T>& a) {
 #if defined(__SSE2__) && __has_builtin(__builtin_ia32_sqrtpd)
     if constexpr (std::same_as<T, double> && FRACGYRO_PACKS) {
-        return Vec2<T>(__builtin_ia32_sqrtpd(a.pair));  // of both in one instruction
+        return Vec2<T>(__builtin_ia32_sqrtpd(a.pair));  // both in one instruction
     }
 #endif
     return {square_root(a.x()), square_root(a.y())};

@@ -1,4 +1,4 @@
-// What an exponential leaves of a polynomial over one step.
+// Moments of an exponential over one step.
 #pragma once
 
 #include "fracgyro/core/elementary.hpp"

@@ -1,4 +1,4 @@
-// A few numbers in one register, where the processor has such registers.
+// A few numbers in one register, if the processor has such registers.
 #pragma once
 
 #include "fracgyro/core/scalar.hpp"
@@ -7,8 +7,8 @@
 
 namespace fracgyro {
 
-// Whether the processor has registers of four floating-point numbers. Code exported for several processors says no for
-// all: its coefficients are laid out alike.
+// True if the processor has registers of four floating-point numbers. False in code exported for several processors:
+// its coefficients have the same layout on all.
 #ifndef FRACGYRO_PACKS
 #if defined(__SSE2__) || defined(__ARM_NEON)
 #define FRACGYRO_PACKS true
@@ -17,8 +17,8 @@ namespace fracgyro {
 #endif
 #endif
 
-// A few numbers that go through the same arithmetic. For built-in types the compiler's own vector, which becomes
-// whatever registers the processor has; element by element the operations and their results are those of T.
+// A few numbers that undergo the same arithmetic. For built-in types the compiler's own vector, which uses the
+// registers of the processor; each element has the operations and results of T.
 template <Scalar T, std::size_t Count>
 struct PackOf {
     struct Type {

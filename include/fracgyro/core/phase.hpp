@@ -1,4 +1,4 @@
-// Phases counted in integers: whole turns never add up to a rounding error, and every processor has the same bits.
+// Phases counted in integers: whole turns never accumulate a rounding error, and every processor has the same bits.
 #pragma once
 
 #include "fracgyro/core/elementary.hpp"
@@ -9,7 +9,7 @@
 
 namespace fracgyro {
 
-// An angle in 2^-64 turns, whole turns left out; 0 for one that is not finite.
+// An angle in 2^-64 turns, without whole turns; 0 if it is not finite.
 inline std::uint64_t phase_of(double radians) {
     constexpr double radians_per_turn = 6.28318530717958647693;
     constexpr double whole = 4503599627370496.0;  // 2^52: from here on a double has no fraction
@@ -61,7 +61,7 @@ struct SteadyPhases {
     }
 };
 
-// Cosine and sine of an angle in rad: by what a complex number is multiplied to turn it.
+// Cosine and sine of an angle in rad: the factor that rotates a complex number by it.
 template <Scalar T>
 Vec2<T> turn_of(double radians) {
     const SineCosine<double> found = sine_cosine<double>(phase_of(radians));

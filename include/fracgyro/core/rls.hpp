@@ -1,8 +1,8 @@
-// Recursive least squares in fixed memory: which x makes the residuals r = y + row·x smallest, in the sum of their
-// squares and of that of x itself, weighed by the prior?
+// Recursive least squares in fixed memory: the x that minimizes the sum of squares of the residuals r = y + row·x and
+// of x itself, weighted by the prior.
 //
 //    P = (1/prior + Σ rowᵀ row)⁻¹ is kept as U diag(d) Uᵀ with U unit upper triangular (Bierman 1977, ch. V): d stays
-//    positive in whatever precision, where P itself would lose its definiteness in single precision. No square roots.
+//    positive in any precision, whereas P itself would lose its definiteness in single precision. No square roots.
 //
 //        f = Uᵀ rowᵀ,   g_j = d_j f_j,   α_j = α_(j-1) + f_j g_j from α_0 = 1 to α = 1 + row P rowᵀ
 //        d_j  <- d_j α_(j-1)/α_j
@@ -20,8 +20,8 @@ template <Scalar T, std::size_t Count>
 struct RecursiveLeastSquares {
     using Row = std::array<T, Count>;
 
-    // Variance of every parameter about 0 before the first row, where that of the noise in y is 1. As good as knowing
-    // nothing: one row of size 0.01 weighs as much.
+    // Variance of every parameter about 0 before the first row, for noise of variance 1 in y. Practically
+    // uninformative: one row of size 0.01 weighs as much.
     static constexpr double prior = 1e4;
 
     struct State {
@@ -30,7 +30,7 @@ struct RecursiveLeastSquares {
         std::array<T, Count*(Count - 1) / 2> u_factor{};  // U above its diagonal, column by column
     };
 
-    // Takes in one row and its residual, found with x as it is. Returns 1/α, the share of the residual that is left
+    // Adds one row and its residual, found with x as it is. Returns 1/α, the share of the residual that remains
     // afterwards. The expected square of residual/√α is the variance of the noise.
     static T update(State& state, const Row& row, T residual) {
         Row gain{};
@@ -62,7 +62,7 @@ struct RecursiveLeastSquares {
         return inverse;
     }
 
-    // P_ii, times the variance of the noise that of x_i.
+    // P_ii; times the variance of the noise it is the variance of x_i.
     static T variance(const State& state, std::size_t i) {
         T sum = state.d_factor[i];
         for (std::size_t j = i + 1; j < Count; ++j) {
@@ -72,13 +72,13 @@ struct RecursiveLeastSquares {
         return sum;
     }
 
-    // Every variance grows by this factor: what was learnt is forgotten evenly.
+    // Multiplies every variance by this factor: all parameters are forgotten evenly.
     static void inflate(State& state, T factor) {
         for (T& d : state.d_factor) {
             d = factor * d;
         }
     }
-    // P_00 grows by this much, and nothing else changes: x_0 has moved. U's first column is that of the identity.
+    // Adds `variance` to P_00 only, when x_0 has moved. The first column of U is the first one of the identity.
     static void inflate_first(State& state, T variance) { state.d_factor[0] = state.d_factor[0] + variance; }
 
 private:

@@ -6,15 +6,15 @@
 //
 //     u = u_n - x d_n + p (x² - x)/2 (d_n - d_(n-1)),    p = 0 for lines, 1 for parabolas,
 //
-// and with moments μ_k = ∫ x^k exp(-z x) dx, z = s_j h, r = exp(-z), an exponential remembers
+// and with moments μ_k = ∫ x^k exp(-z x) dx, z = s_j h, r = exp(-z), the memory of an exponential is
 //
-//     of u':    E_n = r E_(n-1) + μ₀ d_n + p (μ₀/2 - μ₁) (d_n - d_(n-1))
-//     of u/h:   E_n = r E_(n-1) + (μ₀ - μ₁) u_n + μ₁ u_(n-1) + p (μ₂ - μ₁)/2 (d_n - d_(n-1)).
+//     u':       E_n = r E_(n-1) + μ₀ d_n + p (μ₀/2 - μ₁) (d_n - d_(n-1))
+//     u/h:      E_n = r E_(n-1) + (μ₀ - μ₁) u_n + μ₁ u_(n-1) + p (μ₂ - μ₁)/2 (d_n - d_(n-1)).
 //
-// Stored is what a single number feeds: E_n = a₀ d_n + a₁ d_(n-1) + r E_(n-1) is a₀ d_n + (r a₀ + a₁) G_(n-1) with
-// G_n = r G_(n-1) + d_n, and likewise E_n = a₀ u_n + a₁ u_(n-1) + a₂ u_(n-2) + r E_(n-1) is
-// a₀ u_n + (r a₀ + a₁) u_(n-1) + (r (r a₀ + a₁) + a₂) G_(n-2). What the exponentials lack of the kernel below
-// `shortest` acts on the last interval only, by its moments.
+// The stored state is driven by a single number: E_n = a₀ d_n + a₁ d_(n-1) + r E_(n-1) is a₀ d_n + (r a₀ + a₁) G_(n-1)
+// with G_n = r G_(n-1) + d_n, and likewise E_n = a₀ u_n + a₁ u_(n-1) + a₂ u_(n-2) + r E_(n-1) is a₀ u_n + (r a₀ + a₁)
+// u_(n-1) + (r (r a₀ + a₁) + a₂) G_(n-2). The difference between the kernel and the exponentials below `shortest` acts
+// on the last interval only, by its moments.
 #pragma once
 
 #include "fracgyro/core/moments.hpp"
@@ -43,7 +43,7 @@ struct SampledOperator {
 
 namespace detail {
 
-// ∫ t^k of what the exponentials lack of the kernel below `shortest`, over h^k.
+// ∫ t^k of the kernel minus the exponentials below `shortest`, over h^k.
 inline std::array<double, 3> lacking(std::span<const double> poles, const double* weights, double order,
                                      double shortest, double step) {
     std::array<double, 3> sums{};

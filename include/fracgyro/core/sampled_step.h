@@ -1,16 +1,15 @@
-/* One sample of a sum of first-order recursions: what a fractional operator or a fractional PID is, sample by sample.
+/* One sample of a sum of first-order recursions, which is one step of a fractional operator or a fractional PID.
    C99 and C++, for any type fracgyro_number: sampled.hpp includes it, and `fracgyro export operator` copies it. */
 
 typedef struct {
-    fracgyro_number
-        decay; /* what a sample adds of the memory to itself, below 0; the factor 1 + decay may round to 1 */
+    fracgyro_number decay; /* change of the memory per sample, relative to itself, below 0; 1 + decay may round to 1 */
     fracgyro_number weight;
 } fracgyro_term;
 
 typedef struct {
-    int of_values, of_changes; /* terms that are fed the last sample, then terms that are fed the change to this one */
+    int of_values, of_changes; /* terms driven by the last sample, then terms driven by the change to this one */
     fracgyro_number now, past, change, past_change; /* weights of this sample, the last, the change, the last change */
-    fracgyro_number trace; /* below the rounding of any sample that matters; keeps the memory from becoming subnormal */
+    fracgyro_number trace; /* below the rounding of any relevant sample; keeps the memory from becoming subnormal */
 } fracgyro_gains;
 
 typedef struct {

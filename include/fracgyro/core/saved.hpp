@@ -1,8 +1,8 @@
-// A state as bytes, and whether bytes that come back are sound: whatever they are, none may do harm.
+// A state as bytes, and the check of restored bytes: no input may do harm.
 //
-//    The checksum tells damage. Bytes whose checksum is right may still be no state, as of another program or an
-//    attacker: sound(state, coefficients), which every type with a state has, says whether all indices and switches in
-//    it are ones that it could have. Numbers may be any.
+//    The checksum detects damage. Bytes with a correct checksum may still not be a state, for example from another
+//    program or an attacker: sound(state, coefficients), a member of every type with a state, checks that all its
+//    indices and switches have permitted values. Numbers may have any value.
 #pragma once
 
 #include <cstddef>
@@ -11,7 +11,7 @@
 
 namespace fracgyro {
 
-// CRC-32, which notices every burst of up to 32 wrong bits. `sum`: of what is before these bytes.
+// CRC-32, which detects every burst of up to 32 wrong bits. `sum`: checksum of the preceding bytes.
 [[gnu::noinline]] inline std::uint32_t checksum(const void* bytes, std::size_t count, std::uint32_t sum = 0) {
     const auto* at = static_cast<const unsigned char*>(bytes);
     sum = ~sum;
@@ -43,7 +43,7 @@ struct Saved {
         const std::uint32_t sum = checksum(bytes + sizeof sum, sizeof state);
         copy_bytes(bytes, &sum, sizeof sum);
     }
-    // Whether they are as they were written; if not, `state` stays as it is.
+    // Returns true if the bytes are as they were written; otherwise `state` stays unchanged.
     static bool read(const unsigned char* bytes, std::size_t count, State& state) {
         std::uint32_t sum = 0;
         if (count != size) {
@@ -58,7 +58,7 @@ struct Saved {
     }
 };
 
-// Whether a switch is one: its byte may be any, and all but two are undefined to look at as a bool.
+// Returns true if the byte of a switch is valid: any byte may come, and reading all but two as a bool is undefined.
 inline bool sound(const bool& a) { return reinterpret_cast<const unsigned char&>(a) <= 1; }
 
 }  // namespace fracgyro

@@ -1,7 +1,7 @@
-// The scalar concept: what a number must offer, and what follows from it.
+// The scalar concept: requirements of a number, and functions that follow from them.
 //
-// Of libm only sqrt, fabs and copysign are called, which IEEE 754 defines exactly. With floating-point contraction off,
-// every compiler and processor therefore computes the same bits.
+// The only libm functions called are sqrt, fabs and copysign, which IEEE 754 defines exactly. With floating-point
+// contraction off, every compiler and processor therefore computes the same bits.
 #pragma once
 
 #include <cmath>
@@ -12,10 +12,10 @@
 
 namespace fracgyro {
 
-// What a number must offer to be simulated with. A wrapper around a floating-point type qualifies when it has the
-// operators below, an explicit constructor from double and its own overloads of square_root and power. One that holds
-// several numbers, whose a < b is no single answer, overloads if_less, always_less and the functions made from them too
-// (include/fracgyro/sim/lanes.hpp).
+// Requirements of a number for simulation. A wrapper around a floating-point type qualifies if it has the operators
+// below, an explicit constructor from double and its own overloads of square_root and power. A type that holds several
+// numbers, whose a < b does not have a single answer, also overloads if_less, always_less and the functions made from
+// them (include/fracgyro/sim/lanes.hpp).
 template <class T>
 concept Scalar = std::copyable<T> && std::constructible_from<T, double> && requires(T a, T b) {
     { a + b } -> std::same_as<T>;
@@ -26,8 +26,8 @@ concept Scalar = std::copyable<T> && std::constructible_from<T, double> && requi
     a < b;
 };
 
-// An integer or a switch in the state of what computes with numbers T. A number that is not computed with but recorded
-// (integrations/fpga/trace.hpp) brings its own.
+// An integer or a switch in the state of a computation with numbers T. A number that is recorded and not computed with
+// (fpga/fracgyro_fpga/cpp/trace.hpp) brings its own.
 template <class T, class Built>
 struct KeptBy {
     using Type = Built;
@@ -39,7 +39,7 @@ template <Scalar T>
 constexpr T if_less(T a, T b, T yes, T no) {
     return a < b ? yes : no;
 }
-// a < b, in all of the runs that a number of several runs stands for.
+// a < b, in all runs that a number of several runs represents.
 template <Scalar T>
 constexpr bool always_less(T a, T b) {
     return a < b;

@@ -15,13 +15,13 @@ struct AdaptationParams {
     double damping_gain = 150.0, stiffness_gain = 150.0, rate_gain = 150.0;  // M, N, P
     std::array<double, 3> bound_gain{1.0, 1.6, 1.6};                         // x₀, x₁, x₂
     std::array<double, 3> initial_bound{0.1, 0.2, 0.3};                      // b̂₀, b̂₁, b̂₂
-    double leakage = 0.0;     // 1/time: estimates return to their initial values at this rate; 0 off
-    double dead_zone = 0.0;   // the laws rest while ‖s‖ is below it; 0 off
-    double projection = 0.0;  // largest deviation, as a fraction of the family's largest initial entry; 0 off
-    double forgetting = 0.0, rate_forgetting = 0.0;  // of least squares, 1/time: all parameters; Ωz besides; 0 nothing
-    std::int64_t covariance_steps = 1;               // of joint: the covariance goes on once in so many
+    double leakage = 0.0;     // 1/time: estimates return to their initial values at this rate; 0: off
+    double dead_zone = 0.0;   // the laws pause while ‖s‖ is below it; 0: off
+    double projection = 0.0;  // maximum deviation, as a fraction of the family's maximum initial entry; 0: off
+    double forgetting = 0.0, rate_forgetting = 0.0;  // 1/time, by least squares: all parameters; Ωz in addition; 0: off
+    std::int64_t covariance_steps = 1;               // steps per covariance update of joint
 
-    // Which of the adaptations runs.
+    // The adaptation that runs.
     constexpr AdaptationKind runs() const { return adaptive ? kind : AdaptationKind::gradient; }
 
     static constexpr std::string_view kinds[] = {"gradient", "composite", "joint"}, switches[] = {"false", "true"},
@@ -31,7 +31,7 @@ struct AdaptationParams {
                         choice("adaptive", &AdaptationParams::adaptive, switches,
                                "Estimates replace true values, (35). false: off, all known, (20), (34)."));
     }
-    // Of the laws for D, K and Ωz.
+    // Fields of the laws for D, K and Ωz.
     static constexpr auto law_fields() {
         using P = AdaptationParams;
         return std::tuple{
@@ -55,14 +55,14 @@ struct AdaptationParams {
                   "value. 0.0: off."),
         };
     }
-    // Of least squares and of the joint filter.
+    // Fields of least squares and of the joint filter.
     static constexpr auto forgetting_fields() {
         using P = AdaptationParams;
         return std::tuple{
             field("forgetting", &P::forgetting, "omega0", at_least_0,
                   "Unit omega0: rate at which composite and joint forget, all parameters alike. 0.0: off."),
             field("rate_forgetting", &P::rate_forgetting, "omega0", at_least_0,
-                  "Unit omega0: rate at which they forget Omega_z besides, which is their bandwidth for it: a fast "
+                  "Unit omega0: additional rate at which they forget Omega_z, which is their bandwidth for it: a fast "
                   "rate, a noisy estimate. 0.0: off, Omega_z is taken for constant."),
         };
     }
@@ -73,7 +73,7 @@ struct AdaptationParams {
                               "Steps, at most 8, among which joint divides the work on its covariance, for a "
                               "microcontroller. 1: off, all of it each step."));
     }
-    // Of a controller that has the laws for D, K and Ωz, and no bounds.
+    // Fields of a controller with the laws for D, K and Ωz, without bounds.
     static constexpr auto plant_fields() {
         return std::tuple_cat(std::tuple{adaptive_field()}, law_fields(), robustness_fields());
     }

@@ -1,28 +1,27 @@
-// 5  Composite adaptation: with the laws (44), which s drives, least squares on the plant's equation, driven by what
-//    was predicted wrongly over one step. No acceleration is measured.
+// 5  Composite adaptation: the laws (44), driven by s, plus least squares on the plant's equation, driven by the
+//    prediction error over one step. No acceleration is measured.
 //
-//    Eq. (9) over one step of length h, with u and d held, ∫v dt = Δq exactly and ∫q dt by Hermite's rule, which errs
-//    by h⁵/720 q'''':
+//    Eq. (9) over one step of length h, with u and d held, ∫v dt = Δq exactly and ∫q dt by Hermite's rule, whose error
+//    is h⁵/720 q'''':
 //
 //        Δv = h (u + d) - (D + 2Ω) Δq - K ∫q dt,      ∫q dt = h/2 (q₀ + q₁) + h²/12 (v₀ - v₁)
 //
-//    Divided by h, with v̄ = Δq/h, q̄ = ∫q dt/h, and estimates in the place of the truth, there remains
+//    Dividing by h, with v̄ = Δq/h, q̄ = ∫q dt/h, and estimates instead of true values, leaves
 //
 //        r = Δv/h - u + (D̂ + 2Ω̂) v̄ + K̂ q̄ = d + row(v̄, q̄)·θ̃,      θ = (Ωz, Dxx, Dxy, Dyy, Kxx, Kxy, Kyy)
 //
-//    one residual on each axis. But v̄ contains h/2 d: in rows made of it, noise would explain noise, and D̂ would be off
-//    by h σ²/(2 v²). They are made of v̄ - h/2 E(d) instead, in effect the mean velocity predicted when the step began.
-//    Of r the part E(d) = r/α is noise, and the other, large in the beginning, the estimates' own error: α = 1 + row P
-//    rowᵀ, and that of the last step serves.
+//    one residual per axis. But v̄ contains h/2 d: rows made of v̄ would be correlated with the noise, which would bias
+//    D̂ by h σ²/(2 v²). They are made of v̄ - h/2 E(d) instead, in effect the mean velocity predicted at the start of
+//    the step. The part E(d) = r/α of r is noise; the rest, large at first, is the estimates' own error: α = 1 + row P
+//    rowᵀ, for which the value of the last step is used.
 //
-//    The influence of one sample is bounded: from when they are trusted, residuals are judged by consistency.hpp, with
-//    the deviation σ̂ √α and, for the rate, the row's first entry. In a disagreement the estimates and σ̂ go back to
-//    those before it, and P to the prior. Residuals that grow are not taken for noise: σ̂ is at most that of the time
-//    before, which is kept even when the guard starts the controller over.
+//    The influence of one sample is bounded: once the estimates are trusted, residuals are judged by consistency.hpp,
+//    with the deviation σ̂ √α and, for the rate, the row's first entry. In a disagreement the estimates and σ̂ return
+//    to their values before it, and P to the prior. Growing residuals are not mistaken for noise: σ̂ is at most its
+//    value before they grew, which is kept even when the guard starts the controller over.
 //
-//    The force is computed with the laws' part, which is the loop's integral action, and from when Ω̂z is first trusted
-//    with the sum of both parts. What is reported of D, K and Ωz is the part of least squares only
-//    (docs/decisions/0016).
+//    The force uses the laws' part, which is the loop's integral action, and after Ω̂z is first trusted the sum of both
+//    parts. The reported D, K and Ωz are the least-squares part only (docs/decisions/0016).
 #pragma once
 
 #include "fracgyro/control/reports.hpp"
@@ -38,35 +37,36 @@ struct CompositeAdaptation {
     using Laws = GradientAdaptation<T>;
     using Squares = RecursiveLeastSquares<T, 7>;
     using Row = typename Squares::Row;
-    using Agreement = Consistency<T, 8>;  // of θ, and of the mean square of d
+    using Agreement = Consistency<T, 8>;  // agreement of θ, and of the mean square of d
 
     static constexpr std::size_t parameters = 7;
 
-    // Ωz is trusted while the other parameters inflate its variance at most so often, the prior's share of what is
-    // known of it is at most this, and its standard deviation is below this fraction of the natural frequency.
+    // Ωz is trusted while the other parameters inflate its variance by at most this factor, the prior contributes at
+    // most this share of the information on it, and its standard deviation is below this fraction of the natural
+    // frequency.
     static constexpr double largest_inflation = 10.0, largest_share = 0.01, largest_deviation = 0.01;
-    static constexpr double least_noise = 1e-30;  // divided by instead of 0
-    static constexpr double unknown_noise = 1.0;  // as a variance of that noise; 0: it is known
+    static constexpr double least_noise = 1e-30;  // divisor instead of 0
+    static constexpr double unknown_noise = 1.0;  // variance assumed for unknown noise; 0: it is known
 
     struct Coefficients {
         typename Laws::Coefficients laws{};
         T step{}, inverse_step{};
         T forgetting{}, rate_forgetting{};  // times the step
         bool forgets = false;
-        T trusted_variance{};  // of Ω̂z
+        T trusted_variance{};  // maximum variance of a trusted Ω̂z
         typename Agreement::Coefficients consistency{};
     };
     struct State {
         typename Laws::State laws{};
         typename Squares::State squares{};
-        T rate_information = T(1.0 / Squares::prior);  // 1/P_00 as it would be if all other parameters were known
-        T noise{}, draws{};                            // mean square of d on one axis, and of how many draws
-        Motion<T> motion{};                            // at the last sample, and the force from then on
+        T rate_information = T(1.0 / Squares::prior);  // 1/P_00 with all other parameters known
+        T noise{}, draws{};                            // mean square of d on one axis, and its number of samples
+        Motion<T> motion{};                            // at the last sample, and the force since
         Vec2<T> force{};
-        Vec2<T> left{};  // 1/α on either axis in the last step
+        Vec2<T> left{};  // 1/α on each axis in the last step
         T adopted{};     // 1 once Ω̂z has been trusted
         typename Agreement::State agreement{};
-        Kept<T, bool> measured = false;  // there is a last sample
+        Kept<T, bool> measured = false;  // a last sample exists
     };
 
     using Report = CompositeReport<T>;
@@ -87,7 +87,7 @@ struct CompositeAdaptation {
 
     static bool sound(const State& state, const Coefficients& /*c*/) { return fracgyro::sound(state.measured); }
 
-    // Only b̂ is from the laws.
+    // Only b̂ comes from the laws.
     static Estimates<T> estimates(const State& state, const Coefficients& c) {
         Estimates<T> found = c.laws.initial + as_estimates(state.squares.value);
         for (std::size_t i = 0; i < found.bound.size(); ++i) {
@@ -101,7 +101,7 @@ struct CompositeAdaptation {
                 trusted(state, c),
                 Agreement::refused(state.agreement)};
     }
-    // What the force is computed with.
+    // Estimates used by the force.
     static Estimates<T> control_estimates(const State& state, const Coefficients& c, const Report& /*reported*/) {
         return Laws::estimates(state.laws, c.laws) + state.adopted * as_estimates(state.squares.value);
     }
@@ -130,14 +130,14 @@ struct CompositeAdaptation {
         state.measured = true;
         Laws::update(state.laws, c.laws, motion, surface, norms, force);
     }
-    // Nothing was measured: no step begins or ends here.
+    // Without a measurement no step begins or ends.
     static void rest(State& state) { state.measured = false; }
-    // Forgets what was learned, but not how well: it would take a fault that lasts for noise.
+    // Drops the estimates but keeps the noise variance: a lasting fault would otherwise be mistaken for noise.
     static void start_over(State& state) {
-        static constexpr State nothing_learnt{};
+        static constexpr State nothing_learned{};
         const typename Agreement::Known before = state.agreement.before;
         const T doubted = known(state);
-        state = nothing_learnt;
+        state = nothing_learned;
         state.agreement.before = before;
         Agreement::doubt(state.agreement, doubted);
     }
@@ -147,7 +147,7 @@ private:
         return {.damping = {x[1], x[2], x[3]}, .stiffness = {x[4], x[5], x[6]}, .rate = x[0]};
     }
 
-    // What the step from the last sample to this one tells.
+    // Compares the step from the last sample to this one with its prediction.
     static void compare(State& state, const Coefficients& c, const Motion<T>& now) {
         const Motion<T>& last = state.motion;
         const Vec2<T> v = c.inverse_step * (now.position - last.position);
@@ -159,7 +159,7 @@ private:
         const Vec2<T> r = (a - state.force) + (e.damping * v + coriolis) + e.stiffness * q;
 
         const T zero = T(0.0), one = T(1.0);
-        // While little is learned again the last step tells nothing of this one: by the prior, α is at most this.
+        // While relearning, the last step carries no information on this one: with the prior, α is at most this.
         const T least = one / (one + T(Squares::prior) * (T(5.0) * squared_norm(v) + squared_norm(q)));
         const auto share = [&](T last) {
             const T now =
@@ -173,11 +173,11 @@ private:
                                          {T(-2.0) * v.y(), T(2.0) * v.x()});
         agree(state, c);
         if (always_less(learns, one)) {
-            return;  // below, one run of several may still rest: rows of zeros tell nothing
+            return;  // below, one run of several may still rest: all-zero rows carry no information
         }
 
-        // Before they are adopted, r may be an error of the estimates, a thousand times the noise, which would spoil
-        // rows.
+        // Before the estimates are adopted, r may be an estimation error, a thousand times the noise, which would spoil
+        // the rows.
         const auto learned = [&](T x) { return if_less(zero, learns, x, zero); };
         const auto both = [&](const Vec2<T>& x) { return Vec2<T>{learned(x.x()), learned(x.y())}; };
         const Vec2<T> w = both(v - (T(0.5) * c.step * state.adopted) * (state.left * r));
@@ -186,7 +186,7 @@ private:
         const Row y{T(2.0) * w.x(), zero, w.x(), w.y(), zero, p.x(), p.y()};
         const Row before = state.squares.value;
         const T left_x = learn(state, x, learned(r.x()), learns);
-        T second = learned(r.y());  // with the estimates as the first row has left them
+        T second = learned(r.y());  // with the estimates after the first row
         for (std::size_t j = 0; j < y.size(); ++j) {
             second = second + y[j] * (state.squares.value[j] - before[j]);
         }
@@ -194,13 +194,13 @@ private:
         state.left = {if_less(zero, learns, left_x, state.left.x()), if_less(zero, learns, left_y, state.left.y())};
         state.rate_information = state.rate_information + T(4.0) * squared_norm(w);
     }
-    // After a sample was judged: what follows from disagreement and doubt.
+    // Handles disagreement and doubt after a sample was judged.
     static void agree(State& state, const Coefficients& c) {
         const T half = T(0.5);
         typename Agreement::State& a = state.agreement;
         T disagrees = Agreement::disagrees(a, c.consistency);
         if (!always_less(maximum(disagrees, Agreement::watched(a)), half)) {
-            for (auto* each : {&a.before, &a.recent}) {  // noise that stays is accepted like a plant that has changed
+            for (auto* each : {&a.before, &a.recent}) {  // persistent noise is accepted like a changed plant
                 T& known = each->variance[parameters];
                 known = if_less(a.doubted + T(1.0), T(Agreement::acceptance), known, T(unknown_noise));
             }
@@ -216,16 +216,16 @@ private:
                                   : std::array{state.noise, T(0.0)};
         });
     }
-    // Mean square of d by which residuals are judged: that before they disagreed, lest a fault pass for noise.
+    // Mean square of d for judging residuals: the value before they disagreed, lest a fault pass for noise.
     static T expected_noise(const State& state) {
         const T before = state.agreement.before.value[parameters];
         return if_less(T(0.0), known(state), minimum(state.noise, before), state.noise);
     }
-    // 1 if there are estimates from before a disagreement.
+    // 1 if estimates from before a disagreement exist.
     static T known(const State& state) {
         return if_less(state.agreement.before.variance[parameters], T(unknown_noise), T(1.0), T(0.0));
     }
-    // From the estimates before a disagreement and the prior on, in the runs that it is 1 for.
+    // Restarts from the estimates before a disagreement and the prior, in the runs for which it is 1.
     static void learn_again(State& state, T disagrees) {
         const T zero = T(0.0);
         const auto instead = [&](T& a, T b) { a = if_less(zero, disagrees, b, a); };
@@ -238,10 +238,10 @@ private:
         }
         instead(state.rate_information, T(1.0 / Squares::prior));
         instead(state.noise, expected_noise(state));
-        state.left = (T(1.0) - disagrees) * state.left;  // anything may come
+        state.left = (T(1.0) - disagrees) * state.left;  // any value may follow
         Agreement::doubt(state.agreement, disagrees);
     }
-    // Variance of an estimate by the model.
+    // Variance of an estimate according to the model.
     static T variance(const State& state, std::size_t k) { return state.noise * Squares::variance(state.squares, k); }
     static double natural_frequency(const Sym2<double>& k) {
         return maximum(square_root(0.5 * absolute(k.xx() + k.yy())), 1e-3);
@@ -249,13 +249,13 @@ private:
 
     static T learn(State& state, const Row& row, T residual, T learns) {
         const T left = Squares::update(state.squares, row, residual);
-        // A mean with weights 1/α, which leave out the residuals that the estimates' own errors make.
+        // Mean with weights 1/α, which exclude the residuals caused by the estimates' own errors.
         state.draws = state.draws + learns * left;
         state.noise = state.noise + learns * ((left / state.draws) * (left * residual * residual - state.noise));
         return left;
     }
 
-    // With bounded gain (Slotine & Li 1991, 8.7.6): the more slowly the less is known, and never beyond the prior.
+    // Bounded gain (Slotine & Li 1991, 8.7.6): forgetting is slower the less is known, and never exceeds the prior.
     static void forget(State& state, const Coefficients& c) {
         const T one = T(1.0), zero = T(0.0);
         if (c.forgets) {

@@ -1,28 +1,28 @@
-// 5  Consistency of an estimator (joint.hpp, composite.hpp) with its sensors, judged by its innovations r and the
-//    variances S that it states for them.
+// 5  Consistency of an estimator (joint.hpp, composite.hpp) with its sensors, judged by its innovations r and their
+//    stated variances S.
 //
-//    Each number is judged given those before it of the same sample: exact sensors move positions and velocities
+//    Each number is judged given the preceding numbers of the same sample: exact sensors move positions and velocities
 //    together. Over a window of four periods the mean of r²/S is 1 if the model is right. An angular rate that moves
-//    faster than the filter follows adds a known part: an error ε of Ω̂z adds g ε to r (joint.hpp: g is Ωz's column of
-//    U). Least squares over the window give
+//    faster than the filter follows adds a known part: an error ε of Ω̂z adds g ε to r (joint.hpp: g is the column of
+//    Ωz in U). Least squares over the window give
 //
 //        ε = Σ r g/S / Σ g²/S,    explained = (Σ r g/S)² / Σ g²/S,    excess = mean r²/S - explained
 //
 //    The filter is consistent while excess <= 1.25 + 3 times the mean of `explained` over eight windows: vehicles that
-//    turn at the edge of the bandwidth leave 0.6 of `explained`, faults of sensors 2.4 to 1,000 times of it. The
-//    variance that is stated for Ω̂z is P max(1, excess) + the largest of ε², its mean, and the ε² that would make all
-//    of r²/S beyond 1.25: of a rate that turns faster than the filter follows, ε is but a part.
+//    turn at the edge of the bandwidth leave 0.6 of `explained`, sensor faults 2.4 to 1,000 times of it. The stated
+//    variance of Ω̂z is P max(1, excess) + the maximum of ε², its mean, and the ε² that would explain all of r²/S
+//    beyond 1.25: for a rate that turns faster than the filter follows, ε is only a part.
 //
-//    Disagreement: a motion is smooth and a sensor that fails is not. Three innovations in a row beyond eight
-//    deviations, with a second difference beyond twenty among them, are a disagreement; so is an inconsistency that
-//    lasts for four windows, and are estimates that have moved once it is over, by more than a rate that turned
-//    meanwhile may move them. The estimates go back to those before and their variances to the prior. From then on D̂
-//    and K̂ are compared with those before: Ω̂z is not trusted until they have agreed for four windows, nor when they
-//    disagree later, as they may in a fault that lasts. While they disagree they are learned again every 32 windows,
-//    or `longest` samples if these are more. The joint filter trusts nothing in as many at first, in which a rate that
-//    moves spoils D̂ and K̂ unseen. If they never agree, the plant has changed, which is accepted after `acceptance`
-//    samples. An inconsistency whose excess is, within a factor of four, as large as one with which they were learned
-//    again is one of the model, and no reason to learn again: each time makes the estimate of Ωz jump.
+//    Disagreement: a motion is smooth and a failing sensor is not. A disagreement is three innovations in a row beyond
+//    eight deviations, with a second difference beyond twenty among them; an inconsistency that lasts for four windows;
+//    or estimates that have moved once it is over, by more than a rate that turned meanwhile may move them. The
+//    estimates return to their values before and their variances to the prior. From then on D̂ and K̂ are compared with
+//    the values before: Ω̂z is not trusted until they have agreed for four windows, nor when they disagree later, as
+//    they may in a lasting fault. While they disagree they are learned again every 32 windows, or `longest` samples if
+//    these are more. The joint filter trusts nothing for as many samples at first, during which a moving rate spoils D̂
+//    and K̂ unseen. If they never agree, the plant has changed, which is accepted after `acceptance` samples. An
+//    inconsistency whose excess is, within a factor of four, as large as one after which they were learned again is an
+//    error of the model and does not trigger relearning: each relearning makes the estimate of Ωz jump.
 #pragma once
 
 #include "fracgyro/core/scalar.hpp"
@@ -35,46 +35,46 @@ namespace fracgyro {
 template <Scalar T, std::size_t parameters>
 struct Consistency {
     using Row = std::array<T, parameters>;
-    static constexpr double max_innovation = 8.0;    // deviations: noise is never so far off
+    static constexpr double max_innovation = 8.0;    // deviations: noise never reaches it
     static constexpr double max_excess = 1.25;       // five deviations of a mean over a window
-    static constexpr double max_unexplained = 3.0;   // of what a rate that moves explains
+    static constexpr double max_unexplained = 3.0;   // times the part explained by a moving rate
     static constexpr double max_difference = 5.0;    // deviations of an estimate from that before a disagreement
-    static constexpr double turn_share = 0.5;        // of what a rate has explained, which it may move estimates by
+    static constexpr double turn_share = 0.5;        // share of the part explained by a rate that may move estimates
     static constexpr double max_refused = 3.0;       // in a row
-    static constexpr double max_bend = 20.0;         // deviations of a second difference: eight of white noise's
-    static constexpr double max_change = 4.0;        // of an excess that learning again does not help against
+    static constexpr double max_bend = 20.0;         // deviations of a second difference: eight for white noise
+    static constexpr double max_change = 4.0;        // ratio to an excess against which relearning does not help
     static constexpr double relearning = 32.0;       // windows
     static constexpr double acceptance = 131'072.0;  // samples
 
     struct Coefficients {
-        T weight{}, slow_weight{};  // of a sample in the means
+        T weight{}, slow_weight{};  // weights of a sample in the means
         T sensors{}, per_sensor{};
         T unexplained{};                          // mean of `explained` without any motion
         T patience{}, agreement{}, relearning{};  // samples: of an inconsistency, of estimates that agree or do not
         T start{};                                // samples before any estimate is trusted
-        T window{};                               // samples; no count, which runs side by side must share
+        T window{};                               // samples; not a count, which runs in parallel must share
     };
     struct Known {
         Row value{}, variance = filled(T(unknown));
     };
     struct State {
         T squares = T(1.0), along{}, sensitivity{};  // means of r²/S, r g/S, g²/S
-        T now{}, explained{};                        // what ε explains, and its slow mean
-        std::array<T, 4> last{}, rise{};             // residual, and what it has changed by
+        T now{}, explained{};                        // part explained by ε, and its slow mean
+        std::array<T, 4> last{}, rise{};             // residual, and its last change
         T beyond{}, jumped{};                        // samples beyond the limit in a row; 1: a jump is among them
-        T refused{};                                 // 1: the last was
+        T refused{};                                 // 1: the last sample was rejected
         T inconsistent{};                            // 1: excess is beyond its limit
-        T lasting{};                                 // samples in which it was, less those in which it was not
-        std::array<T, 2> futile{};                   // least and largest excess with which learning again began
-        T moved{}, most{};                           // 1: not compared since; what ε has explained at most since
+        T lasting{};                                 // inconsistent samples, less consistent ones
+        std::array<T, 2> futile{};                   // min and max excess with which relearning began
+        T moved{}, most{};                           // 1: not compared since; maximum explained by ε since
         T doubted{}, learning{};   // samples since the first disagreement, and since the last or the start
         T agreed{};                // samples in a row
-        T age{};                   // of the window, samples
+        T age{};                   // age of the window, samples
         Known before{}, recent{};  // estimates, one to two windows old and up to one
     };
 
-    // `turn`: windows that the mean of `explained` goes over; `start`: before which nothing is trusted; `longest`: most
-    // samples in which the estimates are learned.
+    // `turn`: windows in the mean of `explained`; `start`: samples before anything is trusted; `longest`: maximum
+    // number of samples for learning the estimates.
     static Coefficients prepare(double period, double step, std::size_t sensors, double turn, double start,
                                 double longest) {
         const double window = clamp(4.0 * period / step, 16.0, 65536.0), count = static_cast<double>(sensors);
@@ -91,9 +91,10 @@ struct Consistency {
     }
 
     static T excess(const State& state) { return state.squares - state.now; }
-    // ε² now or its mean, without what noise makes of either.
+    // ε² now or its mean, without the contribution of noise.
     static T lag_variance(const State& state, const Coefficients& c) { return of_rate(state, c, T(0.0)); }
-    // A rate that turns faster than the filter follows is explained in part: the rest of r²/S may be of it, too.
+    // A rate that turns faster than the filter follows is explained only in part: the rest of r²/S may also be due to
+    // it.
     static T variance(const State& state, const Coefficients& c, T stated) {
         return stated * maximum(excess(state), T(1.0)) + of_rate(state, c, state.squares - T(max_excess));
     }
@@ -121,7 +122,7 @@ struct Consistency {
         for (std::size_t i = 0; i < sensors; ++i) {
             const T weighted = sensitivity[i] * precision[i], square = residual[i] * residual[i] * precision[i];
             const T of_rate = sensitivity[i] * weighted;
-            far = if_less(square, limit + lag * of_rate, far, one);  // NaN is far, too
+            far = if_less(square, limit + lag * of_rate, far, one);  // also true for NaN
             squares = squares + square;
             along = along + residual[i] * weighted;
             gain = gain + of_rate;
@@ -132,7 +133,7 @@ struct Consistency {
         }
         state.refused = if_less(state.beyond, T(max_refused), far, zero);
         const T learns = one - state.refused;
-        const auto follow = [&](T& mean, T weight, T now) {  // a square that is refused may be infinite
+        const auto follow = [&](T& mean, T weight, T now) {  // a rejected square may be infinite
             mean = if_less(zero, learns, mean + weight * (now - mean), mean);
         };
         state.beyond = far * minimum(state.beyond + one, T(max_refused));
@@ -145,7 +146,7 @@ struct Consistency {
         return learns;
     }
 
-    // 1 in a disagreement of the samples.
+    // 1 if the samples disagree.
     static T disagrees(State& state, const Coefficients& c) {
         const T zero = T(0.0), one = T(1.0);
         const T limit = T(max_excess) + T(max_unexplained) * state.explained;
@@ -167,9 +168,9 @@ struct Consistency {
         largest = if_less(zero, lasts, maximum(largest, much), (one - over) * largest);
         return maximum(jumped, lasts);
     }
-    // 1 while the estimates are to be compared with those before.
+    // 1 while the estimates are to be compared with their earlier values.
     static T watched(const State& state) { return maximum(state.doubted, state.moved); }
-    // 1 if an estimate agrees with that before an inconsistency.
+    // 1 if an estimate agrees with its value before an inconsistency.
     static T near(const State& state, std::size_t k, T estimate, T variance) {
         const T zero = T(0.0), one = T(1.0);
         const T difference = estimate - state.before.value[k], square = difference * difference;
@@ -177,7 +178,8 @@ struct Consistency {
                    (maximum(state.squares, one) + maximum(state.explained, T(turn_share) * state.most));
         return if_less(square, T(max_difference * max_difference) * variance, one, zero);
     }
-    // Returns 1 in a disagreement with the estimates before an inconsistency that is over. near: of those compared.
+    // Returns 1 on a disagreement with the estimates before an inconsistency that is over. near: agreement of the
+    // compared ones.
     static T compare(State& state, const Coefficients& c, T near) {
         const T zero = T(0.0), one = T(1.0), quiet = calm(state);
         const T consistent = one - state.inconsistent;
@@ -191,7 +193,8 @@ struct Consistency {
         state.doubted = doubted * if_less(doubted, T(acceptance), one, one - consistent);
         return disagrees;
     }
-    // From a disagreement on, in the runs that `which` is 1 for, as if the innovations had been those of the model.
+    // Starts doubting after a disagreement, in the runs for which `which` is 1, as if the innovations had matched the
+    // model.
     static void doubt(State& state, T which) {
         const T zero = T(0.0), one = T(1.0), keep = one - which;
         state.squares = if_less(zero, which, one, state.squares);
@@ -208,8 +211,8 @@ struct Consistency {
         state.agreed = keep * state.agreed;
     }
 
-    // Keeps the estimates once a window, for the next disagreement to go back to, unless they may be wrong.
-    // estimate(k): one and its variance.
+    // Stores the estimates once per window, for the next disagreement to return to, unless they may be wrong.
+    // estimate(k): one estimate and its variance.
     template <class F>
     static void remember(State& state, const Coefficients& c, F&& estimate) {
         const T half = T(0.5), zero = T(0.0), one = T(1.0);
@@ -236,13 +239,13 @@ private:
         return row;
     }
     static constexpr double vanishing = 1e-30;
-    // ε² that makes `explained`, now or in the mean, or at least as much of r²/S.
+    // ε² that causes `explained`, now or in the mean, or at least `least` of r²/S.
     static T of_rate(const State& state, const Coefficients& c, T least) {
         const T now = state.now - T(16.0) * c.unexplained, mean = state.explained - T(3.0) * c.unexplained;
         return c.sensors * maximum(maximum(now, mean), maximum(least, T(0.0))) /
                maximum(state.sensitivity, T(vanishing));
     }
-    // 1 if there is nothing but noise.
+    // 1 if only noise is present.
     static T calm(const State& state) {
         return if_less(state.squares + state.explained, T(max_excess), T(1.0), T(0.0));
     }

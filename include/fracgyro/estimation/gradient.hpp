@@ -6,7 +6,7 @@
 //        db̂₀/dt = x₀ ‖s‖,  db̂₁/dt = x₁ ‖s‖ ‖q‖,  db̂₂/dt = x₂ ‖s‖ ‖v‖
 //
 //    M, N, P are multiples of the identity: any other matrix would destroy the symmetry of D̂ and K̂.
-//    What is stored is the deviation from the initial value, so that single precision does not lose small increments.
+//    The stored state is the deviation from the initial value, so that single precision does not lose small increments.
 #pragma once
 
 #include "fracgyro/control/reports.hpp"
@@ -32,8 +32,8 @@ struct GradientAdaptation {
 
     using Report = AdaptiveReport<T>;
 
-    // From the nominal plant the estimates start. `largest_bound`: the largest ρ that the force is given, which no b̂
-    // grows beyond; infinity: off.
+    // Starts the estimates from the nominal plant. `largest_bound`: the maximum ρ of the force, beyond which no b̂
+    // grows; infinity: off.
     static Coefficients prepare(const AdaptationParams& p, const PlantModel<double>& nominal, double step,
                                 double largest_bound = std::numeric_limits<double>::infinity()) {
         const double h = p.adaptive ? step : 0.0;
@@ -68,16 +68,16 @@ struct GradientAdaptation {
                 .bound_limit = {bound_limit(from[0]), bound_limit(from[1]), bound_limit(from[2])}};
     }
 
-    static bool sound(const State&, const Coefficients&) { return true; }  // all of it is numbers
+    static bool sound(const State&, const Coefficients&) { return true; }  // numbers only
 
     static Estimates<T> estimates(const State& state, const Coefficients& c) {
         Estimates<T> found = c.initial + state.deviation;
         if (!c.printed) {
-            found.rate_symmetric = {};  // as it always is: there is nothing to add
+            found.rate_symmetric = {};  // always 0: nothing to add
         }
         return found;
     }
-    // What is reported, and what the force is computed with: the same.
+    // The reported estimates, which the force uses too.
     static Report report(const State& state, const Coefficients& c) { return {estimates(state, c)}; }
     static const Estimates<T>& control_estimates(const State&, const Coefficients&, const Report& reported) {
         return reported;
@@ -119,7 +119,7 @@ struct GradientAdaptation {
             }
         }
     }
-    // Nothing was measured.
+    // Nothing changes without a measurement.
     static void rest(State&) {}
 
 private:

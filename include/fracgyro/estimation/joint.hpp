@@ -1,36 +1,37 @@
-// 5  Joint adaptation: one Kalman filter of the motion and of D, K and Ωz, driven by what it did not foresee of the
-//    measurements. It has a model of the sensors' noise, needs no velocity, and hands the motion that it estimates to
-//    the surface and the force. It is an extended Kalman filter, and here a recursive prediction error method (L. Ljung
-//    and T. Söderström, "Theory and practice of recursive identification", 1983, ch. 3).
+// 5  Joint adaptation: one Kalman filter of the motion and of D, K and Ωz, driven by the innovation. It models the
+//    sensors' noise, needs no velocity, and passes its estimate of the motion to the surface and the force. It is an
+//    extended Kalman filter, and here a recursive prediction error method (L. Ljung and T. Söderström, "Theory and
+//    practice of recursive identification", 1983, ch. 3).
 //
 //    State: z = [e, ė], the motion less the reference, and θ̃ = (Ωz, Dxx, Dxy, Dyy, Kxx, Kxy, Kyy, K̇/K) less the
 //    nominal plant. With q = r + e and r̈ = -ω² r on each axis, eq. (9) is
 //
 //        ë = u + d - C (ṙ + ė) - K e - (K - ω²) r,      C = D + 2Ω
 //
-//    in which nothing large cancels near resonance, so that single precision is enough.
+//    in which no large terms cancel near resonance, so that single precision is enough.
 //
 //    Predict   z by the Taylor series of this equation at the present estimates, the force held: exact to rounding,
 //              whatever the estimates, so that nothing has to be linearized again. P by z' = A z + B (φ θ̃ + d), with
-//              A the nominal map, corrected to first order, and φ what the parameters add to the force.
-//    Correct   by one measured number after another. The gain needs no measurement, so that it is found beforehand.
+//              A the nominal map, corrected to first order, and φ the contribution of the parameters to the force.
+//    Correct   by one measured number after another. The gain needs no measurement, so it is computed beforehand.
 //
 //    P = U diag(d) Uᵀ (core/covariance.hpp), z before θ̃, in units of the variance of the measured position. Without
-//    noise of its own θ̃ keeps its part of U and d, which makes a step cheap: the columns of U_zθ go on by A U_zθ + B φ
-//    U_θ, and z's part is orthogonalized, by modified Gram-Schmidt on the rows of [A U_z, B] (Bierman 1977, ch. VI).
+//    noise of its own θ̃ keeps its part of U and d, which makes a step cheap: the columns of U_zθ advance by A U_zθ + B
+//    φ U_θ, and z's part is orthogonalized, by modified Gram-Schmidt on the rows of [A U_z, B] (Bierman 1977, ch. VI).
 //
-//    Where Ωz or the others drift, their variance grows by w² h/I each step, and by no more than the prior: w = 2πf is
-//    the bandwidth that is asked for, I the information on it per unit of time of a motion on the reference. While D
-//    and K are learned w of Ωz is 30 times as large: what Ωz lags behind a turning vehicle would be taken for them.
+//    If Ωz or the others drift, their variance grows by w² h/I each step, and by no more than the prior: w = 2πf is the
+//    required bandwidth, I the information on it per unit of time in a motion on the reference. While D and K are
+//    learned, w of Ωz is 30 times as large: the lag of Ωz behind a turning vehicle would otherwise be mistaken for
+//    them.
 //
 //    With `covariance_steps` = m > 1 this is a filter of m steps: z is predicted each step, P over all m at once, and
-//    what is learnt from is the mean of m residuals, at the end. The work on P is divided among the steps.
+//    the filter learns from the mean of m residuals, at the end. The work on P is divided among the steps.
 //
-//    K drifts at a rate of its own, the last of θ̃, both axes alike: a ramp is followed without lag. The datasheet
-//    states how fast; a drift that nobody expects ends in a beat at the mode split, where it is the same force as a
+//    K drifts at a rate of its own, the last entry of θ̃, the same on both axes: a ramp is followed without lag. The
+//    datasheet states its size; an unexpected drift ends in a beat at the mode split, where it is the same force as a
 //    rate.
 //
-//    Which samples are learned from and when Ω̂z is trusted: consistency.hpp.
+//    consistency.hpp decides which samples are learned from and when Ω̂z is trusted.
 #pragma once
 
 #include "fracgyro/control/controller.hpp"
@@ -52,33 +53,33 @@ struct JointFilter {
 
     using Agreement = Consistency<T, parameters>;
 
-    // As in composite.hpp.
+    // Values of composite.hpp.
     static constexpr double largest_inflation = 10.0, largest_share = 0.01;
-    static constexpr double rate_haste = 1000.0;     // of the variance by which Ωz drifts, while D and K are learned
-    static constexpr std::size_t longest_delay = 8;  // steps that are known of
-    // Of P: to predict its cross part in two halves, its part of z, and to correct by each number.
+    static constexpr double rate_haste = 1000.0;     // factor on the drift variance of Ωz, while D and K are learned
+    static constexpr std::size_t longest_delay = 8;  // maximum delay, steps
+    // Tasks on P: prediction of its cross part in two halves and of its part of z, and correction by each number.
     static constexpr std::int32_t tasks = 3 + static_cast<std::int32_t>(sensors);
 
     struct State {
         Sample<T> error{};  // z, predicted for the coming sample; corrected while a step is computed
         Row plant{};        // θ̃
         typename Covariance::State covariance{};
-        std::array<Vec2<T>, longest_delay> waiting{};  // forces that do not act yet, in a ring
-        Vec2<T> force{};                               // the last that was asked for
-        Four sum{};                                    // of residuals
+        std::array<Vec2<T>, longest_delay> waiting{};  // forces not yet acting, in a ring
+        Vec2<T> force{};                               // the last requested force
+        Four sum{};                                    // sum of residuals
         std::array<Four, motions> map{};               // A at the present estimates
-        std::array<Row, 2> pulls{};                    // φ, on either axis
+        std::array<Row, 2> pulls{};                    // φ, for each axis
         std::array<typename Covariance::Gain, sensors> gain{};
-        std::array<T, sensors> precision{}, sensitivity{};  // of the innovations; to Ωz
-        Four turned{};                                      // what Ωz adds to the motion
+        std::array<T, sensors> precision{}, sensitivity{};  // precision of the innovations; sensitivity to Ωz
+        Four turned{};                                      // contribution of Ωz to the motion
         typename Agreement::State agreement{};
         std::uint32_t steps = 0, spans = 0;
-        std::int32_t slot = 0;  // of the span
-        bool started = false, learnt = false;
+        std::int32_t slot = 0;  // step of the span
+        bool started = false, learned = false;
     };
 
     static bool sound(const State& state, const Coefficients& c) {
-        return fracgyro::sound(state.started) && fracgyro::sound(state.learnt) && state.slot >= 0 &&
+        return fracgyro::sound(state.started) && fracgyro::sound(state.learned) && state.slot >= 0 &&
                state.slot < c.slots;
     }
 
@@ -92,31 +93,31 @@ struct JointFilter {
         const T stated = variance(state, c, 0);
         return square_root(Agreement::variance(state.agreement, c.consistency, stated));
     }
-    // 1 if Ω̂z is trusted: the motion separates it from the other parameters, and what is measured agrees with the
-    // model. Its variance with all other parameters known is its d, as it is the first of them. The share of the prior
-    // bounds its deviation, too: a tenth of the prior's is 0.5 % of the natural frequency. Never with NaN: every
-    // comparison fails.
+    // 1 if Ω̂z is trusted: the motion separates it from the other parameters, and the measurements agree with the
+    // model. Its variance with all other parameters known is its d, as it is the first of them. The limit on the
+    // prior's share also bounds its deviation: a tenth of the prior's is 0.5 % of the natural frequency. Never with
+    // NaN: every comparison fails.
     static T trusted(const State& state, const Coefficients& c) {
         const T p = Covariance::variance(state.covariance, rate);
         const T no = T(0.0);
         T good = if_less(p, T(largest_inflation) * state.covariance.d_factor[rate], T(1.0), no);
         good = if_less(p, T(largest_share) * c.prior.plant[0], good, no);
         good = good * Agreement::sound(state.agreement, c.consistency);
-        return state.learnt ? good : no;
+        return state.learned ? good : no;
     }
     static T refused(const State& state) { return Agreement::refused(state.agreement); }
 
-    // Forgets the motion, and what was learnt of the plant unless it is kept.
+    // Drops the motion, and the estimates of the plant unless they are kept.
     static void start_over(State& state, bool keep_estimates) {
         state.started = false;
         if (!keep_estimates) {
-            state.learnt = false;
+            state.learned = false;
             state.plant = {};
             state.agreement = {};
         }
     }
 
-    // What was measured at this sample. The first one starts the filter, at rest where no velocity is measured.
+    // Corrects by the measurement. The first one starts the filter, at rest if no velocity is measured.
     static void correct(State& state, const Coefficients& c, const Motion<T>& measured, const ReferencePoint<T>& r) {
         const Sample<T> seen = tracking_error(measured, r);
         if (!state.started) {
@@ -125,7 +126,7 @@ struct JointFilter {
             return;
         }
         std::array<T, sensors> residual{}, innovation{};
-        Four moved{};  // by the numbers before
+        Four moved{};  // correction by the preceding numbers
         for (std::size_t i = 0; i < sensors; ++i) {
             residual[i] = number(seen, i) - number(state.error, i);
             innovation[i] = i == 0 ? residual[i] : residual[i] - of_mean(c, i, moved);
@@ -157,7 +158,7 @@ struct JointFilter {
         state.error.derivative = state.error.derivative + Vec2<T>{moved[2], moved[3]};
     }
 
-    // To the next sample, with the force that is asked for at this one, where something was measured or nothing was.
+    // Predicts the next sample under the force requested at this one, with or without a measurement.
     static void predict(State& state, const Coefficients& c, const ReferencePoint<T>& r, const Vec2<T>& asked,
                         bool seen) {
         Vec2<T> force = asked;
@@ -168,7 +169,7 @@ struct JointFilter {
         }
         ++state.steps;
         state.force = asked;
-        if (state.learnt && !state.started) {  // the motion was lost, and with it what agrees with it
+        if (state.learned && !state.started) {  // the motion was lost, and with it the agreement
             Agreement::doubt(state.agreement, T(1.0));
         }
         if (++state.slot >= c.slots) {
@@ -190,7 +191,7 @@ struct JointFilter {
         const Vec2<T> acceleration = force - pull(e, along);
 
         if (due(state, c, 0)) {
-            // What the parameters add to the force, with the mean motion over the span.
+            // Contribution of the parameters to the force, with the mean motion over the span.
             const T half = T(0.5) * c.span, zero = T(0.0), two = T(2.0);
             const Vec2<T> v = along.derivative + e.derivative + half * (acceleration - c.square * along.value);
             const Vec2<T> q = along.value + e.value + half * (along.derivative + e.derivative);
@@ -203,7 +204,7 @@ struct JointFilter {
         }
         if (due(state, c, 1)) {
             spread(state, c, parameters - 3, parameters);
-            for (std::size_t i = 0; i < c.ramp.size(); ++i) {  // K goes on by its drift
+            for (std::size_t i = 0; i < c.ramp.size(); ++i) {  // K advances by its drift
                 T& u = state.covariance.u_factor[Covariance::column(size - 1) + motions + 4 + i];
                 u = u + c.ramp[i];
             }
@@ -217,7 +218,7 @@ struct JointFilter {
             }
         }
 
-        // The Taylor series: in e and along stand the terms of order n.
+        // The Taylor series: e and along are the terms of order n.
         Sample<T> sum = e;
         Vec2<T> derivative = acceleration;
         for (std::int32_t n = 0; n < c.terms; ++n) {
@@ -235,7 +236,7 @@ struct JointFilter {
     }
 
 private:
-    // Variance of an estimate by the model.
+    // Variance of an estimate according to the model.
     static T variance(const State& state, const Coefficients& c, std::size_t k) {
         return c.noise.variance * Covariance::variance(state.covariance, motions + k);
     }
@@ -250,18 +251,18 @@ private:
         }
         state.plant = state.agreement.before.value;
         state.gain = {};
-        state.precision = {};  // anything may come
+        state.precision = {};  // any value may follow
         state.slot = c.slots - 1;
         state.sum = {};
-        state.started = state.learnt = true;
+        state.started = state.learned = true;
     }
 
-    // Whether a task is that of this step: they are divided among the steps of a span, in their order.
+    // True if a task belongs to this step: they are divided among the steps of a span, in their order.
     static bool due(const State& state, const Coefficients& c, std::int32_t task) {
         return state.slot == (c.slots < tasks ? task * c.slots / tasks : task);
     }
 
-    // Number i of the span's mean, of a motion at its end.
+    // Number i of the mean over the span, for a motion at its end.
     static T of_mean(const Coefficients& c, std::size_t i, const Four& x) {
         return c.slots == 1 ? x[i]
                             : c.mean[i][0] * x[0] + c.mean[i][1] * x[1] + c.mean[i][2] * x[2] + c.mean[i][3] * x[3];
@@ -271,13 +272,13 @@ private:
         return i % 2 == 0 ? pair.x() : pair.y();
     }
 
-    // After a sample was judged: what follows from disagreement and doubt.
+    // Handles disagreement and doubt after a sample was judged.
     static void agree(State& state, const Coefficients& c) {
         typename Agreement::State& a = state.agreement;
         const T half = T(0.5);
         T disagrees = Agreement::disagrees(a, c.consistency);
         if (!always_less(Agreement::watched(a), half)) {
-            for (std::size_t i = 0; i < c.ramp.size(); ++i) {  // K has gone on by its drift
+            for (std::size_t i = 0; i < c.ramp.size(); ++i) {  // K has advanced by its drift
                 T& before = a.before.value[4 + i];
                 before = before + c.share * a.before.value[parameters - 1] * c.ramp[i];
             }
@@ -297,8 +298,8 @@ private:
         Agreement::remember(a, c.consistency,
                             [&](std::size_t k) { return std::array{state.plant[k], variance(state, c, k)}; });
     }
-    // Goes back to the estimates before a disagreement, and knows as little of the plant as at first and nothing of the
-    // motion, in the runs that it is 1 for.
+    // Returns to the estimates before a disagreement, with the initial uncertainty of the plant and an unknown motion,
+    // in the runs for which it is 1.
     static void forget(State& state, const Coefficients& c, T disagrees) {
         const T zero = T(0.0), keep = T(1.0) - disagrees;
         const auto instead = [&](T& a, T b) { a = if_less(zero, disagrees, b, a); };
@@ -332,12 +333,12 @@ private:
         return y;
     }
 
-    // The columns of U's cross part over one span: by A, and by what the parameters add to the force.
+    // Columns of the cross part of U over one span: by A, and by the contribution of the parameters to the force.
     static void spread(State& state, const Coefficients& c, std::size_t begin, std::size_t end) {
         auto& u = state.covariance.u_factor;
         for (std::size_t j = begin; j < end; ++j) {
             T* const column = &u[Covariance::column(motions + j)];
-            T x = state.pulls[0][j], y = state.pulls[1][j];  // of φ U_θ
+            T x = state.pulls[0][j], y = state.pulls[1][j];  // column of φ U_θ
             for (std::size_t k = 0; k < j; ++k) {
                 x = x + state.pulls[0][k] * column[motions + k];
                 y = y + state.pulls[1][k] * column[motions + k];
@@ -350,7 +351,7 @@ private:
         }
     }
 
-    // The gain of one number of the span, which from now on counts as measured; where nothing comes, it is 0.
+    // Computes the gain of one number of the span, which from now on counts as measured; 0 if none follows.
     static void foresee(State& state, const Coefficients& c, std::size_t i, bool seen) {
         auto& gain = state.gain[i];
         if (!seen) {
@@ -427,7 +428,7 @@ private:
         Covariance::add(state.covariance, motions + j, grows);
     }
 
-    // A at the present estimates: to first order what differs from the nominal plant is a force by the mean motion
+    // A at the present estimates: to first order the difference from the nominal plant is a force by the mean motion
     // over the span, which is ½ (1 + A) z.
     static Map corrected_map(const Coefficients& c, const Sym2<T>& damping, const Sym2<T>& stiffness, T twice_rate) {
         const Four on_x{stiffness.xx(), stiffness.xy(), damping.xx(), damping.xy() - twice_rate};
@@ -450,7 +451,7 @@ private:
     }
 };
 
-// As an adaptation of the sliding-mode controller. The bounds b̂ stay at their initial values.
+// The joint filter as an adaptation of the sliding-mode controller. The bounds b̂ stay at their initial values.
 template <Scalar T, bool velocity_measured>
 struct JointAdaptationOf {
     using Filter = JointFilter<T, velocity_measured>;

@@ -1,4 +1,4 @@
-// What the joint filter (joint.hpp) works with: the nominal plant over a span, noise, prior and drift.
+// Model of the joint filter (joint.hpp): the nominal plant over a span, noise, prior and drift.
 #pragma once
 
 #include "fracgyro/control/common.hpp"
@@ -19,16 +19,16 @@ struct JointModel {
     static constexpr double prior_deviation = 0.05;
     static constexpr double unknown_motion = 100.0;  // in reference amplitudes
     static constexpr int most_terms = 16;
-    // Units of time over which the damping drifts one way, and over which the drift of the stiffness becomes another.
+    // Units of time over which the damping drifts in one direction, and over which the drift of the stiffness changes.
     static constexpr double damping_drifts_for = 100.0, stiffness_drifts_for = 1e8;
 
     struct Noise {
-        T variance{};  // of a measured position: the unit of those below
+        T variance{};  // variance of a measured position: the unit of those below
         T force{};
-        Four measured{}, more{};  // of the mean of a span, and what one number has more
+        Four measured{}, more{};  // variances of the mean of a span, and the excess of a single number
     };
     struct Prior {
-        Four motion{}, unknown{};  // variances over that of a measured position: at first, and of any motion
+        Four motion{}, unknown{};  // variances relative to a measured position: initial, and of any motion
         Row plant{};
     };
 
@@ -36,16 +36,16 @@ struct JointModel {
     Sym2<T> detuning{};                // K - ω²
     Vec2<T> square{};                  // ω² of the reference
     std::array<Four, motions> map{};   // A, row by row
-    std::array<Four, sensors> mean{};  // of the motion over a span, from that at its end
-    T span{}, half_square{}, share{};  // of P: m h and ½(m h)², which is B; 1/m
+    std::array<Four, sensors> mean{};  // mean of the motion over a span, from the motion at its end
+    T span{}, half_square{}, share{};  // for P: m h and ½(m h)², which is B; 1/m
     std::array<T, most_terms> over{};  // h/k
     std::int32_t terms = 0, delay = 0, slots = 1;
     Noise noise{};
     Prior prior{};
-    Row drift{};                                    // variances that are added over a span
-    std::array<T, 3> ramp{};                        // of K, over a span, for a relative drift of 1
-    std::array<std::uint32_t, parameters> walks{};  // which of the estimates but the rate drift
-    std::uint32_t walking = 0;                      // how many
+    Row drift{};                                    // variances added over a span
+    std::array<T, 3> ramp{};                        // ramp of K over a span, for a relative drift of 1
+    std::array<std::uint32_t, parameters> walks{};  // drifting estimates except the rate
+    std::uint32_t walking = 0;                      // their number
     typename Consistency<T, parameters>::Coefficients consistency{};
 
     [[gnu::noinline]] static JointModel prepare(const AdaptationParams& p, const Datasheet& said,
@@ -98,7 +98,7 @@ struct JointModel {
         }
         c.terms = terms_for(h * maximum(natural, maximum(absolute(r.frequency.x()), absolute(r.frequency.y()))));
 
-        // Below what rounding makes of a position nothing is gained, and nothing is lost by stating it.
+        // A noise below the rounding of a position gains nothing, and stating the rounding costs nothing.
         const double amplitude = maximum(absolute(r.amplitude.x()), absolute(r.amplitude.y()));
         const double fastest = maximum(maximum(absolute(speed.x()), absolute(speed.y())), amplitude * natural);
         const double rounding = always_less(T(1.0), T(1.0) + T(seen_in_double)) ? 0.0 : single_rounding;
@@ -162,20 +162,20 @@ struct JointModel {
 
 private:
     static constexpr double least_noise = 1e-6, least_force = 1e-10;
-    static constexpr double single_rounding = 0x1p-22;  // over the number that is measured and predicted
+    static constexpr double single_rounding = 0x1p-22;  // relative to the measured and predicted number
     static constexpr double seen_in_double = 0x1p-40;   // added to 1
 
     static double square_of(double a) { return a * a; }
 
-    // What a motion on the reference tells of a parameter that acts as a force, per unit of time, where the parameter
+    // Information on a parameter that acts as a force, per unit of time of a motion on the reference, if the parameter
     // changes at frequency w: that force has lines at the reference's frequency plus and minus w, where it competes
-    // with the disturbance and with the sensing noise over what the plant makes of a force there. Densities, two-sided.
+    // with the disturbance and with the sensing noise over the plant's response to a force. Densities, two-sided.
     struct Information {
         PlantModel<double> nominal;
         ReferenceParams reference;
         double force, position, velocity;  // velocity = 0: not measured
 
-        // Of what the motion of axis `of` does to axis `on` through a damping (or twice a rate), or a stiffness.
+        // Information from the effect of axis `of` on axis `on` through a damping (or twice a rate), or a stiffness.
         double of_damping(std::size_t on, std::size_t of, double w) const {
             return square_of(component(reference.frequency, of)) * of_stiffness(on, of, w);
         }
@@ -193,7 +193,8 @@ private:
         static double component(const Vec2<double>& v, std::size_t i) { return i == 0 ? v.x() : v.y(); }
     };
 
-    // Of the Taylor series of a motion that turns by so much in a step: what is left out is below rounding.
+    // Number of terms in the Taylor series of a motion that turns by `angle` in a step: the remainder is below
+    // rounding.
     static std::int32_t terms_for(double angle) {
         const double rounding = always_less(T(1.0), T(1.0) + T(1e-9)) ? 1e-17 : 1e-9;
         double left_out = angle;

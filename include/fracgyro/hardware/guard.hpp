@@ -1,15 +1,13 @@
-// The controller made total, for hardware: whatever the sensors deliver, step() answers with a finite force within the
-// limit, in bounded time, and works on when they deliver motion again. Whether that force is the right one, only as
-// much as the samples that it accepted were right (plausibility.hpp).
+// Fault-tolerant wrapper of a controller, for hardware: whatever the sensors deliver, step() returns a finite force
+// within the limit, in bounded time, and recovers when they deliver motion again. The force is only as right as the
+// accepted samples (plausibility.hpp).
 //
-//    Without a sample the last force is held, the estimates rest, and the error is taken to be the last one, so that
-//    the reference and the fractional memory stay in time. Before the first good sample the force is 0 and time does
-//    not start.
+//    Without a sample the last force is held, the estimates pause, and the last error is assumed, so that the reference
+//    and the fractional memory stay in time. Before the first good sample the force is 0 and time does not start.
 //
-//    Where no sample is accepted for long, the memory of motions is dropped, the estimates are kept, and the
-//    force is that of a motion on the reference. After `saturation_patience` samples at the force limit, or if the
-//    force is not finite, the estimates are dropped too and the controller starts again with the next sample. Time goes
-//    on.
+//    If no sample is accepted for long, the memory of motions is dropped, the estimates are kept, and the force is that
+//    of a motion on the reference. After `saturation_patience` samples at the force limit, or if the force is not
+//    finite, the estimates are dropped too and the controller starts over with the next sample. Time continues.
 #pragma once
 
 #include "fracgyro/control/controller.hpp"
@@ -35,10 +33,10 @@ struct Guard {
     struct State {
         typename Controller::State controller{};
         typename Sensed::State plausibility{};
-        Sample<T> error{};  // the last that was measured, and the force that acts
+        Sample<T> error{};  // the last measured error, and the acting force
         Vec2<T> force{};
         Kept<T, std::uint32_t> saturated = 0;  // samples in a row
-        Kept<T, bool> going = false;           // there is an error to go on from
+        Kept<T, bool> going = false;           // there is an error to continue from
         Status status = Status::ok;
     };
 
@@ -59,7 +57,7 @@ struct Guard {
     }
     static std::uint64_t steps(const State& state) { return Controller::steps(state.controller); }
 
-    // The force is state.force too; what was thought of the sample, state.status.
+    // The force is also state.force; the verdict on the sample is state.status.
     static Signals<T, Report> step(State& state, const Coefficients& c, const Motion<T>& measured) {
         using Answer = typename Sensed::Answer;
         const Answer answer =

@@ -1,16 +1,16 @@
-// The velocity from positions alone, for a gyroscope that senses no velocity.
+// Velocity observer: estimates the velocity from positions only, for a gyroscope without velocity sensors.
 //
-//    Each step: predict with the force u that acts and the nominal plant, i.e. the initial estimates D̂, K̂, Ω̂z; then
-//    correct by what was measured, y. With r = y - q⁻:
+//    Each step: predict with the acting force u and the nominal plant, i.e. the initial estimates D̂, K̂, Ω̂z; then
+//    correct by the measured position y. With r = y - q⁻:
 //
 //        q = q⁻ + (1 - θ³) r        v = v⁻ + 3/2 (1 - θ²)(1 - θ) r/h        f = f⁻ + (1 - θ)³ r/h²
 //        a = u + f - (D̂ + 2Ω̂) v - K̂ q        q⁻ = q + h v + ½ h² a        v⁻ = v + h a        f⁻ = f
 //
-//    f is the acceleration that the nominal plant lacks. On each axis q, v, f are the critically damped g-h-k (fading
+//    f is the acceleration missing from the nominal plant. On each axis q, v, f are the critically damped g-h-k (fading
 //    memory) filter (Morrison 1969; Brookner, "Tracking and Kalman filtering made easy", 1998, ch. 1), whose error is
-//    forgotten by θ = exp(-ω h) a step, three times over: ω is the one parameter, the observer's bandwidth. A missing
-//    acceleration that changes at the rate d leaves the error of v at 3 d/ω², one that is constant leaves none. The
-//    hold of a over the step is one of the missing: h/2 da/dt.
+//    forgotten by θ = exp(-ω h) per step, three times over: ω is the only parameter, the observer's bandwidth. A
+//    missing acceleration that changes at the rate d leaves an error of v of 3 d/ω²; a constant one leaves none.
+//    Holding a over the step adds to the missing acceleration: h/2 da/dt.
 #pragma once
 
 #include "fracgyro/control/controller.hpp"
@@ -44,7 +44,7 @@ struct Observer {
                 .acceleration_gain = T(new_part * new_part * new_part / (step * step))};
     }
 
-    // From the position measured now. The first one starts the observer, at rest.
+    // Corrects by the position measured now. The first one starts the observer, at rest.
     static void correct(State& state, const Coefficients& c, const Vec2<T>& measured) {
         if (!state.started) {
             state = {.motion = {.position = measured}, .started = true};
@@ -55,7 +55,7 @@ struct Observer {
         state.acceleration = state.acceleration + c.acceleration_gain * miss;
     }
 
-    // To the next sample, under the force that is held until then.
+    // Predicts the next sample, under the force held until then.
     static void predict(State& state, const Coefficients& c, const Vec2<T>& force) {
         Vec2<T>& q = state.motion.position;
         Vec2<T>& v = state.motion.velocity;
@@ -66,7 +66,7 @@ struct Observer {
     }
 };
 
-// A controller that is given positions alone: the velocity that it is handed is not looked at.
+// A controller that receives only positions: the velocity passed to it is ignored.
 template <Resumable Controller>
 struct Observing {
     using Value = typename Controller::Value;
@@ -82,7 +82,7 @@ struct Observing {
     struct State {
         typename Controller::State controller{};
         typename Observer<T>::State observer{};
-        Vec2<T> force{};  // that acts
+        Vec2<T> force{};  // the acting force
     };
 
     static Coefficients prepare(const Params& p, const Common& common) {
@@ -102,7 +102,7 @@ struct Observing {
         state.force = {};
     }
 
-    // Where nothing was measured the last force is held, and the observer predicts.
+    // Without a measurement the last force is held, and the observer predicts.
     static Signals<T, Report> step(State& state, const Coefficients& c, const Motion<T>& measured,
                                    const Sample<T>* missing = nullptr) {
         Motion<T> seen = measured;

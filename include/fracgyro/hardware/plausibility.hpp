@@ -1,17 +1,18 @@
-// Which samples are accepted.
+// Plausibility of samples: the decision which to accept.
 //
-//    Refused is a sample that is not finite, beyond any motion or, with `checked`, none that the plant can have moved
-//    to under the force that acted. With (q₀, v₀) the last sample, (q₁, v₁) this one and 1-norms over both axes:
+//    A sample is rejected if it is not finite, beyond any motion or, with `checked`, one to which the plant cannot have
+//    moved under the force that acted. With (q₀, v₀) the last sample, (q₁, v₁) this one and 1-norms over both axes:
 //
 //        ‖q₁ - q₀ - h/2 (v₀ + v₁)‖ <= τ h ‖v₁‖ + 4 Q + 2 h V
 //        ‖v₁ - v₀ - h u + h/2 K̂ (q₀ + q₁)‖ <= h (τ ‖K̂‖ ‖q₁‖ + ‖D̂ + 2Ω̂‖ ‖v₁‖ + 2 F) + 4 V + 2 h ‖K̂‖ Q
 //
-//    Q, V, F: the sensors' largest errors and the largest disturbance, on one axis; τ: by which share the plant and the
-//    scales of the sensors may be other than nominal. Damping and the Coriolis force are left out, thus bounded. With
-//    positions only, v₀ is their last difference, and the second difference is held against the force.
+//    Q, V, F: maximum errors of the sensors and maximum disturbance, per axis; τ: relative deviation of the plant and
+//    of the sensors' scales from nominal. Damping and the Coriolis force are bounded instead of computed. With
+//    positions only, v₀ is their last difference, and the second difference is checked against the force.
 //
-//    In the place of a refused sample the plant is predicted, and with it how wrong that may be. After `patience` of
-//    them in a row, or where one contradicts a few, none is accepted until four times as many agree with each other.
+//    The plant is predicted instead of a rejected sample, together with the error that this may have. After `patience`
+//    of them in a row, or if one contradicts a few, no sample is accepted until four times as many agree with each
+//    other.
 #pragma once
 
 #include "fracgyro/control/common.hpp"
@@ -25,9 +26,10 @@ namespace fracgyro {
 
 template <Scalar T, bool measures_velocity>
 struct Plausibility {
-    // In reference lengths, and those per unit of time; the sum over both axes. A tracked reference is of order 1.
+    // In reference lengths, and reference lengths per unit of time; the sum over both axes. A tracked reference is of
+    // order 1.
     static constexpr double largest_motion = 1e6;
-    // Samples that a check needs before its own.
+    // Samples needed before the one to check.
     static constexpr std::uint32_t needed = measures_velocity ? 1 : 2;
 
     struct Coefficients {
@@ -39,19 +41,19 @@ struct Plausibility {
         std::uint32_t patience = 0, agreeing = 0;
     };
     struct State {
-        Motion<T> motion{};                    // the last sample, or what is predicted in its place
-        T position_slack{}, velocity_slack{};  // by how much more that may be wrong
-        Kept<T, std::uint32_t> chain = 0;      // samples that agree in a row, as many as matter
-        Kept<T, std::uint32_t> refused = 0;    // samples in a row
+        Motion<T> motion{};                    // the last sample, or its prediction
+        T position_slack{}, velocity_slack{};  // additional error that it may have
+        Kept<T, std::uint32_t> chain = 0;      // consecutive samples that agree, up to the number needed
+        Kept<T, std::uint32_t> refused = 0;    // consecutive rejections
         Kept<T, bool> settled =
-            false;  // as many agree as matter, and none was refused since: what the counts above say is plain
-        Kept<T, bool> doubted = false;  // none is accepted for now
+            false;  // enough samples agree, and none was rejected since: the counts above follow from it
+        Kept<T, bool> doubted = false;  // no sample is accepted for now
     };
-    enum class Answer { accepted, missed, none };  // none: nor is there a last one to go on from
+    enum class Answer { accepted, missed, none };  // none: without a last sample to continue from
 
     static Coefficients prepare(const GuardParams& g, const PlantModel<double>& nominal, double h) {
         const double stiffness = norm1(nominal.stiffness);
-        // What the trapezoid rule leaves out counts as a plant that is another.
+        // The error of the trapezoid rule counts as a deviation of the plant.
         const double tolerance = g.plant_tolerance + stiffness * h * h / 12.0;
         const double left_out = norm1(nominal.damping) + 2.0 * absolute(nominal.rate);
         const Sym2<double> half = (0.5 * h) * nominal.stiffness;
@@ -71,8 +73,8 @@ struct Plausibility {
                 .agreeing = maximum(4 * patience, needed + 1)};
     }
 
-    // `force`: that acted since the last sample. `going`: there is a last one that was accepted. `status` tells why
-    // not.
+    // `force`: acted since the last sample. `going`: a last accepted sample exists. `status` states the reason for a
+    // rejection.
     static Answer judge(State& state, const Coefficients& c, const Motion<T>& measured, const Vec2<T>& force,
                         bool going, Status& status) {
         status = problem(state, c, measured, force);
@@ -93,7 +95,7 @@ private:
             velocity = sum(measured.velocity);
             size = size + velocity;
         }
-        if (!(size < T(largest_motion))) {  // also of NaN
+        if (!(size < T(largest_motion))) {  // also true for NaN
             return size < T(std::numeric_limits<double>::infinity()) ? Status::out_of_range : Status::not_finite;
         }
         if (!c.checked || (!state.settled && state.chain < needed)) {
@@ -131,7 +133,7 @@ private:
         }
         if (!state.settled) {
             state.chain = minimum(state.chain + 1, c.agreeing);
-            // After a gap the slack stays for one more sample: of positions, one difference reaches back.
+            // After a gap the slack stays for one more sample: with positions only, one difference reaches back.
             const bool gap = 0 < state.refused;
             state.refused = 0;
             if (!gap) {
@@ -160,7 +162,7 @@ private:
         }
         state.position_slack = state.velocity_slack = T(0.0);
         state.refused = state.chain = 0;
-        if (implausible) {  // against it the next one is held
+        if (implausible) {  // the next sample is checked against it
             remember(state, c, measured, force);
             state.chain = 1;
         }
@@ -177,14 +179,14 @@ private:
         }
     }
 
-    // Where the nominal plant is at the next sample.
+    // Nominal motion of the plant at the next sample.
     static Motion<T> predicted(const State& state, const Coefficients& c, const Vec2<T>& force) {
         const Motion<T>& last = state.motion;
         const Vec2<T> half_way = last.position + c.half_step * last.velocity;
         const Vec2<T> velocity = last.velocity + (c.step * force - T(2.0) * (c.half_stiffness * half_way));
         return {.position = last.position + c.half_step * (last.velocity + velocity), .velocity = velocity};
     }
-    // In the place of a sample.
+    // Predicts a sample instead of measuring it.
     static void predict(State& state, const Coefficients& c, const Vec2<T>& force) {
         if (!c.checked) {
             return;

@@ -1,4 +1,4 @@
-// The angular rate Ωz(t) that is to be sensed: constant, or an input of the kinds that gyroscopes are tested with.
+// The angular rate Ωz(t) to be sensed: constant, or one of the inputs with which gyroscopes are tested.
 //
 //    staircase   mean + amplitude · levels climbed, one every `hold` steps from `start` on; a step is one level
 //    sine        mean + amplitude · sin(frequency · τ), τ the time since `start`
@@ -8,8 +8,7 @@
 //                simulation of random processes and its applications", 1972)
 //    table       the values of a profile
 //
-// Whatever jumps, jumps at a sample, and all is smooth within a step. Phases are counted in integers, as in
-// core/phase.hpp.
+// Jumps are at samples; within a step the rate is smooth. Phases are counted in integers, as in core/phase.hpp.
 #pragma once
 
 #include "fracgyro/plant/disturbance.hpp"
@@ -18,12 +17,12 @@
 
 namespace fracgyro {
 
-// A function of time by its values at some times, which rise; linear from sample to sample of the loop, constant before
-// the first time and after the last.
+// A function of time, by its values at ascending times; linear from sample to sample of the loop, constant before the
+// first time and after the last.
 struct Profile {
     std::vector<double> times{}, values{};  // times in steps
 
-    // At the sample n.
+    // Value at sample n.
     double at(std::int64_t n) const {
         const double t = static_cast<double>(n);
         const auto after = static_cast<std::size_t>(std::upper_bound(times.begin(), times.end(), t) - times.begin());
@@ -33,7 +32,7 @@ struct Profile {
         const double part = (t - times[after - 1]) / (times[after] - times[after - 1]);
         return values[after - 1] + part * (values[after] - values[after - 1]);
     }
-    // After that many halves of the step from the sample n on.
+    // Value `halves` half steps after sample n.
     double within(std::int64_t n, int halves) const {
         return halves == 1 ? 0.5 * (at(n) + at(n + 1)) : at(n + halves / 2);
     }
@@ -47,8 +46,35 @@ struct AngularRateParams {
     std::int64_t start = 0, hold = 1, levels = 1;   // steps, steps, count
     double frequency = 0.0, final_frequency = 0.0;  // rad per unit of time
     std::uint64_t seed = 0;
-    Profile table{};
     bool inertial = false;  // the centrifugal and Euler forces follow the rate (varying_gyroscope.hpp)
+    Profile table{};
+
+    static constexpr std::string_view kinds[] = {"constant", "staircase", "sine", "chirp", "noise", "table"},
+                                      switches[] = {"false", "true"};
+    // Fields, without the table.
+    static constexpr auto fields() {
+        using P = AngularRateParams;
+        constexpr Range count{.low = 1.0, .high = 1e9, .whole = true}, steps{.low = 0.0, .high = 1e9, .whole = true};
+        return std::tuple{
+            choice("kind", &P::kind, kinds, "constant: plant.angular_rate; table: only its points; else their sum."),
+            fixed(field("amplitude", &P::amplitude, "omega0", any_number,
+                        "height of the step or of each level, peak of sine and chirp, standard deviation of the "
+                        "noise.")),
+            fixed(field("start_steps", &P::start, "h", steps, "Steps during which the rate is plant.angular_rate.")),
+            fixed(field("hold_steps", &P::hold, "h", count, "Steps on each level of the staircase.")),
+            fixed(field("levels", &P::levels, "1", count,
+                        "How many levels the staircase climbs; it stays on the last one.")),
+            fixed(field("frequency", &P::frequency, "omega0", at_least_0,
+                        "of the sine, where the chirp begins, where the band of the noise ends. At most pi over the "
+                        "step.")),
+            fixed(field("final_frequency", &P::final_frequency, "omega0", at_least_0,
+                        "where the chirp ends. At most pi over the step.")),
+            fixed(field("seed", &P::seed, "1", {.low = 0.0, .whole = true},
+                        "Seed of the noise: same seed, same rate; 0 to 2^63 - 1.")),
+            settable(Settable::never, choice("inertial", &P::inertial, switches,
+                                             "Centrifugal and Euler forces follow the rate: plant.centrifugal.")),
+        };
+    }
 };
 
 class AngularRate {
@@ -70,7 +96,7 @@ public:
         curvature_ = phase_of(0.25 * sweep * half / passing);  // ½ sweep τ²/T at the first half step
     }
 
-    // Ωz after that many halves of the step from the sample n on; 2: before a jump at the sample that follows.
+    // Ωz `halves` half steps after sample n; 2: before a jump at the next sample.
     double within(std::int64_t n, int halves) const {
         if (params_.kind == AngularRateKind::table) {
             return params_.table.within(n, halves);

@@ -1,6 +1,6 @@
 // The disturbance d of eq. (9): nothing, a sine, or Gaussian noise redrawn every `hold` steps.
 //
-// Noise is a function of only (seed, stream, index of the hold, axis), random.hpp.
+// Noise is a function only of (seed, stream, index of the hold, axis): random.hpp.
 #pragma once
 
 #include "fracgyro/core/fields.hpp"
@@ -16,10 +16,10 @@ enum class DisturbanceKind { none, noise, sine };
 
 struct DisturbanceParams {
     DisturbanceKind kind = DisturbanceKind::none;
-    double standard_deviation = 1.0;  // of each held value; white noise of density S held for h has variance S/h
+    double standard_deviation = 1.0;  // each held value; white noise of density S held for h has variance S/h
     std::int64_t hold = 1;            // steps
     std::uint64_t seed = 0;
-    std::uint32_t stream = 0;  // of the seed's independent streams: 0 the force, others those of imperfections.hpp
+    std::uint32_t stream = 0;  // independent stream of the seed: 0 the force, others in imperfections.hpp
     Vec2<double> amplitude{}, frequency{}, phase{};  // sine: amplitude·sin(frequency·t + phase)
 
     static constexpr std::string_view kinds[] = {"none", "noise", "sine"};
@@ -40,7 +40,7 @@ struct DisturbanceParams {
     friend auto operator<=>(const DisturbanceParams&, const DisturbanceParams&) = default;
 };
 
-// Writes the noise of the steps first, first+1, … . One of these for each kind of processor: all write the same bits.
+// Writes the noise of the steps first, first+1, … . One function for each kind of processor: all write the same bits.
 using FillNoise = void (*)(const DisturbanceParams&, std::int64_t first, std::span<Vec2<double>>);
 
 template <std::size_t Bytes>
@@ -74,7 +74,7 @@ template <std::size_t Bytes>
     }
 }
 
-// d for the steps asked for, in any order.
+// d at the requested steps, in any order.
 class Disturbance {
 public:
     Disturbance(const DisturbanceParams& params, double step, FillNoise noise = &fill_noise<word_bytes>)
@@ -82,7 +82,7 @@ public:
           phases_(SteadyPhases<double>::prepare(params.frequency, params.phase, step)),
           noise_(noise) {}
 
-    // One by one, fastest in rising order.
+    // One by one, fastest in ascending order.
     Vec2<double> operator()(std::int64_t n) {
         constexpr auto size = static_cast<std::int64_t>(std::tuple_size_v<decltype(kept_)>);
         const std::int64_t place = n % size;

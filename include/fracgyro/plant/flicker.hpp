@@ -27,10 +27,10 @@ struct Flicker {
 
     static const Coefficients coefficients;
 
-    // The noise at the sample at which this was drawn of w; called once every sample.
+    // The noise at a sample, from the w drawn there; called once per sample.
     template <class T>
     static T next(State<T>& state, const T& drawn) {
-        std::array<T, 4> sum{coefficients.direct * drawn};  // four, of which none waits for another
+        std::array<T, 4> sum{coefficients.direct * drawn};  // four sums, which do not wait for each other
         for (std::size_t k = 0; k < poles; ++k) {
             state[k] = coefficients.pole[k] * state[k] + drawn;
             sum[k % 4] = sum[k % 4] + coefficients.weight[k] * state[k];
@@ -55,7 +55,7 @@ private:
             c.pole[k] = 1.0 / (1.0 + root * root);
             c.weight[k] = weight(root);
         }
-        // All that follow, where 1 + r is 1: one pole that has their Σ √r and Σ r √r.
+        // All following terms, for which 1 + r is 1: one pole with their Σ √r and Σ r √r.
         const double all = root / (1.0 - ratio), moment = root * root * root / (1.0 - ratio * ratio * ratio);
         c.pole[poles - 1] = 1.0 / (1.0 + moment / all);
         c.weight[poles - 1] = spacing * all;

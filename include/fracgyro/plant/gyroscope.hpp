@@ -13,8 +13,8 @@
 namespace fracgyro {
 
 struct GyroscopeParams {
-    Sym2<double> damping{}, stiffness{};                      // D, K: what the controller may know
-    Sym2<double> damping_deviation{}, stiffness_deviation{};  // ΔD, ΔK: what it may not
+    Sym2<double> damping{}, stiffness{};                      // D, K: may be known to the controller
+    Sym2<double> damping_deviation{}, stiffness_deviation{};  // ΔD, ΔK: unknown to it
     double rate = 0.0;                                        // Ωz
     Vec2<double> initial_position{}, initial_velocity{};
 
@@ -38,7 +38,7 @@ template <Scalar T>
 struct Gyroscope {
     using Column = typename PackOf<T, 4>::Type;
     struct Coefficients {
-        std::array<Column, 6> map{};  // columns of x, y, ẋ, ẏ, force x, force y; in each what becomes x, y, ẋ, ẏ
+        std::array<Column, 6> map{};  // columns of x, y, ẋ, ẏ, force x, force y: their effect on x, y, ẋ, ẏ
     };
     using State = Motion<T>;
 
@@ -64,7 +64,7 @@ struct Gyroscope {
         return {.position = cast<T>(p.initial_position), .velocity = cast<T>(p.initial_velocity)};
     }
 
-    // Grouped so that the force, which comes last, meets as few additions as possible.
+    // Grouped so that the force, which comes last, passes through as few additions as possible.
     static void step(State& state, const Coefficients& c, Vec2<T> control, Vec2<T> disturbance = {}) {
         const Vec2<T> force = control + disturbance;
         const auto times = [&c](std::size_t column, const T& a) { return c.map[column] * Column{a, a, a, a}; };

@@ -1,13 +1,13 @@
-// What stands between the gyroscope and its controller in a device: each effect is off by default.
+// Imperfections of sensors and actuators in a device: each effect is off by default.
 //
 //    sensing     the motion along the axes of the pick-offs, times their gain, plus noise, in steps of a converter;
 //                without a sensor of velocity see observer.hpp
 //    actuation   the force, `delay` steps late, within the actuator's limit, in steps of its converter, times its gain,
 //                along the axes of the actuators
-//    the rate    what acts on the mass as if Ωz were larger by it: flicker noise and a random walk
+//    the rate    errors that act on the mass like an additional Ωz: flicker noise and a random walk
 //    the springs and dampers may drift with temperature, and springs stiffen with amplitude: varying_gyroscope.hpp
 //
-// Noise is drawn as the disturbance is, from streams of their own of the same seed.
+// Noise is drawn like the disturbance, from separate streams of the same seed.
 #pragma once
 
 #include "fracgyro/plant/angular_rate.hpp"
@@ -15,11 +15,11 @@
 
 namespace fracgyro {
 
-// A two's complement converter of 2^bits levels, `step` = 2 range/2^bits apart: -range, …, range - step. Beyond them it
-// clips. Without bits it only clips, at ±range.
+// A two's complement converter of 2^bits levels, `step` = 2 range/2^bits apart: -range, …, range - step. It clips
+// beyond them. Without bits it only clips, at ±range.
 struct Quantizer {
     static constexpr double unlimited = std::numeric_limits<double>::infinity();
-    Vec2<double> range{unlimited, unlimited};  // of each axis
+    Vec2<double> range{unlimited, unlimited};  // per axis
     int bits = 0;
 
     Vec2<double> operator()(const Vec2<double>& a) const { return {one(a.x(), range.x()), one(a.y(), range.y())}; }
@@ -37,8 +37,8 @@ private:
     }
 };
 
-// Axes that are turned by `misalignment`, counter-clockwise in rad, from those of the plant; along them 1 + gain_error
-// of what should be.
+// Axes turned by `misalignment`, counter-clockwise in rad, from the axes of the plant, with a gain of 1 + gain_error
+// along them.
 struct AxesParams {
     Vec2<double> gain_error{};
     double misalignment = 0.0;
@@ -47,23 +47,84 @@ struct AxesParams {
 };
 
 struct ImperfectionParams {
-    double position_noise = 0.0, velocity_noise = 0.0;      // standard deviations, of every sample on each axis
+    double position_noise = 0.0, velocity_noise = 0.0;      // standard deviations, per sample and axis
     double position_flicker = 0.0, velocity_flicker = 0.0;  // A of flicker.hpp
-    Quantizer position{}, velocity{}, actuator{};
-    AxesParams pickoff{}, force{};
+    AxesParams pickoff{};
+    Quantizer position{}, velocity{};
+    double actuator_limit = Quantizer::unlimited;
+    int actuator_bits = 0;
+    AxesParams force{};
     std::int64_t delay = 0;          // steps
-    Vec2<double> cubic_stiffness{};  // of each axis: the force is -that·q³
+    Vec2<double> cubic_stiffness{};  // per axis: the force is -cubic_stiffness·q³
     double stiffness_drift = 0.0;    // K grows by this fraction per kelvin
     double damping_drift = 0.0;      // D grows by this fraction per kelvin
+    double bias_instability = 0.0;   // rate: A of flicker.hpp, the B of IEEE Std 952
+    double rate_walk_step = 0.0;     // standard deviation of its steps
     Profile temperature{};           // its change, K
-    double bias_instability = 0.0;   // of the rate: A of flicker.hpp, the B of IEEE Std 952
-    double rate_random_walk = 0.0;   // standard deviation of its steps
 
+    // Fields, without the temperature.
+    static constexpr auto fields() {
+        using P = ImperfectionParams;
+        constexpr Range bits{.low = 0.0, .high = 32.0, .whole = true}, gain{.low = -1.0, .strict = true};
+        constexpr Range delays{.low = 0.0, .high = 1000.0, .whole = true};
+        return std::tuple{
+            fixed(field("position_noise", &P::position_noise, "q0", at_least_0,
+                        "standard deviation of the measured position, drawn again for every sample. 0.0: off.")),
+            fixed(field("position_flicker", &P::position_flicker, "q0", at_least_0,
+                        "A of flicker noise of the position, two-sided density A^2/omega. 0.0: off.")),
+            fixed(field("velocity_noise", &P::velocity_noise, "q0*omega0", at_least_0,
+                        "of the measured velocity. 0.0: off.")),
+            fixed(field("velocity_flicker", &P::velocity_flicker, "q0*omega0", at_least_0,
+                        "Flicker noise of the velocity, as position_flicker. 0.0: off.")),
+            fixed(field("pickoff_gain_error", Within{&P::pickoff, &AxesParams::gain_error}, "1", gain,
+                        "[x, y], > -1: position and velocity are measured 1 plus this times as large as they are. "
+                        "Zeros: off.")),
+            fixed(field("pickoff_misalignment", Within{&P::pickoff, &AxesParams::misalignment}, "rad", any_number,
+                        "angle from the axes of [plant] to those of the pick-offs, from x towards y. 0.0: off.")),
+            fixed(field("position_range", Within{&P::position, &Quantizer::range}, "q0", limit,
+                        "> 0, [x, y]: the measured position clips at plus and minus this. inf: off.")),
+            fixed(field("position_bits", Within{&P::position, &Quantizer::bits}, "1", bits,
+                        "Bits of the converter: it has 2^bits levels over the range, at most 32 bits. 0: off.")),
+            fixed(field("velocity_range", Within{&P::velocity, &Quantizer::range}, "q0*omega0", limit,
+                        "> 0, [x, y]: the measured velocity clips at plus and minus this. inf: off.")),
+            fixed(field("velocity_bits", Within{&P::velocity, &Quantizer::bits}, "1", bits,
+                        "Bits of its converter, as position_bits. 0: off.")),
+            fixed(field("actuator_limit", &P::actuator_limit, "m*omega0^2*q0", limit,
+                        "> 0: largest force of the actuator per axis; the controller does not know of it, as it does "
+                        "of controller.force_limit. inf: off.")),
+            fixed(field("actuator_bits", &P::actuator_bits, "1", bits,
+                        "Bits of the force's converter, over plus and minus the limit. 0: off.")),
+            fixed(field("force_gain_error", Within{&P::force, &AxesParams::gain_error}, "1", gain,
+                        "[x, y], > -1: the force that acts is 1 plus this times that of the actuator's converter. "
+                        "Zeros: off.")),
+            fixed(field("force_misalignment", Within{&P::force, &AxesParams::misalignment}, "rad", any_number,
+                        "angle from the axes of [plant] to those of the actuators, from x towards y. 0.0: off.")),
+            fixed(field("delay", &P::delay, "h", delays,
+                        "Steps between a measurement and the force that answers it, beyond none, at most 1000. "
+                        "0: off.")),
+            fixed(field("cubic_stiffness", &P::cubic_stiffness, "m*omega0^2/q0^2", any_number,
+                        "[x, y]: each spring pulls with this times q^3 more; negative softens. Zeros: off.")),
+            fixed(field("stiffness_drift", &P::stiffness_drift, "1/K", any_number,
+                        "of K and Delta K, by the temperature below. It is twice the temperature coefficient of the "
+                        "frequency (TCF) in a data sheet. 0.0: off.")),
+            fixed(field("damping_drift", &P::damping_drift, "1/K", any_number,
+                        "of D and Delta D, by the same. A quality factor that goes as T^-g is 1e6 g/300 ppm/K at "
+                        "300 K: 1700 to 10000 for g from 0.5 to 3. 0.0: off.")),
+            fixed(field("bias_instability", &P::bias_instability, "omega0", at_least_0,
+                        "B of IEEE Std 952; 1 deg/h is 4.848e-6 rad/s. Error torques that act as flicker noise of the "
+                        "rate would, but are not part of the true rate; their Allan deviation is 0.664 B. 0.0: off.")),
+            fixed(field("rate_walk_step", &P::rate_walk_step, "omega0", at_least_0,
+                        "Standard deviation of the steps of a random walk of the rate. 0.0: off.")),
+        };
+    }
+
+    Quantizer actuator() const { return {.range = {actuator_limit, actuator_limit}, .bits = actuator_bits}; }
     bool flickers() const { return position_flicker > 0.0 || velocity_flicker > 0.0; }
-    bool rate_wanders() const { return bias_instability > 0.0 || rate_random_walk > 0.0; }
+    bool rate_wanders() const { return bias_instability > 0.0 || rate_walk_step > 0.0; }
 };
 
-// What is drawn of a device at one sample. White noise of unit variance is drawn for what `flicker` and `rate` become.
+// Noise drawn for a device at one sample. `flicker` and `rate` are drawn as white noise of unit variance, and filtered
+// later.
 struct DeviceDraw {
     Motion<double> noise{}, flicker{};
     Vec2<double> rate{};  // for its flicker, for its walk
@@ -71,7 +132,7 @@ struct DeviceDraw {
 
 struct Imperfections {
     static constexpr std::size_t longest_delay = 1000;  // steps
-    // From one pair of axes to another: what one unit of x becomes, and one of y.
+    // Map from one pair of axes to another: images of one unit of x and of y.
     struct Map {
         Vec2<double> x{}, y{};
 
@@ -82,13 +143,13 @@ struct Imperfections {
         bool sensed_as_is = true, acts_as_is = true, flickers = false, rate_wanders = false;
         Map pickoff{}, force{};
     };
-    // The white noise is apart: it is a function of seed and sample, and nothing that is remembered.
+    // The white noise is separate: it is a function of seed and sample, without memory.
     struct State {
-        std::array<Vec2<double>, longest_delay> waiting{};  // forces asked for and not yet given, in a ring
+        std::array<Vec2<double>, longest_delay> waiting{};  // forces requested and not yet applied, in a ring
         Flicker::State<Vec2<double>> position{}, velocity{};
         Flicker::State<double> rate{};
         double walk = 0.0;
-        double bias_before = 0.0, bias = 0.0;  // what acts as a rate over the last step, and over the coming one
+        double bias_before = 0.0, bias = 0.0;  // additional effective rate over the last step, and over the coming one
     };
 
     static Coefficients prepare(const ImperfectionParams& p) {
@@ -104,14 +165,14 @@ struct Imperfections {
                 .force = {push.x() * pushed, push.y() * turned(pushed)}};
     }
 
-    // What is measured of the motion, where this was drawn; called once every sample.
+    // The measured motion, with this noise; called once per sample.
     static Motion<double> sense(State& state, const Coefficients& c, Motion<double> motion, const DeviceDraw& drawn) {
         const ImperfectionParams& d = c.device;
         if (!c.sensed_as_is) {
             motion = {.position = c.pickoff(motion.position), .velocity = c.pickoff(motion.velocity)};
         }
         if (c.rate_wanders) {
-            state.walk += d.rate_random_walk * drawn.rate.y();
+            state.walk += d.rate_walk_step * drawn.rate.y();
             state.bias_before = state.bias;
             state.bias = d.bias_instability * Flicker::next(state.rate, drawn.rate.x()) + state.walk;
         }
@@ -126,13 +187,13 @@ struct Imperfections {
                 .velocity = d.velocity(motion.velocity + noise.velocity)};
     }
 
-    // What acts over the step from the sample n on, of the force asked for there; called once every step. None at
+    // The force that acts over the step from sample n on, for the force requested there; called once per step. Zero at
     // first.
     static Vec2<double> actuate(State& state, const Coefficients& c, Vec2<double> asked, std::int64_t n) {
         if (c.device.delay > 0) {
             std::swap(asked, state.waiting[static_cast<std::size_t>(n % c.device.delay)]);
         }
-        const Vec2<double> given = c.device.actuator(asked);
+        const Vec2<double> given = c.device.actuator()(asked);
         return c.acts_as_is ? given : c.force(given);
     }
 };

@@ -12,8 +12,8 @@
 
 namespace fracgyro {
 
-// Words of 32 bits, each in the lower half of a lane of 64, in a register of so many bytes: one number, where the
-// processor has no such registers. What the upper halves hold means nothing.
+// 32-bit words, each in the lower half of a 64-bit lane, in a register of `Bytes` bytes; a single number if the
+// processor has no such registers. The upper halves are ignored.
 template <std::size_t Bytes>
 struct WordLanes {
     using Words = std::uint64_t;
@@ -28,14 +28,14 @@ FRACGYRO_WORD_LANES(32)
 FRACGYRO_WORD_LANES(64)
 #undef FRACGYRO_WORD_LANES
 
-// The registers of every processor of this kind.
+// Registers that every processor of this kind has.
 #ifdef __SSE2__
 inline constexpr std::size_t word_bytes = 16;
 #else
 inline constexpr std::size_t word_bytes = 8;
 #endif
 
-// As many blocks of four words as a register has lanes, all at once.
+// One block of four words per lane of a register, all at once.
 template <std::size_t Bytes>
 struct Philox {
     using Words = typename WordLanes<Bytes>::Words;
@@ -54,7 +54,7 @@ struct Philox {
     }
 
 private:
-    // Of two words, in full. It is one instruction that compilers do not find by themselves.
+    // The full product of two words. It is one instruction, which compilers do not find by themselves.
     static Words product(Words a, std::uint32_t b) {
 #ifdef __AVX512F__
         if constexpr (Bytes == 64) {
@@ -83,15 +83,15 @@ inline PhiloxBlock philox(std::uint64_t key, const PhiloxBlock& counter) {
     return {word(0), word(1), word(2), word(3)};
 }
 
-// Standard normals, some at once: every block of four words serves two holds, of two axes each. In single precision,
-// which the vector registers hold more of and whose rounding is far below what any statistic of noise can see.
+// Standard normals, several at once: every block of four words serves two holds, of two axes each. In single precision,
+// of which vector registers hold more numbers and whose rounding is far below the resolution of any noise statistic.
 template <std::size_t Bytes>
 class Normals {
 public:
     static constexpr std::size_t most = 64;
     std::array<float, most> x, y;
 
-    // Of the holds `first`, first + 1, … of one seed. `first` is even, count <= most.
+    // Draws the holds `first`, first + 1, … of one seed. `first` is even, count <= most.
     void draw(std::uint64_t seed, std::uint32_t stream, std::uint64_t first, std::size_t count) {
         const Words key = Words{} + seed;
         Words block = by_lane([&](std::size_t lane) { return first / 2 + lane; });
@@ -104,7 +104,7 @@ public:
         transform(count);
     }
 
-    // Of the holds first, first + 1, … of several seeds, an even number of them: the hold in `row` of the seed k is at
+    // Draws the holds first, first + 1, … of several seeds, an even number of them: the hold in `row` of seed k is at
     // place(row, k). `first` is even, rows·Seeds <= most.
     template <std::size_t Seeds>
     void draw(const std::array<std::uint64_t, Seeds>& seed, std::uint32_t stream, std::uint64_t first,
@@ -125,7 +125,7 @@ public:
         }
         transform(whole(rows * Seeds));
     }
-    // Rows that come from the same words of different blocks lie side by side.
+    // Rows from the same words of different blocks are adjacent.
     template <std::size_t Seeds>
     static constexpr std::size_t place(std::size_t row, std::size_t seed) {
         constexpr std::size_t together = 2 * pairs<Seeds>;
@@ -152,17 +152,17 @@ private:
     static auto blocks(Words key, std::uint32_t stream, Words block) {
         return Philox<Bytes>::block(key, {block, block >> 32, Words{} + stream, Words{}});
     }
-    // The words of both, in turn.
+    // Writes the words of both, alternating.
     static void put(std::array<std::uint32_t, most>& to, std::size_t at, Words even, Words odd) {
         static_assert(std::endian::native == std::endian::little);
         const Words both = (even & Philox<Bytes>::lower) | (odd << 32);
         std::memcpy(to.data() + at, &both, sizeof both);
     }
-    // The loop is over independent entries, of which the compiler makes vectors.
+    // The loop is over independent entries, which compilers vectorize.
     void transform(std::size_t count) {
         for (std::size_t at = 0; at < count; at += 16) {
             for (std::size_t i = at; i < at + 16; ++i) {
-                // In (0, 1]: |normal| <= 6.8. The lowest bit is given up so that the conversion is that of a signed
+                // Uniform in (0, 1]: |normal| <= 6.8. The lowest bit is dropped so that the conversion is from a signed
                 // integer.
                 const float uniform =
                     (static_cast<float>(static_cast<std::int32_t>(radial_[i] >> 1)) + 0.5F) * 0x1p-31F;

@@ -1,4 +1,4 @@
-// What a number in the units of a run is divided by to be nondimensional: all 1, or those of SI.
+// Divisors that make the numbers of a run nondimensional: all 1, or SI units.
 #pragma once
 
 namespace fracgyro {

@@ -1,16 +1,16 @@
-// 6  The gyroscope when its rate moves, its springs and dampers drift or springs are not linear:
+// 6  The gyroscope with a moving rate, drifting springs and dampers, or nonlinear springs:
 //
 //        q̈ + ((1 + η(t)) (D + ΔD) + 2Ω(t)) q̇ + (1 + ε(t)) (K + ΔK) q + κ q³ = u + d,       κ q³ = [κx x³, κy y³]
 //
-//    With x = [q, q̇] and A that of gyroscope.hpp, at the mean rate: ẋ = A x + B (u + d) + N(t, x). A step is one of
-//    Lawson's fourth order ("Generalized Runge-Kutta processes for stable systems with large Lipschitz constants",
-//    1967): the classical Runge-Kutta method applied to exp(-A t) x. What is linear and constant is exact, force
-//    included, so that the step neither damps nor detunes the modes; the error is only that of N, h⁵ a step.
+//    With x = [q, q̇] and the A of gyroscope.hpp, at the mean rate: ẋ = A x + B (u + d) + N(t, x). A step uses Lawson's
+//    method of fourth order ("Generalized Runge-Kutta processes for stable systems with large Lipschitz constants",
+//    1967): the classical Runge-Kutta method applied to exp(-A t) x. The linear constant part is exact, including the
+//    force, so the step neither damps nor detunes the modes; the only error is due to N, h⁵ per step.
 //
 //    `inertial`: the centrifugal and Euler forces follow Ωz(t), as in a frame that turns with it,
 //        (d/dt + Ω)² q + (1 + η) (D + ΔD) q̇ + … = u + d.   With δ = Ωz - its mean, J q = [-y, x], w = q̇ + δ J q this is
 //        q̇ = w - δ J q,       ẇ = A-part of (q, w) + δ ((D + ΔD) J q - J w) - η (D + ΔD) q̇ + …
-//    without a derivative of the rate; where it jumps, w goes on and q̇ does not.
+//    without a derivative of the rate; at a jump of the rate, w is continuous and q̇ is not.
 #pragma once
 
 #include "fracgyro/plant/gyroscope.hpp"
@@ -23,7 +23,7 @@ struct VaryingPlantParams {
     bool inertial = false;
 };
 
-// What differs from the mean at one instant: Ωz - mean, ε and η.
+// Deviations from the mean at one instant: Ωz - mean, ε and η.
 struct Variation {
     double rate = 0.0, stiffness = 0.0, damping = 0.0;
 };
@@ -36,7 +36,8 @@ struct VaryingGyroscope {
         double step = 0.0;
         bool inertial = false;
     };
-    // Over one step: the rate before its first sample, as that may jump there; then at its begin, middle and end.
+    // Values over one step: the rate before its first sample, as it may jump there; then at its beginning, middle and
+    // end.
     struct Course {
         double rate_before = 0.0;
         std::array<Variation, 3> at{};

@@ -7,7 +7,7 @@
 
 namespace fracgyro {
 
-// Stands for a value of any type, to find out how many members a struct has.
+// Converts to any type, for counting the members of a struct.
 struct Anything {
     template <class T>
     operator T() const;

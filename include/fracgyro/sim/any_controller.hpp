@@ -1,6 +1,6 @@
-// One controller of whatever type, behind one table. Everything that is neither timed nor shipped holds it: runs on
-// devices that are not ideal, loops in parts, Python's Controller, users' controllers, the browser. What is timed or
-// shipped takes the type itself (with_controller).
+// A controller of any type, behind one table of functions. All code that is neither timed nor shipped uses it: runs on
+// non-ideal devices, loops in parts, Python's Controller, users' controllers, the browser. Timed or shipped code uses
+// the type itself (with_controller).
 #pragma once
 
 #include "fracgyro/core/saved.hpp"
@@ -19,15 +19,15 @@ class AnyController {
 public:
     virtual ~AnyController() = default;
 
-    // The functions of a Controller (controller.hpp). The report of the step is kept until it is asked for.
+    // Functions of a Controller (controller.hpp). The report of the step is kept until it is requested.
     virtual Signals<T, EmptyReport> step(const Motion<T>& measured, const Sample<T>* missing) = 0;
     virtual void start_over(bool keep_estimates) = 0;
     virtual std::uint64_t steps() const = 0;
     virtual bool needs_velocity() const { return true; }
-    // Other parameters from the coming step on, of the same type.
+    // Sets other parameters, of the same type, from the coming step on.
     virtual void set(const ControllerParams& params, const Common& common) = 0;
 
-    // Numbers that are reported of the last step, valid until the next call.
+    // Numbers reported for the last step, valid until the next call.
     virtual std::span<const double> report() = 0;
     virtual CommonReport common_report() = 0;
     virtual double rate() = 0;
@@ -39,9 +39,9 @@ public:
     // The state as bytes, without a checksum.
     virtual std::size_t state_size() const = 0;
     virtual void save(unsigned char* bytes) const = 0;
-    // Returns whether they are a state that it could have, after so many steps; if not, it stays as it is.
+    // Returns true if the bytes are a possible state after `steps` steps; otherwise the state stays unchanged.
     virtual bool restore(const unsigned char* bytes, std::uint64_t steps) = 0;
-    // Steps of a state, for those who do not know them.
+    // Number of steps of a state, for callers that do not know it.
     virtual std::uint64_t steps_of(const unsigned char* bytes) const = 0;
 };
 
@@ -127,7 +127,7 @@ private:
     std::array<double, width_of<typename C::Report>()> numbers_{};
 };
 
-// The controller for these parameters; for a device that senses no velocity, one that needs none or that is to be
+// The controller with these parameters; for a device without velocity sensors, one that needs none or that will be put
 // behind an observer (with_erased).
 template <Scalar T>
 std::unique_ptr<AnyController<T>> make_controller(const ControllerParams& params, const Common& common) {
@@ -145,8 +145,8 @@ std::unique_ptr<AnyController<T>> make_controller(const ControllerParams& params
     return made;
 }
 
-// Any controller as a Controller, for the templates of observer, guard and loop. Its state is its own: here is only the
-// way to it, which is not saved.
+// Any controller as a Controller, for the templates of observer, guard and loop. Its state is its own; this one only
+// holds a pointer to it, which is not saved.
 template <Scalar T>
 struct ErasedParams {
     AnyController<T>* controller = nullptr;
@@ -181,7 +181,7 @@ struct Erased {
     }
 };
 
-// Calls visit.template operator()<C>() with the type that stands for this controller: behind an observer if the device
+// Calls visit.template operator()<C>() with the type that represents this controller: behind an observer if the device
 // senses no velocity and the controller needs it.
 template <Scalar T, class Visit>
 void with_erased(const AnyController<T>& controller, const Common& common, Visit&& visit) {
@@ -194,7 +194,7 @@ void with_erased(const AnyController<T>& controller, const Common& common, Visit
     }
 }
 
-// A state that holds an Erased one, with the state behind it: a checksum, both states.
+// A state that contains an Erased one, with the state behind it: a checksum, both states.
 template <class Outer, Scalar T>
 struct SavedErased {
     static_assert(std::is_trivially_copyable_v<Outer>);
@@ -210,8 +210,8 @@ struct SavedErased {
         const std::uint32_t sum = checksum(bytes + header, size(controller) - header);
         copy_bytes(bytes, &sum, sizeof sum);
     }
-    // Returns whether they are as they were written, and `sound(outer, steps of the controller)`; if not, both stay as
-    // they are.
+    // Returns true if the bytes are as they were written, and `sound(outer, steps of the controller)`; otherwise both
+    // stay unchanged.
     template <class Sound>
     static bool read(const unsigned char* bytes, std::size_t count, Outer& outer, AnyController<T>& controller,
                      Sound&& sound) {

@@ -27,8 +27,8 @@ std::int64_t run_any(const DeviceSetup& setup, AnyController<double>& controller
     return samples;
 }
 
-// Writes one row to where row_of(width) says: the loop's channels, those that the controller reports and, if `device`,
-// those of the device.
+// Writes one row to row_of(width): the loop's channels, the channels reported by the controller and, if `device`, the
+// channels of the device.
 template <class AtSample, class RowOf>
 void write_any_row(const AtSample& at, AnyController<double>& controller, bool device, RowOf&& row_of) {
     const std::span<const double> reported = controller.report();
@@ -57,21 +57,20 @@ std::int64_t record_any(const DeviceSetup& setup, AnyController<double>& control
 }
 
 // The metrics of one run on an ideal device, with the bits of measure_alone.
-inline std::array<double, metric_names.size()> measure_any_ideal(const Setup& setup, AnyController<double>& controller,
-                                                                 const MetricsParams& params, FillNoise noise) {
-    std::array<double, metric_names.size()> values{};
+inline Metrics measure_any_ideal(const Setup& setup, AnyController<double>& controller, const MetricsParams& params,
+                                 FillNoise noise) {
+    Metrics values{};
     with_erased(controller, setup.common, [&]<class C>() {
-        values = measure_stretches<C>(
+        values = measure_segments<C>(
             erased_setup({setup}, controller), params, noise, [&](const auto&) { return controller.common_report(); },
             [&](const auto&, const auto&) { return controller.common_report_between_steps(); });
     });
     return values;
 }
 
-// The metrics of one run on any device. Errors of estimates are against what is true at that sample; the rate has
-// settled within a tolerance of its largest size.
-inline std::array<double, metric_names.size()> measure_any(const DeviceSetup& setup, AnyController<double>& controller,
-                                                           const MetricsParams& params) {
+// Metrics of one run on any device. Errors of estimates refer to the true values at that sample; the rate has settled
+// within a tolerance of its maximum magnitude.
+inline Metrics measure_any(const DeviceSetup& setup, AnyController<double>& controller, const MetricsParams& params) {
     const std::int64_t steady_from = first_steady_sample(params, setup);
     const AngularRate rate(setup.rate, setup.plant.rate, setup.common.step, setup.steps);
     double largest = 0.0;
@@ -85,13 +84,13 @@ inline std::array<double, metric_names.size()> measure_any(const DeviceSetup& se
     MetricsTotals totals{};
     CommonReport last{};
     double bound_halfway = 0.0;
-    auto at_end = setup;  // what is true at the last sample
+    auto at_end = setup;  // true values at the last sample
     const auto add = [&](const auto& at) {
         last = controller.common_report();
         sums.rate = at.rate;
         sums.add(at.signals, last);
-        totals.add(sums.stretch, at.step, steady_from);
-        sums.stretch = {};
+        totals.add(sums.segment, at.step, steady_from);
+        sums.segment = {};
         bound_halfway = at.step <= setup.steps / 2 ? last.bound[0] : bound_halfway;
         at_end.plant.rate = at.rate;
         at_end.plant.stiffness =

@@ -1,5 +1,5 @@
-// Many runs on several threads: recorded one by one, measured in blocks of as many as the processor has lanes. Which
-// thread takes what changes nothing in any result.
+// Many runs on several threads: recorded one by one, measured in blocks of as many as the processor has lanes. The
+// assignment to threads does not change any result.
 #pragma once
 
 #include "fracgyro/sim/lane_block.hpp"
@@ -45,11 +45,9 @@ void parallel_for(std::size_t count, unsigned threads, Task&& task) {
     }
 }
 
-using MetricValues = std::array<double, metric_names.size()>;
-
 namespace detail {
 
-// `to` becomes `from` in one lane. Whatever is no number in lanes, counts and switches, must be the same in both.
+// `to` becomes `from` in one lane. Counts and switches, which are not numbers in lanes, must be the same in both.
 template <class T, class Struct>
 void set_lane(Struct& to, const Struct& from, std::size_t lane) {
     static_assert(std::is_trivially_copyable_v<Struct>);
@@ -64,7 +62,7 @@ void set_lane(Struct& to, const Struct& from, std::size_t lane) {
 
 }  // namespace detail
 
-// What the disturbance depends on in runs with the same lane key.
+// Parameters of the disturbance in runs with the same lane key.
 inline const DisturbanceParams& noise_key(const Setup& s) { return s.disturbance; }
 
 inline std::size_t kernel_terms(const Setup& s) {
@@ -72,13 +70,13 @@ inline std::size_t kernel_terms(const Setup& s) {
     return kernel == nullptr ? 0 : kernel->count;
 }
 
-// Functions of a type of controller that measuring a block needs, in addition to advance_block.
+// Functions of a type of controller for measuring a block, in addition to advance_block.
 template <class T>
 using HeldBlock = std::unique_ptr<BlockOf<T>, void (*)(BlockOf<T>*)>;
 template <class T>
 struct BlockType {
     HeldBlock<T> (*make)();
-    // The controller of one more run, for this lane; the first prepares all.
+    // Prepares the controller of one more run, for this lane; the first prepares all lanes.
     void (*prepare)(BlockOf<T>&, const ControllerParams&, const Common&, std::size_t lane);
     // The report of every lane before the coming step.
     std::vector<CommonReport> (*report)(const BlockOf<T>&);
@@ -107,8 +105,7 @@ inline constexpr BlockType<T> block_type{
             return found;
         }};
 
-// Up to as many runs as there are lanes, of the same lane key, from t = 0 to their end; values[k] receives the metrics
-// of run k.
+// At most one run per lane, of the same lane key, from t = 0 to their end; values[k] receives the metrics of run k.
 template <class Number, std::size_t count>
 class BlockRun {
     using T = Lanes<Number, count>;
@@ -116,7 +113,7 @@ class BlockRun {
 public:
     // `drawn`: the disturbance of every sample, the same for all runs; empty to draw it during the run.
     BlockRun(const Kernels<Number, count>& kernels, std::span<const Setup* const> runs,
-             std::span<const Vec2<double>> drawn, const MetricsParams& params, std::span<MetricValues* const> values)
+             std::span<const Vec2<double>> drawn, const MetricsParams& params, std::span<Metrics* const> values)
         : kernels_(kernels),
           runs_(runs),
           drawn_(drawn),
@@ -138,9 +135,9 @@ public:
             end_diverged();
         }
         while (n_ < samples_ && any_alive()) {
-            // A stretch goes on when a run diverges: the others must not notice.
+            // A segment continues when a run diverges: the others must not be affected.
             first_ = n_;
-            const std::int64_t end = end_of_stretch(first_, steady_from_, *runs_[0]);
+            const std::int64_t end = end_of_segment(first_, steady_from_, *runs_[0]);
             report_at_start();
             draw(static_cast<std::size_t>(end - first_));
             while (n_ < end && any_alive()) {
@@ -152,7 +149,7 @@ public:
             for (std::size_t k = 0; k < count; ++k) {
                 gather(k);
             }
-            block_->sums.stretch = {};
+            block_->sums.segment = {};
         }
         for (std::size_t k = 0; k < count; ++k) {
             if (alive_[k]) {
@@ -175,7 +172,7 @@ private:
             disturbances_.emplace_back(run.disturbance, run.common.step, kernels_.fill_noise);
             noises_[k] = run.disturbance;
             ControllerParams controller = run.controller;
-            if (kernel_terms(run) < terms) {  // as many as in the other lanes
+            if (kernel_terms(run) < terms) {  // same number as in the other lanes
                 fill_up(*kernel_of(controller), terms);
             }
             type_->prepare(*block_, controller, run.common, k);
@@ -193,7 +190,7 @@ private:
         noise_ = LaneNoise<count>::of(noises_);
     }
 
-    // Before the stretch, if its first sample is one whose estimates count.
+    // Reports before the segment, if its first sample is one whose estimates count.
     void report_at_start() {
         if (first_ == half_ || first_ == samples_ - 1) {
             report_ = type_->report(*block_);
@@ -205,22 +202,22 @@ private:
         }
     }
 
-    // The disturbance of the coming stretch.
+    // Draws the disturbance of the coming segment.
     void draw(std::size_t length) {
-        const auto stretch = std::span(coming_).first(length);
+        const auto segment = std::span(coming_).first(length);
         if (shared_ && !drawn_.empty()) {
             kernels_.spread(drawn_.subspan(static_cast<std::size_t>(first_), length), block_->disturbance);
         } else if (shared_) {
-            disturbances_[0].fill(first_, stretch);
-            kernels_.spread(stretch, block_->disturbance);
+            disturbances_[0].fill(first_, segment);
+            kernels_.spread(segment, block_->disturbance);
         } else if (noise_) {
             kernels_.fill_lanes(*noise_, first_, std::span(block_->disturbance).first(length));
         } else {
             for (std::size_t k = 0; k < count; ++k) {
-                disturbances_[k].fill(first_, stretch);
+                disturbances_[k].fill(first_, segment);
                 for (std::size_t i = 0; i < length; ++i) {
-                    block_->disturbance[i].first.lane[k] = static_cast<Number>(stretch[i].x());
-                    block_->disturbance[i].second.lane[k] = static_cast<Number>(stretch[i].y());
+                    block_->disturbance[i].first.lane[k] = static_cast<Number>(segment[i].x());
+                    block_->disturbance[i].second.lane[k] = static_cast<Number>(segment[i].y());
                 }
             }
         }
@@ -228,7 +225,7 @@ private:
 
     void gather(std::size_t k) {
         const auto number = [k](const T& a) { return static_cast<double>(a.lane[k]); };
-        totals_[k].add(stretch_of<T>(block_->sums.stretch, number), first_, steady_from_);
+        totals_[k].add(segment_of<T>(block_->sums.segment, number), first_, steady_from_);
     }
     void end_lane(std::size_t k) {
         *values_[k] = metric_values(params_, *runs_[k], totals_[k], report_[k],
@@ -254,7 +251,7 @@ private:
     std::span<const Setup* const> runs_;
     std::span<const Vec2<double>> drawn_;
     const MetricsParams& params_;
-    std::span<MetricValues* const> values_;
+    std::span<Metrics* const> values_;
     std::int64_t samples_, half_, steady_from_;
 
     const BlockType<T>* type_ = nullptr;
@@ -264,23 +261,23 @@ private:
     std::array<DisturbanceParams, count> noises_{};
     bool shared_ = false;
     std::optional<LaneNoise<count>> noise_;
-    std::array<Vec2<double>, longest_stretch> coming_{};
+    std::array<Vec2<double>, longest_segment> coming_{};
 
     std::array<bool, count> alive_{};
     std::array<MetricsTotals, count> totals_{};
     std::array<double, count> bound_halfway_{};
     std::vector<CommonReport> report_;  // at the last sample; if a run has diverged, at the one after
-    std::int64_t first_ = 0, n_ = 0;    // of the stretch; samples done
+    std::int64_t first_ = 0, n_ = 0;    // start of the segment; samples done
 };
 
-// The runs by their places, as threads take them. A task is one block, of at most as many runs as there are lanes, or
-// several full ones with the same disturbance, which is then drawn once for all of them. Runs with the same lane key
-// share blocks: first those with the same disturbance, then what is left, those with equally many exponentials side by
-// side. Which runs share a block does not depend on the number of threads.
+// Runs by index, as threads take them. A task is one block, of at most one run per lane, or several full ones with the
+// same disturbance, which is then drawn once for all of them. Runs with the same lane key share blocks: first those
+// with the same disturbance, then the rest, grouped by number of exponentials. Which runs share a block does not depend
+// on the number of threads.
 inline std::vector<std::vector<std::size_t>> tasks_of(std::span<const Setup* const> runs, std::size_t lanes,
                                                       unsigned threads) {
     using Index = std::vector<std::size_t>;
-    // So many that drawing takes no time that matters, and so few that every thread has some.
+    // Enough blocks to make drawing negligible, and few enough that every thread has some.
     const std::size_t most_blocks = std::clamp<std::size_t>(runs.size() / lanes / (4 * std::max(threads, 1U)), 1, 16);
     const auto sort = [](Index& order, auto&& by) {
         std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return by(a) < by(b); });
@@ -322,16 +319,16 @@ inline std::vector<std::vector<std::size_t>> tasks_of(std::span<const Setup* con
     return tasks;
 }
 
-// The metrics of every run, in order.
+// Metrics of every run, in order.
 template <class Number, std::size_t Count>
-std::vector<MetricValues> measure_all(const Kernels<Number, Count>& kernels, std::span<const Setup* const> runs,
-                                      const MetricsParams& params, unsigned threads) {
+std::vector<Metrics> measure_all(const Kernels<Number, Count>& kernels, std::span<const Setup* const> runs,
+                                 const MetricsParams& params, unsigned threads) {
     constexpr std::int64_t longest_drawn = std::int64_t{1} << 20;  // samples kept: 16 MB
     const auto tasks = tasks_of(runs, Count, threads);
-    std::vector<MetricValues> values(runs.size());
+    std::vector<Metrics> values(runs.size());
     parallel_for(tasks.size(), threads, [&](std::size_t t) {
         std::vector<const Setup*> all;
-        std::vector<MetricValues*> out;
+        std::vector<Metrics*> out;
         for (const std::size_t i : tasks[t]) {
             all.push_back(runs[i]);
             out.push_back(&values[i]);
@@ -344,7 +341,7 @@ std::vector<MetricValues> measure_all(const Kernels<Number, Count>& kernels, std
         for (std::size_t begin = 0; begin < all.size(); begin += Count) {
             const std::size_t size = std::min(Count, all.size() - begin);
             const auto block = std::span<const Setup* const>(all).subspan(begin, size);
-            BlockRun(kernels, block, drawn, params, std::span<MetricValues* const>(out).subspan(begin, size)).run();
+            BlockRun(kernels, block, drawn, params, std::span<Metrics* const>(out).subspan(begin, size)).run();
         }
     });
     return values;

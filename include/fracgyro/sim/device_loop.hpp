@@ -1,5 +1,5 @@
-// The gyroscope whose rate moves or whose device is not ideal, and runs with it: slower, and only in double precision.
-// Where nothing of that is so, its samples are those of loop.hpp, bit for bit.
+// The gyroscope with a moving rate or a non-ideal device, and runs with it: slower, and only in double precision.
+// Without any of these effects its samples are those of loop.hpp, bit for bit.
 #pragma once
 
 #include "fracgyro/plant/imperfections.hpp"
@@ -8,7 +8,7 @@
 
 namespace fracgyro {
 
-// One run whose rate may move and whose device may not be ideal.
+// One run, possibly with a moving rate and a non-ideal device.
 template <class Params>
 struct DeviceSetupOf : SetupOf<Params> {
     AngularRateParams rate{};
@@ -27,22 +27,22 @@ template <class Params>
 bool is_ideal(const DeviceSetupOf<Params>& s) {
     const ImperfectionParams& d = s.device;
     return !plant_varies(s) && !(d.position_noise > 0.0) && !(d.velocity_noise > 0.0) && !d.flickers() &&
-           !d.position.on() && !d.velocity.on() && !d.actuator.on() && !d.pickoff.on() && !d.force.on() &&
+           !d.position.on() && !d.velocity.on() && !d.actuator().on() && !d.pickoff.on() && !d.force.on() &&
            d.delay == 0 && s.common.observer_bandwidth == 0.0;
 }
 
-// As a Snapshot; position, velocity and error are the true ones, `signals.force` is what the controller asks for.
+// A Snapshot of such a run; position, velocity and error are the true ones, `signals.force` is the requested force.
 template <class Report>
 struct DeviceSnapshot : Snapshot<double, Report> {
     double rate;                     // Ωz, after a jump
-    double rate_bias;                // what acts as if Ωz were larger by it, over the step from here on
-    double stiffness_drift;          // what K has grown by, as a fraction
-    double damping_drift;            // what D has
-    const Motion<double>& measured;  // what the controller goes by
+    double rate_bias;                // additional effective Ωz due to errors of the device, over the step from here on
+    double stiffness_drift;          // relative growth of K
+    double damping_drift;            // relative growth of D
+    const Motion<double>& measured;  // the motion as seen by the controller
     const Vec2<double>& applied;     // the force that acts
 };
 
-// 6  As IdealGyroscope of stepper.hpp.
+// 6  The gyroscope with the interface of IdealGyroscope (stepper.hpp).
 struct DeviceGyroscope {
     struct Coefficients {
         Gyroscope<double>::Coefficients plant{};
@@ -52,9 +52,9 @@ struct DeviceGyroscope {
         AngularRate rate{{}, 0.0, 1.0, 0};
         Imperfections::Coefficients device{};
 
-        // K, after that many halves of the step from the sample n on.
+        // Temperature change in kelvin, `halves` half steps after sample n.
         double warmer(std::int64_t n, int halves) const { return device.device.temperature.within(n, halves); }
-        // With Ωz larger by `bias`.
+        // The variation with Ωz larger by `bias`.
         Variation varied(std::int64_t n, int halves, double bias) const {
             const double by = warmer(n, halves);
             return {.rate = rate.within(n, halves) - mean_rate + bias,
@@ -66,7 +66,7 @@ struct DeviceGyroscope {
         Vec2<double> disturbance;
         DeviceDraw device;
     };
-    // All that is drawn in a run.
+    // All noise drawn in a run.
     class Draw {
     public:
         template <class Params>
@@ -116,7 +116,7 @@ struct DeviceGyroscope {
     static void act(State& state, const Coefficients& c, const Vec2<double>& asked, std::int64_t n) {
         state.applied = Imperfections::actuate(state.device, c.device, asked, n);
     }
-    // Under the force that acts.
+    // Advances by one step under the acting force.
     static void step(State& state, const Coefficients& c, std::int64_t n) {
         if (!c.varies) {
             Gyroscope<double>::step(state.motion, c.plant, state.applied, state.disturbance);
@@ -146,7 +146,7 @@ struct DeviceGyroscope {
     }
 };
 
-// What is recorded of these runs behind the channels of recorder.hpp.
+// Channels recorded for these runs after the channels of recorder.hpp.
 inline constexpr std::array<Channel, 7> device_channels{
     {{"angular_rate", 1, "omega0", "angular rate Omega_z", ""},
      {"rate_bias", 1, "omega0", "what acts as if Omega_z were larger by it", ""},
@@ -170,7 +170,7 @@ void write_device_row(const DeviceSnapshot<Report>& at, double* row) {
     std::copy(more.begin(), more.end(), row + row_width<Report>);
 }
 
-// Calls observe(DeviceSnapshot) at every sample; as run_loop.
+// Calls observe(DeviceSnapshot) at every sample, like run_loop.
 template <Controller C, class Params, class Observe>
 std::int64_t run_device_loop(const DeviceSetupOf<Params>& setup, Observe&& observe) {
     using Loop = Stepper<C, DeviceGyroscope>;

@@ -1,4 +1,4 @@
-// A controller of any type by itself, behind its guard: what Python and the browser step.
+// A controller of any type on its own, behind its guard, as stepped by Python and the browser.
 #pragma once
 
 #include "fracgyro/hardware/guard.hpp"
@@ -15,13 +15,13 @@ public:
     virtual Status status() const = 0;
     virtual std::size_t saved_size() const = 0;
     virtual void save(unsigned char* bytes) const = 0;
-    // Returns whether they are as they were saved; if not, it stays as it is.
+    // Returns true if the bytes are as they were saved; otherwise the state stays unchanged.
     virtual bool restore(const unsigned char* bytes, std::size_t count) = 0;
 };
 
 namespace detail {
 
-// C: what stands for the controller.
+// C: the type that represents the controller.
 template <Controller C>
 class Guarded final : public GuardedController {
     using T = typename C::Value;

@@ -1,5 +1,5 @@
-// A block: as many runs as there are lanes, moved together. What differs from run to run lies in lanes; what does not,
-// such as the number of steps, is one number.
+// A block: one run per lane, moved together. Values that differ from run to run are in lanes; common values, such as
+// the number of steps, are single numbers.
 #pragma once
 
 #include "fracgyro/sim/lane_noise.hpp"
@@ -12,8 +12,8 @@ struct BlockOf {
     typename Gyroscope<T>::Coefficients plant{};
     Motion<T> motion{};
     MetricsSums<T> sums{};
-    T alive = T(1.0);                                    // 0 where the motion has diverged
-    std::array<Vec2<T>, longest_stretch> disturbance{};  // of the coming stretch
+    T alive = T(1.0);                                    // 0 once the motion has diverged
+    std::array<Vec2<T>, longest_segment> disturbance{};  // for the coming segment
 };
 template <Controller C>
 struct Block final : BlockOf<typename C::Value> {
@@ -27,9 +27,9 @@ bool diverged(const BlockOf<T>& block) {
     return !always_less(if_less(T(0.0), block.alive, size, T(0.0)), T(divergence_limit));  // also true for NaN
 }
 
-// The closed loop, as in loop.hpp, over the samples from `n` to before `end` of the stretch. Returns where it stopped:
-// before `end` when a run has diverged. Compiled once for each kind of processor, in bindings/lanes_*.cpp; everything
-// is inlined, so that nothing of it serves another.
+// The closed loop, as in loop.hpp, over the samples from `n` to before `end` of the segment. Returns the sample at
+// which it stopped: before `end` if a run has diverged. Compiled once for each kind of processor, in
+// bindings/lanes_*.cpp; everything is inlined, so that no other kind uses any of it.
 template <Controller C, class T = typename C::Value>
 [[gnu::flatten]] std::int64_t advance_block(BlockOf<T>& of_type, std::int64_t n, std::int64_t end) {
     auto& block = static_cast<Block<C>&>(of_type);
@@ -71,8 +71,8 @@ struct KernelsFor<T, std::tuple<Entries...>> : KernelsOf<typename Entries::Type:
 
 }  // namespace detail
 
-// What is compiled for one kind of processor: `advance_block` for every controller of the registry, in double and
-// single precision, and the noise. Whoever calls one of the functions below needs a processor of its kind.
+// Functions compiled for one kind of processor: `advance_block` for every controller of the registry, in double and
+// single precision, and the noise. Callers of the functions below need a processor of that kind.
 template <class Number, std::size_t Count>
 struct Kernels {
     using Advance = detail::KernelsFor<Lanes<Number, Count>, Registry>;
@@ -82,7 +82,7 @@ struct Kernels {
     void (*spread)(std::span<const Vec2<double>>, Disturbances) = &fracgyro::spread<Number, Count>;
     FillNoise fill_noise = &fracgyro::fill_noise<Count * sizeof(Number)>;
 };
-template <std::size_t Bytes>  // of a register
+template <std::size_t Bytes>  // bytes of a register
 struct KernelsOfWidth {
     Kernels<double, Bytes / sizeof(double)> doubles;
     Kernels<float, Bytes / sizeof(float)> floats;

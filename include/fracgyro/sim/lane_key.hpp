@@ -1,5 +1,5 @@
-// What runs in one block must agree in: all that is not a number of its own in each lane. It is read off the
-// coefficients themselves, so that no switch can be forgotten.
+// Lane key: the values that runs in one block must share, i.e. all except separate numbers in each lane. It is read
+// from the coefficients themselves, so that no switch can be forgotten.
 #pragma once
 
 #include "fracgyro/sim/aggregate.hpp"
@@ -30,8 +30,8 @@ void append_switches(std::string& key, const Value& value) {
 
 }  // namespace detail
 
-// Runs with the same key may lie in one block. A controller with memory may have any number of exponentials, as those
-// of fewer are filled up with exponentials of weight 0; here one stands for all, which takes the least time.
+// Runs with the same key may share a block. A controller with memory may have any number of exponentials, since missing
+// ones are padded with weight 0; here one represents all, which takes the least time.
 inline std::string lane_key(const Setup& setup) {
     using T = Lanes<double, 2>;
     std::string key;

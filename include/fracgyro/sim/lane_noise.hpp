@@ -1,4 +1,4 @@
-// The noise of runs side by side.
+// Noise of runs in parallel lanes.
 #pragma once
 
 #include "fracgyro/plant/disturbance.hpp"
@@ -8,7 +8,7 @@
 
 namespace fracgyro {
 
-// Where each run of a block has noise of its own, all held for as long: what differs from run to run.
+// Differences between the runs of a block, if each has its own noise and all have the same hold.
 template <std::size_t Count>
 struct LaneNoise {
     std::array<std::uint64_t, Count> seed{};
@@ -16,7 +16,7 @@ struct LaneNoise {
     std::uint32_t stream = 0;
     std::int64_t hold = 1;
 
-    // Nothing where it is not so.
+    // Empty if the noise of the runs is not of this form.
     static std::optional<LaneNoise> of(const std::array<DisturbanceParams, Count>& runs) {
         LaneNoise noise{.stream = runs[0].stream, .hold = runs[0].hold};
         for (std::size_t k = 0; k < Count; ++k) {
@@ -31,7 +31,7 @@ struct LaneNoise {
     }
 };
 
-// Writes the noise of the steps first, first + 1, …: what fill_noise writes for each run.
+// Writes the noise of the steps first, first + 1, …, as fill_noise does for each run.
 template <class Number, std::size_t Count>
 [[gnu::flatten]] void fill_lanes(const LaneNoise<Count>& noise, std::int64_t first,
                                  std::span<Vec2<Lanes<Number, Count>>> out) {

@@ -10,9 +10,8 @@
 
 namespace fracgyro {
 
-// Aligned alike whatever the processor compiled for, as blocks pass between code compiled for different ones.
-// Spelt out for each: GCC 12 mistakes a vector of dependent type or size for its element where functions are
-// overloaded.
+// Alignment does not depend on the target processor, as blocks pass between code compiled for different ones. Written
+// out for each type: GCC 12 mistakes a vector of dependent type or size for its element in overloaded functions.
 template <class Number, std::size_t Count>
 struct Registers;
 #define FRACGYRO_REGISTERS(NUMBER, COUNT, BITS, BYTES)                                         \
@@ -133,7 +132,7 @@ struct detail::Bits<Lanes<Number, Count>> : detail::Bits<Number> {
     using Unsigned = typename Registers<Number, Count>::Unsigned;
 };
 
-// Phases of the reference, one in each lane, as words that lie in their lane whatever the size of its numbers.
+// Phases of the reference, one in each lane, as words that stay in their lane whatever the size of its numbers.
 template <class Number, std::size_t Count>
 struct Phases {
     using Word = std::conditional_t<sizeof(Number) == 8, std::uint64_t, std::uint32_t>;
@@ -141,7 +140,7 @@ struct Phases {
     struct alignas(Count * sizeof(Word)) Words {
         std::array<Word, Count> lane{};
     };
-    std::array<Words, words> word{};  // the lowest first
+    std::array<Words, words> word{};  // lowest first
 
     std::uint64_t at(std::size_t k) const {
         std::uint64_t phase = 0;

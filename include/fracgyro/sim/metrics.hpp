@@ -2,6 +2,7 @@
 // quantities on recorded runs; a test compares the two.
 #pragma once
 
+#include "fracgyro/core/fields.hpp"
 #include "fracgyro/sim/loop.hpp"
 
 #include <cmath>
@@ -15,55 +16,68 @@ struct MetricsParams {
     double rate_tolerance = 0.1;  // |Ω̂z - Ωz| / |Ωz| below which the rate counts as settled
 };
 
-inline constexpr std::array<std::string_view, 25> metric_names{"rmse_whole_x",
-                                                               "rmse_whole_y",
-                                                               "rmse_transient_x",
-                                                               "rmse_transient_y",
-                                                               "rmse_steady_x",
-                                                               "rmse_steady_y",
-                                                               "error_settling_time",
-                                                               "surface_settling_time",
-                                                               "chattering_x",
-                                                               "chattering_y",
-                                                               "effort_x",
-                                                               "effort_y",
-                                                               "rate_error",
-                                                               "rate_error_rms",
-                                                               "rate_error_peak",
-                                                               "rate_settling_time",
-                                                               "damping_error",
-                                                               "stiffness_error",
-                                                               "bound_0",
-                                                               "bound_1",
-                                                               "bound_2",
-                                                               "bound_0_halfway",
-                                                               "largest_force",
-                                                               "saturated_share",
-                                                               "diverged_at"};
+// NaN: never settled, an empty window, or not reported by the controller.
+struct Metrics {
+    Vec2<double> rmse_whole{}, rmse_transient{}, rmse_steady{};
+    double error_settling_time = 0.0, surface_settling_time = 0.0;
+    Vec2<double> chattering{}, effort{};
+    double rate_error = 0.0, rate_error_rms = 0.0, rate_error_peak = 0.0, rate_settling_time = 0.0;
+    double damping_error = 0.0, stiffness_error = 0.0;
+    std::array<double, 3> bound_final{};
+    double bound_0_halfway = 0.0, largest_force = 0.0, saturated_share = 0.0, diverged_at = 0.0;
 
-// What a metric needs of every sample, for one run or, in lanes, for several: over a stretch of samples, short enough
-// for sums in single precision, after which MetricsTotals takes it.
+    static constexpr auto fields() {
+        using M = Metrics;
+        constexpr std::string_view length = "q0", time = "1/omega0", force = "m*omega0^2*q0", rate = "omega0";
+        return std::tuple{
+            channel("rmse_whole", &M::rmse_whole, length, "RMS error, whole run"),
+            channel("rmse_transient", &M::rmse_transient, length, "RMS error, transient"),
+            channel("rmse_steady", &M::rmse_steady, length, "RMS error, steady"),
+            channel("error_settling_time", &M::error_settling_time, time, "settling time of the error"),
+            channel("surface_settling_time", &M::surface_settling_time, time, "settling time of the surface"),
+            channel("chattering", &M::chattering, "1", "chattering of u"),
+            channel("effort", &M::effort, force, "RMS force"),
+            channel("rate_error", &M::rate_error, rate, "rate error at the end"),
+            channel("rate_error_rms", &M::rate_error_rms, rate, "RMS rate error, steady"),
+            channel("rate_error_peak", &M::rate_error_peak, rate, "peak rate error"),
+            channel("rate_settling_time", &M::rate_settling_time, time, "settling time of the rate"),
+            channel("damping_error", &M::damping_error, "1", "relative error of D at the end"),
+            channel("stiffness_error", &M::stiffness_error, "1", "relative error of K at the end"),
+            channel("bound_final", &M::bound_final, "m*omega0^2*q0, m*omega0^2, m*omega0",
+                    "bound estimate b at the end"),
+            channel("bound_0_halfway", &M::bound_0_halfway, force, "bound estimate b0 halfway"),
+            channel("largest_force", &M::largest_force, force, "peak force"),
+            channel("saturated_share", &M::saturated_share, "1", "share of samples at the force limit"),
+            channel("diverged_at", &M::diverged_at, time, "time at which the motion diverged"),
+        };
+    }
+};
+inline constexpr std::size_t metrics_width = width_of<Metrics>();
+
+// Sums for the metrics, of one run or, in lanes, of several: over a segment of samples, short enough for sums in single
+// precision, which MetricsTotals then adds up.
 template <Scalar T>
 struct MetricsSums {
     T error_bound_squared{}, surface_bound_squared{}, rate{}, rate_bound{}, force_limit{};  // set once
     std::array<Vec2<T>, 2> past{};                                                          // the last two u
 
-    struct Stretch {
-        Vec2<T> squares{}, force{}, bend{};  // Σ e², Σ u², Σ (second difference of u)²
+    struct Segment {
+        Vec2<T> squares{}, force{}, second_difference{};  // Σ e², Σ u², Σ (second difference of u)²
         T rate_squares{};
         T step = T(0.0);                                                               // samples seen
         T error_outside = T(-1.0), surface_outside = T(-1.0), rate_outside = T(-1.0);  // the last samples outside
         T peak_rate_error{}, largest_force{}, saturated{};
-    } stretch{};
+    } segment{};
 
     template <class Report>
     void add(const Signals<T, Report>& at) {
         add(at, at.report);
     }
-    // With what is reported elsewhere. Sums of what no report has stay as they are, and their metrics are NaN.
+    // Adds a sample with a report from elsewhere. Sums of values that no report has stay unchanged, and their metrics
+    // are NaN.
     template <class Some, class Report>
     void add(const Signals<T, Some>& at, const Report& report) {
-        Stretch& s = stretch;
+        Segment& s = segment;
         const Vec2<T> u = at.force;
         const Vec2<T> squares = at.error.value * at.error.value;
         s.squares = s.squares + squares;
@@ -77,9 +91,9 @@ struct MetricsSums {
             s.peak_rate_error = maximum(s.peak_rate_error, off);
             s.rate_squares = s.rate_squares + off * off;
         }
-        // Second differences see what flips from sample to sample and not what is smooth.
+        // Second differences respond to changes from sample to sample and not to smooth signals.
         const Vec2<T> difference = (u - past[0]) - (past[0] - past[1]);
-        s.bend = s.bend + difference * difference;
+        s.second_difference = s.second_difference + difference * difference;
         s.force = s.force + u * u;
         const T force = maximum(absolute(u.x()), absolute(u.y()));
         s.largest_force = maximum(s.largest_force, force);
@@ -89,13 +103,13 @@ struct MetricsSums {
     }
 };
 
-// One run's, as `number` takes it out of a scalar.
+// Sums of one run, as `number` extracts them from a scalar.
 template <class T, class Number>
-typename MetricsSums<double>::Stretch stretch_of(const typename MetricsSums<T>::Stretch& s, Number&& number) {
+typename MetricsSums<double>::Segment segment_of(const typename MetricsSums<T>::Segment& s, Number&& number) {
     const auto vec2 = [&](const Vec2<T>& a) { return Vec2<double>{number(a.x()), number(a.y())}; };
     return {.squares = vec2(s.squares),
             .force = vec2(s.force),
-            .bend = vec2(s.bend),
+            .second_difference = vec2(s.second_difference),
             .rate_squares = number(s.rate_squares),
             .step = number(s.step),
             .error_outside = number(s.error_outside),
@@ -106,19 +120,19 @@ typename MetricsSums<double>::Stretch stretch_of(const typename MetricsSums<T>::
             .saturated = number(s.saturated)};
 }
 
-// The same of a whole run.
+// Totals of a whole run.
 struct MetricsTotals {
     struct Window {
         Vec2<double> squares{}, force{};
     } transient{}, steady{};
-    Vec2<double> bend{};        // from the third sample of the steady window on
-    double rate_squares = 0.0;  // of the steady window
+    Vec2<double> second_difference{};  // from the third sample of the steady window on
+    double rate_squares = 0.0;         // over the steady window
     std::int64_t error_outside = -1, surface_outside = -1, rate_outside = -1;
     double peak_rate_error = 0.0, largest_force = 0.0, saturated = 0.0;
 
-    // A stretch from sample `first` on, which lies within one window; `steady_from` is the first sample of the steady
-    // one.
-    void add(const MetricsSums<double>::Stretch& s, std::int64_t first, std::int64_t steady_from) {
+    // Adds a segment from sample `first` on, which is within one window; `steady_from` is the first sample of the
+    // steady one.
+    void add(const MetricsSums<double>::Segment& s, std::int64_t first, std::int64_t steady_from) {
         Window& window = first < steady_from ? transient : steady;
         window.squares = window.squares + s.squares;
         window.force = window.force + s.force;
@@ -126,7 +140,7 @@ struct MetricsTotals {
             rate_squares += s.rate_squares;
         }
         if (first >= steady_from + 2) {
-            bend = bend + s.bend;
+            second_difference = second_difference + s.second_difference;
         }
         const auto last = [first](std::int64_t& total, double outside) {
             if (outside >= 0.0) {
@@ -142,7 +156,7 @@ struct MetricsTotals {
     }
 };
 
-// The first sample that is not in the transient window; steps + 1 where all are.
+// The first sample after the transient window; steps + 1 if there is none.
 template <class Params>
 std::int64_t first_steady_sample(const MetricsParams& p, const SetupOf<Params>& setup) {
     const double h = setup.common.step;
@@ -155,19 +169,19 @@ std::int64_t first_steady_sample(const MetricsParams& p, const SetupOf<Params>& 
     return n;
 }
 
-inline constexpr std::size_t longest_stretch = 64;  // samples
+inline constexpr std::size_t longest_segment = 64;  // samples
 
-// Where the stretch from sample `first` on ends: where a window does, and before the samples whose estimates count.
+// End of the segment from sample `first` on: the end of a window, or the first sample whose estimates count.
 template <class Params>
-std::int64_t end_of_stretch(std::int64_t first, std::int64_t steady_from, const SetupOf<Params>& setup) {
-    std::int64_t end = std::min(first + static_cast<std::int64_t>(longest_stretch), setup.steps + 1);
+std::int64_t end_of_segment(std::int64_t first, std::int64_t steady_from, const SetupOf<Params>& setup) {
+    std::int64_t end = std::min(first + static_cast<std::int64_t>(longest_segment), setup.steps + 1);
     for (const std::int64_t stop : {setup.steps / 2, setup.steps, steady_from, steady_from + 2}) {
         end = first < stop ? std::min(end, stop) : end;
     }
     return end;
 }
 
-// The part of a report that metrics use; NaN for what this controller does not report.
+// The part of a report that metrics use; NaN if the controller does not report it.
 struct CommonReport {
     static constexpr double nan = std::numeric_limits<double>::quiet_NaN();
     Vec2<double> surface{nan, nan};
@@ -176,7 +190,7 @@ struct CommonReport {
     std::array<double, 3> bound{nan, nan, nan};
     bool has_rate = false, has_surface = false;
 
-    // `number`: one of a scalar of the report.
+    // `number` extracts one number from a scalar of the report.
     template <class Report, class Number>
     static CommonReport of(const Report& r, Number&& number) {
         CommonReport last;
@@ -200,17 +214,16 @@ struct CommonReport {
     }
 };
 
-// In the order of metric_names; NaN: never settled, an empty window, or not reported. Of a run of which `samples` were
-// seen; bound_halfway is b̂₀ at half of the run or at its last sample before.
+// Metrics of a run that lasted for `samples`; bound_halfway is b̂₀ at half of the run, or at its last sample if it ended
+// before.
 template <class Params>
-std::array<double, metric_names.size()> metric_values(const MetricsParams& params, const SetupOf<Params>& setup,
-                                                      const MetricsTotals& totals, const CommonReport& last,
-                                                      double bound_halfway, std::int64_t samples) {
+Metrics metric_values(const MetricsParams& params, const SetupOf<Params>& setup, const MetricsTotals& totals,
+                      const CommonReport& last, double bound_halfway, std::int64_t samples) {
     constexpr double nan = std::numeric_limits<double>::quiet_NaN();
     const double h = setup.common.step;
     const std::int64_t early = std::min(samples, first_steady_sample(params, setup));
     const auto count = [](std::int64_t n) { return static_cast<double>(n); };
-    const auto ratio = [](double a, double b) {  // as IEEE 754 has it, without dividing by zero
+    const auto ratio = [](double a, double b) {  // IEEE 754 quotient, without dividing by zero
         return b != 0.0 ? a / b : a > 0.0 ? std::numeric_limits<double>::infinity() : nan;
     };
     const auto rms = [&](const Vec2<double>& sum, double n) {  // NaN: an empty window
@@ -221,11 +234,11 @@ std::array<double, metric_names.size()> metric_values(const MetricsParams& param
     const Vec2<double> transient = rms(totals.transient.squares, count(early));
     const Vec2<double> steady = rms(totals.steady.squares, late);
     const Vec2<double> effort = rms(totals.transient.force + totals.steady.force, count(samples));
-    const auto chattering = [&](double bend, double force) {
-        return late > 2 ? std::sqrt(ratio(bend / (late - 2), force / late)) : nan;
+    const auto chattering = [&](double second_difference, double force) {
+        return late > 2 ? std::sqrt(ratio(second_difference / (late - 2), force / late)) : nan;
     };
     const auto settled = [&](std::int64_t outside) { return outside < samples - 1 ? count(outside + 1) * h : nan; };
-    // Frobenius norm of the error over that of the truth.
+    // Frobenius norm of the error over the norm of the true value.
     const auto relative = [&](const Sym2<double>& estimate, const Sym2<double>& truth) {
         const auto square = [](const Sym2<double>& a) {
             return a.xx() * a.xx() + 2.0 * a.xy() * a.xy() + a.yy() * a.yy();
@@ -233,39 +246,32 @@ std::array<double, metric_names.size()> metric_values(const MetricsParams& param
         return std::sqrt(ratio(square(estimate - truth), square(truth)));
     };
     const GyroscopeParams& p = setup.plant;
-    return {whole.x(),
-            whole.y(),
-            transient.x(),
-            transient.y(),
-            steady.x(),
-            steady.y(),
-            settled(totals.error_outside),
-            last.has_surface ? settled(totals.surface_outside) : nan,
-            chattering(totals.bend.x(), totals.steady.force.x()),
-            chattering(totals.bend.y(), totals.steady.force.y()),
-            effort.x(),
-            effort.y(),
-            last.rate - p.rate,
-            last.has_rate ? std::sqrt(ratio(totals.rate_squares, late)) : nan,
-            last.has_rate ? totals.peak_rate_error : nan,
-            last.has_rate ? settled(totals.rate_outside) : nan,
-            relative(last.damping, p.damping + p.damping_deviation),
-            relative(last.stiffness, p.stiffness + p.stiffness_deviation),
-            last.bound[0],
-            last.bound[1],
-            last.bound[2],
-            bound_halfway,
-            totals.largest_force,
-            ratio(totals.saturated, count(samples)),
-            samples > setup.steps ? nan : count(samples) * h};
+    return {.rmse_whole = whole,
+            .rmse_transient = transient,
+            .rmse_steady = steady,
+            .error_settling_time = settled(totals.error_outside),
+            .surface_settling_time = last.has_surface ? settled(totals.surface_outside) : nan,
+            .chattering = {chattering(totals.second_difference.x(), totals.steady.force.x()),
+                           chattering(totals.second_difference.y(), totals.steady.force.y())},
+            .effort = effort,
+            .rate_error = last.rate - p.rate,
+            .rate_error_rms = last.has_rate ? std::sqrt(ratio(totals.rate_squares, late)) : nan,
+            .rate_error_peak = last.has_rate ? totals.peak_rate_error : nan,
+            .rate_settling_time = last.has_rate ? settled(totals.rate_outside) : nan,
+            .damping_error = relative(last.damping, p.damping + p.damping_deviation),
+            .stiffness_error = relative(last.stiffness, p.stiffness + p.stiffness_deviation),
+            .bound_final = last.bound,
+            .bound_0_halfway = bound_halfway,
+            .largest_force = totals.largest_force,
+            .saturated_share = ratio(totals.saturated, count(samples)),
+            .diverged_at = samples > setup.steps ? nan : count(samples) * h};
 }
 
-// The metrics of one run by itself: the bits that it has in a lane (batch.hpp). `in_step(snapshot)`: the part of its
-// report that metrics use; `between_steps(state, coefficients)`: the common report before the coming step.
+// The metrics of one run by itself, with the bits that it has in a lane (batch.hpp). `in_step(snapshot)`: the part of
+// its report that metrics use; `between_steps(state, coefficients)`: the common report before the coming step.
 template <Controller C, class Params, class InStep, class BetweenSteps>
-std::array<double, metric_names.size()> measure_stretches(const SetupOf<Params>& setup, const MetricsParams& params,
-                                                          FillNoise noise, InStep&& in_step,
-                                                          BetweenSteps&& between_steps) {
+Metrics measure_segments(const SetupOf<Params>& setup, const MetricsParams& params, FillNoise noise, InStep&& in_step,
+                         BetweenSteps&& between_steps) {
     using T = typename C::Value;
     using Loop = Stepper<C>;
     const auto number = [](const T& a) { return static_cast<double>(a); };
@@ -274,7 +280,7 @@ std::array<double, metric_names.size()> measure_stretches(const SetupOf<Params>&
     const auto coefficients = Loop::prepare(setup);
     auto state = Loop::begin(setup);
     const Disturbance disturbance(setup.disturbance, setup.common.step, noise);
-    std::array<Vec2<double>, longest_stretch> coming{};
+    std::array<Vec2<double>, longest_segment> coming{};
     MetricsSums<T> sums{.error_bound_squared = T(params.error_bound * params.error_bound),
                         .surface_bound_squared = T(params.surface_bound * params.surface_bound),
                         .rate = T(setup.plant.rate),
@@ -284,7 +290,7 @@ std::array<double, metric_names.size()> measure_stretches(const SetupOf<Params>&
     CommonReport last{}, halfway{};
     const auto reported = [&] { return between_steps(state.controller, coefficients.controller); };
     while (state.step < samples && bounded(state.motion)) {
-        const std::int64_t first = state.step, end = end_of_stretch(first, steady_from, setup);
+        const std::int64_t first = state.step, end = end_of_segment(first, steady_from, setup);
         if (first == half) {
             halfway = reported();
         }
@@ -295,19 +301,18 @@ std::array<double, metric_names.size()> measure_stretches(const SetupOf<Params>&
         Loop::run(
             state, coefficients, end, [&](std::int64_t n) { return coming[static_cast<std::size_t>(n - first)]; },
             [&](const auto& at) { sums.add(at.signals, in_step(at)); });
-        totals.add(stretch_of<T>(sums.stretch, number), first, steady_from);
-        sums.stretch = {};
+        totals.add(segment_of<T>(sums.segment, number), first, steady_from);
+        sums.segment = {};
     }
-    if (state.step < samples) {  // diverged: what was known after its last sample
+    if (state.step < samples) {  // diverged: values known after its last sample
         last = reported();
     }
     return metric_values(params, setup, totals, last, (state.step <= half ? last : halfway).bound[0], state.step);
 }
 template <Controller C, class Params>
-std::array<double, metric_names.size()> measure_alone(const SetupOf<Params>& setup, const MetricsParams& params,
-                                                      FillNoise noise) {
+Metrics measure_alone(const SetupOf<Params>& setup, const MetricsParams& params, FillNoise noise) {
     const auto number = [](const typename C::Value& a) { return static_cast<double>(a); };
-    return measure_stretches<C>(
+    return measure_segments<C>(
         setup, params, noise, [](const auto& at) -> const auto& { return at.signals.report; },
         [&](const auto& state, const auto& coefficients) {
             return CommonReport::of(C::report(state, coefficients), number);

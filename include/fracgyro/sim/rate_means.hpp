@@ -1,5 +1,5 @@
-// The rate estimate averaged over blocks of samples while a run goes on: hours of a rate sensor's output, in the memory
-// of only that output.
+// The rate estimate averaged over blocks of samples during a run: hours of a rate sensor's output, in the memory of
+// only that output.
 #pragma once
 
 #include "fracgyro/sim/any_run.hpp"
@@ -13,7 +13,7 @@
 
 namespace fracgyro {
 
-// What is averaged: of the samples 0, every, 2·every, … each `block` in a row; a block that is not full is left out.
+// Blocks to average: of the samples 0, every, 2·every, … each `block` in a row; an incomplete block is left out.
 struct RateBlocks {
     std::int64_t every = 1, block = 1;
     const std::atomic<bool>* stop = nullptr;  // ends a run that may take an hour: Stopped is thrown
@@ -25,12 +25,12 @@ struct Stopped {};
 
 class RateMeans {
 public:
-    // Means go to `out`, NaN where none is reached.
+    // Means go to `out`, NaN for blocks that are not reached.
     RateMeans(const RateBlocks& blocks, std::span<double> out) : blocks_(blocks), out_(out) {
         std::fill(out.begin(), out.end(), std::numeric_limits<double>::quiet_NaN());
     }
 
-    // The next sample; rate() is called where it counts.
+    // Adds the next sample; rate() is called only if it counts.
     template <class Rate>
     void add(Rate&& rate) {
         if (until_next_ == 0) {

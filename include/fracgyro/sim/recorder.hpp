@@ -1,4 +1,4 @@
-// The recorded channels: one row of doubles a sample.
+// The recorded channels: one row of doubles per sample.
 #pragma once
 
 #include "fracgyro/sim/loop.hpp"
@@ -11,11 +11,11 @@ struct Channel {
     std::string_view name;
     int width = 0;
     std::string_view unit, meaning;  // nondimensional
-    std::string_view part = ".x";    // of its first column, as for_each_part names it
+    std::string_view part = ".x";    // part of its first column, as for_each_part names it
     bool momentary = false;
 };
 
-// What every run has, in the order in which `write_row` writes it; what the controller reports comes after it.
+// Channels of every run, in the order of `write_row`; the channels reported by the controller follow.
 inline constexpr std::array<Channel, 7> loop_channels{
     {{"position", 2, "q0", "position q"},
      {"velocity", 2, "q0*omega0", "velocity v"},
@@ -29,7 +29,7 @@ inline constexpr std::size_t loop_width = 14;
 template <class Report>
 inline constexpr std::size_t row_width = loop_width + width_of<Report>();
 
-// Calls visit(channel) for each that the report has, in order.
+// Calls visit(channel) for each channel of the report, in order.
 template <class Report, class Visit>
 constexpr void for_each_reported(Visit&& visit) {
     const Report report{};
@@ -55,7 +55,7 @@ void write_row(const Snapshot<T, Report>& at, double* row) {
     for_each_number(at.signals.report, put);
 }
 
-// How many doubles a row of these runs has.
+// Number of doubles in a row of these runs.
 inline std::size_t row_width_of(const ControllerParams& controller) {
     std::size_t width = 0;
     with_controller<double>(controller, [&]<class C>() { width = row_width<typename C::Report>; });
@@ -77,7 +77,7 @@ std::int64_t record(const Setup& setup, std::int64_t every, double* rows, FillNo
         --until_next;
     });
 }
-// With the controller of the setup.
+// Uses the controller of the setup.
 template <Scalar T>
 std::int64_t record(const Setup& setup, std::int64_t every, double* rows, FillNoise noise = &fill_noise<word_bytes>) {
     std::int64_t samples = 0;

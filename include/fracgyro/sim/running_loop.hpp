@@ -1,4 +1,4 @@
-// A closed loop that is run in parts, tuned while it runs, saved and restored: what a program or a page holds on to.
+// A closed loop run in parts, tuned while it runs, saved and restored, as held by a program or a page.
 #pragma once
 
 #include "fracgyro/sim/any_run.hpp"
@@ -8,7 +8,7 @@
 
 namespace fracgyro {
 
-// Whether a loop with one can go on with the other: the same type, with the same memory.
+// Returns true if a loop with one can continue with the other: the same type, with the same memory.
 inline bool same_controller(const ControllerParams& a, const ControllerParams& b) {
     const auto chosen = [](const ControllerParams& any) {
         std::size_t found = 0;
@@ -34,7 +34,7 @@ public:
         return std::visit([](const auto& part) { return part.state.step; }, part_);
     }
 
-    // The coming samples, fewer if the motion diverges. Calls observe(DeviceSnapshot) at each.
+    // Runs the coming samples, fewer if the motion diverges. Calls observe(DeviceSnapshot) at each.
     template <class Observe>
     void run(std::int64_t samples, Observe&& observe) {
         std::visit(
@@ -43,7 +43,7 @@ public:
             },
             part_);
     }
-    // Other numbers from the coming sample on; what was learned stays. Returns whether that is possible.
+    // Sets other numbers from the coming sample on; the estimates stay. Returns true if that is possible.
     bool set(const DeviceSetup& other) {
         const bool can = !checks_ || same_controller(setup_.controller, other.controller);
         if (can) {
@@ -52,7 +52,7 @@ public:
         }
         return can;
     }
-    // An impulse on the mass, just before the coming sample: what it adds to the velocity.
+    // Applies an impulse to the mass, just before the coming sample, which adds `velocity` to its velocity.
     void kick(const Vec2<double>& velocity) {
         std::visit([&](auto& part) { part.state.motion.velocity = part.state.motion.velocity + velocity; }, part_);
     }
@@ -64,7 +64,7 @@ public:
         std::visit([&]<class C>(const Part<C>& part) { Part<C>::Bytes::write(part.state, *controller_, bytes); },
                    part_);
     }
-    // Returns whether they are those of a loop with these coefficients; if not, this one stays as it is.
+    // Returns true if the bytes are the state of a loop with these coefficients; otherwise this one stays unchanged.
     bool restore(const unsigned char* bytes, std::size_t count) {
         return std::visit(
             [&]<class C>(Part<C>& part) {

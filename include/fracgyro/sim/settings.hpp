@@ -1,22 +1,26 @@
-// The numbers of a run by name: for faces that are handed numbers and not structs.
+// Numbers of a run by name: for integrations that pass numbers and not structs.
 //
-// They are those of the fields() of its structs, in that order, under the names of the scenario's fields, with [0] or
-// .x or .xx for their parts. Values are the core's, nondimensional; a switch is 0 or 1 and a choice its place in the
-// list of choices. The exponentials' poles and weights are handed over separately.
+// They are listed in the order of the fields() of its structs, under the names of the scenario's fields, with [0] or .x
+// or .xx for their parts. Values are nondimensional, as in the core; a switch is 0 or 1 and a choice its index in the
+// list of choices. The exponentials' poles and weights are passed separately.
 #pragma once
 
-#include "fracgyro/sim/loop.hpp"
+#include "fracgyro/sim/device_loop.hpp"
 
 namespace fracgyro {
 
-// Calls visit(table, field, part, number) for each, a number being any type that a double can be cast to.
+// Calls visit(table, field, part, number) for each number of a struct, of any type that a double can be cast to.
+template <class Struct, class Visit>
+constexpr void for_each_setting_of(std::string_view table, Struct& fields, Visit&& visit) {
+    for_each_field(table, fields, [&](std::string_view inner, const auto& field, auto& value) {
+        for_each_part(value, [&](std::string_view part, auto& number) { visit(inner, field, part, number); });
+    });
+}
+
+// Numbers of a run on an ideal device.
 template <class SetupLike, class Visit>
 constexpr void for_each_setting(SetupLike& setup, Visit&& visit) {
-    const auto of = [&](std::string_view table, auto& fields) {
-        for_each_field(table, fields, [&](std::string_view inner, const auto& field, auto& value) {
-            for_each_part(value, [&](std::string_view part, auto& number) { visit(inner, field, part, number); });
-        });
-    };
+    const auto of = [&](std::string_view table, auto& fields) { for_each_setting_of(table, fields, visit); };
     constexpr auto step =
         settable(Settable::beforehand, field("step", 0, "1/omega0", above_0, "h: time from one step to the next."));
     constexpr auto steps = settable(Settable::never, field("steps", 0, "1", at_least_0, "Steps of the run."));
@@ -28,17 +32,39 @@ constexpr void for_each_setting(SetupLike& setup, Visit&& visit) {
     of("disturbance", setup.disturbance);
 }
 
+// Additional numbers of a moving rate and a real device. Their profiles, which are lists, are passed separately.
+template <class SetupLike, class Visit>
+constexpr void for_each_device_setting(SetupLike& setup, Visit&& visit) {
+    for_each_setting_of("rate", setup.rate, visit);
+    for_each_setting_of("device", setup.device, visit);
+}
+
 inline std::size_t setting_count(const Setup& setup) {
     std::size_t count = 0;
     for_each_setting(setup, [&](std::string_view, const auto&, std::string_view, const auto&) { ++count; });
     return count;
 }
+inline std::size_t device_setting_count() {
+    std::size_t count = 0;
+    const DeviceSetup setup;
+    for_each_device_setting(setup, [&](std::string_view, const auto&, std::string_view, const auto&) { ++count; });
+    return count;
+}
 
-// Takes every number from `values`, in that order. The setup is of the kind that they are of.
-inline void take_settings(Setup& setup, const double* values) {
-    for_each_setting(setup, [&](std::string_view, const auto&, std::string_view, auto& number) {
-        number = static_cast<std::remove_reference_t<decltype(number)>>(*values++);
-    });
+namespace detail {
+struct TakeFrom {
+    const double*& values;
+    template <class Field, class Number>
+    constexpr void operator()(std::string_view, const Field&, std::string_view, Number& number) const {
+        number = static_cast<Number>(*values++);
+    }
+};
+}  // namespace detail
+
+// Takes every number from `values`, in that order. The setup must be of the same kind.
+inline void take_settings(Setup& setup, const double* values) { for_each_setting(setup, detail::TakeFrom{values}); }
+inline void take_device_settings(DeviceSetup& setup, const double* values) {
+    for_each_device_setting(setup, detail::TakeFrom{values});
 }
 
 // A setup of this kind from its numbers, the bandwidth of the observer and its exponentials.

@@ -1,4 +1,5 @@
-// Page one of the simulator, and the one closed loop of single runs: the six steps of Figure 2, one sample at a time.
+// Entry point of the simulator, and the only closed loop of single runs: the six steps of Figure 2, one sample at a
+// time.
 #pragma once
 
 #include "fracgyro/plant/disturbance.hpp"
@@ -8,7 +9,7 @@
 
 namespace fracgyro {
 
-// One run. Nondimensional. Params: of any kind, or those of one controller, which need not be in the registry.
+// One run. Nondimensional. Params: of any kind, or of one controller, which need not be in the registry.
 template <class Params>
 struct SetupOf {
     Params controller{};
@@ -19,7 +20,7 @@ struct SetupOf {
 };
 using Setup = SetupOf<ControllerParams>;
 
-// Everything that is known at one sample, for as long as that sample lasts.
+// Values known at one sample, valid for the duration of that sample.
 template <Scalar T, class Report>
 struct Snapshot {
     std::int64_t step;
@@ -37,8 +38,8 @@ bool bounded(const Motion<T>& motion) {
     return absolute(motion.position.x()) + absolute(motion.position.y()) < T(divergence_limit);
 }
 
-// 6  The gyroscope with nothing around it: what is measured is its motion, and what is asked for acts. That of a device
-// is not ideal: device_loop.hpp.
+// 6  The gyroscope on an ideal device: its motion is measured, and the requested force acts. For a non-ideal device see
+// device_loop.hpp.
 template <Scalar T>
 struct IdealGyroscope {
     using Coefficients = typename Gyroscope<T>::Coefficients;
@@ -56,19 +57,19 @@ struct IdealGyroscope {
     static State start(const SetupOf<Params>& setup) {
         return {.motion = Gyroscope<T>::start(setup.plant)};
     }
-    // What is measured at the sample n, where this was drawn.
+    // The measurement at sample n, with the noise drawn for it.
     static const Motion<T>& sense(State& state, const Coefficients&, const Drawn& drawn) {
         state.disturbance = cast<T>(drawn);
         return state.motion;
     }
-    // The answer at the sample n. The error is the true one, whatever the controller measures.
+    // The response at sample n. The error is the true one, whatever the controller measures.
     template <class C, class Report>
     static void actuate(State& state, const Coefficients&, Signals<T, Report>& signals, std::int64_t) {
         if constexpr (!measures_velocity<C>) {
             signals.error = tracking_error(state.motion, signals.reference);
         }
     }
-    // To the next sample.
+    // Advances to the next sample.
     template <class Report>
     static void step(State& state, const Coefficients& c, const Signals<T, Report>& signals, std::int64_t) {
         Gyroscope<T>::step(state.motion, c, signals.force, state.disturbance);
@@ -88,12 +89,12 @@ struct Stepper {
         typename C::Coefficients controller{};
         typename Gyroscope::Coefficients gyroscope{};
     };
-    // Before a sample, of which only the motion is known. A plain value: a copy resumes bit for bit.
+    // State before a sample, of which only the motion is known. A plain value: a copy resumes bit for bit.
     struct Pending : Gyroscope::State {
         std::int64_t step = 0;
         typename C::State controller{};
     };
-    // At one sample: what is known there, and what the next ones need.
+    // State at one sample: known values, and the values needed by the next samples.
     struct State : Pending {
         Signals<T, Report> signals{};
 
@@ -106,14 +107,14 @@ struct Stepper {
                 .gyroscope = Gyroscope::prepare(setup)};
     }
 
-    // Before the sample at t = 0.
+    // State before the sample at t = 0.
     template <class Setup>
     static Pending begin(const Setup& setup) {
         return {Gyroscope::start(setup)};
     }
 
-    // Every sample from this one to before `end`, or to where the motion diverges; the state is then before the one
-    // after. Calls observe(snapshot) at each. draw(n): what is drawn at the sample n.
+    // Runs every sample from this one to before `end`, or until the motion diverges; the state is then before the one
+    // after. Calls observe(snapshot) at each. draw(n) draws the noise at sample n.
     template <class Draw, class Observe>
     static void run(Pending& state, const Coefficients& c, std::int64_t end, Draw&& draw, Observe&& observe) {
         for (; state.step < end && bounded(state.motion); ++state.step) {
@@ -123,15 +124,15 @@ struct Stepper {
         }
     }
 
-    // For those who keep the clock themselves. The sample at t = 0:
+    // Functions for callers that keep the clock themselves. The sample at t = 0:
     template <class Setup, class Draw>
     static State start(const Setup& setup, const Coefficients& c, Draw&& draw) {
         State state{begin(setup)};
         state.signals = answer(state, c, draw);
         return state;
     }
-    // On to the next sample. Returns whether the motion is still bounded; if not, the rest of the state stays behind
-    // it.
+    // Advances to the next sample. Returns true if the motion is still bounded; if not, the rest of the state stays
+    // behind it.
     template <class Draw>
     static bool advance(State& state, const Coefficients& c, Draw&& draw) {
         Gyroscope::step(state, c.gyroscope, state.signals, state.step);

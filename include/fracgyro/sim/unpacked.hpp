@@ -1,4 +1,4 @@
-// A number that never shares a register with others: coefficients of it are laid out as on processors without such
+// A number that never shares a register with others: its coefficients have the layout of processors without such
 // registers.
 #pragma once
 

@@ -1,5 +1,5 @@
-// Users' controllers: whoever computes a force from a sample. The reference, the force limit and the observer are those
-// of any other controller.
+// Users' controllers: code that computes a force from a sample. The reference, the force limit and the observer are the
+// same as for any other controller.
 #pragma once
 
 #include "fracgyro/plant/units.hpp"
@@ -25,17 +25,17 @@ struct UserInput {
 };
 static_assert(sizeof(UserInput) == 11 * sizeof(double));
 
-// It has a memory of its own, so there is one for each run.
+// A user's controller has a memory of its own, so there is one object for each run.
 class UserController : public AnyController<double> {
 public:
     virtual Vec2<double> force(const UserInput& in) = 0;
-    // The place of the angular rate in its report; -1: it reports none. Before the first sample only the controller may
+    // Index of the angular rate in its report; -1: it reports none. Before the first sample only the controller may
     // know.
     virtual std::ptrdiff_t rate_place() const = 0;
     virtual bool runs_on_any_thread() const { return true; }
-    // Throws if the controller did harm in the run that is over.
+    // Throws if the controller did harm in the finished run.
     virtual void check() const {}
-    // Hint to add to a sentence on a force that is not finite.
+    // Hint appended to the message about a force that is not finite.
     virtual std::string hint() const { return {}; }
 
     // Before a run.
@@ -61,7 +61,7 @@ public:
             throw std::domain_error(no_force(time, given));
         }
         Vec2<double> wanted = given;
-        if (units_.force != 1.0) {  // or the plant would wait for divisions by 1
+        if (units_.force != 1.0) {  // otherwise the plant would wait for divisions by 1
             wanted = {given.x() / units_.force, given.y() / units_.force};
         }
         signals.force = Saturation<double>::within(saturation_, wanted);
@@ -91,7 +91,7 @@ public:
     CommonReport common_report_between_steps() const final { return {}; }
     std::vector<double> report_between_steps() const final { return {}; }
 
-    // Its own memory is not in these.
+    // Its own memory is not included.
     std::size_t state_size() const final { return sizeof state_; }
     void save(unsigned char* bytes) const final { copy_bytes(bytes, &state_, sizeof state_); }
     bool restore(const unsigned char* bytes, std::uint64_t steps) final {
@@ -123,8 +123,8 @@ private:
     double step_ = 0.0;
 };
 
-// Numbers that a C function is handed, with NaN behind them: a function that reads beyond them finds NaN, which its
-// force shows, and one that writes beyond them is found out, having done no harm elsewhere.
+// Numbers passed to a C function, followed by NaN: a function that reads beyond them gets NaN, which its force shows,
+// and one that writes beyond them is detected, without harm elsewhere.
 class PaddedNumbers {
 public:
     static constexpr std::size_t padding = 64;
@@ -135,7 +135,7 @@ public:
     double* data() { return all_.data(); }
     std::size_t count() const { return count_; }
     std::span<double> numbers() { return {all_.data(), count_}; }
-    // The place of the last number that was written beyond them, or that of the last one of them.
+    // Index of the last number written beyond them, or of their last one.
     std::size_t written() const {
         std::size_t end = all_.size();
         while (end > count_ && std::isnan(all_[end - 1])) {
@@ -149,7 +149,7 @@ private:
     std::size_t count_;
 };
 
-// A C function as a controller. The state is zeros at first, and the function's own.
+// A C function as a controller. The state is zero at first, and belongs to the function.
 using UserFunction = void (*)(const double* in, double* state, const double* parameters, double* out);
 class NativeController final : public UserController {
 public:

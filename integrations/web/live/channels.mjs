@@ -1,4 +1,4 @@
-// What is shown of a run at every sample, made of the columns of its rows.
+// The channels shown of a run at every sample, computed from the columns of its rows.
 
 export const CHANNELS = [
   "rate",
@@ -19,7 +19,7 @@ export const place = Object.fromEntries(CHANNELS.map((name, i) => [name, i]));
 
 const sizeOf = (xx, xy, yy) => Math.sqrt(xx * xx + 2 * xy * xy + yy * yy);
 
-// Returns a function of the rows and where one starts: by how much an estimate is off, as a fraction of the truth.
+// Returns a function of the rows and the index at which one starts: the relative error of an estimate.
 function relative(scenario, columns, name) {
   const first = columns.indexOf(`${name}_estimate.xx`);
   const of = (path) => scenario.settings[path] / (scenario.scales[path] ?? 1);

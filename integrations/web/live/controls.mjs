@@ -1,4 +1,4 @@
-// Elements of the settings, made of what the fields say of themselves. Each has refresh(), which shows what is so.
+// Elements of the settings, made from the descriptions of the fields. Each has refresh(), which shows its value.
 
 export function element(name, attributes = {}, ...children) {
   const made = document.createElement(name);
@@ -20,7 +20,7 @@ const signs = { omega0: "ω₀", q0: "q₀", alpha: "α", "^2": "²", "^3": "³"
 const pretty = (unit) => unit.replace(/omega0|q0|alpha|\^[23](?!\d)|\*/g, (sign) => signs[sign]);
 const shown = (value) => (value === null || value === Infinity ? "inf" : String(value));
 
-// Calls `show` unless `input` holds what has been typed but not yet set: another setting may be refreshed meanwhile.
+// Calls `show` unless `input` holds typed text that is not yet set: another setting may be refreshed meanwhile.
 function unlessEdited(input, show) {
   let edited = false;
   input.addEventListener("input", () => (edited = true));

@@ -1,4 +1,4 @@
-// What was seen of the runs: for each bin of samples the least, the largest and the last of every channel.
+// History of the runs: for each bin of samples the minimum, the maximum and the last value of every channel.
 import { CHANNELS } from "./channels.mjs";
 
 const WIDTH = 3 * CHANNELS.length;
@@ -17,7 +17,7 @@ export class History {
   get runs() {
     return this.#bins.length;
   }
-  // Of a run.
+  // Number of bins of a run.
   count(run) {
     return this.#bins[run].count;
   }

@@ -1,4 +1,4 @@
-// The page: what is played, what is drawn, and what the controls do.
+// The live page: playback, drawing and controls.
 import { CHANNELS, place } from "./channels.mjs";
 import { element, selectField, settingField, sliderField } from "./controls.mjs";
 import { History } from "./history.mjs";
@@ -22,8 +22,8 @@ import {
   toToml,
 } from "./state.mjs";
 
-const BIN = 0.01; // of what is kept for the plots, units of time
-const TAP = 20; // what a tap adds to the velocity
+const BIN = 0.01; // width of the bins kept for the plots, units of time
+const TAP = 20; // velocity added by a tap
 const SPOKEN_EVERY = 2000; // ms
 const SHOWN_EVERY = 100; // numbers, ms
 const LONGEST_FRAME = 0.05; // s; where frames take longer, time slows down
@@ -225,7 +225,7 @@ async function tune(name, value, run) {
   return true;
 }
 
-// Another law, sensor or way of the rate: what is set of the law before goes.
+// Selects another controller, sensor or rate profile. Settings of the former controller are dropped.
 async function choose(name, key) {
   const before = structuredClone(state);
   state[name] = key;
@@ -258,7 +258,7 @@ function showSpeed() {
 }
 const spaced = (number) => String(Number(number.toPrecision(2))).replace(/(?<=\d)(?=(\d{3})+$)/g, ",");
 
-// The address is that of what is shown. Browsers allow only so many changes of it.
+// Keeps the address in step with the page. Browsers limit how often it may change.
 let remembering;
 function remember() {
   clearTimeout(remembering);
@@ -463,7 +463,7 @@ function showRuns() {
   table.tBodies[0].replaceChildren(...VALUES.map(([channel, words, unit]) => valueRow(channel, words, unit, names)));
 }
 
-// Of the force.
+// Draws the limits of the force.
 function showLimits() {
   const limits = scenarios.map(({ settings }) => settings["controller.force_limit"]);
   plots[FORCE].lines = runs().flatMap((color, i) =>
@@ -503,7 +503,7 @@ function swatch(color, dash) {
   return made;
 }
 
-// Of the last sample, or of the one at the cursor.
+// Value of a channel at the last sample, or at the cursor.
 function at(run, channel) {
   return cursor === null ? points[run][channel] : history.last(run, channel, cursorBin(run));
 }
@@ -706,7 +706,7 @@ function onArrow(event) {
   }
 }
 
-// Shows what the address says; if no page can, the first preset and why.
+// Shows the page of the address; if there is no such page, the first preset and the reason.
 async function fromAddress() {
   let why = "";
   try {

@@ -3,8 +3,8 @@
 const LEFT = 60;
 const [RIGHT, TOP, BOTTOM] = [8, 8, 6];
 const AXIS = 22; // below the plot that has the times
-const SMALLEST = 1e-12; // of a logarithmic scale
-const DECADES = 9; // of one, at most
+const SMALLEST = 1e-12; // least value of a logarithmic scale
+const DECADES = 9; // maximum length of one
 const RARE = 0.03; // share of the columns that a scale without peaks leaves out at either end
 export const FONT = "12px system-ui, sans-serif";
 
@@ -22,15 +22,15 @@ export function fitted(canvas) {
   return { context, width, height };
 }
 
-// Steps of 1, 2 or 5 times a power of ten, about so many of them in the span.
+// A step of 1, 2 or 5 times a power of ten, with about `count` steps in the span.
 export function niceStep(span, count) {
   const rough = span / count;
   const power = 10 ** Math.floor(Math.log10(rough));
   return power * [1, 2, 5, 10].find((factor) => factor * power >= rough * 0.999);
 }
 
-// What is drawn of a curve in each column of pixels: where the column is, the least, the largest and the last of the
-// channel, and the last of the band around it.
+// A curve as columns of pixels: the position of each column, the minimum, the maximum and the last value of the
+// channel, and the last value of the band around it.
 class Columns {
   count = 0;
   #room = 0;
@@ -69,7 +69,7 @@ class Columns {
     }
   }
 
-  // From the least to the largest; without what is beyond in a share of the columns.
+  // From the minimum to the maximum, without the peaks in a share of the columns.
   extent(log, share) {
     const lows = log ? this.largest : this.least;
     if (share > 0 && this.count > 0) {
@@ -100,7 +100,7 @@ export class Plot {
     this.lines = []; // { value, color }
   }
 
-  // What is at this distance from the canvas's left edge.
+  // Time at this distance from the canvas's left edge.
   timeAt(x, { from, to }) {
     const part = (x - LEFT) / Math.max(1, this.canvas.clientWidth - LEFT - RIGHT);
     return from + Math.min(1, Math.max(0, part)) * (to - from);
@@ -226,7 +226,7 @@ function drawBand(context, columns, y, color) {
   context.globalAlpha = 1;
 }
 
-// Whether the dashes of a pattern draw a column.
+// Returns a function that is true for the columns that the dashes of a pattern draw.
 function dashes(pattern) {
   const length = pattern.reduce((sum, part) => sum + part, 0);
   return (column) => {

@@ -1,5 +1,5 @@
-// What the page offers to look at: two laws, what is set besides, and one sentence, which tests/python/test_live.py
-// checks on runs. `shared`: settings of both runs; `own`: of one. #key is the preset's address.
+// The presets of the page: two controllers, settings, and one sentence, which tests/python/test_live.py checks on runs.
+// `shared`: settings of both runs; `own`: settings of one. #key is the preset's address.
 export const presets = [
   {
     key: "follow",

@@ -15,7 +15,7 @@ export class Scene {
     this.canvas = canvas;
   }
 
-  // Turns the frame: `rate` in rad per unit of time, of which so many passed in `seconds`.
+  // Turns the frame: `rate` in rad per unit of time, for `units` units of time, which took `seconds`.
   turn(rate, units, seconds) {
     const most = FASTEST * seconds;
     this.#angle += Math.max(-most, Math.min(most, rate * units));
@@ -87,7 +87,7 @@ export class Scene {
     this.#force(context, [x, y], [point[place["control.x"]], point[place["control.y"]]], color, pixel);
   }
 
-  // As long as the frame for the strongest of late.
+  // Draws the force as an arrow. The strongest recent force is as long as the frame.
   #force(context, [x, y], [ux, uy], color, pixel) {
     const strength = Math.hypot(ux, uy);
     if (!Number.isFinite(strength)) {

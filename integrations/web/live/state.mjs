@@ -1,13 +1,13 @@
-// What the page shows: two laws and what differs from their settings. From it come the scenarios that are run, the
-// address, and the scenario as a command or as TOML.
+// State of the page: two controllers and the changes of their settings. The simulated scenarios, the address, and the
+// scenario as a command or as TOML are derived from it.
 
 export const RUNS = ["a", "b"];
 export const NO_LAW = "none";
 const SPEEDS = { minimum: 0.1, maximum: 40 };
 export const WINDOWS = [2, 5, 20, 80];
 const SHARED = ["plant", "reference", "disturbance", "run"];
-// What a scenario derives from others. Fields that it derives them from, or that are chosen in other ways, are not
-// offered.
+// Fields that a scenario derives from others. The fields from which it derives them, and those that are chosen in other
+// ways, are not offered.
 const DERIVED = /^(guard\.|adaptation\.initial_(damping|stiffness))/;
 const NOT_OFFERED =
   /^(device\.|plant\.(damping|stiffness)\.|controller\.(kind|adaptive)|adaptation\.kind|run\.record_every)/;
@@ -34,12 +34,12 @@ export function stateOf(preset) {
 
 export const kindOf = (data, state, run) => data.laws[state[run]].settings["controller.kind"];
 
-// Of a run, in the core's order.
+// Names of the settings of a run, in the core's order.
 export function settingNames(data, kind) {
   return [...data.besides, ...data.kinds[kind].numbers.filter((name) => name in data.fields)];
 }
 
-// What the module runs.
+// The scenario that the module simulates.
 export function scenarioOf(data, state, run) {
   const settings = {
     ...data.base.settings,

@@ -128,7 +128,7 @@ const answer = {
     runs.forEach((run) => run.kick(velocity));
   },
 
-  // What was seen from that sample on, one row for each bin.
+  // History from that sample on, one row for each bin.
   csv({ since, step }) {
     const seen = runs.map((run) => run.since(since));
     const prefix = (i) => (runs.length > 1 ? `${"ab"[i]}.` : "");

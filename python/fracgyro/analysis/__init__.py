@@ -1,4 +1,4 @@
-"""What the paper, the rate sensor and studies share: metrics, intervals, pictures, pages."""
+"""Analysis shared by the paper, the rate sensor and studies: metrics, confidence intervals, plots, HTML pages."""
 
 from ..extras import public
 

@@ -1,4 +1,4 @@
-"""`run.fracgyro`: what this package knows of a Dataset that `simulate` made, or that was read from its file."""
+"""`run.fracgyro`: metrics, plot and scenario of a Dataset from `simulate` or read from its file."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ class RunAccessor:
     def scenario(self) -> Scenario:
         """The scenario of the run.
 
-        Raises ValueError if the Dataset has none or several, ScenarioError if it cannot be read.
+        Raises ValueError for a Dataset with no scenario or several, ScenarioError for an invalid one.
 
         >>> fg.simulate(fg.Scenario.paper()).fracgyro.scenario == fg.Scenario.paper()
         True
         """
         found = texts(self._run)
         if found.ndim:
-            raise ValueError(f"the Dataset has {found.size} runs: take one, as run.isel(run=0), for its scenario")
+            raise ValueError(f"the Dataset has {found.size} runs: select one, for example run.isel(run=0)")
         return Scenario.from_toml(str(found.item()))
 
     def plot(self, figure: Any = None) -> Any:
-        """As `fracgyro.plot`.
+        """Draws the run with `fracgyro.plot`.
 
         >>> figure = fg.simulate(fg.Scenario.paper()).fracgyro.plot()
         """
@@ -53,8 +53,8 @@ class RunAccessor:
     def to_mat(self, path: str | os.PathLike[str]) -> None:
         """Writes a MAT-file for `load` in MATLAB and Octave; needs the extra interop.
 
-        It has every variable, with its dimensions in the order of the Dataset, the struct `units`, and `scenario` as
-        TOML, of several runs in a cell array. Raises ValueError, in one sentence, when it cannot be written.
+        The file has every variable, with the dimensions in the order of the Dataset, the struct `units`, and `scenario`
+        as TOML, a cell array for several runs. Raises ValueError if it cannot be written.
 
         >>> fg.simulate(fg.Scenario.paper()).fracgyro.to_mat("run.mat")
         """
@@ -62,7 +62,7 @@ class RunAccessor:
 
     def __getattr__(self, name: str) -> Any:
         if name not in metrics.__all__:
-            raise AttributeError(f"{name} is not a metric: known are {', '.join(metrics.__all__)}")
+            raise AttributeError(f"{name} is not a metric: it must be one of {', '.join(metrics.__all__)}")
         return partial(getattr(metrics, name), self._run)
 
     def __dir__(self) -> list[str]:

@@ -1,4 +1,4 @@
-"""Pages: each one self-contained HTML file, on one base template with one style."""
+"""Self-contained HTML pages from one base template."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .style import svg
 
 
 def page(package: str, template: str, filters: Mapping[str, Callable[..., Any]] | None = None, **values: Any) -> str:
-    """The page that a template of the package, which extends base.html.jinja, makes of the values."""
+    """The HTML text of a template of the package, which extends base.html.jinja, with these values."""
     environment = Environment(
         loader=ChoiceLoader([PackageLoader(package, "."), PackageLoader("fracgyro.analysis", ".")]),
         autoescape=True,
@@ -31,14 +31,14 @@ def page(package: str, template: str, filters: Mapping[str, Callable[..., Any]] 
 
 
 def embedded(picture: Figure | bytes, title: str = "") -> str:
-    """The source of an HTML image, of a figure with a title or of the contents of an SVG file."""
+    """Source of an HTML image, from a figure with a title or from the contents of an SVG file."""
     if isinstance(picture, Figure):
         picture = svg(picture, title).encode()
     return "data:image/svg+xml;base64," + base64.b64encode(picture).decode("ascii")
 
 
 def csv_text(header: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
-    """The numbers of a figure as CSV, to nine digits; what is NaN or None is blank."""
+    """Data of a plot as CSV, to nine digits; NaN and None become blank cells."""
     written = io.StringIO()
     writer = csv.writer(written, lineterminator="\n")
     writer.writerow(header)
@@ -53,6 +53,6 @@ def _cell(value: Any) -> Any:
 
 
 def data_link(text: str, name: str) -> Markup:
-    """A link that saves the CSV text as NAME.csv. The page itself holds it, and stays one file."""
+    """A link that saves the CSV text, embedded in the page, as NAME.csv."""
     link = '<a class="data" download="{}.csv" href="data:text/csv;charset=utf-8,{}">data&nbsp;(CSV)</a>'
     return Markup(link).format(name, quote(text, safe=",:;/()"))

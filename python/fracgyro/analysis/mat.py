@@ -13,13 +13,13 @@ from .scenarios import texts
 
 
 def to_mat(run: xr.Dataset, path: str | os.PathLike[str]) -> None:
-    """As `RunAccessor.to_mat`."""
+    """Writes a run as a MAT-file; see `RunAccessor.to_mat`."""
     with needs("interop"):
         from scipy.io import savemat
     variables = {str(name): values for name, values in run.variables.items() if values.dtype.kind in "bfiu"}
     units = {name: str(values.attrs.get("units", "")) for name, values in variables.items()}
     content = {name: np.asarray(values) for name, values in variables.items()}
-    scenarios = texts(run).values  # of several runs a cell array
+    scenarios = texts(run).values  # a cell array for several runs
     with whole_file(path) as scratch, open(scratch, "wb") as file:
         savemat(
             file,

@@ -1,7 +1,6 @@
 """Metrics of recorded runs. Each takes a Dataset from `simulate` or `simulate_many`; times and bounds are in its units.
 
-include/fracgyro/sim/metrics.hpp gathers the same quantities without a record (`measure_many`); a test
-compares the two.
+include/fracgyro/sim/metrics.hpp computes the same quantities without a record (`measure_many`); a test compares them.
 """
 
 from __future__ import annotations
@@ -43,12 +42,12 @@ __all__ = [
 Window = tuple[float | None, float | None]
 STEADY: Window = (10.0, None)  # nondimensional
 
-# Nondimensional, and scaled to the units of a run where they are left out.
+# Nondimensional defaults, converted to the units of a run.
 TRANSIENT, ERROR_BOUND, SURFACE_BOUND, RATE_TOLERANCE = 10.0, 0.01, 0.06, 0.1
 
 
 def cut(run: xr.Dataset, window: Window) -> xr.Dataset:
-    """The samples with window[0] <= t < window[1], in the unit of time of the run; None is open.
+    """The samples with window[0] <= t < window[1], in the unit of time of the run; None: no end.
 
     Raises ValueError if there are none.
 
@@ -92,9 +91,11 @@ def surface_settling_time(run: xr.Dataset, bound: float | None = None) -> xr.Dat
 
 
 def chattering(run: xr.Dataset, window: Window | None = None) -> xr.DataArray:
-    """RMS of the second difference of u between samples, over the RMS of u; by `axis`. From t = 10 on if left out.
+    """RMS of the second difference of u between samples, relative to the RMS of u; over `axis`.
 
-    A smooth force of angular frequency w sampled every h has (w h)², one that flips sign at every sample has 4.
+    `window`: as in `cut`; by default from t = 10 on, nondimensional.
+
+    A smooth force of angular frequency w sampled every h gives (w h)²; one that alternates at every sample gives 4.
 
     >>> bool((fg.metrics.chattering(fg.simulate(fg.Scenario.paper())) < 0.01).all())
     True
@@ -111,7 +112,7 @@ def saturated_share(run: xr.Dataset) -> xr.DataArray:
     0.0
     """
     limit = of_each(run, lambda s: s.controller.force_limit) * scale(run, "m*omega0^2*q0")
-    at_limit = abs(run["control"]) >= limit * (1 - 1e-12)  # which units other than the run's round
+    at_limit = abs(run["control"]) >= limit * (1 - 1e-12)  # unit conversion rounds
     found: xr.DataArray = at_limit.any("axis").mean("time")
     return found
 
@@ -126,7 +127,7 @@ def effort(run: xr.Dataset, window: Window = (None, None)) -> xr.DataArray:
 
 
 def rate_error(run: xr.Dataset) -> xr.DataArray:
-    """Estimate of the angular rate minus its true value, over `time`, in the unit of rate.
+    """Estimate of the angular rate minus the simulated value, over `time`, in the unit of rate.
 
     >>> run = fg.simulate(fg.Scenario.paper().replace({"adaptation.kind": "composite"}))
     >>> abs(float(fg.metrics.rate_error(run)[-1])) < 0.005
@@ -136,7 +137,7 @@ def rate_error(run: xr.Dataset) -> xr.DataArray:
 
 
 def true_rate(run: xr.Dataset) -> xr.DataArray:
-    """The angular rate in the unit of rate: over `time` where it was recorded, since it may move.
+    """Simulated angular rate, in the unit of rate; over `time` for a dynamic rate.
 
     >>> float(fg.metrics.true_rate(fg.simulate(fg.Scenario.paper())))
     0.1
@@ -147,9 +148,9 @@ def true_rate(run: xr.Dataset) -> xr.DataArray:
 
 
 def rate_settling_time(run: xr.Dataset, tolerance: float = 0.1) -> xr.DataArray:
-    """Time after which the rate estimate stays within `tolerance` of the truth; NaN if it never does.
+    """Time after which the rate estimate stays within `tolerance` of the simulated rate; NaN if it never does.
 
-    Relative to the truth, to the largest size that it has in the run where it moves.
+    `tolerance` is relative to the simulated rate, or to the largest magnitude of a dynamic rate.
 
     >>> run = fg.simulate(fg.Scenario.paper().replace({"adaptation.kind": "composite"}))
     >>> float(fg.metrics.rate_settling_time(run)) < 10
@@ -161,7 +162,7 @@ def rate_settling_time(run: xr.Dataset, tolerance: float = 0.1) -> xr.DataArray:
 
 
 def damping_error(run: xr.Dataset) -> xr.DataArray:
-    """‖D̂ - D‖/‖D‖ over `time` (Frobenius norms); D includes what the controller does not know.
+    """‖D̂ - D‖/‖D‖ over `time` (Frobenius norms); D includes plant.damping_deviation.
 
     >>> round(float(fg.metrics.damping_error(fg.simulate(fg.Scenario.paper()))[0]), 3)
     0.05
@@ -173,7 +174,7 @@ def damping_error(run: xr.Dataset) -> xr.DataArray:
 
 
 def stiffness_error(run: xr.Dataset) -> xr.DataArray:
-    """‖K̂ - K‖/‖K‖ over `time` (Frobenius norms); K includes what the controller does not know.
+    """‖K̂ - K‖/‖K‖ over `time` (Frobenius norms); K includes plant.stiffness_deviation.
 
     >>> round(float(fg.metrics.stiffness_error(fg.simulate(fg.Scenario.paper()))[0]), 3)
     0.05
@@ -196,10 +197,10 @@ def lyapunov(run: xr.Dataset, bounds: tuple[float, float, float]) -> xr.DataArra
     True
     """
     if run.attrs.get("units") != "nondimensional":
-        raise ValueError(f"units is {run.attrs.get('units')}: V of eq. (39) needs a nondimensional run")
+        raise ValueError(f"units is {run.attrs.get('units')}: V of eq. (39) requires a nondimensional run")
     if other := max(of_each(run, lambda s: "" if only_laws(s) else s.adaptation.kind).values.flat):
-        raise ValueError(f"adaptation.kind is {other}: V of eq. (39) is that of gradient")
-    weights = xr.DataArray([1.0, 2.0, 1.0], dims="entry")  # xy stands twice in the matrix
+        raise ValueError(f"adaptation.kind is {other}: it must be gradient for V of eq. (39)")
+    weights = xr.DataArray([1.0, 2.0, 1.0], dims="entry")  # xy occurs twice in the matrix
     d = run["damping_estimate"] - of_each(run, lambda s: _true_matrices(s)[0], "entry")
     k = run["stiffness_estimate"] - of_each(run, lambda s: _true_matrices(s)[1], "entry")
     symmetric = run["rate_symmetric_estimate"]
@@ -223,13 +224,13 @@ def summary(
     surface_bound: float | None = None,
     rate_tolerance: float = RATE_TOLERANCE,
 ) -> xr.Dataset:
-    """All metrics of a run as one row, under the names that `measure_many` uses.
+    """All metrics of a run as one row, with the names of `measure_many`.
 
-    Metrics of what the controller does not report are NaN.
+    Metrics of channels that the controller does not report are NaN.
 
-    `transient`, `error_bound` and `surface_bound` are in the units of the run; left out they are 10, 0.01 and 0.06,
-    nondimensional. The run should be recorded at every step: a thinned record (run.record_every > 1) gives estimates,
-    of chattering a wrong one. Raises TypeError or ValueError for a bound that is not a positive number.
+    `transient`, `error_bound` and `surface_bound` are in the units of the run; by default they are 10, 0.01 and 0.06,
+    nondimensional. The run should be recorded at every step: with run.record_every > 1 the metrics are estimates, and
+    chattering is wrong. Raises TypeError or ValueError for a bound that is not a positive number.
 
     >>> sorted(fg.metrics.summary(fg.simulate(fg.Scenario.paper())))[:3]
     ['bound_0_halfway', 'bound_final', 'chattering']
@@ -271,7 +272,7 @@ def summary(
     return figures
 
 
-# What metrics are of and not every controller reports, with the dimension and labels of its columns.
+# Channels that not every controller reports, with the dimension and labels of their columns.
 NOT_OF_ALL: dict[str, tuple[str, list[str] | list[int]] | None] = {
     "surface": ("axis", AXES),
     "damping_estimate": ("entry", ENTRIES),
@@ -291,9 +292,9 @@ def _nothing(run: xr.Dataset, name: str) -> xr.DataArray:
 
 
 def measured(scenario: Scenario) -> xr.Dataset:
-    """`summary` of a run of the scenario at every step, in memory that does not grow with its length.
+    """`summary` of a run of the scenario, in memory that does not grow with its length.
 
-    Besides `diverged_at`, NaN unless the run diverged: what it was then is measured until there.
+    Also has `diverged_at`, up to which a diverged run is measured; NaN for other runs.
     """
     check_scenario(scenario)
     values = _core.measure_device_runs([core_setup(scenario)], _core.MetricsParams())[0]
@@ -307,7 +308,7 @@ def measured(scenario: Scenario) -> xr.Dataset:
 
 
 def _or_nan(metric: Callable[[xr.Dataset, Window], xr.DataArray], run: xr.Dataset, window: Window) -> xr.DataArray:
-    """The metric, NaN where the run has no sample in the window."""
+    """The metric; NaN if the run has no sample in the window."""
     return metric(run, window) if _inside(run, window).any() else metric(run, (None, None)) * np.nan
 
 
@@ -330,13 +331,13 @@ def _size(values: xr.DataArray) -> xr.DataArray:
 
 
 def _rms(values: xr.DataArray) -> xr.DataArray:
-    """NaN of no samples, as of the second differences of two."""
+    """Root mean square over `time`; NaN without samples."""
     squares = values**2
     return (squares.mean("time", skipna=False) if values.sizes["time"] else squares.sum("time") * np.nan) ** 0.5
 
 
 def _settled(inside: xr.DataArray, time: xr.DataArray) -> xr.DataArray:
-    """The first sample from which `inside` holds to the end."""
+    """Time of the first sample from which `inside` is true to the end; NaN if none."""
     outside = ~inside.transpose(..., "time").values
     last = outside.shape[-1] - 1 - np.argmax(outside[..., ::-1], axis=-1)
     first = np.where(outside.any(axis=-1), last + 1, 0)
@@ -352,6 +353,6 @@ def _relative(estimate: xr.DataArray, truth: xr.DataArray) -> xr.DataArray:
 
 
 def _true_matrices(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
-    """D and K, nondimensional, with what the controller does not know."""
+    """D and K, nondimensional, with their deviations."""
     damping, stiffness, _, more_damping, more_stiffness = scenario.plant.nondimensional()
     return damping + more_damping, stiffness + more_stiffness

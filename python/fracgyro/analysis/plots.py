@@ -1,4 +1,4 @@
-"""One picture of one run."""
+"""Plot of a run."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from .style import COLORS, LETTERS, own_style, svg
 
 SIZE = 6.7, 7.5  # inches
 REFERENCE: dict[str, Any] = {"color": "black", "linestyle": ":", "linewidth": 0.9}
-FORMATS = {".svg": b"<?xm", ".png": b"\x89PNG", ".pdf": b"%PDF"}  # by suffix: how such a file begins
-MAX_POINTS = 8000  # of a curve
+FORMATS = {".svg": b"<?xm", ".png": b"\x89PNG", ".pdf": b"%PDF"}  # first bytes of a file, by suffix
+MAX_POINTS = 8000  # per curve
 
 
 def plot(run: xr.Dataset, figure: Figure | None = None) -> Figure:
-    """Draws position, tracking error, control force and, where the controller estimates it, the angular rate over time.
+    """Draws position, tracking error, control force and, if estimated, the angular rate over time.
 
-    `run`: of `simulate`, or one of several. `figure`: to draw into; a new one of pyplot if left out. Returns the
-    figure. Needs the extra report.
+    `run`: a Dataset of one run. `figure`: the figure to draw into; by default a new one of pyplot. Returns the figure.
+    Requires the extra report. Raises ValueError for a Dataset of several runs.
 
     >>> figure = fg.plot(fg.simulate(fg.Scenario.paper()))
     >>> len(figure.axes)
     4
     """
     if "run" in run.dims:
-        raise ValueError(f"the Dataset has {run.sizes['run']} runs: take one, as run.isel(run=0), to draw it")
+        raise ValueError(f"the Dataset has {run.sizes['run']} runs: select one, for example run.isel(run=0)")
     if figure is None:
         from matplotlib import pyplot
 
@@ -64,7 +64,7 @@ def plot(run: xr.Dataset, figure: Figure | None = None) -> Figure:
 
 
 def _draw_rate(panel: Axes, run: xr.Dataset) -> None:
-    """The estimate with its band of two standard deviations, and the true rate; as high as these need once settled."""
+    """The estimate with a band of two standard deviations, and the simulated rate; scaled to the settled part."""
     time, estimate = run["time"], run["rate_estimate"]
     truth = metrics.true_rate(run) * xr.ones_like(estimate)
     band = 2 * run["rate_deviation"] if "rate_deviation" in run else 0 * estimate
@@ -80,21 +80,21 @@ def _draw_rate(panel: Axes, run: xr.Dataset) -> None:
 
 
 def check_plot(path: Path) -> None:
-    """Raises ValueError in one sentence when `write_plot` has no format for the suffix, or cannot write there."""
+    """Raises ValueError if the suffix is not a known format, or `path` cannot be written."""
     if path.suffix not in FORMATS:
         raise ValueError(f"{path} cannot be drawn: its suffix must be one of {', '.join(FORMATS)}")
     check_place(path, FORMATS[path.suffix])
 
 
 def write_plot(run: xr.Dataset, path: Path) -> None:
-    """`plot` as a file, in the format of its suffix. Raises ValueError as `check_plot` does."""
+    """Writes `plot` to a file in the format of its suffix. Raises ValueError as `check_plot` does."""
     check_plot(path)
     with own_style(LETTERS):
         figure = plot(run, Figure(figsize=SIZE))
         if path.suffix == ".svg":
             drawn = svg(figure, "A run").encode()
         else:
-            memory = io.BytesIO()  # Matplotlib's PDF fails with errors of its own when the disk is full
+            memory = io.BytesIO()  # Matplotlib's PDF writer raises other errors if the disk is full
             figure.savefig(memory, format=path.suffix[1:], dpi=150)
             drawn = memory.getvalue()
     with whole_file(path, replaces="its kind") as scratch:

@@ -1,4 +1,4 @@
-"""The scenarios of recorded runs: one of `simulate`, or one for each run of `simulate_many`."""
+"""The scenarios of recorded runs: one per run."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def texts(run: xr.Dataset) -> xr.DataArray:
 
 
 def of_each(run: xr.Dataset, read: Callable[[Scenario], ArrayLike], dimension: str | None = None) -> xr.DataArray:
-    """`read(scenario)` of the run, or of each of several; `dimension`: of an array that is read."""
+    """`read(scenario)` of each run; `dimension`: name of the dimension if it returns an array."""
     found = texts(run)
     known = {text: np.asarray(read(_scenario(str(text)))) for text in dict.fromkeys(found.values.flat)}
     values = np.array([known[text] for text in found.values.flat])
@@ -36,13 +36,15 @@ def _scenario(text: str) -> Scenario:
 
 
 def scale(run: xr.Dataset, unit: str) -> xr.DataArray:
-    """SI value of a nondimensional unit, each run's own, in SI runs; 1 in nondimensional ones."""
+    """SI value of a nondimensional unit for each SI run; 1 for nondimensional runs."""
     return of_each(run, lambda s: s.plant.scales.of(unit)) if run.attrs["units"] == "SI" else xr.DataArray(1.0)
 
 
 def time_unit(run: xr.Dataset) -> float:
-    """Scale of time, which runs recorded together share."""
+    """Scale of time, the same for all runs of a Dataset."""
     found = np.unique(scale(run, "1/omega0"))
     if len(found) > 1:
-        raise ValueError("plant.reference_frequency differs between these runs in SI units: they share no unit of time")
+        raise ValueError(
+            "plant.reference_frequency differs between these SI runs: it must be the same for one time axis"
+        )
     return float(found[0])

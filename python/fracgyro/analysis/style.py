@@ -1,9 +1,10 @@
-"""How pictures look: the same on every machine, whatever its matplotlibrc says."""
+"""Style of plots, the same on every machine regardless of its matplotlibrc."""
 
 from __future__ import annotations
 
 import html
 import io
+import os
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -13,17 +14,21 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-WIDTH = 170.0  # of a picture, mm
+from ..files import whole_file
+from .compact_svg import compact
+
+WIDTH = 170.0  # width of a picture, mm
 MM = 1 / 25.4  # in inches, which Matplotlib counts in
 DPI = 200
-COLORS = ("#0072B2", "#D55E00")  # of x and y, from Okabe and Ito's palette, which is safe for color-blind readers
+COLORS = ("#0072B2", "#D55E00")  # x and y, from Okabe and Ito's palette for color-blind readers
 
-# DejaVu Sans comes with matplotlib: pictures are laid out for it on every machine. Letters stay text, which can be
-# searched, copied and read aloud; Verdana is as wide, for browsers that have no DejaVu Sans.
+# DejaVu Sans is part of Matplotlib, so the layout is the same on every machine. Letters remain text, for search,
+# copying and screen readers; Verdana has the same width, for browsers without DejaVu Sans.
 LETTERS: dict[Any, Any] = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans", "Verdana"],
     "svg.fonttype": "none",
+    "svg.hashsalt": "fracgyro",
 }
 FAMILY = "font-family: 'DejaVu Sans', 'Verdana', sans-serif"
 PAGE: dict[Any, Any] = {
@@ -32,7 +37,6 @@ PAGE: dict[Any, Any] = {
     "mathtext.fontset": "dejavusans",
     "legend.fontsize": 7,
     "legend.frameon": False,
-    "svg.hashsalt": "fracgyro",
 }
 
 
@@ -46,18 +50,24 @@ def own_style(changes: Mapping[Any, Any] = PAGE) -> Iterator[None]:
 
 
 def svg(figure: Figure, title: str, description: str | None = None) -> str:
-    """The figure as SVG with title and description, for those who hear it; left out, the latter names its axes."""
+    """The figure as compact SVG with title and description for screen readers; the default description names axes."""
     written = io.StringIO()
     figure.savefig(written, format="svg", metadata={"Date": None, "Title": title})
     words = "; ".join(filter(None, map(_axes, figure.axes))) if description is None else description
     described = f"</title>\n <desc>{html.escape(words, quote=False)}</desc>"
-    # Matplotlib names only the font itself for letters of formulas.
+    # Matplotlib writes only the first font for letters of formulas.
     text = re.sub(r"font-family: 'DejaVu Sans'(?!,)", FAMILY, written.getvalue())
-    return text.replace("</title>", described, 1) if words else text
+    return compact(text.replace("</title>", described, 1) if words else text)
+
+
+def save_svg(figure: Figure, path: str | os.PathLike[str], title: str, description: str | None = None) -> None:
+    """Writes `svg` to the file; raises ValueError where it cannot be written."""
+    with whole_file(path) as scratch:
+        scratch.write_text(svg(figure, title, description), encoding="utf-8", newline="\n")
 
 
 def _axes(panel: Axes) -> str:
-    """What a panel shows over what, and the names of its curves."""
+    """Description of a panel: its axis labels and the names of its curves."""
     over = " over ".join(filter(None, (panel.get_ylabel(), panel.get_xlabel())))
     names = ", ".join(filter(None, panel.get_legend_handles_labels()[1]))
     return ": ".join(filter(None, (panel.get_title(), over, names))) if panel.get_visible() else ""

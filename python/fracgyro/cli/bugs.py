@@ -1,14 +1,14 @@
-"""Errors that are sentences for the user, and errors that are bugs."""
+"""Distinction between errors for the user and bugs."""
 
 from __future__ import annotations
 
 import dis
 import traceback
-from pathlib import Path
 
 import click
 
-PACKAGE = Path(__file__).resolve().parents[1]
+from ..extras import is_ours
+
 BUG = 1
 REPORT = (
     "fracgyro: this is a bug. Please report it with the lines above, the command and the output of `fracgyro selfcheck`"
@@ -17,20 +17,20 @@ REPORT = (
 
 
 def foreseen(error: ValueError) -> bool:
-    """Return whether an error is a sentence for the user: this package has its class or the statement that raised it.
+    """Return whether an error is a sentence for the user: our packages have its class or the statement that raised it.
 
-    An error that NumPy, pandas or Python itself raises inside a call is a bug of the caller.
+    An error that NumPy, pandas or Python raises inside a call is a bug of the caller.
     """
-    if type(error).__module__.startswith("fracgyro."):
+    if is_ours(type(error).__module__):
         return True
     place = error.__traceback__
     if place is None:
         return False
     while place.tb_next is not None:
         place = place.tb_next
-    code = place.tb_frame.f_code
-    raised = dis.opname[code.co_code[place.tb_lasti]] == "RAISE_VARARGS"  # not a call of a library in C
-    return raised and Path(code.co_filename).resolve().is_relative_to(PACKAGE)
+    frame = place.tb_frame
+    raised = dis.opname[frame.f_code.co_code[place.tb_lasti]] == "RAISE_VARARGS"  # not a call of a library in C
+    return raised and is_ours(frame.f_globals["__name__"])
 
 
 def bug(error: Exception) -> int:

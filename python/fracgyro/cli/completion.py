@@ -1,4 +1,4 @@
-"""What a shell completes: fields and their choices after --set, TOML files."""
+"""Shell completion: fields and their choices after --set, TOML files."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from click.shell_completion import CompletionItem
 
 
 def changes(context: click.Context, parameter: click.Parameter, begun: str) -> list[CompletionItem]:
-    """FIELD= of every field that begins so; of the only one that does, its choices."""
+    """FIELD= for every field with this beginning; the choices if there is only one field."""
     from ..scenario import Scenario
-    from ..scenario.sentences import leaves
+    from ..scenario.messages import leaves
 
     field, equals, _ = begun.partition("=")
     fields = leaves(Scenario)
@@ -30,7 +30,7 @@ def _choices(annotation: Any) -> list[str]:
 
 
 def toml_files(context: click.Context, parameter: click.Parameter, begun: str) -> list[CompletionItem]:
-    """Files that begin so and end in .toml; folders are the shell's to complete."""
+    """TOML files with this beginning; the shell completes folders."""
     head, slash, _ = begun.rpartition("/")
     folder = Path(head + slash)
     names = sorted(path.name for path in folder.glob("*.toml")) if folder.is_dir() else []

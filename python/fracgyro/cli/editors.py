@@ -12,6 +12,6 @@ import click
 @click.argument("kind", type=click.Choice(["scenario", "study", "tuning"]))
 def schema_command(kind: Literal["scenario", "study", "tuning"]) -> None:
     """Print the JSON Schema of a scenario or of a study. Editors check and complete TOML files with it."""
-    from ..json_schema import schema
+    from ..study.json_schema import schema
 
     click.echo(json.dumps(schema(kind), indent=1, allow_nan=False))

@@ -5,65 +5,67 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import asdict
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Literal
 
 import click
 
 from ..scenario import Scenario
-from .commands import Commands, help_alone
+from .commands import Commands, help_without_command
 from .completion import toml_files
 
 DIFFERENT = 1
 Number = Literal["float", "double"]
+TARGETS = ["host", "m4f", "m7", "octave", "wasm", "fmu", "lanes", *sorted(entry_points(group="fracgyro.targets").names)]
 
 
-def _number(default: str, *allowed: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+def number_option(default: str, *allowed: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
     return click.option(
         "--number",
         type=click.Choice(allowed or ["float", "double"]),
         default=default,
         show_default=True,
-        help="Number type to compute with.",
+        help="Select the number type.",
     )
 
 
-_unbounded = click.option(
+unbounded_option = click.option(
     "--unbounded",
     is_flag=True,
     help="Export even if the bound estimates may grow until the loop diverges.",
 )
 
 
-@click.group(cls=Commands, invoke_without_command=True)
+@click.group(cls=Commands, registered="fracgyro.exports", invoke_without_command=True)
 @click.pass_context
 def export(context: click.Context) -> None:
     """Export a scenario, or a fractional operator: FMU, firmware, FPGA, MATLAB or WebAssembly."""
-    help_alone(context)
+    help_without_command(context)
 
 
 @export.command(name="web")
 @click.argument("scenario", type=click.Path(path_type=Path), shell_complete=toml_files)
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="A new JSON file.")
-@_unbounded
+@unbounded_option
 def web_command(scenario: Path, out: Path, unbounded: bool) -> None:
-    """Write SCENARIO as JSON for the browser. The WebAssembly module is built by `make web`."""
+    """Export SCENARIO as JSON for the browser. `make web` builds the WebAssembly module."""
     from ..export import web
 
     web(Scenario.load(scenario), out, unbounded=unbounded)
-    click.echo(f"{out}: load it with fracgyro.mjs, whose first lines show how")
+    click.echo(f"{out}: load it with fracgyro.mjs; its first lines have an example")
 
 
 @export.command(name="fmu")
 @click.argument("scenario", type=click.Path(path_type=Path), shell_complete=toml_files)
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="A new FMU.")
-@click.option("--controller", is_flag=True, help="Export the controller only, without the plant.")
+@click.option("--controller", is_flag=True, help="Export only the controller, without the plant.")
 @click.option("--fmi", type=click.Choice(["2.0", "3.0"]), default="2.0", show_default=True, help="FMI version.")
 @click.option("--linux-arm", is_flag=True, help="Add a binary for Linux on ARM, 64 bit; needs ziglang.")
 @click.option("--windows", is_flag=True, help="Add a binary for Windows to that for Linux; needs ziglang.")
 @click.option("--macos", is_flag=True, help="Add a binary for macOS to that for Linux; needs ziglang.")
-@_number("double")
-@_unbounded
+@number_option("double")
+@unbounded_option
 def fmu_command(
     scenario: Path,
     out: Path,
@@ -75,7 +77,7 @@ def fmu_command(
     number: Number,
     unbounded: bool,
 ) -> None:
-    """Write SCENARIO as an FMU. It has the closed loop, for co-simulation in Simulink, OpenModelica and others."""
+    """Export SCENARIO as an FMU: the closed loop, for co-simulation in Simulink, OpenModelica and others."""
     from ..export import fmu
     from ..export.fmu import System
 
@@ -91,16 +93,16 @@ def fmu_command(
 @export.command(name="firmware")
 @click.argument("scenario", type=click.Path(path_type=Path), shell_complete=toml_files)
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
-@_number("float")
-@_unbounded
+@number_option("float")
+@unbounded_option
 def firmware_command(scenario: Path, out: Path, number: Number, unbounded: bool) -> None:
-    """Write SCENARIO as firmware. The controller is C++ with a C interface, for a microcontroller."""
+    """Export SCENARIO as firmware: the controller in C++ with a C interface, for a microcontroller."""
     from ..export import firmware
     from ..export.clock import clock_note
 
     loaded = Scenario.load(scenario)
     firmware(loaded, out, number, unbounded=unbounded)
-    click.echo(f"{out}: add it to your project, as its README.md says")
+    click.echo(f"{out}: add it to your project; see its README.md")
     if note := clock_note(loaded):
         click.echo(f"Warning: {note}.", err=True)
 
@@ -108,14 +110,14 @@ def firmware_command(scenario: Path, out: Path, number: Number, unbounded: bool)
 @export.command(name="matlab")
 @click.argument("scenario", type=click.Path(path_type=Path), shell_complete=toml_files)
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
-@_number("double")
-@_unbounded
+@number_option("double")
+@unbounded_option
 def matlab_command(scenario: Path, out: Path, number: Number, unbounded: bool) -> None:
-    """Write SCENARIO as a class for MATLAB and Octave. It is compiled there."""
+    """Export SCENARIO as a class for MATLAB and Octave, which is compiled there."""
     from ..export import matlab
 
     matlab(Scenario.load(scenario), out, number, unbounded=unbounded)
-    click.echo(f"{out}: run build in it, then Fracgyro, as its README.md says")
+    click.echo(f"{out}: run build in it, then Fracgyro; see its README.md")
 
 
 @export.command(name="operator")
@@ -131,11 +133,11 @@ def matlab_command(scenario: Path, out: Path, number: Number, unbounded: bool) -
     type=click.Choice(["lines", "parabolas"]),
     default="lines",
     show_default=True,
-    help="The signal between samples; parabolas are more exact for smooth ones.",
+    help="Signal between samples; parabolas are more accurate for smooth signals.",
 )
 @click.option("--name", default="operator", show_default=True, help="Name of the files and of the functions in them.")
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
-@_number("float")
+@number_option("float")
 def operator_command(
     order: float | None,
     pid: tuple[float, float, float, float, float] | None,
@@ -147,15 +149,15 @@ def operator_command(
     out: Path,
     number: Number,
 ) -> None:
-    """Write a fractional derivative, integral or PID as C. It is one file of C99 and its header, without heap or libm.
+    """Export a fractional derivative, integral or PID as C. Writes one C99 file and its header, without heap or libm.
 
-    It needs no scenario.
+    Needs no scenario.
     """
     from ..export import operator
     from ..fractional import pid as fractional_pid
 
     if (order is None) == (pid is None):
-        raise click.UsageError("one of --order and --pid must be given, and not both")
+        raise click.UsageError("exactly one of --order and --pid must be given")
     if order is not None and not 0 < abs(order) <= 1:
         raise click.UsageError(f"--order is {order:g}: it must be above 0 and at most 1, or at least -1 and below 0")
     if pid is not None:
@@ -171,41 +173,25 @@ def operator_command(
     click.echo(f"{out / name}.c: {found.count} exponentials, {number}, one sample every {step:g}")
 
 
-@export.command(name="fpga")
-@click.argument("scenario", type=click.Path(path_type=Path), shell_complete=toml_files)
-@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
-@_number("float", "float", "fixed")
-@_unbounded
-def fpga_command(scenario: Path, out: Path, number: Literal["float", "fixed"], unbounded: bool) -> None:
-    """Write SCENARIO as Verilog for an FPGA.
-
-    In float it has the bits of the firmware. Fixed, 48 bits of which 28 are after the point, is faster.
-    """
-    from ..export import fpga
-
-    fpga(Scenario.load(scenario), out, number, unbounded=unbounded)
-    click.echo(f"{out}: add it to your design, as its README.md says")
-
-
 @click.command()
 @click.argument("trace", type=click.Path(path_type=Path))
 @click.option(
     "--target",
     required=True,
-    type=click.Choice(["host", "m4f", "m7", "octave", "wasm", "fmu", "lanes", "fpga"]),
+    type=click.Choice(TARGETS),
     help="Firmware on this computer, an emulated Cortex-M4F or M7; Octave; WebAssembly; FMU; lanes; simulated FPGA.",
 )
-@_number("double", "float", "double", "fixed")
+@number_option("double", "float", "double", "fixed")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def replay(
     trace: Path,
-    target: Literal["host", "m4f", "m7", "octave", "wasm", "fmu", "lanes", "fpga"],
+    target: str,
     number: Literal["float", "double", "fixed"],
     as_json: bool,
 ) -> None:
-    """Run a recorded motion on a target and compare bits. TRACE is a run that `simulate --out` wrote.
+    """Run a recorded motion on a target and compare bits. TRACE is a run from `simulate --out`.
 
-    Double is compared with the record, float with the Python Controller, fixed (of fpga only) with the core on this
+    Double is compared with the record, float with the Python Controller, fixed (only fpga) with the core on this
     computer. Exit with 1 if a bit differs.
     """
     from ..export import replay as run
@@ -218,7 +204,7 @@ def replay(
         d = found.difference
         click.echo(f"{target}, {number}: step {d.step}, {d.variable} is {d.found}, in {against} {d.expected}")
     else:
-        click.echo(f"{target}, {number}: {found.steps} steps, every bit of forces and estimates is that of {against}")
+        click.echo(f"{target}, {number}: {found.steps} steps, all bits of forces and estimates equal {against}")
         click.echo(f"parity hash (SHA-256): {found.hash}")
     if found.difference:
         raise click.exceptions.Exit(DIFFERENT)

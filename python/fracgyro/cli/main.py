@@ -1,4 +1,4 @@
-"""All commands in one, and the entry point: a foreseen failure is one sentence, any other a bug to report."""
+"""The command `fracgyro` and its entry point. Expected errors are one sentence, others are bugs to report."""
 
 from __future__ import annotations
 
@@ -14,12 +14,11 @@ import click
 from ..extras import MissingExtraError
 from ..files import one_line, reason
 from .bugs import bug, foreseen
-from .commands import Commands, help_alone
-from .compare import compare
+from .commands import Commands, help_without_command
 from .editors import schema_command
 from .export import export, replay
 from .rate import allan_command, rate
-from .reproduce import reproduce, selfcheck
+from .selfcheck import selfcheck
 from .simulate import scenario_command, simulate_command
 from .study import sweep, tune
 
@@ -27,21 +26,24 @@ BAD_INPUT = 2
 INTERRUPTED = 130
 
 
-@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]}, invoke_without_command=True)
+@click.group(
+    cls=Commands,
+    registered="fracgyro.commands",
+    context_settings={"help_option_names": ["-h", "--help"]},
+    invoke_without_command=True,
+)
 @click.version_option(package_name="fracgyro")
 @click.pass_context
 def cli(context: click.Context) -> None:
     """Simulate, study and export a fractional sliding-mode controller for MEMS gyroscopes."""
-    help_alone(context)
+    help_without_command(context)
 
 
 COMMANDS = (
     allan_command,
-    compare,
     export,
     rate,
     replay,
-    reproduce,
     scenario_command,
     schema_command,
     selfcheck,
@@ -54,7 +56,7 @@ for command in COMMANDS:
 
 
 def main() -> None:
-    """Runs a command. A foreseen failure ends in one sentence and exit code 2, a bug in what to report and code 1."""
+    """Runs a command. Exit codes: 2 after an expected error, with one sentence; 1 after a bug, with a report."""
     _prepare()
     try:
         code = cli(standalone_mode=False)
@@ -62,7 +64,7 @@ def main() -> None:
     except click.exceptions.Exit as stop:
         code = stop.exit_code
     except click.ClickException as error:
-        code = _refused(error.format_message().replace("\n\t", " "))  # of a list of choices
+        code = _refused(error.format_message().replace("\n\t", " "))  # a list of choices has several lines
     except (KeyboardInterrupt, click.Abort):
         _refused("interrupted; the files written so far are complete")
         code = INTERRUPTED
@@ -74,16 +76,16 @@ def main() -> None:
         code = _refused("there is not enough memory: make run.record_every larger, or record fewer runs")
     except OSError as error:
         code = _refused(f"the output cannot be written: {reason(error)}")
-        sys.stdout = None  # or Python would try once more, and fail aloud
+        sys.stdout = None  # otherwise Python tries again and prints an error
     except Exception as error:
         code = bug(error)
     sys.exit(code)
 
 
 def _prepare() -> None:
-    """What the surroundings may not change: closed streams, names that are not UTF-8, Matplotlib's settings."""
+    """Makes commands independent of their environment: closed streams, file names, Matplotlib's settings."""
     for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:  # closed: nobody wants to hear
+        if getattr(sys, name) is None:  # closed by the caller
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
     codecs.register_error("fracgyro", _encoded)
     sys.stdout = _buffered(sys.stdout)
@@ -95,7 +97,7 @@ def _prepare() -> None:
 
 
 def _buffered(stream: TextIO) -> TextIO:
-    """The stream with a buffer: PYTHONUNBUFFERED silently drops what the system does not take of a write."""
+    """The stream with a buffer: with PYTHONUNBUFFERED Python silently drops the rest of a partial write."""
     if not (isinstance(stream, io.TextIOWrapper) and isinstance(stream.buffer, io.RawIOBase)):
         return stream
     encoding = stream.encoding
@@ -103,7 +105,7 @@ def _buffered(stream: TextIO) -> TextIO:
 
 
 def _encoded(error: UnicodeError) -> tuple[str | bytes, int]:
-    """Names of files byte by byte; letters that the terminal has not, as units have, as escapes."""
+    """Error handler: undecodable file names as bytes, characters that the terminal lacks as escapes."""
     try:
         return codecs.lookup_error("surrogateescape")(error)
     except UnicodeError:
@@ -111,10 +113,10 @@ def _encoded(error: UnicodeError) -> tuple[str | bytes, int]:
 
 
 def _refused(words: str) -> int:
-    """Says it in one line, if anybody listens."""
+    """Prints an error on one line; returns the exit code."""
     try:
         click.echo(f"fracgyro: {one_line(words)}", err=True)
         sys.stderr.flush()
     except OSError:
-        sys.stderr = None  # or Python would try once more, and end with another code
+        sys.stderr = None  # otherwise Python tries again and changes the exit code
     return BAD_INPUT

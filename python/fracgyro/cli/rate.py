@@ -24,7 +24,7 @@ NOT_KEPT = 1
 
 
 def _limits(context: click.Context, parameter: click.Parameter, value: str | None) -> dict[str, float]:
-    """{key: limit}"""
+    """Limits by key."""
     if not value:
         return {}
     from ..rate.require import KEYS, SHORT
@@ -53,21 +53,21 @@ def _limits(context: click.Context, parameter: click.Parameter, value: str | Non
     "--rest",
     type=float,
     metavar="SECONDS",
-    help="Length of the record at rest, in device time. Bias instability and rate random walk take minutes to hours to "
-    "show.  [default: 2 million steps]",
+    help="Set the length of the static test, in device time. Bias instability and rate random walk need minutes to "
+    "hours.  [default: 2 million steps]",
 )
 @click.option(
     "--imu",
     type=click.Choice(["kalibr", "gnss-ins-sim", "kf-gins"]),
-    help="Write the noise model for that navigation simulation, too.",
+    help="Also write the noise model for this navigation simulation.",
 )
 @click.option(
     "--require",
     "limits",
     callback=_limits,
     metavar="NAME=NUMBER,...",
-    help="Exit with 1 unless the figures are within these limits, for example arw=0.1,bias=10,bandwidth=50. Names are "
-    "those of rate.json, arw for angle_random_walk, bias for bias_instability; units are those of the figures.",
+    help="Exit with 1 unless the figures are within these limits, for example arw=0.1,bias=10,bandwidth=50. Names as "
+    "in rate.json, with arw for angle_random_walk and bias for bias_instability; units as printed.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
 def rate(
@@ -106,38 +106,41 @@ def rate(
     "columns",
     multiple=True,
     metavar="NAME|#N",
-    help="Column of the rate, by name or number; give it again for other axes.",
+    help="Select the column of the rate, by name or number. Repeatable.",
 )
 @click.option(
     "--rate",
     "rate_hz",
     type=float,
     metavar="HZ",
-    help="Sampling rate. Needed unless a column has the times.",
+    help="Set the sampling rate. Required unless a column has the times.",
 )
 @click.option(
     "--time",
     metavar="NAME|#N",
-    help="Column of the times, if it is not called time, timestamp or t. Its unit may follow, as in 'time [ns]'.",
+    help="Select the column of the times, if it is not called time, timestamp or t. Its name may include a unit, as in "
+    "'time [ns]'.",
 )
 @click.option(
-    "--time-unit", type=click.Choice(["s", "ms", "us", "ns"]), help="Unit of the times, if not in their name."
+    "--time-unit", type=click.Choice(["s", "ms", "us", "ns"]), help="Set the unit of the times, if their name has none."
 )
 @click.option(
     "--unit",
     metavar="UNIT",
-    help="Unit of the rate: deg/s (or dps), rad/s, deg/h, mdeg/s, mrad/s, urad/s, arcsec/s or rpm.  "
-    "[default: that of the file, else deg/s]",
+    help="Set the unit of the rate: deg/s (or dps), rad/s, deg/h, mdeg/s, mrad/s, urad/s, arcsec/s or rpm.  "
+    "[default: the unit in the file, else deg/s]",
 )
-@click.option("--from", "begin", type=float, metavar="S", help="Leave out what comes before, s from the first sample.")
-@click.option("--to", "end", type=float, metavar="S", help="Leave out what comes after.")
-@click.option("--scale", type=float, default=1.0, metavar="X", help="Multiply the numbers by this, for raw counts.")
-@click.option("--increments", is_flag=True, help="Each value is the angle turned during one sample, in deg for deg/s.")
-@click.option("--skip-empty", is_flag=True, help="Skip rows where the column is empty, as of other sensors.")
+@click.option("--from", "begin", type=float, metavar="S", help="Start here, s from the first sample.")
+@click.option("--to", "end", type=float, metavar="S", help="End here, s from the first sample.")
+@click.option("--scale", type=float, default=1.0, metavar="X", help="Multiply the numbers by X, for raw counts.")
+@click.option("--increments", is_flag=True, help="Read the values as angle increments, in deg for deg/s.")
+@click.option(
+    "--skip-empty", is_flag=True, help="Skip rows in which the column is empty, as in a log of several sensors."
+)
 @click.option(
     "--imu",
     type=click.Choice(["kalibr", "gnss-ins-sim", "kf-gins"]),
-    help="With --out, write the noise for that navigation filter or simulation, too.",
+    help="With --out, also write the noise for this navigation filter or simulation.",
 )
 @click.option(
     "--out", type=click.Path(path_type=Path), metavar="DIR", help="Write report.html, allan.json and pictures there."
@@ -159,16 +162,16 @@ def allan_command(
     out: Path | None,
     as_json: bool,
 ) -> None:
-    """Find the noise terms in RECORD, a file of a gyroscope at rest. Report N, B and K with their intervals."""
+    """Estimate the noise terms in RECORD, a file from a gyroscope at rest. Report N, B and K with their intervals."""
     with needs("rate"):
-        from ..rate.of_record import analyse_series
+        from ..rate.of_record import analyze_series
         from ..rate.record import Options
         from ..rate.series import Series, left_out
 
     options = Options(
         columns, rate_hz, unit, time, time_unit, begin, end, scale, increments, skip_empty, dashes="--"
     )  # fmt: skip
-    series, content = analyse_series(records, out, options, imu)
+    series, content = analyze_series(records, out, options, imu)
     if as_json:
         click.echo(json.dumps(content, ensure_ascii=False, allow_nan=False))
         return
@@ -176,7 +179,7 @@ def allan_command(
     def show(one: Series) -> None:
         record = one.record
         of = f" of {one.path}" if len(records) > 1 else ""
-        samples = f"{record.values.shape[1]} samples in {record.unit}, {1 / record.interval:.6g} a second"
+        samples = f"{record.values.shape[1]} samples in {record.unit} at {1 / record.interval:.6g} Hz"
         click.echo(f"{one.name}{of}: {samples}")
         for event in one.found.events:
             click.echo(f"Found: {event.sentence}.")
@@ -189,7 +192,7 @@ def allan_command(
     for one in series:
         show(one)
     if out:
-        click.echo(f"The report: {out / 'report.html'}")
+        click.echo(f"Report: {out / 'report.html'}")
 
 
 def _print_figures(found: Sequence[Result], *, si: bool = False) -> None:

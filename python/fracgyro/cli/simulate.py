@@ -19,9 +19,9 @@ from .commands import Names
 from .completion import changes, toml_files
 from .terminal import print_table
 
-STEADY = ["chattering", "rate_error_rms"]  # metrics of the time after the transient, as is rmse steady
-UNASKED = 100_000  # samples of a record that is kept nowhere, at most
-BARE_POINT = re.compile(r"[+-]?(\.\d+|\d+\.)([eE][+-]?\d+)?")  # numbers that TOML does not have
+STEADY = ["chattering", "rate_error_rms"]  # metrics of the steady window, like rmse steady
+MAX_UNSAVED = 100_000  # samples of a record that is not saved
+BARE_POINT = re.compile(r"[+-]?(\.\d+|\d+\.)([eE][+-]?\d+)?")  # numbers that are not valid TOML
 
 
 @click.command(name="simulate")
@@ -32,7 +32,7 @@ BARE_POINT = re.compile(r"[+-]?(\.\d+|\d+\.)([eE][+-]?\d+)?")  # numbers that TO
     multiple=True,
     shell_complete=changes,
     metavar="FIELD=VALUE",
-    help="Change a field, for example controller.order=0.8; nothing after = unsets it. Repeatable.",
+    help="Change a field, for example controller.order=0.8; an empty value unsets it. Repeatable.",
 )
 @click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Write the run as NetCDF.")
 @click.option("--plot", type=click.Path(path_type=Path), metavar="FILE", help="Draw the run: .svg, .png or .pdf.")
@@ -54,10 +54,10 @@ def simulate_command(
             from ..analysis.plots import check_plot, write_plot
         check_plot(plot)
     diverged = None
-    # The metrics are of every step, and gathered on the way. A record that nobody asked for shows why a run diverged.
-    unasked = {} if out or plot else {"run.record_every": max(1, chosen.run.steps // UNASKED)}
+    # Metrics use every step and need no record. A short record that is not saved explains a divergence.
+    thinned = {} if out or plot else {"run.record_every": max(1, chosen.run.steps // MAX_UNSAVED)}
     try:
-        run = simulate(chosen.replace(unasked))
+        run = simulate(chosen.replace(thinned))
     except DivergedError as error:
         run, diverged = error.run, error
     if out:
@@ -65,8 +65,8 @@ def simulate_command(
     if plot:
         write_plot(run, plot)
     if diverged:
-        kept = f"; the samples until then are in {out}" if out else ""
-        raise click.UsageError(f"{diverged}{kept}")
+        saved = f"; {out} has the samples up to then" if out else ""
+        raise click.UsageError(f"{diverged}{saved}")
     figures = measured(chosen).drop_vars("diverged_at")
     steady = chosen.run.duration >= TRANSIENT
     if as_json:
@@ -77,8 +77,8 @@ def simulate_command(
     print_table(("metric", "value", "unit"), _rows(seen, si))
     if not steady:
         click.echo(
-            f"\nrun.duration is {chosen.run.duration:g}: without rmse steady, {' and '.join(STEADY)}, which are of the "
-            f"time from {TRANSIENT:g}/ω0 on."
+            f"\nrun.duration is {chosen.run.duration:g}: rmse steady, {' and '.join(STEADY)} need samples from "
+            f"{TRANSIENT:g}/ω0 on."
         )
     if not si:
         plant = chosen.plant
@@ -99,7 +99,7 @@ def simulate_command(
 )
 @click.option("--list", "listed", is_flag=True, help="List the available scenarios.")
 def scenario_command(name: str | None, variant: str, listed: bool) -> None:
-    """Print a scenario to edit and run. The paper's has every field explained; others are devices."""
+    """Print a scenario to edit and run. The paper scenario explains every field; the others are devices."""
     if listed:
         width = max(map(len, SHIPPED))
         for each, words in {"paper": "the paper's, every field explained", **SHIPPED}.items():
@@ -111,7 +111,7 @@ def scenario_command(name: str | None, variant: str, listed: bool) -> None:
 
 
 def _paper(changes: dict[str, Any]) -> Scenario:
-    """The paper's scenario with changes; its noise is held one step where its own hold is not a number of steps."""
+    """The paper scenario with changes; the noise is held for one step if its hold is not a multiple of the step."""
     paper, step = Scenario.paper(), changes.get("run.step")
     hold = paper.disturbance.hold
     if hold and isinstance(step, float) and step > 0 and abs(hold / step - max(round(hold / step), 1)) > 1e-9:
@@ -120,7 +120,7 @@ def _paper(changes: dict[str, Any]) -> Scenario:
 
 
 def _change(text: str) -> tuple[str, Any]:
-    """FIELD=VALUE with VALUE in TOML; a bare word is a string, and nothing at all unsets."""
+    """Parses FIELD=VALUE with VALUE in TOML; a bare word is a string, and an empty value unsets."""
     field, equals, value = (part.strip() for part in text.partition("="))
     if not equals:
         raise click.UsageError(f"--set {text} has no '=': write --set field=value")
@@ -132,11 +132,11 @@ def _change(text: str) -> tuple[str, Any]:
         return field, float(value) if BARE_POINT.fullmatch(value) else value
     except RecursionError:
         raise click.UsageError(f"--set {field}: its value is nested too deeply") from None
-    return field, tables["value"] if len(tables) == 1 else value  # more: it had lines of its own
+    return field, tables["value"] if len(tables) == 1 else value  # several keys: the value had line breaks
 
 
 def _plain(values: Any) -> Any:
-    """Numbers that JSON can hold: NaN, which means never, becomes null."""
+    """Values for JSON: NaN, which means never, becomes null."""
     if values.ndim == 0:
         number = float(values)
         return number if number == number else None

@@ -29,10 +29,8 @@ def sweep(study: Path, out: Path, resume: bool, scheduler: str | None, as_json: 
         click.echo(json.dumps(asdict(result), default=str))
         return
     new = result.runs - result.resumed
-    found = f" ({result.resumed} found finished)" if result.resumed and new else ""
-    did = (
-        f"{result.runs} runs{found}, {result.diverged} diverged" if new else "it was finished: nothing was left to run"
-    )
+    found = f" ({result.resumed} already finished)" if result.resumed and new else ""
+    did = f"{result.runs} runs{found}, {result.diverged} diverged" if new else "already finished: no runs left"
     if result.sensitivity is not None:
         titles = ("metric", "field", "S [95 %]", "S_T [95 %]")
         print_table(titles, [(i.metric, i.field, *i.cells()) for i in result.sensitivity.indices])
@@ -47,7 +45,7 @@ def sweep(study: Path, out: Path, resume: bool, scheduler: str | None, as_json: 
 @click.option("--resume", is_flag=True, help="Continue the study that DIR holds, up to its number of trials.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 def tune(study: Path, out: Path, resume: bool, as_json: bool) -> None:
-    """Search for the best parameters of STUDY. Write the scenario, tested on unseen noise seeds."""
+    """Search for the best parameters of STUDY. Write the tuned scenario, validated on unseen noise seeds."""
     from ..study import tune as run_all
 
     with progress("starting") as show:
@@ -59,14 +57,14 @@ def tune(study: Path, out: Path, resume: bool, as_json: bool) -> None:
         values = f"{objective.tuned:.4g}, base {objective.base:.4g}"
         click.echo(f"{objective.label}: {values} on held-out seeds: {objective.verdict}")
     for constraint in result.held_out.constraints:
-        kept = "kept" if constraint.kept else "broken"
-        click.echo(f"{constraint.label}: {constraint.tuned:.5g}, at most {constraint.limit:.5g}: {kept}")
+        verdict = "met" if constraint.kept else "violated"
+        click.echo(f"{constraint.label}: {constraint.tuned:.5g}, at most {constraint.limit:.5g}: {verdict}")
     found = f"{result.trials} trials, {result.feasible} feasible, the best is number {result.trial}"
     click.echo(f"{found}; {result.seconds:.0f} s. Scenario: {result.scenario}, report: {result.report}")
 
 
 def _finite(value: Any) -> Any:
-    """The same for what is not an array: NaN and infinity become null."""
+    """Values for JSON: NaN and infinity become null."""
     if isinstance(value, dict):
         return {name: _finite(inner) for name, inner in value.items()}
     if isinstance(value, list | tuple):

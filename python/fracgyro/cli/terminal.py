@@ -1,4 +1,4 @@
-"""What commands show while they work, and tables."""
+"""Progress bars and tables in the terminal."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import signal
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 
-MAX_WIDTH = 10_000  # columns of a table, whatever the terminal's: it may break lines, but nothing is cut off
+MAX_WIDTH = 10_000  # columns of a table; a narrow terminal breaks lines, but no text is cut off
 
 
 def print_table(titles: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
@@ -22,7 +22,7 @@ def print_table(titles: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
 
 @contextmanager
 def progress(doing: str, rate: str = "") -> Iterator[Callable[..., None]]:
-    """A bar, given (done, total, what is being done); with `rate`, the unit of what is done per second."""
+    """Context manager: a progress bar, updated by (done, total, description); `rate`: unit of the speed per second."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskProgressColumn, TextColumn
     from rich.progress import TimeRemainingColumn as Remaining
@@ -41,7 +41,7 @@ def progress(doing: str, rate: str = "") -> Iterator[Callable[..., None]]:
     interrupts: list[int] = []
 
     def interrupt(number: int, _: object) -> None:
-        # Raised anywhere, KeyboardInterrupt may be swallowed by a callback; raised from `show` it arrives.
+        # A callback may swallow KeyboardInterrupt; raised from `show` it is not lost.
         interrupts.append(number)
         if len(interrupts) > 1:
             raise KeyboardInterrupt
@@ -49,9 +49,9 @@ def progress(doing: str, rate: str = "") -> Iterator[Callable[..., None]]:
     def show(done: float, total: float, doing: str | None = None) -> None:
         if interrupts:
             raise KeyboardInterrupt
-        if not bar.live.is_started:  # now that the input has been found good
+        if not bar.live.is_started:  # start only after the input was validated
             bar.start()
-            bar.reset(task, completed=int(done))  # what was done before counts for no speed
+            bar.reset(task, completed=int(done))  # excludes resumed work from the speed
         bar.update(task, completed=done, total=total, description=doing)
 
     before = signal.signal(signal.SIGINT, interrupt)
@@ -59,6 +59,6 @@ def progress(doing: str, rate: str = "") -> Iterator[Callable[..., None]]:
         yield show
     finally:
         signal.signal(signal.SIGINT, before)
-        if bar.live.is_started:  # stopped unstarted, it would print itself
-            with suppress(OSError):  # no work is lost because nobody can see the bar
+        if bar.live.is_started:  # stopping it unstarted would print it
+            with suppress(OSError):  # a closed terminal must not stop the work
                 bar.stop()

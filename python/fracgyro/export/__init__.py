@@ -1,4 +1,4 @@
-"""A scenario as something that runs elsewhere: in a simulation tool, in a browser, on a microcontroller."""
+"""Export of scenarios to simulation tools, browsers, microcontrollers, MATLAB and FPGAs."""
 
 from ..extras import public
 

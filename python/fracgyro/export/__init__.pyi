@@ -1,6 +1,5 @@
 from .firmware import firmware as firmware
 from .fmu import fmu as fmu
-from .fpga import fpga as fpga
 from .matlab import matlab as matlab
 from .operator import operator as operator
 from .replay import Replay as Replay

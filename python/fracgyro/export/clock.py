@@ -1,4 +1,4 @@
-"""The clock that a microcontroller needs for a controller, from the instructions counted in measured.md."""
+"""Processor speed that a controller needs, from the instruction counts in measured.md."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ MEASURED = "integrations/firmware/measured.md"
 
 
 def clock_note(scenario: Scenario) -> str:
-    """A sentence for a scenario with the joint filter, the most expensive part of any controller; else "".
+    """A note for a scenario with the joint filter, the most expensive part of any controller; otherwise "".
 
-    The number is the maximum of any step, counted in float on a Cortex-M4F with the linear surface.
+    The number is the maximum over the steps, counted in float on a Cortex-M4F with the linear surface.
     """
     if scenario.adaptation.kind != "joint":
         return ""
@@ -24,9 +24,9 @@ def clock_note(scenario: Scenario) -> str:
         return ""
     instructions, step = int(row[1]), scenario.run.step * scenario.plant.scales.time
     return (
-        f"adaptation.kind is joint, which takes up to {instructions} instructions a step, and a step is "
-        f"{1e6 * step:.3g} µs: the processor must do {instructions / step / 1e6:.0f} million instructions a second "
-        f"({MEASURED} has more); a longer run.step or adaptation.covariance_steps = 8 asks for less"
+        f"adaptation.kind is joint, which takes up to {instructions} instructions per step of {1e6 * step:.3g} µs: the "
+        f"processor must run {instructions / step / 1e6:.0f} million instructions per second (see {MEASURED}); a "
+        "longer run.step or adaptation.covariance_steps = 8 needs fewer"
     )
 
 

@@ -1,4 +1,4 @@
-"""The programs that exported things need: the system's compiler for this machine, zig for others, make, emulators."""
+"""Tools for exported code: the system's compiler for this machine, zig for others, make, emulators."""
 
 from __future__ import annotations
 
@@ -14,36 +14,34 @@ from typing import Literal
 
 from .. import _core
 
-Number = Literal["float", "double"]  # what an exported controller computes with
+Number = Literal["float", "double"]  # number type of an exported controller
 
-# The sources are installed with the compiled module, whose coefficients fit these very headers.
+# The sources are installed with the compiled module, whose coefficients match these headers.
 SOURCES = Path(_core.__file__).parent
 
-# As CMakeLists.txt has them: without contraction, every compiler and processor computes the same bits.
+# Same as in CMakeLists.txt: without contraction, every compiler and processor computes the same bits.
 FLAGS = ["-std=c++20", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"]
 FLAGS += ["-fno-exceptions", "-fno-rtti", "-fvisibility=hidden", "-Wno-psabi"]
 ZIG = "ziglang from PyPI: in your clone, pip install '.[export]'"
-# Programs by their names; what brings each is a package of Debian, and is called the same or alike elsewhere.
+# The packages of Debian that bring programs of other names; they are called the same or alike elsewhere.
 PACKAGES = {
-    "make": "make",
     "node": "nodejs",
     "arm-none-eabi-g++": "gcc-arm-none-eabi, libnewlib-arm-none-eabi and libstdc++-arm-none-eabi-newlib",
-    "qemu-system-arm": "qemu-system-arm",
     "octave-cli": "octave",
     "mkoctfile": "octave-dev",
-    "verilator": "verilator",
 }
 
 
 def need(*programs: str) -> None:
-    """Raises ValueError, in one sentence that says what to install, when one of PACKAGES is missing."""
+    """Raises ValueError if one is missing, with a message that names the package to install."""
     for program in programs:
         if shutil.which(program) is None:
-            raise ValueError(f"{program} is not found: install {PACKAGES[program]}, as they are called in Debian")
+            package = PACKAGES.get(program, program)
+            raise ValueError(f"{program} is not found: install {package}, as they are called in Debian")
 
 
 def make(folder: Path, *words: str) -> str:
-    """What `make WORDS` prints in a folder of exported firmware. Raises ValueError in one sentence when it fails."""
+    """Output of `make WORDS` in a folder of exported firmware. Raises ValueError if it fails."""
     need("make")
     return run(["make", "--silent", *words], folder)
 
@@ -53,19 +51,19 @@ def has_zig() -> bool:
 
 
 def zig(*words: str | Path) -> None:
-    """Runs `zig WORDS`. Raises ValueError in one sentence when there is none, or it fails."""
+    """Runs `zig WORDS`. Raises ValueError if zig is missing or fails."""
     if not has_zig():
         raise ValueError(f"a compiler for other systems is missing: install {ZIG}")
     run([sys.executable, "-m", "ziglang", *map(str, words)])
 
 
 def system_compiler(*words: str | Path) -> None:
-    """The same with the system's C++ compiler."""
+    """Runs the system's C++ compiler. Raises ValueError if it is missing or fails."""
     run([*compiler(), *map(str, words)])
 
 
 def compiler() -> list[str]:
-    """That which CXX names, or c++. Raises ValueError in one sentence when there is none."""
+    """Command of the compiler: CXX, or c++. Raises ValueError if it is missing."""
     command = shlex.split(os.environ.get("CXX", "c++"))
     if not command or shutil.which(command[0]) is None:
         raise ValueError(f"{' '.join(command) or 'CXX'} is not found: set CXX to a C++20 compiler")
@@ -77,7 +75,7 @@ def include(*folders: Path) -> list[str]:
 
 
 def run(command: list[str], folder: Path | None = None) -> str:
-    """What the command prints. Raises ValueError in one sentence when it fails."""
+    """Output of a command. Raises ValueError if it fails."""
     ran = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     if ran.returncode:
         lines = (
@@ -88,11 +86,11 @@ def run(command: list[str], folder: Path | None = None) -> str:
 
 
 def join_macos(binaries: list[bytes]) -> bytes:
-    """One library for Intel and Apple processors: Mach-O's universal header, then each binary at a page of its own."""
+    """A universal Mach-O library for Intel and Apple processors: the header, then each binary on its own page."""
     page = 2**14
     header, place, joined = struct.pack(">II", 0xCAFEBABE, len(binaries)), page, b""
     for binary in binaries:
-        processor = struct.unpack("<II", binary[4:12])  # its kind and subkind
+        processor = struct.unpack("<II", binary[4:12])  # CPU type and subtype
         header += struct.pack(">5I", *processor, place + len(joined), len(binary), 14)
         joined += binary + bytes(-len(binary) % page)
     return header.ljust(page, b"\0") + joined

@@ -14,13 +14,13 @@ from .. import _core
 from ..files import whole_folder
 from ..scenario import Scenario
 from ..scenario.bounded import check_bounded
-from ..scenario.kinds import ENTRIES, KINDS, Channel, lasting
+from ..scenario.kinds import ENTRIES, KINDS, Channel, persistent_channels
 from ..scenario.to_core import check_single, core_numbers, core_setup
 from ..scenario.units import si_unit
 from .compilers import SOURCES, Number
 from .settings import columns
 
-# The units that the header states, by the name that each has there.
+# Units in the header, by their names there.
 UNITS = {
     "length": "q0",
     "velocity": "q0*omega0",
@@ -34,11 +34,11 @@ UNITS = {
 def firmware(
     scenario: Scenario, folder: str | os.PathLike[str], number: Number = "float", *, unbounded: bool = False
 ) -> None:
-    """Writes a scenario's controller as a self-contained folder of C++ with a C interface, whole or not at all.
+    """Writes a scenario's controller as a self-contained folder of C++ with a C interface.
 
-    `number`: what it computes with, float or double. Raises ValueError, in one sentence, when the folder cannot be
-    written, float cannot hold a coefficient, or the controller would not stay bounded and `unbounded` does not say that
-    it need not.
+    `number`: number type, "float" or "double". `unbounded`: export even if the bound estimates may grow until the loop
+    diverges. The folder is complete or absent. Raises ValueError if the folder cannot be written, a coefficient exceeds
+    float, or the controller may become unbounded without `unbounded`.
 
     >>> from fracgyro.scenario.shipped import shipped
     >>> fg.export.firmware(shipped("hardware"), "firmware")
@@ -50,7 +50,7 @@ def firmware(
 
 
 def add_controller(scenario: Scenario, number: Number, folder: Path) -> None:
-    """Adds what is compiled with fracgyro.cpp: the core and the scenario's coefficients."""
+    """Adds the core and the scenario's coefficients, which are compiled with fracgyro.cpp."""
     header = coefficients_header(scenario, number)
     for layer in ("core", "control", "estimation", "hardware", "controllers"):
         shutil.copytree(SOURCES / "include/fracgyro" / layer, folder / "include/fracgyro" / layer)
@@ -58,7 +58,7 @@ def add_controller(scenario: Scenario, number: Number, folder: Path) -> None:
 
 
 def coefficients_header(scenario: Scenario, number: Number) -> str:
-    """What differs from one scenario to the next. The same scenario gives the same text."""
+    """The header with everything that depends on the scenario; equal scenarios give equal text."""
     setup, single = core_setup(scenario), number == "float"
     if single:
         check_single(scenario)
@@ -66,19 +66,19 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
     alignment = 8
     size = -(-_core.state_size(setup, capacity, single) // alignment) * alignment
     values = initializer(_core.coefficients(setup, single), number)
-    channels, numbers = lasting(setup), core_numbers(scenario)
+    channels, numbers = persistent_channels(setup), core_numbers(scenario)
     stiffness = [numbers[f"adaptation.initial_stiffness.{entry}"] for entry in ENTRIES]
     scales = scenario.plant.scales
     units = {f"{name.upper()}_UNIT": (scales.of(unit), si_unit(unit)) for name, unit in UNITS.items()}
     units = {"STEP_SECONDS": (scenario.run.step * scales.time, "s"), **units}
     velocity, meaning = {
         "full": (1, "fracgyro_motion must have it"),
-        "position": (0, "what fracgyro_motion says of it is not looked at"),
+        "position": (0, "the velocity in fracgyro_motion is ignored"),
     }[scenario.device.sensing]
     made = f"fracgyro {version('fracgyro')}, scenario {scenario.content_hash()}, {number}"
     lines = [
         f"/* Made by `fracgyro export firmware`: {made}.",
-        " * Do not edit: export again. The scenario stands at the end. */",
+        " * Do not edit: export again. The scenario is at the end. */",
         "#ifndef FRACGYRO_COEFFICIENTS_H",
         "#define FRACGYRO_COEFFICIENTS_H",
         "",
@@ -94,7 +94,7 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
         "",
         f"#define FRACGYRO_VELOCITY_SENSED {velocity} /* {meaning} */",
         "",
-        "/* Of the plant as it is taken to be: xx, xy, yy, nondimensional. */",
+        "/* Stiffness of the assumed plant: xx, xy, yy, nondimensional. */",
         f"#define FRACGYRO_NOMINAL_STIFFNESS {_list(stiffness, number)}",
         "",
         *_example(scenario, setup, channels, number),
@@ -104,13 +104,13 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
         '#include "fracgyro/hardware/guard.hpp"',
         '#include "fracgyro/controllers/registry.hpp"',
         "",
-        "// Unnamed: two exported controllers in one process do not meet.",
+        "// Unnamed, so that two exported controllers can be linked into one program.",
         "namespace fracgyro_exported {",
         "namespace {",
         "",
         *_controller(setup, number, capacity),
         "",
-        "// In the order of the fields of Coefficients; what is left out is 0.",
+        "// In the order of the fields of Coefficients; omitted ones are 0.",
         f"constexpr fracgyro::Guard<Controller>::Coefficients coefficients = {values};",
         "",
         "}  // namespace",
@@ -125,22 +125,22 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
 
 
 def _report(channels: tuple[Channel, ...]) -> list[str]:
-    """The struct of what the controller reports; C has no empty one."""
+    """The struct of the controller's reports; C has no empty struct."""
     members = []
     for channel in channels:
         size = f"[{channel.width}]" if channel.dimension else ""
         members.append(f"    fracgyro_number {channel.name}{size}; /* {channel.meaning} */")
     return [
-        "/* What the controller reports: vectors as x, y, symmetric matrices as xx, xy, yy. */",
+        "/* Reports of the controller: vectors as x, y, symmetric matrices as xx, xy, yy. */",
         f"#define FRACGYRO_REPORTED {sum(channel.width for channel in channels)} /* numbers */",
         "typedef struct {",
-        *(members or ["    fracgyro_number unused; /* there is nothing to report */"]),
+        *(members or ["    fracgyro_number unused; /* no reports */"]),
         "} fracgyro_report;",
     ]
 
 
 def _example(scenario: Scenario, setup: _core.DeviceSetup, channels: tuple[Channel, ...], number: Number) -> list[str]:
-    """What main.c tries the controller on, and how it calls what is reported."""
+    """Data of the example main.c: gyroscope, initial motion and names of the reports."""
     rows = [_list(map(float, row), number) for row in _core.plant_map(setup)]
     start = _list((*scenario.run.initial_position, *scenario.run.initial_velocity), number)
     names = [f'"{name}"' for channel in channels for name in columns(channel)] or ['""']
@@ -157,19 +157,19 @@ def _list(values: Iterable[float], number: Number) -> str:
 
 
 def _controller(setup: _core.DeviceSetup, number: Number, capacity: int) -> list[str]:
-    """A type of its own, and not another name of one: what it is made of is only in this file."""
+    """Definition of the controller as a new type rather than an alias, so that its parts appear only in this file."""
     kind, chosen = _core.chosen_type(setup)
     registered = f"fracgyro::RegisteredController<{number}, {kind}, {chosen}>"
     controller = f"fracgyro::SizedController<{registered}, {capacity}>::Type"
     lines = [f"// {KINDS[kind]}"]
     if setup.observer_bandwidth > 0.0:
-        lines.append("// It has no sensor of velocity: what fracgyro_motion says of it is not looked at.")
+        lines.append("// Without a velocity sensor: the velocity in fracgyro_motion is ignored.")
         controller = f"fracgyro::FromPositions<{controller}>::Type"
     return [*lines, f"struct Controller : {controller} {{}};"]
 
 
 def initializer(value: Any, number: Number, indent: str = "") -> str:
-    """Nested tuples (structs) and lists (arrays) as C++ initialises them; zeros at the end are left out."""
+    """C++ initializer of nested tuples (structs) and lists (arrays); trailing zeros are omitted."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, int):

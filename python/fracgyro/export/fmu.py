@@ -1,7 +1,7 @@
-"""A scenario as an FMU for co-simulation, FMI 2.0 or 3.0: the closed loop with its plant, or only the controller.
+"""Export as FMU for co-simulation, FMI 2.0 or 3.0: the closed loop with its plant, or only the controller.
 
-Page one is `export`. The C++ is in integrations/fmu; from here come a header with this FMU's variables, numbers and
-kernel, the model description and the archive. The same scenario and the same compilers give the same bytes.
+The entry point is `fmu`. The C++ code is in integrations/fmu; this module writes a header with the FMU's variables,
+numbers and kernel, the model description and the archive. The same scenario and the same compilers give the same bytes.
 """
 
 from __future__ import annotations
@@ -25,13 +25,14 @@ from ..extras import needs
 from ..files import whole_file
 from ..scenario import Scenario, ScenarioError
 from ..scenario.bounded import check_bounded
-from ..scenario.kinds import DEVICE_CHANNELS, LOOP_CHANNELS, reported
-from ..scenario.to_core import check_single, core_setup, is_ideal
+from ..scenario.kinds import DEVICE_CHANNELS, LOOP_CHANNELS, reported_channels
+from ..scenario.to_core import check_single, core_setup, is_ideal, profiles
 from .compilers import FLAGS, SOURCES, Number, include, join_macos, system_compiler, zig
 from .settings import (
     columns,
     core_kernel,
     core_numbers,
+    device_numbers,
     device_settings,
     meaning,
     observer_bandwidth,
@@ -39,17 +40,17 @@ from .settings import (
     unit,
     without_plant,
 )
-from .units import base_unit, shown
+from .units import base_unit, scale_and_unit
 
 Content = Literal["loop", "controller"]
 Fmi = Literal["2.0", "3.0"]
 System = Literal["linux", "linux-arm", "windows", "macos"]
 Role = Literal["time", "constant", "fixed", "tunable", "input", "output"]
 
-MAX_DOUBLE = sys.float_info.max  # stands for infinity, which some importers do not read
-MAX_SEED = 2**31 - 1  # of FMI's integers
-MAX_TOGETHER = 10**7  # steps in one call of the importer, as integrations/fmu/instance.hpp has them
-FIRST_DATE = (1980, 1, 1, 0, 0, 0)  # of every file in the archive: no clock gets into it
+MAX_DOUBLE = sys.float_info.max  # replaces infinity, which some importers cannot read
+MAX_SEED = 2**31 - 1  # largest integer of FMI
+MAX_TOGETHER = 10**7  # steps per call of the importer, as in integrations/fmu/instance.hpp
+FIRST_DATE = (1980, 1, 1, 0, 0, 0)  # date of every file in the archive, for reproducible bytes
 INPUTS = ("position", "velocity")
 NOT_OF_THE_CONTROLLER = {"position", "velocity", "disturbance"}
 ROLES: dict[str, Role] = {"any_time": "tunable", "at_start": "fixed", "beforehand": "constant"}
@@ -58,6 +59,14 @@ OF_DISTURBANCE = {
     "noise": ("standard_deviation", "hold_steps", "seed"),
     "sine": ("amplitude", "frequency", "phase"),
 }
+OF_RATE: dict[str, tuple[str, ...]] = {
+    "constant": (),
+    "staircase": ("amplitude", "start_steps", "hold_steps", "levels"),
+    "sine": ("amplitude", "start_steps", "frequency"),
+    "chirp": ("amplitude", "start_steps", "frequency", "final_frequency"),
+    "noise": ("amplitude", "start_steps", "frequency", "seed"),
+    "table": (),
+}
 # zig's name, with the oldest C library that will do; FMI 3.0's name; ending
 TARGETS = {
     "linux": [("x86_64-linux-gnu.2.17", "x86_64-linux", ".so")],
@@ -65,13 +74,13 @@ TARGETS = {
     "windows": [("x86_64-windows-gnu", "x86_64-windows", ".dll")],
     "macos": [("x86_64-macos", "x86_64-darwin", ".dylib"), ("aarch64-macos", "aarch64-darwin", ".dylib")],
 }
-# As FMI 2.0.5 has it, those of FMI 3.0 where it has no names of its own.
+# Platform folders of FMI 2.0.5; names of FMI 3.0 for platforms that it lacks.
 FMI2_FOLDERS = {"linux": "linux64", "linux-arm": "aarch64-linux", "windows": "win64", "macos": "darwin64"}
 
 
 @dataclass(frozen=True)
 class Variable:
-    """One variable; its value reference is its place in the list. `role`, `place`: integrations/fmu/variable.hpp."""
+    """One variable; its value reference is its index in the list. `role`, `place`: integrations/fmu/variable.hpp."""
 
     name: str
     role: Role
@@ -86,7 +95,7 @@ class Variable:
 
     @property
     def integer(self) -> bool:
-        return self.name == "disturbance.seed"
+        return self.name in ("disturbance.seed", "rate.seed")
 
     @property
     def causality(self) -> str:
@@ -108,15 +117,16 @@ def fmu(
     number: Number = "double",
     unbounded: bool = False,
 ) -> None:
-    """Writes a scenario as an FMU for co-simulation, whole or not at all; needs the extra export and a C++ compiler.
+    """Writes a scenario as an FMU for co-simulation. Requires the extra export and a C++ compiler.
 
-    `content`: the closed loop, "loop", or only the "controller". `fmi`: "2.0" or "3.0". `systems`: of linux, linux-arm
-    (64 bit), windows and macos, of which all but the system at hand need ziglang. `number`: what it computes with,
-    "double" or "float"; an importer sees doubles.
+    `content`: the closed loop, "loop", or only the "controller". `fmi`: "2.0" or "3.0". `systems`: any of linux,
+    linux-arm (64 bit), windows and macos; other systems than this one require ziglang. `number`: internal number type,
+    "double" or "float"; the importer sees doubles. `unbounded`: export even if the bound estimates may grow until the
+    loop diverges. The file is complete or absent.
 
-    Raises ValueError, in one sentence, when a compiler or FMPy is missing, the seed is too large for an FMU, the file
-    cannot be written, a device that is not ideal is to be simulated in float, float cannot hold a coefficient, or the
-    controller would not stay bounded and `unbounded` does not allow that.
+    Raises ValueError if a compiler or FMPy is missing, the seed is too large for an FMU, the file cannot be written,
+    float is requested for a dynamic rate or device imperfections, a coefficient exceeds float, or the controller may
+    become unbounded without `unbounded`.
 
     >>> from fracgyro.scenario.shipped import shipped
     >>> fg.export.fmu(shipped("hardware"), "gyro.fmu")  # doctest: +SKIP
@@ -127,7 +137,7 @@ def fmu(
     ideal = content == "controller" or is_ideal(scenario)
     if number == "float" and not ideal:
         raise ValueError(
-            "number is float: it must be double for a closed loop whose rate moves or whose device is not ideal"
+            "number is float: it must be double for a closed loop with a dynamic rate or device imperfections"
         )
     if number == "float":
         check_single(scenario)
@@ -140,7 +150,7 @@ def fmu(
         (folder / "exported.hpp").write_text(header, encoding="utf-8")
         files = {"modelDescription.xml": description.encode(), "resources/scenario.toml": scenario.to_toml().encode()}
         for system in systems:
-            files |= _binaries(folder, system, content, fmi, "cc" if ideal else "c++")
+            files |= _binaries(folder, system, content, fmi)
         with zipfile.ZipFile(scratch, "w", zipfile.ZIP_DEFLATED) as archive:
             for file, data in files.items():
                 entry = zipfile.ZipInfo(file, FIRST_DATE)
@@ -149,8 +159,8 @@ def fmu(
 
 
 def _variables(scenario: Scenario, content: Content, fmi: Fmi) -> Iterator[Variable]:
-    """In the order of their value references."""
-    if fmi == "3.0":  # which demands it; in FMI 2.0 some importers take it for a variable without a start value
+    """Variables in the order of their value references."""
+    if fmi == "3.0":  # required there; some FMI 2.0 importers read it as a variable without start value
         yield Variable("time", "time", unit=_shown("1/omega0", scenario)[1], description="Time.")
     yield from _parameters(scenario, content)
     if content == "controller":
@@ -159,21 +169,23 @@ def _variables(scenario: Scenario, content: Content, fmi: Fmi) -> Iterator[Varia
 
 
 def _parameters(scenario: Scenario, content: Content) -> Iterator[Variable]:
-    places = {name: place for place, name in enumerate(core_numbers(scenario))}
-    of_device = () if is_ideal(scenario) else ("seed",)  # of the sensors' noise, too
+    places = {name: place for place, name in enumerate([*core_numbers(scenario), *device_numbers(scenario)])}
+    of_device = () if is_ideal(scenario) else ("seed",)  # the sensors' noise uses it, too
     used = (*OF_DISTURBANCE[scenario.disturbance.kind], *of_device)
-    for s in settings(scenario):
+    moving = OF_RATE["staircase" if scenario.rate.kind == "step" else scenario.rate.kind]
+    of_loop = device_settings(scenario) if content == "loop" else []
+    for s in [*settings(scenario), *of_loop]:
         n, table, field = s.number, s.number.table, s.number.field
         if n.choices:
             continue
         if content == "controller" and table in ("plant", "disturbance"):
             continue
-        if table == "disturbance" and field not in used:
+        if (table == "disturbance" and field not in used) or (table == "rate" and field not in moving):
             continue
         high = MAX_SEED if field == "seed" else n.high
         if s.value > high:
             raise ScenarioError(f"{n.path} is {s.value:.0f}: it must be at most {MAX_SEED} in an FMU")
-        start, note = (MAX_DOUBLE, f" Here {MAX_DOUBLE} is off.") if math.isinf(s.value) else (s.value, "")
+        start, note = (MAX_DOUBLE, f" {MAX_DOUBLE}: off.") if math.isinf(s.value) else (s.value, "")
         limits = (n.low, high, n.strict)
         yield Variable(s.name, ROLES[n.settable], places[s.name], start, s.scale, unit(n), meaning(n) + note, *limits)
 
@@ -190,7 +202,7 @@ def _inputs(scenario: Scenario) -> Iterator[Variable]:
 def _outputs(scenario: Scenario, content: Content) -> Iterator[Variable]:
     place = 0
     device = DEVICE_CHANNELS if content == "loop" and not is_ideal(scenario) else ()
-    for channel in (*LOOP_CHANNELS, *reported(core_setup(scenario)), *device):
+    for channel in (*LOOP_CHANNELS, *reported_channels(core_setup(scenario)), *device):
         for part, name in enumerate(columns(channel)):
             scale, symbol = _shown(channel.units[part % len(channel.units)], scenario)
             if content == "loop" or channel.name not in NOT_OF_THE_CONTROLLER:
@@ -199,12 +211,12 @@ def _outputs(scenario: Scenario, content: Content) -> Iterator[Variable]:
 
 
 def _shown(unit: str, scenario: Scenario) -> tuple[float, str]:
-    """Of signals, in the units that run.units names: factor and symbol."""
-    return shown(unit, scenario.plant.scales, scenario.run.units == "SI")
+    """Factor and symbol of a signal's unit, for run.units."""
+    return scale_and_unit(unit, scenario.plant.scales, scenario.run.units == "SI")
 
 
 def _token(scenario: Scenario, content: Content, fmi: Fmi, number: Number) -> str:
-    """What binds binary and description: a GUID in form, and the same for the same FMU."""
+    """Token that links binary and description: in GUID form, equal for equal FMUs."""
     made_from = f"fracgyro {version('fracgyro')} {content} {fmi} {number}\n{scenario.to_toml()}"
     digest = hashlib.sha256(made_from.encode()).hexdigest()
     return "{" + "-".join([digest[:8], digest[8:12], digest[12:16], digest[16:20], digest[20:32]]) + "}"
@@ -214,7 +226,8 @@ def _header(scenario: Scenario, content: Content, number: Number, token: str, va
     poles, weights = core_kernel(scenario)
     kind, chosen = _core.chosen_type(core_setup(scenario))
     step = scenario.run.step * _shown("1/omega0", scenario)[0]
-    device = device_settings(scenario) if content == "loop" else []
+    ideal = content == "controller" or is_ideal(scenario)
+    rate, temperature = (([], []), ([], [])) if ideal else profiles(scenario)
     rows = []
     for v in variables:
         flags = [_cpp(v.strict), _cpp(v.integer)]
@@ -234,10 +247,14 @@ def _header(scenario: Scenario, content: Content, number: Number, token: str, va
         f'inline constexpr char token[] = "{token}";',
         f"inline constexpr double step = {_cpp(step)};",
         f"inline constexpr double observer_bandwidth = {_cpp(observer_bandwidth(scenario))};",
-        _array("numbers", core_numbers(scenario).values()),
+        f"inline constexpr bool ideal = {_cpp(ideal)};",
+        _array("numbers", [*core_numbers(scenario).values(), *(() if ideal else device_numbers(scenario).values())]),
         _array("poles", poles),
         _array("weights", weights),
-        _array("device", device),
+        _array("rate_times", rate[0]),
+        _array("rate_values", rate[1]),
+        _array("temperature_times", temperature[0]),
+        _array("temperature_values", temperature[1]),
         "inline constexpr Variable variables[] = {",
         *rows,
         "};",
@@ -286,8 +303,8 @@ def _identifier(content: Content) -> str:
     return f"fracgyro_{content}"
 
 
-def _binaries(folder: Path, system: System, content: Content, fmi: Fmi, linker: str) -> dict[str, bytes]:
-    """{path in the archive: binary} for one system. Only what simulates a device needs the C++ library of zig's c++."""
+def _binaries(folder: Path, system: System, content: Content, fmi: Fmi) -> dict[str, bytes]:
+    """{path in the archive: binary} for one system. Linked with the C library only, also by zig."""
     face = SOURCES / "integrations/fmu"
     source = face / f"fmi{fmi[0]}.cpp"
     headers = include(folder, face, SOURCES / "include", _fmi_headers())
@@ -302,9 +319,9 @@ def _binaries(folder: Path, system: System, content: Content, fmi: Fmi, linker: 
             compiled = folder / f"{tuple_name}.o"
             position = [] if system == "windows" else ["-fPIC"]
             zig("c++", "-target", target, *options, *position, "-c", source, "-o", compiled)
-            # Else the path to the scratch folder would be in it.
+            # Otherwise the binary would contain the path of the scratch folder.
             itself = ["-install_name", f"@rpath/{_identifier(content)}.dylib"] if system == "macos" else []
-            zig(linker, "-target", target, "-O2", "-shared", "-s", *itself, compiled, "-o", binary)
+            zig("cc", "-target", target, "-O2", "-shared", "-s", *itself, compiled, "-o", binary)
         built[tuple_name] = binary
     name = f"{_identifier(content)}{TARGETS[system][0][2]}"
     if fmi == "3.0":
@@ -316,5 +333,5 @@ def _binaries(folder: Path, system: System, content: Content, fmi: Fmi, linker: 
 def _fmi_headers() -> Path:
     found = importlib.util.find_spec("fmpy")
     if found is None or found.origin is None:
-        raise ValueError("FMI's headers are missing: install FMPy: in your clone, pip install '.[export]'")
+        raise ValueError("FMI's headers are missing: install FMPy; in your clone, pip install '.[export]'")
     return Path(found.origin).parent / "c-code"

@@ -1,4 +1,4 @@
-"""Exported firmware on this computer: compiled, called in this process, closed into a loop with the plant."""
+"""Exported firmware on this computer: compiled, called in this process, and simulated with the plant."""
 
 from __future__ import annotations
 
@@ -22,21 +22,22 @@ SCALARS: dict[Number, Any] = {"float": ctypes.c_float, "double": ctypes.c_double
 
 
 class Host:
-    """A folder of exported firmware, compiled as its Makefile does, by the system's compiler.
+    """A folder of exported firmware, compiled once as its Makefile does, by the system's compiler.
 
-    Everything is nondimensional. Raises ValueError, in one sentence, when it does not compile.
+    All values are nondimensional. Raises ValueError if it does not compile.
     """
 
     def __init__(self, folder: Path, number: Number) -> None:
         library = folder / "host.so"
-        options = ["-std=c++20", "-shared", "-fPIC", *flags(folder, "OPTIMISE", "BITS", "LEAN", "WARNINGS")]
-        run([*compiler(), *options, "-I.", "-Iinclude", "fracgyro.cpp", "-o", library.name], folder)
+        if not library.exists():
+            options = ["-std=c++20", "-shared", "-fPIC", *flags(folder, "OPTIMISE", "BITS", "LEAN", "WARNINGS")]
+            run([*compiler(), *options, "-I.", "-Iinclude", "fracgyro.cpp", "-o", library.name], folder)
         self._library = ctypes.CDLL(str(library))
         self._number = SCALARS[number]
         header = (folder / "fracgyro_coefficients.h").read_text(encoding="utf-8")
         size, alignment = (int(text) for text in re.findall(r"STATE_(?:SIZE|ALIGNMENT) (\d+)", header))
-        self._saved = alignment + size  # of key, checksum, padding, state
-        self._room = (ctypes.c_uint64 * (size // 8 + 16))()  # and room to align
+        self._saved = alignment + size  # bytes: key, checksum, padding, state
+        self._room = (ctypes.c_uint64 * (size // 8 + 16))()  # includes space for alignment
         self._state = _aligned(self._room)
         members = header.partition("#define FRACGYRO_REPORTED")[2].partition("} fracgyro_report;")[0]
         widths = re.findall(r"^    fracgyro_number (\w+)(?:\[(\d+)\])?;", members, re.MULTILINE)
@@ -47,7 +48,7 @@ class Host:
         self._library.fracgyro_init(self._state)
 
     def step(self, position: Sequence[float], velocity: Sequence[float]) -> int:
-        """The status; `force` has the force."""
+        """Runs one step and returns the status; `force` is the force."""
         self._motion[:] = (*position, *velocity)
         return int(self._library.fracgyro_step(self._state, self._motion, self._force))
 
@@ -57,7 +58,7 @@ class Host:
 
     @property
     def report(self) -> dict[str, list[float]]:
-        """By the members of fracgyro_report."""
+        """Reports by the members of fracgyro_report."""
         room = (self._number * sum(self._reported.values()))()
         self._library.fracgyro_read_report(self._state, room)
         numbers = iter(room)
@@ -69,7 +70,7 @@ class Host:
         return ctypes.string_at(_aligned(room), self._saved)
 
     def restore(self, saved: bytes) -> int:
-        """The status."""
+        """Restores a saved state; returns the status."""
         room = (ctypes.c_uint64 * (self._saved // 8 + 16))()
         ctypes.memmove(_aligned(room), saved, self._saved)
         return int(self._library.fracgyro_restore(self._state, _aligned(room)))
@@ -86,14 +87,14 @@ def _aligned(room: ctypes.Array[ctypes.c_uint64]) -> ctypes.c_void_p:
 
 
 def plant_of(scenario: Scenario) -> list[list[float]]:
-    """Rows x, y and their rates at the next sample; columns the same at this one, and force x, y. Eq. (9), exact."""
+    """Exact step of eq. (9): rows x, y and their rates at the next sample; columns the same now, and force x, y."""
     return [list(map(float, row)) for row in _core.plant_map(core_setup(scenario))]
 
 
 def closed_loop(scenario: Scenario, host: Host) -> Iterator[tuple[float, float, float, float]]:
-    """The motion at every sample, of a plant in double under a controller in whatever it computes with.
+    """Motion at every sample: a plant in double under the exported controller.
 
-    Raises ValueError when the firmware reports anything but success.
+    Raises ValueError if the firmware reports a fault.
     """
     plant, samples = plant_of(scenario), scenario.run.steps + 1
     noise = _core.disturbance(core_setup(scenario), 0, samples).tolist()
@@ -109,7 +110,7 @@ def closed_loop(scenario: Scenario, host: Host) -> Iterator[tuple[float, float, 
 
 
 def rmse(scenario: Scenario, host: Host, start: float = 0.0) -> NDArray[np.float64]:
-    """Of x and y in that loop, from `start` on."""
+    """RMS error of x and y in the closed loop, from `start` on: (2,)."""
     position = np.array(list(closed_loop(scenario, host)))[:, :2]
     t = scenario.run.step * np.arange(len(position))
     r = scenario.reference
@@ -119,9 +120,9 @@ def rmse(scenario: Scenario, host: Host, start: float = 0.0) -> NDArray[np.float
 
 
 def answers(scenario: Scenario, motion: NDArray[np.floating], folder: Path) -> NDArray[np.float32]:
-    """Status, force and report of each step in float, by firmware that is exported to `folder` and compiled here.
+    """Status, force and report of each step in float, from firmware exported to `folder` and compiled here.
 
-    motion: shape (samples, 4), x, y and their rates, nondimensional.
+    `motion`: shape (samples, 4), x, y and their rates, nondimensional.
     """
     firmware(scenario, folder, "float", unbounded=True)
     host, rows = Host(folder, "float"), []

@@ -1,6 +1,6 @@
-"""The live page (integrations/web/live): the module, its data and its scripts in one file that loads nothing.
+"""The live page (integrations/web/live): module, data and scripts in one self-contained file.
 
-`python -m fracgyro.export.live DIR` is `make web`: the module into DIR, the page into DIR/live.
+`make web` runs `python -m fracgyro.export.live DIR`: the module goes into DIR, the page into DIR/live.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from .compilers import SOURCES
 from .web import BESIDES, build, document, module_data
 
 FACE = SOURCES / "integrations/web"
-OF_LAWS = ("controller", "adaptation", "datasheet")  # tables that a law brings with it
+OF_LAWS = ("controller", "adaptation", "datasheet")  # tables that belong to a controller
 
-# The rate is there to be moved: estimators that can take it for constant do not.
+# The page changes the rate, so estimators must not assume that it is constant.
 FOLLOWING = {"adaptation.rate_forgetting": 0.5}
 
 
 def laws() -> dict[str, tuple[str, Scenario]]:
-    """What a run can be controlled by: a label and a scenario. The paper's in its readings, then every other kind."""
+    """Controllers of the page, each with a label and a scenario: the paper's variants, then every other kind."""
     paper = Scenario.paper()
     found = {
         "printed": ("the paper, as printed", Scenario.paper("printed")),
@@ -43,7 +43,7 @@ def laws() -> dict[str, tuple[str, Scenario]]:
     return found
 
 
-# What is the same for both runs, and not one setting: a label and changes of the scenario.
+# Choices that apply to both runs: a label and changes of the scenario.
 RATES: dict[str, tuple[str, dict[str, Any]]] = {
     "constant": ("set by the slider", {}),
     "sine": ("a sine about it", {"rate.kind": "sine", "rate.amplitude": 50.0, "rate.frequency": 300.0}),
@@ -58,7 +58,7 @@ SENSORS: dict[str, tuple[str, dict[str, Any]]] = {
 
 
 def page_data() -> dict[str, Any]:
-    """What the page knows besides the module: every law, device and default as the settings that they come to."""
+    """Data of the page: settings of every controller, device and default."""
     base, all_laws = document(Scenario.paper()), laws()
 
     def settings(scenario: Scenario, tables: Sequence[str]) -> dict[str, Any]:
@@ -101,7 +101,7 @@ def page_data() -> dict[str, Any]:
 
 
 def write_page(folder: Path, wasm: Path) -> None:
-    """Leaves index.html in the folder: with the compiled module, complete."""
+    """Writes index.html, with the compiled module, into the folder."""
     source = FACE / "live"
     contents = {
         "live.css": (source / "live.css").read_text(encoding="utf-8"),
@@ -126,7 +126,7 @@ DECLARED = re.compile(r"^(?:async )?(?:const|let|class|function\*?) (\w+)", re.M
 
 
 def bundled(script: Path) -> str:
-    """The script after the modules that it imports, as one script. Raises ValueError where two declare one name."""
+    """The script and its imported modules as one script. Raises ValueError if two declare the same name."""
     parts: dict[Path, str] = {}
 
     def add(path: Path) -> None:
@@ -135,15 +135,15 @@ def bundled(script: Path) -> str:
         for folder, name in IMPORT.findall(text):
             if (imported := (path.parent / folder / name).resolve()) not in parts:
                 add(imported)
-        del parts[path]  # so that it comes after them
+        del parts[path]  # moves it after its imports
         parts[path] = re.sub(r"^export ", "", IMPORT.sub("", text), flags=re.MULTILINE)
 
     add(script.resolve())
-    # A worker from a page that is a file cannot be a module.
+    # A page from a file cannot start a worker that is a module.
     whole = "\n".join(parts.values()).replace("import.meta.url", "location.href")
     names = DECLARED.findall(whole)
     if twice := {name for name in names if names.count(name) > 1}:
-        raise ValueError(f"{script.name} declares {min(twice)} twice, in modules that become one script")
+        raise ValueError(f"{script.name} declares {min(twice)} twice: names must differ in modules that are bundled")
     return whole
 
 

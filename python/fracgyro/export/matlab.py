@@ -16,11 +16,12 @@ from .host import flags
 def matlab(
     scenario: Scenario, folder: str | os.PathLike[str], number: Number = "double", *, unbounded: bool = False
 ) -> None:
-    """Writes a scenario's controller as a class for MATLAB and Octave, to be compiled there, whole or not at all.
+    """Writes a scenario's controller as a class for MATLAB and Octave, which is compiled there.
 
-    `number`: what it computes with, float or double. A folder whose name starts with + is a package: +gyro has the
-    class gyro.Fracgyro. Raises ValueError, in one sentence, when the folder cannot be written, or the controller would
-    not stay bounded and `unbounded` does not say that it need not.
+    `number`: number type, "float" or "double". `unbounded`: export even if the bound estimates may grow until the loop
+    diverges. A folder whose name starts with + is a package: +gyro has the class gyro.Fracgyro. The folder is complete
+    or absent. Raises ValueError if the folder cannot be written, or the controller may become unbounded without
+    `unbounded`.
 
     >>> from fracgyro.scenario.shipped import shipped
     >>> fg.export.matlab(shipped("hardware"), "matlab")

@@ -1,4 +1,4 @@
-"""A fractional operator or PID, sample by sample, as one file of C99 and its header, for a microcontroller."""
+"""Export of a sampled fractional operator or PID as one C99 file and its header, for a microcontroller."""
 
 from __future__ import annotations
 
@@ -29,25 +29,24 @@ def operator(
     name: str = "operator",
     meaning: str = "",
 ) -> None:
-    """Writes a sampled operator as NAME.c and NAME.h in `folder`, whole or not at all: C99 without heap and libm.
+    """Writes a sampled operator as NAME.c and NAME.h into `folder`: C99 without heap and libm.
 
-    sampled: from `fg.fractional.pid` or `ExponentialSum.sampled`. number: what it computes with, float or double; the
-    bits are those of `Sampled.run` on such numbers, where the compiler does not contract products and sums. meaning:
-    what the comment in the header calls it. Raises ValueError, in one sentence, for a name that C does not allow, and
-    when the folder cannot be written.
+    `sampled`: from `fg.fractional.pid` or `ExponentialSum.sampled`. `number`: number type, "float" or "double"; without
+    contraction of products and sums the bits equal those of `Sampled.run`. `meaning`: description in the header's
+    comment. The folder is complete or absent. Raises TypeError if `sampled` is not Sampled, ValueError for an invalid
+    name or number type, a weight that exceeds the number type, and a folder that cannot be written.
 
     >>> half = fg.fractional.design(0.5, shortest=1e-3, longest=10.0, tolerance=1e-6).sampled(1e-3, derivative=True)
     >>> fg.export.operator(half, "half", name="half_derivative", meaning="Caputo derivative of order 0.5")
     """
     if not isinstance(sampled, Sampled):
-        raise TypeError(f"sampled is {short(sampled)}: it must be Sampled, as fg.fractional.pid returns it")
+        raise TypeError(f"sampled is {short(sampled)}: it must be Sampled, for example from fg.fractional.pid")
     if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z]\w{0,30}", name, re.ASCII):
         raise ValueError(
-            f"name is {short(name)}: it must be a letter and then at most 30 letters, digits and underscores, as it "
-            "begins the names of functions in C"
+            f"name is {short(name)}: it must be a letter followed by at most 30 letters, digits and underscores"
         )
     if name.lower() in STANDARD_HEADERS:
-        raise ValueError(f"name is {name!r}: it must not be that of a header of C's library")
+        raise ValueError(f"name is {name!r}: it must not be the name of a standard C header")
     if number not in SUFFIX:
         raise ValueError(f"number is {short(number)}: it must be float or double")
     _check_range(sampled, number)
@@ -57,14 +56,14 @@ def operator(
 
 
 def _check_range(sampled: Sampled, number: Number) -> None:
-    """Raises ValueError where the number type cannot hold the weights; one that does not matter may vanish."""
+    """Raises ValueError if a weight exceeds the number type; a negligible weight may underflow."""
     gains = [sampled.now, sampled.past, sampled.change, sampled.past_change]
     weights = np.concatenate([gains, sampled.of_values[:, 1], sampled.of_changes[:, 1]])
     with np.errstate(over="ignore", under="ignore"):
         held = weights.astype(_dtype(number))
     wrong = ~np.isfinite(held) | ((held == 0) & (abs(weights) > 1e-9 * abs(weights).max()))
     if wrong.any():
-        raise ValueError(f"a weight of the operator is {weights[wrong][0]:.3g}, which {number} cannot hold: scale it")
+        raise ValueError(f"a weight of the operator is {weights[wrong][0]:.3g}: it must fit {number}; scale the gains")
 
 
 def _header(sampled: Sampled, number: Number, name: str, meaning: str) -> str:
@@ -74,8 +73,8 @@ def _header(sampled: Sampled, number: Number, name: str, meaning: str) -> str:
 /* {_comment(meaning or "A linear system")}.
 
    Made by `fracgyro export operator` of fracgyro {version("fracgyro")}, for one sample every {sampled.interval:.9g}.
-   The signal is taken to be 0 up to one interval before the first sample.
-   A sample that is not finite stays in the state until {name}_reset. */
+   The signal is assumed to be 0 up to one interval before the first sample.
+   A sample that is not finite remains in the state until {name}_reset. */
 #ifndef {guard}
 #define {guard}
 
@@ -89,10 +88,10 @@ typedef struct {{
     {number} past, past_change;
 }} {name}_state;
 
-/* Forgets all samples. Call it before the first step. */
+/* Resets the state. Call it before the first step. */
 void {name}_reset({name}_state* state);
 
-/* The output at the next sample. */
+/* Returns the output at the next sample. */
 {number} {name}_step({name}_state* state, {number} sample);
 
 #ifdef __cplusplus
@@ -109,12 +108,12 @@ def _source(sampled: Sampled, number: Number, name: str) -> str:
     numbers = (sampled.now, sampled.past, sampled.change, sampled.past_change, trace)
     gains = [_literal(value, number) for value in numbers]
     counts = f"{len(sampled.of_values)}, {len(sampled.of_changes)}"
-    pairs = terms.tolist() or [(0.0, 0.0)]  # C has no array of 0
+    pairs = terms.tolist() or [(0.0, 0.0)]  # C has no empty array
     rows = [f"    {{{_literal(decay, number)}, {_literal(weight, number)}}},\n" for decay, weight in pairs]
     step = (SOURCES / "include/fracgyro/core/sampled_step.h").read_text(encoding="utf-8")
     return f"""\
 /* Compile without contraction of products and sums (-ffp-contract=off, or -std=c99 with gcc) for the same bits on every
-   processor. With contraction it is as accurate, and faster where there is an instruction for it. */
+   processor. With contraction it is equally accurate, and faster on processors with fused multiply-add. */
 #include "{name}.h"
 
 typedef {number} fracgyro_number;
@@ -146,11 +145,11 @@ def _dtype(number: Number) -> type[np.floating]:
 
 
 def _literal(value: float, number: Number) -> str:
-    """In hexadecimal, which C99 has: not a digit is lost. There is one 0, without a sign."""
+    """Exact hexadecimal literal of C99; zero without a sign."""
     digits, exponent = float(_dtype(number)(value) + 0.0).hex().split("p")
     return f"{digits.rstrip('0').rstrip('.')}p{exponent}{SUFFIX[number]}"
 
 
 def _comment(words: str) -> str:
-    """On one line, and without what would end a comment in C."""
+    """Text for a C comment: one line, without the end marker."""
     return " ".join(words.replace("*/", "* /").split())

@@ -1,4 +1,4 @@
-"""A recorded run, answered again by the controller on another target, and compared bit by bit: page one of `replay`."""
+"""Entry point of `replay`: runs a recorded motion through the controller on a target and compares bits."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from ..extras import require
 from ..files import check_regular, reason
 from ..scenario import Scenario
-from .targets import MOTION, AnyNumber, Target, answer_columns, answered, answers
+from .targets import MOTION, AnyNumber, answer_columns, answered, answers, expected
 
 
 @dataclass(frozen=True)
 class Difference:
-    """The first bit that differs: at which step, of which variable, and the number there in hexadecimal."""
+    """First difference: step, variable, and both numbers in hexadecimal."""
 
     step: int
     variable: str
@@ -28,31 +28,31 @@ class Difference:
 
 @dataclass(frozen=True)
 class Replay:
-    """What `target` answered; `hash` is SHA-256 over the bits of all forces and estimates."""
+    """Result of a replay on `target`; `hash` is the SHA-256 of the bits of all forces and estimates."""
 
-    target: Target
+    target: str
     number: AnyNumber
     steps: int
     hash: str
-    difference: Difference | None  #: None: every bit is the same
+    difference: Difference | None  #: None: all bits are equal
 
 
 @dataclass(frozen=True)
 class Trace:
-    """A run as recorded: the motion as the controller had it, (steps, 4), and the answers, (steps, answer_columns)."""
+    """A recorded run: the measured motion, (steps, 4), and the controller's outputs, (steps, answer_columns)."""
 
     scenario: Scenario
     motion: NDArray[np.float64]
     answers: NDArray[np.float64]
 
 
-def replay(path: str | os.PathLike[str], target: Target, number: AnyNumber = "double") -> Replay:
+def replay(path: str | os.PathLike[str], target: str, number: AnyNumber = "double") -> Replay:
     """Hands the motion recorded in `path` (by `fracgyro simulate --out`) to the controller on the target.
 
-    `target`: host, m4f, m7, octave, wasm, fmu, lanes, or fpga, which has float and fixed only. In double its answers
-    are compared to those recorded; in float, to those of the Python Controller in single precision; in fixed, to those
-    of the core with such numbers on this computer. Raises ValueError, in one sentence, when the file is not such a
-    record or a program is missing.
+    `target`: host, m4f, m7, octave, wasm, fmu, lanes, or one that another package registers, as fpga, which has float
+    and fixed only. In double its answers are compared to those recorded; in float, to those of the Python Controller in
+    single precision; in fixed, to those of the core with such numbers on this computer. Raises ValueError, in one
+    sentence, when the file is not such a record or a program is missing.
 
     >>> run = fg.simulate(fg.Scenario.paper().replace({"run.duration": 1.0}))
     >>> run.to_netcdf("run.nc", engine="h5netcdf")
@@ -61,14 +61,13 @@ def replay(path: str | os.PathLike[str], target: Target, number: AnyNumber = "do
     """
     trace = load(path)
     found = answers(target, trace.scenario, number, trace.motion)
-    against: Target = "desk" if number == "fixed" else "python"
-    expected = trace.answers if number == "double" else answers(against, trace.scenario, number, trace.motion)
-    difference = first_difference(found, expected, answer_columns(trace.scenario))
+    right = trace.answers if number == "double" else expected(target, trace.scenario, number, trace.motion)
+    difference = first_difference(found, right, answer_columns(trace.scenario))
     return Replay(target, number, len(found), parity_hash(trace.scenario, found), difference)
 
 
 def load(path: str | os.PathLike[str]) -> Trace:
-    """Raises ValueError, in one sentence, when it is not every step of one nondimensional run."""
+    """Reads a trace. Raises ValueError unless it has every step of one nondimensional run."""
     require("netcdf", "h5netcdf")
     try:
         check_regular(path)
@@ -77,7 +76,7 @@ def load(path: str | os.PathLike[str]) -> Trace:
     try:
         with xr.open_dataset(path, engine="h5netcdf") as run:
             run.load()
-    except Exception:  # of any kind: of what a file has that is not NetCDF, or damaged
+    except Exception:  # a file that is not NetCDF or damaged may raise anything
         raise ValueError(f"{path} is not a recorded run: it is not NetCDF, or damaged") from None
     scenario = Scenario.from_toml(run.attrs["scenario"]) if "scenario" in run.attrs else None
     variables = [channel.name for channel in answered(scenario)] if scenario else []
@@ -93,11 +92,11 @@ def load(path: str | os.PathLike[str]) -> Trace:
     if not np.allclose(run["time"], scenario.run.step * np.arange(run.sizes["time"]), rtol=1e-9, atol=0.0):
         raise ValueError(f"{path} lacks steps: its times must be 0, {scenario.run.step}, and so on")
 
-    measured = [f"measured_{name}" for name in MOTION]  # where the device is not ideal
+    measured = [f"measured_{name}" for name in MOTION]  # with device imperfections
     moved = measured if measured[0] in run else MOTION
     rounded = next((name for name in (*moved, *variables) if run[name].dtype != np.float64), None)
     if rounded:
-        raise ValueError(f"{path} has {rounded} as {run[rounded].dtype}: it must be float64, as it was recorded")
+        raise ValueError(f"{path} has {rounded} as {run[rounded].dtype}: it must be float64")
     steps = run.sizes["time"]
     if steps == 0:
         raise ValueError(f"{path} has no steps: it must have at least one")
@@ -106,7 +105,7 @@ def load(path: str | os.PathLike[str]) -> Trace:
         found = np.hstack([run[name].values.reshape(steps, -1) for name in names])
         if found.shape[1] != wanted:
             raise ValueError(
-                f"{path} has {found.shape[1]} numbers a step as {' and '.join(names)}: it must have {wanted}"
+                f"{path} has {found.shape[1]} numbers per step in {' and '.join(names)}: it must have {wanted}"
             )
         return found
 
@@ -114,7 +113,7 @@ def load(path: str | os.PathLike[str]) -> Trace:
 
 
 def parity_hash(scenario: Scenario, rows: NDArray[np.floating]) -> str:
-    """SHA-256 of the rows' bits, row after row; not of what was not yet reported when hashes were published."""
+    """SHA-256 of the rows' bits; excludes channels that were added after the hashes were published."""
     hashed = [not name.startswith("rate_symmetric_estimate") for name in answer_columns(scenario)]
     return hashlib.sha256(np.ascontiguousarray(rows[:, hashed]).tobytes()).hexdigest()
 
@@ -122,7 +121,7 @@ def parity_hash(scenario: Scenario, rows: NDArray[np.floating]) -> str:
 def first_difference(
     found: NDArray[np.floating], expected: NDArray[np.floating], names: list[str]
 ) -> Difference | None:
-    """Of two tables of one type, with these columns; the signs of zeros count."""
+    """First difference between two tables of the same type with these columns; the sign of zero counts."""
     unsigned = np.dtype(f"<u{expected.itemsize}")
     a, b = (np.ascontiguousarray(rows).view(unsigned) for rows in (found, expected))
     if not (differing := np.argwhere(a != b)).size:

@@ -1,7 +1,7 @@
-"""The numbers of a scenario that its faces outside Python offer: value, unit, range and meaning of each.
+"""Numbers of a scenario that integrations outside Python offer: value, unit, range and meaning of each.
 
-What they are is said by the core (kinds.numbers), under the names of the scenario, with [0], .x or .xx for parts.
-[plant] is in SI units, all else nondimensional, as in the TOML.
+They come from the core (kinds.numbers), with the names of the scenario and [0], .x or .xx for parts. [plant] is in SI
+units, everything else is nondimensional, as in the TOML.
 """
 
 from __future__ import annotations
@@ -10,19 +10,19 @@ from dataclasses import dataclass
 from typing import Any
 
 from .. import _core
-from ..scenario import Scenario, ScenarioError
+from ..scenario import Scenario, ScenarioError, to_core
 from ..scenario.device import Device, Rate
-from ..scenario.kinds import Channel, Number, numbers
+from ..scenario.kinds import DEVICE_NUMBERS, Channel, Number, numbers
 from ..scenario.schema import Plant
 from ..scenario.to_core import core_setup, datasheet, guard, is_ideal
-from .units import shown
+from .units import scale_and_unit
 
-MAX_EXACT = 2**53 - 1  # faces take their numbers as doubles
+MAX_EXACT = 2**53 - 1  # integrations use doubles
 
 
 @dataclass(frozen=True)
 class Setting:
-    """One number that a person may change. The core's, nondimensional, is value / scale."""
+    """One adjustable number. The core's nondimensional number is value / scale."""
 
     number: Number
     value: float
@@ -34,54 +34,60 @@ class Setting:
 
 
 def without_plant(scenario: Scenario) -> Scenario:
-    """For only the controller, which knows neither the rate nor the device, but which sensors there are."""
-    known = {"guard": guard(scenario), "datasheet": datasheet(scenario)}
-    device = Device(sensing=scenario.device.sensing)
-    return scenario.model_copy(update={"rate": Rate(), "device": device, **known})
+    """The scenario for the controller only: ideal plant and constant rate, with the same sensors."""
+    assumed = {"guard": guard(scenario), "datasheet": datasheet(scenario)}
+    device = Device(**{"sensing": scenario.device.sensing})
+    return scenario.model_copy(update={"rate": Rate(), "device": device, **assumed})
 
 
 def core_numbers(scenario: Scenario) -> dict[str, float]:
-    """Every number of a run as the core takes it, in its order (include/fracgyro/sim/settings.hpp)."""
+    """All numbers of a run for the core, in its order (include/fracgyro/sim/settings.hpp)."""
     if scenario.disturbance.seed > MAX_EXACT:
         raise ScenarioError(f"disturbance.seed is {scenario.disturbance.seed}: it must be below 2^53 to be exported")
     names = [number.name for number in numbers(scenario.controller.kind)]
-    return dict(zip(names, _core.setup_settings(core_setup(scenario)), strict=True))
+    return dict(zip(names, _core.setup_settings(core_setup(scenario)), strict=True))  # the designed kernel's, too
 
 
 def observer_bandwidth(scenario: Scenario) -> float:
-    """As the core takes it: 0 where the velocity is measured."""
+    """Observer bandwidth for the core: 0 if the velocity is measured."""
     return float(core_setup(scenario).observer_bandwidth)
 
 
-def device_settings(scenario: Scenario) -> list[float]:
-    """The numbers of [rate] and [device] as the core takes them; none where the one is constant, the other ideal."""
+def device_numbers(scenario: Scenario) -> dict[str, float]:
+    """The numbers of a moving rate and a real device as the core takes them; none if the device is ideal."""
     if is_ideal(scenario):
-        return []
+        return {}
     if scenario.rate.seed > MAX_EXACT:
         raise ScenarioError(f"rate.seed is {scenario.rate.seed}: it must be below 2^53 to be exported")
-    return list(_core.device_settings(core_setup(scenario)))
+    return to_core.device_numbers(scenario)
 
 
 def core_kernel(scenario: Scenario) -> tuple[list[float], list[float]]:
-    """Poles and weights of the exponentials designed for the scenario; none where it needs none."""
+    """Poles and weights of the exponentials for the scenario; empty if it needs none."""
     rates, weights = _core.setup_kernel(core_setup(scenario))
     return list(rates), list(weights)
 
 
 def offered(kind: str) -> list[Number]:
-    """The numbers of a run of this kind that do not follow from others, in the core's order."""
+    """Independent numbers of a run of this controller kind, in the core's order."""
     return [number for number in numbers(kind) if number.settable != "never"]
 
 
 def settings(scenario: Scenario) -> list[Setting]:
-    """Those of the scenario."""
+    """The settings of a scenario."""
     values = core_numbers(scenario)
     found = []
     for number in offered(scenario.controller.kind):
-        scale, _ = shown(number.unit, scenario.plant.scales, in_si(number))
+        scale, _ = scale_and_unit(number.unit, scenario.plant.scales, in_si(number))
         value = values[number.name] if scale == 1.0 else _si(scenario, number)
         found.append(Setting(number, value, scale))
     return found
+
+
+def device_settings(scenario: Scenario) -> list[Setting]:
+    """Those of a moving rate and a real device; none if the device is ideal."""
+    values = device_numbers(scenario)
+    return [Setting(n, values[n.name], 1.0) for n in DEVICE_NUMBERS if values and n.settable != "never"]
 
 
 def in_si(number: Number) -> bool:
@@ -89,23 +95,23 @@ def in_si(number: Number) -> bool:
 
 
 def unit(number: Number) -> str:
-    return shown(number.unit, Plant().scales, in_si(number))[1]
+    return scale_and_unit(number.unit, Plant().scales, in_si(number))[1]
 
 
 def meaning(number: Number) -> str:
-    """The core's words, which are nondimensional; of [plant] those of its comment in the TOML."""
+    """Description from the core, nondimensional; for [plant] from its comment in the TOML."""
     return str(Plant.model_fields[number.field].description) if number.table == "plant" else number.meaning
 
 
 def _si(scenario: Scenario, number: Number) -> float:
-    """The scenario's own number: the core's times the scale may differ from it in the last place."""
+    """The scenario's number; the core's number times the scale may differ in the last digit."""
     plant = scenario.plant
     value: Any = plant.effective_stiffness() if number.field == "stiffness" else getattr(plant, number.field)
     return float(getattr(value, number.part[1:]) if number.part else value)
 
 
 def columns(channel: Channel) -> list[str]:
-    """The names of a channel's numbers."""
+    """Column names of a channel."""
     if channel.dimension is None:
         return [channel.name]
     return [f"{channel.name}[{at}]" if isinstance(at, int) else f"{channel.name}.{at}" for at in channel.labels]

@@ -1,4 +1,4 @@
-"""A scenario's controller on every target, answering a run of measured motions."""
+"""A scenario's controller on every target: outputs for a sequence of measured motions."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ import platform
 import shutil
 import tempfile
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache, partial
+from importlib.metadata import EntryPoints, entry_points
 from pathlib import Path
 from typing import Any, Literal
 
@@ -15,59 +17,100 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scenario import Scenario
-from ..scenario.kinds import KINDS, LOOP_CHANNELS, Channel, lasting
+from ..scenario.kinds import KINDS, LOOP_CHANNELS, Channel, persistent_channels
 from ..scenario.to_core import core_setup
 from ..simulation.controller import Controller
 from .compilers import FLAGS, SOURCES, Number, compiler, include, make, need, run, system_compiler
 from .firmware import firmware
 from .fmu import System, fmu
-from .fpga import fpga
-from .fpga.arithmetic import ARITHMETICS
-from .fpga.desk import on_the_desk
 from .matlab import matlab
 from .settings import columns, core_kernel, core_numbers, observer_bandwidth
 from .web import build, web
 
-Target = Literal["python", "lanes", "host", "m4f", "m7", "octave", "wasm", "fmu", "fpga", "desk"]
-AnyNumber = Literal["float", "double", "fixed"]  # fixed: of hardware, and of what it is compared with
+AnyNumber = Literal["float", "double", "fixed"]  # fixed: only on targets that other packages register
 
 MOTION = ["position", "velocity"]
 DTYPES: dict[AnyNumber, np.dtype[np.floating]] = {
     "float": np.dtype("<f4"),
     "double": np.dtype("<f8"),
-    "fixed": np.dtype("<f8"),  # which has room for all of them
+    "fixed": np.dtype("<f8"),  # represents all fixed-point numbers exactly
 }
-FAULT = 2  # and more: what the firmware's status says of a motion that it does not take for one
+FAULT = 2  # smallest status of the firmware for a rejected motion
 
 BOARDS = {"m4f": "mps2-an386", "m7": "mps2-an500"}
 EMULATOR = ["qemu-system-arm", "-nographic", "-monitor", "none", "-serial", "none", "-semihosting"]
 OCTAVE = ["octave-cli", "--norc", "--quiet", "--eval"]
 SYSTEMS: dict[str, System] = {"Linux": "linux", "Windows": "windows", "Darwin": "macos"}
 
+Answer = Callable[[Scenario, Any, NDArray[np.floating], Path], NDArray[np.floating]]
+
+
+@dataclass(frozen=True)
+class Target:
+    """Something that a controller runs on.
+
+    `answer`: for scenario, number and motion, (steps, 4), returns rows of answer_columns; it may use an empty folder.
+    `numbers`: what it computes in. `reference`: answers in those that the Python Controller lacks, for comparison.
+    """
+
+    answer: Answer
+    numbers: tuple[AnyNumber, ...] = ("float", "double")
+    reference: Answer | None = None
+
 
 def answered(scenario: Scenario) -> list[Channel]:
-    """What a controller answers a motion with: the force, and what it reported before it."""
+    """Output channels of a controller: the force and its reports."""
     force = [channel for channel in LOOP_CHANNELS if channel.name == "control"]
-    return [*force, *lasting(core_setup(scenario))]
+    return [*force, *persistent_channels(core_setup(scenario))]
 
 
 def answer_columns(scenario: Scenario) -> list[str]:
     return [name for channel in answered(scenario) for name in columns(channel)]
 
 
-def answers(target: Target, scenario: Scenario, number: AnyNumber, motion: NDArray[np.float64]) -> NDArray[np.floating]:
+def answers(target: str, scenario: Scenario, number: AnyNumber, motion: NDArray[np.float64]) -> NDArray[np.floating]:
     """One row of answer_columns for each motion (x, y and their rates, nondimensional), from t = 0 on.
 
-    The motion is rounded to `number`, and so typed are the rows. Raises ValueError, in one sentence, when a program is
-    missing or fails, or the target takes a motion for a fault of the sensor.
+    The motion is rounded to `number`, the type of the rows. Raises ValueError if a program is missing or fails, or the
+    target rejects a motion as a sensor fault.
     """
+    chosen = target_named(target)
+    if number not in chosen.numbers:
+        others = [name for name in sorted(registered().names) if number in target_named(name).numbers]
+        choose = "add --number float" if number == "double" else f"choose the target {' or '.join(others)}"
+        raise ValueError(f"{target} computes in {' or '.join(chosen.numbers)}, not in {number}: {choose}")
+    return _rows(chosen.answer, target, scenario, number, motion)
+
+
+def expected(target: str, scenario: Scenario, number: AnyNumber, motion: NDArray[np.float64]) -> NDArray[np.floating]:
+    """The rows that `answers` has to return, by the Python Controller or, in other numbers, the target's reference."""
+    reference = TARGETS["python"].answer if number in TARGETS["python"].numbers else target_named(target).reference
+    if reference is None:
+        raise ValueError(f"{target} has nothing to be compared with in {number}")
+    return _rows(reference, f"the reference of {target}", scenario, number, motion)
+
+
+def registered() -> EntryPoints:
+    """Targets of other packages: each is an instance of Target."""
+    return entry_points(group="fracgyro.targets")
+
+
+def target_named(name: str) -> Target:
+    """Return a target of this package, or one that another package registers."""
+    if name in TARGETS:
+        return TARGETS[name]
+    found: Target = registered()[name].load()
+    return found
+
+
+def _rows(
+    answer: Answer, name: str, scenario: Scenario, number: AnyNumber, motion: NDArray[np.float64]
+) -> NDArray[np.floating]:
     dtype = DTYPES[number]
-    if number == "fixed" and target not in IN_FIXED:
-        raise ValueError(f"{target} computes in float or double, not in fixed: choose the target fpga")
-    with tempfile.TemporaryDirectory() as name:
-        rows = TARGETS[target](scenario, number, motion.astype(dtype), Path(name))
+    with tempfile.TemporaryDirectory() as folder:
+        rows = answer(scenario, number, motion.astype(dtype), Path(folder))
     if rows.shape != (len(motion), len(answer_columns(scenario))):
-        raise ValueError(f"{target} answered {len(rows)} of {len(motion)} motions")
+        raise ValueError(f"{name} answered {len(rows)} of {len(motion)} motions")
     return rows.astype(dtype, copy=False)
 
 
@@ -82,7 +125,7 @@ def _python(scenario: Scenario, number: Number, motion: NDArray[np.floating], _:
 
 @cache
 def _lanes_program(_: tuple[str, ...]) -> tempfile.TemporaryDirectory[str]:
-    """Of this compiler: for every scenario, and gone with the process."""
+    """The replay program of this compiler, used for every scenario and deleted with the process."""
     folder = tempfile.TemporaryDirectory()
     source, headers = SOURCES / "integrations/lanes/replay.cpp", include(SOURCES / "include")
     system_compiler(*FLAGS, "-O2", "-march=native", *headers, source, "-o", Path(folder.name) / "replay")
@@ -90,7 +133,7 @@ def _lanes_program(_: tuple[str, ...]) -> tempfile.TemporaryDirectory[str]:
 
 
 def _lanes(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
-    """In the widest registers that this processor has."""
+    """Outputs of the lanes, in the widest registers of this processor."""
     program = Path(_lanes_program(tuple(compiler())).name) / "replay"
     poles, weights = core_kernel(scenario)
     numbers, observer = list(core_numbers(scenario).values()), [observer_bandwidth(scenario)]
@@ -108,7 +151,7 @@ def _firmware(
     motion: NDArray[np.floating],
     folder: Path,
 ) -> NDArray[np.floating]:
-    """As exported, compiled by the exported Makefile; on an emulated board where it is not this computer."""
+    """Outputs of exported firmware, compiled by its Makefile; on an emulated board unless the target is host."""
     exported, image = folder / "firmware", f"build/{target}/replay"
     choice = []
     if target == "host":
@@ -121,27 +164,27 @@ def _firmware(
     motion.tofile(exported / "motion")
     make(exported, image, *choice)
     run(command, exported)
-    return _without_status(target, scenario, np.fromfile(exported / "answer", DTYPES[number]).reshape(len(motion), -1))
+    return without_status(target, scenario, np.fromfile(exported / "answer", DTYPES[number]).reshape(len(motion), -1))
 
 
 def _octave(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
-    """The class for MATLAB, as exported and compiled by its build.m."""
+    """Outputs of the exported MATLAB class in Octave, compiled by its build.m."""
     need("octave-cli", "mkoctfile")
     exported = folder / "matlab"
     matlab(scenario, exported, number, unbounded=True)
     motion.tofile(exported / "motion")
     run([*OCTAVE, "build(); replay(Fracgyro())"], exported)
     rows = np.fromfile(exported / "answer", DTYPES[number]).reshape(len(motion), -1)
-    return _without_status("octave", scenario, rows)
+    return without_status("octave", scenario, rows)
 
 
-def _without_status(target: Target, scenario: Scenario, rows: NDArray[np.floating]) -> NDArray[np.floating]:
+def without_status(target: str, scenario: Scenario, rows: NDArray[np.floating]) -> NDArray[np.floating]:
     """Force and report of rows that begin with the firmware's status. Raises ValueError where that is a fault."""
     for n, status in enumerate(rows[:, 0].tolist()):
         if status >= FAULT:
-            fault = f"takes the motion at step {n} for a fault of the sensor: status {status:.0f}"
-            raise ValueError(f"{target} {fault}; replay compares motions without faults")
-    return rows[:, 1 : 1 + len(answer_columns(scenario))]  # C has no empty report
+            fault = f"rejects the motion at step {n} as a sensor fault, status {status:.0f}"
+            raise ValueError(f"{target} {fault}: the trace must not have faults")
+    return rows[:, 1 : 1 + len(answer_columns(scenario))]  # a C report is never empty
 
 
 def _wasm(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
@@ -154,12 +197,12 @@ def _wasm(scenario: Scenario, number: Number, motion: NDArray[np.floating], fold
     return np.fromfile(folder / "answer").reshape(len(motion), -1)
 
 
-# FMPy calls the logger of whichever instance was made last, even if that is gone: none may go.
+# FMPy calls the logger of the instance created last, even after its deletion: keep all loggers alive.
 LOGGERS: list[Any] = []
 
 
 def _fmu(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
-    """Only the controller, as FMPy imports it."""
+    """Outputs of the controller FMU, imported by FMPy."""
     path = folder / "replay.fmu"
     system = SYSTEMS[platform.system()]
     fmu(scenario, path, content="controller", systems=[system], number=number, unbounded=True)
@@ -187,36 +230,13 @@ def _fmu(scenario: Scenario, number: Number, motion: NDArray[np.floating], folde
     return np.array(rows)
 
 
-def _fpga(scenario: Scenario, number: AnyNumber, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
-    """As exported, simulated by Verilator."""
-    if number == "double":
-        raise ValueError("fpga computes in float or fixed, not in double: add --number float")
-    need("verilator")
-    exported, program, arithmetic = folder / "fpga", "build/controller", ARITHMETICS[number]
-    fpga(scenario, exported, number, unbounded=True)
-    arithmetic.words(motion).tofile(exported / "motion")
-    make(exported, program)
-    run([str(exported / program)], exported)
-    rows = np.fromfile(exported / "answer", arithmetic.rows).reshape(len(motion), -1)
-    return _without_status("fpga", scenario, arithmetic.numbers(rows))
-
-
-def _desk(scenario: Scenario, number: AnyNumber, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
-    """What hardware with a fixed point has to answer, by the core on this computer."""
-    return _without_status("desk", scenario, on_the_desk(scenario, motion, folder))
-
-
-IN_FIXED = ("fpga", "desk")
-Run = Callable[[Scenario, Any, NDArray[np.floating], Path], NDArray[np.floating]]
-TARGETS: dict[Target, Run] = {
-    "python": _python,
-    "lanes": _lanes,
-    "host": partial(_firmware, "host"),
-    "m4f": partial(_firmware, "m4f"),
-    "m7": partial(_firmware, "m7"),
-    "octave": _octave,
-    "wasm": _wasm,
-    "fmu": _fmu,
-    "fpga": _fpga,
-    "desk": _desk,
+TARGETS = {
+    "python": Target(_python),
+    "lanes": Target(_lanes),
+    "host": Target(partial(_firmware, "host")),
+    "m4f": Target(partial(_firmware, "m4f")),
+    "m7": Target(partial(_firmware, "m7")),
+    "octave": Target(_octave),
+    "wasm": Target(_wasm),
+    "fmu": Target(_fmu),
 }

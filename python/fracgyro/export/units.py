@@ -1,4 +1,4 @@
-"""Units of exported quantities: nondimensional or SI, and nondimensional ones as multiples of SI units."""
+"""Units of exported quantities: nondimensional units, their SI units and scale factors."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ SI = {_name.replace(" ", "."): dict(_powers.exponents) for _powers, _name in NAM
 SI |= {ANGLE: {"rad": 1}, "rad/s": {"rad": 1, "s": -1}}
 
 
-def shown(unit: str, scales: Scales, si: bool) -> tuple[float, str]:
-    """Factor and unit in which a number in this nondimensional unit is shown."""
+def scale_and_unit(unit: str, scales: Scales, si: bool) -> tuple[float, str]:
+    """Factor and name of the displayed unit for a nondimensional unit."""
     return (scales.of(unit), si_unit(unit).replace(" ", ".")) if si else (1.0, unit)
 
 
 def base_unit(unit: str, plant: Plant) -> dict[str, float] | None:
-    """FMI's BaseUnit: exponents of SI's base units, and a factor; None for a power that is not an integer."""
+    """FMI's BaseUnit: exponents of SI base units and a factor; None for a non-integer exponent."""
     if unit in SI:
         return dict(SI[unit])
     found = powers(unit)

@@ -1,8 +1,8 @@
 """Scenarios for the WebAssembly module (integrations/web), as JSON.
 
-Two kinds of file, both read by integrations/web/fracgyro.mjs and typed in fracgyro.d.ts. `export` writes one scenario,
-whose run equals `fracgyro.simulate` to the bit. `write_module_data` writes what goes with the module: the paper's two
-scenarios, and what each setting means and may be. `build` makes the module; live.py makes the page that shows it.
+There are two kinds of files, both read by integrations/web/fracgyro.mjs and typed in fracgyro.d.ts. `web` writes one
+scenario, whose run equals `fracgyro.simulate` to the bit. `write_module_data` writes the module's data: the paper's two
+scenarios, and meaning and range of each setting. `build` compiles the module; live.py builds the live page.
 """
 
 from __future__ import annotations
@@ -22,13 +22,14 @@ from ..files import Replaced, whole_file
 from ..scenario import Scenario
 from ..scenario.bounded import check_bounded
 from ..scenario.device import Device
-from ..scenario.kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, Channel, Number, numbers, reports
+from ..scenario.kinds import DEVICE_CHANNELS, DEVICE_NUMBERS, KINDS, LOOP_CHANNELS, Channel, Number, numbers, reports
 from ..scenario.schema import Controller, Run
+from ..scenario.to_core import is_ideal, profiles
 from .compilers import FLAGS, SOURCES, include, zig
-from .settings import columns, device_settings, meaning, offered, settings, unit
+from .settings import columns, device_numbers, meaning, offered, settings, unit
 
 TARGET = ["-target", "wasm32-wasi"]
-# What a scenario says besides the core's numbers, as JSON Schema has it.
+# JSON Schema of the scenario's fields that are not numbers of the core.
 BESIDES: dict[str, dict[str, Any]] = {
     f"{table}.{name}": model.model_json_schema()["properties"][name]
     for table, model, names in (
@@ -42,10 +43,10 @@ SWITCH = ("false", "true")
 
 
 def web(scenario: Scenario, path: str | os.PathLike[str], *, unbounded: bool = False) -> None:
-    """Writes a scenario as JSON for the WebAssembly module, whose run of it equals `fracgyro.simulate` to the bit.
+    """Writes a scenario as JSON for the WebAssembly module; its run equals `fracgyro.simulate` to the bit.
 
-    Raises ValueError, in one sentence, when it cannot be written, or the controller would not stay bounded and
-    `unbounded` does not say that it need not.
+    `unbounded`: export even if the bound estimates may grow until the loop diverges. Raises ValueError if the file
+    cannot be written, or the controller may become unbounded without `unbounded`.
 
     >>> from fracgyro.scenario.shipped import shipped
     >>> fg.export.web(shipped("hardware"), "gyro.json")
@@ -55,33 +56,34 @@ def web(scenario: Scenario, path: str | os.PathLike[str], *, unbounded: bool = F
 
 
 def write_module_data(path: str | os.PathLike[str]) -> None:
-    """Writes what fracgyro.mjs loads with the module."""
+    """Writes the data that fracgyro.mjs loads with the module."""
     paper = {name: document(Scenario.paper(name)) for name in ("corrected", "printed")}
     _write({**module_data(), "paper": paper}, path, "its kind")
 
 
 def module_data() -> dict[str, Any]:
-    """What the module needs to know besides: what settings are called and may be, and what each kind reports."""
+    """Data of the module: names, ranges and meanings of settings, and reports of each controller kind."""
     return {
         "version": version("fracgyro"),
         "fields": _fields(),
         "loop": _columns(LOOP_CHANNELS),
         "device": _columns(DEVICE_CHANNELS),
+        "device_numbers": [number.name for number in DEVICE_NUMBERS],
         "kinds": {kind: _kind(kind) for kind in KINDS},
         "momentary": sorted({c.name for kind in KINDS for of in reports(kind) for c in of if c.momentary}),
     }
 
 
 def build(folder: Path) -> None:
-    """Leaves in the folder all that a page needs. Raises ValueError in one sentence when there is no zig, or it fails.
+    """Builds the module and all files of a page into the folder. Raises ValueError if zig is missing or fails.
 
-    Nothing is linked in, neither a C nor a C++ library: what core/ and sim/ use of C++ is in its headers.
+    No C or C++ library is linked: core/ and sim/ use only headers of the C++ library.
     """
     face, headers = SOURCES / "integrations/web", include(SOURCES / "include")
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as scratch:
         compiled = Path(scratch) / "web.o"
-        # 128-bit vectors are in every browser since 2023.
+        # Every browser since 2023 has 128-bit vectors.
         small = ["-Os", "-Xclang", "-fmerge-functions"]
         zig("c++", *TARGET, *FLAGS, *small, "-msimd128", *headers, "-c", face / "web.cpp", "-o", compiled)
         link = ["-nostdlib", "-s", "-Wl,--no-entry", "-Wl,--export-dynamic"]
@@ -93,7 +95,7 @@ def build(folder: Path) -> None:
 
 
 def settings_types() -> str:
-    """TypeScript's types of the settings: of those of every kind, and of those of kinds that have the same."""
+    """TypeScript types of the settings: one for all kinds, and one for each group of kinds with the same settings."""
     groups: dict[tuple[str, ...], list[str]] = {}
     for kind in KINDS:
         groups.setdefault(tuple(number.name for number in offered(kind)), []).append(kind)
@@ -101,7 +103,7 @@ def settings_types() -> str:
     typed = {name: _union(schema["enum"]) if "enum" in schema else "number" for name, schema in BESIDES.items()}
     typed |= {number.name: _type(number) for kind in KINDS for number in offered(kind)}
     shared = {name: said for name, said in typed.items() if name in of_all or name in BESIDES}
-    blocks = ["/** Of every kind of controller. */", *_interface("CommonSettings", shared)]
+    blocks = ["/** Settings of every controller kind. */", *_interface("CommonSettings", shared)]
     names = []
     for group, kinds in groups.items():
         names.append("".join(map(str.capitalize, kinds[0].split("_"))) + "Settings")
@@ -125,21 +127,28 @@ def _union(words: Sequence[str]) -> str:
 
 
 def document(scenario: Scenario) -> dict[str, Any]:
-    """As fracgyro.mjs takes it."""
+    """A scenario in the JSON format of fracgyro.mjs."""
     said: dict[str, Any] = {name: attrgetter(name)(scenario) for name in BESIDES}
     said["controller.kind"] = scenario.controller.kind
     found = settings(scenario)
     for setting in found:
         value, choices = setting.value, _choices(setting.number)
-        # JSON has no infinity: null is none.
+        # JSON has no infinity: null means no limit.
         said[setting.name] = choices[int(value)] if choices else value if math.isfinite(value) else None
     scales = {setting.name: setting.scale for setting in found if setting.scale != 1.0}
-    device = [number if math.isfinite(number) else None for number in device_settings(scenario)]
-    return {"settings": said, "scales": scales, **({"device": device} if device else {})}
+    return {"settings": said, "scales": scales, **({} if is_ideal(scenario) else {"device": _device(scenario)})}
+
+
+def _device(scenario: Scenario) -> dict[str, Any]:
+    """Numbers of a moving rate and a real device by name, and the points of the rate and the temperature."""
+    rate, temperature = profiles(scenario)
+    # JSON has no infinity: null is none.
+    named = {name: value if math.isfinite(value) else None for name, value in device_numbers(scenario).items()}
+    return {"numbers": named, "rate": rate, "temperature": temperature}
 
 
 def _fields() -> dict[str, Any]:
-    """What every setting of any kind means and may be."""
+    """Meaning and range of every setting of all kinds."""
     found: dict[str, Any] = {name: _besides(schema) for name, schema in BESIDES.items()}
     kind = type(Scenario().controller).model_fields["kind"]
     found["controller.kind"] = {"description": kind.description, "choices": KINDS, "fixed": True}
@@ -162,8 +171,7 @@ def _besides(schema: dict[str, Any]) -> dict[str, Any]:
 
 
 def _kind(kind: str) -> dict[str, Any]:
-    """Its numbers in the core's order, by name or, where they follow from others, as they are; what each of its types
-    reports."""
+    """Numbers of a controller kind in the core's order, by name or, if fixed, by value; and reports of its types."""
     given = {number.name for number in offered(kind)} | {"run.steps"}
     listed = [number.name if number.name in given else number.default for number in numbers(kind)]
     return {"numbers": listed, "reported": [_columns(channels) for channels in reports(kind)]}
@@ -178,7 +186,7 @@ def _choices(number: Number) -> list[str | bool]:
 
 
 def _limits(number: Number) -> dict[str, Any]:
-    """As JSON Schema words them."""
+    """Limits of a number in JSON Schema."""
     words = ("exclusiveMinimum", "exclusiveMaximum") if number.strict else ("minimum", "maximum")
     limits = zip(words, (number.low, number.high), strict=True)
     return {word: limit for word, limit in limits if math.isfinite(limit)}

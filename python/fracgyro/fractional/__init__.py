@@ -1,4 +1,4 @@
-"""Fractional operators: in fixed memory as in the controller, and the full-history references that check them."""
+"""Fractional operators: in fixed memory as in the controller, and full-history references to check them."""
 
 from ..extras import public
 

@@ -1,4 +1,4 @@
-"""Reference fractional operators over a whole record, O(n log n), for checking the O(1)-memory ones.
+"""Reference fractional operators over a whole record, O(n log n), to check the O(1)-memory ones.
 
 Everything is nondimensional.  A record holds one sample per row, at times t_k = k step; its operators
 start from t = 0 (lower terminal 0).  With nu = 1 - order,
@@ -31,11 +31,11 @@ def hermite(values: npt.ArrayLike, rates: npt.ArrayLike, step: float, order: flo
     step: sampling step, > 0. order: order of the derivative, in [0, 1].
 
     Returns (integral, caputo), each of the shape of `values`; integral is I^(1-order) = D^(order-1) of the signal. At
-    order 1 they are (values, rates). At order 0 the integral is the running integral from 0 and caputo is `values`, for
+    order 1 they are (values, rates). At order 0 the integral is the running integral from 0 and caputo is `values`, as
     eq. (7) of the paper defines D^0 f = f; the limit order -> 0+ is different: values - values[0].
 
     The error is that of the interpolant, O(step^3) or better for smooth signals (about step^(4-order)), plus rounding
-    of some 1e-15 relative to the greatest result. Raises ValueError for mismatched or empty arrays, non-finite samples,
+    of about 1e-15 relative to the largest result. Raises ValueError for mismatched or empty arrays, non-finite samples,
     step <= 0 or order outside [0, 1].
 
     >>> t = np.linspace(0.0, 1.0, 1001)
@@ -100,7 +100,7 @@ def grunwald_letnikov(values: npt.ArrayLike, step: float, order: float) -> Array
     _check_step(step)
     if not -1.0 <= order <= 1.0:
         raise ValueError(f"order must lie in [-1, 1], got {order}")
-    # The orders with a finite or constant window, without an FFT's rounding.
+    # Orders with a finite or constant window, computed without the rounding of an FFT.
     if order == 0.0:
         return values.copy()
     if order == 1.0:
@@ -108,7 +108,7 @@ def grunwald_letnikov(values: npt.ArrayLike, step: float, order: float) -> Array
         return difference / step
     if order == -1.0:
         return np.cumsum(values, axis=0) * step
-    # (-1)^k binom(order, k) by its ratio of neighbours, 1 - (order + 1)/k.
+    # (-1)^k binom(order, k) from the ratio of neighboring terms, 1 - (order + 1)/k.
     factors = 1.0 - (order + 1.0) / np.arange(1, len(values))
     coefficients = np.concatenate([[1.0], np.cumprod(factors)])
     return _causal_sum([(coefficients, values)]) * math.pow(step, -order)
@@ -117,9 +117,9 @@ def grunwald_letnikov(values: npt.ArrayLike, step: float, order: float) -> Array
 class _Moments:
     """Call (i, j) for the integrals over x in [0, 1] of (m + x)^power x^i (1-x)^j, m = 0 .. count-1.
 
-    m = 0, where the kernel is singular, in closed form (a beta function); the others by Gauss-Legendre: the
-    integrand is analytic but at x = -m, so 16 points err by (3 + sqrt 8)^-32 = 3e-25, and, all terms being
-    positive, nothing cancels for large m (where differences of powers would).
+    m = 0, where the kernel is singular, uses the closed form, a beta function; the others use Gauss-Legendre: the
+    integrand is analytic except at x = -m, so 16 points have an error of (3 + sqrt 8)^-32 = 3e-25. All terms are
+    positive, so there is no cancellation for large m, unlike with differences of powers.
     """
 
     def __init__(self, power: float, count: int) -> None:
@@ -135,7 +135,7 @@ class _Moments:
 
 
 def _history(terms: Sequence[tuple[Array, Array]], shape: tuple[int, ...]) -> Array:
-    """Sum over the intervals before each sample; nothing lies before the first sample."""
+    """Sum over the intervals before each sample; zero at the first sample."""
     result = np.zeros(shape)
     if shape[0] > 1:
         result[1:] = _causal_sum(terms)
@@ -145,7 +145,7 @@ def _history(terms: Sequence[tuple[Array, Array]], shape: tuple[int, ...]) -> Ar
 def _causal_sum(terms: Sequence[tuple[Array, Array]]) -> Array:
     """Sum over the terms of sum_m kernel[m] data[n - m]; kernel (n,), data (n,) or (n, channels).
 
-    The terms are added as spectra (zero-padded against wrap-around), so that one inverse FFT serves them all.
+    The terms are added as spectra (zero-padded against wrap-around), so that one inverse FFT is enough.
     """
     count = len(terms[0][1])
     length = 1 << (2 * count - 1).bit_length()

@@ -1,8 +1,8 @@
-"""The fractional kernel as a sum of exponentials: the constants behind an O(1)-memory fractional operator.
+"""The fractional kernel as a sum of exponentials, for an O(1)-memory fractional operator.
 
 The kernel of I^(1-order) and of the Caputo derivative D^order, 0 < order < 1 (paper, eq. (7)), is
-t^(-order) / Gamma(1 - order). `design` replaces it on [shortest, longest] by sum_j weights[j] exp(-poles[j] t), as
-include/fracgyro/core/kernel_design.hpp explains: the same arguments give the same bits on every processor.
+t^(-order) / Gamma(1 - order). `design` approximates it on [shortest, longest] by sum_j weights[j] exp(-poles[j] t), as
+in include/fracgyro/core/kernel_design.hpp; the same arguments give the same bits on every processor.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from ..arguments import real
 from .sampled import Between, Sampled, has_parabolas
 
 Vector = npt.NDArray[np.float64]
-GRID = 1e-4  # of the logarithm of frequency, where errors are bounded
-MIN_RANGE = 10.0  # the exponentials cover at least this many steps, however short the run
+GRID = 1e-4  # spacing of the logarithm of frequency for error bounds
+MIN_RANGE = 10.0  # shortest range of the exponentials, in steps
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,13 +35,13 @@ class ExponentialSum:
     True
     """
 
-    order: float  #: as asked for, as are the next three
-    shortest: float  #: times in one unit of the caller's choice
+    order: float  #: as requested, like the next three
+    shortest: float  #: times, in any common unit
     longest: float
     tolerance: float
     poles: Vector  #: shape (count,), ascending, unit 1/time, all positive
     weights: Vector  #: shape (count,), unit time^(-order), all positive
-    error: float  #: proven bound of the relative error over all of [shortest, longest]; at most the tolerance
+    error: float  #: proven bound of the relative error on [shortest, longest]; at most the tolerance
 
     @property
     def count(self) -> int:
@@ -50,14 +50,14 @@ class ExponentialSum:
 
     @property
     def direct(self) -> float:
-        """What the exponentials lack of the kernel below `shortest`: a factor of the signal, time^(1-order)."""
+        """Weight of the signal itself, for the part of the kernel below `shortest`; unit time^(1-order)."""
         kernel = math.pow(self.shortest, 1.0 - self.order) / math.gamma(2.0 - self.order)
         return kernel + float(np.sum(self.weights * np.expm1(-self.poles * self.shortest) / self.poles))
 
     def frequency_response(self, frequency: npt.ArrayLike) -> npt.NDArray[np.complex128]:
-        """Of the fractional integral I^(1-order): of s^(order-1) at s = j frequency, in rad per unit of time.
+        """Frequency response of the fractional integral I^(1-order), ideally s^(order-1) at s = j frequency.
 
-        The shape is that of `frequency`. `frequency_error` bounds the difference.
+        `frequency`: rad per unit of time, any shape; the result has the same shape. `frequency_error` bounds the error.
 
         >>> kernel = fg.fractional.design(order=0.9, shortest=1e-5, longest=80.0, tolerance=1e-6)
         >>> bool(abs(kernel.frequency_response(10.0) / 10j**-0.1 - 1) < 2e-5)
@@ -68,11 +68,11 @@ class ExponentialSum:
         return found
 
     def frequency_error(self, lowest: float, highest: float) -> float:
-        """Bound of the relative error of `frequency_response` from `lowest` to `highest`, proven but for rounding.
+        """Bound of the relative error of `frequency_response` from `lowest` to `highest`, proven except for rounding.
 
-        The error is that of a grid, plus what it can change by between two of its points. Small errors need a range of
-        times that reaches from well below 1/highest to well above 1/lowest. Raises ValueError unless
-        0 < lowest <= highest < infinity.
+        It is the largest error on a grid plus a bound of the variation between grid points. Small errors require a
+        range of times from well below 1/highest to well above 1/lowest. Raises ValueError unless 0 < lowest <= highest
+        < infinity.
 
         >>> kernel = fg.fractional.design(order=0.9, shortest=1e-5, longest=80.0, tolerance=1e-6)
         >>> kernel.count, kernel.frequency_error(0.1, 316.0) < 2e-5
@@ -87,15 +87,15 @@ class ExponentialSum:
         for z in np.array_split(np.linspace(math.log(lowest), math.log(highest), points), 1 + points // 4096):
             w = np.exp(z)
             power = (1j * w) ** beta
-            # Of one exponential, f(z) = weight (jw)^beta / (jw + pole) has f' = f (beta - u) and
+            # One exponential, f(z) = weight (jw)^beta / (jw + pole), has f' = f (beta - u) and
             # f'' = f ((beta - u)^2 - u (1 - u)) with u = jw / (jw + pole), of which |u| <= 1 and |u (1 - u)| <= 1/2.
             u = 1j * w[:, None] / (1j * w[:, None] + self.poles)
             terms = power[:, None] * (1.0 - u) * (self.weights / self.poles)
             error = abs(power * self.direct + terms.sum(axis=1) - 1.0)
             slope = abs(beta * power * self.direct + (terms * (beta - u)).sum(axis=1))
-            # Half a spacing away |f| is at most exp(GRID) times as large.
-            bend = beta**2 * abs(power * self.direct) + ((1.0 + beta) ** 2 + 0.5) * abs(terms).sum(axis=1)
-            near = error + slope * GRID / 2 + bend * math.exp(GRID) * GRID**2 / 8
+            # Within half a grid spacing |f| increases by at most the factor exp(GRID).
+            curvature = beta**2 * abs(power * self.direct) + ((1.0 + beta) ** 2 + 0.5) * abs(terms).sum(axis=1)
+            near = error + slope * GRID / 2 + curvature * math.exp(GRID) * GRID**2 / 8
             worst = max(worst, float(near.max()))
         return worst
 
@@ -104,9 +104,9 @@ class ExponentialSum:
     ) -> tuple[Any, ...]:
         """The fractional integral I^(1-order) as matrices (A, B, C, D); with `step`, sampled: (A, B, C, D, step).
 
-        One state for each exponential and, sampled, one for the last sample and one for the last change.
-        python-control's `ss` and scipy's `StateSpace` take them. For the rest see `sampled`; the derivative exists
-        sampled only. Raises ValueError for a step that is not finite or below `shortest`.
+        There is one state per exponential and, if sampled, one for the last sample and one for the last change. The
+        result fits python-control's `ss` and scipy's `StateSpace`. `derivative` and `between`: as in `sampled`; the
+        derivative exists only sampled. Raises ValueError for a step that is not finite or below `shortest`.
 
         >>> kernel = fg.fractional.design(order=0.9, shortest=1e-3, longest=80.0, tolerance=1e-6)
         >>> [matrix.shape for matrix in kernel.state_space()]
@@ -123,12 +123,12 @@ class ExponentialSum:
     def sampled(self, step: float, *, derivative: bool = False, between: Between = "lines") -> Sampled:
         """The integral I^(1-order), or the derivative D^order, sample by sample.
 
-        The signal is 0 up to one step before the first sample, so that Caputo's derivative and Riemann-Liouville's are
-        the same: for Caputo's of a signal that starts elsewhere, subtract its first value. between: of a signal of
-        lines between samples, or of parabolas through this sample and the two before, the result is wrong by no more
-        than the kernel is. Parabolas are far more exact for smooth signals. After a jump or a kink, as a slope at the
-        start is one, they overshoot, and of noise the derivative of order 0.9 becomes 1.7 times as large. Raises
-        TypeError or ValueError for a step that is not a finite number or below `shortest`.
+        The signal is assumed to be 0 up to one step before the first sample, so that the Caputo and the
+        Riemann-Liouville derivative are equal; for the Caputo derivative of another signal, subtract its first value.
+        `between`: the signal between samples, lines or parabolas through this sample and the two before; for such
+        signals the error is only that of the kernel. Parabolas are far more accurate for smooth signals. They overshoot
+        after a jump or a kink, including a nonzero initial slope, and increase the noise in the derivative of order 0.9
+        by a factor of 1.7. Raises TypeError or ValueError for a step that is not a finite number or below `shortest`.
 
         >>> kernel = fg.fractional.design(order=0.5, shortest=1e-2, longest=10.0, tolerance=1e-9)
         >>> half_integral = kernel.sampled(1e-2)
@@ -148,7 +148,7 @@ class ExponentialSum:
 
 
 def design(order: float, shortest: float, longest: float, tolerance: float) -> ExponentialSum:
-    """Fewest positive exponentials (to within one) for t^(-order)/Gamma(1-order) on [shortest, longest].
+    """Minimal number (within one) of positive exponentials for t^(-order)/Gamma(1-order) on [shortest, longest].
 
     order: order of the fractional derivative, in (0, 1), dimensionless.
     shortest, longest: ends of the range of time lags, one common unit, longest/shortest in (1, 1e10].
@@ -156,7 +156,7 @@ def design(order: float, shortest: float, longest: float, tolerance: float) -> E
 
     Results are cached and deterministic. The design depends only on longest/shortest; the unit of time scales it:
     poles ~ 1/shortest, weights ~ shortest^(-order). Raises ValueError for arguments outside the ranges above
-    (ArithmeticError if none were found; no such arguments are known).
+    (ArithmeticError if the design fails; no such arguments are known).
 
     >>> kernel = fg.fractional.design(order=0.9, shortest=1e-3, longest=80.0, tolerance=1e-6)
     >>> kernel.count, kernel.error <= 1e-6
@@ -177,9 +177,9 @@ def _designed(order: float, shortest: float, longest: float, tolerance: float) -
 
 
 def check(order: float, shortest: float, longest: float, tolerance: float, *, shortest_is: str = "shortest") -> None:
-    """Raises ValueError, in one sentence, for arguments that `design` does not take.
+    """Raises ValueError for invalid arguments of `design`.
 
-    `shortest_is`: the name of the argument that `shortest` is.
+    `shortest_is`: name of the argument `shortest` in the message.
     """
     if not 0.0 < order < 1.0:
         raise ValueError(f"order must lie in (0, 1), got {order}")
@@ -196,12 +196,11 @@ def check(order: float, shortest: float, longest: float, tolerance: float, *, sh
         raise ValueError(f"tolerance must lie in {limits}, got {tolerance}")
 
 
-@lru_cache(maxsize=1024)  # a design takes milliseconds, and studies ask for few different ones
+@lru_cache(maxsize=1024)  # a design takes milliseconds, and a study needs few
 def core_kernel(order: float, step: float, duration: float, tolerance: float) -> _core.ExponentialSum:
-    """Exponentials of I^(1-order) for samples `step` apart over `duration`; none for order 0 and 1, which need none.
+    """Exponentials of I^(1-order) for samples `step` apart over `duration`; empty for orders 0 and 1.
 
-    Raises ValueError when order, step, duration or tolerance are outside what `design` allows, or the core has no
-    room for as many exponentials as they take.
+    Raises ValueError for invalid arguments of `design`, and if the core has no room for the required exponentials.
     """
     if order not in (0.0, 1.0):
         check(order, step, max(duration, MIN_RANGE * step), tolerance, shortest_is="step")
@@ -209,6 +208,6 @@ def core_kernel(order: float, step: float, duration: float, tolerance: float) ->
     if order not in (0.0, 1.0) and not found.count:
         raise ValueError(
             f"tolerance is {tolerance}: it must be larger for order {order} and {duration / step:.3g} steps, which "
-            f"would take more than {_core.kernel_capacity} exponentials"
+            f"require more than {_core.kernel_capacity} exponentials"
         )
     return found

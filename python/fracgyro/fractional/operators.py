@@ -1,8 +1,8 @@
-"""Fractional operators of sampled signals, best where values and rates are both known, eq. (7).
+"""Fractional operators of sampled signals, eq. (7), most accurate if both values and rates are known.
 
-Causal, where rates are given, and in fixed memory per sample: the same code as in the controller,
-include/fracgyro/core/fractional.hpp. Between samples a signal is its cubic Hermite interpolant. For the full-history
-reference methods see `full_history`.
+With given rates they are causal. They use fixed memory per sample and the code of the controller,
+include/fracgyro/core/fractional.hpp. Between samples the signal is its cubic Hermite interpolant. `full_history` has
+full-history reference methods.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from ..arguments import real, signal
 from .kernel import core_kernel
 from .rates import local_rates
 
-TOLERANCE = 1e-9  # relative error of the kernel, unless asked otherwise
+TOLERANCE = 1e-9  # default relative error of the kernel
 
 
 def caputo(
@@ -26,11 +26,11 @@ def caputo(
 ) -> NDArray[Any]:
     """Caputo derivative of `order` in [0, 1] from t = 0, eq. (7).
 
-    values, rates: shape (samples,) or (samples, channels), at 0, step, 2 step, …; float32 input is computed in single
-    precision. rates None: those of `local_rates`, which look three samples ahead. tolerance: relative error of the
-    kernel. Returns the same shape, in units of values per time^order. Order 0 returns the values, as eq. (7) says, and
-    order 1 the rates; between them the derivative at t = 0 is 0, and the limit of order -> 0 is values - values[0].
-    Raises TypeError or ValueError naming the argument that is not allowed.
+    `values`, `rates`: shape (samples,) or (samples, channels), at 0, step, 2 step, …; float32 input is computed in
+    single precision. `rates` None: rates from `local_rates`, which needs three later samples. `tolerance`: relative
+    error of the kernel. Returns the same shape, in units of values per time^order. Order 0 returns the values, as in
+    eq. (7), and order 1 the rates; for orders between, the derivative at t = 0 is 0, and the limit order -> 0 is values
+    - values[0]. Raises TypeError or ValueError for an invalid argument.
 
     >>> t = np.linspace(0.0, 1.0, 1001)
     >>> found = fg.fractional.caputo(t, np.ones_like(t), 1e-3, order=0.5)
@@ -46,7 +46,7 @@ def integral(
     """Riemann-Liouville integral I^order, 0 <= order <= 1, from t = 0; the surface's D^(alpha-1) is order 1-alpha.
 
     Arguments and errors as for `caputo`; units of values times time^order. In single precision, orders near 1 lose
-    accuracy over long records: use double precision there.
+    accuracy over long records: use double precision.
 
     >>> t = np.linspace(0.0, 1.0, 1001)
     >>> found = fg.fractional.integral(np.ones_like(t), np.zeros_like(t), 1e-3, order=0.5)
@@ -62,8 +62,8 @@ def riemann_liouville(
 ) -> NDArray[Any]:
     """Riemann-Liouville derivative: the Caputo one plus values[0] t^(-order)/Gamma(1-order).
 
-    The sum is singular at t = 0, where the result is infinite unless values[0] is 0. (The controller, which holds its
-    force for a step, uses the mean over the step instead.) Arguments and errors as for `caputo`.
+    The result is infinite at t = 0 unless values[0] is 0. (The controller, which holds its force for a step, uses the
+    mean over the step instead.) Arguments, units and errors as for `caputo`.
 
     >>> t = np.linspace(0.0, 1.0, 1001)
     >>> found = fg.fractional.riemann_liouville(np.ones_like(t), np.zeros_like(t), 1e-3, order=0.5)
@@ -96,8 +96,8 @@ def _apply(
     dtype = np.float32 if single else np.float64
     if given.shape != slopes.shape or given.ndim not in (1, 2) or given.size == 0:
         raise ValueError(
-            f"values has shape {given.shape} and rates {slopes.shape}: both must be the same, "
-            "(samples,) or (samples, channels), and none of these 0"
+            f"values has shape {given.shape} and rates {slopes.shape}: both must be (samples,) or "
+            "(samples, channels), equal and not empty"
         )
     if not (np.isfinite(given).all() and np.isfinite(slopes).all()):
         raise ValueError("values and rates must be finite")

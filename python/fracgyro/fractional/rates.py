@@ -1,4 +1,4 @@
-"""Rates of a signal of which only samples of the value are known, with an estimate of their error."""
+"""Rates of a signal from samples of its values, with an error estimate."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arguments import real, signal
 
-# The derivative at each point of the polynomial through as many points, one apart; the other half is the mirror image.
+# Derivative of the interpolating polynomial at its points, for unit spacing; the other half is the mirror image.
 OF_SEVEN = np.array(
     [
         [-147, 360, -450, 400, -225, 72, -10],
@@ -24,20 +24,20 @@ UNIT_SEVEN, UNIT_FIVE = 60, 12
 
 
 class LocalRates(NamedTuple):
-    """What `local_rates` found."""
+    """Result of `local_rates`."""
 
     rates: NDArray[Any]  #: shape of the values, unit of values per time
-    error: NDArray[Any]  #: of each channel (0-dimensional for one), same unit: an estimate, not a bound
+    error: NDArray[Any]  #: of each channel (0-dimensional for one channel), same unit: an estimate, not a bound
 
 
 def local_rates(values: ArrayLike, step: float) -> LocalRates:
-    """Rates of sampled values: of the polynomial through the seven nearest samples, an error of order step^6.
+    """Rates of sampled values, from the polynomial through the seven nearest samples: error of order step^6.
 
-    values: shape (samples,) or (samples, channels), at least 7 samples, `step` apart. The error is the largest
-    difference from the polynomial through the five nearest, whose error is of order step^4: an estimate that is too
-    large for smooth signals. Noise of standard deviation s becomes 1.08 s/step. A sample needs three later ones: it is
-    not causal. Where the rates are wrong by at most E, `caputo` is by at most E t^(1-order)/Gamma(2-order). Raises
-    TypeError or ValueError naming the argument that is not allowed.
+    `values`: shape (samples,) or (samples, channels), at least 7 samples, `step` apart. The error estimate is the
+    largest difference from the polynomial through the five nearest samples, whose error is of order step^4; it is
+    pessimistic for smooth signals. Noise of standard deviation s becomes 1.08 s/step. The method is not causal: a rate
+    needs three later samples. An error of the rates of at most E changes `caputo` by at most E
+    t^(1-order)/Gamma(2-order). Raises TypeError or ValueError for an invalid argument.
 
     >>> t = np.linspace(0.0, 1.0, 101)
     >>> found = fg.fractional.local_rates(np.sin(t), 0.01)
@@ -60,7 +60,7 @@ def local_rates(values: ArrayLike, step: float) -> LocalRates:
 
 
 def _derivative(values: NDArray[Any], formulas: NDArray[Any], unit: float) -> NDArray[Any]:
-    """Central where there are as many samples on both sides, else of the first or the last samples."""
+    """Central differences if there are enough samples on both sides, otherwise one-sided."""
     points, half = formulas.shape[1], formulas.shape[1] // 2
     found = np.empty_like(values)
     centered = len(values) - points + 1
@@ -72,5 +72,5 @@ def _derivative(values: NDArray[Any], formulas: NDArray[Any], unit: float) -> ND
 
 
 def _weighted(weights: NDArray[Any], terms: Any) -> Any:
-    """Their sum in this order: the same bits on every processor."""
+    """Weighted sum in a fixed order: the same bits on every processor."""
     return sum(weight * term for weight, term in zip(weights.tolist(), terms, strict=True))

@@ -12,11 +12,11 @@ from .. import _core
 from ..arguments import real, short, signal
 
 Vector = npt.NDArray[np.float64]
-Between = Literal["lines", "parabolas"]  # what a signal is taken for between samples
+Between = Literal["lines", "parabolas"]  # the signal between samples
 
 
 def has_parabolas(between: Between) -> bool:
-    """Raises ValueError, in one sentence, for anything else."""
+    """True for parabolas. Raises ValueError for an unknown interpolation."""
     if between not in ("lines", "parabolas"):
         raise ValueError(f"between is {between!r}: it must be lines or parabolas")
     return between == "parabolas"
@@ -24,16 +24,16 @@ def has_parabolas(between: Between) -> bool:
 
 @dataclass(eq=False)
 class Sampled:
-    """A linear system with one input and one output: a sum of first-order recursions, and shares of the last samples.
+    """A linear system with one input and one output: a sum of first-order recursions and of weighted last samples.
 
-    With u_k the samples and d_k = u_k - u_(k-1),
+    With samples u_k and changes d_k = u_k - u_(k-1),
 
         y_k = sum_j weight_j g_j + now u_k + past u_(k-1) + change d_k + past_change d_(k-1),
         then  g_j += decay_j g_j + u_(k-1), or d_k.
 
-    All starts from 0: as if the signal began one step before the first sample. It can be copied and pickled: the copy
-    goes on by itself from where this one is. include/fracgyro/core/sampled_step.h is the code, here and in C as
-    `fg.export.operator` writes it.
+    The initial state is 0, as for a signal that starts one step before the first sample. A system can be copied and
+    pickled; the copy continues independently from the same state. include/fracgyro/core/sampled_step.h has the code,
+    also for the C export of `fg.export.operator`.
 
     >>> controller = fg.fractional.pid(1.0, 2.0, 0.5, 0.1, 0.5, step=1e-3, longest=10.0)
     >>> force = [controller.step(error) for error in (0.0, 0.1, 0.2)]
@@ -41,8 +41,8 @@ class Sampled:
     """
 
     interval: float  #: time between samples
-    of_values: Vector  #: decay_j and weight_j of the g that are fed samples, shape (count, 2)
-    of_changes: Vector  #: of those that are fed changes
+    of_values: Vector  #: decay_j and weight_j of the recursions of samples, shape (count, 2)
+    of_changes: Vector  #: the same for the recursions of changes
     now: float
     past: float
     change: float
@@ -52,7 +52,7 @@ class Sampled:
     def __post_init__(self) -> None:
         for numbers in self._numbers():
             if not np.isfinite(numbers).all():
-                raise ValueError("a weight of the operator is not finite: its gains must be smaller")
+                raise ValueError("a weight of the operator is not finite: the gains must be smaller")
         self._running = _core.Recursion(*self._numbers())
 
     def _numbers(self) -> tuple[Vector, Vector, tuple[float, float, float, float]]:
@@ -72,13 +72,13 @@ class Sampled:
         return len(self.of_values) + len(self.of_changes)
 
     def reset(self) -> None:
-        """Forgets all samples."""
+        """Resets the state to 0."""
         self._running.reset()
 
     def step(self, sample: float) -> float:
-        """The output at the next sample. One that is not finite stays in the state until `reset`.
+        """Returns the output at the next sample. A sample that is not finite remains in the state until `reset`.
 
-        Raises TypeError for what is not a number.
+        Raises TypeError if `sample` is not a number.
         """
         try:
             return self._running.step(float(sample))
@@ -86,10 +86,10 @@ class Sampled:
             raise TypeError(f"sample is {short(sample)}: it must be a number") from None
 
     def run(self, samples: npt.ArrayLike) -> npt.NDArray[Any]:
-        """The outputs of a whole signal from its start; what `step` has seen does not matter and stays.
+        """Outputs for a whole signal from the initial state; the state of `step` is neither used nor changed.
 
-        samples: shape (samples,) or (samples, channels); float32 is computed in single precision, with the bits of the
-        exported C code. Returns the same shape. Raises TypeError or ValueError for what is not such an array.
+        `samples`: shape (samples,) or (samples, channels); float32 is computed in single precision, with the bits of
+        the exported C code. Returns the same shape. Raises TypeError or ValueError for an invalid array.
 
         >>> fg.fractional.pid(2.0, 0.0, 1.0, 1.0, 1.0, step=0.5, longest=10.0).run([0.0, 1.0, 1.0])
         array([0., 4., 2.])
@@ -105,9 +105,9 @@ class Sampled:
         return found
 
     def state_space(self) -> tuple[Vector, Vector, Vector, Vector, float]:
-        """(A, B, C, D, interval), the last sample and the last change as the last states.
+        """Matrices (A, B, C, D, interval); the last two states are the last sample and the last change.
 
-        For python-control's `ss` and scipy's `dlti`.
+        They fit python-control's `ss` and scipy's `dlti`.
         """
         values, count = len(self.of_values), self.count
         decay, weight = np.concatenate([self.of_values, self.of_changes]).T
@@ -118,7 +118,7 @@ class Sampled:
         return a, b, c, np.array([[self.now + self.change]]), self.interval
 
     def frequency_response(self, frequency: npt.ArrayLike) -> npt.NDArray[np.complex128]:
-        """At z = exp(j frequency interval), frequency in rad per unit of time; the shape is that of `frequency`."""
+        """Frequency response at z = exp(j frequency interval), frequency in rad per unit of time; same shape."""
         z = np.exp(1j * self.interval * np.asarray(frequency, dtype=np.float64))
 
         def response(terms: Vector) -> npt.NDArray[np.complex128]:
@@ -132,11 +132,11 @@ class Sampled:
         return found
 
     def plus(self, other: Sampled) -> Sampled:
-        """The sum of both outputs. Raises TypeError for what is not `Sampled`, ValueError for another interval."""
+        """The sum of both systems. Raises TypeError for another type, ValueError for another interval."""
         if not isinstance(other, Sampled):
             raise TypeError(f"other is {short(other)}: it must be Sampled")
         if other.interval != self.interval:
-            raise ValueError(f"other has interval {other.interval}: it must be that of this one, {self.interval}")
+            raise ValueError(f"other has interval {other.interval}: it must be {self.interval}")
         return Sampled(
             self.interval,
             np.concatenate([self.of_values, other.of_values]),
@@ -148,7 +148,7 @@ class Sampled:
         )
 
     def times(self, gain: float) -> Sampled:
-        """The output times a number. Raises TypeError for anything else."""
+        """The system with its output multiplied by `gain`. Raises TypeError if it is not a number."""
         gain = real("gain", gain)
         weighted, numbers = np.array([1.0, gain]), (self.now, self.past, self.change, self.past_change)
         with np.errstate(over="ignore", invalid="ignore"):  # infinite weights are refused

@@ -1,4 +1,4 @@
-"""Scenarios and runs as objects of other libraries, one module for each library."""
+"""Scenarios and runs as objects of other libraries, one module per library."""
 
 from ..extras import public
 

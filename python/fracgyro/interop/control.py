@@ -1,6 +1,6 @@
 """Gyroscope, controller and closed loop of a scenario as systems of python-control, and runs as its responses.
 
-The systems are nondimensional, whatever run.units is: times in 1/omega0, positions in q0, velocities in q0 omega0,
+The systems are nondimensional, regardless of run.units: times in 1/omega0, positions in q0, velocities in q0 omega0,
 forces in m omega0^2 q0.
 """
 
@@ -30,8 +30,9 @@ Vector = NDArray[np.float64]
 def plant(scenario: Scenario, *, sampled: bool = True) -> ct.StateSpace:
     """The ideal gyroscope: inputs u_x, u_y; states and outputs x, y, vx, vy.
 
-    It has neither disturbance nor [device], and the constant rate plant.angular_rate. `sampled`: with dt = run.step,
-    exact for a held force; else continuous. Raises TypeError where `scenario` is not one.
+    It has no disturbance, no device imperfections, and the constant rate plant.angular_rate. `sampled`: discrete with
+    dt = run.step, exact for a zero-order-hold force; otherwise continuous. Raises TypeError if `scenario` is not a
+    Scenario.
 
     >>> fg.interop.control.plant(fg.Scenario.paper()).dt
     0.001
@@ -42,12 +43,12 @@ def plant(scenario: Scenario, *, sampled: bool = True) -> ct.StateSpace:
 
 
 def controller(scenario: Scenario) -> ct.NonlinearIOSystem:
-    """The scenario's controller, as fg.Controller: inputs x, y, vx, vy; outputs u_x, u_y; dt = run.step.
+    """The scenario's controller as in fg.Controller: inputs x, y, vx, vy; outputs u_x, u_y; dt = run.step.
 
-    Its state is that of fg.Controller, 32 bits in each number, and zeros are the start: it can be copied and stored,
-    but not computed with, so `linearize` does not apply. The time is counted in the state, from 0. Raises TypeError
-    where `scenario` is not one; in a simulation, ValueError for inputs that are not finite and numbers that are no
-    state.
+    The state is the state of fg.Controller, 32 bits per number; zeros are the initial state. It can be copied and
+    stored, but arithmetic on it is invalid, so `linearize` does not work. The time is part of the state and starts at
+    0. Raises TypeError if `scenario` is not a Scenario; during a simulation, ValueError for inputs that are not finite
+    and for an invalid state.
 
     >>> system = fg.interop.control.controller(fg.Scenario.paper())
     >>> system.input_labels, system.output_labels
@@ -67,11 +68,11 @@ def controller(scenario: Scenario) -> ct.NonlinearIOSystem:
 
 
 def loop(scenario: Scenario) -> tuple[ct.NonlinearIOSystem, Vector]:
-    """`plant` and `controller` in a loop, as one system, and its state at the start of a run.
+    """The closed loop of `plant` and `controller` as one system, and its initial state.
 
-    Inputs d_x, d_y: a disturbance, added to the force. Outputs x, y, vx, vy, u_x, u_y. A sample costs one step of the
-    controller; systems that python-control connects cost two, as it asks for outputs once before it knows the inputs.
-    Raises TypeError where `scenario` is not one.
+    Inputs d_x, d_y: a disturbance force. Outputs x, y, vx, vy, u_x, u_y. Each sample takes one step of the controller;
+    systems connected by python-control take two, as it evaluates outputs before the inputs are known. Raises TypeError
+    if `scenario` is not a Scenario.
 
     >>> import control as ct
     >>> scenario = fg.Scenario.paper()
@@ -102,19 +103,19 @@ def loop(scenario: Scenario) -> tuple[ct.NonlinearIOSystem, Vector]:
 
 
 def response(run: xr.Dataset, variable: str) -> ct.TimeResponseData:
-    """A variable of one run, in the run's units, one output for each of its columns.
+    """A variable of one run, in the run's units, with one output per column.
 
-    Raises ValueError for a name that is not one of its variables, and for a Dataset of several runs.
+    Raises ValueError for an unknown variable and for a Dataset of several runs.
 
     >>> run = fg.simulate(fg.Scenario.paper().replace({"run.duration": 1.0}))
     >>> fg.interop.control.response(run, "error").output_labels
     ['error_x', 'error_y']
     """
     if variable not in run:
-        raise ValueError(f"variable is {short(variable)}: the run has {', '.join(map(str, run))}")
+        raise ValueError(f"variable is {short(variable)}: it must be one of {', '.join(map(str, run))}")
     values = run[variable]
     if "run" in values.dims:
-        raise ValueError("run has several runs: select one, as with run.isel(run=0)")
+        raise ValueError("the Dataset has several runs: select one, for example run.isel(run=0)")
     columns = [dim for dim in values.dims if dim != "time"]
     labels = [f"{variable}_{label}" for label in values[columns[0]].values] if columns else [variable]
     outputs = values.transpose(*columns, "time").values.reshape(len(labels), -1)
@@ -122,10 +123,10 @@ def response(run: xr.Dataset, variable: str) -> ct.TimeResponseData:
 
 
 def rate_response(folder: str | os.PathLike[str]) -> ct.FrequencyResponseData:
-    """The rate estimate over a sinusoidal rate, as `fracgyro rate --out` measured it; frequencies in rad/s.
+    """Measured response of the rate estimate to a sinusoidal rate, from `fracgyro rate --out`; frequencies in rad/s.
 
-    folder: with the file rate.json. The gain is 1 at rest: it is over the scale factor. Raises ValueError, in one
-    sentence, where the file cannot be read or is not one of these.
+    `folder`: contains rate.json. The gain is relative to the scale factor, so it is 1 for a constant rate. Raises
+    ValueError if the file cannot be read or has no response.
 
     >>> from fracgyro.scenario.shipped import shipped
     >>> device = shipped("dual_mass").replace({"run.duration": 200.0})
@@ -139,15 +140,15 @@ def rate_response(folder: str | os.PathLike[str]) -> ct.FrequencyResponseData:
         frequency, gain, lag = (np.array(content[name], dtype=float) for name in ("frequency", "gain", "lag"))
         measured = gain * np.exp(-1j * lag)
     except (OSError, ValueError, KeyError, TypeError):
-        raise ValueError(f"{path} has no measured response: write it by fracgyro rate --out") from None
+        raise ValueError(f"{path} has no measured response: create it with fracgyro rate --out") from None
     return ct.frd(measured, 2.0 * np.pi * frequency, inputs=["rate"], outputs=["rate_estimate"], name="sensor")
 
 
 class _Pure:
-    """fg.Controller as a function of state and input.
+    """fg.Controller as a pure function of state and input.
 
-    The words of the state, less those at the start by exclusive or, are whole numbers below 2^32: no copy or sum with
-    zero changes a bit of them, as one may that of bytes read as floating-point numbers, some of which are NaN.
+    The state vector has the 32-bit words of the state, XORed with the words of the initial state, as integers below
+    2^32. Copying them and adding zero preserves all bits; bytes read as floating-point numbers could be NaN and change.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -155,7 +156,7 @@ class _Pure:
         self._size = len(self._controller.state)
         self._start = self._words()
         self.states = len(self._start)
-        # python-control asks for the same step up to six times, in turns with the step under an input of zeros.
+        # python-control evaluates the same step up to six times, alternating with a step for zero input.
         self._stepped = lru_cache(maxsize=4)(self._step)
 
     def step(self, state: Vector, motion: Vector) -> tuple[Vector, Vector]:
@@ -165,7 +166,7 @@ class _Pure:
     def _step(self, state: bytes, motion: bytes) -> tuple[Vector, Vector]:
         words = np.frombuffer(state)
         if not ((words >= 0) & (words < 2**32) & (words % 1 == 0)).all():
-            raise ValueError("the state is not one of the controller's: it must be copied, not computed with")
+            raise ValueError("the state is invalid: it must be an unmodified copy of a state of the controller")
         self._controller.state = (words.astype("<u4") ^ self._start).tobytes()[: self._size]
         x, y, vx, vy = np.frombuffer(motion).tolist()
         force = self._controller.step(self._controller.time, (x, y), (vx, vy))

@@ -1,4 +1,4 @@
-"""Tasks for a learner: what an episode begins with, what is observed of it, and what a step is worth."""
+"""Reinforcement-learning tasks: initial scenario of an episode, observations and rewards."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ from ..scenario.shipped import SHIPPED, shipped
 Vector = NDArray[np.float64]
 ScenarioLike = Scenario | str | os.PathLike[str] | Mapping[str, Any]
 
-SEEDS = 2**53  # those that every face of a scenario takes
-DURATION = 10.0  # of the scenario that there is if none is given
+SEEDS = 2**53  # seeds that every integration supports
+DURATION = 10.0  # run.duration of the default scenario
 
 FORMS = f"one of {', '.join(SHIPPED)}, the path of a TOML file, TOML text or a dict of tables"
 
-# Columns of _core.Gyroscopes. An observation is what comes before the error, without the velocity where none is sensed.
+# Columns of _core.Gyroscopes. An observation has those before the error, without the velocity if it is not sensed.
 VELOCITY, ERROR, RATE = 8, 10, 12
 
 
 @dataclass(frozen=True)
 class Task:
-    """A scenario whose motion is to follow its reference; with a `rate_range`, also a rate to be found.
+    """A scenario whose motion must follow its reference; with a `rate_range`, the rate must also be estimated.
 
-    `rate_range`: in rad/s, plus and minus; of it a constant angular rate is drawn for each episode.
+    `rate_range`: rad/s; the constant angular rate of each episode is drawn between minus and plus this.
     """
 
     scenario: Scenario
     error_limit: float
     rate_range: float | None
-    steps: int  # of an episode
+    steps: int  # steps per episode
 
     @property
     def observed(self) -> int:
@@ -47,7 +47,7 @@ class Task:
 
     @property
     def acted(self) -> int:
-        """Numbers in an action: the force and the rate, as shares of their limits."""
+        """Numbers in an action: the force and the rate, as fractions of their limits."""
         return 2 if self.rate_range is None else 3
 
     @property
@@ -61,7 +61,7 @@ class Task:
 
     @property
     def worst(self) -> float:
-        """The reward of a step that is as bad as one may be."""
+        """The lowest reward of a step."""
         return -2.0 * self.error_limit**2 if self.rate_range is None else -4.0
 
     def drawn(self, generator: np.random.Generator) -> Scenario:
@@ -75,11 +75,11 @@ class Task:
 
 
 def tracking(scenario: ScenarioLike | None, error_limit: float, max_episode_steps: int | None) -> Task:
-    """Raises TypeError, ValueError or ScenarioError, in one sentence, where an argument is not allowed."""
+    """The tracking task. Raises TypeError, ValueError or ScenarioError for an invalid argument."""
     found = shipped("hardware").replace({"run.duration": DURATION}) if scenario is None else taken(scenario)
     limit = found.controller.force_limit
     if not math.isfinite(limit):
-        raise ScenarioError(f"controller.force_limit is {limit}: it must be finite, as actions are shares of it")
+        raise ScenarioError(f"controller.force_limit is {limit}: it must be finite, as actions are fractions of it")
     limit, steps = number("error_limit", error_limit, above=0.0), found.run.steps
     if max_episode_steps is not None:
         if isinstance(max_episode_steps, bool) or not isinstance(max_episode_steps, int) or max_episode_steps < 1:
@@ -91,18 +91,18 @@ def tracking(scenario: ScenarioLike | None, error_limit: float, max_episode_step
 def rate_sensing(
     scenario: ScenarioLike | None, error_limit: float, rate_range: float | None, max_episode_steps: int | None
 ) -> Task:
-    """Raises what `tracking` does."""
+    """The task with a rate estimate. Raises what `tracking` raises."""
     task = tracking(scenario, error_limit, max_episode_steps)
     widest = 2.0 * abs(task.scenario.plant.angular_rate) if rate_range is None else rate_range
     if rate_range is None and widest == 0.0:
-        raise ValueError("plant.angular_rate is 0: rate_range must be given, as it is twice that otherwise")
+        raise ValueError("plant.angular_rate is 0: rate_range must be given, as its default is twice that rate")
     return replace(task, rate_range=number("rate_range", widest, above=0.0))
 
 
 def taken(scenario: ScenarioLike) -> Scenario:
-    """A scenario from the name of a shipped one, a path, TOML text or a dict of its tables.
+    """A scenario from the name of a shipped one, a path, TOML text or a dict of tables.
 
-    Raises TypeError for anything else, ScenarioError where it is not a scenario.
+    Raises TypeError for another type, ScenarioError for an invalid scenario.
     """
     if isinstance(scenario, Scenario):
         return scenario

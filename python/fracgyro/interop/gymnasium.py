@@ -1,8 +1,8 @@
-"""Environments of Gymnasium: a gyroscope that is to follow its reference, and a rate that is to be sensed.
+"""Gymnasium environments: tracking a reference, and sensing the angular rate.
 
-The gyroscope moves as in fg.simulate, bit for bit under the same forces, with the scenario's disturbance, moving rate
-and device. Importing this module registers `fracgyro/Tracking-v0` and `fracgyro/RateSensing-v0`, for gymnasium.make
-and gymnasium.make_vec.
+The gyroscope moves as in fg.simulate, bit for bit under the same forces, with the scenario's disturbance, dynamic rate
+and device. Importing this module registers `fracgyro/Tracking-v0` and `fracgyro/RateSensing-v0` for gymnasium.make and
+gymnasium.make_vec.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ __all__ = ["RateSensing", "RateSensingVector", "Tracking", "TrackingVector"]
 
 Info = dict[str, Any]
 
-FARTHEST = 1e6  # what an observation may be, which only that of an episode that is lost may exceed: it is cut
+MAX_OBSERVATION = 1e6  # observations are clipped; only a diverging episode exceeds this
 
 
 class _Tasked:
-    """What one environment and many have in common."""
+    """Part shared by single and vector environments."""
 
     task: Task
     _spec: EnvSpec | None = None
 
     @property
     def spec(self) -> EnvSpec | None:
-        """How gymnasium.make made it: as JSON, its scenario is text."""
+        """The specification of gymnasium.make; JSON with the scenario as text."""
         return self._spec
 
     @spec.setter
@@ -57,26 +57,29 @@ class _Tasked:
 
     @property
     def force_limit(self) -> float:
-        """The force that an action of 1 stands for, unit m omega0^2 q0."""
+        """Force of an action of 1, in units of m omega0^2 q0."""
         return self.task.force_limit
 
     @property
     def rate_range(self) -> float | None:
-        """The rate that an action of 1 stands for, in rad/s; None where no rate is to be sensed."""
+        """Rate of an action of 1, in rad/s; None without rate sensing."""
         return self.task.rate_range
 
     @property
     def plant_matrices(self) -> tuple[Matrix, Matrix, Matrix, Matrix]:
-        """A, B, C, D of the ideal gyroscope over a step, at the rate plant.angular_rate of the scenario given.
+        """A, B, C, D of the ideal gyroscope over one step, at the rate plant.angular_rate of the given scenario.
 
-        States x, y, vx, vy; inputs the force x, y, in units of m omega0^2 q0: a model for whoever wants one.
+        States x, y, vx, vy; inputs force x, y, in units of m omega0^2 q0. For model-based methods.
         """
         return matrices(self.task.scenario, sampled=True)
 
 
 def _spaces(task: Task) -> tuple[Space[Vector], Space[Vector]]:
-    """Of observations and actions."""
-    spaces = Box(-FARTHEST, FARTHEST, (task.observed,), np.float64), Box(-1.0, 1.0, (task.acted,), np.float64)
+    """Spaces of observations and actions."""
+    spaces = (
+        Box(-MAX_OBSERVATION, MAX_OBSERVATION, (task.observed,), np.float64),
+        Box(-1.0, 1.0, (task.acted,), np.float64),
+    )
     return cast(tuple[Space[Vector], Space[Vector]], spaces)
 
 
@@ -107,7 +110,7 @@ class _Environment(_Tasked, gymnasium.Env[Vector, Vector]):
 
     @property
     def scenario(self) -> Scenario:
-        """The scenario of this episode, for fg.simulate or fg.Controller: the seeds and the rate are those drawn."""
+        """The scenario of this episode, with the drawn seeds and rate, for fg.simulate or fg.Controller."""
         return self._scenario
 
     def reset(self, *, seed: int | None = None, options: Info | None = None) -> tuple[Vector, Info]:
@@ -127,14 +130,14 @@ class _Environment(_Tasked, gymnasium.Env[Vector, Vector]):
         if self._share:
             estimate = min(max(float(action[2]), -1.0), 1.0)
             difference = estimate - self._share * row.item(RATE)
-            reward = -(difference * difference)  # a power's last bit may depend on the processor
+            reward = -(difference * difference)  # the last bit of a power may depend on the processor
         else:
             reward = -(x * x + y * y)
         lost = not (abs(x) <= self._error_limit and abs(y) <= self._error_limit)
         observation = row[: self._observed]
         if lost:
             reward = self.task.worst * (self._steps - self._taken + 1)
-            observation = observation.clip(-FARTHEST, FARTHEST)
+            observation = observation.clip(-MAX_OBSERVATION, MAX_OBSERVATION)
         return observation, reward, lost, self._taken >= self._steps, self._info(row)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -151,18 +154,17 @@ class _Environment(_Tasked, gymnasium.Env[Vector, Vector]):
 class Tracking(_Environment):
     """`fracgyro/Tracking-v0`: find the force that makes the gyroscope follow its reference.
 
-    An action is the force x, y, as shares of controller.force_limit, from -1 to 1. An observation, nondimensional:
-    position (q0), reference (q0), its rate (q0 omega0), its acceleration (q0 omega0^2) and, unless device.sensing is
-    "position", velocity (q0 omega0), x and y of each, as the device measures them. The reward of a step is minus the
-    squared error at its end, e_x^2 + e_y^2. An episode is truncated after run.duration, or `max_episode_steps` if these
-    are fewer, and ends early where an error exceeds `error_limit`, in q0; the reward is then that of such errors for
-    all that was left. `info` has the true "error" and "angular_rate" (rad/s).
+    An action is the force x, y, as fractions of controller.force_limit, from -1 to 1. An observation has,
+    nondimensional, x and y each of the measured position (q0), reference (q0), its rate (q0 omega0), its acceleration
+    (q0 omega0^2) and, unless device.sensing is "position", the measured velocity (q0 omega0). The reward of a step is
+    minus the squared error at its end, e_x^2 + e_y^2. An episode is truncated after run.duration, or after
+    `max_episode_steps` if that is less. It terminates if an error exceeds `error_limit`, in q0; the reward then
+    includes errors of that size for all remaining steps. `info` has the simulated "error" and "angular_rate" (rad/s).
 
-    Each reset draws another disturbance.seed, and rate.seed if the rate is noise. `scenario`: a Scenario, the name of a
-    shipped one, the path of a TOML file, TOML text or a dict of tables; without one, `hardware` for 10 units of time.
-    An environment can be copied and pickled: the copy goes on by itself from where this one is. Raises TypeError,
-    ValueError or ScenarioError, in one sentence, where an argument is not allowed; a step raises ValueError for actions
-    that are not finite.
+    Each reset draws a new disturbance.seed, and rate.seed if the rate is noise. `scenario`: a Scenario, the name of a
+    shipped one, the path of a TOML file, TOML text or a dict of tables; by default `hardware` for 10 units of time. An
+    environment can be copied and pickled; the copy continues independently from the same state. Raises TypeError,
+    ValueError or ScenarioError for an invalid argument; a step raises ValueError for actions that are not finite.
 
     >>> import gymnasium
     >>> from fracgyro.interop.gymnasium import Tracking
@@ -183,12 +185,12 @@ class Tracking(_Environment):
 
 
 class RateSensing(_Environment):
-    """`fracgyro/RateSensing-v0`: find the angular rate, while the force is found as well.
+    """`fracgyro/RateSensing-v0`: estimate the angular rate while controlling the force.
 
-    As `Tracking`, but that each reset draws a constant angular rate from minus to plus `rate_range`, in rad/s, in place
-    of plant.angular_rate; [rate] may move it. An action has a third number, the estimate of the rate, as a share of
-    `rate_range`, from -1 to 1. The reward of a step is minus the square of the estimate's error, in units of
-    `rate_range`. `rate_range`: without one, twice plant.angular_rate.
+    Like `Tracking`, but each reset draws a constant angular rate between minus and plus `rate_range`, in rad/s, instead
+    of plant.angular_rate; [rate] may vary it. An action has a third number, the rate estimate, as a fraction of
+    `rate_range`, from -1 to 1. The reward of a step is minus the squared error of the estimate, in units of
+    `rate_range`. `rate_range`: by default twice plant.angular_rate.
 
     >>> from fracgyro.interop.gymnasium import RateSensing
     >>> env = RateSensing()
@@ -226,7 +228,7 @@ class _Environments(_Tasked, VectorEnv[Vector, Vector, NDArray[Any]]):
 
     @property
     def scenarios(self) -> list[Scenario]:
-        """The scenarios of the present episodes."""
+        """The scenarios of the current episodes."""
         return list(self._scenarios)
 
     def reset(self, *, seed: int | list[int | None] | None = None, options: Info | None = None) -> tuple[Vector, Info]:
@@ -260,7 +262,7 @@ class _Environments(_Tasked, VectorEnv[Vector, Vector, NDArray[Any]]):
         steps = task.steps
         if lost.any():
             rewards[lost] = task.worst * (steps - self._taken[lost] + 1)
-            rows[lost, :ERROR] = rows[lost, :ERROR].clip(-FARTHEST, FARTHEST)
+            rows[lost, :ERROR] = rows[lost, :ERROR].clip(-MAX_OBSERVATION, MAX_OBSERVATION)
         ended = self._taken >= steps
         if before.any():
             self._begin(np.flatnonzero(before), rows)
@@ -276,7 +278,7 @@ class _Environments(_Tasked, VectorEnv[Vector, Vector, NDArray[Any]]):
         self._gyroscopes = _resumed(self._scenarios, saved["_gyroscopes"])
 
     def _begin(self, places: NDArray[np.intp], rows: Vector) -> None:
-        """Episodes in place of those that are over; their rows are those of the start."""
+        """Starts new episodes in place of finished ones; their rows have the initial state."""
         assert self._gyroscopes is not None
         for i in places.tolist():
             self._scenarios[i] = self.task.drawn(self._generators[i])
@@ -291,10 +293,10 @@ class _Environments(_Tasked, VectorEnv[Vector, Vector, NDArray[Any]]):
 
 
 class TrackingVector(_Environments):
-    """Many of `Tracking`, with the same numbers, stepped by one call; an episode that is over begins again.
+    """Vector environment of `Tracking`: many gyroscopes stepped by one call, with the same numbers.
 
-    It resets in the step after the last one (gymnasium's NEXT_STEP). A seed is that of the first, plus one for each of
-    the others. The gyroscopes are stepped in C++, one after another, on one processor.
+    A finished episode restarts in the next step (gymnasium's NEXT_STEP). A single seed applies to the first environment
+    and increases by one for each of the others. The gyroscopes are stepped in C++, one after another, on one processor.
 
     >>> import gymnasium
     >>> from fracgyro.interop.gymnasium import TrackingVector
@@ -316,7 +318,7 @@ class TrackingVector(_Environments):
 
 
 class RateSensingVector(_Environments):
-    """The same of `RateSensing`.
+    """Vector environment of `RateSensing`; otherwise like `TrackingVector`.
 
     >>> from fracgyro.interop.gymnasium import RateSensingVector
     >>> envs = RateSensingVector(num_envs=3)

@@ -1,4 +1,4 @@
-"""The gyroscope as matrices, eqs (9) and (13), nondimensional whatever run.units is."""
+"""The gyroscope as matrices, eqs (9) and (13), nondimensional regardless of run.units."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ FORCES = ["u_x", "u_y"]  # unit m omega0^2 q0
 def matrices(scenario: Scenario, sampled: bool) -> tuple[Matrix, Matrix, Matrix, Matrix]:
     """A, B, C, D for the states and outputs STATES and the inputs FORCES.
 
-    The gyroscope is ideal: without disturbance and device, at the constant rate plant.angular_rate. `sampled`: every
-    run.step, with the very numbers by which the core steps.
+    The gyroscope is ideal: no disturbance, no device imperfections, constant rate plant.angular_rate. `sampled`:
+    discrete with run.step and the numbers of the core's step; otherwise continuous.
     """
     check_scenario(scenario)
     a, b = _sampled(scenario) if sampled else _continuous(scenario)
@@ -36,7 +36,7 @@ def _continuous(scenario: Scenario) -> tuple[Matrix, Matrix]:
 
 
 def _sampled(scenario: Scenario) -> tuple[Matrix, Matrix]:
-    """A column is the motion one step after a state or a force of 1: products with 1 and sums with 0 are exact."""
+    """Columns are the motion one step after a unit state or force; products with 1 and sums with 0 are exact."""
     columns = []
     for x, y, vx, vy, *force in np.eye(6).tolist():
         run = {"initial_position": (x, y), "initial_velocity": (vx, vy), "units": "nondimensional"}
@@ -44,7 +44,7 @@ def _sampled(scenario: Scenario) -> tuple[Matrix, Matrix]:
             {
                 "plant": scenario.plant,
                 "reference": scenario.reference,
-                "controller": {"kind": "pid"},  # not used; it has no memory to design
+                "controller": {"kind": "pid"},  # unused; needs no kernel design
                 "disturbance": {"kind": "none"},
                 "run": dict(scenario.run) | run,
             }

@@ -13,8 +13,8 @@ __all__ = ["plant"]
 def plant(scenario: Scenario, *, sampled: bool = True) -> signal.dlti | signal.lti:
     """The ideal gyroscope: inputs u_x, u_y; states and outputs x, y, vx, vy; all nondimensional.
 
-    It has neither disturbance nor [device], and the constant rate plant.angular_rate. `sampled`: a dlti with dt =
-    run.step, exact for a held force; else an lti. Raises TypeError where `scenario` is not one.
+    It has no disturbance, no device imperfections, and the constant rate plant.angular_rate. `sampled`: a dlti with dt
+    = run.step, exact for a zero-order-hold force; otherwise an lti. Raises TypeError if `scenario` is not a Scenario.
 
     >>> fg.interop.scipy.plant(fg.Scenario.paper()).dt
     0.001

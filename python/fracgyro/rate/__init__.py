@@ -1,4 +1,4 @@
-"""The gyroscope as a rate sensor: `fracgyro rate`, in the terms of IEEE Std 1431 and 952. Page one: characterise.py."""
+"""The gyroscope as a rate sensor, in the terms of IEEE Std 1431 and 952. Entry point: characterise.py."""
 
 from ..extras import public
 

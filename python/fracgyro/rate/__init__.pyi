@@ -5,5 +5,5 @@ from .bound import bound_angle_random_walk as bound_angle_random_walk
 from .characterise import characterise as characterise
 from .inspection import Event as Event
 from .inspection import inspect as inspect
-from .of_record import analyse_record as analyse_record
+from .of_record import analyze_record as analyze_record
 from .results import Result as Result

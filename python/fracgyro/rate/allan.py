@@ -1,4 +1,4 @@
-"""Allan deviation of a rate record, and the terms of IEEE Std 952 found in the record, each with its interval."""
+"""Allan deviation of a rate record, and the noise terms of IEEE Std 952 in it, each with its interval."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from scipy.stats import chi2
 
 from ..arguments import number, signal
 from .curve import Curve
-from .inspection import HIDES, Event, drift, inspect
+from .inspection import HIDDEN_BELOW, Event, drift, inspect
 from .noise_terms import CONFIDENCE, DRIFT, FLICKER, QUANTIZATION, WALK, WHITE, Fit, Power, Response, fit
 from .spectrum import Line, spectrum
 
 Array = NDArray[np.float64]
 
 FLOOR = math.sqrt(2 * math.log(2) / math.pi)  # 0.664: the deviation of flicker noise over B
-PART = 2**14  # differences computed at once
-SHAKEN = 30.0  # times N², beyond which short averages are of a vibration
-MIN_RECORD = 10  # times tau that a record must last
+DIFFERENCES_PER_PASS = 2**14
+VIBRATION_RATIO = 30.0  # variance of short averages over N²: a larger ratio is reported as a vibration
+MIN_RECORD = 10  # shortest record, in units of tau
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A figure in SI and its 95 % interval. `limit`: the record does not show it, it is at most `high`.
+    """A figure in SI and its 95 % interval. `limit`: the figure was not observed and is at most `high`.
 
-    The interval is from 0 to infinity where something in the record spoils it.
+    The interval is from 0 to infinity if an event in the record invalidates the figure.
 
     >>> noise = np.random.default_rng(0).normal(size=10_000) * 0.002
     >>> fg.rate.allan(noise, interval=0.01).bias_instability.limit
@@ -52,34 +52,34 @@ class Allan:
 
     tau: Array  #: averaging times, s
     deviation: Array  #: at each, rad/s
-    low: Array  #: ends of its 95 % interval, rad/s
+    low: Array  #: low end of its 95 % interval, rad/s; `high`: high end
     high: Array
     angle_random_walk: Estimate | None  #: N, rad/sqrt(s)
     bias_instability: Estimate  #: B, rad/s
     rate_random_walk: Estimate  #: K, rad/s/sqrt(s)
     quantization: Estimate  #: Q, rad, of an integrating gyroscope
-    undecided: bool  #: slow noise is seen, but not whether it is B or K
-    drifts: bool  #: K would account for the longest averages, but so would a drift, as of a warm-up
-    response_time: float  #: s, of the sensor's response, which was divided out; 0 where it does not show
-    fitted: tuple[float, float] | None  #: s, from and to which averaging time the terms account for the record
-    lines: tuple[Line, ...]  #: sinusoids that were left out; amplitudes in rad/s
-    events: tuple[Event, ...]  #: what else the record has
+    undecided: bool  #: slow noise is present, but B and K cannot be distinguished
+    drifts: bool  #: the longest averages fit K and also a drift, such as a warm-up
+    response_time: float  #: time constant of the sensor's response, s, divided out of the record; 0: not visible
+    fitted: tuple[float, float] | None  #: averaging times, s, from and to, over which the terms fit the record
+    lines: tuple[Line, ...]  #: sinusoids excluded from the fit; amplitudes in rad/s
+    events: tuple[Event, ...]  #: everything else in the record that is not sensor noise
 
 
 def allan(values: Array, interval: float, shortest: float = 0.0) -> Allan:
-    """Overlapping Allan deviation of one or more records of equal length, and the noise terms found in them.
+    """Overlapping Allan deviation of one or more records of equal length, and the noise terms in them.
 
-    `values`: (samples) or (records, samples), time being the last axis, in rad/s. `interval`: time between samples, s.
-    `shortest`: averages below this, s, are not fitted, as the sensor's response is in them and is not of first or
-    second order.
+    `values`: rad/s, of shape (samples,) or (records, samples). `interval`: time between samples, s. `shortest`:
+    shortest averaging time that is fitted, s; needed if the sensor's response is neither of first nor of second order.
 
-    Q, N, B and K of IEEE Std 952 are fitted to the spectrum at once, over the longest part for which they account;
-    those that the record does not show have a limit instead, and N is None. A low-pass response is
-    divided out where it shows. Intervals are of profile likelihood. Records are independent; their spectra are
-    averaged and their degrees of freedom add up.
+    Q, N, B and K of IEEE Std 952 are fitted jointly to the longest part of the spectrum that they explain. A term that
+    is not observed has a limit instead, and N is None. A visible low-pass response is divided out. Intervals are those
+    of the profile likelihood. Several records count as independent: their spectra are averaged and their degrees of
+    freedom add up.
 
-    Raises TypeError where these are no numbers, ValueError where a record has less than 20 samples, one that is not
-    finite or more than two dimensions, or time is not the last axis, `interval` is not above 0 or `shortest` below 0.
+    Raises TypeError for arguments that are not numbers, ValueError for a record of fewer than 20 samples, a sample that
+    is not finite, more than two dimensions, time on another axis than the last, an `interval` that is not above 0 or a
+    `shortest` below 0.
 
     >>> noise = np.random.default_rng(0).normal(size=100_000) * 0.002
     >>> round(fg.rate.allan(noise, interval=0.01).angle_random_walk.value, 5)  # 0.002 * sqrt(0.01) rad/sqrt(s)
@@ -110,8 +110,8 @@ def allan(values: Array, interval: float, shortest: float = 0.0) -> Allan:
     if any(found.spoils for found in events):
         terms = [each if each.limit else Estimate(each.value, 0.0, math.inf) for each in terms]
         steps = [found.size for found in events if found.kind == "steps" and found.spoils]
-        walk = Estimate(0.0, 0.0, HIDES * max(steps) * math.sqrt(interval), True) if steps else terms[WHITE]
-        if steps:  # they hide slow noise, too
+        walk = Estimate(0.0, 0.0, HIDDEN_BELOW * max(steps) * math.sqrt(interval), True) if steps else terms[WHITE]
+        if steps:  # quantization also hides slow noise
             terms[FLICKER] = terms[WALK] = Estimate(0.0, 0.0, math.inf, True)
     return Allan(
         tau,
@@ -132,17 +132,17 @@ def allan(values: Array, interval: float, shortest: float = 0.0) -> Allan:
 
 
 def _vibration(fitted: Fit | None, tau: Array, deviation: Array) -> float:
-    """Amplitude of what makes short averages, which are not fitted, far noisier than N: part of it leaks into N."""
+    """Amplitude of a vibration that makes the short averages, which are not fitted, far noisier than N."""
     times = _fitted(fitted, tau)
     if fitted is None or times is None or not fitted.terms[WHITE].seen:
         return 0.0
     short = tau < 0.99 * times[0]
     excess = deviation[short] ** 2 * tau[short] / fitted.terms[WHITE].value
-    return math.sqrt(2) * float(deviation[short].max()) if excess.max(initial=0.0) > SHAKEN else 0.0
+    return math.sqrt(2) * float(deviation[short].max()) if excess.max(initial=0.0) > VIBRATION_RATIO else 0.0
 
 
 def _fitted(fitted: Fit | None, tau: Array) -> tuple[float, float] | None:
-    """Averaging times of the frequencies of the fit: half periods."""
+    """Averaging times that correspond to the fitted frequencies: half periods."""
     if fitted is None:
         return None
     shortest, longest = 0.5 / fitted.frequency[1], 0.5 / fitted.frequency[0]
@@ -151,7 +151,7 @@ def _fitted(fitted: Fit | None, tau: Array) -> tuple[float, float] | None:
 
 
 def _checked(records: NDArray[Any]) -> tuple[int, int]:
-    """Numbers of records and samples. Raises ValueError where they are not long enough and finite."""
+    """Numbers of records and samples. Raises ValueError for records that are too short or not finite."""
     least, rule = 2 * MIN_RECORD, "it must be (samples) or (records, samples)"
     if records.ndim > 2:
         raise ValueError(f"values has {records.ndim} dimensions: {rule}")
@@ -171,16 +171,16 @@ def _checked(records: NDArray[Any]) -> tuple[int, int]:
 
 
 def _overlapping(record: Array, averaged: NDArray[np.int64]) -> Array:
-    """Allan variance over averages of so many samples, beginning at every sample."""
+    """Allan variance over averages of `averaged` samples, starting at every sample."""
     sums = np.empty(len(record) + 1)
     sums[0] = 0.0
     np.cumsum(record - record.mean(dtype=np.float64), out=sums[1:])
     found = []
-    first, second = np.empty(PART), np.empty(PART)
+    first, second = np.empty(DIFFERENCES_PER_PASS), np.empty(DIFFERENCES_PER_PASS)
     for m in map(int, averaged):
         count, total = len(sums) - 2 * m, 0.0
-        for begin in range(0, count, PART):  # in parts that a cache holds
-            end = min(begin + PART, count)
+        for begin in range(0, count, DIFFERENCES_PER_PASS):  # small enough for the cache
+            end = min(begin + DIFFERENCES_PER_PASS, count)
             before = np.subtract(sums[begin + m : end + m], sums[begin:end], out=first[: end - begin])
             change = np.subtract(
                 sums[begin + 2 * m : end + 2 * m], sums[begin + m : end + m], out=second[: end - begin]
@@ -192,13 +192,13 @@ def _overlapping(record: Array, averaged: NDArray[np.int64]) -> Array:
 
 
 def _factors(freedom: Array) -> Array:
-    """Factors of a deviation that give the ends of its interval: rows low, high."""
+    """Ends of the interval of a deviation as factors of it: rows low, high."""
     tail = (1 - CONFIDENCE) / 2
     return np.asarray(np.sqrt(freedom / chi2.ppf([[1 - tail], [tail]], freedom)), dtype=float)
 
 
 def _estimate(fitted: Fit | None, term: int, most: float) -> Estimate:
-    """Slow noise counts only where the longest averages are fitted, too."""
+    """The figure of one term. Slow noise counts as observed only if the longest averages are also fitted."""
     if fitted is None or (term in (FLICKER, WALK) and not fitted.whole):
         return Estimate(0.0, 0.0, math.inf if term == WHITE else most, limit=True)
     power = fitted.terms.get(term, Power(0.0, 0.0, 0.0, seen=False))
@@ -209,9 +209,9 @@ def _estimate(fitted: Fit | None, term: int, most: float) -> Estimate:
 
 
 def _limits(curve: Curve, fitted: Fit | None, high: Array) -> Array:
-    """The most that each term can be: all the variance at the averaging time at which that is least.
+    """Upper limit of each term: the one that gives all the variance at its most restrictive averaging time.
 
-    The longest where the response of the sensor is not known.
+    At the longest averaging time if the response of the sensor is not known.
     """
     times = slice(None) if fitted else slice(-1, None)
     columns = curve.columns(fitted.response if fitted else Response())

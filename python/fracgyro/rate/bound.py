@@ -1,13 +1,14 @@
-"""The Cramér-Rao bound of the rate estimate, as an angle random walk, with the noise of force and of sensing.
+"""The Cramér-Rao bound of the rate estimate, as an angle random walk, under force noise and sensing noise.
 
-The motion is known to some 1e-5 of itself. Omega_z is therefore the size of a known force in noise of known density,
-and so are the entries of D and K: phi^T theta in eq. (9). The force has noise of two-sided density S. Sensing noise of
-density N acts like force noise G^-1 N G^-H, G^-1 = -w^2 + j w (D + 2 Omega) + K, which is small near the resonances:
+The motion is known to about 1e-5 of its amplitude. Omega_z is therefore the amplitude of a known force in noise of
+known density, and so are the entries of D and K: phi^T theta in eq. (9). Force noise has the two-sided density S.
+Sensing noise of density N acts like force noise G^-1 N G^-H, G^-1 = -w^2 + j w (D + 2 Omega) + K, which is small near
+the resonances:
 
     I_jk = sum over the lines w of 1/2 Re phi_j^H (S + G^-1 N G^-H)^-1 phi_k,    N^2 = (I^-1)_Omega,Omega
 
-`bound_angle_random_walk` does this for the lines of the reference; `bound_of_motion` does it along any motion, another
-way. Flicker noise of the sensors is left out: it can only raise the bound.
+`bound_angle_random_walk` evaluates this for the lines of the reference; `bound_of_motion` uses the Kalman filter's
+innovation (innovation.py) along any motion. Flicker noise of the sensors is neglected; it could only raise the bound.
 """
 
 from __future__ import annotations
@@ -20,38 +21,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scenario import Scenario
-from ..scenario.to_core import device_params
-from ..simulation.outside import ControllerLike, units
+from ..scenario.to_core import device_values
 from ..simulation.simulate import simulate
+from ..simulation.user_controller import ControllerLike, units
 from .innovation import Noise, Plant, information_of_motion
 
 Array = NDArray[np.float64]
 
-TOLD_APART = 1e10  # largest condition number of the information, scaled
+MAX_CONDITION = 1e10  # condition number of the scaled information, above which parameters are not identifiable
 
 
 @dataclass(frozen=True)
 class Bound:
-    """N in rad/sqrt(s) of the best unbiased estimate of a constant Omega_z: no angle random walk can be less.
+    """Lower bound of the angle random walk N, rad/sqrt(s), of any unbiased estimate of a constant Omega_z.
 
     >>> bound = fg.rate.bound_angle_random_walk(fg.Scenario.paper())
     >>> 0 < bound.known < bound.unknown
     True
     """
 
-    known: float  #: D and K are known, as to an estimator that has long watched them and forgets only Omega_z
-    unknown: float  #: D and K are unknown constants, found from the same span of time as Omega_z
+    known: float  #: D and K are known, as after a long observation that forgets only Omega_z
+    unknown: float  #: D and K are unknown constants, estimated from the same record as Omega_z
 
 
 def bound_angle_random_walk(scenario: Scenario, controller: ControllerLike | None = None) -> Bound | None:
-    """The Cramér-Rao bounds of the rate estimate at plant.angular_rate; in milliseconds, as nothing is run.
+    """The Cramér-Rao bounds of the rate estimate at plant.angular_rate; takes milliseconds, without a run.
 
-    Noise is that of [disturbance] and [device]: densities or standard deviations, and the steps of converters, as white
-    noise of a twelfth of their square; with device.sensing position the speed is not sensed. The motion is the
-    reference; with a `controller` from outside it is run, and the motion is what it brings about. bound.py has the
-    derivation.
+    The noise is that of [disturbance] and [device]: densities or standard deviations, and converter steps as white
+    noise with a twelfth of their square as variance; with device.sensing = "position" no velocity is measured. The
+    motion is the reference; a user's `controller` is run to obtain its motion. bound.py has the derivation.
 
-    None without noise, where the disturbance is not noise, or the motion does not separate the parameters.
+    Returns None without noise, for a disturbance that is not noise, and if the motion does not identify the parameters.
 
     >>> quiet = fg.Scenario.paper().replace({"disturbance.kind": "none"})
     >>> print(fg.rate.bound_angle_random_walk(quiet))
@@ -66,7 +66,7 @@ def bound_angle_random_walk(scenario: Scenario, controller: ControllerLike | Non
     exact = noise.force == 0 and not noise.of_sensing
     information = np.zeros((7, 7))
     for frequency in sorted(set(reference.frequency)):
-        # Its phase does not matter: where a bound exists, one axis moves at each frequency.
+        # The phase does not matter: if a bound exists, only one axis moves at each frequency.
         position = np.where(np.equal(reference.frequency, frequency), reference.amplitude, 0.0)
         rows = _regressors(position, 1j * frequency * position)
         inverse = plant.inverse_response(frequency)
@@ -76,7 +76,7 @@ def bound_angle_random_walk(scenario: Scenario, controller: ControllerLike | Non
 
 
 def bound_of_motion(scenario: Scenario, controller: ControllerLike | None = None) -> Bound | None:
-    """The same along the second half of a run, whatever its motion, in seconds."""
+    """The bounds along the motion in the second half of a run; takes seconds."""
     noise = noise_of(scenario)
     if noise is None:
         return None
@@ -92,7 +92,7 @@ def bound_of_motion(scenario: Scenario, controller: ControllerLike | None = None
 
 
 def noise_of(scenario: Scenario) -> Noise | None:
-    """None where there is none that is white."""
+    """The white noise of a scenario, nondimensional; None without noise or for another disturbance."""
     d, step = scenario.disturbance, scenario.run.step
     if d.kind not in ("none", "noise"):
         return None
@@ -100,24 +100,25 @@ def noise_of(scenario: Scenario) -> Noise | None:
     if d.kind == "noise":
         hold = step if d.hold is None else d.hold
         force = d.density if d.density is not None else (d.standard_deviation or 0.0) ** 2 * hold
-    device = device_params(scenario)
-    position = (device.position_noise**2 + _of_steps(device.position)) * step
-    velocity = (device.velocity_noise**2 + _of_steps(device.velocity)) * step
+    device = device_values(scenario)
+    position, velocity = (
+        (device[f"{of}_noise"] ** 2 + _of_steps(device, of)) * step for of in ("position", "velocity")
+    )
     if scenario.device.sensing == "position":
         velocity = np.full(2, math.inf)
     noise = Noise(force, position, velocity)
     return None if d.kind == "none" and not noise.of_sensing else noise
 
 
-def _of_steps(quantizer: Any) -> Array:
+def _of_steps(device: dict[str, Any], quantity: str) -> Array:
     """Variance of a converter's steps."""
-    if quantizer.bits == 0:
+    if device[f"{quantity}_bits"] == 0:
         return np.zeros(2)
-    return np.array([2.0 * span / 2.0**quantizer.bits for span in quantizer.range]) ** 2 / 12
+    return np.array([2.0 * span / 2.0 ** device[f"{quantity}_bits"] for span in device[f"{quantity}_range"]]) ** 2 / 12
 
 
 def _regressors(position: NDArray[Any], velocity: NDArray[Any]) -> NDArray[Any]:
-    """(7, 2, ...): the force on x and y of Dxx, Dxy, Dyy, Kxx, Kxy, Kyy, Omega_z = 1 in eq. (9)."""
+    """Force on x and y for Dxx, Dxy, Dyy, Kxx, Kxy, Kyy, Omega_z = 1 in eq. (9): (7, 2, ...)."""
     (x, y), (vx, vy) = position, velocity
     none = np.zeros_like(x)
     pairs = [(vx, none), (vy, vx), (none, vy), (x, none), (y, x), (none, y), (-2 * vy, 2 * vx)]
@@ -129,7 +130,7 @@ def _bound(information: Array, scenario: Scenario, factor: float) -> Bound | Non
     if not scale.all():
         return None
     scaled = information / np.outer(scale, scale)
-    if np.linalg.cond(scaled) > TOLD_APART:
+    if np.linalg.cond(scaled) > MAX_CONDITION:
         return None
     scales = scenario.plant.scales
     known = factor / float(scale[-1]) * scales.rate * math.sqrt(scales.time)

@@ -1,26 +1,29 @@
-"""Page one of `fracgyro rate`: from a scenario to the figures of merit of the rate sensor that it is.
+"""Entry point of `fracgyro rate`: from a scenario to the figures of merit of its rate sensor.
 
     ladder of constant rates -> scale factor, non-linearity, zero-rate output, full scale, turn-on time
     long record at rest      -> Allan deviation: angle random walk, bias instability, rate random walk
     sinusoidal rates         -> bandwidth, phase lag
     wrong couplings          -> quadrature residual
 
-All of it is measured only on the output, as on a rate table; the words are those of IEEE Std 528, 952 and 1431.
+All figures are measured only on the output, as on a rate table; terms are those of IEEE Std 528, 952 and 1431.
 """
 
 from __future__ import annotations
 
 import json
 import os
+from pathlib import Path
 
 from ..arguments import number, short
 from ..files import whole_folder
 from ..scenario import Scenario, check_scenario
-from ..simulation.outside import ControllerLike, controller_words
+from ..simulation.user_controller import ControllerLike, controller_words
 from .imu import FILES, Imu, imu_file, of_simulation
-from .measure import Progress, measure
+from .measure import Characterization, measure
 from .report import write_report
 from .results import Result, results
+from .runs import Progress, run_all
+from .sensor import Sensor
 
 
 def characterise(
@@ -33,21 +36,22 @@ def characterise(
     imu: Imu | None = None,
     progress: Progress | None = None,
 ) -> list[Result]:
-    """Measures `scenario` as a rate sensor and writes `out`/report.html and `out`/rate.json.
+    """Characterizes `scenario` as a rate sensor; writes `out`/report.html and `out`/rate.json.
 
-    rate.json has the scenario, the figures, and the response to sinusoidal rates: frequency in Hz, gain over the scale
-    factor, lag in rad.
+    Returns the figures of merit in the order of the report. rate.json has the scenario, the figures, and the response
+    to sinusoidal rates: frequency in Hz, gain relative to the scale factor, lag in rad.
 
-    Rates are set from outside, plant.angular_rate notwithstanding; all else is as the scenario says. `controller`, in
-    the place of the scenario's own: as in `fracgyro.simulate`; it must report rate_estimate. A callable's reset is
-    called before each run with its scenario, which has the rate to be sensed. `quick`: 2 seeds instead of 8, for a
-    look. `rest`: device time of the record at rest in s, if left out two million steps, or half a million where nothing
-    is known to bound the switching gain; bias instability and rate random walk take minutes to hours. `imu`: writes the
-    noise as that navigation simulation takes it, too: imu.yaml or gnss_ins_sim.py. `progress` is called with (done,
-    total, what is being done).
+    The measurement sets the angular rate instead of plant.angular_rate; everything else is as in the scenario.
 
-    Raises ValueError in one sentence: a scenario or a controller without an estimate, an `out` that is there already, a
-    `rest` of too few outputs or too many steps, a run that diverges within the range; and what `simulate` raises of a
+    `controller`: replaces the scenario's controller, as in `fracgyro.simulate`; it must report rate_estimate. Before
+    each run the reset method of a callable receives the scenario with the rate to be sensed. `quick`: 2 seeds instead
+    of 8. `rest`: device time of the static test in s; by default two million steps, or half a million if the switching
+    gain has no known bound. Bias instability and rate random walk need minutes to hours. `imu`: also writes the noise
+    for that navigation simulation, as imu.yaml, gnss_ins_sim.py or kf_gins.yaml. `progress`: called with (done, total,
+    current measurement).
+
+    Raises ValueError for a scenario or a controller without a rate estimate, an existing `out`, a `rest` with too few
+    outputs or too many steps, and a run that diverges within the range; also the errors that `simulate` raises for a
     controller.
 
     >>> from fracgyro.scenario.shipped import shipped
@@ -62,17 +66,23 @@ def characterise(
     if imu is not None and imu not in FILES:
         raise ValueError(f"imu is {short(imu)}: it must be one of {', '.join(FILES)}")
     with whole_folder(out) as folder:
-        measured = measure(scenario, seeds=2 if quick else 8, controller=controller, rest=rest, progress=progress)
-        found = results(measured)
-        outside = {} if controller is None else {"controller": controller_words(controller)}
-        gain, lag = measured.response.gain, measured.response.lag
-        response = {"frequency": measured.response.frequency.tolist(), "gain": gain.tolist(), "lag": lag.tolist()}
-        figures = [result.plain() for result in found]
-        content = {"scenario": scenario.to_toml(), **outside, "figures": figures, "response": response}
-        text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
-        (folder / "rate.json").write_text(text + "\n", encoding="utf-8")
+        sensor = Sensor.of(scenario, 2 if quick else 8, controller)
+        runs = run_all(sensor, rest=rest, progress=progress)
+        measured = measure(sensor, runs, rest=rest)
+        figures = results(measured)
+        _write_json(folder / "rate.json", measured, figures)
         if imu is not None:
             name, words = imu_file(imu, [of_simulation(measured)])
             (folder / name).write_text(words, encoding="utf-8")
-        write_report(folder / "report.html", measured, found)
-    return found
+        write_report(folder / "report.html", measured, figures)
+    return figures
+
+
+def _write_json(path: Path, measured: Characterization, figures: list[Result]) -> None:
+    content: dict[str, object] = {"scenario": measured.scenario.to_toml()}
+    if measured.controller is not None:
+        content["controller"] = controller_words(measured.controller)
+    content["figures"] = [figure.plain() for figure in figures]
+    content["response"] = {name: getattr(measured.response, name).tolist() for name in ("frequency", "gain", "lag")}
+    text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
+    path.write_text(text + "\n", encoding="utf-8")

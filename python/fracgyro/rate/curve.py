@@ -1,9 +1,9 @@
 """The Allan variance of noise terms: its mean over each averaging time, and its degrees of freedom.
 
 The Allan variance over averages of length tau is sigma²(tau) = 2 ∫ S(f) G(f, tau) df over f > 0, with
-G = 2 sin⁴(π f tau)/(π f tau)²: 3 Q²/tau² + N²/tau + (2 ln 2/π) B² + K² tau/3 where tau is long against the response
-time and the sampling interval. Its variance over overlapping averages of one record of length t is
-4/(t - 2 tau) ∫ S² G² df. f goes up to half the sampling frequency, and G is that of samples.
+G = 2 sin⁴(π f tau)/(π f tau)²: 3 Q²/tau² + N²/tau + (2 ln 2/π) B² + K² tau/3 if tau is much longer than the response
+time and the sampling interval. Its variance over overlapping averages of one record of length t is 4/(t - 2 tau) ∫ S²
+G² df. f goes up to half the sampling frequency, and G is the discrete-time transfer function.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from .spectrum import Spectrum
 
 Array = NDArray[np.float64]
 
-PER_OCTAVE = 48  # frequencies of the integrals
+PER_OCTAVE = 48  # integration points
 
 
 class Curve:
@@ -38,20 +38,20 @@ class Curve:
         self._span = (length - 2 * tau) * records
 
     def columns(self, response: Response) -> Array:
-        """Variance over each averaging time for N, B, K, Q and drift = 1 behind this response."""
+        """Variance at each averaging time for N, B, K, Q and drift = 1 behind this response: (times, terms)."""
         columns = 2 * (self._gain * self._width) @ self._behind(response)
         if response.time == 0:
-            columns[:, WHITE] = 1 / self.tau  # in closed form, as it is known best
+            columns[:, WHITE] = 1 / self.tau  # closed form
         columns[:, QUANTIZATION] = 3 / self.tau**2
         return np.asarray(columns)
 
     def freedom(self, fit: Fit | None) -> Array:
-        """Degrees of freedom at each averaging time, of the noise that was fitted, else of white noise."""
+        """Degrees of freedom at each averaging time, for the fitted noise or, without a fit, for white noise."""
         power = np.zeros(self._plain.shape[1])
         power[WHITE] = 1.0
         if fit is not None:
             power = np.array([fit.terms[i].value if i in fit.terms else 0.0 for i in range(len(power))])
-            power[DRIFT] = 0.0  # a single curve, not noise with a mean
+            power[DRIFT] = 0.0  # deterministic: not a random process
             power[WHITE] = power[WHITE] if power.any() else 1.0
         response = fit.response if fit else Response()
         density = self._behind(response) @ power

@@ -1,4 +1,4 @@
-"""Which grade of gyroscope a figure would fall in."""
+"""Grades of gyroscopes, and the grade of a figure of merit."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Literal
 Grade = Literal["navigation", "tactical", "consumer", "below consumer"]
 Quantity = Literal["bias", "angle_random_walk", "scale_factor", "full_scale", "bandwidth"]
 
-# What each grade asks for, best first, as engineers usually class gyroscopes; the unit each is stated in.
+# Unit and limit of each grade, best first: common industry classes.
 GRADES: dict[Quantity, tuple[str, dict[Grade, float]]] = {
     "bias": ("deg/h, at most", {"navigation": 0.01, "tactical": 10.0, "consumer": 1000.0}),
     "angle_random_walk": ("deg/sqrt(h), at most", {"navigation": 0.001, "tactical": 0.5, "consumer": float("inf")}),
@@ -18,7 +18,7 @@ GRADES: dict[Quantity, tuple[str, dict[Grade, float]]] = {
 
 
 def grade(quantity: Quantity, value: float) -> Grade:
-    """The best grade whose limit `value` keeps, in the unit of GRADES; its sign does not matter. NaN keeps none."""
+    """The best grade whose limit |`value`| meets, in the unit of GRADES; NaN meets none."""
     rule, limits = GRADES[quantity]
     for name, limit in limits.items():
         if abs(value) >= limit if rule.endswith("at least") else abs(value) <= limit:

@@ -1,7 +1,7 @@
 """The sensor's noise in the formats of three navigation filters and simulations.
 
-Kalibr's imu.yaml, gnss-ins-sim's error profile of a gyroscope, the lines of KF-GINS's configuration. What the record
-did not show is not filled in.
+Kalibr's imu.yaml, gnss-ins-sim's gyroscope error profile, and the gyroscope lines of a KF-GINS configuration. Terms
+that were not observed are not filled in.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 
 from .allan import FLOOR, Allan, Estimate
-from .measure import Characterisation
+from .measure import Characterization
 from .units import DEG_PER_H, DEG_PER_ROOT_H, Unit
 
 Imu = Literal["kalibr", "gnss-ins-sim", "kf-gins"]
@@ -27,16 +27,16 @@ AXES = 3
 
 @dataclass(frozen=True)
 class Noise:
-    """The noise of an axis."""
+    """Noise of one axis."""
 
     found: Allan
     interval: float  # s, of the output
     mean: float  # rad/s, at rest
-    source: str  # what it was measured on, for a comment
+    source: str  # origin of the measurement, for a comment
 
 
-def of_simulation(m: Characterisation) -> Noise:
-    """The noise of a simulated sensor."""
+def of_simulation(m: Characterization) -> Noise:
+    """Noise of a simulated sensor."""
     rest = m.rest
     seconds = rest.rate.shape[1] * rest.interval
     source = f"on {m.seeds} simulated records at rest, {_seconds(seconds)} s each"
@@ -48,13 +48,13 @@ def _seconds(value: float) -> str:
 
 
 def imu_file(kind: Imu, axes: Sequence[Noise]) -> tuple[str, str]:
-    """Name and text of the file; one axis stands for all three."""
+    """Name and text of the file; the noise of a single axis is used for all three."""
     name, text = FILES[kind]
-    return name, text([_told(each) for each in axes])
+    return name, text([_trusted(each) for each in axes])
 
 
-def _told(axis: Noise) -> Noise:
-    """Without numbers that cannot be trusted."""
+def _trusted(axis: Noise) -> Noise:
+    """The noise without the estimates that an event in the record invalidates."""
     if not any(event.spoils for event in axis.found.events):
         return axis
     none = Estimate(0.0, 0.0, math.inf, True)
@@ -67,8 +67,8 @@ def _head(axes: Sequence[Noise], comment: str = "#") -> list[str]:
     slowest = max(each.found.response_time for each in axes)
     if slowest:
         lines.append(
-            f"{comment} The output's own response time is {slowest:.3g} s: samples closer than that are "
-            "correlated, and have less noise than this density means."
+            f"{comment} The sensor's response time is {slowest:.3g} s: samples closer than that are "
+            "correlated and have less noise than white noise of this density."
         )
     for each in axes:
         lines += [f"{comment} Not noise: {event.sentence}." for event in each.found.events]
@@ -76,16 +76,16 @@ def _head(axes: Sequence[Noise], comment: str = "#") -> list[str]:
 
 
 def _worst(estimates: Sequence[Estimate | None]) -> Estimate | None:
-    """The largest that is known; of limits only, the largest limit."""
+    """The largest observed value; the largest limit if no value was observed."""
     seen = [each for each in estimates if each is not None and not each.limit]
     limits = [each for each in estimates if each is not None and each.limit]
     return max(seen, key=lambda each: each.value) if seen else max(limits, key=lambda each: each.high, default=None)
 
 
 def _kalibr(axes: Sequence[Noise]) -> str:
-    """Kalibr's imu.yaml; its densities are the roots of two-sided ones, and so are N and K.
+    """Kalibr's imu.yaml. Its densities are square roots of two-sided power densities, as N and K are.
 
-    It takes one number for all axes: the largest.
+    It has one number for all axes: the largest.
     """
     walk = _worst([each.found.angle_random_walk for each in axes])
     drift = _worst([each.found.rate_random_walk for each in axes])
@@ -109,10 +109,10 @@ def _line(name: str, found: Estimate | None, words: str) -> str:
 
 
 def _gnss_ins_sim(axes: Sequence[Noise]) -> str:
-    """A dict for `IMU.set_gyro_error`, in SI as its built-in profiles are.
+    """A dict for `IMU.set_gyro_error`, in SI like its built-in profiles.
 
-    Flicker noise becomes the Gauss-Markov noise whose largest Allan deviation is the same, where the least deviation
-    of the record lies.
+    Flicker noise becomes Gauss-Markov noise with the same peak Allan deviation, at the averaging time of the record's
+    minimum.
     """
     rows = [_markov(each) for each in axes]
     biases, spreads, correlations, walks = (
@@ -131,9 +131,9 @@ def _gnss_ins_sim(axes: Sequence[Noise]) -> str:
         "",
         "gyro_err = {",
         f"    'b': {biases},  # {means} deg/h, the mean output at rest",
-        f"    'b_drift': {spreads},  # bias instability {_explained(drift_words)}",
+        f"    'b_drift': {spreads},  # bias instability {_comment(drift_words)}",
         f"    'b_corr': {correlations}," + ("  # averaging time of the Allan minimum / 1.892" if seen else ""),
-        f"    'arw': {walks},  # angle random walk {_explained(walk_words)}",
+        f"    'arw': {walks},  # angle random walk {_comment(walk_words)}",
         "}",
     ]
     for each in axes:
@@ -144,7 +144,7 @@ def _gnss_ins_sim(axes: Sequence[Noise]) -> str:
 
 
 def _markov(axis: Noise) -> tuple[float, float, float]:
-    """Standard deviation and correlation time of the drift, and N; NaN for what the record does not bound."""
+    """Standard deviation and correlation time of the drift, and N; NaN without a bound."""
     flicker, walk = axis.found.bias_instability, axis.found.angle_random_walk
     white = walk.value if walk and not walk.limit else math.nan
     if flicker.limit:
@@ -153,7 +153,7 @@ def _markov(axis: Noise) -> tuple[float, float, float]:
 
 
 def _kf_gins(axes: Sequence[Noise]) -> str:
-    """The lines of a gyroscope under imunoise in KF-GINS's YAML: deg/sqrt(h), deg/h, and h."""
+    """Gyroscope lines under imunoise in KF-GINS's YAML: deg/sqrt(h), deg/h, and h."""
     rows = [_markov(each) for each in axes]
     walks = [DEG_PER_ROOT_H.of(row[2]) for row in rows]
     spreads = [DEG_PER_H.of(row[0]) for row in rows]
@@ -194,8 +194,8 @@ def _words(found: Estimate, unit: Unit) -> str:
     return f"at most {unit.of(found.high):.3g} {unit.name}" if math.isfinite(found.high) else "not observed"
 
 
-def _explained(axes: Sequence[str]) -> str:
-    """The words of each axis, and what a 0 is for."""
+def _comment(axes: Sequence[str]) -> str:
+    """Comment with the value of each axis and the meaning of 0 and nan."""
     words = ", ".join(axes)
     if all(each[0].isdigit() for each in axes):
         return words

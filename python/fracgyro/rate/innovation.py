@@ -1,8 +1,8 @@
 """Information on D, K and Omega_z along any motion, from the sensitivities of the Kalman filter's innovation.
 
-The filter knows D, K and Omega_z. If one of them is off by a little, its innovation, white with covariance Lambda, has
-the mean psi times that: each sample adds psi psi^T/Lambda to the information. psi comes from the filter's error, which
-is driven by what the parameter adds to the plant's exact step x' = A x + B u:
+The filter knows D, K and Omega_z. A small error of one of them shifts the mean of the innovation, which is white with
+covariance Lambda, by psi times the error: each sample adds psi psi^T/Lambda to the information. psi follows from the
+filter's error w, driven by the parameter's derivative of the plant's exact step x' = A x + B u:
 
     w' = A (I - L C) w + A_j x + B_j u,    psi = C w
 """
@@ -20,25 +20,25 @@ from ..scenario import Scenario
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-CLOSEST = 0.8  # part of the samples after which the motion may be taken as beginning again
+MIN_PERIOD = 0.8  # fraction of the samples: shortest period of the motion that is tried
 
 
 @dataclass(frozen=True)
 class Noise:
-    """White noise: two-sided densities in the units of eq. (9), of sensing on x and y; inf: not sensed."""
+    """White noise: two-sided densities in the units of eq. (9); sensing densities of x and y, inf if not sensed."""
 
     force: float
     position: Array
     velocity: Array
 
     def at(self, frequency: float) -> Array:
-        """Density of both sensors as one of the position: N^-1 + w^2 Nv^-1, inverted."""
+        """Both sensors combined, as density of a position measurement: (N^-1 + w^2 Nv^-1)^-1."""
         with np.errstate(divide="ignore"):
             return np.asarray(1 / (1 / self.position + frequency**2 / self.velocity))
 
     @property
     def of_sensing(self) -> bool:
-        """Whether no sensor is exact."""
+        """True if every sensor has noise."""
         return bool((self.position > 0).all() and (self.velocity > 0).all())
 
 
@@ -51,16 +51,16 @@ class Plant:
 
     @classmethod
     def of(cls, scenario: Scenario) -> Plant:
-        """With its deviations, at plant.angular_rate."""
+        """The plant of a scenario with its deviations, at plant.angular_rate."""
         d, k, rate, by_d, by_k = scenario.plant.nondimensional()
         return cls(_matrix(d + by_d) + rate * ACROSS, _matrix(k + by_k))
 
     def inverse_response(self, frequency: float) -> Complex:
-        """From position to force."""
+        """Transfer function from position to force: (2, 2)."""
         return np.asarray(-(frequency**2) * np.eye(2) + 1j * frequency * self.damping + self.stiffness)
 
     def steps(self, step: float) -> tuple[Array, Array]:
-        """[A B] (4, 6) of position and velocity under a force that is held, and its seven derivatives (7, 4, 6)."""
+        """Zero-order-hold [A B] (4, 6) of position and velocity, and its seven derivatives (7, 4, 6)."""
         rates = np.zeros((6, 6))
         rates[:2, 2:4], rates[2:4, 4:] = np.eye(2), np.eye(2)
         rates[2:4, :2], rates[2:4, 2:4] = -self.stiffness, -self.damping
@@ -77,19 +77,19 @@ def _matrix(entries: Array) -> Array:
     return np.asarray(entries[[0, 1, 1, 2]].reshape(2, 2), dtype=float)
 
 
-ACROSS = np.array([[0.0, -2.0], [2.0, 0.0]])  # of Omega_z
+ACROSS = np.array([[0.0, -2.0], [2.0, 0.0]])  # Coriolis matrix of Omega_z = 1
 ENTRIES = [np.array(entries) for entries in ([[1.0, 0], [0, 0]], [[0.0, 1], [1, 0]], [[0.0, 0], [0, 1]])]
-# Column of rates and matrix of Dxx, Dxy, Dyy, Kxx, Kxy, Kyy, Omega_z.
+# First column and matrix for Dxx, Dxy, Dyy, Kxx, Kxy, Kyy, Omega_z.
 PARAMETERS = [(2, entries) for entries in ENTRIES] + [(0, entries) for entries in ENTRIES] + [(2, ACROSS)]
 
 
 def information_of_motion(
     plant: Plant, step: float, noise: Noise, position: Array, velocity: Array, force: Array
 ) -> Array:
-    """Per unit of time, (7, 7), of Dxx, Dxy, Dyy, Kxx, Kxy, Kyy, Omega_z.
+    """Information per unit of time, (7, 7), on Dxx, Dxy, Dyy, Kxx, Kxy, Kyy, Omega_z.
 
-    The motion, (samples, 2), is steady. A narrow filter needs longer to settle than it lasts; therefore the motion is
-    taken as going on from its beginning, after the sample at which it comes closest to that.
+    The motion, (samples, 2), is steady. A narrow filter needs longer to settle than the motion lasts; the motion is
+    therefore repeated periodically, with the period after which it returns closest to its first sample.
     """
     from scipy.signal import lfilter  # takes more than a second
 
@@ -112,7 +112,7 @@ def information_of_motion(
         for mode, driven, out in zip(modes, drive, error, strict=True):
             found = lfilter([0.0, 1.0], [1.0, -mode], driven)
             after = mode * found[-1] + driven[-1]
-            start = after / (1 - mode**period)  # such that it is the same after the period
+            start = after / (1 - mode**period)  # periodic steady state
             out[:] = found + start * mode ** np.arange(period)
         outputs.append(np.real((c @ shapes) @ error))
     psi = np.array(outputs)
@@ -122,7 +122,7 @@ def information_of_motion(
 
 
 def _period(state: Array) -> int:
-    least = int(CLOSEST * len(state))
+    shortest = int(MIN_PERIOD * len(state))
     scale = np.abs(state).max(axis=0)
     scale[scale == 0] = 1.0
-    return least + int(np.argmin((((state[least:] - state[0]) / scale) ** 2).sum(axis=1)))
+    return shortest + int(np.argmin((((state[shortest:] - state[0]) / scale) ** 2).sum(axis=1)))

@@ -1,6 +1,6 @@
-"""A look at a record before its noise is measured: samples and stretches that are not noise of a sensor at rest.
+"""Inspection of a record before its noise is measured: samples and segments that are not sensor noise at rest.
 
-The record is looked at in parts, which need memory for some thousand numbers, however long it is.
+The record is processed in chunks, in memory that does not grow with its length.
 """
 
 from __future__ import annotations
@@ -22,30 +22,30 @@ Kind = Literal[
     "spike", "stuck", "repeated", "constant", "saturated", "noise", "motion", "jump", "steps", "drift", "vibration"
 ]
 
-LARGEST = 1e100  # of values, whose squares must be numbers
-FAR = 8.0  # robust deviations: what Gaussian noise exceeds once in 10^15
+MAX_VALUE = 1e100  # squares of values must not overflow
+OUTLIER_DEVIATIONS = 8.0  # robust standard deviations, exceeded by Gaussian noise once in 10^15 samples
 ROBUST = 1.4826  # standard deviation of Gaussian noise over its median absolute deviation
-BLOCKS = 64  # whose noise is compared
-FEW_BLOCKS = 16  # too few to say what is usual
+BLOCKS = 64  # blocks whose noise is compared
+FEW_BLOCKS = 16  # with fewer blocks their median is not representative
 MIN_BLOCK = 32  # samples
-CHUNK = 2**18  # samples looked at at once
-SAMPLED = 2**17  # samples whose values are counted
-HIDES, NOTED = 0.6, 1.0  # of a converter's step: noise below the first is hidden, below the second increased
-SETTLED = 1.15  # growth, by a doubled lag, of differences that have reached the noise
-IRREGULAR = 0.5  # spread of the gaps between repeats over their mean; less is a sensor that is read too often
-MEDIAN_OF = 4096  # samples of a block of which medians are taken
-ROUNDING = 1e-14  # of the largest value: differences that are none
-SHAPED = -0.1  # correlation of samples and the next: rounded is the angle, which hides no noise
-MAX_REPEATED = 0.002  # share of samples that repeat the one before
-INNER, INNER_SHARE = 0.95, 0.7592 / 0.95  # of squares, and their mean over that of all of normal noise
-MIN_CHANGE = {"noise": 0.15, "motion": 0.5}  # of the logarithm of a variance
-SUBBLOCKS = 8  # whose noise shows how uncertain that of a block is
-UNSTEADY, MIN_SPREAD = 1e-9, 0.1  # probability that blocks of equal noise spread so, and the deviation of the logarithm
+CHUNK = 2**18  # samples processed at once
+SAMPLED = 2**17  # samples in the histogram of values
+HIDDEN_BELOW, INCREASED_BELOW = 0.6, 1.0  # converter steps: noise below the first is hidden, below the second increased
+SETTLED_GROWTH = 1.15  # growth of differences when the lag doubles, below which they have reached the noise level
+IRREGULAR = 0.5  # standard deviation of the gaps between repeats over their mean; less: the sensor is polled too often
+MEDIAN_SAMPLES = 4096  # samples of a block used for a median
+ROUNDING = 1e-14  # fraction of the largest value, below which a difference counts as zero
+ANGLE_CORRELATION = -0.1  # lag-one correlation below which the angle was rounded, which hides no noise
+MAX_REPEATED = 0.002  # fraction of samples that repeat the previous one
+INNER, INNER_SHARE = 0.95, 0.7592 / 0.95  # trimmed fraction of squares, and its mean relative to all for normal noise
+MIN_CHANGE = {"noise": 0.15, "motion": 0.5}  # change of the logarithm of a variance
+SUBBLOCKS = 8  # their scatter gives the uncertainty of a block's noise
+UNSTEADY, MIN_SPREAD = 1e-9, 0.1  # p-value of the spread of block variances, and smallest spread of their logarithm
 
 
 @dataclass(frozen=True)
 class Event:
-    """Something in a record that is not the noise of a sensor at rest.
+    """Anything in a record other than the noise of a sensor at rest.
 
     >>> noise = np.random.default_rng(0).normal(size=10_000) * 0.002
     >>> noise[5000] = 1.0
@@ -56,32 +56,32 @@ class Event:
     kind: Kind
     time: float  #: s from the beginning of the record
     end: float  #: s
-    size: float  #: rad/s; of repeated samples their share
-    spoils: bool  #: whether noise terms cannot be trusted while it is there
-    count: int = 1  #: samples, or stretches
+    size: float  #: rad/s; for repeated samples their fraction
+    spoils: bool  #: True if it invalidates the noise terms
+    count: int = 1  #: samples, or segments
 
     @property
     def sentence(self) -> str:
-        """For people: what it is, where, and how large."""
+        """Description with place and size."""
         span, size = f"from {_seconds(self.time)} to {_seconds(self.end)} s", _rate(self.size)
         count = f"{self.count:,} samples"
         if self.kind == "spike" and self.count == 1:
             return f"at {_seconds(self.time)} s the rate is {size} off"
         if self.kind == "steps" and not self.spoils:
-            return f"the sensor's steps of {size} are as coarse as its noise, and add to it"
+            return f"the sensor's quantization step of {size} is as large as its noise and increases it"
         return {
-            "spike": f"{count} {span} are far off the others, by up to {size}",
+            "spike": f"{count} {span} are outliers, by up to {size}",
             "stuck": f"{span} the rate is stuck at {size} for {count}",
-            "repeated": f"{count}, {100 * self.size:.2g} % of all, repeat the one before at irregular times, as where "
-            "samples are lost",
-            "constant": f"{count} {span} are exactly {size}, as where a number stands for lost samples",
+            "repeated": f"{count}, {100 * self.size:.2g} % of all, repeat the previous one at irregular times, "
+            "as after lost samples",
+            "constant": f"{count} {span} are exactly {size}, as if that value marked lost samples",
             "saturated": f"{count} {span} are at the end of the range, {size}",
-            "noise": f"{span} the noise from sample to sample, up to {size}, is not as elsewhere",
+            "noise": f"{span} the noise from sample to sample, up to {size}, differs from the rest",
             "motion": f"{span} the rate moves, by up to {size}",
             "jump": f"at {_seconds(self.time)} s the mean jumps by {size}",
-            "steps": f"the sensor's steps of {size} hide its noise",
-            "vibration": f"an unsteady vibration of about {size} covers the noise",
-            "drift": f"{span} the mean drifts, by {size}, as in a warm-up; it is not counted as K",
+            "steps": f"the sensor's quantization step of {size} hides its noise",
+            "vibration": f"an unsteady vibration of about {size} masks the noise",
+            "drift": f"{span} the mean drifts by {size}, as in a warm-up; it is not counted as K",
         }[self.kind]
 
 
@@ -94,12 +94,12 @@ def _seconds(value: float) -> str:
 
 
 def inspect(values: Array, interval: float) -> tuple[Event, ...]:
-    """Events in a record that are not the noise of a sensor at rest; `values` in rad/s, `interval` in s.
+    """Events in a record other than the noise of a sensor at rest; `values` (samples,) in rad/s, `interval` in s.
 
-    Samples far off the others, stretches that repeat one value, values that stand for lost samples, saturation, times
-    of more noise or motion, jumps of the mean, steps of the converter that are coarser than the noise.
+    Reported are outliers, segments stuck at one value, fill values for lost samples, saturation, periods of more noise
+    or motion, jumps of the mean, and quantization steps larger than the noise.
 
-    Raises TypeError where these are no numbers, ValueError for other than one dimension, a value that is not finite or
+    Raises TypeError for arguments that are not numbers, ValueError for another shape, a value that is not finite or
     above 1e100, or an `interval` that is not above 0.
 
     >>> fg.rate.inspect(np.random.default_rng(0).normal(size=10_000), interval=0.01)
@@ -111,12 +111,12 @@ def inspect(values: Array, interval: float) -> tuple[Event, ...]:
     if not np.isfinite(record).all():
         at = int(np.argmin(np.isfinite(record)))
         raise ValueError(f"values is {record[at]} at sample {at}: all must be finite")
-    if len(record) and float(np.max(np.abs(record))) > LARGEST:
+    if len(record) and float(np.max(np.abs(record))) > MAX_VALUE:
         at = int(np.argmax(np.abs(record)))
-        raise ValueError(f"values is {record[at]:g} at sample {at}: all must be below {LARGEST:g}")
+        raise ValueError(f"values is {record[at]:g} at sample {at}: all must be below {MAX_VALUE:g}")
     if len(record) < 2 * MIN_BLOCK:
         return ()
-    look = _Look(np.asarray(record, dtype=np.float64), interval)
+    look = _Inspection(np.asarray(record, dtype=np.float64), interval)
     if look.scale == 0:
         return ()
     searches: list[Callable[[], Event | None]] = [
@@ -134,7 +134,7 @@ def inspect(values: Array, interval: float) -> tuple[Event, ...]:
 
 
 def drift(records: Array, interval: float) -> Event:
-    """How far the mean of blocks wanders; of several records, the farthest."""
+    """The drift event with the largest change of the block means; of several records, the largest."""
     size = max(records.shape[1] // BLOCKS, 1)
     whole = records[:, : records.shape[1] // size * size]
     spans = np.ptp(whole.reshape(len(records), -1, size).mean(axis=2), axis=1)
@@ -142,7 +142,7 @@ def drift(records: Array, interval: float) -> Event:
 
 
 def _line(block: Array) -> tuple[float, float]:
-    """Middle and slope of a line through a block that single samples do not change: through the medians of thirds."""
+    """Center and slope of a robust line through a block: through the medians of its thirds."""
     stride = _stride(block)
     few = block[::stride]
     third = len(few) // 3
@@ -151,26 +151,26 @@ def _line(block: Array) -> tuple[float, float]:
 
 
 def _stride(block: Array) -> int:
-    """Every n-th sample is enough for a median."""
-    return max(len(block) // MEDIAN_OF, 1)
+    """n: every n-th sample of the block is used for a median."""
+    return max(len(block) // MEDIAN_SAMPLES, 1)
 
 
 def _spread(block: Array) -> float:
-    """Variance about the line of least squares."""
+    """Variance about the least-squares line."""
     at = np.arange(len(block)) - (len(block) - 1) / 2
     slope = float(at @ block) / float(at @ at)
     return max(float(block.var()) - slope**2 * float(at @ at) / len(block), 0.0)
 
 
 def _inner(block: Array) -> float:
-    """Half the mean square of differences between samples, from the 95 % of least size, as for normal noise."""
+    """Half the mean square of differences between samples, from the smallest 95 %, corrected for normal noise."""
     stride = _stride(block)
     square = np.square(block[1::stride] - block[: len(block) - 1 : stride])
     kept = int(INNER * len(square))
     return float(np.mean(np.partition(square, kept)[:kept])) / 2 / INNER_SHARE
 
 
-class _Look:
+class _Inspection:
     def __init__(self, record: Array, interval: float) -> None:
         self.record, self.interval = record, interval
         self.block = max(len(record) // BLOCKS, MIN_BLOCK)
@@ -188,14 +188,14 @@ class _Look:
         self.rounding = ROUNDING * max(abs(float(record.min())), abs(float(record.max())))
         self.step, self.runs = self._differences()
         self.equal = int(self.runs[:, 1].sum())
-        coarse = HIDES * self.step if inner < NOTED * self.step else 0.0
+        coarse = HIDDEN_BELOW * self.step if inner < INCREASED_BELOW * self.step else 0.0
         self.scale = max(ROBUST * float(np.median(near)), inner, coarse)
         self.far, self.off = self._far()
         self._compare(blocks)
-        self.typical = math.sqrt(float(np.median(self.changes)))  # deviation of white noise from sample to sample
+        self.typical = math.sqrt(float(np.median(self.changes)))  # standard deviation of white noise
 
     def _uncertain(self, blocks: list[Array]) -> float:
-        """Deviation of the logarithm of a block's noise, from that within the blocks."""
+        """Standard deviation of the logarithm of a block's noise, from the scatter of its subblocks."""
         size = (self.block - 1) // SUBBLOCKS
         if size < 2:
             return math.inf
@@ -213,20 +213,20 @@ class _Look:
         return np.asarray(middle + slope * (np.arange(length) - (self.block - 1) / 2))
 
     def _far(self) -> tuple[NDArray[np.int64], Array]:
-        """Samples far from the line through their block, unless many of it are; and how far."""
+        """Samples far from the line through their block, unless the block has many, and their distances."""
         places, sizes = [], []
         for i in range(self.count):
             begin = i * self.block
             part = self.record[begin : begin + self.block if i + 1 < self.count else None]
             off = part - self._through_one(i, len(part))
-            far = np.flatnonzero(np.abs(off) > FAR * self.scale)
+            far = np.flatnonzero(np.abs(off) > OUTLIER_DEVIATIONS * self.scale)
             if len(far) <= len(part) / 4:
                 places.append(begin + far)
                 sizes.append(off[far])
         return np.concatenate(places), np.concatenate(sizes)
 
     def _compare(self, blocks: list[Array]) -> None:
-        """Means and variances of the blocks again, without those samples: what is named once is not named again."""
+        """Means and variances of the blocks without those samples: each sample is reported in one event only."""
         for i in np.unique(np.minimum(self.far // self.block, self.count - 1)):
             block = blocks[i].copy()
             inside = self.far[(self.far >= i * self.block) & (self.far < (i + 1) * self.block)] - i * self.block
@@ -235,7 +235,7 @@ class _Look:
             self.changes[i] = np.mean(np.square(np.diff(block))) / 2
 
     def _differences(self) -> tuple[float, NDArray[np.int64]]:
-        """The least difference between a sample and the next, and the runs of equal ones: (first, repeats)."""
+        """Smallest nonzero difference between successive samples, and runs of equal ones: (first, repeats)."""
         least, firsts, lengths = math.inf, [], []
         for begin, part in self._parts():
             change = np.abs(np.diff(part))
@@ -245,7 +245,7 @@ class _Look:
             firsts.append(begin + first)
             lengths.append(end - first)
         runs = np.column_stack([np.concatenate(firsts), np.concatenate(lengths)])
-        # A run that goes on in the next part is one.
+        # A run that continues in the next chunk is one run.
         joined = np.flatnonzero(runs[:-1].sum(axis=1) == runs[1:, 0])
         for i in joined[::-1]:
             runs[i, 1] += runs[i + 1, 1]
@@ -253,7 +253,7 @@ class _Look:
         return (0.0 if math.isinf(least) else least), runs
 
     def _parts(self) -> Iterator[tuple[int, Array]]:
-        """Parts that have one sample in common with the next."""
+        """Chunks that overlap by one sample, with the index of the first sample."""
         for begin in range(0, len(self.record) - 1, CHUNK):
             yield begin, self.record[begin : begin + CHUNK + 1]
 
@@ -263,26 +263,28 @@ class _Look:
     # -- Samples ---------------------------------------------------------------------------------------------------
 
     def spikes(self) -> Event | None:
-        """Far from the line through their block."""
+        """Samples far from the line through their block."""
         if not len(self.far):
             return None
         size = float(self.off[np.argmax(np.abs(self.off))])
         return self._event("spike", int(self.far[0]), int(self.far[-1]), size, count=len(self.far))
 
     def stuck(self) -> Event | None:
-        """A stretch of one value, longer than chance has it."""
+        """A segment of one value, longer than expected by chance."""
         if not len(self.runs):
             return None
         share = min(self.equal / (len(self.record) - 1), 1 - 1e-9)
         usual = 3 * math.log(len(self.record)) / -math.log(share)
         first, repeats = map(int, self.runs[np.argmax(self.runs[:, 1])])
         others = np.sort(self.runs[:, 1])[:-1]
-        if repeats < 10 + usual or (len(others) > 20 and repeats < FAR * float(np.quantile(others, 0.9))):
+        if repeats < 10 + usual or (
+            len(others) > 20 and repeats < OUTLIER_DEVIATIONS * float(np.quantile(others, 0.9))
+        ):
             return None
         return self._event("stuck", first, first + repeats, float(self.record[first]), count=repeats + 1)
 
     def saturated(self) -> Event | None:
-        """Many samples at the largest value or at the least."""
+        """Many samples at the maximum or at the minimum."""
         for sign in (1.0, -1.0):
             edge = sign * float((sign * self.record).max())
             count = int(np.count_nonzero(self.record == edge))
@@ -295,7 +297,7 @@ class _Look:
         return None
 
     def constant(self) -> Event | None:
-        """A value that is there far more often than those around it lead to expect, in more places than one."""
+        """A value far more frequent than its neighbors suggest, in more than one segment."""
         stride = max(len(self.record) // SAMPLED, 1)
         values, counts = np.unique(self.record[::stride], return_counts=True)
         first = np.flatnonzero(np.diff(values, prepend=-math.inf) > self.rounding)
@@ -303,19 +305,19 @@ class _Look:
         if len(values) < 7:
             return None
         log = np.log(counts + 0.5)
-        expected = np.exp((4 * (log[1:-3] + log[3:-1]) - log[:-4] - log[4:]) / 6)  # exact of a normal distribution
+        expected = np.exp((4 * (log[1:-3] + log[3:-1]) - log[:-4] - log[4:]) / 6)  # exact for a normal distribution
         excess = (counts[2:-2] - 1.3 * expected - 5) / np.sqrt(expected)
         most = 2 + int(np.argmax(excess))
-        alike = min(self.typical**2 / max(float(np.median(self.variances)), 1e-300), 1.0)  # of samples that follow
-        if excess[most - 2] * math.sqrt(alike) < FAR:
+        alike = min(self.typical**2 / max(float(np.median(self.variances)), 1e-300), 1.0)  # expected share of repeats
+        if excess[most - 2] * math.sqrt(alike) < OUTLIER_DEVIATIONS:
             return None
         at = np.flatnonzero(np.abs(self.record - values[most]) <= self.rounding)
         if self.equal and len(at) - 1 <= int(self.runs[:, 1].max()):
-            return None  # a stretch
+            return None  # one segment
         return self._event("constant", int(at[0]), int(at[-1]), float(values[most]), count=len(at))
 
     def repeated(self) -> Event | None:
-        """Samples that repeat the one before at irregular times, in a record of fine steps."""
+        """Samples that repeat the previous one at irregular times, in a record with fine quantization."""
         share = self.equal / (len(self.record) - 1)
         if share < MAX_REPEATED or len(self.runs) < 20 or 20 * self.step > self.typical:
             return None
@@ -324,19 +326,19 @@ class _Look:
             return None
         return self._event("repeated", int(self.runs[0, 0]), int(self.runs[-1].sum()), share, count=self.equal)
 
-    # -- Stretches -------------------------------------------------------------------------------------------------
+    # -- Segments --------------------------------------------------------------------------------------------------
 
     def noisy(self) -> Event | None:
-        """Blocks whose differences are of another size than those of most, or of sizes that spread too far."""
+        """Blocks whose noise differs from the median, or varies too much from block to block."""
         return self._unlike("noise", self.changes, both=True) or self._unsteady()
 
     def _unsteady(self) -> Event | None:
-        """Noise that changes over much of the record."""
+        """Noise that varies over much of the record."""
         if self.count < FEW_BLOCKS or not 0 < self.uncertain < math.inf:
             return None
         logarithms = np.log(np.maximum(self.changes, 1e-300))
         spread = float(np.std(logarithms))
-        # Few subblocks determine the deviation to a third.
+        # The few subblocks determine the standard deviation to a third.
         chance = chi2.sf(self.count * (spread / (1.3 * self.uncertain)) ** 2, self.count - 1)
         if spread < MIN_SPREAD or chance > UNSTEADY:
             return None
@@ -347,7 +349,7 @@ class _Look:
         return self._event("noise", first, last, size, count=len(at))
 
     def moved(self) -> Event | None:
-        """Blocks of far more spread than most."""
+        """Blocks with far more variance than the median."""
         return self._unlike("motion", self.variances, both=False)
 
     def _unlike(self, kind: Literal["noise", "motion"], variances: Array, *, both: bool) -> Event | None:
@@ -355,7 +357,7 @@ class _Look:
             return None
         logarithms = np.log(np.maximum(variances, 1e-300))
         off = logarithms - np.median(logarithms)
-        most = max(FAR * ROBUST * float(np.median(np.abs(off))), MIN_CHANGE[kind])
+        most = max(OUTLIER_DEVIATIONS * ROBUST * float(np.median(np.abs(off))), MIN_CHANGE[kind])
         at = np.flatnonzero((np.abs(off) if both else off) > most)
         if not len(at):
             return None
@@ -367,15 +369,15 @@ class _Look:
         return self._event(kind, first, last, size, count=len(at))
 
     def jumped(self) -> Event | None:
-        """The mean changes from one block to the next by far more than elsewhere, and not as in a warm-up."""
+        """A change of the mean from one block to the next, much larger than elsewhere and unlike a warm-up."""
         if self.count < FEW_BLOCKS:
             return None
         change = np.diff(self.means)
         size = np.abs(change - np.median(change))
         worst = int(np.argmax(size))
-        # A jump inside a block makes two differences large, a warm-up many.
+        # A jump inside a block makes two differences large; a warm-up makes many large.
         around = np.concatenate([size[max(worst - 3, 0) : max(worst - 1, 0)], size[worst + 2 : worst + 4]])
-        least = FAR * max(ROBUST * float(np.median(size)), self.typical / math.sqrt(self.block))
+        least = OUTLIER_DEVIATIONS * max(ROBUST * float(np.median(size)), self.typical / math.sqrt(self.block))
         if size[worst] < max(least, 4 * float(around.max(initial=0.0))):
             return None
         at = (worst + 1) * self.block
@@ -384,29 +386,29 @@ class _Look:
     # -- The converter ---------------------------------------------------------------------------------------------
 
     def steps(self) -> Event | None:
-        """Steps of the converter that hide the noise, or add to it."""
+        """Quantization steps that hide the noise or increase it."""
         if (
-            self.typical >= NOTED * self.step
-            or 1 - self.typical**2 / max(float(np.median(self.variances)), 1e-300) < SHAPED
+            self.typical >= INCREASED_BELOW * self.step
+            or 1 - self.typical**2 / max(float(np.median(self.variances)), 1e-300) < ANGLE_CORRELATION
         ):
             return None
         lag, apart = 1, self.typical
-        while apart < HIDES * self.step:
-            # Behind a filter a sample differs little from the next, but the noise may cover several steps.
+        while apart < HIDDEN_BELOW * self.step:
+            # Behind a filter successive samples differ little, although the noise may span several steps.
             lag *= 2
             if 40 * lag > len(self.record):
                 return self._event("steps", 0, len(self.record) - 1, self.step)
             apart = self._apart(lag)
         if lag == 1:
             return self._event("steps", 0, len(self.record) - 1, self.step, spoils=False)
-        while (further := self._apart(2 * lag)) > SETTLED * apart:  # what only drifts across the steps does not settle
+        while (further := self._apart(2 * lag)) > SETTLED_GROWTH * apart:  # drift does not settle
             lag, apart = 2 * lag, further
             if 80 * lag > len(self.record):
                 return self._event("steps", 0, len(self.record) - 1, self.step)
         return self._event("steps", 0, len(self.record) - 1, self.step, spoils=False) if apart < self.step else None
 
     def _apart(self, lag: int) -> float:
-        """Deviation of differences between samples so far apart, over the root of 2."""
+        """RMS of differences between samples `lag` apart, divided by the square root of 2."""
         stride = max((len(self.record) - lag) // SAMPLED, 1)
         change = self.record[lag::stride] - self.record[: len(self.record) - lag : stride]
         return float(np.std(change)) / math.sqrt(2)

@@ -12,23 +12,26 @@ from ..analysis.confidence import Mean, mean_interval
 
 Array = NDArray[np.float64]
 
-LINEAR_WITHIN = 0.01  # of the input: what the full scale keeps
-ON_WITHIN = 0.01  # of the final value
-LOST = 4.0  # once the ends of a bandwidth's interval differ by this factor, it is lost in the noise
+LINEAR_WITHIN = 0.01  # fraction of the input: largest deviation up to full scale
+ON_WITHIN = 0.01  # fraction of the final value
+MAX_BANDWIDTH_RATIO = 4.0  # high over low end of the bandwidth's interval, above which it is lost in the noise
 
 
 @dataclass(frozen=True)
 class Static:
-    """From a ladder of constant rates. Means over runs with their 95 % intervals."""
+    """Results at constant rates: means over runs with their 95 % intervals."""
 
-    scale_factor: Mean  # slope of the line of least squares through the outputs
-    zero_rate_output: Mean  # rad/s, the mean output at rest
+    scale_factor: Mean  # slope of the least-squares line through the outputs
+    zero_rate_output: Mean  # mean output at rest, rad/s
     nonlinearity: Mean  # largest deviation from that line, with its sign, over the range
     deviation: Array  # rad/s, mean output less the line, at each rate
 
 
 def static(rates: Array, outputs: Array) -> Static:
-    """`rates` (n,) in rad/s, 0 among them; `outputs` (n, runs), the mean output of each run at each."""
+    """Scale factor, zero-rate output and non-linearity.
+
+    `rates`: (n,), rad/s, including 0. `outputs`: (n, runs), rad/s, mean output of each run at each rate.
+    """
     level = np.concatenate([[rates], [np.ones_like(rates)]]).T
     lines = np.linalg.lstsq(level, outputs, rcond=None)[0]
     deviations = outputs - level @ lines
@@ -43,10 +46,11 @@ def static(rates: Array, outputs: Array) -> Static:
 
 
 def full_scale(rates: Array, outputs: Array, line: Static) -> tuple[float, bool]:
-    """The largest rate of the ladder up to which, to both sides, the output keeps within 1 % of the input of the line.
+    """Full scale, rad/s, and True if it is the largest rate tried.
 
-    `rates` may go beyond those that the line was drawn through; NaN in `outputs` (n, runs) is divergence. With it,
-    whether that is the ladder's last rate: the sensor may then go further. 0 if there is no such rate.
+    It is the largest rate up to which, for both signs, the mean output is within 1 % of the rate of the line; 0 if the
+    smallest rate is already outside. `rates` (n,) may exceed the range of the line fit; NaN in `outputs` (n, runs)
+    marks a run that diverged.
     """
     mean = outputs.mean(axis=1)
     offset = float(line.zero_rate_output.mean)
@@ -60,9 +64,9 @@ def full_scale(rates: Array, outputs: Array, line: Static) -> tuple[float, bool]
 
 
 def turn_on_time(time: Array, outputs: Array) -> float:
-    """s until every later output of a run, (runs, samples), is within 1 % of its final value; median over runs.
+    """Time, s, after which every output is within 1 % of its final value; median over runs.
 
-    The final value is the mean over the second half. NaN if an output of that half is further off.
+    `outputs`: (runs, samples). The final value is the mean over the second half; NaN if that half does not settle.
     """
     final = outputs[:, outputs.shape[1] // 2 :].mean(axis=1, keepdims=True)
     off = abs(outputs - final) > ON_WITHIN * abs(final)
@@ -75,20 +79,20 @@ def turn_on_time(time: Array, outputs: Array) -> float:
 
 @dataclass(frozen=True)
 class Response:
-    """Of the output to a sinusoidal rate: gain over the scale factor at rest, lag in rad, at each frequency in Hz."""
+    """Response to sinusoidal rates: frequency in Hz, gain relative to the scale factor, lag in rad; (n,) each."""
 
     frequency: Array
     gain: Array
     lag: Array
-    # Hz, where the gain has fallen by 3 dB. Infinite or 0: beyond or below the frequencies tried. NaN: lost in noise.
+    # -3 dB frequency, Hz. Infinite or 0: above or below the frequencies tried. NaN: lost in the noise.
     bandwidth: Mean
     lag_at_bandwidth: float  # rad
 
 
 def gain_and_lag(time: Array, output: Array, amplitude: float, frequency: float, interval: float) -> complex:
-    """The output's component at `frequency` over the input amplitude * sin(2 pi frequency time), by least squares.
+    """Complex gain at `frequency` in Hz for the input amplitude * sin(2 pi frequency time), by least squares.
 
-    The averaging over `interval` of each output is divided out: it is the record's, not the sensor's.
+    The averaging of each output over `interval` is divided out: it belongs to the record, not to the sensor.
     """
     angle = 2 * math.pi * frequency * time
     columns = np.stack([np.sin(angle), np.cos(angle), np.ones_like(time), time - time.mean()], axis=1)
@@ -97,7 +101,7 @@ def gain_and_lag(time: Array, output: Array, amplitude: float, frequency: float,
 
 
 def response(frequency: Array, gains: NDArray[np.complex128], scale_factor: float) -> Response:
-    """`gains` (frequencies, runs), as from gain_and_lag, in the order of rising frequency."""
+    """Frequency response from `gains` (frequencies, runs) of gain_and_lag; `frequency` (frequencies,) increases."""
     mean = gains.mean(axis=1)
     lag = -np.unwrap(np.angle(mean))
     crossings = np.array([_minus_three_db(frequency, abs(run) / abs(scale_factor)) for run in gains.T])
@@ -110,20 +114,20 @@ def response(frequency: Array, gains: NDArray[np.complex128], scale_factor: floa
 
 
 def _bandwidth(frequency: Array, crossings: Array) -> Mean:
-    """Geometric mean over the runs, of those of _minus_three_db."""
+    """Geometric mean of the runs' -3 dB frequencies."""
     if np.isinf(crossings).all():
         return Mean(math.inf, math.inf, math.inf)
     if (crossings == 0).all():
         return Mean(0.0, 0.0, float(frequency[0]))
     if (crossings > 0).all() and np.isfinite(crossings).all():
         found = Mean(*(math.exp(number) for number in mean_interval(np.log(crossings))))
-        if found.high < LOST * found.low:
+        if found.high < MAX_BANDWIDTH_RATIO * found.low:
             return found
     return Mean(math.nan, math.nan, math.nan)
 
 
 def _minus_three_db(frequency: Array, gain: Array) -> float:
-    """Where the gain first falls through 1/sqrt(2), by interpolation of its logarithm over that of the frequency."""
+    """Frequency, Hz, of the first crossing of 1/sqrt(2), interpolated in log gain over log frequency."""
     level = math.log(math.sqrt(0.5))
     log = np.log(np.maximum(gain, 1e-12))
     below = np.flatnonzero(log < level)

@@ -1,22 +1,22 @@
-"""The noise terms of IEEE Std 952 in a spectrum: which of them it shows, and within which intervals.
+"""The noise terms of IEEE Std 952 in a spectrum: values, intervals, and limits of terms that are not observed.
 
 Quantization Q, white noise N, flicker noise B and a random walk K have the two-sided density
 
     S(f) = (N² + B²/(2π f) + K² (h/(2 sin π f h))²) |H(f)|² + 4 Q²/h sin²(π f h),
 
-and drift, as of a sensor that warms up, which is 1/(f² + fc²)² with a corner fc,
+and drift, as of a sensor that warms up, has 1/(f² + fc²)² with a corner frequency fc.
 
-with H the sensor's response of first, second or fourth order, if it shows, as a filter of samples every h has it. Of
-sampled flicker noise it depends on what comes before the sampling whether it is B²/(2π f) up to half the sampling rate,
-or B² h/(2 sin π f h), as fractional differences have it: both are tried. N, B and K are always in the model, from 0 up;
-Q and a response are where they improve the likelihood by three standard deviations. The powers of a spectrum
+H is the sensor's response of first, second or fourth order, if visible, in discrete time with sampling interval h.
+Sampled flicker noise is B²/(2π f) up to half the sampling rate or, as with fractional differences, B² h/(2 sin π f h),
+depending on the filter before the sampling: both are tried. N, B and K, each at least 0, are always in the model; Q and
+a response are included if they improve the likelihood by three standard deviations. The powers of a spectrum
 (spectrum.py) are chi square with mean S, so that
 
     -2 log L = Σ ν (log S + P/S),    ν: degrees of freedom of a power P,
 
-whose least value gives the terms. The interval of each is that of its profile likelihood: all its values for which the
-others, from 0 up, can be such that -2 log L is within the 95 % point of chi square of the least, with any response or
-shape of flicker noise that is nearly as likely as the best.
+whose minimum gives the terms. Each interval is that of the profile likelihood: all values for which -2 log L, minimized
+over the other terms, exceeds its minimum by at most the 95 % point of chi square, for any response or flicker shape
+that is nearly as likely as the best.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ Array = NDArray[np.float64]
 WHITE, FLICKER, WALK, QUANTIZATION, DRIFT = range(5)
 CONFIDENCE = 0.95
 TWO_SIDED = float(chi2.ppf(CONFIDENCE, 1))
-DETECTED = 9.0  # what a term must add to twice the log likelihood: three standard deviations
-EITHER = float(chi2.isf(chi2.sf(DETECTED, 1), 2))  # the same of two terms at once
-PLAUSIBLE = 1e-3  # least probability of the residuals
-MIN_OCTAVES = 4  # octaves that a fit needs
-MIN_FREEDOM = 30.0  # and degrees of freedom
-CORNERS = (0.0, 2.0, 4.0, 8.0, 16.0)  # of drift: warm-ups within a part of the record
+DETECTED = 9.0  # gain of twice the log likelihood for a term to be observed: three standard deviations
+EITHER = float(chi2.isf(chi2.sf(DETECTED, 1), 2))  # the same for two terms together
+PLAUSIBLE = 1e-3  # smallest p-value of the residuals
+MIN_OCTAVES = 4  # octaves of a fit
+MIN_FREEDOM = 30.0  # degrees of freedom of a fit
+CORNERS = (0.0, 2.0, 4.0, 8.0, 16.0)  # corner frequencies of drift: a warm-up shorter than the record
 RESPONSES = (
     "first order",
     "first order, bilinear",
@@ -51,21 +51,21 @@ RESPONSES = (
     "fourth order",
     "fourth order, bilinear",
 )
-ROUNDING = 1e-30  # share of the largest power, below which powers are zero
-LIKELIER = 1.5  # what drift instead of K must add to twice the log likelihood for K not to be counted
-SLOWEST_RESPONSE = 5.0  # s: a gyroscope responds faster
-BEYOND = 1e3  # times a power: what exceeds it is not bounded
+ROUNDING = 1e-30  # fraction of the largest power, below which a power counts as zero
+LIKELIER = 1.5  # gain of twice the log likelihood by drift instead of K, above which K is not reported
+MAX_RESPONSE_TIME = 5.0  # s, of a gyroscope
+UNBOUNDED_RATIO = 1e3  # upper end of an interval over the power, above which it counts as unbounded
 
 
 @dataclass(frozen=True)
 class Response:
     """The sensor's response."""
 
-    time: float = 0.0  # T, s; 0 where it does not show
+    time: float = 0.0  # T, s; 0: not visible
     kind: str = RESPONSES[0]
 
     def gain(self, frequency: Array, interval: float) -> Array:
-        """|H|² at these frequencies."""
+        """|H|² at these frequencies, in Hz."""
         sine = 2 * np.sin(np.pi * frequency * interval)
         tangent = 2 * np.tan(np.pi * frequency * interval) * self.time / interval
         if self.time == 0:
@@ -86,15 +86,15 @@ class Response:
 
 @dataclass(frozen=True)
 class Shape:
-    """Shapes of two densities, which a user does not know."""
+    """Shape variants of the flicker and drift densities."""
 
     fractional: bool = False  # flicker noise is B² h/(2 sin π f h)
-    corner: float = 0.0  # of drift, of the lowest frequency: that of an exponential warm-up, below which it is flat
+    corner: float = 0.0  # corner of drift, in units of the lowest frequency: an exponential warm-up is flat below it
 
 
 @dataclass(frozen=True)
 class Power:
-    """N², B², K² or Q² with the ends of its interval; `seen`: whether the record shows it, else `high` is its limit."""
+    """N², B², K² or Q² with the ends of its interval; unless `seen`, it was not observed and `high` is its limit."""
 
     value: float
     low: float
@@ -104,18 +104,18 @@ class Power:
 
 @dataclass(frozen=True)
 class Fit:
-    """The terms of the longest part of a spectrum that they account for; those that are not there were not tried."""
+    """The terms fitted to the longest part of a spectrum that they explain; terms that were not tried are absent."""
 
     terms: dict[int, Power]
     response: Response
-    frequency: tuple[float, float]  # Hz, from and to which the part goes
-    whole: bool  # whether the part has the lowest frequencies
-    undecided: bool  # slow noise is seen, but not whether it is flicker noise or a random walk
-    drifts: bool = False  # what could be a random walk could as well be drift
+    frequency: tuple[float, float]  # lowest and highest frequency of the part, Hz
+    whole: bool  # True if the part includes the lowest frequencies
+    undecided: bool  # slow noise is present, but flicker noise and random walk cannot be distinguished
+    drifts: bool = False  # the random walk could also be drift
 
 
 class _Model:
-    """Densities of a part of a spectrum for N, B, K, Q = 1, and what is most likely of it."""
+    """Densities of a part of a spectrum for N, B, K, Q = 1, and their maximum-likelihood fit."""
 
     def __init__(self, spectrum: Spectrum, part: slice, terms: tuple[int, ...], kind: str | None, shape: Shape) -> None:
         self.frequency, self.power = spectrum.frequency[part], spectrum.power[part]
@@ -128,7 +128,7 @@ class _Model:
         self._root = np.sqrt(self.freedom)
 
     def columns(self, time: float) -> Array:
-        """(bands, terms)"""
+        """Densities for unit terms behind a response with this time constant: (bands, terms)."""
         if self.kind is None:
             return self._plain[:, self.terms]
         gain = Response(time, self.kind).gain(self.frequency, self.interval)
@@ -137,13 +137,13 @@ class _Model:
         return columns
 
     def score(self, density: Array) -> float:
-        """-2 log L, less a constant."""
+        """-2 log L, up to a constant."""
         return float(self.freedom @ (np.log(density) + self.power / density))
 
     def best(
         self, start: tuple[Array, float] | None = None, fixed: tuple[int, float] | None = None
     ) -> tuple[float, Array, float]:
-        """Least score, and the powers and the response time where it is; `fixed`: a term and its power."""
+        """Minimum score with its powers and response time; `fixed`: a term and its power, held constant."""
         if start is None:
             times = [0.0] if self.kind is None else self._times()
             tries = [self._descend(None, time, fixed, rounds=4) for time in times]
@@ -152,13 +152,13 @@ class _Model:
         return self._descend(start[0], start[1], fixed, rounds=60)
 
     def _times(self) -> list[float]:
-        shortest, longest = self.interval / 4, min(0.1 / float(self.frequency[0]), SLOWEST_RESPONSE)
+        shortest, longest = self.interval / 4, min(0.1 / float(self.frequency[0]), MAX_RESPONSE_TIME)
         return [float(t) for t in np.geomspace(shortest, max(longest, 4 * shortest), 14)]
 
     def _descend(
         self, powers: Array | None, time: float, fixed: tuple[int, float] | None, rounds: int
     ) -> tuple[float, Array, float]:
-        """Fisher's scoring: least squares of weights from the density before, all powers from 0 up."""
+        """Fisher scoring: non-negative least squares, weighted with the previous density."""
         count = len(self.terms)
         free = [i for i in range(count) if fixed is None or i != fixed[0]]
         columns = self.columns(time)
@@ -210,17 +210,17 @@ class _Model:
     def _within(self, time: float) -> float:
         if self.kind is None:
             return 0.0
-        slowest = max(min(0.2 / float(self.frequency[0]), SLOWEST_RESPONSE), self.interval)
+        slowest = max(min(0.2 / float(self.frequency[0]), MAX_RESPONSE_TIME), self.interval)
         return min(max(time, self.interval / 16), slowest)
 
     def _slope(self, time: float, powers: Array) -> Array:
-        """Derivative of the density by the logarithm of the response time."""
+        """Derivative of the density with respect to the logarithm of the response time."""
         longer, shorter = self.columns(time * 1.01), self.columns(time / 1.01)
         return np.asarray((longer - shorter) @ powers / (2 * math.log(1.01)))
 
     @property
     def most(self) -> Array:
-        """The most that each power could be."""
+        """Upper limit of each power."""
         return np.asarray(np.min(self._start[:, None] / np.maximum(self.columns(0.0), 1e-300), axis=0))
 
 
@@ -228,7 +228,7 @@ Best = tuple[float, Array, float]
 
 
 class _Candidate:
-    """Models that differ only in the response or in the shape of flicker noise, each with its best; best first."""
+    """Models that differ only in the response or the flicker shape, each with its fit; best first."""
 
     def __init__(self, models: list[tuple[_Model, Best]]) -> None:
         least = min(best[0] for _, best in models)
@@ -245,7 +245,7 @@ class _Candidate:
         return best[0] + DETECTED * model.unknowns
 
     def excess(self, term: int, value: float) -> float:
-        """Rise of -2 log L when a power has this value."""
+        """Increase of -2 log L if a power is set to this value."""
         at = [model.best((best[1], best[2]), (term, value))[0] for model, best in self.models]
         return min(at) - self.first[1][0]
 
@@ -256,7 +256,7 @@ class _Candidate:
         return Power(value, low if seen else 0.0, high, seen)
 
     def _interval(self, term: int, most: float) -> tuple[float, float]:
-        """Ends of the values of a power that cost at most so much."""
+        """Ends of the values of a power that increase -2 log L by at most `most`."""
         model, best = self.first
         unit, at = float(model.most[term]), float(best[1][term])
 
@@ -272,7 +272,7 @@ class _Candidate:
         high = max(2 * at, 1e-3 * unit)
         while beyond(math.log(high)) < 0:
             high *= 2
-            if high > BEYOND * max(unit, at):
+            if high > UNBOUNDED_RATIO * max(unit, at):
                 return low, math.inf
         start = max(at, 1e-9 * unit)
         while beyond(math.log(start)) > 0:  # rounding
@@ -281,7 +281,7 @@ class _Candidate:
 
 
 def densities(spectrum: Spectrum, shape: Shape | None = None) -> Array:
-    """Densities of a spectrum's bands for N, B, K, Q and drift = 1: (bands, terms)."""
+    """Densities in a spectrum's bands for N, B, K, Q and drift = 1: (bands, terms)."""
     shape = shape or Shape()
     sine = 2 * np.sin(np.pi * spectrum.frequency * spectrum.interval)
     frequency = sine / spectrum.interval if shape.fractional else 2 * np.pi * spectrum.frequency
@@ -298,10 +298,10 @@ def densities(spectrum: Spectrum, shape: Shape | None = None) -> Array:
 
 
 def fit(spectrum: Spectrum, shortest: float = 0.0) -> Fit | None:
-    """The terms of the longest part of a spectrum for which they account, wherever it lies.
+    """The terms fitted to the longest part of a spectrum that they explain.
 
-    Of parts as long that of fewest unknowns, then the one of lower frequencies. Frequencies whose half period is below
-    `shortest`, s, are not in it. None where no part of four octaves fits.
+    Among parts of equal length, the fit with the fewest unknowns wins, then the part with the lower frequencies.
+    Frequencies whose half period is below `shortest`, s, are excluded. None if no part of four octaves fits.
     """
     largest = float(spectrum.power.max(initial=0.0))
     if not 0 < largest < math.inf:
@@ -316,14 +316,14 @@ def fit(spectrum: Spectrum, shortest: float = 0.0) -> Fit | None:
 
 
 def _parts(spectrum: Spectrum, shortest: float) -> Iterator[list[slice]]:
-    """Parts, in lists of the same number of octaves, longest first."""
+    """Lists of parts with the same number of octaves, longest first."""
     end = len(spectrum.frequency)
     if shortest > 0:
         end = int(np.searchsorted(spectrum.frequency, 0.5 / shortest, side="right"))
     if end < 2:
         return
     octave = np.log2(spectrum.frequency[:end] / spectrum.frequency[0])
-    # From below in whole octaves, and the rest above.
+    # Whole octaves from the lowest frequency up, then the remainder.
     whole = int(octave[-1])
     edges = [int(np.searchsorted(octave, k)) for k in range(whole + 1)] + [end]
     if octave[-1] - whole < 0.5:
@@ -335,13 +335,13 @@ def _parts(spectrum: Spectrum, shortest: float) -> Iterator[list[slice]]:
 
 
 def _candidate(spectrum: Spectrum, part: slice) -> _Candidate | None:
-    """The best that accounts for the part."""
+    """The best candidate that explains the part, or None."""
     slow = (WHITE, FLICKER, WALK)
     kinds = [(slow, (None,)), ((*slow, QUANTIZATION), (None,)), (slow, RESPONSES)]
     tried = [(terms, of, _group(spectrum, part, terms, of)) for terms, of in kinds]
     known = [each for each in tried if each[2] is not None]
     best = [min(known, key=_score)] if known else tried
-    # Drift only where it helps what is best without it, or where nothing else does.
+    # Drift is tried only if it can improve the best fit without it, or if nothing else fits.
     best += [((*terms, DRIFT), of, _group(spectrum, part, (*terms, DRIFT), of)) for terms, of, _ in best]
     return min((each for each in best if each[2] is not None), key=_score, default=(None, None, None))[2]
 
@@ -354,7 +354,7 @@ def _score(tried: _Tried) -> float:
 
 
 def _group(spectrum: Spectrum, part: slice, terms: tuple[int, ...], kinds: Sequence[str | None]) -> _Candidate | None:
-    """The models of these terms behind a response of these kinds that account for the part."""
+    """The models with these terms and response kinds that explain the part, or None."""
     cut = part.stop < len(spectrum.frequency)
     longest = 1 / float(spectrum.frequency[part.stop - 1])  # twice the shortest average that is left
     shapes = [Shape(fractional, corner) for fractional in (False, True) for corner in CORNERS]
@@ -373,7 +373,7 @@ def _group(spectrum: Spectrum, part: slice, terms: tuple[int, ...], kinds: Seque
 
 
 def _accounts(model: _Model, best: tuple[float, Array, float]) -> bool:
-    """Check that the residuals are chance: over half octaves, each and all together."""
+    """True if the residuals are random: in each half octave, and in all together."""
     density = model.columns(best[2]) @ best[1]
     half = np.floor(2 * np.log2(model.frequency / model.frequency[0] * 1.0001)).astype(int)
     first = np.flatnonzero(np.diff(half, prepend=-1))

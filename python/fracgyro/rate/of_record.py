@@ -1,6 +1,6 @@
-"""Page one of `fracgyro allan`: from a gyroscope's record to its noise terms.
+"""Entry point of `fracgyro allan`: from a gyroscope's record to its noise terms.
 
-file -> columns of numbers (tables.py) -> rates and interval (record.py, times.py) -> what is not noise (inspection.py)
+file -> columns of numbers (tables.py) -> rates and interval (record.py, times.py) -> events (inspection.py)
      -> Allan deviation, N, B, K, Q (allan.py) -> allan.json, allan.svg, series.svg, report.html; imu.yaml and others
 """
 
@@ -22,7 +22,7 @@ from .series import Series, noise_of
 from .units import DEG_PER_H
 
 
-def analyse_record(
+def analyze_record(
     path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
     out: str | os.PathLike[str] | None = None,
     *,
@@ -38,22 +38,23 @@ def analyse_record(
     skip_empty: bool = False,
     imu: Imu | None = None,
 ) -> tuple[list[Result], dict[str, Any]]:
-    """Q, N, B and K of one record or several, and all of it as JSON has it; written into the folder `out` if given.
+    """Noise terms Q, N, B and K of one or more records at rest.
 
-    `column`: a name, or a number as in `#3`, or several; need not be given where there is only one but the time.
-    `rate`: in Hz; need not be given where a column has the times, which `time` names if it is not called so; their
-    unit is `time_unit`, s, ms, us or ns. `unit`: deg/s, rad/s, deg/h, mdeg/s or mrad/s; that of the file if it names
-    one, else deg/s. `begin`, `end`: the part of the record, s. `scale`: what numbers are multiplied by to be in `unit`.
-    `increments`: they are angles of a sample. `skip_empty`: leaves out rows of other sensors. `imu`: writes the noise
-    for that navigation filter, too. docs/record.md has the formats.
+    Returns the figures of the first column, and the content of allan.json, which has all columns under `series`. With
+    `out`, writes allan.json, pictures and report.html into that new folder.
 
-    The first of several columns has its figures in the list; the JSON has all under `series`.
+    `column`: a name, a number such as `#3`, or several; optional if the file has only one column and the time.
+    `rate`: sampling rate in Hz; optional if a column has the times. `time`: name of that column, if it is not
+    recognized; `time_unit`: its unit, s, ms, us or ns. `unit`: unit of the rates, deg/s, rad/s, deg/h, mdeg/s or
+    mrad/s; by default the unit in the file, or deg/s. `begin`, `end`: part of the record, s. `scale`: factor that
+    converts the numbers to `unit`. `increments`: the numbers are angle increments. `skip_empty`: ignores rows without a
+    value. `imu`: also writes the noise for that navigation filter. docs/record.md describes the formats.
 
-    Raises ValueError in one sentence for what is not a record of evenly spaced, finite numbers, or an `out` that is
-    there.
+    Raises ValueError for a file that is not a record of evenly spaced, finite numbers, for an invalid option, and for
+    an existing `out`.
 
     >>> np.savetxt("record.csv", np.random.default_rng(0).normal(size=(2000, 2)), header="x,y", delimiter=",")
-    >>> figures, content = fg.rate.analyse_record("record.csv", column="x", rate=100.0)
+    >>> figures, content = fg.rate.analyze_record("record.csv", column="x", rate=100.0)
     >>> content["samples"]
     2000
     """
@@ -62,27 +63,27 @@ def analyse_record(
     options = Options(
         columns, rate, unit, time, time_unit, begin, end, scale, increments, skip_empty
     )  # fmt: skip
-    series, content = analyse_series(paths, out, options, imu)
+    series, content = analyze_series(paths, out, options, imu)
     return series[0].figures, content
 
 
-def analyse_series(
+def analyze_series(
     paths: Sequence[str | os.PathLike[str]],
     out: str | os.PathLike[str] | None,
     options: Options,
     imu: Imu | None = None,
 ) -> tuple[list[Series], dict[str, Any]]:
-    """All columns of all records, and the JSON; as `analyse_record`."""
+    """All columns of all records, and the content of allan.json; raises what `analyze_record` raises."""
     dashes = options.dashes
     if imu is not None and imu not in FILES:
         raise ValueError(f"{dashes}imu is {short(imu)}: it must be one of {', '.join(FILES)}")
     if imu is not None and out is None:
-        raise ValueError(f"{dashes}imu needs {dashes}out, the folder that its file is written into")
+        raise ValueError(f"{dashes}imu requires {dashes}out, the folder for its file")
     if out is None:
-        series = [each for one in paths for each in _analysed(one, options)]
+        series = [each for one in paths for each in _analyzed(one, options)]
         return series, _content_of(series)
     with whole_folder(out) as folder:
-        series = [each for one in paths for each in _analysed(one, options)]
+        series = [each for one in paths for each in _analyzed(one, options)]
         content = _content_of(series)
         text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
         (folder / "allan.json").write_text(text + "\n", encoding="utf-8")
@@ -93,7 +94,7 @@ def analyse_series(
     return series, content
 
 
-def _analysed(path: str | os.PathLike[str], options: Options) -> list[Series]:
+def _analyzed(path: str | os.PathLike[str], options: Options) -> list[Series]:
     record = read_record(path, options)
     found = [allan(values, record.interval) for values in record.values]
     return [Series(os.fspath(path), record, i, each, noise_terms(each)) for i, each in enumerate(found)]

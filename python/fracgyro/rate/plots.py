@@ -1,4 +1,4 @@
-"""The figures of the report, with their numbers."""
+"""Plots of the reports, with their data."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from ..analysis.style import COLORS, MM, WIDTH, own_style
 from .allan import FLOOR, Allan
 from .bound import Bound
 from .inspection import Event
-from .measure import Characterisation
+from .measure import Characterization
 from .units import DEG_PER_H, DEG_PER_S, DEGREE, MILLISECOND
 
 Array = NDArray[np.float64]
 
 LEFT_OUT = "left out of the fit"
-SPANS = 1000  # of a record in a picture
-SHOWN = 5.0  # times the turn-on time
-FAR = 10.0  # times the range: from here on a turn-on is drawn on a logarithmic scale
+SPANS = 1000  # intervals of a record in a plot
+TURN_ON_TIMES = 5.0  # length of the turn-on plot, in turn-on times
+LOGARITHMIC_FROM = 10.0  # largest turn-on output over the range, above which the scale is logarithmic
 
 
 class Chart(NamedTuple):
-    """A figure as the source of an image, and its numbers as CSV."""
+    """A plot as HTML image source, and its data as CSV."""
 
     source: str
     data: str
 
 
-def allan_chart(m: Characterisation) -> Chart:
-    """`allan_figure` with its numbers."""
+def allan_chart(m: Characterization) -> Chart:
+    """`allan_figure` with its data."""
     unit, tau = DEG_PER_H.per_si, m.allan.tau
     columns = {
         "averaging time (s)": tau,
@@ -43,7 +43,7 @@ def allan_chart(m: Characterisation) -> Chart:
     }
     with own_style():
         figure = allan_figure(m.allan, m.bound)
-        for line in figure.axes[0].lines:  # a level has one number for all times
+        for line in figure.axes[0].lines:  # a horizontal line has one value
             if line.get_label() != LEFT_OUT:
                 columns[f"{line.get_label()} (deg/h)"] = np.resize(np.asarray(line.get_ydata()), tau.shape)
         source = embedded(figure, "Allan deviation over averaging time")
@@ -51,9 +51,9 @@ def allan_chart(m: Characterisation) -> Chart:
 
 
 def allan_figure(found: Allan, bound: Bound | None = None, label: str = "output") -> Figure:
-    """The deviation with its interval, the parts that the terms have in it, and the Cramér-Rao bound.
+    """The deviation with its interval, the contribution of each term, and the Cramér-Rao bound.
 
-    To be drawn and saved within `own_style`.
+    Call and save it within `own_style`.
     """
     figure, panel = _one_panel(78)
     unit, tau = DEG_PER_H.per_si, found.tau
@@ -85,14 +85,14 @@ def allan_figure(found: Allan, bound: Bound | None = None, label: str = "output"
     panel.set_ylim(bottom=float(np.min(found.deviation)) * unit / 3, top=float(np.max(found.deviation)) * unit * 3)
     panel.set_xlabel("averaging time (s)")
     panel.set_ylabel("Allan deviation (deg/h)")
-    _beside(panel)
+    _legend_outside(panel)
     return figure
 
 
 def series_figure(values: Array, interval: float, events: tuple[Event, ...] = ()) -> Figure:
-    """A record over time: the range of its samples in each of a thousand spans, and where something was found.
+    """A record over time: mean and range of the samples in each of a thousand intervals, and the events.
 
-    To be drawn and saved within `own_style`.
+    Call and save it within `own_style`.
     """
     figure, panel = _one_panel(62)
     spans = min(SPANS, len(values))
@@ -106,11 +106,11 @@ def series_figure(values: Array, interval: float, events: tuple[Event, ...] = ()
     labeled = False
     for event in events:
         if event.kind in ("steps", "repeated", "drift", "vibration"):
-            continue  # everywhere
+            continue  # the whole record is affected
         label = None if labeled else "found in the record"
         labeled = True
         if event.end - event.time < 2e-3 * len(values) * interval:
-            # Above the panel: a line across it would hide what it marks.
+            # Above the panel: a line across it would hide the event.
             panel.plot(
                 event.time * time,
                 1.03,
@@ -127,59 +127,59 @@ def series_figure(values: Array, interval: float, events: tuple[Event, ...] = ()
     panel.set_xlim(0, len(values) * interval * time)
     panel.set_xlabel(f"time ({unit})")
     panel.set_ylabel("rate (deg/s)")
-    _beside(panel)
+    _legend_outside(panel)
     return figure
 
 
 def _span(seconds: float) -> tuple[float, str]:
-    """Unit of a time axis, and how many make a second."""
+    """Factor from seconds to the unit of the time axis, and that unit."""
     if seconds > 4 * 3600:
         return 1 / 3600, "h"
     return (1 / 60, "min") if seconds > 600 else (1.0, "s")
 
 
-def ladder_chart(m: Characterisation) -> Chart:
-    """What the mean output has beyond the line, over the rate."""
+def ladder_chart(m: Characterization) -> Chart:
+    """Mean output minus the least-squares line, over the rate."""
     with own_style():
         figure, panel = _one_panel(62)
         rate, deviation = DEG_PER_S.per_si * m.rates, DEG_PER_S.per_si * m.static.deviation
         panel.axhline(0, color="black", linewidth=0.5)
         panel.plot(rate, deviation, color=COLORS[0], marker="o", markersize=3, linewidth=0.8)
         panel.set_xlabel("rate (deg/s)")
-        panel.set_ylabel("mean output less the line (deg/s)")
+        panel.set_ylabel("mean output minus the line (deg/s)")
         source = embedded(figure, "Deviation from the line over the rate")
-    return Chart(source, _data({"rate (deg/s)": rate, "mean output less the line (deg/s)": deviation}))
+    return Chart(source, _data({"rate (deg/s)": rate, "mean output minus the line (deg/s)": deviation}))
 
 
-def turn_on_chart(m: Characterisation) -> Chart:
-    """The output of every run from its start, at the end of the range."""
+def turn_on_chart(m: Characterization) -> Chart:
+    """Output of every run from its start, at the highest rate of the range."""
     with own_style():
         figure, panel = _one_panel(62)
         time = MILLISECOND.per_si * m.turn_on.time
         for i, run in enumerate(m.turn_on.rate):
-            label = "output, one line a run" if i == 0 else None
+            label = "output, one line per run" if i == 0 else None
             panel.plot(time, DEG_PER_S.per_si * run, color=COLORS[0], linewidth=0.6, alpha=0.6, label=label)
         panel.axhline(DEG_PER_S.of(float(m.rates[-1])), color="black", linewidth=0.9, dashes=(4, 2.5), label="rate")
         if math.isfinite(m.turn_on_time):
             start = MILLISECOND.of(m.turn_on_time)
             panel.axvline(start, color=COLORS[1], linewidth=0.9, label="turn-on time")
-            panel.set_xlim(0, min(float(time[-1]), SHOWN * start))
+            panel.set_xlim(0, min(float(time[-1]), TURN_ON_TIMES * start))
         largest = DEG_PER_S.of(float(abs(m.turn_on.rate).max()))
-        if largest > FAR * DEG_PER_S.of(float(m.rates[-1])):
+        if largest > LOGARITHMIC_FROM * DEG_PER_S.of(float(m.rates[-1])):
             panel.set_yscale("symlog", linthresh=1000)
             powers = 10.0 ** np.arange(3, math.ceil(math.log10(largest)) + 1)
             panel.set_yticks([*-powers[::-1], 0, *powers])
         panel.set_xlabel("time (ms)")
         panel.set_ylabel("output (deg/s)")
-        _beside(panel)
+        _legend_outside(panel)
         source = embedded(figure, "Output from the start")
         seen = time <= panel.get_xlim()[1]
     runs = {f"output of run {i} (deg/s)": DEG_PER_S.per_si * run[seen] for i, run in enumerate(m.turn_on.rate, 1)}
     return Chart(source, _data({"time (ms)": time[seen], **runs}))
 
 
-def response_chart(m: Characterisation) -> Chart:
-    """Gain and lag over the frequency of the rate."""
+def response_chart(m: Characterization) -> Chart:
+    """Gain and phase lag over the frequency of the rate."""
     with own_style():
         figure = Figure(figsize=(WIDTH * MM, 82 * MM), layout="constrained")
         gain, lag = figure.subplots(2, 1, sharex=True)
@@ -217,5 +217,5 @@ def _plain(panel: Axes) -> None:
     panel.grid(True, linewidth=0.3)
 
 
-def _beside(panel: Axes) -> None:
+def _legend_outside(panel: Axes) -> None:
     panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))

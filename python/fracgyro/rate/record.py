@@ -1,4 +1,4 @@
-"""A gyroscope's record in a file of any length: columns of rates, and a sampling interval."""
+"""Reading a gyroscope's record from a file of any length: columns of rates, and the sampling interval."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arguments import number
-from ..arguments import short as shown
+from ..arguments import number, short
 from ..files import check_regular, cut, reason
 from .allan import MIN_RECORD
 from .tables import Table, open_table
@@ -22,8 +21,8 @@ from .units import RATES, Unit
 
 Array = NDArray[np.float64]
 
-MAX_NAMED = 20  # columns in a sentence
-# Names of time columns, and their units; names are compared in NFKC, where both signs for micro are one.
+MAX_NAMED = 20  # column names in a message
+# Time units in column names; names are compared in NFKC, which unifies the two micro signs.
 SECONDS = {
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds", "sekunden"), 1.0),
     **dict.fromkeys(("ms", "msec", "millis", "milliseconds"), 1e-3),
@@ -36,11 +35,11 @@ TIME_UNITS = ("s", "ms", "us", "ns")
 TIME = re.compile(
     rf"%?(?:time|timestamp|time stamp|t|seconds|stamp)(?:[ _]*[\[(]?({'|'.join(SECONDS)})[\])]?)?", re.IGNORECASE
 )
-SLOWEST, FASTEST = 2.0, 50_000.0  # Hz, of gyroscopes
-LARGEST = 1e6  # rad/s
-MANY_EMPTY = 0.2  # share of rows
-AGREES, NOTED = 0.05, 0.005  # of a rate that is given: how far that of the times may be off, and may be without a word
-# Units as people write them, in lower case without blanks.
+MIN_RATE, MAX_RATE = 2.0, 50_000.0  # plausible sampling rates of gyroscopes, Hz
+MAX_ABS_RATE = 1e6  # rad/s
+MANY_EMPTY = 0.2  # fraction of rows
+MAX_MISMATCH, NOTED_MISMATCH = 0.05, 0.005  # relative difference between a given rate and the times: error, note
+# Spellings of units, in lower case without blanks.
 _A_SECOND, _DEGREES = r"(/|p|_?per_?|_?)(s|sec|second)|[·*.]?s\^?-1", r"(deg|degs|degree|degrees|°)"
 SPELLED = {
     "deg/s": rf"{_DEGREES}({_A_SECOND})|dps",
@@ -52,12 +51,12 @@ SPELLED = {
     "arcsec/s": rf"(arcsec|arcseconds?|as)({_A_SECOND})",
     "rpm": r"rpm|rev/min|r/min",
 }
-AXIS = re.compile(r"[xyz123]|roll|pitch|yaw", re.IGNORECASE)  # what a name may have in brackets instead of a unit
+AXIS = re.compile(r"[xyz123]|roll|pitch|yaw", re.IGNORECASE)  # text in brackets that is not a unit
 
 
 @dataclass(frozen=True)
 class Record:
-    """Rates in rad/s, (columns, samples), `interval` s apart; `notes`: what was assumed or left out."""
+    """Rates in rad/s, (columns, samples), `interval` s apart; `notes`: assumptions and excluded rows."""
 
     columns: tuple[str, ...]
     values: Array
@@ -68,7 +67,7 @@ class Record:
 
 @dataclass(frozen=True)
 class Options:
-    """How a record is to be read; `dashes`: what sentences write before the name of an argument."""
+    """Options for reading a record, as in `analyze_record`; `dashes`: prefix of argument names in messages."""
 
     columns: tuple[str, ...] = ()
     rate: float | None = None
@@ -83,16 +82,16 @@ class Options:
     dashes: str = ""
 
     def checked(self) -> Options:
-        """Raises ValueError in one sentence."""
+        """These options. Raises ValueError for an invalid one."""
         if self.unit is not None and unit_of(self.unit) is None:
-            raise ValueError(f"{self.dashes}unit is {shown(self.unit)}: it must be one of {', '.join(RATES)}")
+            raise ValueError(f"{self.dashes}unit is {short(self.unit)}: it must be one of {', '.join(RATES)}")
         if self.time_unit is not None and self.time_unit not in TIME_UNITS:
             rule = f"it must be one of {', '.join(TIME_UNITS)}"
-            raise ValueError(f"{self.dashes}{self._word('time_unit')} is {shown(self.time_unit)}: {rule}")
+            raise ValueError(f"{self.dashes}{self._word('time_unit')} is {short(self.time_unit)}: {rule}")
         if self.rate is not None:
             number(f"{self.dashes}rate", self.rate, above=0.0)
         if number(f"{self.dashes}scale", self.scale) == 0:
-            raise ValueError(f"{self.dashes}scale is 0: it must be another number")
+            raise ValueError(f"{self.dashes}scale is 0: it must not be 0")
         begin = 0.0 if self.begin is None else number(f"{self.dashes}{self._word('begin')}", self.begin, least=0.0)
         if self.end is not None:
             number(f"{self.dashes}{self._word('end')}", self.end, above=begin)
@@ -103,19 +102,20 @@ class Options:
 
 
 def unit_of(text: str) -> Unit | None:
-    """The unit of a rate that is spelled so."""
+    """The unit of rate with this spelling, or None."""
     plain = re.sub(r"\s+", "", unicodedata.normalize("NFKC", text)).lower().replace("\u2212", "-").replace("⋅", "·")
     return next((RATES[name] for name, pattern in SPELLED.items() if re.fullmatch(pattern, plain)), None)
 
 
 def read_record(path: str | os.PathLike[str], options: Options = Options()) -> Record:
-    """The record in a file of any layout of tables.py.
+    """The record in a file of any format of tables.py.
 
-    Columns need not be named where there is only one but the time; `#3` is the third of any file, and where there are
-    no names, so is 3. The rate need not be given where a column is called time, timestamp or t, in the unit that its
-    name ends with (s, ms, us, ns), as in `time [ns]`, else in seconds, or in the one in which it is a gyroscope's rate.
-    Where both are there, they must agree within 5 %.
-    Raises ValueError in one sentence for what is not a record of evenly spaced, finite numbers.
+    A column must be named unless the file has only one and the time; `#3` is the third column, and so is `3` in a
+    file without names. The rate is optional if a column is called time, timestamp or t; its unit is the one at the end
+    of the name (s, ms, us, ns), as in `time [ns]`, otherwise the unit that gives a plausible sampling rate, seconds
+    first. A given rate must agree with the times within 5 %.
+
+    Raises ValueError for a file that is not a record of evenly spaced, finite numbers, and for an invalid option.
     """
     options.checked()
     dashes = options.dashes
@@ -126,7 +126,7 @@ def read_record(path: str | os.PathLike[str], options: Options = Options()) -> R
         chosen = _chosen(table, options, timed)
         if options.rate is None and timed is None:
             raise ValueError(
-                f"{dashes}rate is needed, in Hz, as {path} has no column called time, timestamp or t, as in time [ns]"
+                f"{dashes}rate is needed, in Hz: {path} has no column called time, timestamp or t, as in time [ns]"
             )
         columns, times, notes = _columns(table, chosen, timed, needed=options.rate is None)
     except OSError as error:
@@ -147,20 +147,20 @@ def read_record(path: str | os.PathLike[str], options: Options = Options()) -> R
     notes += said
     factor = options.scale / unit.per_si
     if options.increments:
-        factor /= interval  # the unit's angle in each sample
-        notes.append(f"each sample is an angle, {unit.name.split('/')[0]}, and over {interval:g} s a rate")
+        factor /= interval  # samples are angle increments
+        notes.append(f"each sample is an angle increment in {unit.name.split('/')[0]} over {interval:g} s")
     values *= factor
-    if float(np.max(np.abs(values))) > LARGEST:
+    if float(np.max(np.abs(values))) > MAX_ABS_RATE:
         row, at = np.unravel_index(int(np.argmax(np.abs(values))), values.shape)
         raise ValueError(
             f"{path}, line {table.before + int(lines[at]) + 1}: {cut(_name(table, chosen[int(row)]))} is "
-            f"{columns[int(row)][at]:g}: as a rate it must be below {RATES['deg/s'].of(LARGEST):.3g} deg/s"
+            f"{columns[int(row)][at]:g}: as a rate it must be below {RATES['deg/s'].of(MAX_ABS_RATE):.3g} deg/s"
         )
     return Record(tuple(_name(table, i) for i in chosen), values, interval, unit.name, tuple(notes))
 
 
 def _name(table: Table, i: int) -> str:
-    """The column's name, with its number where others have the same."""
+    """The column's name, with its number if the name is not unique."""
     name = table.names[i]
     return name if table.names.count(name) == 1 else f"{name} (#{i + 1})"
 
@@ -170,7 +170,7 @@ def _is_time(name: str) -> re.Match[str] | None:
 
 
 def _place(table: Table, name: str) -> list[int]:
-    """Columns of this name, or of this number."""
+    """Columns with this name, or with this number."""
     found = [i for i, each in enumerate(table.names) if each == name]
     numbered = re.fullmatch(r"#(\d+)", name)
     if not found and numbered and 0 < int(numbered[1]) <= len(table.names):
@@ -184,7 +184,7 @@ def _time_column(table: Table, options: Options) -> int | None:
     found = _place(table, options.time)
     if len(found) != 1:
         raise ValueError(
-            f"{options.dashes}time is {shown(options.time)}: it must be one of the columns of {table.path}: "
+            f"{options.dashes}time is {short(options.time)}: it must be one of the columns of {table.path}: "
             f"{_listed(table, range(len(table.names)))}"
         )
     return found[0]
@@ -202,22 +202,23 @@ def _chosen(table: Table, options: Options, timed: int | None) -> list[int]:
         if len(found) > 1:
             numbers = ", ".join(f"#{i + 1}" for i in found)
             raise ValueError(
-                f"{options.dashes}column is {shown(name)}: {table.path} must have one of that name, not {len(found)}; "
-                f"name it by its number, {numbers}"
+                f"{options.dashes}column is {short(name)}: {table.path} has {len(found)} columns of that name; "
+                f"use a number, {numbers}"
             )
         if not found or found[0] not in others:
             what = ", which is the time" if found else ""
-            raise ValueError(_of_columns(table, options, f"is {shown(name)}{what}", others))
+            raise ValueError(_of_columns(table, options, f"is {short(name)}{what}", others))
         if found[0] in chosen:
-            raise ValueError(f"{options.dashes}column is {shown(name)} twice: it must be another column each time")
+            raise ValueError(f"{options.dashes}column is {short(name)} twice: columns must be different")
         chosen.append(found[0])
     return chosen
 
 
 def _of_columns(table: Table, options: Options, given: str, others: Sequence[int]) -> str:
     if not others:
-        return f"{options.dashes}column {given}: {table.path} has no column but the time"
-    return f"{options.dashes}column {given}: it must be one of those of {table.path}: {_listed(table, others)}"
+        return f"{options.dashes}column {given}: {table.path} has only a time column"
+    listed = _listed(table, others)
+    return f"{options.dashes}column {given}: it must be one of the columns of {table.path}: {listed}"
 
 
 def _listed(table: Table, columns: Sequence[int]) -> str:
@@ -228,7 +229,7 @@ def _listed(table: Table, columns: Sequence[int]) -> str:
 def _columns(
     table: Table, chosen: list[int], timed: int | None, *, needed: bool
 ) -> tuple[list[Array], Array | None, list[str]]:
-    """The chosen columns, the times, if there are any, and notes; times that are not needed need not be numbers."""
+    """The chosen columns, the times or None, and notes; unneeded times need not be numbers."""
     if timed is not None:
         try:
             (*columns, times), notes = table.read([*chosen, timed])
@@ -243,7 +244,7 @@ def _columns(
 def _finite(
     table: Table, chosen: list[int], timed: int | None, columns: list[Array], times: Array | None, options: Options
 ) -> tuple[list[Array], Array | None, NDArray[np.int64], list[str]]:
-    """The rows that have all columns, the number of each, and what was left out."""
+    """The columns and times of the complete rows, the row numbers, and notes on excluded rows."""
     empty = np.zeros(len(columns[0]), dtype=bool)
     for column in columns:
         empty |= np.isnan(column)
@@ -252,7 +253,7 @@ def _finite(
         kept = ~empty
         columns, rows = [column[kept] for column in columns], rows[kept]
         times = None if times is None else times[kept]
-        notes.append(f"{int(empty.sum()):,} rows of {len(empty):,} are empty in this column and left out")
+        notes.append(f"{int(empty.sum()):,} rows of {len(empty):,} are empty in this column and excluded")
     needed = [] if times is None or options.rate is not None or timed is None else [(timed, times)]
     for i, column in [*zip(chosen, columns, strict=True), *needed]:
         bad = np.flatnonzero(~np.isfinite(column))
@@ -260,9 +261,9 @@ def _finite(
             found = column[bad[0]]
             words = "empty or not a number" if np.isnan(found) else "infinite"
             advice = ""
-            if np.isnan(found) and len(bad) > MANY_EMPTY * len(column):  # rows of other sensors, not lost samples
+            if np.isnan(found) and len(bad) > MANY_EMPTY * len(column):  # other sensors' rows, not lost samples
                 option = "--skip-empty" if options.dashes else "skip_empty"
-                advice = f"; {option} leaves out rows as this one, of which there are {len(bad):,}"
+                advice = f"; {option} excludes such rows, of which there are {len(bad):,}"
             where = table.before + int(rows[bad[0]]) + 1
             raise ValueError(
                 f"{table.path}, line {where}: {cut(_name(table, i))} is {words}: it must be a finite number{advice}"
@@ -280,17 +281,17 @@ def _part(
     lines: NDArray[np.int64],
     options: Options,
 ) -> tuple[list[Array], Array | None, NDArray[np.int64]]:
-    """The rows between --from and --to, s from the first sample."""
+    """The rows from --from to --to, s from the first sample."""
     if options.begin is None and options.end is None:
         return columns, times, lines
     begin, end = options.begin or 0.0, math.inf if options.end is None else options.end
-    near = 0.25 / (options.rate or 1.0)  # a quarter of an interval: sentences round
+    near = 0.25 / (options.rate or 1.0)  # a quarter of an interval, as messages print rounded times
     since = 4 * near * np.arange(len(columns[0]))
     if times is not None and timed is not None and (options.rate is None or not (np.diff(times) < 0).any()):
         found = examine(times - times[0])
         if found is not None:
             per, _ = _seconds(table, timed, cut(_name(table, timed)), found, options)
-            if (rate := options.rate) is not None:  # in any of the units
+            if (rate := options.rate) is not None:  # the unit that fits the given rate
                 every = rate * found.interval
                 per = min((SECONDS[each] for each in TIME_UNITS), key=lambda unit: abs(every * unit - 1))
             since, near = _since(times, found.interval) * per, 0.25 * found.interval * per
@@ -299,13 +300,13 @@ def _part(
 
 
 def _since(times: Array, interval: float) -> Array:
-    """Times from the first one on, without falls."""
+    """Times since the first one; a decrease counts as one interval."""
     steps = np.diff(times)
     return np.concatenate([[0.0], np.cumsum(np.where(steps < 0, interval, steps))])
 
 
 def _between(options: Options) -> str:
-    """For a sentence."""
+    """The selected part, for a message."""
     if options.begin is None and options.end is None:
         return ""
     end = "the end" if options.end is None else f"{options.end:g} s"
@@ -318,24 +319,24 @@ def _between(options: Options) -> str:
 def _interval(
     table: Table, timed: int | None, times: Array | None, lines: NDArray[np.int64], options: Options
 ) -> tuple[float, list[str]]:
-    """s, and what was assumed for it."""
+    """Sampling interval, s, and notes on assumptions."""
     if times is None or timed is None:
         if options.rate is None:
-            raise ValueError(f"{table.path}: the times are no numbers: give {options.dashes}rate")
+            raise ValueError(f"{table.path}: the times are not numbers: give {options.dashes}rate")
         return 1 / options.rate, []
     name = cut(_name(table, timed))
     found = examine(times - times[0])
     if found is None:
         if options.rate is not None:
             return 1 / options.rate, []
-        raise ValueError(f"{table.path}: {name} does not rise from line to line: it must, or give {options.dashes}rate")
+        raise ValueError(f"{table.path}: {name} does not increase: it must increase, or give {options.dashes}rate")
     per, notes = _seconds(table, timed, name, found, options)
     at = table.before + lines + 1
     if len(found.falls):
         first = int(at[found.falls[0]])
-        notes.append(f"{name} falls {_times(len(found.falls))}, at line {first:,} first")
+        notes.append(f"{name} decreases {_times(len(found.falls))}, first at line {first:,}")
     if found.repeats:
-        notes.append(f"{found.repeats:,} samples have the {name} of the one before: they may be written twice")
+        notes.append(f"{found.repeats:,} samples repeat the previous {name}: they may be duplicates")
     if len(found.gaps):
         first = int(at[found.gaps[0]]) + 1
         gaps = "a gap" if len(found.gaps) == 1 else f"{len(found.gaps):,} gaps, the first"
@@ -350,14 +351,14 @@ def _interval(
         since = _since(times, found.interval)
         span = before + since[begin] * per, before + (since[end - 1] + found.interval) * per
         words = ("--from", "--to") if options.dashes else ("begin", "end")
-        what = notes[-1] if len(found.gaps) else f"{name} falls, at line {int(at[found.falls[0]]):,} first"
+        what = notes[-1] if len(found.gaps) else f"{name} decreases, first at line {int(at[found.falls[0]]):,}"
         raise ValueError(
-            f"{table.path}: {what}: times must increase evenly. The longest even stretch has {end - begin:,} samples: "
+            f"{table.path}: {what}: times must increase evenly. The longest even segment has {end - begin:,} samples: "
             f"use {words[0]} {span[0]:.7g} {words[1]} {span[1]:.7g}, or override the times with {options.dashes}rate"
         )
     if found.jitter > JITTER:
         notes.append(
-            f"{name} jitters by up to {found.jitter * interval:.3g} s; samples are taken as {interval:.6g} s apart"
+            f"{name} jitters by up to {found.jitter * interval:.3g} s; samples are assumed to be {interval:.6g} s apart"
         )
     return interval, notes
 
@@ -367,7 +368,7 @@ def _times(count: int) -> str:
 
 
 def _seconds(table: Table, timed: int, name: str, found: Times, options: Options) -> tuple[float, list[str]]:
-    """In the unit of the times, and what was assumed for it."""
+    """Unit of the times in s, and notes on assumptions."""
     matched = _is_time(table.names[timed])
     text = options.time_unit or (matched[1] if matched else None) or _in_brackets(table, timed)
     named = None if text is None else unicodedata.normalize("NFKC", text).strip().lower()
@@ -379,37 +380,35 @@ def _seconds(table: Table, timed: int, name: str, found: Times, options: Options
         return 1.0, _agreeing(table, name, [SECONDS[each] for each in TIME_UNITS], found, options)
     if named is not None:
         rule = f"give {option}, one of {', '.join(TIME_UNITS)}, or {options.dashes}rate"
-        raise ValueError(f"{table.path}: {name} is in {cut(named)}, which is not known as a unit of time: {rule}")
-    if SLOWEST * found.interval <= 1 < FASTEST * found.interval:
-        return 1.0, [f"{name} names no unit and is taken for seconds"]
-    fitting = [each for each in TIME_UNITS if SLOWEST <= 1 / (found.interval * SECONDS[each]) < FASTEST]
+        raise ValueError(f"{table.path}: {name} is in {cut(named)}, which is not a known unit of time: {rule}")
+    if MIN_RATE * found.interval <= 1 < MAX_RATE * found.interval:
+        return 1.0, [f"{name} has no unit; seconds are assumed"]
+    fitting = [each for each in TIME_UNITS if MIN_RATE <= 1 / (found.interval * SECONDS[each]) < MAX_RATE]
     if len(fitting) == 1:
         per = SECONDS[fitting[0]]
-        return per, [
-            f"{name} names no unit and is taken for {fitting[0]}, {1 / (found.interval * per):.6g} samples a second"
-        ]
+        return per, [f"{name} has no unit; {fitting[0]} are assumed, which gives {1 / (found.interval * per):.6g} Hz"]
     raise ValueError(
-        f"{table.path}: {name} has no unit, and in seconds its samples would be {found.interval:.6g} s apart: give "
+        f"{table.path}: {name} has no unit, and in seconds the samples would be {found.interval:.6g} s apart: give "
         f"{option} or {options.dashes}rate, or name the unit in the first line, as in {name} [ms]"
     )
 
 
 def _agreeing(table: Table, name: str, units: list[float], found: Times, options: Options) -> list[str]:
-    """Raises ValueError where a rate that is given is not that of the times, in any of these units."""
+    """Notes on a given rate. Raises ValueError if it disagrees with the times in all of these units."""
     if options.rate is None:
         return []
     off = [options.rate * found.interval * per - 1 for per in units]
     least = min(off, key=abs)
-    if abs(least) > AGREES and not len(found.falls):
-        have = f"{1 / (found.interval * units[0]):.6g} a second"
+    if abs(least) > MAX_MISMATCH and not len(found.falls):
+        have = f"at {1 / (found.interval * units[0]):.6g} Hz"
         if len(units) > 1:
             have = f"{found.interval:.6g} apart in an unnamed unit"
         raise ValueError(
-            f"{options.dashes}rate is {options.rate:g}: it must be that of {name} in {table.path} within "
-            f"{100 * AGREES:g} %, whose samples are {have}; rename that column if it is not the time"
+            f"{options.dashes}rate is {options.rate:g}: it must agree within {100 * MAX_MISMATCH:g} % with {name} in "
+            f"{table.path}, whose samples are {have}; rename that column if it is not the time"
         )
-    if abs(least) > NOTED:
-        return [f"{options.dashes}rate is {100 * least:+.3g} % off that of {name}"]
+    if abs(least) > NOTED_MISMATCH:
+        return [f"{options.dashes}rate differs by {100 * least:+.3g} % from that of {name}"]
     return []
 
 
@@ -422,10 +421,10 @@ def _unit(table: Table, chosen: list[int], options: Options) -> tuple[Unit, list
         for i in chosen:
             text = _in_brackets(table, i)
             if text is not None and not AXIS.fullmatch(text) and _named_unit(table, i, options) is None:
-                hint = " An angle in each sample needs --increments, too." if unit_of(f"{text}/s") else ""
-                rule = f"give {options.dashes}unit, one of {', '.join(RATES)}, and {options.dashes}scale for counts"
+                hint = " Angle increments also need --increments." if unit_of(f"{text}/s") else ""
+                rule = f"give {options.dashes}unit, one of {', '.join(RATES)}, and for counts {options.dashes}scale"
                 raise ValueError(
-                    f"{table.path}: {cut(_name(table, i))} is in {cut(text)}, which is not known as a unit of rate: "
+                    f"{table.path}: {cut(_name(table, i))} is in {cut(text)}, which is not a known unit of rate: "
                     f"{rule}.{hint}"
                 )
     named = {unit for i in chosen if (unit := _named_unit(table, i, options)) is not None}
@@ -439,22 +438,22 @@ def _unit(table: Table, chosen: list[int], options: Options) -> tuple[Unit, list
         raise ValueError(f"{options.dashes}unit is needed: the columns are in {names}")
     if named:
         unit = named.pop()
-        return unit, [f"the unit is {unit.name}, as the file names it"] if unit.name != "deg/s" else []
+        return unit, [f"the unit is {unit.name}, from the file"] if unit.name != "deg/s" else []
     if all("angular_velocity" in table.names[i] for i in chosen):
-        return RATES["rad/s"], ["angular_velocity names no unit and is taken for rad/s, as ROS has it"]
+        return RATES["rad/s"], ["angular_velocity has no unit; rad/s is assumed, as in ROS"]
     name = cut(_name(table, chosen[0]))
     name = f"column {name}" if name.isdigit() else name
-    return RATES["deg/s"], [f"{name} names no unit and is taken for deg/s"]
+    return RATES["deg/s"], [f"{name} has no unit; deg/s is assumed"]
 
 
 def _in_brackets(table: Table, i: int) -> str | None:
-    """Text in brackets at the end of a column's name, or in a line of units."""
+    """Text in brackets at the end of a column's name, or in a line of units; None without it."""
     bracketed = re.search(r"[\[(]([^\[\]()]+)[\])]\s*$", table.names[i])
     return bracketed[1].strip() if bracketed else table.known.get(i)
 
 
 def _named_unit(table: Table, i: int, options: Options) -> Unit | None:
-    """That in brackets in a column's name, in a line below the names, or at the end of the name."""
+    """Unit of a column: in brackets in its name, in a line below the names, or at the end of the name."""
     text = _in_brackets(table, i)
     if text is not None:
         return unit_of(text) or (unit_of(f"{text}/s") if options.increments else None)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..analysis.html import csv_text, embedded, page
-from ..analysis.style import own_style, svg
+from ..analysis.style import own_style, save_svg
 from .grades import GRADES
 from .imu import FILES, imu_file
 from .plots import allan_figure, series_figure
@@ -23,7 +23,7 @@ NAMES = {"kalibr": "Kalibr", "gnss-ins-sim": "gnss-ins-sim", "kf-gins": "KF-GINS
 
 
 def write_record_report(folder: Path, series: Sequence[Series]) -> None:
-    """Writes report.html, and for each column allan.svg and series.svg, numbered where there are several."""
+    """Writes report.html, and allan.svg and series.svg for each column, numbered if there are several."""
     shown = []
     for i, one in enumerate(series):
         number = "" if len(series) == 1 else f"-{i + 1}"
@@ -32,12 +32,8 @@ def write_record_report(folder: Path, series: Sequence[Series]) -> None:
         with own_style():
             deviation = allan_figure(found, label=one.name if len(one.name) < 30 else "record")
             over_time = series_figure(values, record.interval, found.events)
-            (folder / f"allan{number}.svg").write_text(
-                svg(deviation, "Allan deviation"), encoding="utf-8", newline="\n"
-            )
-            (folder / f"series{number}.svg").write_text(
-                svg(over_time, "Rate over time"), encoding="utf-8", newline="\n"
-            )
+            save_svg(deviation, folder / f"allan{number}.svg", "Allan deviation")
+            save_svg(over_time, folder / f"series{number}.svg", "Rate over time")
             pictures = embedded(over_time, "Rate over time"), embedded(deviation, "Allan deviation")
         shown.append(
             {
@@ -70,7 +66,7 @@ def write_record_report(folder: Path, series: Sequence[Series]) -> None:
 
 
 def span_of(series: Series) -> dict[str, Any]:
-    """Numbers of the record for people."""
+    """Mean, standard deviation and range of the record, deg/s, as text."""
     values = series.record.values[series.column]
     return {
         "mean": f"{DEG_PER_S.of(float(values.mean())):.3g}",

@@ -1,4 +1,4 @@
-"""The report of a characterisation: one self-contained HTML file."""
+"""The report of a characterization: one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ from importlib.metadata import version
 from pathlib import Path
 
 from ..analysis.html import page
-from ..simulation.outside import controller_words
+from ..simulation.user_controller import controller_words
 from . import plots
 from .grades import GRADES
-from .measure import Characterisation
+from .measure import Characterization
 from .results import Result, short
 
 
-def write_report(path: Path, measured: Characterisation, found: list[Result]) -> None:
-    """Writes `path`."""
+def write_report(path: Path, measured: Characterization, found: list[Result]) -> None:
+    """Writes the report of `measured` with the figures `found` to `path`."""
     rest = measured.rest
     text = page(
         "fracgyro.rate",
         "report.html.jinja",
         version=version("fracgyro"),
         measured=measured,
-        outside=controller_words(measured.controller),
+        user_controller=controller_words(measured.controller),
         found=[(result, value_of(result), interval_of(result), grade_of(result)) for result in found],
         output_rate=f"{1 / rest.interval:.4g}",
         record=f"{rest.rate.shape[1] * rest.interval:.3g}",
@@ -38,7 +38,7 @@ def write_report(path: Path, measured: Characterisation, found: list[Result]) ->
 
 
 def value_of(result: Result) -> str:
-    """The value, or the side on which it lies."""
+    """The value, or its limit with < or ≥."""
     if math.isfinite(result.value):
         return short(result.value)
     if math.isfinite(result.high):
@@ -47,13 +47,13 @@ def value_of(result: Result) -> str:
 
 
 def interval_of(result: Result) -> str:
-    """Of 95 %, where there is one."""
+    """The 95 % interval, or empty."""
     whole = all(map(math.isfinite, (result.value, result.low, result.high)))
     return f"{short(result.low)} to {short(result.high)}" if whole else ""
 
 
 def si_of(result: Result) -> str:
-    """The value in the unit of navigation filters, where there is one."""
+    """The value in the unit of navigation filters, or empty."""
     if result.si is None or not math.isfinite(result.value if math.isfinite(result.value) else result.high):
         return ""
     unit, per_si = result.si
@@ -63,7 +63,7 @@ def si_of(result: Result) -> str:
 
 
 def grade_of(result: Result) -> str:
-    """The grade; of a figure that was not observed, that of its limit."""
+    """The grade; for a figure that was not observed, the grade of its limit."""
     if result.grade is None:
         return ""
     return result.grade if math.isfinite(result.value) else f"{result.grade} (limit only)"

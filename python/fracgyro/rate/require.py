@@ -1,4 +1,4 @@
-"""Requirements on the figures of a rate sensor, and whether its measured figures keep them."""
+"""Requirements on the figures of a rate sensor, and verdicts on the measured figures."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .results import Result
 Verdict = Literal["pass", "fail", "undecided"]
 
 SHORT = {"arw": "angle_random_walk", "bias": "bias_instability"}
-AT_LEAST = ("bandwidth", "full_scale")  # every other figure is to be at most its limit, in size
+AT_LEAST = ("bandwidth", "full_scale")  # every other figure: |figure| at most its limit
 KEYS = (
     "scale_factor_error",
     "nonlinearity",
@@ -52,15 +52,15 @@ def required(found: Sequence[Result], limits: Mapping[str, float]) -> list[Requi
 
 
 def verdict(result: Result, limit: float) -> Verdict:
-    """Decided by the interval, if there is one; a figure that was not observed passes only by its bound."""
-    least, most = _sizes(result)
+    """The verdict, from the interval if the figure has one; a figure that was not observed passes only by its limit."""
+    low, high = _magnitudes(result)
     if result.key in AT_LEAST:
-        least, most, limit = -most, -least, -limit
-    return "pass" if most <= limit else "fail" if least > limit else "undecided"
+        low, high, limit = -high, -low, -limit
+    return "pass" if high <= limit else "fail" if low > limit else "undecided"
 
 
-def _sizes(result: Result) -> tuple[float, float]:
-    """Smallest and largest size of the figure that the measurement allows."""
+def _magnitudes(result: Result) -> tuple[float, float]:
+    """Smallest and largest magnitude of the figure that the measurement allows."""
     value, low, high = result.value, result.low, result.high
     if math.isnan(value):
         return (0.0 if math.isnan(low) else abs(low)), (math.inf if math.isnan(high) else abs(high))

@@ -1,4 +1,4 @@
-"""One column of a gyroscope's record and what was found in it."""
+"""One column of a gyroscope's record with its results."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .units import DEG_PER_S
 
 @dataclass(frozen=True)
 class Series:
-    """One column of a record, and what was found in it."""
+    """One column of a record: values, Allan deviation, events and figures."""
 
     path: str
     record: Record
@@ -28,12 +28,12 @@ class Series:
 
     @property
     def notes(self) -> list[str]:
-        """Assumptions, and parts left out."""
+        """Assumptions, and excluded parts."""
         return [*self.record.notes, *map(line_of, self.found.lines)]
 
 
 def left_out(series: Series) -> str:
-    """One sentence on what was fitted, and what was not."""
+    """One sentence on the fitted range and the excluded ranges."""
     found = series.found
     if found.fitted is None:
         return "No averaging range of four octaves fits the noise terms."
@@ -45,18 +45,18 @@ def left_out(series: Series) -> str:
     if last < 0.99 * found.tau[-1]:
         out.append(f"longer ones up to {_seconds(float(found.tau[-1]))} s")
     if out:
-        return f"{words}; {' and '.join(out)} do not fit and are left out."
+        return f"{words}; {' and '.join(out)} do not fit and are excluded."
     response = f"; a low-pass response of {found.response_time:.3g} s was divided out" if found.response_time else ""
     return f"{words} (the whole record){response}."
 
 
 def line_of(line: Line) -> str:
-    """A sentence of a sinusoid that was left out."""
-    return f"a sinusoid of {line.frequency:.5g} Hz, {DEG_PER_S.of(line.amplitude):.3g} deg/s, is left out"
+    """A note about an excluded sinusoid."""
+    return f"a sinusoid of {line.frequency:.5g} Hz, {DEG_PER_S.of(line.amplitude):.3g} deg/s, is excluded"
 
 
 def noise_of(series: Series) -> Noise:
-    """For a navigation filter."""
+    """The noise for a navigation filter."""
     record = series.record
     values = record.values[series.column]
     seconds = len(values) * record.interval

@@ -1,9 +1,9 @@
-"""The spectrum of a rate record by its cosine transform: powers that are independent of one another.
+"""The spectrum of a rate record by its cosine transform, whose powers are independent.
 
 The record's cosine transform (DCT-II) gives z_k at f_k = k/(2 n h), k = 1 ... n - 1, for n samples every h. h z_k² has
-the two-sided density S(f_k) as its mean, exactly for white noise and for a random walk, which this transform makes
-independent; of flicker noise it is .77 S at the first frequency and ever closer to S at others (`flicker_factor`). The
-mean of the record drops out, and a trend is in the lowest frequencies only.
+the two-sided density S(f_k) as its mean, exactly for white noise and for a random walk, which this transform
+decorrelates. For flicker noise the mean is 0.77 S at the first frequency and approaches S at higher ones
+(`flicker_factor`). The mean of the record drops out, and a trend affects only the lowest frequencies.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ from scipy.stats import chi2
 
 Array = NDArray[np.float64]
 
-SINGLE = 32  # lowest frequencies that are bands by themselves
-PER_OCTAVE = 16  # bands of those above
-MIN_LINE = 64  # periods, twice: below it, nothing is taken for a line
-FALSE_LINES = 1e-4  # probability of one in a record of noise
-NEAR = 128  # frequencies of a median near a line
-STRONG = 1e4  # times the level of the noise: such sinusoids leak far
-MAX_STRONG, PASSES, PHASES = 4, 3, 64  # sinusoids that are subtracted; parts of a record whose phases are compared
-LARGEST_FACTOR = 11  # of a length that is transformed in one second rather than four
+SINGLE = 32  # lowest frequencies, each of which is one band
+PER_OCTAVE = 16  # bands above
+MIN_LINE = 64  # smallest index k of a line
+FALSE_LINES = 1e-4  # probability of a false line in a record of noise
+LOCAL_FREQUENCIES = 128  # frequencies of the local median around a line
+STRONG = 1e4  # power over the noise, above which a sinusoid leaks far
+MAX_STRONG, PASSES, PHASES = 4, 3, 64  # sinusoids that are subtracted; passes; segments whose phases are compared
+MAX_FACTOR = 11  # largest prime factor of the transform length: one second instead of four
 
 
 @dataclass(frozen=True)
 class Line:
     """A sinusoid in the record: frequency in Hz, amplitude in the record's unit.
 
-    `covers`: it is too strong for the noise around it to be seen.
+    `covers`: it is so strong that it masks the noise around it.
     """
 
     frequency: float
@@ -45,18 +45,18 @@ class Line:
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Mean powers in bands of frequency. Lines are left out of them."""
+    """Mean powers in frequency bands, without lines; (bands,) each."""
 
-    frequency: Array  # Hz, of the middle of each band
+    frequency: Array  # center of each band, Hz
     power: Array  # two-sided density
-    freedom: Array  # degrees of freedom of each
-    flicker: Array  # what the density of flicker noise is multiplied by
+    freedom: Array  # degrees of freedom
+    flicker: Array  # factor on the density of flicker noise
     interval: float
     lines: tuple[Line, ...]
 
 
 def spectrum(records: Array, interval: float) -> Spectrum:
-    """Mean spectrum of records of equal length, (records, samples)."""
+    """Mean spectrum of records of equal length, (records, samples), `interval` s between samples."""
     count, samples = records.shape
     samples = _quick(samples)
     power = _power(records, samples, interval)
@@ -66,7 +66,7 @@ def spectrum(records: Array, interval: float) -> Spectrum:
         strong = sorted((line for line in lines if line.covers), key=lambda line: -line.amplitude)[:MAX_STRONG]
         if not strong:
             break
-        # A sinusoid that is steady takes its leakage with it.
+        # Subtracting a steady sinusoid also removes its leakage.
         records = np.stack([_without(record[:samples], strong, interval) for record in records])
         power = _power(records, samples, interval)
         lines, kept = _lines(power, count, samples, interval)
@@ -90,7 +90,7 @@ def spectrum(records: Array, interval: float) -> Spectrum:
 
 
 def _power(records: Array, samples: int, interval: float) -> Array:
-    """Mean of h z_k² over the records."""
+    """Mean of h z_k² over the records: (samples - 1,)."""
     power = np.zeros(samples - 1)
     for record in records:
         transformed = dct(record[:samples] - record[:samples].mean(), norm="ortho", overwrite_x=True)[1:]
@@ -100,9 +100,9 @@ def _power(records: Array, samples: int, interval: float) -> Array:
 
 
 def _without(record: Array, lines: Sequence[Line], interval: float) -> Array:
-    """The record less its sinusoids near these frequencies, whose frequencies and phases are those of least squares."""
+    """The record without its sinusoids near these frequencies, fitted by least squares."""
     rest = record - record.mean()
-    for line in [*lines, *lines]:  # the second time without what the others left in the first
+    for line in [*lines, *lines]:  # twice, as the lines overlap
         frequency, at = line.frequency * interval, np.arange(len(rest))
         for _ in range(4):
             mixed = rest * np.exp(-2j * np.pi * frequency * at)
@@ -117,21 +117,21 @@ def _without(record: Array, lines: Sequence[Line], interval: float) -> Array:
 
 
 def _quick(samples: int) -> int:
-    """The largest number of samples not above this that is quickly transformed."""
+    """The largest length up to `samples` with a fast transform."""
     while samples > 1000 and not _has_small_factors(samples):
         samples -= 1
     return samples
 
 
 def _has_small_factors(number: int) -> bool:
-    for factor in (2, 3, 5, 7, LARGEST_FACTOR):
+    for factor in (2, 3, 5, 7, MAX_FACTOR):
         while number % factor == 0:
             number //= factor
     return number == 1
 
 
 def _edges(samples: int) -> NDArray[np.int64]:
-    """First k of each band, and the one after the last."""
+    """First k of each band, and the end of the last."""
     if samples - 1 <= SINGLE:
         return np.arange(1, samples + 1)
     octaves = np.log2(samples / (SINGLE + 1))
@@ -140,7 +140,7 @@ def _edges(samples: int) -> NDArray[np.int64]:
 
 
 def _lines(power: Array, count: int, samples: int, interval: float) -> tuple[tuple[Line, ...], NDArray[np.bool_]]:
-    """Sinusoids that stand out, and the k that are free of them."""
+    """Significant sinusoids, and a mask of the k that are free of them."""
     kept = np.ones(len(power), dtype=bool)
     if len(power) <= 2 * MIN_LINE:
         return (), kept
@@ -148,9 +148,9 @@ def _lines(power: Array, count: int, samples: int, interval: float) -> tuple[tup
     octaves = np.log2(samples / MIN_LINE)
     bands = np.unique(np.round(np.geomspace(MIN_LINE, samples, max(2, round(4 * octaves)))).astype(np.int64)) - 1
     middles, medians = _medians(power, bands, count)
-    # Behind a filter the level falls steeply: it is a line between medians of few frequencies, too.
+    # Behind a filter the level falls steeply and needs medians over few frequencies.
     first = MIN_LINE - 1
-    blocks = np.arange(first, len(power) + 1, min(NEAR, len(power) - first))
+    blocks = np.arange(first, len(power) + 1, min(LOCAL_FREQUENCIES, len(power) - first))
     near_middles, near_medians = _medians(power, blocks, count)
     least = np.minimum.reduce([near_medians, np.roll(near_medians, 1), np.roll(near_medians, -1)])
     least = np.append(np.repeat(least, np.diff(blocks)), np.full(len(power) - blocks[-1], near_medians[-2:].min()))
@@ -162,9 +162,9 @@ def _lines(power: Array, count: int, samples: int, interval: float) -> tuple[tup
     for here in map(int, strong[np.argsort(-power[strong])]):
         if not kept[here]:
             continue
-        # Off it, its power falls as the square of the distance: to a ninth of the noise.
+        # Its power falls with the square of the distance; the width is where it reaches a ninth of the noise.
         wide = min(int(3 * math.sqrt(power[here] / wide_level[here])) + 2, here // 2, len(power) // 8)
-        # Leakage of a strong one raises the level around it, too.
+        # Leakage of a strong line also raises the level around it.
         around_it = medians[(middles > here / 4) & (middles < 4 * here)]
         noise = max(min(around_it.min(initial=np.inf), wide_level[here]), np.finfo(float).tiny)
         ratio = min(float(power[here]) / noise, 1 / np.finfo(float).eps)
@@ -177,7 +177,7 @@ def _lines(power: Array, count: int, samples: int, interval: float) -> tuple[tup
 
 
 def _medians(power: Array, ends: NDArray[np.int64], count: int) -> tuple[Array, Array]:
-    """Middles of bands, and the mean power in each as its median gives it, without lines."""
+    """Centers of bands, and the mean power in each from its median, which lines do not affect."""
     sizes = np.diff(ends)
     if (sizes == sizes[0]).all():
         found = np.median(power[ends[0] : ends[-1]].reshape(-1, sizes[0]), axis=1)
@@ -187,14 +187,14 @@ def _medians(power: Array, ends: NDArray[np.int64], count: int) -> tuple[Array, 
 
 
 def _level(at: NDArray[np.int64], middles: Array, medians: Array) -> Array:
-    """Straight in logarithms between the medians."""
+    """Level at these k, interpolated between the medians in log-log."""
     logarithms = np.log(np.maximum(medians, np.finfo(float).tiny))
     return np.asarray(np.exp(np.interp(np.log(at + 1.0), np.log(middles + 1.0), logarithms)))
 
 
 @cache
 def flicker_factor(k: int) -> float:
-    """Mean of h z_k² over the density at f_k, for flicker noise.
+    """Mean of h z_k² divided by the density at f_k, for flicker noise.
 
     The window of the k-th cosine over a record of length 1 is 4 w² (1 - (-1)^k cos w)/(w² - (π k)²)² with w = 2π f.
     """

@@ -1,8 +1,8 @@
-"""Tables of numbers as loggers, spreadsheets and programs write them: names of columns, and those that are wanted.
+"""Reading tables of numbers from loggers, spreadsheets and programs: column names and selected columns.
 
-Text of any separator, comments and free text above, units in a line or in brackets, decimal commas, compressed or in
-UTF-16; NumPy's .npy, MATLAB's .mat and Parquet. What a file is, its first bytes say, not its name. pyarrow reads the
-numbers; ours is to find out how they are laid out (decision 0034).
+Supported are text with any separator, comments and free text above the table, units in a line or in brackets, decimal
+commas, compression and UTF-16; and NumPy's .npy, MATLAB's .mat and Parquet. The first bytes determine the format, not
+the name. pyarrow reads the numbers; this module finds the layout (decision 0034).
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ import pyarrow as pa
 import pyarrow.csv
 from numpy.typing import NDArray
 
-from ..arguments import short as shown
+from ..arguments import short
 from ..files import cut
 
 Array = NDArray[np.float64]
 
 BLOCK = 2**22  # bytes read at a time
-BEGINNING = 2**16  # bytes that comments, names and the first rows may have
-ROWS = 20  # rows of numbers that determine a layout
+BEGINNING = 2**16  # bytes in which comments, names and the first rows must fit
+ROWS = 20  # rows of numbers used to find the layout
 MIN_ROWS = 2
-BLANKS = " "  # stands for any run of blanks
+BLANKS = " "  # separator: any run of blanks
 COMMENT = re.compile(r"^\s*(#|//|%|!|;(?=\s|$))\s?")
-LINE_END = re.compile(r"\r\n|\n|\r")  # of a CSV file; str.splitlines knows others, as the vertical tab is
+LINE_END = re.compile(r"\r\n|\n|\r")  # str.splitlines also splits at other characters, such as the vertical tab
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf(inity)?)", re.IGNORECASE)
-FRACTION = re.compile(r"-0+,\d+|[+-]?\d+,0\d+")  # no whole number is written -0 or 05
+FRACTION = re.compile(r"-0+,\d+|[+-]?\d+,0\d+")  # integers are not written as -0 or 05
 UNIT = re.compile(r"[\[(]?[\wµμ°%]{0,8}([/*^·. -]?[\w°√()^-]{1,9}){0,3}[\])]?")
 EMPTY = {"", "nan", "na", "n/a", "null", "none", "-"}
 OPENERS: dict[bytes, Callable[[Any], Any]] = {b"\x1f\x8b": gzip.open, b"BZh": bz2.open, b"\xfd7zXZ\x00": lzma.open}
-# Files that are not tables, or cannot be read, by their first bytes.
+# First bytes of files that are not tables or cannot be read.
 OTHERS = {
     b"PK\x03\x04": "a zip archive or a spreadsheet: save its table as CSV",
     b"\xd0\xcf\x11\xe0": "an old spreadsheet: save its table as CSV",
@@ -62,17 +62,17 @@ OTHERS = {
 
 @dataclass(frozen=True)
 class Table:
-    """Names of a file's columns, and how to read some of them."""
+    """Column names of a file, and a function that reads selected columns."""
 
     path: str
     names: list[str]
     read: Callable[[Sequence[int]], tuple[list[Array], list[str]]]  # columns by number, and notes
-    before: int = 0  # lines before the first row, of text
-    known: dict[int, str] = field(default_factory=dict)  # units, by column, that stand in a line of their own
+    before: int = 0  # lines of text before the first row
+    known: dict[int, str] = field(default_factory=dict)  # units by column, from a line below the names
 
 
 def open_table(path: str | os.PathLike[str]) -> Table:
-    """A file's columns. Raises ValueError in one sentence for what is not a table, and OSError."""
+    """A file's columns. Raises ValueError for a file that is not a table, OSError if it cannot be read."""
     where = os.fspath(path)
     with open(path, "rb") as file:
         first = file.read(BEGINNING)
@@ -89,7 +89,7 @@ def open_table(path: str | os.PathLike[str]) -> Table:
 
 
 def _is_text_of_numbers(first: bytes) -> bool:
-    """True if a beginning that could be another kind's is free text above a table."""
+    """True if the first bytes of another format are only free text above a table."""
     return first.lstrip()[:1] in b"<{" and first.count(b"\n") > MIN_ROWS and b"}" not in first and b">" not in first
 
 
@@ -102,7 +102,7 @@ class _Layout:
     units: dict[int, str]
     before: int  # lines before the first row of numbers
     separator: str
-    decimal: str  # the sign before fractions
+    decimal: str  # decimal separator
     columns: int
 
 
@@ -116,7 +116,7 @@ def _of_text(path: str, first: bytes) -> Table:
             raise ValueError(f"{path} cannot be unpacked: {cut(str(error))}") from None
     encoding = _encoding(first)
     if encoding is None:
-        raise ValueError(f"{path} is neither text nor a file of numbers that can be read: save its table as CSV")
+        raise ValueError(f"{path} is not a supported file: save its table as CSV")
     layout = _layout(path, first.decode(encoding, "replace"), len(first) == BEGINNING)
 
     def read(columns: Sequence[int]) -> tuple[list[Array], list[str]]:
@@ -132,7 +132,7 @@ def _encoding(first: bytes) -> str | None:
         first.decode("utf-8")
         plain = True
     except UnicodeDecodeError as error:
-        plain = error.start > len(first) - 4  # a character that the end of this part cuts
+        plain = error.start > len(first) - 4  # a character cut at the end
     zeros = first[:400].count(0)
     if zeros > len(first[:400]) // 3:
         return "utf-16-le" if first[1:2] == b"\0" else "utf-16-be"
@@ -150,23 +150,23 @@ def _layout(path: str, beginning: str, cut_off: bool) -> _Layout:
     found = [each for separator in (",", ";", "\t", "|", BLANKS) if (each := _rows(lines, separator)) is not None]
     if not found:
         raise ValueError(
-            f"{path} has no rows of numbers, as far as can be seen: it must be a table, its columns separated by "
-            "commas, semicolons, tabs or blanks"
+            f"{path} has no rows of numbers: it must be a table with columns separated by commas, semicolons, tabs or "
+            "blanks"
         )
-    # That whose names are as many as its columns; of these most numbers a row, and a separator that no number has.
+    # Prefer as many names as columns, then most numbers per row, then a separator that numbers do not contain.
     found.sort(key=lambda each: (_heads_fit(lines[: each[1]], each[2], each[3]), each[0]))
     _, begin, separator, columns, decimal = found[-1]
     if separator == "," and columns == 2 and begin == _heading(lines, begin) and _ambiguous(lines[begin:]):
         raise ValueError(
-            f"{path} has no names, and its rows can be two columns or one of decimal commas: it must have decimal "
-            "points, or a first line with the names of its columns"
+            f"{path} has no column names, and a comma in its rows may be a separator or a decimal comma: it must have "
+            "decimal points, or a first line with the names of its columns"
         )
     names, units = _named(lines[:begin], separator, columns)
     return _Layout(names, units, begin, separator, decimal, columns)
 
 
 def _rows(lines: list[str], separator: str) -> tuple[tuple[float, ...], int, str, int, str] | None:
-    """The rows of numbers that this separator makes, with a score."""
+    """Score, first row, decimal separator and columns of the table with this separator, or None."""
     decimal = "."
     split = [_split(line, separator) for line in lines]
     for sign in (".",) if separator == "," else (".", ","):
@@ -211,12 +211,12 @@ def _is_number(text: str, decimal: str = ".") -> bool:
 
 
 def _heading(lines: list[str], begin: int) -> int:
-    """Lines above the first row that are empty or comments."""
+    """Number of lines above the first row, at its start, that are empty or comments."""
     return sum(1 for line in lines[:begin] if not line.strip() or COMMENT.match(line))
 
 
 def _heads_fit(above: list[str], separator: str, columns: int) -> bool:
-    """True if the line above the first row has as many fields, or there is none."""
+    """True if the line above the first row has `columns` fields, or does not exist."""
     last = next((line for line in reversed(above) if line.strip()), "")
     return not last or separator == BLANKS or len(_split(COMMENT.sub("", last), separator)) == columns
 
@@ -226,7 +226,7 @@ def _ambiguous(rows: list[str]) -> bool:
 
 
 def _named(above: list[str], separator: str, columns: int) -> tuple[list[str], dict[int, str]]:
-    """Names of the columns, their numbers where there are none, and the units in a line below the names."""
+    """Column names, or numbers without names, and the units in a line below the names."""
     heads = [_heads(line, separator, columns) for line in above]
     last = len(heads) - 1
     while last >= 0 and not above[last].strip():
@@ -243,14 +243,14 @@ def _named(above: list[str], separator: str, columns: int) -> tuple[list[str], d
 
 
 def _are_units(names: Sequence[str]) -> bool:
-    """True if most of a line are units, as s, [deg/s], (rad/s) or g are."""
+    """True if most fields of a line are units, such as s, [deg/s], (rad/s) or g."""
     known = re.compile(r"[\[(].*[\])]|s|sec|ms|us|µs|ns|g|m/s\^?2|V|A|K|C|°C|hz|\S*(deg|rad|dps|°)\S*", re.IGNORECASE)
     given = [name for name in names if name]
     return bool(given) and sum(known.fullmatch(name) is not None for name in given) >= 0.6 * len(given)
 
 
 def _heads(line: str, separator: str, columns: int) -> list[str] | None:
-    """The line as names of so many columns, or None."""
+    """The line as names of `columns` columns, or None."""
     text = COMMENT.sub("", line)
     if not text.strip():
         return None
@@ -270,7 +270,7 @@ def _heads(line: str, separator: str, columns: int) -> list[str] | None:
 
 
 class _Cleaned(io.RawIOBase):
-    """A text file as pyarrow reads it: in UTF-8, any run of blanks one, and nothing in front of a row."""
+    """A text file converted for pyarrow: UTF-8, one blank between fields, none before the first."""
 
     def __init__(self, file: IO[bytes], encoding: str, separator: str) -> None:
         self._text = io.TextIOWrapper(file, encoding=encoding, errors="replace", newline="")
@@ -295,7 +295,7 @@ class _Cleaned(io.RawIOBase):
 
 @contextmanager
 def _opened(path: str, opener: Callable[[Any], Any] | None, encoding: str, separator: str) -> Iterator[Any]:
-    """The source for pyarrow: the file itself if it can read it."""
+    """Source for pyarrow: the file itself if it can read it, else the converted text."""
     if opener is None and encoding == "utf-8-sig" and separator != BLANKS:
         yield path
         return
@@ -306,7 +306,7 @@ def _opened(path: str, opener: Callable[[Any], Any] | None, encoding: str, separ
 def _numbers(
     path: str, opener: Callable[[Any], Any] | None, encoding: str, layout: _Layout, wanted: Sequence[int]
 ) -> tuple[list[Array], list[str]]:
-    """The columns, NaN where a field is empty, and what was left out."""
+    """The columns, NaN for an empty field, and notes on excluded rows."""
     places = [f"f{i}" for i in wanted]
     odd: list[tuple[int | None, int, str]] = []
 
@@ -320,7 +320,7 @@ def _numbers(
         column_names=[f"f{i}" for i in range(layout.columns)],
         skip_rows=layout.before,
         block_size=BLOCK,
-        use_threads=False,  # or errors would not say in which line
+        use_threads=False,  # for line numbers in errors
     )
     convert = pyarrow.csv.ConvertOptions(
         include_columns=places,
@@ -348,7 +348,7 @@ def _numbers(
     for number, actual, _ in odd:
         if number is None or number < layout.before + rows:
             raise ValueError(f"{path}, line {number}: it has {actual} columns: it must have {layout.columns}")
-        notes.append(f"the last row has {actual} columns of {layout.columns} and is left out")
+        notes.append(f"the last row has {actual} of {layout.columns} columns and is excluded")
     return columns, notes
 
 
@@ -356,7 +356,7 @@ def _refusal(path: str, layout: _Layout, error: str, odd: list[tuple[int | None,
     value = re.search(r"CSV column #(\d+): Row #(\d+): .*invalid value '(.*)'", error, re.DOTALL)
     if value:
         name = layout.names[int(value[1])] if int(value[1]) < len(layout.names) else value[1]
-        return f"{path}, line {value[2]}: {cut(name)} is {shown(value[3])}: it must be a finite number"
+        return f"{path}, line {value[2]}: {cut(name)} is {short(value[3])}: it must be a finite number"
     if odd:
         number, actual, _ = odd[0]
         return f"{path}, line {number}: it has {actual} columns: it must have {layout.columns}"
@@ -383,7 +383,7 @@ def _of_array(path: str, kind: str, array: Any) -> Table:
         raise ValueError(f"{path} is {kind} of shape {array.shape}: it must have rows and columns")
     flat = array.reshape(-1, 1) if array.ndim < 2 else array
     if flat.shape[0] < flat.shape[1]:
-        flat = flat.T  # time is the longer axis
+        flat = flat.T  # the longer axis is time
     return _of_columns(path, kind, {str(i + 1): flat[:, i] for i in range(flat.shape[1])})
 
 

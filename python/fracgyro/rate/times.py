@@ -1,7 +1,7 @@
-"""The times of a record's samples: their interval, and what about them is not even.
+"""Sampling times of a record: their interval, and gaps, decreases, repeats and jitter.
 
-Times are compared with a straight line through those around them: what comes back to it is rounding or jitter, what
-stays off it by an interval or more is a gap.
+Times are compared with a straight line through the times around them: a deviation that returns to the line is rounding
+or jitter, a lasting shift is a gap.
 """
 
 from __future__ import annotations
@@ -15,50 +15,50 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-WINDOW = 256  # samples over which an interval is measured
-NEAR, FAR = 8, 64  # samples on each side of a gap whose times are compared
-LASTING = 0.6  # of an interval: a shift that stays is a gap
+WINDOW = 256  # samples for one measurement of the interval
+NEAR_SAMPLES, FAR_SAMPLES = 8, 64  # samples on each side of a gap whose times are compared
+MIN_GAP = 0.6  # intervals: smallest lasting shift that counts as a gap
 ROBUST = 1.4826  # standard deviation over the median absolute deviation
-JITTER = 0.5  # of an interval: jitter beyond this is noted
+JITTER = 0.5  # intervals: larger jitter is noted
 
 
 @dataclass(frozen=True)
 class Times:
-    """The interval of a record, in the unit of its times, and where these are not even."""
+    """The sampling interval of a record, in the unit of its times, and irregularities."""
 
     interval: float
-    gaps: NDArray[np.int64]  # samples after which some are missing
+    gaps: NDArray[np.int64]  # last sample before each gap
     missing: int  # samples in the gaps
-    falls: NDArray[np.int64]  # samples that come before the one before them
-    repeats: int  # samples at the time of the one before, where times are not rounded to more than an interval
-    jitter: float  # largest distance from the line beyond rounding, intervals
+    falls: NDArray[np.int64]  # samples whose time is before that of their predecessor
+    repeats: int  # samples with the time of their predecessor; 0 if times are rounded to more than an interval
+    jitter: float  # largest distance from the line, beyond rounding, in intervals
 
     @property
     def even(self) -> bool:
         return not len(self.gaps) and not len(self.falls)
 
     def longest(self, samples: int) -> tuple[int, int]:
-        """First sample, and the one after the last, of the longest stretch without a gap or a fall."""
+        """First sample and end of the longest segment without a gap or a decrease."""
         ends = np.unique(np.concatenate([[0], self.gaps + 1, self.falls, [samples]]))
         at = int(np.argmax(np.diff(ends)))
         return int(ends[at]), int(ends[at + 1])
 
 
 def examine(times: Array) -> Times | None:
-    """None where times do not rise."""
+    """The interval and irregularities of `times` (samples,); None if they do not increase."""
     steps = np.diff(times)
     falls = np.flatnonzero(steps < 0) + 1
     interval = _interval(times)
     if not interval > 0:
         return None
     resolution = _resolution(steps)
-    rounded = max(resolution / interval, 1.0)  # what one rounding shifts, in intervals
-    near, far = NEAR * math.ceil(rounded), FAR * math.ceil(rounded)
-    # Medians over so many jittering times are uncertain, by this many intervals.
+    rounded = max(resolution / interval, 1.0)  # shift by rounding, in intervals
+    near, far = NEAR_SAMPLES * math.ceil(rounded), FAR_SAMPLES * math.ceil(rounded)
+    # Uncertainty of the medians over jittering times, in intervals.
     jitter = ROBUST * float(np.median(np.abs(steps - interval))) / math.sqrt(2) / interval
-    least = LASTING * rounded + 4 * 1.25 * jitter * math.sqrt(2 / far)
+    least = MIN_GAP * rounded + 4 * 1.25 * jitter * math.sqrt(2 / far)
     gaps, missing = [], 0
-    candidates = np.flatnonzero(steps > (rounded + LASTING) * interval)
+    candidates = np.flatnonzero(steps > (rounded + MIN_GAP) * interval)
     for i in _steepest(times, interval, candidates, near, far, least):
         shift = _shift(times, i, far, interval)
         if shift >= least and _shift(times, i, near, interval) >= least / 2:
@@ -66,18 +66,18 @@ def examine(times: Array) -> Times | None:
             missing += max(round(shift), 1)
     kept = np.array(gaps, dtype=np.int64)
     total = len(times) - 1 + missing
-    if not len(falls) and not gaps and rounded > 1:  # the ends are rounded, too
+    if not len(falls) and not gaps and rounded > 1:  # the ends are also rounded
         at = np.arange(len(times)) - (len(times) - 1) / 2
         interval = float(at @ (times - times[0])) / float(at @ at)
     elif not len(falls):
-        interval = float(times[-1] - times[0]) / total  # of the whole record, as it is known best
+        interval = float(times[-1] - times[0]) / total  # over the whole record, which is most accurate
     distance = _distance(times, interval, kept, falls)
     repeats = 0 if resolution > 1.5 * interval else int(np.count_nonzero(steps == 0))
     return Times(interval, kept, missing, falls, repeats, distance - 0.5 * resolution / interval)
 
 
 def _interval(times: Array) -> float:
-    """Median, over windows, of their mean interval: neither rounding nor a few gaps change it."""
+    """Median of the mean intervals of windows, insensitive to rounding and a few gaps."""
     window = min(max(WINDOW, len(times) // 16), len(times) - 1)
     ends = times[::window]
     return float(np.median(np.diff(ends))) / window
@@ -86,7 +86,7 @@ def _interval(times: Array) -> float:
 def _steepest(
     times: Array, interval: float, candidates: NDArray[np.int64], together: int, width: int, least: float
 ) -> list[int]:
-    """Candidates across which means of `width` times shift by this, in intervals; in each cluster the largest."""
+    """Candidates across which means of `width` times shift by at least `least` intervals; one per cluster."""
     if not len(candidates):
         return []
     sums = np.cumsum(times - interval * np.arange(len(times)))
@@ -103,7 +103,7 @@ def _steepest(
 
 
 def _shift(times: Array, i: int, width: int, interval: float) -> float:
-    """How far times after i are off the line through those before it, in intervals beyond the one between."""
+    """Shift of the times after i from the line through those before it, in intervals beyond the expected one."""
     before, after = times[max(i + 1 - width, 0) : i + 1], times[i + 1 : i + 1 + width]
     left = np.median(before - interval * np.arange(-len(before) + 1, 1))
     right = np.median(after - interval * np.arange(1, len(after) + 1))
@@ -111,7 +111,7 @@ def _shift(times: Array, i: int, width: int, interval: float) -> float:
 
 
 def _distance(times: Array, interval: float, gaps: NDArray[np.int64], falls: NDArray[np.int64]) -> float:
-    """The largest from a line through each stretch, in intervals."""
+    """Largest distance from a line through each segment, in intervals."""
     ends = np.unique(np.concatenate([[0], gaps + 1, falls, [len(times)]]))
     most = 0.0
     for begin, end in pairwise(map(int, ends)):
@@ -123,7 +123,7 @@ def _distance(times: Array, interval: float, gaps: NDArray[np.int64], falls: NDA
 
 
 def _resolution(steps: Array) -> float:
-    """The least difference between two steps, as far as some thousands show, in stretches: every n-th may be alike."""
+    """Smallest difference between two steps in a sample of segments, as every n-th step may be equal."""
     begins = np.linspace(0, max(len(steps) - WINDOW, 0), 16).astype(int)
     few = np.unique(np.concatenate([steps[begin : begin + WINDOW] for begin in begins]))
     apart = np.diff(few)

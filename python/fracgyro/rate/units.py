@@ -1,4 +1,4 @@
-"""The units of inertial sensors, typed once: everything is computed in SI and shown in these."""
+"""The units of inertial sensors: computations are in SI, results are shown in these units."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ HOUR = 3600.0  # s
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit that engineers use, and how many of it make one of SI's."""
+    """A display unit, its SI unit, and their ratio: `per_si` of this unit are one SI unit."""
 
     name: str
     si: str
     per_si: float
 
     def of(self, value: float) -> float:
-        """A value in SI, in this unit."""
+        """Convert a value from SI to this unit."""
         return value * self.per_si
 
     def to_si(self, value: float) -> float:
@@ -41,12 +41,12 @@ RATES = {
         Unit("rpm", "rad/s", 30 / math.pi),
     )
 }
-# N of IEEE Std 952: the angle that white rate noise has gathered grows as the root of time.
+# N of IEEE Std 952: the integral of white rate noise grows as the square root of time.
 DEG_PER_ROOT_H = Unit("deg/sqrt(h)", "rad/s/sqrt(Hz)", DEGREES * math.sqrt(HOUR))
-# K of IEEE Std 952: the rate itself walks.
+# K of IEEE Std 952: random walk of the rate.
 DEG_PER_H_PER_ROOT_H = Unit("deg/h/sqrt(h)", "rad/s^2/sqrt(Hz)", DEGREES * HOUR * math.sqrt(HOUR))
 DEG_PER_S_PER_ROOT_HZ = Unit("deg/s/sqrt(Hz)", "rad/s/sqrt(Hz)", DEGREES)
-# Q of IEEE Std 952: an angle rounded before its differences are taken.
+# Q of IEEE Std 952: an angle that is rounded before it is differenced.
 ARCSECOND = Unit("arcsec", "rad", DEGREES * HOUR)
 PPM = Unit("ppm", "1", 1e6)
 PERCENT = Unit("%", "1", 100.0)
@@ -58,7 +58,7 @@ MILLISECOND = Unit("ms", "s", 1e3)
 def angle_random_walk(density: float, *, one_sided: bool) -> float:
     """N in rad/sqrt(s) of white rate noise with this amplitude density in rad/s/sqrt(Hz).
 
-    N squared is the two-sided power density (IEEE Std 952); datasheets and spectrum analysers mostly state the
+    N squared is the two-sided power density (IEEE Std 952); datasheets and spectrum analyzers mostly state the
     one-sided density, whose power is twice as large.
     """
     return density / math.sqrt(2.0) if one_sided else density

@@ -1,4 +1,4 @@
-"""Whether a controller stays bounded however long it runs, and what ended a run that did not; EQUATIONS.md, 4."""
+"""Boundedness of a controller over unlimited time, and the cause of a divergence; EQUATIONS.md, 4."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from .kinds import having
+from .kinds import kinds_with
+from .messages import ScenarioError
 from .scenario import Scenario
-from .sentences import ScenarioError
 from .table import toml_value
 
-SAFE = 1.0  # of rho h/delta: half of where the loop diverges
+SAFE = 1.0  # limit of rho h/delta: half the value at which the loop diverges
 
 
 def gain(scenario: Scenario, bound: Iterable[float], position: float, speed: float) -> float:
-    """rho h/delta, what one step takes back of s, at these bound estimates and sizes of q and v."""
+    """rho h/delta, the fraction of s removed by one step, for these bound estimates, |q| and |v|."""
     b0, b1, b2 = bound
     rho, c = b0 + b1 * position + b2 * speed, scenario.controller
     slope = rho * scenario.run.step / c.layer_thickness if c.layer_thickness > 0 else math.inf
@@ -26,12 +26,12 @@ def gain(scenario: Scenario, bound: Iterable[float], position: float, speed: flo
 
 
 def is_bounded(scenario: Scenario) -> bool:
-    """Whether the bound estimates cannot take rho h/delta beyond SAFE.
+    """True if the bound estimates cannot raise rho h/delta above SAFE.
 
     They rest, or the switching limit keeps it there, or adaptation.projection does so on the reference.
     """
     c, a, r = scenario.controller, scenario.adaptation, scenario.reference
-    if not c.adaptive or c.kind not in having("adaptation.bound_gain"):
+    if not c.adaptive or c.kind not in kinds_with("adaptation.bound_gain"):
         return True
     if c.layer_thickness == 0:
         return False
@@ -43,7 +43,7 @@ def is_bounded(scenario: Scenario) -> bool:
 
 
 def check_bounded(scenario: Scenario, unbounded: bool) -> None:
-    """Raises ScenarioError when the scenario is not bounded and not said to be."""
+    """Raises ScenarioError for a scenario that is not bounded, unless that is allowed."""
     if unbounded or is_bounded(scenario):
         return
     c = scenario.controller

@@ -1,10 +1,10 @@
-"""What the compiled core says of its controllers: every number of a run of each kind, and what each kind reports."""
+"""Controllers of the compiled core: the numbers of a run of each kind, and the reports of each kind."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import groupby
 from typing import Annotated, Any, Literal
@@ -13,6 +13,7 @@ from pydantic import Field
 
 from .. import _core
 from .table import as_tuple, field
+from .units import si_unit
 
 KINDS: tuple[str, ...] = tuple(_core.controller_kinds)
 MEANINGS: tuple[str, ...] = tuple(_core.controller_meanings)
@@ -32,7 +33,7 @@ class Number:
     strict: bool  # low < value < high
     infinite: bool  # may be infinity, which switches off
     whole: bool  # an integer
-    settable: Literal["any_time", "at_start", "beforehand", "never"]  # as fields.hpp has it
+    settable: Literal["any_time", "at_start", "beforehand", "never"]  # same as in fields.hpp
     choices: tuple[str, ...]  # their places are the numbers; of a switch false and true
     default: float
 
@@ -45,15 +46,39 @@ class Number:
         return self.path + self.part
 
 
-@lru_cache
-def numbers(kind: str) -> tuple[Number, ...]:
-    """The numbers of a run of this kind, in the core's order."""
+def _numbers(listed: list[dict[str, Any]]) -> tuple[Number, ...]:
     found = []
-    for one in _core.fields_of_kind(KINDS.index(kind)):
+    for one in listed:
         units = one["unit"].split(", ")
         place = int(one["part"][1:-1]) if one["part"].startswith("[") else 0
         found.append(Number(**{**one, "unit": units[place] if len(units) > 1 else units[0]}))
     return tuple(found)
+
+
+@lru_cache
+def numbers(kind: str) -> tuple[Number, ...]:
+    """The numbers of a run of this kind, in the core's order."""
+    return _numbers(_core.fields_of_kind(KINDS.index(kind)))
+
+
+# Those that a moving rate and a real device add: of the tables rate and device.
+DEVICE_NUMBERS = _numbers(_core.device_fields())
+
+
+def core_values(listed: tuple[Number, ...], tables: Mapping[str, Mapping[str, Any]]) -> dict[str, float]:
+    """The listed numbers by name, from tables of nondimensional values: a choice is its place, a switch 0 or 1."""
+    found = {}
+    for number in listed:
+        value = tables[number.table].get(number.field, number.default)
+        if number.part.startswith("["):
+            value = value[int(number.part[1:-1])]
+        elif number.part:
+            value = value[PARTS[number.part]]
+        found[number.name] = float(number.choices.index(value) if isinstance(value, str) else value)
+    return found
+
+
+PARTS = {".x": 0, ".y": 1, ".xx": 0, ".xy": 1, ".yy": 2}
 
 
 @lru_cache
@@ -62,7 +87,7 @@ def fields_of(kind: str, table: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(number.field for number in numbers(kind) if number.table == table))
 
 
-def having(path: str) -> list[str]:
+def kinds_with(path: str) -> list[str]:
     """The kinds that have this field."""
     table, _, name = path.partition(".")
     return [kind for kind in KINDS if name in fields_of(kind, table)]
@@ -71,8 +96,8 @@ def having(path: str) -> list[str]:
 def table_fields(table: str, *, derived: bool = False, **paper: Any) -> dict[str, Any]:
     """The fields of a scenario's table, of all kinds together, as pydantic's create_model takes them.
 
-    `derived`: what is not a switch may be left out, and then follows from the rest of the scenario. `paper`: values of
-    the paper in the place of the core's own. Raises ValueError when two kinds mean different things by one name.
+    `derived`: all but switches may be left out and then follow from the rest of the scenario. `paper`: values of
+    the paper instead of the core's own. Raises ValueError when two kinds mean different things by one name.
     """
     found: dict[str, list[Number]] = {}
     for kind in KINDS:
@@ -84,16 +109,41 @@ def table_fields(table: str, *, derived: bool = False, **paper: Any) -> dict[str
     return {name: _field(parts, derived, paper.get(name)) for name, parts in found.items()}
 
 
+Definitions = dict[str, tuple[Any, Any]]  # fields as pydantic's create_model takes them
+
+
+def si_table_fields(table: str, instead: Mapping[str, Definitions]) -> Definitions:
+    """The fields of rate or device, in SI units. `instead`: fields that state one of the core's in other terms."""
+    found: Definitions = {}
+    listed = [number for number in DEVICE_NUMBERS if number.table == table and _stated(number) and not number.choices]
+    for name, parts in groupby(listed, lambda number: number.field):
+        found |= instead.get(name) or {name: _si_field(list(parts))}
+    return found
+
+
+def _si_field(parts: list[Number]) -> tuple[Any, Any]:
+    first = parts[0]
+    unit = OTHER_UNITS.get(first.unit) or si_unit(first.unit)
+    meaning = first.meaning
+    if unit not in ("1", "h"):
+        meaning = f"{unit}{', ' if meaning[0] in '[>' else ': '}{meaning}"
+    return _field([replace(part, unit=unit, meaning=meaning) for part in parts], False, None, expand=True)
+
+
+OTHER_UNITS = {"h": "h", "1/K": "ppm/K"}  # that do not follow from those of the plant
+
+
+MAX_INTEGER = 2**63 - 1
 # The nominal plant, which a scenario states as initial_ratio of its plant.
 NOMINAL = {"initial_damping", "initial_stiffness", "initial_rate"}
 
 
 def _stated(number: Number) -> bool:
-    """Whether a scenario has a field for it: it does not follow from others."""
+    """True if a scenario has a field for it: it does not follow from others."""
     return number.settable != "never" and number.field not in NOMINAL
 
 
-def _field(parts: list[Number], derived: bool, paper: Any) -> tuple[Any, Any]:
+def _field(parts: list[Number], derived: bool, paper: Any, *, expand: bool = False) -> tuple[Any, Any]:
     first = parts[0]
     if first.choices:
         switch = first.choices == ("false", "true")
@@ -110,7 +160,7 @@ def _field(parts: list[Number], derived: bool, paper: Any) -> tuple[Any, Any]:
     labels = labelled[1].replace(",", "") if labelled and not first.part.startswith(".") else "x y"
     entry = Annotated[float, Field(**limits)] if limits else float
     entries: Any = tuple.__class_getitem__((entry,) * len(parts))
-    expand = first.strict and first.part.startswith(".")
+    expand = (expand or first.strict) and first.part.startswith(".")
     return (
         Annotated[entries, as_tuple(labels, expand=expand)],
         field(tuple(part.default for part in parts) if paper is None else paper, first.meaning, unit=unit),
@@ -125,6 +175,8 @@ def _limits(number: Number) -> Mapping[str, Any]:
         found[low] = as_given(number.low)
     if number.high < float("inf"):
         found[high] = as_given(number.high)
+    elif number.whole:
+        found[high] = MAX_INTEGER
     if number.infinite:
         found["allow_inf_nan"] = True
     return found
@@ -132,18 +184,18 @@ def _limits(number: Number) -> Mapping[str, Any]:
 
 @dataclass(frozen=True)
 class Channel:
-    """One variable of a run: how many columns it has, their units, and what it is."""
+    """One variable of a run: number of columns, their units, and its meaning."""
 
     name: str
     width: int
     units: tuple[str, ...]  # nondimensional, of every column or of all
     meaning: str
-    dimension: str | None  # of its columns: axis, entry, or of an array the first word of its name
+    dimension: str | None  # its columns' dimension: axis, entry, or for an array the first word of its name
     momentary: bool = False  # known only while a step is computed
 
     @property
     def labels(self) -> list[str] | list[int]:
-        """What its columns are called."""
+        """Labels of its columns."""
         if self.dimension == "axis":
             return AXES
         return ENTRIES if self.dimension == "entry" else list(range(self.width))
@@ -161,22 +213,24 @@ def _channels(found: tuple[tuple[str, int, str, str, str, bool], ...]) -> tuple[
     )
 
 
+METRICS = _channels(_core.metrics)
+WINDOWS = ["whole", "transient", "steady"]  # windows of the RMS error
 LOOP_CHANNELS = _channels(_core.loop_channels)
 DEVICE_CHANNELS = _channels(_core.device_channels)
 
 
 @lru_cache
 def reports(kind: str) -> tuple[tuple[Channel, ...], ...]:
-    """What the controllers of this kind report besides the force, each of its types."""
+    """Reports of the controllers of this kind, for each of its types."""
     return tuple(map(_channels, _core.reports_of_kind(KINDS.index(kind))))
 
 
-def reported(setup: _core.Setup) -> tuple[Channel, ...]:
-    """That of the controller of a run."""
+def reported_channels(setup: _core.Setup) -> tuple[Channel, ...]:
+    """Reports of the controller of a run."""
     kind, chosen = _core.chosen_type(setup)
     return reports(KINDS[kind])[chosen]
 
 
-def lasting(setup: _core.Setup) -> tuple[Channel, ...]:
-    """Of it what is known between steps, too."""
-    return tuple(channel for channel in reported(setup) if not channel.momentary)
+def persistent_channels(setup: _core.Setup) -> tuple[Channel, ...]:
+    """Reports that are also known between steps."""
+    return tuple(channel for channel in reported_channels(setup) if not channel.momentary)

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from .kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, MEANINGS, Channel, having, numbers, reported
+from .kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, MEANINGS, Channel, kinds_with, numbers, reported_channels
 from .scenario import Scenario
 from .table import Table, toml_value
 from .to_core import core_setup
@@ -59,7 +59,7 @@ def fields_of_kind(kind: str) -> Iterator[Sequence[str]]:
 
 def _having(table: str, field: str) -> tuple[str, ...]:
     """The kinds of controllers that have the field; none: it does not depend on the kind."""
-    kinds = tuple(having(f"{table}.{field}"))
+    kinds = tuple(kinds_with(f"{table}.{field}"))
     return () if len(kinds) == len(KINDS) else kinds
 
 
@@ -115,19 +115,19 @@ def _recorded() -> Iterator[str]:
             groups.setdefault((adaptation, channels), []).append(kind)
     for (adaptation, channels), kinds in groups.items():
         of = ", ".join(kinds) + (f", with `adaptation.kind` {adaptation}" if adaptation else "")
-        yield from [f"Of {of}{'' if channels else ', nothing'} besides{':' if channels else '.'}", ""]
+        yield from [f"Additional channels of {of}{':' if channels else ': none.'}", ""]
         yield from rows_of(VARIABLES, map(_variable, channels)) if channels else []
-    yield from ["Of a run whose rate moves or whose device is not ideal, besides:", ""]
+    yield from ["Additional channels of a run whose rate moves or whose device is not ideal:", ""]
     yield from rows_of(VARIABLES, map(_variable, DEVICE_CHANNELS))
 
 
 def _reports(kind: str) -> Iterator[tuple[str, tuple[Channel, ...]]]:
-    """What controllers of this kind report, by the adaptations that they can have."""
+    """Reports of the controllers of this kind, by adaptation."""
     scenario = Scenario.paper().replace({"controller.kind": kind})
     choices = next((number.choices for number in numbers(kind) if number.path == "adaptation.kind"), ("",))
     for choice in choices:
         changed = scenario.replace({"adaptation.kind": choice}) if choice else scenario
-        yield choice, reported(core_setup(changed))
+        yield choice, reported_channels(core_setup(changed))
 
 
 def _variable(channel: Channel) -> Sequence[str]:
@@ -140,12 +140,12 @@ def unit_of(unit: str) -> str:
 
 
 def escaped(text: str) -> str:
-    """What Markdown would take for emphasis or the end of a cell."""
+    """Text with Markdown's special characters escaped."""
     return text.replace("*", "\\*").replace("|", "\\|")
 
 
 def sentences_of(table: type[Table]) -> str:
-    """What the table is of, as its heading in the TOML says it."""
+    """Description of the table, the same as in the TOML."""
     return escaped(" ".join((table.__doc__ or "").split()))
 
 

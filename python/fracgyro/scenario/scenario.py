@@ -1,6 +1,6 @@
 """A scenario: everything that a run depends on, and its round trip through TOML.
 
-Reading order: schema.py, `Scenario`, sentences.py.
+Reading order: schema.py, `Scenario`, messages.py.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from pydantic import BaseModel, ValidationError, model_validator
 from ..arguments import short
 from ..files import whole_file
 from .device import Device, Rate
-from .kinds import KINDS, fields_of, having
+from .kinds import KINDS, fields_of, kinds_with
+from .messages import ScenarioError, paths, scenario_error, unknown
 from .schema import (
     ERRATA_SWITCHES,
     HOLD_TOLERANCE,
@@ -33,8 +34,7 @@ from .schema import (
     Reference,
     Run,
 )
-from .sentences import ScenarioError, explained, paths, unknown
-from .table import MAX_STEPS, Table, sentence, shown, toml_value
+from .table import MAX_STEPS, Table, format_value, message_error, toml_value
 from .toml import read_tables, read_text
 
 # The first words and the last line of a saved scenario: half a file may still be valid TOML.
@@ -69,7 +69,7 @@ class Scenario(Table):
         try:
             super().__init__(**tables)
         except ValidationError as error:
-            raise explained(error, Scenario) from None
+            raise scenario_error(error, Scenario) from None
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -90,17 +90,19 @@ class Scenario(Table):
             table = getattr(self, name)
             for field in sorted(table.model_fields_set - set(_fields(name, kind))):
                 path = f"{name}.{field}"
-                raise sentence(
-                    f"{path} is {shown(getattr(table, field))}: it must be left out, as controller.kind {kind} has no "
-                    f"such field; it is one of {', '.join(having(path))}"
+                raise message_error(
+                    f"{path} is {format_value(getattr(table, field))}: it must be left out, as controller.kind {kind} "
+                    f"has no such field; it is one of {', '.join(kinds_with(path))}"
                 )
 
     def _check_whole_steps(self, name: str, time: float, least: int, step: float, after: str = "") -> None:
         ratio = min(time / step, 2.0 * MAX_STEPS)
         if ratio > MAX_STEPS * (1 + HOLD_TOLERANCE):
-            raise sentence(f"{name} is {toml_value(time)}: it must be at most {MAX_STEPS} steps of {toml_value(step)}")
+            raise message_error(
+                f"{name} is {toml_value(time)}: it must be at most {MAX_STEPS} steps of {toml_value(step)}"
+            )
         if round(ratio) < least or abs(ratio - round(ratio)) > HOLD_TOLERANCE * ratio:
-            raise sentence(
+            raise message_error(
                 f"{name} is {toml_value(time)}: it must be a whole number of run.step, "
                 f"which is {toml_value(step)}{after}"
             )
@@ -116,7 +118,7 @@ class Scenario(Table):
         for name in used.get(rate.kind, []):
             highest = math.pi / step
             if getattr(rate, name) > highest:
-                raise sentence(
+                raise message_error(
                     f"rate.{name} is {toml_value(getattr(rate, name))}: it must be at most pi over the "
                     f"step, which is {highest:.6g} rad/s"
                 )
@@ -125,7 +127,7 @@ class Scenario(Table):
         highest = 0.5 / (self.run.step * self.plant.scales.time)
         for name in ("position_noise_corner", "velocity_noise_corner"):
             if getattr(self.device, name) > highest:
-                raise sentence(
+                raise message_error(
                     f"device.{name} is {toml_value(getattr(self.device, name))}: it must be at most half the sampling "
                     f"frequency, which is {highest:.6g} Hz"
                 )
@@ -137,7 +139,7 @@ class Scenario(Table):
                 drift = getattr(self.device, f"{name}_drift")
                 factor = 1 + 1e-6 * drift * change
                 if not 0 < factor < math.inf:
-                    raise sentence(
+                    raise message_error(
                         f"device.{name}_drift is {toml_value(drift)}: over {change:g} K it multiplies the {name} by "
                         f"{factor:g}, which must be greater than 0 and finite"
                     )
@@ -146,7 +148,7 @@ class Scenario(Table):
         damping, stiffness, rate, _, _ = self.plant.nondimensional()
         largest = max(abs(float(number)) for number in (*damping, *stiffness, rate))
         if self.controller.adaptive and self.adaptation.initial_ratio * largest == math.inf:
-            raise sentence(
+            raise message_error(
                 f"adaptation.initial_ratio is {toml_value(self.adaptation.initial_ratio)}: times D, K and Omega_z, of "
                 f"which the largest is {largest:.6g}, it must be finite"
             )
@@ -161,7 +163,7 @@ class Scenario(Table):
         ('printed', 'skew')
         """
         if variant not in ("corrected", "printed"):
-            raise ScenarioError(f"variant is {shown(variant)}: it must be corrected or printed")
+            raise ScenarioError(f"variant is {format_value(variant)}: it must be corrected or printed")
         switches = {path: getattr(readings, variant) for path, readings in ERRATA_SWITCHES.items()}
         # The hold is stated, so that a finer step leaves the noise as it is; the tolerance, so that the reproduction
         # has no error of its own.
@@ -231,7 +233,7 @@ class Scenario(Table):
         """
         tables = self.model_dump()
         kind = changes.get("controller.kind", self.controller.kind)
-        for name in BY_KIND:  # what another kind does not have is not taken along
+        for name in BY_KIND:  # fields that the other kind does not have are dropped
             known = _fields(name, kind) if kind in KINDS else tables[name]
             tables[name] = {field: value for field, value in tables[name].items() if field in known}
         for path, value in changes.items():
@@ -247,7 +249,7 @@ class Scenario(Table):
                 node = node.setdefault(parent, {})
                 if not isinstance(node, dict):
                     table = ".".join(parents[:depth])
-                    raise ScenarioError(f"{table} is {shown(node)}: it must be a table")
+                    raise ScenarioError(f"{table} is {format_value(node)}: it must be a table")
             node[leaf] = value
         return Scenario(**tables)
 
@@ -282,7 +284,7 @@ def _fields(table: str, kind: str) -> tuple[str, ...]:
     known = cast(type[BaseModel], Scenario.model_fields[table].annotation).model_fields
     if table not in BY_KIND:
         return tuple(known)
-    return tuple(field for field in known if field in fields_of(kind, table) or not having(f"{table}.{field}"))
+    return tuple(field for field in known if field in fields_of(kind, table) or not kinds_with(f"{table}.{field}"))
 
 
 @cache

@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import create_model, model_validator
 
 from .kinds import KINDS, MEANINGS, table_fields
-from .table import MAX_STEPS, ZERO, Frequencies, Pair, Symmetric, Table, Vector, field, sentence, toml_value
+from .table import MAX_STEPS, ZERO, Frequencies, Pair, Symmetric, Table, Vector, field, message_error, toml_value
 from .units import Scales
 
 SCALED = ("1/omega0", "q0*omega0", "omega0^2*q0", "m*omega0^2*q0", "m*omega0", "m*omega0^2")  # finite in SI
@@ -108,7 +108,7 @@ class Plant(Table):
             if not all(0 < self.scales.of(unit) < math.inf for unit in SCALED) or not all(
                 np.isfinite(part).all() for part in self.nondimensional()
             ):
-                raise sentence(
+                raise message_error(
                     f"plant.mass is {toml_value(self.mass)}: with plant.reference_length and "
                     "plant.reference_frequency it must give finite nondimensional numbers"
                 )
@@ -120,7 +120,7 @@ def _check_definite(name: str, matrix: Symmetric, *, semi: bool = False, unit: s
     if not (least >= -zero if semi else least > zero):  # so worded, NaN fails too
         wanted = "positive semidefinite" if semi else "positive definite"
         smallest = f"its smallest eigenvalue is {least:.6g} {unit}"
-        raise sentence(f"{name} is {toml_value(matrix)}: it must be {wanted}, but {smallest}")
+        raise message_error(f"{name} is {toml_value(matrix)}: it must be {wanted}, but {smallest}")
 
 
 if TYPE_CHECKING:
@@ -142,12 +142,12 @@ if TYPE_CHECKING:
 
 else:
     PAPER = {"frequency": (math.pi, math.pi / 2), "phase": (0.0, math.pi / 2)}
-    SAID = [f"{kind}: {meaning}" for kind, meaning in zip(KINDS, MEANINGS, strict=True)]
+    KIND_MEANINGS = [f"{kind}: {meaning}" for kind, meaning in zip(KINDS, MEANINGS, strict=True)]
     _Reference = create_model("_Reference", __base__=Table, **table_fields("reference", **PAPER))
     _Controller = create_model(
         "_Controller",
         __base__=Table,
-        kind=(Literal[KINDS], field(KINDS[0], "; ".join(SAID) + ".")),
+        kind=(Literal[KINDS], field(KINDS[0], "; ".join(KIND_MEANINGS) + ".")),
         **table_fields("controller", order=0.9),
     )
     _Adaptation = create_model("_Adaptation", __base__=Table, **table_fields("adaptation"))
@@ -160,11 +160,11 @@ class Reference(_Reference):
 
 
 class Controller(_Controller):
-    """The controller: its kind, and the fields that this kind has."""
+    """Kind of the controller; each kind has its own fields."""
 
     observer_bandwidth: float = field(
         300.0,
-        "Unit omega0, > 0: of the observer of velocity. device.sensing full: off, it is measured.",
+        "Unit omega0, > 0: bandwidth of the velocity observer. device.sensing full: off, velocity is measured.",
         gt=0,
         unit="omega0",
     )
@@ -172,7 +172,7 @@ class Controller(_Controller):
     @model_validator(mode="after")
     def _check(self) -> Self:
         if self.layer_thickness == 0 and self.switching_limit < math.inf:
-            raise sentence(
+            raise message_error(
                 f"controller.switching_limit is {toml_value(self.switching_limit)}: it must be inf when "
                 "controller.layer_thickness is 0.0, as rho h/delta is then infinite"
             )
@@ -180,7 +180,7 @@ class Controller(_Controller):
 
 
 class Adaptation(_Adaptation):
-    """What the controller knows of the plant at first, and how it learns: the fields that its kind has."""
+    """Initial estimates of the plant and their adaptation; each kind has its own fields."""
 
     initial_ratio: float = field(
         0.95, "Estimates of D, K, Omega_z at t = 0 over their true values, > 0. 1.0: off, no error.", gt=0
@@ -191,11 +191,11 @@ class Adaptation(_Adaptation):
 
 
 class Guard(_Guard):
-    """Which samples the controller accepts, in Python, FMU, browser, firmware; `simulate` accepts all."""
+    """Limits on accepted samples in Python, FMU, browser and firmware; `simulate` accepts all."""
 
 
 class Datasheet(_Datasheet):
-    """What the controller assumes of noise and delay, which adaptation.kind joint needs."""
+    """Noise and delay that the controller assumes; adaptation.kind joint needs them."""
 
 
 class Disturbance(Table):
@@ -217,11 +217,13 @@ class Disturbance(Table):
         None, "h, unit 1/omega0: time between noise draws, whole steps. Not set: off, one step.", gt=0, unit="1/omega0"
     )
     seed: int = field(0, "Same seed, same noise; 0 to 2^63 - 1. Without effect on other kinds.", ge=0, le=2**63 - 1)
-    amplitude: Pair = field((0.0, 0.0), "Of the sine, [x, y], unit of force. Zeros: off.", unit="m*omega0^2*q0")
-    frequency: Frequencies = field(
-        (0.0, 0.0), "Of the sine, [x, y], unit omega0. Zeros: constant force.", unit="omega0"
+    amplitude: Pair = field(
+        (0.0, 0.0), "Amplitude of the sine, [x, y], unit of force. Zeros: off.", unit="m*omega0^2*q0"
     )
-    phase: Pair = field((0.0, 0.0), "Of the sine, [x, y], rad. Zeros: off.", unit="rad")
+    frequency: Frequencies = field(
+        (0.0, 0.0), "Frequency of the sine, [x, y], unit omega0. Zeros: constant force.", unit="omega0"
+    )
+    phase: Pair = field((0.0, 0.0), "Phase of the sine, [x, y], rad. Zeros: off.", unit="rad")
 
     @model_validator(mode="before")
     @classmethod
@@ -239,18 +241,18 @@ class Disturbance(Table):
                 f"disturbance.{name} is {'missing' if value is None else toml_value(value)}"
                 for name, value in given.items()
             )
-            raise sentence(f"{names}: noise must have exactly one of the two")
+            raise message_error(f"{names}: noise must have exactly one of the two")
         return self
 
 
 class Run(Table):
-    """How long, how finely, and what is kept."""
+    """Duration, step and record."""
 
     duration: float = field(80.0, "Unit 1/omega0: end of the run, at least one step.", gt=0, unit="1/omega0")
     step: float = field(
         1e-3, "h, unit 1/omega0: period of control. The paper's loop diverges from about 5e-3.", gt=0, unit="1/omega0"
     )
-    initial_position: Pair = field((0.5, 0.5), "q(0) [x, y], unit q0, eq. (49). Zeros: starts centred.", unit="q0")
+    initial_position: Pair = field((0.5, 0.5), "q(0) [x, y], unit q0, eq. (49). Zeros: starts centered.", unit="q0")
     initial_velocity: Pair = field(
         (0.0, 0.0), "v(0) [x, y], unit q0 omega0, eq. (49). Zeros: at rest.", unit="q0*omega0"
     )
@@ -276,7 +278,7 @@ class Run(Table):
     def _check(self) -> Self:
         duration, step = toml_value(self.duration), toml_value(self.step)
         if self.duration < self.step:
-            raise sentence(f"run.duration is {duration}: it must be at least run.step, which is {step}")
+            raise message_error(f"run.duration is {duration}: it must be at least run.step, which is {step}")
         if not self.duration / self.step < MAX_STEPS + 0.5:
-            raise sentence(f"run.duration is {duration}: it must be at most {MAX_STEPS} steps of {step}")
+            raise message_error(f"run.duration is {duration}: it must be at most {MAX_STEPS} steps of {step}")
         return self

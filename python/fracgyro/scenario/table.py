@@ -1,4 +1,4 @@
-"""What a table of a scenario or of a study is made of: a frozen pydantic model, its kinds of fields, their TOML."""
+"""Tables of scenarios and studies: a frozen pydantic model, its field types, their TOML."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from pydantic_core import PydanticCustomError
 
 from ..files import cut
 
-MAX_STEPS = 10**9  # of a run, and of whatever is counted in its steps
-MAX_FREQUENCY = 1e6  # unit omega0: of a motion that is followed or a force that acts
+MAX_STEPS = 10**9  # steps of a run, and of anything counted in steps
+MAX_FREQUENCY = 1e6  # unit omega0: of a reference or a force
 MAX_DEPTH = 16  # lists and tables in one another; a scenario needs 4
 
 
@@ -39,14 +39,14 @@ def toml_value(value: Any, depth: int = 0) -> str:
     return str(value)
 
 
-def shown(value: Any) -> str:
-    """A value in a sentence: of a long one the beginning."""
+def format_value(value: Any) -> str:
+    """A value in a message; a long one is shortened."""
     return cut(toml_value(value))
 
 
-def sentence(text: str) -> PydanticCustomError:
+def message_error(text: str) -> PydanticCustomError:
     """An error inside a validator, already worded in full; `_describe` passes it through."""
-    return PydanticCustomError("sentence", "{text}", {"text": text})
+    return PydanticCustomError("message", "{text}", {"text": text})
 
 
 def field(default: Any, description: str, *, unit: str = "1", **limits: Any) -> Any:
@@ -59,7 +59,7 @@ def field(default: Any, description: str, *, unit: str = "1", **limits: Any) -> 
 
 @dataclass(frozen=True)
 class AsTuple:
-    """Of a list of `names` numbers a tuple, which frozen models hold; `expand`: one number stands for every entry."""
+    """A tuple from a list of `names` numbers, for frozen models; `expand`: one number applies to every entry."""
 
     names: tuple[str, ...]
     expand: bool

@@ -1,4 +1,4 @@
-"""From a scenario to what the compiled core takes: nondimensional numbers and the designed exponentials."""
+"""From a scenario to the compiled core: nondimensional numbers and the designed exponentials."""
 
 from __future__ import annotations
 
@@ -7,51 +7,60 @@ import math
 import sys
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .. import _core
 from ..fractional.kernel import core_kernel
 from .device import Device, Points
-from .kinds import KINDS, numbers
+from .kinds import DEVICE_NUMBERS, KINDS, core_values, numbers
 from .scenario import Scenario
 from .schema import Datasheet, Guard
 from .table import MAX_STEPS
 
 MAX_DEVIATIONS = 8.0  # standard deviations: noise is never so far off
 MAX_DELAY = 8  # steps that a controller takes into account
-MIN_TOLERANCE = 1e-5  # of sensors and disturbance, nondimensional: rounding, and what is ideal only on paper
-PARTS = {".x": 0, ".y": 1, ".xx": 0, ".xy": 1, ".yy": 2}
+MIN_TOLERANCE = 1e-5  # nondimensional, for sensors and disturbance: rounding, and effects not modeled
 
 
 def only_laws(scenario: Scenario) -> bool:
-    """Whether the laws (44) are all that adapts."""
+    """True if only the laws (44) adapt."""
     return bool(scenario.adaptation.kind == "gradient" or not scenario.controller.adaptive)
 
 
-def core_numbers(scenario: Scenario) -> dict[str, float]:
-    """Every number of a run by name, nondimensional, as the core takes it: a choice is its place, a switch 0 or 1."""
+class Derived(NamedTuple):
+    """Nondimensional values of the core's fields that follow from those of a scenario."""
+
+    device: dict[str, Any]
+    disturbance: dict[str, Any]
+
+
+def derived(scenario: Scenario) -> Derived:
+    return Derived(device_values(scenario), _disturbance(scenario))
+
+
+def core_numbers(scenario: Scenario, found: Derived | None = None) -> dict[str, float]:
+    """Every number of a run on an ideal device by name, nondimensional, as the core takes it."""
+    found = found or derived(scenario)
     tables = {name: dict(table) for name, table in scenario}
-    tables["guard"] = dict(guard(scenario))
-    tables["datasheet"] = dict(datasheet(scenario))
+    tables["guard"] = dict(guard(scenario, found))
+    tables["datasheet"] = dict(datasheet(scenario, found))
     tables["plant"] = _plant(scenario)
-    tables["disturbance"] = _disturbance(scenario)
+    tables["disturbance"] = found.disturbance
     tables["adaptation"] |= _nominal(scenario)
     tables["run"]["steps"] = scenario.run.steps
-    found = {}
-    for number in numbers(scenario.controller.kind):
-        value = tables[number.table].get(number.field, number.default)
-        if number.part.startswith("["):
-            value = value[int(number.part[1:-1])]
-        elif number.part:
-            value = value[PARTS[number.part]]
-        found[number.name] = float(number.choices.index(value) if isinstance(value, str) else value)
-    return found
+    return core_values(numbers(scenario.controller.kind), tables)
+
+
+def device_numbers(scenario: Scenario, found: Derived | None = None) -> dict[str, float]:
+    """Every number that a moving rate and a real device add, in the same form."""
+    device = found.device if found else device_values(scenario)
+    return core_values(DEVICE_NUMBERS, {"rate": rate_values(scenario), "device": device})
 
 
 def _nominal(scenario: Scenario) -> dict[str, Any]:
-    """What the controller knows of the plant. With known parameters, eqs (20) and (34), the truth."""
+    """The plant as the controller knows it at first. With known parameters, eqs (20) and (34), the true one."""
     c, a = scenario.controller, scenario.adaptation
     adaptive = getattr(c, "adaptive", True)
     damping, stiffness, rate, _, _ = scenario.plant.nondimensional()
@@ -63,52 +72,58 @@ def _nominal(scenario: Scenario) -> dict[str, Any]:
     }
 
 
-def guard(scenario: Scenario) -> Guard:
-    """The guard with every field set: what was not follows from the rest of the scenario (EQUATIONS.md)."""
-    g, device, run = scenario.guard, device_params(scenario), scenario.run
+def guard(scenario: Scenario, found: Derived | None = None) -> Guard:
+    """The guard with every field set: those left out follow from the rest of the scenario (EQUATIONS.md)."""
+    found = found or derived(scenario)
+    g, device, run = scenario.guard, found.device, scenario.run
     # A^2/|omega| from one over the run up is A^2/pi ln(pi steps), and a little more where no logarithm is called.
     flickered = math.sqrt((1.2 + 0.7 * run.steps.bit_length()) / math.pi)
 
-    def sensed(noise: float, flicker: float, quantizer: _core.Quantizer) -> float:
-        return MIN_TOLERANCE + MAX_DEVIATIONS * math.hypot(noise, flickered * flicker) + _resolution(quantizer)
+    def sensed(quantity: str) -> float:
+        noise, flicker = device[f"{quantity}_noise"], flickered * device[f"{quantity}_flicker"]
+        return MIN_TOLERANCE + MAX_DEVIATIONS * math.hypot(noise, flicker) + _resolution(device, quantity)
 
-    found = {
+    values = {
         "plant_tolerance": _plant_tolerance(scenario),
-        "force_tolerance": _force_tolerance(scenario),
-        "position_tolerance": sensed(device.position_noise, device.position_flicker, device.position),
-        "velocity_tolerance": sensed(device.velocity_noise, device.velocity_flicker, device.velocity),
+        "force_tolerance": _force_tolerance(scenario, found),
+        "position_tolerance": sensed("position"),
+        "velocity_tolerance": sensed("velocity"),
         "patience": 0,
         "saturation_patience": 0,
     }
     if g.checked:
         slowest, fastest = natural_frequencies(scenario)
         period = 2 * math.pi / run.step
-        found["patience"] = round(min(max(4, period / fastest / 32), MAX_STEPS))
+        values["patience"] = round(min(max(4, period / fastest / 32), MAX_STEPS))
         limit = scenario.controller.force_limit
         if math.isfinite(limit):
             largest = max(map(abs, scenario.reference.amplitude))
             swing_up = 8 * fastest * largest / limit / run.step
-            found["saturation_patience"] = round(min(max(20 * period / slowest, swing_up), MAX_STEPS))
-    return g.model_copy(update={name: value for name, value in found.items() if getattr(g, name) is None})
+            values["saturation_patience"] = round(min(max(20 * period / slowest, swing_up), MAX_STEPS))
+    return g.model_copy(update={name: value for name, value in values.items() if getattr(g, name) is None})
 
 
-def datasheet(scenario: Scenario) -> Datasheet:
-    """What the controller assumes, with every field set: what was not is the truth."""
-    known, device = scenario.datasheet, device_params(scenario)
-    disturbance, hold = _disturbance(scenario), scenario.disturbance.hold
+def datasheet(scenario: Scenario, found: Derived | None = None) -> Datasheet:
+    """The controller's assumptions with every field set: those left out are the simulated values."""
+    found = found or derived(scenario)
+    assumed, device, hold = scenario.datasheet, found.device, scenario.disturbance.hold
     force = 0.0
     if scenario.disturbance.kind == "noise":
         # Held for several steps it is as strong as one drawn every step, of the same density.
         steps = 1.0 if hold is None else hold / scenario.run.step
-        force = disturbance["standard_deviation"] * math.sqrt(steps)
-    found = {
-        "force_noise": math.hypot(force, _resolution(device.actuator) / math.sqrt(12)),
-        "position_noise": math.hypot(device.position_noise, _resolution(device.position) / math.sqrt(12)),
-        "velocity_noise": math.hypot(device.velocity_noise, _resolution(device.velocity) / math.sqrt(12)),
-        "delay": min(device.delay, MAX_DELAY),
+        force = found.disturbance["standard_deviation"] * math.sqrt(steps)
+
+    def rounded(noise: float, quantity: str) -> float:
+        return math.hypot(noise, _resolution(device, quantity) / math.sqrt(12))
+
+    values = {
+        "force_noise": rounded(force, "actuator"),
+        "position_noise": rounded(device["position_noise"], "position"),
+        "velocity_noise": rounded(device["velocity_noise"], "velocity"),
+        "delay": min(device["delay"], MAX_DELAY),
         **_drifts(scenario),
     }
-    return known.model_copy(update={name: value for name, value in found.items() if getattr(known, name) is None})
+    return assumed.model_copy(update={name: value for name, value in values.items() if getattr(assumed, name) is None})
 
 
 def _drifts(scenario: Scenario) -> dict[str, float]:
@@ -124,39 +139,42 @@ def _drifts(scenario: Scenario) -> dict[str, float]:
 
 
 def natural_frequencies(scenario: Scenario) -> tuple[float, float]:
-    """The lower and the higher."""
+    """The lower and the higher resonance frequency."""
     xx, xy, yy = (float(entry) for entry in scenario.plant.nondimensional()[1])
     mean, half = xx / 2 + yy / 2, math.hypot(xx / 2 - yy / 2, xy)
-    least, most = sys.float_info.min, sys.float_info.max  # what rounding leaves of them is still a frequency
+    least, most = sys.float_info.min, sys.float_info.max  # after rounding, still a frequency
     return math.sqrt(max(mean - half, least)), math.sqrt(min(max(mean + half, least), most))
 
 
 def _plant_tolerance(scenario: Scenario) -> float:
-    """Twice what the scenario says of it, and a tenth if that is less."""
+    """Twice the deviation that the scenario states, at least a tenth."""
     plant, device = scenario.plant, scenario.device
     ratio = scenario.adaptation.initial_ratio if scenario.controller.adaptive else 1.0
     unknown = np.abs(plant.stiffness_deviation.entries()).max() / np.abs(plant.stiffness.entries()).max()
     warmest = max(abs(change) for _, change in device.temperature(scenario.run.duration * plant.scales.time))
-    known = abs(1 / ratio - 1) + float(unknown) + 1e-6 * abs(device.stiffness_drift) * warmest
-    known += max(map(abs, device.pickoff_gain_error)) + abs(device.pickoff_misalignment)
-    known += max(map(abs, device.force_gain_error)) + abs(device.force_misalignment)
-    return max(0.1, 2 * known)
+    error: float = abs(1 / ratio - 1) + float(unknown) + 1e-6 * abs(device.stiffness_drift) * warmest
+    error += max(map(abs, device.pickoff_gain_error)) + abs(device.pickoff_misalignment)
+    error += max(map(abs, device.force_gain_error)) + abs(device.force_misalignment)
+    return max(0.1, 2 * error)
 
 
-def _force_tolerance(scenario: Scenario) -> float:
+def _force_tolerance(scenario: Scenario, found: Derived) -> float:
     """The disturbance, what the converter and the limit of the actuator make of the force, and a force that is late."""
-    d, device, limit = _disturbance(scenario), device_params(scenario), scenario.controller.force_limit
+    d, device, limit = found.disturbance, found.device, scenario.controller.force_limit
     disturbed = {"none": 0.0, "noise": MAX_DEVIATIONS * d["standard_deviation"], "sine": max(map(abs, d["amplitude"]))}[
         d["kind"]
     ]
-    reach = float(device.actuator.range[0])
+    reach = float(device["actuator_limit"])
     clipped = limit - reach if limit > reach else 0.0
-    late = 2 * limit if device.delay else 0.0
-    return min(1e9, MIN_TOLERANCE + float(disturbed) + _resolution(device.actuator) + clipped + late)
+    late = 2 * limit if device["delay"] else 0.0
+    return min(1e9, MIN_TOLERANCE + float(disturbed) + _resolution(device, "actuator") + clipped + late)
 
 
-def _resolution(quantiser: _core.Quantizer) -> float:
-    return float(2 * max(quantiser.range) / 2**quantiser.bits) if quantiser.bits else 0.0
+def _resolution(device: Mapping[str, Any], quantity: str) -> float:
+    """One step of a converter; 0 without one."""
+    bits = device[f"{quantity}_bits"]
+    reach = device["actuator_limit"] if quantity == "actuator" else max(device[f"{quantity}_range"])
+    return float(2 * reach / 2**bits) if bits else 0.0
 
 
 def _plant(scenario: Scenario) -> dict[str, Any]:
@@ -178,75 +196,68 @@ def _disturbance(scenario: Scenario) -> dict[str, Any]:
 
 
 def is_ideal(scenario: Scenario) -> bool:
-    """Whether the rate is constant and nothing is said of the device."""
+    """True if the rate is constant and the device ideal."""
     return scenario.rate.kind == "constant" and scenario.device == Device()
 
 
-def rate_params(scenario: Scenario) -> _core.AngularRateParams:
-    """Parameters of the angular rate over time."""
+def rate_values(scenario: Scenario) -> dict[str, Any]:
+    """Nondimensional values of the core's table rate."""
     rate, scale = scenario.rate, scenario.plant.scales.rate
     step = scenario.run.step * scenario.plant.scales.time  # s
-    params = _core.AngularRateParams()
-    params.kind = getattr(_core.AngularRateKind, "staircase" if rate.kind == "step" else rate.kind)
-    params.amplitude = rate.amplitude / scale
+    values = {
+        "kind": "staircase" if rate.kind == "step" else rate.kind,
+        "amplitude": rate.amplitude / scale,
+        "frequency": rate.frequency / scale,
+        "final_frequency": rate.final_frequency / scale,
+        "seed": rate.seed,
+        "inertial": scenario.plant.centrifugal,
+    }
     if rate.kind not in ("constant", "table"):
-        params.start = round(rate.start / step)
+        values["start_steps"] = round(rate.start / step)
     if rate.kind == "staircase" and rate.hold is not None:
-        params.hold, params.levels = round(rate.hold / step), rate.levels
-    params.frequency, params.final_frequency = rate.frequency / scale, rate.final_frequency / scale
-    params.seed = rate.seed
-    if rate.points is not None:
-        params.table = _profile(scenario, rate.points, 1 / scale)
-    params.inertial = scenario.plant.centrifugal
-    return params
+        values |= {"hold_steps": round(rate.hold / step), "levels": rate.levels}
+    return values
 
 
-def device_params(scenario: Scenario) -> _core.ImperfectionParams:
-    """Parameters of what the device is not ideal in."""
+def device_values(scenario: Scenario) -> dict[str, Any]:
+    """Nondimensional values of the core's table device."""
     d, scales, step = scenario.device, scenario.plant.scales, scenario.run.step
     # A one-sided density up to half the sampling frequency.
     to_deviation = math.sqrt(0.5 / (step * scales.time))
-    params = _core.ImperfectionParams()
-    params.position_noise = (d.position_noise or d.position_noise_density * to_deviation) / scales.length
-    params.velocity_noise = (d.velocity_noise or d.velocity_noise_density * to_deviation) / scales.velocity
+    position_noise = (d.position_noise or d.position_noise_density * to_deviation) / scales.length
+    velocity_noise = (d.velocity_noise or d.velocity_noise_density * to_deviation) / scales.velocity
     # A white density N up to the corner f_c is that of flicker noise A^2/omega at f_c: A = N sqrt(pi f_c).
     to_flicker = math.sqrt(2 * math.pi * step * scales.time)
-    params.position_flicker = params.position_noise * to_flicker * math.sqrt(d.position_noise_corner)
-    params.velocity_flicker = params.velocity_noise * to_flicker * math.sqrt(d.velocity_noise_corner)
-    params.position = _quantiser(d.position_range, scales.length, d.position_bits)
-    params.velocity = _quantiser(d.velocity_range, scales.velocity, d.velocity_bits)
-    params.actuator = _quantiser((d.actuator_limit, d.actuator_limit), scales.force, d.actuator_bits)
-    params.pickoff = _axes(d.pickoff_gain_error, d.pickoff_misalignment)
-    params.force = _axes(d.force_gain_error, d.force_misalignment)
-    params.delay = d.delay
     cubic = scales.length * scales.length / scales.stiffness
-    params.cubic_stiffness = (d.cubic_stiffness[0] * cubic, d.cubic_stiffness[1] * cubic)
-    params.stiffness_drift, params.damping_drift = 1e-6 * d.stiffness_drift, 1e-6 * d.damping_drift
-    params.temperature = _profile(scenario, d.temperature(scenario.run.duration * scales.time), 1.0)
-    params.bias_instability = d.bias_instability / scales.rate
-    params.rate_random_walk = d.rate_random_walk * math.sqrt(step * scales.time) / scales.rate
-    return params
+    return dict(d) | {
+        "position_noise": position_noise,
+        "velocity_noise": velocity_noise,
+        "position_flicker": position_noise * to_flicker * math.sqrt(d.position_noise_corner),
+        "velocity_flicker": velocity_noise * to_flicker * math.sqrt(d.velocity_noise_corner),
+        "position_range": [reach / scales.length for reach in d.position_range],
+        "velocity_range": [reach / scales.velocity for reach in d.velocity_range],
+        "actuator_limit": d.actuator_limit / scales.force,
+        "cubic_stiffness": [kappa * cubic for kappa in d.cubic_stiffness],
+        "stiffness_drift": 1e-6 * d.stiffness_drift,
+        "damping_drift": 1e-6 * d.damping_drift,
+        "bias_instability": d.bias_instability / scales.rate,
+        "rate_walk_step": d.rate_random_walk * math.sqrt(step * scales.time) / scales.rate,
+    }
 
 
-def _quantiser(span: tuple[float, float], scale: float, bits: int) -> _core.Quantizer:
-    quantiser = _core.Quantizer()
-    quantiser.range, quantiser.bits = (span[0] / scale, span[1] / scale), bits
-    return quantiser
+Profile = tuple[list[float], list[float]]  # times, in steps of the run, and values
 
 
-def _axes(gain_error: tuple[float, float], misalignment: float) -> _core.AxesParams:
-    axes = _core.AxesParams()
-    axes.gain_error, axes.misalignment = gain_error, misalignment
-    return axes
+def profiles(scenario: Scenario) -> tuple[Profile, Profile]:
+    """Points of the rate, nondimensional, and of the change of temperature, K; none where the rate has no table."""
+    scales = scenario.plant.scales
+    step = scenario.run.step * scales.time
 
+    def profile(points: Points, scale: float) -> Profile:
+        return [time / step for time, _ in points], [value * scale for _, value in points]
 
-def _profile(scenario: Scenario, points: Points, scale: float) -> _core.Profile:
-    """In steps of the run, and values times `scale`."""
-    profile = _core.Profile()
-    step = scenario.run.step * scenario.plant.scales.time
-    profile.times = [time / step for time, _ in points]
-    profile.values = [value * scale for _, value in points]
-    return profile
+    end = scenario.run.duration * scales.time
+    return profile(scenario.rate.points or (), 1 / scales.rate), profile(scenario.device.temperature(end), 1.0)
 
 
 def core_setup(scenario: Scenario, changes: Mapping[str, float] | None = None) -> _core.DeviceSetup:
@@ -295,15 +306,16 @@ def _unchanged(scenario: Scenario) -> _core.DeviceSetup:
 
 def _made(scenario: Scenario, changes: Mapping[str, float]) -> _core.DeviceSetup:
     kind, run = scenario.controller.kind, scenario.run
-    found = core_numbers(scenario)
-    if unknown := set(changes) - set(found):
+    values = derived(scenario)
+    listed = core_numbers(scenario, values)
+    if unknown := set(changes) - set(listed):
         raise KeyError(f"{min(unknown)} is not a number of this run")
-    setup = _core.DeviceSetup(KINDS.index(kind), list((found | dict(changes)).values()))
+    setup = _core.DeviceSetup(KINDS.index(kind), list((listed | dict(changes)).values()))
     if setup.has_memory:
         setup.kernel = core_kernel(scenario.controller.order, run.step, run.duration, run.kernel_tolerance)
     setup.seed = scenario.disturbance.seed  # a double does not hold all
     if scenario.device.sensing == "position":
         setup.observer_bandwidth = scenario.controller.observer_bandwidth
     if not is_ideal(scenario):
-        setup.rate, setup.device = rate_params(scenario), device_params(scenario)
+        setup.set_device(list(device_numbers(scenario, values).values()), *profiles(scenario), scenario.rate.seed)
     return setup

@@ -1,4 +1,4 @@
-"""A TOML file that anybody may have written -> its tables."""
+"""Reading untrusted TOML files: text -> tables."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from ..files import cut, read_input, reason
-from .sentences import ScenarioError
+from .messages import ScenarioError
 from .table import MAX_DEPTH
 
 
@@ -42,7 +42,7 @@ def read_tables(text: str, source: str) -> dict[str, Any]:
 
 
 def _beyond_toml(value: Any, name: str = "", depth: int = 0) -> str:
-    """What tomllib reads although TOML does not have it, or nothing needs it; "" when there is nothing."""
+    """Error for text that tomllib accepts but TOML does not allow, or that is not supported; "" for valid text."""
     if depth > MAX_DEPTH:
         return f"{name} is nested too deeply"
     if isinstance(value, int) and not -(2**63) <= value < 2**63:

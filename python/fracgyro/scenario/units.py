@@ -22,7 +22,7 @@ class Powers(NamedTuple):
         return {name: power for name, power in found.items() if power}
 
 
-# The SI units that have a name of their own.
+# SI units with special names.
 NAMED = {
     Powers(0, 0, 0): "1",
     Powers(0, 0, -1): "s",
@@ -32,6 +32,7 @@ NAMED = {
     Powers(0, 1, 2): "m/s^2",
     Powers(1, 0, 1): "N s/m",
     Powers(1, 0, 2): "N/m",
+    Powers(1, -2, 2): "N/m^3",
     Powers(1, 1, 2): "N",
 }
 ANGLE = "rad"  # the same in both

@@ -1,4 +1,4 @@
-"""Runs: a scenario, or a controller from outside, in the compiled loop; recorded, measured or step by step."""
+"""Runs of a scenario or a user's controller in the compiled loop: recorded, measured or step by step."""
 
 from ..extras import public
 

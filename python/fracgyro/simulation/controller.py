@@ -1,4 +1,4 @@
-"""The controller by itself, one sample at a time: for a loop of your own, or hardware."""
+"""The controller without a plant, one sample at a time: for your own loop, or hardware."""
 
 from __future__ import annotations
 
@@ -15,40 +15,40 @@ from numpy.typing import NDArray
 from .. import _core
 from ..arguments import number, pair, short
 from ..scenario import Scenario, check_scenario
-from ..scenario.kinds import lasting
+from ..scenario.kinds import persistent_channels
 from ..scenario.to_core import check_single, core_setup
-from .outside import units
+from .user_controller import units
 
 Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Estimates:
-    """What the controller believes, in the units of the run; NaN and False where it does not know.
+    """Estimates of the controller, in the units of the run; NaN or False for those that it does not have.
 
     >>> estimates = fg.Controller(fg.Scenario.paper()).estimates
     >>> round(estimates.rate, 3), estimates.rate_trusted
     (0.095, False)
     """
 
-    damping: Vector  #: D as xx, xy, yy
-    stiffness: Vector  #: K as xx, xy, yy
-    rate: float  #: the angular rate
-    bound: Vector  #: b0, b1, b2
-    rate_deviation: float  #: standard deviation of the rate; of composite and joint adaptation
-    rate_trusted: bool  #: whether the motion separates the rate from the other parameters and agrees with the model
-    sample_refused: bool  #: whether the last sample was too far from the predicted one to learn from
+    damping: Vector  #: D as xx, xy, yy: (3,)
+    stiffness: Vector  #: K as xx, xy, yy: (3,)
+    rate: float  #: angular rate
+    bound: Vector  #: disturbance bounds b0, b1, b2: (3,)
+    rate_deviation: float  #: standard deviation of the rate; composite and joint adaptation only
+    rate_trusted: bool  #: True once the rate is observable and the measurements agree with the model
+    sample_refused: bool  #: True if the last sample was too far from its prediction and was not used
 
 
 class Controller:
     """The controller of a scenario: eqs (16), (35), (44), (46), or another `controller.kind`.
 
-    Call `step` once every `scenario.run.step`. Times, positions, velocities and forces are in the units that
-    `scenario.run.units` names. `scenario.run.duration` is the longest time the fractional memory is accurate for. With
-    `single_precision` it computes in float, as firmware exported so does, to the same bits. It can be copied and
-    pickled: the copy goes on by itself from where this one is.
+    Call `step` once every `scenario.run.step`. Times, positions, velocities and forces are in the units of
+    `scenario.run.units`. The fractional memory is accurate up to `scenario.run.duration`. `single_precision` computes
+    in float, with the same bits as firmware exported in float. A controller can be copied and pickled; the copy
+    continues independently from the same state.
 
-    Raises TypeError where `scenario` is not one, ValueError where single precision cannot hold a coefficient.
+    Raises TypeError if `scenario` is not a Scenario, ValueError if a coefficient exceeds single precision.
 
     >>> controller = fg.Controller(fg.Scenario.paper())
     >>> force = controller.step(0.0, position=[0.5, 0.5], velocity=[0.0, 0.0])
@@ -69,18 +69,19 @@ class Controller:
             check_single(scenario)
         setup = core_setup(scenario)
         self._core = _core.Controller(setup, single_precision)
-        self._reported = lasting(setup)
+        self._reported = persistent_channels(setup)
         self._scales = [[scales.of(unit) if si else 1.0 for unit in channel.units] for channel in self._reported]
 
     def step(self, time: float, position: Sequence[float], velocity: Sequence[float] | None = None) -> Vector:
-        """The force [x, y] to hold until the next step, from position and velocity [x, y] measured at `time`.
+        """Returns the force [x, y] to hold until the next step.
 
-        Whatever is measured, the force is finite and within the limit; `status` says whether it was believed. NaN is a
-        sample that is missing. Until the first that is believed, time does not start: `time` says what the next step
-        is. With device.sensing = "position" the velocity is observed and what is given for it not looked at.
+        `position` and `velocity` are [x, y] measured at `time`; NaN marks a missing sample. The force is always finite
+        and within the limit; `status` reports whether the sample was accepted. Time starts with the first accepted
+        sample; `time` is the time of the next step. With device.sensing = "position" the velocity comes from an
+        observer and the argument is ignored.
 
-        Raises TypeError for an argument that is not a number, ValueError for a time that is not that of the next step,
-        or not finite.
+        Raises TypeError for an argument that is not a number, ValueError for a time that is not finite or not that of
+        the next step, and for a missing velocity.
 
         >>> controller = fg.Controller(fg.Scenario.paper())
         >>> for i in range(3):
@@ -90,12 +91,12 @@ class Controller:
             velocity = None
         elif velocity is None:
             return self._checked(time, position, velocity)
-        # None: something is not a plain finite number, though it may be one of NumPy's, or a sample is missing.
+        # None: an argument is not a plain finite number; it may be one of NumPy's or NaN.
         force: Vector | None = self._core.checked_step(self._step, self._units, time, position, velocity)
         return self._checked(time, position, velocity) if force is None else force
 
     def _checked(self, time: object, position: object, velocity: object) -> Vector:
-        """As `step`, whatever the arguments are."""
+        """`step` with full validation, for arguments that are not plain finite floats."""
         plain = number("time", time)
         self._check_time(time, plain)
         q = pair("position", position, finite=False)
@@ -107,21 +108,21 @@ class Controller:
             held = self._core.step([each / u.length for each in q], [each / u.velocity for each in v or (0.0, 0.0)])
             return np.multiply(held, u.force)
         force: Vector | None = self._core.checked_step(self._step, self._units, plain, q, v)
-        if force is None:  # another thread has taken a step since
+        if force is None:  # another thread took the step
             self._check_time(time, plain)
-            raise ValueError(f"time is {time}: another thread steps this controller, and each needs one of its own")
+            raise ValueError(f"time is {time}: another thread uses this controller; each thread needs its own")
         return force
 
     def _check_time(self, given: object, time: float) -> None:
-        """Raises ValueError unless it is that of the next step."""
+        """Raises ValueError unless `given` is the time of the next step."""
         expected = self._core.steps * self._step
         if not abs(time / self._units.time - expected) < 0.5 * self._step:
-            why = "steps must be taken one after another" if expected else "time starts with a sample that is believed"
+            why = "steps must be consecutive" if expected else "time starts with the first accepted sample"
             raise ValueError(f"time is {given}: the next step is at {expected * self._units.time:.9g}, and {why}")
 
     @property
     def time(self) -> float:
-        """Of the coming step, in the unit of the run.
+        """Time of the next step, in the unit of the run.
 
         >>> controller = fg.Controller(fg.Scenario.paper())
         >>> force = controller.step(controller.time, (0.5, 0.5), (0.0, 0.0))
@@ -132,10 +133,11 @@ class Controller:
 
     @property
     def status(self) -> str:
-        """What was thought of the last sample: ok, or saturated, the force being at its limit.
+        """Result of the plausibility check of the last sample.
 
-        Not believed: not_finite, out_of_range, implausible, the last force being held; lost, the force being that of
-        the reference until samples agree again; restarted, nothing being remembered.
+        ok: accepted. saturated: accepted, and the force is at its limit. not_finite, out_of_range, implausible:
+        rejected, and the previous force is held. lost: rejected, and the force is feedforward of the reference until
+        samples agree again. restarted: the state was reset.
 
         >>> fg.Controller(fg.Scenario.paper()).status
         'ok'
@@ -144,7 +146,7 @@ class Controller:
 
     @property
     def estimates(self) -> Estimates:
-        """The estimates as they stand after the last step; NaN where the controller has none.
+        """Estimates after the last step; NaN for those that the controller does not have.
 
         >>> fg.Controller(fg.Scenario.paper()).estimates.stiffness.shape
         (3,)
@@ -163,9 +165,9 @@ class Controller:
 
     @property
     def report(self) -> dict[str, Any]:
-        """What the controller reports besides the force, by channel, as it stands after the last step.
+        """Report channels of the controller after the last step, by name.
 
-        What is known only within a step, as the sliding surface, is none of them.
+        Excludes channels that exist only within a step, such as the sliding surface.
 
         >>> "rate_estimate" in fg.Controller(fg.Scenario.paper()).report
         True
@@ -179,9 +181,9 @@ class Controller:
 
     @property
     def state(self) -> bytes:
-        """Everything that changes while running. Assign it to a controller of the same scenario to resume, bit for bit.
+        """The complete state, as bytes. Assign it to a controller of the same scenario to resume, bit for bit.
 
-        Assigning raises TypeError or ValueError for what was not saved so, or was damaged since.
+        Assigning raises TypeError or ValueError for a state that was not saved in this way, or was damaged.
 
         >>> one, other = fg.Controller(fg.Scenario.paper()), fg.Controller(fg.Scenario.paper())
         >>> force = one.step(0.0, (0.5, 0.5), (0.0, 0.0))
@@ -194,7 +196,7 @@ class Controller:
     @state.setter
     def state(self, saved: bytes) -> None:
         if not isinstance(saved, bytes):
-            raise TypeError(f"state is {short(saved)}: it must be bytes, as they were saved")
+            raise TypeError(f"state is {short(saved)}: it must be bytes from `state`")
         key = self._key
         if saved[: len(key)] != key:
             raise ValueError("state was saved by another version, or by a controller of another scenario or precision")

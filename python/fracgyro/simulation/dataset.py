@@ -1,4 +1,4 @@
-"""Rows of numbers from the core as xarray Datasets."""
+"""Conversion of rows from the core to xarray Datasets."""
 
 from __future__ import annotations
 
@@ -13,17 +13,15 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from .. import _core
 from ..extras import require
 from ..files import check_place, whole_file
 from ..scenario import Scenario
-from ..scenario.kinds import AXES, Channel
+from ..scenario.kinds import AXES, METRICS, WINDOWS, Channel
 from ..scenario.units import si_unit
-from .outside import Outside
+from .user_controller import UserController
 
 VERSION = version("fracgyro")
-WINDOWS = ["whole", "transient", "steady"]
-MAX_KEPT = 10**6  # samples of a run whose coordinates are kept for the next one
+MAX_CACHED = 10**6  # samples of a run whose coordinates are kept for the next one
 
 
 def time_scale(scenario: Scenario) -> float:
@@ -34,20 +32,20 @@ def dataset(
     rows: np.ndarray,
     scenarios: Sequence[Scenario],
     channels: tuple[Channel, ...],
-    outside: Outside | None = None,
+    user: UserController | None = None,
     *,
     first: int = 0,
     every: int | None = None,
 ) -> xr.Dataset:
-    """Rows (sample, column) of one run as a Dataset, or (run, sample, column) of the runs of these scenarios.
+    """Dataset of one run from rows (sample, column), or of several from rows (run, sample, column).
 
-    Every variable is a view of the rows unless units must change. Runs share run.step, run.units and, in SI, the unit
-    of time. `outside`: whose reports are in the units of the run already. `first`: the sample of the first row;
-    `every`: samples from one row to the next, run.record_every if left out.
+    Variables are views of the rows unless units must change. Runs share run.step, run.units and, in SI, the unit of
+    time. `user`: its reports are already in the units of the run. `first`: sample of the first row;
+    `every`: samples between rows, by default run.record_every.
     """
     scenario = scenarios[0]
     si = scenario.run.units == "SI"
-    given = (outside and outside.reports) or ()
+    given = (user and user.reports) or ()
     data: dict[str, np.ndarray] = {}
     column = 0
     for channel in channels:
@@ -58,19 +56,19 @@ def dataset(
         data[channel.name] = values
         column += channel.width
     step = scenario.run.step * (scenario.run.record_every if every is None else every)
-    form = _form if rows.shape[-2] <= MAX_KEPT else _form.__wrapped__
+    form = _form if rows.shape[-2] <= MAX_CACHED else _form.__wrapped__
     run = form(channels, rows.shape[:-1], first, step, time_scale(scenario), si).copy(deep=True, data=data)
     run.attrs = {
         **({"scenario": scenario.to_toml()} if rows.ndim == 2 else {}),
         "version": VERSION,
         "units": scenario.run.units,
-        **({"controller": outside.name} if outside else {}),
+        **({"controller": user.name} if user else {}),
     }
     return run
 
 
 def _factors(scenarios: Sequence[Scenario], channel: Channel) -> np.ndarray:
-    """SI values of the units of a channel in each run, (run, 1, column), without the last of a channel that has one."""
+    """SI value of a channel's unit in each run: (run, 1, column), or (run, 1) for a scalar channel."""
     found = {id(s): [s.plant.scales.of(unit) for unit in channel.units] for s in scenarios}
     factors = np.array([found[id(s)] for s in scenarios])[:, np.newaxis]
     return factors if channel.dimension else factors[..., 0]
@@ -80,7 +78,7 @@ def _factors(scenarios: Sequence[Scenario], channel: Channel) -> np.ndarray:
 def _form(
     channels: tuple[Channel, ...], shape: tuple[int, ...], first: int, step: float, scale: float, si: bool
 ) -> xr.Dataset:
-    """What is the same in all runs of this shape: coordinates, their indexes, and what variables are called."""
+    """The part shared by all runs of this shape: coordinates, their indexes, variable names and attributes."""
     variables: dict[str, Any] = {}
     coordinates: dict[str, Any] = {}
     leading = ["run"] * (len(shape) - 1)
@@ -97,58 +95,58 @@ def _form(
 
 
 def units_of(columns: Sequence[str]) -> dict[str, str]:
-    """The attribute `units`, as pint and others read it; columns of several units have `column_units` instead."""
+    """The attribute `units` in pint's syntax, or `column_units` if the columns have different units."""
     return {"units": columns[0]} if len(set(columns)) == 1 else {"column_units": ", ".join(columns)}
 
 
 def _fixed(values: ArrayLike) -> np.ndarray:
-    """Values that several Datasets share: nobody can write to them."""
+    """A read-only array, which several Datasets share."""
     array = np.array(values)
     array.flags.writeable = False
     return array
 
 
 def metrics_dataset(values: np.ndarray, thresholds: dict[str, float]) -> xr.Dataset:
-    by_name = dict(zip(_core.metric_names, values.T, strict=True))
-    rmse = np.stack([[by_name.pop(f"rmse_{w}_{a}") for a in AXES] for w in WINDOWS])
-    grouped = {"rmse": np.moveaxis(rmse, -1, 0)}
-    for name in ("chattering", "effort"):
-        grouped[name] = np.stack([by_name.pop(f"{name}_{a}") for a in AXES], axis=-1)
-    grouped["bound_final"] = np.stack([by_name.pop(f"bound_{i}") for i in range(3)], axis=-1)
-    figures = _metrics_form(len(values), tuple(by_name)).copy(deep=True, data={**grouped, **by_name})
+    """One row of the core's metrics for each run, as variables; the RMS error over its windows is one variable."""
+    ends = np.cumsum([metric.width for metric in METRICS])
+    columns = np.split(values, ends[:-1], axis=1)
+    found = {m.name: part if m.width > 1 else part[:, 0] for m, part in zip(METRICS, columns, strict=True)}
+    rmse = np.stack([found.pop(f"rmse_{window}") for window in WINDOWS], axis=1)
+    figures = _metrics_form(len(values)).copy(deep=True, data={"rmse": rmse, **found})
     figures.attrs = {"version": VERSION, "units": "nondimensional", **thresholds}
     return figures
 
 
 @lru_cache(maxsize=4)
-def _metrics_form(runs: int, plain: tuple[str, ...]) -> xr.Dataset:
-    """As `_form`; `plain`: the metrics that are one number for each run."""
+def _metrics_form(runs: int) -> xr.Dataset:
+    """The Dataset of the metrics with zeros, to be filled by `copy`."""
     labels = {"window": _fixed(WINDOWS), "axis": _fixed(AXES), "bound": _fixed([0, 1, 2])}
-    grouped = {"rmse": ["window", "axis"], "chattering": ["axis"], "effort": ["axis"], "bound_final": ["bound"]}
+    inner = {"rmse": ["window", "axis"]} | {m.name: [m.dimension] for m in METRICS if m.dimension}
+    inner |= {m.name: [] for m in METRICS if not m.dimension}
 
-    def variable(inner: list[str]) -> tuple[list[str], np.ndarray, dict[str, str]]:
-        shape = (runs, *(len(labels[dimension]) for dimension in inner))
-        return ["run", *inner], np.broadcast_to(0.0, shape), {"units": "1"}
+    def variable(dimensions: list[str]) -> tuple[list[str], np.ndarray, dict[str, str]]:
+        shape = (runs, *(len(labels[dimension]) for dimension in dimensions))
+        return ["run", *dimensions], np.broadcast_to(0.0, shape), {"units": "1"}
 
-    variables = {name: variable(inner) for name, inner in {**grouped, **{name: [] for name in plain}}.items()}
-    return xr.Dataset(variables, coords=labels)
+    named = {name: variable(of) for name, of in inner.items() if name.partition("_")[2] not in WINDOWS}
+    return xr.Dataset(named, coords=labels)
 
 
 def check_run(path: Path) -> None:
-    """Raises MissingExtraError or ValueError, in one sentence, when `write_run` cannot write there."""
+    """Raises MissingExtraError or ValueError if `write_run` cannot write to `path`."""
     require("netcdf", "h5netcdf")
     check_place(path, b"\x89HDF")
 
 
 def write_run(run: xr.Dataset, path: Path) -> None:
-    """As NetCDF-4."""
+    """Writes a run as NetCDF-4."""
     memory = _netcdf(run)
     with whole_file(path, replaces="its kind") as scratch:
         scratch.write_bytes(memory.getbuffer())
 
 
 def _netcdf(run: xr.Dataset) -> io.BytesIO:
-    """The bytes of a NetCDF-4 file: HDF5 that writes to a full disk itself ends in a segmentation fault."""
+    """The bytes of a NetCDF-4 file. HDF5 crashes if it writes to a full disk itself."""
     require("netcdf", "h5netcdf")
     import h5netcdf
     from xarray.backends import H5NetCDFStore

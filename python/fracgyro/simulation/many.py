@@ -1,4 +1,4 @@
-"""What simulate_many and measure_many share: which runs there are, in which order, on how many threads."""
+"""Runs of simulate_many and measure_many: validation, order and threads."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from ..scenario.to_core import core_setup
 
 
 def threads_available() -> int:
-    """Processors this process may use."""
+    """Number of processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def check_many(scenarios: Sequence[Scenario], seeds: Sequence[int] | None) -> int:
-    """How many runs each scenario has. Raises TypeError or ValueError for what are not scenarios or seeds."""
+    """Number of runs per scenario. Raises TypeError or ValueError for invalid scenarios or seeds."""
     if not isinstance(scenarios, list | tuple) or not all(isinstance(s, Scenario) for s in scenarios):
         raise TypeError(f"scenarios is {short(scenarios)}: it must be a list of Scenario")
     if not scenarios:
-        raise ValueError("scenarios is empty: there is nothing to simulate")
+        raise ValueError("scenarios is empty: it must have at least one scenario")
     if seeds is None:
         return 1
     _check_seeds(seeds)
@@ -32,19 +32,19 @@ def check_many(scenarios: Sequence[Scenario], seeds: Sequence[int] | None) -> in
 
 
 def seed_of_each(scenarios: Sequence[Scenario], seeds: Sequence[int] | None) -> dict[str, Any]:
-    """The coordinate `seed` of the runs; none without seeds."""
+    """The coordinate `seed` of the runs, or nothing without seeds."""
     return {} if seeds is None else {"seed": ("run", np.tile(np.array(seeds), len(scenarios)))}
 
 
 def setups_of(
-    scenarios: Sequence[Scenario], seeds: Sequence[int] | None, together: int
+    scenarios: Sequence[Scenario], seeds: Sequence[int] | None, group: int
 ) -> Iterator[tuple[int, _core.DeviceSetup]]:
-    """Every run and its place in the result. Of `together` scenarios, those with the same seed come together."""
+    """Every run with its index in the result; within groups of `group` scenarios, ordered by seed."""
     if seeds is None:
         yield from enumerate(map(core_setup, scenarios))
         return
-    for first in range(0, len(scenarios), together):
-        setups = [core_setup(scenario) for scenario in scenarios[first : first + together]]
+    for first in range(0, len(scenarios), group):
+        setups = [core_setup(scenario) for scenario in scenarios[first : first + group]]
         for at, seed in enumerate(seeds):
             for i, setup in enumerate(setups, first):
                 seeded = _core.DeviceSetup(setup)
@@ -54,9 +54,9 @@ def setups_of(
 
 def _check_seeds(seeds: Sequence[int]) -> None:
     if not isinstance(seeds, Sequence | np.ndarray) or isinstance(seeds, str | bytes | bytearray | memoryview):
-        raise TypeError(f"seeds is {short(seeds)}: it must be a list of seeds, as range(8) is")
+        raise TypeError(f"seeds is {short(seeds)}: it must be a list of seeds, such as range(8)")
     if not len(seeds):
-        raise ValueError("seeds is empty: there is nothing to simulate")
+        raise ValueError("seeds is empty: it must have at least one seed")
     if len(set(seeds)) < len(seeds):
         raise ValueError("seeds holds a seed twice: they must be different")
     for seed in seeds:

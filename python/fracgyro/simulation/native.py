@@ -1,4 +1,4 @@
-"""Controllers that are C functions: compiled by Numba or a C compiler, run on threads and without Python."""
+"""Controllers as C functions, compiled by Numba or a C compiler; they run on threads and without Python."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ MAX_STATE = 10**6  # doubles
 class Law:
     """A C function as a controller: `void law(const double* in, double* state, const double* parameters, double* out)`.
 
-    It is called once a step. `in`: 11 doubles, the time, then pairs [x, y] of position, velocity, reference and the
-    reference's velocity and acceleration; positions and velocities as measured. `state`: `state_size` doubles of its
-    own, zeros before the first step of each run. `parameters`: the values of `parameters`, in their order. `out`: the
-    force [x, y], then one double for each name in `reports`, which is recorded as a channel; rate_estimate makes it a
-    rate sensor. In SI units if run.units is SI, nondimensional otherwise. The 64 doubles behind each of these arrays
-    are NaN; a run in which the function has written to them ends with a ValueError.
+    The function is called once per step. `in`: 11 doubles, the time, then pairs [x, y] of measured position, measured
+    velocity, reference, and the reference's velocity and acceleration. `state`: `state_size` doubles, zero before the
+    first step of each run. `parameters`: the values of `parameters`, in their order. `out`: the force [x, y], then one
+    double for each name in `reports`, which is recorded as a channel; rate_estimate makes the controller a rate sensor.
+    Units are SI if run.units is SI, otherwise nondimensional. The 64 doubles behind each array are NaN; a run in which
+    the function writes to them ends with a ValueError.
 
-    `function`: an address, or what has one, a `numba.cfunc` or a function pointer of ctypes or cffi. It must not touch
-    Python, and two of its calls may happen at once, each with its own state.
+    `function`: an address, a `numba.cfunc`, or a function pointer of ctypes or cffi. It must not call Python;
+    concurrent calls each have their own state.
 
-    Raises TypeError where `function` is nothing of that, ValueError where the other arguments are not as said.
+    Raises TypeError for another kind of `function`, ValueError for invalid other arguments.
 
     >>> fg.native.Law(0x1000, parameters={"kp": 1e4}).parameters  # the address of a compiled function
     {'kp': 10000.0}
@@ -44,7 +44,7 @@ class Law:
         reports: Iterable[str] = (),
     ) -> None:
         self._address = _address(function)
-        self._function = function  # kept alive
+        self._function = function  # keeps it alive
         try:
             self.state_size = operator.index(state_size)
         except TypeError:
@@ -60,7 +60,7 @@ class Law:
                 raise ValueError(f"reports is {short(list(self.reports))}: it must be a list of different names")
 
     def replace(self, changes: Mapping[str, float]) -> Law:
-        """The same law with some parameters changed. Raises ValueError for one that it does not have.
+        """A copy with some parameters changed. Raises ValueError for an unknown parameter.
 
         >>> law = fg.native.Law(0x1000, parameters={"kp": 1e4, "kd": 200.0})
         >>> law.replace({"kd": 300.0}).parameters["kd"]
@@ -68,9 +68,7 @@ class Law:
         """
         for name in changes:
             if name not in self.parameters:
-                raise ValueError(
-                    f"parameters {name} is not a parameter of this law: it has {', '.join(self.parameters)}"
-                )
+                raise ValueError(f"{name} is not a parameter of this law: it has {', '.join(self.parameters)}")
         return Law(self._function, self.state_size, {**self.parameters, **changes}, self.reports)
 
     def __repr__(self) -> str:
@@ -83,10 +81,10 @@ class Law:
         return self
 
     def __reduce__(self) -> NoReturn:
-        raise TypeError("a Law cannot be pickled: the address of its function means nothing in another process")
+        raise TypeError("a Law cannot be pickled: its function's address is not valid in another process")
 
     def _core_law(self) -> _core.NativeController:
-        """One for one run."""
+        """The core's controller for one run."""
         place = self.reports.index("rate_estimate") if "rate_estimate" in self.reports else -1
         values = list(self.parameters.values())
         return _core.NativeController(self._address, self.state_size, values, len(self.reports), place)

@@ -1,4 +1,4 @@
-"""The gyroscope by itself and the closed loop in parts: for a controller of your own, live tuning, or hardware."""
+"""The gyroscope without a controller, and the closed loop in parts: for your controller, live tuning, or hardware."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ import xarray as xr
 from .. import _core
 from ..arguments import pair, short
 from ..scenario import Scenario, ScenarioError, check_scenario
-from ..scenario.kinds import DEVICE_CHANNELS, LOOP_CHANNELS, Channel, numbers, reported
-from ..scenario.sentences import paths
+from ..scenario.kinds import DEVICE_CHANNELS, LOOP_CHANNELS, Channel, numbers, reported_channels
+from ..scenario.messages import paths
 from ..scenario.to_core import core_numbers, core_setup, is_ideal
 from .dataset import dataset, time_scale
-from .outside import ControllerLike, Outside, units
 from .simulate import MAX_RECORD, DivergedError
+from .user_controller import ControllerLike, UserController, units
 
 CHECKSUM = struct.Struct("<I")
 
 
 class Plant:
-    """The gyroscope of a scenario, with its disturbance, its moving rate and its device, one step at a time.
+    """The gyroscope of a scenario, with its disturbance, dynamic rate and device, one step at a time.
 
-    A step is exact for a force that is held over it. Times, forces, positions and velocities are in the units that
-    `scenario.run.units` names. The noise is that of `simulate`: under the same forces the motion is the same, bit for
-    bit. It can be copied and pickled: the copy goes on by itself from where this one is. Raises TypeError where
-    `scenario` is not one.
+    A step is exact for a zero-order-hold force. Times, forces, positions and velocities are in the units of
+    `scenario.run.units`. Under the same forces the motion, noise included, equals that of `simulate` bit for bit. A
+    plant can be copied and pickled; the copy continues independently from the same state. Raises TypeError if
+    `scenario` is not a Scenario.
 
     >>> plant = fg.Plant(fg.Scenario.paper())
     >>> plant.step((0.0, 0.0)).time
@@ -48,7 +48,7 @@ class Plant:
 
     @property
     def motion(self) -> _core.Motion:
-        """What is measured now: `.time`, `.position` (x, y) and `.velocity` (x, y), NaN where no velocity is sensed.
+        """Current measurement: `.time`, `.position` (x, y) and `.velocity` (x, y), NaN if no velocity is sensed.
 
         >>> fg.Plant(fg.Scenario.paper()).motion.position
         (0.5, 0.5)
@@ -56,16 +56,16 @@ class Plant:
         return self._core.motion
 
     def step(self, force: Sequence[float]) -> _core.Motion:
-        """The motion that is measured after `run.step` under this force [x, y] that a controller asks for.
+        """Apply the commanded force [x, y] for `run.step`; returns the motion measured then.
 
-        device.delay and the actuator come in between. Raises TypeError where the force holds no numbers, ValueError for
-        others than two finite ones, and where the motion has diverged.
+        The plant includes device.delay and the actuator. Raises TypeError for a force that is not numbers, ValueError
+        for anything but two finite numbers and after the motion has diverged.
 
         >>> plant = fg.Plant(fg.Scenario.paper())
         >>> plant.step((0.0, 0.0)) == plant.motion
         True
         """
-        # None: something is not a plain finite number, though it may be one of NumPy's.
+        # None: an argument is not a plain finite number; it may be one of NumPy's.
         motion: _core.Motion | None = self._core.step(force)
         return motion or cast(_core.Motion, self._core.step(pair("force", force)))
 
@@ -80,13 +80,13 @@ def _resumed_plant(scenario: Scenario, state: bytes) -> Plant:
 
 
 class Loop:
-    """The closed loop of a scenario, run in parts and tuned while it runs.
+    """The closed loop of a scenario, which can run in parts and be tuned while it runs.
 
-    `controller`: as in `simulate`, but a callable is called itself, and not a copy. The loop may go on beyond
-    run.duration, the longest time that a fractional memory is accurate for. Samples are recorded at every step,
-    whatever run.record_every is. Without a callable a loop can be copied, without a controller pickled: the copy goes
-    on by itself from where this one is. Raises TypeError where `scenario` is not one, and what `simulate` raises of a
-    controller.
+    `controller`: as in `simulate`, but a callable is used directly, not copied. The loop may run longer than
+    run.duration, up to which the fractional memory is accurate. Every step is recorded, regardless of run.record_every.
+    A loop without a callable can be copied, one without a user's controller also pickled; the copy continues
+    independently from the same state. Raises TypeError if `scenario` is not a Scenario, and the errors that `simulate`
+    raises for a controller.
 
     >>> loop = fg.Loop(fg.Scenario.paper())
     >>> loop.run(1000).sizes["time"], loop.time
@@ -95,23 +95,23 @@ class Loop:
 
     def __init__(self, scenario: Scenario, controller: ControllerLike | None = None) -> None:
         check_scenario(scenario)
-        self.scenario = scenario  # as it is now
+        self.scenario = scenario  # with the changes of `set`
         self._first = scenario
-        self._outside = None if controller is None else Outside(controller)
+        self._user = None if controller is None else UserController(controller)
         self._device = not is_ideal(scenario)
         setup = core_setup(scenario)
         self._law: _core.UserController | None = None
         self._lock = Lock()
-        if self._outside:
-            self._law = self._outside.start(scenario, itself=True)
+        if self._user:
+            self._law = self._user.start(scenario, itself=True)
             self._core = _core.Loop(setup, self._law, units(scenario))
         else:
-            self._reported = reported(setup)
+            self._reported = reported_channels(setup)
             self._core = _core.Loop(setup)
 
     @property
     def time(self) -> float:
-        """Of the coming sample, in the unit of the run.
+        """Time of the next sample, in the unit of the run.
 
         >>> fg.Loop(fg.Scenario.paper()).time
         0.0
@@ -119,10 +119,11 @@ class Loop:
         return float(self._core.steps * self.scenario.run.step * time_scale(self.scenario))
 
     def run(self, samples: int) -> xr.Dataset:
-        """The coming samples, as `simulate` gives them.
+        """Runs the next samples; returns them as a Dataset like that of `simulate`.
 
-        Without changes they are those of `simulate`, bit for bit. Raises ValueError where `samples` is less than 1 or
-        the record too large, DivergedError where the motion diverges, and what `simulate` raises of a controller.
+        Without changes they equal those of `simulate`, bit for bit. Raises ValueError if `samples` is less than 1 or
+        the record too large, DivergedError if the motion diverges, and the errors that `simulate` raises for a
+        controller.
 
         >>> scenario = fg.Scenario.paper().replace({"run.duration": 1.0})
         >>> fg.Loop(scenario).run(1001)["position"].equals(fg.simulate(scenario)["position"])
@@ -138,16 +139,16 @@ class Loop:
             raise ValueError(
                 f"samples is {count}: their record of {size / 1e9:.3g} GB may be at most {MAX_RECORD / 1e9:g} GB"
             )
-        with self._alone():
+        with self._exclusive():
             first = self._core.steps
             rows = self._rows(count)
-            found = dataset(rows, [self.scenario], self._channels(), self._outside, first=first, every=1)
+            found = dataset(rows, [self.scenario], self._channels(), self._user, first=first, every=1)
             if len(rows) < count:
                 raise DivergedError(self.scenario, self._core.steps * self.scenario.run.step, found)
             return found
 
     def step(self) -> dict[str, Any]:
-        """The coming sample: the variables of `run`, each a number or an array, by name. Raises what `run` does.
+        """Runs one sample; returns the variables of `run` by name, each a number or an array. Raises what `run` raises.
 
         >>> fg.Loop(fg.Scenario.paper()).step()["position"].tolist()
         [0.5, 0.5]
@@ -156,10 +157,10 @@ class Loop:
         return {"time": float(found["time"]), **{str(name): values.values[()] for name, values in found.items()}}
 
     def set(self, changes: Mapping[str, Any]) -> None:
-        """Other values of the scenario's fields from the coming sample on.
+        """Changes fields of the scenario from the next sample on.
 
-        What the controller has learnt stays, and so do its first estimates. Raises ScenarioError where a value is not
-        allowed, or a field cannot be set: one that acts only at the start, or that another controller would have.
+        The controller keeps its state and its initial estimates. Raises ScenarioError for an invalid value, and for a
+        field that cannot change during a run: it acts only at the start, or requires another controller.
 
         >>> loop = fg.Loop(fg.Scenario.paper())
         >>> loop.set({"plant.angular_rate": 50.0})
@@ -172,7 +173,7 @@ class Loop:
             if path not in settable and path in paths(Scenario):
                 raise ScenarioError(f"{path} cannot be set while the loop runs: it acts only at the start")
         changed = self.scenario.replace(changes)
-        with self._alone():
+        with self._exclusive():
             if not self._core.set(self._setup(changed)):
                 raise ScenarioError(
                     f"{', '.join(changes)} cannot be set while the loop runs: the controller would be another one, or "
@@ -182,11 +183,11 @@ class Loop:
 
     @property
     def state(self) -> bytes:
-        """Everything that changes while running, what was set included.
+        """The complete state, including the changes of `set`, as bytes.
 
-        Assign it to a loop of the same scenario and controller to resume, bit for bit. Raises ValueError where the
-        controller is a Python callable, whose memory is its own; assigning raises TypeError or ValueError for what was
-        not saved so, or was damaged since.
+        Assign it to a loop of the same scenario and controller to resume, bit for bit. Raises ValueError if the
+        controller is a Python callable, whose state is not accessible; assigning raises TypeError or ValueError for a
+        state that was not saved in this way, or was damaged.
 
         >>> one, other = fg.Loop(fg.Scenario.paper()), fg.Loop(fg.Scenario.paper())
         >>> first = one.run(100)
@@ -204,7 +205,7 @@ class Loop:
     def state(self, saved: bytes) -> None:
         self._check_restorable()
         if not isinstance(saved, bytes):
-            raise TypeError(f"state is {short(saved)}: it must be bytes, as they were saved")
+            raise TypeError(f"state is {short(saved)}: it must be bytes from `state`")
         key = self._key
         if saved[: len(key)] != key:
             raise ValueError("state was saved by another version, or by a loop of another scenario or controller")
@@ -230,49 +231,49 @@ class Loop:
     @property
     def _key(self) -> bytes:
         of = ""
-        if self._outside:  # not the address, which another process has elsewhere
-            law = self._outside.controller
+        if self._user:  # without the address, which differs between processes
+            law = self._user.controller
             of = f" {law.state_size} {law.parameters} {law.reports}"
         return f"fracgyro {version('fracgyro')} loop 2 {self._first.content_hash()}{of}\n".encode()
 
     def _check_restorable(self) -> None:
-        if self._outside and not self._outside.is_native:
+        if self._user and not self._user.is_native:
             raise ValueError(
-                "a loop with a Python callable has no state, and cannot be copied: what a callable remembers is its own"
+                "a loop with a Python callable cannot be saved or copied: the state of the callable is not accessible"
             )
 
     @contextmanager
-    def _alone(self) -> Iterator[None]:
-        """Raises ValueError while the loop runs: for its own controller, or another thread."""
+    def _exclusive(self) -> Iterator[None]:
+        """Raises ValueError if the loop is already running, in its controller or in another thread."""
         if not self._lock.acquire(blocking=False):
-            raise ValueError("the loop is running: neither its controller nor another thread can run or change it")
+            raise ValueError("the loop is running: its controller or another thread cannot run or change it")
         try:
             yield
         finally:
             self._lock.release()
 
     def _setup(self, scenario: Scenario) -> _core.DeviceSetup:
-        """Of the scenario, but for the numbers that act only at the start."""
+        """The core's setup of the scenario, with the original values of fields that act only at the start."""
         first = core_numbers(self._first)
         of_kind = numbers(scenario.controller.kind)
         kept = {number.name: first[number.name] for number in of_kind if number.settable == "at_start"}
         return core_setup(scenario, kept)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _resumed_loop, (self._first, self._outside and self._outside.controller, self.state)
+        return _resumed_loop, (self._first, self._user and self._user.controller, self.state)
 
     def _rows(self, count: int) -> np.ndarray:
-        if not self._outside:
+        if not self._user:
             rows = self._core.run(count, self._device)
         else:
-            with self._outside.running(self._law):
+            with self._user.running(self._law):
                 rows = self._core.run(count, self._device)
         width = sum(channel.width for channel in self._channels())
         return np.asarray(rows).reshape(-1, width)
 
     def _channels(self) -> tuple[Channel, ...]:
-        if self._outside:
-            return self._outside.channels(self._device)
+        if self._user:
+            return self._user.channels(self._device)
         return (*LOOP_CHANNELS, *self._reported, *(DEVICE_CHANNELS if self._device else ()))
 
 

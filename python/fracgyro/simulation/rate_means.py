@@ -1,4 +1,4 @@
-"""The rate estimate of runs of any length, averaged while they run: in the memory of the averages."""
+"""Averages of the rate estimate of long runs, computed during the run, in memory of their number."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .. import _core
 from ..scenario import Scenario
 from ..scenario.to_core import is_ideal
 from .many import setups_of, threads_available
-from .outside import ControllerLike, Outside
+from .user_controller import ControllerLike, UserController
 
 
 def rate_means(
@@ -22,14 +22,14 @@ def rate_means(
     block: int,
     controller: ControllerLike | None = None,
 ) -> NDArray[np.float64]:
-    """Means of the nondimensional rate estimate, (seed, output), each of `block` samples that are `every` steps apart.
+    """Means of the nondimensional rate estimate, (seed, output), over `block` samples each, `every` steps apart.
 
-    The samples are those of `simulate_many` with run.record_every = `every`, which see for `controller`; it must report
-    rate_estimate. NaN throughout for a run that diverges.
+    The samples are those of `simulate_many` with run.record_every = `every`. `controller`: as in `simulate_many`; it
+    must report rate_estimate. A run that diverges is NaN throughout.
     """
     threads, setups = threads_available(), [setup for _, setup in setups_of([scenario], seeds, 1)]
     if controller is None:
         means, lasted = _core.rate_means(setups, every, block, threads, not is_ideal(scenario))
     else:
-        means, lasted = Outside(controller).rate_means([scenario] * len(setups), setups, every, block, threads)
+        means, lasted = UserController(controller).rate_means([scenario] * len(setups), setups, every, block, threads)
     return np.where(lasted[:, np.newaxis] > scenario.run.steps, means, np.nan)

@@ -1,4 +1,4 @@
-"""Simulation: scenarios in, xarray Datasets out."""
+"""Simulation: from scenarios to xarray Datasets."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ import xarray as xr
 
 from .. import _core
 from ..scenario import Scenario, bounded, check_scenario
-from ..scenario.kinds import DEVICE_CHANNELS, LOOP_CHANNELS, Channel, reported
+from ..scenario.kinds import DEVICE_CHANNELS, LOOP_CHANNELS, Channel, reported_channels
 from ..scenario.to_core import core_setup, is_ideal
 from .dataset import dataset, time_scale
 from .many import check_many, seed_of_each, setups_of, threads_available
-from .outside import ControllerLike, Outside
+from .user_controller import ControllerLike, UserController
 
-CHUNK = 32  # runs between two looks at the keyboard and the progress callback
-TOGETHER = ("duration", "step", "record_every", "units")  # fields of [run] that runs of one record share
-MAX_RECORD = 2 * 10**9  # bytes; a limit that depends on no machine, as its memory does
+CHUNK = 32  # runs between two checks for interrupts and progress
+SHARED_FIELDS = ("duration", "step", "record_every", "units")  # fields of [run] that runs of one record share
+MAX_RECORD = 2 * 10**9  # bytes; the same on every machine
 
 
 class DivergedError(ValueError):
-    """The run left all bounds. `run` holds what was computed until then.
+    """The motion diverged. `run` is the Dataset up to that time.
 
     >>> try:
     ...     run = fg.simulate(fg.Scenario.paper().replace({"run.step": 0.05, "disturbance.hold": 0.05}))
@@ -35,12 +35,12 @@ class DivergedError(ValueError):
     def __init__(self, scenario: Scenario, time: float, run: xr.Dataset) -> None:
         step = scenario.run.step
         shorter = f"try run.step = {step / 2:g} or less, or smaller gains"
-        why = f"run.step is {step:g}, which is too long for these gains or for so large a rate or force; {shorter}"
+        why = f"run.step is {step:g}, which is too long for these gains, this rate or this force; {shorter}"
         if "controller" in run.attrs:
             unit = "s" if run.attrs["units"] == "SI" else "units of time"
             why = (
-                f"the gains of {run.attrs['controller']} are too large for run.step, which is {step:g}, or it computes "
-                f"with another time between samples than {step * time_scale(scenario):.9g} {unit}; {shorter}"
+                f"the gains of {run.attrs['controller']} are too large for run.step, which is {step:g}, or it assumes "
+                f"another sampling time than {step * time_scale(scenario):.9g} {unit}; {shorter}"
             )
         elif grown := bounded.cause(scenario, run):
             gain, b = grown
@@ -56,24 +56,24 @@ class DivergedError(ValueError):
 def simulate(scenario: Scenario, controller: ControllerLike | None = None) -> xr.Dataset:
     """One closed-loop run.
 
-    Returns a Dataset with position, velocity, reference, error, error_rate, control, disturbance and what the
-    controller reports over `time` (and `axis`, `entry` or `bound`), sampled every `scenario.run.record_every` steps, in
-    the units that `scenario.run.units` names. Position, velocity and error are the true ones. With adaptation.kind
-    composite or joint the estimate of the rate comes with its standard deviation, rate_deviation, and the force uses
-    the estimates from when rate_trusted is first true. Where [rate] moves or [device] is not the ideal one, their
-    channels are recorded, too. All variables are listed in docs/reference.md.
+    Returns a Dataset with position, velocity, reference, error, error_rate, control, disturbance and the reports of the
+    controller over `time` (and `axis`, `entry` or `bound`), sampled every `scenario.run.record_every` steps, in the
+    units of `scenario.run.units`. Position, velocity and error are the simulated values, without sensing errors. With
+    adaptation.kind composite or joint, rate_deviation is the standard deviation of the rate estimate, and the force
+    uses the estimates once rate_trusted is true. A dynamic [rate] and the imperfections of [device] have channels of
+    their own. docs/reference.md lists all variables.
 
-    `controller`, in the place of the scenario's: a `native.Law`, or a callable that takes a `Sample` and returns the
-    force (ux, uy), two finite numbers in a tuple or an array of any shape. Two methods are optional: reset(scenario),
-    called before a run, and report(), called after each recorded sample, which returns a dict of names to numbers or
-    pairs of numbers. These become variables, in the units of the run; rate_estimate makes the controller a rate sensor.
-    A callable without reset is copied for each run, so that none begins with what another has learned; a function,
-    which has no copy, keeps what it stores in variables around it. Of the scenario's controller only the force limit
-    and the observer's bandwidth count.
+    `controller`: replaces the scenario's controller. It is a `native.Law`, or a callable that takes a `Sample` and
+    returns the force (ux, uy), two finite numbers in a tuple or an array of any shape. Optional methods are
+    reset(scenario), called before a run, and report(), called after each recorded sample, which returns a dict of names
+    to numbers or pairs of numbers. These become variables, in the units of the run; rate_estimate makes the controller
+    a rate sensor. A callable without reset is copied for each run, so that runs are independent; a function, which
+    cannot be copied, keeps the variables of its enclosing scope. Only the force limit and the observer bandwidth of the
+    scenario's controller remain in effect.
 
-    Raises DivergedError, which carries the samples until then, when the motion leaves all bounds; ControllerError,
-    which names the time, from the exception that a callable raised; ValueError where the controller returns anything
-    but two finite numbers or reports other names than before; TypeError where it is neither callable nor a Law.
+    Raises DivergedError, which has the samples so far, if the motion diverges; ControllerError, with the time, if a
+    callable raises an exception; ValueError if the controller returns anything but two finite numbers or changes the
+    names of its reports; TypeError if it is neither callable nor a Law.
 
     >>> run = fg.simulate(fg.Scenario.paper())
     >>> run["position"].dims, run.sizes["time"]
@@ -81,18 +81,18 @@ def simulate(scenario: Scenario, controller: ControllerLike | None = None) -> xr
     """
     check_scenario(scenario)
     setup, device = core_setup(scenario), not is_ideal(scenario)
-    outside = None if controller is None else Outside(controller)
-    channels = outside.channels(device) if outside else _channels([setup], device)
+    user = None if controller is None else UserController(controller)
+    channels = user.channels(device) if user else _channels([setup], device)
     _check_size(scenario, channels, 1)
     every = scenario.run.record_every
-    if outside:
-        rows, lasted = outside.record([scenario], [setup], every, device, 1)
-        channels = outside.channels(device)
+    if user:
+        rows, lasted = user.record([scenario], [setup], every, device, 1)
+        channels = user.channels(device)
     else:
         rows, lasted = _core.record_runs([setup], every, 1, device)
     samples = int(lasted[0])
     diverged = samples <= scenario.run.steps
-    run = dataset(rows[0, : -(-samples // every)] if diverged else rows[0], [scenario], channels, outside)
+    run = dataset(rows[0, : -(-samples // every)] if diverged else rows[0], [scenario], channels, user)
     if diverged:
         raise DivergedError(scenario, samples * scenario.run.step, run)
     return run
@@ -107,18 +107,18 @@ def simulate_many(
 ) -> xr.Dataset:
     """Many runs on all processors: the variables of `simulate` with a leading `run` dimension.
 
-    With `seeds`: every scenario once with each of these values of disturbance.seed in place of its own; the runs of the
-    first scenario come first, and a coordinate `seed` says which is which. `controller`, in the place of the scenarios'
-    own: as in `simulate`. A `native.Law` runs on all processors, a callable on one, one run after another, each after
-    reset(scenario) or with a copy of it. `progress` is called with the number of runs finished since the last call.
+    `seeds`: runs every scenario with each of these values of disturbance.seed; the runs of the first scenario come
+    first, and the coordinate `seed` has the seed of each run. `controller`: replaces the scenarios' controllers, as in
+    `simulate`. A `native.Law` runs on all processors; a callable runs on one, one run after another, each after
+    reset(scenario) or with a copy of it. `progress`: called with the number of runs finished since the last call.
 
     All scenarios must share run.duration, run.step, run.record_every and run.units, and in SI units
-    plant.reference_frequency, which sets the unit of time. A run that diverges holds NaN from then on, and
-    `diverged_at` says when; it is NaN for the others. What only some controllers report is NaN for the others.
+    plant.reference_frequency, which sets the unit of time. A run that diverges is NaN from `diverged_at` on, which is
+    NaN for the others. Channels that only some controllers report are NaN for the others.
 
-    Raises TypeError when `scenarios` is not a list of scenarios or `seeds` no list of integers; ValueError when one of
-    them is empty, a seed is given twice or outside 0 to 2^63 - 1, the scenarios do not match, or the record would be
-    larger than 2 GB (`measure_many` keeps none); and what `simulate` raises of a controller.
+    Raises TypeError if `scenarios` is not a list of scenarios or `seeds` is not a list of integers; ValueError for an
+    empty list, a repeated seed or one outside 0 to 2^63 - 1, scenarios that do not match, or a record larger than 2 GB
+    (`measure_many` keeps no record); also the errors that `simulate` raises for a controller.
 
     >>> scenario = fg.Scenario.paper().replace({"run.duration": 2.0})
     >>> fg.simulate_many([scenario], seeds=range(4))["position"].shape
@@ -126,18 +126,18 @@ def simulate_many(
     """
     times = check_many(scenarios, seeds)
     _check_alike(scenarios)
-    first, outside = scenarios[0], None if controller is None else Outside(controller)
+    first, user = scenarios[0], None if controller is None else UserController(controller)
     device = not all(map(is_ideal, scenarios))
-    channels = outside.channels(device) if outside else _channels(list(map(core_setup, scenarios)), device)
+    channels = user.channels(device) if user else _channels(list(map(core_setup, scenarios)), device)
     _check_size(first, channels, len(scenarios) * times)
     threads, every = threads_available(), first.run.record_every
     parts, lasted = [], []
     waiting = setups_of(scenarios, seeds, 1)
     while taken := list(islice(waiting, CHUNK)):
         setups = [setup for _, setup in taken]
-        if outside:
+        if user:
             own = [scenarios[place // times] for place, _ in taken]
-            rows, samples = outside.record(own, setups, every, device, threads)
+            rows, samples = user.record(own, setups, every, device, threads)
         else:
             rows, samples = _record(setups, every, threads, device, channels)
         parts.append(rows)
@@ -146,7 +146,7 @@ def simulate_many(
             progress(len(setups))
     whole = parts[0] if len(parts) == 1 else np.concatenate(parts)
     each = [scenario for scenario in scenarios for _ in range(times)]
-    run = dataset(whole, each, outside.channels(device) if outside else channels, outside)
+    run = dataset(whole, each, user.channels(device) if user else channels, user)
     samples = np.concatenate(lasted)
     time = np.where(samples > first.run.steps, np.nan, samples * first.run.step)
     run["diverged_at"] = ("run", time * time_scale(first), {"long_name": "time of divergence"})
@@ -155,8 +155,8 @@ def simulate_many(
 
 
 def _check_alike(scenarios: Sequence[Scenario]) -> None:
-    """Raises ValueError for runs that cannot share the coordinate `time`."""
-    values = {f"run.{name}": {getattr(s.run, name) for s in scenarios} for name in TOGETHER}
+    """Raises ValueError if the runs cannot share the coordinate `time`."""
+    values = {f"run.{name}": {getattr(s.run, name) for s in scenarios} for name in SHARED_FIELDS}
     if scenarios[0].run.units == "SI":
         values["plant.reference_frequency"] = {s.plant.reference_frequency for s in scenarios}
     for path, found in values.items():
@@ -164,20 +164,20 @@ def _check_alike(scenarios: Sequence[Scenario]) -> None:
             in_si = " when run.units is SI" if path.startswith("plant") else ""
             raise ValueError(
                 f"{path} is {' and '.join(map(str, sorted(found)))}: it must be the same in all scenarios that are "
-                f"recorded together{in_si}; measure_many keeps no record"
+                f"recorded together{in_si}; measure_many has no such limit"
             )
 
 
 def _channels(setups: Sequence[_core.DeviceSetup], device: bool) -> tuple[Channel, ...]:
-    """What is recorded of runs together: what each controller reports is there, NaN for those that do not."""
-    found = dict.fromkeys(channel for setup in setups for channel in reported(setup))
+    """Channels of a joint record: all that any controller reports, NaN for the others."""
+    found = dict.fromkeys(channel for setup in setups for channel in reported_channels(setup))
     return (*LOOP_CHANNELS, *found, *(DEVICE_CHANNELS if device else ()))
 
 
 def _record(
     setups: Sequence[_core.DeviceSetup], every: int, threads: int, device: bool, channels: tuple[Channel, ...]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of these channels, (run, sample, column), and the samples that each run lasted."""
+    """Rows of these channels, (run, sample, column), and the number of samples of each run."""
     groups: dict[tuple[Channel, ...], list[int]] = {}
     for i, setup in enumerate(setups):
         groups.setdefault(_channels([setup], device), []).append(i)
@@ -196,13 +196,13 @@ def _record(
 
 
 def _check_size(scenario: Scenario, channels: tuple[Channel, ...], runs: int) -> None:
-    """Raises ValueError when the record of this many runs would be larger than is allowed."""
+    """Raises ValueError if the record of `runs` runs would be too large."""
     run = scenario.run
     columns = sum(channel.width for channel in channels)
     samples = run.steps // run.record_every + 1
     if (size := 8 * columns * samples * runs) > MAX_RECORD:
         raise ValueError(
             f"run.record_every is {run.record_every}: {runs} runs of {samples} samples of {columns} numbers are "
-            f"{size / 1e9:.3g} GB, and a record may be at most {MAX_RECORD / 1e9:g} GB; make it larger, take fewer "
-            "runs at a time, or have measure_many measure them without a record"
+            f"{size / 1e9:.3g} GB, and a record may be at most {MAX_RECORD / 1e9:g} GB; increase it, record fewer "
+            "runs at a time, or use measure_many, which keeps no record"
         )

@@ -1,7 +1,7 @@
 """Studies: many scenarios from one file.
 
-Reading order: space.py (which fields vary), controller.py, file.py, folder.py; then sweep/run.py, page one of
-`fracgyro sweep`, and tune/run.py, that of `fracgyro tune`.
+Reading order: space.py (which fields vary), controller.py, file.py, folder.py; then sweep/run.py, the entry point of
+`fracgyro sweep`, and tune/run.py, the entry point of `fracgyro tune`.
 """
 
 from ..extras import public

@@ -1,4 +1,4 @@
-"""Work on a Dask cluster. The files are written only here, so the workers need no common disk."""
+"""Work on a Dask cluster. Only this process writes files, so the workers need no shared disk."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from ..extras import needs
 from ..files import reason
-from ..scenario.table import shown
+from ..scenario.table import format_value
 
 Result = TypeVar("Result", covariant=True)
 
 
 class Work(Protocol, Generic[Result]):
-    """What can be sent to another machine: a block of runs, a tuning."""
+    """A unit of work that can be sent to another machine: a block of runs, a tuning."""
 
     @property
     def name(self) -> str: ...
@@ -29,24 +29,24 @@ class Work(Protocol, Generic[Result]):
 
 W = TypeVar("W", bound=Work[Any])
 
-RETRIES = 3  # of work that raises; what a dying worker had goes to another by itself
-PER_THREAD = 2  # pieces under way for each thread of the cluster: one runs, one waits
-PATIENCE = 6  # s, for an answer, for the scheduler and for a first worker
+RETRIES = 3  # after an exception; Dask itself reassigns the work of a worker that dies
+PER_THREAD = 2  # submitted units of work per thread of the cluster: one runs, one waits
+PATIENCE = 6  # timeout, s: for an answer, for the scheduler and for the first worker
 
 
 @contextmanager
 def connected(address: str) -> Iterator[Any]:
-    """A Dask client. Raises ValueError in one sentence when the cluster cannot be reached or has no worker."""
+    """A Dask client. Raises ValueError if the cluster cannot be reached or has no worker."""
     with needs("cluster"):
         from distributed import Client
-    place = f"scheduler is {shown(address)}"
+    place = f"scheduler is {format_value(address)}"
     try:
-        with ThreadPoolExecutor(1) as thread:  # where no event loop runs
+        with ThreadPoolExecutor(1) as thread:  # a thread without an event loop
             answer = thread.submit(asyncio.run, _asked(address)).result()
         if answer != "Scheduler":
             raise ValueError("no scheduler of Dask answers")
         client = Client(address, timeout=PATIENCE, set_as_default=False)
-    except Exception as error:  # of any kind, from what listens at the address
+    except Exception as error:  # anything may listen at the address
         why = reason(error) if isinstance(error, OSError) else str(error)
         raise ValueError(f"{place}: it cannot be reached: {why.partition(chr(10))[0] or 'no answer'}") from None
     with client:
@@ -58,7 +58,7 @@ def connected(address: str) -> Iterator[Any]:
 
 
 async def _asked(address: str) -> Any:
-    """What the address says that it is. A Client would wait for minutes, in silence, for what is not a scheduler."""
+    """Identity of the server at the address. A Client would wait silently for minutes if it is not a scheduler."""
     from distributed import Security
     from distributed.comm.core import connect
 
@@ -72,10 +72,10 @@ async def _asked(address: str) -> Any:
 
 
 def measured_there(client: Any, work: list[W], progress: Callable[[int], object]) -> Iterator[tuple[W, Any]]:
-    """Each piece with its result, in the order in which they are finished.
+    """Each unit of work with its result, in order of completion.
 
     A worker uses all processors of its machine for a block: start one per machine, with one thread.
-    Raises ValueError in one sentence when a piece fails time and again.
+    Raises ValueError if a unit of work fails repeatedly.
     """
     from distributed import as_completed
 
@@ -92,7 +92,7 @@ def measured_there(client: Any, work: list[W], progress: Callable[[int], object]
             result = future.result()
         except Exception as error:
             text = " ".join(str(error).split())
-            raise ValueError(f"{piece.name} failed on the cluster: {text}; --resume goes on") from None
+            raise ValueError(f"{piece.name} failed on the cluster: {text}; run again with --resume") from None
         for following in islice(waiting, 1):
             new = submit(following)
             running[new] = following

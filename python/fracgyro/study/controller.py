@@ -1,4 +1,4 @@
-"""The controller from outside that a study may run with, in the place of its scenarios' own."""
+"""A user's controller in a study, which replaces the controller of its scenarios."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ import numpy as np
 
 from ..scenario import Scenario, ScenarioError
 from ..simulation.native import Law
-from ..simulation.outside import ControllerLike, Outside, controller_name
+from ..simulation.user_controller import ControllerLike, UserController, controller_name
 
-LAW = "law."  # before the name of a parameter, where fields of a scenario stand, too
-# What a native.Law has in the place of its own: a callable may read all of them in reset(scenario).
+LAW = "law."  # prefix of a parameter's name, to distinguish it from fields of a scenario
+# Fields that a native.Law replaces; a callable may read all of them in reset(scenario).
 OF_THE_CONTROLLER = ("controller.", "adaptation.", "guard.", "run.kernel_tolerance")
 OF_ANY_LAW = ("controller.force_limit", "controller.observer_bandwidth")
 
@@ -30,14 +30,14 @@ def is_parameter(field: str) -> bool:
 
 
 def parameter(field: str, controller: ControllerLike | None) -> float:
-    """The value of `law.NAME`. Raises ScenarioError when the controller has no such parameter."""
+    """The value of `law.NAME`. Raises ScenarioError if the controller has no such parameter."""
     if controller is None:
         raise ScenarioError(
-            f"{field} is in [vary]: it must be left out unless the study is run from Python with a native.Law as "
-            "controller, as fracgyro.study.sweep and fracgyro.study.tune do"
+            f"{field} is in [vary]: it is only allowed in fracgyro.study.sweep and fracgyro.study.tune with a "
+            "native.Law as controller"
         )
     if not isinstance(controller, Law):
-        raise ScenarioError(f"{field} is in [vary]: it must be left out, as only a native.Law has named parameters")
+        raise ScenarioError(f"{field} is in [vary]: it is only allowed with a native.Law, which has named parameters")
     name, known = field.removeprefix(LAW), controller.parameters
     if name in known:
         return known[name]
@@ -47,11 +47,11 @@ def parameter(field: str, controller: ControllerLike | None) -> float:
 
 
 def check_read(field: str, controller: ControllerLike | None) -> None:
-    """Raises ScenarioError for a field that runs with this controller do not read."""
+    """Raises ScenarioError for a field that has no effect with this controller."""
     if isinstance(controller, Law) and field.startswith(OF_THE_CONTROLLER) and field not in OF_ANY_LAW:
         raise ScenarioError(
-            f"{field} is in [vary]: it must be left out, as it is of the scenario's controller and the study runs with "
-            f"a native.Law, for which only {' and '.join(OF_ANY_LAW)} count"
+            f"{field} is in [vary]: it has no effect, as a native.Law replaces the scenario's controller; only "
+            f"{' and '.join(OF_ANY_LAW)} remain"
         )
 
 
@@ -60,7 +60,7 @@ def fields_of_scenario(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def with_values(controller: ControllerLike | None, values: Mapping[str, Any]) -> ControllerLike | None:
-    """The controller with the parameters that are among `values`."""
+    """The controller with its parameters in `values` replaced."""
     if not isinstance(controller, Law):
         return controller
     return controller.replace({field.removeprefix(LAW): v for field, v in values.items() if is_parameter(field)})
@@ -69,21 +69,21 @@ def with_values(controller: ControllerLike | None, values: Mapping[str, Any]) ->
 def of_each(
     controller: ControllerLike | None, points: Sequence[Mapping[str, Any]]
 ) -> ControllerLike | list[Law] | None:
-    """What `measure_many` takes for scenarios of these values."""
+    """The controller argument of `measure_many` for scenarios with these values."""
     if not isinstance(controller, Law):
         return controller
     return [law for values in points if isinstance(law := with_values(controller, values), Law)]
 
 
 def recorded(controller: ControllerLike | None, base: Scenario) -> dict[str, Any]:
-    """What study.json says of it; nothing without one. `code` is None where it cannot be read.
+    """Entry of study.json that identifies the controller; empty without one. `code` is None if it cannot be read.
 
-    Of a C function the code is its place in its library and the library's bytes; of what is written in Python it is
-    compiled code, attributes after reset(base), and what both take from the controller's own package.
+    The code of a C function is its offset in its library and the hash of the library; the code of a Python object is
+    its bytecode, its attributes after reset(base), and everything that both use from the controller's package.
     """
     if controller is None:
         return {}
-    Outside(controller).start(base)
+    UserController(controller).start(base)
     values = controller.parameters if isinstance(controller, Law) else _attributes(controller)
     said: dict[str, Any] = {"name": controller_name(controller), "parameters": values}
     if isinstance(controller, Law):
@@ -94,7 +94,7 @@ def recorded(controller: ControllerLike | None, base: Scenario) -> dict[str, Any
 def _attributes(controller: Any) -> dict[str, Any]:
     own = getattr(controller, "__dict__", {})
     plain = {name: value for name, value in own.items() if isinstance(value, bool | int | float | str)}
-    return {name: value for name, value in plain.items() if str(value) not in ("nan", "inf", "-inf")}  # as in JSON
+    return {name: value for name, value in plain.items() if str(value) not in ("nan", "inf", "-inf")}  # JSON has none
 
 
 def _code(controller: Any) -> str | None:
@@ -120,7 +120,7 @@ class _Symbol(ctypes.Structure):
 
 
 def _in_library(address: int) -> list[Any] | None:
-    """Hash of the library that the address lies in, and where; None if it lies in none."""
+    """Hash of the library that contains the address, and the offset; None if no library contains it."""
     found = _Symbol()
     try:
         if not ctypes.CDLL(None).dladdr(ctypes.c_void_p(address), ctypes.byref(found)):
@@ -132,11 +132,11 @@ def _in_library(address: int) -> list[Any] | None:
 
 
 class _Unreadable(Exception):
-    """Something of which nobody can say whether it is the same in another process."""
+    """An object that cannot be compared with one in another process."""
 
 
 class _Reader:
-    """Python objects as JSON that is the same in another process if they do the same there."""
+    """Converts Python objects to JSON that is equal in two processes if the objects behave equally."""
 
     def __init__(self, root: Any) -> None:
         inner = getattr(root, "__wrapped__", root)
@@ -155,12 +155,12 @@ class _Reader:
         if isinstance(value, ModuleType | BuiltinFunctionType):
             return value.__name__
         if id(value) not in self._known:
-            self._known[id(value)] = "again"  # where it is met within itself
+            self._known[id(value)] = "again"  # for a recursive object
             self._known[id(value)] = [type(value).__name__, *self._parts(value)]
         return self._known[id(value)]
 
     def _parts(self, value: Any) -> Iterator[Any]:
-        inner = getattr(value, "py_func", getattr(value, "__wrapped__", None))  # of Numba's functions
+        inner = getattr(value, "py_func", getattr(value, "__wrapped__", None))  # Numba's functions
         if isinstance(value, list | tuple):
             yield from map(self.read, value)
         elif isinstance(value, set | frozenset):
@@ -201,7 +201,7 @@ def _package(value: Any) -> str:
 
 
 def _names(code: CodeType) -> Iterator[str]:
-    """Of everything that it, or a function within it, may take from its module."""
+    """Names of globals that the code, or a function within it, may use."""
     yield from code.co_names
     for inner in code.co_consts:
         if isinstance(inner, CodeType):

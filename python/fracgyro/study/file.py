@@ -1,4 +1,4 @@
-"""The study file: what sweeps and tunings have in common."""
+"""The study file: the part shared by sweeps and tunings."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from pydantic import BaseModel, ValidationError, WithJsonSchema
 from ..analysis.metric_names import METRICS
 from ..analysis.metrics import ERROR_BOUND, RATE_TOLERANCE, SURFACE_BOUND, TRANSIENT
 from ..scenario import Scenario, ScenarioError
-from ..scenario.sentences import explained
-from ..scenario.table import Table, field, sentence, shown
+from ..scenario.messages import scenario_error
+from ..scenario.table import Table, field, format_value, message_error
 from ..scenario.toml import read_tables, read_text
 from .controller import is_parameter
 from .space import MAX_POINTS, flat
 
 Model = TypeVar("Model", bound=BaseModel)
-# What both kinds of files have.
-TITLE = "Of the summary and the report."
-SCENARIO = 'What is studied: "paper", "paper-printed", or a scenario file, relative to this one.'
-FIXED = "Fields of the scenario with other values, by their dotted names."
+# Descriptions of the shared keys.
+TITLE = "Title of the summary and the report."
+SCENARIO = 'Base scenario: "paper", "paper-printed", or a scenario file, relative to this one.'
+FIXED = "Changed fields of the scenario, by their dotted names."
 VARY = "Fields of the scenario that vary, by their dotted names, or law.NAME: each a list of values, or a range."
 BASES: dict[str, Literal["corrected", "printed"]] = {"paper": "corrected", "paper-printed": "printed"}
 
@@ -30,24 +30,24 @@ BASES: dict[str, Literal["corrected", "printed"]] = {"paper": "corrected", "pape
 class Thresholds(Table):
     """Thresholds of the metrics, nondimensional."""
 
-    transient: float = field(TRANSIENT, "End of the transient and start of what is steady.", unit="1/omega0", gt=0)
-    error_bound: float = field(ERROR_BOUND, "Of error_settling_time: the bound of the error.", unit="q0", gt=0)
+    transient: float = field(TRANSIENT, "End of the transient and start of the steady window.", unit="1/omega0", gt=0)
+    error_bound: float = field(ERROR_BOUND, "Bound of the error for error_settling_time.", unit="q0", gt=0)
     surface_bound: float = field(
-        SURFACE_BOUND, "Of surface_settling_time: the bound of the surface.", unit="q0*omega0", gt=0
+        SURFACE_BOUND, "Bound of the surface for surface_settling_time.", unit="q0*omega0", gt=0
     )
     rate_tolerance: float = field(
-        RATE_TOLERANCE, "Of rate_settling_time: the bound of the rate error, relative to the rate.", gt=0
+        RATE_TOLERANCE, "Bound of the rate error for rate_settling_time, relative to the rate.", gt=0
     )
 
 
 def seeds_of(value: Any) -> Any:
-    """16: the seeds 0 to 15."""
+    """Seeds from a number or a list: 16 means seeds 0 to 15."""
     if type(value) is int and 1 <= value <= MAX_POINTS:
         return list(range(value))
     listed = isinstance(value, list) and all(type(seed) is int and 0 <= seed < 2**63 for seed in value)
     if not listed or not value or len(set(value)) < len(value):
-        raise sentence(
-            f"seeds is {shown(value)}: it must be their number, from 1 to {MAX_POINTS}, "
+        raise message_error(
+            f"seeds is {format_value(value)}: it must be their number, from 1 to {MAX_POINTS}, "
             "or a list of different integers from 0 to 2^63 - 1"
         )
     return value
@@ -65,25 +65,25 @@ SEEDS = WithJsonSchema(
 
 
 def load_study(path: str | os.PathLike[str], model: type[Model]) -> Model:
-    """The TOML file as an instance of `model`. Raises ScenarioError in one sentence when it is not one."""
+    """The TOML file as an instance of `model`. Raises ScenarioError for an invalid file."""
     tables = read_tables(read_text(path), str(path))
     try:
         return model(**tables)
     except ValidationError as error:
-        raise explained(error, model) from None
+        raise scenario_error(error, model) from None
 
 
 def base_scenario(name: str, folder: Path, fixed: Mapping[str, Any]) -> Scenario:
-    """ "paper" (corrected), "paper-printed" or a file, relative to `folder`; then with the changes `fixed`."""
+    """The scenario "paper" (corrected), "paper-printed" or a file relative to `folder`, with the changes `fixed`."""
     base = Scenario.paper(BASES[name]) if name in BASES else Scenario.load(folder / name)
     changes = flat(fixed)
     for name in filter(is_parameter, changes):
-        raise ScenarioError(f"{name} is in [fixed]: it must be set in the controller that the study is given")
+        raise ScenarioError(f"{name} is in [fixed]: it must be set in the controller that is passed to the study")
     return base.replace(changes)
 
 
 def refuse_both(fixed: Mapping[str, Any], vary: Mapping[str, Any]) -> None:
-    """Raises ScenarioError when a field stands under both."""
+    """Raises ScenarioError for a field that is in both."""
     for name in flat(fixed):
         if name in flat(vary):
             raise ScenarioError(f"{name} is in [fixed] and in [vary]: it must be in one of them")

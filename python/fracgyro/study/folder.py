@@ -1,4 +1,4 @@
-"""The folder of a study: its own, by what study.json says; never one that holds anything else."""
+"""The folder of a study, identified by study.json; a folder with anything else is refused."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ MANIFEST = "study.json"
 
 
 def digest(parts: dict[str, Any]) -> str:
-    """The hash of a study, by everything that its results depend on."""
+    """The hash of everything that the results of a study depend on."""
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
 @contextmanager
 def locked(path: Path) -> Iterator[None]:
-    """Keeps other processes out of the folder of a study, which is made if need be, until the block ends.
+    """Locks the folder of a study, which is created if needed, for the duration of the block.
 
-    Raises ScenarioError when another process works there.
+    Raises ScenarioError if another process has locked it.
     """
     made = not path.exists()
     folder = _opened(path)
@@ -39,12 +39,12 @@ def locked(path: Path) -> Iterator[None]:
         if folder is not None:
             os.close(folder)
         if made:
-            with suppress(OSError):  # it is not empty
+            with suppress(OSError):  # not empty
                 path.rmdir()
 
 
 def _opened(path: Path) -> int | None:
-    """None for a folder that cannot be had: `claim` gives the reason."""
+    """File descriptor of the folder; None if it cannot be opened, for which `claim` reports the reason."""
     try:
         path.mkdir(parents=True, exist_ok=True)
         return os.open(path, os.O_RDONLY)
@@ -54,41 +54,40 @@ def _opened(path: Path) -> int | None:
 
 def _lock(path: Path, folder: int) -> None:
     try:
-        fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)  # the system ends it with the process
+        fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)  # released when the process ends
     except BlockingIOError:
         raise ScenarioError(
-            f"{path} is in use by another process, which works on a study there: --out must name another folder, or "
-            "that process end first"
+            f"{path} is in use by a study in another process: wait until it ends, or name another folder with --out"
         ) from None
     except OSError:
         pass  # a file system without locks, as some network drives are
 
 
 def claim(path: Path, parts: dict[str, Any], about: dict[str, Any], *, resume: bool) -> Path:
-    """The folder: new, empty or, with `resume`, of the study of the same `parts`. Its study.json also says `about`.
+    """The folder: new, empty or, with `resume`, that of the study with the same `parts`; `about`: more of study.json.
 
-    Raises ValueError in one sentence when it is another's or cannot be written to.
+    Raises ValueError if it has other contents or cannot be written to.
     """
     manifest = path / MANIFEST
     parts = json.loads(json.dumps(parts))
     if resume and parts.get("controller", {"code": ""})["code"] is None:
         raise ScenarioError(
-            f"controller is {parts['controller']['name']}, whose code cannot be read: it must start in a new folder "
-            "and without resume, as nobody can say whether it is the one that the study was begun with"
+            f"controller is {parts['controller']['name']}, whose code cannot be read and compared: it must start in a "
+            "new folder, without resume"
         )
     if _in_use(path):
         if not manifest.is_file():
-            raise ScenarioError(f"{path} is not empty and holds no study: --out must name an empty or new folder")
+            raise ScenarioError(f"{path} is not empty and has no study: --out must be an empty or new folder")
         if not resume:
             raise ScenarioError(
-                f"{path} holds a study already: --out must name another folder, or --resume be given to finish it"
+                f"{path} already has a study: finish it with --resume, or name another folder with --out"
             )
         there = _parts(manifest)
         changed = [name for name in (parts | there) if name not in parts or there.get(name) != parts[name]]
         if changed:
             raise ScenarioError(
-                f"{path} holds another study, which differs in {' and '.join(changed)}: "
-                "a changed study must have a folder of its own"
+                f"{path} has another study, which differs in {' and '.join(changed)}: "
+                "a changed study must have its own folder"
             )
     folder = writable_folder(path)
     remove_scratch(folder)
@@ -100,7 +99,7 @@ def claim(path: Path, parts: dict[str, Any], about: dict[str, Any], *, resume: b
 
 @contextmanager
 def free_if_nothing_came(folder: Path, *, resume: bool) -> Iterator[None]:
-    """A new study that fails before it has any result, as by an error in its controller, leaves the folder empty."""
+    """Empties the folder if a new study fails before its first result, for example in its controller."""
     try:
         yield
     except Exception:
@@ -127,4 +126,4 @@ def _parts(manifest: Path) -> dict[str, Any]:
             return parts
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         pass
-    raise ScenarioError(f"{manifest} is damaged: the study must start again in another folder")
+    raise ScenarioError(f"{manifest} is damaged: start the study again in another folder")

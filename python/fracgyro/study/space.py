@@ -1,4 +1,4 @@
-"""What varies in a study: fields of a scenario, each over a range or a list of values."""
+"""The space of a study: fields of a scenario that vary, each over a range or a list of values."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ from pydantic.fields import FieldInfo
 from .. import _core
 from ..arguments import number
 from ..scenario import Scenario, ScenarioError
-from ..scenario.sentences import explained, paths, unknown
-from ..scenario.table import Table, shown
+from ..scenario.messages import paths, scenario_error, unknown
+from ..scenario.table import Table, format_value
 from ..scenario.table import field as described
-from ..simulation.outside import ControllerLike
+from ..simulation.user_controller import ControllerLike
 from .controller import check_read, is_parameter, parameter
 
-MAX_POINTS = 10**6  # of a study; also runs for one of them, and trials
+MAX_POINTS = 10**6  # points of a study; also the largest number of seeds and of trials
 
 
 @dataclass(frozen=True)
 class Dimension:
     """A field that varies: from `low` to `high`, or over `choices` (then both are 0)."""
 
-    field: str  # dotted path, as controller.order, or law.NAME
+    field: str  # dotted path, such as controller.order, or law.NAME
     low: float
     high: float
     scale: Literal["linear", "log"] = "linear"
     integer: bool = False
     choices: tuple[Any, ...] | None = None
-    steps: int | None = None  # of a grid
+    steps: int | None = None  # in a grid
 
     def at(self, u: float) -> Any:
-        """The value at `u`, 0 <= u < 1: uniform in u gives a uniform (or, scale "log", log-uniform) value."""
+        """The value at `u`, 0 <= u < 1: a uniform u gives a uniform or, with scale "log", a log-uniform value."""
         if self.choices is not None:
             return self.choices[int(u * len(self.choices))]
         low, high = self.low, self.high + (1 if self.integer else 0)
@@ -50,7 +50,7 @@ class Dimension:
             return self.choices
         low, high, parts = self.low, self.high, np.linspace(0.0, 1.0, self.steps).tolist()
         spaced = [low * _core.power(high / low, u) if self.scale == "log" else low + (high - low) * u for u in parts]
-        # To 12 digits: 0.3 is then 0.3, and can be asked for.
+        # To 12 digits, so that 0.3 is exactly 0.3.
         values = [float(f"{v:.12g}") for v in spaced]
         if self.integer:
             return tuple(dict.fromkeys(round(v) for v in values))
@@ -60,35 +60,37 @@ class Dimension:
 class Range(Table):
     """A range: low to high, or relative to the base scenario's value."""
 
-    low: float | None = described(None, "Its least value; with high.")
-    high: float | None = described(None, "Its greatest value; with low.")
+    low: float | None = described(None, "Smallest value; requires high.")
+    high: float | None = described(None, "Largest value; requires low.")
     relative: float | None = described(
-        None, "In the place of low and high: the base scenario's value, more or less by this fraction of it.", gt=0
+        None, "Instead of low and high: the base scenario's value plus or minus this fraction of it.", gt=0
     )
-    scale: Literal["linear", "log"] = described("linear", "How values are spaced or drawn; log: low > 0.")
+    scale: Literal["linear", "log"] = described(
+        "linear", "Spacing or distribution of the values; log requires low > 0."
+    )
     steps: int | None = described(
-        None, "Of a grid or a list: how many values, ends included; left out elsewhere.", ge=2, le=MAX_POINTS
+        None, "Number of values of a grid or a list, including the ends; not allowed otherwise.", ge=2, le=MAX_POINTS
     )
 
 
 def read_space(
     entries: Mapping[str, Any], base: Scenario, controller: ControllerLike | None = None
 ) -> tuple[Dimension, ...]:
-    """The dimensions that `entries` ask for, by field: { low, high, scale, steps }, { relative, steps } or a list.
+    """The dimensions in `entries`, by field: { low, high, scale, steps }, { relative, steps } or a list.
 
     law.NAME is a parameter of the controller, which must be a native.Law.
-    Raises ScenarioError in one sentence when a field is unknown or what is asked of it impossible.
+    Raises ScenarioError for an unknown field or an invalid range.
     """
     found = []
     for field, entry in flat(entries).items():
-        value_of(field, base, controller)  # raises where the law has no such parameter
+        value_of(field, base, controller)  # raises for an unknown parameter
         check_read(field, controller)
         found.append(_dimension(field, entry, base, controller))
     return tuple(found)
 
 
 def value_of(field: str, base: Scenario, controller: ControllerLike | None = None) -> Any:
-    """What the base has there. Raises ScenarioError for a parameter that the controller does not have."""
+    """The value of a field in the base scenario, or of a parameter. Raises ScenarioError for an unknown parameter."""
     if is_parameter(field):
         return parameter(field, controller)
     value: Any = base
@@ -98,7 +100,10 @@ def value_of(field: str, base: Scenario, controller: ControllerLike | None = Non
 
 
 def flat(entries: Mapping[str, Any], table: str = "") -> dict[str, Any]:
-    """By dotted field, whether it is written so, in quotes, or as TOML's nested tables. Raises ScenarioError."""
+    """Entries by dotted field, for all of TOML's notations: dotted keys, quoted keys, nested tables.
+
+    Raises ScenarioError for a key that is given twice and a value that must be a table.
+    """
     found: dict[str, Any] = {}
     for name, entry in entries.items():
         field = f"{table}.{name}" if table else name
@@ -106,7 +111,7 @@ def flat(entries: Mapping[str, Any], table: str = "") -> dict[str, Any]:
             raise ScenarioError(unknown(field, Scenario))
         deeper = field == "law" or any(path.startswith(f"{field}.") for path in paths(Scenario))
         if deeper and not isinstance(entry, Mapping):
-            raise ScenarioError(f"{field} is {shown(entry)}: it must be a table")
+            raise ScenarioError(f"{field} is {format_value(entry)}: it must be a table")
         for key, value in (flat(entry, field) if deeper else {field: entry}).items():
             if key in found:
                 raise ScenarioError(f"{key} is given twice: it must be given once")
@@ -122,18 +127,20 @@ def _dimension(field: str, entry: Any, base: Scenario, controller: ControllerLik
     if not isinstance(entry, Mapping):
         law = is_parameter(field)
         raise ScenarioError(
-            f"{field} is {shown(entry)}: it must be a list of values or "
+            f"{field} is {format_value(entry)}: it must be a list of values or "
             f"{{ low, high }} or {{ relative }}; a single value belongs to {'the law' if law else '[fixed]'}"
         )
     try:
         asked = Range(**entry)
     except ValidationError as error:
-        raise ScenarioError(f"{field}: {explained(error, Range)}") from None
+        raise ScenarioError(f"{field}: {scenario_error(error, Range)}") from None
     low, high = _ends(field, asked, base, controller)
     if not low < high:
-        raise ScenarioError(f"{field}: low is {shown(low)}: it must be less than high, which is {shown(high)}")
+        raise ScenarioError(
+            f"{field}: low is {format_value(low)}: it must be less than high, which is {format_value(high)}"
+        )
     if asked.scale == "log" and not low > 0:
-        raise ScenarioError(f'{field}: low is {shown(low)}: it must be greater than 0 when scale is "log"')
+        raise ScenarioError(f'{field}: low is {format_value(low)}: it must be greater than 0 when scale is "log"')
     integer = not is_parameter(field) and _info(field).annotation is int
     for end in (low, high):
         _valid(field, int(end) if integer and end == int(end) else end)
@@ -150,15 +157,15 @@ def _ends(field: str, asked: Range, base: Scenario, controller: ControllerLike |
     value = value_of(field, base, controller)
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < abs(value) < math.inf:
         raise ScenarioError(
-            f"{field}: relative is {shown(asked.relative)}: the base value must be a number other than 0, "
-            f"but it is {shown(value)}"
+            f"{field}: relative is {format_value(asked.relative)}: the base value must be a number other than 0, "
+            f"but it is {format_value(value)}"
         )
     ends = value * (1 - asked.relative), value * (1 + asked.relative)
     return min(ends), max(ends)
 
 
 def _given(asked: Range) -> str:
-    return shown({name: getattr(asked, name) for name in asked.model_fields_set})
+    return format_value({name: getattr(asked, name) for name in asked.model_fields_set})
 
 
 def _info(field: str) -> FieldInfo:
@@ -171,15 +178,15 @@ def _info(field: str) -> FieldInfo:
 
 
 def _valid(field: str, value: Any) -> Any:
-    """The value as the field holds it. What it means together with other fields is for the whole scenario to check."""
+    """The validated value of a field; combinations of fields are validated with the whole scenario."""
     if is_parameter(field):
         try:
             return number(field, value) + 0.0
         except (TypeError, ValueError):
-            raise ScenarioError(f"{field} is {shown(value)}: it must be a finite number") from None
+            raise ScenarioError(f"{field} is {format_value(value)}: it must be a finite number") from None
     info = _info(field)
     kind: Any = Annotated[info.annotation, info]
     try:
         return TypeAdapter(kind, config=Table.model_config).validate_python(value)
     except ValidationError as error:
-        raise explained(error, Scenario, tuple(field.split("."))) from None
+        raise scenario_error(error, Scenario, tuple(field.split("."))) from None

@@ -1,4 +1,4 @@
-"""The hashes of a study's finished files, in a file that `sha256sum --check` reads."""
+"""Hashes of a study's finished files, in the format of `sha256sum --check`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..files import whole_file
 
 
 class Sums:
-    """The hashes in the file `path`, by the names of files relative to its folder."""
+    """The hashes in the file `path`, by file names relative to its folder."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -18,11 +18,11 @@ class Sums:
         self.record()
 
     def hold(self, name: str, data: bytes) -> bool:
-        """Return whether the file has been finished with these bytes."""
+        """Returns True if the file was finished with these bytes."""
         return self._found.get(name) == hashlib.sha256(data).hexdigest()
 
     def add(self, name: str, data: bytes) -> None:
-        """To be called before the file is there: wherever a kill strikes, a file that is there has its hash."""
+        """Adds a hash. Call it before the file is created, so that every file has its hash even after a kill."""
         self._found[name] = hashlib.sha256(data).hexdigest()
         with open(self._path, "a", encoding="utf-8", errors="surrogateescape", newline="\n") as sums:
             sums.write(_line(name, self._found[name]))
@@ -34,7 +34,7 @@ class Sums:
             scratch.write_text(text, encoding="utf-8", errors="surrogateescape", newline="\n")
 
     def _recorded(self) -> dict[str, str]:
-        """{name: hash}; of two lines for one file the last, and no line that is damaged."""
+        """Hashes by file name; the last line of a file counts, and damaged lines are ignored."""
         try:
             text = self._path.read_text(encoding="utf-8", errors="surrogateescape")
         except OSError:

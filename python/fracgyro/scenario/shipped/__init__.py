@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from importlib.resources import files
 
+from ..messages import ScenarioError
 from ..scenario import Scenario
-from ..sentences import ScenarioError
 
 # Name: what it is.
 SHIPPED = {

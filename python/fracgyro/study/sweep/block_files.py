@@ -1,6 +1,6 @@
-"""The rows of a sweep in its folder: runs/block-*.parquet hold them, runs.sha256 their hashes.
+"""The rows of a sweep in its folder, in runs/block-*.parquet, with hashes in runs.sha256.
 
-Files are complete or absent. Other files in runs/ are refused, as whoever reads runs/*.parquet would read them too.
+Files are complete or absent. Other files in runs/ are refused, as a reader of runs/*.parquet would include them.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from .design import Plan
 
 RUNS = "runs"
 SUMS = "runs.sha256"
-LABEL = b"fracgyro.study"  # in the metadata of every block: the hash of its study
+LABEL = b"fracgyro.study"  # key of the study's hash in the metadata of every block
 
 
 class BlockFiles:
-    """Opened for one study, the blocks of which it takes and gives back."""
+    """Reads and writes the blocks of one study."""
 
     def __init__(self, path: str | os.PathLike[str], plan: Plan, work: list[Block], *, resume: bool) -> None:
-        """Raises ValueError in one sentence when the folder is not free, or holds another study."""
+        """Raises ValueError if the folder is not free, or has another study."""
         parts = _parts(plan, work)
         self.hash = digest(parts)
         about = {"runs": plan.runs, "blocks": len(work), "study": plan.text}
@@ -41,11 +41,11 @@ class BlockFiles:
         remove_scratch(self.runs)
         names = {_name(block) for block in work}
         if foreign := {path.name for path in self.runs.iterdir() if not path.name.startswith(".")} - names:
-            raise ScenarioError(f"{self.runs} holds {min(foreign)}, which is not part of the study: it must be removed")
+            raise ScenarioError(f"{self.runs} has {min(foreign)}, which is not part of the study: it must be removed")
         self._sums = Sums(self.path / SUMS)
 
     def finished(self, block: Block) -> bool:
-        """Whether the block lies here, byte for byte as it was written, and is of this study."""
+        """True if the block is complete, unchanged and of this study."""
         try:
             data = (self.runs / _name(block)).read_bytes()
             if not self._sums.hold(f"{RUNS}/{_name(block)}", data):
@@ -59,12 +59,12 @@ class BlockFiles:
     def write(self, block: Block, table: pa.Table) -> None:
         with whole_file(self.runs / _name(block)) as scratch:
             labelled = table.replace_schema_metadata({LABEL: self.hash.encode()})
-            with open(scratch, "wb") as file:  # of any name: pyarrow knows only those in UTF-8
+            with open(scratch, "wb") as file:  # pyarrow accepts only names in UTF-8
                 pq.write_table(labelled, file, compression="zstd", write_page_checksum=True)
             self._sums.add(f"{RUNS}/{_name(block)}", scratch.read_bytes())
 
     def read(self, work: list[Block], columns: list[str]) -> pa.Table:
-        """These columns of the blocks' rows, in order. All are finished: their hashes are put into order, too."""
+        """These columns of all blocks, which must be finished, in order; also sorts the hashes."""
         self._sums.record()
         files = ((self.runs / _name(block)).read_bytes() for block in work)
         return pa.concat_tables([pq.read_table(pa.BufferReader(data), columns=columns) for data in files])
@@ -75,7 +75,7 @@ def _name(block: Block) -> str:
 
 
 def _parts(plan: Plan, work: list[Block]) -> dict[str, Any]:
-    """Everything that the rows depend on, under the words that the study file has for it."""
+    """Everything that the rows depend on, by the names of the study file."""
     points = json.dumps(plan.points).encode()
     return {
         "the version of fracgyro": version("fracgyro"),

@@ -14,13 +14,13 @@ from ...analysis.metric_names import METRICS
 from ...scenario import Scenario
 from ...simulation.measure import measure_many
 from ...simulation.native import Law
-from ...simulation.outside import ControllerLike
+from ...simulation.user_controller import ControllerLike
 from ..controller import of_each
 from .design import Plan, scenario_of
 
-# What a kill may cost: about a second of one processor, or this many runs.
+# Largest loss if a process is killed: about a second of one processor, or this many runs.
 STEPS_PER_BLOCK, RUNS_PER_BLOCK = 2 * 10**7, 4096
-STEPS_OF_CALLABLES = 10**6  # of a block: Python takes a microsecond for each
+STEPS_OF_CALLABLES = 10**6  # per block: Python takes a microsecond per step
 
 
 @dataclass(frozen=True)
@@ -28,13 +28,13 @@ class Block:
     """Consecutive points, each with consecutive seeds."""
 
     number: int
-    first: int  # number of its first point
+    first: int  # number of the first point
     base: Scenario
-    values: list[tuple[Any, ...]]  # of the fields that vary, by point
+    values: list[tuple[Any, ...]]  # values of the varied fields, by point
     seeds: list[int]
-    columns: pa.Schema  # point, seed and the fields that vary
+    columns: pa.Schema  # point, seed and the varied fields
     thresholds: dict[str, Any]
-    controller: ControllerLike | None  # from outside
+    controller: ControllerLike | None  # a user's
 
     @property
     def name(self) -> str:
@@ -45,7 +45,7 @@ class Block:
         return len(self.values) * len(self.seeds)
 
     def keys(self) -> pa.Table:
-        """What the rows are of, one per run: the columns `columns`."""
+        """Key columns `columns`, one row per run."""
         points = np.repeat(np.arange(len(self.values)), len(self.seeds))
         parameters = [[values[i] for values in self.values] for i in range(len(self.columns) - 2)]
         arrays = [pa.array(self.first + points), pa.array(np.tile(np.array(self.seeds), len(self.values)))]
@@ -56,7 +56,7 @@ class Block:
         return pa.Table.from_arrays(arrays, schema=self.columns)
 
     def complete(self, table: pa.Table) -> bool:
-        """Whether these are the rows that `measure` makes: the keys, then every metric, all numbers."""
+        """True if the table has the rows of `measure`: the keys and every metric, all numbers."""
         keys = self.keys()
         mine, others = table.column_names[: keys.num_columns], table.column_names[keys.num_columns :]
         if mine != keys.column_names or sorted(others) != sorted({*METRICS, "diverged_at"}):
@@ -65,7 +65,7 @@ class Block:
         return numbers and bool(table.select(mine).equals(keys))
 
     def measure(self, progress: Callable[[int], object] | None = None) -> pa.Table:
-        """The keys with the metrics. What never happens is null. Runs on all processors."""
+        """The keys with the metrics, null for events that never occur. Uses all processors."""
         points = [dict(zip(self.columns.names[2:], values, strict=True)) for values in self.values]
         scenarios = [scenario_of(self.base, number, values) for number, values in enumerate(points, self.first)]
         controllers = of_each(self.controller, points)
@@ -82,7 +82,7 @@ class Block:
 
 
 def blocks(plan: Plan) -> list[Block]:
-    """The whole plan, in order: by point, then by seed."""
+    """All blocks of the plan, ordered by point, then by seed."""
     native = plan.controller is None or isinstance(plan.controller, Law)
     most = min(max((STEPS_PER_BLOCK if native else STEPS_OF_CALLABLES) // plan.facts.longest, 1), RUNS_PER_BLOCK)
     seeds = min(len(plan.seeds), most)

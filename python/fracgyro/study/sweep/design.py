@@ -1,4 +1,4 @@
-"""Which points of the space a study visits: study file -> plan."""
+"""The points of the space that a study runs: study file -> plan."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from pydantic import BeforeValidator
 
 from ...analysis.metric_names import METRICS, metric_hint
 from ...scenario import Scenario, ScenarioError
-from ...scenario.table import Table, sentence, shown
+from ...scenario.table import Table, format_value, message_error
 from ...scenario.table import field as described
 from ...scenario.toml import read_text
-from ...simulation.outside import ControllerLike
+from ...simulation.user_controller import ControllerLike
 from ..controller import fields_of_scenario
 from ..file import (
     FIXED,
@@ -35,32 +35,34 @@ from ..file import (
 )
 from ..space import MAX_POINTS, Dimension, read_space
 
-MIN_BLOCK = 16  # points, of which an interval can be made
+MIN_BLOCK = 16  # points, for a confidence interval
 SHOWN = ("rmse_steady_x", "rmse_steady_y", "error_settling_time", "rate_error_rms")
 
 
 def _show(value: Any) -> Any:
     for name in value if isinstance(value, list) else []:
         if not isinstance(name, str) or name not in METRICS:
-            raise sentence(f"show has {shown(name)}, which is not a known metric; {metric_hint(shown(name))}")
+            raise message_error(
+                f"show has {format_value(name)}, which is not a known metric; {metric_hint(format_value(name))}"
+            )
     return value
 
 
 class Design(Table):
-    """How the points are chosen."""
+    """Choice of the points."""
 
     kind: Literal["grid", "list", "random", "latin_hypercube", "sobol", "sobol_indices"] = described(
         "grid",
-        "grid: every combination; list: the lists side by side, row by row; else drawn from the ranges. "
-        "sobol_indices: in d + 2 blocks of points, d the number of fields, for Sobol's indices of each.",
+        "grid: every combination; list: the lists side by side, row by row; otherwise drawn from the ranges. "
+        "sobol_indices: d + 2 blocks of points for Sobol indices, d being the number of fields.",
     )
     points: int | None = described(
         None,
-        "How many are drawn, by sobol_indices of each block; a power of 2 for both sobol. Of grid and list left out.",
+        "Number of points drawn, for sobol_indices per block; a power of 2 for both sobol; not for grid and list.",
         ge=1,
         le=MAX_POINTS,
     )
-    seed: int = described(0, "Of what is drawn.", ge=0)
+    seed: int = described(0, "Seed of the drawn points.", ge=0)
 
 
 class Study(Table):
@@ -69,22 +71,22 @@ class Study(Table):
     title: str = described("", TITLE)
     scenario: str = described("paper", SCENARIO)
     seeds: Annotated[list[int] | None, BeforeValidator(seeds_of), SEEDS] = described(
-        None, "Noise seeds that every point runs with: a list, or their number. Left out: the scenario's own."
+        None, "Noise seeds for every point: a list, or their number. Default: the scenario's seed."
     )
     fixed: dict[str, Any] = described({}, FIXED)
     vary: dict[str, Any] = described({}, VARY)
     design: Design = Design()
     metrics: Thresholds = Thresholds()
     show: Annotated[list[Annotated[str, METRIC]], BeforeValidator(_show)] = described(
-        list(SHOWN), "Names of the metrics that the summary shows.", min_length=1
+        list(SHOWN), "Names of the metrics in the summary.", min_length=1
     )
 
 
 @dataclass
 class Facts:
-    """What is known of the scenarios of all points, which are made when they run: a million would not fit in memory."""
+    """Facts about the scenarios of all points; the scenarios are created when they run, to save memory."""
 
-    longest: int = 0  # steps
+    longest: int = 0  # steps of the longest run
     durations: set[float] = dataclasses.field(default_factory=set)
     controllers: set[str] = dataclasses.field(default_factory=set)  # kinds
     disturbances: set[str] = dataclasses.field(default_factory=set)  # kinds
@@ -101,16 +103,16 @@ class Plan:
     """A study in full: every point runs with every seed."""
 
     study: Study
-    text: str  # of the study file
+    text: str  # contents of the study file
     base: Scenario
     dimensions: tuple[Dimension, ...]
     points: list[tuple[Any, ...]]  # values of the dimensions
     facts: Facts
     seeds: list[int]
-    controller: ControllerLike | None  # from outside, in the place of the scenarios' own
+    controller: ControllerLike | None  # a user's, which replaces the scenarios' controller
 
     def scenario(self, number: int) -> Scenario:
-        """Of a point."""
+        """The scenario of a point."""
         return scenario_of(self.base, number, dict(zip(self.fields, self.points[number], strict=True)))
 
     @property
@@ -123,13 +125,13 @@ class Plan:
 
 
 def read_plan(path: str | os.PathLike[str], controller: ControllerLike | None = None) -> Plan:
-    """The study file as a plan, every point of it valid. Raises ScenarioError in one sentence when it is not."""
+    """The study file as a plan with valid points. Raises ScenarioError for an invalid file or point."""
     study = load_study(path, Study)
     base = base_scenario(study.scenario, Path(path).parent, study.fixed)
     refuse_both(study.fixed, study.vary)
     dimensions = read_space(study.vary, base, controller)
     if "disturbance.seed" in {dimension.field for dimension in dimensions}:
-        raise ScenarioError("disturbance.seed is in [vary]: it must be left to seeds, which every point runs with")
+        raise ScenarioError("disturbance.seed is in [vary]: use seeds, which apply to every point")
     points = DESIGNS[study.design.kind](study.design, dimensions)
     fields = [dimension.field for dimension in dimensions]
     facts = Facts()
@@ -138,18 +140,18 @@ def read_plan(path: str | os.PathLike[str], controller: ControllerLike | None = 
     seeds = [base.disturbance.seed] if study.seeds is None else study.seeds
     if len(seeds) > 1 and "noise" not in facts.disturbances:
         raise ScenarioError(
-            f"seeds is {shown(seeds)}: it must be one, as disturbance.kind is "
-            f"{' or '.join(map(shown, sorted(facts.disturbances)))} and nothing depends on it"
+            f"seeds is {format_value(seeds)}: it must be one seed, as no result depends on it with disturbance.kind "
+            f"{' or '.join(map(format_value, sorted(facts.disturbances)))}"
         )
     return Plan(study, read_text(path), base, dimensions, points, facts, seeds, controller)
 
 
 def scenario_of(base: Scenario, number: int, values: Mapping[str, Any]) -> Scenario:
-    """The scenario of a point. Raises ScenarioError in one sentence, with its number and values, when it cannot run."""
+    """The scenario of a point. Raises ScenarioError, with the point's number and values, if it is invalid."""
     try:
         return base.replace(fields_of_scenario(values))
     except ScenarioError as error:
-        where = ", ".join(f"{field} = {shown(value)}" for field, value in values.items())
+        where = ", ".join(f"{field} = {format_value(value)}" for field, value in values.items())
         raise ScenarioError(f"point {number} ({where}) cannot run: {error}") from None
 
 
@@ -176,14 +178,14 @@ def _list(design: Design, dimensions: tuple[Dimension, ...]) -> list[tuple[Any, 
 def _axes(design: Design, dimensions: tuple[Dimension, ...]) -> list[tuple[Any, ...]]:
     if design.points is not None:
         raise ScenarioError(
-            f"design.points is {design.points}: it must be left out when design.kind is {shown(design.kind)}"
+            f"design.points is {design.points}: it must be left out when design.kind is {format_value(design.kind)}"
         )
     axes = []
     for dimension in dimensions:
         axis = dimension.grid()
         if axis is None:
             raise ScenarioError(
-                f"{dimension.field}: steps is missing: it must be given when design.kind is {shown(design.kind)}"
+                f"{dimension.field}: steps is missing: it must be given when design.kind is {format_value(design.kind)}"
             )
         axes.append(axis)
     return axes
@@ -204,7 +206,7 @@ def _sobol(design: Design, dimensions: tuple[Dimension, ...]) -> list[tuple[Any,
 
 
 def _sobol_indices(design: Design, dimensions: tuple[Dimension, ...]) -> list[tuple[Any, ...]]:
-    """A, B and, for each field i, AB_i: A with the values of that field from B."""
+    """Blocks A, B and, for each field i, AB_i: A with the values of that field from B."""
     most = MAX_POINTS // (len(dimensions) + 2)
     if design.points is not None and not MIN_BLOCK <= design.points <= most:
         raise ScenarioError(
@@ -236,12 +238,12 @@ def _sampled(
 ) -> list[tuple[Any, ...]]:
     _some(design, dimensions)
     if design.points is None:
-        raise ScenarioError(f"design.points is missing: {shown(design.kind)} must have a number of points")
+        raise ScenarioError(f"design.points is missing: {format_value(design.kind)} must have a number of points")
     for dimension in dimensions:
         if dimension.steps is not None:
             raise ScenarioError(
                 f"{dimension.field}: steps is {dimension.steps}: it must be left out when design.kind is "
-                f"{shown(design.kind)}"
+                f"{format_value(design.kind)}"
             )
     samples = unit_cube(design.points, len(dimensions), np.random.default_rng(design.seed))
     return [tuple(d.at(float(u)) for d, u in zip(dimensions, row, strict=True)) for row in samples]

@@ -1,4 +1,4 @@
-"""What the rows say: means and quantiles along one field, over pairs of fields, and the best points."""
+"""Statistics of the rows: means and quantiles along one field, over pairs of fields, and the best points."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from ..space import Dimension
 from .design import Plan
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
-MAX_BINS, RUNS_PER_BIN = 8, 8  # along a field without levels
+MAX_BINS, RUNS_PER_BIN = 8, 8  # for a field without levels
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Rows:
-    """The rows as columns. A metric is NaN where the run never did what it measures; diverged runs are for `kept`."""
+    """The rows as columns. A metric is NaN if its event never occurred; `kept` excludes diverged runs."""
 
     plan: Plan
     table: pa.Table
@@ -36,7 +36,7 @@ class Rows:
 
     @property
     def sampled(self) -> bool:
-        """Whether the points are a random sample of the space."""
+        """True if the points are a random sample of the space."""
         return self.plan.study.design.kind in ("random", "latin_hypercube", "sobol", "sobol_indices")
 
     @property
@@ -44,16 +44,16 @@ class Rows:
         return int((~self.kept).sum())
 
     def metric(self, name: str) -> Array:
-        """NaN also where the run diverged."""
+        """Values of a metric, NaN also for diverged runs: (runs,)."""
         return np.where(self.kept, _column(self.table, name), np.nan)
 
     def by_point(self, name: str) -> Array:
-        """The metric, (point, seed)."""
+        """Values of a metric: (points, seeds)."""
         order = np.lexsort((np.array(self.table["seed"]), np.array(self.table["point"])))
         return self.metric(name)[order].reshape(len(self.plan.points), -1)
 
     def independent(self) -> Rows:
-        """Those of points that are independent: of a design for Sobol indices blocks A and B, otherwise all."""
+        """Rows of independent points: blocks A and B of a design for Sobol indices, otherwise all."""
         if self.plan.study.design.kind != "sobol_indices":
             return self
         count = 2 * len(self.plan.points) // (len(self.plan.dimensions) + 2)
@@ -61,19 +61,19 @@ class Rows:
         return Rows.of(plan, self.table.filter(pc.less(self.table["point"], count)))
 
     def units(self) -> NDArray[np.int64]:
-        """What varies independently from one mean to the next: the points of a sample, otherwise the seeds."""
+        """Index of the independent unit of each row: its point in a random sample, otherwise its seed."""
         name = "point" if self.sampled else "seed"
         return np.unique(_column(self.table, name), return_inverse=True)[1].astype(np.int64)
 
 
 @dataclass(frozen=True)
 class Axis:
-    """A field cut into levels or bins."""
+    """A field divided into levels or bins."""
 
     field: str
-    names: list[str]  # of the levels or bins
-    places: Array  # of the levels or middles of the bins: values, or 0, 1, 2 ... where those are not numbers
-    edges: Array | None  # of the bins
+    names: list[str]  # names of the levels or bins
+    places: Array  # values of the levels or centers of the bins; 0, 1, 2 ... for values that are not numbers
+    edges: Array | None  # edges of the bins
     log: bool
     numeric: bool
     index: NDArray[np.int64]  # level or bin of each row
@@ -84,9 +84,9 @@ class Effect:
     """A metric along an axis."""
 
     axis: Axis
-    means: list[Mean | None]  # None: nothing is left
-    partial: list[bool]  # some runs were left out
-    quantiles: Array | None  # (QUANTILES, place); never counts as longest; None unless the design is random
+    means: list[Mean | None]  # None: no run has a value
+    partial: list[bool]  # True: some runs were excluded
+    quantiles: Array | None  # (QUANTILES, place); "never" counts as infinite; None unless the design is random
 
 
 @dataclass(frozen=True)
@@ -95,18 +95,18 @@ class Cells:
 
     across: Axis
     up: Axis
-    values: Array  # (up, across); NaN: nothing is left, or nothing is there
+    values: Array  # (up, across); NaN: no run has a value
     partial: NDArray[np.bool_]
-    empty: NDArray[np.bool_]  # no run lies there
+    empty: NDArray[np.bool_]  # True: no run
 
 
 @dataclass(frozen=True)
 class Best:
-    """A point all of whose runs count."""
+    """A point without diverged runs and missing values."""
 
     point: int
     values: tuple[Any, ...]
-    means: list[Mean]  # of the metrics shown
+    means: list[Mean]  # means of the shown metrics
 
 
 def axis(rows: Rows, dimension: Dimension, bins: int) -> Axis:
@@ -167,7 +167,7 @@ def quantiles(rows: Rows, name: str) -> Array:
 
 
 def rank_correlation(rows: Rows, name: str, dimension: Dimension) -> float:
-    """Spearman's, between the values of a numeric field and the means of the points; NaN where there are too few."""
+    """Spearman correlation between a numeric field and the means of the points; NaN for too few points."""
     place = rows.plan.dimensions.index(dimension)
     metric, points = rows.metric(name), np.array(rows.table["point"])
     left = ~np.isnan(metric)
@@ -181,8 +181,10 @@ def rank_correlation(rows: Rows, name: str, dimension: Dimension) -> float:
 
 
 def best(rows: Rows, name: str, shown: Sequence[str], count: int) -> tuple[list[Best], int]:
-    """The `count` points of the least mean magnitude of the metric, and how many of all points were eligible:
-    those of which no run diverged or is without the metric."""
+    """The `count` points with the smallest mean magnitude of the metric, and the number of eligible points.
+
+    A point is eligible if none of its runs diverged or lacks the metric.
+    """
     by_point = {metric: rows.by_point(metric) for metric in {name, *shown}}
     means = np.abs(by_point[name].mean(axis=1))  # NaN unless all runs count
     ranked = np.argsort(means, kind="stable")[: min(count, int(np.isfinite(means).sum()))]
@@ -197,7 +199,7 @@ def _column(table: pa.Table, name: str) -> Array:
 
 
 def _ranks(values: Array) -> Array:
-    """From 1; equal values share their mean rank."""
+    """Ranks from 1; equal values share their mean rank."""
     _, place, counts = np.unique(values, return_inverse=True, return_counts=True)
     return np.asarray((np.cumsum(counts) - 0.5 * (counts - 1))[place])
 
@@ -212,7 +214,7 @@ def _even(values: Array) -> bool:
 
 
 def _mean(values: Array, units: NDArray[np.int64]) -> Mean | None:
-    """Of the means of the units, which are independent of each other."""
+    """Mean with its interval over the independent units."""
     if not len(values):
         return None
     sums, counts = np.bincount(units, values), np.bincount(units)
@@ -220,6 +222,6 @@ def _mean(values: Array, units: NDArray[np.int64]) -> Mean | None:
 
 
 def _quantiles(rows: Rows, name: str, here: NDArray[np.bool_]) -> Array:
-    """Of the runs that did not diverge; those that never did what the metric measures count as infinite."""
+    """Quantiles of the runs that did not diverge; "never" counts as infinite."""
     values = np.where(np.isnan(rows.metric(name)), np.inf, rows.metric(name))[here & rows.kept]
     return np.quantile(values, QUANTILES, method="inverted_cdf") if len(values) else np.full(len(QUANTILES), np.nan)

@@ -1,4 +1,4 @@
-"""The figures of a summary, as SVG."""
+"""Plots of a summary, as SVG."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from .effects import QUANTILES, Axis, Cells, Effect
 
 INK = "#0072B2"
 ACROSS = 4  # panels side by side
-WIDE_RANGE = 30.0  # from here on a logarithmic scale
-MAX_WRITTEN = 12  # cells along a side of a heat map that still have their numbers written in
+WIDE_RANGE = 30.0  # largest over smallest value, above which the scale is logarithmic
+MAX_WRITTEN = 12  # cells per side of a heat map, up to which their values are written
 
 
 def label(metric: str, power: int = 0) -> str:
-    """Words and unit of a metric, or of 10^-power of it."""
+    """Label of a metric with its unit, scaled by 10^power."""
     words, unit = METRICS[metric]
     factor = f"10{str(power).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))}" if power else ""
     inside = " ".join(part for part in (factor, unit) if part)
@@ -33,7 +33,7 @@ def label(metric: str, power: int = 0) -> str:
 
 
 def power_of(values: NDArray[np.float64]) -> int:
-    """The power of ten to write next to these numbers instead of in each; 0 for numbers easily read as they are."""
+    """Common power of ten for a label; 0 for numbers that are easy to read without one."""
     largest = np.abs(values[np.isfinite(values)]).max(initial=0.0)
     power = int(np.floor(np.log10(largest))) if largest > 0 else 0
     return power if not -2 <= power <= 2 else 0
@@ -61,7 +61,7 @@ def effects_chart(metric: str, effects: Sequence[Effect]) -> str:
 
 
 def heat_map(metric: str, cells: Cells, limits: tuple[float, float]) -> str:
-    """A metric over two fields. `limits`: the least and the greatest value on the scale of colors."""
+    """A metric over two fields. `limits`: smallest and largest value of the color scale."""
     low, high = limits
     log = low > 0 and high > WIDE_RANGE * low
     power = power_of(np.array([low] if log else limits))
@@ -94,9 +94,9 @@ def heat_map(metric: str, cells: Cells, limits: tuple[float, float]) -> str:
 
 
 def numbers(metric: str, effects: Sequence[Effect], maps: Sequence[Cells], *, sampled: bool) -> str:
-    """What the figures of a metric show, as CSV: along each field, then over each pair of fields."""
+    """Data of a metric's plots, as CSV: along each field, then over each pair of fields."""
     what = label(metric)
-    header = ["field", "value (of a bin: its middle)", "second field", "its value", f"mean of {what}"]
+    header = ["field", "value (of a bin: its center)", "second field", "its value", f"mean of {what}"]
     header += ["low end of its 95 % interval", "high end"]
     header += [f"{100 * q:g} % quantile" for q in QUANTILES] if sampled else []
     rows: list[list[Any]] = []
@@ -117,7 +117,7 @@ def _places(axis: Axis) -> list[Any]:
 
 
 def correlation_chart(metrics: Sequence[str], fields: Sequence[str], values: NDArray[np.float64]) -> str:
-    """Rank correlations, (metric, field)."""
+    """Rank correlations `values`, (metrics, fields)."""
     with own_style():
         figure = Figure(figsize=(WIDTH * MM, (24 + 7 * len(metrics)) * MM), layout="constrained")
         panel = figure.add_subplot()
@@ -188,7 +188,7 @@ def _finite(effect: Effect) -> NDArray[np.float64]:
 
 
 def _ticks(panel: Axes, axis: Axis, side: str) -> None:
-    """Of a heat map, whose levels and bins are all one wide."""
+    """Ticks of a heat map, whose levels and bins have equal width."""
     if axis.edges is not None:
         every = -(-len(axis.edges) // 6)
         at: Any = np.arange(len(axis.edges))[::every]
@@ -210,15 +210,15 @@ def _tick(value: float, _: object = None) -> str:
 
 
 def _short(value: float) -> str:
-    """Two digits, in as few characters as may be."""
+    """Two digits, in as few characters as possible."""
     return f"{value:.2g}".replace("0.", ".", 1) if abs(value) < 100 else f"{value:.0f}"
 
 
 def _broken(name: str) -> str:
-    """Over several lines."""
+    """A name over several lines."""
     return name.replace("_", "_\n").replace(".", ".\n") if any(c.isalpha() for c in name[1:2]) else name
 
 
 def _width(name: str) -> int:
-    """Characters of its longest line."""
+    """Characters of the longest line."""
     return max(map(len, _broken(name).split("\n")))

@@ -12,8 +12,8 @@ from pathlib import Path
 import pyarrow as pa
 
 from ...files import whole_file
-from ...scenario.table import shown
-from ...simulation.outside import ControllerLike
+from ...scenario.table import format_value
+from ...simulation.user_controller import ControllerLike
 from ..cluster import connected, measured_there
 from ..folder import free_if_nothing_came, locked
 from .block_files import BlockFiles
@@ -26,15 +26,15 @@ from .summary import write_summary
 
 @dataclass(frozen=True)
 class Sweep:
-    """Where the rows and their summary are, and what it took."""
+    """Result of a sweep: paths of the rows and the summary, counts and time."""
 
     data: Path  #: folder of Parquet files
     summary: Path
     runs: int
-    resumed: int  #: of the runs: found finished
+    resumed: int  #: runs that were already finished
     diverged: int
     seconds: float
-    sensitivity: Sensitivity | None = None  #: of the design sobol_indices
+    sensitivity: Sensitivity | None = None  #: only for the design sobol_indices
 
 
 def sweep(
@@ -46,19 +46,20 @@ def sweep(
     scheduler: str | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> Sweep:
-    """Every run of the study file, as Parquet in the folder `out`/runs, and `out`/summary.html.
+    """Runs a study file. Writes the rows as Parquet into `out`/runs, and `out`/summary.html.
 
-    The design sobol_indices also writes `out`/indices.csv.
-    The rows are the same whatever the processors, the interruptions and their order. `controller`, in the place of the
-    scenarios' own: as in `fracgyro.simulate`. Parameters of a native.Law may vary in the study, as `law.NAME`.
-    study.json says which controller it was: its name, its parameters, and the hash of its code, of what it takes from
-    its own package and of its attributes, or of the library that a C function lies in. `resume`: finish what lies in
-    `out`, with the same controller. `scheduler`: the address of a Dask cluster to run on, without a controller; left
-    out, this machine. `progress` is called with (runs finished, all runs).
+    The design sobol_indices also writes `out`/indices.csv. The rows do not depend on the processors, interruptions or
+    execution order.
 
-    Raises ValueError in one sentence: a bad study, before anything runs; an `out` that is in use, or holds another
-    study or one of another controller; a cluster that cannot be reached or keeps failing; and what `simulate` raises of
-    a controller.
+    `controller`: replaces the scenarios' controllers, as in `fracgyro.simulate`. Parameters of a native.Law may vary in
+    the study, as `law.NAME`. study.json identifies the controller by its name, parameters, and a hash of its code, its
+    attributes and everything it uses from its own package, or of a C function's library. `resume`: finish the study in
+    `out`, with the same controller. `scheduler`: address of a Dask cluster, without a controller; by default this
+    machine is used. `progress`: called with (runs finished, all runs).
+
+    Raises ValueError for an invalid study, before anything runs; an `out` that is in use or has another study or
+    controller; a cluster that cannot be reached or fails repeatedly; also the errors that `simulate` raises for a
+    controller.
 
     >>> with open("orders.toml", "w") as file:
     ...     print("fixed.run.duration = 12.0", file=file)
@@ -69,7 +70,8 @@ def sweep(
     begin = time.perf_counter()
     if controller is not None and scheduler is not None:
         raise ValueError(
-            f"scheduler is {shown(scheduler)}: it must be left out, as a controller from outside runs where it is made"
+            f"scheduler is {format_value(scheduler)}: it must be left out, as a user's controller runs only in this "
+            "process"
         )
     plan = read_plan(study, controller)
     work = blocks(plan)

@@ -16,7 +16,7 @@ from ...files import whole_file
 from ...scenario import Scenario
 from ...scenario.kinds import reports
 from ...scenario.table import toml_value
-from ...simulation.outside import controller_words
+from ...simulation.user_controller import controller_words
 from ..controller import is_parameter
 from ..space import Dimension
 from . import effects, plots
@@ -25,19 +25,19 @@ from .effects import QUANTILES, Rows
 from .indices import Sensitivity
 
 BEST = 5  # points listed for each metric
-MAX_MAPPED = 4  # fields: more make more maps than anyone looks at
+MAX_MAPPED = 4  # fields, up to which pairs are drawn as heat maps
 DESIGN_WORDS = {
     "grid": "every combination of the values",
     "list": "the listed values side by side",
     "random": "a random sample",
     "latin_hypercube": "a Latin hypercube sample",
     "sobol": "a scrambled Sobol sample",
-    "sobol_indices": "the blocks of a scrambled Sobol sample that Sobol’s indices need",
+    "sobol_indices": "a scrambled Sobol sample in blocks for Sobol indices",
 }
 
 
 def write_summary(path: Path, rows: Rows, sensitivity: Sensitivity | None) -> None:
-    """Writes `path` from all rows of the plan."""
+    """Writes the page of all rows of the plan to `path`."""
     plan, sample = rows.plan, rows.independent()
     numeric = [d for d in plan.dimensions if effects.axis(rows, d, 2).numeric]
     correlated = rows.sampled and len(numeric) > 1
@@ -49,7 +49,7 @@ def write_summary(path: Path, rows: Rows, sensitivity: Sensitivity | None) -> No
         plan=plan,
         base=BASE_WORDS.get(plan.study.scenario, f"from {plan.study.scenario}"),
         fixed=plan.study.fixed,
-        outside=controller_words(plan.controller),
+        user_controller=controller_words(plan.controller),
         design=DESIGN_WORDS[plan.study.design.kind],
         durations=" or ".join(f"{d:g}" for d in sorted(plan.facts.durations)[:9]),
         sampled=rows.sampled,
@@ -74,7 +74,7 @@ BASE_WORDS = {"paper": "the paper's, corrected", "paper-printed": "the paper's, 
 
 
 def _metric(rows: Rows, sample: Rows, name: str) -> dict[str, Any]:
-    """Everything that the page says of one metric; `sample`: the rows of points that are independent."""
+    """Values of the page for one metric; `sample`: rows of independent points."""
     plan, values = rows.plan, rows.metric(name)
     never = int((np.isnan(values) & rows.kept).sum())
     found, eligible = effects.best(rows, name, plan.study.show, BEST)
@@ -108,7 +108,7 @@ def _metric(rows: Rows, sample: Rows, name: str) -> dict[str, Any]:
     }
 
 
-# By the first word of a metric's name: what it is of, among what controllers report.
+# Channel of a metric, by the first word of the metric's name.
 REPORTS = {
     "rate": "rate_estimate",
     "damping": "damping_estimate",
@@ -119,7 +119,7 @@ REPORTS = {
 
 
 def _reported(plan: Plan, name: str, found: bool) -> bool:
-    """Whether a controller of the study reports what the metric is of; `found`: some run has it."""
+    """True if a controller of the study reports the metric's channel; `found`: some run has the metric."""
     channel = REPORTS.get(name.partition("_")[0])
     if channel is None or plan.controller is not None:
         return channel is None or found
@@ -135,7 +135,7 @@ def _correlation(rows: Rows, numeric: list[Dimension]) -> dict[str, str]:
 
 
 def _diverged_where(rows: Rows) -> list[tuple[str, list[tuple[str, int, int]]]]:
-    """By field: level or bin, diverged runs, all runs there."""
+    """For each field: level or bin, diverged runs, all runs."""
     where = []
     for dimension in rows.plan.dimensions:
         axis = effects.axis(rows, dimension, 5)
@@ -147,7 +147,7 @@ def _diverged_where(rows: Rows) -> list[tuple[str, list[tuple[str, int, int]]]]:
 
 
 def _field(dimension: Dimension) -> tuple[str, str, str]:
-    """Its name, what it takes, what it is."""
+    """Name, values and meaning of a field."""
     model: Any = Scenario
     meaning = "a parameter of the controller" if is_parameter(dimension.field) else ""
     for name in [] if meaning else dimension.field.split("."):
@@ -171,7 +171,7 @@ def _number(value: float) -> str:
 
 
 def _means(means: list[Mean], name: str) -> tuple[str, list[str]]:
-    """A column of a table: its heading, and its cells with their intervals, if they have any."""
+    """Heading and cells of a table column, with intervals if available."""
     power = plots.power_of(np.array([mean.mean for mean in means]))
     cells = []
     for mean in means:

@@ -1,1 +1,1 @@
-"""A tuning: the best parameters that a search finds, judged on seeds that it has not seen. Page one: run.py."""
+"""A tuning: search for the best parameters, validated on unseen seeds. Entry point: run.py."""

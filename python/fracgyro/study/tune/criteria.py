@@ -1,4 +1,4 @@
-"""What a scenario is judged by: a statistic of a metric over noise seeds."""
+"""Objectives and constraints: statistics of metrics over noise seeds."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from pydantic import AfterValidator, ConfigDict, WithJsonSchema, model_validator
 
 from ...analysis.metric_names import METRICS, metric_hint
 from ...scenario import Scenario
-from ...scenario.table import Table, field, sentence, shown
+from ...scenario.table import Table, field, format_value, message_error
 from ...simulation.measure import measure_many
 from ...simulation.native import Law
-from ...simulation.outside import ControllerLike
+from ...simulation.user_controller import ControllerLike
 from ..file import METRIC
 
 Values = NDArray[np.float64]
@@ -28,15 +28,15 @@ STATISTIC = WithJsonSchema({"type": "string", "pattern": rf"^({'|'.join(STATISTI
 
 def _metric(name: str) -> str:
     if name not in METRICS:
-        raise sentence(f"metric is {shown(name)}, which is not a known metric; {metric_hint(name)}")
+        raise message_error(f"metric is {format_value(name)}, which is not a known metric; {metric_hint(name)}")
     return name
 
 
 def _statistic(text: str) -> str:
     if text not in STATISTICS and _quantile(text) is None:
-        raise sentence(
-            f"statistic is {shown(text)}: it must be mean, median, max, or quantile and a number between 0 and 1, "
-            'as "quantile 0.95"'
+        raise message_error(
+            f"statistic is {format_value(text)}: it must be mean, median, max, or quantile and a number between 0 and "
+            '1, as "quantile 0.95"'
         )
     return text
 
@@ -51,11 +51,11 @@ def _quantile(text: str) -> float | None:
 
 
 class Objective(Table):
-    """A statistic of a metric over the seeds, the smaller the better. Of signed metrics the magnitude counts."""
+    """A statistic of a metric over the seeds, to be minimized. For signed metrics the magnitude counts."""
 
-    metric: Annotated[str, AfterValidator(_metric), METRIC] = field(..., "Name of a metric, as rmse_steady_x.")
+    metric: Annotated[str, AfterValidator(_metric), METRIC] = field(..., "Name of a metric, such as rmse_steady_x.")
     statistic: Annotated[str, AfterValidator(_statistic), STATISTIC] = field(
-        "mean", 'Over the seeds: mean, median, max, or a quantile, as "quantile 0.95".'
+        "mean", 'Statistic over the seeds: mean, median, max, or a quantile, such as "quantile 0.95".'
     )
 
     @property
@@ -63,7 +63,7 @@ class Objective(Table):
         return f"{self.statistic} of {self.metric}"
 
     def of(self, values: Values) -> float:
-        """The statistic; infinite where a value that it needs is NaN, i.e. never came about."""
+        """The statistic; infinite if a value that it needs is NaN, meaning never."""
         sizes = np.where(np.isnan(values), np.inf, np.abs(values))
         with np.errstate(invalid="ignore"):
             level = _quantile(self.statistic)
@@ -72,26 +72,26 @@ class Objective(Table):
 
 
 class Constraint(Objective):
-    """An objective that must only stay within a limit: a number, or a multiple of the base scenario's own value."""
+    """A statistic with a limit: a number, or a multiple of the base scenario's value."""
 
     model_config = ConfigDict(
         json_schema_extra={"oneOf": [{"required": [limit]} for limit in ("at_most", "at_most_base")]}
     )
 
-    at_most: float | None = field(None, "The limit of the statistic; exactly one of this and at_most_base is given.")
-    at_most_base: float | None = field(None, "The limit as a multiple of the base scenario's own value.")
+    at_most: float | None = field(None, "Limit of the statistic; give exactly one of at_most and at_most_base.")
+    at_most_base: float | None = field(None, "Limit as a multiple of the base scenario's value.")
 
     @model_validator(mode="after")
     def _check(self) -> Self:
         if (self.at_most is None) == (self.at_most_base is None):
             given = "neither" if self.at_most is None else "both"
-            raise sentence(
+            raise message_error(
                 f"the constraint on {self.metric} has {given} of at_most and at_most_base: it must have exactly one"
             )
         return self
 
     def limit(self, base: Measured) -> float:
-        """The limit, on the seeds that the base scenario was measured on."""
+        """The limit, on the seeds of `base`."""
         if self.at_most_base is None:
             assert self.at_most is not None
             return self.at_most
@@ -100,7 +100,7 @@ class Constraint(Objective):
 
 @dataclass(frozen=True)
 class Measured:
-    """The metrics of one scenario, by name and seed; NaN in runs that diverged."""
+    """Metrics of one scenario, by name and seed; NaN for diverged runs."""
 
     metrics: dict[str, Values]
     diverged: NDArray[np.bool_]
@@ -113,7 +113,7 @@ def measure(
     progress: Callable[[int], object] | None = None,
     controller: ControllerLike | Sequence[Law] | None = None,
 ) -> list[Measured]:
-    """Every scenario with every seed, all in one call of `measure_many`."""
+    """Metrics of every scenario with every seed, from one call of `measure_many`."""
     runs = measure_many(scenarios, seeds=seeds, controller=controller, progress=progress, **thresholds)
     diverged = np.isfinite(runs["diverged_at"].values).reshape(len(scenarios), len(seeds))
     columns = {}
@@ -129,19 +129,19 @@ def measure(
 
 @dataclass(frozen=True)
 class Score:
-    """A scenario by the criteria of a study."""
+    """Objectives and constraints of a scenario."""
 
     objectives: tuple[float, ...]
-    constraints: tuple[float, ...]  # the statistics that have limits
-    excess: tuple[float, ...]  # of each over its limit, relative to it; kept when <= 0
-    diverged: float  # share of the seeds
+    constraints: tuple[float, ...]  # statistics with limits
+    excess: tuple[float, ...]  # excess of each statistic over its limit, relative to the limit; met if <= 0
+    diverged: float  # fraction of the seeds
 
     @property
     def feasible(self) -> bool:
         return self.diverged == 0 and bool(np.isfinite(self.objectives).all()) and max(self.excess, default=0.0) <= 0
 
 
-NEVER = 1e6  # the excess of what is infinite
+NEVER = 1e6  # excess of an infinite statistic
 
 
 def score(

@@ -1,6 +1,6 @@
-"""A tuned scenario against its base on noise seeds that the search has never seen.
+"""A tuned scenario compared with its base on noise seeds that the search has not used.
 
-The best of many trials looks better on the seeds that chose it than it is (the winner's curse): only these seeds count.
+On the seeds of the search the best of many trials is biased (the winner's curse): only the held-out seeds count.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ RESAMPLES = 2000  # for the interval of a statistic other than the mean
 
 @dataclass(frozen=True)
 class Objected:
-    """An objective of the tuned and of the base scenario, on the seeds of the search and on those held out."""
+    """An objective of the tuned and the base scenario, on the search seeds and on the held-out seeds."""
 
     label: str
     metric: str
@@ -34,12 +34,12 @@ class Objected:
     base: float
     tuned: float
     difference: Mean  #: tuned - base on the held-out seeds, paired by seed
-    verdict: Literal["confirmed", "refuted", "undecided"]  #: is it less than the base's? By the interval
+    verdict: Literal["confirmed", "refuted", "undecided"]  #: improvement over the base, decided by the interval
 
 
 @dataclass(frozen=True)
 class Constrained:
-    """A constraint on the tuned scenario, on the seeds of the search and on those held out."""
+    """A constraint on the tuned scenario, on the search seeds and on the held-out seeds."""
 
     label: str
     metric: str
@@ -52,7 +52,7 @@ class Constrained:
 
 @dataclass(frozen=True)
 class Compared:
-    """A metric's mean over the held-out seeds in which it came about, and how many it did not."""
+    """A metric's mean over the held-out seeds with a value, and the number of seeds without one."""
 
     metric: str
     words: str
@@ -61,16 +61,16 @@ class Compared:
     tuned: float
     never_base: int
     never_tuned: int
-    difference: Mean | None  #: paired, over the seeds in which both came about; None when there are fewer than two
+    difference: Mean | None  #: paired, over the seeds with both values; None for fewer than two
 
     @property
     def neutral(self) -> bool:
-        """The bounds are states of the controller: neither more nor less of them is better."""
+        """True for bound estimates: they are states of the controller, neither better nor worse if smaller."""
         return self.metric.startswith("bound_")
 
     @property
     def verdict(self) -> Literal["better", "worse", ""]:
-        """By the interval, or by how often it came about when that differs."""
+        """Verdict by the interval, or by the number of seeds with a value if that differs."""
         if self.never_base != self.never_tuned:
             return "better" if self.never_tuned < self.never_base else "worse"
         if self.difference is None or self.difference.low <= 0 <= self.difference.high:
@@ -80,7 +80,7 @@ class Compared:
 
 @dataclass(frozen=True)
 class HoldOut:
-    """A tuned scenario and its base, on seeds that the search did not see."""
+    """A tuned scenario and its base on the held-out seeds."""
 
     objectives: list[Objected]
     constraints: list[Constrained]
@@ -90,7 +90,7 @@ class HoldOut:
 
 
 def hold_out(plan: Plan, search: Search, chosen: Trial, tuned: Scenario, progress: Callable[[int], object]) -> HoldOut:
-    """Both scenarios with every held-out seed."""
+    """Compares both scenarios on every held-out seed."""
     controllers = of_each(plan.controller, [{}, chosen.values])
     base, mine = measure([plan.base, tuned], plan.held_out, plan.thresholds, progress, controllers)
     file = plan.file
@@ -122,7 +122,7 @@ def _objected(objective: Objective, base: Measured, mine: Measured, own: float, 
 
 
 def _gap(objective: Objective, theirs: Values, ours: Values) -> Mean:
-    """The statistic's difference: for the mean Student's interval, for others a paired bootstrap's."""
+    """Difference of the statistic, with Student's interval for the mean and a paired bootstrap for others."""
     gap = objective.of(ours) - objective.of(theirs)
     if not math.isfinite(gap):
         return Mean(gap, -math.inf, math.inf)

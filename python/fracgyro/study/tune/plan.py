@@ -1,4 +1,4 @@
-"""The study file of `fracgyro tune`: which fields may change, and what is better."""
+"""The study file of `fracgyro tune`: varied fields, objectives and constraints."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from pydantic import BeforeValidator, Field
 
 from ...files import one_line
 from ...scenario import Scenario, ScenarioError
-from ...scenario.table import Table, shown
+from ...scenario.table import Table, format_value
 from ...scenario.table import field as described
 from ...scenario.toml import read_text
 from ...simulation.native import Law
-from ...simulation.outside import ControllerLike
+from ...simulation.user_controller import ControllerLike
 from ..controller import fields_of_scenario, of_each, recorded
 from ..file import (
     FIXED,
@@ -38,29 +38,29 @@ from ..folder import digest
 from ..space import MAX_POINTS, Dimension, read_space, value_of
 from .criteria import Constraint, Measured, Objective, measure
 
-DIGITS = 4  # significant ones of a tuned value: nobody sets a gain more finely
+DIGITS = 4  # significant digits of a tuned value
 
 
 class Tune(Table):
-    """How the search goes."""
+    """Settings of the search."""
 
     sampler: Literal["tpe", "cmaes", "nsga2"] = described(
-        "tpe", "Optuna's; cmaes: for one objective and ranges only; nsga2: for several objectives."
+        "tpe", "Sampler of Optuna; cmaes: only for one objective and ranges; nsga2: for several objectives."
     )
-    trials: int = described(400, "How many.", ge=1, le=MAX_POINTS)
-    seed: int = described(1, "Of the sampler.", ge=0)
+    trials: int = described(400, "Number of trials.", ge=1, le=MAX_POINTS)
+    seed: int = described(1, "Seed of the sampler.", ge=0)
     batch: int | None = described(
         None,
-        "Trials proposed together, the population of cmaes and nsga2. Left out: 1 for tpe, 32 for nsga2, Hansen's for "
+        "Trials proposed together, the population of cmaes and nsga2. Default: 1 for tpe, 32 for nsga2, Hansen's for "
         "cmaes.",
         ge=2,
         le=MAX_POINTS,
     )
     held_out_seeds: int = described(
-        200, "Noise seeds, after the greatest of seeds, that judge what was chosen.", ge=2, le=MAX_POINTS
+        200, "Number of noise seeds, after the largest of seeds, that validate the result.", ge=2, le=MAX_POINTS
     )
     storage: str | None = described(
-        None, "Address of a database, as SQLAlchemy has it, that keeps the trials. Left out: study.db in the folder."
+        None, "Address of the database of trials, in SQLAlchemy's syntax. Default: study.db in the folder."
     )
 
 
@@ -70,7 +70,7 @@ class TuningFile(Table):
     title: str = described("", TITLE)
     scenario: str = described("paper", SCENARIO)
     seeds: Annotated[list[int], BeforeValidator(seeds_of), SEEDS] = described(
-        list(range(8)), "Noise seeds that every trial runs with: a list, or their number."
+        list(range(8)), "Noise seeds for every trial: a list, or their number."
     )
     fixed: dict[str, Any] = described({}, FIXED)
     vary: dict[str, Any] = described({}, VARY)
@@ -84,14 +84,14 @@ class TuningFile(Table):
 class Plan:
     """A tuning study in full."""
 
-    name: str  # of the file
+    name: str  # name of the file
     text: str
     file: TuningFile
     base: Scenario
     dimensions: tuple[Dimension, ...]
     held_out: list[int]
-    controller: ControllerLike | None  # from outside, in the place of the scenario's own
-    joined: bool = False  # Optuna is given one objective: the mean of the logarithms
+    controller: ControllerLike | None  # a user's, which replaces the scenario's controller
+    joined: bool = False  # combine the objectives for Optuna: the mean of their logarithms
 
     @property
     def batch(self) -> int:
@@ -104,18 +104,18 @@ class Plan:
         return self.file.metrics.model_dump()
 
     def scenario(self, values: dict[str, Any]) -> Scenario | None:
-        """The base with these values, or None when they make no valid scenario together."""
+        """The base with these values, or None if the combination is invalid."""
         try:
             return self.base.replace(fields_of_scenario(values))
         except ScenarioError:
             return None
 
     def controllers(self, points: Sequence[dict[str, Any]]) -> ControllerLike | Sequence[Law] | None:
-        """Those from outside for scenarios of these values."""
+        """A user's controllers for scenarios with these values, or None."""
         return of_each(self.controller, points)
 
     def measure(self, points: Sequence[dict[str, Any]], progress: Callable[[int], object]) -> list[Measured | None]:
-        """Of each the runs of all seeds of training, or None where its values make no valid scenario."""
+        """Metrics of each point on the search seeds, or None for an invalid combination of values."""
         scenarios = [self.scenario(point) for point in points]
         pairs = [(s, point) for s, point in zip(scenarios, points, strict=True) if s is not None]
         seeds = self.file.seeds
@@ -127,7 +127,7 @@ class Plan:
         return [None if scenario is None else next(found) for scenario in scenarios]
 
     def base_values(self) -> dict[str, Any] | None:
-        """The base scenario as a point of the space, or None when it lies outside."""
+        """The base scenario as a point of the space, or None if it is outside."""
         point = {}
         for dimension in self.dimensions:
             value = value_of(dimension.field, self.base, self.controller)
@@ -144,11 +144,11 @@ class Plan:
 
     @cached_property
     def recorded(self) -> dict[str, Any]:
-        """The controller from outside, as study.json has it; nothing without one."""
+        """Entry of study.json that identifies a user's controller; empty without one."""
         return recorded(self.controller, self.base)
 
     def parts(self) -> dict[str, Any]:
-        """Everything that the trials depend on, under the words that the study file has for it."""
+        """Everything that the trials depend on, by the names of the study file."""
         file = self.file
         return {
             "the version of fracgyro": version("fracgyro"),
@@ -164,17 +164,17 @@ class Plan:
 
     @property
     def hash(self) -> str:
-        """Of `parts`: more trials or held-out seeds, or another storage, leave it as it is."""
+        """Hash of `parts`; the number of trials and held-out seeds and the storage do not affect it."""
         return digest(self.parts())
 
 
 def rounded(dimension: Dimension, value: float) -> float:
-    """To DIGITS significant digits, within the range."""
+    """The value rounded to DIGITS significant digits, within the range."""
     return float(np.clip(float(f"{value:.{DIGITS}g}"), dimension.low, dimension.high))
 
 
 def read_tuning(path: str | os.PathLike[str], controller: ControllerLike | None = None) -> Plan:
-    """The study file as a plan. Raises ScenarioError in one sentence when it is not one."""
+    """The study file as a plan. Raises ScenarioError for an invalid file."""
     file = load_study(path, TuningFile)
     base = base_scenario(file.scenario, Path(path).parent, file.fixed)
     refuse_both(file.fixed, file.vary)
@@ -183,7 +183,7 @@ def read_tuning(path: str | os.PathLike[str], controller: ControllerLike | None 
         raise ScenarioError("vary is empty: at least one field must vary")
     for dimension in dimensions:
         if dimension.field == "disturbance.seed":
-            raise ScenarioError("disturbance.seed is in [vary]: it must be left to seeds")
+            raise ScenarioError("disturbance.seed is in [vary]: use seeds")
         if dimension.steps is not None:
             raise ScenarioError(f"{dimension.field}: steps is {dimension.steps}: it must be left out of a tuning")
         if dimension.choices is not None and file.tune.sampler == "cmaes":
@@ -198,16 +198,16 @@ def read_tuning(path: str | os.PathLike[str], controller: ControllerLike | None 
     late = next((o.metric for o in (*file.objective, *file.constraint) if "_steady" in o.metric), None)
     if late and end <= begin and all(dimension.field != "run.duration" for dimension in dimensions):
         raise ScenarioError(
-            f"run.duration is {end:g}: it must be greater than metrics.transient, {begin:g}, for {late} to come about"
+            f"run.duration is {end:g}: it must be greater than metrics.transient, {begin:g}, to measure {late}"
         )
     if base.disturbance.kind != "noise":
         raise ScenarioError(
-            f"disturbance.kind is {shown(base.disturbance.kind)}: it must be noise, or no seed can be held out"
+            f"disturbance.kind is {format_value(base.disturbance.kind)}: it must be noise, for seeds to be held out"
         )
     first = max(file.seeds) + 1
     if first + file.tune.held_out_seeds > 2**63:
         raise ScenarioError(
-            f"seeds has {max(file.seeds)}: {file.tune.held_out_seeds} seeds must follow it to be held out"
+            f"seeds has {max(file.seeds)}: it must leave room for {file.tune.held_out_seeds} larger held-out seeds"
         )
     held_out = list(range(first, first + file.tune.held_out_seeds))
     return Plan(one_line(Path(path).name), read_text(path), file, base, dimensions, held_out, controller)

@@ -1,4 +1,4 @@
-"""The figures of a tuning's report."""
+"""Plots of a tuning's report."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .search import Trial, ratios
 ACROSS = 3  # panels side by side
 FEASIBLE, FRONT, CHOSEN = "#9db8cc", "#0072B2", "#D55E00"
 OTHERS: Any = {"color": "#bbbbbb", "markersize": 2, "fillstyle": "none", "markeredgewidth": 0.5}
-CLOSE = 6.0  # the plot of the front shows ratios up to this many times its own largest
+FRONT_MARGIN = 6.0  # the plot of the front shows ratios up to this factor above its largest
 
 
 def pareto_figure(
@@ -67,7 +67,7 @@ def pareto_figure(
 
 
 def history_figure(objectives: Sequence[Objective], base: Score, trials: Sequence[Trial], chosen: Trial) -> Figure:
-    """Objectives by trial; of several also the mean by which one is chosen, with the least so far."""
+    """Objectives by trial, with the minimum so far; for several objectives also the mean used for the choice."""
     several = len(objectives) > 1
     rows = len(objectives) + several
     figure = Figure(figsize=(WIDTH * MM, (32 * rows + 14) * MM), layout="constrained")
@@ -103,14 +103,14 @@ def history_figure(objectives: Sequence[Objective], base: Score, trials: Sequenc
         Line2D([], [], marker="o", linestyle="", **OTHERS, label="not feasible"),
         Line2D([], [], marker="*", color=CHOSEN, linestyle="", markersize=9, label=f"chosen, trial {chosen.number}"),
         Line2D([], [], color="black", linewidth=0.7, dashes=(3, 2), label="base scenario"),
-        Line2D([], [], color=FRONT, linewidth=0.9, label="least so far, feasible"),
+        Line2D([], [], color=FRONT, linewidth=0.9, label="minimum so far, feasible"),
     ]
     figure.legend(handles=legend, loc="outside lower center", ncols=5)
     return figure
 
 
 def _round_ticks(axis: Axis) -> None:
-    """1, 2 and 5 times powers of ten, written out."""
+    """Ticks at 1, 2 and 5 times powers of ten, in decimal notation."""
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_locator(NullLocator())
@@ -122,8 +122,8 @@ def _label(objective: Objective, base: float) -> str:
 
 
 def _span(values: Sequence[float] | np.ndarray, own: float, most: float | None = None) -> tuple[float, float]:
-    """Limits of a logarithmic axis that hold these values and the base's, but nothing far off."""
+    """Limits of a logarithmic axis that include these values and the base, but no outliers."""
     positive = np.append([v for v in values if v > 0], own if own > 0 else 1.0)
     low, high = float(positive.min()), float(positive.max() if most is None else max(most, own))
-    high = min(high, CLOSE * max(own, float(np.median(positive))))
+    high = min(high, FRONT_MARGIN * max(own, float(np.median(positive))))
     return low / 1.3, high * 1.3

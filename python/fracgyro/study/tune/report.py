@@ -1,4 +1,4 @@
-"""A tuning's outcome in words and figures: tune.html, pareto.svg and .png, and the head of tuned.toml."""
+"""Report of a tuning: tune.html, pareto.svg and .png, and the head of tuned.toml."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ from pathlib import Path
 
 from ...analysis.html import csv_text, embedded, page
 from ...analysis.metric_names import METRICS
-from ...analysis.style import DPI, own_style, svg
+from ...analysis.style import DPI, own_style, save_svg
 from ...files import one_line, whole_file
 from ...scenario import Scenario
 from ...scenario.table import toml_value
-from ...simulation.outside import controller_words
+from ...simulation.user_controller import controller_words
 from ..controller import is_parameter
 from ..space import Dimension, value_of
 from .criteria import Score
 from .hold_out import HoldOut
 from .plan import Plan
 from .plots import history_figure, pareto_figure
-from .search import Trial, ratios, shown
+from .search import Trial, ratios, study_text
 
 SAMPLERS = {"tpe": "TPE", "cmaes": "CMA-ES", "nsga2": "NSGA-II"}
-EDGE = 0.02  # of a range: this close to its end is at it
+EDGE = 0.02  # fraction of a range: closer to an end counts as at the end
 
 
 @dataclass(frozen=True)
 class Result:
-    """All that a tuning found."""
+    """Everything that the report of a tuning needs."""
 
     plan: Plan
     base: Score
@@ -42,7 +42,7 @@ class Result:
 
 
 def tuned_toml(result: Result) -> str:
-    """The tuned scenario, its provenance in comments below its first line."""
+    """The tuned scenario, with its provenance in comments below the first line."""
     first, rest = result.tuned.to_toml().split("\n", 1)
     # A title may have line breaks, and TOML allows no control characters even in comments.
     lines = (line for item in _provenance(result) for line in item.splitlines() or [""])
@@ -52,34 +52,36 @@ def tuned_toml(result: Result) -> str:
 def _provenance(result: Result) -> list[str]:
     plan, held, file = result.plan, result.held_out, result.plan.file
     feasible = sum(trial.score.feasible for trial in result.trials)
-    outside = controller_words(plan.controller)
-    command = "fracgyro.study.tune" if outside else "fracgyro tune"
+    user = controller_words(plan.controller)
+    command = "fracgyro.study.tune" if user else "fracgyro tune"
     lines = [
         "",
         f"{file.title or 'Tuned'}: by fracgyro {version('fracgyro')}, `{command} {plan.name}`.",
         f"sha256 of {plan.name}: {hashlib.sha256(plan.text.encode()).hexdigest()}",
         f"{SAMPLERS[file.tune.sampler]}, seed {file.tune.seed}: trial {result.chosen.number} of {len(result.trials)}, "
         f"{feasible} of them feasible; tuned on {len(file.seeds)} noise seeds.",
-        f"Against the base scenario on {len(plan.held_out)} other seeds, {plan.held_out[0]} to {plan.held_out[-1]}:",
+        f"Compared with the base scenario on {len(plan.held_out)} other seeds, {plan.held_out[0]} to "
+        f"{plan.held_out[-1]}:",
     ]
-    lines[2:2] = [f"The controller was {outside} before, in the place of [controller]."] if outside else []
+    lines[2:2] = [f"The controller before tuning was {user}, which replaces [controller]."] if user else []
     lines += [
         f"  {o.label}: {o.tuned:.4g}, base {o.base:.4g}: {_percent(o.tuned, o.base)}, {o.verdict}"
         f" (on the tuning seeds {_percent(o.searched, o.searched_base)})"
         for o in held.objectives
     ]
     lines += [
-        f"  {c.label}: {c.tuned:.5g}, at most {c.limit:.5g}: {'kept' if c.kept else 'BROKEN'}" for c in held.constraints
+        f"  {c.label}: {c.tuned:.5g}, at most {c.limit:.5g}: {'met' if c.kept else 'VIOLATED'}"
+        for c in held.constraints
     ]
     if held.diverged:
         lines.append(f"  DIVERGED in {held.diverged} of these seeds.")
-    lines.append("What became worse (mean over those seeds, 95 % interval of the paired difference above zero):")
+    lines.append("Worse (mean over those seeds, 95 % interval of the paired difference above zero):")
     worse = [
         f"  {m.metric}: {m.tuned:.4g}, base {m.base:.4g}" + _never(m.never_tuned, m.never_base)
         for m in held.metrics
         if m.verdict == "worse" and not m.neutral
     ]
-    lines += worse or ["  nothing that is measured"]
+    lines += worse or ["  no metric"]
     lines.append("Changed:")
     lines += [
         f"  {d.field} = {toml_value(result.chosen.values[d.field])}, was {_base(plan, d.field)}"
@@ -102,23 +104,20 @@ def _base(plan: Plan, field: str) -> str:
     return toml_value(value_of(field, plan.base, plan.controller))
 
 
-PARETO = "Pairs of objectives over those of the base scenario"
+PARETO = "Pairs of objectives relative to the base scenario"
 
 
 def write_report(result: Result, folder: Path) -> None:
-    """tune.html, which needs nothing but itself, and with several objectives pareto.svg and pareto.png."""
+    """Writes the self-contained tune.html and, for several objectives, pareto.svg and pareto.png."""
     plan, file = result.plan, result.plan.file
     with own_style():
         history = history_figure(file.objective, result.base, result.trials, result.chosen)
         pareto = None
         if len(file.objective) > 1:
             figure = pareto_figure(file.objective, result.base, result.trials, result.members, result.chosen)
-            for kind in ("svg", "png"):
-                with whole_file(folder / f"pareto.{kind}") as scratch:
-                    if kind == "svg":
-                        scratch.write_text(svg(figure, PARETO), encoding="utf-8", newline="\n")
-                    else:
-                        figure.savefig(scratch, dpi=DPI)
+            save_svg(figure, folder / "pareto.svg", PARETO)
+            with whole_file(folder / "pareto.png") as scratch:
+                figure.savefig(scratch, dpi=DPI)
             pareto = embedded((folder / "pareto.svg").read_bytes())
         drawn = embedded(history, "Objectives by trial")
     text = page(
@@ -128,7 +127,7 @@ def write_report(result: Result, folder: Path) -> None:
         title=file.title or f"Tuning {plan.name}",
         version=version("fracgyro"),
         plan=plan,
-        shown=shown(plan),
+        study_text=study_text(plan),
         sampler=SAMPLERS[file.tune.sampler],
         trials=len(result.trials),
         feasible=sum(trial.score.feasible for trial in result.trials),
@@ -140,7 +139,7 @@ def write_report(result: Result, folder: Path) -> None:
             for d in plan.dimensions
             if is_parameter(d.field)
         ),
-        outside=controller_words(plan.controller),
+        user_controller=controller_words(plan.controller),
         members=result.members,
         held=result.held_out,
         worse=[m.words for m in result.held_out.metrics if m.verdict == "worse" and not m.neutral],
@@ -155,7 +154,7 @@ def write_report(result: Result, folder: Path) -> None:
 
 
 def _data(result: Result) -> str:
-    """What both figures show of each trial, as CSV."""
+    """Data of both plots, one row per trial, as CSV."""
     header, front = ["trial"], {trial.number for trial in result.members}
     for objective, base in zip(result.plan.file.objective, result.base.objectives, strict=True):
         unit = METRICS[objective.metric][1]
@@ -188,7 +187,7 @@ def _parameter(dimension: Dimension, result: Result) -> dict[str, str]:
 
 
 def _number(value: float, digits: int = 4) -> str:
-    """As people write it: 1.23 × 10⁻⁵ for what is small or large."""
+    """A number as text; small and large numbers as 1.23 × 10⁻⁵."""
     if math.isnan(value):
         return "–"
     if math.isinf(value):

@@ -1,4 +1,4 @@
-"""From a study file to a tuned scenario, and what seeds that it was not tuned on say of it."""
+"""From a study file to a tuned scenario, validated on held-out seeds."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from pathlib import Path
 
 from ...files import whole_file
 from ...scenario import ScenarioError
-from ...simulation.outside import ControllerLike
+from ...simulation.user_controller import ControllerLike
 from ..controller import fields_of_scenario, with_values
 from ..folder import claim, free_if_nothing_came, locked
 from .criteria import Score, measure
 from .hold_out import HoldOut, hold_out
 from .plan import Plan, read_tuning
 from .report import Result, tuned_toml, write_report
-from .search import Trial, choose, front, opened, ratios, shown
+from .search import Trial, choose, front, opened, ratios, study_text
 
 DATABASE = "study.db"
 
 
 @dataclass(frozen=True)
 class Tuned:
-    """Where the tuned scenario and the report are, and what they say."""
+    """Result of a tuning: paths of the tuned scenario and the report, counts and comparisons."""
 
     scenario: Path
     report: Path
     trials: int
     feasible: int
-    trial: int  #: the chosen one
+    trial: int  #: number of the chosen trial
     held_out: HoldOut
     seconds: float
     controller: ControllerLike | None  #: a law with its tuned parameters
@@ -45,18 +45,17 @@ def tune(
     resume: bool = False,
     progress: Callable[[float, float, str], object] | None = None,
 ) -> Tuned:
-    """Searches as the study file says, and compares what it chose with the base scenario on held-out seeds.
+    """Tunes the fields of a study file, and compares the result with the base scenario on held-out seeds.
 
-    Writes tuned.toml, tune.html, trials.csv and, of several objectives, pareto.csv, pareto.svg and pareto.png into the
-    folder `out`. The trials are kept in `out`/study.db or in the study's storage as they are finished. `controller`: as
-    in `sweep`; the result has it, with the parameters that were chosen. `resume`: go on with the study that `out`
-    holds, up to the file's number of trials. `progress` is called with (runs finished, all runs, what is being done).
-    On one machine the result depends only on the study file and the controller, not on interruptions or the number of
-    processors.
+    Writes tuned.toml, tune.html, trials.csv and, for several objectives, pareto.csv, pareto.svg and pareto.png into the
+    folder `out`. Finished trials are stored in `out`/study.db or in the study's storage. `controller`: as in `sweep`;
+    the result has it with the chosen parameters. `resume`: continue the study in `out`, up to the file's number of
+    trials. `progress`: called with (runs finished, all runs, current step). On one machine the result depends only on
+    the study file and the controller, not on interruptions or the number of processors.
 
-    Raises ValueError in one sentence: a bad study, before anything runs; an `out` that is in use or holds another study
-    or one of another controller; a storage that cannot be used; no trial that keeps every constraint; and what
-    `simulate` raises of a controller.
+    Raises ValueError for an invalid study, before anything runs; an `out` that is in use or has another study or
+    controller; a storage that cannot be used; no trial that meets every constraint; also the errors that `simulate`
+    raises for a controller.
 
     >>> with open("gains.toml", "w") as file:
     ...     print("seeds = 2", file=file)
@@ -70,7 +69,7 @@ def tune(
     begin = time.perf_counter()
     plan = read_tuning(study, controller)
     with locked(Path(out)):
-        folder = claim(Path(out), plan.parts(), {"study": shown(plan)}, resume=resume)
+        folder = claim(Path(out), plan.parts(), {"study": study_text(plan)}, resume=resume)
         seeds = plan.file.seeds
         total = (plan.file.tune.trials + 1) * len(seeds) + 2 * len(plan.held_out)
         done = 0
@@ -119,15 +118,15 @@ def _nearest(plan: Plan, trials: list[Trial]) -> str:
         for c, over in zip(plan.file.constraint, nearest.score.excess, strict=True)
         if over > 0
     ]
-    missed = "it diverged" if nearest.score.diverged else " and ".join(broken) or "an objective never came about"
+    missed = "it diverged" if nearest.score.diverged else " and ".join(broken) or "an objective has no value"
     return (
-        f"none of {len(trials)} trials keeps every constraint; the nearest, trial {nearest.number}, misses: {missed}; "
-        "constraint or vary must be wider, or tune.trials more with --resume"
+        f"no feasible trial among {len(trials)}; the nearest, trial {nearest.number}, misses: {missed}; relax a "
+        "constraint, widen vary, or increase tune.trials and use --resume"
     )
 
 
 def _write_trials(path: Path, plan: Plan, base: Score, trials: list[Trial]) -> None:
-    """One row each: number, values, objectives, their ratios to the base scenario's, constraints, feasible."""
+    """Writes one row per trial: number, values, objectives, their ratios to the base, constraints, feasible."""
     file = plan.file
     header = ["trial", *(d.field for d in plan.dimensions), *(o.label for o in file.objective)]
     header += [f"{o.label} over base" for o in file.objective]

@@ -1,7 +1,7 @@
-"""The search: Optuna proposes trials, `simulate_many` measures them, a database keeps them.
+"""The search: Optuna proposes trials, `measure_many` measures them, a database stores them.
 
-Trial n is drawn by a sampler seeded with (tune.seed, n) from what the batches before it found. So a study that was
-killed anywhere goes on as if it had not been: what was proposed but not measured is measured first.
+Trial n is drawn by a sampler seeded with (tune.seed, n) from the results of the previous batches. A study that was
+killed therefore resumes with the same results; trials that were proposed but not measured are measured first.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from ..space import Dimension
 from .criteria import Measured, Score, score
 from .plan import Plan, rounded
 
-WORST = 1e3  # told to Optuna for an objective without a value, and from here on for cmaes' infeasible trials
+WORST = 1e3  # reported to Optuna for an objective without a value; infeasible trials of cmaes are at least this
 SCORE = TypeAdapter(Score)
 
 
 @dataclass(frozen=True)
 class Trial:
-    """A point of the space and what became of it."""
+    """A point of the space and its score."""
 
     number: int
     values: dict[str, Any]  # by field
@@ -42,7 +42,7 @@ class Trial:
 
 
 class Search:
-    """A study in its database, opened to be continued up to the plan's number of trials."""
+    """A study in its database, which runs up to the plan's number of trials."""
 
     def __init__(self, plan: Plan, study: optuna.Study, base: Measured, *, resume: bool) -> None:
         self._plan, self._study, self._resumed = plan, study, resume
@@ -57,7 +57,7 @@ class Search:
         self.base = score(base, file.objective, file.constraint, self.limits)
 
     def finished(self) -> list[Trial]:
-        """In order. Raises ScenarioError when one of them is not what `run` left."""
+        """Finished trials, in order. Raises ScenarioError for a damaged trial."""
         with _undamaged(self._resumed):
             trials = self._study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
             return [self._finished(trial) for trial in trials]
@@ -68,7 +68,7 @@ class Search:
         sizes = len(found.objectives), len(found.constraints), len(found.excess)
         numbers = (*found.objectives, *found.constraints, *found.excess, found.diverged)
         point = {d.field: _value(d, stored.params[d.field]) for d in self._plan.dimensions}
-        same = json.loads(json.dumps(point)) == values  # which has lists for tuples
+        same = json.loads(json.dumps(point)) == values  # JSON has lists instead of tuples
         wanted = len(file.objective), len(file.constraint), len(file.constraint)
         sealed = self._seal(stored.number, values, stored.user_attrs["score"], stored.values)
         if not same or sizes != wanted or any(map(math.isnan, numbers)) or stored.user_attrs["hash"] != sealed:
@@ -80,7 +80,7 @@ class Search:
         return digest({"study": self._plan.hash, "number": number, "point": point, "score": found, "told": list(told)})
 
     def run(self, progress: Callable[[int], object]) -> None:
-        """Trials, batch by batch, until there are as many as the plan asks for; `progress` counts runs."""
+        """Runs batches up to the plan's number of trials; `progress` is called with numbers of runs."""
         while batch := self._next_batch():
             measured = self._plan.measure([point for _, point in batch], progress)
             with _undamaged(self._resumed):
@@ -88,7 +88,7 @@ class Search:
                     self._tell(trial, point, found)
 
     def _next_batch(self) -> list[tuple[optuna.Trial, dict[str, Any]]]:
-        """Trials and their points: what was proposed before a kill and not measured, then new ones up to a batch."""
+        """Trials and their points: first those proposed but not measured before a kill, then new ones."""
         with _undamaged(self._resumed):
             return self._batch()
 
@@ -100,7 +100,7 @@ class Search:
         left = [t for t in trials if t.state == TrialState.RUNNING]
         number = sum(t.state != TrialState.WAITING for t in trials)
         first, size = left[0].number if left else number, self._plan.batch
-        # The first trial, which is the base scenario if it can be, is a batch of its own.
+        # The first trial, the base scenario if possible, is a separate batch.
         end = 1 + -(-first // size) * size if first else 1
         batch = []
         for trial in left:
@@ -123,7 +123,7 @@ class Search:
         return TPESampler(seed=seed, multivariate=True)
 
     def _point(self, trial: optuna.Trial) -> dict[str, Any]:
-        """The values that the trial has been given, or is given now."""
+        """The values of the trial, drawn now if it has none."""
         point: dict[str, Any] = {}
         for part, d in enumerate(self._plan.dimensions, start=1):
             self._study.sampler = self._sampler(trial.number, part)
@@ -139,34 +139,34 @@ class Search:
         return point
 
     def _suggested(self, values: dict[str, Any]) -> dict[str, Any]:
-        """The values in Optuna's terms, which has the index of a choice."""
+        """The values in Optuna's form, which has the index of a choice."""
         choices = {d.field: d.choices for d in self._plan.dimensions if d.choices is not None}
         return {field: choices[field].index(v) if field in choices else v for field, v in values.items()}
 
     def _tell(self, trial: optuna.Trial, point: dict[str, Any], measured: Measured | None) -> None:
         file = self._plan.file
-        if measured is None:  # no valid scenario: as if it had diverged at once
+        if measured is None:  # an invalid scenario counts as diverged
             nothing = (math.inf,) * len(file.constraint)
             found = Score((math.inf,) * len(file.objective), nothing, (0.0,) * len(nothing), 1.0)
         else:
             found = score(measured, file.objective, file.constraint, self.limits)
         undefined = sum(not math.isfinite(value) for value in found.objectives)
         limits = {"diverged": found.diverged, "undefined": float(undefined)}
-        # Roots, as samplers add them up: a force that hardly varies must count alongside an error that varies much.
+        # Square roots, as samplers add them: constraints with little and much variation then have similar weight.
         roots = [math.sqrt(over) if over > 0 else over for over in found.excess]
         limits |= {f"{i} {c.label}": root for i, (c, root) in enumerate(zip(file.constraint, roots, strict=True))}
         trial.set_user_attr("values", point)
         trial.set_user_attr("score", asdict(found))
-        # Logarithms of ratios, or the hypervolume that tpe goes by would be ruled by the objective that spreads most.
+        # Logarithms of ratios; otherwise the objective with the largest spread dominates tpe's hypervolume.
         values = [_log(ratio) if math.isfinite(ratio) else WORST for ratio in ratios(found, self.base)]
         if self._plan.joined:
             values = [sum(values) / len(values)]
         if file.tune.sampler == "cmaes":
-            # It takes no constraints, but goes only by rank: after all that is feasible, least excess first.
+            # cmaes has no constraints and uses only ranks: infeasible trials follow, smallest excess first.
             if not found.feasible:
                 values = [WORST * (1 + sum(max(excess, 0.0) for excess in limits.values()))]
         else:
-            there = trial.constraints  # some are, after a kill right here
+            there = trial.constraints  # some exist after a kill at this point
             for name, excess in limits.items():
                 if name not in there:
                     trial.set_constraint(name, excess)
@@ -176,10 +176,9 @@ class Search:
 
 @contextmanager
 def opened(plan: Plan, address: str | None, base: Measured, *, resume: bool) -> Iterator[Search]:
-    """The study in the database at `address`, made there if need be; without one, in memory.
+    """The study in the database at `address`, created if needed; in memory without an address.
 
-    Raises ScenarioError in one sentence when there is no such database, or when it holds the study already and
-    `resume` is false.
+    Raises ScenarioError if the database cannot be used, or if it already has the study and `resume` is false.
     """
     level = optuna.logging.get_verbosity()
     optuna.logging.set_verbosity(optuna.logging.ERROR)
@@ -195,7 +194,7 @@ def opened(plan: Plan, address: str | None, base: Measured, *, resume: bool) -> 
             )
         yield Search(plan, study, base, resume=resume)
     except optuna.exceptions.DuplicatedStudyError:
-        raise ScenarioError(f"{_safe(address)} holds this study already: --resume must be given to finish it") from None
+        raise ScenarioError(f"{_safe(address)} already has this study: finish it with --resume") from None
     except (SQLAlchemyError, optuna.exceptions.StorageInternalError) as error:
         raise ScenarioError(f"{_safe(address)} cannot be used: {_words(error.__cause__ or error, address)}") from None
     finally:
@@ -206,28 +205,28 @@ def opened(plan: Plan, address: str | None, base: Measured, *, resume: bool) -> 
 
 
 def storage_at(address: str) -> optuna.storages.RDBStorage:
-    """The database, with its tables. Raises ScenarioError in one sentence."""
+    """The database, with its tables. Raises ScenarioError if it cannot be opened."""
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error", SAWarning)  # of options that the driver does not have
+            warnings.simplefilter("error", SAWarning)  # unknown options of the driver
             return optuna.storages.RDBStorage(address)
     except (SQLAlchemyError, SAWarning, ImportError, RuntimeError, TypeError, ValueError) as error:
         raise ScenarioError(f"{_safe(address)} cannot be opened as a database: {_words(error, address)}") from None
 
 
 def _safe(address: str | None) -> str:
-    """Without user, password and options, which may hold a password too."""
+    """The address without user, password and options, which may contain a password."""
     if address is None:
         return "memory"
     try:
         url = make_url(address)
     except (SQLAlchemyError, ValueError):
-        return "tune.storage"  # what is not an address may still hold a password
+        return "tune.storage"  # an invalid address may still contain a password
     return URL.create(url.drivername, None, None, url.host, url.port, url.database).render_as_string()
 
 
-def shown(plan: Plan) -> str:
-    """The study's text with its storage as in sentences, as others may read a report."""
+def study_text(plan: Plan) -> str:
+    """The study's text with the safe address of its storage, for a report."""
     address = plan.file.tune.storage
     if address is None or _safe(address) == address:
         return plan.text
@@ -235,7 +234,7 @@ def shown(plan: Plan) -> str:
 
 
 def _words(error: BaseException, address: str | None) -> str:
-    """The first line of the error, without what `_safe` leaves out."""
+    """First line of the error, without the parts that `_safe` removes."""
     words = str(error).partition("\n")[0]
     if address is None:
         return words
@@ -250,7 +249,7 @@ def _words(error: BaseException, address: str | None) -> str:
 
 @contextmanager
 def _undamaged(resume: bool) -> Iterator[None]:
-    """Anything may be damaged in a database that is resumed, and Optuna may fail on it in any way."""
+    """Raises ScenarioError for any failure of Optuna on a damaged database."""
     try:
         yield
     except (SQLAlchemyError, optuna.exceptions.StorageInternalError, optuna.exceptions.DuplicatedStudyError):
@@ -259,19 +258,19 @@ def _undamaged(resume: bool) -> Iterator[None]:
         if not resume:
             raise
         raise ScenarioError(
-            "the trials in the study's database are damaged: the study must start again in another folder"
+            "the trials in the study's database are damaged: start the study again in another folder"
         ) from error
 
 
 def _value(dimension: Dimension, suggested: float) -> Any:
-    """What Optuna suggests, as the field has it."""
+    """Optuna's suggestion as a value of the field."""
     if dimension.choices is not None:
         return dimension.choices[int(suggested)]
     return int(suggested) if dimension.integer else rounded(dimension, suggested)
 
 
 def front(trials: Sequence[Trial]) -> list[Trial]:
-    """The feasible trials that no other feasible one beats in every objective, least of the first objective first."""
+    """Pareto front: feasible trials that no other feasible trial dominates, by increasing first objective."""
     feasible = [trial for trial in trials if trial.score.feasible]
     values = np.array([trial.score.objectives for trial in feasible])
     kept: list[Trial] = []
@@ -284,13 +283,13 @@ def front(trials: Sequence[Trial]) -> list[Trial]:
 
 
 def ratios(found: Score, base: Score) -> list[float]:
-    """The objectives over the base scenario's; over 1 where that has no positive finite value."""
+    """Objectives relative to the base scenario; unscaled if the base value is not positive and finite."""
     pairs = zip(found.objectives, base.objectives, strict=True)
     return [value / (own if 0 < own < math.inf else 1.0) for value, own in pairs]
 
 
 def choose(members: Sequence[Trial], base: Score) -> Trial:
-    """Of a front: the least product of `ratios`; first of those that beat the base and are worse in no objective."""
+    """The trial with the smallest product of `ratios`, if possible among those that are nowhere worse than the base."""
 
     def rank(trial: Trial) -> tuple[bool, float]:
         found = ratios(trial.score, base)

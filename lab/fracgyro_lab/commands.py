@@ -1,0 +1,106 @@
+"""`fracgyro reproduce` and `fracgyro compare`."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import click
+from fracgyro.cli.completion import toml_files
+from fracgyro.cli.terminal import print_table, progress
+
+
+@click.command()
+@click.option("--out", default="out", show_default=True, metavar="DIR", help="Folder for the results.")
+@click.option(
+    "--seeds", type=int, metavar="N", help="Set the number of noise seeds for Table 1 and the claims.  [default: 100]"
+)
+@click.option("--quick", is_flag=True, help="Use 8 seeds: takes seconds.")
+@click.option("--json", "as_json", is_flag=True, help="Print the verdicts as JSON.")
+def reproduce(out: str, seeds: int | None, quick: bool, as_json: bool) -> None:
+    """Rerun the paper and write a report. It has every figure, Table 1 and a verdict on every claim."""
+    from .paper import reproduce as run_all
+
+    with progress("starting") as show:
+        result = run_all(out, seeds=seeds, quick=quick, progress=show)
+    verdicts = [{"id": c.id, "variant": c.variant, "verdict": c.verdict} for c in result.claims]
+    if as_json:
+        click.echo(json.dumps({"report": str(result.report), "seconds": result.seconds, "claims": verdicts}))
+        return
+    by_claim: dict[str, dict[str, str]] = {}
+    for claim in result.claims:
+        by_claim.setdefault(f"({claim.id}) {claim.claim}", {})[claim.variant] = claim.verdict
+    for text, both in by_claim.items():
+        click.echo(f"{text}\n      as printed: {both['printed']}; as corrected: {both['corrected']}")
+    click.echo(f"\n{result.seconds:.0f} s. Report: {result.report}")
+
+
+def _listed(context: click.Context, parameter: click.Parameter, value: str | None) -> tuple[str, ...]:
+    return tuple(word.strip() for word in value.split(",")) if value else ()
+
+
+def _numbers(context: click.Context, parameter: click.Parameter, value: str | None) -> tuple[float, ...]:
+    try:
+        return tuple(map(float, value.split(","))) if value else ()
+    except ValueError:
+        raise click.BadParameter(f"{value}: it must be numbers, as in 0,1e-13") from None
+
+
+def _without_password(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
+    if value and re.search(r"://[^/]*:[^/]*@|[?&]password=", value):
+        raise click.UsageError(
+            "--storage has a password, which every user of this machine can see in the list of processes: put it into "
+            "~/.pgpass instead, see docs/cluster.md"
+        )
+    return value
+
+
+@click.command()
+@click.argument("task", metavar="TASK")
+@click.argument(
+    "scenarios", nargs=-1, type=click.Path(path_type=Path), metavar="[SCENARIO.toml...]", shell_complete=toml_files
+)
+@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="Folder for the results.")
+@click.option("--only", callback=_listed, metavar="A,B", help="Compare only these contenders.")
+@click.option("--class", "classes", callback=_listed, metavar="F,P", help="Measured: F all, P positions only.")
+@click.option("--noise", callback=_numbers, metavar="N,N", help="Noise of the positions in m/sqrt(Hz), as 0,1e-13.")
+@click.option("--controller", metavar="FILE.py:NAME", help="Add your own controller.")
+@click.option("--trials", type=int, metavar="N", help="Number of trials of each tuning.")
+@click.option("--quick", is_flag=True, help="Run a quick preview: 20 trials, 2 seeds; gains are not tuned.")
+@click.option("--resume", is_flag=True, help="Finish the comparison that DIR holds.")
+@click.option("--scheduler", metavar="ADDRESS", help="Run on this Dask cluster, for example tcp://host:8786.")
+@click.option(
+    "--storage",
+    callback=_without_password,
+    metavar="ADDRESS",
+    help="Store trials in this database, for example postgresql://host/name; the password is in ~/.pgpass.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
+def compare(task: str, scenarios: tuple[Path, ...], out: Path, as_json: bool, **options: Any) -> None:
+    """Compare controllers on TASK, track or rate: tune each, judge all on unseen seeds and plants."""
+    from .comparison import compare as run
+    from .comparison.report import rank
+
+    with progress("starting", rate="runs/s") as show:
+        result = run(task, out, scenarios=scenarios, progress=show, **options)
+    if as_json:
+        click.echo(result.data.read_text(encoding="utf-8"))
+        return
+    what, over = ", ".join(result.task.error_words), f"over {result.task.over}"
+    ranked = sorted(
+        result.rows, key=lambda row: (row["scenario"], row["class"], row["noise"], row["ceiling"], *rank(row))
+    )
+    print_table(("contender", "class", "noise", "ceiling", what, over, "decided", ""), map(_line, ranked))
+    click.echo(f"{result.seconds:.0f} s. Report: {result.report}, data: {result.data}")
+
+
+def _line(row: dict[str, Any]) -> list[str]:
+    error, ratio = row["metrics"].get("error", {}).get("value"), row["ratio"] or {}
+    marks = "" if row["tuned"] or not row["trials"] else " (untuned)"
+    shown = f"{ratio['value']:.3g} [{ratio['low']:.3g}, {ratio['high']:.3g}]" if ratio.get("value") else "-"
+    missing = "diverges" if row["diverged"] else "none kept the limits"
+    cells = [row["name"] + marks, row["class"], f"{row['noise']:g}", f"{row['ceiling'] or '-'}"]
+    remark = "" if row["kept"] or error is None else "beyond a limit"
+    return [*cells, missing if error is None else f"{error:.3g}", shown, row["verdict"] or "-", remark]

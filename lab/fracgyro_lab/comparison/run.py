@@ -1,0 +1,166 @@
+"""Entry point of `fracgyro compare`: tunes all contenders, then evaluates them on unseen seeds and plants."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from fracgyro.scenario import ScenarioError
+from fracgyro.scenario.table import format_value
+from fracgyro.study.folder import claim, free_if_nothing_came, locked
+from fracgyro.study.tune.search import storage_at
+
+from .cost import costs
+from .files import Finished, Piece
+from .output import write_gains, write_json
+from .plan import Comparison, Row, planned
+from .report import write_report
+from .rows import Tuned, made, median_of
+from .task import Task
+from .workers import Workers, workers
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Result of a comparison: paths, and `rows` as in compare.json."""
+
+    task: Task
+    data: Path  #: compare.json
+    report: Path
+    rows: list[dict[str, Any]]
+    resumed: int  #: pieces of work that were found finished
+    seconds: float
+
+
+def compare(
+    task: str,
+    out: str | os.PathLike[str],
+    *,
+    scenarios: Sequence[str | os.PathLike[str]] = (),
+    only: Sequence[str] = (),
+    classes: Sequence[str] = (),
+    noise: Sequence[float] = (),
+    controller: str | None = None,
+    trials: int | None = None,
+    quick: bool = False,
+    resume: bool = False,
+    scheduler: str | None = None,
+    storage: str | None = None,
+    progress: Callable[[float, float, str], object] | None = None,
+) -> Compared:
+    """Tunes and evaluates every contender of a task, track or rate.
+
+    Writes compare.json, report.html and gains/ into the folder `out`.
+
+    `scenarios`, `classes` (F: all is measured, P: positions only) and `noise` (of the positions, m/sqrt(Hz)) replace
+    those of the task. `only`: names of contenders. `controller`: FILE.py:NAME, an additional contender. `trials`,
+    `quick`: reduced effort. `resume`: finish the comparison in `out`. `scheduler`: address of a Dask cluster.
+    `storage`: address of a database for finished trials. `progress`: called with (runs finished, all runs, current
+    step). docs/compare.md has the rules.
+
+    Raises ValueError for invalid input, before anything runs; an `out` that is in use or has another comparison; a
+    cluster or database that cannot be used; also the errors that a user's controller raises.
+
+    >>> chosen = {"only": ["pid"], "classes": ["F"], "noise": [0.0]}
+    >>> found = lab.compare("track", "look", **chosen, quick=True)  # doctest: +SKIP
+    >>> found.rows[0]["name"]  # doctest: +SKIP
+    'pid'
+    """
+    begin = time.perf_counter()
+    plan = planned(
+        task,
+        scenarios=scenarios,
+        only=only,
+        classes=classes,
+        noise=noise,
+        controller=controller,
+        trials=trials,
+        quick=quick,
+        storage=storage,
+    )
+    if scheduler is not None and controller is not None:
+        raise ScenarioError(
+            f"--scheduler is {format_value(scheduler)}: it must be left out with --controller, which runs where its "
+            "file is"
+        )
+    if storage is not None:
+        storage_at(storage).engine.dispose()  # creates the tables once, before many workers start
+    head = {
+        "task": plan.task.name,
+        "class": list(dict.fromkeys(information for information, _ in plan.sensing)),
+        "noise": list(dict.fromkeys(noise for _, noise in plan.sensing)),
+        "version": version("fracgyro"),
+        "effort": asdict(plan.effort),
+    }
+    with workers(scheduler) as side_by_side, locked(Path(out)):
+        folder = claim(Path(out), plan.parts(), {}, resume=resume)
+        work = _Work(plan, Finished(folder), side_by_side, progress)
+        with free_if_nothing_came(folder, resume=resume):
+            found = work.done()
+        report = folder / "report.html"
+        write_report(report, plan, list(found.values()))
+        write_json(folder / "compare.json", head, list(found.values()))
+    return Compared(
+        plan.task, folder / "compare.json", report, list(found.values()), work.resumed, time.perf_counter() - begin
+    )
+
+
+class _Work:
+    """The remaining work of a comparison: tunings, then evaluations."""
+
+    def __init__(
+        self,
+        plan: Comparison,
+        finished: Finished,
+        side_by_side: Workers[Any],
+        progress: Callable[[float, float, str], object] | None,
+    ) -> None:
+        self._plan, self._finished, self._workers, self._progress = plan, finished, side_by_side, progress
+        self.resumed = 0
+        self._runs = 0
+        rows = plan.rows()
+        tunings = sum(piece.runs for row in rows for piece in plan.tunings(row))
+        self._total = tunings + sum(plan.judging(row, {}).runs for row in rows)
+
+    def done(self) -> dict[str, dict[str, Any]]:
+        """The rows, by name."""
+        plan, rows = self._plan, self._plan.rows()
+        self._run([piece for row in rows for piece in plan.tunings(row)], "tuning")
+        tuned = {row.name: self._tuned(row) for row in rows}
+        judgings = {
+            row.name: plan.judging(row, values) for row in rows if (values := tuned[row.name].values) is not None
+        }
+        self._total = self._runs + sum(piece.runs for piece in judgings.values())
+        self._run(list(judgings.values()), "judging")
+        judged = {name: self._finished.read(piece) for name, piece in judgings.items()}
+        found = made(plan, tuned, judged)
+        first = {row.contender.name: judgings[row.name] for row in reversed(rows) if row.name in judgings}
+        timed = costs({name: piece.scenario() for name, piece in first.items() if piece.contender.own is None})
+        for row in rows:
+            found[row.name]["cost"] = timed.get(row.contender.name)
+        write_gains(self._finished.folder / "gains", judgings, found)
+        return found
+
+    def _tuned(self, row: Row) -> Tuned:
+        tunings = self._plan.tunings(row)
+        return (
+            median_of([self._finished.read(t) for t in tunings]) if tunings else Tuned(self._plan.untuned(row), [], [])
+        )
+
+    def _run(self, pieces: Sequence[Piece], doing: str) -> None:
+        left = [piece for piece in pieces if not self._finished.has(piece)]
+        self.resumed += len(pieces) - len(left)
+
+        def advance(runs: int) -> None:
+            self._runs += runs
+            if self._progress:
+                self._progress(self._runs, self._total, doing)
+
+        advance(sum(piece.runs for piece in pieces) - sum(piece.runs for piece in left))
+        for piece, result in self._workers(left, advance):
+            self._finished.write(piece, result)

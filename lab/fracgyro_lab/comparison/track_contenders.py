@@ -1,0 +1,220 @@
+"""Who takes part in the task `track`: one entry each.
+
+Ranges are those of the literature or of a first coarse search, widened where a best value lay at an end.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .contender import Contender, Gain
+
+PAPER = "paper"  # the reference of all ratios
+
+BY_PERIOD = "0.6 over the step, where the sampled loop is unstable"
+
+# Gains of sliding surfaces. The gain within the layer, rho/delta, stays below 0.8 over the step.
+ORDER = Gain("controller.order", 0.1, 1.0, log=False, above="1 is the integer order")
+FRACTIONAL_GAIN = Gain("controller.fractional_gain", 1.0, 1e5)
+LINEAR_GAIN = Gain("controller.fractional_gain", 1.0, 1000.0, above="1 over the step")
+TERMINAL_GAIN = Gain("controller.terminal_gain", 1e-2, 1000.0, below="0 is the law without it")
+EXPONENT = Gain(
+    "controller.terminal_exponent", 0.35, 0.95, log=False, below="the loop magnifies rounding", above="1 is linear"
+)
+LAYER = Gain("controller.layer_thickness", 1e-3, 10.0, above="the limit of the force ends before the layer")
+RHO = Gain("adaptation.initial_bound", 1.0, 800.0, shape=(1.0, 0.0, 0.0), times=LAYER.field, above="0.8 over the step")
+OBSERVER = Gain("controller.observer_bandwidth", 20.0, 800.0, above="0.8 over the step, where it rings")
+LAWS = Gain(
+    "adaptation.damping_gain",
+    1e-2,
+    1e5,
+    also=("adaptation.stiffness_gain", "adaptation.rate_gain"),
+    below="0 learns nothing",
+)
+STABLE: dict[str, Any] = {"controller.switching_limit": 0.8}
+NO_LAWS = dict.fromkeys((LAWS.field, *LAWS.also), 1e-12)
+CONSTANT_BOUND: dict[str, Any] = {"adaptation.bound_gain": (1e-12, 1e-12, 1e-12)}
+PID = (
+    Gain("controller.natural_frequency", 5.0, 600.0, above=BY_PERIOD),
+    Gain("controller.damping_ratio", 0.1, 10.0),
+    Gain("controller.integral_frequency", 0.01, 2000.0),
+)
+TWISTING = (
+    Gain("controller.surface_gain", 1.0, 1000.0, above="1 over the step"),
+    Gain("controller.twisting_gain", 0.1, 500.0),
+    Gain("controller.integral_gain", 1.0, 1e5),
+)
+
+ORIGINAL = "Complexity 2020, 8542961"
+BATUR = "Fei and Batur, ISA Transactions 48 (2009) 73, doi 10.1016/j.isatra.2008.08.004 (from memory)"
+TWISTED = "doi 10.1371/journal.pone.0189457 (abstract read)"
+
+
+def kind(name: str, **adaptation: str) -> dict[str, Any]:
+    return {"controller.kind": name, **{f"adaptation.{field}": value for field, value in adaptation.items()}}
+
+
+# Gains of the nonsingular surfaces, whose second exponent is the first of e.
+NONSINGULAR = (
+    Gain("controller.nonsingular_velocity_gain", 1e-5, 10.0),
+    Gain("controller.velocity_exponent", 1.05, 1.95, log=False, below="1 is linear", above="2 is the first exponent"),
+    Gain("controller.reaching_gain", 5.0, 1e5),
+    Gain("controller.switching_gain", 0.1, 1e6, below="0 is the law without it"),
+)
+FAST = Gain("controller.nonsingular_position_gain", 1e-3, 1000.0, below="0 is the law without it")
+NONSINGULAR_LAYER = Gain("controller.nonsingular_layer", 1e-5, 10.0)
+POWER = Gain("controller.reaching_exponent", 0.05, 0.95, log=False, below="0 is the layer", above="1 is linear")
+ESO = (
+    Gain("controller.natural_frequency", 5.0, 600.0, above=BY_PERIOD),
+    Gain("controller.extended_observer_bandwidth", 20.0, 800.0, above="0.8 over the step"),
+)
+DAMPER = Gain("controller.velocity_gain", 0.3, 1500.0)
+ZHENG = "Zheng, Dong and Gao, doi 10.1109/CCA.2007.4389216 (abstract read)"
+HOROWITZ = "Park and Horowitz, JMEMS 12 (2003) 101, doi 10.1109/JMEMS.2002.807468 (from memory)"
+YANG = "Feng, Yu and Man, doi 10.1016/S0005-1098(02)00147-4; Yang and Yang 2011 (both from memory)"
+
+SURFACE = (ORDER, FRACTIONAL_GAIN, TERMINAL_GAIN, EXPONENT, LAYER, RHO)
+CONTENDERS = (
+    Contender(
+        PAPER,
+        "the paper's controller",
+        ORIGINAL,
+        kind("fractional_fast_terminal") | STABLE,
+        (*SURFACE, LAWS),
+        observer=OBSERVER,
+    ),
+    Contender("paper_as_published", "the paper's own gains, not tuned", ORIGINAL, kind("fractional_fast_terminal"), ()),
+    Contender(
+        "paper_no_terminal",
+        "the paper's without λ2",
+        ORIGINAL,
+        kind("fractional") | STABLE,
+        (ORDER, FRACTIONAL_GAIN, LAYER, RHO, LAWS),
+        group=PAPER,
+        observer=OBSERVER,
+    ),
+    Contender(
+        "paper_integer_order",
+        "the paper's with α = 1: conventional fast terminal",
+        ORIGINAL,
+        kind("fast_terminal") | STABLE,
+        (LINEAR_GAIN, TERMINAL_GAIN, EXPONENT, LAYER, RHO, LAWS),
+        group=PAPER,
+        observer=OBSERVER,
+    ),
+    Contender(
+        "paper_no_adaptation",
+        "the paper's, which learns nothing of the plant",
+        ORIGINAL,
+        kind("fractional_fast_terminal") | STABLE | NO_LAWS,
+        SURFACE,
+        group=PAPER,
+        observer=OBSERVER,
+    ),
+    Contender(
+        "paper_least_squares",
+        "the paper's with least squares",
+        f"{ORIGINAL}; docs/decisions/0016",
+        kind("fractional_fast_terminal", kind="composite") | STABLE,
+        (*SURFACE, LAWS),
+        group=PAPER,
+        observer=OBSERVER,
+    ),
+    Contender(
+        "paper_joint",
+        "the paper's with the joint Kalman filter",
+        f"{ORIGINAL}; docs/decisions/0024",
+        kind("fractional_fast_terminal", kind="joint") | STABLE,
+        SURFACE,
+        group=PAPER,
+    ),
+    Contender(
+        "linear",
+        "adaptive linear sliding mode",
+        BATUR,
+        kind("linear") | STABLE | CONSTANT_BOUND,
+        (LINEAR_GAIN, LAYER, RHO, LAWS),
+        observer=OBSERVER,
+    ),
+    Contender(
+        "linear_least_squares",
+        "linear sliding mode with least squares",
+        f"{BATUR}; docs/decisions/0016",
+        kind("linear", kind="composite") | STABLE | CONSTANT_BOUND,
+        (LINEAR_GAIN, LAYER, RHO, LAWS),
+        observer=OBSERVER,
+    ),
+    Contender(
+        "super_twisting",
+        "super-twisting with the nominal plant",
+        f"Levant 1993 (from memory); for gyroscopes {TWISTED}",
+        kind("super_twisting") | NO_LAWS,
+        TWISTING,
+        observer=OBSERVER,
+    ),
+    Contender(
+        "super_twisting_adaptive",
+        "adaptive super-twisting",
+        TWISTED,
+        kind("super_twisting"),
+        (*TWISTING, LAWS),
+        observer=OBSERVER,
+    ),
+    Contender("pid", "PID with feedforward of the nominal plant", "textbook", kind("pid"), PID, observer=OBSERVER),
+    Contender(
+        "pid_least_squares",
+        "PID on the plant that least squares find",
+        "certainty equivalence; docs/decisions/0016",
+        kind("least_squares_pid"),
+        PID,
+        observer=OBSERVER,
+    ),
+    Contender(
+        "lqg",
+        "linear-quadratic feedback on the joint Kalman filter",
+        "textbook; docs/decisions/0024",
+        kind("lqg"),
+        PID[:1],
+    ),
+    Contender(
+        "park_horowitz",
+        "adaptive control of Park and Horowitz",
+        HOROWITZ,
+        kind("park_horowitz"),
+        (DAMPER, LAWS),
+        observer=OBSERVER,
+    ),
+    Contender(
+        "nonsingular_terminal",
+        "adaptive nonsingular terminal sliding mode with a layer",
+        YANG,
+        kind("nonsingular_terminal")
+        | {"controller.nonsingular_position_gain": 0.0, "controller.reaching_exponent": 0.0},
+        (*NONSINGULAR, NONSINGULAR_LAYER, LAWS),
+        observer=OBSERVER,
+    ),
+    Contender(
+        "nonsingular_fast_terminal",
+        "adaptive nonsingular fast terminal sliding mode with power reaching",
+        f"{YANG}; for gyroscopes doi 10.1155/2019/6840639 (abstract read)",
+        kind("nonsingular_terminal"),
+        (FAST, *NONSINGULAR, POWER, LAWS),
+        observer=OBSERVER,
+    ),
+    Contender(
+        "adrc",
+        "active disturbance rejection without a model",
+        ZHENG,
+        kind("disturbance_rejection") | {"controller.nominal_model": False},
+        ESO,
+        classes=("P",),
+    ),
+    Contender(
+        "adrc_nominal",
+        "active disturbance rejection with the nominal plant",
+        ZHENG,
+        kind("disturbance_rejection") | {"controller.nominal_model": True},
+        ESO,
+        classes=("P",),
+    ),
+)

@@ -1,5 +1,0 @@
-"""The paper, reproduced. Page one is reproduce.py."""
-
-from ..extras import public
-
-__getattr__, __dir__, __all__ = public(__name__, __file__, "report")

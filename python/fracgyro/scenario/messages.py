@@ -1,0 +1,134 @@
+"""Messages for invalid input: one sentence with the field, the value and the allowed values."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from functools import cache
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
+
+from ..files import cut, one_line
+from .table import format_value
+
+
+class ScenarioError(ValueError):
+    """Bad input, in one sentence that names the field, the value and the allowed values.
+
+    >>> try:
+    ...     fg.Scenario.paper().replace({"controller.ordr": 0.8})
+    ... except fg.ScenarioError as error:
+    ...     print(error)
+    controller.ordr is not a known field; did you mean controller.order?
+    """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(one_line(message))
+
+
+@cache
+def paths(model: type[BaseModel]) -> tuple[str, ...]:
+    """Every dotted path, tables included."""
+    found = []
+    for name, info in model.model_fields.items():
+        found.append(name)
+        if isinstance(info.annotation, type) and issubclass(info.annotation, BaseModel):
+            found += [f"{name}.{inner}" for inner in paths(info.annotation)]
+    return tuple(found)
+
+
+@cache
+def leaves(model: type[BaseModel]) -> dict[str, FieldInfo]:
+    """Every field that is not a table, by its dotted path."""
+    found: dict[str, FieldInfo] = {}
+    for name, info in model.model_fields.items():
+        if isinstance(info.annotation, type) and issubclass(info.annotation, BaseModel):
+            inner = leaves(info.annotation)
+            found |= {f"{name}.{path}": each if each.description else info for path, each in inner.items()}
+        else:
+            found[name] = info
+    return found
+
+
+def unknown(path: str, model: type[BaseModel]) -> str:
+    """Suggestion, in this order: a misspelled neighbor, the same name in another table, a misspelled table."""
+    known = list(paths(model))
+    parent, _, leaf = path.rpartition(".")
+    if "[" in parent:  # `known` does not include lists of tables
+        item = _item(parent, model)
+        known = [f"{parent}.{name}" for name in item.model_fields] if item else []
+    near = {name.rpartition(".")[2]: name for name in known if name.rpartition(".")[0] == parent}
+    guesses = [near[name] for name in difflib.get_close_matches(leaf, near)]
+    guesses += [name for name in known if name.endswith(f".{leaf}")]
+    guesses += [] if near else difflib.get_close_matches(path, known)
+    choice = (
+        [name.rpartition(".")[2] for name in near.values()] if "[" in parent else near.values() or model.model_fields
+    )
+    hint = f"did you mean {guesses[0]}?" if guesses else f"known are {', '.join(choice)}"
+    return f"{cut(path if path.isprintable() else repr(path))} is not a known field; {hint}"
+
+
+def _item(path: str, model: type[BaseModel]) -> type[BaseModel] | None:
+    """The model of the tables in the list that `path`, as `objective[0]`, names."""
+    info = model.model_fields.get(path.partition("[")[0])
+    items = get_args(info.annotation) if info else ()
+    return items[0] if items and isinstance(items[0], type) and issubclass(items[0], BaseModel) else None
+
+
+def scenario_error(error: ValidationError, model: type[BaseModel], at: tuple[str, ...] = ()) -> ScenarioError:
+    """The first of pydantic's problems as a sentence; `at`: where in `model` the value stood that was validated."""
+    first, *others = error.errors(include_url=False)
+    first["loc"] = (*at, *first["loc"])
+    return ScenarioError(_describe(first, model) + (f" (and {len(others)} more)" if others else ""))
+
+
+def _describe(problem: ErrorDetails, model: type[BaseModel]) -> str:
+    if problem["type"] == "message":
+        return problem["msg"]
+    path, info, fields = "", None, model.model_fields
+    for part in problem["loc"]:
+        if isinstance(part, int):
+            path += f"[{part}]"
+            continue
+        path += f".{part}" if path else part
+        info = fields.get(part)
+        fields = getattr(info.annotation, "model_fields", {}) if info else {}
+    if problem["type"] == "extra_forbidden":
+        return unknown(path, model)
+    allowed = _allowed(problem, info.metadata if info else [])
+    if problem["type"] == "missing":
+        return f"{path} is missing: it must be {'a number' if info and info.annotation is float else 'given'}"
+    return f"{path} is {format_value(problem['input'])}: {allowed}"
+
+
+def _allowed(problem: ErrorDetails, metadata: list[Any]) -> str:
+    kind, context = problem["type"], problem.get("ctx", {})
+    if kind == "literal_error":
+        near = difflib.get_close_matches(str(problem["input"]), re.findall(r"'([^']*)'", context["expected"]), n=1)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        return f"it must be {context['expected']}{hint}".replace("'", "")
+    if kind.startswith(("greater", "less")):
+        words = {"ge": "at least", "gt": "greater than", "le": "at most", "lt": "less than"}
+        found = {word: getattr(bound, word) for word in words for bound in metadata if hasattr(bound, word)}
+        limits = {
+            word: f"{limit:g}" if isinstance(limit, float) else limit for word, limit in (found or context).items()
+        }
+        if len(limits) == 2:
+            low, high = limits.values()
+            return f"it must lie {'strictly ' if 'gt' in limits else ''}between {low} and {high}"
+        word, limit = next(iter(limits.items()))
+        return f"it must be {words[word]} {limit}"
+    types = {
+        "float_type": "a number",
+        "finite_number": "a finite number",
+        "int_type": "an integer",
+        "bool_type": "true or false",
+        "model_type": "a table",
+        "dict_type": "a table",
+        "list_type": "a list; tables of one are headed by two brackets, as [[objective]]",
+        "string_type": "text in quotes",
+    }
+    return f"it must be {types[kind]}" if kind in types else problem["msg"]

@@ -1,0 +1,143 @@
+"""JSON Schema of scenario and study files, for editors.
+
+Draft 4, the newest in which 1.0 is not an integer, as in TOML. A schema states the values that each field takes; only
+the software checks fields together, such as a definite stiffness or whole steps. taplo, and tools built on it, read
+TOML's inf, -inf and nan as null: null is accepted wherever inf is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, Literal
+
+from pydantic import BaseModel
+from pydantic.json_schema import GenerateJsonSchema
+from pydantic_core import core_schema
+
+from ..scenario import Scenario, ScenarioError
+from ..scenario.messages import paths
+from ..scenario.table import AsTuple, format_value
+from .space import Range
+
+KINDS = ("scenario", "study", "tuning")
+DRAFT = "http://json-schema.org/draft-04/schema#"
+REFERENCE = "#/definitions/{model}"
+OR_INFINITE = ["number", "null"]
+NUMERIC = ("number", "integer", OR_INFINITE)
+Schema = dict[str, Any]
+
+
+def schema(kind: Literal["scenario", "study", "tuning"]) -> Schema:
+    """JSON Schema of a scenario, of a study for `sweep` or of one for `tune`, for editors of TOML.
+
+    Raises ScenarioError for another kind.
+
+    >>> fg.schema("scenario")["properties"]["run"]
+    {'$ref': '#/definitions/Run'}
+    """
+    if kind not in KINDS:
+        raise ScenarioError(f"kind is {format_value(kind)}: it must be one of {', '.join(KINDS)}")
+    model: type[BaseModel] = Scenario
+    if kind == "study":
+        from .sweep.design import Study as model
+    elif kind == "tuning":
+        from .tune.plan import TuningFile as model
+    found = _of_model(model)
+    if kind != "scenario":
+        found["definitions"] |= _of_model(Scenario)["definitions"] | {"Range": _of_model(Range)}
+        del found["definitions"]["Range"]["$schema"]
+        of_fields = {field: {"$ref": _reference(field)} for field in paths(Scenario)}
+        found["properties"]["fixed"] = _changes(Scenario, of_fields.__getitem__)
+        found["properties"]["vary"] = _changes(Scenario, lambda field: _varied(of_fields[field], found))
+        law = found["properties"]["vary"]
+        law["properties"]["law"] = {"type": "object"}
+        law["patternProperties"] = {r"^law\.": {}}
+    return found
+
+
+class _Generator(GenerateJsonSchema):
+    """pydantic's generator for draft 4, without features that TOML lacks."""
+
+    def field_title_should_be_set(self, schema: Any) -> bool:
+        return False
+
+    def float_schema(self, schema: core_schema.FloatSchema) -> Schema:
+        found = _draft_4(super().float_schema(schema))
+        return {**found, "type": OR_INFINITE} if schema.get("allow_inf_nan") else found
+
+    def int_schema(self, schema: core_schema.IntSchema) -> Schema:
+        return _draft_4(super().int_schema(schema))
+
+    def tuple_schema(self, schema: core_schema.TupleSchema) -> Schema:
+        found = super().tuple_schema(schema)
+        if "prefixItems" in found:
+            found["items"] = found.pop("prefixItems")
+        return found
+
+    def nullable_schema(self, schema: core_schema.NullableSchema) -> Schema:
+        return self.generate_inner(schema["schema"])
+
+    def function_before_schema(self, schema: core_schema.BeforeValidatorFunctionSchema) -> Schema:
+        found = super().function_before_schema(schema)
+        convert = schema["function"]["function"]
+        expanded = isinstance(convert, AsTuple) and convert.expand
+        return {"anyOf": [found["items"][0], found]} if expanded else found
+
+    def default_schema(self, schema: core_schema.WithDefaultSchema) -> Schema:
+        found = super().default_schema(schema)
+        if not _is_shown(found.get("default", 0)):
+            del found["default"]
+        return found
+
+
+def _of_model(model: type[BaseModel]) -> Schema:
+    found = model.model_json_schema(ref_template=REFERENCE, schema_generator=_Generator)
+    definitions = found.pop("$defs", None)
+    return {"$schema": DRAFT, **found} | ({"definitions": definitions} if definitions else {})
+
+
+def _draft_4(found: Schema) -> Schema:
+    for strict, limit in {"exclusiveMinimum": "minimum", "exclusiveMaximum": "maximum"}.items():
+        if strict in found:
+            found |= {limit: found[strict], strict: True}
+    return found
+
+
+def _is_shown(default: Any) -> bool:
+    """True if a default can be written in TOML and JSON, and is not a whole table."""
+    if isinstance(default, list | tuple):
+        return all(map(_is_shown, default))
+    return default is not None and not isinstance(default, dict) and default != math.inf
+
+
+def _reference(field: str) -> str:
+    """Reference to the definition of a field of a scenario."""
+    model: Any = Scenario
+    *tables, name = field.split(".")
+    for table in tables:
+        model = model.model_fields[table].annotation
+    return f"{REFERENCE.format(model=model.__name__)}/properties/{name}" if tables else f"#/properties/{name}"
+
+
+def _changes(model: type[BaseModel], leaf: Callable[[str], Schema], at: str = "") -> Schema:
+    """A table of fields by their dotted paths: dotted keys, quoted keys or nested tables."""
+    properties = {}
+    for path in paths(model):
+        inner: Any = model
+        for name in path.split("."):
+            inner = inner.model_fields[name].annotation
+        field = f"{at}{path}"
+        table = isinstance(inner, type) and issubclass(inner, BaseModel)
+        properties[path] = _changes(inner, leaf, f"{field}.") if table else leaf(field)
+    return {"type": "object", "properties": properties, "additionalProperties": False}
+
+
+def _varied(of_field: Schema, found: Schema) -> Schema:
+    """A list of values of the field, or a range of numbers."""
+    listed = {"type": "array", "items": of_field, "minItems": 1}
+    node: Any = found
+    for name in of_field["$ref"].removeprefix("#/").split("/"):
+        node = node[name]
+    numeric = any(part.get("type") in NUMERIC for part in node.get("anyOf", [node]))
+    return {"anyOf": [listed, {"$ref": REFERENCE.format(model="Range")}]} if numeric else listed
