@@ -524,6 +524,6 @@ def test_the_joint_filter_is_exported_with_the_clock_that_it_asks_for(changes: d
     most = int(cells[4].split("/")[1])
     step = scenario.run.step * scenario.plant.scales.time
     note = clock_note(scenario)
-    assert f"up to {most} instructions a step" in note
+    assert f"up to {most} instructions per step" in note
     assert f"must run {most / step / 1e6:.0f} million instructions per second" in note
     assert clock_note(scenario.replace({"adaptation.kind": "gradient"})) == ""

@@ -77,8 +77,8 @@ def answers(target: str, scenario: Scenario, number: AnyNumber, motion: NDArray[
     chosen = target_named(target)
     if number not in chosen.numbers:
         others = [name for name in sorted(registered().names) if number in target_named(name).numbers]
-        choose = "add --number float" if number == "double" else f"choose the target {' or '.join(others)}"
-        raise ValueError(f"{target} computes in {' or '.join(chosen.numbers)}, not in {number}: {choose}")
+        hint = "" if number == "double" else f"; only {' and '.join(others)} has {number}"
+        raise ValueError(f"number is {number}: it must be {' or '.join(chosen.numbers)} for {target}{hint}")
     return _rows(chosen.answer, target, scenario, number, motion)
 
 
