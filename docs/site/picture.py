@@ -69,7 +69,7 @@ def pictures(run: xr.Dataset, title: str) -> Iterator[tuple[str, str, str]]:
                 panel.set_xlabel("time (ms)")
                 panel.grid(True, linewidth=0.3, alpha=0.5)
                 draw(panel, run, colors)
-                panel.legend(frameon=False)
+                panel.legend(loc="upper right", frameon=False)
                 drawn = svg(figure, f"{title}: {shown} over time")
                 yield scheme, shown, re.sub(r"(\d\.\d)\d+", r"\1", drawn)  # tenths of a point
 
