@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 DEPENDS_ON = ["sliding_mode", "composite", "integrations/**/*", "fpga/fracgyro_fpga/**/*"]
 
 CORE = "core"  # not a target: what the FPGA is compared with in fixed
-# What the others are compared with, double being that of the record.
+# References of the other targets; double is the number type of the record.
 REFERENCES: dict[AnyNumber, str] = {"double": "host", "float": "host", "fixed": CORE}
 
 

@@ -18,7 +18,7 @@ from .arithmetic import HardwareNumber
 @number_option("float", "float", "fixed")
 @unbounded_option
 def command(scenario: Path, out: Path, number: HardwareNumber, unbounded: bool) -> None:
-    """Write SCENARIO as Verilog for an FPGA.
+    """Export SCENARIO as Verilog for an FPGA.
 
     In float it has the bits of the firmware. Fixed, 48 bits of which 28 are after the point, is faster.
     """

@@ -280,9 +280,13 @@ class Fracgyro {
 
   // In the core's order.
   #deviceNumbers(named) {
-    return this.#data.device_numbers.map((name) => {
+    return Object.entries(this.#data.device_numbers).map(([name, field]) => {
       if (!Object.hasOwn(named, name)) {
         throw new RangeError(`${name} is missing: it must be given`);
+      }
+      const problem = wrong(named[name], field);
+      if (problem) {
+        throw new RangeError(`${name} is ${named[name]}: it must be ${problem}`);
       }
       return named[name] ?? Infinity;
     });

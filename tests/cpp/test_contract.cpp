@@ -45,12 +45,19 @@ consteval bool all_fit(std::tuple<Entries...>*) {
     return (one(typename Entries::Type{}) && ...);
 }
 static_assert(all_fit(static_cast<Registry*>(nullptr)));
-static_assert(std::is_same_v<RegisteredController<double, 3, 1>,
+constexpr std::size_t linear = [] {
+    std::size_t kind = 0;
+    while (controller_kinds[kind] != "linear") {
+        ++kind;
+    }
+    return kind;
+}();
+static_assert(std::is_same_v<RegisteredController<double, linear, 1>,
                              SlidingModeController<double, LinearSurface, CompositeAdaptation>>);
-static_assert(std::is_same_v<FromPositions<RegisteredController<double, 3, 2>>::Type,
+static_assert(std::is_same_v<FromPositions<RegisteredController<double, linear, 2>>::Type,
                              SlidingModeController<double, LinearSurface, JointFromPositions>>);
-static_assert(std::is_same_v<FromPositions<RegisteredController<double, 3, 1>>::Type,
-                             Observing<RegisteredController<double, 3, 1>>>);
+static_assert(std::is_same_v<FromPositions<RegisteredController<double, linear, 1>>::Type,
+                             Observing<RegisteredController<double, linear, 1>>>);
 
 TEST(Registry, EveryKindPreparesTheControllerOfItsParameters) {
     for (std::size_t kind = 0; kind < controller_kinds.size(); ++kind) {

@@ -276,7 +276,7 @@ TEST(VaryingGyroscope, AModeOfHighQualityKeepsItsAmplitude) {
 
 // -- The device -------------------------------------------------------------------------------------------------------
 
-TEST(Quantisation, ThreeBitsOverFourHaveEightLevelsOfOne) {
+TEST(Quantization, ThreeBitsOverFourHaveEightLevelsOfOne) {
     const Quantizer q{.range = {4.0, 4.0}, .bits = 3};
     expect_equal(q({0.4, 0.6}), {0.0, 1.0});
     expect_equal(q({-2.7, 100.0}), {-3.0, 3.0});
@@ -285,7 +285,7 @@ TEST(Quantisation, ThreeBitsOverFourHaveEightLevelsOfOne) {
     expect_equal(clip({0.4, -7.0}), {0.4, -4.0});
 }
 
-TEST(Quantisation, IsIdempotentMonotoneAndWithinHalfAStep) {
+TEST(Quantization, IsIdempotentMonotoneAndWithinHalfAStep) {
     std::mt19937_64 random(7);
     for (int i = 0; i < 10'000; ++i) {
         const double span = std::exp2(static_cast<double>(random() % 40) - 30.0);
@@ -303,7 +303,13 @@ TEST(Quantisation, IsIdempotentMonotoneAndWithinHalfAStep) {
     }
 }
 
-TEST(Quantisation, EachAxisHasItsOwnRange) {
+TEST(Quantization, NeedsARange) {
+    const Quantizer q{.range = {Quantizer::unlimited, 4.0}, .bits = 3};
+    EXPECT_EQ(q({0.3, 0.3}).x(), 0.3);
+    EXPECT_EQ(q({0.3, 0.3}).y(), 0.0);
+}
+
+TEST(Quantization, EachAxisHasItsOwnRange) {
     const Quantizer q{.range = {4.0, 0.25}, .bits = 3};
     EXPECT_TRUE(q.on());
     expect_equal(q({0.6, 0.6}), {1.0, 0.1875});

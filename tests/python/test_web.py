@@ -510,6 +510,30 @@ def test_the_noise_of_a_device_is_for_one_step(module: Path, tmp_path: Path) -> 
     assert in_node(module, tmp_path, code, SCENARIOS["joint adaptation of a device"]) == refused
 
 
+def test_numbers_of_a_device_are_checked(module: Path, tmp_path: Path) -> None:
+    code = """
+    const run = (name, value) => {
+      const numbers = { ...own.device.numbers, [name]: value };
+      const device = { ...own.device, numbers };
+      return fracgyro.simulate({ ...own, device }).then(() => console.log("runs"), (e) => console.log(e.message));
+    };
+    await run("device.delay", 2);
+    await run("device.delay", 5000);
+    await run("device.delay", 1.5);
+    await run("device.position_range.x", null);
+    await run("device.position_noise", NaN);
+    await run("rate.kind", 6);
+    """
+    assert in_node(module, tmp_path, code, SCENARIOS["joint adaptation of a device"]).splitlines() == [
+        "runs",
+        "device.delay is 5000: it must be at most 1000",
+        "device.delay is 1.5: it must be a whole number below 2^53",
+        "runs",
+        "device.position_noise is NaN: it must be a finite number",
+        "rate.kind is 6: it must be at most 5",
+    ]
+
+
 def test_a_state_of_another_controller_is_refused(module: Path, tmp_path: Path) -> None:
     code = """
     const make = (changes, single) => fracgyro.controller(own, changes, { single });

@@ -28,7 +28,7 @@ struct Quantizer {
 private:
     double one(double a, double reach) const {
         const double clipped = clamp(a, -reach, reach);
-        if (bits == 0) {
+        if (bits == 0 || !(reach < unlimited)) {
             return clipped;
         }
         const double levels = static_cast<double>(std::int64_t{1} << (bits - 1));

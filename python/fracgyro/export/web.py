@@ -68,7 +68,7 @@ def module_data() -> dict[str, Any]:
         "fields": _fields(),
         "loop": _columns(LOOP_CHANNELS),
         "device": _columns(DEVICE_CHANNELS),
-        "device_numbers": [number.name for number in DEVICE_NUMBERS],
+        "device_numbers": {number.name: _allowed(number) for number in DEVICE_NUMBERS},
         "kinds": {kind: _kind(kind) for kind in KINDS},
         "momentary": sorted({c.name for kind in KINDS for of in reports(kind) for c in of if c.momentary}),
     }
@@ -183,6 +183,14 @@ def _columns(channels: Sequence[Channel]) -> list[str]:
 
 def _choices(number: Number) -> list[str | bool]:
     return [False, True] if number.choices == SWITCH else list(number.choices)
+
+
+def _allowed(number: Number) -> dict[str, Any]:
+    """Values of a number that is handed over as the core takes it: a choice by its place."""
+    if number.choices:
+        return {"minimum": 0, "maximum": len(number.choices) - 1, "whole": True}
+    words = {"whole": number.whole, "infinite": number.infinite}
+    return {**_limits(number), **{word: True for word, so in words.items() if so}}
 
 
 def _limits(number: Number) -> dict[str, Any]:
