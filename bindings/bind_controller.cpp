@@ -17,6 +17,7 @@ namespace {
 // A controller of any kind and precision, one sample at a time. Python frees it as an object of this type.
 struct Stepped {
     std::unique_ptr<GuardedController> held;
+    Shared<CourseWithLists> course;  // to which it points
 
     GuardedController* operator->() const { return held.get(); }
     nb::bytes state() const {
@@ -75,6 +76,13 @@ struct Describe {
             choices.append(text(choice));
         }
         one["choices"] = nb::tuple(choices);
+        nb::list kinds;
+        for (std::size_t k = 0; k < field.kinds.size(); ++k) {
+            if ((field.mask >> k & 1U) != 0) {
+                kinds.append(text(field.kinds[k]));
+            }
+        }
+        one["kinds"] = nb::tuple(kinds);
         all.append(one);
     }
 };
@@ -122,7 +130,9 @@ void bind_controller(nb::module_& m) {
     nb::class_<Stepped>(m, "Controller")
         .def(
             "__init__",
-            [](Stepped* made, const Setup& setup, bool single) { new (made) Stepped{make_guarded(setup, single)}; },
+            [](Stepped* made, const Setup& setup, bool single) {
+                new (made) Stepped{make_guarded(setup, single), setup.course};
+            },
             nb::arg("setup"), nb::arg("single"))
         .def(
             "step",
@@ -139,6 +149,11 @@ void bind_controller(nb::module_& m) {
 
     m.attr("controller_kinds") = nb::cast(controller_kinds);
     m.attr("controller_meanings") = nb::cast(controller_meanings);
+    nb::list driving;
+    [&]<class... Entries>(std::type_identity<std::tuple<Entries...>>) {
+        ((drives_a_sine<Entries> ? driving.append(text(Entries::kind)) : void()), ...);
+    }(std::type_identity<Registry>{});
+    m.attr("sine_drives") = nb::tuple(driving);
     m.def("fields_of_kind", &fields_of_kind, nb::arg("kind"),
           "Descriptions of the numbers of a run of this kind, in order.");
     m.def("device_fields", &device_fields, "Descriptions of the numbers of a moving rate and a real device, in order.");

@@ -21,6 +21,7 @@ public:
     explicit Tracked(const DeviceSetup& s)
         : plant_(DeviceGyroscope::prepare(s)),
           reference_(Reference<double>::prepare(s.common.reference, s.common.step)),
+          course_(s.course),
           draw_(s),
           now_{.state = DeviceGyroscope::start(s)} {
         sense();
@@ -67,6 +68,7 @@ private:
 
     DeviceGyroscope::Coefficients plant_;
     Reference<double>::Coefficients reference_;
+    Shared<CourseWithLists> course_;  // to which they point
     DeviceGyroscope::Draw draw_;
     Now now_;
 };

@@ -1,9 +1,11 @@
 #include "arrays.hpp"
 #include "bindings.hpp"
 
+#include "fracgyro/control/table_spline.hpp"
 #include "fracgyro/sim/device_loop.hpp"
 #include "fracgyro/sim/settings.hpp"
 
+#include <nanobind/stl/array.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/vector.h>
 
@@ -12,7 +14,72 @@ namespace fracgyro::bindings {
 // Times and values.
 using Points = std::pair<std::vector<double>, std::vector<double>>;
 
+namespace {
+
+// Terms: amplitude, frequency and phase, each x, y. Rows: time, x, y.
+ReferenceLists reference_lists(const std::vector<std::array<double, 6>>& terms,
+                               const std::vector<std::array<double, 3>>& rows) {
+    ReferenceLists lists;
+    for (const auto& [ax, ay, fx, fy, px, py] : terms) {
+        lists.terms.push_back({{ax, ay}, {fx, fy}, {px, py}});
+    }
+    for (const auto& [time, x, y] : rows) {
+        lists.rows.push_back({.time = time, .position = {x, y}});
+    }
+    differentiate(lists.rows);
+    return lists;
+}
+
+}  // namespace
+
 void bind_loop(nb::module_& m) {
+    using Lists = Shared<ReferenceLists>;
+    nb::class_<Lists>(m, "ReferenceLists")
+        .def(
+            "__init__",
+            [](Lists* made, const std::vector<std::array<double, 6>>& terms,
+               const std::vector<std::array<double, 3>>& rows) { new (made) Lists(reference_lists(terms, rows)); },
+            nb::arg("terms"), nb::arg("rows"),
+            "Terms of a sum of sines: amplitude, frequency and phase, each x, y. Rows of a table: time, x, y. All "
+            "nondimensional.")
+        .def_prop_ro("rows", [](const Lists& self) {
+            std::vector<std::array<double, 7>> rows;
+            for (const TableRow& r : self.get()->rows) {
+                rows.push_back({r.time, r.position[0], r.position[1], r.velocity[0], r.velocity[1], r.acceleration[0],
+                                r.acceleration[1]});
+            }
+            return rows;
+        });
+    m.def(
+        "reference",
+        [](const Setup& s, std::int64_t count, std::int64_t every) {
+            using R = Reference<double>;
+            const auto c = R::prepare(s.common.reference, s.common.step);
+            R::State state{};
+            std::vector<std::array<double, 6>> rows;
+            for (std::int64_t n = 0; n < count; ++n) {
+                if (c.course != nullptr) {
+                    state.steps = static_cast<std::uint64_t>(n * every);
+                }
+                const auto r = R::update(state, c);
+                for (std::int64_t skipped = 1; c.course == nullptr && skipped < every; ++skipped) {
+                    R::update(state, c);
+                }
+                rows.push_back({r.position.x(), r.position.y(), r.velocity.x(), r.velocity.y(), r.acceleration.x(),
+                                r.acceleration.y()});
+            }
+            return rows;
+        },
+        nb::arg("setup"), nb::arg("count"), nb::arg("every"),
+        "Position, velocity and acceleration, each x, y, of the reference at the samples 0, every, …");
+    m.def(
+        "equivalent_sine",
+        [](const Setup& s) {
+            const EquivalentSine e = equivalent_sine(s.common.reference);
+            return std::array<std::array<double, 2>, 2>{
+                {{e.amplitude.x(), e.amplitude.y()}, {e.frequency.x(), e.frequency.y()}}};
+        },
+        nb::arg("setup"), "Amplitude and frequency, each x, y, of sines with the reference's mean squares.");
     m.def(
         "plant_map",
         [](const Setup& s) {
@@ -64,6 +131,13 @@ void bind_loop(nb::module_& m) {
             },
             nb::arg("kind"), nb::arg("settings"), "The kind's place in controller_kinds; numbers in its fields' order.")
         .def(nb::init<const DeviceSetup&>())
+        .def(
+            "set_reference",
+            [](DeviceSetup& s, const Lists& lists) {
+                s.lists = lists;
+                prepare_reference(s);
+            },
+            nb::arg("lists"))
         .def(
             "set_device",
             [](DeviceSetup& s, const std::vector<double>& settings, const Points& rate, const Points& temperature,

@@ -20,7 +20,7 @@ from fracgyro.export.compilers import FLAGS, SOURCES, compiler, include, run
 from fracgyro.export.settings import core_kernel, core_numbers, observer_bandwidth
 from fracgyro.scenario import Scenario
 from fracgyro.scenario.kinds import kinds_with
-from fracgyro.scenario.to_core import check_single, core_setup
+from fracgyro.scenario.to_core import check_single, core_setup, is_plain
 
 from .arithmetic import ARITHMETICS, Arithmetic, HardwareNumber
 
@@ -193,6 +193,12 @@ def trace(scenario: Scenario, number: HardwareNumber = "float") -> Graph:
     Raises ValueError, in one sentence, when it cannot be traced, float cannot hold a coefficient, or the tracer cannot
     be compiled.
     """
+    if not is_plain(scenario):
+        reference = scenario.reference
+        raise ValueError(
+            f"reference.kind is {reference.kind!r} and reference.offset {list(reference.offset)}: "
+            "for hardware it must be sine, without an offset"
+        )
     if scenario.adaptation.kind == "joint":  # known before the tracer is compiled, which takes half a minute
         raise ValueError(
             "adaptation.kind is 'joint': it cannot be exported as hardware: counters in its state choose what is "

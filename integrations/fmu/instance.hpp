@@ -44,6 +44,7 @@ public:
 
     Instance() {
         setup_.controller = params_of_kind(exported::kind);
+        setup_.lists = Shared<ReferenceLists>(lists_from(exported::reference_terms, exported::reference_rows));
         reset();
     }
 

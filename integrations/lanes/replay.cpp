@@ -51,8 +51,11 @@ bool write(const char* name, const std::vector<Row>& rows) {
 }
 
 Setup stored_setup(std::size_t kind) {
-    return setup_from(kind, read<double>("numbers"), read<double>("observer").front(), read<double>("poles"),
-                      read<double>("weights"));
+    Setup setup = setup_from(kind, read<double>("numbers"), read<double>("observer").front(), read<double>("poles"),
+                             read<double>("weights"));
+    setup.lists = Shared<ReferenceLists>(lists_from(read<double>("terms"), read<double>("rows")));
+    prepare_reference(setup);
+    return setup;
 }
 
 // One row after another.

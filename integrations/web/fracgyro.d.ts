@@ -26,6 +26,9 @@ export interface Scenario {
   readonly settings: Settings;
   /** Scales of the settings in SI units: setting / scale is nondimensional. */
   readonly scales: Partial<Record<SettingName, number>>;
+  /** Lists of the reference: of each term of sines amplitude, frequency and phase, each x, y; of each row of a table
+   * time, position, velocity and acceleration, each x, y. */
+  readonly reference?: { readonly terms: readonly number[]; readonly rows: readonly number[] };
   /** A dynamic rate and a real device, nondimensional, for the run.step of the settings. */
   readonly device?: Device;
 }

@@ -72,7 +72,8 @@ class Fracgyro {
     const first = { ...settings };
     // The key identifies the start of the loop; kind, sensors and exponentials are not among the values.
     const design = ["controller.kind", "device.sensing", "controller.observer_bandwidth", "run.kernel_tolerance"];
-    const started = [design.map((name) => first[name]), valuesOf(first), scenario.device ?? null];
+    const { reference = null, device = null } = scenario;
+    const started = [design.map((name) => first[name]), valuesOf(first), reference, device];
     const key = utf8(`fracgyro ${this.version} loop 2 ${checksum(utf8(JSON.stringify(started))).toString(16)}\n`);
     const saved = () => new Uint8Array(core.memory.buffer, core.loop_saved(), core.loop_saved_size());
     const checked = (before, changes) => this.#checked(before, changes);
@@ -272,6 +273,8 @@ class Fracgyro {
       const { rate, temperature } = device;
       core.device_points(rate[0].length, placed(rate.flat()), temperature[0].length, placed(temperature.flat()));
     }
+    const { terms, rows } = scenario.reference ?? { terms: [], rows: [] };
+    core.reference_lists(terms.length, placed(terms), rows.length, placed(rows));
     if (!core.setup_done(place, bandwidth, settings["run.duration"], settings["run.kernel_tolerance"], at)) {
       throw new RangeError(`run.step is ${settings["run.step"]}: it must lie between 1e-200 and 1e200`);
     }

@@ -118,6 +118,10 @@ EXPORT bool setup_done(std::size_t kind, double observer_bandwidth, double durat
     *kernel = designed_kernel(kernel_design, kernel->order, setup.common.step, duration, tolerance);
     return kernel->count > 0 || kernel->order == 0.0 || kernel->order == 1.0;
 }
+// The terms of a sum of sines and the rows of a table, as lists_from takes them; before `setup_done`.
+EXPORT void reference_lists(std::size_t terms, const double* term, std::size_t rows, const double* row) {
+    setup.lists = Shared<ReferenceLists>(lists_from({term, terms}, {row, rows}));
+}
 // Which of the kind's types it is: what it reports depends on that.
 EXPORT std::size_t chosen_type() {
     std::size_t chosen = 0;

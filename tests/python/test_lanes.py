@@ -113,6 +113,8 @@ def test_all_widths_agree() -> None:
 SHORT = PAPER.replace({"run.duration": 0.2})
 SINE = {"disturbance.kind": "sine", "disturbance.amplitude": (50.0, 70.0), "disturbance.frequency": (30.0, 40.0)}
 COMPOSITE, JOINT = {"adaptation.kind": "composite"}, {"adaptation.kind": "joint"}
+SMOOTHED = {"reference.kind": "step", "reference.smoothing": 0.02}
+TERMS = [{"frequency": (1.0, 2.0), "amplitude": (0.5, 0.5)}]
 LAYERED: dict[str, object] = {"controller.kind": "nonsingular_terminal"}
 LAYERED |= {"controller.switching_gain": 0.1, "controller.reaching_exponent": 0.0}
 LAYERED |= {"controller.nonsingular_layer": 10.0}
@@ -133,6 +135,18 @@ DIFFERENCES: dict[str, tuple[dict[str, object], object]] = {
     "reference.amplitude": ({}, (1.0, 0.8)),
     "reference.frequency": ({}, (3.0, 1.0)),
     "reference.phase": ({}, (0.0, 1.0)),
+    "reference.kind": ({}, "rest"),
+    "reference.offset": ({}, (0.1, 0.2)),
+    "reference.start": (SMOOTHED, 0.1),
+    "reference.end": (SMOOTHED, 0.15),
+    "reference.smoothing": (SMOOTHED, 0.04),
+    "reference.smoothing_order": (SMOOTHED, 2),
+    "reference.slope": ({"reference.kind": "ramp", "reference.slope": (1.0, 1.0)}, (2.0, 3.0)),
+    "reference.final_frequency": ({"reference.kind": "chirp", "reference.end": 1.0}, (200.0, 300.0)),
+    "reference.hold": ({"reference.kind": "staircase", "reference.hold": 0.05, "reference.levels": 3}, 0.1),
+    "reference.levels": ({"reference.kind": "staircase", "reference.hold": 0.05}, 3),
+    "reference.terms": ({"reference.kind": "sines", "reference.terms": [{"frequency": (1.0, 2.0)}]}, TERMS),
+    "reference.points": ({"reference.kind": "table", "reference.points": [[0.0, 0.1, 0.2]]}, [[0.0, 0.3, 0.2]]),
     "controller.kind": ({}, "fast_terminal"),
     "controller.order": ({}, 1.0),
     "controller.fractional_gain": ({}, (10.0, 12.0)),
@@ -201,7 +215,7 @@ def fields() -> set[str]:
         f"{table}.{name}"
         for table, entry in fg.Scenario.model_fields.items()
         for name in entry.annotation.model_fields
-        if table not in ("rate", "device")  # these do not run in lanes
+        if table not in ("rate", "device") and name != "file"  # these do not run in lanes; a file becomes points
     }
 
 

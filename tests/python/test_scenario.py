@@ -17,6 +17,7 @@ import pytest
 from fracgyro.scenario import Scenario, ScenarioError
 from fracgyro.scenario.kinds import KINDS, kinds_with
 from fracgyro.scenario.messages import paths
+from fracgyro.scenario.scenario import having
 from fracgyro.scenario.schema import ERRATA_SWITCHES
 from fracgyro.scenario.table import Symmetric, toml_value
 from fracgyro.simulation.simulate import simulate
@@ -480,6 +481,9 @@ def test_the_text_is_complete_commented_and_fits_the_line() -> None:
             assert field_info.description, f"{name}.{field} has no description"
             if PAPER.controller.kind not in (kinds_with(f"{name}.{field}") or KINDS):
                 assert field not in tables[name], "of other controllers"
+                continue
+            if name == "reference" and "sine" not in (having(name, field) or ("sine",)):
+                assert field not in tables[name], "of other motions"
                 continue
             assert field in tables[name] or f"# {field} is not set" in lines
     for previous, line in pairwise(lines):

@@ -1,4 +1,5 @@
-// 1  The reference r and its first two derivatives: amplitude·sin(frequency·t + phase) on each axis, eq. (49).
+// 1  The reference r and its first two derivatives. A sine on each axis, eq. (49), is computed here, all other kinds in
+//    course.hpp.
 #pragma once
 
 #include "fracgyro/core/fields.hpp"
@@ -6,19 +7,83 @@
 
 namespace fracgyro {
 
+enum class ReferenceKind : std::uint32_t { sine, sines, step, ramp, chirp, staircase, table, rest };
+inline constexpr std::string_view reference_kinds[] = {"sine",  "sines",     "step",  "ramp",
+                                                       "chirp", "staircase", "table", "rest"};
+
+struct Course;
+
+// One sine of a sum of sines on each axis.
+struct SineTerm {
+    std::array<double, 2> amplitude{}, frequency{}, phase{};
+};
+// One row of a table, [x, y]. Between rows the motion is the polynomial of fifth degree that has these values.
+struct TableRow {
+    double time = 0.0;
+    std::array<double, 2> position{}, velocity{}, acceleration{};
+};
+
 struct ReferenceParams {
+    std::array<ReferenceKind, 2> kind{};  // x, y
     Vec2<double> amplitude{1.0, 1.0};
     Vec2<double> frequency{};  // rad per unit of time
     Vec2<double> phase{};      // rad
+    Vec2<double> offset{};
+    double start = 0.0, end = std::numeric_limits<double>::infinity();
+    Vec2<double> final_frequency{}, slope{};
+    double hold = 1.0, levels = 1.0;
+    double smoothing = 0.0, smoothing_order = 3.0;
+    const Course* course = nullptr;  // made of these, unless both axes have a sine without offset
 
     static constexpr auto fields() {
         using P = ReferenceParams;
+        using enum ReferenceKind;
         constexpr Range frequencies{.low = -1e6, .high = 1e6};
         return std::tuple{
-            field("amplitude", &P::amplitude, "q0", any_number, "[x, y], unit q0. Zeros: off, r = 0."),
-            fixed(
-                field("frequency", &P::frequency, "omega0", frequencies, "[x, y], unit omega0. Zeros: r is constant.")),
-            fixed(field("phase", &P::phase, "rad", any_number, "[x, y], rad: pi/2 makes a cosine. Zeros: off.")),
+            settable(Settable::beforehand,
+                     choice("kind", &P::kind, reference_kinds,
+                            "For both axes, or [x, y]. sine: offset + amplitude*sin(frequency*t + phase); sines: a sum "
+                            "of sines; step: to amplitude at start, and back at end; ramp: rises by slope per unit of "
+                            "time from start to end; chirp: a sine whose frequency changes from frequency to "
+                            "final_frequency between start and end; staircase: a step of amplitude every hold, levels "
+                            "times; table: points in time; rest: offset only.")),
+            for_kinds(reference_kinds, kinds(sine, step, chirp, staircase),
+                      field("amplitude", &P::amplitude, "q0", any_number,
+                            "[x, y], unit q0: amplitude of a sine or chirp, height of each step. Zeros: off, r = "
+                            "offset.")),
+            for_kinds(reference_kinds, kinds(sine, chirp),
+                      fixed(field("frequency", &P::frequency, "omega0", frequencies,
+                                  "[x, y], unit omega0. Zeros: r is constant."))),
+            for_kinds(
+                reference_kinds, kinds(sine, chirp),
+                fixed(field("phase", &P::phase, "rad", any_number, "[x, y], rad: pi/2 makes a cosine. Zeros: off."))),
+            fixed(field("offset", &P::offset, "q0", any_number, "[x, y], unit q0: added to every kind. Zeros: off.")),
+            for_kinds(reference_kinds, kinds(step, ramp, chirp, staircase),
+                      fixed(field("start", &P::start, "1/omega0", at_least_0,
+                                  "Unit 1/omega0: until then r = offset. 0.0: off."))),
+            for_kinds(reference_kinds, kinds(step, ramp, chirp),
+                      fixed(field("end", &P::end, "1/omega0", limit,
+                                  "Unit 1/omega0: a step returns, a ramp stops, a chirp stays at final_frequency. inf: "
+                                  "off; a chirp must have an end."))),
+            for_kinds(reference_kinds, kinds(chirp),
+                      fixed(field("final_frequency", &P::final_frequency, "omega0", frequencies,
+                                  "[x, y], unit omega0, reached at end."))),
+            for_kinds(reference_kinds, kinds(ramp),
+                      fixed(field("slope", &P::slope, "q0*omega0", any_number, "[x, y], unit q0 omega0. Zeros: off."))),
+            for_kinds(
+                reference_kinds, kinds(staircase),
+                fixed(field("hold", &P::hold, "1/omega0", above_0, "Unit 1/omega0: time from one step to the next."))),
+            for_kinds(
+                reference_kinds, kinds(staircase),
+                fixed(field("levels", &P::levels, "1", {.low = 1.0, .high = 1e9, .whole = true}, "Number of steps."))),
+            for_kinds(
+                reference_kinds, kinds(step, ramp, staircase),
+                fixed(field("smoothing", &P::smoothing, "1/omega0", at_least_0,
+                            "Unit 1/omega0: time constant T of the filter 1/(1 + s T)^n with n = smoothing_order, "
+                            "which makes velocity and acceleration finite. 0.0: off, jumps."))),
+            for_kinds(reference_kinds, kinds(step, ramp, staircase),
+                      fixed(field("smoothing_order", &P::smoothing_order, "1", {.low = 1.0, .high = 8.0, .whole = true},
+                                  "n. From 3 on the acceleration is continuous after a step."))),
         };
     }
 };
@@ -27,6 +92,26 @@ template <Scalar T>
 struct ReferencePoint {
     Vec2<T> position{}, velocity{}, acceleration{};
 };
+
+// The reference of each axis as a sine with the same mean squares of position and velocity: some designs assume one.
+struct EquivalentSine {
+    Vec2<double> amplitude{}, frequency{};
+};
+
+// Motion on both axes, of any kinds, ready to be evaluated (course.hpp).
+struct Course {
+    // In a function of its own, which is compiled once: lanes, compiled for several processors, only call it.
+    ReferencePoint<double> (*at)(const Course&, std::uint64_t step) = nullptr;
+    ReferenceParams params{};
+    double step = 0.0;
+    std::span<const SineTerm> terms{};
+    std::span<const TableRow> rows{};
+    EquivalentSine equivalent{};
+};
+
+inline EquivalentSine equivalent_sine(const ReferenceParams& p) {
+    return p.course != nullptr ? p.course->equivalent : EquivalentSine{p.amplitude, p.frequency};
+}
 
 // Between two exact evaluations the pair (sine, cosine) is rotated by the angle of one step, which is far cheaper.
 template <Scalar T>
@@ -37,6 +122,7 @@ struct Reference {
         SteadyPhases<T> phases{};
         SineCosine2<T> turn{};                              // by one step
         Vec2<T> amplitude{}, peak_velocity{}, curvature{};  // a, a·f, -f²
+        const Course* course = nullptr;                     // unless both axes have a sine without offset
     };
     struct State {
         Kept<T, std::uint64_t> steps = 0;  // time is steps·h
@@ -50,11 +136,19 @@ struct Reference {
                 .turn = {.sine = {x.sine, y.sine}, .cosine = {x.cosine, y.cosine}},
                 .amplitude = cast<T>(p.amplitude),
                 .peak_velocity = cast<T>(p.amplitude * p.frequency),
-                .curvature = cast<T>(-p.frequency * p.frequency)};
+                .curvature = cast<T>(-p.frequency * p.frequency),
+                .course = p.course};
     }
 
     // Returns the point at the present step, then advances by one step.
     static ReferencePoint<T> update(State& state, const Coefficients& c) {
+        if constexpr (std::same_as<Kept<T, std::uint64_t>, std::uint64_t>) {
+            if (c.course != nullptr) [[unlikely]] {
+                const ReferencePoint<double> r = c.course->at(*c.course, state.steps);
+                ++state.steps;
+                return {cast<T>(r.position), cast<T>(r.velocity), cast<T>(r.acceleration)};
+            }
+        }
         if (state.steps % exact_every == 0) {
             state.at = c.phases.at(state.steps);
         }

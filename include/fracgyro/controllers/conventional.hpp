@@ -88,6 +88,7 @@ struct ConventionalGyroscope {
     using Params = std::conditional_t<rebalanced, RebalanceParams, ConventionalParams>;
     using Report = ConventionalReport<T>;
     static constexpr bool measures_velocity = false;
+    static constexpr bool drives_a_sine = true;  // of the reference's frequency, on x; the reference must be one
 
     struct Coefficients {
         typename Reference<T>::Coefficients reference{};
@@ -172,9 +173,12 @@ struct ConventionalGyroscope {
             const auto start = PhaseOf<T>::sine_cosine(c.reference.phases.start[0]);
             state.oscillator = {start.cosine, start.sine};
         }
-        Signals<T, Report> signals{.reference = Reference<T>::update(state.reference, c.reference),
-                                   .report = report(state, c)};
-        const T zero = T(0.0), one = T(1.0), known = c.frequency + state.frequency;
+        const T zero = T(0.0), one = T(1.0);
+        ReferencePoint<T> r = Reference<T>::update(state.reference, c.reference);
+        // The sense axis is held at rest or free: it follows no reference.
+        r = {{r.position.x(), zero}, {r.velocity.x(), zero}, {r.acceleration.x(), zero}};
+        Signals<T, Report> signals{.reference = r, .report = report(state, c)};
+        const T known = c.frequency + state.frequency;
         if (missing == nullptr) {
             demodulate(state.drive, c, state.oscillator, measured.position.x());
             demodulate(state.sense, c, state.oscillator, measured.position.y());

@@ -84,7 +84,7 @@ struct DisturbanceRejection {
     };
 
     static Coefficients prepare(const Params& p, const Common& common) {
-        const double h = common.step, frequency = common.reference.frequency.x();
+        const double h = common.step, frequency = equivalent_sine(common.reference).frequency.x();
         const PlantModel<double> model = p.nominal_model ? common.nominal : PlantModel<double>{};
         const SineCosine<double> response = of_missing(p.extended_observer * h, frequency * h);
         return {.reference = Reference<T>::prepare(common.reference, h),

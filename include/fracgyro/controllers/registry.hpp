@@ -108,6 +108,12 @@ using ControllerParams = typename detail::Listed<Registry>::Params;
 inline constexpr auto controller_kinds = detail::Listed<Registry>::kinds;
 inline constexpr auto controller_meanings = detail::Listed<Registry>::meanings;
 
+// True if the controllers of this line need a sine as the reference of x.
+template <class Entry>
+inline constexpr bool drives_a_sine = []<class... Types>(List<Types...>) {
+    return (requires { Types::drives_a_sine; } || ...);
+}(typename Entry::Type::template Types<double>{});
+
 // Calls visit(params, family) with the alternative held, and the family of its line in the registry.
 template <class Params, class Visit>
 constexpr void with_params(Params&& any, Visit&& visit) {

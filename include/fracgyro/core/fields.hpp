@@ -9,6 +9,7 @@
 
 #include "fracgyro/core/scalar.hpp"
 
+#include <cstdint>
 #include <span>
 #include <string_view>
 #include <tuple>
@@ -46,6 +47,8 @@ struct Field {
     Settable settable = Settable::any_time;
     bool momentary = false;       // a report's number, known only while a step is computed
     std::string_view table = {};  // if it is not the table of its struct
+    Choices kinds = {};           // kinds of the struct, if only some of them have this number: those of the mask
+    std::uint32_t mask = 0;
 };
 template <class Member>
 constexpr Field<Member> field(std::string_view name, Member member, std::string_view unit, Range range,
@@ -78,6 +81,18 @@ constexpr Field<Member> fixed(Field<Member> field) {
 template <class Member>
 constexpr Field<Member> in_table(std::string_view table, Field<Member> field) {
     field.table = table;
+    return field;
+}
+
+// Kinds, and a number that only these have.
+template <class... Kind>
+constexpr std::uint32_t kinds(Kind... kind) {
+    return ((std::uint32_t{1} << static_cast<std::uint32_t>(kind)) | ...);
+}
+template <class Member>
+constexpr Field<Member> for_kinds(Choices names, std::uint32_t mask, Field<Member> field) {
+    field.kinds = names;
+    field.mask = mask;
     return field;
 }
 

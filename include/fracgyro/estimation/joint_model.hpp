@@ -52,7 +52,7 @@ struct JointModel {
                                                 const Common& common) {
         const double h = common.step, slots = static_cast<double>(p.covariance_steps), span = slots * h;
         const PlantModel<double>& nominal = common.nominal;
-        const ReferenceParams& r = common.reference;
+        const EquivalentSine r = equivalent_sine(common.reference);
         const Sym2<double>&k = nominal.stiffness, &d = nominal.damping;
         const Vec2<double> square = r.frequency * r.frequency, speed = r.amplitude * r.frequency;
         const double natural = maximum(square_root(0.5 * absolute(k.xx() + k.yy())), 1e-3);
@@ -172,7 +172,7 @@ private:
     // with the disturbance and with the sensing noise over the plant's response to a force. Densities, two-sided.
     struct Information {
         PlantModel<double> nominal;
-        ReferenceParams reference;
+        EquivalentSine reference;
         double force, position, velocity;  // velocity = 0: not measured
 
         // Information from the effect of axis `of` on axis `on` through a damping (or twice a rate), or a stiffness.

@@ -175,7 +175,9 @@ private:
             if (kernel_terms(run) < terms) {  // same number as in the other lanes
                 fill_up(*kernel_of(controller), terms);
             }
-            type_->prepare(*block_, controller, run.common, k);
+            Common common = run.common;
+            common.reference.course = runs_[0]->common.reference.course;  // with the same content
+            type_->prepare(*block_, controller, common, k);
             detail::set_lane<T>(block_->plant, Gyroscope<T>::prepare(run.plant, run.common.step), k);
             detail::set_lane<T>(block_->motion, Gyroscope<T>::start(run.plant), k);
             block_->alive.lane[k] = alive_[k] ? Number(1) : Number(0);

@@ -12,13 +12,31 @@ namespace fracgyro {
 
 namespace detail {
 
+inline void append_bytes(std::string& key, const auto& value) {
+    key.append(reinterpret_cast<const char*>(&value), sizeof value);
+}
+
+// Appends the numbers of a reference and its lists, which runs of one reference share.
+inline void append_course(std::string& key, const Course* course) {
+    append_bytes(key, course != nullptr);
+    if (course != nullptr) {
+        for_each_field("", course->params, [&](std::string_view, const auto&, const auto& value) {
+            for_each_part(value, [&](std::string_view, const auto& number) { append_bytes(key, number); });
+        });
+        append_bytes(key, course->terms.data());
+        append_bytes(key, course->rows.data());
+    }
+}
+
 // Appends every count and switch in coefficients of lanes.
 template <class T, class Value>
 void append_switches(std::string& key, const Value& value) {
     if constexpr (std::is_arithmetic_v<Value> || std::is_enum_v<Value>) {
-        key.append(reinterpret_cast<const char*>(&value), sizeof value);
+        append_bytes(key, value);
     } else if constexpr (std::is_same_v<Value, T> || std::is_same_v<Value, typename PhaseOf<T>::Type>) {
         // one in each lane
+    } else if constexpr (std::is_same_v<Value, const Course*>) {
+        append_course(key, value);
     } else if constexpr (requires { value.begin(); }) {
         for (const auto& each : value) {
             append_switches<T>(key, each);

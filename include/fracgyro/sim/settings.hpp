@@ -62,9 +62,25 @@ struct TakeFrom {
 }  // namespace detail
 
 // Takes every number from `values`, in that order. The setup must be of the same kind.
-inline void take_settings(Setup& setup, const double* values) { for_each_setting(setup, detail::TakeFrom{values}); }
+inline void take_settings(Setup& setup, const double* values) {
+    for_each_setting(setup, detail::TakeFrom{values});
+    prepare_reference(setup);
+}
 inline void take_device_settings(DeviceSetup& setup, const double* values) {
     for_each_device_setting(setup, detail::TakeFrom{values});
+}
+
+// Lists of a reference from numbers: amplitude, frequency and phase of each term, each x, y; time, position, velocity
+// and acceleration of each row.
+inline ReferenceLists lists_from(std::span<const double> terms, std::span<const double> rows) {
+    ReferenceLists lists;
+    for (; terms.size() >= 6; terms = terms.subspan(6)) {
+        lists.terms.push_back({{terms[0], terms[1]}, {terms[2], terms[3]}, {terms[4], terms[5]}});
+    }
+    for (; rows.size() >= 7; rows = rows.subspan(7)) {
+        lists.rows.push_back({rows[0], {rows[1], rows[2]}, {rows[3], rows[4]}, {rows[5], rows[6]}});
+    }
+    return lists;
 }
 
 // A setup of this kind from its numbers, the bandwidth of the observer and its exponentials.

@@ -5,9 +5,22 @@
 #include "fracgyro/plant/disturbance.hpp"
 #include "fracgyro/plant/gyroscope.hpp"
 
+#include "fracgyro/control/course.hpp"
 #include "fracgyro/controllers/registry.hpp"
+#include "fracgyro/sim/shared.hpp"
+
+#include <vector>
 
 namespace fracgyro {
+
+// Numbers of a reference that are lists: those of a sum of sines and of a table.
+struct ReferenceLists {
+    std::vector<SineTerm> terms{};
+    std::vector<TableRow> rows{};
+};
+struct CourseWithLists : Course {
+    Shared<ReferenceLists> lists{};
+};
 
 // One run. Nondimensional. Params: of any kind, or of one controller, which need not be in the registry.
 template <class Params>
@@ -17,8 +30,24 @@ struct SetupOf {
     GyroscopeParams plant{};
     DisturbanceParams disturbance{};
     std::int64_t steps = 0;  // the run has steps + 1 samples, at 0, h, …, steps·h
+    Shared<ReferenceLists> lists{};
+    Shared<CourseWithLists> course{};  // to which common.reference points
 };
 using Setup = SetupOf<ControllerParams>;
+
+// To be called after a change of the reference, its lists or the step.
+template <class Params>
+void prepare_reference(SetupOf<Params>& setup) {
+    ReferenceParams& reference = setup.common.reference;
+    reference.course = nullptr;
+    setup.course = {};
+    if (needs_course(reference)) {
+        const ReferenceLists none{}, &lists = setup.lists.get() == nullptr ? none : *setup.lists.get();
+        setup.course =
+            Shared<CourseWithLists>({make_course(reference, setup.common.step, lists.terms, lists.rows), setup.lists});
+        reference.course = setup.course.get();
+    }
+}
 
 // Values known at one sample, valid for the duration of that sample.
 template <Scalar T, class Report>

@@ -5,19 +5,19 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
-from collections.abc import Iterable
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 from .. import _core
 from ..files import whole_folder
 from ..scenario import Scenario
 from ..scenario.bounded import check_bounded
 from ..scenario.kinds import ENTRIES, KINDS, Channel, persistent_channels
-from ..scenario.to_core import check_single, core_numbers, core_setup
+from ..scenario.to_core import check_single, core_numbers, core_setup, is_plain
 from ..scenario.units import si_unit
 from .compilers import SOURCES, Number
+from .course import course
+from .initializers import initializer, list_text
 from .settings import columns
 
 # Units in the header, by their names there.
@@ -66,8 +66,8 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
     alignment = 8
     size = -(-_core.state_size(setup, capacity, single) // alignment) * alignment
     values = initializer(_core.coefficients(setup, single), number)
-    channels, numbers = persistent_channels(setup), core_numbers(scenario)
-    stiffness = [numbers[f"adaptation.initial_stiffness.{entry}"] for entry in ENTRIES]
+    channels, values_by_name = persistent_channels(setup), core_numbers(scenario)
+    stiffness = [values_by_name[f"adaptation.initial_stiffness.{entry}"] for entry in ENTRIES]
     scales = scenario.plant.scales
     units = {f"{name.upper()}_UNIT": (scales.of(unit), si_unit(unit)) for name, unit in UNITS.items()}
     units = {"STEP_SECONDS": (scenario.run.step * scales.time, "s"), **units}
@@ -95,13 +95,14 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
         f"#define FRACGYRO_VELOCITY_SENSED {velocity} /* {meaning} */",
         "",
         "/* Stiffness of the assumed plant: xx, xy, yy, nondimensional. */",
-        f"#define FRACGYRO_NOMINAL_STIFFNESS {_list(stiffness, number)}",
+        f"#define FRACGYRO_NOMINAL_STIFFNESS {list_text(stiffness, number)}",
         "",
         *_example(scenario, setup, channels, number),
         "",
         "#ifdef __cplusplus",
         "#define FRACGYRO_PACKS false",
         '#include "fracgyro/hardware/guard.hpp"',
+        '#include "fracgyro/control/course.hpp"',
         '#include "fracgyro/controllers/registry.hpp"',
         "",
         "// Unnamed, so that two exported controllers can be linked into one program.",
@@ -110,6 +111,7 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
         "",
         *_controller(setup, number, capacity),
         "",
+        *([] if is_plain(scenario) else course(scenario)),
         "// In the order of the fields of Coefficients; omitted ones are 0.",
         f"constexpr fracgyro::Guard<Controller>::Coefficients coefficients = {values};",
         "",
@@ -141,8 +143,8 @@ def _report(channels: tuple[Channel, ...]) -> list[str]:
 
 def _example(scenario: Scenario, setup: _core.DeviceSetup, channels: tuple[Channel, ...], number: Number) -> list[str]:
     """Data of the example main.c: gyroscope, initial motion and names of the reports."""
-    rows = [_list(map(float, row), number) for row in _core.plant_map(setup)]
-    start = _list((*scenario.run.initial_position, *scenario.run.initial_velocity), number)
+    rows = [list_text(map(float, row), number) for row in _core.plant_map(setup)]
+    start = list_text((*scenario.run.initial_position, *scenario.run.initial_velocity), number)
     names = [f'"{name}"' for channel in channels for name in columns(channel)] or ['""']
     return [
         "/* For main.c only: the gyroscope over one step, its motion at the start, and the names in fracgyro_report */",
@@ -150,10 +152,6 @@ def _example(scenario: Scenario, setup: _core.DeviceSetup, channels: tuple[Chann
         f"#define FRACGYRO_EXAMPLE_START {start}",
         f"#define FRACGYRO_EXAMPLE_NAMES {{{', '.join(names)}}}",
     ]
-
-
-def _list(values: Iterable[float], number: Number) -> str:
-    return f"{{{', '.join(_float(value, number) for value in values)}}}"
 
 
 def _controller(setup: _core.DeviceSetup, number: Number, capacity: int) -> list[str]:
@@ -166,36 +164,3 @@ def _controller(setup: _core.DeviceSetup, number: Number, capacity: int) -> list
         lines.append("// Without a velocity sensor: the velocity in fracgyro_motion is ignored.")
         controller = f"fracgyro::FromPositions<{controller}>::Type"
     return [*lines, f"struct Controller : {controller} {{}};"]
-
-
-def initializer(value: Any, number: Number, indent: str = "") -> str:
-    """C++ initializer of nested tuples (structs) and lists (arrays); trailing zeros are omitted."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, int):
-        return f"{value}U"
-    if isinstance(value, float):
-        return _float(value, number)
-    if not _significant(value):
-        return "{}"
-    inner = indent + "    "
-    entries = list(value)
-    while entries and isinstance(value, list) and not _significant(entries[-1]):
-        entries.pop()
-    texts = [initializer(entry, number, inner) for entry in entries]
-    braces = ("{{", "}}") if isinstance(value, list) else ("{", "}")
-    flat = ", ".join(texts)
-    if len(flat) + len(indent) < 110 and "\n" not in flat:
-        return f"{braces[0]}{flat}{braces[1]}"
-    return f"{braces[0]}\n" + ",\n".join(inner + text for text in texts) + f"\n{indent}{braces[1]}"
-
-
-def _float(value: float, number: Number) -> str:
-    if value in (float("inf"), -float("inf")):
-        return f"{'-' if value < 0 else ''}std::numeric_limits<{number}>::infinity()"
-    digits, exponent = value.hex().split("p")
-    return f"{digits.rstrip('0').rstrip('.')}p{exponent}" + ("F" if number == "float" else "")
-
-
-def _significant(value: Any) -> bool:
-    return any(map(_significant, value)) if isinstance(value, tuple | list) else bool(value)

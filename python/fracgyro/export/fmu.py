@@ -36,6 +36,7 @@ from .settings import (
     device_settings,
     meaning,
     observer_bandwidth,
+    reference_lists,
     settings,
     unit,
     without_plant,
@@ -176,7 +177,7 @@ def _parameters(scenario: Scenario, content: Content) -> Iterator[Variable]:
     of_loop = device_settings(scenario) if content == "loop" else []
     for s in [*settings(scenario), *of_loop]:
         n, table, field = s.number, s.number.table, s.number.field
-        if n.choices:
+        if n.choices or (table == "reference" and n.kinds and not set(n.kinds) & set(scenario.reference.kinds)):
             continue
         if content == "controller" and table in ("plant", "disturbance"):
             continue
@@ -227,6 +228,7 @@ def _header(scenario: Scenario, content: Content, number: Number, token: str, va
     kind, chosen = _core.chosen_type(core_setup(scenario))
     step = scenario.run.step * _shown("1/omega0", scenario)[0]
     ideal = content == "controller" or is_ideal(scenario)
+    terms, table = reference_lists(scenario)
     rate, temperature = (([], []), ([], [])) if ideal else profiles(scenario)
     rows = []
     for v in variables:
@@ -251,6 +253,8 @@ def _header(scenario: Scenario, content: Content, number: Number, token: str, va
         _array("numbers", [*core_numbers(scenario).values(), *(() if ideal else device_numbers(scenario).values())]),
         _array("poles", poles),
         _array("weights", weights),
+        _array("reference_terms", terms),
+        _array("reference_rows", table),
         _array("rate_times", rate[0]),
         _array("rate_values", rate[1]),
         _array("temperature_times", temperature[0]),

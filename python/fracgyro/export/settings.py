@@ -62,6 +62,14 @@ def device_numbers(scenario: Scenario) -> dict[str, float]:
     return to_core.device_numbers(scenario)
 
 
+def reference_lists(scenario: Scenario) -> tuple[list[float], list[float]]:
+    """Numbers of the reference that are lists: of each term of a sum of sines, and of each row of a table."""
+    reference = scenario.reference
+    terms = [n for term in reference.terms or () for n in (*term.amplitude, *term.frequency, *term.phase)]
+    rows = [n for row in _core.ReferenceLists([], reference.points or ()).rows for n in row]
+    return terms, rows
+
+
 def core_kernel(scenario: Scenario) -> tuple[list[float], list[float]]:
     """Poles and weights of the exponentials for the scenario; empty if it needs none."""
     rates, weights = _core.setup_kernel(core_setup(scenario))

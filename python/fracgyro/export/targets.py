@@ -24,7 +24,7 @@ from .compilers import FLAGS, SOURCES, Number, compiler, include, make, need, ru
 from .firmware import firmware
 from .fmu import System, fmu
 from .matlab import matlab
-from .settings import columns, core_kernel, core_numbers, observer_bandwidth
+from .settings import columns, core_kernel, core_numbers, observer_bandwidth, reference_lists
 from .web import build, web
 
 AnyNumber = Literal["float", "double", "fixed"]  # fixed: only on targets that other packages register
@@ -135,9 +135,10 @@ def _lanes_program(_: tuple[str, ...]) -> tempfile.TemporaryDirectory[str]:
 def _lanes(scenario: Scenario, number: Number, motion: NDArray[np.floating], folder: Path) -> NDArray[np.floating]:
     """Outputs of the lanes, in the widest registers of this processor."""
     program = Path(_lanes_program(tuple(compiler())).name) / "replay"
-    poles, weights = core_kernel(scenario)
-    numbers, observer = list(core_numbers(scenario).values()), [observer_bandwidth(scenario)]
-    for name, values in {"numbers": numbers, "poles": poles, "weights": weights, "observer": observer}.items():
+    lists = dict(zip(("poles", "weights"), core_kernel(scenario), strict=True))
+    lists |= dict(zip(("terms", "rows"), reference_lists(scenario), strict=True))
+    lists |= {"numbers": list(core_numbers(scenario).values()), "observer": [observer_bandwidth(scenario)]}
+    for name, values in lists.items():
         np.array(values).tofile(folder / name)
     motion.tofile(folder / "motion")
     run([str(program), str(KINDS.index(scenario.controller.kind)), number], folder)

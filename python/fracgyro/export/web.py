@@ -26,7 +26,7 @@ from ..scenario.kinds import DEVICE_CHANNELS, DEVICE_NUMBERS, KINDS, LOOP_CHANNE
 from ..scenario.schema import Controller, Run
 from ..scenario.to_core import is_ideal, profiles
 from .compilers import FLAGS, SOURCES, include, zig
-from .settings import columns, device_numbers, meaning, offered, settings, unit
+from .settings import columns, device_numbers, meaning, offered, reference_lists, settings, unit
 
 TARGET = ["-target", "wasm32-wasi"]
 # JSON Schema of the scenario's fields that are not numbers of the core.
@@ -136,7 +136,10 @@ def document(scenario: Scenario) -> dict[str, Any]:
         # JSON has no infinity: null means no limit.
         said[setting.name] = choices[int(value)] if choices else value if math.isfinite(value) else None
     scales = {setting.name: setting.scale for setting in found if setting.scale != 1.0}
-    return {"settings": said, "scales": scales, **({} if is_ideal(scenario) else {"device": _device(scenario)})}
+    terms, rows = reference_lists(scenario)
+    lists = {"reference": {"terms": terms, "rows": rows}} if terms or rows else {}
+    device = {} if is_ideal(scenario) else {"device": _device(scenario)}
+    return {"settings": said, "scales": scales, **lists, **device}
 
 
 def _device(scenario: Scenario) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from .kinds import kinds_with
 from .messages import ScenarioError
 from .scenario import Scenario
 from .table import toml_value
+from .to_core import reference_reach
 
 SAFE = 1.0  # limit of rho h/delta: half the value at which the loop diverges
 
@@ -30,7 +31,7 @@ def is_bounded(scenario: Scenario) -> bool:
 
     They rest, or the switching limit keeps it there, or adaptation.projection does so on the reference.
     """
-    c, a, r = scenario.controller, scenario.adaptation, scenario.reference
+    c, a = scenario.controller, scenario.adaptation
     if not c.adaptive or c.kind not in kinds_with("adaptation.bound_gain"):
         return True
     if c.layer_thickness == 0:
@@ -38,8 +39,8 @@ def is_bounded(scenario: Scenario) -> bool:
     if c.switching_limit <= SAFE:
         return True
     most = [b + a.projection * max(a.initial_bound) for b in a.initial_bound]
-    speed = math.hypot(*(amplitude * frequency for amplitude, frequency in zip(r.amplitude, r.frequency, strict=True)))
-    return a.projection > 0 and gain(scenario, most, math.hypot(*r.amplitude), speed) <= SAFE
+    position, velocity = reference_reach(scenario)
+    return a.projection > 0 and gain(scenario, most, math.hypot(*position), math.hypot(*velocity)) <= SAFE
 
 
 def check_bounded(scenario: Scenario, unbounded: bool) -> None:

@@ -12,11 +12,12 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from .. import _core
-from .table import as_tuple, field
+from .table import as_tuple, choice_pair, field
 from .units import si_unit
 
 KINDS: tuple[str, ...] = tuple(_core.controller_kinds)
 MEANINGS: tuple[str, ...] = tuple(_core.controller_meanings)
+SINE_DRIVES: tuple[str, ...] = tuple(_core.sine_drives)  # kinds that drive x at the frequency of a sine
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,7 @@ class Number:
     whole: bool  # an integer
     settable: Literal["any_time", "at_start", "beforehand", "never"]  # same as in fields.hpp
     choices: tuple[str, ...]  # their places are the numbers; of a switch false and true
+    kinds: tuple[str, ...]  # of its table, if only these have it; none: all
     default: float
 
     @property
@@ -70,15 +72,19 @@ def core_values(listed: tuple[Number, ...], tables: Mapping[str, Mapping[str, An
     found = {}
     for number in listed:
         value = tables[number.table].get(number.field, number.default)
-        if number.part.startswith("["):
-            value = value[int(number.part[1:-1])]
-        elif number.part:
-            value = value[PARTS[number.part]]
+        if number.part and not isinstance(value, str):
+            value = value[PARTS[number.part] if number.part in PARTS else int(number.part[1:-1])]
         found[number.name] = float(number.choices.index(value) if isinstance(value, str) else value)
     return found
 
 
 PARTS = {".x": 0, ".y": 1, ".xx": 0, ".xy": 1, ".yy": 2}
+
+
+@lru_cache
+def own_kinds(table: str) -> dict[str, tuple[str, ...]]:
+    """The fields of a table with kinds of its own, such as reference, and the kinds that have each; none: all."""
+    return {number.field: number.kinds for number in numbers(KINDS[0]) if number.table == table}
 
 
 @lru_cache
@@ -148,6 +154,8 @@ def _field(parts: list[Number], derived: bool, paper: Any, *, expand: bool = Fal
     if first.choices:
         switch = first.choices == ("false", "true")
         default: Any = bool(first.default) if switch else first.choices[int(first.default)]
+        if len(parts) == 2:
+            return choice_pair(first.choices), field(default, first.meaning)
         return (bool if switch else Literal[first.choices]), field(default, first.meaning)
     limits = _limits(first)
     unit = ", ".join(dict.fromkeys(part.unit for part in parts))

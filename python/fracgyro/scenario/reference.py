@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from .kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, MEANINGS, Channel, kinds_with, numbers, reported_channels
-from .scenario import Scenario
+from .scenario import OWN_LISTS, Scenario, having
 from .table import Table, toml_value
 from .to_core import core_setup
 
@@ -58,7 +58,9 @@ def fields_of_kind(kind: str) -> Iterator[Sequence[str]]:
 
 
 def _having(table: str, field: str) -> tuple[str, ...]:
-    """The kinds of controllers that have the field; none: it does not depend on the kind."""
+    """The kinds of controllers, or of the table, that have the field; none: it does not depend on the kind."""
+    if table in OWN_LISTS:
+        return having(table, field)
     kinds = tuple(kinds_with(f"{table}.{field}"))
     return () if len(kinds) == len(KINDS) else kinds
 
@@ -77,6 +79,8 @@ def _field(table: str, name: str, said: dict[str, Any], model: Table) -> Sequenc
 
 def range_of(said: dict[str, Any], default: Any) -> str:
     if "anyOf" in said:
+        if "enum" in said["anyOf"][0]:
+            return f"{range_of(said['anyOf'][0], default)}, or a list of two for x and y"
         return " or ".join(range_of(each, default) for each in said["anyOf"] if each.get("type") != "null")
     if "enum" in said:
         return ", ".join(f"`{choice}`" for choice in said["enum"])
@@ -87,8 +91,10 @@ def range_of(said: dict[str, Any], default: Any) -> str:
     if "$ref" in said:
         return "`{xx, xy, yy}`"
     if said["type"] == "array":
-        lists = {"array": "list of pairs", "integer": "list of whole numbers"}
-        return lists.get(said["items"].get("type"), "list of names")
+        items = said["items"]
+        rows = "pairs" if items.get("minItems") == 2 else "rows"
+        lists = {"array": f"list of {rows}", "integer": "list of whole numbers"}
+        return "list of tables" if "$ref" in items else lists.get(items.get("type"), "list of names")
     words = {"boolean": "`true`, `false`", "string": "text", "object": "table"}
     return words[said["type"]] if said["type"] in words else _limits(said, default)
 

@@ -20,8 +20,10 @@ from pydantic import BaseModel, ValidationError, model_validator
 from ..arguments import short
 from ..files import whole_file
 from .device import Device, Rate
-from .kinds import KINDS, fields_of, kinds_with
+from .kinds import KINDS, SINE_DRIVES, fields_of, kinds_with, own_kinds
 from .messages import ScenarioError, paths, scenario_error, unknown
+from .motion import REFERENCE_LISTS, Reference
+from .sampled import Function, points_of
 from .schema import (
     ERRATA_SWITCHES,
     HOLD_TOLERANCE,
@@ -31,7 +33,6 @@ from .schema import (
     Disturbance,
     Guard,
     Plant,
-    Reference,
     Run,
 )
 from .table import MAX_STEPS, Table, format_value, message_error, toml_value
@@ -41,7 +42,8 @@ from .toml import read_tables, read_text
 BEGIN = "# A fracgyro scenario."
 END = "# End of the scenario."
 BY_KIND = ("controller", "adaptation", "datasheet")  # tables whose fields belong to kinds of controllers
-FILES = [("rate", "file"), ("device", "temperature_file")]
+OWN_LISTS = {"reference": REFERENCE_LISTS}  # of tables whose fields belong to kinds of their own
+FILES = [("reference", "file"), ("rate", "file"), ("device", "temperature_file")]
 
 
 class Scenario(Table):
@@ -80,6 +82,7 @@ class Scenario(Table):
         self._check_noise_corners()
         self._check_drift()
         self._check_kind()
+        self._check_reference()
         self._check_estimates()
         return self
 
@@ -94,6 +97,22 @@ class Scenario(Table):
                     f"{path} is {format_value(getattr(table, field))}: it must be left out, as controller.kind {kind} "
                     f"has no such field; it is one of {', '.join(kinds_with(path))}"
                 )
+
+    def _check_reference(self) -> None:
+        kinds = self.reference.kinds
+        for field in sorted(self.reference.model_fields_set - set(_own_fields("reference", kinds))):
+            kinds_having = having("reference", field)
+            raise message_error(
+                f"reference.{field} is {format_value(getattr(self.reference, field))}: it must be left out, as "
+                f"reference.kind {format_value(self.reference.kind)} has no such field; it is one of "
+                f"{', '.join(kinds_having)}"
+            )
+        kind = self.controller.kind
+        if kind in SINE_DRIVES and (kinds[0] != "sine" or self.reference.offset[0] != 0):
+            raise message_error(
+                f"reference.kind is {format_value(self.reference.kind)}: for controller.kind {kind}, which drives x at "
+                "its frequency, it must be a sine on x, without an offset"
+            )
 
     def _check_whole_steps(self, name: str, time: float, least: int, step: float, after: str = "") -> None:
         ratio = min(time / step, 2.0 * MAX_STEPS)
@@ -236,6 +255,10 @@ class Scenario(Table):
         for name in BY_KIND:  # fields that the other kind does not have are dropped
             known = _fields(name, kind) if kind in KINDS else tables[name]
             tables[name] = {field: value for field, value in tables[name].items() if field in known}
+        for name in OWN_LISTS:
+            of = changes.get(f"{name}.kind", tables[name]["kind"])
+            known = _own_fields(name, tuple(of) if isinstance(of, list | tuple) else (of,))
+            tables[name] = {field: value for field, value in tables[name].items() if field in known}
         for path, value in changes.items():
             if path not in paths(Scenario):
                 raise ScenarioError(unknown(str(path), Scenario))
@@ -252,6 +275,20 @@ class Scenario(Table):
                     raise ScenarioError(f"{table} is {format_value(node)}: it must be a table")
             node[leaf] = value
         return Scenario(**tables)
+
+    def with_reference(self, function: Function, every: int = 1) -> Scenario:
+        """A copy that follows a function of time: `function(time)` returns (x, y), in the units of run.units.
+
+        It becomes a table of its values at every `every`-th step, through which a cubic spline passes, so every
+        controller and target follows it. Raises ScenarioError if a value is not two finite numbers, or for more than
+        100,000 rows.
+
+        >>> circle = fg.Scenario.paper().with_reference(lambda t: (math.cos(t), math.sin(t)), every=20)
+        >>> circle.reference.kind, len(circle.reference.points)
+        ('table', 4001)
+        """
+        points = points_of(function, self.plant, self.run, every)
+        return self.replace({"reference.kind": "table", "reference.points": points})
 
     def content_hash(self) -> str:
         """SHA-256 of `to_toml`, in hexadecimal: equal for equal scenarios.
@@ -270,12 +307,31 @@ def _text(scenario: Scenario) -> str:
     ]
     for name, table in scenario:
         lines += ["", f"# {type(table).__doc__}", f"[{name}]"]
-        for field in _fields(name, scenario.controller.kind):
+        for field in _fields_shown(scenario, name):
             info = type(table).model_fields[field]
             value = getattr(table, field)
             lines += _comment(info.description or "")
             lines += [f"# {field} is not set" if value is None else f"{field} = {toml_value(value)}"]
     return "\n".join([*lines, "", END]) + "\n"
+
+
+def _fields_shown(scenario: Scenario, table: str) -> tuple[str, ...]:
+    """The fields of a table that the scenario has, in their order."""
+    if table in OWN_LISTS:
+        return _own_fields(table, getattr(scenario, table).kinds)
+    return _fields(table, scenario.controller.kind)
+
+
+def having(table: str, field: str) -> tuple[str, ...]:
+    """The kinds of a table with kinds of its own that have a field; none: all."""
+    return (own_kinds(table) | OWN_LISTS[table]).get(field, ())
+
+
+@cache
+def _own_fields(table: str, kinds: tuple[str, ...]) -> tuple[str, ...]:
+    """The fields of a table with kinds of its own that one of these kinds has, in their order."""
+    known = cast(type[BaseModel], Scenario.model_fields[table].annotation).model_fields
+    return tuple(field for field in known if not having(table, field) or set(kinds) & set(having(table, field)))
 
 
 @cache

@@ -130,8 +130,6 @@ if TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any: ...
 
-    class _Reference(_OfCore): ...
-
     class _Controller(_OfCore): ...
 
     class _Adaptation(_OfCore): ...
@@ -141,9 +139,7 @@ if TYPE_CHECKING:
     class _Datasheet(_OfCore): ...
 
 else:
-    PAPER = {"frequency": (math.pi, math.pi / 2), "phase": (0.0, math.pi / 2)}
     KIND_MEANINGS = [f"{kind}: {meaning}" for kind, meaning in zip(KINDS, MEANINGS, strict=True)]
-    _Reference = create_model("_Reference", __base__=Table, **table_fields("reference", **PAPER))
     _Controller = create_model(
         "_Controller",
         __base__=Table,
@@ -153,10 +149,6 @@ else:
     _Adaptation = create_model("_Adaptation", __base__=Table, **table_fields("adaptation"))
     _Guard = create_model("_Guard", __base__=Table, **table_fields("guard", derived=True))
     _Datasheet = create_model("_Datasheet", __base__=Table, **table_fields("datasheet", derived=True))
-
-
-class Reference(_Reference):
-    """The motion to follow, r = amplitude*sin(frequency*t + phase)."""
 
 
 class Controller(_Controller):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import json
 import math
 from collections.abc import Mapping
@@ -10,7 +11,7 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator, WithJsonSchema, field_validator
 from pydantic_core import PydanticCustomError
 
 from ..files import cut
@@ -77,6 +78,24 @@ class AsTuple:
 
 def as_tuple(names: str, *, expand: bool = False) -> BeforeValidator:
     return BeforeValidator(AsTuple(tuple(names.split()), expand))
+
+
+def choice_pair(choices: tuple[str, ...]) -> Any:
+    """The type of a choice for both axes, or a list [x, y] of two; equal ones become one."""
+
+    def checked(value: Any) -> str | tuple[str, str]:
+        each = value if isinstance(value, list | tuple) else (value,) * 2
+        for one in each or [None]:
+            if one not in choices or len(each) != 2:
+                near = difflib.get_close_matches(one, choices, n=1) if isinstance(one, str) else []
+                rule = f"it must be {', '.join(choices[:-1])} or {choices[-1]}, or a list of two of these for x and y"
+                rule += f"; did you mean {near[0]}?" if near else ""
+                raise PydanticCustomError("rule", "{rule}", {"rule": rule})
+        return str(each[0]) if each[0] == each[1] else (str(each[0]), str(each[1]))
+
+    one = {"enum": list(choices), "type": "string"}
+    both = {"type": "array", "prefixItems": [one, one], "minItems": 2, "maxItems": 2}
+    return Annotated[str | tuple[str, str], PlainValidator(checked), WithJsonSchema({"anyOf": [one, both]})]
 
 
 NonNegative = Annotated[float, Field(ge=0)]

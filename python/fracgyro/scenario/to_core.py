@@ -13,15 +13,21 @@ import numpy as np
 
 from .. import _core
 from ..fractional.kernel import core_kernel
-from .device import Device, Points
+from .device import Device
 from .kinds import DEVICE_NUMBERS, KINDS, core_values, numbers
+from .motion import Reference
+from .points import Points
 from .scenario import Scenario
-from .schema import Datasheet, Guard
+from .schema import Datasheet, Guard, Run
 from .table import MAX_STEPS
 
 MAX_DEVIATIONS = 8.0  # standard deviations: noise is never so far off
 MAX_DELAY = 8  # steps that a controller takes into account
+MAX_SAMPLES = 100_000  # at which a reference is looked at
 MIN_TOLERANCE = 1e-5  # nondimensional, for sensors and disturbance: rounding, and effects not modeled
+
+
+Pair = tuple[float, float]
 
 
 def only_laws(scenario: Scenario) -> bool:
@@ -97,7 +103,7 @@ def guard(scenario: Scenario, found: Derived | None = None) -> Guard:
         values["patience"] = round(min(max(4, period / fastest / 32), MAX_STEPS))
         limit = scenario.controller.force_limit
         if math.isfinite(limit):
-            largest = max(map(abs, scenario.reference.amplitude))
+            largest = max(reference_reach(scenario)[0])
             swing_up = 8 * fastest * largest / limit / run.step
             values["saturation_patience"] = round(min(max(20 * period / slowest, swing_up), MAX_STEPS))
     return g.model_copy(update={name: value for name, value in values.items() if getattr(g, name) is None})
@@ -136,6 +142,40 @@ def _drifts(scenario: Scenario) -> dict[str, float]:
         "stiffness_drift": abs(device.stiffness_drift) * warming,
         "damping_drift": abs(device.damping_drift) * warming,
     }
+
+
+def reference_reach(scenario: Scenario) -> tuple[Pair, Pair]:
+    """The largest magnitudes of the reference and its velocity during the run, nondimensional, on x and y."""
+    r = scenario.reference
+    if is_plain(scenario):
+        (ax, ay), (fx, fy) = r.amplitude, r.frequency
+        return (abs(ax), abs(ay)), (abs(ax * fx), abs(ay * fy))
+    return _reach(r, scenario.run)
+
+
+@lru_cache(maxsize=32)
+def _reach(reference: Reference, run: Run) -> tuple[Pair, Pair]:
+    every = -(-run.steps // MAX_SAMPLES)
+    x, y, vx, vy, *_ = np.abs(_core.reference(_reference_only(reference, run), run.steps // every + 1, every)).T
+    return (float(x.max()), float(y.max())), (float(vx.max()), float(vy.max()))
+
+
+def _reference_only(reference: Reference, run: Run) -> _core.DeviceSetup:
+    return core_setup(Scenario(reference=reference, run=run, controller={"kind": "pid"}, disturbance={"kind": "none"}))
+
+
+def is_plain(scenario: Scenario) -> bool:
+    """True if the reference is a sine about 0 on each axis."""
+    return scenario.reference.kind == "sine" and not any(scenario.reference.offset)
+
+
+def equivalent_sine(scenario: Scenario) -> tuple[Pair, Pair]:
+    """Amplitude and frequency, of x and y, of sines with the mean squares of the reference and its velocity."""
+    r = scenario.reference
+    if is_plain(scenario):
+        return r.amplitude, r.frequency
+    (ax, ay), (fx, fy) = _core.equivalent_sine(_reference_only(r, scenario.run))
+    return (ax, ay), (fx, fy)
 
 
 def natural_frequencies(scenario: Scenario) -> tuple[float, float]:
@@ -294,7 +334,7 @@ def _flat(nested: Any) -> Iterator[float]:
     if isinstance(nested, list | tuple):
         for one in nested:
             yield from _flat(one)
-    else:
+    elif not isinstance(nested, str):  # a constant that the exported file names
         yield float(nested)
 
 
@@ -314,8 +354,17 @@ def _made(scenario: Scenario, changes: Mapping[str, float]) -> _core.DeviceSetup
     if setup.has_memory:
         setup.kernel = core_kernel(scenario.controller.order, run.step, run.duration, run.kernel_tolerance)
     setup.seed = scenario.disturbance.seed  # a double does not hold all
+    if not is_plain(scenario):
+        setup.set_reference(_lists(scenario.reference))
     if scenario.device.sensing == "position":
         setup.observer_bandwidth = scenario.controller.observer_bandwidth
     if not is_ideal(scenario):
         setup.set_device(list(device_numbers(scenario, values).values()), *profiles(scenario), scenario.rate.seed)
     return setup
+
+
+@lru_cache(maxsize=32)
+def _lists(reference: Reference) -> _core.ReferenceLists:
+    """Kept, as runs of one reference are measured together."""
+    terms = [(*term.amplitude, *term.frequency, *term.phase) for term in reference.terms or ()]
+    return _core.ReferenceLists(terms, reference.points or ())
