@@ -21,18 +21,22 @@ from ..scenario.units import si_unit
 from ..simulation.dataset import metrics_dataset, units_of
 from .metric_names import UNITS
 from .scenarios import of_each, scale, time_unit
+from .tasks import drive, frequency_response, step_response
 
 __all__ = [
     "chattering",
     "cut",
     "damping_error",
+    "drive",
     "effort",
+    "frequency_response",
     "lyapunov",
     "rate_error",
     "rate_settling_time",
     "rmse",
     "saturated_share",
     "settling_time",
+    "step_response",
     "stiffness_error",
     "summary",
     "surface_settling_time",

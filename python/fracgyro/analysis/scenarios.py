@@ -30,6 +30,14 @@ def of_each(run: xr.Dataset, read: Callable[[Scenario], ArrayLike], dimension: s
     return xr.DataArray(values if found.ndim else values[0], dims=[*found.dims, *inner])
 
 
+def one_scenario(run: xr.Dataset) -> Scenario:
+    """The scenario of a single run. Raises ValueError for several."""
+    found = texts(run)
+    if found.ndim:
+        raise ValueError(f"the Dataset has {found.size} runs: select one, such as run.isel(run=0)")
+    return _scenario(str(found.values))
+
+
 @lru_cache(maxsize=1000)
 def _scenario(text: str) -> Scenario:
     return Scenario.from_toml(text)
