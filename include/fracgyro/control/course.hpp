@@ -105,20 +105,19 @@ inline AxisPoint between(const TableRow& a, const TableRow& b, std::size_t axis,
     return {position, velocity / length, acceleration / (length * length)};
 }
 
-inline AxisPoint table_at(std::span<const TableRow> rows, std::size_t axis, double t) {
-    const auto resting = [&](const TableRow& row) { return AxisPoint{row.position[axis], 0.0, 0.0}; };
-    if (rows.empty()) {
-        return {};
-    }
-    if (!(rows.front().time <= t)) {
-        return resting(rows.front());
-    }
-    if (!(t <= rows.back().time)) {
-        return resting(rows.back());
+// The place of a time among the rows of a table: from row `row` on, by `share` of the time to the next.
+struct Place {
+    std::size_t row = 0;
+    double share = 0.0, length = 1.0;
+    bool rests = false;  // before the first row, or after the last
+};
+inline Place place_of(std::span<const TableRow> rows, double t) {
+    const double first = rows.front().time, last = rows.back().time;
+    if (!(first < t && t < last)) {
+        return {.row = t < last ? 0 : rows.size() - 1, .rests = t != first && t != last};
     }
     // Rows of equal distance are found at once, others by bisection.
-    const double span = rows.back().time - rows.front().time, count = static_cast<double>(rows.size() - 1);
-    auto low = static_cast<std::size_t>(span > 0.0 ? (t - rows.front().time) / span * count : 0.0);
+    auto low = static_cast<std::size_t>((t - first) / (last - first) * static_cast<double>(rows.size() - 1));
     if (!(low + 1 < rows.size() && rows[low].time <= t && t < rows[low + 1].time)) {
         low = 0;
         for (std::size_t high = rows.size() - 1; high - low > 1;) {
@@ -126,12 +125,18 @@ inline AxisPoint table_at(std::span<const TableRow> rows, std::size_t axis, doub
             (rows[middle].time <= t ? low : high) = middle;
         }
     }
-    const TableRow& a = rows[low];
-    if (low + 1 == rows.size() || t == a.time) {
-        return {a.position[axis], a.velocity[axis], a.acceleration[axis]};
+    const double length = rows[low + 1].time - rows[low].time;
+    return {.row = low, .share = (t - rows[low].time) / length, .length = length};
+}
+inline AxisPoint table_at(std::span<const TableRow> rows, std::size_t axis, const Place& at) {
+    const TableRow& row = rows[at.row];
+    if (at.rests) {
+        return {row.position[axis], 0.0, 0.0};
     }
-    const double length = rows[low + 1].time - a.time;
-    return between(a, rows[low + 1], axis, (t - a.time) / length, length);
+    if (at.share == 0.0) {
+        return {row.position[axis], row.velocity[axis], row.acceleration[axis]};
+    }
+    return between(row, rows[at.row + 1], axis, at.share, at.length);
 }
 
 inline AxisPoint axis_at(const Course& c, std::size_t axis, std::uint64_t n) {
@@ -166,7 +171,7 @@ inline AxisPoint axis_at(const Course& c, std::size_t axis, std::uint64_t n) {
         case ReferenceKind::staircase:
             return staircase_at(p, of(p.amplitude), t);
         case ReferenceKind::table:
-            return table_at(c.rows, axis, time);
+            return c.rows.empty() ? AxisPoint{} : table_at(c.rows, axis, place_of(c.rows, time));
         case ReferenceKind::rest:
             break;
     }

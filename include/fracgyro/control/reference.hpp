@@ -106,6 +106,7 @@ struct Course {
     double step = 0.0;
     std::span<const SineTerm> terms{};
     std::span<const TableRow> rows{};
+    std::span<const ReferencePoint<double>> points{};  // of the first steps, if they are known
     EquivalentSine equivalent{};
 };
 
@@ -144,8 +145,9 @@ struct Reference {
     static ReferencePoint<T> update(State& state, const Coefficients& c) {
         if constexpr (std::same_as<Kept<T, std::uint64_t>, std::uint64_t>) {
             if (c.course != nullptr) [[unlikely]] {
-                const ReferencePoint<double> r = c.course->at(*c.course, state.steps);
-                ++state.steps;
+                const std::uint64_t n = state.steps++;
+                const auto& points = c.course->points;
+                const ReferencePoint<double> r = n < points.size() ? points[n] : c.course->at(*c.course, n);
                 return {cast<T>(r.position), cast<T>(r.velocity), cast<T>(r.acceleration)};
             }
         }

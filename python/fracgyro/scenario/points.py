@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, WithJsonSchema
+from pydantic import PlainValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
 from ..files import read_input, reason
@@ -22,6 +22,16 @@ Rows = tuple[tuple[float, float, float], ...]
 COUNTS = {2: ("pairs", "two"), 3: ("rows", "three")}  # words for the numbers of a point
 
 
+class Hashed(tuple[Any, ...]):
+    """A tuple whose hash is computed once: scenarios are looked up by theirs."""
+
+    def __hash__(self) -> int:
+        found: int | None = self.__dict__.get("hash")
+        if found is None:
+            found = self.__dict__["hash"] = super().__hash__()
+        return found
+
+
 @dataclass(frozen=True)
 class AsPoints:
     """Tuples of numbers from lists; `names`: of the columns."""
@@ -29,8 +39,8 @@ class AsPoints:
     names: tuple[str, ...]
 
     def __call__(self, value: Any) -> tuple[tuple[float, ...], ...] | None:
-        if value is None:
-            return None
+        if value is None or isinstance(value, Hashed):
+            return value
         each = f"{COUNTS[len(self.names)][0]} [{', '.join(self.names)}]"
         rule = f"it must be a list of 1 to {MAX_POINTS} {each} of finite numbers whose times rise"
         problem = PydanticCustomError("rule", "{rule}", {"rule": rule})
@@ -44,7 +54,7 @@ class AsPoints:
                     raise problem
         if any(not after[0] > before[0] for before, after in pairwise(value)):
             raise problem
-        return tuple(tuple(map(float, point)) for point in value)
+        return Hashed(tuple(float(number) + 0.0 for number in point) for point in value)  # -0.0 becomes 0.0
 
 
 def _schema(count: int) -> dict[str, Any]:
@@ -52,8 +62,8 @@ def _schema(count: int) -> dict[str, Any]:
     return {"type": "array", "items": point, "minItems": 1, "maxItems": MAX_POINTS}
 
 
-OptionalPoints = Annotated[Points | None, BeforeValidator(AsPoints(("time", "value"))), WithJsonSchema(_schema(2))]
-OptionalRows = Annotated[Rows | None, BeforeValidator(AsPoints(("time", "x", "y"))), WithJsonSchema(_schema(3))]
+OptionalPoints = Annotated[Points | None, PlainValidator(AsPoints(("time", "value"))), WithJsonSchema(_schema(2))]
+OptionalRows = Annotated[Rows | None, PlainValidator(AsPoints(("time", "x", "y"))), WithJsonSchema(_schema(3))]
 
 
 def read_file(values: Any, table: str, field: str, points: str, columns: tuple[str, ...]) -> Any:

@@ -112,7 +112,7 @@ class Table(BaseModel):
     @classmethod
     def _one_zero(cls, value: Any) -> Any:
         """-0.0 becomes 0.0, so that equal scenarios have equal text and equal hashes."""
-        if isinstance(value, tuple):
+        if type(value) is tuple:  # points.py does so itself
             return tuple(cls._one_zero(entry) for entry in value)
         return value + 0.0 if isinstance(value, float) else value
 
