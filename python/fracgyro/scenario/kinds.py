@@ -13,7 +13,7 @@ from pydantic import Field
 
 from .. import _core
 from .table import as_tuple, field
-from .units import si_unit
+from .scales import si_unit
 
 KINDS: tuple[str, ...] = tuple(_core.controller_kinds)
 MEANINGS: tuple[str, ...] = tuple(_core.controller_meanings)

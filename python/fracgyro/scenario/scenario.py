@@ -15,13 +15,14 @@ from pathlib import Path
 from typing import Any, Literal, Self, cast
 
 import numpy as np
-from pydantic import BaseModel, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from ..arguments import short
 from ..files import whole_file
 from .device import Device, Rate
 from .kinds import KINDS, fields_of, kinds_with
 from .messages import ScenarioError, paths, scenario_error, unknown
+from .quantities import in_si, texts, with_numbers
 from .schema import (
     ERRATA_SWITCHES,
     HOLD_TOLERANCE,
@@ -34,7 +35,7 @@ from .schema import (
     Reference,
     Run,
 )
-from .table import MAX_STEPS, Table, format_value, message_error, toml_value
+from .table import MAX_STEPS, Table, format_value, message_error, plain, toml_value
 from .toml import read_tables, read_text
 
 # The first words and the last line of a saved scenario: half a file may still be valid TOML.
@@ -44,15 +45,25 @@ BY_KIND = ("controller", "adaptation", "datasheet")  # tables whose fields belon
 FILES = [("rate", "file"), ("device", "temperature_file")]
 
 
+def _add_units(schema: dict[str, Any]) -> None:
+    """The key `units` at the head of a file, which is read before its tables."""
+    said = "Units of plain numbers: with SI those of all tables, otherwise only of [plant], [rate] and [device]."
+    schema["properties"]["units"] = {"enum": ["nondimensional", "SI"], "description": said, "type": "string"}
+
+
 class Scenario(Table):
     """Everything that a run depends on: tables of fields, as plant.mass. Frozen: `replace` makes a changed copy.
 
     `Scenario()` has the paper's corrected values, as has every table or field that is left out. Raises ScenarioError,
-    in one sentence, for a value that is not allowed.
+    in one sentence, for a value that is not allowed. Numbers may be text with a unit, which `to_toml` prints as given.
 
     >>> fg.Scenario.paper().controller.order
     0.9
+    >>> fg.Scenario(run={"step": "2 us", "duration": "20 ms"}).run.step
+    0.002
     """
+
+    model_config = ConfigDict(json_schema_extra=_add_units)
 
     plant: Plant = Plant()
     reference: Reference = Reference()
@@ -70,6 +81,12 @@ class Scenario(Table):
             super().__init__(**tables)
         except ValidationError as error:
             raise scenario_error(error, Scenario) from None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _numbers(cls, tables: Any) -> Any:
+        """Text with units becomes numbers; `units`: that of the plain numbers of all tables."""
+        return with_numbers(tables, cls) if isinstance(tables, Mapping) else tables
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -220,7 +237,7 @@ class Scenario(Table):
         >>> "order = 0.9" in text, fg.Scenario.from_toml(text).to_toml() == text
         (True, True)
         """
-        return _text(self)
+        return _text(self, _texts(self))
 
     def replace(self, changes: Mapping[str, Any]) -> Scenario:
         """A copy with fields changed, by their dotted names, and validated as a whole; None unsets.
@@ -253,19 +270,34 @@ class Scenario(Table):
             node[leaf] = value
         return Scenario(**tables)
 
+    def in_si(self) -> Scenario:
+        """The same scenario, whose `to_toml` has every number with a unit as text in SI: time as "1 us".
+
+        >>> fg.Scenario.paper().in_si() == fg.Scenario.paper()
+        True
+        """
+        return self.replace(in_si(self, {name: _fields(name, self.controller.kind) for name, _ in self}))
+
     def content_hash(self) -> str:
-        """SHA-256 of `to_toml`, in hexadecimal: equal for equal scenarios.
+        """SHA-256 of `to_toml` with plain numbers, in hexadecimal: equal for equal scenarios.
 
         >>> fg.Scenario.paper().content_hash() == fg.Scenario.paper().replace({}).content_hash()
         True
         """
-        return hashlib.sha256(self.to_toml().encode()).hexdigest()
+        return hashlib.sha256(_text(self, ()).encode()).hexdigest()
+
+
+def _texts(scenario: Scenario) -> tuple[str, ...]:
+    """The texts of quantities, which equal scenarios may have different ones of."""
+    return tuple(texts(table for _, table in scenario))
 
 
 @lru_cache(maxsize=8)
-def _text(scenario: Scenario) -> str:
+def _text(scenario: Scenario, written: tuple[str, ...]) -> str:
+    """The TOML; `written`: the texts of quantities, without which all numbers are plain."""
     lines = [
         f"{BEGIN} [plant], [rate] and [device] are in SI, all else is nondimensional.",
+        *(["# Numbers in quotes have their own units."] if written else []),
         "# A table or field that is left out takes the paper's value, in the corrected reading.",
     ]
     for name, table in scenario:
@@ -274,7 +306,8 @@ def _text(scenario: Scenario) -> str:
             info = type(table).model_fields[field]
             value = getattr(table, field)
             lines += _comment(info.description or "")
-            lines += [f"# {field} is not set" if value is None else f"{field} = {toml_value(value)}"]
+            shown = toml_value(value if written else plain(value))
+            lines += [f"# {field} is not set" if value is None else f"{field} = {shown}"]
     return "\n".join([*lines, "", END]) + "\n"
 
 
