@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable, Iterable, Mapping
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
+from pydantic_core import PydanticCustomError
 
-from .messages import scenario_error
+from .messages import ScenarioError, scenario_error
 from .scales import SI_TABLES, Scales, exact_unit
 from .schema import Controller, Plant
 from .table import Symmetric, format_value, message_error
@@ -85,16 +87,23 @@ def _table(value: Any, model: type[BaseModel], path: str, change: Change) -> Any
     if not isinstance(given, Mapping):
         return value
     found = {}
-    for name, each in given.items():
-        info = model.model_fields.get(name)
-        inner = _tables_in(info.annotation) if info else []
-        if info and inner:
-            found[name] = _table(each, inner[0], f"{path}.{name}", change)
-        elif info and _has_numbers(info.annotation):
-            found[name] = _entries(each, unit_of(info), f"{path}.{name}", change)
-        else:
-            found[name] = each
-    return value if all(found[name] is given[name] for name in given) else found
+    for name, (unit, inner) in _numeric(model).items():
+        if name in given:
+            at, each = f"{path}.{name}", given[name]
+            found[name] = _table(each, inner, at, change) if inner else _entries(each, unit, at, change)
+    return value if all(found[name] is given[name] for name in found) else {**given, **found}
+
+
+@cache
+def _numeric(model: type[BaseModel]) -> dict[str, tuple[str, type[BaseModel] | None]]:
+    """The fields of a table that have numbers: their unit, and the table in each if it is one."""
+    found: dict[str, tuple[str, type[BaseModel] | None]] = {}
+    for name, info in model.model_fields.items():
+        if tables := _tables_in(info.annotation):
+            found[name] = "", tables[0]
+        elif _has_numbers(info.annotation):
+            found[name] = unit_of(info), None
+    return found
 
 
 def _tables_in(annotation: Any) -> list[type[BaseModel]]:
@@ -114,25 +123,25 @@ def unit_of(info: Any) -> str:
 
 def _entries(value: Any, unit: str, path: str, change: Change) -> Any:
     """The value of a field with its numbers changed, entry by entry."""
+    if isinstance(value, str | int | float):
+        return change(value, unit, path)
     if isinstance(value, BaseModel):
         changed = _entries(dict(value), unit, path, change)
         return value if all(changed[name] is each for name, each in value) else changed
     if isinstance(value, Mapping):
         return {name: _entries(each, unit, f"{path}.{name}", change) for name, each in value.items()}
     if not isinstance(value, list | tuple):
-        return change(value, unit, path)
+        return value
     units = unit.split(", ") if not any(isinstance(each, list | tuple) for each in value) else [unit]
     entries = enumerate(value)
     found = [_entries(each, units[min(k, len(units) - 1)], f"{path}[{k}]", change) for k, each in entries]
-    return value if all(map(_same, found, value)) else found
-
-
-def _same(one: Any, other: Any) -> bool:
-    return one is other
+    return value if all(map(operator.is_, found, value)) else found
 
 
 def _number(units: Units, si: bool, value: Any, unit: str, path: str) -> Any:
     """A number from text; other values as they are, except plain ones in SI, which become quantities."""
+    if not si and type(value) in (float, int, bool):
+        return value
     plain = isinstance(value, int | float) and not isinstance(value, bool | Quantity)
     if isinstance(value, Quantity):
         text = value.text
@@ -145,6 +154,23 @@ def _number(units: Units, si: bool, value: Any, unit: str, path: str) -> Any:
         return quantity(f"{value!r} {name}" if plain else text, wanted, name)
     except UnitError as error:
         raise message_error(f"{path} is {format_value(value)}: {error}") from None
+
+
+def number_of(scenario: BaseModel, path: str, value: Any) -> Any:
+    """The value of one field of this scenario, with numbers for text with units. Raises ScenarioError as a scenario."""
+    tables = dict(scenario)
+    units, (name, *inner) = Units(tables, type(scenario)), path.split(".")
+    if not inner:
+        return value
+    for each in reversed(inner):
+        value = {each: value}
+    try:
+        value = _table(value, type(tables[name]), name, lambda *of: _number(units, False, *of))
+    except PydanticCustomError as error:
+        raise ScenarioError(error.message()) from None
+    for each in inner:
+        value = value[each]
+    return value
 
 
 def texts(tables: Iterable[BaseModel]) -> list[str]:

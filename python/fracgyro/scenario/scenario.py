@@ -152,12 +152,16 @@ class Scenario(Table):
     def _check_drift(self) -> None:
         end = self.run.duration * self.plant.scales.time
         for _, change in self.device.temperature(end):
-            for name in ("stiffness", "damping"):
-                drift = getattr(self.device, f"{name}_drift")
-                factor = 1 + 1e-6 * drift * change
+            for name, field, per in (
+                ("stiffness", "stiffness_drift", 1),
+                ("stiffness", "frequency_temperature_coefficient", 2),
+                ("damping", "damping_drift", 1),
+            ):
+                drift = getattr(self.device, field)
+                factor = 1 + 1e-6 * per * drift * change
                 if not 0 < factor < math.inf:
                     raise message_error(
-                        f"device.{name}_drift is {toml_value(drift)}: over {change:g} K it multiplies the {name} by "
+                        f"device.{field} is {toml_value(drift)}: over {change:g} K it multiplies the {name} by "
                         f"{factor:g}, which must be greater than 0 and finite"
                     )
 

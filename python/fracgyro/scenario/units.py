@@ -207,11 +207,11 @@ KINDS = (
 )
 
 
-def allowed(unit: str) -> str:
-    """The texts that a field in this SI unit accepts, for messages."""
+def examples(unit: str) -> str:
+    """Texts that a field in this SI unit accepts, for messages."""
     powers = parse(unit).powers
-    found = [f"{name} such as {examples}" for name, each, examples in KINDS if parse(each).powers == powers]
-    return found[0] if found else f'in a unit such as {unit}'
+    found = [f"{name} such as {texts}" for name, each, texts in KINDS if parse(each).powers == powers]
+    return found[0] if found else f'text such as "1 {unit}"'
 
 
 class Quantity(float):
@@ -239,7 +239,7 @@ def quantity(text: str, wanted: Unit, si: str) -> Quantity:
 
     Raises UnitError, with what is allowed, for a text that is not a number with a unit of this quantity.
     """
-    rule = f"it must be {allowed(si)}"
+    rule = f"it must be {examples(si)}"
     if (parts := NUMBER.fullmatch(text)) is None:
         raise UnitError(rule)
     number, name = parts.groups()
@@ -253,7 +253,7 @@ def quantity(text: str, wanted: Unit, si: str) -> Quantity:
     if factor is None:
         other = [word for word, each, _ in KINDS if parse(each).powers == given.powers]
         raise UnitError(f"it is {other[0]}; {rule}" if other else rule)
-    value = float(EXACT.multiply(EXACT.create_decimal(number), factor))
+    value = float(EXACT.multiply(EXACT.create_decimal(number), factor)) + 0.0
     if not math.isfinite(value):
         raise UnitError("it must be finite")
     return Quantity(value, text.strip())
