@@ -11,8 +11,8 @@ import pytest
 import xarray as xr
 from fracgyro.export.units import base_unit
 from fracgyro.scenario.kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, reported_channels
-from fracgyro.scenario.to_core import core_setup
 from fracgyro.scenario.scales import Powers, Scales, powers, si_unit
+from fracgyro.scenario.to_core import core_setup
 from fracgyro.simulation import native
 from laws import by_numba
 

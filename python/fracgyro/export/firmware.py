@@ -15,8 +15,8 @@ from ..files import whole_folder
 from ..scenario import Scenario
 from ..scenario.bounded import check_bounded
 from ..scenario.kinds import ENTRIES, KINDS, Channel, persistent_channels
-from ..scenario.to_core import check_single, core_numbers, core_setup
 from ..scenario.scales import si_unit
+from ..scenario.to_core import check_single, core_numbers, core_setup
 from .compilers import SOURCES, Number
 from .settings import columns
 

@@ -31,8 +31,7 @@ def _unit(name: str, si: str) -> Unit:
 
 
 RATES = {
-    name: _unit(name, "rad/s")
-    for name in ("deg/s", "rad/s", "deg/h", "mdeg/s", "mrad/s", "urad/s", "arcsec/s", "rpm")
+    name: _unit(name, "rad/s") for name in ("deg/s", "rad/s", "deg/h", "mdeg/s", "mrad/s", "urad/s", "arcsec/s", "rpm")
 }
 DEG_PER_S, DEG_PER_H = RATES["deg/s"], RATES["deg/h"]
 # N of IEEE Std 952: the integral of white rate noise grows as the square root of time.

@@ -206,8 +206,8 @@ class Device(_Device):
 
     frequency_temperature_coefficient: float = field(
         0.0,
-        "ppm/K: TCF of a data sheet, the drift of both resonance frequencies. Instead of stiffness_drift, which is twice "
-        "as large. 0.0: off.",
+        "ppm/K: TCF of a data sheet, the drift of both resonance frequencies. Instead of stiffness_drift, which is "
+        "twice as large. 0.0: off.",
         unit="ppm/K",
     )
     temperature_ramp: float = field(0.0, "K/s: the temperature rises at this rate from t = 0 on. 0.0: off.", unit="K/s")
@@ -238,14 +238,14 @@ class Device(_Device):
             noise, density = getattr(self, f"{quantity}_noise"), getattr(self, f"{quantity}_noise_density")
             if noise and density:
                 raise message_error(
-                    f"device.{quantity}_noise is {toml_value(noise)} and device.{quantity}_noise_density is {toml_value(density)}: "
-                    "at most one of the two can be given"
+                    f"device.{quantity}_noise is {toml_value(noise)} and device.{quantity}_noise_density is "
+                    f"{toml_value(density)}: at most one of the two can be given"
                 )
             corner = getattr(self, f"{quantity}_noise_corner")
             if corner and not (noise or density):
                 raise message_error(
-                    f"device.{quantity}_noise_corner is {toml_value(corner)} without white noise: device.{quantity}_noise "
-                    f"or device.{quantity}_noise_density must be greater than 0"
+                    f"device.{quantity}_noise_corner is {toml_value(corner)} without white noise: "
+                    f"device.{quantity}_noise or device.{quantity}_noise_density must be greater than 0"
                 )
         if self.stiffness_drift and self.frequency_temperature_coefficient:
             raise message_error(
@@ -255,8 +255,8 @@ class Device(_Device):
             )
         if self.temperature_ramp and self.temperature_points is not None:
             raise message_error(
-                f"device.temperature_ramp is {toml_value(self.temperature_ramp)} and device.temperature_points is given: "
-                "at most one of the two can be"
+                f"device.temperature_ramp is {toml_value(self.temperature_ramp)} and device.temperature_points is "
+                "given: at most one of the two can be"
             )
         return self
 

@@ -58,8 +58,8 @@ class Units:
 def with_numbers(given: Mapping[str, Any], model: type[BaseModel]) -> dict[str, Any]:
     """The tables of a scenario with numbers for all text with units.
 
-    If `units` is SI, plain numbers of nondimensional fields are in SI, too. Raises PydanticCustomError, in one sentence,
-    for text in a unit that its field does not have.
+    If `units` is SI, plain numbers of nondimensional fields are in SI, too. Raises PydanticCustomError, in one
+    sentence, for text in a unit that its field does not have.
     """
     tables = {name: table for name, table in given.items() if name != "units"}
     units = given.get("units", "nondimensional")
@@ -173,16 +173,17 @@ def number_of(scenario: BaseModel, path: str, value: Any) -> Any:
     return value
 
 
-def texts(tables: Iterable[BaseModel]) -> list[str]:
-    """The texts of all quantities."""
-    found: list[str] = []
+def texts_of(scenario: BaseModel) -> dict[str, str]:
+    """The texts of all quantities, by path."""
+    found: dict[str, str] = {}
 
-    def collect(value: Any, *_: str) -> Any:
-        found.extend([value.text] if isinstance(value, Quantity) else [])
+    def collect(value: Any, _: str, path: str) -> Any:
+        if isinstance(value, Quantity):
+            found[path] = value.text
         return value
 
-    for table in tables:
-        _table(dict(table), type(table), "", collect)
+    for name, table in scenario:
+        _table(dict(table), type(table), name, collect)
     return found
 
 

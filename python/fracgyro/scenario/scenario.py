@@ -8,11 +8,9 @@ from __future__ import annotations
 import hashlib
 import math
 import os
-import textwrap
 from collections.abc import Mapping
-from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any, Literal, Self, cast
+from typing import Any, Literal, Self
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
@@ -20,9 +18,10 @@ from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from ..arguments import short
 from ..files import whole_file
 from .device import Device, Rate
-from .kinds import KINDS, fields_of, kinds_with
+from .kinds import KINDS, kinds_with
 from .messages import ScenarioError, paths, scenario_error, unknown
-from .quantities import in_si, texts, with_numbers
+from .printing import BEGIN, BY_KIND, END, fields_of_table, scenario_text
+from .quantities import in_si, with_numbers
 from .schema import (
     ERRATA_SWITCHES,
     HOLD_TOLERANCE,
@@ -35,13 +34,9 @@ from .schema import (
     Reference,
     Run,
 )
-from .table import MAX_STEPS, Table, format_value, message_error, plain, toml_value
+from .table import MAX_STEPS, Table, format_value, message_error, toml_value
 from .toml import read_tables, read_text
 
-# The first words and the last line of a saved scenario: half a file may still be valid TOML.
-BEGIN = "# A fracgyro scenario."
-END = "# End of the scenario."
-BY_KIND = ("controller", "adaptation", "datasheet")  # tables whose fields belong to kinds of controllers
 FILES = [("rate", "file"), ("device", "temperature_file")]
 
 
@@ -105,7 +100,7 @@ class Scenario(Table):
         kind = self.controller.kind
         for name in BY_KIND:
             table = getattr(self, name)
-            for field in sorted(table.model_fields_set - set(_fields(name, kind))):
+            for field in sorted(table.model_fields_set - set(fields_of_table(Scenario, name, kind))):
                 path = f"{name}.{field}"
                 raise message_error(
                     f"{path} is {format_value(getattr(table, field))}: it must be left out, as controller.kind {kind} "
@@ -241,7 +236,7 @@ class Scenario(Table):
         >>> "order = 0.9" in text, fg.Scenario.from_toml(text).to_toml() == text
         (True, True)
         """
-        return _text(self, _texts(self))
+        return scenario_text(self)
 
     def replace(self, changes: Mapping[str, Any]) -> Scenario:
         """A copy with fields changed, by their dotted names, and validated as a whole; None unsets.
@@ -255,7 +250,7 @@ class Scenario(Table):
         tables = self.model_dump()
         kind = changes.get("controller.kind", self.controller.kind)
         for name in BY_KIND:  # fields that the other kind does not have are dropped
-            known = _fields(name, kind) if kind in KINDS else tables[name]
+            known = fields_of_table(Scenario, name, kind) if kind in KINDS else tables[name]
             tables[name] = {field: value for field, value in tables[name].items() if field in known}
         for path, value in changes.items():
             if path not in paths(Scenario):
@@ -280,7 +275,8 @@ class Scenario(Table):
         >>> fg.Scenario.paper().in_si() == fg.Scenario.paper()
         True
         """
-        return self.replace(in_si(self, {name: _fields(name, self.controller.kind) for name, _ in self}))
+        kind = self.controller.kind
+        return self.replace(in_si(self, {name: fields_of_table(Scenario, name, kind) for name, _ in self}))
 
     def content_hash(self) -> str:
         """SHA-256 of `to_toml` with plain numbers, in hexadecimal: equal for equal scenarios.
@@ -288,45 +284,7 @@ class Scenario(Table):
         >>> fg.Scenario.paper().content_hash() == fg.Scenario.paper().replace({}).content_hash()
         True
         """
-        return hashlib.sha256(_text(self, ()).encode()).hexdigest()
-
-
-def _texts(scenario: Scenario) -> tuple[str, ...]:
-    """The texts of quantities, which equal scenarios may have different ones of."""
-    return tuple(texts(table for _, table in scenario))
-
-
-@lru_cache(maxsize=8)
-def _text(scenario: Scenario, written: tuple[str, ...]) -> str:
-    """The TOML; `written`: the texts of quantities, without which all numbers are plain."""
-    lines = [
-        f"{BEGIN} [plant], [rate] and [device] are in SI, all else is nondimensional.",
-        *(["# Numbers in quotes have their own units."] if written else []),
-        "# A table or field that is left out takes the paper's value, in the corrected reading.",
-    ]
-    for name, table in scenario:
-        lines += ["", f"# {type(table).__doc__}", f"[{name}]"]
-        for field in _fields(name, scenario.controller.kind):
-            info = type(table).model_fields[field]
-            value = getattr(table, field)
-            lines += _comment(info.description or "")
-            shown = toml_value(value if written else plain(value))
-            lines += [f"# {field} is not set" if value is None else f"{field} = {shown}"]
-    return "\n".join([*lines, "", END]) + "\n"
-
-
-@cache
-def _fields(table: str, kind: str) -> tuple[str, ...]:
-    """The fields of a table that a scenario with this kind of controller has, in their order."""
-    known = cast(type[BaseModel], Scenario.model_fields[table].annotation).model_fields
-    if table not in BY_KIND:
-        return tuple(known)
-    return tuple(field for field in known if field in fields_of(kind, table) or not kinds_with(f"{table}.{field}"))
-
-
-@cache
-def _comment(text: str) -> list[str]:
-    return [f"# {line}" for line in textwrap.wrap(text, 106)]
+        return hashlib.sha256(scenario_text(self, texts=False).encode()).hexdigest()
 
 
 def check_scenario(scenario: object) -> None:

@@ -280,5 +280,7 @@ def _with_prefix(value: Decimal, si: str) -> str:
         return si
     name, rest = first[0].replace("kg", "g"), si[first.end() :]
     power = value.adjusted() + (3 if si == "kg" else 0)
-    prefixes = {power: letter for letter, power in PREFIXES.items() if power != -2 and (power < 0 or si != "s")} | {0: ""}
+    prefixes = {power: letter for letter, power in PREFIXES.items() if power != -2 and (power < 0 or si != "s")} | {
+        0: ""
+    }
     return f"{prefixes.get(power - power % 3, None)}{name}{rest}" if power - power % 3 in prefixes else si
