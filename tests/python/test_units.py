@@ -231,30 +231,22 @@ def scenario_with(path: str) -> fg.Scenario:
     return SI.replace({"controller.kind": kinds[0]} if kinds else {})
 
 
-@pytest.mark.parametrize("path", [path for path in FIELDS if path not in WHOLE])
+NEEDS: dict[str, dict[str, Any]] = {
+    "disturbance.density": {"disturbance.standard_deviation": None},
+    "disturbance.hold": {"disturbance.hold": 2e-3},
+    "device.position_noise_corner": {"device.position_noise": 1e-12},
+    "device.velocity_noise_corner": {"device.velocity_noise": 1e-9},
+    "rate.hold": {"rate.kind": "staircase", "rate.amplitude": 1.0},
+}
+
+
+@pytest.mark.parametrize("path", [path for path in FIELDS if path not in WHOLE and "points" not in path])
 def test_every_field_with_a_unit_accepts_text_in_si_and_means_the_number(path: str) -> None:
     scenario = scenario_with(path)
     value = value_at(scenario, path)
-    points = {"rate.points": ("rate.kind", "table"), "device.temperature_points": ("rate.kind", "constant")}
-    if path in points:
-        field, kind = points[path]
-        plain = scenario.replace({field: kind, path: [[0.0, 0.5], [0.25, 2.0]]})
-        unit = "rad/s" if path == "rate.points" else "K"
-        given = scenario.replace({field: kind, path: [["0 s", f"0.5 {unit}"], ["250 ms", f"2 {unit}"]]})
-        assert given == plain
-        return
     if value is None or value == math.inf or (isinstance(value, tuple) and math.inf in value):
         value = (2.0, 3.0) if isinstance(value, tuple) else 2.0
-    value = 0.5 if value == 0.0 and path not in ("plant.damping.xy", "plant.stiffness.xy") else value
-    changes = {path: value}
-    if path == "disturbance.density":
-        changes["disturbance.standard_deviation"] = None
-    if path == "device.position_noise_corner":
-        changes["device.position_noise"] = 1e-12
-    if path == "device.velocity_noise_corner":
-        changes["device.velocity_noise"] = 1e-9
-    if path in ("disturbance.hold", "run.step"):
-        changes["disturbance.hold"] = changes["run.step"] = 1e-3
+    changes = NEEDS.get(path, {}) | {path: 0.5 if value == 0.0 else value}
     plain = scenario.replace(changes)
     si = plain.in_si()
     text = [quantity.text for quantity in numbers_in(value_at(si, path))]
@@ -272,6 +264,16 @@ def test_every_field_with_a_unit_accepts_text_in_si_and_means_the_number(path: s
 
 
 WRONG = "kg^3 K^2"  # of no field
+
+
+def test_points_accept_text() -> None:
+    points = [["0 s", "30 deg/s"], ["2.5 ms", 1.5]]
+    scenario = SI.replace({"rate.kind": "table", "rate.points": points})
+    assert scenario.rate.points == ((0.0, pytest.approx(math.pi / 6, rel=1e-15)), (0.0025, 1.5))
+    assert f"points = {toml_value(points)}" in scenario.to_toml()
+    assert fg.Scenario.from_toml(scenario.to_toml()) == scenario
+    with pytest.raises(fg.ScenarioError, match=r'^device.temperature_points\[0\]\[1\] is "1 s": it is a time; it must'):
+        SI.replace({"device.temperature_points": [["0 s", "1 s"]]})
 
 
 def numbers_in(value: Any) -> list[Any]:
@@ -516,7 +518,8 @@ def test_units_are_those_of_pint() -> None:
     registry = pint.UnitRegistry()
     prefixed = [f"{prefix}{unit}" for prefix in PREFIXES for unit in PREFIXED]
     # pint lacks dps, rev and ppb; its Hz is 1/s, of which an angular frequency has 2 pi.
-    names = [name for name in (*PREFIXED, *DEFINED, *prefixed, *UNITS) if not re.search("dps|Hz|degC|rev|ppb|sqrt", name)]
+    listed = (*PREFIXED, *DEFINED, *prefixed, *UNITS)
+    names = [name for name in listed if not re.search("dps|Hz|degC|rev|ppb|sqrt", name)]
     for name in names:
         theirs = registry.Quantity(1.0, name)
         for unit in ("kg", "m", "s", "K", "rad"):
