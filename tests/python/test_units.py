@@ -269,7 +269,7 @@ WRONG = "kg^3 K^2"  # of no field
 def test_points_accept_text() -> None:
     points = [["0 s", "30 deg/s"], ["2.5 ms", 1.5]]
     scenario = SI.replace({"rate.kind": "table", "rate.points": points})
-    assert scenario.rate.points == ((0.0, pytest.approx(math.pi / 6, rel=1e-15)), (0.0025, 1.5))
+    np.testing.assert_allclose(np.array(scenario.rate.points), [[0.0, math.pi / 6], [0.0025, 1.5]], rtol=1e-15)
     assert f"points = {toml_value(points)}" in scenario.to_toml()
     assert fg.Scenario.from_toml(scenario.to_toml()) == scenario
     with pytest.raises(fg.ScenarioError, match=r'^device.temperature_points\[0\]\[1\] is "1 s": it is a time; it must'):
@@ -375,7 +375,8 @@ def test_physical_values_stay_when_the_scales_change() -> None:
     slower = scenario.replace({"plant.reference_frequency": 500.0})
     assert (scenario.run.duration, slower.run.duration) == (20.0, 10.0)
     moved = fg.Scenario(plant=slower.plant, run=scenario.run)
-    assert (moved.run.duration, moved.run.duration.text) == (10.0, "20 ms")
+    assert moved.run.duration == 10.0
+    assert 'duration = "20 ms"' in moved.to_toml()
 
 
 def test_scenarios_with_equal_numbers_are_equal_and_each_prints_its_own_text() -> None:
@@ -387,7 +388,10 @@ def test_scenarios_with_equal_numbers_are_equal_and_each_prints_its_own_text() -
     assert 'step = "1 us"' in one.to_toml()
     assert 'hold = "1 us"' in other.to_toml()
     assert '"1 us"' not in plain.to_toml()
-    np.testing.assert_array_equal(*(fg.simulate(s.replace({"run.duration": 1.0}))["position"] for s in (one, plain)))
+    short = {"run.duration": 1.0}
+    np.testing.assert_array_equal(
+        fg.simulate(one.replace(short))["position"], fg.simulate(plain.replace(short))["position"]
+    )
 
 
 def test_a_file_in_si_is_wholly_in_si_and_so_are_its_results() -> None:

@@ -16,7 +16,7 @@ BASE = ("kg", "m", "s", "K", "rad", "cycle")
 PI = Decimal("3.14159265358979323846264338327950288419716939937511")
 EXACT = Context(prec=40, traps=[])
 MAX_LENGTH = 100  # characters of a unit
-NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?:\s+|(?![\d.]|[eE][+-]?\d))(\S.*?)\s*", re.ASCII)
+NUMBER = re.compile(r" *([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?: +|(?![\d.]|[eE][+-]?\d))(\S.*?) *", re.ASCII)
 TOKEN = re.compile(r"\s*([A-Za-z%][A-Za-z0-9]*|\d+(?:\.\d+)?|\*\*|\S)\s*", re.ASCII)
 SIGNS = {"°C": "degC", "°": "deg", "\u00b5": "u", "\u03bc": "u", "·": "*", "⋅": "*"}
 RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")

@@ -24,7 +24,7 @@ KINDS = ("scenario", "study", "tuning")
 DRAFT = "http://json-schema.org/draft-04/schema#"
 REFERENCE = "#/definitions/{model}"
 NUMBERS = {"number", "integer"}
-TEXT = r"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?(\s+\S|[^\s\d.eE])"  # a number with a unit
+TEXT = r"^ *[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?( +\S|[^\s\d.eE])"  # a number with a unit
 Schema = dict[str, Any]
 
 
