@@ -27,6 +27,7 @@ REPOSITORY = "https://github.com/fracgyro/fracgyro"
 
 PAGES = {
     "how-to/runs": "docs/usage.md",
+    "how-to/units": "docs/units.md",
     "how-to/controllers": "docs/controllers.md",
     "how-to/studies": "docs/studies.md",
     "how-to/cluster": "docs/cluster.md",

@@ -20,8 +20,8 @@ import oracle
 import pytest
 import xarray as xr
 from fracgyro.scenario.kinds import ENTRIES
+from fracgyro.scenario.scales import si_unit
 from fracgyro.scenario.to_core import core_setup
-from fracgyro.scenario.units import si_unit
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm

@@ -17,7 +17,7 @@ import pytest
 from fracgyro.scenario import Scenario, ScenarioError
 from fracgyro.scenario.kinds import KINDS, kinds_with
 from fracgyro.scenario.messages import paths
-from fracgyro.scenario.scenario import having
+from fracgyro.scenario.printing import having
 from fracgyro.scenario.schema import ERRATA_SWITCHES
 from fracgyro.scenario.table import Symmetric, toml_value
 from fracgyro.simulation.simulate import simulate

@@ -16,8 +16,8 @@ from .. import _core
 from ..arguments import NO_NUMBERS, number, real, short
 from ..scenario import Scenario, check_scenario
 from ..scenario.kinds import AXES, ENTRIES
+from ..scenario.scales import si_unit
 from ..scenario.to_core import core_setup, only_laws
-from ..scenario.units import si_unit
 from ..simulation.dataset import metrics_dataset, units_of
 from .metric_names import UNITS
 from .scenarios import of_each, scale, time_unit

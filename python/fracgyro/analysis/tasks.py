@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ..arguments import number
 from ..scenario.kinds import AXES, SINE_DRIVES
-from ..scenario.units import si_unit
+from ..scenario.scales import si_unit
 from .scenarios import one_scenario, scale
 
 Array = NDArray[np.float64]

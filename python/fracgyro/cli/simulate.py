@@ -14,7 +14,8 @@ import click
 from ..analysis.metric_names import nondimensional_unit
 from ..extras import needs
 from ..scenario import Scenario
-from ..scenario.shipped import SHIPPED, shipped_text
+from ..scenario.quantities import number_of
+from ..scenario.shipped import SHIPPED, shipped, shipped_text
 from .commands import Names
 from .completion import changes, toml_files
 from .terminal import print_table
@@ -97,26 +98,33 @@ def simulate_command(
     show_default=True,
     help="Paper scenario: as printed or corrected.",
 )
+@click.option("--units", type=click.Choice(["SI"]), help="Print every number with its unit.")
 @click.option("--list", "listed", is_flag=True, help="List the available scenarios.")
-def scenario_command(name: str | None, variant: str, listed: bool) -> None:
+def scenario_command(name: str | None, variant: str, units: str | None, listed: bool) -> None:
     """Print a scenario to edit and run. The paper scenario explains every field; the others are devices."""
     if listed:
         width = max(map(len, SHIPPED))
         for each, words in {"paper": "the paper's, every field explained", **SHIPPED}.items():
             click.echo(f"{each:<{width}}  {words}")
-    elif name in SHIPPED:
+    elif name in SHIPPED and not units:
         click.echo(shipped_text(name), nl=False)
     else:
-        click.echo(Scenario.paper("printed" if variant == "printed" else "corrected").to_toml(), nl=False)
+        paper = Scenario.paper("printed" if variant == "printed" else "corrected")
+        found = shipped(name) if name in SHIPPED else paper
+        click.echo((found.in_si() if units else found).to_toml(), nl=False)
 
 
 def _paper(changes: dict[str, Any]) -> Scenario:
     """The paper scenario with changes; the noise is held for one step if its hold is not a multiple of the step."""
-    paper, step = Scenario.paper(), changes.get("run.step")
-    hold = paper.disturbance.hold
+    paper = Scenario.paper()
+    step, hold = number_of(paper.replace(_plant(changes)), "run.step", changes.get("run.step")), paper.disturbance.hold
     if hold and isinstance(step, float) and step > 0 and abs(hold / step - max(round(hold / step), 1)) > 1e-9:
         changes = {"disturbance.hold": None, **changes}
     return paper.replace(changes)
+
+
+def _plant(changes: dict[str, Any]) -> dict[str, Any]:
+    return {field: value for field, value in changes.items() if field.startswith("plant.")}
 
 
 def _change(text: str) -> tuple[str, Any]:

@@ -13,8 +13,8 @@ from ..files import whole_folder
 from ..scenario import Scenario
 from ..scenario.bounded import check_bounded
 from ..scenario.kinds import ENTRIES, KINDS, Channel, persistent_channels
+from ..scenario.scales import si_unit
 from ..scenario.to_core import check_single, core_numbers, core_setup, is_plain
-from ..scenario.units import si_unit
 from .compilers import SOURCES, Number
 from .course import course
 from .initializers import initializer, list_text

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from ..scenario.scales import ANGLE, NAMED, Scales, powers, si_unit
 from ..scenario.schema import Plant
-from ..scenario.units import ANGLE, NAMED, Scales, powers, si_unit
+from ..scenario.units import BASE, parse
 
-SI = {_name.replace(" ", "."): dict(_powers.exponents) for _powers, _name in NAMED.items()}
-SI |= {ANGLE: {"rad": 1}, "rad/s": {"rad": 1, "s": -1}}
+SI = {_name.replace(" ", "."): _name for _name in (*NAMED.values(), ANGLE)}  # as FMI spells them
 
 
 def scale_and_unit(unit: str, scales: Scales, si: bool) -> tuple[float, str]:
@@ -17,6 +17,6 @@ def scale_and_unit(unit: str, scales: Scales, si: bool) -> tuple[float, str]:
 def base_unit(unit: str, plant: Plant) -> dict[str, float] | None:
     """FMI's BaseUnit: exponents of SI base units and a factor; None for a non-integer exponent."""
     if unit in SI:
-        return dict(SI[unit])
+        return {name: int(power) for name, power in zip(BASE, parse(SI[unit]).powers, strict=True) if power}
     found = powers(unit)
     return None if found is None else {**found.exponents, "factor": plant.scales.of(unit)}

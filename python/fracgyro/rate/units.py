@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from ..scenario.units import parse, ratio
+
 BOLTZMANN = 1.380649e-23  # k_B, J/K, exact since 2019
-DEGREES = 180.0 / math.pi
-HOUR = 3600.0  # s
 
 
 @dataclass(frozen=True)
@@ -26,33 +26,26 @@ class Unit:
         return value / self.per_si
 
 
-DEG_PER_S = Unit("deg/s", "rad/s", DEGREES)
-DEG_PER_H = Unit("deg/h", "rad/s", DEGREES * HOUR)
+def _unit(name: str, si: str) -> Unit:
+    return Unit(name, si, float(ratio(parse(si), parse(name)) or math.nan))
+
+
 RATES = {
-    unit.name: unit
-    for unit in (
-        DEG_PER_S,
-        Unit("rad/s", "rad/s", 1.0),
-        DEG_PER_H,
-        Unit("mdeg/s", "rad/s", 1e3 * DEGREES),
-        Unit("mrad/s", "rad/s", 1e3),
-        Unit("urad/s", "rad/s", 1e6),
-        Unit("arcsec/s", "rad/s", DEGREES * HOUR),
-        Unit("rpm", "rad/s", 30 / math.pi),
-    )
+    name: _unit(name, "rad/s") for name in ("deg/s", "rad/s", "deg/h", "mdeg/s", "mrad/s", "urad/s", "arcsec/s", "rpm")
 }
+DEG_PER_S, DEG_PER_H = RATES["deg/s"], RATES["deg/h"]
 # N of IEEE Std 952: the integral of white rate noise grows as the square root of time.
-DEG_PER_ROOT_H = Unit("deg/sqrt(h)", "rad/s/sqrt(Hz)", DEGREES * math.sqrt(HOUR))
+DEG_PER_ROOT_H = _unit("deg/sqrt(h)", "rad/s/sqrt(Hz)")
 # K of IEEE Std 952: random walk of the rate.
-DEG_PER_H_PER_ROOT_H = Unit("deg/h/sqrt(h)", "rad/s^2/sqrt(Hz)", DEGREES * HOUR * math.sqrt(HOUR))
-DEG_PER_S_PER_ROOT_HZ = Unit("deg/s/sqrt(Hz)", "rad/s/sqrt(Hz)", DEGREES)
+DEG_PER_H_PER_ROOT_H = _unit("deg/h/sqrt(h)", "rad/s^2/sqrt(Hz)")
+DEG_PER_S_PER_ROOT_HZ = _unit("deg/s/sqrt(Hz)", "rad/s/sqrt(Hz)")
 # Q of IEEE Std 952: an angle that is rounded before it is differenced.
-ARCSECOND = Unit("arcsec", "rad", DEGREES * HOUR)
-PPM = Unit("ppm", "1", 1e6)
-PERCENT = Unit("%", "1", 100.0)
-HERTZ = Unit("Hz", "Hz", 1.0)
-DEGREE = Unit("deg", "rad", DEGREES)
-MILLISECOND = Unit("ms", "s", 1e3)
+ARCSECOND = _unit("arcsec", "rad")
+PPM = _unit("ppm", "1")
+PERCENT = _unit("%", "1")
+HERTZ = _unit("Hz", "Hz")
+DEGREE = _unit("deg", "rad")
+MILLISECOND = _unit("ms", "s")
 
 
 def angle_random_walk(density: float, *, one_sided: bool) -> float:

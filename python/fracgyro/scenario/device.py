@@ -126,6 +126,12 @@ class Rate(_Rate):
 class Device(_Device):
     """Sensor and actuator imperfections. In SI units."""
 
+    frequency_temperature_coefficient: float = field(
+        0.0,
+        "ppm/K: TCF of a data sheet, the drift of both resonance frequencies. Instead of stiffness_drift, which is "
+        "twice as large. 0.0: off.",
+        unit="ppm/K",
+    )
     temperature_ramp: float = field(0.0, "K/s: the temperature rises at this rate from t = 0 on. 0.0: off.", unit="K/s")
     temperature_file: str | None = field(
         None, "Instead: a CSV file with the header time,temperature, in s and K, read at once and kept as points."
@@ -154,21 +160,32 @@ class Device(_Device):
             noise, density = getattr(self, f"{quantity}_noise"), getattr(self, f"{quantity}_noise_density")
             if noise and density:
                 raise message_error(
-                    f"device.{quantity}_noise is {noise} and device.{quantity}_noise_density is {density}: "
-                    "at most one of the two can be given"
+                    f"device.{quantity}_noise is {toml_value(noise)} and device.{quantity}_noise_density is "
+                    f"{toml_value(density)}: at most one of the two can be given"
                 )
             corner = getattr(self, f"{quantity}_noise_corner")
             if corner and not (noise or density):
                 raise message_error(
-                    f"device.{quantity}_noise_corner is {corner} without white noise: device.{quantity}_noise "
-                    f"or device.{quantity}_noise_density must be greater than 0"
+                    f"device.{quantity}_noise_corner is {toml_value(corner)} without white noise: "
+                    f"device.{quantity}_noise or device.{quantity}_noise_density must be greater than 0"
                 )
+        if self.stiffness_drift and self.frequency_temperature_coefficient:
+            raise message_error(
+                f"device.stiffness_drift is {toml_value(self.stiffness_drift)} and "
+                "device.frequency_temperature_coefficient is "
+                f"{toml_value(self.frequency_temperature_coefficient)}: at most one of the two can be given"
+            )
         if self.temperature_ramp and self.temperature_points is not None:
             raise message_error(
-                f"device.temperature_ramp is {self.temperature_ramp} and device.temperature_points is given: "
-                "at most one of the two can be"
+                f"device.temperature_ramp is {toml_value(self.temperature_ramp)} and device.temperature_points is "
+                "given: at most one of the two can be"
             )
         return self
+
+    @property
+    def stiffness_coefficient(self) -> float:
+        """Relative change of the stiffness, ppm/K, as either of its two fields states it."""
+        return float(self.stiffness_drift or 2 * self.frequency_temperature_coefficient)
 
     def temperature(self, end: float) -> Points:
         """Change of temperature, K, at times in s; `end`: that of the run."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import difflib
 import re
 from functools import cache
@@ -12,7 +13,9 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from ..files import cut, one_line
+from .scales import SI_TABLES, si_unit
 from .table import format_value
+from .units import examples
 
 
 class ScenarioError(ValueError):
@@ -101,7 +104,19 @@ def _describe(problem: ErrorDetails, model: type[BaseModel]) -> str:
     allowed = _allowed(problem, info.metadata if info else [])
     if problem["type"] == "missing":
         return f"{path} is missing: it must be {'a number' if info and info.annotation is float else 'given'}"
+    if problem["type"] == "float_type" and isinstance(problem["input"], str) and info:
+        allowed += _or_text(path.partition(".")[0], info)
     return f"{path} is {format_value(problem['input'])}: {allowed}"
+
+
+def _or_text(table: str, info: FieldInfo) -> str:
+    """The text with a unit that a field accepts instead of a number; empty if it has none."""
+    unit = info.json_schema_extra.get("unit") if isinstance(info.json_schema_extra, dict) else None
+    if not isinstance(unit, str) or "," in unit:
+        return ""
+    with contextlib.suppress(ValueError):  # its powers depend on other fields
+        return f", or {examples(unit if table in SI_TABLES else si_unit(unit))}"
+    return ""
 
 
 def _allowed(problem: ErrorDetails, metadata: list[Any]) -> str:

@@ -15,6 +15,7 @@ from pydantic_core import PydanticCustomError
 
 from ..files import read_input, reason
 from .table import message_error, toml_value
+from .units import Quantity
 
 MAX_POINTS = 100_000
 Points = tuple[tuple[float, float], ...]
@@ -23,7 +24,7 @@ COUNTS = {2: ("pairs", "two"), 3: ("rows", "three")}  # words for the numbers of
 
 
 class Hashed(tuple[Any, ...]):
-    """A tuple whose hash is computed once: scenarios are looked up by theirs."""
+    """Plain numbers whose hash is computed once: scenarios are looked up by theirs."""
 
     def __hash__(self) -> int:
         found: int | None = self.__dict__.get("hash")
@@ -54,7 +55,9 @@ class AsPoints:
                     raise problem
         if any(not after[0] > before[0] for before, after in pairwise(value)):
             raise problem
-        return Hashed(tuple(float(number) + 0.0 for number in point) for point in value)  # -0.0 becomes 0.0
+        kept = (tuple(n if isinstance(n, Quantity) else float(n) + 0.0 for n in point) for point in value)  # no -0.0
+        quantities = any(isinstance(number, Quantity) for point in value for number in point)
+        return tuple(kept) if quantities else Hashed(kept)
 
 
 def _schema(count: int) -> dict[str, Any]:

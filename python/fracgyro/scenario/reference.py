@@ -12,7 +12,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from .kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, MEANINGS, Channel, kinds_with, numbers, reported_channels
-from .scenario import OWN_LISTS, Scenario, having
+from .printing import OWN_LISTS, having
+from .scenario import Scenario
 from .table import Table, toml_value
 from .to_core import core_setup
 

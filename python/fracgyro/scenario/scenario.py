@@ -8,21 +8,21 @@ from __future__ import annotations
 import hashlib
 import math
 import os
-import textwrap
 from collections.abc import Mapping
-from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any, Literal, Self, cast
+from typing import Any, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from ..arguments import short
 from ..files import whole_file
 from .device import Device, Rate
-from .kinds import KINDS, SINE_DRIVES, fields_of, kinds_with, own_kinds
+from .kinds import KINDS, SINE_DRIVES, kinds_with
 from .messages import ScenarioError, paths, scenario_error, unknown
-from .motion import REFERENCE_LISTS, Reference
+from .motion import Reference
+from .printing import BEGIN, BY_KIND, END, OWN_LISTS, fields_of_table, fields_shown, having, own_fields, scenario_text
+from .quantities import in_si, with_numbers
 from .sampled import Function, points_of
 from .schema import (
     ERRATA_SWITCHES,
@@ -38,23 +38,28 @@ from .schema import (
 from .table import MAX_STEPS, Table, format_value, message_error, toml_value
 from .toml import read_tables, read_text
 
-# The first words and the last line of a saved scenario: half a file may still be valid TOML.
-BEGIN = "# A fracgyro scenario."
-END = "# End of the scenario."
-BY_KIND = ("controller", "adaptation", "datasheet")  # tables whose fields belong to kinds of controllers
-OWN_LISTS = {"reference": REFERENCE_LISTS}  # of tables whose fields belong to kinds of their own
 FILES = [("reference", "file"), ("rate", "file"), ("device", "temperature_file")]
+
+
+def _add_units(schema: dict[str, Any]) -> None:
+    """The key `units` at the head of a file, which is read before its tables."""
+    said = "Units of plain numbers: with SI those of all tables, otherwise only of [plant], [rate] and [device]."
+    schema["properties"]["units"] = {"enum": ["nondimensional", "SI"], "description": said, "type": "string"}
 
 
 class Scenario(Table):
     """Everything that a run depends on: tables of fields, as plant.mass. Frozen: `replace` makes a changed copy.
 
     `Scenario()` has the paper's corrected values, as has every table or field that is left out. Raises ScenarioError,
-    in one sentence, for a value that is not allowed.
+    in one sentence, for a value that is not allowed. Numbers may be text with a unit, which `to_toml` prints as given.
 
     >>> fg.Scenario.paper().controller.order
     0.9
+    >>> fg.Scenario(run={"step": "2 us", "duration": "20 ms"}).run.step
+    0.002
     """
+
+    model_config = ConfigDict(json_schema_extra=_add_units)
 
     plant: Plant = Plant()
     reference: Reference = Reference()
@@ -72,6 +77,12 @@ class Scenario(Table):
             super().__init__(**tables)
         except ValidationError as error:
             raise scenario_error(error, Scenario) from None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _numbers(cls, tables: Any) -> Any:
+        """Text with units becomes numbers; `units`: that of the plain numbers of all tables."""
+        return with_numbers(tables, cls) if isinstance(tables, Mapping) else tables
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -91,7 +102,7 @@ class Scenario(Table):
         kind = self.controller.kind
         for name in BY_KIND:
             table = getattr(self, name)
-            for field in sorted(table.model_fields_set - set(_fields(name, kind))):
+            for field in sorted(table.model_fields_set - set(fields_of_table(Scenario, name, kind))):
                 path = f"{name}.{field}"
                 raise message_error(
                     f"{path} is {format_value(getattr(table, field))}: it must be left out, as controller.kind {kind} "
@@ -100,7 +111,7 @@ class Scenario(Table):
 
     def _check_reference(self) -> None:
         kinds = self.reference.kinds
-        for field in sorted(self.reference.model_fields_set - set(_own_fields("reference", kinds))):
+        for field in sorted(self.reference.model_fields_set - set(own_fields(Scenario, "reference", kinds))):
             kinds_having = having("reference", field)
             raise message_error(
                 f"reference.{field} is {format_value(getattr(self.reference, field))}: it must be left out, as "
@@ -154,12 +165,16 @@ class Scenario(Table):
     def _check_drift(self) -> None:
         end = self.run.duration * self.plant.scales.time
         for _, change in self.device.temperature(end):
-            for name in ("stiffness", "damping"):
-                drift = getattr(self.device, f"{name}_drift")
-                factor = 1 + 1e-6 * drift * change
+            for name, field, per in (
+                ("stiffness", "stiffness_drift", 1),
+                ("stiffness", "frequency_temperature_coefficient", 2),
+                ("damping", "damping_drift", 1),
+            ):
+                drift = getattr(self.device, field)
+                factor = 1 + 1e-6 * per * drift * change
                 if not 0 < factor < math.inf:
                     raise message_error(
-                        f"device.{name}_drift is {toml_value(drift)}: over {change:g} K it multiplies the {name} by "
+                        f"device.{field} is {toml_value(drift)}: over {change:g} K it multiplies the {name} by "
                         f"{factor:g}, which must be greater than 0 and finite"
                     )
 
@@ -239,7 +254,7 @@ class Scenario(Table):
         >>> "order = 0.9" in text, fg.Scenario.from_toml(text).to_toml() == text
         (True, True)
         """
-        return _text(self)
+        return scenario_text(self)
 
     def replace(self, changes: Mapping[str, Any]) -> Scenario:
         """A copy with fields changed, by their dotted names, and validated as a whole; None unsets.
@@ -253,11 +268,11 @@ class Scenario(Table):
         tables = self.model_dump()
         kind = changes.get("controller.kind", self.controller.kind)
         for name in BY_KIND:  # fields that the other kind does not have are dropped
-            known = _fields(name, kind) if kind in KINDS else tables[name]
+            known = fields_of_table(Scenario, name, kind) if kind in KINDS else tables[name]
             tables[name] = {field: value for field, value in tables[name].items() if field in known}
         for name in OWN_LISTS:
             of = changes.get(f"{name}.kind", tables[name]["kind"])
-            known = _own_fields(name, tuple(of) if isinstance(of, list | tuple) else (of,))
+            known = own_fields(Scenario, name, tuple(of) if isinstance(of, list | tuple) else (of,))
             tables[name] = {field: value for field, value in tables[name].items() if field in known}
         for path, value in changes.items():
             if path not in paths(Scenario):
@@ -290,62 +305,21 @@ class Scenario(Table):
         points = points_of(function, self.plant, self.run, every)
         return self.replace({"reference.kind": "table", "reference.points": points})
 
+    def in_si(self) -> Scenario:
+        """The same scenario, whose `to_toml` has every number with a unit as text in SI: time as "1 us".
+
+        >>> fg.Scenario.paper().in_si() == fg.Scenario.paper()
+        True
+        """
+        return self.replace(in_si(self, fields_shown(self)))
+
     def content_hash(self) -> str:
-        """SHA-256 of `to_toml`, in hexadecimal: equal for equal scenarios.
+        """SHA-256 of `to_toml` with plain numbers, in hexadecimal: equal for equal scenarios.
 
         >>> fg.Scenario.paper().content_hash() == fg.Scenario.paper().replace({}).content_hash()
         True
         """
-        return hashlib.sha256(self.to_toml().encode()).hexdigest()
-
-
-@lru_cache(maxsize=8)
-def _text(scenario: Scenario) -> str:
-    lines = [
-        f"{BEGIN} [plant], [rate] and [device] are in SI, all else is nondimensional.",
-        "# A table or field that is left out takes the paper's value, in the corrected reading.",
-    ]
-    for name, table in scenario:
-        lines += ["", f"# {type(table).__doc__}", f"[{name}]"]
-        for field in _fields_shown(scenario, name):
-            info = type(table).model_fields[field]
-            value = getattr(table, field)
-            lines += _comment(info.description or "")
-            lines += [f"# {field} is not set" if value is None else f"{field} = {toml_value(value)}"]
-    return "\n".join([*lines, "", END]) + "\n"
-
-
-def _fields_shown(scenario: Scenario, table: str) -> tuple[str, ...]:
-    """The fields of a table that the scenario has, in their order."""
-    if table in OWN_LISTS:
-        return _own_fields(table, getattr(scenario, table).kinds)
-    return _fields(table, scenario.controller.kind)
-
-
-def having(table: str, field: str) -> tuple[str, ...]:
-    """The kinds of a table with kinds of its own that have a field; none: all."""
-    return (own_kinds(table) | OWN_LISTS[table]).get(field, ())
-
-
-@cache
-def _own_fields(table: str, kinds: tuple[str, ...]) -> tuple[str, ...]:
-    """The fields of a table with kinds of its own that one of these kinds has, in their order."""
-    known = cast(type[BaseModel], Scenario.model_fields[table].annotation).model_fields
-    return tuple(field for field in known if not having(table, field) or set(kinds) & set(having(table, field)))
-
-
-@cache
-def _fields(table: str, kind: str) -> tuple[str, ...]:
-    """The fields of a table that a scenario with this kind of controller has, in their order."""
-    known = cast(type[BaseModel], Scenario.model_fields[table].annotation).model_fields
-    if table not in BY_KIND:
-        return tuple(known)
-    return tuple(field for field in known if field in fields_of(kind, table) or not kinds_with(f"{table}.{field}"))
-
-
-@cache
-def _comment(text: str) -> list[str]:
-    return [f"# {line}" for line in textwrap.wrap(text, 106)]
+        return hashlib.sha256(scenario_text(self, texts=False).encode()).hexdigest()
 
 
 def check_scenario(scenario: object) -> None:

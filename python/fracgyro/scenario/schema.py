@@ -14,8 +14,8 @@ import numpy as np
 from pydantic import create_model, model_validator
 
 from .kinds import KINDS, MEANINGS, table_fields
+from .scales import Scales
 from .table import MAX_STEPS, ZERO, Frequencies, Pair, Symmetric, Table, Vector, field, message_error, toml_value
-from .units import Scales
 
 SCALED = ("1/omega0", "q0*omega0", "omega0^2*q0", "m*omega0^2*q0", "m*omega0", "m*omega0^2")  # finite in SI
 HOLD_TOLERANCE = 1e-9  # relative: how far disturbance.hold may be from a whole number of steps

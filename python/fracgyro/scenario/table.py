@@ -11,10 +11,20 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator, WithJsonSchema, field_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainValidator,
+    ValidatorFunctionWrapHandler,
+    WithJsonSchema,
+    field_validator,
+)
 from pydantic_core import PydanticCustomError
 
 from ..files import cut
+from .units import Quantity
 
 MAX_STEPS = 10**9  # steps of a run, and of anything counted in steps
 MAX_FREQUENCY = 1e6  # unit omega0: of a reference or a force
@@ -35,6 +45,8 @@ def toml_value(value: Any, depth: int = 0) -> str:
         return "[" + ", ".join(toml_value(entry, depth + 1) for entry in value) + "]"
     if isinstance(value, int) and value.bit_length() > 1024:
         return f"an integer of {value.bit_length()} bits"  # only for sentences: Python refuses to print it
+    if isinstance(value, Quantity):
+        value = value.text
     if isinstance(value, str | bool):
         return json.dumps(value, ensure_ascii=False).replace("\x7f", r"\u007f")  # TOML forbids it raw, JSON does not
     return str(value)
@@ -105,16 +117,35 @@ Frequencies = Annotated[tuple[Frequency, Frequency], as_tuple("x y")]
 Vector = NDArray[np.float64]
 
 
+def as_given(given: Any, found: Any) -> Any:
+    """A validated value with the quantities that were given: pydantic makes them plain floats.
+
+    -0.0 becomes 0.0, so that equal scenarios have equal text and equal hashes.
+    """
+    if type(found) is tuple:  # points are without quantities
+        entries = given if isinstance(given, list | tuple) else [given] * len(found)
+        return tuple(map(as_given, entries, found))
+    if isinstance(found, float):
+        return given if isinstance(given, Quantity) else found + 0.0
+    return found
+
+
+def plain(value: Any) -> Any:
+    """A value without the texts of its quantities."""
+    if isinstance(value, BaseModel):
+        return {name: plain(each) for name, each in value}
+    if isinstance(value, tuple):
+        return tuple(map(plain, value))
+    return float(value) if isinstance(value, Quantity) else value
+
+
 class Table(BaseModel):
     model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
 
-    @field_validator("*", mode="after")
+    @field_validator("*", mode="wrap")
     @classmethod
-    def _one_zero(cls, value: Any) -> Any:
-        """-0.0 becomes 0.0, so that equal scenarios have equal text and equal hashes."""
-        if type(value) is tuple:  # points.py does so itself
-            return tuple(cls._one_zero(entry) for entry in value)
-        return value + 0.0 if isinstance(value, float) else value
+    def _as_given(cls, value: Any, validate: ValidatorFunctionWrapHandler) -> Any:
+        return as_given(value, validate(value))
 
 
 class Symmetric(Table):

@@ -139,7 +139,7 @@ def _drifts(scenario: Scenario) -> dict[str, float]:
     slopes = [abs(b - a) / (end - begin) for (begin, a), (end, b) in itertools.pairwise(points) if end > begin]
     warming = 1e-6 * max(slopes, default=0.0) * scales.time
     return {
-        "stiffness_drift": abs(device.stiffness_drift) * warming,
+        "stiffness_drift": abs(device.stiffness_coefficient) * warming,
         "damping_drift": abs(device.damping_drift) * warming,
     }
 
@@ -192,7 +192,7 @@ def _plant_tolerance(scenario: Scenario) -> float:
     ratio = scenario.adaptation.initial_ratio if scenario.controller.adaptive else 1.0
     unknown = np.abs(plant.stiffness_deviation.entries()).max() / np.abs(plant.stiffness.entries()).max()
     warmest = max(abs(change) for _, change in device.temperature(scenario.run.duration * plant.scales.time))
-    error: float = abs(1 / ratio - 1) + float(unknown) + 1e-6 * abs(device.stiffness_drift) * warmest
+    error: float = abs(1 / ratio - 1) + float(unknown) + 1e-6 * abs(device.stiffness_coefficient) * warmest
     error += max(map(abs, device.pickoff_gain_error)) + abs(device.pickoff_misalignment)
     error += max(map(abs, device.force_gain_error)) + abs(device.force_misalignment)
     return max(0.1, 2 * error)
@@ -278,7 +278,7 @@ def device_values(scenario: Scenario) -> dict[str, Any]:
         "velocity_range": [reach / scales.velocity for reach in d.velocity_range],
         "actuator_limit": d.actuator_limit / scales.force,
         "cubic_stiffness": [kappa * cubic for kappa in d.cubic_stiffness],
-        "stiffness_drift": 1e-6 * d.stiffness_drift,
+        "stiffness_drift": 1e-6 * d.stiffness_coefficient,
         "damping_drift": 1e-6 * d.damping_drift,
         "bias_instability": d.bias_instability / scales.rate,
         "rate_walk_step": d.rate_random_walk * math.sqrt(step * scales.time) / scales.rate,

@@ -1,109 +1,286 @@
-"""Nondimensional units, such as m*omega0^2*q0, and the SI units and scales that they stand for."""
+"""Numbers with units, such as "2 us", parsed, converted and printed. A unit is a product of powers of names.
+
+Conversions have 40 decimal digits, so that "2 us" in s is the float 2e-06.
+"""
 
 from __future__ import annotations
 
+import math
 import re
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from decimal import Context, Decimal
 from functools import lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
-
-class Powers(NamedTuple):
-    """Exponents of m, q0 and omega0."""
-
-    mass: int
-    length: int
-    rate: int
-
-    @property
-    def exponents(self) -> dict[str, int]:
-        """Exponents of kg, m and s that are not 0."""
-        found = {"kg": self.mass, "m": self.length, "s": -self.rate}
-        return {name: power for name, power in found.items() if power}
-
-
-# SI units with special names.
-NAMED = {
-    Powers(0, 0, 0): "1",
-    Powers(0, 0, -1): "s",
-    Powers(0, 0, 1): "rad/s",
-    Powers(0, 1, 0): "m",
-    Powers(0, 1, 1): "m/s",
-    Powers(0, 1, 2): "m/s^2",
-    Powers(1, 0, 1): "N s/m",
-    Powers(1, 0, 2): "N/m",
-    Powers(1, -2, 2): "N/m^3",
-    Powers(1, 1, 2): "N",
+BASE = ("kg", "m", "s", "K", "rad", "cycle")
+PI = Decimal("3.14159265358979323846264338327950288419716939937511")
+EXACT = Context(prec=40, traps=[])
+MAX_LENGTH = 100  # characters of a unit
+NUMBER = re.compile(r" *([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?: +|(?![\d.]|[eE][+-]?\d))(\S.*?) *", re.ASCII)
+TOKEN = re.compile(r"\s*([A-Za-z%][A-Za-z0-9]*|\d+(?:\.\d+)?|\*\*|\S)\s*", re.ASCII)
+SIGNS = {"°C": "degC", "°": "deg", "\u00b5": "u", "\u03bc": "u", "·": "*", "⋅": "*"}
+RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+PREFIXES = {"a": -18, "f": -15, "p": -12, "n": -9, "u": -6, "m": -3, "c": -2, "k": 3, "M": 6, "G": 9}
+PREFIXED = ("m", "g", "s", "N", "Hz", "K", "rad", "deg", "dps")
+# cycle is only for Hz, which is 2 pi rad/s where radians are counted, and 1/s elsewhere.
+DEFINED = {
+    "g": (Decimal("1e-3"), "kg"),
+    "min": (Decimal(60), "s"),
+    "h": (Decimal(3600), "s"),
+    "N": (Decimal(1), "kg m/s^2"),
+    "Hz": (Decimal(1), "cycle/s"),
+    "degC": (Decimal(1), "K"),
+    "deg": (PI / 180, "rad"),
+    "arcmin": (PI / 10800, "rad"),
+    "arcsec": (PI / 648000, "rad"),
+    "rev": (2 * PI, "rad"),
+    "dps": (PI / 180, "rad/s"),
+    "rpm": (PI / 30, "rad/s"),
+    "%": (Decimal("1e-2"), "1"),
+    "ppm": (Decimal("1e-6"), "1"),
+    "ppb": (Decimal("1e-9"), "1"),
 }
-ANGLE = "rad"  # the same in both
+GRAVITY = (Decimal("9.80665"), "m/s^2")  # g, mg, ug where an acceleration is meant
+LONG = {"meter": "m", "gram": "g", "second": "s", "newton": "N", "hertz": "Hz", "kelvin": "K", "radian": "rad"}
+LONG |= {"degree": "deg", "minute": "min", "hour": "h", "percent": "%"}
+LONG_PREFIXES = {"pico": "p", "nano": "n", "micro": "u", "milli": "m", "kilo": "k", "mega": "M"}
 
 
-@lru_cache
-def powers(unit: str) -> Powers | None:
-    """Exponents in a nondimensional unit; None if it has a symbol of its own or a power that is not an integer."""
-    found = {"m": 0, "q0": 0, "omega0": 0}
-    over, _, under = unit.partition("/")
-    for part, sign in ((over, 1), (under, -1)):
-        for word in part.split("*"):
-            if factor := re.fullmatch(r"(m|q0|omega0)(?:\^(\d+))?", word):
-                found[factor[1]] += sign * int(factor[2] or 1)
-            elif word not in ("", "1"):
-                return None
-    return Powers(*found.values())
+class UnitError(ValueError):
+    """A text that is not a unit."""
 
 
-def _checked(unit: str) -> Powers:
-    if (found := powers("1" if unit == ANGLE else unit)) is None:
-        raise ValueError(f"the unit {unit} has no SI unit: it must be a product of integer powers of m, q0 and omega0")
+class Unit(NamedTuple):
+    """Its value in SI, and the exponents of BASE."""
+
+    factor: Decimal
+    powers: tuple[float, ...]
+
+    def times(self, other: Unit) -> Unit:
+        powers = tuple(round(a + b, 12) + 0.0 for a, b in zip(self.powers, other.powers, strict=True))
+        return Unit(EXACT.multiply(self.factor, other.factor), powers)
+
+    def to_the(self, power: float) -> Unit:
+        powers = tuple(round(power * each, 12) + 0.0 for each in self.powers)
+        return Unit(EXACT.power(self.factor, Decimal(repr(power))), powers)
+
+
+def base(name: str, factor: Decimal = Decimal(1)) -> Unit:
+    """A factor times one of BASE, or times 1."""
+    return Unit(factor, tuple(float(name == each) for each in BASE))
+
+
+ONE = base("1")
+
+
+def _si(name: str) -> Unit | None:
+    for word in (name, name.removesuffix("s")):  # pint's long names
+        for prefix, letter in {"": "", **LONG_PREFIXES}.items():
+            if word.startswith(prefix) and word.removeprefix(prefix) in LONG:
+                name = letter + LONG[word.removeprefix(prefix)]
+    if name in BASE:
+        return base(name)
+    if name in DEFINED:
+        factor, unit = DEFINED[name]
+        return parse(unit).times(base("1", factor))
+    if name[1:] in PREFIXED and name[0] in PREFIXES and (found := _si(name[1:])):
+        return found.times(base("1", Decimal(1).scaleb(PREFIXES[name[0]])))
+    return None
+
+
+def _with_gravity(name: str) -> Unit | None:
+    if name not in ("g", "mg", "ug"):
+        return _si(name)
+    factor, unit = GRAVITY
+    return parse(unit).times(base("1", factor.scaleb(PREFIXES.get(name[:-1], 0))))
+
+
+class _Parser:
+    """Recursive descent over the tokens of a unit."""
+
+    def __init__(self, text: str, lookup: Callable[[str], Unit | None], symbols: Mapping[str, float]) -> None:
+        self.text, self.lookup, self.symbols = text, lookup, symbols
+        for sign, word in SIGNS.items():
+            text = text.replace(sign, word)
+        text = re.sub("[⁻⁰¹²³⁴-⁹]+", lambda found: "^" + found[0].translate(RAISED), text)
+        self.tokens = TOKEN.findall(text)[::-1] if len(text) <= MAX_LENGTH else []
+
+    def whole(self) -> Unit:
+        found = self.product()
+        if self.tokens:
+            raise self.error()
+        return found
+
+    def error(self) -> UnitError:
+        return UnitError(f"{self.text} is not a unit")
+
+    def accept(self, *wanted: str) -> str:
+        return self.tokens.pop() if self.tokens and self.tokens[-1] in wanted else ""
+
+    def expect(self, wanted: str) -> None:
+        if not self.accept(wanted):
+            raise self.error()
+
+    def product(self) -> Unit:
+        found = self.power()
+        while self.tokens and self.tokens[-1] != ")":
+            inverse = self.accept("*", ".", "/") == "/"
+            found = found.times(self.power().to_the(-1.0) if inverse else self.power())
+        return found
+
+    def power(self) -> Unit:
+        found = self.atom()
+        return found.to_the(self.exponent()) if self.accept("^", "**") else found
+
+    def atom(self) -> Unit:
+        root = self.accept("sqrt")
+        if self.accept("("):
+            found = self.product()
+            self.expect(")")
+            return found.to_the(0.5) if root else found
+        name = self.tokens.pop() if self.tokens and not root else ""
+        if name == "1":
+            return ONE
+        if not name or not (name[0].isalpha() or name == "%"):
+            raise self.error()
+        if (unit := self.lookup(name)) is None:
+            raise UnitError(f"{name} is not a unit")
+        return unit
+
+    def exponent(self) -> float:
+        """A number, a symbol, or a sum of them or a fraction in parentheses."""
+        if not self.accept("("):
+            return self.number()
+        found = self.number()
+        while sign := self.accept("+", "-", "/"):
+            other = self.number()
+            found = found / (other or float("nan")) if sign == "/" else found + (other if sign == "+" else -other)
+        self.expect(")")
+        return found
+
+    def number(self) -> float:
+        sign = -1.0 if self.accept("-") else 1.0
+        word = self.tokens.pop() if self.tokens else ""
+        if word not in self.symbols and not (word[:1].isdigit() and float(word) < 10):
+            raise self.error()
+        return sign * (self.symbols[word] if word in self.symbols else float(word))
+
+
+@lru_cache(maxsize=1024)
+def parse(text: str, *, gravity: bool = False) -> Unit:
+    """A unit of SI; `gravity`: g is the standard gravity, not the gram. Raises UnitError for another text."""
+    return parse_with(text, _with_gravity if gravity else _si)
+
+
+def parse_with(text: str, lookup: Callable[[str], Unit | None], symbols: Mapping[str, float] | None = None) -> Unit:
+    """A unit whose names `lookup` knows, with exponents in `symbols`. Raises UnitError for another text."""
+    return _Parser(text, lookup, symbols or {}).whole()
+
+
+def ratio(given: Unit, wanted: Unit) -> Decimal | None:
+    """The value of `given` in units of `wanted`; None if they measure different quantities."""
+    if given.powers[:4] != wanted.powers[:4]:
+        return None
+    factor = EXACT.divide(given.factor, wanted.factor)
+    (radians, cycles), (wanted_radians, wanted_cycles) = given.powers[4:], wanted.powers[4:]
+    if radians + cycles == wanted_radians + wanted_cycles:
+        return EXACT.multiply(factor, EXACT.power(2 * PI, Decimal(repr(cycles - wanted_cycles))))
+    # Radians may be left out, and 1/Hz is 1 s; m Hz is refused as a velocity, and rad as a ratio.
+    return factor if any(given.powers[:4]) and cycles <= max(wanted_cycles, 0) else None
+
+
+# Quantity, its unit, and examples.
+KINDS = (
+    ("a time", "s", '"2 us" or "20 ms"'),
+    ("a length", "m", '"1.5 um"'),
+    ("a mass", "kg", '"180 ug"'),
+    ("a frequency or an angular rate", "rad/s", '"4.5 kHz" or "300 deg/s"'),
+    ("a frequency", "Hz", '"4.5 kHz"'),
+    ("an angle", "rad", '"90 deg"'),
+    ("a velocity", "m/s", '"1 mm/s"'),
+    ("an acceleration", "m/s^2", '"5 m/s^2" or "50 g"'),
+    ("a force", "N", '"1 uN"'),
+    ("a stiffness", "N/m", '"64 N/m"'),
+    ("a damping", "N s/m", '"1.8 uN s/m"'),
+    ("a temperature", "K", '"1 K"'),
+    ("a ratio", "1", '"5 %" or "300 ppm"'),
+)
+
+
+def examples(unit: str) -> str:
+    """Texts that a field in this SI unit accepts, for messages."""
+    powers = parse(unit).powers
+    found = [f"{name} such as {texts}" for name, each, texts in KINDS if parse(each).powers == powers]
+    return found[0] if found else f'text such as "1 {unit}"'
+
+
+class Quantity(float):
+    """A number that was given as text with a unit: the float is in the unit of its field."""
+
+    __slots__ = ("text",)
+    text: str
+
+    def __new__(cls, value: float, text: str) -> Self:
+        found = super().__new__(cls, value)
+        found.text = text
+        return found
+
+    def __reduce__(self) -> tuple[type[Self], tuple[float, str]]:
+        return type(self), (float(self), self.text)
+
+
+def is_quantity(text: str) -> bool:
+    """True for a number followed by more text: a misspelled unit is for `quantity` to report."""
+    return NUMBER.fullmatch(text) is not None
+
+
+def quantity(text: str, wanted: Unit, si: str) -> Quantity:
+    """The number in the unit `wanted`, whose SI unit is `si`.
+
+    Raises UnitError, with what is allowed, for a text that is not a number with a unit of this quantity.
+    """
+    rule = f"it must be {examples(si)}"
+    if (parts := NUMBER.fullmatch(text)) is None:
+        raise UnitError(rule)
+    number, name = parts.groups()
+    name = f"1{name}" if name.startswith("/") else name
+    try:
+        given = parse(name)
+        factor = ratio(given, wanted)
+        factor = ratio(parse(name, gravity=True), wanted) if factor is None else factor
+    except UnitError as error:
+        raise UnitError(f"{error}; {rule}") from None
+    if factor is None:
+        other = [word for word, each, _ in KINDS if parse(each).powers == given.powers]
+        raise UnitError(f"it is {other[0]}; {rule}" if other else rule)
+    value = float(EXACT.multiply(EXACT.create_decimal(number), factor)) + 0.0
+    if not math.isfinite(value):
+        raise UnitError("it must be finite")
+    return Quantity(value, text.strip())
+
+
+def printed(value: float, wanted: Unit, si: str) -> Quantity:
+    """A number in the unit `wanted` as text in SI: with a readable prefix, and the fewest digits that read back."""
+    exact = EXACT.multiply(Decimal(repr(float(value))), EXACT.divide(Decimal(1), ratio(parse(si), wanted) or 1))
+    name = _with_prefix(exact, si)
+    exact = EXACT.multiply(exact, ratio(parse(si), parse(name)) or 1)
+    for digits in range(20):
+        number = Decimal(f"{exact:.{digits}e}").normalize()
+        plain = not number or -5 < number.adjusted() < 7
+        found = quantity(f"{number:f} {name}" if plain else f"{number:e} {name}", wanted, si)
+        if found == value:
+            break
     return found
 
 
-@lru_cache
-def si_unit(unit: str) -> str:
-    """The SI unit of a quantity in this nondimensional unit, as pint and others read it."""
-    if unit == ANGLE:
-        return unit
-    found = _checked(unit)
-    exponents = found.exponents.items()
-    return NAMED.get(found) or " ".join(name if power == 1 else f"{name}^{power}" for name, power in exponents)
-
-
-@dataclass(frozen=True)
-class Scales:
-    """SI value = nondimensional value * scale: the map (3)-(4), which takes (47) to (48)."""
-
-    mass: float  # kg, m
-    length: float  # m, q0
-    rate: float  # rad/s, omega0
-
-    def of(self, unit: str) -> float:
-        """The scale of quantities in this nondimensional unit."""
-        found, factor = _checked(unit), 1.0
-        for scale, power in ((self.mass, found.mass), (self.rate, found.rate), (self.length, found.length)):
-            for _ in range(abs(power)):
-                factor = factor * scale if power > 0 else factor / scale
-        return factor
-
-    @property
-    def time(self) -> float:
-        return self.of("1/omega0")
-
-    @property
-    def velocity(self) -> float:
-        return self.of("q0*omega0")
-
-    @property
-    def acceleration(self) -> float:
-        return self.of("omega0^2*q0")
-
-    @property
-    def force(self) -> float:
-        return self.of("m*omega0^2*q0")
-
-    @property
-    def damping(self) -> float:
-        return self.of("m*omega0")
-
-    @property
-    def stiffness(self) -> float:
-        return self.of("m*omega0^2")
+def _with_prefix(value: Decimal, si: str) -> str:
+    """The SI unit with a prefix for its first name, such that 1 to 1000 of them are the value."""
+    first = re.match(r"kg$|(m|s|N|Hz)(?=$|[ /])", si)
+    if not first or not value:
+        return si
+    name, rest = first[0].replace("kg", "g"), si[first.end() :]
+    power = value.adjusted() + (3 if si == "kg" else 0)
+    prefixes = {power: letter for letter, power in PREFIXES.items() if power != -2 and (power < 0 or si != "s")} | {
+        0: ""
+    }
+    return f"{prefixes.get(power - power % 3, None)}{name}{rest}" if power - power % 3 in prefixes else si

@@ -17,7 +17,7 @@ from ..extras import require
 from ..files import check_place, whole_file
 from ..scenario import Scenario
 from ..scenario.kinds import AXES, METRICS, WINDOWS, Channel
-from ..scenario.units import si_unit
+from ..scenario.scales import si_unit
 from .user_controller import UserController
 
 VERSION = version("fracgyro")

@@ -23,8 +23,8 @@ from .space import Range
 KINDS = ("scenario", "study", "tuning")
 DRAFT = "http://json-schema.org/draft-04/schema#"
 REFERENCE = "#/definitions/{model}"
-OR_INFINITE = ["number", "null"]
-NUMERIC = ("number", "integer", OR_INFINITE)
+NUMBERS = {"number", "integer"}
+TEXT = r"^ *[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?( +\S|[^\s\d.eE])"  # a number with a unit
 Schema = dict[str, Any]
 
 
@@ -64,7 +64,7 @@ class _Generator(GenerateJsonSchema):
 
     def float_schema(self, schema: core_schema.FloatSchema) -> Schema:
         found = _draft_4(super().float_schema(schema))
-        return {**found, "type": OR_INFINITE} if schema.get("allow_inf_nan") else found
+        return {**found, "type": ["number", "null"]} if schema.get("allow_inf_nan") else found
 
     def int_schema(self, schema: core_schema.IntSchema) -> Schema:
         return _draft_4(super().int_schema(schema))
@@ -91,8 +91,18 @@ class _Generator(GenerateJsonSchema):
         return found
 
 
+class _WithText(_Generator):
+    """Numbers may be text with a unit."""
+
+    def float_schema(self, schema: core_schema.FloatSchema) -> Schema:
+        found = super().float_schema(schema)
+        number = found["type"] if isinstance(found["type"], list) else [found["type"]]
+        return {**found, "type": [*number, "string"], "pattern": TEXT}
+
+
 def _of_model(model: type[BaseModel]) -> Schema:
-    found = model.model_json_schema(ref_template=REFERENCE, schema_generator=_Generator)
+    generator = _WithText if model in (Scenario, Range) else _Generator
+    found = model.model_json_schema(ref_template=REFERENCE, schema_generator=generator)
     definitions = found.pop("$defs", None)
     return {"$schema": DRAFT, **found} | ({"definitions": definitions} if definitions else {})
 
@@ -133,11 +143,15 @@ def _changes(model: type[BaseModel], leaf: Callable[[str], Schema], at: str = ""
     return {"type": "object", "properties": properties, "additionalProperties": False}
 
 
+def _is_number(kind: str | list[str] | None) -> bool:
+    return not NUMBERS.isdisjoint(kind if isinstance(kind, list) else [kind])
+
+
 def _varied(of_field: Schema, found: Schema) -> Schema:
     """A list of values of the field, or a range of numbers."""
     listed = {"type": "array", "items": of_field, "minItems": 1}
     node: Any = found
     for name in of_field["$ref"].removeprefix("#/").split("/"):
         node = node[name]
-    numeric = any(part.get("type") in NUMERIC for part in node.get("anyOf", [node]))
+    numeric = any(_is_number(part.get("type")) for part in node.get("anyOf", [node]))
     return {"anyOf": [listed, {"$ref": REFERENCE.format(model="Range")}]} if numeric else listed

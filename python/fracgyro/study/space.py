@@ -15,7 +15,8 @@ from .. import _core
 from ..arguments import number
 from ..scenario import Scenario, ScenarioError
 from ..scenario.messages import paths, scenario_error, unknown
-from ..scenario.table import Table, format_value
+from ..scenario.quantities import number_of
+from ..scenario.table import Table, as_given, format_value
 from ..scenario.table import field as described
 from ..simulation.user_controller import ControllerLike
 from .controller import check_read, is_parameter, parameter
@@ -123,15 +124,17 @@ def _dimension(field: str, entry: Any, base: Scenario, controller: ControllerLik
     if isinstance(entry, list | tuple):
         if not entry:
             raise ScenarioError(f"{field} is []: it must have at least one value")
-        return Dimension(field, 0.0, 0.0, choices=tuple(_valid(field, value) for value in entry))
+        values = [_with_number(field, value, base) for value in entry]
+        return Dimension(field, 0.0, 0.0, choices=tuple(as_given(value, _valid(field, value)) for value in values))
     if not isinstance(entry, Mapping):
         law = is_parameter(field)
         raise ScenarioError(
             f"{field} is {format_value(entry)}: it must be a list of values or "
             f"{{ low, high }} or {{ relative }}; a single value belongs to {'the law' if law else '[fixed]'}"
         )
+    ends = {end: _with_number(field, entry[end], base) for end in ("low", "high") if end in entry}
     try:
-        asked = Range(**entry)
+        asked = Range(**{**entry, **ends})
     except ValidationError as error:
         raise ScenarioError(f"{field}: {scenario_error(error, Range)}") from None
     low, high = _ends(field, asked, base, controller)
@@ -162,6 +165,11 @@ def _ends(field: str, asked: Range, base: Scenario, controller: ControllerLike |
         )
     ends = value * (1 - asked.relative), value * (1 + asked.relative)
     return min(ends), max(ends)
+
+
+def _with_number(field: str, value: Any, base: Scenario) -> Any:
+    """A number in the unit of the field from text with a unit; other values as they are."""
+    return value if is_parameter(field) else number_of(base, field, value)
 
 
 def _given(asked: Range) -> str:

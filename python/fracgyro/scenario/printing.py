@@ -1,0 +1,84 @@
+"""A scenario as commented TOML."""
+
+from __future__ import annotations
+
+import textwrap
+from functools import cache, lru_cache
+from typing import Any, cast
+
+from pydantic import BaseModel
+
+from .kinds import fields_of, kinds_with, own_kinds
+from .motion import REFERENCE_LISTS
+from .quantities import texts_of
+from .table import Table, plain, toml_value
+
+# The first words and the last line of a saved scenario: half a file may still be valid TOML.
+BEGIN = "# A fracgyro scenario."
+END = "# End of the scenario."
+BY_KIND = ("controller", "adaptation", "datasheet")  # tables whose fields belong to kinds of controllers
+OWN_LISTS = {"reference": REFERENCE_LISTS}  # of tables whose fields belong to kinds of their own
+
+
+def scenario_text(scenario: Table, *, texts: bool = True) -> str:
+    """Complete and commented TOML; without `texts`, quantities are plain numbers in the units of their fields."""
+    return _text(scenario, tuple(texts_of(scenario).items()) if texts else ())
+
+
+@lru_cache(maxsize=8)
+def _text(scenario: Table, texts: tuple[tuple[str, str], ...]) -> str:
+    """The TOML; `texts`: those of quantities, in which equal scenarios may differ."""
+    lines = [
+        f"{BEGIN} [plant], [rate] and [device] are in SI, all else is nondimensional.",
+        *(["# A number with a unit, in quotes, is in that unit."] if texts else []),
+        "# A table or field that is left out takes the paper's value, in the corrected reading.",
+    ]
+    tables = dict(scenario)
+    for name, fields in fields_shown(scenario).items():
+        table = tables[name]
+        lines += ["", f"# {type(table).__doc__}", f"[{name}]"]
+        for field in fields:
+            info = type(table).model_fields[field]
+            value = getattr(table, field)
+            shown = toml_value(value if texts else plain(value))
+            lines += _comment(info.description or "")
+            lines += [f"# {field} is not set" if value is None else f"{field} = {shown}"]
+    return "\n".join([*lines, "", END]) + "\n"
+
+
+def fields_shown(scenario: Table) -> dict[str, tuple[str, ...]]:
+    """The fields of each table that the scenario has, in their order."""
+    tables: dict[str, Any] = dict(scenario)
+    kind = tables["controller"].kind
+    return {
+        name: own_fields(type(scenario), name, table.kinds)
+        if name in OWN_LISTS
+        else fields_of_table(type(scenario), name, kind)
+        for name, table in tables.items()
+    }
+
+
+def having(table: str, field: str) -> tuple[str, ...]:
+    """The kinds of a table with kinds of its own that have a field; none: all."""
+    return (own_kinds(table) | OWN_LISTS[table]).get(field, ())
+
+
+@cache
+def own_fields(model: type[BaseModel], table: str, kinds: tuple[str, ...]) -> tuple[str, ...]:
+    """The fields of a table with kinds of its own that one of these kinds has, in their order."""
+    known = cast(type[BaseModel], model.model_fields[table].annotation).model_fields
+    return tuple(field for field in known if not having(table, field) or set(kinds) & set(having(table, field)))
+
+
+@cache
+def fields_of_table(model: type[BaseModel], table: str, kind: str) -> tuple[str, ...]:
+    """The fields of a table that a scenario with this kind of controller has, in their order."""
+    known = cast(type[BaseModel], model.model_fields[table].annotation).model_fields
+    if table not in BY_KIND:
+        return tuple(known)
+    return tuple(field for field in known if field in fields_of(kind, table) or not kinds_with(f"{table}.{field}"))
+
+
+@cache
+def _comment(text: str) -> list[str]:
+    return [f"# {line}" for line in textwrap.wrap(text, 106)]
