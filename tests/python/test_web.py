@@ -66,6 +66,20 @@ def test_the_module_is_small_and_imports_nothing(module: Path, tmp_path: Path) -
     assert in_node(module, tmp_path, imports) == "0\n"
 
 
+# Every kind of disturbance; the first part is a sine.
+LIST = SHORT.replace(
+    {
+        "disturbance": [
+            {"kind": "sine", "amplitude": [0.7, -0.3], "frequency": [2.0, 7.0], "seed": 3},
+            {"kind": "noise", "standard_deviation": 2.0, "hold": 3e-3, "start": 0.2, "end": 1.1},
+            {"kind": "noise", "standard_deviation": 1.5, "band": [0.0, 50.0]},
+            {"kind": "step", "amplitude": [2.0, -1.0], "start": 0.5},
+            {"kind": "pulse", "amplitude": [30.0, -4.0], "start": 1.0004, "width": 0.0123},
+            {"kind": "vibration", "psd": [[2.0, 0.01], [20.0, 0.1], [200.0, 0.02]]},
+            {"kind": "table", "points": [[0.0, 0.0, 2.0], [0.1, 1.0, -1.0], [0.25, 0.5, 2.0]], "start": 0.4},
+        ]
+    }
+)
 SCENARIOS = {
     "the paper's, whole": fg.Scenario.paper(),
     "as printed": fg.Scenario.paper("printed").replace({"run.duration": 3.0}),
@@ -95,6 +109,7 @@ SCENARIOS = {
     ),
     "PID, which reports nothing": SHORT.replace({"controller.kind": "pid", "controller.force_limit": 6000.0}),
     **{kind: SHORT.replace({"controller.kind": kind}) for kind in KINDS},
+    "disturbances that add up": LIST,
     "integer order": SHORT.replace({"controller.order": 1.0}),
     "order zero": SHORT.replace({"controller.order": 0.0}),
     "known parameters, sine": SHORT.replace(

@@ -67,6 +67,21 @@ inline void take_device_settings(DeviceSetup& setup, const double* values) {
     for_each_device_setting(setup, detail::TakeFrom{values});
 }
 
+// Takes the terms of the disturbance from one list: for each the numbers of its fields(), then how many rows it has, and
+// their places, x and y values.
+inline void take_terms(DisturbanceParams& disturbance, std::span<const double> numbers) {
+    disturbance.terms.clear();
+    for (const double *at = numbers.data(), *const end = at + numbers.size(); at != end;) {
+        DisturbanceTerm& term = disturbance.terms.emplace_back();
+        for_each_setting_of("disturbance", term, detail::TakeFrom{at});
+        const auto rows = static_cast<std::ptrdiff_t>(*at++);
+        for (std::vector<double>* const column : {&term.places, &term.x_values, &term.y_values}) {
+            column->assign(at, at + rows);
+            at += rows;
+        }
+    }
+}
+
 // A setup of this kind from its numbers, the bandwidth of the observer and its exponentials.
 inline Setup setup_from(std::size_t kind, std::span<const double> numbers, double observer_bandwidth,
                         std::span<const double> poles, std::span<const double> weights) {

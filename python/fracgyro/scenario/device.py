@@ -2,92 +2,14 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import math
-from collections.abc import Mapping
-from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
-from pydantic import BeforeValidator, WithJsonSchema, create_model, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic import create_model, model_validator
 
-from ..files import read_input, reason
 from .kinds import si_table_fields
+from .points import OptionalPoints, Points, read_file
 from .table import NonNegative, Table, field, message_error, toml_value
-
-MAX_POINTS = 100_000
-Points = tuple[tuple[float, float], ...]
-
-
-def _points(value: Any) -> Points | None:
-    """Rising times and their values."""
-    if value is None:
-        return None
-    rule = f"it must be a list of 1 to {MAX_POINTS} pairs [time, value] of finite numbers whose times rise"
-    problem = PydanticCustomError("rule", "{rule}", {"rule": rule})
-    if not isinstance(value, list | tuple) or not 1 <= len(value) <= MAX_POINTS:
-        raise problem
-    for pair in value:
-        if not isinstance(pair, list | tuple) or len(pair) != 2:
-            raise problem
-        for number in pair:
-            if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
-                raise problem
-    if any(not after[0] > before[0] for before, after in pairwise(value)):
-        raise problem
-    return tuple((float(time), float(number)) for time, number in value)
-
-
-PAIR = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
-OptionalPoints = Annotated[
-    Points | None,
-    BeforeValidator(_points),
-    WithJsonSchema({"type": "array", "items": PAIR, "minItems": 1, "maxItems": MAX_POINTS}),
-]
-
-
-def _read_file(values: Any, table: str, field: str, points: str, column: str) -> Any:
-    """The table with the points that its file holds in place of the file: a scenario depends on nothing outside it."""
-    if not isinstance(values, Mapping) or not isinstance(values.get(field), str):
-        return values
-    if values.get(points) is not None:
-        raise message_error(f"{table}.{field} and {table}.{points} are both given: at most one of the two can be")
-    read = read_points(values[field], f"{table}.{field}", column)
-    return {**values, field: None, points: read}
-
-
-def read_points(path: str, name: str, column: str) -> list[list[float]]:
-    """Rows of a CSV file whose header is `time,<column>`. Raises, in one sentence, when it is not one.
-
-    The sentence shows nothing of the file: a scenario from elsewhere may name any.
-    """
-    place = f"{name} is {toml_value(path)}"
-    try:
-        text = io.StringIO(read_input(path).decode("utf-8-sig"), newline="")
-        header, *rows = [[cell.strip() for cell in row] for row in csv.reader(text) if row] or [[]]
-    except UnicodeDecodeError:
-        raise message_error(f"{place}: it cannot be read: it is not UTF-8") from None
-    except OSError as error:
-        raise message_error(f"{place}: it cannot be read: {reason(error)}") from None
-    except (ValueError, csv.Error) as error:
-        raise message_error(f"{place}: it cannot be read: {error}") from None
-    if header != ["time", column]:
-        raise message_error(f"{place}: its first line must be 'time,{column}'")
-    found: list[list[float]] = []
-    for line, row in enumerate(rows, start=2):
-        try:
-            time, number = map(float, row)
-            if not (math.isfinite(time) and math.isfinite(number)):
-                raise ValueError
-        except ValueError:
-            raise message_error(f"{place}: row {line} must be two finite numbers") from None
-        if found and not time > found[-1][0]:
-            raise message_error(f"{place}: row {line}: times must rise from row to row")
-        found.append([time, number])
-    return found
-
 
 if TYPE_CHECKING:
 
@@ -177,7 +99,7 @@ class Rate(_Rate):
     @model_validator(mode="before")
     @classmethod
     def _file(cls, values: Any) -> Any:
-        return _read_file(values, "rate", "file", "points", "rate")
+        return read_file(values, "rate", "file", "points", "rate")
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -217,7 +139,7 @@ class Device(_Device):
     @model_validator(mode="before")
     @classmethod
     def _file(cls, values: Any) -> Any:
-        return _read_file(values, "device", "temperature_file", "temperature_points", "temperature")
+        return read_file(values, "device", "temperature_file", "temperature_points", "temperature")
 
     @model_validator(mode="after")
     def _check(self) -> Self:

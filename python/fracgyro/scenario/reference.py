@@ -87,6 +87,8 @@ def range_of(said: dict[str, Any], default: Any) -> str:
     if "$ref" in said:
         return "`{xx, xy, yy}`"
     if said["type"] == "array":
+        if "$ref" in said["items"]:
+            return "list of tables"
         lists = {"array": "list of pairs", "integer": "list of whole numbers"}
         return lists.get(said["items"].get("type"), "list of names")
     words = {"boolean": "`true`, `false`", "string": "text", "object": "table"}

@@ -20,6 +20,7 @@ from pydantic import BaseModel, ValidationError, model_validator
 from ..arguments import short
 from ..files import whole_file
 from .device import Device, Rate
+from .disturbance import Disturbance, named_entries
 from .kinds import KINDS, fields_of, kinds_with
 from .messages import ScenarioError, paths, scenario_error, unknown
 from .schema import (
@@ -28,7 +29,6 @@ from .schema import (
     Adaptation,
     Controller,
     Datasheet,
-    Disturbance,
     Guard,
     Plant,
     Reference,
@@ -41,7 +41,7 @@ from .toml import read_tables, read_text
 BEGIN = "# A fracgyro scenario."
 END = "# End of the scenario."
 BY_KIND = ("controller", "adaptation", "datasheet")  # tables whose fields belong to kinds of controllers
-FILES = [("rate", "file"), ("device", "temperature_file")]
+FILES = [("rate", "file"), ("device", "temperature_file"), ("disturbance", "file")]
 
 
 class Scenario(Table):
@@ -73,9 +73,7 @@ class Scenario(Table):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        hold = self.disturbance.hold
-        if self.disturbance.kind == "noise" and hold is not None:
-            self._check_whole_steps("disturbance.hold", hold, 1, self.run.step, "; left out, it is one step")
+        self._check_disturbance()
         self._check_rate()
         self._check_noise_corners()
         self._check_drift()
@@ -106,6 +104,19 @@ class Scenario(Table):
                 f"{name} is {toml_value(time)}: it must be a whole number of run.step, "
                 f"which is {toml_value(step)}{after}"
             )
+
+    def _check_disturbance(self) -> None:
+        highest = math.pi / self.run.step
+        for name, entry in named_entries(self.disturbance):
+            if entry.kind == "noise" and entry.hold is not None:
+                self._check_whole_steps(f"{name}.hold", entry.hold, 1, self.run.step, "; left out, it is one step")
+            field = "psd" if entry.kind == "vibration" else "band"
+            reach = entry.psd[-1][0] if entry.psd else entry.band[1] if entry.kind == "noise" and entry.band else 0.0
+            if reach > highest:
+                raise message_error(
+                    f"{name}.{field} reaches {toml_value(reach)}: it must reach at most pi over run.step, which is "
+                    f"{highest:.6g}"
+                )
 
     def _check_rate(self) -> None:
         rate, scales = self.rate, self.plant.scales
@@ -209,8 +220,9 @@ class Scenario(Table):
         tables = read_tables(text, source)
         for table, field in FILES:
             named = tables.get(table)
-            if isinstance(named, dict) and isinstance(named.get(field), str):
-                named[field] = str(Path(folder) / named[field])
+            for entry in named if isinstance(named, list) else [named]:
+                if isinstance(entry, dict) and isinstance(entry.get(field), str):
+                    entry[field] = str(Path(folder) / entry[field])
         return cls(**tables)
 
     def to_toml(self) -> str:
@@ -225,8 +237,8 @@ class Scenario(Table):
     def replace(self, changes: Mapping[str, Any]) -> Scenario:
         """A copy with fields changed, by their dotted names, and validated as a whole; None unsets.
 
-        Fields that another controller.kind does not have are dropped. Raises ScenarioError, in one sentence, for a name
-        or a value that is not allowed.
+        Fields that another controller.kind does not have are dropped. `disturbance` takes a table or a list of tables.
+        Raises ScenarioError, in one sentence, for a name or a value that is not allowed.
 
         >>> fg.Scenario.paper().replace({"controller.order": 0.8, "run.duration": 20.0}).run.duration
         20.0
@@ -269,12 +281,17 @@ def _text(scenario: Scenario) -> str:
         "# A table or field that is left out takes the paper's value, in the corrected reading.",
     ]
     for name, table in scenario:
-        lines += ["", f"# {type(table).__doc__}", f"[{name}]"]
-        for field in _fields(name, scenario.controller.kind):
-            info = type(table).model_fields[field]
-            value = getattr(table, field)
-            lines += _comment(info.description or "")
-            lines += [f"# {field} is not set" if value is None else f"{field} = {toml_value(value)}"]
+        entries = scenario.disturbance.entries if name == "disturbance" else (table,)
+        head = f"[{name}]" if len(entries) == 1 else f"[[{name}]]"
+        for place, entry in enumerate(entries):
+            lines += ["", f"# {type(table).__doc__}" if place == 0 else "# Added to it.", head]
+            for field in _fields(name, scenario.controller.kind):
+                info = type(entry).model_fields.get(field)
+                if info is None or field == "added":
+                    continue
+                value = getattr(entry, field)
+                lines += _comment(info.description or "") if place == 0 else []
+                lines += [f"# {field} is not set" if value is None else f"{field} = {toml_value(value)}"]
     return "\n".join([*lines, "", END]) + "\n"
 
 

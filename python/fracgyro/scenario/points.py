@@ -1,0 +1,115 @@
+"""Rows of numbers in a scenario: functions of time and spectra, as lists or in CSV files."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, WithJsonSchema
+from pydantic_core import PydanticCustomError
+
+from ..files import read_input, reason
+from .table import message_error, toml_value
+
+MAX_POINTS = 100_000
+NUMBERS = {1: "one", 2: "two", 3: "three"}
+LISTS = {2: "pairs", 3: "triples"}
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Validates rows of as many numbers as `names`, of which the first rises.
+
+    `positive`: numbers whose ratios and powers are finite and greater than 0.
+    """
+
+    names: str
+    least: int = 1
+    positive: bool = False
+
+    def __call__(self, value: Any) -> tuple[tuple[float, ...], ...] | None:
+        if value is None:
+            return None
+        first, *_ = names = self.names.split(", ")
+        least, most = (1e-60, 1e60) if self.positive else (-math.inf, math.inf)
+        numbers = f"numbers from {least:g} to {most:g}" if self.positive else "finite numbers"
+        rule = (
+            f"it must be a list of {self.least} to {MAX_POINTS} {LISTS[len(names)]} [{self.names}] of {numbers} whose "
+            f"{first} rises"
+        )
+        problem = PydanticCustomError("rule", "{rule}", {"rule": rule})
+        if not isinstance(value, list | tuple) or not self.least <= len(value) <= MAX_POINTS:
+            raise problem
+        for row in value:
+            if not isinstance(row, list | tuple) or len(row) != len(names):
+                raise problem
+            for number in row:
+                if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
+                    raise problem
+                if not least <= number <= most:
+                    raise problem
+        if any(not after[0] > before[0] for before, after in pairwise(value)):
+            raise problem
+        return tuple(tuple(map(float, row)) for row in value)
+
+    def schema(self) -> WithJsonSchema:
+        """The rows in JSON Schema."""
+        count = len(self.names.split(", "))
+        row = {"type": "array", "items": {"type": "number"}, "minItems": count, "maxItems": count}
+        return WithJsonSchema({"type": "array", "items": row, "minItems": self.least, "maxItems": MAX_POINTS})
+
+
+PAIRS, TRIPLES = Rows("time, value"), Rows("time, x, y")
+SPECTRUM = Rows("frequency, density", least=2, positive=True)
+Points = tuple[tuple[float, float], ...]
+Triples = tuple[tuple[float, float, float], ...]
+OptionalPoints = Annotated[Points | None, BeforeValidator(PAIRS), PAIRS.schema()]
+OptionalTriples = Annotated[Triples | None, BeforeValidator(TRIPLES), TRIPLES.schema()]
+OptionalSpectrum = Annotated[Points | None, BeforeValidator(SPECTRUM), SPECTRUM.schema()]
+
+
+def read_file(values: Any, table: str, field: str, points: str, columns: str) -> Any:
+    """The table with the points that its file holds in place of the file: a scenario depends on nothing outside it."""
+    if not isinstance(values, Mapping) or not isinstance(values.get(field), str):
+        return values
+    if values.get(points) is not None:
+        raise message_error(f"{table}.{field} and {table}.{points} are both given: at most one of the two can be")
+    read = read_points(values[field], f"{table}.{field}", columns)
+    return {**values, field: None, points: read}
+
+
+def read_points(path: str, name: str, columns: str) -> list[list[float]]:
+    """Rows of a CSV file whose header is `time,<columns>`. Raises, in one sentence, when it is not one.
+
+    The sentence shows nothing of the file: a scenario from elsewhere may name any.
+    """
+    place = f"{name} is {toml_value(path)}"
+    try:
+        text = io.StringIO(read_input(path).decode("utf-8-sig"), newline="")
+        header, *rows = [[cell.strip() for cell in row] for row in csv.reader(text) if row] or [[]]
+    except UnicodeDecodeError:
+        raise message_error(f"{place}: it cannot be read: it is not UTF-8") from None
+    except OSError as error:
+        raise message_error(f"{place}: it cannot be read: {reason(error)}") from None
+    except (ValueError, csv.Error) as error:
+        raise message_error(f"{place}: it cannot be read: {error}") from None
+    wanted = ["time", *columns.split(",")]
+    if header != wanted:
+        raise message_error(f"{place}: its first line must be 'time,{columns}'")
+    found: list[list[float]] = []
+    for line, row in enumerate(rows, start=2):
+        try:
+            numbers = list(map(float, row))
+            if len(numbers) != len(wanted) or not all(map(math.isfinite, numbers)):
+                raise ValueError
+        except ValueError:
+            raise message_error(f"{place}: row {line} must be {NUMBERS[len(wanted)]} finite numbers") from None
+        if found and not numbers[0] > found[-1][0]:
+            raise message_error(f"{place}: row {line}: times must rise from row to row")
+        found.append(numbers)
+    return found
