@@ -525,6 +525,28 @@ def test_the_noise_of_a_device_is_for_one_step(module: Path, tmp_path: Path) -> 
     assert in_node(module, tmp_path, code, SCENARIOS["joint adaptation of a device"]) == refused
 
 
+def test_terms_of_a_disturbance_are_for_one_step_and_checked(module: Path, tmp_path: Path) -> None:
+    code = """
+    const run = (changes, term = {}) => {
+      const disturbance = own.disturbance.map((each) => ({ ...each, ...term }));
+      return fracgyro.simulate({ ...own, disturbance }, changes).catch((e) => console.log(e.message));
+    };
+    await run({ "run.step": 5e-4 });
+    await run({}, { numbers: { ...own.disturbance[0].numbers, "disturbance.hold_steps": 0 } });
+    await run({}, { numbers: {} });
+    await run({}, { rows: [[1], [1], []] });
+    await run({}, { rows: [[1], [1], [null]] });
+    """
+    rows = "disturbance has rows of different lengths, or with numbers that are not finite"
+    assert in_node(module, tmp_path, code, LIST).splitlines() == [
+        "run.step is 0.0005: it must be 0.001, which the times of its disturbance are for",
+        "disturbance.hold_steps is 0: it must be at least 1",
+        "disturbance.kind is missing: it must be given",
+        rows,
+        rows,
+    ]
+
+
 def test_numbers_of_a_device_are_checked(module: Path, tmp_path: Path) -> None:
     code = """
     const run = (name, value) => {
