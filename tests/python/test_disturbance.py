@@ -171,7 +171,7 @@ def test_the_mean_square_of_a_spectrum_is_its_integral(entry: Entry, variance: f
         density = np.exp(np.interp(np.log(frequency), *np.log(np.transpose(PSD))))
         variance = float(np.trapezoid(density, frequency))
     d = drawn(with_list({**entry, "seed": 3}), 400_000)
-    np.testing.assert_allclose((d**2).mean(axis=0), variance, rtol=0.01)
+    np.testing.assert_allclose((d**2).mean(axis=0), variance, rtol=0.015)
     assert abs((d[:, 0] * d[:, 1]).mean()) < 0.02 * variance
     assert 2.8 < (d[:, 0] ** 4).mean() / variance**2 < 3.1  # nearly Gaussian: 3 - 3/128
 
@@ -200,7 +200,7 @@ def test_runs_in_lanes_have_the_same_disturbance_as_single_ones(lanes: int) -> N
     alone = np.array([_core.measure_runs([core_setup(run)], params, 1, 1, False)[0] for run in runs])
     together = _core.measure_runs([core_setup(run) for run in runs], params, 2, lanes, False)
     np.testing.assert_allclose(together, alone, rtol=1e-9, atol=1e-12)
-    assert len({tuple(row) for row in alone}) == len(runs) - 2  # the first three are equal
+    assert len({row.tobytes() for row in alone}) == len(runs) - 2  # the first three are equal
 
 
 def test_a_real_device_and_a_loop_in_parts_have_the_same_disturbance() -> None:
@@ -215,7 +215,7 @@ def test_a_real_device_and_a_loop_in_parts_have_the_same_disturbance() -> None:
 def test_a_list_is_read_back_from_toml() -> None:
     scenario = with_list(*LIST)
     text = scenario.to_toml()
-    assert text.count("[[disturbance]]") == len(LIST)
+    assert text.count("\n[[disturbance]]\n") == len(LIST)
     assert fg.Scenario.from_toml(text) == scenario
     assert fg.Scenario.from_toml(text).to_toml() == text
     assert "[disturbance]\n" in with_list(LIST[1]).to_toml()

@@ -1,8 +1,8 @@
 // Gaussian vibration with a given power spectral density, realized as a sum of sines.
 //
 // The sines have equal power, one in each part of the spectrum that holds a 64th of the power, of random frequency and
-// phase (Shinozuka and Jan, "Digital simulation of random processes and its applications", 1972). The mean square is the
-// integral of the density, and the density on average that of the spectrum at every frequency.
+// phase (Shinozuka and Jan, "Digital simulation of random processes and its applications", 1972). The mean square is
+// the integral of the density, and the density on average that of the spectrum at every frequency.
 #pragma once
 
 #include "fracgyro/core/phase.hpp"

@@ -67,7 +67,7 @@ inline void take_device_settings(DeviceSetup& setup, const double* values) {
     for_each_device_setting(setup, detail::TakeFrom{values});
 }
 
-// Takes the terms of the disturbance from one list: for each the numbers of its fields(), then how many rows it has, and
+// Takes the terms of the disturbance from one list: for each the numbers of its fields(), the number of its rows, and
 // their places, x and y values.
 inline void take_terms(DisturbanceParams& disturbance, std::span<const double> numbers) {
     disturbance.terms.clear();
