@@ -271,7 +271,7 @@ WRONG: list[tuple[list[Any], str]] = [
     (
         [{"kind": "vibration", "psd": [[0.0, 1.0], [1.0, 1.0]]}],
         "disturbance.psd is [[0.0, 1.0], [1.0, 1.0]]: it must be a list of 2 to 100000 pairs [frequency, density] of "
-        "numbers from 1e-60 to 1e+60 whose frequency rises",
+        "numbers from 1e-60 to 1e+60 whose frequencies rise",
     ),
     ([{"kind": "table", "points": [[0.0, 1.0]]}], "it must be a list of 1 to 100000 triples [time, x, y]"),
     ([{"kind": "none"}, {}], "disturbance[1].kind is missing: it must be given"),

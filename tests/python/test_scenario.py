@@ -315,7 +315,7 @@ BAD = [
     ({"run.initial_velocity": 0.0}, "run.initial_velocity is 0.0: it must be a list of 2 numbers [x, y]"),
     ({"reference.frequency": [math.inf, 1.0]}, "reference.frequency[0] is inf: it must be a finite number"),
     ({"reference.phase": ["0", 1.0]}, 'reference.phase[0] is "0": it must be a number'),
-    ({"disturbance.kind": "pink"}, 'disturbance.kind is "pink": it must be none, noise, sine, step, pulse, vibration or'),
+    ({"disturbance.kind": "pink"}, 'disturbance.kind is "pink": it must be none, noise, sine, step, pulse, vibration'),
     (
         {"disturbance.density": 1e-3},
         "disturbance.standard_deviation is 1.0 and disturbance.density is 0.001: "

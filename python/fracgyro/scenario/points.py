@@ -19,6 +19,7 @@ from .table import message_error, toml_value
 MAX_POINTS = 100_000
 NUMBERS = {1: "one", 2: "two", 3: "three"}
 LISTS = {2: "pairs", 3: "triples"}
+PLURALS = {"time": "times", "frequency": "frequencies"}
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class Rows:
         numbers = f"numbers from {least:g} to {most:g}" if self.positive else "finite numbers"
         rule = (
             f"it must be a list of {self.least} to {MAX_POINTS} {LISTS[len(names)]} [{self.names}] of {numbers} whose "
-            f"{first} rises"
+            f"{PLURALS[first]} rise"
         )
         problem = PydanticCustomError("rule", "{rule}", {"rule": rule})
         if not isinstance(value, list | tuple) or not self.least <= len(value) <= MAX_POINTS:

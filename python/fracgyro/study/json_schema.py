@@ -45,7 +45,7 @@ def schema(kind: Literal["scenario", "study", "tuning"]) -> Schema:
         from .tune.plan import TuningFile as model
     found = _of_model(model)
     if kind == "scenario":
-        found["properties"]["disturbance"] = _or_list("Disturbance", "AddedEntry")
+        found["properties"]["disturbance"] = _or_list(found["definitions"], "Disturbance", "AddedEntry")
     else:
         found["definitions"] |= _of_model(Scenario)["definitions"] | {"Range": _of_model(Range)}
         del found["definitions"]["Range"]["$schema"]
@@ -99,10 +99,11 @@ def _of_model(model: type[BaseModel]) -> Schema:
     return {"$schema": DRAFT, **found} | ({"definitions": definitions} if definitions else {})
 
 
-def _or_list(first: str, others: str) -> Schema:
-    """A table or a list of tables, whose first has another model."""
+def _or_list(definitions: Schema, first: str, others: str) -> Schema:
+    """A table or a list of tables, whose first has another model; not as `anyOf`, so that editors name the field."""
     one, other = ({"$ref": REFERENCE.format(model=model)} for model in (first, others))
-    return {"anyOf": [one, {"type": "array", "items": [one], "additionalItems": other, "minItems": 1}]}
+    listed = {"type": ["object", "array"], "items": [one], "additionalItems": other, "minItems": 1}
+    return {**definitions[first], **listed}
 
 
 def _draft_4(found: Schema) -> Schema:
