@@ -100,6 +100,12 @@ nb::list device_fields() {
     for_each_device_setting(setup, Describe{all});
     return all;
 }
+nb::list term_fields() {
+    nb::list all;
+    const DisturbanceTerm term;
+    for_each_setting_of("disturbance", term, Describe{all});
+    return all;
+}
 
 template <class... Types>
 void report_of_each(List<Types...>, nb::list& all) {
@@ -157,6 +163,7 @@ void bind_controller(nb::module_& m) {
     m.def("fields_of_kind", &fields_of_kind, nb::arg("kind"),
           "Descriptions of the numbers of a run of this kind, in order.");
     m.def("device_fields", &device_fields, "Descriptions of the numbers of a moving rate and a real device, in order.");
+    m.def("term_fields", &term_fields, "Descriptions of the numbers of a term of the disturbance, in order.");
     m.def(
         "reports_of_kind",
         [](std::size_t kind) {

@@ -114,7 +114,10 @@ void bind_loop(nb::module_& m) {
             [](Setup& s, double bandwidth) { s.common.observer_bandwidth = bandwidth; })
         .def_prop_rw(
             "seed", [](const Setup& s) { return s.disturbance.seed; },
-            [](Setup& s, std::uint64_t seed) { s.disturbance.seed = seed; });
+            [](Setup& s, std::uint64_t seed) { s.disturbance.seed = seed; })
+        .def(
+            "set_terms", [](Setup& s, const std::vector<double>& numbers) { take_terms(s.disturbance, numbers); },
+            nb::arg("numbers"), "The terms of the disturbance, as take_terms in settings.hpp reads them.");
     nb::class_<DeviceSetup, Setup>(m, "DeviceSetup")
         .def(
             "__init__",

@@ -48,6 +48,10 @@ _core.device_fields:
     def device_fields() -> list[dict[str, Any]]:
         \doc
 
+_core.term_fields:
+    def term_fields() -> list[dict[str, Any]]:
+        \doc
+
 _core.reports_of_kind:
     def reports_of_kind(kind: int) -> list[tuple[tuple[str, int, str, str, str, bool], ...]]:
         \doc

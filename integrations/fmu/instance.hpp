@@ -316,6 +316,7 @@ private:
             std::copy(exported::weights.begin(), exported::weights.end(), kernel->weights.begin());
         }
         setup_.common.observer_bandwidth = exported::observer_bandwidth;
+        take_terms(setup_.disturbance, exported::terms);
         Loop::take_device(setup_, numbers.data() + setting_count(setup_));
         coefficients_ = Loop::prepare(setup_);
         draw_ = Loop::draw(setup_);

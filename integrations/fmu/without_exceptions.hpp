@@ -23,6 +23,7 @@ void operator delete(void* place, std::size_t) noexcept { std::free(place); }
 namespace std {
 void __throw_length_error(const char*) { abort(); }
 void __throw_bad_array_new_length() { abort(); }
+void __throw_bad_alloc() { abort(); }
 }  // namespace std
 #elif defined(_LIBCPP_VERSION)
 _LIBCPP_BEGIN_NAMESPACE_STD

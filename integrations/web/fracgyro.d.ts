@@ -31,6 +31,15 @@ export interface Scenario {
   readonly reference?: { readonly terms: readonly number[]; readonly rows: readonly number[] };
   /** A dynamic rate and a real device, nondimensional, for the run.step of the settings. */
   readonly device?: Device;
+  /** What is added to the disturbance of the settings, nondimensional, for the run.step of the settings. */
+  readonly disturbance?: readonly Term[];
+}
+
+export interface Term {
+  /** By name, such as disturbance.start_steps; null is infinity. */
+  readonly numbers: Readonly<Record<string, number | null>>;
+  /** Columns: steps since the start and force on x and y, or frequencies and one-sided densities of x and y. */
+  readonly rows: readonly [readonly number[], readonly number[], readonly number[]];
 }
 
 export interface Device {

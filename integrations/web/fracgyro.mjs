@@ -236,9 +236,10 @@ class Fracgyro {
     const settings = this.#checked(scenario.settings, changes);
     const core = new Core(await WebAssembly.instantiate(this.#module));
     const steps = stepsOf(settings);
-    const { device } = scenario;
-    if (device && settings["run.step"] !== scenario.settings["run.step"]) {
-      const why = `it must be ${scenario.settings["run.step"]}, which the noise and times of its device are for`;
+    const { device, disturbance } = scenario;
+    if ((device || disturbance) && settings["run.step"] !== scenario.settings["run.step"]) {
+      const of = device ? "noise and times of its device" : "times of its disturbance";
+      const why = `it must be ${scenario.settings["run.step"]}, which the ${of} are for`;
       throw new RangeError(`run.step is ${settings["run.step"]}: ${why}`);
     }
     if (!(settings["run.duration"] >= settings["run.step"] && steps <= 1e9)) {
@@ -268,7 +269,11 @@ class Fracgyro {
       core.doubles(at, numbers.length).set(numbers);
       return at;
     };
-    const at = device ? placed(this.#deviceNumbers(device.numbers)) : 0;
+    if (disturbance) {
+      const terms = disturbance.flatMap((term) => this.#term(term));
+      core.disturbance_terms(terms.length, placed(terms));
+    }
+    const at = device ? placed(this.#numbers(device.numbers, this.#data.device_numbers)) : 0;
     if (device) {
       const { rate, temperature } = device;
       core.device_points(rate[0].length, placed(rate.flat()), temperature[0].length, placed(temperature.flat()));
@@ -281,9 +286,18 @@ class Fracgyro {
     return { core, settings, reported: reported[core.chosen_type()], observed, valuesOf };
   }
 
+  // A term of the disturbance as a list: its numbers, how many rows it has, and their columns.
+  #term({ numbers, rows }) {
+    const [{ length }] = rows;
+    if (rows.some((column) => column.length !== length || !column.every(Number.isFinite))) {
+      throw new RangeError("disturbance has rows of different lengths, or with numbers that are not finite");
+    }
+    return [...this.#numbers(numbers, this.#data.term_numbers), length, ...rows.flat()];
+  }
+
   // In the core's order.
-  #deviceNumbers(named) {
-    return Object.entries(this.#data.device_numbers).map(([name, field]) => {
+  #numbers(named, fields) {
+    return Object.entries(fields).map(([name, field]) => {
       if (!Object.hasOwn(named, name)) {
         throw new RangeError(`${name} is missing: it must be given`);
       }

@@ -138,6 +138,11 @@ EXPORT void device_points(std::size_t rates, const double* rate, std::size_t tem
     setup.device.temperature = profile(temperatures, temperature);
 }
 
+// The terms of the disturbance, as take_terms in settings.hpp reads them.
+EXPORT void disturbance_terms(std::size_t count, const double* numbers) {
+    take_terms(setup.disturbance, {numbers, count});
+}
+
 // The loop at t = 0.
 EXPORT void loop_start() {
     loop.reset();

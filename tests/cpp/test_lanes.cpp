@@ -244,6 +244,7 @@ TEST(LaneNoise, IsForRunsWithNoiseOfTheSameHoldAndStream) {
     EXPECT_TRUE(none([](DisturbanceParams& p) { p.kind = DisturbanceKind::sine; }));
     EXPECT_TRUE(none([](DisturbanceParams& p) { p.hold = 3; }));
     EXPECT_TRUE(none([](DisturbanceParams& p) { p.stream = 1; }));
+    EXPECT_TRUE(none([](DisturbanceParams& p) { p.terms.push_back({.kind = TermKind::step}); }));
 }
 
 }  // namespace

@@ -134,5 +134,57 @@ TEST(SineDisturbance, IsItsFormulaOnEachAxis) {
     }
 }
 
+TEST(DisturbanceTerms, AddUpFromTheirStartToTheirEnd) {
+    const DisturbanceTerm step{.kind = TermKind::step, .start = 2.5, .end = 6.0, .amplitude = {1.0, -2.0}};
+    const DisturbanceTerm pulse{.kind = TermKind::pulse, .start = 4.0, .amplitude = {3.0, 0.0}, .width = 4.0};
+    const DisturbanceTerm table{.kind = TermKind::table,
+                                .start = 1.0,
+                                .places = {0.0, 2.0, 3.0},
+                                .x_values = {0.0, 4.0, 4.0},
+                                .y_values = {1.0, 1.0, 0.0}};
+    std::array<Vec2<double>, 10> d{};
+    Disturbance({.terms = {step, pulse, table}}, 1.0).fill(0, d);
+    const double half = std::sqrt(0.5);
+    const std::array<Vec2<double>, 10> expected{{{0.0, 0.0},
+                                                 {0.0, 1.0},
+                                                 {2.0, 1.0},
+                                                 {5.0, -1.0},
+                                                 {5.0, -2.0},
+                                                 {1.0 + 3.0 * half, -2.0},
+                                                 {3.0, 0.0},
+                                                 {3.0 * half, 0.0},
+                                                 {0.0, 0.0},
+                                                 {0.0, 0.0}}};
+    for (std::size_t n = 0; n < d.size(); ++n) {
+        expect_near(d[n], {expected[n].x(), expected[n].y()}, 1e-14);
+    }
+}
+
+TEST(Tones, HaveThePowerOfTheirSpectrum) {
+    const auto power = [](std::vector<double> frequencies, std::vector<double> densities) {
+        return Tones::power(frequencies, densities);
+    };
+    EXPECT_DOUBLE_EQ(power({0.0, 10.0}, {2.0, 2.0}), 20.0);
+    EXPECT_NEAR(power({1.0, 10.0}, {1.0, 100.0}), 333.0, 1e-10);
+    EXPECT_NEAR(power({1.0, 10.0, 100.0}, {1.0, 0.1, 0.01}), std::log(100.0), 1e-12);
+    EXPECT_NEAR(power({1.0, 10.0}, {1.0, 0.1 * (1.0 + 1e-6)}), std::log(10.0) * (1.0 + 0.5e-6), 1e-11);
+    EXPECT_EQ(power({1.0, 10.0}, {0.0, 0.0}), 0.0);
+}
+
+TEST(Tones, HaveTheSameBitsWhicheverPartIsDrawn) {
+    const DisturbanceTerm vibration{
+        .kind = TermKind::vibration, .places = {1.0, 100.0}, .x_values = {1.0, 0.5}, .y_values = {2.0, 2.0}};
+    const Disturbance disturbance({.seed = 3, .terms = {vibration}}, 1e-2);
+    std::array<Vec2<double>, 400> whole{}, parts{};
+    disturbance.fill(0, whole);
+    for (std::size_t done = 0; done < parts.size(); done += 16) {
+        disturbance.fill(static_cast<std::int64_t>(done), std::span(parts).subspan(done, 16));
+    }
+    for (std::size_t n = 0; n < whole.size(); ++n) {
+        EXPECT_EQ(whole[n].x(), parts[n].x());
+        EXPECT_EQ(whole[n].y(), parts[n].y());
+    }
+}
+
 }  // namespace
 }  // namespace fracgyro::testing

@@ -44,7 +44,8 @@ def test_of_a_single_field_the_choices_are_offered() -> None:
 @pytest.mark.parametrize("choice", values("simulate", "--set", "disturbance.kind="))
 def test_what_is_offered_is_accepted(choice: str) -> None:
     field, _, value = choice.partition("=")
-    strength = {"disturbance.standard_deviation": 1.0}
+    needed = {"pulse": {"width": 1.0}, "vibration": {"psd": [[1.0, 1.0], [2.0, 1.0]]}, "table": {"points": [[0.0] * 3]}}
+    strength = {f"disturbance.{name}": given for name, given in needed.get(value, {"standard_deviation": 1.0}).items()}
     assert fg.Scenario.paper().replace({field: value, **strength}).disturbance.kind == value
 
 

@@ -112,6 +112,9 @@ def test_all_widths_agree() -> None:
 
 SHORT = PAPER.replace({"run.duration": 0.2})
 SINE = {"disturbance.kind": "sine", "disturbance.amplitude": (50.0, 70.0), "disturbance.frequency": (30.0, 40.0)}
+PULSE = {"disturbance.kind": "pulse", "disturbance.amplitude": (50.0, 70.0), "disturbance.width": 0.1}
+VIBRATION = {"disturbance.kind": "vibration", "disturbance.psd": [[5.0, 1.0], [50.0, 1.0]]}
+PULLED = [[0, 50, 60], [1, 70, 80]]
 COMPOSITE, JOINT = {"adaptation.kind": "composite"}, {"adaptation.kind": "joint"}
 SMOOTHED = {"reference.kind": "step", "reference.smoothing": 0.02}
 TERMS = [{"frequency": (1.0, 2.0), "amplitude": (0.5, 0.5)}]
@@ -190,6 +193,14 @@ DIFFERENCES: dict[str, tuple[dict[str, object], object]] = {
     "disturbance.amplitude": (SINE, (50.0, 60.0)),
     "disturbance.frequency": (SINE, (30.0, 50.0)),
     "disturbance.phase": (SINE, (0.0, 1.0)),
+    "disturbance.start": (SINE, 0.1),
+    "disturbance.end": (SINE, 0.1),
+    "disturbance.band": ({"disturbance.hold": None, "disturbance.band": (10.0, 50.0)}, (20.0, 40.0)),
+    "disturbance.width": (PULSE, 0.05),
+    "disturbance.psd": (VIBRATION, [[5.0, 2.0], [50.0, 1.0]]),
+    "disturbance.weights": (VIBRATION, (1.0, 0.5)),
+    "disturbance.points": ({"disturbance.kind": "table", "disturbance.points": [[0, 1, 2], [1, 3, 4]]}, PULLED),
+    "disturbance.added": ({}, [{"kind": "step", "amplitude": (50.0, 60.0)}]),
     "run.duration": ({}, 0.15),
     "run.step": ({}, 5e-4),
     "run.kernel_tolerance": ({}, 1e-3),
@@ -197,6 +208,7 @@ DIFFERENCES: dict[str, tuple[dict[str, object], object]] = {
 # They change nothing that is measured in an ideal device, in the core's units.
 WITHOUT_EFFECT = {
     "plant.reference_length": 2e-6,
+    "disturbance.quantity": "acceleration",
     "controller.observer_bandwidth": 200.0,
     "run.record_every": 2,
     "run.units": "SI",

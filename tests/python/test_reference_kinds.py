@@ -171,7 +171,7 @@ def test_a_file_is_read_once_and_kept(tmp_path: Path) -> None:
         ({"kind": "staircase", "smoothing": 2.0}, "reference.smoothing is 2.0: it must be at most reference.hold, "
          "which is 1.0"),
         ({"kind": "table", "points": [[0.0, 1.0]]}, "reference.points is [[0.0, 1.0]]: it must be a list of 1 to "
-         "100000 rows [time, x, y] of finite numbers whose times rise"),
+         "100000 triples [time, x, y] of finite numbers whose times rise"),
     ],
 )  # fmt: skip
 def test_a_mistake_is_named_in_one_sentence(changes: dict[str, Any], message: str) -> None:

@@ -241,6 +241,7 @@ NEEDED_BY_KIND: dict[tuple[str, ...], dict[str, Any]] = {
     ("staircase",): {"reference.kind": "staircase"},
 }
 NEEDS: dict[str, dict[str, Any]] = {
+    "disturbance.width": {"disturbance.kind": "pulse"},
     "disturbance.density": {"disturbance.standard_deviation": None},
     "disturbance.hold": {"disturbance.hold": 2e-3},
     "device.position_noise_corner": {"device.position_noise": 1e-12},
@@ -249,7 +250,10 @@ NEEDS: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize("path", [path for path in FIELDS if path not in WHOLE and "points" not in path])
+LISTS = {"disturbance.psd", "disturbance.band"}
+
+
+@pytest.mark.parametrize("path", [path for path in FIELDS if path not in WHOLE | LISTS and "points" not in path])
 def test_every_field_with_a_unit_accepts_text_in_si_and_means_the_number(path: str) -> None:
     scenario = scenario_with(path)
     value = value_at(scenario, path)
@@ -273,6 +277,18 @@ def test_every_field_with_a_unit_accepts_text_in_si_and_means_the_number(path: s
 
 
 WRONG = "kg^3 K^2"  # of no field
+
+
+def test_a_band_and_a_spectrum_accept_text() -> None:
+    band = SI.replace({"disturbance.hold": None, "disturbance.band": ["10 Hz", "400 Hz"]})
+    assert band.disturbance.band == pytest.approx(
+        (2 * math.pi * 10 / SI.plant.reference_frequency, 2 * math.pi * 400 / SI.plant.reference_frequency)
+    )
+    assert fg.Scenario.from_toml(band.to_toml()) == band
+    spectrum = [["100 Hz", 1e-3], ["400 Hz", 1e-4]]
+    vibration = SI.replace({"disturbance.kind": "vibration", "disturbance.psd": spectrum})
+    assert vibration.disturbance.psd[1][0] == pytest.approx(2 * math.pi * 400 / SI.plant.reference_frequency)
+    assert fg.Scenario.from_toml(vibration.to_toml()) == vibration
 
 
 def test_points_accept_text() -> None:

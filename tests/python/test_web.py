@@ -66,6 +66,20 @@ def test_the_module_is_small_and_imports_nothing(module: Path, tmp_path: Path) -
     assert in_node(module, tmp_path, imports) == "0\n"
 
 
+# Every kind of disturbance; the first part is a sine.
+LIST = SHORT.replace(
+    {
+        "disturbance": [
+            {"kind": "sine", "amplitude": [0.7, -0.3], "frequency": [2.0, 7.0], "seed": 3},
+            {"kind": "noise", "standard_deviation": 2.0, "hold": 3e-3, "start": 0.2, "end": 1.1},
+            {"kind": "noise", "standard_deviation": 1.5, "band": [0.0, 50.0]},
+            {"kind": "step", "amplitude": [2.0, -1.0], "start": 0.5},
+            {"kind": "pulse", "amplitude": [30.0, -4.0], "start": 1.0004, "width": 0.0123},
+            {"kind": "vibration", "psd": [[2.0, 0.01], [20.0, 0.1], [200.0, 0.02]]},
+            {"kind": "table", "points": [[0.0, 0.0, 2.0], [0.1, 1.0, -1.0], [0.25, 0.5, 2.0]], "start": 0.4},
+        ]
+    }
+)
 SCENARIOS = {
     "the paper's, whole": fg.Scenario.paper(),
     "as printed": fg.Scenario.paper("printed").replace({"run.duration": 3.0}),
@@ -95,6 +109,7 @@ SCENARIOS = {
     ),
     "PID, which reports nothing": SHORT.replace({"controller.kind": "pid", "controller.force_limit": 6000.0}),
     **{kind: SHORT.replace({"controller.kind": kind}) for kind in KINDS},
+    "disturbances that add up": LIST,
     "integer order": SHORT.replace({"controller.order": 1.0}),
     "order zero": SHORT.replace({"controller.order": 0.0}),
     "known parameters, sine": SHORT.replace(
@@ -508,6 +523,28 @@ def test_the_noise_of_a_device_is_for_one_step(module: Path, tmp_path: Path) -> 
     code = 'await fracgyro.simulate(own, { "run.step": 5e-4 }).catch((e) => console.log(e.message));'
     refused = "run.step is 0.0005: it must be 0.001, which the noise and times of its device are for\n"
     assert in_node(module, tmp_path, code, SCENARIOS["joint adaptation of a device"]) == refused
+
+
+def test_terms_of_a_disturbance_are_for_one_step_and_checked(module: Path, tmp_path: Path) -> None:
+    code = """
+    const run = (changes, term = {}) => {
+      const disturbance = own.disturbance.map((each) => ({ ...each, ...term }));
+      return fracgyro.simulate({ ...own, disturbance }, changes).catch((e) => console.log(e.message));
+    };
+    await run({ "run.step": 5e-4 });
+    await run({}, { numbers: { ...own.disturbance[0].numbers, "disturbance.hold_steps": 0 } });
+    await run({}, { numbers: {} });
+    await run({}, { rows: [[1], [1], []] });
+    await run({}, { rows: [[1], [1], [null]] });
+    """
+    rows = "disturbance has rows of different lengths, or with numbers that are not finite"
+    assert in_node(module, tmp_path, code, LIST).splitlines() == [
+        "run.step is 0.0005: it must be 0.001, which the times of its disturbance are for",
+        "disturbance.hold_steps is 0: it must be at least 1",
+        "disturbance.kind is missing: it must be given",
+        rows,
+        rows,
+    ]
 
 
 def test_numbers_of_a_device_are_checked(module: Path, tmp_path: Path) -> None:

@@ -1,14 +1,9 @@
-// The disturbance d of eq. (9): nothing, a sine, or Gaussian noise redrawn every `hold` steps.
+// The disturbance d of eq. (9): nothing, a sine, or Gaussian noise redrawn every `hold` steps; and further terms.
 //
 // Noise is a function only of (seed, stream, index of the hold, axis): random.hpp.
 #pragma once
 
-#include "fracgyro/core/fields.hpp"
-#include "fracgyro/core/phase.hpp"
-#include "fracgyro/plant/random.hpp"
-
-#include <algorithm>
-#include <span>
+#include "fracgyro/plant/disturbance_term.hpp"
 
 namespace fracgyro {
 
@@ -21,8 +16,10 @@ struct DisturbanceParams {
     std::uint64_t seed = 0;
     std::uint32_t stream = 0;  // independent stream of the seed: 0 the force, others in imperfections.hpp
     Vec2<double> amplitude{}, frequency{}, phase{};  // sine: amplitude·sin(frequency·t + phase)
+    std::vector<DisturbanceTerm> terms{};            // added, in this order; noise from their own streams of the seed
 
     static constexpr std::string_view kinds[] = {"none", "noise", "sine"};
+    // Fields, without the terms.
     static constexpr auto fields() {
         using P = DisturbanceParams;
         return std::tuple{
@@ -78,9 +75,11 @@ template <std::size_t Bytes>
 class Disturbance {
 public:
     Disturbance(const DisturbanceParams& params, double step, FillNoise noise = &fill_noise<word_bytes>)
-        : params_(params),
-          phases_(SteadyPhases<double>::prepare(params.frequency, params.phase, step)),
-          noise_(noise) {}
+        : params_(params), phases_(SteadyPhases<double>::prepare(params.frequency, params.phase, step)), noise_(noise) {
+        for (const DisturbanceTerm& term : params.terms) {
+            terms_.emplace_back(term, params.seed, step);
+        }
+    }
 
     // One by one, fastest in ascending order.
     Vec2<double> operator()(std::int64_t n) {
@@ -95,6 +94,18 @@ public:
 
     // Writes d for the steps first, first+1, … .
     void fill(std::int64_t first, std::span<Vec2<double>> out) const {
+        fill_base(first, out);
+        for (const TermValues& term : terms_) {
+            const auto count = static_cast<std::int64_t>(out.size());
+            const std::int64_t begin = std::clamp<std::int64_t>(term.first() - first, 0, count);
+            const std::int64_t end = std::clamp<std::int64_t>(term.last() - first, begin, count);
+            add(term, first + begin,
+                out.subspan(static_cast<std::size_t>(begin), static_cast<std::size_t>(end - begin)));
+        }
+    }
+
+private:
+    void fill_base(std::int64_t first, std::span<Vec2<double>> out) const {
         switch (params_.kind) {
             case DisturbanceKind::none:
                 std::fill(out.begin(), out.end(), Vec2<double>{});
@@ -108,11 +119,31 @@ public:
                 noise_(params_, first, out);
         }
     }
+    void add(const TermValues& values, std::int64_t first, std::span<Vec2<double>> out) const {
+        const DisturbanceTerm& term = values.term();
+        if (term.kind != TermKind::noise) {
+            values.add(first, out);
+            return;
+        }
+        const DisturbanceParams noise{.kind = DisturbanceKind::noise,
+                                      .standard_deviation = term.standard_deviation,
+                                      .hold = term.hold,
+                                      .seed = params_.seed,
+                                      .stream = term.stream};
+        std::array<Vec2<double>, 64> drawn;
+        for (std::size_t done = 0; done < out.size(); done += drawn.size()) {
+            const auto part = out.subspan(done, std::min(drawn.size(), out.size() - done));
+            noise_(noise, first + static_cast<std::int64_t>(done), std::span(drawn).first(part.size()));
+            for (std::size_t i = 0; i < part.size(); ++i) {
+                part[i] = part[i] + drawn[i];
+            }
+        }
+    }
 
-private:
     DisturbanceParams params_;
     SteadyPhases<double> phases_;  // integers: the same bits everywhere
     FillNoise noise_;
+    std::vector<TermValues> terms_;
     std::array<Vec2<double>, 64> kept_{};  // a block of steps
     std::int64_t kept_from_ = -1;
 };

@@ -21,7 +21,8 @@ struct LaneNoise {
         LaneNoise noise{.stream = runs[0].stream, .hold = runs[0].hold};
         for (std::size_t k = 0; k < Count; ++k) {
             const DisturbanceParams& run = runs[k];
-            if (run.kind != DisturbanceKind::noise || run.stream != noise.stream || run.hold != noise.hold) {
+            if (run.kind != DisturbanceKind::noise || run.stream != noise.stream || run.hold != noise.hold ||
+                !run.terms.empty()) {
                 return std::nullopt;
             }
             noise.seed[k] = run.seed;

@@ -83,6 +83,21 @@ inline ReferenceLists lists_from(std::span<const double> terms, std::span<const 
     return lists;
 }
 
+// Takes the terms of the disturbance from one list: for each the numbers of its fields(), the number of its rows, and
+// their places, x and y values.
+inline void take_terms(DisturbanceParams& disturbance, std::span<const double> numbers) {
+    disturbance.terms.clear();
+    for (const double *at = numbers.data(), *const end = at + numbers.size(); at != end;) {
+        DisturbanceTerm& term = disturbance.terms.emplace_back();
+        for_each_setting_of("disturbance", term, detail::TakeFrom{at});
+        const auto rows = static_cast<std::ptrdiff_t>(*at++);
+        for (std::vector<double>* const column : {&term.places, &term.x_values, &term.y_values}) {
+            column->assign(at, at + rows);
+            at += rows;
+        }
+    }
+}
+
 // A setup of this kind from its numbers, the bandwidth of the observer and its exponentials.
 inline Setup setup_from(std::size_t kind, std::span<const double> numbers, double observer_bandwidth,
                         std::span<const double> poles, std::span<const double> weights) {

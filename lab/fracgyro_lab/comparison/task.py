@@ -120,9 +120,10 @@ class Task(ABC):
 
 def checked(given: Scenario) -> Scenario:
     """The scenario. Raises ScenarioError unless its disturbance is noise, for held-out seeds."""
-    if given.disturbance.kind != "noise":
+    if not given.disturbance.random:
         raise ScenarioError(
-            f"disturbance.kind is {format_value(given.disturbance.kind)}: it must be noise, or no seed can be held out"
+            f"disturbance.kind is {format_value(given.disturbance.kinds)}: it must be noise or vibration, or no seed "
+            "can be held out"
         )
     return given
 

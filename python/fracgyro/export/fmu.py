@@ -26,6 +26,7 @@ from ..files import whole_file
 from ..scenario import Scenario, ScenarioError
 from ..scenario.bounded import check_bounded
 from ..scenario.kinds import DEVICE_CHANNELS, LOOP_CHANNELS, reported_channels
+from ..scenario.terms import first_part, term_list
 from ..scenario.to_core import check_single, core_setup, is_ideal, profiles
 from .compilers import FLAGS, SOURCES, Number, include, join_macos, system_compiler, zig
 from .settings import (
@@ -171,8 +172,8 @@ def _variables(scenario: Scenario, content: Content, fmi: Fmi) -> Iterator[Varia
 
 def _parameters(scenario: Scenario, content: Content) -> Iterator[Variable]:
     places = {name: place for place, name in enumerate([*core_numbers(scenario), *device_numbers(scenario)])}
-    of_device = () if is_ideal(scenario) else ("seed",)  # the sensors' noise uses it, too
-    used = (*OF_DISTURBANCE[scenario.disturbance.kind], *of_device)
+    draws = scenario.disturbance.random or not is_ideal(scenario)  # the sensors' noise uses the seed, too
+    used = (*OF_DISTURBANCE[first_part(scenario)["kind"]], *(("seed",) if draws else ()))
     moving = OF_RATE["staircase" if scenario.rate.kind == "step" else scenario.rate.kind]
     of_loop = device_settings(scenario) if content == "loop" else []
     for s in [*settings(scenario), *of_loop]:
@@ -259,6 +260,7 @@ def _header(scenario: Scenario, content: Content, number: Number, token: str, va
         _array("rate_values", rate[1]),
         _array("temperature_times", temperature[0]),
         _array("temperature_values", temperature[1]),
+        _array("terms", term_list(scenario) if content == "loop" else []),
         "inline constexpr Variable variables[] = {",
         *rows,
         "};",

@@ -22,8 +22,19 @@ from ..files import Replaced, whole_file
 from ..scenario import Scenario
 from ..scenario.bounded import check_bounded
 from ..scenario.device import Device
-from ..scenario.kinds import DEVICE_CHANNELS, DEVICE_NUMBERS, KINDS, LOOP_CHANNELS, Channel, Number, numbers, reports
+from ..scenario.kinds import (
+    DEVICE_CHANNELS,
+    DEVICE_NUMBERS,
+    KINDS,
+    LOOP_CHANNELS,
+    TERM_NUMBERS,
+    Channel,
+    Number,
+    numbers,
+    reports,
+)
 from ..scenario.schema import Controller, Run
+from ..scenario.terms import named_terms
 from ..scenario.to_core import is_ideal, profiles
 from .compilers import FLAGS, SOURCES, include, zig
 from .settings import columns, device_numbers, meaning, offered, reference_lists, settings, unit
@@ -69,6 +80,7 @@ def module_data() -> dict[str, Any]:
         "loop": _columns(LOOP_CHANNELS),
         "device": _columns(DEVICE_CHANNELS),
         "device_numbers": {number.name: _allowed(number) for number in DEVICE_NUMBERS},
+        "term_numbers": {number.name: _allowed(number) for number in TERM_NUMBERS},
         "kinds": {kind: _kind(kind) for kind in KINDS},
         "momentary": sorted({c.name for kind in KINDS for of in reports(kind) for c in of if c.momentary}),
     }
@@ -130,16 +142,21 @@ def document(scenario: Scenario) -> dict[str, Any]:
     """A scenario in the JSON format of fracgyro.mjs."""
     said: dict[str, Any] = {name: attrgetter(name)(scenario) for name in BESIDES}
     said["controller.kind"] = scenario.controller.kind
-    found = settings(scenario)
-    for setting in found:
+    listed = settings(scenario)
+    for setting in listed:
         value, choices = setting.value, _choices(setting.number)
         # JSON has no infinity: null means no limit.
         said[setting.name] = choices[int(value)] if choices else value if math.isfinite(value) else None
-    scales = {setting.name: setting.scale for setting in found if setting.scale != 1.0}
-    terms, rows = reference_lists(scenario)
-    lists = {"reference": {"terms": terms, "rows": rows}} if terms or rows else {}
-    device = {} if is_ideal(scenario) else {"device": _device(scenario)}
-    return {"settings": said, "scales": scales, **lists, **device}
+    scales = {setting.name: setting.scale for setting in listed if setting.scale != 1.0}
+    found: dict[str, Any] = {"settings": said, "scales": scales}
+    lists = dict(zip(("terms", "rows"), reference_lists(scenario), strict=True))
+    if any(lists.values()):
+        found["reference"] = lists
+    if not is_ideal(scenario):
+        found["device"] = _device(scenario)
+    if terms := list(named_terms(scenario)):
+        found["disturbance"] = terms
+    return found
 
 
 def _device(scenario: Scenario) -> dict[str, Any]:

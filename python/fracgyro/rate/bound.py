@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scenario import Scenario
+from ..scenario.terms import white_density
 from ..scenario.to_core import device_values
 from ..simulation.simulate import simulate
 from ..simulation.user_controller import ControllerLike, units
@@ -93,13 +94,9 @@ def bound_of_motion(scenario: Scenario, controller: ControllerLike | None = None
 
 def noise_of(scenario: Scenario) -> Noise | None:
     """The white noise of a scenario, nondimensional; None without noise or for another disturbance."""
-    d, step = scenario.disturbance, scenario.run.step
-    if d.kind not in ("none", "noise"):
+    step, force = scenario.run.step, white_density(scenario)
+    if force is None:
         return None
-    force = 0.0
-    if d.kind == "noise":
-        hold = step if d.hold is None else d.hold
-        force = d.density if d.density is not None else (d.standard_deviation or 0.0) ** 2 * hold
     device = device_values(scenario)
     position, velocity = (
         (device[f"{of}_noise"] ** 2 + _of_steps(device, of)) * step for of in ("position", "velocity")
@@ -107,7 +104,7 @@ def noise_of(scenario: Scenario) -> Noise | None:
     if scenario.device.sensing == "position":
         velocity = np.full(2, math.inf)
     noise = Noise(force, position, velocity)
-    return None if d.kind == "none" and not noise.of_sensing else noise
+    return noise if scenario.disturbance.random or noise.of_sensing else None
 
 
 def _of_steps(device: dict[str, Any], quantity: str) -> Array:

@@ -99,7 +99,7 @@ class Rate(_Rate):
     @model_validator(mode="before")
     @classmethod
     def _file(cls, values: Any) -> Any:
-        return read_file(values, "rate", "file", "points", ("rate",))
+        return read_file(values, "rate", "file", "points", "rate")
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -145,7 +145,7 @@ class Device(_Device):
     @model_validator(mode="before")
     @classmethod
     def _file(cls, values: Any) -> Any:
-        return read_file(values, "device", "temperature_file", "temperature_points", ("temperature",))
+        return read_file(values, "device", "temperature_file", "temperature_points", "temperature")
 
     @model_validator(mode="after")
     def _check(self) -> Self:

@@ -65,6 +65,8 @@ def numbers(kind: str) -> tuple[Number, ...]:
 
 # Those that a moving rate and a real device add: of the tables rate and device.
 DEVICE_NUMBERS = _numbers(_core.device_fields())
+# Those of a term of the disturbance.
+TERM_NUMBERS = _numbers(_core.term_fields())
 
 
 def core_values(listed: tuple[Number, ...], tables: Mapping[str, Mapping[str, Any]]) -> dict[str, float]:

@@ -76,9 +76,26 @@ def unknown(path: str, model: type[BaseModel]) -> str:
 
 def _item(path: str, model: type[BaseModel]) -> type[BaseModel] | None:
     """The model of the tables in the list that `path`, as `objective[0]`, names."""
-    info = model.model_fields.get(path.partition("[")[0])
+    *tables, name = path.partition("[")[0].split(".")
+    fields = model.model_fields
+    for table in tables:
+        fields = getattr(fields[table].annotation, "model_fields", {}) if table in fields else {}
+    return _model_of_items(fields.get(name))
+
+
+def _model_of_items(info: FieldInfo | None) -> type[BaseModel] | None:
     items = get_args(info.annotation) if info else ()
     return items[0] if items and isinstance(items[0], type) and issubclass(items[0], BaseModel) else None
+
+
+def _numbered(text: str, place: int | None = None) -> str:
+    """Further tables of the disturbance under the names that they have in TOML: disturbance[1], and so on.
+
+    `place`: of the one whose own check wrote the text.
+    """
+    if place is not None:
+        text = text.replace("disturbance.", f"disturbance[{place + 1}].")
+    return re.sub(r"disturbance\.added\[(\d+)\]", lambda found: f"disturbance[{int(found[1]) + 1}]", text)
 
 
 def scenario_error(error: ValidationError, model: type[BaseModel], at: tuple[str, ...] = ()) -> ScenarioError:
@@ -90,17 +107,20 @@ def scenario_error(error: ValidationError, model: type[BaseModel], at: tuple[str
 
 def _describe(problem: ErrorDetails, model: type[BaseModel]) -> str:
     if problem["type"] == "message":
-        return problem["msg"]
+        at = problem["loc"]
+        return _numbered(problem["msg"], int(at[2]) if at[:2] == ("disturbance", "added") and len(at) > 2 else None)
     path, info, fields = "", None, model.model_fields
     for part in problem["loc"]:
         if isinstance(part, int):
             path += f"[{part}]"
+            fields = getattr(_model_of_items(info), "model_fields", fields)
             continue
         path += f".{part}" if path else part
         info = fields.get(part)
         fields = getattr(info.annotation, "model_fields", {}) if info else {}
     if problem["type"] == "extra_forbidden":
-        return unknown(path, model)
+        return _numbered(unknown(path, model))
+    path = _numbered(path)
     allowed = _allowed(problem, info.metadata if info else [])
     if problem["type"] == "missing":
         return f"{path} is missing: it must be {'a number' if info and info.annotation is float else 'given'}"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 from pydantic import BeforeValidator, create_model, model_validator
 
 from .kinds import table_fields
-from .points import OptionalRows, read_file
+from .points import OptionalTriples, read_file
 from .table import Frequencies, Pair, Table, field, message_error, toml_value
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ class Reference(_Reference):
     file: str | None = field(
         None, "For a table: a CSV file with the header time,x,y next to the scenario, read at once and kept as points."
     )
-    points: OptionalRows = field(
+    points: OptionalTriples = field(
         None,
         "Points of a table: [[time, x, y], ...], units 1/omega0 and q0: a cubic spline, at rest before and after it.",
         unit="1/omega0, q0, q0",
@@ -61,7 +61,7 @@ class Reference(_Reference):
     @model_validator(mode="before")
     @classmethod
     def _file(cls, values: Any) -> Any:
-        return read_file(values, "reference", "file", "points", ("x", "y"))
+        return read_file(values, "reference", "file", "points", "x,y")
 
     @model_validator(mode="after")
     def _check(self) -> Self:

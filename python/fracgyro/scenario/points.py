@@ -1,4 +1,4 @@
-"""Points in time of a scenario: lists [time, value, ...] whose times rise, given as such or as a CSV file."""
+"""Rows of numbers in a scenario: functions of time and spectra, as lists or in CSV files."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from .table import message_error, toml_value
 from .units import Quantity
 
 MAX_POINTS = 100_000
-Points = tuple[tuple[float, float], ...]
-Rows = tuple[tuple[float, float, float], ...]
-COUNTS = {2: ("pairs", "two"), 3: ("rows", "three")}  # words for the numbers of a point
+NUMBERS = {1: "one", 2: "two", 3: "three"}
+LISTS = {2: "pairs", 3: "triples"}
+PLURALS = {"time": "times", "frequency": "frequencies"}
 
 
 class Hashed(tuple[Any, ...]):
@@ -34,42 +34,59 @@ class Hashed(tuple[Any, ...]):
 
 
 @dataclass(frozen=True)
-class AsPoints:
-    """Tuples of numbers from lists; `names`: of the columns."""
+class Rows:
+    """Validates rows of as many numbers as `names`, of which the first rises.
 
-    names: tuple[str, ...]
+    `positive`: numbers whose ratios and powers are finite and greater than 0.
+    """
+
+    names: str
+    least: int = 1
+    positive: bool = False
 
     def __call__(self, value: Any) -> tuple[tuple[float, ...], ...] | None:
         if value is None or isinstance(value, Hashed):
             return value
-        each = f"{COUNTS[len(self.names)][0]} [{', '.join(self.names)}]"
-        rule = f"it must be a list of 1 to {MAX_POINTS} {each} of finite numbers whose times rise"
+        first, *_ = names = self.names.split(", ")
+        least, most = (1e-60, 1e60) if self.positive else (-math.inf, math.inf)
+        numbers = f"numbers from {least:g} to {most:g}" if self.positive else "finite numbers"
+        rule = (
+            f"it must be a list of {self.least} to {MAX_POINTS} {LISTS[len(names)]} [{self.names}] of {numbers} whose "
+            f"{PLURALS[first]} rise"
+        )
         problem = PydanticCustomError("rule", "{rule}", {"rule": rule})
-        if not isinstance(value, list | tuple) or not 1 <= len(value) <= MAX_POINTS:
+        if not isinstance(value, list | tuple) or not self.least <= len(value) <= MAX_POINTS:
             raise problem
-        for point in value:
-            if not isinstance(point, list | tuple) or len(point) != len(self.names):
+        for row in value:
+            if not isinstance(row, list | tuple) or len(row) != len(names):
                 raise problem
-            for number in point:
+            for number in row:
                 if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
+                    raise problem
+                if not least <= number <= most:
                     raise problem
         if any(not after[0] > before[0] for before, after in pairwise(value)):
             raise problem
-        kept = (tuple(n if isinstance(n, Quantity) else float(n) + 0.0 for n in point) for point in value)  # no -0.0
-        quantities = any(isinstance(number, Quantity) for point in value for number in point)
-        return tuple(kept) if quantities else Hashed(kept)
+        kept = (tuple(n if isinstance(n, Quantity) else float(n) + 0.0 for n in row) for row in value)  # no -0.0
+        return tuple(kept) if any(isinstance(n, Quantity) for row in value for n in row) else Hashed(kept)
+
+    def schema(self) -> WithJsonSchema:
+        """The rows in JSON Schema."""
+        count = len(self.names.split(", "))
+        row = {"type": "array", "items": {"type": "number"}, "minItems": count, "maxItems": count}
+        return WithJsonSchema({"type": "array", "items": row, "minItems": self.least, "maxItems": MAX_POINTS})
 
 
-def _schema(count: int) -> dict[str, Any]:
-    point = {"type": "array", "items": {"type": "number"}, "minItems": count, "maxItems": count}
-    return {"type": "array", "items": point, "minItems": 1, "maxItems": MAX_POINTS}
+PAIRS, TRIPLES = Rows("time, value"), Rows("time, x, y")
+SPECTRUM = Rows("frequency, density", least=2, positive=True)
+Points = tuple[tuple[float, float], ...]
+Triples = tuple[tuple[float, float, float], ...]
+OptionalPoints = Annotated[Points | None, PlainValidator(PAIRS), PAIRS.schema()]
+OptionalTriples = Annotated[Triples | None, PlainValidator(TRIPLES), TRIPLES.schema()]
+OptionalSpectrum = Annotated[Points | None, PlainValidator(SPECTRUM), SPECTRUM.schema()]
 
 
-OptionalPoints = Annotated[Points | None, PlainValidator(AsPoints(("time", "value"))), WithJsonSchema(_schema(2))]
-OptionalRows = Annotated[Rows | None, PlainValidator(AsPoints(("time", "x", "y"))), WithJsonSchema(_schema(3))]
-
-
-def read_file(values: Any, table: str, field: str, points: str, columns: tuple[str, ...]) -> Any:
+def read_file(values: Any, table: str, field: str, points: str, columns: str) -> Any:
     """The table with the points that its file holds in place of the file: a scenario depends on nothing outside it."""
     if not isinstance(values, Mapping) or not isinstance(values.get(field), str):
         return values
@@ -79,8 +96,8 @@ def read_file(values: Any, table: str, field: str, points: str, columns: tuple[s
     return {**values, field: None, points: read}
 
 
-def read_points(path: str, name: str, columns: tuple[str, ...]) -> list[list[float]]:
-    """Rows of a CSV file whose header is `time` and the columns. Raises, in one sentence, when it is not one.
+def read_points(path: str, name: str, columns: str) -> list[list[float]]:
+    """Rows of a CSV file whose header is `time,<columns>`. Raises, in one sentence, when it is not one.
 
     The sentence shows nothing of the file: a scenario from elsewhere may name any.
     """
@@ -94,19 +111,18 @@ def read_points(path: str, name: str, columns: tuple[str, ...]) -> list[list[flo
         raise message_error(f"{place}: it cannot be read: {reason(error)}") from None
     except (ValueError, csv.Error) as error:
         raise message_error(f"{place}: it cannot be read: {error}") from None
-    wanted = ("time", *columns)
-    if header != list(wanted):
-        raise message_error(f"{place}: its first line must be {','.join(wanted)!r}")
+    wanted = ["time", *columns.split(",")]
+    if header != wanted:
+        raise message_error(f"{place}: its first line must be 'time,{columns}'")
     found: list[list[float]] = []
     for line, row in enumerate(rows, start=2):
         try:
-            point = list(map(float, row))
-            if len(point) != len(wanted) or not all(map(math.isfinite, point)):
+            numbers = list(map(float, row))
+            if len(numbers) != len(wanted) or not all(map(math.isfinite, numbers)):
                 raise ValueError
         except ValueError:
-            count = COUNTS[len(wanted)][1]
-            raise message_error(f"{place}: row {line} must be {count} finite numbers") from None
-        if found and not point[0] > found[-1][0]:
+            raise message_error(f"{place}: row {line} must be {NUMBERS[len(wanted)]} finite numbers") from None
+        if found and not numbers[0] > found[-1][0]:
             raise message_error(f"{place}: row {line}: times must rise from row to row")
-        found.append(point)
+        found.append(numbers)
     return found

@@ -8,6 +8,7 @@ from typing import Any, cast
 
 from pydantic import BaseModel
 
+from .disturbance import Disturbance
 from .kinds import fields_of, kinds_with, own_kinds
 from .motion import REFERENCE_LISTS
 from .quantities import texts_of
@@ -36,13 +37,18 @@ def _text(scenario: Table, texts: tuple[tuple[str, str], ...]) -> str:
     tables = dict(scenario)
     for name, fields in fields_shown(scenario).items():
         table = tables[name]
-        lines += ["", f"# {type(table).__doc__}", f"[{name}]"]
-        for field in fields:
-            info = type(table).model_fields[field]
-            value = getattr(table, field)
-            shown = toml_value(value if texts else plain(value))
-            lines += _comment(info.description or "")
-            lines += [f"# {field} is not set" if value is None else f"{field} = {shown}"]
+        entries = table.entries if isinstance(table, Disturbance) else (table,)
+        head = f"[{name}]" if len(entries) == 1 else f"[[{name}]]"
+        for place, entry in enumerate(entries):
+            lines += ["", f"# {type(table).__doc__}" if place == 0 else "# Added to it.", head]
+            for field in fields:
+                info = type(entry).model_fields.get(field)
+                if info is None or field == "added":
+                    continue
+                value = getattr(entry, field)
+                shown = toml_value(value if texts else plain(value))
+                lines += _comment(info.description or "") if place == 0 else []
+                lines += [f"# {field} is not set" if value is None else f"{field} = {shown}"]
     return "\n".join([*lines, "", END]) + "\n"
 
 

@@ -18,6 +18,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from ..arguments import short
 from ..files import whole_file
 from .device import Device, Rate
+from .disturbance import NEEDS, Disturbance, named_entries
 from .kinds import KINDS, SINE_DRIVES, kinds_with
 from .messages import ScenarioError, paths, scenario_error, unknown
 from .motion import Reference
@@ -30,7 +31,6 @@ from .schema import (
     Adaptation,
     Controller,
     Datasheet,
-    Disturbance,
     Guard,
     Plant,
     Run,
@@ -38,7 +38,7 @@ from .schema import (
 from .table import MAX_STEPS, Table, format_value, message_error, toml_value
 from .toml import read_tables, read_text
 
-FILES = [("reference", "file"), ("rate", "file"), ("device", "temperature_file")]
+FILES = [("reference", "file"), ("rate", "file"), ("device", "temperature_file"), ("disturbance", "file")]
 
 
 def _add_units(schema: dict[str, Any]) -> None:
@@ -86,9 +86,7 @@ class Scenario(Table):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        hold = self.disturbance.hold
-        if self.disturbance.kind == "noise" and hold is not None:
-            self._check_whole_steps("disturbance.hold", hold, 1, self.run.step, "; left out, it is one step")
+        self._check_disturbance()
         self._check_rate()
         self._check_noise_corners()
         self._check_drift()
@@ -136,6 +134,19 @@ class Scenario(Table):
                 f"{name} is {toml_value(time)}: it must be a whole number of run.step, "
                 f"which is {toml_value(step)}{after}"
             )
+
+    def _check_disturbance(self) -> None:
+        highest = math.pi / self.run.step
+        for name, entry in named_entries(self.disturbance):
+            if entry.kind == "noise" and entry.hold is not None:
+                self._check_whole_steps(f"{name}.hold", entry.hold, 1, self.run.step, "; left out, it is one step")
+            field = "psd" if entry.kind == "vibration" else "band"
+            reach = entry.psd[-1][0] if entry.psd else entry.band[1] if entry.kind == "noise" and entry.band else 0.0
+            if reach > highest:
+                raise message_error(
+                    f"{name}.{field} reaches {toml_value(reach)}: it must reach at most pi over run.step, which is "
+                    f"{highest:.6g}"
+                )
 
     def _check_rate(self) -> None:
         rate, scales = self.rate, self.plant.scales
@@ -243,8 +254,9 @@ class Scenario(Table):
         tables = read_tables(text, source)
         for table, field in FILES:
             named = tables.get(table)
-            if isinstance(named, dict) and isinstance(named.get(field), str):
-                named[field] = str(Path(folder) / named[field])
+            for entry in named if isinstance(named, list) else [named]:
+                if isinstance(entry, dict) and isinstance(entry.get(field), str):
+                    entry[field] = str(Path(folder) / entry[field])
         return cls(**tables)
 
     def to_toml(self) -> str:
@@ -259,8 +271,8 @@ class Scenario(Table):
     def replace(self, changes: Mapping[str, Any]) -> Scenario:
         """A copy with fields changed, by their dotted names, and validated as a whole; None unsets.
 
-        Fields that another controller.kind does not have are dropped. Raises ScenarioError, in one sentence, for a name
-        or a value that is not allowed.
+        Fields that another controller.kind does not have are dropped. `disturbance` takes a table or a list of tables.
+        Raises ScenarioError, in one sentence, for a name or a value that is not allowed.
 
         >>> fg.Scenario.paper().replace({"controller.order": 0.8, "run.duration": 20.0}).run.duration
         20.0
@@ -274,6 +286,10 @@ class Scenario(Table):
             of = changes.get(f"{name}.kind", tables[name]["kind"])
             known = own_fields(Scenario, name, tuple(of) if isinstance(of, list | tuple) else (of,))
             tables[name] = {field: value for field, value in tables[name].items() if field in known}
+        if "disturbance.kind" in changes:
+            for kind, field in NEEDS.items():
+                if kind != changes["disturbance.kind"]:
+                    tables["disturbance"].pop(field, None)
         for path, value in changes.items():
             if path not in paths(Scenario):
                 raise ScenarioError(unknown(str(path), Scenario))

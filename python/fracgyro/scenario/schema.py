@@ -7,7 +7,6 @@ everything else is nondimensional. A field's description becomes its comment in 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self
 
 import numpy as np
@@ -15,7 +14,7 @@ from pydantic import create_model, model_validator
 
 from .kinds import KINDS, MEANINGS, table_fields
 from .scales import Scales
-from .table import MAX_STEPS, ZERO, Frequencies, Pair, Symmetric, Table, Vector, field, message_error, toml_value
+from .table import MAX_STEPS, ZERO, Pair, Symmetric, Table, Vector, field, message_error, toml_value
 
 SCALED = ("1/omega0", "q0*omega0", "omega0^2*q0", "m*omega0^2*q0", "m*omega0", "m*omega0^2")  # finite in SI
 HOLD_TOLERANCE = 1e-9  # relative: how far disturbance.hold may be from a whole number of steps
@@ -188,53 +187,6 @@ class Guard(_Guard):
 
 class Datasheet(_Datasheet):
     """Noise and delay that the controller assumes; adaptation.kind joint needs them."""
-
-
-class Disturbance(Table):
-    """The force d of (9), on each axis."""
-
-    kind: Literal["none", "noise", "sine"] = field(
-        "noise", "noise: Gaussian, piecewise constant; sine: amplitude*sin(frequency*t + phase). none: off."
-    )
-    standard_deviation: float | None = field(
-        None, "Unit of force; noise needs this or density, and only one. 0.0: off.", ge=0, unit="m*omega0^2*q0"
-    )
-    density: float | None = field(
-        None,
-        "S, unit force^2 time: white noise of density S held for h has variance S/h. 0.0: off.",
-        ge=0,
-        unit="(m*omega0^2*q0)^2/omega0",
-    )
-    hold: float | None = field(
-        None, "h, unit 1/omega0: time between noise draws, whole steps. Not set: off, one step.", gt=0, unit="1/omega0"
-    )
-    seed: int = field(0, "Same seed, same noise; 0 to 2^63 - 1. Without effect on other kinds.", ge=0, le=2**63 - 1)
-    amplitude: Pair = field(
-        (0.0, 0.0), "Amplitude of the sine, [x, y], unit of force. Zeros: off.", unit="m*omega0^2*q0"
-    )
-    frequency: Frequencies = field(
-        (0.0, 0.0), "Frequency of the sine, [x, y], unit omega0. Zeros: constant force.", unit="omega0"
-    )
-    phase: Pair = field((0.0, 0.0), "Phase of the sine, [x, y], rad. Zeros: off.", unit="rad")
-
-    @model_validator(mode="before")
-    @classmethod
-    def _default(cls, values: Any) -> Any:
-        """Neither kind nor strength stated: the paper's randn. A stated kind must state its strength."""
-        if isinstance(values, Mapping) and not {"kind", "standard_deviation", "density"} & set(values):
-            return {**values, "standard_deviation": 1.0}
-        return values
-
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        given = {"standard_deviation": self.standard_deviation, "density": self.density}
-        if self.kind == "noise" and list(given.values()).count(None) != 1:
-            names = " and ".join(
-                f"disturbance.{name} is {'missing' if value is None else toml_value(value)}"
-                for name, value in given.items()
-            )
-            raise message_error(f"{names}: noise must have exactly one of the two")
-        return self
 
 
 class Run(Table):

@@ -20,8 +20,8 @@ from .points import Points
 from .scenario import Scenario
 from .schema import Datasheet, Guard, Run
 from .table import MAX_STEPS
+from .terms import MAX_DEVIATIONS, first_part, largest_force, term_list, white_noise
 
-MAX_DEVIATIONS = 8.0  # standard deviations: noise is never so far off
 MAX_DELAY = 8  # steps that a controller takes into account
 MAX_SAMPLES = 100_000  # at which a reference is looked at
 MIN_TOLERANCE = 1e-5  # nondimensional, for sensors and disturbance: rounding, and effects not modeled
@@ -43,7 +43,7 @@ class Derived(NamedTuple):
 
 
 def derived(scenario: Scenario) -> Derived:
-    return Derived(device_values(scenario), _disturbance(scenario))
+    return Derived(device_values(scenario), first_part(scenario))
 
 
 def core_numbers(scenario: Scenario, found: Derived | None = None) -> dict[str, float]:
@@ -112,18 +112,13 @@ def guard(scenario: Scenario, found: Derived | None = None) -> Guard:
 def datasheet(scenario: Scenario, found: Derived | None = None) -> Datasheet:
     """The controller's assumptions with every field set: those left out are the simulated values."""
     found = found or derived(scenario)
-    assumed, device, hold = scenario.datasheet, found.device, scenario.disturbance.hold
-    force = 0.0
-    if scenario.disturbance.kind == "noise":
-        # Held for several steps it is as strong as one drawn every step, of the same density.
-        steps = 1.0 if hold is None else hold / scenario.run.step
-        force = found.disturbance["standard_deviation"] * math.sqrt(steps)
+    assumed, device = scenario.datasheet, found.device
 
     def rounded(noise: float, quantity: str) -> float:
         return math.hypot(noise, _resolution(device, quantity) / math.sqrt(12))
 
     values = {
-        "force_noise": rounded(force, "actuator"),
+        "force_noise": rounded(white_noise(scenario), "actuator"),
         "position_noise": rounded(device["position_noise"], "position"),
         "velocity_noise": rounded(device["velocity_noise"], "velocity"),
         "delay": min(device["delay"], MAX_DELAY),
@@ -200,14 +195,11 @@ def _plant_tolerance(scenario: Scenario) -> float:
 
 def _force_tolerance(scenario: Scenario, found: Derived) -> float:
     """The disturbance, what the converter and the limit of the actuator make of the force, and a force that is late."""
-    d, device, limit = found.disturbance, found.device, scenario.controller.force_limit
-    disturbed = {"none": 0.0, "noise": MAX_DEVIATIONS * d["standard_deviation"], "sine": max(map(abs, d["amplitude"]))}[
-        d["kind"]
-    ]
+    device, limit = found.device, scenario.controller.force_limit
     reach = float(device["actuator_limit"])
     clipped = limit - reach if limit > reach else 0.0
     late = 2 * limit if device["delay"] else 0.0
-    return min(1e9, MIN_TOLERANCE + float(disturbed) + _resolution(device, "actuator") + clipped + late)
+    return min(1e9, MIN_TOLERANCE + largest_force(scenario) + _resolution(device, "actuator") + clipped + late)
 
 
 def _resolution(device: Mapping[str, Any], quantity: str) -> float:
@@ -221,18 +213,6 @@ def _plant(scenario: Scenario) -> dict[str, Any]:
     """Numbers of eqs (9) and (13)."""
     names = ("damping", "stiffness", "angular_rate", "damping_deviation", "stiffness_deviation")
     return dict(zip(names, scenario.plant.nondimensional(), strict=True))
-
-
-def _disturbance(scenario: Scenario) -> dict[str, Any]:
-    """Numbers of the force d of eq. (9)."""
-    d = scenario.disturbance
-    found = dict(d) | {"hold_steps": 1, "standard_deviation": 1.0}
-    if d.kind == "noise":
-        hold = scenario.run.step if d.hold is None else d.hold
-        found["hold_steps"] = round(hold / scenario.run.step)
-        # White noise of density S, held for h, has variance S/h.
-        found["standard_deviation"] = math.sqrt(d.density / hold) if d.density is not None else d.standard_deviation
-    return found
 
 
 def is_ideal(scenario: Scenario) -> bool:
@@ -356,6 +336,7 @@ def _made(scenario: Scenario, changes: Mapping[str, float]) -> _core.DeviceSetup
     setup.seed = scenario.disturbance.seed  # a double does not hold all
     if not is_plain(scenario):
         setup.set_reference(_lists(scenario.reference))
+    setup.set_terms(term_list(scenario))
     if scenario.device.sensing == "position":
         setup.observer_bandwidth = scenario.controller.observer_bandwidth
     if not is_ideal(scenario):

@@ -44,7 +44,9 @@ def schema(kind: Literal["scenario", "study", "tuning"]) -> Schema:
     elif kind == "tuning":
         from .tune.plan import TuningFile as model
     found = _of_model(model)
-    if kind != "scenario":
+    if kind == "scenario":
+        found["properties"]["disturbance"] = _or_list(found["definitions"], "Disturbance", "AddedEntry")
+    else:
         found["definitions"] |= _of_model(Scenario)["definitions"] | {"Range": _of_model(Range)}
         del found["definitions"]["Range"]["$schema"]
         of_fields = {field: {"$ref": _reference(field)} for field in paths(Scenario)}
@@ -105,6 +107,13 @@ def _of_model(model: type[BaseModel]) -> Schema:
     found = model.model_json_schema(ref_template=REFERENCE, schema_generator=generator)
     definitions = found.pop("$defs", None)
     return {"$schema": DRAFT, **found} | ({"definitions": definitions} if definitions else {})
+
+
+def _or_list(definitions: Schema, first: str, others: str) -> Schema:
+    """A table or a list of tables, whose first has another model; not as `anyOf`, so that editors name the field."""
+    one, other = ({"$ref": REFERENCE.format(model=model)} for model in (first, others))
+    listed = {"type": ["object", "array"], "items": [one], "additionalItems": other, "minItems": 1}
+    return {**definitions[first], **listed}
 
 
 def _draft_4(found: Schema) -> Schema:

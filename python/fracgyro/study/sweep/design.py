@@ -90,12 +90,14 @@ class Facts:
     durations: set[float] = dataclasses.field(default_factory=set)
     controllers: set[str] = dataclasses.field(default_factory=set)  # kinds
     disturbances: set[str] = dataclasses.field(default_factory=set)  # kinds
+    random: bool = False  # a disturbance depends on the seed
 
     def add(self, scenario: Scenario) -> None:
         self.longest = max(self.longest, scenario.run.steps)
         self.durations.add(scenario.run.duration)
         self.controllers.add(scenario.controller.kind)
-        self.disturbances.add(scenario.disturbance.kind)
+        self.disturbances.add(scenario.disturbance.kinds)
+        self.random = self.random or scenario.disturbance.random
 
 
 @dataclass(frozen=True)
@@ -138,7 +140,7 @@ def read_plan(path: str | os.PathLike[str], controller: ControllerLike | None = 
     for number, point in enumerate(points):
         facts.add(scenario_of(base, number, dict(zip(fields, point, strict=True))))
     seeds = [base.disturbance.seed] if study.seeds is None else study.seeds
-    if len(seeds) > 1 and "noise" not in facts.disturbances:
+    if len(seeds) > 1 and not facts.random:
         raise ScenarioError(
             f"seeds is {format_value(seeds)}: it must be one seed, as no result depends on it with disturbance.kind "
             f"{' or '.join(map(format_value, sorted(facts.disturbances)))}"

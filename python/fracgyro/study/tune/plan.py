@@ -200,9 +200,10 @@ def read_tuning(path: str | os.PathLike[str], controller: ControllerLike | None 
         raise ScenarioError(
             f"run.duration is {end:g}: it must be greater than metrics.transient, {begin:g}, to measure {late}"
         )
-    if base.disturbance.kind != "noise":
+    if not base.disturbance.random:
         raise ScenarioError(
-            f"disturbance.kind is {format_value(base.disturbance.kind)}: it must be noise, for seeds to be held out"
+            f"disturbance.kind is {format_value(base.disturbance.kinds)}: it must be noise or vibration, for seeds to "
+            "be held out"
         )
     first = max(file.seeds) + 1
     if first + file.tune.held_out_seeds > 2**63:
