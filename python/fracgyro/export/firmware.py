@@ -18,7 +18,7 @@ from ..scenario.kinds import ENTRIES, KINDS, Channel, persistent_channels
 from ..scenario.to_core import check_single, core_numbers, core_setup
 from ..scenario.units import si_unit
 from .compilers import SOURCES, Number
-from .settings import columns
+from .settings import check_gyroscope, columns
 
 # Units in the header, by their names there.
 UNITS = {
@@ -66,6 +66,7 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
     alignment = 8
     size = -(-_core.state_size(setup, capacity, single) // alignment) * alignment
     values = initializer(_core.coefficients(setup, single), number)
+    check_gyroscope(scenario)
     channels, numbers = persistent_channels(setup), core_numbers(scenario)
     stiffness = [numbers[f"adaptation.initial_stiffness.{entry}"] for entry in ENTRIES]
     scales = scenario.plant.scales

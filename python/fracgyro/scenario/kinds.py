@@ -17,6 +17,8 @@ from .units import si_unit
 
 KINDS: tuple[str, ...] = tuple(_core.controller_kinds)
 MEANINGS: tuple[str, ...] = tuple(_core.controller_meanings)
+PLANT_KINDS: tuple[str, ...] = tuple(_core.plant_kinds)
+PLANT_MEANINGS: tuple[str, ...] = tuple(_core.plant_meanings)
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,12 @@ def numbers(kind: str) -> tuple[Number, ...]:
     return _numbers(_core.fields_of_kind(KINDS.index(kind)))
 
 
+@lru_cache
+def plant_numbers(kind: str) -> tuple[Number, ...]:
+    """The numbers that plants of this kind have of their own, in the core's order."""
+    return _numbers(_core.fields_of_plant(PLANT_KINDS.index(kind)))
+
+
 # Those that a moving rate and a real device add: of the tables rate and device.
 DEVICE_NUMBERS = _numbers(_core.device_fields())
 
@@ -79,6 +87,12 @@ def core_values(listed: tuple[Number, ...], tables: Mapping[str, Mapping[str, An
 
 
 PARTS = {".x": 0, ".y": 1, ".xx": 0, ".xy": 1, ".yy": 2}
+
+
+@lru_cache
+def plants_with(name: str) -> list[str]:
+    """The kinds of plants that have this field of their own; none: every kind has it, or there is no such field."""
+    return [kind for kind in PLANT_KINDS if any(number.field == name for number in plant_numbers(kind))]
 
 
 @lru_cache
@@ -119,6 +133,17 @@ def si_table_fields(table: str, instead: Mapping[str, Definitions]) -> Definitio
     for name, parts in groupby(listed, lambda number: number.field):
         found |= instead.get(name) or {name: _si_field(list(parts))}
     return found
+
+
+def plant_fields() -> Definitions:
+    """The fields that kinds of plants have of their own, in SI units."""
+    found: dict[str, list[Number]] = {}
+    for kind in PLANT_KINDS:
+        for name, parts in groupby(plant_numbers(kind), lambda number: number.field):
+            listed = list(parts)
+            if found.setdefault(name, listed) != listed:
+                raise ValueError(f"plant.{name} has two meanings among the plants")
+    return {name: _si_field(parts) for name, parts in found.items()}
 
 
 def _si_field(parts: list[Number]) -> tuple[Any, Any]:

@@ -11,7 +11,17 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from .kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, MEANINGS, Channel, kinds_with, numbers, reported_channels
+from .kinds import (
+    DEVICE_CHANNELS,
+    KINDS,
+    LOOP_CHANNELS,
+    MEANINGS,
+    Channel,
+    kinds_with,
+    numbers,
+    plants_with,
+    reported_channels,
+)
 from .scenario import Scenario
 from .table import Table, toml_value
 from .to_core import core_setup
@@ -58,7 +68,9 @@ def fields_of_kind(kind: str) -> Iterator[Sequence[str]]:
 
 
 def _having(table: str, field: str) -> tuple[str, ...]:
-    """The kinds of controllers that have the field; none: it does not depend on the kind."""
+    """The kinds of controllers or plants that have the field; none: it does not depend on the kind."""
+    if table == "plant":
+        return tuple(plants_with(field))
     kinds = tuple(kinds_with(f"{table}.{field}"))
     return () if len(kinds) == len(KINDS) else kinds
 

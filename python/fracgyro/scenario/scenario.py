@@ -20,8 +20,9 @@ from pydantic import BaseModel, ValidationError, model_validator
 from ..arguments import short
 from ..files import whole_file
 from .device import Device, Rate
-from .kinds import KINDS, fields_of, kinds_with
+from .kinds import KINDS, PLANT_KINDS, fields_of, kinds_with, plants_with
 from .messages import ScenarioError, paths, scenario_error, unknown
+from .plants import Constraints, check_kind, constraints
 from .schema import (
     ERRATA_SWITCHES,
     HOLD_TOLERANCE,
@@ -79,6 +80,7 @@ class Scenario(Table):
         self._check_rate()
         self._check_noise_corners()
         self._check_drift()
+        check_kind(self.plant, self.rate, self.device)
         self._check_kind()
         self._check_estimates()
         return self
@@ -236,6 +238,9 @@ class Scenario(Table):
         for name in BY_KIND:  # fields that the other kind does not have are dropped
             known = _fields(name, kind) if kind in KINDS else tables[name]
             tables[name] = {field: value for field, value in tables[name].items() if field in known}
+        if changes.get("plant.kind") in PLANT_KINDS:
+            known = _plant_fields(changes["plant.kind"])
+            tables["plant"] = {field: value for field, value in tables["plant"].items() if field in known}
         for path, value in changes.items():
             if path not in paths(Scenario):
                 raise ScenarioError(unknown(str(path), Scenario))
@@ -252,6 +257,15 @@ class Scenario(Table):
                     raise ScenarioError(f"{table} is {format_value(node)}: it must be a table")
             node[leaf] = value
         return Scenario(**tables)
+
+    def constraints(self) -> Constraints:
+        """The limits of force, motion and angular rate, in the units of `run.units`; infinite for no limit.
+
+        >>> fg.Scenario.paper().constraints().angular_rate
+        0.1
+        """
+        si = self.run.units == "SI"
+        return constraints(self.plant, self.rate, self.device, self.controller.force_limit, si)
 
     def content_hash(self) -> str:
         """SHA-256 of `to_toml`, in hexadecimal: equal for equal scenarios.
@@ -270,7 +284,8 @@ def _text(scenario: Scenario) -> str:
     ]
     for name, table in scenario:
         lines += ["", f"# {type(table).__doc__}", f"[{name}]"]
-        for field in _fields(name, scenario.controller.kind):
+        kind = scenario.controller.kind
+        for field in _plant_fields(scenario.plant.kind) if name == "plant" else _fields(name, kind):
             info = type(table).model_fields[field]
             value = getattr(table, field)
             lines += _comment(info.description or "")
@@ -285,6 +300,12 @@ def _fields(table: str, kind: str) -> tuple[str, ...]:
     if table not in BY_KIND:
         return tuple(known)
     return tuple(field for field in known if field in fields_of(kind, table) or not kinds_with(f"{table}.{field}"))
+
+
+@cache
+def _plant_fields(kind: str) -> tuple[str, ...]:
+    """The fields of [plant] that a scenario with this kind of plant has."""
+    return tuple(name for name in Plant.model_fields if kind in (plants_with(name) or (kind,)))
 
 
 @cache
