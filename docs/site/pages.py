@@ -28,6 +28,7 @@ REPOSITORY = "https://github.com/fracgyro/fracgyro"
 PAGES = {
     "how-to/runs": "docs/usage.md",
     "how-to/controllers": "docs/controllers.md",
+    "how-to/plants": "docs/plants.md",
     "how-to/studies": "docs/studies.md",
     "how-to/cluster": "docs/cluster.md",
     "how-to/record": "docs/record.md",
