@@ -17,9 +17,8 @@ from machine import command, machine, on_one_core, write
 DEPENDS_ON = ["sliding_mode", "include/fracgyro/sim/user_plant.hpp", "bindings/bind_user_plant.cpp"]
 
 PAPER = fg.Scenario.paper()
-(DXX, DXY, DYY), (KXX, KXY, KYY), RATE, _, _ = (
-    value if isinstance(value, float) else value.tolist() for value in PAPER.plant.nondimensional()
-)
+DAMPING, STIFFNESS, RATE, _, _ = PAPER.plant.nondimensional()
+DXX, DXY, DYY, KXX, KXY, KYY = [*DAMPING.tolist(), *STIFFNESS.tolist()]
 IN_C = """
 void gyroscope(const double* in, const double* s, const double* p, double* out) {
     out[0] = s[2];

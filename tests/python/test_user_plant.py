@@ -288,10 +288,11 @@ def test_a_plant_that_is_none_is_refused() -> None:
         ": it must be a native.Plant, or a callable that takes the time, the state and the force (ux, uy) and returns "
         "the derivative of the state"
     )
-    refused("plant is 3" + sentence, lambda: fg.simulate(SHORT, plant=3), TypeError)  # pyright: ignore
+    number: Any = 3
+    refused("plant is 3" + sentence, lambda: fg.simulate(SHORT, plant=number), TypeError)
     refused("plant is a class, not an instance" + sentence, lambda: fg.simulate(SHORT, plant=Lagging), TypeError)
-    plant = Lagging(1.0)
-    plant.initial_state = (0.0,)  # type: ignore[assignment]
+    plant: Any = Lagging(1.0)
+    plant.initial_state = (0.0,)
     refused(
         "initial_state of the plant is (0.0,): it must have 2 to 8 numbers", lambda: fg.simulate(SHORT, plant=plant)
     )
@@ -345,7 +346,8 @@ def test_single_precision_is_refused() -> None:
 @pytest.mark.parametrize("of", ["python", "native", "duffing"])
 def test_a_loop_in_parts_is_the_whole_run(of: str, compiled: ctypes.CDLL) -> None:
     scenario = SHORT.replace({"plant.kind": "duffing"}) if of == "duffing" else SHORT
-    plant = {"python": Lagging(1e-2), "native": native(compiled), "duffing": None}[of]
+    plants: dict[str, Any] = {"python": Lagging(1e-2), "native": native(compiled), "duffing": None}
+    plant = plants[of]
     loop = fg.Loop(scenario, plant=plant)
     first = loop.run(200)
     state = loop.state
@@ -385,7 +387,7 @@ def test_a_native_plant_runs_like_the_Linear(compiled: ctypes.CDLL) -> None:
 
 
 def test_a_native_plant_with_errors_is_refused(compiled: ctypes.CDLL) -> None:
-    single = {"states": 2, "motion": (0, None, 1, None)}
+    single: dict[str, Any] = {"states": 2, "motion": (0, None, 1, None)}
     refused(
         "the plant wrote to out[3], which is beyond its 2 numbers",
         lambda: fg.simulate(SHORT, plant=fg.native.Plant(compiled.beyond, **single)),
@@ -523,9 +525,9 @@ def test_constraints_are_the_limits_of_a_scenario() -> None:
     }
     limited = PAPER.replace(changes)
     found = limited.constraints()
-    assert (found.force, found.position) == (pytest.approx(20), pytest.approx((2, 3)))
+    assert (found.force, *found.position) == pytest.approx((20, 2, 3))
     assert found.angular_rate == pytest.approx(0.5)
     si = limited.replace({"run.units": "SI"}).constraints()
-    assert (si.force, si.position) == (pytest.approx(20 * PAPER.plant.scales.force), pytest.approx((2e-6, 3e-6)))
+    assert (si.force, *si.position) == pytest.approx((20 * PAPER.plant.scales.force, 2e-6, 3e-6))
     assert si.angular_rate == 500.0
     assert PAPER.replace({"controller.force_limit": 5.0}).constraints().force == 5.0

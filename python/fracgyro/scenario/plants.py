@@ -78,7 +78,7 @@ def constraints(plant: Plant, rate: Rate, device: Device, force_limit: float, si
 
 def _largest_rate(plant: Plant, rate: Rate) -> float:
     """Largest magnitude of Omega_z, rad/s."""
-    mean, amplitude = plant.angular_rate, rate.amplitude
+    mean, amplitude = plant.angular_rate, float(rate.amplitude)
     if rate.kind == "table":
         return max(abs(value) for _, value in rate.points or ())
     if rate.kind == "noise":

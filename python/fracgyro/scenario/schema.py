@@ -39,7 +39,7 @@ ERRATA_SWITCHES = {
 if TYPE_CHECKING:
 
     class _Plant(Table):
-        kind: str
+        kind: str = PLANT_KINDS[0]
 
         def __getattr__(self, name: str) -> Any: ...
 
