@@ -94,8 +94,11 @@ private:
 
     static AnyPart start(const PlantSetup& setup, AnyController<double>& controller) {
         std::optional<AnyPart> part;
-        with_erased(controller, setup.common,
-                    [&]<class C>() { part.emplace(Part<C>{.state = Loop<C>::begin(setup)}); });
+        with_erased(controller, setup.common, [&]<class C>() {
+            Part<C> begun;
+            begun.state = Loop<C>::begin(setup);
+            part.emplace(std::move(begun));
+        });
         return *part;
     }
 

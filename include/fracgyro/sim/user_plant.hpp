@@ -9,7 +9,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
 #include <stdexcept>
 #include <string>
 
@@ -157,14 +156,22 @@ protected:
     }
 
 private:
-    // The derivative of `used` states.
+    // The derivative of `used` states. Numbers are passed one by one, and never two in a register: a load of two would
+    // wait for both stores.
     template <std::size_t size>
     std::array<double, size> called(const PlantInput& in, const std::array<double, size>& state, std::size_t used) {
-        std::memcpy(in_.data(), &in, sizeof in);
+        double* const given = in_.data();
+        given[0] = in.time;
+        given[1] = in.force.x();
+        given[2] = in.force.y();
+        given[3] = in.rate;
         std::copy_n(state.begin(), used, state_.data());
-        function_(in_.data(), state_.data(), parameters_.data(), out_.data());
+        function_(given, state_.data(), parameters_.data(), out_.data());
+        const volatile double* const out = out_.data();
         std::array<double, size> rates{};
-        std::copy_n(out_.data(), used, rates.begin());
+        for (std::size_t i = 0; i < used; ++i) {
+            rates[i] = out[i];
+        }
         return rates;
     }
     // The step of at most `size` states.
