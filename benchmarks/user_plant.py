@@ -18,7 +18,8 @@ DEPENDS_ON = ["sliding_mode", "include/fracgyro/sim/user_plant.hpp", "bindings/b
 
 PAPER = fg.Scenario.paper()
 DAMPING, STIFFNESS, RATE, _, _ = PAPER.plant.nondimensional()
-DXX, DXY, DYY, KXX, KXY, KYY = [*DAMPING.tolist(), *STIFFNESS.tolist()]
+NUMBERS: list[float] = [*DAMPING.tolist(), *STIFFNESS.tolist()]
+DXX, DXY, DYY, KXX, KXY, KYY = NUMBERS
 IN_C = """
 void gyroscope(const double* in, const double* s, const double* p, double* out) {
     out[0] = s[2];

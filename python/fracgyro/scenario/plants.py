@@ -78,10 +78,10 @@ def constraints(plant: Plant, rate: Rate, device: Device, force_limit: float, si
 
 def _largest_rate(plant: Plant, rate: Rate) -> float:
     """Largest magnitude of Omega_z, rad/s."""
-    mean, amplitude = plant.angular_rate, float(rate.amplitude)
+    mean, amplitude, levels = plant.angular_rate, float(rate.amplitude), int(rate.levels)
     if rate.kind == "table":
         return max(abs(value) for _, value in rate.points or ())
     if rate.kind == "noise":
         return math.inf
-    ends = {"constant": (0.0,), "step": (amplitude,), "staircase": (amplitude * rate.levels,)}
+    ends = {"constant": (0.0,), "step": (amplitude,), "staircase": (amplitude * levels,)}
     return max(abs(mean + end) for end in (0.0, *ends.get(rate.kind, (amplitude, -amplitude))))
