@@ -83,5 +83,6 @@ def _largest_rate(plant: Plant, rate: Rate) -> float:
         return max(abs(value) for _, value in rate.points or ())
     if rate.kind == "noise":
         return math.inf
-    ends = {"constant": (0.0,), "step": (amplitude,), "staircase": (amplitude * levels,)}
-    return max(abs(mean + end) for end in (0.0, *ends.get(rate.kind, (amplitude, -amplitude))))
+    ends: dict[str, tuple[float, ...]] = {"constant": (0.0,), "step": (amplitude,), "staircase": (amplitude * levels,)}
+    reached: tuple[float, ...] = (0.0, *ends.get(rate.kind, (amplitude, -amplitude)))
+    return max(abs(mean + end) for end in reached)
