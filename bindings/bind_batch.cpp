@@ -1,6 +1,7 @@
 #include "arrays.hpp"
 #include "bindings.hpp"
 #include "controllers.hpp"
+#include "run_setup.hpp"
 #include "runs.hpp"
 
 #include "fracgyro/sim/batch.hpp"
@@ -31,7 +32,7 @@ std::vector<std::size_t> lane_counts() {
     return counts;
 }
 
-using Setups = std::vector<const DeviceSetup*>;
+using Setups = std::vector<const RunSetup*>;
 
 // Controllers of runs: users' controllers, one for each run, or else the setups' own, made when a run begins.
 class Controllers {
@@ -44,13 +45,15 @@ public:
         if (!users.empty() && (users.size() != setups.size() || units.size() != setups.size())) {
             throw nb::value_error("there must be one controller and one set of units for each run");
         }
+        for (const RunSetup* s : setups) {
+            threaded_ = threaded_ && (s->model == nullptr || s->model->runs_on_any_thread());
+        }
         for (std::size_t i = 0; i < users.size(); ++i) {
             users[i]->begin(*units[i], setups[i]->common);
             threaded_ = threaded_ && users[i]->runs_on_any_thread();
         }
     }
 
-    bool are_users() const { return !users_.empty(); }
     // Calls run(i, controller) for every run, without the GIL if no controller needs it.
     template <class Run>
     void each(unsigned threads, Run&& run) const {
@@ -80,6 +83,9 @@ private:
                 run(i, *users_[i]);
                 users_[i]->check();
             }
+            if (setups_[i]->model != nullptr) {
+                setups_[i]->model->check();
+            }
         };
     }
 
@@ -94,7 +100,7 @@ nb::tuple record_runs(const Setups& setups, std::int64_t every, unsigned threads
                       const std::vector<const Units*>& units) {
     const Controllers controllers(setups, users, units);
     const std::int64_t steps = setups.front()->steps;
-    for (const DeviceSetup* s : setups) {
+    for (const RunSetup* s : setups) {
         if (s->steps != steps) {
             throw nb::value_error("all runs must have the same number of steps");
         }
@@ -127,7 +133,8 @@ nb::tuple record_runs(const Setups& setups, std::int64_t every, unsigned threads
             return data.data() + (i * rows + written++) * width;
         });
     };
-    if (users.empty() && !device) {
+    const bool gyroscopes = std::ranges::all_of(setups, [](const RunSetup* s) { return s->model == nullptr; });
+    if (users.empty() && !device && gyroscopes) {
         nb::gil_scoped_release unlocked;
         parallel_for(setups.size(), threads, [&](std::size_t i) {
             lasted[i] = record_run(*setups[i], every, data.data() + i * rows * width, noise);
@@ -177,7 +184,7 @@ nb::ndarray<nb::numpy, double> measure_runs(const Setups& setups, const MetricsP
     std::vector<const Setup*> ideal;
     std::vector<std::size_t> places, others;
     for (std::size_t i = 0; i < setups.size(); ++i) {
-        if (is_ideal(*setups[i])) {
+        if (is_ideal(*setups[i]) && setups[i]->model == nullptr) {
             ideal.push_back(setups[i]);
             places.push_back(i);
         } else {
@@ -219,7 +226,7 @@ nb::ndarray<nb::numpy, double> measure_runs(const Setups& setups, const MetricsP
             keep(places[i], measured[i]);
         }
         parallel_for(others.size(), threads, [&](std::size_t i) {
-            const DeviceSetup& setup = *setups[others[i]];
+            const RunSetup& setup = *setups[others[i]];
             keep(others[i], measure_any(setup, *make_double(setup), params));
         });
     }

@@ -3,8 +3,8 @@
 #include "controllers.hpp"
 #include "numbers.hpp"
 
-#include "fracgyro/sim/settings.hpp"
 #include "fracgyro/plant/units.hpp"
+#include "fracgyro/sim/any_plant.hpp"
 
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/string_view.h>
@@ -106,6 +106,11 @@ nb::list term_fields() {
     for_each_setting_of("disturbance", term, Describe{all});
     return all;
 }
+nb::list fields_of_plant(std::size_t kind) {
+    nb::list all;
+    for_each_own_number(kind, Describe{all});
+    return all;
+}
 
 template <class... Types>
 void report_of_each(List<Types...>, nb::list& all) {
@@ -164,6 +169,8 @@ void bind_controller(nb::module_& m) {
           "Descriptions of the numbers of a run of this kind, in order.");
     m.def("device_fields", &device_fields, "Descriptions of the numbers of a moving rate and a real device, in order.");
     m.def("term_fields", &term_fields, "Descriptions of the numbers of a term of the disturbance, in order.");
+    m.def("fields_of_plant", &fields_of_plant, nb::arg("kind"),
+          "Descriptions of the numbers that plants of this kind have of their own, in order.");
     m.def(
         "reports_of_kind",
         [](std::size_t kind) {

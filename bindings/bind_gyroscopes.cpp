@@ -1,9 +1,9 @@
 #include "arrays.hpp"
 #include "bindings.hpp"
+#include "run_setup.hpp"
 
 #include "fracgyro/control/reference.hpp"
 #include "fracgyro/core/saved.hpp"
-#include "fracgyro/sim/device_loop.hpp"
 
 #include <nanobind/stl/vector.h>
 
@@ -18,20 +18,21 @@ class Tracked {
 public:
     static constexpr std::size_t width = 13;
 
-    explicit Tracked(const DeviceSetup& s)
-        : plant_(DeviceGyroscope::prepare(s)),
+    explicit Tracked(const RunSetup& s)
+        : owner_(s.owner),
+          plant_(DevicePlant::prepare(s)),
           reference_(Reference<double>::prepare(s.common.reference, s.common.step)),
           course_(s.course),
           draw_(s),
-          now_{.state = DeviceGyroscope::start(s)} {
+          now_{.state = DevicePlant::start(s)} {
         sense();
     }
 
     // Advances under the force requested by a controller. A diverged motion stays unchanged.
     void step(const Vec2<double>& asked) {
         if (bounded(now_.state.motion)) {
-            DeviceGyroscope::act(now_.state, plant_, asked, now_.n);
-            DeviceGyroscope::step(now_.state, plant_, now_.n);
+            DevicePlant::act(now_.state, plant_, asked, now_.n);
+            DevicePlant::step(now_.state, plant_, now_.n);
             ++now_.n;
             sense();
         }
@@ -52,7 +53,7 @@ public:
 
     // Everything that changes during the motion.
     struct Now {
-        DeviceGyroscope::State state{};
+        DevicePlant::State state{};
         Reference<double>::State turning{};
         ReferencePoint<double> point{};
         std::int64_t n = 0;
@@ -62,11 +63,12 @@ public:
 
 private:
     void sense() {
-        DeviceGyroscope::sense(now_.state, plant_, draw_(now_.n));
+        DevicePlant::sense(now_.state, plant_, draw_(now_.n));
         now_.point = Reference<double>::update(now_.turning, reference_);
     }
 
-    DeviceGyroscope::Coefficients plant_;
+    std::shared_ptr<AnyPlant> owner_;
+    DevicePlant::Coefficients plant_;
     Reference<double>::Coefficients reference_;
     Shared<CourseWithLists> course_;  // to which they point
     DeviceGyroscope::Draw draw_;
@@ -76,8 +78,8 @@ private:
 // Gyroscopes stepped together, one after another: the environments of a learner.
 class Gyroscopes {
 public:
-    explicit Gyroscopes(const std::vector<DeviceSetup>& setups) {
-        for (const DeviceSetup& s : setups) {
+    explicit Gyroscopes(const std::vector<RunSetup>& setups) {
+        for (const RunSetup& s : setups) {
             all_.emplace_back(s);
         }
     }
@@ -107,7 +109,7 @@ public:
         }
         return rows();
     }
-    void restart(std::size_t place, const DeviceSetup& s) { all_.at(place) = Tracked(s); }
+    void restart(std::size_t place, const RunSetup& s) { all_.at(place) = Tracked(s); }
 
     nb::bytes state() const {
         std::vector<unsigned char> bytes(all_.size() * Kept::size);
@@ -141,7 +143,7 @@ private:
 
 void bind_gyroscopes(nb::module_& m) {
     nb::class_<Gyroscopes>(m, "Gyroscopes")
-        .def(nb::init<const std::vector<DeviceSetup>&>(), nb::arg("setups"))
+        .def(nb::init<const std::vector<RunSetup>&>(), nb::arg("setups"))
         .def("rows", &Gyroscopes::rows)
         .def("step", &Gyroscopes::step, nb::arg("actions"), nb::arg("acted"), nb::arg("limit"))
         .def("restart", &Gyroscopes::restart, nb::arg("place"), nb::arg("setup"))

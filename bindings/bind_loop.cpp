@@ -1,12 +1,14 @@
 #include "arrays.hpp"
 #include "bindings.hpp"
+#include "run_setup.hpp"
 
 #include "fracgyro/control/table_spline.hpp"
-#include "fracgyro/sim/device_loop.hpp"
 #include "fracgyro/sim/settings.hpp"
+#include "fracgyro/sim/user_plant.hpp"
 
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/pair.h>
+#include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/vector.h>
 
 namespace fracgyro::bindings {
@@ -118,14 +120,14 @@ void bind_loop(nb::module_& m) {
         .def(
             "set_terms", [](Setup& s, const std::vector<double>& numbers) { take_terms(s.disturbance, numbers); },
             nb::arg("numbers"), "The terms of the disturbance, as take_terms in settings.hpp reads them.");
-    nb::class_<DeviceSetup, Setup>(m, "DeviceSetup")
+    nb::class_<RunSetup, Setup>(m, "DeviceSetup")
         .def(
             "__init__",
-            [](DeviceSetup* setup, std::size_t kind, const std::vector<double>& settings) {
+            [](RunSetup* setup, std::size_t kind, const std::vector<double>& settings) {
                 if (kind >= controller_kinds.size()) {
                     throw nb::value_error("no controller is of that kind");
                 }
-                new (setup) DeviceSetup{};
+                new (setup) RunSetup{};
                 setup->controller = params_of_kind(kind);
                 if (settings.size() != setting_count(*setup)) {
                     throw nb::value_error("there must be one number for each field of the kind");
@@ -133,17 +135,17 @@ void bind_loop(nb::module_& m) {
                 take_settings(*setup, settings.data());
             },
             nb::arg("kind"), nb::arg("settings"), "The kind's place in controller_kinds; numbers in its fields' order.")
-        .def(nb::init<const DeviceSetup&>())
+        .def(nb::init<const RunSetup&>())
         .def(
             "set_reference",
-            [](DeviceSetup& s, const Lists& lists) {
+            [](RunSetup& s, const Lists& lists) {
                 s.lists = lists;
                 prepare_reference(s);
             },
             nb::arg("lists"))
         .def(
             "set_device",
-            [](DeviceSetup& s, const std::vector<double>& settings, const Points& rate, const Points& temperature,
+            [](RunSetup& s, const std::vector<double>& settings, const Points& rate, const Points& temperature,
                std::uint64_t seed) {
                 if (settings.size() != device_setting_count()) {
                     throw nb::value_error("there must be one number for each of device_fields");
@@ -155,7 +157,23 @@ void bind_loop(nb::module_& m) {
             },
             nb::arg("settings"), nb::arg("rate"), nb::arg("temperature"), nb::arg("seed"),
             "Numbers of the rate and the device in the order of device_fields; times, in steps, and values of the rate "
-            "and of the change of temperature; the seed of the rate.");
+            "and of the change of temperature; the seed of the rate.")
+        .def(
+            "set_plant",
+            [](RunSetup& s, std::size_t kind, const std::vector<double>& values) {
+                if (kind >= plant_count || values.size() != own_number_count(kind)) {
+                    throw nb::value_error("there must be one number for each of fields_of_plant");
+                }
+                s.set_model(make_plant(kind, s.plant, s.common.step, values));
+            },
+            nb::arg("kind"), nb::arg("values"), "Its place in plant_kinds, its own numbers as in fields_of_plant.")
+        .def(
+            "set_user_plant",
+            [](RunSetup& s, std::shared_ptr<UserPlant> plant, const Units& units) {
+                plant->begin(units, s);
+                s.set_model(std::move(plant));
+            },
+            nb::arg("plant"), nb::arg("units"));
 }
 
 }  // namespace fracgyro::bindings

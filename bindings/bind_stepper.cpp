@@ -2,6 +2,7 @@
 #include "bindings.hpp"
 #include "controllers.hpp"
 #include "numbers.hpp"
+#include "run_setup.hpp"
 
 #include "fracgyro/sim/running_loop.hpp"
 
@@ -25,13 +26,14 @@ PyTypeObject* motion_type() {
     return type;
 }
 
-// The gyroscope and its device, one sample at a time.
+// The gyroscope or another plant, and its device, one sample at a time.
 class GyroscopeHolder {
 public:
-    GyroscopeHolder(const DeviceSetup& s, const Units& units)
-        : coefficients_(DeviceGyroscope::prepare(s)),
+    GyroscopeHolder(const RunSetup& s, const Units& units)
+        : owner_(s.owner),
+          coefficients_(DevicePlant::prepare(s)),
           draw_(s),
-          now_{.state = DeviceGyroscope::start(s)},
+          now_{.state = DevicePlant::start(s)},
           units_(units),
           step_(s.common.step),
           senses_velocity_(!(s.common.observer_bandwidth > 0.0)) {
@@ -63,8 +65,11 @@ public:
         if (!bounded(now_.state.motion)) {
             throw nb::value_error("the motion has diverged: the plant cannot continue");
         }
-        DeviceGyroscope::act(now_.state, coefficients_, {asked.x() / units_.force, asked.y() / units_.force}, now_.n);
-        DeviceGyroscope::step(now_.state, coefficients_, now_.n);
+        DevicePlant::act(now_.state, coefficients_, {asked.x() / units_.force, asked.y() / units_.force}, now_.n);
+        DevicePlant::step(now_.state, coefficients_, now_.n);
+        if (owner_ != nullptr) {
+            owner_->check();
+        }
         ++now_.n;
         sense();
         return motion();
@@ -85,14 +90,15 @@ public:
 
 private:
     struct Now {
-        DeviceGyroscope::State state{};
+        DevicePlant::State state{};
         std::int64_t n = 0;  // the sample
     };
 
     double time() const { return static_cast<double>(now_.n) * step_ * units_.time; }
-    void sense() { DeviceGyroscope::sense(now_.state, coefficients_, draw_(now_.n)); }
+    void sense() { DevicePlant::sense(now_.state, coefficients_, draw_(now_.n)); }
 
-    DeviceGyroscope::Coefficients coefficients_;
+    std::shared_ptr<AnyPlant> owner_;
+    DevicePlant::Coefficients coefficients_;
     DeviceGyroscope::Draw draw_;
     Now now_;
     Units units_;
@@ -103,8 +109,8 @@ private:
 // A closed loop run in parts, with its controller or a user's.
 class LoopHolder {
 public:
-    explicit LoopHolder(const DeviceSetup& s) : own_(make_double(s)), loop_(new RunningLoop(s, *own_)) {}
-    LoopHolder(const DeviceSetup& s, UserController* user, const Units& units) : user_(user) {
+    explicit LoopHolder(const RunSetup& s) : owner_(s.owner), own_(make_double(s)), loop_(new RunningLoop(s, *own_)) {}
+    LoopHolder(const RunSetup& s, UserController* user, const Units& units) : owner_(s.owner), user_(user) {
         user->begin(units, s.common);
         loop_ = std::make_unique<RunningLoop>(s, *user, false);
     }
@@ -125,6 +131,9 @@ public:
         if (user_ != nullptr) {
             user_->check();
         }
+        if (owner_ != nullptr) {
+            owner_->check();
+        }
         rows.resize(width * count);
         return nb::cast(owned_rows<2>(std::move(rows), {count, width}));
     }
@@ -140,9 +149,16 @@ public:
         }
     }
     // Sets other numbers from the next sample on. True if possible: the controller is the same, with the same memory.
-    bool set(const DeviceSetup& other) { return loop_->set(other); }
+    bool set(const RunSetup& other) {
+        const bool can = loop_->set(other);
+        if (can) {
+            owner_ = other.owner;
+        }
+        return can;
+    }
 
 private:
+    std::shared_ptr<AnyPlant> owner_;
     std::unique_ptr<AnyController<double>> own_;
     UserController* user_ = nullptr;
     std::unique_ptr<RunningLoop> loop_;
@@ -153,13 +169,13 @@ private:
 void bind_stepper(nb::module_& m) {
     m.attr("Motion") = nb::borrow(reinterpret_cast<PyObject*>(motion_type()));
     nb::class_<GyroscopeHolder>(m, "Gyroscope")
-        .def(nb::init<const DeviceSetup&, const Units&>(), nb::arg("setup"), nb::arg("units"))
+        .def(nb::init<const RunSetup&, const Units&>(), nb::arg("setup"), nb::arg("units"))
         .def_prop_ro("motion", &GyroscopeHolder::motion)
         .def("step", &GyroscopeHolder::step, nb::arg("force").none())
         .def_prop_rw("state", &GyroscopeHolder::state, &GyroscopeHolder::restore);
     nb::class_<LoopHolder>(m, "Loop")
-        .def(nb::init<const DeviceSetup&>(), nb::arg("setup"))
-        .def(nb::init<const DeviceSetup&, UserController*, const Units&>(), nb::arg("setup"), nb::arg("user"),
+        .def(nb::init<const RunSetup&>(), nb::arg("setup"))
+        .def(nb::init<const RunSetup&, UserController*, const Units&>(), nb::arg("setup"), nb::arg("user"),
              nb::arg("units"), nb::keep_alive<1, 3>())
         .def("run", &LoopHolder::run, nb::arg("samples"), nb::arg("device"))
         .def("set", &LoopHolder::set, nb::arg("setup"))

@@ -1,3 +1,4 @@
+#include "any_numbers.hpp"
 #include "arrays.hpp"
 #include "bindings.hpp"
 #include "numbers.hpp"
@@ -71,68 +72,11 @@ PyTypeObject* sample_type() {
     return type;
 }
 
-// Any finite or other number, of any type; false with no Python error for anything else, arrays included.
-bool take_number(PyObject* from, double& to) {
-    if (PyBool_Check(from) || !PyNumber_Check(from) || is_array(from)) {
-        return false;
-    }
-    to = PyFloat_AsDouble(from);
-    if (to == -1.0 && PyErr_Occurred() != nullptr) {
-        PyErr_Clear();
-        return false;
-    }
-    return true;
-}
-// Two numbers of a sequence.
-bool take_items(PyObject* from, Vec2<double>& to) {
-    if (!PySequence_Check(from)) {
-        return false;
-    }
-    nb::object items = nb::steal(PySequence_Fast(from, ""));
-    if (!items.is_valid()) {
-        PyErr_Clear();
-        return false;
-    }
-    PyObject** const item = PySequence_Fast_ITEMS(items.ptr());
-    double x = 0.0, y = 0.0;
-    const bool taken = PySequence_Fast_GET_SIZE(items.ptr()) == 2 && take_number(item[0], x) && take_number(item[1], y);
-    to = {x, y};
-    return taken;
-}
-// Numbers of nested lists; false if there are more than two, or anything else.
-bool gather(PyObject* from, std::array<double, 2>& to, std::size_t& count) {
-    if (!PyList_CheckExact(from)) {
-        return count < to.size() && take_number(from, to[count++]);
-    }
-    for (Py_ssize_t i = 0; i < PyList_GET_SIZE(from); ++i) {
-        if (!gather(PyList_GET_ITEM(from, i), to, count)) {
-            return false;
-        }
-    }
-    return true;
-}
-// Two numbers in any shape: a column, a matrix, a tensor. The mask of an array becomes None.
-bool take_shaped(PyObject* from, Vec2<double>& to) {
-    static PyObject* const shaped = nb::object(nb::module_::import_("numpy.ma").attr("asarray")).release().ptr();
-    const nb::object array = nb::steal(PyObject_CallOneArg(shaped, from));
-    const nb::object list = array.is_valid() ? nb::steal(PyObject_CallMethod(array.ptr(), "tolist", nullptr)) : array;
-    if (!list.is_valid()) {
-        PyErr_Clear();
-        return false;
-    }
-    std::array<double, 2> numbers{};
-    std::size_t count = 0;
-    const bool taken = gather(list.ptr(), numbers, count) && count == numbers.size();
-    to = {numbers[0], numbers[1]};
-    return taken;
-}
 bool take_pair(PyObject* from, Vec2<double>& to) {
-    if (PyTuple_CheckExact(from) && PyTuple_GET_SIZE(from) == 2 && PyFloat_CheckExact(PyTuple_GET_ITEM(from, 0)) &&
-        PyFloat_CheckExact(PyTuple_GET_ITEM(from, 1))) {
-        to = {PyFloat_AS_DOUBLE(PyTuple_GET_ITEM(from, 0)), PyFloat_AS_DOUBLE(PyTuple_GET_ITEM(from, 1))};
-        return true;
-    }
-    return take_items(from, to) || take_shaped(from, to);
+    std::array<double, 2> both{};
+    const bool taken = take_any(from, both);
+    to = {both[0], both[1]};
+    return taken;
 }
 
 // A Python callable as a controller. Its caller holds the GIL.
@@ -222,12 +166,7 @@ private:
         nb::raise_python_error();
     }
     [[noreturn]] void refuse(const char* what, const nb::object& returned, const char* wanted) {
-        std::array<char, 32> time{};
-        std::snprintf(time.data(), time.size(), "%.9g", time_);
-        const nb::object words = nb::str(nb::repr(returned)).attr("split")();  // an array may have several lines
-        const nb::object line = nb::str(" ").attr("join")(words);
-        PyErr_Format(PyExc_ValueError, "%s %.80U at t = %s: it must return %s", what, line.ptr(), time.data(), wanted);
-        nb::raise_python_error();
+        raise_refusal(what, returned, time_, wanted);
     }
     void name(const nb::object& found) {
         PyObject *key = nullptr, *value = nullptr;

@@ -19,6 +19,7 @@ void bind_disturbance(nanobind::module_& m);
 void bind_firmware(nanobind::module_& m);
 void bind_gyroscopes(nanobind::module_& m);
 void bind_user_controller(nanobind::module_& m);
+void bind_user_plant(nanobind::module_& m);
 void bind_stepper(nanobind::module_& m);
 
 // The fastest one on this processor.

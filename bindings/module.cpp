@@ -17,8 +17,9 @@ NB_MODULE(_core, m) {
     fracgyro::bindings::bind_fractional(m);
     fracgyro::bindings::bind_disturbance(m);
     fracgyro::bindings::bind_controller(m);
-    fracgyro::bindings::bind_loop(m);
     fracgyro::bindings::bind_user_controller(m);
+    fracgyro::bindings::bind_user_plant(m);
+    fracgyro::bindings::bind_loop(m);
     fracgyro::bindings::bind_stepper(m);
     fracgyro::bindings::bind_gyroscopes(m);
     fracgyro::bindings::bind_settings(m);

@@ -34,14 +34,21 @@ _core.sampled_operator:
 _core.kernel$:
     def kernel(times: NDArray[Any], order: float) -> NDArray[numpy.float64]: ...
 
-_core.(controller_kinds|controller_meanings):
+_core.(controller_kinds|controller_meanings|plant_kinds|plant_meanings):
     \1: list[str]
+
+_core.plant_takes_rate:
+    plant_takes_rate: list[bool]
 
 _core.(loop_channels|device_channels|metrics):
     \1: tuple[tuple[str, int, str, str, str, bool], ...]
 
 _core.fields_of_kind:
     def fields_of_kind(kind: int) -> list[dict[str, Any]]:
+        \doc
+
+_core.fields_of_plant:
+    def fields_of_plant(kind: int) -> list[dict[str, Any]]:
         \doc
 
 _core.device_fields:
@@ -57,6 +64,10 @@ _core.reports_of_kind:
         \doc
 
 _core.PythonController.failed_at:
+    @property
+    def failed_at(self) -> float | None: ...
+
+_core.PythonPlant.failed_at:
     @property
     def failed_at(self) -> float | None: ...
 

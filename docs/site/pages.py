@@ -29,6 +29,7 @@ PAGES = {
     "how-to/runs": "docs/usage.md",
     "how-to/units": "docs/units.md",
     "how-to/controllers": "docs/controllers.md",
+    "how-to/plants": "docs/plants.md",
     "how-to/studies": "docs/studies.md",
     "how-to/cluster": "docs/cluster.md",
     "how-to/record": "docs/record.md",

@@ -24,7 +24,7 @@ constexpr std::size_t most_settings = []<std::size_t... I>(std::index_sequence<I
     return std::max({count({.controller = ControllerParams(std::in_place_index<I>)})...});
 }(std::make_index_sequence<controller_kinds.size()>{});
 
-[[clang::no_destroy]] constinit DeviceSetup setup;
+[[clang::no_destroy]] constinit PlantSetup setup;
 std::array<double, most_settings> values;  // those of the kind, in the order of settings.hpp
 KernelDesign kernel_design;                // room to design the exponentials in
 

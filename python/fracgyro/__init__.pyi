@@ -23,6 +23,7 @@ from .simulation.simulate import DivergedError as DivergedError
 from .simulation.simulate import simulate as simulate
 from .simulation.simulate import simulate_many as simulate_many
 from .simulation.user_controller import ControllerError as ControllerError
+from .simulation.user_plant import PlantError as PlantError
 from .study.json_schema import schema as schema
 
 __version__: str

@@ -421,7 +421,7 @@ TEST(DeviceLoop, OfAnIdealDeviceItsSamplesAreThoseOfTheLoop) {
     record<double>(setup, 1, wanted.data());
     double* next = got.data();
     const auto controller = make_controller<double>(setup.controller, setup.common);
-    record_any(setup, *controller, 1, true, &fill_noise<word_bytes>,
+    record_any(PlantSetup{setup}, *controller, 1, true, &fill_noise<word_bytes>,
                [&](std::size_t row) { return std::exchange(next, next + row); });
     for (std::size_t n = 0; n <= 2'000; ++n) {
         for (std::size_t k = 0; k < width; ++k) {
@@ -519,8 +519,8 @@ TEST(Observing, ItsGuardHoldsTheForceThroughBadSamplesAndGoesOn) {
 
 // -- A loop that is held on to ----------------------------------------------------------------------------------------
 
-DeviceSetup held_setup() {
-    DeviceSetup setup;
+PlantSetup held_setup() {
+    PlantSetup setup;
     static_cast<Setup&>(setup) = paper(1'000);
     return setup;
 }
@@ -528,7 +528,7 @@ struct WithController {
     std::unique_ptr<AnyController<double>> own;
 };
 struct Held : WithController, RunningLoop {
-    explicit Held(const DeviceSetup& setup)
+    explicit Held(const PlantSetup& setup)
         : WithController{make_controller<double>(setup.controller, setup.common)}, RunningLoop(setup, *own) {}
 };
 
@@ -549,16 +549,16 @@ TEST(RunningLoop, AKickChangesTheVelocityOfTheComingSampleAndNotItsPosition) {
 
 TEST(RunningLoop, WhatIsSetActsFromTheComingSampleOnAndAnotherControllerIsRefused) {
     Held one(held_setup()), other(held_setup());
-    DeviceSetup faster = held_setup();
+    PlantSetup faster = held_setup();
     faster.plant.rate = 0.3;
     motion_after(one, 100), motion_after(other, 100);
     ASSERT_TRUE(one.set(faster));
     EXPECT_EQ(motion_after(one, 1).velocity, motion_after(other, 1).velocity);
     EXPECT_NE(motion_after(one, 1).velocity, motion_after(other, 1).velocity);
-    DeviceSetup composite = held_setup();
+    PlantSetup composite = held_setup();
     law(composite).adaptation.kind = AdaptationKind::composite;
     EXPECT_FALSE(one.set(composite));
-    DeviceSetup shorter = held_setup();
+    PlantSetup shorter = held_setup();
     *kernel_of(shorter.controller) = log_trapezoid(0.9, 2e-3, 1.0);
     EXPECT_FALSE(one.set(shorter)) << "its memory would be another";
     EXPECT_EQ(one.setup().plant.rate, 0.3);
@@ -566,7 +566,7 @@ TEST(RunningLoop, WhatIsSetActsFromTheComingSampleOnAndAnotherControllerIsRefuse
 
 TEST(RunningLoop, ADisturbanceThatIsSetActsFromTheComingSampleOn) {
     Held one(held_setup()), other(held_setup());
-    DeviceSetup pushed = held_setup();
+    PlantSetup pushed = held_setup();
     pushed.disturbance = {
         .kind = DisturbanceKind::sine, .amplitude = {0.0, 50.0}, .frequency = {0.0, 1.0}, .phase = {0.0, 1.5}};
     motion_after(one, 100), motion_after(other, 100);

@@ -1,7 +1,10 @@
+#include "paper.hpp"
 #include "scalars.hpp"
 
 #include "fracgyro/plant/disturbance.hpp"
-#include "fracgyro/plant/gyroscope.hpp"
+#include "fracgyro/plant/plants.hpp"
+#include "fracgyro/sim/any_run.hpp"
+#include "fracgyro/sim/user_plant.hpp"
 
 #include <cmath>
 #include <numbers>
@@ -183,6 +186,183 @@ TEST(Tones, HaveTheSameBitsWhicheverPartIsDrawn) {
     for (std::size_t n = 0; n < whole.size(); ++n) {
         EXPECT_EQ(whole[n].x(), parts[n].x());
         EXPECT_EQ(whole[n].y(), parts[n].y());
+    }
+}
+
+// -- Other plants -----------------------------------------------------------------------------------------------------
+
+static_assert(Plant<Gyroscope<double>> && Plant<Gyroscope<float>, float> && Plant<Resonator> && Plant<Duffing>);
+static_assert(TakesRate<Duffing> && !TakesRate<Resonator>);
+static_assert(!Plant<Disturbance> && !Plant<VaryingGyroscope>);
+
+TEST(Registry, HasThePlantsByNameAndTheGyroscopeFirst) {
+    std::vector<std::string_view> names;
+    for_each_plant([&]<class Entry>(std::size_t kind) {
+        EXPECT_EQ(kind, names.size());
+        names.push_back(Entry::kind);
+    });
+    EXPECT_EQ(names, (std::vector<std::string_view>{"gyroscope", "resonator", "duffing"}));
+    EXPECT_EQ(make_plant(0, {}, 1e-3, {}), nullptr);
+    EXPECT_EQ(own_number_count(0), 0U);
+    EXPECT_EQ(own_number_count(1), 0U);
+    EXPECT_EQ(own_number_count(2), 3U);
+}
+
+TEST(Resonator, DecaysAsItsFormula) {
+    // x'' + 2 x' + 26 x = 26: x = 1 + e^-t (A cos 5t + B sin 5t), with A = 1 and B = 0.6 for x = 2, x' = 2.
+    const GyroscopeParams linear{.damping = {2.0, 9.0, 9.0},
+                                 .stiffness = {20.0, 9.0, 90.0},
+                                 .stiffness_deviation = {6.0, 0.0, 0.0},
+                                 .rate = 3.0,
+                                 .initial_position = {2.0, 7.0},
+                                 .initial_velocity = {2.0, 7.0}};
+    const auto plant = make_plant(1, linear, 0.25, {});
+    PlantState state = plant->start();
+    for (int n = 1; n <= 20; ++n) {
+        plant->step(state, {.control = {20.0, 1e3}, .disturbance = {6.0, -1e3}});
+        const double t = 0.25 * n, decay = std::exp(-t), c = std::cos(5.0 * t), s = std::sin(5.0 * t);
+        const Motion<double> motion = plant->motion(state);
+        expect_near(motion.position, {1.0 + decay * (c + 0.6 * s), 0.0}, 1e-12);
+        expect_near(motion.velocity, {decay * (2.0 * c - 5.6 * s), 0.0}, 1e-12);
+    }
+}
+
+// Springs that harden on x and soften on y, coupled; turning.
+constexpr std::array<double, 3> kappas{8.0, -2.0, 5.0};
+GyroscopeParams springs() {
+    return {.stiffness = {4.0, 1.0, 9.0}, .rate = 0.7, .initial_position = {0.6, -0.4}, .initial_velocity = {1.0, 0.5}};
+}
+Motion<double> after(AnyPlant& plant, int steps, const RateCourse& rate) {
+    PlantState state = plant.start();
+    for (int n = 0; n < steps; ++n) {
+        plant.step(state, {.sample = n, .rate = rate});
+    }
+    return plant.motion(state);
+}
+
+TEST(Duffing, KeepsItsEnergyWithoutDamping) {
+    const auto energy = [](const Motion<double>& m) {
+        const double x = m.position.x(), y = m.position.y();
+        const double potential = kappas[0] / 4 * x * x * x * x + kappas[1] / 4 * y * y * y * y +
+                                 kappas[2] / 2 * x * x * y * y + dot(m.position, springs().stiffness * m.position) / 2;
+        return potential + squared_norm(m.velocity) / 2;
+    };
+    const auto plant = make_plant(2, springs(), 1e-2, kappas);
+    const double first = energy(plant->motion(plant->start()));
+    EXPECT_GT(first, 1.0);
+    for (const int steps : {1, 10, 1000}) {
+        EXPECT_NEAR(energy(after(*plant, steps, {0.7, 0.7, 0.7})), first, 1e-6);
+    }
+}
+
+TEST(Duffing, ErrorsShrinkWithTheFourthPowerOfTheStep) {
+    const auto end = [](int steps) {
+        return after(*make_plant(2, springs(), 2.0 / steps, kappas), steps, {0.7, 0.7, 0.7}).position;
+    };
+    const Vec2<double> exact = end(20'000);
+    const double coarse = norm(end(50) - exact), fine = norm(end(100) - exact);
+    EXPECT_GT(coarse, 1e-7);
+    EXPECT_NEAR(coarse / fine, 16.0, 1.5);
+}
+
+TEST(Duffing, FollowsTheRateWithinAStep) {
+    const auto end = [](const RateCourse& rate) {
+        return after(*make_plant(2, springs(), 0.1, kappas), 1, rate).velocity;
+    };
+    const Vec2<double> rising = end({0.6, 0.7, 0.8}), constant = end({0.7, 0.7, 0.7});
+    EXPECT_LT(norm(rising - constant), 0.02);
+    EXPECT_GT(norm(rising - constant), 1e-5);
+}
+
+// All motions of a run.
+std::vector<Motion<double>> motions(const PlantSetup& setup, bool device) {
+    std::vector<Motion<double>> found;
+    const auto controller = make_controller<double>(setup.controller, setup.common);
+    run_any(setup, *controller, device, &fill_noise<word_bytes>, [&](const auto& at) { found.push_back(at.motion); });
+    return found;
+}
+double largest_difference(const std::vector<Motion<double>>& a, const std::vector<Motion<double>>& b) {
+    EXPECT_EQ(a.size(), b.size());
+    double largest = 0.0;
+    for (std::size_t n = 0; n < std::min(a.size(), b.size()); ++n) {
+        largest = std::max({largest, norm(a[n].position - b[n].position), norm(a[n].velocity - b[n].velocity)});
+    }
+    return largest;
+}
+
+PlantSetup run_of(std::int64_t steps) {
+    PlantSetup setup;
+    static_cast<Setup&>(setup) = paper(steps);
+    return setup;
+}
+
+TEST(Loop, WithTheGyroscopeAsAnyPlantHasTheSameBits) {
+    for (const bool device : {false, true}) {
+        PlantSetup setup = run_of(500);
+        setup.device.delay = device ? 1 : 0;
+        const auto plain = motions(setup, device);
+        PlantOf<Gyroscope<double>> plant(setup.plant, setup.common.step);
+        setup.model = &plant;
+        EXPECT_EQ(largest_difference(motions(setup, device), plain), 0.0);
+        EXPECT_EQ(plain.size(), 501U);
+    }
+}
+
+// -- C functions ------------------------------------------------------------------------------------------------------
+
+// The paper's gyroscope; parameters: damping, stiffness.
+void turning(const double* in, const double* s, const double* p, double* out) {
+    out[0] = s[2];
+    out[1] = s[3];
+    out[2] = in[1] - p[0] * s[2] - p[1] * s[3] - p[3] * s[0] - p[4] * s[1] + 2.0 * in[3] * s[3];
+    out[3] = in[2] - p[1] * s[2] - p[2] * s[3] - p[4] * s[0] - p[5] * s[1] - 2.0 * in[3] * s[2];
+}
+std::vector<double> numbers_of(const GyroscopeParams& p) {
+    return {p.damping.xx(), p.damping.xy(), p.damping.yy(), p.stiffness.xx(), p.stiffness.xy(), p.stiffness.yy()};
+}
+constexpr NativePlant::Places in_order{0, 1, 2, 3};
+
+TEST(NativePlant, WithTheEquationsOfTheGyroscopeMovesLikeIt) {
+    for (const bool device : {false, true}) {
+        PlantSetup setup = run_of(1000);
+        if (device) {
+            setup.rate = {.kind = AngularRateKind::sine, .amplitude = 0.3, .frequency = 5.0};
+        }
+        const auto plain = motions(setup, device);
+        NativePlant plant(&turning, numbers_of(setup.plant), 4, in_order, {});
+        plant.begin({}, setup);
+        setup.model = &plant;
+        EXPECT_LT(largest_difference(motions(setup, device), plain), 1e-4);
+        plant.check();
+    }
+}
+
+void beyond(const double*, const double*, const double*, double* out) { out[2] = 1.0; }
+void nothing(const double* in, const double*, const double*, double* out) {
+    out[0] = in[0] < 0.25 ? 0.0 : std::numeric_limits<double>::quiet_NaN();
+    out[1] = 0.0;
+}
+
+TEST(NativePlant, ThatWritesBeyondItsStatesOrReturnsNaNIsRefused) {
+    const PlantSetup setup = run_of(10);
+    NativePlant wrong(&beyond, {}, 2, {0, -1, 1, -1}, {1.0, 2.0});
+    wrong.begin({}, setup);
+    PlantState state = wrong.start();
+    expect_near(wrong.motion(state).velocity, {2.0, 0.0}, 0.0);
+    wrong.step(state, {});
+    EXPECT_THROW(wrong.check(), std::domain_error);
+
+    NativePlant nan(&nothing, {}, 2, {0, -1, 1, -1}, {});
+    nan.begin({}, setup);
+    PlantState at = nan.start();
+    nan.step(at, {.sample = 248});
+    try {
+        nan.step(at, {.sample = 249});
+        ADD_FAILURE();
+    } catch (const std::domain_error& error) {
+        EXPECT_EQ(std::string(error.what()),
+                  "the plant returned [nan, 0] at t = 0.25: it must return 2 finite numbers; it reads NaN beyond its 2 "
+                  "states and 0 parameters");
     }
 }
 

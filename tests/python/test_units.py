@@ -21,7 +21,7 @@ from fracgyro.cli import cli
 from fracgyro.export.units import base_unit
 from fracgyro.scenario.kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, kinds_with, reported_channels
 from fracgyro.scenario.messages import leaves
-from fracgyro.scenario.printing import OWN_LISTS, having
+from fracgyro.scenario.printing import OWN_KINDS, having
 from fracgyro.scenario.scales import Powers, Scales, powers, si_unit
 from fracgyro.scenario.shipped import SHIPPED, shipped
 from fracgyro.scenario.table import toml_value
@@ -229,7 +229,7 @@ def value_at(scenario: fg.Scenario, path: str) -> Any:
 def scenario_with(path: str) -> fg.Scenario:
     """A scenario that has the field."""
     kinds, (table, _, field) = kinds_with(path), path.partition(".")
-    own = having(table, field) if table in OWN_LISTS else ()
+    own = having(table, field) if table in OWN_KINDS else ()
     return SI.replace(({"controller.kind": kinds[0]} if kinds else {}) | NEEDED_BY_KIND.get(own[:1], {}))
 
 

@@ -10,22 +10,12 @@
 #include "fracgyro/controllers/pid.hpp"
 #include "fracgyro/controllers/sliding_mode.hpp"
 #include "fracgyro/controllers/super_twisting.hpp"
+#include "fracgyro/core/entry.hpp"
 #include "fracgyro/hardware/observer.hpp"
 
 #include <variant>
 
 namespace fracgyro {
-
-template <std::size_t Size>
-struct Name {
-    char text[Size]{};
-    consteval Name(const char (&characters)[Size]) {
-        for (std::size_t i = 0; i < Size; ++i) {
-            text[i] = characters[i];
-        }
-    }
-    constexpr std::string_view view() const { return {text, Size - 1}; }
-};
 
 template <class... Controllers>
 struct List {};
@@ -48,12 +38,6 @@ struct SlidingMode {
                        SlidingModeController<T, Surface, CompositeAdaptation>,
                        SlidingModeController<T, Surface, JointAdaptation>>;
     static constexpr std::size_t chosen(const Params& p) { return static_cast<std::size_t>(p.adaptation.runs()); }
-};
-
-template <Name name, class Family, Name what>
-struct Entry {
-    static constexpr std::string_view kind = name.view(), meaning = what.view();
-    using Type = Family;
 };
 
 using Registry = std::tuple<

@@ -40,6 +40,7 @@ struct Gyroscope {
     struct Coefficients {
         std::array<Column, 6> map{};  // columns of x, y, ẋ, ẏ, force x, force y: their effect on x, y, ẋ, ẏ
     };
+    using Params = GyroscopeParams;
     using State = Motion<T>;
 
     static Coefficients prepare(const GyroscopeParams& p, double step) {
@@ -63,6 +64,8 @@ struct Gyroscope {
     static State start(const GyroscopeParams& p) {
         return {.position = cast<T>(p.initial_position), .velocity = cast<T>(p.initial_velocity)};
     }
+
+    static const Motion<T>& motion(const State& state) { return state; }
 
     // Grouped so that the force, which comes last, passes through as few additions as possible.
     static void step(State& state, const Coefficients& c, Vec2<T> control, Vec2<T> disturbance = {}) {

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "fracgyro/core/saved.hpp"
+#include "fracgyro/sim/cpu_dispatch.hpp"
 #include "fracgyro/sim/metrics.hpp"
 
 #include <cstring>
@@ -66,9 +67,11 @@ public:
     }
 
     Signals<T, EmptyReport> step(const Motion<T>& measured, const Sample<T>* missing) override {
-        const auto s = C::step(state_, coefficients_, measured, missing);
-        report_ = s.report;
-        return {.reference = s.reference, .error = s.error, .force = s.force, .excess = s.excess};
+        if constexpr (has_copies<C>) {
+            return stepped_here(measured, missing);
+        } else {
+            return stepped(measured, missing);
+        }
     }
     void start_over(bool keep_estimates) override { C::start_over(state_, keep_estimates); }
     std::uint64_t steps() const override { return C::steps(state_); }
@@ -119,6 +122,16 @@ public:
     }
 
 private:
+    Signals<T, EmptyReport> stepped(const Motion<T>& measured, const Sample<T>* missing) {
+        const auto s = C::step(state_, coefficients_, measured, missing);
+        report_ = s.report;
+        return {.reference = s.reference, .error = s.error, .force = s.force, .excess = s.excess};
+    }
+    // The copy for this processor.
+    FRACGYRO_FOR_EACH_PROCESSOR Signals<T, EmptyReport> stepped_here(const Motion<T>& measured,
+                                                                     const Sample<T>* missing) {
+        return stepped(measured, missing);
+    }
     static double to_double(const T& number) { return static_cast<double>(number); }
 
     typename C::Coefficients coefficients_{};

@@ -1,28 +1,44 @@
-// Whole runs of any controller, on any device: recorded or measured.
+// Whole runs of any controller, with any plant on any device: recorded or measured.
 #pragma once
 
 #include "fracgyro/sim/any_controller.hpp"
-#include "fracgyro/sim/device_loop.hpp"
+#include "fracgyro/sim/any_plant.hpp"
 
 namespace fracgyro {
 
-using ErasedSetup = DeviceSetupOf<ErasedParams<double>>;
+using ErasedSetup = PlantSetupOf<ErasedParams<double>>;
 
 // The run of a setup, with this controller.
-inline ErasedSetup erased_setup(const DeviceSetup& s, AnyController<double>& controller) {
-    return {{{.controller = &controller}, s.common, s.plant, s.disturbance, s.steps}, s.rate, s.device};
+inline ErasedSetup erased_setup(const PlantSetup& s, AnyController<double>& controller) {
+    return {{{{.controller = &controller}, s.common, s.plant, s.disturbance, s.steps}, s.rate, s.device}, s.model};
+}
+
+// Calls observe(DeviceSnapshot) at every sample, like run_loop.
+template <Controller C, class Observe>
+std::int64_t run_plant_loop(const ErasedSetup& setup, Observe&& observe) {
+    using Loop = Stepper<C, DevicePlant>;
+    const auto coefficients = Loop::prepare(setup);
+    auto state = Loop::begin(setup);
+    Loop::run(state, coefficients, setup.steps + 1, DeviceGyroscope::Draw(setup), observe);
+    return state.step;
 }
 
 // Calls observe(DeviceSnapshot) at every sample, or observe(Snapshot) if the loop is the one of an ideal device, which
 // is faster. Returns the number of samples before the motion diverged.
 template <class Observe>
-std::int64_t run_any(const DeviceSetup& setup, AnyController<double>& controller, bool device, FillNoise noise,
+std::int64_t run_any(const PlantSetup& setup, AnyController<double>& controller, bool device, FillNoise noise,
                      Observe&& observe) {
     const ErasedSetup erased = erased_setup(setup, controller);
     std::int64_t samples = 0;
     with_erased(controller, setup.common, [&]<class C>() {
-        samples = device ? run_device_loop<C>(erased, observe)
-                         : run_loop<C>(erased, Disturbance(setup.disturbance, setup.common.step, noise), observe);
+        if (device) {
+            samples = run_plant_loop<C>(erased, observe);
+        } else {
+            Disturbance disturbance(setup.disturbance, setup.common.step, noise);
+            samples = setup.model == nullptr
+                          ? run_loop<C>(erased, disturbance, observe)
+                          : run_loop<C, WithPlant<IdealGyroscope<double>>>(erased, disturbance, observe);
+        }
     });
     return samples;
 }
@@ -44,7 +60,7 @@ void write_any_row(const AtSample& at, AnyController<double>& controller, bool d
 
 // Rows at the samples 0, every, 2·every, … Returns the number of samples before divergence.
 template <class RowOf>
-std::int64_t record_any(const DeviceSetup& setup, AnyController<double>& controller, std::int64_t every, bool device,
+std::int64_t record_any(const PlantSetup& setup, AnyController<double>& controller, std::int64_t every, bool device,
                         FillNoise noise, RowOf&& row_of) {
     std::int64_t until_next = 0;
     return run_any(setup, controller, device, noise, [&](const auto& at) {
@@ -62,7 +78,7 @@ inline Metrics measure_any_ideal(const Setup& setup, AnyController<double>& cont
     Metrics values{};
     with_erased(controller, setup.common, [&]<class C>() {
         values = measure_segments<C>(
-            erased_setup({setup}, controller), params, noise, [&](const auto&) { return controller.common_report(); },
+            erased_setup({{setup}}, controller), params, noise, [&](const auto&) { return controller.common_report(); },
             [&](const auto&, const auto&) { return controller.common_report_between_steps(); });
     });
     return values;
@@ -70,7 +86,7 @@ inline Metrics measure_any_ideal(const Setup& setup, AnyController<double>& cont
 
 // Metrics of one run on any device. Errors of estimates refer to the true values at that sample; the rate has settled
 // within a tolerance of its maximum magnitude.
-inline Metrics measure_any(const DeviceSetup& setup, AnyController<double>& controller, const MetricsParams& params) {
+inline Metrics measure_any(const PlantSetup& setup, AnyController<double>& controller, const MetricsParams& params) {
     const std::int64_t steady_from = first_steady_sample(params, setup);
     const AngularRate rate(setup.rate, setup.plant.rate, setup.common.step, setup.steps);
     double largest = 0.0;
@@ -100,7 +116,7 @@ inline Metrics measure_any(const DeviceSetup& setup, AnyController<double>& cont
     };
     std::int64_t samples = 0;
     const ErasedSetup erased = erased_setup(setup, controller);
-    with_erased(controller, setup.common, [&]<class C>() { samples = run_device_loop<C>(erased, add); });
+    with_erased(controller, setup.common, [&]<class C>() { samples = run_plant_loop<C>(erased, add); });
     return metric_values(params, at_end, totals, last, bound_halfway, samples);
 }
 

@@ -59,8 +59,8 @@ private:
 };
 
 // Means of the rate estimate; throws if the controller estimates none.
-inline std::int64_t rate_means_any(const DeviceSetup& setup, AnyController<double>& controller,
-                                   const RateBlocks& blocks, bool device, FillNoise noise, std::span<double> out) {
+inline std::int64_t rate_means_any(const PlantSetup& setup, AnyController<double>& controller, const RateBlocks& blocks,
+                                   bool device, FillNoise noise, std::span<double> out) {
     if (!controller.estimates_rate()) {
         throw std::invalid_argument("the controller estimates no rate");
     }

@@ -23,12 +23,12 @@ inline bool same_controller(const ControllerParams& a, const ControllerParams& b
 class RunningLoop {
 public:
     // A controller of the setup or, if `same` is false, a user's, which no setup changes.
-    RunningLoop(const DeviceSetup& setup, AnyController<double>& controller, bool same = true)
+    RunningLoop(const PlantSetup& setup, AnyController<double>& controller, bool same = true)
         : setup_(setup), draw_(setup), controller_(&controller), checks_(same), part_(start(setup, controller)) {
         take(setup);
     }
 
-    const DeviceSetup& setup() const { return setup_; }
+    const PlantSetup& setup() const { return setup_; }
     AnyController<double>& controller() const { return *controller_; }
     std::int64_t step() const {  // the coming sample
         return std::visit([](const auto& part) { return part.state.step; }, part_);
@@ -44,7 +44,7 @@ public:
             part_);
     }
     // Sets other numbers from the coming sample on; the estimates stay. Returns true if that is possible.
-    bool set(const DeviceSetup& other) {
+    bool set(const PlantSetup& other) {
         const bool can = !checks_ || same_controller(setup_.controller, other.controller);
         if (can) {
             controller_->set(other.controller, other.common);
@@ -52,7 +52,8 @@ public:
         }
         return can;
     }
-    // Applies an impulse to the mass, just before the coming sample, which adds `velocity` to its velocity.
+    // Applies an impulse to the mass of the gyroscope, just before the coming sample, which adds `velocity` to its
+    // velocity. Other plants have no such function.
     void kick(const Vec2<double>& velocity) {
         std::visit([&](auto& part) { part.state.motion.velocity = part.state.motion.velocity + velocity; }, part_);
     }
@@ -80,7 +81,7 @@ public:
 
 private:
     template <class C>
-    using Loop = Stepper<C, DeviceGyroscope>;
+    using Loop = Stepper<C, DevicePlant>;
     template <class C>
     struct Part {
         using Bytes = SavedErased<typename Loop<C>::Pending, double>;
@@ -91,14 +92,17 @@ private:
     using AnyPart =
         std::variant<Part<Erased<double, true>>, Part<Observing<Erased<double, true>>>, Part<Erased<double, false>>>;
 
-    static AnyPart start(const DeviceSetup& setup, AnyController<double>& controller) {
+    static AnyPart start(const PlantSetup& setup, AnyController<double>& controller) {
         std::optional<AnyPart> part;
-        with_erased(controller, setup.common,
-                    [&]<class C>() { part.emplace(Part<C>{.state = Loop<C>::begin(setup)}); });
+        with_erased(controller, setup.common, [&]<class C>() {
+            Part<C> begun;
+            begun.state = Loop<C>::begin(setup);
+            part.emplace(std::move(begun));
+        });
         return *part;
     }
 
-    void take(const DeviceSetup& setup) {
+    void take(const PlantSetup& setup) {
         setup_ = setup;
         draw_ = DeviceGyroscope::Draw(setup_);
         std::visit(
@@ -106,7 +110,7 @@ private:
             part_);
     }
 
-    DeviceSetup setup_;
+    PlantSetup setup_;
     DeviceGyroscope::Draw draw_;
     AnyController<double>* controller_;
     bool checks_;

@@ -18,7 +18,7 @@ from ..scenario.to_core import check_single, core_numbers, core_setup, is_plain
 from .compilers import SOURCES, Number
 from .course import course
 from .initializers import initializer, list_text
-from .settings import columns
+from .settings import check_gyroscope, columns
 
 # Units in the header, by their names there.
 UNITS = {
@@ -66,6 +66,7 @@ def coefficients_header(scenario: Scenario, number: Number) -> str:
     alignment = 8
     size = -(-_core.state_size(setup, capacity, single) // alignment) * alignment
     values = initializer(_core.coefficients(setup, single), number)
+    check_gyroscope(scenario)
     channels, values_by_name = persistent_channels(setup), core_numbers(scenario)
     stiffness = [values_by_name[f"adaptation.initial_stiffness.{entry}"] for entry in ENTRIES]
     scales = scenario.plant.scales

@@ -12,7 +12,7 @@ from typing import Any
 from .. import _core
 from ..scenario import Scenario, ScenarioError, to_core
 from ..scenario.device import Device, Rate
-from ..scenario.kinds import DEVICE_NUMBERS, Channel, Number, numbers
+from ..scenario.kinds import DEVICE_NUMBERS, PLANT_KINDS, Channel, Number, numbers
 from ..scenario.schema import Plant
 from ..scenario.to_core import core_setup, datasheet, guard, is_ideal
 from .units import scale_and_unit
@@ -37,11 +37,21 @@ def without_plant(scenario: Scenario) -> Scenario:
     """The scenario for the controller only: ideal plant and constant rate, with the same sensors."""
     assumed = {"guard": guard(scenario), "datasheet": datasheet(scenario)}
     device = Device(**{"sensing": scenario.device.sensing})
-    return scenario.model_copy(update={"rate": Rate(), "device": device, **assumed})
+    linear = scenario.replace({"plant.kind": PLANT_KINDS[0]})
+    return linear.model_copy(update={"rate": Rate(), "device": device, **assumed})
+
+
+def check_gyroscope(scenario: Scenario) -> None:
+    """Raises ScenarioError for another plant, which targets do not have."""
+    if scenario.plant.kind != PLANT_KINDS[0]:
+        raise ScenarioError(
+            f"plant.kind is {scenario.plant.kind}: it must be {PLANT_KINDS[0]}, the only plant that is exported"
+        )
 
 
 def core_numbers(scenario: Scenario) -> dict[str, float]:
     """All numbers of a run for the core, in its order (include/fracgyro/sim/settings.hpp)."""
+    check_gyroscope(scenario)
     if scenario.disturbance.seed > MAX_EXACT:
         raise ScenarioError(f"disturbance.seed is {scenario.disturbance.seed}: it must be below 2^53 to be exported")
     names = [number.name for number in numbers(scenario.controller.kind)]

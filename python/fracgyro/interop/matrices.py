@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scenario import Scenario, check_scenario
-from ..simulation.plant import Plant
+from .. import _core
+from ..scenario import Scenario, ScenarioError, check_scenario
+from ..scenario.kinds import PLANT_KINDS
+from ..scenario.to_core import core_setup
 
 Matrix = NDArray[np.float64]
 
@@ -18,9 +20,12 @@ def matrices(scenario: Scenario, sampled: bool) -> tuple[Matrix, Matrix, Matrix,
     """A, B, C, D for the states and outputs STATES and the inputs FORCES.
 
     The gyroscope is ideal: no disturbance, no device imperfections, constant rate plant.angular_rate. `sampled`:
-    discrete with run.step and the numbers of the core's step; otherwise continuous.
+    discrete with run.step and the numbers of the core's step; otherwise continuous. Raises ScenarioError if plant.kind
+    is another plant.
     """
     check_scenario(scenario)
+    if scenario.plant.kind != PLANT_KINDS[0]:
+        raise ScenarioError(f"plant.kind is {scenario.plant.kind}: it must be {PLANT_KINDS[0]}, which is linear")
     a, b = _sampled(scenario) if sampled else _continuous(scenario)
     return a, b, np.eye(4), np.zeros((4, 2))
 
@@ -36,20 +41,6 @@ def _continuous(scenario: Scenario) -> tuple[Matrix, Matrix]:
 
 
 def _sampled(scenario: Scenario) -> tuple[Matrix, Matrix]:
-    """Columns are the motion one step after a unit state or force; products with 1 and sums with 0 are exact."""
-    columns = []
-    for x, y, vx, vy, *force in np.eye(6).tolist():
-        run = {"initial_position": (x, y), "initial_velocity": (vx, vy), "units": "nondimensional"}
-        ideal = Scenario.model_validate(
-            {
-                "plant": scenario.plant,
-                "reference": scenario.reference,
-                "controller": {"kind": "pid"},  # unused; needs no kernel design
-                "disturbance": {"kind": "none"},
-                "run": dict(scenario.run) | run,
-            }
-        )
-        motion = Plant(ideal).step(force)
-        columns.append([*motion.position, *motion.velocity])
-    whole = np.array(columns).T
+    linear = scenario.replace({"controller.kind": "pid"})  # unused; needs no kernel design
+    whole = np.array(_core.plant_map(core_setup(linear)))
     return whole[:, :4], whole[:, 4:]

@@ -18,6 +18,8 @@ from .table import as_tuple, choice_pair, field
 KINDS: tuple[str, ...] = tuple(_core.controller_kinds)
 MEANINGS: tuple[str, ...] = tuple(_core.controller_meanings)
 SINE_DRIVES: tuple[str, ...] = tuple(_core.sine_drives)  # kinds that drive x at the frequency of a sine
+PLANT_KINDS: tuple[str, ...] = tuple(_core.plant_kinds)
+PLANT_MEANINGS: tuple[str, ...] = tuple(_core.plant_meanings)
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,12 @@ def numbers(kind: str) -> tuple[Number, ...]:
     return _numbers(_core.fields_of_kind(KINDS.index(kind)))
 
 
+@lru_cache
+def plant_numbers(kind: str) -> tuple[Number, ...]:
+    """The numbers that plants of this kind have of their own, in the core's order."""
+    return _numbers(_core.fields_of_plant(PLANT_KINDS.index(kind)))
+
+
 # Those that a moving rate and a real device add: of the tables rate and device.
 DEVICE_NUMBERS = _numbers(_core.device_fields())
 # Those of a term of the disturbance.
@@ -87,6 +95,12 @@ PARTS = {".x": 0, ".y": 1, ".xx": 0, ".xy": 1, ".yy": 2}
 def own_kinds(table: str) -> dict[str, tuple[str, ...]]:
     """The fields of a table with kinds of its own, such as reference, and the kinds that have each; none: all."""
     return {number.field: number.kinds for number in numbers(KINDS[0]) if number.table == table}
+
+
+@lru_cache
+def plants_with(name: str) -> list[str]:
+    """The kinds of plants that have this field of their own; none: every kind has it, or there is no such field."""
+    return [kind for kind in PLANT_KINDS if any(number.field == name for number in plant_numbers(kind))]
 
 
 @lru_cache
@@ -127,6 +141,17 @@ def si_table_fields(table: str, instead: Mapping[str, Definitions]) -> Definitio
     for name, parts in groupby(listed, lambda number: number.field):
         found |= instead.get(name) or {name: _si_field(list(parts))}
     return found
+
+
+def plant_fields() -> Definitions:
+    """The fields that kinds of plants have of their own, in SI units."""
+    found: dict[str, list[Number]] = {}
+    for kind in PLANT_KINDS:
+        for name, parts in groupby(plant_numbers(kind), lambda number: number.field):
+            listed = list(parts)
+            if found.setdefault(name, listed) != listed:
+                raise ValueError(f"plant.{name} has two meanings among the plants")
+    return {name: _si_field(parts) for name, parts in found.items()}
 
 
 def _si_field(parts: list[Number]) -> tuple[Any, Any]:

@@ -9,7 +9,7 @@ from typing import Any, cast
 from pydantic import BaseModel
 
 from .disturbance import Disturbance
-from .kinds import fields_of, kinds_with, own_kinds
+from .kinds import fields_of, kinds_with, own_kinds, plants_with
 from .motion import REFERENCE_LISTS
 from .quantities import texts_of
 from .table import Table, plain, toml_value
@@ -18,7 +18,7 @@ from .table import Table, plain, toml_value
 BEGIN = "# A fracgyro scenario."
 END = "# End of the scenario."
 BY_KIND = ("controller", "adaptation", "datasheet")  # tables whose fields belong to kinds of controllers
-OWN_LISTS = {"reference": REFERENCE_LISTS}  # of tables whose fields belong to kinds of their own
+OWN_KINDS = ("plant", "reference")  # tables whose fields belong to kinds of their own
 
 
 def scenario_text(scenario: Table, *, texts: bool = True) -> str:
@@ -58,7 +58,7 @@ def fields_shown(scenario: Table) -> dict[str, tuple[str, ...]]:
     kind = tables["controller"].kind
     return {
         name: own_fields(type(scenario), name, table.kinds)
-        if name in OWN_LISTS
+        if name in OWN_KINDS
         else fields_of_table(type(scenario), name, kind)
         for name, table in tables.items()
     }
@@ -66,7 +66,9 @@ def fields_shown(scenario: Table) -> dict[str, tuple[str, ...]]:
 
 def having(table: str, field: str) -> tuple[str, ...]:
     """The kinds of a table with kinds of its own that have a field; none: all."""
-    return (own_kinds(table) | OWN_LISTS[table]).get(field, ())
+    if table == "plant":
+        return tuple(plants_with(field))
+    return (own_kinds(table) | REFERENCE_LISTS).get(field, ())
 
 
 @cache

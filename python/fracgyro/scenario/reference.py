@@ -11,8 +11,17 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from .kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, MEANINGS, Channel, kinds_with, numbers, reported_channels
-from .printing import OWN_LISTS, having
+from .kinds import (
+    DEVICE_CHANNELS,
+    KINDS,
+    LOOP_CHANNELS,
+    MEANINGS,
+    Channel,
+    kinds_with,
+    numbers,
+    reported_channels,
+)
+from .printing import OWN_KINDS, having
 from .scenario import Scenario
 from .table import Table, toml_value
 from .to_core import core_setup
@@ -60,7 +69,7 @@ def fields_of_kind(kind: str) -> Iterator[Sequence[str]]:
 
 def _having(table: str, field: str) -> tuple[str, ...]:
     """The kinds of controllers, or of the table, that have the field; none: it does not depend on the kind."""
-    if table in OWN_LISTS:
+    if table in OWN_KINDS:
         return having(table, field)
     kinds = tuple(kinds_with(f"{table}.{field}"))
     return () if len(kinds) == len(KINDS) else kinds

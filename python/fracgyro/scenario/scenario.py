@@ -22,7 +22,8 @@ from .disturbance import NEEDS, Disturbance, named_entries
 from .kinds import KINDS, SINE_DRIVES, kinds_with
 from .messages import ScenarioError, paths, scenario_error, unknown
 from .motion import Reference
-from .printing import BEGIN, BY_KIND, END, OWN_LISTS, fields_of_table, fields_shown, having, own_fields, scenario_text
+from .plants import Constraints, check_kind, constraints
+from .printing import BEGIN, BY_KIND, END, OWN_KINDS, fields_of_table, fields_shown, having, own_fields, scenario_text
 from .quantities import in_si, with_numbers
 from .sampled import Function, points_of
 from .schema import (
@@ -90,6 +91,7 @@ class Scenario(Table):
         self._check_rate()
         self._check_noise_corners()
         self._check_drift()
+        check_kind(self.plant, self.rate, self.device)
         self._check_kind()
         self._check_reference()
         self._check_estimates()
@@ -282,9 +284,10 @@ class Scenario(Table):
         for name in BY_KIND:  # fields that the other kind does not have are dropped
             known = fields_of_table(Scenario, name, kind) if kind in KINDS else tables[name]
             tables[name] = {field: value for field, value in tables[name].items() if field in known}
-        for name in OWN_LISTS:
+        for name in OWN_KINDS:
             of = changes.get(f"{name}.kind", tables[name]["kind"])
-            known = own_fields(Scenario, name, tuple(of) if isinstance(of, list | tuple) else (of,))
+            kinds = tuple(map(str, of)) if isinstance(of, list | tuple) else (str(of),)
+            known = own_fields(Scenario, name, kinds)
             tables[name] = {field: value for field, value in tables[name].items() if field in known}
         if "disturbance.kind" in changes:
             for kind, field in NEEDS.items():
@@ -328,6 +331,15 @@ class Scenario(Table):
         True
         """
         return self.replace(in_si(self, fields_shown(self)))
+
+    def constraints(self) -> Constraints:
+        """The limits of force, motion and angular rate, in the units of `run.units`; infinite for no limit.
+
+        >>> fg.Scenario.paper().constraints().angular_rate
+        0.1
+        """
+        si = self.run.units == "SI"
+        return constraints(self.plant, self.rate, self.device, self.controller.force_limit, si)
 
     def content_hash(self) -> str:
         """SHA-256 of `to_toml` with plain numbers, in hexadecimal: equal for equal scenarios.

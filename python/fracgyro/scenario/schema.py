@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self
 import numpy as np
 from pydantic import create_model, model_validator
 
-from .kinds import KINDS, MEANINGS, table_fields
+from .kinds import KINDS, MEANINGS, PLANT_KINDS, PLANT_MEANINGS, plant_fields, plants_with, table_fields
 from .scales import Scales
 from .table import MAX_STEPS, ZERO, Pair, Symmetric, Table, Vector, field, message_error, toml_value
 
@@ -35,8 +35,25 @@ ERRATA_SWITCHES = {
 }
 
 
-class Plant(Table):
-    """The gyroscope, eqs (1), (2), (9) and (47); SI units."""
+if TYPE_CHECKING:
+
+    class _Plant(Table):
+        kind: str = PLANT_KINDS[0]
+
+        def __getattr__(self, name: str) -> Any: ...
+
+else:
+    PLANTS = [f"{kind}: {meaning}" for kind, meaning in zip(PLANT_KINDS, PLANT_MEANINGS, strict=True)]
+    _Plant = create_model(
+        "_Plant",
+        __base__=Table,
+        kind=(Literal[PLANT_KINDS], field(PLANT_KINDS[0], "; ".join(PLANTS) + ".")),
+        **plant_fields(),
+    )
+
+
+class Plant(_Plant):
+    """The gyroscope, eqs (1), (2), (9) and (47), or another plant; SI units."""
 
     mass: float = field(1.8e-7, "m, kg: proof mass.", gt=0, unit="kg")
     damping: Symmetric = field(
@@ -73,6 +90,10 @@ class Plant(Table):
     )
 
     @property
+    def kinds(self) -> tuple[str, ...]:
+        return (str(self.kind),)
+
+    @property
     def scales(self) -> Scales:
         return Scales(self.mass, self.reference_length, self.reference_frequency)
 
@@ -96,6 +117,13 @@ class Plant(Table):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
+        for name, info in type(self).model_fields.items():
+            kinds, value = plants_with(name), getattr(self, name)
+            if kinds and self.kind not in kinds and value != info.default:
+                raise message_error(
+                    f"plant.{name} is {toml_value(value)}: it must be left out, as plant.kind "
+                    f"{self.kind} has no such field; it is one of {', '.join(kinds)}"
+                )
         _check_definite("plant.damping", self.damping, semi=True, unit="N s/m")
         _check_definite("plant.stiffness", self.stiffness)
         effective = self.effective_stiffness()

@@ -14,7 +14,7 @@ import numpy as np
 from .. import _core
 from ..fractional.kernel import core_kernel
 from .device import Device
-from .kinds import DEVICE_NUMBERS, KINDS, core_values, numbers
+from .kinds import DEVICE_NUMBERS, KINDS, PLANT_KINDS, core_values, numbers, plant_numbers
 from .motion import Reference
 from .points import Points
 from .scenario import Scenario
@@ -215,6 +215,15 @@ def _plant(scenario: Scenario) -> dict[str, Any]:
     return dict(zip(names, scenario.plant.nondimensional(), strict=True))
 
 
+def own_plant_numbers(scenario: Scenario) -> dict[str, float]:
+    """Every number that a plant of this kind has of its own, nondimensional."""
+    plant = scenario.plant
+    own = plant_numbers(plant.kind)
+    scales = {number.field: plant.scales.of(number.unit) for number in own}
+    values = {name: np.divide(getattr(plant, name), scale).tolist() for name, scale in scales.items()}
+    return core_values(own, {"plant": values})
+
+
 def is_ideal(scenario: Scenario) -> bool:
     """True if the rate is constant and the device ideal."""
     return scenario.rate.kind == "constant" and scenario.device == Device()
@@ -341,6 +350,8 @@ def _made(scenario: Scenario, changes: Mapping[str, float]) -> _core.DeviceSetup
         setup.observer_bandwidth = scenario.controller.observer_bandwidth
     if not is_ideal(scenario):
         setup.set_device(list(device_numbers(scenario, values).values()), *profiles(scenario), scenario.rate.seed)
+    if scenario.plant.kind != PLANT_KINDS[0]:
+        setup.set_plant(PLANT_KINDS.index(scenario.plant.kind), list(own_plant_numbers(scenario).values()))
     return setup
 
 

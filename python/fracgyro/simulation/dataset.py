@@ -19,6 +19,7 @@ from ..scenario import Scenario
 from ..scenario.kinds import AXES, METRICS, WINDOWS, Channel
 from ..scenario.scales import si_unit
 from .user_controller import UserController
+from .user_plant import UserPlant
 
 VERSION = version("fracgyro")
 MAX_CACHED = 10**6  # samples of a run whose coordinates are kept for the next one
@@ -34,6 +35,7 @@ def dataset(
     channels: tuple[Channel, ...],
     user: UserController | None = None,
     *,
+    plant: UserPlant | None = None,
     first: int = 0,
     every: int | None = None,
 ) -> xr.Dataset:
@@ -63,6 +65,7 @@ def dataset(
         "version": VERSION,
         "units": scenario.run.units,
         **({"controller": user.name} if user else {}),
+        **({"plant": plant.name} if plant else {}),
     }
     return run
 

@@ -16,6 +16,7 @@ from .dataset import metrics_dataset
 from .many import check_many, seed_of_each, setups_of, threads_available
 from .native import Law
 from .user_controller import ControllerLike, UserController
+from .user_plant import PlantLike, UserPlant, put_into, running
 
 # Runs between two checks for interrupts and progress: by their steps, and at most.
 CHUNK, CHUNK_STEPS, CHUNK_RUNS = 32, 20_000_000, 4096
@@ -28,6 +29,7 @@ def measure_many(
     *,
     seeds: Sequence[int] | None = None,
     controller: ControllerLike | Sequence[Law] | None = None,
+    plant: PlantLike | None = None,
     single_precision: bool = False,
     transient: float = 10.0,
     error_bound: float = 0.01,
@@ -50,11 +52,12 @@ def measure_many(
     `single_precision`: twice as many runs per register. Metrics of a run then differ by some percent, their means over
     seeds by less (figures in docs/decisions/0011). `controller`: replaces the scenarios' controllers, as in
     `simulate_many`; runs go one by one in double precision, and only rate_estimate of its reports is used. A list of
-    native.Law has one for each scenario.
+    native.Law has one for each scenario. `plant`: replaces the gyroscope, as in `simulate`; runs go one by one, too.
 
     Raises TypeError if `scenarios` is not a list of scenarios or `seeds` is not a list of integers; ValueError for an
-    empty list, a repeated seed or one outside 0 to 2^63 - 1, `single_precision` with a `controller` or a coefficient
-    that exceeds it, or a list without a law for each scenario; also the errors that `simulate` raises for a controller.
+    empty list, a repeated seed or one outside 0 to 2^63 - 1, `single_precision` with a `controller`, a `plant` or
+    a coefficient that exceeds it, or a list without a law for each scenario; also the errors that `simulate` raises for
+    a controller or a plant.
 
     >>> rows = fg.measure_many([fg.Scenario.paper()], seeds=range(20))
     >>> rows["rmse"].dims, bool((rows["rmse"].sel(window="steady") < 1e-4).all())
@@ -67,8 +70,10 @@ def measure_many(
             f"controller is {short(laws)}: a list must have one native.Law for each of the {len(scenarios)} scenarios"
         )
     user_controller = None if controller is None else UserController(laws[0] if laws else controller)
-    if user_controller and single_precision:
-        raise ValueError("single_precision is True: it must be False with a controller, which runs in double precision")
+    own_plant = None if plant is None else UserPlant(plant)
+    if (user_controller or own_plant) and single_precision:
+        what = "a controller" if user_controller else "a plant"
+        raise ValueError(f"single_precision is True: it must be False with {what}, which runs in double precision")
     for scenario in scenarios if single_precision else ():
         check_single(scenario)
     params = _core.MetricsParams()
@@ -90,10 +95,16 @@ def measure_many(
     while taken := list(islice(waiting, chunk)):
         setups = [setup for _, setup in taken]
         places.extend(place for place, _ in taken)
+        owners = [place // times for place, _ in taken]
+        own = [scenarios[owner] for owner in owners]
+        put_into(own_plant, setups, own)
         if user_controller:
-            owners = [place // times for place, _ in taken]
             each = [laws[owner] for owner in owners] if laws else None
-            parts.append(user_controller.measure([scenarios[owner] for owner in owners], setups, params, threads, each))
+            with running(own_plant):
+                parts.append(user_controller.measure(own, setups, params, threads, each))
+        elif own_plant:
+            with running(own_plant):
+                parts.append(_core.measure_device_runs(setups, params, threads))
         else:
             lanes = 1 if len(setups) <= MAX_SINGLE_RUNS else widest
             parts.append(_core.measure_runs(setups, params, threads, lanes, single_precision))

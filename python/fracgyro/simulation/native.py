@@ -1,20 +1,21 @@
-"""Controllers as C functions, compiled by Numba or a C compiler; they run on threads and without Python."""
+"""Controllers and plants as C functions, compiled by Numba or a C compiler; they run on threads, without Python."""
 
 from __future__ import annotations
 
 import ctypes
 import operator
 from _ctypes import CFuncPtr
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
 from typing import Any, NoReturn
 
 from .. import _core
 from ..arguments import number, short
 
-__all__ = ["Law"]
+__all__ = ["Law", "Plant"]
 
 MAX_STATE = 10**6  # doubles
+MAX_PLANT_STATES = 8
 
 
 class Law:
@@ -51,9 +52,7 @@ class Law:
             raise TypeError(f"state_size is {short(state_size)}: it must be an integer") from None
         if not 0 <= self.state_size <= MAX_STATE:
             raise ValueError(f"state_size is {self.state_size}: it must be from 0 to {MAX_STATE}")
-        if not isinstance(parameters or {}, Mapping):
-            raise TypeError(f"parameters is {short(parameters)}: it must be a dict of names to numbers")
-        self.parameters = {name: number(f"parameters {name}", value) for name, value in (parameters or {}).items()}
+        self.parameters = _parameters(parameters)
         self.reports = tuple(reports)
         for name in self.reports:
             if not isinstance(name, str) or self.reports.count(name) > 1:
@@ -88,6 +87,78 @@ class Law:
         place = self.reports.index("rate_estimate") if "rate_estimate" in self.reports else -1
         values = list(self.parameters.values())
         return _core.NativeController(self._address, self.state_size, values, len(self.reports), place)
+
+
+class Plant:
+    """A C function as a plant: `void f(const double* in, const double* state, const double* parameters, double* out)`.
+
+    The function computes the derivative of the state, four times a step: a step is a Runge-Kutta step of fourth order,
+    over which the force is held. `in`: 4 doubles, the time, the force [x, y], which includes the disturbance, and the
+    angular rate. `state` and `out`: `states` doubles, 2 to 8, and their derivatives. `parameters`: the values of
+    `parameters`, in their order. Units are SI if run.units is SI, otherwise nondimensional. The 64 doubles behind each
+    array are NaN; a run in which the function writes to them ends with a ValueError.
+
+    `motion`: the places of x, y, vx and vy among the states; None for one that stays 0. `initial_state`: the state at
+    the beginning; without it, run.initial_position and run.initial_velocity at those places and 0 elsewhere.
+    `takes_rate`: True if the function computes with the angular rate, which may then vary. `function`: as in `Law`.
+
+    Raises TypeError for another kind of `function`, ValueError for invalid other arguments.
+
+    >>> fg.native.Plant(0x1000, states=2, motion=(0, None, 1, None)).states  # the address of a compiled function
+    2
+    """
+
+    def __init__(
+        self,
+        function: Any,
+        states: int = 4,
+        parameters: Mapping[str, float] | None = None,
+        *,
+        motion: Sequence[int | None] = (0, 1, 2, 3),
+        initial_state: Sequence[float] | None = None,
+        takes_rate: bool = False,
+    ) -> None:
+        self._address = _address(function)
+        self._function = function  # keeps it alive
+        if isinstance(states, bool) or not isinstance(states, int) or not 2 <= states <= MAX_PLANT_STATES:
+            raise ValueError(f"states is {short(states)}: it must be an integer from 2 to {MAX_PLANT_STATES}")
+        self.states = states
+        self.parameters = _parameters(parameters)
+        places = list(motion) if isinstance(motion, Sequence) else []
+        if len(places) != 4 or not all(each is None or each in range(states) for each in places):
+            raise ValueError(
+                f"motion is {short(motion)}: it must be the places of x, y, vx and vy, each from 0 to {states - 1} or "
+                "None"
+            )
+        self.motion = tuple(places)
+        self.initial_state = None if initial_state is None else tuple(number("initial_state", x) for x in initial_state)
+        if self.initial_state is not None and len(self.initial_state) != states:
+            raise ValueError(f"initial_state is {short(initial_state)}: it must have {states} numbers, as states")
+        self.takes_rate = takes_rate
+
+    def __repr__(self) -> str:
+        return f"Plant({self._address:#x}, {self.states}, {self.parameters})"
+
+    def __copy__(self) -> Plant:
+        return self
+
+    def __deepcopy__(self, memo: object) -> Plant:
+        return self
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError("a Plant cannot be pickled: its function's address is not valid in another process")
+
+    def _core_plant(self) -> _core.NativePlant:
+        """The core's plant for one run."""
+        places = [-1 if place is None else place for place in self.motion]
+        values = list(self.parameters.values())
+        return _core.NativePlant(self._address, values, self.states, places, list(self.initial_state or ()))
+
+
+def _parameters(given: Mapping[str, float] | None) -> dict[str, float]:
+    if not isinstance(given or {}, Mapping):
+        raise TypeError(f"parameters is {short(given)}: it must be a dict of names to numbers")
+    return {name: number(f"parameters {name}", value) for name, value in (given or {}).items()}
 
 
 def _address(function: Any) -> int:

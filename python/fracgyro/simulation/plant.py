@@ -7,7 +7,7 @@ import operator
 import struct
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from importlib.metadata import version
 from threading import Lock
 from typing import Any, cast
@@ -18,12 +18,13 @@ import xarray as xr
 from .. import _core
 from ..arguments import pair, short
 from ..scenario import Scenario, ScenarioError, check_scenario
-from ..scenario.kinds import DEVICE_CHANNELS, LOOP_CHANNELS, Channel, numbers, reported_channels
+from ..scenario.kinds import DEVICE_CHANNELS, LOOP_CHANNELS, Channel, numbers, plant_numbers, reported_channels
 from ..scenario.messages import paths
 from ..scenario.to_core import core_numbers, core_setup, is_ideal
 from .dataset import dataset, time_scale
 from .simulate import MAX_RECORD, DivergedError
 from .user_controller import ControllerLike, UserController, units
+from .user_plant import PlantLike, UserPlant, put_into, running
 
 CHECKSUM = struct.Struct("<I")
 
@@ -33,18 +34,22 @@ class Plant:
 
     A step is exact for a zero-order-hold force. Times, forces, positions and velocities are in the units of
     `scenario.run.units`. Under the same forces the motion, noise included, equals that of `simulate` bit for bit. A
-    plant can be copied and pickled; the copy continues independently from the same state. Raises TypeError if
-    `scenario` is not a Scenario.
+    plant can be copied and pickled; the copy continues independently from the same state. `plant`: replaces the
+    gyroscope, as in `simulate`; its step is a Runge-Kutta step. Raises TypeError if `scenario` is not a Scenario, and
+    the errors that `simulate` raises for a plant.
 
     >>> plant = fg.Plant(fg.Scenario.paper())
     >>> plant.step((0.0, 0.0)).time
     0.001
     """
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, plant: PlantLike | None = None) -> None:
         check_scenario(scenario)
         self.scenario = scenario
-        self._core = _core.Gyroscope(core_setup(scenario), units(scenario))
+        self._own = None if plant is None else UserPlant(plant)
+        setup = core_setup(scenario)
+        put_into(self._own, [setup], [scenario])
+        self._core = _core.Gyroscope(setup, units(scenario))
 
     @property
     def motion(self) -> _core.Motion:
@@ -66,15 +71,16 @@ class Plant:
         True
         """
         # None: an argument is not a plain finite number; it may be one of NumPy's.
-        motion: _core.Motion | None = self._core.step(force)
-        return motion or cast(_core.Motion, self._core.step(pair("force", force)))
+        with running(self._own):
+            motion: _core.Motion | None = self._core.step(force)
+            return motion or cast(_core.Motion, self._core.step(pair("force", force)))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _resumed_plant, (self.scenario, bytes(self._core.state))
+        return _resumed_plant, (self.scenario, self._own and self._own.plant, bytes(self._core.state))
 
 
-def _resumed_plant(scenario: Scenario, state: bytes) -> Plant:
-    plant = Plant(scenario)
+def _resumed_plant(scenario: Scenario, own: PlantLike | None, state: bytes) -> Plant:
+    plant = Plant(scenario, own)
     plant._core.state = state
     return plant
 
@@ -82,7 +88,7 @@ def _resumed_plant(scenario: Scenario, state: bytes) -> Plant:
 class Loop:
     """The closed loop of a scenario, which can run in parts and be tuned while it runs.
 
-    `controller`: as in `simulate`, but a callable is used directly, not copied. The loop may run longer than
+    `controller`, `plant`: as in `simulate`, but a callable is used directly, not copied. The loop may run longer than
     run.duration, up to which the fractional memory is accurate. Every step is recorded, regardless of run.record_every.
     A loop without a callable can be copied, one without a user's controller also pickled; the copy continues
     independently from the same state. Raises TypeError if `scenario` is not a Scenario, and the errors that `simulate`
@@ -93,13 +99,17 @@ class Loop:
     (1000, 1.0)
     """
 
-    def __init__(self, scenario: Scenario, controller: ControllerLike | None = None) -> None:
+    def __init__(
+        self, scenario: Scenario, controller: ControllerLike | None = None, plant: PlantLike | None = None
+    ) -> None:
         check_scenario(scenario)
         self.scenario = scenario  # with the changes of `set`
         self._first = scenario
         self._user = None if controller is None else UserController(controller)
+        self._own = None if plant is None else UserPlant(plant)
         self._device = not is_ideal(scenario)
         setup = core_setup(scenario)
+        put_into(self._own, [setup], [scenario])
         self._law: _core.UserController | None = None
         self._lock = Lock()
         if self._user:
@@ -142,7 +152,8 @@ class Loop:
         with self._exclusive():
             first = self._core.steps
             rows = self._rows(count)
-            found = dataset(rows, [self.scenario], self._channels(), self._user, first=first, every=1)
+            shown = self._channels()
+            found = dataset(rows, [self.scenario], shown, self._user, plant=self._own, first=first, every=1)
             if len(rows) < count:
                 raise DivergedError(self.scenario, self._core.steps * self.scenario.run.step, found)
             return found
@@ -168,7 +179,9 @@ class Loop:
         50.0
         """
         of_kind = numbers(self.scenario.controller.kind)
-        settable = {number.path for number in of_kind if number.settable != "at_start" and number.table != "run"}
+        of_plant = plant_numbers(self.scenario.plant.kind)
+        known = [number for number in (*of_kind, *of_plant) if number.settable != "at_start" and number.table != "run"]
+        settable = {number.path for number in known}
         for path in changes:
             if path not in settable and path in paths(Scenario):
                 raise ScenarioError(f"{path} cannot be set while the loop runs: it acts only at the start")
@@ -230,10 +243,10 @@ class Loop:
 
     @property
     def _key(self) -> bytes:
-        of = ""
+        of = self._own.key if self._own else ""
         if self._user:  # without the address, which differs between processes
             law = self._user.controller
-            of = f" {law.state_size} {law.parameters} {law.reports}"
+            of += f" {law.state_size} {law.parameters} {law.reports}"
         return f"fracgyro {version('fracgyro')} loop 2 {self._first.content_hash()}{of}\n".encode()
 
     def _check_restorable(self) -> None:
@@ -257,17 +270,17 @@ class Loop:
         first = core_numbers(self._first)
         of_kind = numbers(scenario.controller.kind)
         kept = {number.name: first[number.name] for number in of_kind if number.settable == "at_start"}
-        return core_setup(scenario, kept)
+        setup = core_setup(scenario, kept)
+        put_into(self._own, [setup], [scenario])
+        return setup
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _resumed_loop, (self._first, self._user and self._user.controller, self.state)
+        user, own = self._user and self._user.controller, self._own and self._own.plant
+        return _resumed_loop, (self._first, user, own, self.state)
 
     def _rows(self, count: int) -> np.ndarray:
-        if not self._user:
+        with running(self._own), self._user.running(self._law) if self._user else nullcontext():
             rows = self._core.run(count, self._device)
-        else:
-            with self._user.running(self._law):
-                rows = self._core.run(count, self._device)
         width = sum(channel.width for channel in self._channels())
         return np.asarray(rows).reshape(-1, width)
 
@@ -277,7 +290,7 @@ class Loop:
         return (*LOOP_CHANNELS, *self._reported, *(DEVICE_CHANNELS if self._device else ()))
 
 
-def _resumed_loop(scenario: Scenario, controller: ControllerLike | None, state: bytes) -> Loop:
-    loop = Loop(scenario, controller)
+def _resumed_loop(scenario: Scenario, controller: ControllerLike | None, plant: PlantLike | None, state: bytes) -> Loop:
+    loop = Loop(scenario, controller, plant)
     loop.state = state
     return loop

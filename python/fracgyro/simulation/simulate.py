@@ -15,6 +15,7 @@ from ..scenario.to_core import core_setup, is_ideal
 from .dataset import dataset, time_scale
 from .many import check_many, seed_of_each, setups_of, threads_available
 from .user_controller import ControllerLike, UserController
+from .user_plant import PlantLike, UserPlant, put_into, running
 
 CHUNK = 32  # runs between two checks for interrupts and progress
 SHARED_FIELDS = ("duration", "step", "record_every", "units")  # fields of [run] that runs of one record share
@@ -36,7 +37,13 @@ class DivergedError(ValueError):
         step = scenario.run.step
         shorter = f"try run.step = {step / 2:g} or less, or smaller gains"
         why = f"run.step is {step:g}, which is too long for these gains, this rate or this force; {shorter}"
-        if "controller" in run.attrs:
+        if "plant" in run.attrs:
+            gains = f"gains of {run.attrs['controller']}" if "controller" in run.attrs else "gains"
+            why = (
+                f"the {gains} are too large for {run.attrs['plant']} and a run.step of {step:g}, or it is unstable, or "
+                f"too stiff for a Runge-Kutta step of that length; {shorter}"
+            )
+        elif "controller" in run.attrs:
             unit = "s" if run.attrs["units"] == "SI" else "units of time"
             why = (
                 f"the gains of {run.attrs['controller']} are too large for run.step, which is {step:g}, or it assumes "
@@ -53,7 +60,9 @@ class DivergedError(ValueError):
         self.run = run
 
 
-def simulate(scenario: Scenario, controller: ControllerLike | None = None) -> xr.Dataset:
+def simulate(
+    scenario: Scenario, controller: ControllerLike | None = None, plant: PlantLike | None = None
+) -> xr.Dataset:
     """One closed-loop run.
 
     Returns a Dataset with position, velocity, reference, error, error_rate, control, disturbance and the reports of the
@@ -71,9 +80,19 @@ def simulate(scenario: Scenario, controller: ControllerLike | None = None) -> xr
     cannot be copied, keeps the variables of its enclosing scope. Only the force limit and the observer bandwidth of the
     scenario's controller remain in effect.
 
-    Raises DivergedError, which has the samples so far, if the motion diverges; ControllerError, with the time, if a
-    callable raises an exception; ValueError if the controller returns anything but two finite numbers or changes the
-    names of its reports; TypeError if it is neither callable nor a Law.
+    `plant`: replaces the gyroscope. It is a `native.Plant`, or a callable that takes the time, the state and the force
+    (ux, uy), which includes the disturbance, and returns the derivative of the state, in the units of the run. The
+    state is (x, y, vx, vy), at first run.initial_position and run.initial_velocity. With an attribute `initial_state`
+    it is those 2 to 8 numbers, and a method `motion(state)` returns x, y, vx and vy. With an attribute `takes_rate` of
+    True, the angular rate is a fourth argument, and may be dynamic. A step is the classical Runge-Kutta step of fourth
+    order over run.step, with the force held: four calls. The controller still assumes the [plant] of the scenario, to
+    which errors of estimates refer. Sensors, actuators and disturbance remain those of the scenario.
+
+    Raises DivergedError, which has the samples so far, if the motion diverges; ControllerError or PlantError, with the
+    time, if a callable raises an exception; ValueError if the controller returns anything but two finite numbers or
+    changes the names of its reports, or if the plant returns anything but a finite number for each state; ScenarioError
+    if the plant cannot have the rate or the device of the scenario; TypeError if the controller or the plant is neither
+    callable nor a C function.
 
     >>> run = fg.simulate(fg.Scenario.paper())
     >>> run["position"].dims, run.sizes["time"]
@@ -81,18 +100,21 @@ def simulate(scenario: Scenario, controller: ControllerLike | None = None) -> xr
     """
     check_scenario(scenario)
     setup, device = core_setup(scenario), not is_ideal(scenario)
+    own = None if plant is None else UserPlant(plant)
+    put_into(own, [setup], [scenario])
     user = None if controller is None else UserController(controller)
     channels = user.channels(device) if user else _channels([setup], device)
     _check_size(scenario, channels, 1)
     every = scenario.run.record_every
-    if user:
-        rows, lasted = user.record([scenario], [setup], every, device, 1)
-        channels = user.channels(device)
-    else:
-        rows, lasted = _core.record_runs([setup], every, 1, device)
+    with running(own):
+        if user:
+            rows, lasted = user.record([scenario], [setup], every, device, 1)
+            channels = user.channels(device)
+        else:
+            rows, lasted = _core.record_runs([setup], every, 1, device)
     samples = int(lasted[0])
     diverged = samples <= scenario.run.steps
-    run = dataset(rows[0, : -(-samples // every)] if diverged else rows[0], [scenario], channels, user)
+    run = dataset(rows[0, : -(-samples // every)] if diverged else rows[0], [scenario], channels, user, plant=own)
     if diverged:
         raise DivergedError(scenario, samples * scenario.run.step, run)
     return run
@@ -103,6 +125,7 @@ def simulate_many(
     *,
     seeds: Sequence[int] | None = None,
     controller: ControllerLike | None = None,
+    plant: PlantLike | None = None,
     progress: Callable[[int], object] | None = None,
 ) -> xr.Dataset:
     """Many runs on all processors: the variables of `simulate` with a leading `run` dimension.
@@ -110,7 +133,8 @@ def simulate_many(
     `seeds`: runs every scenario with each of these values of disturbance.seed; the runs of the first scenario come
     first, and the coordinate `seed` has the seed of each run. `controller`: replaces the scenarios' controllers, as in
     `simulate`. A `native.Law` runs on all processors; a callable runs on one, one run after another, each after
-    reset(scenario) or with a copy of it. `progress`: called with the number of runs finished since the last call.
+    reset(scenario) or with a copy of it. `plant`: replaces the gyroscope, as in `simulate`; a callable is used by all
+    runs, one after another. `progress`: called with the number of runs finished since the last call.
 
     All scenarios must share run.duration, run.step, run.record_every and run.units, and in SI units
     plant.reference_frequency, which sets the unit of time. A run that diverges is NaN from `diverged_at` on, which is
@@ -118,7 +142,7 @@ def simulate_many(
 
     Raises TypeError if `scenarios` is not a list of scenarios or `seeds` is not a list of integers; ValueError for an
     empty list, a repeated seed or one outside 0 to 2^63 - 1, scenarios that do not match, or a record larger than 2 GB
-    (`measure_many` keeps no record); also the errors that `simulate` raises for a controller.
+    (`measure_many` keeps no record); also the errors that `simulate` raises for a controller or a plant.
 
     >>> scenario = fg.Scenario.paper().replace({"run.duration": 2.0})
     >>> fg.simulate_many([scenario], seeds=range(4))["position"].shape
@@ -127,6 +151,7 @@ def simulate_many(
     times = check_many(scenarios, seeds)
     _check_alike(scenarios)
     first, user = scenarios[0], None if controller is None else UserController(controller)
+    own_plant = None if plant is None else UserPlant(plant)
     device = not all(map(is_ideal, scenarios))
     channels = user.channels(device) if user else _channels(list(map(core_setup, scenarios)), device)
     _check_size(first, channels, len(scenarios) * times)
@@ -135,18 +160,20 @@ def simulate_many(
     waiting = setups_of(scenarios, seeds, 1)
     while taken := list(islice(waiting, CHUNK)):
         setups = [setup for _, setup in taken]
-        if user:
-            own = [scenarios[place // times] for place, _ in taken]
-            rows, samples = user.record(own, setups, every, device, threads)
-        else:
-            rows, samples = _record(setups, every, threads, device, channels)
+        own = [scenarios[place // times] for place, _ in taken]
+        put_into(own_plant, setups, own)
+        with running(own_plant):
+            if user:
+                rows, samples = user.record(own, setups, every, device, threads)
+            else:
+                rows, samples = _record(setups, every, threads, device, channels)
         parts.append(rows)
         lasted.append(samples)
         if progress:
             progress(len(setups))
     whole = parts[0] if len(parts) == 1 else np.concatenate(parts)
     each = [scenario for scenario in scenarios for _ in range(times)]
-    run = dataset(whole, each, user.channels(device) if user else channels, user)
+    run = dataset(whole, each, user.channels(device) if user else channels, user, plant=own_plant)
     samples = np.concatenate(lasted)
     time = np.where(samples > first.run.steps, np.nan, samples * first.run.step)
     run["diverged_at"] = ("run", time * time_scale(first), {"long_name": "time of divergence"})

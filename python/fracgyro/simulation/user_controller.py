@@ -101,7 +101,7 @@ class UserController:
             try:
                 reset(scenario)
             except Exception as error:
-                raise ControllerError(f"reset(scenario) of the controller raised {_described(error)}") from error
+                raise ControllerError(f"reset(scenario) of the controller raised {described(error)}") from error
         return _core.PythonController(self.controller if reset or itself else self._copied())
 
     def _copied(self) -> Any:
@@ -118,7 +118,7 @@ class UserController:
         except Exception as error:
             if self._uncopied:
                 raise self._stateful(f"it cannot be copied ({self._uncopied})") from None
-            self._uncopied = _described(error)
+            self._uncopied = described(error)
             return self.controller
 
     def _stateful(self, why: str) -> ValueError:
@@ -135,7 +135,7 @@ class UserController:
         except Exception as error:
             if not isinstance(law, _core.PythonController) or law.failed_at is None:
                 raise
-            raise ControllerError(f"the controller raised {_described(error)} at t = {law.failed_at:.9g}") from error
+            raise ControllerError(f"the controller raised {described(error)} at t = {law.failed_at:.9g}") from error
         if isinstance(law, _core.PythonController) and self.reports is None:
             self.reports = _channels(law.names)
 
@@ -227,5 +227,5 @@ def _channels(names: Sequence[tuple[str, int]]) -> tuple[Channel, ...]:
     return tuple(found)
 
 
-def _described(error: Exception) -> str:
+def described(error: Exception) -> str:
     return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
