@@ -48,7 +48,7 @@ def test_the_scenario_it_prints_is_the_papers_and_simulates(tmp_path: Path) -> N
 
 
 def test_the_printed_variant_can_be_had() -> None:
-    assert run("scenario", "--variant", "printed").stdout == fg.Scenario.paper("printed").to_toml()
+    assert run("scenario", "paper-printed").stdout == fg.Scenario.paper("printed").to_toml()
 
 
 def test_a_run_is_saved_and_drawn(tmp_path: Path) -> None:
@@ -134,7 +134,7 @@ def test_a_table_of_metrics_is_printed_for_people() -> None:
             ["simulate", "--set", "controller.ordr=.8"],
             "controller.ordr is not a known field; did you mean controller.o",
         ),
-        (["scenario", "rocket"], "'rocket' is not one of 'paper', 'hardware'"),
+        (["scenario", "rocket"], "'rocket' is not one of 'paper', 'paper-printed', 'hardware'"),
     ],
 )
 def test_bad_input_ends_with_one_sentence(tmp_path: Path, words: list[str], expected: str) -> None:

@@ -23,7 +23,6 @@ from fracgyro.export.replay import first_difference
 from fracgyro.export.settings import columns
 from fracgyro.export.targets import BOARDS, DTYPES, EMULATOR
 from fracgyro.scenario import kinds
-from fracgyro.scenario.shipped import shipped
 from fracgyro.scenario.to_core import core_setup, guard
 from shared import shared
 
@@ -62,8 +61,11 @@ def limited(limited_folder: Path) -> Host:
 @pytest.mark.parametrize(
     ("scenario", "field"),
     [
-        (shipped("dual_mass").replace({"datasheet.force_noise": 1e20}), "datasheet.force_noise is 1e+20"),
-        (shipped("dual_mass").replace({"datasheet.stiffness_drift": 1e30}), "datasheet.stiffness_drift is 1e+30"),
+        (fg.Scenario.shipped("dual_mass").replace({"datasheet.force_noise": 1e20}), "datasheet.force_noise is 1e+20"),
+        (
+            fg.Scenario.shipped("dual_mass").replace({"datasheet.stiffness_drift": 1e30}),
+            "datasheet.stiffness_drift is 1e+30",
+        ),
         (PAPER.replace({"adaptation.rate_gain": 1e60}), "adaptation.rate_gain is 1e+60"),
     ],
 )
@@ -173,8 +175,8 @@ def test_the_header_is_clean_c99(tmp_path: Path) -> None:
     ("scenario", "number", "at_first"),
     [
         (PAPER, "double", OK),
-        (shipped("hardware"), "float", OK),
-        (shipped("dual_mass"), "float", SATURATED),  # until the estimates, 0.1 % off, are better
+        (fg.Scenario.shipped("hardware"), "float", OK),
+        (fg.Scenario.shipped("dual_mass"), "float", SATURATED),  # until the estimates, 0.1 % off, are better
         (PAPER.replace({"controller.kind": "pid"}), "float", OK),
     ],
     ids=["paper", "hardware", "dual_mass", "pid"],
@@ -518,7 +520,7 @@ def test_the_committed_table_of_instructions_is_what_is_counted() -> None:
     ],
 )
 def test_the_joint_filter_is_exported_with_the_clock_that_it_asks_for(changes: dict[str, Any], row: str) -> None:
-    scenario = shipped("dual_mass").replace({"adaptation.kind": "joint", **changes})
+    scenario = fg.Scenario.shipped("dual_mass").replace({"adaptation.kind": "joint", **changes})
     table = (SOURCES / "integrations/firmware/measured.md").read_text(encoding="utf-8").splitlines()
     cells = next(line for line in table if line.startswith(f"| {row} | 0 | float |")).split("|")
     most = int(cells[4].split("/")[1])

@@ -14,9 +14,11 @@ import click
 from ..analysis.metric_names import nondimensional_unit
 from ..extras import needs
 from ..scenario import Scenario
-from ..scenario.shipped import SHIPPED, shipped_text
+from ..scenario.named import named
+from ..scenario.shipped import NAMES, SHIPPED, shipped_text
 from .commands import Names
-from .completion import changes, toml_files
+from .completion import changes
+from .options import scenario_argument
 from .terminal import print_table
 
 STEADY = ["chattering", "rate_error_rms"]  # metrics of the steady window, like rmse steady
@@ -25,7 +27,7 @@ BARE_POINT = re.compile(r"[+-]?(\.\d+|\d+\.)([eE][+-]?\d+)?")  # numbers that ar
 
 
 @click.command(name="simulate")
-@click.argument("scenario", required=False, type=click.Path(path_type=Path), shell_complete=toml_files)
+@scenario_argument(required=False)
 @click.option(
     "--set",
     "changes",
@@ -38,7 +40,7 @@ BARE_POINT = re.compile(r"[+-]?(\.\d+|\d+\.)([eE][+-]?\d+)?")  # numbers that ar
 @click.option("--plot", type=click.Path(path_type=Path), metavar="FILE", help="Draw the run: .svg, .png or .pdf.")
 @click.option("--json", "as_json", is_flag=True, help="Print the metrics as JSON.")
 def simulate_command(
-    scenario: Path | None, changes: Sequence[str], out: Path | None, plot: Path | None, as_json: bool
+    scenario: str | None, changes: Sequence[str], out: Path | None, plot: Path | None, as_json: bool
 ) -> None:
     """Simulate SCENARIO and print its metrics. Without SCENARIO: the paper, corrected."""
     from ..analysis.metrics import TRANSIENT, measured
@@ -46,7 +48,7 @@ def simulate_command(
     from ..simulation.simulate import DivergedError, simulate
 
     wanted = dict(map(_change, changes))
-    chosen = Scenario.load(scenario).replace(wanted) if scenario else _paper(wanted)
+    chosen = _paper(wanted) if scenario in (None, "paper") else named(scenario).replace(wanted)
     if out:
         check_run(out)
     if plot:
@@ -89,25 +91,18 @@ def simulate_command(
 
 
 @click.command(name="scenario")
-@click.argument("name", type=Names(["paper", *SHIPPED]), required=False)
-@click.option(
-    "--variant",
-    type=click.Choice(["corrected", "printed"]),
-    default="corrected",
-    show_default=True,
-    help="Paper scenario: as printed or corrected.",
-)
+@click.argument("name", type=Names(list(NAMES)), required=False)
 @click.option("--list", "listed", is_flag=True, help="List the available scenarios.")
-def scenario_command(name: str | None, variant: str, listed: bool) -> None:
-    """Print a scenario to edit and run. The paper scenario explains every field; the others are devices."""
+def scenario_command(name: str | None, listed: bool) -> None:
+    """Print a scenario to edit and run. The paper scenarios explain every field; the others are devices."""
     if listed:
-        width = max(map(len, SHIPPED))
-        for each, words in {"paper": "the paper's, every field explained", **SHIPPED}.items():
+        width = max(map(len, NAMES))
+        for each, words in NAMES.items():
             click.echo(f"{each:<{width}}  {words}")
-    elif name in SHIPPED:
-        click.echo(shipped_text(name), nl=False)
     else:
-        click.echo(Scenario.paper("printed" if variant == "printed" else "corrected").to_toml(), nl=False)
+        chosen = name or "paper"
+        text = shipped_text(chosen) if chosen in SHIPPED else Scenario.shipped(chosen).to_toml()
+        click.echo(text, nl=False)
 
 
 def _paper(changes: dict[str, Any]) -> Scenario:

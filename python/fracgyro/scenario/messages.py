@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
+from collections.abc import Iterable
 from functools import cache
 from typing import Any, get_args
 
@@ -27,6 +28,12 @@ class ScenarioError(ValueError):
 
     def __init__(self, message: str) -> None:
         super().__init__(one_line(message))
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """End of a message with the nearest known name, or empty."""
+    near = difflib.get_close_matches(name, list(known), n=1)
+    return f"; did you mean {near[0]}?" if near else ""
 
 
 @cache
@@ -107,8 +114,7 @@ def _describe(problem: ErrorDetails, model: type[BaseModel]) -> str:
 def _allowed(problem: ErrorDetails, metadata: list[Any]) -> str:
     kind, context = problem["type"], problem.get("ctx", {})
     if kind == "literal_error":
-        near = difflib.get_close_matches(str(problem["input"]), re.findall(r"'([^']*)'", context["expected"]), n=1)
-        hint = f"; did you mean {near[0]}?" if near else ""
+        hint = did_you_mean(str(problem["input"]), re.findall(r"'([^']*)'", context["expected"]))
         return f"it must be {context['expected']}{hint}".replace("'", "")
     if kind.startswith(("greater", "less")):
         words = {"ge": "at least", "gt": "greater than", "le": "at most", "lt": "less than"}

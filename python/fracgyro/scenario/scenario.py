@@ -21,7 +21,7 @@ from ..arguments import short
 from ..files import whole_file
 from .device import Device, Rate
 from .kinds import KINDS, fields_of, kinds_with
-from .messages import ScenarioError, paths, scenario_error, unknown
+from .messages import ScenarioError, did_you_mean, paths, scenario_error, unknown
 from .schema import (
     ERRATA_SWITCHES,
     HOLD_TOLERANCE,
@@ -34,6 +34,7 @@ from .schema import (
     Reference,
     Run,
 )
+from .shipped import NAMES, SHIPPED, shipped_text
 from .table import MAX_STEPS, Table, format_value, message_error, toml_value
 from .toml import read_tables, read_text
 
@@ -168,6 +169,22 @@ class Scenario(Table):
         # The hold is stated, so that a finer step leaves the noise as it is; the tolerance, so that the reproduction
         # has no error of its own.
         return cls().replace({**switches, "disturbance.hold": 1e-3, "run.kernel_tolerance": 1e-6})
+
+    @classmethod
+    def shipped(cls, name: str) -> Scenario:
+        """A scenario that comes with the package, by a name of `fracgyro scenario --list`.
+
+        Raises ScenarioError for another name.
+
+        >>> fg.Scenario.shipped("dual_mass").device.sensing
+        'position'
+        """
+        if name in SHIPPED:
+            return cls.from_toml(shipped_text(name), source=name)
+        if name in ("paper", "paper-printed"):
+            return cls.paper("corrected" if name == "paper" else "printed")
+        near = did_you_mean(str(name), NAMES)
+        raise ScenarioError(f"scenario is {format_value(name)}: it must be one of {', '.join(NAMES)}{near}")
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Scenario:
