@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 from fracgyro.cli.completion import scenarios as scenario_names
+from fracgyro.cli.options import controller_option
 from fracgyro.cli.terminal import print_table, progress
 
 
@@ -64,7 +65,7 @@ def _without_password(context: click.Context, parameter: click.Parameter, value:
 @click.option("--only", callback=_listed, metavar="A,B", help="Compare only these contenders.")
 @click.option("--class", "classes", callback=_listed, metavar="F,P", help="Measured: F all, P positions only.")
 @click.option("--noise", callback=_numbers, metavar="N,N", help="Noise of the positions in m/sqrt(Hz), as 0,1e-13.")
-@click.option("--controller", metavar="FILE.py:NAME", help="Add your own controller.")
+@controller_option("Add your own controller.")
 @click.option("--trials", type=int, metavar="N", help="Number of trials of each tuning.")
 @click.option("--quick", is_flag=True, help="Run a quick preview: 20 trials, 2 seeds; gains are not tuned.")
 @click.option("--resume", is_flag=True, help="Finish the comparison that DIR holds.")

@@ -116,11 +116,12 @@ def test_a_table_of_metrics_is_printed_for_people() -> None:
             ["export", "web", "whole.toml", "--out", "whole.toml"],
             "whole.toml cannot be written: it already exists",
         ),
-        (["simulate", "whole.toml", *SHORT, "--out", "whole.toml"], "whole.toml cannot be written: it is a file of"),
+        (["simulate", "whole.toml", *SHORT, "--out", "whole.toml"], "whole.toml cannot be written: its suffix must be"),
         (["simulate", "nowhere.toml"], "nowhere.toml cannot be read: No such file or directory"),
         (["simulate", "half.toml"], "half.toml is not valid TOML"),
         (["simulate", *SHORT, "--out", "nowhere/run.nc"], "nowhere/run.nc cannot be written: No such file"),
         (["simulate", *SHORT, "--plot", "run.mp3"], "run.mp3 cannot be drawn"),
+        (["simulate", *SHORT, "--out", "run.h5"], "run.h5 cannot be written: its suffix must be one of .nc, .csv, "),
         (["reproduce", "--seeds", "1"], "seeds is 1: it must be at least 2"),
         (["reproduce", "--seeds", "some"], "'some' is not a valid integer"),
         (["reproduce", "--out", "half.toml"], "half.toml cannot be created: File exists"),
@@ -334,7 +335,7 @@ def test_too_little_memory_is_said_in_one_sentence(tmp_path: Path) -> None:
 def test_an_error_that_nobody_foresaw_is_a_bug_to_report_and_no_sentence(fault: str, kind: str) -> None:
     code = (
         "import numpy, fracgyro.cli, fracgyro.simulation.simulate as there\n"
-        f"there.simulate = lambda scenario: {fault}\n"
+        f"there.simulate = lambda scenario, own: {fault}\n"
         "fracgyro.cli.main()"
     )
     command = [sys.executable, "-c", code, "simulate"]
@@ -371,6 +372,6 @@ def test_the_noise_of_the_paper_follows_a_step_that_is_set(
     monkeypatch: pytest.MonkeyPatch, step: str, hold: float | None
 ) -> None:
     ran: list[fg.Scenario] = []
-    monkeypatch.setattr("fracgyro.simulation.simulate.simulate", ran.append)
+    monkeypatch.setattr("fracgyro.simulation.simulate.simulate", lambda scenario, own: ran.append(scenario))
     CliRunner().invoke(cli, ["simulate", "--set", f"run.step={step}", "--set", "run.duration=12"])
     assert [(scenario.run.step, scenario.disturbance.hold) for scenario in ran] == [(float(step), hold)]

@@ -107,7 +107,7 @@ class Comparison:
 
     def parts(self) -> dict[str, Any]:
         """Everything that the results depend on, for study.json, by the names of the command line."""
-        own = {c.name: hashlib.sha256(c.own[0].encode()).hexdigest() for c in self.contenders if c.own}
+        own = {c.name: hashlib.sha256(c.own.text.encode()).hexdigest() for c in self.contenders if c.own}
         return {
             "the version of fracgyro": version("fracgyro"),
             "the task": self.task.name,

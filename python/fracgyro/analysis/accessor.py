@@ -12,6 +12,7 @@ from ..extras import needs
 from ..scenario import Scenario
 from . import metrics
 from .mat import to_mat
+from .run_files import to_csv
 from .scenarios import texts
 
 
@@ -49,6 +50,18 @@ class RunAccessor:
         with needs("report"):
             from .plots import plot
         return plot(self._run, figure)
+
+    def to_csv(self, path: str | os.PathLike[str]) -> None:
+        """Writes the run as CSV with a header row, `time,position_x,...`, in full precision.
+
+        Two lines before it start with #: version and scenario hash, and units. pandas skips them:
+        `pandas.read_csv(path, comment="#")`. Raises ValueError for several runs or a file that cannot be written.
+
+        >>> fg.simulate(fg.Scenario.paper()).fracgyro.to_csv("run.csv")
+        >>> open("run.csv").read().splitlines()[2][:30]
+        'time,position_x,position_y,vel'
+        """
+        to_csv(self._run, path)
 
     def to_mat(self, path: str | os.PathLike[str]) -> None:
         """Writes a MAT-file for `load` in MATLAB and Octave; needs the extra interop.

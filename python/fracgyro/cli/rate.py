@@ -14,7 +14,7 @@ import click
 from ..extras import needs
 from ..scenario.named import named
 from .commands import did_you_mean
-from .options import scenario_argument
+from .options import controller_option, own_controller, scenario_argument
 from .terminal import print_table, progress
 
 if TYPE_CHECKING:
@@ -48,6 +48,7 @@ def _limits(context: click.Context, parameter: click.Parameter, value: str | Non
 @click.command()
 @scenario_argument()
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
+@controller_option("Use your own controller instead of the scenario's; it must report rate_estimate.")
 @click.option("--quick", is_flag=True, help="Use 2 noise seeds instead of 8: a third of the time, wider intervals.")
 @click.option(
     "--rest",
@@ -73,6 +74,7 @@ def _limits(context: click.Context, parameter: click.Parameter, value: str | Non
 def rate(
     scenario: str,
     out: Path,
+    controller: str | None,
     quick: bool,
     rest: float | None,
     imu: Literal["kalibr", "gnss-ins-sim", "kf-gins"] | None,
@@ -84,7 +86,15 @@ def rate(
     from ..rate.require import required
 
     with progress("starting") as show:
-        found = characterise(named(scenario), out, quick=quick, rest=rest, imu=imu, progress=show)
+        found = characterise(
+            named(scenario),
+            out,
+            controller=own_controller(controller),
+            quick=quick,
+            rest=rest,
+            imu=imu,
+            progress=show,
+        )
     verdicts = required(found, limits)
     if as_json:
         content = json.loads((out / "rate.json").read_text(encoding="utf-8"))

@@ -9,22 +9,27 @@ from typing import Any
 
 import click
 
+from ..simulation.user_controller import controller_words
 from .completion import toml_files
+from .options import controller_option, own_controller
 from .terminal import print_table, progress
 
 
 @click.command()
 @click.argument("study", type=click.Path(path_type=Path), shell_complete=toml_files)
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="Folder for the results.")
+@controller_option()
 @click.option("--resume", is_flag=True, help="Finish the study that DIR holds.")
 @click.option("--scheduler", metavar="ADDRESS", help="Run on this Dask cluster, for example tcp://host:8786.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
-def sweep(study: Path, out: Path, resume: bool, scheduler: str | None, as_json: bool) -> None:
+def sweep(study: Path, out: Path, controller: str | None, resume: bool, scheduler: str | None, as_json: bool) -> None:
     """Run every scenario of STUDY. Write one row of metrics per run, and a summary page."""
     from ..study import sweep as run_all
 
     with progress("simulating", rate="runs/s") as show:
-        result = run_all(study, out, resume=resume, scheduler=scheduler, progress=show)
+        result = run_all(
+            study, out, controller=own_controller(controller), resume=resume, scheduler=scheduler, progress=show
+        )
     if as_json:
         click.echo(json.dumps(asdict(result), default=str))
         return
@@ -42,14 +47,15 @@ def sweep(study: Path, out: Path, resume: bool, scheduler: str | None, as_json: 
 @click.command()
 @click.argument("study", type=click.Path(path_type=Path), shell_complete=toml_files)
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="Folder for the results.")
+@controller_option()
 @click.option("--resume", is_flag=True, help="Continue the study that DIR holds, up to its number of trials.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
-def tune(study: Path, out: Path, resume: bool, as_json: bool) -> None:
+def tune(study: Path, out: Path, controller: str | None, resume: bool, as_json: bool) -> None:
     """Search for the best parameters of STUDY. Write the tuned scenario, validated on unseen noise seeds."""
     from ..study import tune as run_all
 
     with progress("starting") as show:
-        result = run_all(study, out, resume=resume, progress=show)
+        result = run_all(study, out, controller=own_controller(controller), resume=resume, progress=show)
     if as_json:
         click.echo(json.dumps(_finite(asdict(result)), default=str))
         return
@@ -59,6 +65,8 @@ def tune(study: Path, out: Path, resume: bool, as_json: bool) -> None:
     for constraint in result.held_out.constraints:
         verdict = "met" if constraint.kept else "violated"
         click.echo(f"{constraint.label}: {constraint.tuned:.5g}, at most {constraint.limit:.5g}: {verdict}")
+    if result.controller is not None:
+        click.echo(f"controller: {controller_words(result.controller)}")
     found = f"{result.trials} trials, {result.feasible} feasible, the best is number {result.trial}"
     click.echo(f"{found}; {result.seconds:.0f} s. Scenario: {result.scenario}, report: {result.report}")
 
