@@ -281,7 +281,7 @@ def test_a_file_whose_name_is_not_text_is_read_and_named_by_its_bytes(tmp_path: 
 
 def test_a_device_is_not_replaced_by_a_file() -> None:
     assert "/dev/null cannot be written: it is not a regular file" in sentence(
-        run("simulate", *SHORT, "--out", "/dev/null")
+        run("export", "web", "hardware", "--out", "/dev/null")
     )
     assert Path("/dev/null").is_char_device()
 

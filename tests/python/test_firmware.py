@@ -16,7 +16,7 @@ import pytest
 from children import PATIENCE
 from embedded import STRICT, need
 from fracgyro import _core
-from fracgyro.export.clock import clock_note
+from fracgyro.export.clock import clock_of
 from fracgyro.export.compilers import SOURCES, Number, compiler, make
 from fracgyro.export.host import SCALARS, Host, flags, plant_of, rmse
 from fracgyro.export.replay import first_difference
@@ -525,7 +525,27 @@ def test_the_joint_filter_is_exported_with_the_clock_that_it_asks_for(changes: d
     cells = next(line for line in table if line.startswith(f"| {row} | 0 | float |")).split("|")
     most = int(cells[4].split("/")[1])
     step = scenario.run.step * scenario.plant.scales.time
-    note = clock_note(scenario)
-    assert f"up to {most} instructions per step" in note
-    assert f"must run {most / step / 1e6:.0f} million instructions per second" in note
-    assert clock_note(scenario.replace({"adaptation.kind": "gradient"})) == ""
+    clock = clock_of(scenario)
+    assert clock is not None
+    assert clock.instructions == most
+    assert f"need {most / step / 1e6:.0f} million instructions per second" in clock.sentence
+    times = next(line for line in table if line.startswith(f"| {row} | 0 | ") and " to " in line).split("|")[-2]
+    low, high = map(float, times.split(" to "))
+    assert f"takes an estimated {low:g} to {high:g} µs per step" in clock.warning
+    for microseconds, words in ((0.99 * low, "no listed"), (1.01 * low, "this is close"), (1.01 * high, "")):
+        scale = microseconds * 1e-6 / step
+        slower = scenario.replace({"plant.reference_frequency": scenario.plant.reference_frequency / scale})
+        found = clock_of(slower)
+        assert found is not None
+        assert found.warning.startswith(words)
+        assert bool(found.warning) == bool(words)
+
+
+def test_the_cost_is_that_of_a_similar_controller_with_as_many_exponentials() -> None:
+    table = (SOURCES / "integrations/firmware/measured.md").read_text(encoding="utf-8")
+    for scenario in (PAPER, PAPER.replace({"controller.kind": "linear"}), fg.Scenario.shipped("hardware")):
+        clock = clock_of(scenario)
+        assert clock is not None
+        assert f"| {clock.row} |" in table
+    assert clock_of(PAPER.replace({"controller.kind": "pid"})) is None, "no such controller was measured"
+    assert clock_of(PAPER.replace({"run.kernel_tolerance": 1e-9})) is None, "none had as many exponentials"

@@ -98,13 +98,15 @@ def fmu_command(
 def firmware_command(scenario: str, out: Path, number: Number, unbounded: bool) -> None:
     """Export SCENARIO as firmware: the controller in C++ with a C interface, for a microcontroller."""
     from ..export import firmware
-    from ..export.clock import clock_note
+    from ..export.clock import clock_of
 
     loaded = named(scenario)
     firmware(loaded, out, number, unbounded=unbounded)
     click.echo(f"{out}: add it to your project; see its README.md")
-    if note := clock_note(loaded):
-        click.echo(f"Warning: {note}.", err=True)
+    if clock := clock_of(loaded):
+        click.echo(f"{clock.sentence[0].upper()}{clock.sentence[1:]}.")
+        if clock.warning:
+            click.echo(f"Warning: {clock.warning}.", err=True)
 
 
 @export.command(name="matlab")
