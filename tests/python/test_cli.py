@@ -201,7 +201,21 @@ def test_a_package_adds_a_command_by_an_entry_point(tmp_path: Path) -> None:
     assert "  greet      Greet the user." in listed
 
 
-NAMES = ["allan", "compare", "export", "rate", "replay", "reproduce", "scenario", "schema", "selfcheck", "simulate"]
+NAMES = [
+    "allan",
+    "check",
+    "compare",
+    "diff",
+    "explain",
+    "export",
+    "rate",
+    "replay",
+    "reproduce",
+    "scenario",
+    "schema",
+    "selfcheck",
+    "simulate",
+]
 NAMES += ["sweep", "tune"]
 
 

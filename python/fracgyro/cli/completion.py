@@ -31,6 +31,15 @@ def _choices(annotation: Any) -> list[str]:
     return [choice for choice in get_args(annotation) if isinstance(choice, str)]
 
 
+def fields(context: click.Context, parameter: click.Parameter, begun: str) -> list[CompletionItem]:
+    """Every field of a scenario with this beginning."""
+    from ..scenario import Scenario
+    from ..scenario.messages import leaves
+
+    found = leaves(Scenario).items()
+    return [CompletionItem(path, help=info.description) for path, info in found if path.startswith(begun)]
+
+
 def scenarios(context: click.Context, parameter: click.Parameter, begun: str) -> list[CompletionItem]:
     """Names of shipped scenarios and TOML files with this beginning."""
     names = [CompletionItem(name, help=words) for name, words in NAMES.items() if name.startswith(begun)]

@@ -26,8 +26,9 @@ class ScenarioError(ValueError):
     controller.ordr is not a known field; did you mean controller.order?
     """
 
-    def __init__(self, message: str) -> None:
+    def __init__(self, message: str, others: Iterable[str] = ()) -> None:
         super().__init__(one_line(message))
+        self.others = tuple(map(one_line, others))  #: further problems of the same input, a sentence each
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
@@ -71,6 +72,9 @@ def unknown(path: str, model: type[BaseModel]) -> str:
     guesses = [near[name] for name in difflib.get_close_matches(leaf, near)]
     guesses += [name for name in known if name.endswith(f".{leaf}")]
     guesses += [] if near else difflib.get_close_matches(path, known)
+    if not parent and not guesses:
+        inner = {name.rpartition(".")[2]: name for name in known}
+        guesses = [inner[name] for name in difflib.get_close_matches(leaf, inner)]
     choice = (
         [name.rpartition(".")[2] for name in near.values()] if "[" in parent else near.values() or model.model_fields
     )
@@ -87,9 +91,10 @@ def _item(path: str, model: type[BaseModel]) -> type[BaseModel] | None:
 
 def scenario_error(error: ValidationError, model: type[BaseModel], at: tuple[str, ...] = ()) -> ScenarioError:
     """The first of pydantic's problems as a sentence; `at`: where in `model` the value stood that was validated."""
-    first, *others = error.errors(include_url=False)
-    first["loc"] = (*at, *first["loc"])
-    return ScenarioError(_describe(first, model) + (f" (and {len(others)} more)" if others else ""))
+    first, *others = (
+        _describe({**problem, "loc": (*at, *problem["loc"])}, model) for problem in error.errors(include_url=False)
+    )
+    return ScenarioError(first + (f" (and {len(others)} more)" if others else ""), others)
 
 
 def _describe(problem: ErrorDetails, model: type[BaseModel]) -> str:

@@ -8,11 +8,9 @@ from __future__ import annotations
 import hashlib
 import math
 import os
-import textwrap
 from collections.abc import Mapping
-from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any, Literal, Self, cast
+from typing import Any, Literal, Self
 
 import numpy as np
 from pydantic import BaseModel, ValidationError, model_validator
@@ -20,7 +18,7 @@ from pydantic import BaseModel, ValidationError, model_validator
 from ..arguments import short
 from ..files import whole_file
 from .device import Device, Rate
-from .kinds import KINDS, fields_of, kinds_with
+from .kinds import KINDS, kinds_with
 from .messages import ScenarioError, did_you_mean, paths, scenario_error, unknown
 from .schema import (
     ERRATA_SWITCHES,
@@ -37,11 +35,8 @@ from .schema import (
 from .shipped import NAMES, SHIPPED, shipped_text
 from .table import MAX_STEPS, Table, format_value, message_error, toml_value
 from .toml import read_tables, read_text
+from .written import BEGIN, BY_KIND, END, fields_of_table, text, values
 
-# The first words and the last line of a saved scenario: half a file may still be valid TOML.
-BEGIN = "# A fracgyro scenario."
-END = "# End of the scenario."
-BY_KIND = ("controller", "adaptation", "datasheet")  # tables whose fields belong to kinds of controllers
 FILES = [("rate", "file"), ("device", "temperature_file")]
 
 
@@ -89,7 +84,7 @@ class Scenario(Table):
         kind = self.controller.kind
         for name in BY_KIND:
             table = getattr(self, name)
-            for field in sorted(table.model_fields_set - set(_fields(name, kind))):
+            for field in sorted(table.model_fields_set - set(fields_of_table(type(table), name, kind))):
                 path = f"{name}.{field}"
                 raise message_error(
                     f"{path} is {format_value(getattr(table, field))}: it must be left out, as controller.kind {kind} "
@@ -237,7 +232,7 @@ class Scenario(Table):
         >>> "order = 0.9" in text, fg.Scenario.from_toml(text).to_toml() == text
         (True, True)
         """
-        return _text(self)
+        return text(self, self.controller.kind)
 
     def replace(self, changes: Mapping[str, Any]) -> Scenario:
         """A copy with fields changed, by their dotted names, and validated as a whole; None unsets.
@@ -251,7 +246,7 @@ class Scenario(Table):
         tables = self.model_dump()
         kind = changes.get("controller.kind", self.controller.kind)
         for name in BY_KIND:  # fields that the other kind does not have are dropped
-            known = _fields(name, kind) if kind in KINDS else tables[name]
+            known = fields_of_table(type(getattr(self, name)), name, kind) if kind in KINDS else tables[name]
             tables[name] = {field: value for field, value in tables[name].items() if field in known}
         for path, value in changes.items():
             if path not in paths(Scenario):
@@ -270,6 +265,35 @@ class Scenario(Table):
             node[leaf] = value
         return Scenario(**tables)
 
+    def differences(self, other: Scenario) -> dict[str, tuple[Any, Any]]:
+        """Fields whose values differ, by dotted name, with both values; None: not set, or no field of that kind.
+
+        >>> fg.Scenario.paper().differences(fg.Scenario.paper().replace({"controller.order": 0.8}))
+        {'controller.order': (0.9, 0.8)}
+        """
+        mine, theirs = values(self, self.controller.kind), values(other, other.controller.kind)
+        pairs = {name: (mine.get(name), theirs.get(name)) for name in dict.fromkeys([*mine, *theirs])}
+        return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
+
+    def changes(self) -> dict[str, Any]:
+        """Fields that differ from the defaults of the kind of controller, by dotted name, for `replace`.
+
+        >>> fg.Scenario().replace({"controller.order": 0.8}).changes()
+        {'controller.order': 0.8}
+        """
+        kind = {"controller.kind": self.controller.kind}
+        default = Scenario().replace(kind)
+        found = {name: new for name, (_, new) in default.differences(self).items()}
+        return found if default.controller.kind == KINDS[0] else kind | found
+
+    def __str__(self) -> str:
+        lines = [name + (" is " if new is None else " = ") + toml_value(new) for name, new in self.changes().items()]
+        return "\n".join(lines) or "the paper's values"
+
+    def __repr__(self) -> str:
+        plain = {name: dict(new) if isinstance(new, BaseModel) else new for name, new in self.changes().items()}
+        return f"Scenario().replace({plain})"
+
     def content_hash(self) -> str:
         """SHA-256 of `to_toml`, in hexadecimal: equal for equal scenarios.
 
@@ -277,36 +301,6 @@ class Scenario(Table):
         True
         """
         return hashlib.sha256(self.to_toml().encode()).hexdigest()
-
-
-@lru_cache(maxsize=8)
-def _text(scenario: Scenario) -> str:
-    lines = [
-        f"{BEGIN} [plant], [rate] and [device] are in SI, all else is nondimensional.",
-        "# A table or field that is left out takes the paper's value, in the corrected reading.",
-    ]
-    for name, table in scenario:
-        lines += ["", f"# {type(table).__doc__}", f"[{name}]"]
-        for field in _fields(name, scenario.controller.kind):
-            info = type(table).model_fields[field]
-            value = getattr(table, field)
-            lines += _comment(info.description or "")
-            lines += [f"# {field} is not set" if value is None else f"{field} = {toml_value(value)}"]
-    return "\n".join([*lines, "", END]) + "\n"
-
-
-@cache
-def _fields(table: str, kind: str) -> tuple[str, ...]:
-    """The fields of a table that a scenario with this kind of controller has, in their order."""
-    known = cast(type[BaseModel], Scenario.model_fields[table].annotation).model_fields
-    if table not in BY_KIND:
-        return tuple(known)
-    return tuple(field for field in known if field in fields_of(kind, table) or not kinds_with(f"{table}.{field}"))
-
-
-@cache
-def _comment(text: str) -> list[str]:
-    return [f"# {line}" for line in textwrap.wrap(text, 106)]
 
 
 def check_scenario(scenario: object) -> None:
