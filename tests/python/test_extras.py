@@ -185,7 +185,7 @@ def test_the_plot_of_a_run_shows_the_rate_where_it_is_estimated() -> None:
         figure = Figure()
         assert fg.plot(run, figure) is figure
         assert len(figure.axes) == panels
-        assert run.fracgyro.plot(Figure()).axes[0].get_ylabel() == "position"
+        assert run.fracgyro.plot(Figure()).axes[0].get_ylabel() == "position\n(q0)"
 
 
 def test_what_to_cite_names_the_paper_and_the_source_of_the_controller() -> None:

@@ -42,14 +42,14 @@ class RunAccessor:
             raise ValueError(f"the Dataset has {found.size} runs: select one, for example run.isel(run=0)")
         return Scenario.from_toml(str(found.item()))
 
-    def plot(self, figure: Any = None) -> Any:
-        """Draws the run with `fracgyro.plot`.
+    def plot(self, figure: Any = None, **options: Any) -> Any:
+        """Draws the run with `fracgyro.plot`, and its options.
 
         >>> figure = fg.simulate(fg.Scenario.paper()).fracgyro.plot()
         """
         with needs("report"):
             from .plots import plot
-        return plot(self._run, figure)
+        return plot(self._run, figure, **options)
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:
         """Writes the run as CSV with a header row, `time,position_x,...`, in full precision.
