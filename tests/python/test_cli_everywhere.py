@@ -16,6 +16,7 @@ from fracgyro.export.web import document
 from fracgyro.scenario.named import named
 from fracgyro.scenario.shipped import NAMES
 from fracgyro.simulation.controller_file import ControllerFile
+from fracgyro.simulation.many import threads_available
 from fracgyro.study.file import base_scenario
 from fracgyro_lab.comparison.plan import planned
 from pyarrow import parquet
@@ -270,3 +271,47 @@ def test_seeds_give_means_with_intervals(tmp_path: Path) -> None:
     assert "3 of 3 runs diverged, the first with disturbance.seed 0 at" in refused(
         "simulate", "--seeds", "3", "--set", "run.step=0.02"
     )
+
+
+# -- Studies before they run, and on some processors -----------------------------------------------------------
+
+
+def test_a_dry_run_tells_the_size_and_runs_nothing(own: Path) -> None:
+    Path("grid.toml").write_text(
+        "seeds = 3\nfixed.run.duration = 2.0\n[vary]\ncontroller.order = [0.5, 0.9]\n"
+        "controller.layer_thickness = [0.01, 0.02]\n",
+        encoding="utf-8",
+    )
+    before = sorted(own.iterdir())
+    found = json.loads(ran("sweep", "grid.toml", "--dry-run", "--json"))
+    assert [found[name] for name in ("runs", "points", "seeds", "steps")] == [12, 4, 3, 12 * 2000]
+    assert found["rows"][1] == {"controller.order": 0.5, "controller.layer_thickness": 0.02}
+    assert 0.0 < found["seconds"] < 60.0
+    shown = ran("sweep", "grid.toml", "--dry-run").splitlines()
+    assert shown[0] == "12 runs: 4 points, 3 seeds, 2.4e+04 steps in all"
+    assert shown[1].startswith("estimated time on this machine: ")
+    assert shown[2].split() == ["controller.order", "controller.layer_thickness"]
+    assert "10 runs: 2 trials, 2 seeds" in ran("tune", "gains.toml", "--dry-run", "--controller", "own.py:Pd")
+    assert sorted(own.iterdir()) == before
+    assert refused("sweep", "grid.toml") == "--out is missing: it must name a folder, unless --dry-run is given"
+
+
+def test_jobs_limit_the_processors_and_not_the_result(own: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    used: list[int] = []
+
+    def counted() -> int:
+        used.append(threads_available())
+        return used[-1]
+
+    monkeypatch.setattr("fracgyro.simulation.measure.threads_available", counted)
+    ran("sweep", "study.toml", "--out", "one", "--jobs", "1")
+    assert set(used) == {1}
+    ran("sweep", "study.toml", "--out", "all")
+    assert threads_available() in used
+    one, every = (pandas.read_parquet(own / name / "runs") for name in ("one", "all"))
+    pandas.testing.assert_frame_equal(one, every, check_exact=True)
+    assert refused("sweep", "study.toml", "--out", "none", "--jobs", "0") == (
+        "jobs is 0: it must be a number of processors, at least 1"
+    )
+    assert refused("tune", "gains.toml", "--out", "none", "--jobs", "-1").startswith("jobs is -1: it must be")
+    assert not (own / "none").exists()

@@ -129,3 +129,13 @@ def test_a_scenario_of_another_kind_prints_its_kind_and_not_the_fields_that_it_l
     assert str(Scenario()) == "the paper's values"
     thermal = str(Scenario().replace({"disturbance.standard_deviation": None, "disturbance.density": 1.0}))
     assert "disturbance.standard_deviation is not set" in thermal
+
+
+def test_a_scenario_is_changed_only_by_replace() -> None:
+    scenario = Scenario()
+    for table, field in ((scenario, "run"), (scenario.run, "step")):
+        with pytest.raises(AttributeError, match=f"^{field} cannot be set: a scenario is frozen; its method replace"):
+            setattr(table, field, 1.0)
+    changes: Any = ["controller.order"]
+    with pytest.raises(TypeError, match=r"^changes is \['controller.order'\]: it must be a dict of dotted names"):
+        scenario.replace(changes)

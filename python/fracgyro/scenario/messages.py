@@ -132,6 +132,8 @@ def _allowed(problem: ErrorDetails, metadata: list[Any]) -> str:
             return f"it must lie {'strictly ' if 'gt' in limits else ''}between {low} and {high}"
         word, limit = next(iter(limits.items()))
         return f"it must be {words[word]} {limit}"
+    if kind == "too_short":
+        return f"it must have at least {context['min_length']} entr{'y' if context['min_length'] == 1 else 'ies'}"
     types = {
         "float_type": "a number",
         "finite_number": "a finite number",

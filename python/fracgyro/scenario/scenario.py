@@ -238,11 +238,13 @@ class Scenario(Table):
         """A copy with fields changed, by their dotted names, and validated as a whole; None unsets.
 
         Fields that another controller.kind does not have are dropped. Raises ScenarioError, in one sentence, for a name
-        or a value that is not allowed.
+        or a value that is not allowed, TypeError for anything but a dict.
 
         >>> fg.Scenario.paper().replace({"controller.order": 0.8, "run.duration": 20.0}).run.duration
         20.0
         """
+        if not isinstance(changes, Mapping):
+            raise TypeError(f"changes is {short(changes)}: it must be a dict of dotted names to values")
         tables = self.model_dump()
         kind = changes.get("controller.kind", self.controller.kind)
         for name in BY_KIND:  # fields that the other kind does not have are dropped

@@ -89,6 +89,9 @@ Vector = NDArray[np.float64]
 class Table(BaseModel):
     model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError(f"{name} cannot be set: a scenario is frozen; its method replace makes a changed copy")
+
     @field_validator("*", mode="after")
     @classmethod
     def _one_zero(cls, value: Any) -> Any:
