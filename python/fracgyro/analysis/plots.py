@@ -155,7 +155,11 @@ def _draw(
     followed: list[Array] = []
     for column in range(values.shape[1]) if place is None else [place]:
         label = own[0] if own else _labels(run, name)[column] if values.shape[1] > 1 else name
-        style = {"color": own[1] if own else PALETTE[column % len(PALETTE)], "linewidth": 0.8, "label": label}
+        style: dict[str, Any] = {
+            "color": own[1] if own else PALETTE[column % len(PALETTE)],
+            "linewidth": 0.8,
+            "label": label,
+        }
         shown = values[:, column]
         if name == "error":
             panel.semilogy(*largest(time, np.maximum(abs(shown), 1e-300), COLUMNS), **style)
@@ -184,10 +188,10 @@ def _draw_rate(panel: Axes, run: Run, time: Array, unit: float, own: tuple[str, 
     panel.plot(*decimate(time, truth, COLUMNS), **REFERENCE, label="true rate")
     later = slice(time.size // 4, None)
     values = np.concatenate([(estimate + spread)[later], (estimate - spread)[later], truth])
-    margin = 0.15 * np.ptp(values) or 1.0
-    low, high = float(values.min() - margin), float(values.max() + margin)
-    before = panel.get_ylim() if own and len(panel.lines) > 2 else (low, high)
-    panel.set_ylim(min(low, before[0]), max(high, before[1]))
+    margin = 0.15 * float(np.ptp(values)) or 1.0
+    bottom, top = float(values.min()) - margin, float(values.max()) + margin
+    before = panel.get_ylim() if own and len(panel.lines) > 2 else (bottom, top)
+    panel.set_ylim(min(bottom, before[0]), max(top, before[1]))
 
 
 def _legends(panels: Iterable[Axes], letters: float) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -11,13 +12,15 @@ from .completion import scenarios
 if TYPE_CHECKING:
     from ..simulation.user_controller import ControllerLike
 
+Decorator = Callable[[Callable[..., None]], Callable[..., None]]
 
-def scenario_argument(**settings: Any) -> Any:
+
+def scenario_argument(**settings: Any) -> Decorator:
     """The argument SCENARIO: the name of a shipped scenario or a file, which `scenario.named` reads."""
     return click.argument("scenario", **{"metavar": "SCENARIO", "shell_complete": scenarios, **settings})
 
 
-def controller_option(text: str = "Use your own controller instead of the scenario's.") -> Any:
+def controller_option(text: str = "Use your own controller instead of the scenario's.") -> Decorator:
     """The option --controller FILE.py:NAME, which `own_controller` loads."""
     return click.option("--controller", metavar="FILE.py:NAME", help=text)
 

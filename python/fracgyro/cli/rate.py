@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from ..extras import needs
+from ..scenario.messages import did_you_mean
 from ..scenario.named import named
-from .commands import did_you_mean
 from .options import controller_option, own_controller, scenario_argument
 from .terminal import print_table, progress
 

@@ -18,7 +18,7 @@ from ..scenario.shipped import NAMES, SHIPPED, shipped_text
 from ..simulation.user_controller import ControllerLike, controller_name
 from .commands import Names
 from .completion import changes
-from .figures import left_out, of_one, of_seeds, plain, rows, shown
+from .figures import Cell, left_out, of_one, of_seeds, plain, rows, shown
 from .options import controller_option, own_controller, scenario_argument
 from .terminal import print_table, progress
 
@@ -59,13 +59,14 @@ def simulate_command(
     wanted = dict(map(_change, changes))
     chosen = _paper(wanted) if scenario in (None, "paper") else named(scenario or "").replace(wanted)
     own = own_controller(controller)
+    cell: Cell = of_one if seeds is None else of_seeds
     if seeds is None:
-        figures, cell = _one_run(chosen, own, out, plot), of_one
+        figures = _one_run(chosen, own, out, plot)
     else:
         for option in (name for name, path in (("--out", out), ("--plot", plot)) if path):
             raise click.UsageError(f"--seeds is given with {option}: it must be left out, as many runs have no record")
-        figures, cell = _many_runs(chosen, own, seeds), of_seeds
-    about = {} if own is None else {"controller": controller_name(own)}
+        figures = _many_runs(chosen, own, seeds)
+    about: dict[str, Any] = {} if own is None else {"controller": controller_name(own)}
     about |= {} if seeds is None else {"seeds": seeds}
     if as_json:
         content = {name: plain(values, cell) for name, values in figures.items()}

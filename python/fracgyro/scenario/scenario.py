@@ -84,7 +84,7 @@ class Scenario(Table):
         kind = self.controller.kind
         for name in BY_KIND:
             table = getattr(self, name)
-            for field in sorted(table.model_fields_set - set(fields_of_table(type(table), name, kind))):
+            for field in sorted(table.model_fields_set - set(fields_of_table(table, name, kind))):
                 path = f"{name}.{field}"
                 raise message_error(
                     f"{path} is {format_value(getattr(table, field))}: it must be left out, as controller.kind {kind} "
@@ -248,7 +248,7 @@ class Scenario(Table):
         tables = self.model_dump()
         kind = changes.get("controller.kind", self.controller.kind)
         for name in BY_KIND:  # fields that the other kind does not have are dropped
-            known = fields_of_table(type(getattr(self, name)), name, kind) if kind in KINDS else tables[name]
+            known = fields_of_table(getattr(self, name), name, kind) if kind in KINDS else tables[name]
             tables[name] = {field: value for field, value in tables[name].items() if field in known}
         for path, value in changes.items():
             if path not in paths(Scenario):

@@ -26,19 +26,21 @@ def text(scenario: BaseModel, kind: str) -> str:
     ]
     for name, table in scenario:
         lines += ["", f"# {type(table).__doc__}", f"[{name}]"]
-        for field in fields_of_table(type(table), name, kind):
+        for field in fields_of_table(table, name, kind):
             value = getattr(table, field)
             lines += _comment(type(table).model_fields[field].description or "")
             lines += [f"# {field} is not set" if value is None else f"{field} = {toml_value(value)}"]
     return "\n".join([*lines, "", END]) + "\n"
 
 
-@cache
-def fields_of_table(model: type[BaseModel], name: str, kind: str) -> tuple[str, ...]:
+def fields_of_table(table: BaseModel, name: str, kind: str) -> tuple[str, ...]:
     """The fields of the table `name` that a scenario with this kind of controller has, in their order."""
-    known = model.model_fields
-    if name not in BY_KIND:
-        return tuple(known)
+    known = tuple(type(table).model_fields)
+    return _of_kind(known, name, kind) if name in BY_KIND else known
+
+
+@cache
+def _of_kind(known: tuple[str, ...], name: str, kind: str) -> tuple[str, ...]:
     return tuple(field for field in known if field in fields_of(kind, name) or not kinds_with(f"{name}.{field}"))
 
 
@@ -47,7 +49,7 @@ def values(scenario: BaseModel, kind: str) -> dict[str, Any]:
     return {
         f"{name}.{field}": getattr(table, field)
         for name, table in scenario
-        for field in fields_of_table(type(table), name, kind)
+        for field in fields_of_table(table, name, kind)
     }
 
 
