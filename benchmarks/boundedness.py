@@ -10,7 +10,7 @@ import math
 import fracgyro as fg
 import numpy as np
 from fracgyro.scenario.bounded import gain
-from fracgyro.scenario.shipped import exactly_sensed
+from fracgyro.scenario.named import exactly_sensed
 from fracgyro_lab.paper import runs as paper
 from machine import command, machine, write
 

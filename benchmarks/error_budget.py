@@ -13,7 +13,7 @@ from typing import Any
 
 import fracgyro as fg
 import numpy as np
-from fracgyro.scenario.shipped import exactly_sensed
+from fracgyro.scenario.named import exactly_sensed
 from fracgyro.scenario.to_core import core_setup
 from machine import command, machine, write
 from numpy.typing import NDArray

@@ -25,7 +25,8 @@ import numpy as np
 from fracgyro import _core
 from fracgyro.export.compilers import FLAGS, SOURCES, Number, include, system_compiler
 from fracgyro.scenario.kinds import KINDS
-from fracgyro.scenario.shipped import SHIPPED, exactly_sensed
+from fracgyro.scenario.named import exactly_sensed
+from fracgyro.scenario.shipped import SHIPPED
 from fracgyro.scenario.to_core import core_setup
 from machine import command, machine, write
 

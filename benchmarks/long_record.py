@@ -15,7 +15,7 @@ from fracgyro.analysis.style import own_style, save_svg
 from fracgyro.rate.allan import Allan, Estimate, allan
 from fracgyro.rate.bound import bound_angle_random_walk
 from fracgyro.rate.units import DEG_PER_H, DEG_PER_ROOT_H
-from fracgyro.scenario.shipped import exactly_sensed, shipped
+from fracgyro.scenario.named import exactly_sensed
 from fracgyro.simulation.rate_means import rate_means
 from machine import RESULTS, command, machine, write
 from matplotlib.figure import Figure
@@ -68,7 +68,7 @@ def costs() -> list[str]:
         "… and flicker noise": exactly_sensed("dual_mass").replace({**electronics, **corners}),
         "B and K of the rate": sensor(),
         "all of these": sensor().replace({**electronics, **corners}),
-        "as shipped: positions with white noise, joint adaptation": shipped("dual_mass"),
+        "as shipped: positions with white noise, joint adaptation": fg.Scenario.shipped("dual_mass"),
     }
     span, best = 1.0, dict.fromkeys(of, math.inf)
     for _ in range(5):

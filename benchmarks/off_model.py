@@ -23,7 +23,6 @@ import numpy as np
 from fracgyro import _core
 from fracgyro.export.compilers import FLAGS, SOURCES, include, system_compiler
 from fracgyro.scenario.kinds import KINDS
-from fracgyro.scenario.shipped import shipped
 from fracgyro.scenario.to_core import core_setup, device_numbers, profiles
 from machine import command, machine, write
 
@@ -124,7 +123,7 @@ def fault_table(
 
     def row(case: tuple[str, str, bool, int]) -> str:
         device, sensing, checked, length = case
-        scenario = SENSED[sensing](shipped(device))
+        scenario = SENSED[sensing](fg.Scenario.shipped(device))
         found = program(scenario, checked, [f"{what},{size},{length}" for what, size in faults])
         step = 1e3 * scenario.run.step * scenario.plant.scales.time  # ms
         back = [one["back"] * step if one["back"] >= 0 else math.inf for one in found]
@@ -184,7 +183,7 @@ def drift_table(program: Program, devices: list[str], minute: bool) -> list[str]
         if long and not (minute and drift == 1.0):
             continue
         ramp = {"device.stiffness_drift": -1.0, "device.temperature_ramp": drift, "plant.angular_rate": 0.0}
-        scenario, until = shipped(device).replace(ramp), SAMPLES
+        scenario, until = fg.Scenario.shipped(device).replace(ramp), SAMPLES
         second = 1.0 / (scenario.run.step * scenario.plant.scales.time)  # samples
         if long:
             until = round(60.0 * second)
@@ -199,7 +198,7 @@ def drift_table(program: Program, devices: list[str], minute: bool) -> list[str]
 
 def delay_table(program: Program, devices: list[str]) -> list[str]:
     late = {"device.delay": 1, "datasheet.delay": 0}
-    cases: list[Case] = [(device, shipped(device).replace(late), SAMPLES) for device in devices]
+    cases: list[Case] = [(device, fg.Scenario.shipped(device).replace(late), SAMPLES) for device in devices]
     return [f"| device | {MEASURED}", "|---|---|---|---|---|", *without_faults(program, cases)]
 
 
@@ -208,7 +207,7 @@ def turn_table(
 ) -> list[str]:
     cases: list[Case] = []
     for device, (hertz, size) in itertools.product(devices, turns):
-        base = SENSED[sensing](shipped(device))
+        base = SENSED[sensing](fg.Scenario.shipped(device))
         start = FROM * base.run.step * base.plant.scales.time
         for begin, words in ((start, "from rest"), (0.0, "from the first sample")):
             turn = {

@@ -17,7 +17,7 @@ import xarray as xr
 from fracgyro.analysis.style import own_style, save_svg
 from fracgyro.rate.merit import gain_and_lag, response
 from fracgyro.rate.units import DEG_PER_S
-from fracgyro.scenario.shipped import exactly_sensed, shipped
+from fracgyro.scenario.named import exactly_sensed
 from fracgyro.scenario.to_core import datasheet
 from machine import command, machine, write
 from matplotlib.figure import Figure
@@ -276,7 +276,7 @@ def main() -> None:
     ]
     for name in DEVICES:
         for corner in CORNERS:
-            scenario = long_enough(shipped(name), corner)
+            scenario = long_enough(fg.Scenario.shipped(name), corner)
             lines.append(line(name, f"{corner:g} Hz", *cells(of_positions(scenario, corner))))
     lines += ["", f"{time.perf_counter() - begin:.0f} s."]
     write("rate_response", lines)

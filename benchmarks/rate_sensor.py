@@ -22,7 +22,7 @@ from fracgyro.rate.results import results, short
 from fracgyro.rate.runs import WITHIN, run_all
 from fracgyro.rate.sensor import Sensor
 from fracgyro.rate.units import DEG_PER_H, DEG_PER_ROOT_H, DEG_PER_S, PERCENT, PPM
-from fracgyro.scenario.shipped import exactly_sensed, shipped
+from fracgyro.scenario.named import exactly_sensed
 from machine import command, machine, write
 from matplotlib.figure import Figure
 
@@ -65,14 +65,14 @@ def cases() -> list[tuple[str, str, fg.Scenario]]:
     found = [
         ("paper, its noise, off resonance", "laws (44), the paper's gains", paper),
         ("paper, its noise, off resonance", "composite", sensing(paper)),
-        ("paper, thermal noise, off resonance", "laws (44), the paper's gains", shipped("paper_thermal")),
-        ("paper, thermal noise, off resonance", "composite", sensing(shipped("paper_thermal"))),
+        ("paper, thermal noise, off resonance", "laws (44), the paper's gains", fg.Scenario.shipped("paper_thermal")),
+        ("paper, thermal noise, off resonance", "composite", sensing(fg.Scenario.shipped("paper_thermal"))),
     ]
     for name in ALL_DEVICES:
         scenario = exactly_sensed(name)
         found.append((name, "laws (44), gains for resonance", scenario.replace({"adaptation.kind": "gradient"})))
         found.append((name, "composite", scenario))
-        found.append((f"{name}, positions only, {PICK_OFF:g} m/√Hz", "joint", shipped(name)))
+        found.append((f"{name}, positions only, {PICK_OFF:g} m/√Hz", "joint", fg.Scenario.shipped(name)))
     return found
 
 
@@ -160,7 +160,7 @@ def of_a_minute(_: fg.Scenario) -> Effects:
     """A stiffness that falls slowly, for much longer than the scenario's own run."""
     slow: dict[str, object] = {"device.stiffness_drift": -1.0, "device.temperature_ramp": 1.0}
     words = "stiffness falls by 1 ppm/s for a minute"
-    scenario = shipped(DEVICES[0])
+    scenario = fg.Scenario.shipped(DEVICES[0])
     return [
         (words, slow),
         *((f"… D and K forgotten at {f:g} Hz", {**slow, **forgetting(scenario, f)}) for f in (10.0, 100.0)),
@@ -246,11 +246,11 @@ def not_ideal() -> list[str]:
         *device_lines(
             "Exact sensors, and what a device is not ideal in", f"{exact} {shared}", exactly_sensed, of_exact_sensing
         ),
-        *device_lines("Positions with sensing noise, and more", f"{noisy} {shared}", shipped, of_positions),
+        *device_lines("Positions with sensing noise, and more", f"{noisy} {shared}", fg.Scenario.shipped, of_positions),
         *device_lines(
             "A slow drift for a minute",
             f"{noisy} The second half of {MINUTE:g} s counts; rates of ±300 deg/s and 0.",
-            shipped,
+            fg.Scenario.shipped,
             of_a_minute,
             DEVICES[:1],
             MINUTE,
@@ -258,7 +258,7 @@ def not_ideal() -> list[str]:
         *device_lines(
             "Hidden delay on each device",
             f"{noisy} The force is a step late, and the datasheet does not say so.",
-            shipped,
+            fg.Scenario.shipped,
             of_hidden_delay,
             ALL_DEVICES,
         ),

@@ -10,7 +10,7 @@ import numpy as np
 from fracgyro.rate.merit import turn_on_time
 from fracgyro.rate.sensor import Sensor
 from fracgyro.rate.units import DEG_PER_S
-from fracgyro.scenario.shipped import exactly_sensed
+from fracgyro.scenario.named import exactly_sensed
 from machine import command, machine, write
 
 DEPENDS_ON = ["sliding_mode"]

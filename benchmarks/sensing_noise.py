@@ -17,7 +17,6 @@ import numpy as np
 from fracgyro.rate.bound import bound_angle_random_walk
 from fracgyro.rate.results import short
 from fracgyro.rate.units import DEG_PER_H, DEG_PER_ROOT_H, DEG_PER_S, PPM
-from fracgyro.scenario.shipped import shipped
 from machine import command, machine, write
 from scipy import stats
 
@@ -66,7 +65,7 @@ class Ends:
 
 def device(name: str, density: float, *, velocity: bool = False, **changes: Any) -> fg.Scenario:
     """A shipped device with this sensing noise and the joint filter, with an initial rate estimate of 0."""
-    scenario = shipped(name)
+    scenario = fg.Scenario.shipped(name)
     noise: dict[str, object] = {
         "device.sensing": "full" if velocity else "position",
         "device.position_noise_density": density,
@@ -156,7 +155,7 @@ def devices() -> list[str]:
 def electronics() -> list[str]:
     """One thing at a time on the dual mass."""
     name = "dual_mass"
-    plant = shipped(name).plant
+    plant = fg.Scenario.shipped(name).plant
     reach = 1.25 * plant.reference_length
     quadrature = 2 * plant.mass * plant.reference_frequency * FAST
     turning: dict[str, Any] = {"plant__angular_rate": FAST}
@@ -186,7 +185,7 @@ def electronics() -> list[str]:
             (f"{bits} bit of ±1.25 amplitudes, 300 deg/s", device(name, 0.0, **turning, **converter), TIME, limit)
         )
     for factor in (0.01, 0.25, 4.0, 100.0):
-        d = shipped(name)
+        d = fg.Scenario.shipped(name)
         force = math.sqrt(factor * (d.disturbance.density or 0.0) / d.run.step)
         cases.append(
             (
@@ -215,7 +214,7 @@ def hidden() -> list[str]:
     """An unstated delay of the force by one step, on each device, without and with quadrature."""
     lines = heads("device", "hidden delay of one step")
     for name in DEVICES:
-        plant = shipped(name).plant
+        plant = fg.Scenario.shipped(name).plant
         coupling = 2 * plant.mass * math.sqrt(plant.stiffness.xx / plant.mass) * DEG_PER_S.to_si(250.0)
         late: dict[str, Any] = {"device__delay": 1, "datasheet__delay": 0}
         pulled: dict[str, Any] = {"plant__stiffness_deviation": {"xx": 0.0, "xy": coupling, "yy": 0.0}}
@@ -231,7 +230,7 @@ def drift() -> list[str]:
         "| D, K forgotten at (Hz) | mean error (deg/h) | RMS error (deg/h) | noise without drift, over that at 0 |",
         "|---" * 4 + "|",
     ]
-    d = shipped("dual_mass")
+    d = fg.Scenario.shipped("dual_mass")
     time_unit = d.plant.scales.time
     span = d.run.duration * time_unit
     falling = {"device__stiffness_drift": -30.0, "device__temperature_ramp": 10.0 / span}

@@ -27,7 +27,8 @@ from fracgyro.export.compilers import FLAGS, SOURCES, Number, include, system_co
 from fracgyro.files import whole_file
 from fracgyro.rate.units import DEG_PER_S
 from fracgyro.scenario import kinds
-from fracgyro.scenario.shipped import SHIPPED, exactly_sensed, shipped
+from fracgyro.scenario.named import exactly_sensed
+from fracgyro.scenario.shipped import SHIPPED
 from fracgyro.scenario.to_core import core_setup, datasheet
 from machine import command, machine, write
 from sources import digest
@@ -56,7 +57,7 @@ class Block(NamedTuple):
         return KEPT / f"{self.kind}-{self.adaptation}-{self.number}-{self.steps}.txt"
 
 
-DEVICES = [name for name in SHIPPED if shipped(name).adaptation.kind == "joint"]
+DEVICES = [name for name in SHIPPED if fg.Scenario.shipped(name).adaptation.kind == "joint"]
 BLOCKS = [Block(*chosen, STEPS) for chosen in product(KINDS, ADAPTATIONS, NUMBERS)]
 BLOCKS += [Block(KINDS[0], *chosen, MAX_STEPS) for chosen in product(ADAPTATIONS, NUMBERS)]
 Row = tuple[str, Block, list[str]]
@@ -168,7 +169,7 @@ def joint_row(name: str, number: str, numbers: list[str]) -> str:
         cells = ["**diverged**", "", "", ""]
     else:
         ex, ey, mean, deviation, stated, trusted = map(float, found)
-        unit = DEG_PER_S.per_si * shipped(name).plant.scales.rate
+        unit = DEG_PER_S.per_si * fg.Scenario.shipped(name).plant.scales.rate
         cells = [f"{ex:.2e}, {ey:.2e}", f"{unit * mean:+.2e} ± {unit * deviation:.1e}", f"{unit * stated:.1e}"]
         cells += [f"{100 * trusted:g} %"]
     line = f"| {name} | {number} | {power(float(at))} | {' | '.join(cells)} |"
@@ -192,7 +193,7 @@ def report_joint(programs: dict[Number, Path]) -> list[str]:
     ]
     cases = list(product(DEVICES, NUMBERS))
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        found = pool.map(lambda case: soak_joint(programs[case[1]], shipped(case[0])), cases)
+        found = pool.map(lambda case: soak_joint(programs[case[1]], fg.Scenario.shipped(case[0])), cases)
         for (name, number), marks in zip(cases, found, strict=True):
             lines += [joint_row(name, number, numbers) for numbers in marks]
     lines += ["", f"{time.perf_counter() - begin:.0f} s."]

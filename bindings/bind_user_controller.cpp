@@ -27,6 +27,10 @@ template <Vec2<double> UserInput::* member>
 PyObject* get_pair(PyObject* self, void*) {
     return new_pair(input(self).*member);
 }
+template <Vec2<double> UserInput::* measured, Vec2<double> UserInput::* wanted>
+PyObject* get_difference(PyObject* self, void*) {
+    return new_pair(input(self).*measured - input(self).*wanted);
+}
 PyObject* sample_text(PyObject* self) {
     const UserInput& in = input(self);
     std::array<char, 512> text{};
@@ -52,6 +56,10 @@ PyTypeObject* sample_type() {
         {"reference", get_pair<&UserInput::reference>, nullptr, "r, (x, y)", nullptr},
         {"reference_velocity", get_pair<&UserInput::reference_velocity>, nullptr, "dr/dt, (x, y)", nullptr},
         {"reference_acceleration", get_pair<&UserInput::reference_acceleration>, nullptr, "d2r/dt2, (x, y)", nullptr},
+        {"error", get_difference<&UserInput::position, &UserInput::reference>, nullptr,
+         "e = q - r, as measured, (x, y)", nullptr},
+        {"error_rate", get_difference<&UserInput::velocity, &UserInput::reference_velocity>, nullptr,
+         "v - dr/dt, as measured or observed, (x, y)", nullptr},
         {nullptr, nullptr, nullptr, nullptr, nullptr}};
     static PyType_Slot slots[] = {
         {Py_tp_doc,

@@ -10,11 +10,10 @@ own standard deviation.
 import fracgyro as fg
 import matplotlib.pyplot as plt
 import numpy as np
-from fracgyro.scenario.shipped import shipped
 
 turning = {"rate.kind": "sine", "rate.amplitude": 1.0, "rate.frequency": 2 * np.pi * 20}  # both rad/s
 others = {"run.units": "SI", "run.duration": 4000.0, "run.record_every": 20, "plant.angular_rate": 0.0}
-run = fg.simulate(shipped("dual_mass").replace({**turning, **others}))
+run = fg.simulate(fg.Scenario.shipped("dual_mass").replace({**turning, **others}))
 
 time, estimate, band = 1e3 * run["time"], run["rate_estimate"], 2 * run["rate_deviation"]
 figure, panel = plt.subplots(figsize=(7, 4), layout="constrained")

@@ -12,9 +12,8 @@ from tempfile import mkdtemp
 
 import fracgyro as fg
 import matplotlib.pyplot as plt
-from fracgyro.scenario.shipped import shipped
 
-device = shipped("dual_mass").replace({"run.duration": 1500.0})
+device = fg.Scenario.shipped("dual_mass").replace({"run.duration": 1500.0})
 figures = fg.rate.characterise(device, mkdtemp() + "/report", quick=True, rest=0.5)
 
 rows = []

@@ -11,9 +11,8 @@ from tempfile import mkdtemp
 import fmpy
 import fracgyro as fg
 import matplotlib.pyplot as plt
-from fracgyro.scenario.shipped import shipped
 
-scenario = shipped("hardware").replace({"run.duration": 10.0})
+scenario = fg.Scenario.shipped("hardware").replace({"run.duration": 10.0})
 path = mkdtemp() + "/gyro.fmu"
 fg.export.fmu(scenario, path)
 result = fmpy.simulate_fmu(path, stop_time=10.0, output_interval=0.001, output=["position.x", "position.y"])

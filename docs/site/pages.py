@@ -17,8 +17,8 @@ from urllib.parse import unquote
 import controllers
 from fracgyro.export.firmware import coefficients_header
 from fracgyro.export.web import settings_types
+from fracgyro.scenario import Scenario
 from fracgyro.scenario.kinds import KINDS
-from fracgyro.scenario.shipped import shipped
 from headers import c_reference
 
 SITE = Path(__file__).resolve().parent
@@ -104,7 +104,7 @@ class Gathered:
             self.put(f"controllers/{kind}.md", f"{ORPHAN}{text}")
             for file, drawn in pictures.items():
                 self.put(f"pictures/{file}", drawn)
-        made = coefficients_header(shipped("hardware"), "float")
+        made = coefficients_header(Scenario.shipped("hardware"), "float")
         self.put("reference/c.md", c_reference(ROOT / "integrations/firmware/fracgyro.h", made))
         types = (ROOT / "integrations/web/fracgyro.d.ts").read_text(encoding="utf-8")
         self.put("reference/fracgyro.d.ts", types)

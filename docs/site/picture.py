@@ -11,7 +11,6 @@ import numpy as np
 import xarray as xr
 from fracgyro.analysis.metrics import true_rate
 from fracgyro.analysis.style import COLORS, LETTERS, own_style, svg
-from fracgyro.scenario.shipped import shipped
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -43,7 +42,7 @@ def followed(run: xr.Dataset) -> bool:
 def closed_loop(kind: str) -> tuple[int, xr.Dataset]:
     """The run that is drawn, and the place of its setup in SETUPS. Raises DivergedError if all diverge."""
     for place, (name, _, changes) in enumerate(SETUPS):
-        base = fg.Scenario.paper() if name == "paper" else shipped(name)
+        base = fg.Scenario.paper() if name == "paper" else fg.Scenario.shipped(name)
         try:
             run = fg.simulate(base.replace({"controller.kind": kind, "run.units": "SI", **changes}))
         except fg.DivergedError:

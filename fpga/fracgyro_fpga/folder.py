@@ -40,9 +40,8 @@ def fpga(
     in one sentence, when the folder cannot be written, the controller cannot be hardware, or it would not stay bounded
     and `unbounded` does not say that it need not.
 
-    >>> from fracgyro.scenario.shipped import shipped
     >>> from fracgyro_fpga import fpga
-    >>> fpga(shipped("hardware"), "hardware")
+    >>> fpga(fg.Scenario.shipped("hardware"), "hardware")
     """
     check_bounded(scenario, unbounded)
     require("export", "jinja2")

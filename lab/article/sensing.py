@@ -10,7 +10,6 @@ import logs
 import numpy as np
 from fracgyro.rate.bound import bound_angle_random_walk
 from fracgyro.rate.units import DEG_PER_ROOT_H
-from fracgyro.scenario.shipped import shipped
 from fracgyro_lab.paper.runs import scenario
 from words import interval, short
 
@@ -75,7 +74,7 @@ def bound_of_paper() -> tuple[list[float], list[float]]:
 
 def bound_curve(device: str, noises: np.ndarray) -> np.ndarray:
     """In deg/sqrt(h), of a sensor of position, with D and K unknown."""
-    base = shipped(device)
+    base = fg.Scenario.shipped(device)
     bounds = [bound_angle_random_walk(base.replace({"device.position_noise_density": float(n)})) for n in noises]
     return np.array([np.nan if b is None else DEG_PER_ROOT_H.of(b.unknown) for b in bounds])
 

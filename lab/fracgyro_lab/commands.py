@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import click
-from fracgyro.cli.completion import toml_files
+from fracgyro.cli.completion import scenarios as scenario_names
+from fracgyro.cli.options import controller_option
 from fracgyro.cli.terminal import print_table, progress
 
 
@@ -59,14 +60,12 @@ def _without_password(context: click.Context, parameter: click.Parameter, value:
 
 @click.command()
 @click.argument("task", metavar="TASK")
-@click.argument(
-    "scenarios", nargs=-1, type=click.Path(path_type=Path), metavar="[SCENARIO.toml...]", shell_complete=toml_files
-)
+@click.argument("scenarios", nargs=-1, metavar="[SCENARIO...]", shell_complete=scenario_names)
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="Folder for the results.")
 @click.option("--only", callback=_listed, metavar="A,B", help="Compare only these contenders.")
 @click.option("--class", "classes", callback=_listed, metavar="F,P", help="Measured: F all, P positions only.")
 @click.option("--noise", callback=_numbers, metavar="N,N", help="Noise of the positions in m/sqrt(Hz), as 0,1e-13.")
-@click.option("--controller", metavar="FILE.py:NAME", help="Add your own controller.")
+@controller_option("Add your own controller.")
 @click.option("--trials", type=int, metavar="N", help="Number of trials of each tuning.")
 @click.option("--quick", is_flag=True, help="Run a quick preview: 20 trials, 2 seeds; gains are not tuned.")
 @click.option("--resume", is_flag=True, help="Finish the comparison that DIR holds.")
@@ -78,7 +77,7 @@ def _without_password(context: click.Context, parameter: click.Parameter, value:
     help="Store trials in this database, for example postgresql://host/name; the password is in ~/.pgpass.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
-def compare(task: str, scenarios: tuple[Path, ...], out: Path, as_json: bool, **options: Any) -> None:
+def compare(task: str, scenarios: tuple[str, ...], out: Path, as_json: bool, **options: Any) -> None:
     """Compare controllers on TASK, track or rate: tune each, judge all on unseen seeds and plants."""
     from .comparison import compare as run
     from .comparison.report import rank

@@ -95,7 +95,7 @@ def _export(what: str) -> Any:
 
 COMMANDS: dict[str, Any] = {
     "simulate": _simulate,
-    "scenario": lambda rng: ["scenario", rng.choice(["paper", "disc", "rocket", "--list", "", "--variant", "printed"])],
+    "scenario": lambda rng: ["scenario", rng.choice(["paper", "disc", "rocket", "--list", "", "paper-printed"])],
     "web": _export("web"),
     "firmware": _export("firmware"),
     "fmu": _export("fmu"),

@@ -13,7 +13,7 @@ import pytest
 from fracgyro.rate.bound import Bound, _bound, _nondimensional, bound_of_motion, noise_of
 from fracgyro.rate.innovation import Noise, Plant, information_of_motion
 from fracgyro.rate.units import DEG_PER_ROOT_H
-from fracgyro.scenario.shipped import exactly_sensed, shipped
+from fracgyro.scenario.named import exactly_sensed
 
 bound_angle_random_walk = fg.rate.bound_angle_random_walk
 SHIPPED = Path(fg.__file__).parent / "scenario" / "shipped"
@@ -21,7 +21,7 @@ SHIPPED = Path(fg.__file__).parent / "scenario" / "shipped"
 
 def device(name: str, position: float = 0.0, velocity: float | None = None) -> fg.Scenario:
     """At rest; noise in m/sqrt(Hz), and of the velocity in omega0 times that, or positions only."""
-    scenario = shipped(name).replace({"plant.angular_rate": 0.0})
+    scenario = fg.Scenario.shipped(name).replace({"plant.angular_rate": 0.0})
     if position == 0.0:
         return exactly_sensed(name).replace({"plant.angular_rate": 0.0})
     sensing: dict[str, Any] = {"device.sensing": "position", "device.position_noise_density": position}
@@ -84,7 +84,7 @@ def by_hand(name: str, rate: float) -> tuple[float, float]:
 @pytest.mark.parametrize("rate", [0.0, 5.0])  # rad/s
 @pytest.mark.parametrize("name", ["dual_mass", "tuned_in_air", "paper_resonance", "disc"])
 def test_the_bound_is_that_of_the_spectrum_of_the_positions_in_si(name: str, rate: float) -> None:
-    found = bound_angle_random_walk(shipped(name).replace({"plant.angular_rate": rate}))
+    found = bound_angle_random_walk(fg.Scenario.shipped(name).replace({"plant.angular_rate": rate}))
     assert found is not None
     assert (found.known, found.unknown) == pytest.approx(by_hand(name, rate), rel=1e-5)
 
@@ -194,7 +194,9 @@ def test_exact_sensors_and_silent_forces_leave_a_bound_of_0_along_a_motion_too()
 
 
 def test_the_step_of_the_sensitivities_is_that_of_the_plant() -> None:
-    scenario = shipped("tuned_in_air").replace({"disturbance.density": None, "disturbance.standard_deviation": 0.0})
+    scenario = fg.Scenario.shipped("tuned_in_air").replace(
+        {"disturbance.density": None, "disturbance.standard_deviation": 0.0}
+    )
     exact, _ = Plant.of(scenario).steps(scenario.run.step)
     run = fg.simulate(scenario.replace({"run.duration": 5.0}))
     state = np.concatenate([run["position"].values, run["velocity"].values], axis=1)
@@ -206,7 +208,7 @@ def test_the_force_of_a_motion_is_the_one_that_acts_and_the_units_are_the_cores(
     # Actuators 10 % too strong and late: the motion follows the force that they apply, in any units.
     quiet = {"disturbance.density": None, "disturbance.standard_deviation": 0.0, "run.duration": 5.0}
     faulty = {"device.force_gain_error": [0.1, 0.1], "device.delay": 1, "run.units": "SI"}
-    scenario = shipped("tuned_in_air").replace(quiet | faulty)
+    scenario = fg.Scenario.shipped("tuned_in_air").replace(quiet | faulty)
     position, velocity, force = _nondimensional(scenario, fg.simulate(scenario))
     exact, _ = Plant.of(scenario).steps(scenario.run.step)
     known = np.concatenate([position, velocity, force], axis=1)
@@ -215,7 +217,7 @@ def test_the_force_of_a_motion_is_the_one_that_acts_and_the_units_are_the_cores(
 
 
 def test_its_derivatives_are_differences_of_steps() -> None:
-    plant, little = Plant.of(shipped("tuned_in_air")), 1e-6
+    plant, little = Plant.of(fg.Scenario.shipped("tuned_in_air")), 1e-6
     _, derivatives = plant.steps(0.3)
     one, turn = np.eye(2), np.array([[0.0, -2.0], [2.0, 0.0]])
     entries = [np.outer(one[0], one[0]), np.outer(one[0], one[1]) + np.outer(one[1], one[0]), np.outer(one[1], one[1])]
@@ -236,7 +238,7 @@ def test_the_sensors_are_one_whose_information_is_the_sum() -> None:
 
 def test_the_sensitivities_are_those_of_the_filter_run_step_by_step() -> None:
     # Steps so long that the force counts, and a motion that closes after 25 samples.
-    plant, step, period = Plant.of(shipped("tuned_in_air")), 0.5, 25
+    plant, step, period = Plant.of(fg.Scenario.shipped("tuned_in_air")), 0.5, 25
     noise = Noise(0.3, np.array([0.2, 0.4]), np.array([math.inf, 0.5]))
     angle = 2 * np.pi * np.arange(31) / period
     position = np.stack([np.sin(angle), 0.5 * np.cos(2 * angle)], axis=1)

@@ -20,7 +20,7 @@ from click.testing import CliRunner
 from fracgyro.cli import cli
 from fracgyro.export.firmware import coefficients_header
 from fracgyro.scenario.bounded import check_bounded, gain, is_bounded
-from fracgyro.scenario.shipped import COMMON, SHIPPED, shipped, shipped_text
+from fracgyro.scenario.shipped import COMMON, SHIPPED, shipped_text
 from fracgyro.scenario.table import toml_value
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -222,7 +222,7 @@ def test_every_shipped_scenario_has_what_hardware_needs(name: str) -> None:
     common = fg.Scenario.from_toml(
         (ROOT / f"python/fracgyro/scenario/shipped/{COMMON}.toml").read_text(encoding="utf-8")
     )
-    scenario = shipped(name)
+    scenario = fg.Scenario.shipped(name)
     assert is_bounded(scenario)
     text = shipped_text(name)
     for table, fields in common.model_dump(exclude_unset=True).items():
@@ -235,7 +235,9 @@ def test_every_shipped_scenario_has_what_hardware_needs(name: str) -> None:
 
 def test_the_preset_for_hardware_is_the_papers_with_limits() -> None:
     limits = {"controller.force_limit": 6000.0, "controller.switching_limit": 0.5}
-    assert shipped("hardware") == PAPER.replace({**limits, "guard.checked": True, "run.kernel_tolerance": 3e-5})
+    assert fg.Scenario.shipped("hardware") == PAPER.replace(
+        {**limits, "guard.checked": True, "run.kernel_tolerance": 3e-5}
+    )
     for variant in ("printed", "corrected"):
         assert fg.Scenario.paper(variant).controller.switching_limit == INF
 

@@ -48,7 +48,7 @@ def test_the_scenario_it_prints_is_the_papers_and_simulates(tmp_path: Path) -> N
 
 
 def test_the_printed_variant_can_be_had() -> None:
-    assert run("scenario", "--variant", "printed").stdout == fg.Scenario.paper("printed").to_toml()
+    assert run("scenario", "paper-printed").stdout == fg.Scenario.paper("printed").to_toml()
 
 
 def test_a_run_is_saved_and_drawn(tmp_path: Path) -> None:
@@ -116,11 +116,12 @@ def test_a_table_of_metrics_is_printed_for_people() -> None:
             ["export", "web", "whole.toml", "--out", "whole.toml"],
             "whole.toml cannot be written: it already exists",
         ),
-        (["simulate", "whole.toml", *SHORT, "--out", "whole.toml"], "whole.toml cannot be written: it is a file of"),
+        (["simulate", "whole.toml", *SHORT, "--out", "whole.toml"], "whole.toml cannot be written: its suffix must be"),
         (["simulate", "nowhere.toml"], "nowhere.toml cannot be read: No such file or directory"),
         (["simulate", "half.toml"], "half.toml is not valid TOML"),
         (["simulate", *SHORT, "--out", "nowhere/run.nc"], "nowhere/run.nc cannot be written: No such file"),
         (["simulate", *SHORT, "--plot", "run.mp3"], "run.mp3 cannot be drawn"),
+        (["simulate", *SHORT, "--out", "run.h5"], "run.h5 cannot be written: its suffix must be one of .nc, .csv, "),
         (["reproduce", "--seeds", "1"], "seeds is 1: it must be at least 2"),
         (["reproduce", "--seeds", "some"], "'some' is not a valid integer"),
         (["reproduce", "--out", "half.toml"], "half.toml cannot be created: File exists"),
@@ -134,7 +135,7 @@ def test_a_table_of_metrics_is_printed_for_people() -> None:
             ["simulate", "--set", "controller.ordr=.8"],
             "controller.ordr is not a known field; did you mean controller.o",
         ),
-        (["scenario", "rocket"], "'rocket' is not one of 'paper', 'hardware'"),
+        (["scenario", "rocket"], "'rocket' is not one of 'paper', 'paper-printed', 'hardware'"),
     ],
 )
 def test_bad_input_ends_with_one_sentence(tmp_path: Path, words: list[str], expected: str) -> None:
@@ -200,7 +201,21 @@ def test_a_package_adds_a_command_by_an_entry_point(tmp_path: Path) -> None:
     assert "  greet      Greet the user." in listed
 
 
-NAMES = ["allan", "compare", "export", "rate", "replay", "reproduce", "scenario", "schema", "selfcheck", "simulate"]
+NAMES = [
+    "allan",
+    "check",
+    "compare",
+    "diff",
+    "explain",
+    "export",
+    "rate",
+    "replay",
+    "reproduce",
+    "scenario",
+    "schema",
+    "selfcheck",
+    "simulate",
+]
 NAMES += ["sweep", "tune"]
 
 
@@ -280,7 +295,7 @@ def test_a_file_whose_name_is_not_text_is_read_and_named_by_its_bytes(tmp_path: 
 
 def test_a_device_is_not_replaced_by_a_file() -> None:
     assert "/dev/null cannot be written: it is not a regular file" in sentence(
-        run("simulate", *SHORT, "--out", "/dev/null")
+        run("export", "web", "hardware", "--out", "/dev/null")
     )
     assert Path("/dev/null").is_char_device()
 
@@ -334,7 +349,7 @@ def test_too_little_memory_is_said_in_one_sentence(tmp_path: Path) -> None:
 def test_an_error_that_nobody_foresaw_is_a_bug_to_report_and_no_sentence(fault: str, kind: str) -> None:
     code = (
         "import numpy, fracgyro.cli, fracgyro.simulation.simulate as there\n"
-        f"there.simulate = lambda scenario: {fault}\n"
+        f"there.simulate = lambda scenario, own: {fault}\n"
         "fracgyro.cli.main()"
     )
     command = [sys.executable, "-c", code, "simulate"]
@@ -371,6 +386,6 @@ def test_the_noise_of_the_paper_follows_a_step_that_is_set(
     monkeypatch: pytest.MonkeyPatch, step: str, hold: float | None
 ) -> None:
     ran: list[fg.Scenario] = []
-    monkeypatch.setattr("fracgyro.simulation.simulate.simulate", ran.append)
+    monkeypatch.setattr("fracgyro.simulation.simulate.simulate", lambda scenario, own: ran.append(scenario))
     CliRunner().invoke(cli, ["simulate", "--set", f"run.step={step}", "--set", "run.duration=12"])
     assert [(scenario.run.step, scenario.disturbance.hold) for scenario in ran] == [(float(step), hold)]

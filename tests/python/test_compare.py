@@ -492,7 +492,7 @@ def test_a_native_law_takes_part_and_does_what_the_same_in_python_does(tmp_path:
     [
         (MINE, "mine.py", "it must be FILE.py:NAME"),
         (MINE, "none.py:MyController", "cannot be read: No such file"),
-        (MINE, "mine.py:Yours", "names Yours: it must be a class or function"),
+        (MINE, "mine.py:Yours", "names Yours: it must be a class, a function or"),
         ("1 +", "mine.py:MyController", "cannot be run: SyntaxError"),
         (MINE.replace("ranges", "range"), "mine.py:MyController", "MyController.ranges is not set: it must be a dict"),
         (MINE.replace("(1e3, 1e5)", "(1e5, 1e3)"), "mine.py:MyController", "low must be less than high"),
@@ -502,7 +502,7 @@ def test_a_native_law_takes_part_and_does_what_the_same_in_python_does(tmp_path:
         (
             f"{MINE}\ndef law(kp):\n    return 3\n\nlaw.ranges = {{'kp': (1, 2)}}\n",
             "mine.py:law",
-            "gives 3: it must give",
+            "is 3: it must be a controller",
         ),
     ],
 )

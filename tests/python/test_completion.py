@@ -11,6 +11,7 @@ import fracgyro as fg
 import pytest
 from click.shell_completion import CompletionItem, ShellComplete
 from fracgyro.cli import cli
+from fracgyro.scenario.shipped import NAMES
 
 
 def offered(*words: str) -> list[CompletionItem]:
@@ -58,7 +59,8 @@ def test_files_that_end_in_toml_are_offered(command: str, tmp_path: Path, monkey
         (tmp_path / name).touch()
     monkeypatch.chdir(tmp_path)
     assert values(*command.split(), "m")[1:] == ["mine.toml"]
-    assert values(*command.split(), "")[1:] == ["mine.toml", "other.toml"]
+    names = [] if command in ("sweep", "tune") else [*NAMES]
+    assert values(*command.split(), "")[1:] == ["mine.toml", "other.toml", *names]
     assert values(*command.split(), "deep/")[1:] == ["deep/mine.toml"]
     assert values(*command.split(), "nowhere/")[1:] == []
     assert offered(*command.split(), "m")[0].type == "dir"

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from fracgyro import _core
-from fracgyro.scenario.shipped import exactly_sensed
+from fracgyro.scenario.named import exactly_sensed
 from fracgyro.scenario.to_core import core_setup
 from test_loop import QUIET, assert_agrees, sharp
 

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 from fracgyro.rate.units import DEG_PER_ROOT_H
-from fracgyro.scenario.shipped import shipped
+from fracgyro.scenario import Scenario
 from fracgyro.simulation.rate_means import rate_means
 
-DUAL_MASS = shipped("dual_mass")
+DUAL_MASS = Scenario.shipped("dual_mass")
 OMEGA = DUAL_MASS.plant.reference_frequency
 HZ = 2 * math.pi / OMEGA
 LOOPS = {

@@ -119,7 +119,8 @@ def test_the_python_of_a_guide_runs(path: Path, tmp_path: Path) -> None:
     code = "\n".join(blocks(path.read_text(encoding="utf-8"), "python"))
     for law in blocks(path.read_text(encoding="utf-8"), "c"):  # in C that is C++, too
         (tmp_path / "law.cpp").write_text(f'extern "C" {{\n{law}}}\n', encoding="utf-8")
-        system_compiler("-O2", "-shared", "-fPIC", tmp_path / "law.cpp", "-o", tmp_path / "law.so")
+        headers = f"-I{fg.native.INCLUDE}"
+        system_compiler("-O2", "-shared", "-fPIC", headers, tmp_path / "law.cpp", "-o", tmp_path / "law.so")
     ran = subprocess.run(
         [sys.executable, "-W", "error", "-W", "default::DeprecationWarning", "-c", code],
         cwd=tmp_path,

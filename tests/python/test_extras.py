@@ -70,7 +70,10 @@ def test_a_function_is_not_hidden_by_its_module() -> None:
         ("netcdf", "simulate --set run.duration=1.0 --out run.nc"),
         ("netcdf", "replay run.nc --target host"),
         ("netcdf", "reproduce --quick --out out"),
+        ("study", "simulate --set run.duration=1.0 --out run.parquet"),
+        ("interop", "simulate --set run.duration=1.0 --out run.mat"),
         ("report", "simulate --set run.duration=1.0 --plot run.svg"),
+        ("report", "simulate --set run.duration=1.0 --seeds 3"),
         ("report", "reproduce --quick --out out"),
         ("rate", "rate my.toml --out out"),
         ("rate", "allan record.csv"),
@@ -182,7 +185,7 @@ def test_the_plot_of_a_run_shows_the_rate_where_it_is_estimated() -> None:
         figure = Figure()
         assert fg.plot(run, figure) is figure
         assert len(figure.axes) == panels
-        assert run.fracgyro.plot(Figure()).axes[0].get_ylabel() == "position"
+        assert run.fracgyro.plot(Figure()).axes[0].get_ylabel() == "position\n(q0)"
 
 
 def test_what_to_cite_names_the_paper_and_the_source_of_the_controller() -> None:

@@ -12,6 +12,7 @@ import fracgyro as fg
 import numpy as np
 import pytest
 import xarray as xr
+from fracgyro.analysis.decimation import decimate
 from fracgyro_lab.paper import drawing, figures
 from hypothesis import given
 from hypothesis import strategies as st
@@ -133,7 +134,7 @@ signals = st.lists(finite, min_size=1, max_size=300).map(np.array)
 @given(signals, st.integers(1, 60))
 def test_decimation_keeps_the_extremes_of_every_stretch_and_both_ends(values: drawing.Array, columns: int) -> None:
     time = np.arange(float(len(values)))
-    kept_time, kept = drawing.decimate(time, values, columns)
+    kept_time, kept = decimate(time, values, columns)
     assert np.array_equal(kept, values[kept_time.astype(int)]), "samples, not averages"
     assert np.all(np.diff(kept_time) > 0)
     assert (kept_time[0], kept_time[-1]) == (0, len(values) - 1)

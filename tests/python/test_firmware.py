@@ -16,14 +16,13 @@ import pytest
 from children import PATIENCE
 from embedded import STRICT, need
 from fracgyro import _core
-from fracgyro.export.clock import clock_note
+from fracgyro.export.clock import clock_of
 from fracgyro.export.compilers import SOURCES, Number, compiler, make
 from fracgyro.export.host import SCALARS, Host, flags, plant_of, rmse
 from fracgyro.export.replay import first_difference
 from fracgyro.export.settings import columns
 from fracgyro.export.targets import BOARDS, DTYPES, EMULATOR
 from fracgyro.scenario import kinds
-from fracgyro.scenario.shipped import shipped
 from fracgyro.scenario.to_core import core_setup, guard
 from shared import shared
 
@@ -62,8 +61,11 @@ def limited(limited_folder: Path) -> Host:
 @pytest.mark.parametrize(
     ("scenario", "field"),
     [
-        (shipped("dual_mass").replace({"datasheet.force_noise": 1e20}), "datasheet.force_noise is 1e+20"),
-        (shipped("dual_mass").replace({"datasheet.stiffness_drift": 1e30}), "datasheet.stiffness_drift is 1e+30"),
+        (fg.Scenario.shipped("dual_mass").replace({"datasheet.force_noise": 1e20}), "datasheet.force_noise is 1e+20"),
+        (
+            fg.Scenario.shipped("dual_mass").replace({"datasheet.stiffness_drift": 1e30}),
+            "datasheet.stiffness_drift is 1e+30",
+        ),
         (PAPER.replace({"adaptation.rate_gain": 1e60}), "adaptation.rate_gain is 1e+60"),
     ],
 )
@@ -173,8 +175,8 @@ def test_the_header_is_clean_c99(tmp_path: Path) -> None:
     ("scenario", "number", "at_first"),
     [
         (PAPER, "double", OK),
-        (shipped("hardware"), "float", OK),
-        (shipped("dual_mass"), "float", SATURATED),  # until the estimates, 0.1 % off, are better
+        (fg.Scenario.shipped("hardware"), "float", OK),
+        (fg.Scenario.shipped("dual_mass"), "float", SATURATED),  # until the estimates, 0.1 % off, are better
         (PAPER.replace({"controller.kind": "pid"}), "float", OK),
     ],
     ids=["paper", "hardware", "dual_mass", "pid"],
@@ -518,12 +520,32 @@ def test_the_committed_table_of_instructions_is_what_is_counted() -> None:
     ],
 )
 def test_the_joint_filter_is_exported_with_the_clock_that_it_asks_for(changes: dict[str, Any], row: str) -> None:
-    scenario = shipped("dual_mass").replace({"adaptation.kind": "joint", **changes})
+    scenario = fg.Scenario.shipped("dual_mass").replace({"adaptation.kind": "joint", **changes})
     table = (SOURCES / "integrations/firmware/measured.md").read_text(encoding="utf-8").splitlines()
     cells = next(line for line in table if line.startswith(f"| {row} | 0 | float |")).split("|")
     most = int(cells[4].split("/")[1])
     step = scenario.run.step * scenario.plant.scales.time
-    note = clock_note(scenario)
-    assert f"up to {most} instructions per step" in note
-    assert f"must run {most / step / 1e6:.0f} million instructions per second" in note
-    assert clock_note(scenario.replace({"adaptation.kind": "gradient"})) == ""
+    clock = clock_of(scenario)
+    assert clock is not None
+    assert clock.instructions == most
+    assert f"need {most / step / 1e6:.0f} million instructions per second" in clock.sentence
+    times = next(line for line in table if line.startswith(f"| {row} | 0 | ") and " to " in line).split("|")[-2]
+    low, high = map(float, times.split(" to "))
+    assert f"takes an estimated {low:g} to {high:g} µs per step" in clock.warning
+    for microseconds, words in ((0.99 * low, "no listed"), (1.01 * low, "this is close"), (1.01 * high, "")):
+        scale = microseconds * 1e-6 / step
+        slower = scenario.replace({"plant.reference_frequency": scenario.plant.reference_frequency / scale})
+        found = clock_of(slower)
+        assert found is not None
+        assert found.warning.startswith(words)
+        assert bool(found.warning) == bool(words)
+
+
+def test_the_cost_is_that_of_a_similar_controller_with_as_many_exponentials() -> None:
+    table = (SOURCES / "integrations/firmware/measured.md").read_text(encoding="utf-8")
+    for scenario in (PAPER, PAPER.replace({"controller.kind": "linear"}), fg.Scenario.shipped("hardware")):
+        clock = clock_of(scenario)
+        assert clock is not None
+        assert f"| {clock.row} |" in table
+    assert clock_of(PAPER.replace({"controller.kind": "pid"})) is None, "no such controller was measured"
+    assert clock_of(PAPER.replace({"run.kernel_tolerance": 1e-9})) is None, "none had as many exponentials"

@@ -8,7 +8,6 @@ from typing import Any
 import fracgyro as fg
 import numpy as np
 import pytest
-from fracgyro.scenario.shipped import shipped
 from scipy import signal
 from test_extras import without
 
@@ -18,7 +17,7 @@ PAPER = fg.Scenario.paper().replace({"disturbance.kind": "none"})
 DEVIATING = PAPER.replace(
     {"plant.damping_deviation.xy": 2e-9, "plant.stiffness_deviation.xx": 3.0, "plant.angular_rate": 500.0}
 )
-REALISTIC = shipped("dual_mass")
+REALISTIC = fg.Scenario.shipped("dual_mass")
 scenarios = pytest.mark.parametrize("scenario", [PAPER, DEVIATING, REALISTIC], ids=["paper", "deviating", "dual_mass"])
 
 

@@ -9,7 +9,6 @@ import fracgyro as fg
 import numpy as np
 import pytest
 from fracgyro.scenario import ScenarioError
-from fracgyro.scenario.shipped import shipped
 from fracgyro.scenario.to_core import datasheet
 
 SEEDS = 24
@@ -20,7 +19,7 @@ DEGREES = 180.0 / math.pi
 def device(**changes: Any) -> fg.Scenario:
     """The dual mass with positions only, 1e-13 m/sqrt(Hz) and the joint filter."""
     steps = round(SPAN / 0.05)
-    return shipped("dual_mass").replace(
+    return fg.Scenario.shipped("dual_mass").replace(
         {
             "adaptation.kind": "joint",
             "adaptation.rate_forgetting": 0.0,
@@ -104,7 +103,7 @@ def test_its_deviation_is_what_it_is_told_and_the_estimate_hardly_depends_on_it(
 
 
 def test_a_drifting_stiffness_that_the_datasheet_states_is_little_of_a_rate() -> None:
-    steady = shipped("dual_mass").run.duration
+    steady = fg.Scenario.shipped("dual_mass").run.duration
     changes: dict[str, Any] = {
         "plant__angular_rate": 0.0,
         "adaptation__rate_forgetting": 0.0255,

@@ -14,7 +14,7 @@ from fracgyro.export.compilers import system_compiler
 from fracgyro.rate.bound import bound_angle_random_walk
 from fracgyro.rate.sensor import Sensor
 from fracgyro.scenario import ScenarioError
-from fracgyro.scenario.shipped import exactly_sensed
+from fracgyro.scenario.named import exactly_sensed
 
 DEVICE = exactly_sensed("dual_mass").replace({"run.duration": 400.0})
 D, K = DEVICE.plant.nondimensional()[:2]

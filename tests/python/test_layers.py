@@ -228,7 +228,7 @@ LIBRARY = [
     ["__main__"],
 ]
 STUDY = [
-    ["cluster", "controller", "folder", "sums"],
+    ["cluster", "controller", "folder", "preview", "sums"],
     ["space"],
     ["file"],
     ["sweep", "tune"],

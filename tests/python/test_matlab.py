@@ -18,7 +18,6 @@ from fracgyro.export.host import flags
 from fracgyro.export.replay import first_difference
 from fracgyro.export.targets import OCTAVE, answer_columns, answers
 from fracgyro.scenario import kinds
-from fracgyro.scenario.shipped import shipped
 from fracgyro.scenario.to_core import core_setup
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -82,7 +81,7 @@ def test_what_would_not_stay_bounded_is_refused_and_nothing_is_written(tmp_path:
 
 
 @pytest.mark.parametrize(
-    ("scenario", "number"), [(PID, "double"), (shipped("dual_mass"), "float")], ids=["pid", "dual"]
+    ("scenario", "number"), [(PID, "double"), (fg.Scenario.shipped("dual_mass"), "float")], ids=["pid", "dual"]
 )
 def test_replay_has_the_bits_of_python(scenario: fg.Scenario, number: Number) -> None:
     need("Octave")

@@ -19,8 +19,9 @@ from fracgyro.rate.runs import _couplings, run_all
 from fracgyro.rate.sensor import Output, Sensor
 from fracgyro.rate.units import thermal_force_density
 from fracgyro.scenario import ScenarioError
+from fracgyro.scenario.named import exactly_sensed
 from fracgyro.scenario.schema import Plant
-from fracgyro.scenario.shipped import SHIPPED, exactly_sensed, shipped, shipped_text
+from fracgyro.scenario.shipped import SHIPPED, shipped_text
 from test_cli import run, sentence
 
 DEG = math.pi / 180
@@ -33,7 +34,7 @@ DEVICES = [name for name in SHIPPED if name != "hardware"]  # which is the paper
 
 @pytest.mark.parametrize("name", DEVICES)
 def test_a_shipped_scenario_tracks_and_senses_its_rate(name: str) -> None:
-    scenario = shipped(name)
+    scenario = fg.Scenario.shipped(name)
     assert scenario.plant.angular_rate == pytest.approx(300 * DEG, rel=1e-6)
     for rate in (0.0, 300 * DEG):
         steady = fg.simulate(scenario.replace({"plant.angular_rate": rate, "run.record_every": 10}))
@@ -46,7 +47,7 @@ def test_a_shipped_scenario_tracks_and_senses_its_rate(name: str) -> None:
 
 @pytest.mark.parametrize("name", DEVICES)
 def test_the_noise_of_a_shipped_scenario_is_thermal_at_300_kelvin(name: str) -> None:
-    scenario = shipped(name)
+    scenario = fg.Scenario.shipped(name)
     plant, scales = scenario.plant, scenario.plant.scales
     force = thermal_force_density(max(plant.damping.xx, plant.damping.yy), 300.0)
     # N^2 s over (m omega0^2 q0)^2 / omega0
@@ -56,12 +57,12 @@ def test_the_noise_of_a_shipped_scenario_is_thermal_at_300_kelvin(name: str) -> 
 
 def natural_frequencies(name: str) -> list[float]:
     """Hz"""
-    plant = shipped(name).plant
+    plant = fg.Scenario.shipped(name).plant
     return [math.sqrt(k / plant.mass) / (2 * math.pi) for k in (plant.stiffness.xx, plant.stiffness.yy)]
 
 
 def quality_factors(name: str) -> list[float]:
-    plant = shipped(name).plant
+    plant = fg.Scenario.shipped(name).plant
     (kx, _, ky), (cx, _, cy) = plant.stiffness.entries(), plant.damping.entries()
     return [math.sqrt(k * plant.mass) / c for k, c in ((kx, cx), (ky, cy))]
 
@@ -70,7 +71,7 @@ def test_the_devices_have_the_published_frequencies_and_quality_factors() -> Non
     assert natural_frequencies("dual_mass") == pytest.approx([3925, 3978], rel=1e-6)
     assert quality_factors("dual_mass") == pytest.approx([4673, 449], rel=1e-4)
     assert natural_frequencies("tuned_in_air") == pytest.approx([3216, 3251], rel=1e-6)
-    assert shipped("tuned_in_air").plant.stiffness.xx == pytest.approx(242.3, rel=1e-4)
+    assert fg.Scenario.shipped("tuned_in_air").plant.stiffness.xx == pytest.approx(242.3, rel=1e-4)
     assert quality_factors("tuned_in_air") == pytest.approx([120, 10], rel=1e-4)
     assert natural_frequencies("disc") == pytest.approx([10e3, 10e3], rel=1e-6)
     assert quality_factors("disc") == pytest.approx([2e6, 2e6], rel=1e-4)
@@ -78,7 +79,7 @@ def test_the_devices_have_the_published_frequencies_and_quality_factors() -> Non
 
 def test_the_papers_gyroscope_at_resonance_is_the_papers_in_its_principal_axes() -> None:
     """The same invariants: trace and determinant of K and D, and tr(K D)."""
-    paper, turned = fg.Scenario.paper().plant, shipped("paper_resonance").plant
+    paper, turned = fg.Scenario.paper().plant, fg.Scenario.shipped("paper_resonance").plant
     assert turned.mass == paper.mass
     assert turned.stiffness.xy == 0.0
 
@@ -95,7 +96,7 @@ def test_the_papers_gyroscope_at_resonance_is_the_papers_in_its_principal_axes()
 
 @pytest.mark.parametrize("name", ["paper_resonance", "dual_mass", "tuned_in_air", "disc"])
 def test_a_driven_device_starts_on_its_reference_with_x_at_resonance(name: str) -> None:
-    scenario = shipped(name)
+    scenario = fg.Scenario.shipped(name)
     plant, reference = scenario.plant, scenario.reference
     assert plant.reference_frequency == pytest.approx(math.sqrt(plant.stiffness.xx / plant.mass), rel=1e-9)
     assert reference.frequency[0] == 1.0
@@ -110,7 +111,7 @@ def test_a_shipped_scenario_is_printed_with_its_sources(tmp_path: Path) -> None:
     assert printed.stdout == shipped_text("dual_mass")
     assert "Micromachines 2018" in printed.stdout
     (tmp_path / "device.toml").write_text(printed.stdout, encoding="utf-8")
-    assert fg.Scenario.load(tmp_path / "device.toml") == shipped("dual_mass")
+    assert fg.Scenario.load(tmp_path / "device.toml") == fg.Scenario.shipped("dual_mass")
     listed = run("scenario", "--list").stdout
     assert re.findall(r"^(\w+)", listed, re.MULTILINE) == ["paper", *SHIPPED]
 
@@ -118,7 +119,7 @@ def test_a_shipped_scenario_is_printed_with_its_sources(tmp_path: Path) -> None:
 def test_an_unknown_scenario_is_refused() -> None:
     assert "'dual_mas' is not one of" in sentence(run("scenario", "dual_mas"))
     with pytest.raises(ScenarioError, match="it must be one of hardware, paper_thermal, paper_resonance"):
-        shipped("dual_mas")
+        fg.Scenario.shipped("dual_mas")
 
 
 # -- The command ---------------------------------------------------------------------------------------------
@@ -127,7 +128,7 @@ def test_an_unknown_scenario_is_refused() -> None:
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("rate")
-    shipped("dual_mass").replace({"run.duration": 8000.0}).save(folder / "device.toml")
+    fg.Scenario.shipped("dual_mass").replace({"run.duration": 8000.0}).save(folder / "device.toml")
     done = run("rate", folder / "device.toml", "--out", folder / "out", "--quick", "--json", "--imu", "kalibr")
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout) == json.loads((folder / "out" / "rate.json").read_text(encoding="utf-8"))
@@ -216,7 +217,7 @@ def test_the_numbers_behind_the_figures_give_the_figures_of_merit(report: Path) 
 
 
 def test_a_folder_that_is_there_is_left_alone(report: Path, tmp_path: Path) -> None:
-    shipped("dual_mass").save(tmp_path / "device.toml")
+    fg.Scenario.shipped("dual_mass").save(tmp_path / "device.toml")
     before = (report / "rate.json").read_bytes()
     assert "it already exists" in sentence(run("rate", tmp_path / "device.toml", "--out", report))
     assert (report / "rate.json").read_bytes() == before
@@ -258,7 +259,7 @@ def test_the_controller_is_not_told_the_rate() -> None:
 
 
 def test_an_output_is_the_mean_of_the_estimate_over_its_interval() -> None:
-    scenario = shipped("dual_mass").replace({"run.duration": 1000.0, "adaptation.initial_rate": 0.0})
+    scenario = fg.Scenario.shipped("dual_mass").replace({"run.duration": 1000.0, "adaptation.initial_rate": 0.0})
     sensor = Sensor.of(scenario, 1)
     every, block = sensor.block
     assert (every, block) == (1, 10)
@@ -322,7 +323,7 @@ def test_without_noise_the_bound_is_0_and_a_motion_that_tells_nothing_apart_has_
 # adaptation.rate_forgetting is 2 pi 100 Hz: least squares have an answer of first order with 45 degrees of lag there.
 @pytest.mark.parametrize(
     ("scenario", "bandwidth", "lag"),
-    [(shipped("dual_mass"), (85, 105), (45, 100)), (exactly_sensed("dual_mass"), (97, 103), (43, 47))],
+    [(fg.Scenario.shipped("dual_mass"), (85, 105), (45, 100)), (exactly_sensed("dual_mass"), (97, 103), (43, 47))],
     ids=["joint", "composite"],
 )
 def test_the_measured_noise_is_near_the_bound_and_its_figures_are_finite(
@@ -364,7 +365,7 @@ def test_the_second_half_of_a_run_counts_as_steady() -> None:
 
 
 def test_a_record_at_rest_lasts_as_long_as_asked_for_and_leaves_the_start_out() -> None:
-    sensor = Sensor.of(shipped("dual_mass").replace({"run.duration": 1000.0}), 2)
+    sensor = Sensor.of(fg.Scenario.shipped("dual_mass").replace({"run.duration": 1000.0}), 2)
     assert sensor.steps_at_rest(None) == 4_000_000
     unbounded = sensor.scenario.replace({"controller.switching_limit": math.inf, "adaptation.kind": "gradient"})
     assert Sensor.of(unbounded.replace({"device.sensing": "full"}), 2).steps_at_rest(None) == 1_000_000
@@ -384,7 +385,7 @@ def test_a_record_at_rest_lasts_as_long_as_asked_for_and_leaves_the_start_out() 
     ],
 )
 def test_a_record_too_short_or_too_long_is_refused_at_once(tmp_path: Path, rest: str, words: str) -> None:
-    shipped("dual_mass").save(tmp_path / "device.toml")
+    fg.Scenario.shipped("dual_mass").save(tmp_path / "device.toml")
     refused = run("rate", tmp_path / "device.toml", "--rest", rest, "--out", tmp_path / "out")
     assert refused.returncode == 2
     assert words in refused.stderr.splitlines()[-1]
@@ -392,7 +393,7 @@ def test_a_record_too_short_or_too_long_is_refused_at_once(tmp_path: Path, rest:
 
 
 def test_the_couplings_tried_are_as_worked_by_hand() -> None:
-    (quadrature, stiffness, rate), (damping, coupling, as_rate) = _couplings(shipped("dual_mass"))
+    (quadrature, stiffness, rate), (damping, coupling, as_rate) = _couplings(fg.Scenario.shipped("dual_mass"))
     assert (quadrature, damping) == ("plant.stiffness_deviation", "plant.damping_deviation")
     # 2 m w 300 deg/s = 2 * 1.42e-6 * 24661.5 * 5.23599 N/m; a tenth of sqrt(7.49397e-6 * 7.90472e-5) N s/m, over 2 m.
     assert stiffness == pytest.approx(0.366720, rel=1e-4)

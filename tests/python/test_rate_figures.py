@@ -39,8 +39,7 @@ from fracgyro.rate.units import (
     angle_random_walk,
     thermal_force_density,
 )
-from fracgyro.scenario import ScenarioError
-from fracgyro.scenario.shipped import shipped
+from fracgyro.scenario import Scenario, ScenarioError
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.signal import lfilter
@@ -435,7 +434,7 @@ def test_requirements_decide_the_exit_code(
         Result("bandwidth", "Bandwidth", "", "Hz", 60.0, 55.0, 65.0),
     ]
     monkeypatch.setattr("fracgyro.rate.characterise", lambda *words, **options: found)
-    shipped("dual_mass").save(tmp_path / "device.toml")
+    Scenario.shipped("dual_mass").save(tmp_path / "device.toml")
     words = ["rate", str(tmp_path / "device.toml"), "--out", str(tmp_path / "out"), "--require", limits]
     ran = CliRunner().invoke(cli, words)
     assert ran.exit_code == code

@@ -595,3 +595,64 @@ def test_a_name_that_no_file_can_have_is_refused(name: str, compiled: ctypes.CDL
     for controller in (Sensing(lambda time: {name: 1.0}), fg.native.Law(compiled.pd, 1, GAINS, [name])):
         with pytest.raises(ValueError, match=r"^the controller reports '.*': a name must be printable, without / or"):
             fg.simulate(SHORT, controller)
+
+
+# -- Names for the arrays ------------------------------------------------------------------------------------
+
+NAMED = """
+#include "fracgyro_law.h"
+
+void named(const double* in, double* state, const double* p, double* out) {
+    out[FRACGYRO_FORCE] = -p[0] * (in[FRACGYRO_POSITION] - in[FRACGYRO_REFERENCE]) - p[1] * in[FRACGYRO_VELOCITY];
+    out[FRACGYRO_FORCE + 1] = 0.0;
+    out[FRACGYRO_REPORTS] = in[FRACGYRO_TIME];
+    for (int i = 0; i < 2; ++i) {
+        out[FRACGYRO_REPORTS + 1 + i] = in[FRACGYRO_REFERENCE + i];
+        out[FRACGYRO_REPORTS + 3 + i] = in[FRACGYRO_REFERENCE_VELOCITY + i];
+        out[FRACGYRO_REPORTS + 5 + i] = in[FRACGYRO_REFERENCE_ACCELERATION + i];
+        out[FRACGYRO_REPORTS + 7 + i] = in[FRACGYRO_VELOCITY + i];
+        out[FRACGYRO_REPORTS + 9 + i] = in[FRACGYRO_POSITION + i];
+    }
+    (void)state;
+}
+"""
+REPORTED = ["now", "rx", "ry", "rvx", "rvy", "rax", "ray", "vx", "vy", "qx", "qy"]
+
+
+@pytest.mark.parametrize("language", ["c", "c++"])
+def test_the_header_names_the_places_of_a_c_function(tmp_path: Path, language: str) -> None:
+    """Also in C99, without a warning; the names are those of what the same sample has in Python."""
+    text = NAMED if language == "c" else f'extern "C" {{{NAMED}}}'
+    (tmp_path / "named.c").write_text(text, encoding="utf-8")
+    strict = ["-std=c99" if language == "c" else "-std=c++20", "-pedantic", "-Wall", "-Wextra", "-Werror"]
+    command = ["-x", language, *strict, "-shared", "-fPIC", f"-I{fg.native.INCLUDE}", tmp_path / "named.c"]
+    system_compiler(*command, "-o", tmp_path / "named.so")
+    function = ctypes.CDLL(str(tmp_path / "named.so")).named
+    run = fg.simulate(SHORT, fg.native.Law(function, parameters=GAINS, reports=REPORTED))
+    seen: list[list[float]] = []
+
+    def same(s: fg.Sample) -> tuple[float, float]:
+        pairs = (s.reference, s.reference_velocity, s.reference_acceleration, s.velocity, s.position)
+        seen.append([s.time, *(number for pair in pairs for number in pair)])
+        return -KP * (s.position[0] - s.reference[0]) - KD * s.velocity[0], 0.0
+
+    fg.simulate(SHORT, same)
+    found = np.array([run[name].values for name in REPORTED]).T
+    np.testing.assert_allclose(found[: len(seen)], seen[: len(found)], rtol=1e-9, atol=1e-9)
+
+
+def test_a_sample_has_its_error() -> None:
+    seen: list[fg.Sample] = []
+    noisy = SHORT.replace({"run.duration": 0.01, "device.position_noise": 1e-8, "run.units": "SI"})
+
+    def law(s: fg.Sample) -> tuple[float, float]:
+        for error, measured, wanted in (
+            (s.error, s.position, s.reference),
+            (s.error_rate, s.velocity, s.reference_velocity),
+        ):
+            assert error == (measured[0] - wanted[0], measured[1] - wanted[1])
+        seen.append(s)
+        return 0.0, 0.0
+
+    fg.simulate(noisy, law)
+    assert len(seen) > 5

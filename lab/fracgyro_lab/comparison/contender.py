@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from fracgyro.scenario import Scenario, ScenarioError
+from fracgyro.simulation.controller_file import ControllerFile
 from fracgyro.study.space import Dimension
 
 END_FRACTION = 0.05  # fraction of a range: a best value closer to an end is flagged
@@ -58,7 +59,7 @@ class Contender:
     classes: tuple[str, ...] = ("F", "P")
     observer: Gain | None = None  # also tuned if only positions are measured
     bandwidth: Gain | None = None  # bandwidth of the rate estimate: solved for, not tuned
-    own: tuple[str, str] | None = None  # a user's: the text of its file, and its name there
+    own: ControllerFile | None = None  # a user's controller, made of its gains
     group: str = field(default="", compare=False)  # for ablations: the full controller
 
     def tuned(self, information: str) -> tuple[Gain, ...]:

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from functools import lru_cache
+from collections.abc import Mapping
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
-from fracgyro.files import read_input, reason
 from fracgyro.scenario import ScenarioError
 from fracgyro.scenario.table import format_value
-from fracgyro.simulation.native import Law
+from fracgyro.simulation.controller_file import ControllerFile
 from fracgyro.simulation.user_controller import ControllerLike
 
 from .contender import Contender, Gain
@@ -23,11 +20,9 @@ GAIN = "law."  # prefix of a user's gain, to distinguish it from fields of a sce
 
 def own_contender(given: str, task: Task) -> Contender:
     """The contender of FILE.py:NAME. Raises ScenarioError if it is not a controller."""
-    path, colon, name = given.rpartition(":")
-    if not colon or not path or not name.isidentifier():
-        raise ScenarioError(f"--controller is {format_value(given)}: it must be FILE.py:NAME")
-    text = _read(path)
-    ranges = getattr(_factory(text, path, name), "ranges", None)
+    file = ControllerFile.read(given)
+    name = file.name
+    ranges = getattr(file.object, "ranges", None)
     if not isinstance(ranges, Mapping) or not ranges:
         raise ScenarioError(f"{name}.ranges is {format_value(ranges)}: it must be a dict of gains to their (low, high)")
     gains = {gain: _gain(name, gain, ends) for gain, ends in ranges.items()}
@@ -42,29 +37,16 @@ def own_contender(given: str, task: Task) -> Contender:
         bandwidth = gains.pop("bandwidth")
     found = Contender(
         name,
-        f"{name} of {Path(path).name}",
+        f"{name} of {Path(file.path).name}",
         "the user's own",
         {},
         tuple(gains.values()),
         observer=task.observer,
         bandwidth=bandwidth,
-        own=(text, path),
+        own=file,
     )
-    made = controller_of(found, lowest)
-    if not callable(made) and not isinstance(made, Law):
-        raise ScenarioError(
-            f"{name} of {path} gives {format_value(made)}: it must give a function or a fracgyro.native.Law"
-        )
+    controller_of(found, lowest)
     return found
-
-
-def _read(path: str) -> str:
-    try:
-        return read_input(path).decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise ScenarioError(f"{path} cannot be read: it is not UTF-8") from None
-    except OSError as error:
-        raise ScenarioError(f"{path} cannot be read: {reason(error)}") from None
 
 
 def _gain(owner: str, name: Any, ends: Any) -> Gain:
@@ -82,26 +64,5 @@ def controller_of(contender: Contender, values: Mapping[str, Any]) -> Controller
     """The user's controller with these gains; None for a controller of the package."""
     if contender.own is None:
         return None
-    text, path = contender.own
     arguments = {name.removeprefix(GAIN): value for name, value in values.items() if name.startswith(GAIN)}
-    try:
-        controller: ControllerLike = _factory(text, path, contender.name)(**arguments)
-    except Exception as error:
-        said = ", ".join(f"{name}={value:g}" for name, value in arguments.items())
-        raise ScenarioError(f"{contender.name}({said}) of {path} raised {type(error).__name__}: {error}") from error
-    return controller
-
-
-@lru_cache
-def _factory(text: str, path: str, name: str) -> Callable[..., Any]:
-    module = ModuleType(Path(path).stem)
-    module.__file__ = path
-    try:
-        exec(compile(text, path, "exec"), module.__dict__)
-    except Exception as error:
-        raise ScenarioError(f"{path} cannot be run: {type(error).__name__}: {error}") from error
-    found = getattr(module, name, None)
-    if not callable(found):
-        raise ScenarioError(f"--controller names {name}: it must be a class or function of {path}")
-    result: Callable[..., Any] = found
-    return result
+    return contender.own.made(**arguments)

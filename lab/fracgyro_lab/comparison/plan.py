@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from fracgyro.scenario import Scenario, ScenarioError
+from fracgyro.scenario.named import named
 from fracgyro.scenario.table import format_value
 from fracgyro.study.space import MAX_POINTS
 
@@ -106,7 +107,7 @@ class Comparison:
 
     def parts(self) -> dict[str, Any]:
         """Everything that the results depend on, for study.json, by the names of the command line."""
-        own = {c.name: hashlib.sha256(c.own[0].encode()).hexdigest() for c in self.contenders if c.own}
+        own = {c.name: hashlib.sha256(c.own.text.encode()).hexdigest() for c in self.contenders if c.own}
         return {
             "the version of fracgyro": version("fracgyro"),
             "the task": self.task.name,
@@ -142,7 +143,7 @@ def planned(
             raise ScenarioError(f"--noise is {format_value(density)}: it must be finite and not negative")
     if trials is not None and not 1 <= trials <= MAX_POINTS:
         raise ScenarioError(f"--trials is {trials}: it must lie between 1 and {MAX_POINTS}")
-    given = {Path(path).stem: one.scenario(Scenario.load(path)) for path in scenarios}
+    given = {Path(path).stem: one.scenario(named(path)) for path in scenarios}
     if len(given) < len(scenarios):
         raise ScenarioError("two scenarios have the same name: their files must be called differently")
     own = () if controller is None else (own_contender(controller, one),)

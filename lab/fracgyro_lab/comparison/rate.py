@@ -11,7 +11,6 @@ from fracgyro.analysis.confidence import Mean, mean_interval
 from fracgyro.rate.merit import full_scale, static
 from fracgyro.rate.units import DEG_PER_H, DEG_PER_S
 from fracgyro.scenario import Scenario, ScenarioError
-from fracgyro.scenario.shipped import shipped
 from fracgyro.scenario.table import format_value
 from fracgyro.simulation.user_controller import ControllerLike
 from fracgyro.study.tune.criteria import Constraint, Measured, Objective
@@ -108,7 +107,7 @@ class Rate(Task):
     lost = math.inf  # only what diverged
 
     def scenarios(self) -> dict[str, Scenario]:
-        return {"dual_mass": self.scenario(shipped("dual_mass"))}
+        return {"dual_mass": self.scenario(Scenario.shipped("dual_mass"))}
 
     def scenario(self, given: Scenario) -> Scenario:
         base = checked(given)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from fracgyro.analysis.decimation import largest
 from fracgyro.analysis.html import csv_text
 from fracgyro.analysis.style import DPI, MM, WIDTH, own_style, save_svg
 from fracgyro.files import whole_file
@@ -68,27 +69,10 @@ class Cell:
     inset: bool = False
 
 
-def decimate(time: Array, values: Array, columns: int) -> tuple[Array, Array]:
-    """The least and the largest of each of `columns` equal stretches, in order of time, and both ends.
-
-    A line through them covers the same pixels as one through every sample.
-    """
-    last, stretch = len(values) - 1, -(-len(values) // columns)
-    if stretch <= 2:
-        return time, values
-    starts = np.arange(0, last + 1, stretch)
-    table = np.pad(values, (0, len(starts) * stretch - last - 1), mode="edge").reshape(-1, stretch)
-    kept = np.unique(np.concatenate([[0, last], starts + table.argmin(1), starts + table.argmax(1)]))
-    kept = kept[kept <= last]  # padding repeats the last sample
-    return time[kept], values[kept]
-
-
 def envelope(time: Array, values: Array, columns: int) -> tuple[Array, Array]:
     """log10 of the largest magnitude in each of `columns` equal stretches, at its middle."""
-    starts = np.arange(0, len(values), -(-len(values) // columns))
-    ends = np.append(starts[1:], len(values)) - 1
-    largest = np.maximum.reduceat(np.abs(values), starts)
-    return 0.5 * (time[starts] + time[ends]), np.log10(np.maximum(largest, 1e-12))
+    middle, magnitude = largest(time, np.abs(values), columns)
+    return middle, np.log10(np.maximum(magnitude, 1e-12))
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
+from fracgyro.analysis.decimation import decimate
 from fracgyro.scenario import Scenario
 from fracgyro.scenario.kinds import LOOP_CHANNELS, reported_channels
 from fracgyro.scenario.to_core import core_setup
@@ -42,7 +43,6 @@ from .drawing import (
     Plan,
     Row,
     View,
-    decimate,
     envelope,
     render,
 )

@@ -12,6 +12,7 @@ from ..extras import needs
 from ..scenario import Scenario
 from . import metrics
 from .mat import to_mat
+from .run_files import to_csv
 from .scenarios import texts
 
 
@@ -41,14 +42,26 @@ class RunAccessor:
             raise ValueError(f"the Dataset has {found.size} runs: select one, for example run.isel(run=0)")
         return Scenario.from_toml(str(found.item()))
 
-    def plot(self, figure: Any = None) -> Any:
-        """Draws the run with `fracgyro.plot`.
+    def plot(self, figure: Any = None, **options: Any) -> Any:
+        """Draws the run with `fracgyro.plot`, and its options.
 
         >>> figure = fg.simulate(fg.Scenario.paper()).fracgyro.plot()
         """
         with needs("report"):
             from .plots import plot
-        return plot(self._run, figure)
+        return plot(self._run, figure, **options)
+
+    def to_csv(self, path: str | os.PathLike[str]) -> None:
+        """Writes the run as CSV with a header row, `time,position_x,...`, in full precision.
+
+        Two lines before it start with #: version and scenario hash, and units. pandas skips them:
+        `pandas.read_csv(path, comment="#")`. Raises ValueError for several runs or a file that cannot be written.
+
+        >>> fg.simulate(fg.Scenario.paper()).fracgyro.to_csv("run.csv")
+        >>> open("run.csv").read().splitlines()[2][:30]
+        'time,position_x,position_y,vel'
+        """
+        to_csv(self._run, path)
 
     def to_mat(self, path: str | os.PathLike[str]) -> None:
         """Writes a MAT-file for `load` in MATLAB and Octave; needs the extra interop.

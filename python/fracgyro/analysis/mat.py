@@ -20,7 +20,7 @@ def to_mat(run: xr.Dataset, path: str | os.PathLike[str]) -> None:
     units = {name: str(values.attrs.get("units", "")) for name, values in variables.items()}
     content = {name: np.asarray(values) for name, values in variables.items()}
     scenarios = texts(run).values  # a cell array for several runs
-    with whole_file(path) as scratch, open(scratch, "wb") as file:
+    with whole_file(path, replaces="its kind") as scratch, open(scratch, "wb") as file:
         savemat(
             file,
             {**content, "units": units, "scenario": scenarios.astype(object) if scenarios.ndim else str(scenarios)},

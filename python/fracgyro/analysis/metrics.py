@@ -19,6 +19,8 @@ from ..scenario.kinds import AXES, ENTRIES
 from ..scenario.scales import si_unit
 from ..scenario.to_core import core_setup, only_laws
 from ..simulation.dataset import metrics_dataset, units_of
+from ..simulation.measure import measure_many
+from ..simulation.user_controller import ControllerLike
 from .metric_names import UNITS
 from .scenarios import of_each, scale, time_unit
 from .tasks import drive, frequency_response, step_response
@@ -295,20 +297,29 @@ def _nothing(run: xr.Dataset, name: str) -> xr.DataArray:
     return nothing.expand_dims({dimension: labels})
 
 
-def measured(scenario: Scenario) -> xr.Dataset:
-    """`summary` of a run of the scenario, in memory that does not grow with its length.
+def measured(scenario: Scenario, controller: ControllerLike | None = None) -> xr.Dataset:
+    """`summary` of a run of the scenario, in memory that does not grow with its length; `controller`: as in `simulate`.
 
     Also has `diverged_at`, up to which a diverged run is measured; NaN for other runs.
     """
     check_scenario(scenario)
-    values = _core.measure_device_runs([core_setup(scenario)], _core.MetricsParams())[0]
-    figures = metrics_dataset(values[np.newaxis], {}).isel(run=0)[list(UNITS)]
+    if controller is None:
+        values = _core.measure_device_runs([core_setup(scenario)], _core.MetricsParams())[0]
+        rows = metrics_dataset(values[np.newaxis], {})
+    else:
+        rows = measure_many([scenario], controller=controller)
+    return in_units(scenario, rows).isel(run=0)
+
+
+def in_units(scenario: Scenario, rows: xr.Dataset) -> xr.Dataset:
+    """Rows of `measure_many` in the units of the scenario's runs."""
+    rows = rows[list(UNITS)]
     if scenario.run.units == "SI":
         for figure, units in UNITS.items():
             factors = [scenario.plant.scales.of(unit) for unit in units]
-            figures[figure] = figures[figure] * (factors if len(factors) > 1 else factors[0])
-            figures[figure].attrs = units_of([si_unit(unit) for unit in units])
-    return figures
+            rows[figure] = rows[figure] * (factors if len(factors) > 1 else factors[0])
+            rows[figure].attrs = units_of([si_unit(unit) for unit in units])
+    return rows
 
 
 def _or_nan(metric: Callable[[xr.Dataset, Window], xr.DataArray], run: xr.Dataset, window: Window) -> xr.DataArray:

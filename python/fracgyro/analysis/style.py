@@ -70,4 +70,5 @@ def _axes(panel: Axes) -> str:
     """Description of a panel: its axis labels and the names of its curves."""
     over = " over ".join(filter(None, (panel.get_ylabel(), panel.get_xlabel())))
     names = ", ".join(filter(None, panel.get_legend_handles_labels()[1]))
-    return ": ".join(filter(None, (panel.get_title(), over, names))) if panel.get_visible() else ""
+    words = ": ".join(filter(None, (panel.get_title(), over, names))) if panel.get_visible() else ""
+    return " ".join(words.split())

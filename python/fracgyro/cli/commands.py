@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterable
 from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 import click
 
-
-def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """End of a message with the nearest known name, or empty."""
-    near = difflib.get_close_matches(name, known, n=1)
-    return f"; did you mean {near[0]}?" if near else ""
+from ..scenario.messages import did_you_mean
 
 
 def help_without_command(context: click.Context) -> None:

@@ -8,6 +8,8 @@ from typing import Any, get_args
 import click
 from click.shell_completion import CompletionItem
 
+from ..scenario.shipped import NAMES
+
 
 def changes(context: click.Context, parameter: click.Parameter, begun: str) -> list[CompletionItem]:
     """FIELD= for every field with this beginning; the choices if there is only one field."""
@@ -27,6 +29,21 @@ def changes(context: click.Context, parameter: click.Parameter, begun: str) -> l
 
 def _choices(annotation: Any) -> list[str]:
     return [choice for choice in get_args(annotation) if isinstance(choice, str)]
+
+
+def fields(context: click.Context, parameter: click.Parameter, begun: str) -> list[CompletionItem]:
+    """Every field of a scenario with this beginning."""
+    from ..scenario import Scenario
+    from ..scenario.messages import leaves
+
+    found = leaves(Scenario).items()
+    return [CompletionItem(path, help=info.description) for path, info in found if path.startswith(begun)]
+
+
+def scenarios(context: click.Context, parameter: click.Parameter, begun: str) -> list[CompletionItem]:
+    """Names of shipped scenarios and TOML files with this beginning."""
+    names = [CompletionItem(name, help=words) for name, words in NAMES.items() if name.startswith(begun)]
+    return [*toml_files(context, parameter, begun), *names]
 
 
 def toml_files(context: click.Context, parameter: click.Parameter, begun: str) -> list[CompletionItem]:

@@ -11,9 +11,9 @@ from typing import Literal
 
 import click
 
-from ..scenario import Scenario
+from ..scenario.named import named
 from .commands import Commands, help_without_command
-from .completion import toml_files
+from .options import scenario_argument
 
 DIFFERENT = 1
 Number = Literal["float", "double"]
@@ -45,19 +45,19 @@ def export(context: click.Context) -> None:
 
 
 @export.command(name="web")
-@click.argument("scenario", type=click.Path(path_type=Path), shell_complete=toml_files)
+@scenario_argument()
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="A new JSON file.")
 @unbounded_option
-def web_command(scenario: Path, out: Path, unbounded: bool) -> None:
+def web_command(scenario: str, out: Path, unbounded: bool) -> None:
     """Export SCENARIO as JSON for the browser. `make web` builds the WebAssembly module."""
     from ..export import web
 
-    web(Scenario.load(scenario), out, unbounded=unbounded)
+    web(named(scenario), out, unbounded=unbounded)
     click.echo(f"{out}: load it with fracgyro.mjs; its first lines have an example")
 
 
 @export.command(name="fmu")
-@click.argument("scenario", type=click.Path(path_type=Path), shell_complete=toml_files)
+@scenario_argument()
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="A new FMU.")
 @click.option("--controller", is_flag=True, help="Export only the controller, without the plant.")
 @click.option("--fmi", type=click.Choice(["2.0", "3.0"]), default="2.0", show_default=True, help="FMI version.")
@@ -67,7 +67,7 @@ def web_command(scenario: Path, out: Path, unbounded: bool) -> None:
 @number_option("double")
 @unbounded_option
 def fmu_command(
-    scenario: Path,
+    scenario: str,
     out: Path,
     controller: bool,
     fmi: Literal["2.0", "3.0"],
@@ -84,39 +84,41 @@ def fmu_command(
     wanted: dict[System, bool] = {"linux": True, "linux-arm": linux_arm, "windows": windows, "macos": macos}
     systems = [system for system, chosen in wanted.items() if chosen]
     content: Literal["controller", "loop"] = "controller" if controller else "loop"
-    loaded = Scenario.load(scenario)
+    loaded = named(scenario)
     fmu(loaded, out, content=content, fmi=fmi, systems=systems, number=number, unbounded=unbounded)
     words = ["controller" if controller else "closed loop", f"FMI {fmi}", *(["float"] if number == "float" else [])]
     click.echo(f"{out}: {', '.join(words)}, for {', '.join(systems)}")
 
 
 @export.command(name="firmware")
-@click.argument("scenario", type=click.Path(path_type=Path), shell_complete=toml_files)
+@scenario_argument()
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
 @number_option("float")
 @unbounded_option
-def firmware_command(scenario: Path, out: Path, number: Number, unbounded: bool) -> None:
+def firmware_command(scenario: str, out: Path, number: Number, unbounded: bool) -> None:
     """Export SCENARIO as firmware: the controller in C++ with a C interface, for a microcontroller."""
     from ..export import firmware
-    from ..export.clock import clock_note
+    from ..export.clock import clock_of
 
-    loaded = Scenario.load(scenario)
+    loaded = named(scenario)
     firmware(loaded, out, number, unbounded=unbounded)
     click.echo(f"{out}: add it to your project; see its README.md")
-    if note := clock_note(loaded):
-        click.echo(f"Warning: {note}.", err=True)
+    if clock := clock_of(loaded):
+        click.echo(f"{clock.sentence[0].upper()}{clock.sentence[1:]}.")
+        if clock.warning:
+            click.echo(f"Warning: {clock.warning}.", err=True)
 
 
 @export.command(name="matlab")
-@click.argument("scenario", type=click.Path(path_type=Path), shell_complete=toml_files)
+@scenario_argument()
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
 @number_option("double")
 @unbounded_option
-def matlab_command(scenario: Path, out: Path, number: Number, unbounded: bool) -> None:
+def matlab_command(scenario: str, out: Path, number: Number, unbounded: bool) -> None:
     """Export SCENARIO as a class for MATLAB and Octave, which is compiled there."""
     from ..export import matlab
 
-    matlab(Scenario.load(scenario), out, number, unbounded=unbounded)
+    matlab(named(scenario), out, number, unbounded=unbounded)
     click.echo(f"{out}: run build in it, then Fracgyro; see its README.md")
 
 

@@ -17,6 +17,7 @@ from .bugs import bug, foreseen
 from .commands import Commands, help_without_command
 from .editors import schema_command
 from .export import export, replay
+from .inspect import check, diff, explain
 from .rate import allan_command, rate
 from .selfcheck import selfcheck
 from .simulate import scenario_command, simulate_command
@@ -41,6 +42,9 @@ def cli(context: click.Context) -> None:
 
 COMMANDS = (
     allan_command,
+    check,
+    diff,
+    explain,
     export,
     rate,
     replay,

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from ..extras import needs
-from ..scenario import Scenario
-from .commands import did_you_mean
-from .completion import toml_files
+from ..scenario.messages import did_you_mean
+from ..scenario.named import named
+from .options import controller_option, own_controller, scenario_argument
 from .terminal import print_table, progress
 
 if TYPE_CHECKING:
@@ -46,8 +46,9 @@ def _limits(context: click.Context, parameter: click.Parameter, value: str | Non
 
 
 @click.command()
-@click.argument("scenario", type=click.Path(path_type=Path), shell_complete=toml_files)
+@scenario_argument()
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="A new or an empty folder.")
+@controller_option("Use your own controller instead of the scenario's; it must report rate_estimate.")
 @click.option("--quick", is_flag=True, help="Use 2 noise seeds instead of 8: a third of the time, wider intervals.")
 @click.option(
     "--rest",
@@ -71,8 +72,9 @@ def _limits(context: click.Context, parameter: click.Parameter, value: str | Non
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
 def rate(
-    scenario: Path,
+    scenario: str,
     out: Path,
+    controller: str | None,
     quick: bool,
     rest: float | None,
     imu: Literal["kalibr", "gnss-ins-sim", "kf-gins"] | None,
@@ -84,7 +86,15 @@ def rate(
     from ..rate.require import required
 
     with progress("starting") as show:
-        found = characterise(Scenario.load(scenario), out, quick=quick, rest=rest, imu=imu, progress=show)
+        found = characterise(
+            named(scenario),
+            out,
+            controller=own_controller(controller),
+            quick=quick,
+            rest=rest,
+            imu=imu,
+            progress=show,
+        )
     verdicts = required(found, limits)
     if as_json:
         content = json.loads((out / "rate.json").read_text(encoding="utf-8"))

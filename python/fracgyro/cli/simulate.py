@@ -5,28 +5,31 @@ from __future__ import annotations
 import json
 import re
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import click
 
-from ..analysis.metric_names import nondimensional_unit
 from ..extras import needs
 from ..scenario import Scenario
+from ..scenario.named import named
 from ..scenario.quantities import number_of
-from ..scenario.shipped import SHIPPED, shipped, shipped_text
+from ..scenario.shipped import NAMES, SHIPPED, shipped_text
+from ..simulation.user_controller import ControllerLike, controller_name
 from .commands import Names
-from .completion import changes, toml_files
-from .terminal import print_table
+from .completion import changes
+from .figures import Cell, left_out, of_one, of_seeds, plain, rows, shown
+from .options import controller_option, own_controller, scenario_argument
+from .terminal import print_table, progress
 
-STEADY = ["chattering", "rate_error_rms"]  # metrics of the steady window, like rmse steady
+MAX_SEEDS = 10**6
 MAX_UNSAVED = 100_000  # samples of a record that is not saved
 BARE_POINT = re.compile(r"[+-]?(\.\d+|\d+\.)([eE][+-]?\d+)?")  # numbers that are not valid TOML
 
 
 @click.command(name="simulate")
-@click.argument("scenario", required=False, type=click.Path(path_type=Path), shell_complete=toml_files)
+@scenario_argument(required=False)
 @click.option(
     "--set",
     "changes",
@@ -35,83 +38,130 @@ BARE_POINT = re.compile(r"[+-]?(\.\d+|\d+\.)([eE][+-]?\d+)?")  # numbers that ar
     metavar="FIELD=VALUE",
     help="Change a field, for example controller.order=0.8; an empty value unsets it. Repeatable.",
 )
-@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Write the run as NetCDF.")
+@controller_option()
+@click.option("--seeds", type=int, metavar="N", help="Run N noise seeds, and print means with 95 % intervals.")
+@click.option(
+    "--out", type=click.Path(path_type=Path), metavar="FILE", help="Write the run: .nc, .csv, .parquet, .mat."
+)
 @click.option("--plot", type=click.Path(path_type=Path), metavar="FILE", help="Draw the run: .svg, .png or .pdf.")
 @click.option("--json", "as_json", is_flag=True, help="Print the metrics as JSON.")
 def simulate_command(
-    scenario: Path | None, changes: Sequence[str], out: Path | None, plot: Path | None, as_json: bool
+    scenario: str | None,
+    changes: Sequence[str],
+    controller: str | None,
+    seeds: int | None,
+    out: Path | None,
+    plot: Path | None,
+    as_json: bool,
 ) -> None:
     """Simulate SCENARIO and print its metrics. Without SCENARIO: the paper, corrected."""
-    from ..analysis.metrics import TRANSIENT, measured
-    from ..simulation.dataset import check_run, write_run
-    from ..simulation.simulate import DivergedError, simulate
+    from ..analysis.metrics import TRANSIENT
 
     wanted = dict(map(_change, changes))
-    chosen = Scenario.load(scenario).replace(wanted) if scenario else _paper(wanted)
+    chosen = _paper(wanted) if scenario in (None, "paper") else named(scenario or "").replace(wanted)
+    own = own_controller(controller)
+    cell: Cell = of_one if seeds is None else of_seeds
+    if seeds is None:
+        figures = _one_run(chosen, own, out, plot)
+    else:
+        for option in (name for name, path in (("--out", out), ("--plot", plot)) if path):
+            raise click.UsageError(f"--seeds is given with {option}: it must be left out, as many runs have no record")
+        figures = _many_runs(chosen, own, seeds)
+    about: dict[str, Any] = {} if own is None else {"controller": controller_name(own)}
+    about |= {} if seeds is None else {"seeds": seeds}
+    if as_json:
+        content = {name: plain(values, cell) for name, values in figures.items()}
+        click.echo(json.dumps(content | about, allow_nan=False))
+        return
+    steady, si = chosen.run.duration >= TRANSIENT, chosen.run.units == "SI"
+    titles = ("metric", "value" if seeds is None else "mean [95 %]", "unit")
+    print_table(titles, rows(shown(figures, steady), si, cell))
+    notes = [f"controller: {about['controller']}, of {controller}"] if own else []
+    notes += [] if steady else [left_out(chosen, TRANSIENT)]
+    if not si:
+        plant = chosen.plant
+        notes.append(
+            f"q0 is {plant.reference_length:g} m, ω0 {plant.reference_frequency:g} rad/s, m {plant.mass:g} kg. "
+            "For SI units: --set run.units=SI"
+        )
+    click.echo("".join(f"\n{note}\n" for note in notes), nl=False)
+
+
+def _one_run(scenario: Scenario, own: ControllerLike | None, out: Path | None, plot: Path | None) -> Any:
+    """The metrics of a run, after its record was written and drawn."""
+    from ..analysis.metrics import measured, summary
+    from ..analysis.run_files import check_file, write_file
+    from ..simulation.simulate import DivergedError, simulate
+
     if out:
-        check_run(out)
+        check_file(out)
     if plot:
         with needs("report"):
             from ..analysis.plots import check_plot, write_plot
         check_plot(plot)
     diverged = None
     # Metrics use every step and need no record. A short record that is not saved explains a divergence.
-    thinned = {} if out or plot else {"run.record_every": max(1, chosen.run.steps // MAX_UNSAVED)}
+    thinned = {} if out or plot else {"run.record_every": max(1, scenario.run.steps // MAX_UNSAVED)}
+    recorded = scenario.replace(thinned)
     try:
-        run = simulate(chosen.replace(thinned))
+        run = simulate(recorded, own)
     except DivergedError as error:
         run, diverged = error.run, error
     if out:
-        write_run(run, out)
+        write_file(run, out)
     if plot:
         write_plot(run, plot)
     if diverged:
         saved = f"; {out} has the samples up to then" if out else ""
         raise click.UsageError(f"{diverged}{saved}")
-    figures = measured(chosen).drop_vars("diverged_at")
-    steady = chosen.run.duration >= TRANSIENT
-    if as_json:
-        click.echo(json.dumps({name: _plain(values) for name, values in figures.items()}))
-        return
-    si = chosen.run.units == "SI"
-    seen = figures if steady else figures.drop_vars(STEADY).sel(window=["whole", "transient"])
-    print_table(("metric", "value", "unit"), _rows(seen, si))
-    if not steady:
-        click.echo(
-            f"\nrun.duration is {chosen.run.duration:g}: rmse steady, {' and '.join(STEADY)} need samples from "
-            f"{TRANSIENT:g}/ω0 on."
+    if own is not None and recorded.run.record_every == 1:
+        return summary(run)  # a second run of a Python callable would take as long again
+    return measured(scenario, own).drop_vars("diverged_at")
+
+
+def _many_runs(scenario: Scenario, own: ControllerLike | None, seeds: int) -> Any:
+    """The metrics of a run for each seed, over `run`. Raises UsageError if a run diverges."""
+    if not 2 <= seeds <= MAX_SEEDS:
+        raise click.UsageError(f"--seeds is {seeds}: it must lie between 2 and {MAX_SEEDS}")
+    with needs("report"):  # scipy, for the intervals
+        from ..analysis.confidence import mean_interval  # noqa: F401
+    from ..analysis.metrics import in_units
+    from ..simulation.measure import measure_many
+
+    first, done = scenario.disturbance.seed, 0
+    with progress("simulating", rate="runs/s") as show:
+
+        def advance(runs: int) -> None:
+            nonlocal done
+            done += runs
+            show(done, seeds)
+
+        found = measure_many([scenario], seeds=range(first, first + seeds), controller=own, progress=advance)
+    at = found["diverged_at"].values
+    if lost := [place for place, time in enumerate(at) if time == time]:
+        raise click.UsageError(
+            f"{len(lost)} of {seeds} runs diverged, the first with disturbance.seed {first + lost[0]} at "
+            f"{at[lost[0]]:g}/ω0; that run by itself says why: --set disturbance.seed={first + lost[0]}"
         )
-    if not si:
-        plant = chosen.plant
-        click.echo(
-            f"\nq0 is {plant.reference_length:g} m, ω0 {plant.reference_frequency:g} rad/s, m {plant.mass:g} kg. "
-            "For SI units: --set run.units=SI"
-        )
+    return in_units(scenario, found).drop_vars("diverged_at")
 
 
 @click.command(name="scenario")
-@click.argument("name", type=Names(["paper", *SHIPPED]), required=False)
-@click.option(
-    "--variant",
-    type=click.Choice(["corrected", "printed"]),
-    default="corrected",
-    show_default=True,
-    help="Paper scenario: as printed or corrected.",
-)
+@click.argument("name", type=Names(list(NAMES)), required=False)
 @click.option("--units", type=click.Choice(["SI"]), help="Print every number with its unit.")
 @click.option("--list", "listed", is_flag=True, help="List the available scenarios.")
-def scenario_command(name: str | None, variant: str, units: str | None, listed: bool) -> None:
-    """Print a scenario to edit and run. The paper scenario explains every field; the others are devices."""
+def scenario_command(name: str | None, units: str | None, listed: bool) -> None:
+    """Print a scenario to edit and run. The paper scenarios explain every field; the others are devices."""
     if listed:
-        width = max(map(len, SHIPPED))
-        for each, words in {"paper": "the paper's, every field explained", **SHIPPED}.items():
+        width = max(map(len, NAMES))
+        for each, words in NAMES.items():
             click.echo(f"{each:<{width}}  {words}")
-    elif name in SHIPPED and not units:
-        click.echo(shipped_text(name), nl=False)
     else:
-        paper = Scenario.paper("printed" if variant == "printed" else "corrected")
-        found = shipped(name) if name in SHIPPED else paper
-        click.echo((found.in_si() if units else found).to_toml(), nl=False)
+        chosen = Scenario.shipped(name or "paper")
+        if name in SHIPPED and not units:
+            click.echo(shipped_text(name), nl=False)
+        else:
+            click.echo((chosen.in_si() if units else chosen).to_toml(), nl=False)
 
 
 def _paper(changes: dict[str, Any]) -> Scenario:
@@ -141,30 +191,3 @@ def _change(text: str) -> tuple[str, Any]:
     except RecursionError:
         raise click.UsageError(f"--set {field}: its value is nested too deeply") from None
     return field, tables["value"] if len(tables) == 1 else value  # several keys: the value had line breaks
-
-
-def _plain(values: Any) -> Any:
-    """Values for JSON: NaN, which means never, becomes null."""
-    if values.ndim == 0:
-        number = float(values)
-        return number if number == number else None
-    return {str(label): _plain(values[i]) for i, label in enumerate(values[values.dims[0]].values)}
-
-
-def _rows(figures: Any, si: bool) -> Iterator[tuple[str, str, str]]:
-    for name, values in figures.items():
-        in_si = values.attrs.get("units") or values.attrs["column_units"]
-        unit = in_si.removeprefix("1") if si else nondimensional_unit(name)
-        text = json.dumps(_plain(values), default=str)
-        cells = json.loads(text, parse_float=lambda number: f"{float(number):.6g}")
-        yield str(name), _words(cells), unit
-
-
-def _words(cells: Any) -> str:
-    if cells is None:
-        return "never"
-    if not isinstance(cells, dict):
-        return str(cells)
-    nested = any(isinstance(inner, dict) for inner in cells.values())
-    parts = [f"{label}: {_words(inner)}" if nested else f"{label} {_words(inner)}" for label, inner in cells.items()]
-    return ("\n" if nested else ", ").join(parts)

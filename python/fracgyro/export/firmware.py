@@ -40,8 +40,7 @@ def firmware(
     diverges. The folder is complete or absent. Raises ValueError if the folder cannot be written, a coefficient exceeds
     float, or the controller may become unbounded without `unbounded`.
 
-    >>> from fracgyro.scenario.shipped import shipped
-    >>> fg.export.firmware(shipped("hardware"), "firmware")
+    >>> fg.export.firmware(fg.Scenario.shipped("hardware"), "firmware")
     """
     check_bounded(scenario, unbounded)
     with whole_folder(folder) as scratch:

@@ -130,8 +130,7 @@ def fmu(
     float is requested for a dynamic rate or device imperfections, a coefficient exceeds float, or the controller may
     become unbounded without `unbounded`.
 
-    >>> from fracgyro.scenario.shipped import shipped
-    >>> fg.export.fmu(shipped("hardware"), "gyro.fmu")  # doctest: +SKIP
+    >>> fg.export.fmu(fg.Scenario.shipped("hardware"), "gyro.fmu")  # doctest: +SKIP
     """
     check_bounded(scenario, unbounded)
     if content == "controller":

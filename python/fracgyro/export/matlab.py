@@ -23,8 +23,7 @@ def matlab(
     or absent. Raises ValueError if the folder cannot be written, or the controller may become unbounded without
     `unbounded`.
 
-    >>> from fracgyro.scenario.shipped import shipped
-    >>> fg.export.matlab(shipped("hardware"), "matlab")
+    >>> fg.export.matlab(fg.Scenario.shipped("hardware"), "matlab")
     """
     check_bounded(scenario, unbounded)
     firmware = SOURCES / "integrations/firmware"

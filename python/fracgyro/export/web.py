@@ -59,8 +59,7 @@ def web(scenario: Scenario, path: str | os.PathLike[str], *, unbounded: bool = F
     `unbounded`: export even if the bound estimates may grow until the loop diverges. Raises ValueError if the file
     cannot be written, or the controller may become unbounded without `unbounded`.
 
-    >>> from fracgyro.scenario.shipped import shipped
-    >>> fg.export.web(shipped("hardware"), "gyro.json")
+    >>> fg.export.web(fg.Scenario.shipped("hardware"), "gyro.json")
     """
     check_bounded(scenario, unbounded)
     _write({"version": version("fracgyro"), **document(scenario)}, path, "nothing")

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from ..arguments import number, short
 from ..scenario import Scenario, ScenarioError
-from ..scenario.shipped import SHIPPED, shipped
+from ..scenario.named import is_name, named
+from ..scenario.shipped import NAMES
 
 Vector = NDArray[np.float64]
 ScenarioLike = Scenario | str | os.PathLike[str] | Mapping[str, Any]
@@ -22,7 +23,7 @@ ScenarioLike = Scenario | str | os.PathLike[str] | Mapping[str, Any]
 SEEDS = 2**53  # seeds that every integration supports
 DURATION = 10.0  # run.duration of the default scenario
 
-FORMS = f"one of {', '.join(SHIPPED)}, the path of a TOML file, TOML text or a dict of tables"
+FORMS = f"one of {', '.join(NAMES)}, the path of a TOML file, TOML text or a dict of tables"
 
 # Columns of _core.Gyroscopes. An observation has those before the error, without the velocity if it is not sensed.
 VELOCITY, ERROR, RATE = 8, 10, 12
@@ -76,7 +77,7 @@ class Task:
 
 def tracking(scenario: ScenarioLike | None, error_limit: float, max_episode_steps: int | None) -> Task:
     """The tracking task. Raises TypeError, ValueError or ScenarioError for an invalid argument."""
-    found = shipped("hardware").replace({"run.duration": DURATION}) if scenario is None else taken(scenario)
+    found = Scenario.shipped("hardware").replace({"run.duration": DURATION}) if scenario is None else taken(scenario)
     limit = found.controller.force_limit
     if not math.isfinite(limit):
         raise ScenarioError(f"controller.force_limit is {limit}: it must be finite, as actions are fractions of it")
@@ -110,10 +111,8 @@ def taken(scenario: ScenarioLike) -> Scenario:
         return Scenario(**scenario)
     if not isinstance(scenario, str | os.PathLike):
         raise TypeError(f"scenario is {short(scenario)}: it must be a Scenario, {FORMS}")
-    if isinstance(scenario, str) and scenario in SHIPPED:
-        return shipped(scenario)
     if isinstance(scenario, str) and ("=" in scenario or "\n" in scenario) and Path(scenario).suffix != ".toml":
         return Scenario.from_toml(scenario)
-    if not os.path.exists(scenario):
+    if not (isinstance(scenario, str) and is_name(scenario)) and not os.path.exists(scenario):
         raise ScenarioError(f"scenario is {short(os.fspath(scenario))}: it must be a Scenario, {FORMS}")
-    return Scenario.load(scenario)
+    return named(scenario)

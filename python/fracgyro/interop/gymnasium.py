@@ -19,10 +19,11 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from fracgyro.scenario.shipped import SHIPPED
+
 from .. import _core
 from ..arguments import short
 from ..scenario import Scenario
-from ..scenario.shipped import SHIPPED
 from ..scenario.to_core import core_setup
 from .episodes import ERROR, RATE, ScenarioLike, Task, Vector, rate_sensing, tracking
 from .matrices import Matrix, matrices

@@ -54,8 +54,7 @@ def characterise(
     outputs or too many steps, and a run that diverges within the range; also the errors that `simulate` raises for a
     controller.
 
-    >>> from fracgyro.scenario.shipped import shipped
-    >>> device = shipped("dual_mass").replace({"run.duration": 200.0})
+    >>> device = fg.Scenario.shipped("dual_mass").replace({"run.duration": 200.0})
     >>> figures = fg.rate.characterise(device, "sensor", quick=True, rest=0.2)
     >>> [figure.name for figure in figures][:2]
     ['Scale factor error', 'Non-linearity']

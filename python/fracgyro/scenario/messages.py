@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import difflib
 import re
+from collections.abc import Iterable
 from functools import cache
 from typing import Any, get_args
 
@@ -28,8 +29,15 @@ class ScenarioError(ValueError):
     controller.ordr is not a known field; did you mean controller.order?
     """
 
-    def __init__(self, message: str) -> None:
+    def __init__(self, message: str, others: Iterable[str] = ()) -> None:
         super().__init__(one_line(message))
+        self.others = tuple(map(one_line, others))  #: further problems of the same input, a sentence each
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """End of a message with the nearest known name, or empty."""
+    near = difflib.get_close_matches(name, list(known), n=1)
+    return f"; did you mean {near[0]}?" if near else ""
 
 
 @cache
@@ -67,6 +75,9 @@ def unknown(path: str, model: type[BaseModel]) -> str:
     guesses = [near[name] for name in difflib.get_close_matches(leaf, near)]
     guesses += [name for name in known if name.endswith(f".{leaf}")]
     guesses += [] if near else difflib.get_close_matches(path, known)
+    if not parent and not guesses:
+        inner = {name.rpartition(".")[2]: name for name in known}
+        guesses = [inner[name] for name in difflib.get_close_matches(leaf, inner)]
     choice = (
         [name.rpartition(".")[2] for name in near.values()] if "[" in parent else near.values() or model.model_fields
     )
@@ -100,9 +111,10 @@ def _numbered(text: str, place: int | None = None) -> str:
 
 def scenario_error(error: ValidationError, model: type[BaseModel], at: tuple[str, ...] = ()) -> ScenarioError:
     """The first of pydantic's problems as a sentence; `at`: where in `model` the value stood that was validated."""
-    first, *others = error.errors(include_url=False)
-    first["loc"] = (*at, *first["loc"])
-    return ScenarioError(_describe(first, model) + (f" (and {len(others)} more)" if others else ""))
+    first, *others = (
+        _describe({**problem, "loc": (*at, *problem["loc"])}, model) for problem in error.errors(include_url=False)
+    )
+    return ScenarioError(first + (f" (and {len(others)} more)" if others else ""), others)
 
 
 def _describe(problem: ErrorDetails, model: type[BaseModel]) -> str:
@@ -142,8 +154,7 @@ def _or_text(table: str, info: FieldInfo) -> str:
 def _allowed(problem: ErrorDetails, metadata: list[Any]) -> str:
     kind, context = problem["type"], problem.get("ctx", {})
     if kind == "literal_error":
-        near = difflib.get_close_matches(str(problem["input"]), re.findall(r"'([^']*)'", context["expected"]), n=1)
-        hint = f"; did you mean {near[0]}?" if near else ""
+        hint = did_you_mean(str(problem["input"]), re.findall(r"'([^']*)'", context["expected"]))
         return f"it must be {context['expected']}{hint}".replace("'", "")
     if kind.startswith(("greater", "less")):
         words = {"ge": "at least", "gt": "greater than", "le": "at most", "lt": "less than"}
@@ -156,6 +167,8 @@ def _allowed(problem: ErrorDetails, metadata: list[Any]) -> str:
             return f"it must lie {'strictly ' if 'gt' in limits else ''}between {low} and {high}"
         word, limit = next(iter(limits.items()))
         return f"it must be {words[word]} {limit}"
+    if kind == "too_short":
+        return f"it must have at least {context['min_length']} entr{'y' if context['min_length'] == 1 else 'ies'}"
     types = {
         "float_type": "a number",
         "finite_number": "a finite number",

@@ -64,6 +64,16 @@ def fields_shown(scenario: Table) -> dict[str, tuple[str, ...]]:
     }
 
 
+def values(scenario: Table) -> dict[str, Any]:
+    """Every field that the scenario has, by dotted name."""
+    tables = dict(scenario)
+    return {
+        f"{name}.{field}": getattr(tables[name], field)
+        for name, fields in fields_shown(scenario).items()
+        for field in fields
+    }
+
+
 def having(table: str, field: str) -> tuple[str, ...]:
     """The kinds of a table with kinds of its own that have a field; none: all."""
     if table == "plant":

@@ -11,16 +11,8 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from .kinds import (
-    DEVICE_CHANNELS,
-    KINDS,
-    LOOP_CHANNELS,
-    MEANINGS,
-    Channel,
-    kinds_with,
-    numbers,
-    reported_channels,
-)
+from .kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, MEANINGS, Channel, kinds_with, numbers, reported_channels
+from .messages import ScenarioError, paths, unknown
 from .printing import OWN_KINDS, having
 from .scenario import Scenario
 from .table import Table, toml_value
@@ -65,6 +57,26 @@ def fields_of_kind(kind: str) -> Iterator[Sequence[str]]:
         for field, said in type(table).model_json_schema()["properties"].items():
             if kind in _having(name, field):
                 yield _field(name, field, said, table)
+
+
+def explained(path: str) -> tuple[str, list[tuple[str, str]]]:
+    """Meaning of a field, with its unit, range, default and kinds; of a table, with the meanings of its fields.
+
+    Raises ScenarioError for an unknown field, with the nearest one.
+    """
+    table, _, rest = path.partition(".")
+    name, scenario = rest.partition(".")[0], Scenario()
+    if path not in paths(Scenario):
+        raise ScenarioError(unknown(path, Scenario))
+    model = getattr(scenario, table)
+    listed = type(model).model_json_schema()["properties"]
+    if not name:
+        meanings = [(f"{table}.{each}", said["description"]) for each, said in listed.items()]
+        return " ".join((type(model).__doc__ or "").split()), meanings
+    _, unit, limits, default, _ = (cell.replace("`", "") for cell in _field(table, name, listed[name], model))
+    kinds = ", ".join(_having(table, name)) or "every kind"
+    rows = [("unit", unit), ("range", limits), ("default", default), ("controllers", kinds)]
+    return listed[name]["description"], [row for row in rows if row[1] != "–"]
 
 
 def _having(table: str, field: str) -> tuple[str, ...]:

@@ -20,10 +20,20 @@ from ..files import whole_file
 from .device import Device, Rate
 from .disturbance import NEEDS, Disturbance, named_entries
 from .kinds import KINDS, SINE_DRIVES, kinds_with
-from .messages import ScenarioError, paths, scenario_error, unknown
+from .messages import ScenarioError, did_you_mean, paths, scenario_error, unknown
 from .motion import Reference
 from .plants import Constraints, check_kind, constraints
-from .printing import BEGIN, BY_KIND, END, OWN_KINDS, fields_of_table, fields_shown, having, own_fields, scenario_text
+from .printing import (
+    BEGIN,
+    BY_KIND,
+    END,
+    OWN_KINDS,
+    fields_of_table,
+    fields_shown,
+    having,
+    own_fields,
+    scenario_text,
+)
 from .quantities import in_si, with_numbers
 from .sampled import Function, points_of
 from .schema import (
@@ -36,6 +46,7 @@ from .schema import (
     Plant,
     Run,
 )
+from .shipped import NAMES, SHIPPED, shipped_text
 from .table import MAX_STEPS, Table, format_value, message_error, toml_value
 from .toml import read_tables, read_text
 
@@ -217,6 +228,22 @@ class Scenario(Table):
         return cls().replace({**switches, "disturbance.hold": 1e-3, "run.kernel_tolerance": 1e-6})
 
     @classmethod
+    def shipped(cls, name: str) -> Scenario:
+        """A scenario that comes with the package, by a name of `fracgyro scenario --list`.
+
+        Raises ScenarioError for another name.
+
+        >>> fg.Scenario.shipped("dual_mass").device.sensing
+        'position'
+        """
+        if name in SHIPPED:
+            return cls.from_toml(shipped_text(name), source=name)
+        if name in ("paper", "paper-printed"):
+            return cls.paper("corrected" if name == "paper" else "printed")
+        near = did_you_mean(str(name), NAMES)
+        raise ScenarioError(f"scenario is {format_value(name)}: it must be one of {', '.join(NAMES)}{near}")
+
+    @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Scenario:
         """Reads a TOML file, as `save` or a person wrote it.
 
@@ -274,11 +301,15 @@ class Scenario(Table):
         """A copy with fields changed, by their dotted names, and validated as a whole; None unsets.
 
         Fields that another controller.kind does not have are dropped. `disturbance` takes a table or a list of tables.
-        Raises ScenarioError, in one sentence, for a name or a value that is not allowed.
+        Raises ScenarioError, in one sentence, for a name or a value that is not allowed, TypeError for anything but a dict.
 
         >>> fg.Scenario.paper().replace({"controller.order": 0.8, "run.duration": 20.0}).run.duration
         20.0
         """
+        if not isinstance(changes, Mapping):
+            raise TypeError(f"changes is {short(changes)}: it must be a dict of dotted names to values")
+        if not isinstance(changes, Mapping):
+            raise TypeError(f"changes is {short(changes)}: it must be a dict of dotted names to values")
         tables = self.model_dump()
         kind = changes.get("controller.kind", self.controller.kind)
         for name in BY_KIND:  # fields that the other kind does not have are dropped
@@ -340,6 +371,40 @@ class Scenario(Table):
         """
         si = self.run.units == "SI"
         return constraints(self.plant, self.rate, self.device, self.controller.force_limit, si)
+
+    def differences(self, other: Scenario) -> dict[str, tuple[Any, Any]]:
+        """Fields whose values differ, by dotted name, with both values; None: not set, or no field of that kind.
+
+        >>> fg.Scenario.paper().differences(fg.Scenario.paper().replace({"controller.order": 0.8}))
+        {'controller.order': (0.9, 0.8)}
+        """
+        mine, theirs = values(self), values(other)
+        pairs = {name: (mine.get(name), theirs.get(name)) for name in dict.fromkeys([*mine, *theirs])}
+        return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
+
+    def changes(self) -> dict[str, Any]:
+        """Fields that differ from the defaults of the kind of controller, by dotted name, for `replace`.
+
+        >>> fg.Scenario().replace({"controller.order": 0.8}).changes()
+        {'controller.order': 0.8}
+        """
+        kind = {"controller.kind": self.controller.kind}
+        default = values(Scenario().replace(kind))
+        found = {} if self.controller.kind == KINDS[0] else kind
+        for name, value in values(self).items():
+            table, _, field = name.partition(".")
+            usual = default[name] if name in default else type(getattr(self, table)).model_fields[field].default
+            if value != usual:
+                found[name] = value
+        return found
+
+    def __str__(self) -> str:
+        lines = [name + (" is " if new is None else " = ") + toml_value(new) for name, new in self.changes().items()]
+        return "\n".join(lines) or "the paper's values"
+
+    def __repr__(self) -> str:
+        plain = {name: dict(new) if isinstance(new, BaseModel) else new for name, new in self.changes().items()}
+        return f"Scenario().replace({plain})"
 
     def content_hash(self) -> str:
         """SHA-256 of `to_toml` with plain numbers, in hexadecimal: equal for equal scenarios.

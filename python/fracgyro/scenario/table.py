@@ -142,6 +142,9 @@ def plain(value: Any) -> Any:
 class Table(BaseModel):
     model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError(f"{name} cannot be set: a scenario is frozen; its method replace makes a changed copy")
+
     @field_validator("*", mode="wrap")
     @classmethod
     def _as_given(cls, value: Any, validate: ValidatorFunctionWrapHandler) -> Any:

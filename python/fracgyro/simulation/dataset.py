@@ -14,7 +14,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from ..extras import require
-from ..files import check_place, whole_file
+from ..files import whole_file
 from ..scenario import Scenario
 from ..scenario.kinds import AXES, METRICS, WINDOWS, Channel
 from ..scenario.scales import si_unit
@@ -133,12 +133,6 @@ def _metrics_form(runs: int) -> xr.Dataset:
 
     named = {name: variable(of) for name, of in inner.items() if name.partition("_")[2] not in WINDOWS}
     return xr.Dataset(named, coords=labels)
-
-
-def check_run(path: Path) -> None:
-    """Raises MissingExtraError or ValueError if `write_run` cannot write to `path`."""
-    require("netcdf", "h5netcdf")
-    check_place(path, b"\x89HDF")
 
 
 def write_run(run: xr.Dataset, path: Path) -> None:

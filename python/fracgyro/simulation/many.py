@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any
 
 import numpy as np
@@ -13,10 +15,28 @@ from ..arguments import short
 from ..scenario import Scenario
 from ..scenario.to_core import core_setup
 
+_jobs: ContextVar[int | None] = ContextVar("jobs", default=None)
+
+
+@contextmanager
+def at_most(jobs: int | None) -> Iterator[None]:
+    """Context manager: runs use at most this many processors; None: all. Raises ValueError unless it is positive.
+
+    Results do not depend on it.
+    """
+    if jobs is not None and (isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1):
+        raise ValueError(f"jobs is {short(jobs)}: it must be a number of processors, at least 1")
+    token = _jobs.set(jobs)
+    try:
+        yield
+    finally:
+        _jobs.reset(token)
+
 
 def threads_available() -> int:
-    """Number of processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    """Number of processors that this process may use, at most those of `at_most`."""
+    found = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return min(found, _jobs.get() or found)
 
 
 def check_many(scenarios: Sequence[Scenario], seeds: Sequence[int] | None) -> int:

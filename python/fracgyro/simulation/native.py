@@ -7,6 +7,7 @@ import operator
 from _ctypes import CFuncPtr
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
+from pathlib import Path
 from typing import Any, NoReturn
 
 from .. import _core
@@ -16,13 +17,15 @@ __all__ = ["Law", "Plant"]
 
 MAX_STATE = 10**6  # doubles
 MAX_PLANT_STATES = 8
+INCLUDE = Path(_core.__file__).parent / "include"  # the folder of fracgyro_law.h, for the compiler's option -I
 
 
 class Law:
     """A C function as a controller: `void law(const double* in, double* state, const double* parameters, double* out)`.
 
     The function is called once per step. `in`: 11 doubles, the time, then pairs [x, y] of measured position, measured
-    velocity, reference, and the reference's velocity and acceleration. `state`: `state_size` doubles, zero before the
+    velocity, reference, and the reference's velocity and acceleration; the header fracgyro_law.h in the folder INCLUDE
+    names their places. `state`: `state_size` doubles, zero before the
     first step of each run. `parameters`: the values of `parameters`, in their order. `out`: the force [x, y], then one
     double for each name in `reports`, which is recorded as a channel; rate_estimate makes the controller a rate sensor.
     Units are SI if run.units is SI, otherwise nondimensional. The 64 doubles behind each array are NaN; a run in which

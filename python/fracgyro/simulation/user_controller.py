@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import repeat
 from types import FunctionType
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from ..scenario.kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, Channel, rep
 from .native import Law
 
 Result = TypeVar("Result")
-ControllerLike = Callable[[Any], Any] | Law
+ControllerLike: TypeAlias = Callable[[Any], Any] | Law
 
 
 class ControllerError(ValueError):

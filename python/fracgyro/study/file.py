@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError, WithJsonSchema
 
@@ -13,6 +13,7 @@ from ..analysis.metric_names import METRICS
 from ..analysis.metrics import ERROR_BOUND, RATE_TOLERANCE, SURFACE_BOUND, TRANSIENT
 from ..scenario import Scenario, ScenarioError
 from ..scenario.messages import scenario_error
+from ..scenario.named import named
 from ..scenario.table import Table, field, format_value, message_error
 from ..scenario.toml import read_tables, read_text
 from .controller import is_parameter
@@ -21,10 +22,9 @@ from .space import MAX_POINTS, flat
 Model = TypeVar("Model", bound=BaseModel)
 # Descriptions of the shared keys.
 TITLE = "Title of the summary and the report."
-SCENARIO = 'Base scenario: "paper", "paper-printed", or a scenario file, relative to this one.'
+SCENARIO = "Base scenario: a name of `fracgyro scenario --list`, or a scenario file, relative to this one."
 FIXED = "Changed fields of the scenario, by their dotted names."
 VARY = "Fields of the scenario that vary, by their dotted names, or law.NAME: each a list of values, or a range."
-BASES: dict[str, Literal["corrected", "printed"]] = {"paper": "corrected", "paper-printed": "printed"}
 
 
 class Thresholds(Table):
@@ -74,8 +74,8 @@ def load_study(path: str | os.PathLike[str], model: type[Model]) -> Model:
 
 
 def base_scenario(name: str, folder: Path, fixed: Mapping[str, Any]) -> Scenario:
-    """The scenario "paper" (corrected), "paper-printed" or a file relative to `folder`, with the changes `fixed`."""
-    base = Scenario.paper(BASES[name]) if name in BASES else Scenario.load(folder / name)
+    """The shipped scenario of this name or a file relative to `folder`, with the changes `fixed`."""
+    base = named(name, folder)
     changes = flat(fixed)
     for name in filter(is_parameter, changes):
         raise ScenarioError(f"{name} is in [fixed]: it must be set in the controller that is passed to the study")

@@ -87,6 +87,7 @@ class Facts:
     """Facts about the scenarios of all points; the scenarios are created when they run, to save memory."""
 
     longest: int = 0  # steps of the longest run
+    steps: int = 0  # of all points
     durations: set[float] = dataclasses.field(default_factory=set)
     controllers: set[str] = dataclasses.field(default_factory=set)  # kinds
     disturbances: set[str] = dataclasses.field(default_factory=set)  # kinds
@@ -94,6 +95,7 @@ class Facts:
 
     def add(self, scenario: Scenario) -> None:
         self.longest = max(self.longest, scenario.run.steps)
+        self.steps += scenario.run.steps
         self.durations.add(scenario.run.duration)
         self.controllers.add(scenario.controller.kind)
         self.disturbances.add(scenario.disturbance.kinds)

@@ -13,9 +13,11 @@ import pyarrow as pa
 
 from ...files import whole_file
 from ...scenario.table import format_value
+from ...simulation.many import at_most
 from ...simulation.user_controller import ControllerLike
 from ..cluster import connected, measured_there
 from ..folder import free_if_nothing_came, locked
+from ..preview import Preview, first_rows, seconds
 from .block_files import BlockFiles
 from .blocks import Block, blocks
 from .design import read_plan
@@ -44,6 +46,7 @@ def sweep(
     controller: ControllerLike | None = None,
     resume: bool = False,
     scheduler: str | None = None,
+    jobs: int | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> Sweep:
     """Runs a study file. Writes the rows as Parquet into `out`/runs, and `out`/summary.html.
@@ -55,7 +58,8 @@ def sweep(
     the study, as `law.NAME`. study.json identifies the controller by its name, parameters, and a hash of its code, its
     attributes and everything it uses from its own package, or of a C function's library. `resume`: finish the study in
     `out`, with the same controller. `scheduler`: address of a Dask cluster, without a controller; by default this
-    machine is used. `progress`: called with (runs finished, all runs).
+    machine is used. `jobs`: number of its processors to use, by default all. `progress`: called with (runs finished,
+    all runs).
 
     Raises ValueError for an invalid study, before anything runs; an `out` that is in use or has another study or
     controller; a cluster that cannot be reached or fails repeatedly; also the errors that `simulate` raises for a
@@ -75,7 +79,9 @@ def sweep(
         )
     plan = read_plan(study, controller)
     work = blocks(plan)
-    with nullcontext() if scheduler is None else connected(scheduler) as cluster, locked(Path(out)):
+    if jobs is not None and scheduler is not None:
+        raise ValueError(f"jobs is {jobs}: it must be left out with scheduler, whose workers use their machines")
+    with at_most(jobs), nullcontext() if scheduler is None else connected(scheduler) as cluster, locked(Path(out)):
         folder = BlockFiles(out, plan, work, resume=resume)
         waiting = [block for block in work if not folder.finished(block)]
         done = resumed = plan.runs - sum(block.runs for block in waiting)
@@ -99,6 +105,20 @@ def sweep(
         summary = folder.path / "summary.html"
         write_summary(summary, rows, found)
     return Sweep(folder.runs, summary, plan.runs, resumed, rows.diverged, time.perf_counter() - begin, found)
+
+
+def preview(study: str | os.PathLike[str], *, controller: ControllerLike | None = None) -> Preview:
+    """The size and the estimated time of a sweep, which is not run. Raises ValueError for an invalid study."""
+    plan = read_plan(study, controller)
+    steps = plan.facts.steps * len(plan.seeds)
+    return Preview(
+        plan.runs,
+        len(plan.points),
+        len(plan.seeds),
+        steps,
+        seconds(plan.scenario(0), plan.runs, steps, controller),
+        first_rows(plan.fields, plan.points),
+    )
 
 
 def measured_here(work: list[Block], progress: Callable[[int], object]) -> Iterator[tuple[Block, pa.Table]]:

@@ -11,9 +11,11 @@ from pathlib import Path
 
 from ...files import whole_file
 from ...scenario import ScenarioError
+from ...simulation.many import at_most
 from ...simulation.user_controller import ControllerLike
 from ..controller import fields_of_scenario, with_values
 from ..folder import claim, free_if_nothing_came, locked
+from ..preview import Preview, seconds
 from .criteria import Score, measure
 from .hold_out import HoldOut, hold_out
 from .plan import Plan, read_tuning
@@ -43,6 +45,7 @@ def tune(
     *,
     controller: ControllerLike | None = None,
     resume: bool = False,
+    jobs: int | None = None,
     progress: Callable[[float, float, str], object] | None = None,
 ) -> Tuned:
     """Tunes the fields of a study file, and compares the result with the base scenario on held-out seeds.
@@ -50,8 +53,9 @@ def tune(
     Writes tuned.toml, tune.html, trials.csv and, for several objectives, pareto.csv, pareto.svg and pareto.png into the
     folder `out`. Finished trials are stored in `out`/study.db or in the study's storage. `controller`: as in `sweep`;
     the result has it with the chosen parameters. `resume`: continue the study in `out`, up to the file's number of
-    trials. `progress`: called with (runs finished, all runs, current step). On one machine the result depends only on
-    the study file and the controller, not on interruptions or the number of processors.
+    trials. `jobs`: number of processors to use, by default all. `progress`: called with (runs finished, all runs,
+    current step). On one machine the result depends only on the study file and the controller, not on interruptions or
+    the number of processors.
 
     Raises ValueError for an invalid study, before anything runs; an `out` that is in use or has another study or
     controller; a storage that cannot be used; no trial that meets every constraint; also the errors that `simulate`
@@ -68,10 +72,10 @@ def tune(
     """
     begin = time.perf_counter()
     plan = read_tuning(study, controller)
-    with locked(Path(out)):
+    with at_most(jobs), locked(Path(out)):
         folder = claim(Path(out), plan.parts(), {"study": study_text(plan)}, resume=resume)
         seeds = plan.file.seeds
-        total = (plan.file.tune.trials + 1) * len(seeds) + 2 * len(plan.held_out)
+        total = _runs(plan)
         done = 0
 
         def advance(runs: int, doing: str = "searching") -> None:
@@ -106,6 +110,21 @@ def tune(
     seconds = time.perf_counter() - begin
     files, own = (folder / "tuned.toml", folder / "tune.html"), with_values(controller, chosen.values)
     return Tuned(*files, len(trials), feasible, chosen.number, held, seconds, own)
+
+
+def preview(study: str | os.PathLike[str], *, controller: ControllerLike | None = None) -> Preview:
+    """The size and the estimated time of a tuning, which is not run. Raises ValueError for an invalid study."""
+    plan = read_tuning(study, controller)
+    runs, trials = _runs(plan), plan.file.tune.trials
+    steps = runs * plan.base.run.steps
+    base = plan.base_values()
+    rows = [] if base is None else [base]
+    return Preview(runs, trials, len(plan.file.seeds), steps, seconds(plan.base, runs, steps, controller), rows)
+
+
+def _runs(plan: Plan) -> int:
+    """Number of runs: those of the base and the trials, and both again on the held-out seeds."""
+    return (plan.file.tune.trials + 1) * len(plan.file.seeds) + 2 * len(plan.held_out)
 
 
 def _nearest(plan: Plan, trials: list[Trial]) -> str:

@@ -1,0 +1,80 @@
+"""Metrics of one run, or of many seeds, as a table and as JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from ..analysis.metric_names import nondimensional_unit
+from ..scenario import Scenario
+
+STEADY = ["chattering", "rate_error_rms"]  # metrics of the steady window, like rmse steady
+Cell = Callable[[Any], Any]  # a scalar variable -> its JSON
+
+
+def shown(figures: Any, steady: bool) -> Any:
+    """The metrics without those of the steady window, unless the run reaches it."""
+    return figures if steady else figures.drop_vars(STEADY).sel(window=["whole", "transient"])
+
+
+def left_out(scenario: Scenario, transient: float) -> str:
+    """The reason why `shown` leaves metrics out."""
+    return (
+        f"run.duration is {scenario.run.duration:g}: rmse steady, {' and '.join(STEADY)} need samples from "
+        f"{transient:g}/ω0 on."
+    )
+
+
+def plain(values: Any, cell: Cell) -> Any:
+    """Values for JSON: nested by the labels of every dimension but `run`."""
+    dimension = next((name for name in values.dims if name != "run"), None)
+    if dimension is None:
+        return cell(values)
+    labels = values[dimension].values
+    return {str(label): plain(values.isel({dimension: place}), cell) for place, label in enumerate(labels)}
+
+
+def of_one(values: Any) -> float | None:
+    """The value of one run; NaN, which means never, becomes null."""
+    number = float(values)
+    return number if number == number else None
+
+
+def of_seeds(values: Any) -> dict[str, Any]:
+    """Mean and 95 % interval over the runs; null, with the number of such runs, if some never have the value."""
+    from ..analysis.confidence import mean_interval
+
+    never = int(sum(map(math.isnan, values.values)))
+    if never:
+        return {"mean": None, "low": None, "high": None, "never": never}
+    found = mean_interval(values.values)
+    return {"mean": found.mean, "low": found.low, "high": found.high}
+
+
+def rows(figures: Any, si: bool, cell: Cell) -> Iterator[tuple[str, str, str]]:
+    """Rows of the table: metric, value, unit."""
+    for name, values in figures.items():
+        in_si = values.attrs.get("units") or values.attrs["column_units"]
+        unit = in_si.removeprefix("1") if si else nondimensional_unit(name)
+        text = json.dumps(plain(values, cell), default=str)
+        cells = json.loads(text, parse_float=lambda number: f"{float(number):.6g}")
+        yield str(name), _words(cells, values.sizes.get("run", 1)), unit
+
+
+def _words(cells: Any, runs: int) -> str:
+    if cells is None:
+        return "never"
+    if not isinstance(cells, dict):
+        return str(cells)
+    if "mean" in cells:
+        if cells["mean"] is None:
+            return "never" if cells["never"] == runs else f"never in {cells['never']} of {runs} runs"
+        return f"{cells['mean']} [{cells['low']}, {cells['high']}]"
+    nested = any(isinstance(inner, dict) and "mean" not in inner for inner in cells.values())
+    parts = [
+        f"{label}: {_words(inner, runs)}" if nested else f"{label} {_words(inner, runs)}"
+        for label, inner in cells.items()
+    ]
+    return ("\n" if nested else ", ").join(parts)

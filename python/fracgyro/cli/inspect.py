@@ -1,0 +1,87 @@
+"""`fracgyro check`, `fracgyro diff` and `fracgyro explain`."""
+
+from __future__ import annotations
+
+import json
+import math
+import textwrap
+from typing import Any
+
+import click
+from pydantic import BaseModel
+
+from ..scenario import ScenarioError
+from ..scenario.named import named
+from ..scenario.table import toml_value
+from .completion import fields, scenarios
+from .options import scenario_argument
+from .terminal import print_table
+
+INVALID = 2
+DIFFERENT = 1
+WIDTH = 100
+
+
+@click.command()
+@scenario_argument()
+def check(scenario: str) -> None:
+    """Check SCENARIO without running it. Print every error, or warnings about a valid one."""
+    from ..scenario.suspicious import suspicious
+
+    try:
+        found = named(scenario)
+    except ScenarioError as error:
+        first = str(error).removesuffix(f" (and {len(error.others)} more)")
+        for sentence in (first, *error.others):
+            click.echo(f"fracgyro: {sentence}", err=True)
+        raise click.exceptions.Exit(INVALID) from None
+    warnings = list(suspicious(found))
+    for sentence in warnings:
+        click.echo(f"Warning: {sentence}.")
+    count = f", {len(warnings)} warning{'s' if len(warnings) > 1 else ''}" if warnings else ""
+    click.echo(f"{scenario} is a valid scenario{count}")
+
+
+@click.command()
+@click.argument("first", metavar="A", shell_complete=scenarios)
+@click.argument("second", metavar="B", shell_complete=scenarios)
+@click.option("--json", "as_json", is_flag=True, help="Print the fields as JSON.")
+def diff(first: str, second: str, as_json: bool) -> None:
+    """Print the fields in which scenarios A and B differ, with both values. Exit with 1 if any does."""
+    one, other = named(first), named(second)
+    found = one.differences(other)
+    if as_json:
+        content = {field: [_plain(each) for each in pair] for field, pair in found.items()}
+        click.echo(json.dumps(content))
+    elif found:
+        print_table(("field", first, second), [(field, *map(_shown, pair)) for field, pair in found.items()])
+    else:
+        click.echo("no field differs")
+    if found:
+        raise click.exceptions.Exit(DIFFERENT)
+
+
+def _shown(value: Any) -> str:
+    return "–" if value is None else toml_value(value)
+
+
+def _plain(value: Any) -> Any:
+    """The value for JSON, which has no infinity."""
+    if isinstance(value, BaseModel):
+        return value.model_dump()
+    return toml_value(value) if value in (math.inf, -math.inf) else value
+
+
+@click.command()
+@click.argument("field", shell_complete=fields)
+def explain(field: str) -> None:
+    """Explain FIELD of a scenario: meaning, unit, range, default, and the controllers that have it."""
+    from ..scenario.reference import explained
+
+    meaning, rows = explained(field)
+    width = max(len(name) for name, _ in rows) + 2
+    click.echo(textwrap.fill(f"{field}: {meaning}", WIDTH))
+    for name, text in rows:
+        click.echo(
+            textwrap.fill(f"{name:<{width}}{text}", WIDTH, initial_indent="  ", subsequent_indent=" " * (width + 2))
+        )

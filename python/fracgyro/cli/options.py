@@ -1,0 +1,34 @@
+"""Arguments and options that several commands share, each defined once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from .completion import scenarios
+
+if TYPE_CHECKING:
+    from ..simulation.user_controller import ControllerLike
+
+Decorator = Callable[[Callable[..., None]], Callable[..., None]]
+
+
+def scenario_argument(**settings: Any) -> Decorator:
+    """The argument SCENARIO: the name of a shipped scenario or a file, which `scenario.named` reads."""
+    return click.argument("scenario", **{"metavar": "SCENARIO", "shell_complete": scenarios, **settings})
+
+
+def controller_option(text: str = "Use your own controller instead of the scenario's.") -> Decorator:
+    """The option --controller FILE.py:NAME, which `own_controller` loads."""
+    return click.option("--controller", metavar="FILE.py:NAME", help=text)
+
+
+def own_controller(given: str | None) -> ControllerLike | None:
+    """The controller of --controller; None without the option. Raises ScenarioError if it is not a controller."""
+    if given is None:
+        return None
+    from ..simulation.controller_file import ControllerFile
+
+    return ControllerFile.read(given).controller()

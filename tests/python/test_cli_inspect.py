@@ -1,0 +1,141 @@
+"""Commands that look at a scenario without running it: check, diff, explain; a scenario as text."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import fracgyro as fg
+import pytest
+from click.testing import CliRunner, Result
+from fracgyro import Scenario
+from fracgyro.cli import cli
+from fracgyro.scenario.bounded import gain
+from fracgyro.scenario.messages import paths
+from fracgyro.scenario.shipped import NAMES
+from fracgyro.scenario.suspicious import suspicious
+
+HARDWARE = Scenario.shipped("hardware")
+
+
+def ran(*words: str | Path) -> Result:
+    return CliRunner().invoke(cli, list(map(str, words)))
+
+
+def test_check_prints_every_error(tmp_path: Path) -> None:
+    bad = tmp_path / "bad.toml"
+    bad.write_text("[controller]\norder = 3\nkind = 'pdi'\n[plant]\nmas = 3.0\n", encoding="utf-8")
+    found = ran("check", bad)
+    assert (found.exit_code, found.stdout) == (2, "")
+    lines = found.stderr.splitlines()
+    fields = [line.split(": ")[1].split(" is ")[0] for line in lines]
+    assert fields == ["plant.mas", "controller.kind", "controller.order"]
+    assert lines[1].endswith("; did you mean pid?")
+    assert ran("check", tmp_path / "none.toml").exit_code == 2
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_check_warns_of_no_shipped_scenario_but_those_that_are_not_bounded(name: str) -> None:
+    found = ran("check", name)
+    assert found.exit_code == 0
+    warnings = [line for line in found.stdout.splitlines() if line.startswith("Warning: ")]
+    if Scenario.shipped(name).controller.switching_limit == float("inf"):
+        (warning,) = warnings
+        assert "controller.switching_limit is inf: in noise the bound estimates grow" in warning
+    else:
+        assert warnings == []
+        assert found.stdout == f"{name} is a valid scenario\n"
+
+
+@pytest.mark.parametrize(
+    ("changes", "start"),
+    [
+        ({"run.duration": 5.0}, "run.duration is 5: metrics of the steady window need more than 10"),
+        ({"run.step": 0.02, "disturbance.hold": None}, "run.step is 0.02: a period of the fastest resonance has 13"),
+        ({"device.actuator_limit": 1e-5}, "controller.force_limit is 6000: the actuator gives at most 55.5556, unit"),
+        ({"device.position_range": 5e-7}, "device.position_range is 5e-07 m in x: the reference moves 1e-06 m"),
+        ({"adaptation.initial_bound": [200.0, 1.0, 1.0]}, "run.step is 0.001: at the start rho h/delta is "),
+    ],
+)
+def test_a_suspicious_field_is_named_with_its_value(changes: dict[str, Any], start: str) -> None:
+    found = list(suspicious(HARDWARE.replace(changes)))
+    if "adaptation.initial_bound" in changes:  # the switching limit keeps rho h/delta low
+        assert found == []
+        found = list(suspicious(HARDWARE.replace({**changes, "controller.switching_limit": float("inf")})))
+    assert any(sentence.startswith(start) for sentence in found), found
+
+
+def test_the_loop_chatters_where_the_check_warns_of_the_start() -> None:
+    changes = {"controller.switching_limit": float("inf"), "controller.force_limit": float("inf")}
+    steep = HARDWARE.replace({**changes, "adaptation.initial_bound": [400.0, 1.0, 1.0], "run.duration": 12.0})
+    assert gain(steep, (400.0, 1.0, 1.0), 0.0, 0.0) > 2
+    assert any("at the start rho h/delta" in sentence for sentence in suspicious(steep))
+    calm = HARDWARE.replace({"run.duration": 12.0})
+    found, usual = (float(fg.metrics.chattering(fg.simulate(each)).max()) for each in (steep, calm))
+    assert found > 10 * usual
+
+
+def test_diff_prints_both_values_and_exits_with_1(tmp_path: Path) -> None:
+    same = ran("diff", "disc", "disc")
+    assert (same.exit_code, same.stdout) == (0, "no field differs\n")
+    stiffness = HARDWARE.plant.stiffness.model_dump() | {"xy": 1.0}
+    other = HARDWARE.replace({"controller.kind": "pid", "plant.stiffness": stiffness})
+    other.save(tmp_path / "other.toml")
+    found = ran("diff", "hardware", tmp_path / "other.toml", "--json")
+    assert found.exit_code == 1
+    content = json.loads(found.stdout)
+    assert content["controller.kind"] == ["fractional_fast_terminal", "pid"]
+    assert content["controller.order"] == [0.9, None]
+    assert content["plant.stiffness"][1]["xy"] == 1.0
+    assert set(content) == set(HARDWARE.differences(other))
+    table = ran("diff", "paper", "hardware").stdout.splitlines()
+    assert table[1].split() == ["controller.force_limit", "inf", "6000.0"]
+
+
+@pytest.mark.parametrize("path", paths(Scenario))
+def test_every_field_and_table_is_explained(path: str) -> None:
+    found = ran("explain", path)
+    assert found.exit_code == 0, found.output
+    assert found.stdout.startswith(f"{path}: ")
+
+
+def test_explain_has_unit_range_default_and_kinds() -> None:
+    lines = ran("explain", "controller.order").stdout.splitlines()
+    assert [line.split()[0] for line in lines[1:]] == ["range", "default", "controllers"]
+    assert lines[3].split(maxsplit=1)[1] == "fractional_fast_terminal, fractional, fast_terminal, linear"
+    assert "unit         kg" in ran("explain", "plant.mass").stdout
+    for typo in ("ordr", "controller.ordr"):
+        assert "did you mean controller.order?" in str(ran("explain", typo).exception)
+
+
+# -- As text -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_scenario_prints_the_fields_that_are_not_defaults(name: str) -> None:
+    scenario = Scenario.shipped(name)
+    assert eval(repr(scenario)) == scenario
+    lines = str(scenario).splitlines()
+    assert [line.split(" ")[0] for line in lines] == list(scenario.changes())
+    assert Scenario().replace(scenario.changes()) == scenario
+    assert len(lines) < 40
+
+
+def test_a_scenario_of_another_kind_prints_its_kind_and_not_the_fields_that_it_lacks() -> None:
+    scenario = Scenario().replace({"controller.kind": "pid", "controller.damping_ratio": 0.5})
+    assert str(scenario) == 'controller.kind = "pid"\ncontroller.damping_ratio = 0.5'
+    assert eval(repr(scenario)) == scenario
+    assert str(Scenario()) == "the paper's values"
+    thermal = str(Scenario().replace({"disturbance.standard_deviation": None, "disturbance.density": 1.0}))
+    assert "disturbance.standard_deviation is not set" in thermal
+
+
+def test_a_scenario_is_changed_only_by_replace() -> None:
+    scenario = Scenario()
+    for table, field in ((scenario, "run"), (scenario.run, "step")):
+        with pytest.raises(AttributeError, match=f"^{field} cannot be set: a scenario is frozen; its method replace"):
+            setattr(table, field, 1.0)
+    changes: Any = ["controller.order"]
+    with pytest.raises(TypeError, match=r"^changes is \['controller.order'\]: it must be a dict of dotted names"):
+        scenario.replace(changes)
