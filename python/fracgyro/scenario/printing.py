@@ -74,6 +74,14 @@ def values(scenario: Table) -> dict[str, Any]:
     }
 
 
+def brief(value: Any) -> Any:
+    """A value in plain types; tables in it have only the fields that differ from their defaults."""
+    if isinstance(value, BaseModel):
+        usual = {name: info.default for name, info in type(value).model_fields.items()}
+        return {name: brief(each) for name, each in value if each != usual[name]}
+    return tuple(map(brief, value)) if type(value) is tuple else plain(value)
+
+
 def having(table: str, field: str) -> tuple[str, ...]:
     """The kinds of a table with kinds of its own that have a field; none: all."""
     if table == "plant":

@@ -28,11 +28,13 @@ from .printing import (
     BY_KIND,
     END,
     OWN_KINDS,
+    brief,
     fields_of_table,
     fields_shown,
     having,
     own_fields,
     scenario_text,
+    values,
 )
 from .quantities import in_si, with_numbers
 from .sampled import Function, points_of
@@ -301,7 +303,8 @@ class Scenario(Table):
         """A copy with fields changed, by their dotted names, and validated as a whole; None unsets.
 
         Fields that another controller.kind does not have are dropped. `disturbance` takes a table or a list of tables.
-        Raises ScenarioError, in one sentence, for a name or a value that is not allowed, TypeError for anything but a dict.
+        Raises ScenarioError, in one sentence, for a name or a value that is not allowed, and TypeError for anything but
+        a dict.
 
         >>> fg.Scenario.paper().replace({"controller.order": 0.8, "run.duration": 20.0}).run.duration
         20.0
@@ -399,12 +402,13 @@ class Scenario(Table):
         return found
 
     def __str__(self) -> str:
-        lines = [name + (" is " if new is None else " = ") + toml_value(new) for name, new in self.changes().items()]
+        lines = [
+            name + (" is " if new is None else " = ") + toml_value(brief(new)) for name, new in self.changes().items()
+        ]
         return "\n".join(lines) or "the paper's values"
 
     def __repr__(self) -> str:
-        plain = {name: dict(new) if isinstance(new, BaseModel) else new for name, new in self.changes().items()}
-        return f"Scenario().replace({plain})"
+        return f"Scenario().replace({ {name: brief(new) for name, new in self.changes().items()} })"
 
     def content_hash(self) -> str:
         """SHA-256 of `to_toml` with plain numbers, in hexadecimal: equal for equal scenarios.
