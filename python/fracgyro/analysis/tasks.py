@@ -169,7 +169,7 @@ def drive(run: xr.Dataset, transient: float | None = None) -> xr.Dataset:
             "quadrature_noise": steady["quadrature"].std(),
         }
     )
-    units = dict.fromkeys(found, "1") | {"amplitude_settling_time": "1/omega0", "phase_error": "rad"}
+    units = dict.fromkeys(map(str, found), "1") | {"amplitude_settling_time": "1/omega0", "phase_error": "rad"}
     return _with_units(run, found, units | dict.fromkeys(("frequency", "quadrature", "quadrature_noise"), "omega0"))
 
 
