@@ -22,8 +22,9 @@ import fracgyro as fg
 import numpy as np
 from fracgyro import _core
 from fracgyro.export.compilers import FLAGS, SOURCES, include, system_compiler
+from fracgyro.scenario.device_core import profiles
 from fracgyro.scenario.kinds import KINDS
-from fracgyro.scenario.to_core import core_setup, device_numbers, profiles
+from fracgyro.scenario.to_core import core_setup, device_numbers
 from machine import command, machine, write
 
 DEPENDS_ON = ["sliding_mode", "joint", "composite", "benchmarks/off_model.cpp", "benchmarks/scenario_files.hpp"]

@@ -17,8 +17,9 @@ import numpy as np
 import pytest
 from children import PATIENCE, run_until
 from figure_data import column, figure_data
+from fracgyro.scenario.device_core import device_values
 from fracgyro.scenario.schema import ZERO
-from fracgyro.scenario.to_core import core_numbers, device_values
+from fracgyro.scenario.to_core import core_numbers
 from fracgyro.study.space import value_of
 from fracgyro.study.tune.criteria import Measured, measure
 from fracgyro_lab.comparison.contender import Contender, Gain

@@ -17,7 +17,7 @@ import pytest
 from fracgyro.scenario import Scenario, ScenarioError
 from fracgyro.scenario.kinds import KINDS, kinds_with
 from fracgyro.scenario.messages import paths
-from fracgyro.scenario.printing import having
+from fracgyro.scenario.printing import OWN_KINDS, having
 from fracgyro.scenario.schema import ERRATA_SWITCHES
 from fracgyro.scenario.table import Symmetric, toml_value
 from fracgyro.simulation.simulate import simulate
@@ -481,8 +481,9 @@ def test_the_text_is_complete_commented_and_fits_the_line() -> None:
             if PAPER.controller.kind not in (kinds_with(f"{name}.{field}") or KINDS):
                 assert field not in tables[name], "of other controllers"
                 continue
-            if name == "reference" and "sine" not in (having(name, field) or ("sine",)):
-                assert field not in tables[name], "of other motions"
+            own = set(getattr(PAPER, name).kinds) if name in OWN_KINDS else set()
+            if own and not own & set(having(name, field) or own):
+                assert field not in tables[name], "of other kinds"
                 continue
             if (name, field) != ("disturbance", "added"):  # tables of their own
                 assert field in tables[name] or f"# {field} is not set" in lines

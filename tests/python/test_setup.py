@@ -7,7 +7,7 @@ from typing import Any
 
 import fracgyro as fg
 import pytest
-from fracgyro.scenario import to_core
+from fracgyro.scenario import device_core, to_core
 
 # Units: 1/16 s, 1/4 m, 4 m/s, 128 N, 512 N/m, 16 rad/s. Natural frequencies 3 and 5.
 ROUND = fg.Scenario.paper().replace(
@@ -29,7 +29,7 @@ QUIET = to_core.MIN_TOLERANCE
 
 
 def device(**fields: Any) -> Any:
-    return to_core.device_values(ROUND.replace({f"device.{name}": value for name, value in fields.items()}))
+    return device_core.device_values(ROUND.replace({f"device.{name}": value for name, value in fields.items()}))
 
 
 def guard(changes: dict[str, Any]) -> Any:
@@ -70,7 +70,7 @@ def test_ranges_springs_and_temperatures_are_in_units_of_the_plant() -> None:
     assert warm["stiffness_drift"] == pytest.approx(-3e-5, rel=1e-15)
     assert device(damping_drift=5e3)["damping_drift"] == pytest.approx(5e-3, rel=1e-15)
     ramp = ROUND.replace({"device.temperature_ramp": 4.0})
-    assert to_core.profiles(ramp) == (([], []), ([0.0, 64.0], [0.0, 2.0]))  # half a second
+    assert device_core.profiles(ramp) == (([], []), ([0.0, 64.0], [0.0, 2.0]))  # half a second
     assert device(delay=3)["delay"] == 3
     turned = device(pickoff_gain_error=[0.5, 0.25], force_gain_error=0.125, force_misalignment=0.1)
     assert (turned["pickoff_gain_error"], turned["pickoff_misalignment"]) == ((0.5, 0.25), 0.0)
@@ -79,7 +79,7 @@ def test_ranges_springs_and_temperatures_are_in_units_of_the_plant() -> None:
 
 def test_rates_are_in_units_of_the_plant_and_their_times_in_steps() -> None:
     def rate(*names: str, **fields: Any) -> list[Any]:
-        values = to_core.rate_values(ROUND.replace({f"rate.{name}": value for name, value in fields.items()}))
+        values = device_core.rate_values(ROUND.replace({f"rate.{name}": value for name, value in fields.items()}))
         return [values[name] for name in names]
 
     step = rate("kind", "amplitude", "start_steps", kind="step", amplitude=8.0, start=0.5 / 16)
@@ -91,7 +91,7 @@ def test_rates_are_in_units_of_the_plant_and_their_times_in_steps() -> None:
     sine = rate("kind", "start_steps", "frequency", kind="sine", amplitude=8.0, start=0.5 / 16, frequency=32.0)
     assert sine == ["sine", 4, 2.0]
     table = ROUND.replace({"rate.kind": "table", "rate.points": [[0.0, 16.0], [0.5, 32.0]]})
-    assert to_core.profiles(table)[0] == ([0.0, 64.0], [1.0, 2.0])
+    assert device_core.profiles(table)[0] == ([0.0, 64.0], [1.0, 2.0])
 
 
 def test_noise_of_a_density_has_that_over_the_time_that_it_is_held() -> None:
@@ -109,9 +109,9 @@ def test_noise_of_a_density_has_that_over_the_time_that_it_is_held() -> None:
 
 def test_a_run_is_ideal_only_without_a_rate_that_moves_and_without_a_device() -> None:
     moving, noisy = {"rate.kind": "step", "rate.amplitude": 1.0}, {"device.position_noise": 1.0}
-    assert to_core.is_ideal(ROUND)
+    assert device_core.is_ideal(ROUND)
     for changes in (moving, noisy, {**moving, **noisy}):
-        assert not to_core.is_ideal(ROUND.replace(changes))
+        assert not device_core.is_ideal(ROUND.replace(changes))
 
 
 def test_estimates_start_at_a_share_of_the_truth_or_at_it_where_it_is_known() -> None:

@@ -80,7 +80,7 @@ def test_the_coherence_falls_where_something_else_moves_the_axis() -> None:
 
 @pytest.mark.parametrize("phase", [0.0, 0.1, -0.3])
 def test_the_phase_of_a_drive_is_that_of_the_held_force(phase: float) -> None:
-    scenario = fg.Scenario.shipped("paper_resonance") if hasattr(fg.Scenario, "shipped") else fg.Scenario.paper()
+    scenario = fg.Scenario.shipped("paper_resonance")
     driven = {"controller.kind": "force_rebalance", "reference.kind": ["sine", "rest"], "run.duration": 200.0}
     run = fg.simulate(scenario.replace(driven))
     angle = run.time.values

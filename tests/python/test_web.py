@@ -14,8 +14,9 @@ from children import PATIENCE
 from embedded import need
 from fracgyro import _core
 from fracgyro.export.web import build, web
+from fracgyro.scenario.device_core import is_ideal
 from fracgyro.scenario.kinds import KINDS
-from fracgyro.scenario.to_core import core_setup, is_ideal
+from fracgyro.scenario.to_core import core_setup
 
 SHORT = fg.Scenario.paper().replace({"run.duration": 3.0})
 

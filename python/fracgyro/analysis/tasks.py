@@ -137,9 +137,8 @@ def drive(run: xr.Dataset, transient: float | None = None) -> xr.Dataset:
 
     Raises ValueError for other controllers, or for several runs in one Dataset.
 
-    >>> from fracgyro.scenario.shipped import shipped
     >>> slow = {"controller.kind": "force_rebalance", "reference.kind": ["sine", "rest"], "run.duration": 4000.0}
-    >>> figures = fg.metrics.drive(fg.simulate(shipped("paper_resonance").replace(slow)))
+    >>> figures = fg.metrics.drive(fg.simulate(fg.Scenario.shipped("paper_resonance").replace(slow)))
     >>> bool(abs(figures.amplitude_error) < 0.01)
     True
     """

@@ -25,9 +25,10 @@ from ..extras import needs
 from ..files import whole_file
 from ..scenario import Scenario, ScenarioError
 from ..scenario.bounded import check_bounded
+from ..scenario.device_core import is_ideal, profiles
 from ..scenario.kinds import DEVICE_CHANNELS, LOOP_CHANNELS, reported_channels
 from ..scenario.terms import first_part, term_list
-from ..scenario.to_core import check_single, core_setup, is_ideal, profiles
+from ..scenario.to_core import check_single, core_setup
 from .compilers import FLAGS, SOURCES, Number, include, join_macos, system_compiler, zig
 from .settings import (
     columns,

@@ -12,9 +12,10 @@ from typing import Any
 from .. import _core
 from ..scenario import Scenario, ScenarioError, to_core
 from ..scenario.device import Device, Rate
+from ..scenario.device_core import is_ideal
 from ..scenario.kinds import DEVICE_NUMBERS, PLANT_KINDS, Channel, Number, numbers
 from ..scenario.schema import Plant
-from ..scenario.to_core import core_setup, datasheet, guard, is_ideal
+from ..scenario.to_core import core_setup, datasheet, guard
 from .units import scale_and_unit
 
 MAX_EXACT = 2**53 - 1  # integrations use doubles

@@ -22,6 +22,7 @@ from ..files import Replaced, whole_file
 from ..scenario import Scenario
 from ..scenario.bounded import check_bounded
 from ..scenario.device import Device
+from ..scenario.device_core import is_ideal, profiles
 from ..scenario.kinds import (
     DEVICE_CHANNELS,
     DEVICE_NUMBERS,
@@ -35,7 +36,6 @@ from ..scenario.kinds import (
 )
 from ..scenario.schema import Controller, Run
 from ..scenario.terms import named_terms
-from ..scenario.to_core import is_ideal, profiles
 from .compilers import FLAGS, SOURCES, include, zig
 from .settings import columns, device_numbers, meaning, offered, reference_lists, settings, unit
 

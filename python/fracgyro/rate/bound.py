@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scenario import Scenario
+from ..scenario.device_core import device_values
 from ..scenario.terms import white_density
-from ..scenario.to_core import device_values
 from ..simulation.simulate import simulate
 from ..simulation.user_controller import ControllerLike, units
 from .innovation import Noise, Plant, information_of_motion

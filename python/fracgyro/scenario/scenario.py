@@ -6,7 +6,6 @@ Reading order: schema.py, `Scenario`, messages.py.
 from __future__ import annotations
 
 import hashlib
-import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,12 +16,13 @@ from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from ..arguments import short
 from ..files import whole_file
+from .checks import check
 from .device import Device, Rate
-from .disturbance import NEEDS, Disturbance, named_entries
-from .kinds import KINDS, SINE_DRIVES, kinds_with
+from .disturbance import NEEDS, Disturbance
+from .kinds import KINDS
 from .messages import ScenarioError, did_you_mean, paths, scenario_error, unknown
 from .motion import Reference
-from .plants import Constraints, check_kind, constraints
+from .plants import Constraints, constraints
 from .printing import (
     BEGIN,
     BY_KIND,
@@ -31,7 +31,6 @@ from .printing import (
     brief,
     fields_of_table,
     fields_shown,
-    having,
     own_fields,
     scenario_text,
     values,
@@ -40,7 +39,6 @@ from .quantities import in_si, with_numbers
 from .sampled import Function, points_of
 from .schema import (
     ERRATA_SWITCHES,
-    HOLD_TOLERANCE,
     Adaptation,
     Controller,
     Datasheet,
@@ -49,7 +47,7 @@ from .schema import (
     Run,
 )
 from .shipped import NAMES, SHIPPED, shipped_text
-from .table import MAX_STEPS, Table, format_value, message_error, toml_value
+from .table import Table, format_value, toml_value
 from .toml import read_tables, read_text
 
 FILES = [("reference", "file"), ("rate", "file"), ("device", "temperature_file"), ("disturbance", "file")]
@@ -100,118 +98,8 @@ class Scenario(Table):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        self._check_disturbance()
-        self._check_rate()
-        self._check_noise_corners()
-        self._check_drift()
-        check_kind(self.plant, self.rate, self.device)
-        self._check_kind()
-        self._check_reference()
-        self._check_estimates()
+        check(self)
         return self
-
-    def _check_kind(self) -> None:
-        """A field that is given must be one that the kind of controller has."""
-        kind = self.controller.kind
-        for name in BY_KIND:
-            table = getattr(self, name)
-            for field in sorted(table.model_fields_set - set(fields_of_table(Scenario, name, kind))):
-                path = f"{name}.{field}"
-                raise message_error(
-                    f"{path} is {format_value(getattr(table, field))}: it must be left out, as controller.kind {kind} "
-                    f"has no such field; it is one of {', '.join(kinds_with(path))}"
-                )
-
-    def _check_reference(self) -> None:
-        kinds = self.reference.kinds
-        for field in sorted(self.reference.model_fields_set - set(own_fields(Scenario, "reference", kinds))):
-            kinds_having = having("reference", field)
-            raise message_error(
-                f"reference.{field} is {format_value(getattr(self.reference, field))}: it must be left out, as "
-                f"reference.kind {format_value(self.reference.kind)} has no such field; it is one of "
-                f"{', '.join(kinds_having)}"
-            )
-        kind = self.controller.kind
-        if kind in SINE_DRIVES and (kinds[0] != "sine" or self.reference.offset[0] != 0):
-            raise message_error(
-                f"reference.kind is {format_value(self.reference.kind)}: for controller.kind {kind}, which drives x at "
-                "its frequency, it must be a sine on x, without an offset"
-            )
-
-    def _check_whole_steps(self, name: str, time: float, least: int, step: float, after: str = "") -> None:
-        ratio = min(time / step, 2.0 * MAX_STEPS)
-        if ratio > MAX_STEPS * (1 + HOLD_TOLERANCE):
-            raise message_error(
-                f"{name} is {toml_value(time)}: it must be at most {MAX_STEPS} steps of {toml_value(step)}"
-            )
-        if round(ratio) < least or abs(ratio - round(ratio)) > HOLD_TOLERANCE * ratio:
-            raise message_error(
-                f"{name} is {toml_value(time)}: it must be a whole number of run.step, "
-                f"which is {toml_value(step)}{after}"
-            )
-
-    def _check_disturbance(self) -> None:
-        highest = math.pi / self.run.step
-        for name, entry in named_entries(self.disturbance):
-            if entry.kind == "noise" and entry.hold is not None:
-                self._check_whole_steps(f"{name}.hold", entry.hold, 1, self.run.step, "; left out, it is one step")
-            field = "psd" if entry.kind == "vibration" else "band"
-            reach = entry.psd[-1][0] if entry.psd else entry.band[1] if entry.kind == "noise" and entry.band else 0.0
-            if reach > highest:
-                raise message_error(
-                    f"{name}.{field} reaches {toml_value(reach)}: it must reach at most pi over run.step, which is "
-                    f"{highest:.6g}"
-                )
-
-    def _check_rate(self) -> None:
-        rate, scales = self.rate, self.plant.scales
-        step = self.run.step * scales.time
-        if rate.kind not in ("constant", "table"):
-            self._check_whole_steps("rate.start", rate.start, 0, step, " s")
-        if rate.kind == "staircase" and rate.hold is not None:
-            self._check_whole_steps("rate.hold", rate.hold, 1, step, " s")
-        used = {"sine": ["frequency"], "noise": ["frequency"], "chirp": ["frequency", "final_frequency"]}
-        for name in used.get(rate.kind, []):
-            highest = math.pi / step
-            if getattr(rate, name) > highest:
-                raise message_error(
-                    f"rate.{name} is {toml_value(getattr(rate, name))}: it must be at most pi over the "
-                    f"step, which is {highest:.6g} rad/s"
-                )
-
-    def _check_noise_corners(self) -> None:
-        highest = 0.5 / (self.run.step * self.plant.scales.time)
-        for name in ("position_noise_corner", "velocity_noise_corner"):
-            if getattr(self.device, name) > highest:
-                raise message_error(
-                    f"device.{name} is {toml_value(getattr(self.device, name))}: it must be at most half the sampling "
-                    f"frequency, which is {highest:.6g} Hz"
-                )
-
-    def _check_drift(self) -> None:
-        end = self.run.duration * self.plant.scales.time
-        for _, change in self.device.temperature(end):
-            for name, field, per in (
-                ("stiffness", "stiffness_drift", 1),
-                ("stiffness", "frequency_temperature_coefficient", 2),
-                ("damping", "damping_drift", 1),
-            ):
-                drift = getattr(self.device, field)
-                factor = 1 + 1e-6 * per * drift * change
-                if not 0 < factor < math.inf:
-                    raise message_error(
-                        f"device.{field} is {toml_value(drift)}: over {change:g} K it multiplies the {name} by "
-                        f"{factor:g}, which must be greater than 0 and finite"
-                    )
-
-    def _check_estimates(self) -> None:
-        damping, stiffness, rate, _, _ = self.plant.nondimensional()
-        largest = max(abs(float(number)) for number in (*damping, *stiffness, rate))
-        if self.controller.adaptive and self.adaptation.initial_ratio * largest == math.inf:
-            raise message_error(
-                f"adaptation.initial_ratio is {toml_value(self.adaptation.initial_ratio)}: times D, K and Omega_z, of "
-                f"which the largest is {largest:.6g}, it must be finite"
-            )
 
     @classmethod
     def paper(cls, variant: Literal["corrected", "printed"] = "corrected") -> Scenario:

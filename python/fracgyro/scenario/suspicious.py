@@ -6,10 +6,11 @@ import math
 from collections.abc import Iterator
 
 from .bounded import SAFE, gain, is_bounded
+from .device_core import device_values
 from .kinds import kinds_with
 from .scenario import Scenario
 from .table import toml_value
-from .to_core import device_values, natural_frequencies, reference_reach
+from .to_core import natural_frequencies, reference_reach
 
 STEPS_PER_PERIOD = 20  # of the fastest resonance: fewer are a coarse sampling of the motion
 STEADY = 10.0  # start of the steady window of the metrics

@@ -18,9 +18,10 @@ import xarray as xr
 from .. import _core
 from ..arguments import pair, short
 from ..scenario import Scenario, ScenarioError, check_scenario
+from ..scenario.device_core import is_ideal
 from ..scenario.kinds import DEVICE_CHANNELS, LOOP_CHANNELS, Channel, numbers, plant_numbers, reported_channels
 from ..scenario.messages import paths
-from ..scenario.to_core import core_numbers, core_setup, is_ideal
+from ..scenario.to_core import core_numbers, core_setup
 from .dataset import dataset, time_scale
 from .simulate import MAX_RECORD, DivergedError
 from .user_controller import ControllerLike, UserController, units

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from .. import _core
 from ..scenario import Scenario
-from ..scenario.to_core import is_ideal
+from ..scenario.device_core import is_ideal
 from .many import setups_of, threads_available
 from .user_controller import ControllerLike, UserController
 

@@ -10,8 +10,9 @@ import xarray as xr
 
 from .. import _core
 from ..scenario import Scenario, bounded, check_scenario
+from ..scenario.device_core import is_ideal
 from ..scenario.kinds import DEVICE_CHANNELS, LOOP_CHANNELS, Channel, reported_channels
-from ..scenario.to_core import core_setup, is_ideal
+from ..scenario.to_core import core_setup
 from .dataset import dataset, time_scale
 from .many import check_many, seed_of_each, setups_of, threads_available
 from .user_controller import ControllerLike, UserController

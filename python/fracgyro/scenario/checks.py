@@ -1,0 +1,139 @@
+"""Checks of a scenario that concern several of its tables."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from pydantic import BaseModel
+
+from .disturbance import named_entries
+from .kinds import SINE_DRIVES, kinds_with
+from .plants import check_kind
+from .printing import BY_KIND, fields_of_table, having, own_fields
+from .schema import HOLD_TOLERANCE
+from .table import MAX_STEPS, format_value, message_error, toml_value
+
+
+def check(scenario: Any) -> None:
+    """Raises PydanticCustomError, in one sentence, for the first thing that is wrong in a Scenario."""
+    _check_disturbance(scenario)
+    _check_rate(scenario)
+    _check_noise_corners(scenario)
+    _check_drift(scenario)
+    check_kind(scenario.plant, scenario.rate, scenario.device)
+    _check_kind(scenario)
+    _check_reference(scenario)
+    _check_estimates(scenario)
+
+
+def _check_kind(scenario: Any) -> None:
+    """A field that is given must be one that the kind of controller has."""
+    kind = scenario.controller.kind
+    for name in BY_KIND:
+        table = getattr(scenario, name)
+        for field in sorted(table.model_fields_set - set(fields_of_table(_model(scenario), name, kind))):
+            path = f"{name}.{field}"
+            raise message_error(
+                f"{path} is {format_value(getattr(table, field))}: it must be left out, as controller.kind {kind} "
+                f"has no such field; it is one of {', '.join(kinds_with(path))}"
+            )
+
+
+def _check_reference(scenario: Any) -> None:
+    kinds = scenario.reference.kinds
+    for field in sorted(scenario.reference.model_fields_set - set(own_fields(_model(scenario), "reference", kinds))):
+        kinds_having = having("reference", field)
+        raise message_error(
+            f"reference.{field} is {format_value(getattr(scenario.reference, field))}: it must be left out, as "
+            f"reference.kind {format_value(scenario.reference.kind)} has no such field; it is one of "
+            f"{', '.join(kinds_having)}"
+        )
+    kind = scenario.controller.kind
+    if kind in SINE_DRIVES and (kinds[0] != "sine" or scenario.reference.offset[0] != 0):
+        raise message_error(
+            f"reference.kind is {format_value(scenario.reference.kind)}: for controller.kind {kind}, which drives x at "
+            "its frequency, it must be a sine on x, without an offset"
+        )
+
+
+def _check_whole_steps(name: str, time: float, least: int, step: float, after: str = "") -> None:
+    ratio = min(time / step, 2.0 * MAX_STEPS)
+    if ratio > MAX_STEPS * (1 + HOLD_TOLERANCE):
+        raise message_error(f"{name} is {toml_value(time)}: it must be at most {MAX_STEPS} steps of {toml_value(step)}")
+    if round(ratio) < least or abs(ratio - round(ratio)) > HOLD_TOLERANCE * ratio:
+        raise message_error(
+            f"{name} is {toml_value(time)}: it must be a whole number of run.step, which is {toml_value(step)}{after}"
+        )
+
+
+def _check_disturbance(scenario: Any) -> None:
+    highest = math.pi / scenario.run.step
+    for name, entry in named_entries(scenario.disturbance):
+        if entry.kind == "noise" and entry.hold is not None:
+            _check_whole_steps(f"{name}.hold", entry.hold, 1, scenario.run.step, "; left out, it is one step")
+        field = "psd" if entry.kind == "vibration" else "band"
+        reach = entry.psd[-1][0] if entry.psd else entry.band[1] if entry.kind == "noise" and entry.band else 0.0
+        if reach > highest:
+            raise message_error(
+                f"{name}.{field} reaches {toml_value(reach)}: it must reach at most pi over run.step, which is "
+                f"{highest:.6g}"
+            )
+
+
+def _check_rate(scenario: Any) -> None:
+    rate, scales = scenario.rate, scenario.plant.scales
+    step = scenario.run.step * scales.time
+    if rate.kind not in ("constant", "table"):
+        _check_whole_steps("rate.start", rate.start, 0, step, " s")
+    if rate.kind == "staircase" and rate.hold is not None:
+        _check_whole_steps("rate.hold", rate.hold, 1, step, " s")
+    used = {"sine": ["frequency"], "noise": ["frequency"], "chirp": ["frequency", "final_frequency"]}
+    for name in used.get(rate.kind, []):
+        highest = math.pi / step
+        if getattr(rate, name) > highest:
+            raise message_error(
+                f"rate.{name} is {toml_value(getattr(rate, name))}: it must be at most pi over the "
+                f"step, which is {highest:.6g} rad/s"
+            )
+
+
+def _check_noise_corners(scenario: Any) -> None:
+    highest = 0.5 / (scenario.run.step * scenario.plant.scales.time)
+    for name in ("position_noise_corner", "velocity_noise_corner"):
+        if getattr(scenario.device, name) > highest:
+            raise message_error(
+                f"device.{name} is {toml_value(getattr(scenario.device, name))}: it must be at most half the sampling "
+                f"frequency, which is {highest:.6g} Hz"
+            )
+
+
+def _check_drift(scenario: Any) -> None:
+    end = scenario.run.duration * scenario.plant.scales.time
+    for _, change in scenario.device.temperature(end):
+        for name, field, per in (
+            ("stiffness", "stiffness_drift", 1),
+            ("stiffness", "frequency_temperature_coefficient", 2),
+            ("damping", "damping_drift", 1),
+        ):
+            drift = getattr(scenario.device, field)
+            factor = 1 + 1e-6 * per * drift * change
+            if not 0 < factor < math.inf:
+                raise message_error(
+                    f"device.{field} is {toml_value(drift)}: over {change:g} K it multiplies the {name} by "
+                    f"{factor:g}, which must be greater than 0 and finite"
+                )
+
+
+def _check_estimates(scenario: Any) -> None:
+    damping, stiffness, rate, _, _ = scenario.plant.nondimensional()
+    largest = max(abs(float(number)) for number in (*damping, *stiffness, rate))
+    if scenario.controller.adaptive and scenario.adaptation.initial_ratio * largest == math.inf:
+        raise message_error(
+            f"adaptation.initial_ratio is {toml_value(scenario.adaptation.initial_ratio)}: times D, K and Omega_z, of "
+            f"which the largest is {largest:.6g}, it must be finite"
+        )
+
+
+def _model(scenario: Any) -> type[BaseModel]:
+    return type(scenario)

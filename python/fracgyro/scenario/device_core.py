@@ -1,0 +1,75 @@
+"""The tables [rate] and [device] as the core's numbers."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from .device import Device
+from .points import Points
+from .scenario import Scenario
+
+
+def is_ideal(scenario: Scenario) -> bool:
+    """True if the rate is constant and the device ideal."""
+    return scenario.rate.kind == "constant" and scenario.device == Device()
+
+
+def rate_values(scenario: Scenario) -> dict[str, Any]:
+    """Nondimensional values of the core's table rate."""
+    rate, scale = scenario.rate, scenario.plant.scales.rate
+    step = scenario.run.step * scenario.plant.scales.time  # s
+    values = {
+        "kind": "staircase" if rate.kind == "step" else rate.kind,
+        "amplitude": rate.amplitude / scale,
+        "frequency": rate.frequency / scale,
+        "final_frequency": rate.final_frequency / scale,
+        "seed": rate.seed,
+        "inertial": scenario.plant.centrifugal,
+    }
+    if rate.kind not in ("constant", "table"):
+        values["start_steps"] = round(rate.start / step)
+    if rate.kind == "staircase" and rate.hold is not None:
+        values |= {"hold_steps": round(rate.hold / step), "levels": rate.levels}
+    return values
+
+
+def device_values(scenario: Scenario) -> dict[str, Any]:
+    """Nondimensional values of the core's table device."""
+    d, scales, step = scenario.device, scenario.plant.scales, scenario.run.step
+    # A one-sided density up to half the sampling frequency.
+    to_deviation = math.sqrt(0.5 / (step * scales.time))
+    position_noise = (d.position_noise or d.position_noise_density * to_deviation) / scales.length
+    velocity_noise = (d.velocity_noise or d.velocity_noise_density * to_deviation) / scales.velocity
+    # A white density N up to the corner f_c is that of flicker noise A^2/omega at f_c: A = N sqrt(pi f_c).
+    to_flicker = math.sqrt(2 * math.pi * step * scales.time)
+    cubic = scales.length * scales.length / scales.stiffness
+    return dict(d) | {
+        "position_noise": position_noise,
+        "velocity_noise": velocity_noise,
+        "position_flicker": position_noise * to_flicker * math.sqrt(d.position_noise_corner),
+        "velocity_flicker": velocity_noise * to_flicker * math.sqrt(d.velocity_noise_corner),
+        "position_range": [reach / scales.length for reach in d.position_range],
+        "velocity_range": [reach / scales.velocity for reach in d.velocity_range],
+        "actuator_limit": d.actuator_limit / scales.force,
+        "cubic_stiffness": [kappa * cubic for kappa in d.cubic_stiffness],
+        "stiffness_drift": 1e-6 * d.stiffness_coefficient,
+        "damping_drift": 1e-6 * d.damping_drift,
+        "bias_instability": d.bias_instability / scales.rate,
+        "rate_walk_step": d.rate_random_walk * math.sqrt(step * scales.time) / scales.rate,
+    }
+
+
+Profile = tuple[list[float], list[float]]  # times, in steps of the run, and values
+
+
+def profiles(scenario: Scenario) -> tuple[Profile, Profile]:
+    """Points of the rate, nondimensional, and of the change of temperature, K; none where the rate has no table."""
+    scales = scenario.plant.scales
+    step = scenario.run.step * scales.time
+
+    def profile(points: Points, scale: float) -> Profile:
+        return [time / step for time, _ in points], [value * scale for _, value in points]
+
+    end = scenario.run.duration * scales.time
+    return profile(scenario.rate.points or (), 1 / scales.rate), profile(scenario.device.temperature(end), 1.0)
