@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
+from typing import Any
+
 import fracgyro as fg
 import numpy as np
 import pytest
-from fracgyro.scenario import Scenario, ScenarioError
+from fracgyro.scenario import Scenario, ScenarioError, kinds
 from fracgyro.scenario.kinds import KINDS, LOOP_CHANNELS, fields_of, numbers, reported_channels
+from fracgyro.scenario.table import Table
 from fracgyro.scenario.to_core import core_setup
+from pydantic import ValidationError, create_model
 
 PAPER = Scenario.paper()
 QUIET = {"disturbance.kind": "none", "disturbance.hold": None, "disturbance.standard_deviation": None}
@@ -130,3 +135,54 @@ def test_at_the_force_limit_the_integral_does_not_wind_up(kind: str, changes: di
     run = fg.simulate(of_kind(kind).replace({**QUIET, **known, **changes}))
     assert np.abs(run["control"].values).max() == changes["controller.force_limit"]
     assert np.abs(run["error"].values[1000:]).max() < most
+
+
+def test_a_name_that_two_kinds_describe_differently_is_checked_as_the_kind_describes_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A stranger's controller may call a field what another controller calls something else."""
+    usual = kinds.numbers
+
+    def with_clash(kind: str) -> tuple[kinds.Number, ...]:
+        gain = {"pid": (0.0, 10.0, 1.0), "lqg": (-5.0, 0.0, -2.0)}.get(kind)
+        if gain is None:
+            return usual(kind)
+        low, high, default = gain
+        meaning = f"Gain of {kind}."
+        own = dataclasses.replace(
+            usual("pid")[-1],
+            table="controller",
+            field="gain",
+            part="",
+            unit="1",
+            meaning=meaning,
+            low=low,
+            high=high,
+            strict=False,
+            infinite=False,
+            whole=False,
+            settable="any_time",
+            choices=(),
+            kinds=(),
+            default=default,
+        )
+        return (*usual(kind), own)
+
+    monkeypatch.setattr(kinds, "numbers", with_clash)
+    kinds.fields_of_its_kind.cache_clear()
+    try:
+        kind_of_field, info = kinds.table_fields("controller")["gain"]
+        assert (kind_of_field, info.default) == (Any, None)
+        assert info.description == "pid: Gain of pid.; lqg: Gain of lqg."
+        assert set(kinds.fields_of_its_kind("controller", "pid")) == {"gain"}
+        assert not kinds.fields_of_its_kind("controller", "linear")
+        pid = create_model("pid", __base__=Table, **kinds.fields_of_its_kind("controller", "pid"))
+        lqg = create_model("lqg", __base__=Table, **kinds.fields_of_its_kind("controller", "lqg"))
+        assert pid().gain, lqg().gain == (1.0, -2.0)
+        with pytest.raises(ValidationError):
+            pid(gain=-1.0)
+        lqg(gain=-1.0)
+        listed = [number for number in with_clash("lqg") if number.field == "gain"]
+        assert kinds.core_values(tuple(listed), {"controller": {"gain": None}}) == {"controller.gain": -2.0}
+    finally:
+        kinds.fields_of_its_kind.cache_clear()

@@ -23,7 +23,7 @@ from fracgyro.scenario.kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, kinds
 from fracgyro.scenario.messages import leaves
 from fracgyro.scenario.printing import OWN_KINDS, having
 from fracgyro.scenario.scales import Powers, Scales, powers, si_unit
-from fracgyro.scenario.shipped import SHIPPED, shipped
+from fracgyro.scenario.shipped import SHIPPED
 from fracgyro.scenario.table import toml_value
 from fracgyro.scenario.to_core import core_setup
 from fracgyro.scenario.units import BASE, DEFINED, PREFIXED, PREFIXES, UnitError, base, parse, printed, quantity
@@ -219,7 +219,7 @@ def test_a_unit_is_a_product_of_powers() -> None:
 
 FIELDS = {path: info for path, info in leaves(fg.Scenario).items() if isinstance(info.json_schema_extra, dict)}
 WHOLE = {"adaptation.covariance_steps", "datasheet.delay", "device.delay"}  # counts of steps
-DEVICES = [fg.Scenario.paper(), *map(shipped, SHIPPED)]
+DEVICES = [fg.Scenario.paper(), *map(fg.Scenario.shipped, SHIPPED)]
 
 
 def value_at(scenario: fg.Scenario, path: str) -> Any:
@@ -233,12 +233,13 @@ def scenario_with(path: str) -> fg.Scenario:
     return SI.replace(({"controller.kind": kinds[0]} if kinds else {}) | NEEDED_BY_KIND.get(own[:1], {}))
 
 
-# By the first kind of reference that has a field.
+# By the first kind of reference or plant that has a field.
 NEEDED_BY_KIND: dict[tuple[str, ...], dict[str, Any]] = {
     ("step",): {"reference.kind": "step"},
     ("ramp",): {"reference.kind": "ramp"},
     ("chirp",): {"reference.kind": "chirp", "reference.end": 9.0},
     ("staircase",): {"reference.kind": "staircase"},
+    ("duffing",): {"plant.kind": "duffing"},
 }
 NEEDS: dict[str, dict[str, Any]] = {
     "disturbance.width": {"disturbance.kind": "pulse"},
@@ -475,7 +476,7 @@ def test_the_command_prints_a_scenario_in_si() -> None:
     ran = CliRunner().invoke(cli, ["scenario", "dual_mass", "--units", "SI"])
     assert ran.exit_code == 0
     assert 'mass = "1.42 mg"' in ran.output
-    assert fg.Scenario.from_toml(ran.output) == shipped("dual_mass")
+    assert fg.Scenario.from_toml(ran.output) == fg.Scenario.shipped("dual_mass")
 
 
 def test_the_command_line_accepts_units_and_the_noise_follows_the_step() -> None:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Any
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError, create_model
 
 from .disturbance import named_entries
-from .kinds import SINE_DRIVES, kinds_with
+from .kinds import SINE_DRIVES, fields_of_its_kind, kinds_with
+from .messages import scenario_error
 from .plants import check_kind
 from .printing import BY_KIND, fields_of_table, having, own_fields
 from .schema import HOLD_TOLERANCE
-from .table import MAX_STEPS, format_value, message_error, toml_value
+from .table import MAX_STEPS, Table, format_value, message_error, toml_value
 
 
 def check(scenario: Any) -> None:
@@ -23,6 +25,7 @@ def check(scenario: Any) -> None:
     _check_drift(scenario)
     check_kind(scenario.plant, scenario.rate, scenario.device)
     _check_kind(scenario)
+    _check_fields_of_its_kind(scenario)
     _check_reference(scenario)
     _check_estimates(scenario)
 
@@ -38,6 +41,25 @@ def _check_kind(scenario: Any) -> None:
                 f"{path} is {format_value(getattr(table, field))}: it must be left out, as controller.kind {kind} "
                 f"has no such field; it is one of {', '.join(kinds_with(path))}"
             )
+
+
+def _check_fields_of_its_kind(scenario: Any) -> None:
+    """A field that several kinds of controllers describe differently must be as this kind describes it."""
+    for name in BY_KIND:
+        table, kind = getattr(scenario, name), scenario.controller.kind
+        fields = fields_of_its_kind(name, kind)
+        given = {field: value for field in fields if (value := getattr(table, field)) is not None}
+        try:
+            if given:
+                _table_of_kind(name, kind)(**given)
+        except ValidationError as error:
+            raise message_error(str(scenario_error(error, _model(scenario), (name,)))) from None
+
+
+@lru_cache
+def _table_of_kind(name: str, kind: str) -> type[Table]:
+    fields: dict[str, Any] = dict(fields_of_its_kind(name, kind))
+    return create_model(name, __base__=Table, **fields)
 
 
 def _check_reference(scenario: Any) -> None:

@@ -21,6 +21,8 @@ SINE_DRIVES: tuple[str, ...] = tuple(_core.sine_drives)  # kinds that drive x at
 PLANT_KINDS: tuple[str, ...] = tuple(_core.plant_kinds)
 PLANT_MEANINGS: tuple[str, ...] = tuple(_core.plant_meanings)
 
+Definitions = dict[str, tuple[Any, Any]]  # fields as pydantic's create_model takes them
+
 
 @dataclass(frozen=True)
 class Number:
@@ -81,7 +83,10 @@ def core_values(listed: tuple[Number, ...], tables: Mapping[str, Mapping[str, An
     """The listed numbers by name, from tables of nondimensional values: a choice is its place, a switch 0 or 1."""
     found = {}
     for number in listed:
-        value = tables[number.table].get(number.field, number.default)
+        value = tables[number.table].get(number.field)
+        if value is None:  # not set
+            found[number.name] = number.default
+            continue
         if number.part and not isinstance(value, str):
             value = value[PARTS[number.part] if number.part in PARTS else int(number.part[1:-1])]
         found[number.name] = float(number.choices.index(value) if isinstance(value, str) else value)
@@ -115,23 +120,42 @@ def kinds_with(path: str) -> list[str]:
     return [kind for kind in KINDS if name in fields_of(kind, table)]
 
 
-def table_fields(table: str, *, derived: bool = False, **paper: Any) -> dict[str, Any]:
+def table_fields(table: str, *, derived: bool = False, **paper: Any) -> Definitions:
     """The fields of a scenario's table, of all kinds together, as pydantic's create_model takes them.
 
     `derived`: all but switches may be left out and then follow from the rest of the scenario. `paper`: values of
-    the paper instead of the core's own. Raises ValueError when two kinds mean different things by one name.
+    the paper instead of the core's own. A field that kinds describe differently may be left out, and is otherwise
+    checked as its kind describes it (fields_of_its_kind).
     """
-    found: dict[str, list[Number]] = {}
+    found = {}
+    for name, kinds in _descriptions(table).items():
+        first, *others = kinds.values()
+        if all(other == first for other in others):
+            found[name] = _field(first, derived, paper.get(name))
+        else:
+            meanings = "; ".join(f"{kind}: {parts[0].meaning}" for kind, parts in kinds.items())
+            found[name] = (Any, field(None, meanings))
+    return found
+
+
+@lru_cache
+def fields_of_its_kind(table: str, kind: str) -> Definitions:
+    """The fields of this kind that other kinds describe differently."""
+    return {
+        name: _field(kinds[kind], False, None)
+        for name, kinds in _descriptions(table).items()
+        if kind in kinds and any(other != kinds[kind] for other in kinds.values())
+    }
+
+
+def _descriptions(table: str) -> dict[str, dict[str, list[Number]]]:
+    """By field and kind of controller: the numbers of the field."""
+    found: dict[str, dict[str, list[Number]]] = {}
     for kind in KINDS:
         own = [number for number in numbers(kind) if number.table == table and _stated(number)]
         for name, parts in groupby(own, lambda number: number.field):
-            listed = list(parts)
-            if found.setdefault(name, listed) != listed:
-                raise ValueError(f"{table}.{name} has two meanings among the controllers")
-    return {name: _field(parts, derived, paper.get(name)) for name, parts in found.items()}
-
-
-Definitions = dict[str, tuple[Any, Any]]  # fields as pydantic's create_model takes them
+            found.setdefault(name, {})[kind] = list(parts)
+    return found
 
 
 def si_table_fields(table: str, instead: Mapping[str, Definitions]) -> Definitions:

@@ -74,10 +74,24 @@ def with_numbers(given: Mapping[str, Any], model: type[BaseModel]) -> dict[str, 
         info = model.model_fields.get(name)
         if info and isinstance(info.annotation, type) and issubclass(info.annotation, BaseModel):
             si = units == "SI" and name not in SI_TABLES
-            tables[name] = _table(tables[name], info.annotation, name, lambda *of, si=si: _number(found, si, *of))
+            if si or not _only_numbers(tables[name]):
+                tables[name] = _table(tables[name], info.annotation, name, lambda *of, si=si: _number(found, si, *of))
     return tables
 
 
+def _only_numbers(table: Any) -> bool:
+    """True if there is no text with a unit in a table: most have none, which is then known at once."""
+    values = table.values() if isinstance(table, dict) else ()
+    return bool(values) and all(
+        type(value) in PLAIN
+        or (type(value) is str and not is_quantity(value))
+        or (type(value) in (tuple, list) and all(type(each) is float for each in value))
+        or (type(value) is dict and all(type(each) is float for each in value.values()))
+        for value in values
+    )
+
+
+PLAIN = (float, int, bool, type(None), Hashed)
 Change = Callable[[Any, str, str], Any]  # of a number: value, unit and path
 
 
