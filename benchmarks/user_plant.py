@@ -33,7 +33,7 @@ BUILT_IN = "`fg.simulate(scenario)`"
 NATIVE = "`plant=` C function"
 LAW = "`controller=` Python callable"
 CALLABLE = "`plant=` Python callable"
-# What each is compared with, and the mark.
+# The run that each is compared with, and the mark.
 MARKS = {NATIVE: (BUILT_IN, 1.5), CALLABLE: (LAW, 3.0)}
 
 

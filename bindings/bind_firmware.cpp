@@ -17,7 +17,7 @@ template <class Value>
 nb::object nested(const Value& value) {
     if constexpr (std::is_arithmetic_v<Value>) {
         return nb::cast(value);
-    } else if constexpr (std::is_pointer_v<Value>) {  // of the reference; the exported file names it
+    } else if constexpr (std::is_pointer_v<Value>) {  // the reference, which the exported file names
         return nb::object(nb::str(value == nullptr ? "" : "&course"));
     } else if constexpr (requires { Value::is_unpacked; }) {
         return nb::cast(value.value);

@@ -31,7 +31,7 @@ export interface Scenario {
   readonly reference?: { readonly terms: readonly number[]; readonly rows: readonly number[] };
   /** A dynamic rate and a real device, nondimensional, for the run.step of the settings. */
   readonly device?: Device;
-  /** What is added to the disturbance of the settings, nondimensional, for the run.step of the settings. */
+  /** Terms added to the disturbance of the settings, nondimensional, for the run.step of the settings. */
   readonly disturbance?: readonly Term[];
 }
 

@@ -24,7 +24,7 @@ from scipy.io import loadmat
 
 
 def ran(*words: str | Path) -> str:
-    """What a command prints; it must succeed."""
+    """The output of a command, which must succeed."""
     found = CliRunner().invoke(cli, list(map(str, words)))
     assert found.exit_code == 0, found.output + str(found.exception)
     return found.stdout

@@ -109,7 +109,7 @@ def test_explain_has_unit_range_default_and_kinds() -> None:
         assert "did you mean controller.order?" in str(ran("explain", typo).exception)
 
 
-# -- As text -------------------------------------------------------------------------------------------------
+# -- Text ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -143,7 +143,7 @@ def test_a_smoothed_step_arrives_and_moves_no_faster_than_its_filter() -> None:
     step = SCENARIOS["step"]
     position, velocity = reference_reach(step)
     assert position == pytest.approx((0.5, 0.2), rel=1e-6)
-    fastest = 2**2 * np.exp(-2) / 2  # of x^(n-1) e^-x/(n-1)! with n = 3, at x = 2
+    fastest = 2**2 * np.exp(-2) / 2  # maximum of x^(n-1) e^-x/(n-1)! with n = 3, at x = 2
     assert velocity == pytest.approx((0.5 * fastest / 0.1, 0.2 * fastest / 0.1), rel=1e-4)
 
 

@@ -277,7 +277,7 @@ def test_every_field_with_a_unit_accepts_text_in_si_and_means_the_number(path: s
     assert re.fullmatch(rf'{re.escape(path)}(\[0\])? is "1 {re.escape(WRONG)}": it must be .*', str(refused.value))
 
 
-WRONG = "kg^3 K^2"  # of no field
+WRONG = "kg^3 K^2"  # no field has it
 
 
 def test_a_band_and_a_spectrum_accept_text() -> None:

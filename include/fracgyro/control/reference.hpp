@@ -106,7 +106,7 @@ struct Course {
     double step = 0.0;
     std::span<const SineTerm> terms{};
     std::span<const TableRow> rows{};
-    std::span<const ReferencePoint<double>> points{};  // of the first steps, if they are known
+    std::span<const ReferencePoint<double>> points{};  // the first steps, if they are known
     EquivalentSine equivalent{};
 };
 

@@ -88,7 +88,7 @@ struct ConventionalGyroscope {
     using Params = std::conditional_t<rebalanced, RebalanceParams, ConventionalParams>;
     using Report = ConventionalReport<T>;
     static constexpr bool measures_velocity = false;
-    static constexpr bool drives_a_sine = true;  // of the reference's frequency, on x; the reference must be one
+    static constexpr bool drives_a_sine = true;  // on x, at the reference's frequency
 
     struct Coefficients {
         typename Reference<T>::Coefficients reference{};

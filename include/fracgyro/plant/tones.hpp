@@ -129,7 +129,7 @@ private:
 
     double amplitude_ = 0.0;
     std::array<std::uint64_t, count> increment_{}, phase_{};  // per step, and at t = 0; in 2^-64 turns
-    PerTone turn_sine_{}, turn_cosine_{};                     // of the increments
+    PerTone turn_sine_{}, turn_cosine_{};                     // by one increment
 };
 
 }  // namespace fracgyro

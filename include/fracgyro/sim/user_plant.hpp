@@ -14,7 +14,7 @@
 
 namespace fracgyro {
 
-// Input of a user's plant besides its state, in this order, in the units of the run. The force is the sum of control
+// Input of a user's plant alongside its state, in this order, in the units of the run. The force is the sum of control
 // and disturbance.
 struct PlantInput {
     double time = 0.0;

@@ -15,11 +15,11 @@ from .metric_names import written
 
 PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 WITHOUT_PREFIX = ("1", "", "rad", "rad/s")
-LATER = 0.25  # of the error, on a logarithmic axis, the transient before it does not decide the prefix
+LATER = 0.25  # share of a run: the transient of an error before it does not decide the prefix
 
 
 class Scaled(NamedTuple):
-    """What values are divided by on an axis, and the text of the unit; empty without one."""
+    """The divisor of values on an axis, and the text of the unit; empty without one."""
 
     scale: float
     unit: str

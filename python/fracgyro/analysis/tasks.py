@@ -14,7 +14,7 @@ from .scenarios import one_scenario, scale
 Array = NDArray[np.float64]
 AT_END = 0.1  # share of the plateau over which its end is averaged
 TAPERED = 0.05  # share of a chirp at each end
-SETTLED_AMPLITUDE = 0.01  # of the drive amplitude
+SETTLED_AMPLITUDE = 0.01  # relative to the drive amplitude
 
 
 def step_response(run: xr.Dataset, tolerance: float = 0.02) -> xr.Dataset:

@@ -10,7 +10,7 @@ from ..scenario.to_core import core_setup
 from .compilers import SOURCES
 
 MEASURED = "integrations/firmware/measured.md"
-FASTEST = "a Cortex-M7 at 1 GHz"  # of the microcontrollers in the table of times, its last column
+FASTEST = "a Cortex-M7 at 1 GHz"  # the last column of the table of times
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ class Number:
     whole: bool  # an integer
     settable: Literal["any_time", "at_start", "beforehand", "never"]  # same as in fields.hpp
     choices: tuple[str, ...]  # their places are the numbers; of a switch false and true
-    kinds: tuple[str, ...]  # of its table, if only these have it; none: all
+    kinds: tuple[str, ...]  # the kinds of its table that have it; none: all
     default: float
 
     @property

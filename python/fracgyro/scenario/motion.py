@@ -55,7 +55,7 @@ class Reference(_Reference):
 
     @property
     def kinds(self) -> tuple[str, str]:
-        """Of x and y."""
+        """The kinds of x and y."""
         return (self.kind, self.kind) if isinstance(self.kind, str) else self.kind
 
     @model_validator(mode="before")

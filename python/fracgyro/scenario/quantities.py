@@ -18,7 +18,7 @@ from .schema import Controller, Plant
 from .table import Symmetric, format_value, message_error
 from .units import Quantity, Unit, UnitError, is_quantity, parse, printed, quantity
 
-# Fields of [controller] that are exponents in units of others.
+# Fields of [controller] that are exponents in the units of other fields.
 EXPONENTS = {
     "alpha": "order",
     "c": "terminal_exponent",
@@ -92,7 +92,7 @@ def _only_numbers(table: Any) -> bool:
 
 
 PLAIN = (float, int, bool, type(None), Hashed)
-Change = Callable[[Any, str, str], Any]  # of a number: value, unit and path
+Change = Callable[[Any, str, str], Any]  # changes a number: value, unit and path
 
 
 def _table(value: Any, model: type[BaseModel], path: str, change: Change) -> Any:

@@ -12,7 +12,7 @@ from .scenario import Scenario
 from .table import toml_value
 from .to_core import natural_frequencies, reference_reach
 
-STEPS_PER_PERIOD = 20  # of the fastest resonance: fewer are a coarse sampling of the motion
+STEPS_PER_PERIOD = 20  # for the fastest resonance: fewer are a coarse sampling of the motion
 STEADY = 10.0  # start of the steady window of the metrics
 
 

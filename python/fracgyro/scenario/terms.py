@@ -16,7 +16,7 @@ from .scenario import Scenario
 from .schema import HOLD_TOLERANCE
 
 MAX_DEVIATIONS = 8.0  # standard deviations: noise is never so far off
-ADDED_STREAM = 16  # of the first added entry; smaller ones are of the device and the rate
+ADDED_STREAM = 16  # the first added entry's; smaller ones belong to the device and the rate
 SETTABLE = ("none", "noise", "sine")
 Columns = tuple[list[float], list[float], list[float]]
 

@@ -237,7 +237,7 @@ def is_quantity(text: str) -> bool:
 def quantity(text: str, wanted: Unit, si: str) -> Quantity:
     """The number in the unit `wanted`, whose SI unit is `si`.
 
-    Raises UnitError, with what is allowed, for a text that is not a number with a unit of this quantity.
+    Raises UnitError, which states the allowed units, for a text that is not a number with a unit of this quantity.
     """
     rule = f"it must be {examples(si)}"
     if (parts := NUMBER.fullmatch(text)) is None:

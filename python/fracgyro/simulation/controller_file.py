@@ -50,7 +50,7 @@ class ControllerFile:
 
     @property
     def object(self) -> Any:
-        """What the name stands for; None if the file has no such name."""
+        """The object of this name; None if the file has no such name."""
         return getattr(_module(self.text, self.path), self.name, None)
 
     def _near(self) -> str:

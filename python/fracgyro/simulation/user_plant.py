@@ -55,7 +55,7 @@ class UserPlant:
 
     @property
     def key(self) -> str:
-        """What distinguishes it from other plants, in the same way in every process."""
+        """A key that distinguishes it from other plants, the same in every process."""
         if self.is_native:
             return f"{self.plant.states} {self.plant.parameters} {self.plant.motion} {self.plant.initial_state}"
         return f"{self.name} {self._initial}"

@@ -10,8 +10,8 @@ from ..scenario import Scenario
 from ..simulation.measure import measure_many
 from ..simulation.user_controller import ControllerLike
 
-TRIED_STEPS = 2_000  # of each timed run
-TRIED_RUNS = 64  # as many as a study has, so that lanes and processors are filled
+TRIED_STEPS = 2_000  # in each timed run
+TRIED_RUNS = 64  # enough to fill lanes and processors
 
 
 @dataclass(frozen=True)

@@ -87,7 +87,7 @@ class Facts:
     """Facts about the scenarios of all points; the scenarios are created when they run, to save memory."""
 
     longest: int = 0  # steps of the longest run
-    steps: int = 0  # of all points
+    steps: int = 0  # sum over all points
     durations: set[float] = dataclasses.field(default_factory=set)
     controllers: set[str] = dataclasses.field(default_factory=set)  # kinds
     disturbances: set[str] = dataclasses.field(default_factory=set)  # kinds
