@@ -11,10 +11,17 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import fracgyro as fg
+import numpy as np
 from fracgyro.export.compilers import system_compiler
+from fracgyro.interop.matrices import matrices
 from machine import command, machine, on_one_core, write
 
-DEPENDS_ON = ["sliding_mode", "include/fracgyro/sim/user_plant.hpp", "bindings/bind_user_plant.cpp"]
+DEPENDS_ON = [
+    "sliding_mode",
+    "include/fracgyro/sim/user_plant.hpp",
+    "bindings/bind_user_plant.cpp",
+    "bindings/record_run.cpp",
+]
 
 PAPER = fg.Scenario.paper()
 DAMPING, STIFFNESS, RATE, _, _ = PAPER.plant.nondimensional()
@@ -27,14 +34,32 @@ void gyroscope(const double* in, const double* s, const double* p, double* out) 
     out[2] = in[1] - p[0] * s[2] - p[1] * s[3] - p[3] * s[0] - p[4] * s[1] + 2.0 * in[3] * s[3];
     out[3] = in[2] - p[1] * s[2] - p[2] * s[3] - p[4] * s[0] - p[5] * s[1] - 2.0 * in[3] * s[2];
 }
+void runge_kutta(const double* in, const double* s, const double* p, double* out) {
+    const double h = in[6];
+    double k1[4], k2[4], k3[4], k4[4], at[4];
+    gyroscope(in, s, p, k1);
+    for (int i = 0; i < 4; ++i) at[i] = s[i] + 0.5 * h * k1[i];
+    gyroscope(in, at, p, k2);
+    for (int i = 0; i < 4; ++i) at[i] = s[i] + 0.5 * h * k2[i];
+    gyroscope(in, at, p, k3);
+    for (int i = 0; i < 4; ++i) at[i] = s[i] + h * k3[i];
+    gyroscope(in, at, p, k4);
+    for (int i = 0; i < 4; ++i) out[i] = s[i] + h / 6.0 * ((k1[i] + k4[i]) + 2.0 * (k2[i] + k3[i]));
+}
+void exact(const double* in, const double* s, const double* p, double* out) {
+    for (int i = 0; i < 4; ++i, p += 6)
+        out[i] = p[0] * s[0] + p[1] * s[1] + p[2] * s[2] + p[3] * s[3] + p[4] * in[1] + p[5] * in[2];
+}
 """
 
 BUILT_IN = "`fg.simulate(scenario)`"
-NATIVE = "`plant=` C function"
+NATIVE = "`plant=` C function, derivative"
+RUNGE_KUTTA = "`plant=` C function, a Runge-Kutta step"
+EXACT = "`plant=` C function, the exact step"
 LAW = "`controller=` Python callable"
 CALLABLE = "`plant=` Python callable"
 # The run that each is compared with, and the mark.
-MARKS = {NATIVE: (BUILT_IN, 1.5), CALLABLE: (LAW, 3.0)}
+MARKS = {NATIVE: (BUILT_IN, 1.5), RUNGE_KUTTA: (BUILT_IN, 1.5), EXACT: (BUILT_IN, 1.5), CALLABLE: (LAW, 3.0)}
 
 
 def gyroscope(time: float, state: tuple[float, ...], force: tuple[float, float]) -> tuple[float, ...]:
@@ -55,12 +80,24 @@ def law(s: fg.Sample) -> tuple[float, float]:
     return ux, uy
 
 
-def compiled(folder: str) -> fg.native.Plant:
+def compiled(folder: str) -> dict[str, fg.native.Plant]:
+    """The gyroscope as C functions: the derivative, steps made of it, and the exact step."""
     source, library = Path(folder) / "gyroscope.c", Path(folder) / "gyroscope.so"
     source.write_text(IN_C, encoding="utf-8")
     system_compiler("-x", "c", "-O2", "-shared", "-fPIC", source, "-o", library)
     values = {"dxx": DXX, "dxy": DXY, "dyy": DYY, "kxx": KXX, "kxy": KXY, "kyy": KYY}
-    return fg.native.Plant(ctypes.CDLL(str(library)).gyroscope, parameters=values)
+    found = ctypes.CDLL(str(library))
+    a, b, _, _ = matrices(PAPER, sampled=True)
+    rows = {f"m{place}": float(value) for place, value in enumerate(np.hstack([a, b]).flat)}
+    return {
+        NATIVE: fg.native.Plant(found.gyroscope, parameters=values),
+        RUNGE_KUTTA: fg.native.Plant(step=found.runge_kutta, parameters=values),
+        EXACT: fg.native.Plant(step=found.exact, parameters=rows),
+    }
+
+
+def simulated(plant: fg.native.Plant) -> Callable[[], object]:
+    return lambda: fg.simulate(PAPER, plant=plant)
 
 
 def main() -> None:
@@ -69,10 +106,9 @@ def main() -> None:
     rounds = parser.parse_args().rounds
     on_one_core()
     with TemporaryDirectory() as folder:
-        native = compiled(folder)
         tasks: dict[str, Callable[[], object]] = {
             BUILT_IN: lambda: fg.simulate(PAPER),
-            NATIVE: lambda: fg.simulate(PAPER, plant=native),
+            **{name: simulated(plant) for name, plant in compiled(folder).items()},
             LAW: lambda: fg.simulate(PAPER, controller=law),
             CALLABLE: lambda: fg.simulate(PAPER, plant=gyroscope),
         }
@@ -103,8 +139,9 @@ def main() -> None:
             f"Made by `{command()}`.\n",
             f"Machine: {machine('xarray')}; on one core.\n",
             f"The paper's scenario, {PAPER.run.steps + 1:,} samples, every channel kept. Plants have the equations of "
-            "the paper's gyroscope, and are called four times a step; the callable is plain Python without NumPy. In "
-            f"turn, {rounds} rounds after one that does not count; ratios within a round.\n",
+            "the paper's gyroscope, and are called four times a step if they compute a derivative; the callable is "
+            f"plain Python without NumPy, and C is compiled with -O2. In turn, {rounds} rounds after one that does not "
+            "count; ratios within a round.\n",
             "| | median | range | over | ratio | range | mark |",
             "|---|---|---|---|---|---|---|",
             *map(row, seconds),

@@ -54,6 +54,18 @@ public:
         }
     }
 
+    // True if no run calls Python.
+    bool run_on_any_thread() const { return threaded_; }
+    // Throws if a user's code did harm in this run, which has finished.
+    void check(std::size_t i) const {
+        if (!users_.empty()) {
+            users_[i]->check();
+        }
+        if (setups_[i]->model != nullptr) {
+            setups_[i]->model->check();
+        }
+    }
+
     // Calls run(i, controller) for every run, without the GIL if no controller needs it.
     template <class Run>
     void each(unsigned threads, Run&& run) const {
@@ -81,11 +93,8 @@ private:
                 run(i, *make_double(*setups_[i]));
             } else {
                 run(i, *users_[i]);
-                users_[i]->check();
             }
-            if (setups_[i]->model != nullptr) {
-                setups_[i]->model->check();
-            }
+            check(i);
         };
     }
 
@@ -133,11 +142,11 @@ nb::tuple record_runs(const Setups& setups, std::int64_t every, unsigned threads
             return data.data() + (i * rows + written++) * width;
         });
     };
-    const bool gyroscopes = std::ranges::all_of(setups, [](const RunSetup* s) { return s->model == nullptr; });
-    if (users.empty() && !device && gyroscopes) {
+    if (users.empty() && !device && controllers.run_on_any_thread()) {
         nb::gil_scoped_release unlocked;
         parallel_for(setups.size(), threads, [&](std::size_t i) {
             lasted[i] = record_run(*setups[i], every, data.data() + i * rows * width, noise);
+            controllers.check(i);
         });
     } else {
         controllers.each(threads, record_one);

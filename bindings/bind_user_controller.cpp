@@ -226,10 +226,10 @@ void bind_user_controller(nb::module_& m) {
     nb::class_<NativeController, UserController>(m, "NativeController")
         .def(
             "__init__",
-            [](NativeController* made, std::uintptr_t address, std::size_t state_size, std::vector<double> parameters,
-               std::size_t reports, std::ptrdiff_t rate_place) {
-                new (made) NativeController(reinterpret_cast<UserFunction>(address), state_size, std::move(parameters),
-                                            reports, rate_place);
+            [](NativeController* made, std::uintptr_t address, std::size_t state_size,
+               const std::vector<double>& parameters, std::size_t reports, std::ptrdiff_t rate_place) {
+                new (made) NativeController(reinterpret_cast<UserFunction>(address), state_size, parameters, reports,
+                                            rate_place);
             },
             nb::arg("address"), nb::arg("state_size"), nb::arg("parameters"), nb::arg("reports"), nb::arg("rate_place"))
         .def_prop_rw(

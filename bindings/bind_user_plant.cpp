@@ -134,12 +134,15 @@ void bind_user_plant(nb::module_& m) {
     nb::class_<NativePlant, UserPlant>(m, "NativePlant")
         .def(
             "__init__",
-            [](NativePlant* made, std::uintptr_t address, std::vector<double> parameters, std::size_t states,
-               const NativePlant::Places& places, const std::vector<double>& initial) {
-                new (made) NativePlant(reinterpret_cast<DerivativeFunction>(address), std::move(parameters), states,
-                                       places, initial);
+            [](NativePlant* made, std::uintptr_t address, bool steps, const std::vector<double>& parameters,
+               std::size_t states, const NativePlant::Places& places, const std::vector<double>& initial) {
+                using Computes = NativePlant::Computes;
+                new (made)
+                    NativePlant(reinterpret_cast<PlantFunction>(address), steps ? Computes::step : Computes::derivative,
+                                parameters, states, places, initial);
             },
-            nb::arg("address"), nb::arg("parameters"), nb::arg("states"), nb::arg("places"), nb::arg("initial"));
+            nb::arg("address"), nb::arg("steps"), nb::arg("parameters"), nb::arg("states"), nb::arg("places"),
+            nb::arg("initial"));
 }
 
 }  // namespace fracgyro::bindings

@@ -1,5 +1,7 @@
+#include "controllers.hpp"
 #include "runs.hpp"
 
+#include "fracgyro/sim/any_run.hpp"
 #include "fracgyro/sim/cpu_dispatch.hpp"
 
 namespace fracgyro::bindings {
@@ -7,21 +9,29 @@ namespace fracgyro::bindings {
 namespace {
 
 // A function for each controller: in one for all, compilers optimize none of them well.
-template <Controller C>
-FRACGYRO_FOR_EACH_PROCESSOR std::int64_t record_one(const Setup& setup, std::int64_t every, double* rows,
+template <Controller C, class Plant>
+FRACGYRO_FOR_EACH_PROCESSOR std::int64_t record_one(const PlantSetup& setup, std::int64_t every, double* rows,
                                                     FillNoise noise) {
-    return record<C>(setup, every, rows, noise);
+    return record<C, Plant>(setup, every, rows, noise);
+}
+
+std::int64_t record_erased(const PlantSetup& setup, std::int64_t every, double* rows, FillNoise noise) {
+    return record_any(setup, *make_double(setup), every, false, noise,
+                      [&](std::size_t width) { return std::exchange(rows, rows + width); });
 }
 
 }  // namespace
 
-std::int64_t record_run(const Setup& setup, std::int64_t every, double* rows, FillNoise noise) {
+std::int64_t record_run(const PlantSetup& setup, std::int64_t every, double* rows, FillNoise noise) {
+    using Ideal = IdealGyroscope<double>;
     std::int64_t samples = 0;
     with_controller<double>(setup.controller, [&]<class C>() {
         if constexpr (has_copies<C>) {
-            samples = record_one<C>(setup, every, rows, noise);
+            samples = setup.model == nullptr ? record_one<C, Ideal>(setup, every, rows, noise)
+                                             : record_one<C, WithPlant<Ideal>>(setup, every, rows, noise);
         } else {
-            samples = record<C>(setup, every, rows, noise);
+            samples = setup.model == nullptr ? record<C>(setup, every, rows, noise)
+                                             : record_erased(setup, every, rows, noise);
         }
     });
     return samples;

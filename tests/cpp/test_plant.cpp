@@ -191,8 +191,9 @@ TEST(Tones, HaveTheSameBitsWhicheverPartIsDrawn) {
 
 // -- Other plants -----------------------------------------------------------------------------------------------------
 
-static_assert(Plant<Gyroscope<double>> && Plant<Gyroscope<float>, float> && Plant<Resonator> && Plant<Duffing>);
-static_assert(TakesRate<Duffing> && !TakesRate<Resonator>);
+static_assert(Plant<Gyroscope<double>> && Plant<Gyroscope<float>, float> && Plant<Resonator> && Plant<Duffing> &&
+              Plant<General>);
+static_assert(TakesRate<Duffing> && !TakesRate<Resonator> && !TakesRate<General>);
 static_assert(!Plant<Disturbance> && !Plant<VaryingGyroscope>);
 
 TEST(Registry, HasThePlantsByNameAndTheGyroscopeFirst) {
@@ -201,11 +202,12 @@ TEST(Registry, HasThePlantsByNameAndTheGyroscopeFirst) {
         EXPECT_EQ(kind, names.size());
         names.push_back(Entry::kind);
     });
-    EXPECT_EQ(names, (std::vector<std::string_view>{"gyroscope", "resonator", "duffing"}));
+    EXPECT_EQ(names, (std::vector<std::string_view>{"gyroscope", "resonator", "duffing", "general"}));
     EXPECT_EQ(make_plant(0, {}, 1e-3, {}), nullptr);
     EXPECT_EQ(own_number_count(0), 0U);
     EXPECT_EQ(own_number_count(1), 0U);
     EXPECT_EQ(own_number_count(2), 3U);
+    EXPECT_EQ(own_number_count(3), 3U);
 }
 
 TEST(Resonator, DecaysAsItsFormula) {
@@ -218,10 +220,10 @@ TEST(Resonator, DecaysAsItsFormula) {
                                  .initial_velocity = {2.0, 7.0}};
     const auto plant = make_plant(1, linear, 0.25, {});
     PlantState state = plant->start();
+    Motion<double> motion;
     for (int n = 1; n <= 20; ++n) {
-        plant->step(state, {.control = {20.0, 1e3}, .disturbance = {6.0, -1e3}});
+        plant->step(state, motion, {.control = {20.0, 1e3}, .disturbance = {6.0, -1e3}});
         const double t = 0.25 * n, decay = std::exp(-t), c = std::cos(5.0 * t), s = std::sin(5.0 * t);
-        const Motion<double> motion = plant->motion(state);
         expect_near(motion.position, {1.0 + decay * (c + 0.6 * s), 0.0}, 1e-12);
         expect_near(motion.velocity, {decay * (2.0 * c - 5.6 * s), 0.0}, 1e-12);
     }
@@ -234,10 +236,11 @@ GyroscopeParams springs() {
 }
 Motion<double> after(AnyPlant& plant, int steps, const RateCourse& rate) {
     PlantState state = plant.start();
+    Motion<double> motion = plant.motion(state);
     for (int n = 0; n < steps; ++n) {
-        plant.step(state, {.sample = n, .rate = rate});
+        plant.step(state, motion, {.rate = rate, .sample = n});
     }
-    return plant.motion(state);
+    return motion;
 }
 
 TEST(Duffing, KeepsItsEnergyWithoutDamping) {
@@ -272,6 +275,44 @@ TEST(Duffing, FollowsTheRateWithinAStep) {
     const Vec2<double> rising = end({0.6, 0.7, 0.8}), constant = end({0.7, 0.7, 0.7});
     EXPECT_LT(norm(rising - constant), 0.02);
     EXPECT_GT(norm(rising - constant), 1e-5);
+}
+
+TEST(General, WithoutItsOwnNumbersHasTheBitsOfTheGyroscope) {
+    const GyroscopeParams p = gyroscope();
+    const auto plant = make_plant(3, p, 0.1, std::array{1.0, 0.0, 0.0});
+    PlantState state = plant->start();
+    Motion<double> got, wanted = Gyroscope<double>::start(p);
+    const auto c = Gyroscope<double>::prepare(p, 0.1);
+    for (int n = 0; n < 100; ++n) {
+        plant->step(state, got, {.control = {30.0, -50.0}, .disturbance = {1.0, 2.0}});
+        Gyroscope<double>::step(wanted, c, {30.0, -50.0}, {1.0, 2.0});
+    }
+    EXPECT_EQ(got.position, wanted.position);
+    EXPECT_EQ(got.velocity, wanted.velocity);
+}
+
+// q̈ of the equation in general.hpp.
+TEST(General, StepsAsManyTinyRungeKuttaStepsOfItsEquation) {
+    const GyroscopeParams p = gyroscope();
+    constexpr double ratio = 1.6, of_damping = -0.7, of_stiffness = 12.0, step = 0.3;
+    const auto plant = make_plant(3, p, step, std::array{ratio, of_damping, of_stiffness});
+    PlantState state = plant->start();
+    Motion<double> got;
+    plant->step(state, got, {.control = {30.0, -50.0}, .disturbance = {1.0, 2.0}});
+    const auto d = p.damping + p.damping_deviation, k = p.stiffness + p.stiffness_deviation;
+    std::array<double, 4> x{p.initial_position.x(), p.initial_position.y(), p.initial_velocity.x(),
+                            p.initial_velocity.y()};
+    constexpr int parts = 20'000;
+    for (int n = 0; n < parts; ++n) {
+        x = fracgyro::runge_kutta(x, step / parts, [&](int, const std::array<double, 4>& s) {
+            const Vec2<double> q{s[0], s[1]}, v{s[2], s[3]};
+            const Vec2<double> more{0.0, of_damping * v.x() + of_stiffness * q.x()};
+            const Vec2<double> f = Vec2{31.0, -48.0} - d * v - k * q - more - (2.0 * p.rate) * turned(v);
+            return std::array{v.x(), v.y(), f.x(), f.y() / ratio};
+        });
+    }
+    expect_near(got.position, {x[0], x[1]}, 1e-11);
+    expect_near(got.velocity, {x[2], x[3]}, 1e-10);
 }
 
 // All motions of a run.
@@ -329,10 +370,41 @@ TEST(NativePlant, WithTheEquationsOfTheGyroscopeMovesLikeIt) {
             setup.rate = {.kind = AngularRateKind::sine, .amplitude = 0.3, .frequency = 5.0};
         }
         const auto plain = motions(setup, device);
-        NativePlant plant(&turning, numbers_of(setup.plant), 4, in_order, {});
+        NativePlant plant(&turning, NativePlant::Computes::derivative, numbers_of(setup.plant), 4, in_order, {});
         plant.begin({}, setup);
         setup.model = &plant;
         EXPECT_LT(largest_difference(motions(setup, device), plain), 1e-4);
+        plant.check();
+    }
+}
+
+// Its exact step; parameters: the effect of x, y, vx, vy, force x, force y on each state. Checks the rest of `in`.
+void mapped(const double* in, const double* s, const double* p, double* out) {
+    for (int i = 0; i < 4; ++i) {
+        const double* const row = p + 6 * i;
+        out[i] = row[0] * s[0] + row[1] * s[1] + row[2] * s[2] + row[3] * s[3] + row[4] * in[1] + row[5] * in[2];
+    }
+    const double n = in[0] / in[6];
+    if (in[6] != 1e-3 || std::abs(n - std::round(n)) > 1e-9 || in[3] != 0.1 || in[4] != 0.1 || in[5] != 0.1) {
+        out[0] = std::numeric_limits<double>::quiet_NaN();
+    }
+}
+
+TEST(NativePlant, WithTheStepOfTheGyroscopeMovesLikeIt) {
+    for (const bool device : {false, true}) {
+        PlantSetup setup = run_of(1000);
+        const auto plain = motions(setup, device);
+        const auto columns = Gyroscope<double>::prepare(setup.plant, setup.common.step).map;
+        std::vector<double> rows;
+        for (std::size_t i = 0; i < 4; ++i) {
+            for (std::size_t j = 0; j < 6; ++j) {
+                rows.push_back(columns[j][i]);
+            }
+        }
+        NativePlant plant(&mapped, NativePlant::Computes::step, rows, 4, in_order, {});
+        plant.begin({}, setup);
+        setup.model = &plant;
+        EXPECT_LT(largest_difference(motions(setup, device), plain), 1e-8);
         plant.check();
     }
 }
@@ -345,19 +417,20 @@ void nothing(const double* in, const double*, const double*, double* out) {
 
 TEST(NativePlant, ThatWritesBeyondItsStatesOrReturnsNaNIsRefused) {
     const PlantSetup setup = run_of(10);
-    NativePlant wrong(&beyond, {}, 2, {0, -1, 1, -1}, {1.0, 2.0});
+    NativePlant wrong(&beyond, NativePlant::Computes::derivative, {}, 2, {0, -1, 1, -1}, {1.0, 2.0});
     wrong.begin({}, setup);
     PlantState state = wrong.start();
     expect_near(wrong.motion(state).velocity, {2.0, 0.0}, 0.0);
-    wrong.step(state, {});
+    Motion<double> motion;
+    wrong.step(state, motion, {});
     EXPECT_THROW(wrong.check(), std::domain_error);
 
-    NativePlant nan(&nothing, {}, 2, {0, -1, 1, -1}, {});
+    NativePlant nan(&nothing, NativePlant::Computes::derivative, {}, 2, {0, -1, 1, -1}, {});
     nan.begin({}, setup);
     PlantState at = nan.start();
-    nan.step(at, {.sample = 248});
+    nan.step(at, motion, {.sample = 248});
     try {
-        nan.step(at, {.sample = 249});
+        nan.step(at, motion, {.sample = 249});
         ADD_FAILURE();
     } catch (const std::domain_error& error) {
         EXPECT_EQ(std::string(error.what()),

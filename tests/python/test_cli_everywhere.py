@@ -15,8 +15,8 @@ from fracgyro.cli import cli
 from fracgyro.export.web import document
 from fracgyro.scenario.named import named
 from fracgyro.scenario.shipped import NAMES
-from fracgyro.simulation.controller_file import ControllerFile
 from fracgyro.simulation.many import threads_available
+from fracgyro.simulation.own_file import ControllerFile, PlantFile
 from fracgyro.study.file import base_scenario
 from fracgyro_lab.comparison.plan import planned
 from pyarrow import parquet
@@ -141,7 +141,23 @@ class Empty:
 
 
 law = fg.native.Law(0x1000, parameters={"kp": 1.0})
+native_plant = fg.native.Plant(0x1000)
 three = 3
+
+
+def spring(time, state, force):
+    x, y, vx, vy = state
+    return vx, vy, force[0] - 300.0 * x, force[1] - 500.0 * y
+
+
+@dataclasses.dataclass
+class Spring:
+    kx: float = 300.0
+    ky: float = 500.0
+
+    def __call__(self, time, state, force):
+        x, y, vx, vy = state
+        return vx, vy, force[0] - self.kx * x, force[1] - self.ky * y
 """
 
 
@@ -212,6 +228,52 @@ def test_what_is_not_a_controller_is_refused_in_one_sentence(
 
 def test_a_law_is_taken_as_it_is(own: Path) -> None:
     assert ControllerFile.read("own.py:law").controller().parameters == {"kp": 1.0}
+
+
+@pytest.mark.parametrize("name", ["spring", "Spring"])
+def test_a_plant_of_ones_own_is_simulated_and_names_the_result(own: Path, name: str) -> None:
+    short = ["--set", "run.duration=2.0", "--plant", f"own.py:{name}"]
+    scenario = fg.Scenario.paper().replace({"run.duration": 2.0})
+    spring = PlantFile.read("own.py:spring").plant()
+    found = json.loads(ran("simulate", *short, "--json"))
+    assert found["plant"] == name
+    rmse = float(fg.metrics.rmse(fg.simulate(scenario, plant=spring))[0])
+    assert found["rmse"]["whole"]["x"] == pytest.approx(rmse, rel=1e-9)
+    both = json.loads(ran("simulate", *short, "--controller", "own.py:pd", "--json"))
+    pd = ControllerFile.read("own.py:pd").controller()
+    assert both["rmse"]["whole"]["x"] == pytest.approx(
+        float(fg.metrics.rmse(fg.simulate(scenario, pd, spring))[0]), rel=1e-9
+    )
+    assert (both["controller"], both["plant"]) == ("pd", name)
+    assert f"plant: {name}, of own.py:{name}" in ran("simulate", *short)
+    ran("simulate", *short, "--set", "run.record_every=7", "--out", "run.nc")
+    with xr.open_dataset("run.nc", engine="h5netcdf") as saved:
+        assert saved.attrs["plant"] == name
+    seeds = json.loads(ran("simulate", *short, "--seeds", "3", "--json"))
+    rows = fg.measure_many([scenario], seeds=range(3), plant=spring)
+    assert seeds["rmse"]["whole"]["x"]["mean"] == pytest.approx(
+        float(rows["rmse"].sel(window="whole", axis="x").mean()), rel=1e-9
+    )
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ("own.py", '--plant is "own.py": it must be FILE.py:NAME'),
+        ("other.py:spring", "other.py cannot be read: No such file or directory"),
+        (
+            "own.py:sprung",
+            "--plant names sprung: it must be a class, a function or a fracgyro.native.Plant of own.py; did",
+        ),
+        ("own.py:law", "--plant names law: it must be a class, a function"),
+        ("own.py:Needs", "Needs of own.py has no default for kp: every argument must have one"),
+        ("own.py:Empty", "Empty() of own.py is "),
+    ],
+)
+def test_what_is_not_a_plant_is_refused_in_one_sentence(own: Path, given: str, sentence: str) -> None:
+    assert refused("simulate", "--out", "o.nc", "--plant", given).startswith(sentence)
+    assert refused("simulate", "--controller", "own.py:native_plant").startswith("--controller names native_plant: ")
+    assert not (own / "o.nc").exists()
 
 
 # -- Files and seeds -----------------------------------------------------------------------------------------

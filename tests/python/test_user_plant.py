@@ -18,6 +18,7 @@ import xarray as xr
 from fracgyro.export.compilers import system_compiler
 from fracgyro.interop.matrices import matrices
 from fracgyro.scenario.kinds import KINDS, PLANT_KINDS
+from scipy.linalg import expm
 
 PAPER = fg.Scenario.paper()
 SHORT = PAPER.replace({"run.duration": 0.5})
@@ -87,6 +88,9 @@ void beyond(const double* in, const double* s, const double* p, double* out) {
     out[0] = out[1] = 0.0;
     out[3] = s[0];
 }
+void late(const double* in, const double* s, const double* p, double* out) {
+    for (int i = 0; i < 6; ++i) out[i] = in[0] < 0.25 ? s[i] : 0.0 / p[0];
+}
 void nothing(const double* in, const double* s, const double* p, double* out) {
     out[0] = in[0] < 0.25 ? 0.0 : 0.0 / p[0];
     out[1] = 0.0;
@@ -94,20 +98,42 @@ void nothing(const double* in, const double* s, const double* p, double* out) {
 """
 
 
+STEP_IN_C = """
+void stepped(const double* in, const double* s, const double* p, double* out) {
+    const double h = in[6];
+    double k1[4], k2[4], k3[4], k4[4], at[4];
+    const double middle[4] = {in[0] + 0.5 * h, in[1], in[2], in[4]}, end[4] = {in[0] + h, in[1], in[2], in[5]};
+    turning(in, s, p, k1);
+    for (int i = 0; i < 4; ++i) at[i] = s[i] + 0.5 * h * k1[i];
+    turning(middle, at, p, k2);
+    for (int i = 0; i < 4; ++i) at[i] = s[i] + 0.5 * h * k2[i];
+    turning(middle, at, p, k3);
+    for (int i = 0; i < 4; ++i) at[i] = s[i] + h * k3[i];
+    turning(end, at, p, k4);
+    for (int i = 0; i < 4; ++i) out[i] = s[i] + h / 6.0 * ((k1[i] + k4[i]) + 2.0 * (k2[i] + k3[i]));
+}
+void behind(const double* in, const double* s, const double* p, double* out) {
+    stepped(in, s + 1, p, out + 1);  /* behind a state that counts the steps */
+    out[0] = s[0] + 1.0;
+}
+"""
+
+
 @pytest.fixture(scope="module")
 def compiled(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     folder: Path = tmp_path_factory.mktemp("plant")
-    (folder / "plant.c").write_text(IN_C, encoding="utf-8")
+    (folder / "plant.c").write_text(IN_C + STEP_IN_C, encoding="utf-8")
     options = ["-x", "c", "-O1", "-ffp-contract=off", "-shared", "-fPIC"]
     system_compiler(*options, folder / "plant.c", "-o", folder / "plant.so")
     return ctypes.CDLL(str(folder / "plant.so"))
 
 
-def native(compiled: ctypes.CDLL, scenario: fg.Scenario = PAPER) -> fg.native.Plant:
+def native(compiled: ctypes.CDLL, scenario: fg.Scenario = PAPER, **instead: Any) -> fg.native.Plant:
     damping, stiffness, _, _, _ = scenario.plant.nondimensional()
     names = [f"{matrix}{part}" for matrix in "dk" for part in ("xx", "xy", "yy")]
     values = dict(zip(names, [*damping, *stiffness], strict=True))
-    return fg.native.Plant(compiled.turning, parameters=values, takes_rate=True)
+    function = {} if "step" in instead else {"derivative": compiled.turning}
+    return fg.native.Plant(parameters=values, takes_rate=True, **function, **instead)
 
 
 def difference(one: xr.Dataset, other: xr.Dataset, name: str = "position") -> float:
@@ -386,6 +412,45 @@ def test_a_native_plant_runs_like_the_Linear(compiled: ctypes.CDLL) -> None:
     assert difference(run, fg.simulate(SHORT, plant=Linear(PAPER))) < 1e-9
 
 
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"run.units": "SI"},
+        {"controller.kind": "pid"},
+        {"rate.kind": "sine", "rate.amplitude": 50.0, "rate.frequency": 3000.0},
+        {"device.position_noise": 1e-9},
+    ],
+)
+def test_a_function_of_the_whole_step_has_the_bits_of_the_same_step_of_its_derivative(
+    compiled: ctypes.CDLL, changes: dict[str, Any]
+) -> None:
+    scenario = SHORT.replace(changes)
+    of_derivative, of_step = native(compiled, scenario), native(compiled, scenario, step=compiled.stepped)
+    run = fg.simulate(scenario, plant=of_step)
+    assert np.array_equal(run["position"].values, fg.simulate(scenario, plant=of_derivative)["position"].values)
+    start = (0.0, *scenario.run.initial_position, *scenario.run.initial_velocity)
+    if scenario.run.units != "SI":
+        more = {"states": 5, "motion": (1, 2, 3, 4), "initial_state": start}
+        again = fg.simulate(scenario, plant=native(compiled, scenario, step=compiled.behind, **more))
+        assert np.array_equal(run["position"].values, again["position"].values)
+    rows = [
+        fg.measure_many([scenario], plant=plant, transient=0.1)["rmse"].values for plant in (of_derivative, of_step)
+    ]
+    assert np.array_equal(*rows)
+
+
+def test_a_recorded_run_has_the_bits_of_any_other_loop(compiled: ctypes.CDLL) -> None:
+    """Runs of the paper's controllers with a plant have a loop of their own."""
+    for kind in KINDS[:5]:
+        scenario = SHORT.replace({"controller.kind": kind, "run.record_every": 7})
+        for plant in (native(compiled), None):
+            of = scenario if plant else scenario.replace({"plant.kind": "duffing"})
+            run, loop = fg.simulate(of, plant=plant), fg.Loop(of, plant=plant).run(501)
+            assert np.array_equal(run["position"].values, loop["position"].values)
+            assert set(run) == set(loop)
+
+
 def test_a_native_plant_with_errors_is_refused(compiled: ctypes.CDLL) -> None:
     single: dict[str, Any] = {"states": 2, "motion": (0, None, 1, None)}
     refused(
@@ -397,6 +462,20 @@ def test_a_native_plant_with_errors_is_refused(compiled: ctypes.CDLL) -> None:
         "and 0 parameters",
         lambda: fg.simulate(SHORT, plant=fg.native.Plant(compiled.nothing, **single)),
     )
+    six: dict[str, Any] = {"states": 6, "initial_state": (0.0,) * 6}
+    refused(
+        "the plant returned [nan, nan, nan, nan, nan, nan] at t = 0.25: it must return 6 finite numbers; it reads NaN "
+        "beyond its 6 states and 0 parameters",
+        lambda: fg.simulate(SHORT, plant=fg.native.Plant(step=compiled.late, **six)),
+    )
+    refused(
+        "the plant wrote to out[5], which is beyond its 4 numbers",
+        lambda: fg.simulate(SHORT, plant=fg.native.Plant(step=compiled.late, parameters={"one": 1.0})),
+    )
+    one_of = "derivative or step must be given, as a C function: "
+    refused(one_of + "neither is", fg.native.Plant, TypeError)
+    both: dict[str, Any] = {"derivative": compiled.turning, "step": compiled.stepped}
+    refused(one_of + "both are", lambda: fg.native.Plant(**both), TypeError)
     refused("states is 9: it must be an integer from 2 to 8", lambda: fg.native.Plant(compiled.turning, 9))
     refused(
         "motion is (0, 1, 2): it must be the places of x, y, vx and vy, each from 0 to 3 or None",
@@ -433,6 +512,48 @@ def test_duffing_on_one_axis_is_the_gyroscope_with_the_devices_cubic_stiffness()
     one = SHORT.replace({"plant.kind": "duffing", "plant.cubic_stiffness": (kappa, kappa)})
     other = SHORT.replace({"device.cubic_stiffness": (kappa, kappa)})
     assert difference(fg.simulate(one), fg.simulate(other)) < 1e-4
+
+
+GENERAL: dict[str, Any] = {
+    "plant.kind": "general",
+    "plant.mass_ratio": 1.3,
+    "plant.damping_asymmetry": -2e-6,
+    "plant.stiffness_asymmetry": 20.0,
+}
+
+
+def test_the_general_plant_without_its_own_numbers_is_the_gyroscope() -> None:
+    run = fg.simulate(SHORT.replace({"plant.kind": "general"}))
+    assert run.drop_attrs().equals(fg.simulate(SHORT).drop_attrs())
+
+
+def test_the_general_plant_moves_by_its_equation() -> None:
+    scenario = SHORT.replace({**GENERAL, "disturbance.kind": "none", "run.units": "SI"})
+    p = scenario.plant
+    masses = np.diag([p.mass, 1.3 * p.mass])
+    stiffness = np.array([[p.stiffness.xx, p.stiffness.xy], [p.stiffness.xy + 20.0, p.stiffness.yy]])
+    damping = np.array([[p.damping.xx, p.damping.xy], [p.damping.xy - 2e-6, p.damping.yy]])
+    damping += 2.0 * p.mass * p.angular_rate * np.array([[0.0, -1.0], [1.0, 0.0]])
+    a = np.zeros((6, 6))
+    a[:2, 2:4] = np.eye(2)
+    a[2:4] = np.linalg.solve(masses, np.hstack([-stiffness, -damping, np.eye(2)]))
+    moves = expm(a * scenario.run.step * p.scales.time)[:4]
+    run = fg.simulate(scenario)
+    states = np.hstack([run["position"].values, run["velocity"].values])
+    expected = np.hstack([states, run["control"].values])[:-1] @ moves.T
+    for part in (slice(0, 2), slice(2, 4)):  # positions, velocities
+        size = np.abs(states[:, part]).max()
+        np.testing.assert_allclose(states[1:, part], expected[:, part], rtol=0, atol=1e-11 * size)
+
+
+def test_the_general_plant_may_be_unstable_but_its_numbers_are_finite() -> None:
+    free, quiet = (lambda sample: (0.0, 0.0)), {"disturbance.kind": "none", "run.duration": 2.0}
+    whirling = PAPER.replace({**quiet, "plant.kind": "general", "plant.stiffness_asymmetry": -300.0})
+    amplitude = np.abs(fg.simulate(whirling, controller=free)["position"].values).max(axis=1)
+    assert amplitude[-500:].max() > 10.0 * amplitude[:500].max()
+    for name, value in (("mass_ratio", 0.0), ("stiffness_asymmetry", math.inf), ("damping_asymmetry", math.nan)):
+        with pytest.raises(fg.ScenarioError, match=rf"^plant\.{name} is .*: it must be "):
+            PAPER.replace({"plant.kind": "general", f"plant.{name}": value})
 
 
 def test_the_resonator_moves_on_x_only() -> None:

@@ -43,14 +43,18 @@ struct Gyroscope {
     using Params = GyroscopeParams;
     using State = Motion<T>;
 
-    static Coefficients prepare(const GyroscopeParams& p, double step) {
+    // A, and the forces as states that stay constant: x, y, ẋ, ẏ, force x, force y.
+    static Matrix<6> system(const GyroscopeParams& p) {
         const Sym2<double> d = p.damping + p.damping_deviation;
         const Sym2<double> k = p.stiffness + p.stiffness_deviation;
         Matrix<6> a{};
         a[0][2] = a[1][3] = a[2][4] = a[3][5] = 1.0;
         a[2][0] = -k.xx(), a[2][1] = -k.xy(), a[2][2] = -d.xx(), a[2][3] = -d.xy() + 2.0 * p.rate;
         a[3][0] = -k.xy(), a[3][1] = -k.yy(), a[3][2] = -d.xy() - 2.0 * p.rate, a[3][3] = -d.yy();
-
+        return a;
+    }
+    static Coefficients prepare(const GyroscopeParams& p, double step) { return prepare(system(p), step); }
+    static Coefficients prepare(const Matrix<6>& a, double step) {
         const Matrix<6> sum = expm(a, step);
         Coefficients c;
         for (std::size_t i = 0; i < 4; ++i) {

@@ -57,10 +57,10 @@ concept Plant = std::is_trivially_copyable_v<typename P::State> && sizeof(typena
                                              const Vec2<T>& force) { P::step(state, c, force, force); });
 
 // The classical Runge-Kutta step of fourth order for dx/dt = derivative(halves, x), at `halves` half steps after its
-// beginning. The error is of order step⁵.
-template <std::size_t count, class Derivative>
-std::array<double, count> runge_kutta(const std::array<double, count>& x, double step, Derivative&& derivative) {
-    using State = std::array<double, count>;
+// beginning. The error is of order step⁵. Its states are numbers, or pairs of them.
+template <class Part, std::size_t count, class Derivative>
+std::array<Part, count> runge_kutta(const std::array<Part, count>& x, double step, Derivative&& derivative) {
+    using State = std::array<Part, count>;
     const auto plus = [](const State& a, double h, const State& k) {
         State sum{};
         for (std::size_t i = 0; i < count; ++i) {

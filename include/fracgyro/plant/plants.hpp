@@ -3,6 +3,7 @@
 
 #include "fracgyro/core/entry.hpp"
 #include "fracgyro/plant/duffing.hpp"
+#include "fracgyro/plant/general.hpp"
 #include "fracgyro/plant/gyroscope.hpp"
 #include "fracgyro/plant/resonator.hpp"
 
@@ -10,7 +11,8 @@ namespace fracgyro {
 
 using PlantRegistry = std::tuple<Entry<"gyroscope", Gyroscope<double>, "the linear gyroscope, eq. (9)">,
                                  Entry<"resonator", Resonator, "one axis: only x moves, y stays 0">,
-                                 Entry<"duffing", Duffing, "the gyroscope with cubic springs that couple the axes">>;
+                                 Entry<"duffing", Duffing, "the gyroscope with cubic springs that couple the axes">,
+                                 Entry<"general", General, "linear, with a mass per axis and nonsymmetric matrices">>;
 
 inline constexpr std::size_t plant_count = std::tuple_size_v<PlantRegistry>;
 

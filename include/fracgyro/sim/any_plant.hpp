@@ -16,9 +16,9 @@ using PlantState = std::array<double, 8>;
 
 // One step of a plant.
 struct PlantStep {
-    std::int64_t sample = 0;  // at its beginning
     Vec2<double> control{}, disturbance{};
     RateCourse rate{};
+    std::int64_t sample = 0;  // at its beginning
 };
 
 class AnyPlant {
@@ -26,7 +26,9 @@ public:
     virtual ~AnyPlant() = default;
     virtual PlantState start() = 0;
     virtual Motion<double> motion(const PlantState& state) = 0;
-    virtual void step(PlantState& state, const PlantStep& step) = 0;
+    // Advances the state by one step, with its motion. Both are changed in place: a copy of a motion would wait for the
+    // stores of its halves.
+    virtual void step(PlantState& state, Motion<double>& motion, const PlantStep& step) = 0;
     virtual bool runs_on_any_thread() const { return true; }
     // Throws if the plant did harm in the finished run.
     virtual void check() const {}
@@ -42,14 +44,15 @@ public:
 
     PlantState start() override { return kept(P::start(params_)); }
     Motion<double> motion(const PlantState& state) override { return P::motion(own(state)); }
-    void step(PlantState& state, const PlantStep& s) override {
+    void step(PlantState& state, Motion<double>& motion, const PlantStep& s) override {
         State now = own(state);
         if constexpr (TakesRate<P>) {
             P::step(now, coefficients_, s.control, s.disturbance, s.rate);
         } else {
             P::step(now, coefficients_, s.control, s.disturbance);
         }
-        state = kept(now);
+        copy_bytes(state.data(), &now, sizeof now);
+        motion = P::motion(now);
     }
 
 private:
@@ -152,7 +155,7 @@ struct WithPlant : Base {
         } else if (c.model == nullptr) {
             Base::step(state, c, signals, n);
         } else {
-            move(state, c, {n, signals.force, state.disturbance, {c.mean, c.mean, c.mean}});
+            move(state, c, {signals.force, state.disturbance, {c.mean, c.mean, c.mean}, n});
         }
     }
     // Advances by one step under the acting force of a real device.
@@ -163,7 +166,7 @@ struct WithPlant : Base {
             Base::step(state, c, n);
             return;
         }
-        PlantStep step{n, state.applied, state.disturbance, {c.mean, c.mean, c.mean}};
+        PlantStep step{state.applied, state.disturbance, {c.mean, c.mean, c.mean}, n};
         if (c.varies) {
             for (int halves = 0; halves < 3; ++halves) {
                 step.rate[static_cast<std::size_t>(halves)] = c.rate.within(n, halves) + state.device.bias;
@@ -176,8 +179,7 @@ private:
     static constexpr bool on_device = requires(State& state) { state.applied; };
 
     static void move(State& state, const Coefficients& c, const PlantStep& step) {
-        c.model->step(state.plant, step);
-        state.motion = c.model->motion(state.plant);
+        c.model->step(state.plant, state.motion, step);
     }
 };
 using DevicePlant = WithPlant<DeviceGyroscope>;

@@ -128,12 +128,12 @@ private:
 using UserFunction = void (*)(const double* in, double* state, const double* parameters, double* out);
 class NativeController final : public UserController {
 public:
-    NativeController(UserFunction function, std::size_t state_size, std::vector<double> parameters, std::size_t reports,
-                     std::ptrdiff_t rate_place)
+    NativeController(UserFunction function, std::size_t state_size, const std::vector<double>& parameters,
+                     std::size_t reports, std::ptrdiff_t rate_place)
         : function_(function),
           in_(std::vector<double>(sizeof(UserInput) / sizeof(double))),
           memory_(std::vector<double>(state_size)),
-          parameters_(std::move(parameters)),
+          parameters_(parameters),
           out_(std::vector<double>(2 + reports, CommonReport::nan)),
           reported_(reports),
           rate_place_(rate_place) {}

@@ -1,5 +1,5 @@
-// Users' plants: code that computes the derivative of a state. A step is the classical Runge-Kutta step of fourth
-// order, over which the force is held.
+// Users' plants: code that computes the derivative of a state, or the state after a step. The force is held over a
+// step, which with a derivative is the classical Runge-Kutta step of fourth order.
 #pragma once
 
 #include "fracgyro/plant/units.hpp"
@@ -34,16 +34,14 @@ public:
         units_ = units;
         step_ = setup.common.step;
     }
-    void step(PlantState& state, const PlantStep& s) override {
+    void step(PlantState& state, Motion<double>& moved, const PlantStep& s) override {
         state = runge_kutta(state, length(), [&](int halves, const PlantState& x) {
             const PlantInput in = input(s, halves);
             const PlantState rates = derivative(in, x);
-            if (!finite(rates) && bounded(motion(x))) {  // otherwise the motion diverges
-                check();
-                throw std::domain_error(no_derivative(in.time, rates));
-            }
+            refuse_if_not_finite(in.time, x, rates);
             return rates;
         });
+        moved = motion(state);
     }
     Motion<double> motion(const PlantState& state) final {
         const Motion<double> own = own_motion(state);
@@ -64,19 +62,24 @@ protected:
                 .force = units_.force * (s.control + s.disturbance),
                 .rate = units_.rate * s.rate[static_cast<std::size_t>(halves)]};
     }
-    // Hint appended to the message about a derivative that is not finite.
+    // Hint appended to the message about numbers that are not finite.
     virtual std::string hint() const { return {}; }
 
-    static bool finite(const PlantState& numbers) {
-        return std::ranges::all_of(numbers, [](double number) { return std::isfinite(number); });
+    // Throws if the numbers returned for this state are not finite, unless the motion diverges.
+    void refuse_if_not_finite(double time, const PlantState& state, const PlantState& returned) {
+        const auto finite = [](double number) { return std::isfinite(number); };
+        if (!std::ranges::all_of(returned, finite) && bounded(motion(state))) {
+            check();
+            throw std::domain_error(not_finite(time, returned));
+        }
     }
 
 private:
-    std::string no_derivative(double time, const PlantState& rates) const {
+    std::string not_finite(double time, const PlantState& returned) const {
         std::string listed;
         for (std::size_t i = 0; i < count(); ++i) {
             std::array<char, 32> one{};
-            std::snprintf(one.data(), one.size(), "%s%.6g", i == 0 ? "" : ", ", rates[i]);
+            std::snprintf(one.data(), one.size(), "%s%.6g", i == 0 ? "" : ", ", returned[i]);
             listed += one.data();
         }
         std::array<char, 32> at{};
@@ -89,19 +92,22 @@ private:
     double step_ = 0.0;
 };
 
-// A C function as a plant, with the places of x, y, vx, vy among its states; -1: that one is 0.
-using DerivativeFunction = void (*)(const double* in, const double* state, const double* parameters, double* out);
+// A C function as a plant. It computes the derivative of its states, from the numbers of PlantInput; or the states
+// after a step, from the time, the force, the angular rate at its beginning, middle and end, and its length.
+using PlantFunction = void (*)(const double* in, const double* state, const double* parameters, double* out);
 class NativePlant final : public UserPlant {
 public:
-    using Places = std::array<std::ptrdiff_t, 4>;
+    enum class Computes { derivative, step };
+    using Places = std::array<std::ptrdiff_t, 4>;  // of x, y, vx, vy among the states; -1: that one is 0
 
     // `initial` is empty: the motion with which the run begins.
-    NativePlant(DerivativeFunction function, std::vector<double> parameters, std::size_t states, const Places& places,
-                const std::vector<double>& initial)
+    NativePlant(PlantFunction function, Computes computes, const std::vector<double>& parameters, std::size_t states,
+                const Places& places, const std::vector<double>& initial)
         : function_(function),
-          in_(std::vector<double>(sizeof(PlantInput) / sizeof(double))),
+          computes_(computes),
+          in_(std::vector<double>(computes == Computes::step ? 7 : 4)),
           state_(std::vector<double>(states)),
-          parameters_(std::move(parameters)),
+          parameters_(parameters),
           out_(std::vector<double>(states)),
           places_(places),
           given_(!initial.empty()) {
@@ -121,13 +127,17 @@ public:
         }
     }
     PlantState start() override { return first_; }
-    void step(PlantState& state, const PlantStep& s) override {
-        const PlantState next = count() == 4 ? stepped<4>(state, s) : stepped<8>(state, s);
-        if (finite(next)) {
+    void step(PlantState& state, Motion<double>& moved, const PlantStep& s) override {
+        if (count() != 4 || !step_of_four(state, s)) {
+            if (computes_ == Computes::derivative) {
+                UserPlant::step(state, moved, s);
+                return;
+            }
+            const PlantState next = after(state, s);
+            refuse_if_not_finite(input(s, 0).time, state, next);
             state = next;
-        } else {
-            UserPlant::step(state, s);  // the same with checks
         }
+        moved = motion(state);
     }
     void check() const override {
         const auto look = [](const PaddedNumbers& numbers, const std::string& name) {
@@ -143,7 +153,10 @@ public:
     }
 
 protected:
-    PlantState derivative(const PlantInput& in, const PlantState& state) override { return called(in, state, count()); }
+    PlantState derivative(const PlantInput& in, const PlantState& state) override {
+        give(in);
+        return called(state);
+    }
     Motion<double> own_motion(const PlantState& state) override {
         const auto at = [&](std::size_t i) {
             return places_[i] < 0 ? 0.0 : state[static_cast<std::size_t>(places_[i])];
@@ -156,38 +169,67 @@ protected:
     }
 
 private:
-    // The derivative of `used` states. Numbers are passed one by one, and never two in a register: a load of two would
-    // wait for both stores.
-    template <std::size_t size>
-    std::array<double, size> called(const PlantInput& in, const std::array<double, size>& state, std::size_t used) {
+    // Numbers that the function wrote are loaded one by one: a load of two would wait for both stores.
+    using Written = const volatile double*;
+
+    void give(const PlantInput& in) {
         double* const given = in_.data();
         given[0] = in.time;
         given[1] = in.force.x();
         given[2] = in.force.y();
         given[3] = in.rate;
-        std::copy_n(state.begin(), used, state_.data());
-        function_(given, state_.data(), parameters_.data(), out_.data());
-        const volatile double* const out = out_.data();
-        std::array<double, size> rates{};
-        for (std::size_t i = 0; i < used; ++i) {
-            rates[i] = out[i];
-        }
-        return rates;
     }
-    // The step of at most `size` states.
-    template <std::size_t size>
-    PlantState stepped(const PlantState& from, const PlantStep& s) {
-        using Part = std::array<double, size>;
-        const std::size_t used = size == 4 ? 4 : count();
-        Part x{};
-        std::copy_n(from.begin(), size, x.begin());
-        x = runge_kutta(x, length(), [&](int halves, const Part& at) { return called(input(s, halves), at, used); });
-        PlantState next{};
-        std::ranges::copy(x, next.begin());
-        return next;
+    void give(const PlantStep& s) {
+        give(input(s, 0));
+        double* const given = in_.data();
+        given[4] = input(s, 1).rate;
+        given[5] = input(s, 2).rate;
+        given[6] = length();
+    }
+    Written called() {
+        function_(in_.data(), state_.data(), parameters_.data(), out_.data());
+        return out_.data();
+    }
+    PlantState called(const PlantState& state) {
+        std::copy_n(state.begin(), count(), state_.data());
+        PlantState returned{};
+        std::copy_n(called(), count(), returned.begin());
+        return returned;
+    }
+    PlantState after(const PlantState& state, const PlantStep& s) {
+        give(s);
+        return called(state);
     }
 
-    DerivativeFunction function_;
+    using Four = std::array<Vec2<double>, 2>;
+    Four called(const Four& state) {
+        copy_bytes(state_.data(), state.data(), sizeof state);
+        const Written out = called();
+        return {Vec2{out[0], out[1]}, Vec2{out[2], out[3]}};
+    }
+    // The same step of four states, in registers. Returns false, without a step, if a number is not finite.
+    bool step_of_four(PlantState& state, const PlantStep& s) {
+        const Four from{Vec2{state[0], state[1]}, Vec2{state[2], state[3]}};
+        Four next;
+        if (computes_ == Computes::step) {
+            give(s);
+            next = called(from);
+        } else {
+            next = runge_kutta(from, length(), [&](int halves, const Four& now) {
+                give(input(s, halves));
+                return called(now);
+            });
+        }
+        const Vec2<double> zero = 0.0 * next[0] + 0.0 * next[1];  // NaN if one is not finite
+        if (!(zero == Vec2{0.0, 0.0})) {
+            return false;
+        }
+        copy_bytes(state.data(), next.data(), sizeof next);
+        return true;
+    }
+
+    PlantFunction function_;
+    Computes computes_;
     PaddedNumbers in_, state_, parameters_, out_;
     Places places_;
     PlantState first_{};

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from fracgyro.scenario import Scenario, ScenarioError
-from fracgyro.simulation.controller_file import ControllerFile
+from fracgyro.simulation.own_file import ControllerFile
 from fracgyro.study.space import Dimension
 
 END_FRACTION = 0.05  # fraction of a range: a best value closer to an end is flagged

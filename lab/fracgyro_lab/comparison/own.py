@@ -9,7 +9,7 @@ from typing import Any
 
 from fracgyro.scenario import ScenarioError
 from fracgyro.scenario.table import format_value
-from fracgyro.simulation.controller_file import ControllerFile
+from fracgyro.simulation.own_file import ControllerFile
 from fracgyro.simulation.user_controller import ControllerLike
 
 from .contender import Contender, Gain

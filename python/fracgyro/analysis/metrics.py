@@ -21,6 +21,7 @@ from ..scenario.to_core import core_setup, only_laws
 from ..simulation.dataset import metrics_dataset, units_of
 from ..simulation.measure import measure_many
 from ..simulation.user_controller import ControllerLike
+from ..simulation.user_plant import PlantLike
 from .metric_names import UNITS
 from .scenarios import of_each, scale, time_unit
 from .tasks import drive, frequency_response, step_response
@@ -297,17 +298,20 @@ def _nothing(run: xr.Dataset, name: str) -> xr.DataArray:
     return nothing.expand_dims({dimension: labels})
 
 
-def measured(scenario: Scenario, controller: ControllerLike | None = None) -> xr.Dataset:
-    """`summary` of a run of the scenario, in memory that does not grow with its length; `controller`: as in `simulate`.
+def measured(
+    scenario: Scenario, controller: ControllerLike | None = None, plant: PlantLike | None = None
+) -> xr.Dataset:
+    """`summary` of a run of the scenario, in memory that does not grow with its length.
 
-    Also has `diverged_at`, up to which a diverged run is measured; NaN for other runs.
+    `controller`, `plant`: as in `simulate`. Also has `diverged_at`, up to which a diverged run is measured; NaN for
+    other runs.
     """
     check_scenario(scenario)
-    if controller is None:
+    if controller is None and plant is None:
         values = _core.measure_device_runs([core_setup(scenario)], _core.MetricsParams())[0]
         rows = metrics_dataset(values[np.newaxis], {})
     else:
-        rows = measure_many([scenario], controller=controller)
+        rows = measure_many([scenario], controller=controller, plant=plant)
     return in_units(scenario, rows).isel(run=0)
 
 

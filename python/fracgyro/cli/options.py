@@ -11,6 +11,7 @@ from .completion import scenarios
 
 if TYPE_CHECKING:
     from ..simulation.user_controller import ControllerLike
+    from ..simulation.user_plant import PlantLike
 
 Decorator = Callable[[Callable[..., None]], Callable[..., None]]
 
@@ -29,6 +30,15 @@ def own_controller(given: str | None) -> ControllerLike | None:
     """The controller of --controller; None without the option. Raises ScenarioError if it is not a controller."""
     if given is None:
         return None
-    from ..simulation.controller_file import ControllerFile
+    from ..simulation.own_file import ControllerFile
 
     return ControllerFile.read(given).controller()
+
+
+def own_plant(given: str | None) -> PlantLike | None:
+    """The plant of --plant; None without the option. Raises ScenarioError if it is not a plant."""
+    if given is None:
+        return None
+    from ..simulation.own_file import PlantFile
+
+    return PlantFile.read(given).plant()

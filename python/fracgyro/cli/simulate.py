@@ -17,10 +17,11 @@ from ..scenario.named import named
 from ..scenario.quantities import number_of
 from ..scenario.shipped import NAMES, SHIPPED, shipped_text
 from ..simulation.user_controller import ControllerLike, controller_name
+from ..simulation.user_plant import PlantLike, UserPlant
 from .commands import Names
 from .completion import changes
 from .figures import Cell, left_out, of_one, of_seeds, plain, rows, shown
-from .options import controller_option, own_controller, scenario_argument
+from .options import controller_option, own_controller, own_plant, scenario_argument
 from .terminal import print_table, progress
 
 MAX_SEEDS = 10**6
@@ -39,6 +40,7 @@ BARE_POINT = re.compile(r"[+-]?(\.\d+|\d+\.)([eE][+-]?\d+)?")  # numbers that ar
     help="Change a field, for example controller.order=0.8; an empty value unsets it. Repeatable.",
 )
 @controller_option()
+@click.option("--plant", metavar="FILE.py:NAME", help="Use your own plant instead of the scenario's.")
 @click.option("--seeds", type=int, metavar="N", help="Run N noise seeds, and print means with 95 % intervals.")
 @click.option(
     "--out", type=click.Path(path_type=Path), metavar="FILE", help="Write the run: .nc, .csv, .parquet, .mat."
@@ -49,6 +51,7 @@ def simulate_command(
     scenario: str | None,
     changes: Sequence[str],
     controller: str | None,
+    plant: str | None,
     seeds: int | None,
     out: Path | None,
     plot: Path | None,
@@ -59,15 +62,16 @@ def simulate_command(
 
     wanted = dict(map(_change, changes))
     chosen = _paper(wanted) if scenario in (None, "paper") else named(scenario or "").replace(wanted)
-    own = own_controller(controller)
+    own, model = own_controller(controller), own_plant(plant)
     cell: Cell = of_one if seeds is None else of_seeds
     if seeds is None:
-        figures = _one_run(chosen, own, out, plot)
+        figures = _one_run(chosen, own, model, out, plot)
     else:
         for option in (name for name, path in (("--out", out), ("--plot", plot)) if path):
             raise click.UsageError(f"--seeds is given with {option}: it must be left out, as many runs have no record")
-        figures = _many_runs(chosen, own, seeds)
+        figures = _many_runs(chosen, own, model, seeds)
     about: dict[str, Any] = {} if own is None else {"controller": controller_name(own)}
+    about |= {} if model is None else {"plant": UserPlant(model).name}
     about |= {} if seeds is None else {"seeds": seeds}
     if as_json:
         content = {name: plain(values, cell) for name, values in figures.items()}
@@ -76,18 +80,21 @@ def simulate_command(
     steady, si = chosen.run.duration >= TRANSIENT, chosen.run.units == "SI"
     titles = ("metric", "value" if seeds is None else "mean [95 %]", "unit")
     print_table(titles, rows(shown(figures, steady), si, cell))
-    notes = [f"controller: {about['controller']}, of {controller}"] if own else []
+    files = {"controller": controller, "plant": plant}
+    notes = [f"{name}: {about[name]}, of {file}" for name, file in files.items() if file]
     notes += [] if steady else [left_out(chosen, TRANSIENT)]
     if not si:
-        plant = chosen.plant
+        p = chosen.plant
         notes.append(
-            f"q0 is {plant.reference_length:g} m, ω0 {plant.reference_frequency:g} rad/s, m {plant.mass:g} kg. "
+            f"q0 is {p.reference_length:g} m, ω0 {p.reference_frequency:g} rad/s, m {p.mass:g} kg. "
             "For SI units: --set run.units=SI"
         )
     click.echo("".join(f"\n{note}\n" for note in notes), nl=False)
 
 
-def _one_run(scenario: Scenario, own: ControllerLike | None, out: Path | None, plot: Path | None) -> Any:
+def _one_run(
+    scenario: Scenario, own: ControllerLike | None, plant: PlantLike | None, out: Path | None, plot: Path | None
+) -> Any:
     """The metrics of a run, after its record was written and drawn."""
     from ..analysis.metrics import measured, summary
     from ..analysis.run_files import check_file, write_file
@@ -104,7 +111,7 @@ def _one_run(scenario: Scenario, own: ControllerLike | None, out: Path | None, p
     thinned = {} if out or plot else {"run.record_every": max(1, scenario.run.steps // MAX_UNSAVED)}
     recorded = scenario.replace(thinned)
     try:
-        run = simulate(recorded, own)
+        run = simulate(recorded, own, plant)
     except DivergedError as error:
         run, diverged = error.run, error
     if out:
@@ -114,12 +121,12 @@ def _one_run(scenario: Scenario, own: ControllerLike | None, out: Path | None, p
     if diverged:
         saved = f"; {out} has the samples up to then" if out else ""
         raise click.UsageError(f"{diverged}{saved}")
-    if own is not None and recorded.run.record_every == 1:
+    if (own or plant) and recorded.run.record_every == 1:
         return summary(run)  # a second run of a Python callable would take as long again
-    return measured(scenario, own).drop_vars("diverged_at")
+    return measured(scenario, own, plant).drop_vars("diverged_at")
 
 
-def _many_runs(scenario: Scenario, own: ControllerLike | None, seeds: int) -> Any:
+def _many_runs(scenario: Scenario, own: ControllerLike | None, plant: PlantLike | None, seeds: int) -> Any:
     """The metrics of a run for each seed, over `run`. Raises UsageError if a run diverges."""
     if not 2 <= seeds <= MAX_SEEDS:
         raise click.UsageError(f"--seeds is {seeds}: it must lie between 2 and {MAX_SEEDS}")
@@ -136,7 +143,9 @@ def _many_runs(scenario: Scenario, own: ControllerLike | None, seeds: int) -> An
             done += runs
             show(done, seeds)
 
-        found = measure_many([scenario], seeds=range(first, first + seeds), controller=own, progress=advance)
+        found = measure_many(
+            [scenario], seeds=range(first, first + seeds), controller=own, plant=plant, progress=advance
+        )
     at = found["diverged_at"].values
     if lost := [place for place, time in enumerate(at) if time == time]:
         raise click.UsageError(

@@ -95,17 +95,21 @@ class Law:
 class Plant:
     """A C function as a plant: `void f(const double* in, const double* state, const double* parameters, double* out)`.
 
-    The function computes the derivative of the state, four times a step: a step is a Runge-Kutta step of fourth order,
+    `derivative`: computes the derivative of the state, four times a step: a step is a Runge-Kutta step of fourth order,
     over which the force is held. `in`: 4 doubles, the time, the force [x, y], which includes the disturbance, and the
-    angular rate. `state` and `out`: `states` doubles, 2 to 8, and their derivatives. `parameters`: the values of
+    angular rate. `step`: computes the state after a step instead, which is called once, and faster. `in`: 7 doubles,
+    the time, the force [x, y], the angular rate at the beginning, middle and end of the step, and its length.
+
+    `state` and `out`: `states` doubles, 2 to 8, and their derivatives or next values. `parameters`: the values of
     `parameters`, in their order. Units are SI if run.units is SI, otherwise nondimensional. The 64 doubles behind each
     array are NaN; a run in which the function writes to them ends with a ValueError.
 
     `motion`: the places of x, y, vx and vy among the states; None for one that stays 0. `initial_state`: the state at
     the beginning; without it, run.initial_position and run.initial_velocity at those places and 0 elsewhere.
-    `takes_rate`: True if the function computes with the angular rate, which may then vary. `function`: as in `Law`.
+    `takes_rate`: True if the function computes with the angular rate, which may then vary. Functions: as in `Law`.
 
-    Raises TypeError for another kind of `function`, ValueError for invalid other arguments.
+    Raises TypeError unless one of `derivative` and `step` is given, and a C function; ValueError for invalid other
+    arguments.
 
     >>> fg.native.Plant(0x1000, states=2, motion=(0, None, 1, None)).states  # the address of a compiled function
     2
@@ -113,16 +117,21 @@ class Plant:
 
     def __init__(
         self,
-        function: Any,
+        derivative: Any = None,
         states: int = 4,
         parameters: Mapping[str, float] | None = None,
         *,
+        step: Any = None,
         motion: Sequence[int | None] = (0, 1, 2, 3),
         initial_state: Sequence[float] | None = None,
         takes_rate: bool = False,
     ) -> None:
-        self._address = _address(function)
-        self._function = function  # keeps it alive
+        if (derivative is None) == (step is None):
+            both = "neither is" if step is None else "both are"
+            raise TypeError(f"derivative or step must be given, as a C function: {both}")
+        self._steps = step is not None
+        self._function = step if self._steps else derivative  # keeps it alive
+        self._address = _address(self._function)
         if isinstance(states, bool) or not isinstance(states, int) or not 2 <= states <= MAX_PLANT_STATES:
             raise ValueError(f"states is {short(states)}: it must be an integer from 2 to {MAX_PLANT_STATES}")
         self.states = states
@@ -155,7 +164,9 @@ class Plant:
         """The core's plant for one run."""
         places = [-1 if place is None else place for place in self.motion]
         values = list(self.parameters.values())
-        return _core.NativePlant(self._address, values, self.states, places, list(self.initial_state or ()))
+        return _core.NativePlant(
+            self._address, self._steps, values, self.states, places, list(self.initial_state or ())
+        )
 
 
 def _parameters(given: Mapping[str, float] | None) -> dict[str, float]:
