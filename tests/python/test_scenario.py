@@ -440,15 +440,15 @@ def test_a_scenario_built_in_python_is_refused_with_the_same_sentence() -> None:
     ],
 )
 def test_the_functions_of_pydantic_refuse_in_the_same_words(given: str, sentence: str) -> None:
-    for read in (lambda: fg.Scenario.model_validate(json.loads(given)), lambda: fg.Scenario.model_validate_json(given)):
+    for read in (lambda: Scenario.model_validate(json.loads(given)), lambda: Scenario.model_validate_json(given)):
         with pytest.raises(ScenarioError) as refused:
             read()
         assert str(refused.value) == sentence
     with pytest.raises(ScenarioError, match=r'^scenario is "{": it must be JSON, but EOF'):
-        fg.Scenario.model_validate_json("{")
-    same = fg.Scenario.paper()
-    assert fg.Scenario.model_validate(same) is same
-    assert fg.Scenario.model_validate({"run": {"step": "2 us"}}).run.step == 2e-3
+        Scenario.model_validate_json("{")
+    same = Scenario.paper()
+    assert Scenario.model_validate(same) is same
+    assert Scenario.model_validate({"run": {"step": "2 us"}}).run.step == 2e-3
 
 
 def test_an_uncaught_error_prints_one_traceback_only() -> None:
