@@ -26,6 +26,15 @@ using Unguarded = std::conditional_t<from_positions, FromPositions<Registered>, 
 using ExportedController = std::conditional_t<exported::closed_loop, Unguarded, Guard<Unguarded>>;
 using Loop = std::conditional_t<exported::ideal, IdealLoop<ExportedController>, DeviceLoop<ExportedController>>;
 
+// A reference that comes from the importer. Its designs are those of the scenario's reference, which it replaces.
+struct InputReference : Course {
+    ReferencePoint<double> point{};
+
+    InputReference() {
+        at = [](const Course& c, std::uint64_t) { return static_cast<const InputReference&>(c).point; };
+    }
+};
+
 // Limit on the steps in one call of the importer: a few seconds of work.
 inline constexpr double most_steps = 1e7;
 
@@ -42,6 +51,8 @@ public:
         std::array<double, Loop::width> row{};
     };
 
+    Instance(const Instance&) = delete;  // setup_ points to reference_
+    Instance& operator=(const Instance&) = delete;
     Instance() {
         setup_.controller = params_of_kind(exported::kind);
         setup_.lists = Shared<ReferenceLists>(lists_from(exported::reference_terms, exported::reference_rows));
@@ -173,27 +184,47 @@ public:
             return false;
         }
         warning_[0] = '\0';
+        const Inputs inputs = read_inputs();
+        reference_.point = inputs.reference;
         for (double n = 0.0; n < count; ++n) {
             if constexpr (exported::closed_loop) {
-                if (!Loop::advance(state_.loop, coefficients_, draw_)) {
+                if (exported::reference_is_input) {
+                    answer(state_.loop);
+                } else {
+                    Loop::advance(state_.loop, coefficients_, draw_);
+                }
+                if (!bounded(state_.loop.motion)) {
                     return diverged();
                 }
                 if (state_.loop.step % 256 == 0) {
                     look_at_bounds(*std::get_if<exported::kind>(&setup_.controller), state_.loop.signals.report);
                 }
             } else {
-                state_.loop.motion = measured();
+                state_.loop.motion = inputs.motion;
                 state_.loop.signals =
                     ExportedController::step(state_.loop.controller, coefficients_.controller, state_.loop.motion);
                 warn(state_.loop.controller);
                 ++state_.loop.step;
             }
         }
-        Loop::write(state_.loop, coefficients_, state_.row.data());
+        if (!answers_inputs) {
+            Loop::write(state_.loop, coefficients_, state_.row.data());
+        }
         return true;
     }
 
 private:
+    static constexpr bool answers_inputs = exported::closed_loop && exported::reference_is_input;
+
+    // One step of a loop whose reference is known only now: first the sample, whose values are the outputs, then the
+    // motion to the next.
+    void answer(typename Loop::State& loop) {
+        Loop::run(loop, coefficients_, loop.step + 1, draw_, [&](const auto& at) {
+            loop.signals = at.signals;
+            Loop::write(loop, coefficients_, state_.row.data());
+        });
+    }
+
     // ρ h/δ and the bound estimates, from the time when s was within the layer: they show why a loop diverged. Only for
     // controllers that have them.
     template <class Params, class Report>
@@ -287,7 +318,12 @@ private:
     // The outputs before the first step, from the parameters as they stand.
     void look_ahead() {
         prepare();
-        if constexpr (exported::closed_loop) {
+        if constexpr (answers_inputs) {
+            state_.loop = {Loop::begin(setup_)};
+            reference_.point = read_inputs().reference;
+            typename Loop::State ahead = state_.loop;
+            return answer(ahead);
+        } else if constexpr (exported::closed_loop) {
             state_.loop = Loop::start(setup_, coefficients_, draw_);
         } else {
             state_.loop = {};
@@ -318,6 +354,10 @@ private:
         setup_.common.observer_bandwidth = exported::observer_bandwidth;
         take_terms(setup_.disturbance, exported::terms);
         Loop::take_device(setup_, numbers.data() + setting_count(setup_));
+        if (exported::reference_is_input) {
+            reference_.equivalent = equivalent_sine(setup_.common.reference);
+            setup_.common.reference.course = &reference_;
+        }
         coefficients_ = Loop::prepare(setup_);
         draw_ = Loop::draw(setup_);
         prepared_ = true;
@@ -357,15 +397,21 @@ private:
                fail("%s is [%.9g, %.9g, %.9g]: it must be positive %s", name, a.xx(), a.xy(), a.yy(), rule);
     }
 
-    Motion<exported::Number> measured() const {
-        std::array<exported::Number, 4> motion{};
+    struct Inputs {
+        Motion<exported::Number> motion{};
+        ReferencePoint<double> reference{};
+    };
+    Inputs read_inputs() const {
+        std::array<double, 10> a{};
         for (std::size_t i = 0; i < state_.values.size(); ++i) {
             const Variable& v = exported::variables[i];
             if (v.role == Role::input) {
-                motion[static_cast<std::size_t>(v.place)] = static_cast<exported::Number>(state_.values[i] / v.scale);
+                a[static_cast<std::size_t>(v.place)] = state_.values[i] / v.scale;
             }
         }
-        return {.position = {motion[0], motion[1]}, .velocity = {motion[2], motion[3]}};
+        const auto number = [](double value) { return static_cast<exported::Number>(value); };
+        return {.motion = {.position = {number(a[0]), number(a[1])}, .velocity = {number(a[2]), number(a[3])}},
+                .reference = {.position = {a[4], a[5]}, .velocity = {a[6], a[7]}, .acceleration = {a[8], a[9]}}};
     }
 
     bool known(std::size_t reference, bool integer) {
@@ -402,6 +448,7 @@ private:
 
     State state_{};
     bool prepared_ = false;  // the members below are up to date with state_.values
+    InputReference reference_{};
     Loop::RunSetup setup_{};
     typename Loop::Coefficients coefficients_{};
     Loop::Draw draw_ = Loop::draw(setup_);

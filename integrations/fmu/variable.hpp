@@ -12,7 +12,7 @@ enum class Role {
     constant,  // a number for which the exponentials were designed
     fixed,     // a number of settings.hpp, which can be set until the first sample
     tunable,   // the same, at any time
-    input,     // only of an FMU without a loop: x, y and, if they are measured, vx, vy
+    input,     // q and v of an FMU without a loop; r, r' and r'' if the reference is an input; x, y of each in order
     output     // a column of recorder.hpp's rows
 };
 

@@ -267,7 +267,7 @@ def test_output_that_finds_no_room_on_the_disk_is_no_success(tmp_path: Path, unb
         (["--plot", "run.xyz"], "run.xyz cannot be drawn: its suffix must be one of .svg, .png, .pdf"),
         (["--plot", "nowhere/run.svg"], "nowhere/run.svg cannot be written: No such file or directory"),
         (["--out", "nowhere/run.nc"], "nowhere/run.nc cannot be written: No such file or directory"),
-        (["--out", "mine.toml"], "mine.toml cannot be written: it is a file of another kind; choose another name"),
+        (["--out", "mine.toml"], "mine.toml cannot be written: its suffix must be one of .nc, .csv, .parquet, .mat"),
     ],
 )
 def test_a_run_does_not_begin_when_its_files_cannot_be_written(

@@ -21,7 +21,7 @@ from fmpy.simulation import instantiate_fmu
 from fmpy.validation import validate_fmu
 from fracgyro.cli import cli
 from fracgyro.export import settings
-from fracgyro.export.fmu import FMI2_FOLDERS, Content, Fmi
+from fracgyro.export.fmu import FMI2_FOLDERS, Content, Fmi, Reference
 from fracgyro.scenario.kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, reports
 from shared import shared
 
@@ -109,13 +109,17 @@ VERSIONS: tuple[Fmi, ...] = get_args(Fmi)
 def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., str]:
     """Each FMU is made once."""
 
-    def make(scenario: fg.Scenario, fmi: Fmi = "2.0", content: Content = "loop") -> str:
-        name = f"{content} {fmi} {scenario.content_hash()}.fmu"
+    def make(
+        scenario: fg.Scenario, fmi: Fmi = "2.0", content: Content = "loop", reference: Reference = "scenario"
+    ) -> str:
+        name = f"{content} {reference} {fmi} {scenario.content_hash()}.fmu"
         return str(
             shared(
                 tmp_path_factory,
                 name,
-                lambda path: fg.export.fmu(scenario, path, fmi=fmi, content=content, unbounded=True),
+                lambda path: fg.export.fmu(
+                    scenario, path, fmi=fmi, content=content, reference=reference, unbounded=True
+                ),
             )
         )
 
@@ -261,6 +265,75 @@ def test_the_controller_alone_answers_each_motion_with_the_force_of_the_loop(
             np.testing.assert_array_equal(force, expected["control"].values[n])
         else:  # the motion is rounded on its way
             np.testing.assert_allclose(force, expected["control"].values[n], rtol=1e-6)
+
+
+def with_table(scenario: fg.Scenario) -> tuple[fg.Scenario, np.ndarray]:
+    """The scenario with its reference as a table of a row for each step; these rows, (steps + 1, 6)."""
+    time = scenario.run.step * np.arange(scenario.run.steps + 1)
+    curve = np.column_stack([time, np.sin(4.17 * time), 1.2 * np.sin(5.11 * time)])
+    table = scenario.replace({"reference": {"kind": "table", "points": curve.tolist()}})
+    return table, np.reshape(settings.reference_lists(table)[1], (-1, 7))[:, 1:]
+
+
+REFERENCE_INPUTS = [f"reference_{name}.{axis}" for name in ("position", "velocity", "acceleration") for axis in "xy"]
+
+
+@pytest.mark.parametrize(("scenario", "fmi"), [(SHORT, "2.0"), (DEVICE, "3.0")], ids=["ideal", "device"])
+def test_a_loop_follows_its_inputs_with_the_bits_of_the_same_reference(
+    made: Callable[..., str], tmp_path: Path, scenario: fg.Scenario, fmi: Fmi
+) -> None:
+    table, rows = with_table(scenario.replace({"run.duration": 0.3}))
+    expected, step = columns(fg.simulate(table)), table.run.step
+    fmu = Instance(made(table, fmi, "loop", "input"), tmp_path).start()
+    assert [v.name for v in fmu.description.modelVariables if v.causality == "input"] == REFERENCE_INPUTS
+    assert not [name for name in fmu.references if name.startswith("reference.") and name[10:] not in "xy"]
+    saved = b""
+    got: dict[str, list[float]] = {name: [] for name in expected}
+    for n, row in enumerate(rows):
+        for name, value in zip(REFERENCE_INPUTS, row.tolist(), strict=True):
+            fmu.set(name, value)
+        if n == 100:  # the inputs belong to the state
+            saved = fmu.save()
+            fmu.set("reference_position.x", 9.0)
+            fmu.step(n * step, step)
+            fmu.load(saved)
+        fmu.step(n * step, step)
+        for name, values in got.items():
+            values.append(fmu.get(name))
+    for name, values in expected.items():
+        assert_same_bits(np.array(got[name]), values, name)
+
+
+@pytest.mark.parametrize("content", ["loop", "controller"])
+def test_the_papers_sine_as_input_gives_the_run_in_si_units(
+    made: Callable[..., str], tmp_path: Path, content: Content
+) -> None:
+    """To 1e-12: the paper's sine is rotated from step to step, a caller's is rounded once."""
+    scenario = SI.replace({"run.duration": 0.2, "disturbance.kind": "none"})
+    run, scales = fg.simulate(scenario.replace({"run.units": "nondimensional"})), scenario.plant.scales
+    time, step = run.time.values, scenario.run.step * scales.time
+    a, w = np.array(scenario.reference.amplitude), np.array(scenario.reference.frequency)
+    angle = np.outer(time, w) + np.array(scenario.reference.phase)
+    unit = {"position": scales.length, "velocity": scales.velocity, "acceleration": scales.velocity / scales.time}
+    sine = [a * np.sin(angle), a * w * np.cos(angle), -a * w * w * np.sin(angle)]
+    given = np.hstack([part * factor for part, factor in zip(sine, unit.values(), strict=True)])
+    fmu = Instance(made(scenario, "3.0", content, "input"), tmp_path).start()
+    force = []
+    for n, row in enumerate(given):
+        for name, value in zip(REFERENCE_INPUTS, row.tolist(), strict=True):
+            fmu.set(name, value)
+        for name in ("position", "velocity") if content == "controller" else ():
+            for axis in "xy":
+                fmu.set(f"{name}.{axis}", float(run[name].sel(axis=axis)[n]) * unit[name])
+        fmu.step(n * step, step)
+        force.append([fmu.get("control.x"), fmu.get("control.y")])
+    found, expected = np.array(force) / scales.force, run["control"].values
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+
+
+def test_a_drive_with_its_own_sine_takes_no_input(tmp_path: Path) -> None:
+    with pytest.raises(fg.ScenarioError, match=r"^controller.kind is force_rebalance, which drives the sine of its sc"):
+        fg.export.fmu(SCENARIOS["force_rebalance"], tmp_path / "x.fmu", reference="input", unbounded=True)
 
 
 @pytest.mark.parametrize("fmi", VERSIONS)
@@ -653,12 +726,14 @@ def test_the_command_writes_one(tmp_path: Path) -> None:
         "--out",
         str(tmp_path / "my.fmu"),
         "--controller",
+        "--reference",
+        "input",
         "--fmi",
         "3.0",
     ]
     ran = CliRunner().invoke(cli, words)
     assert ran.exit_code == 0
-    assert ran.output == f"{tmp_path / 'my.fmu'}: controller, FMI 3.0, for linux\n"
+    assert ran.output == f"{tmp_path / 'my.fmu'}: controller, reference as input, FMI 3.0, for linux\n"
     assert fmpy.read_model_description(tmp_path / "my.fmu").modelName == "fracgyro_controller"
 
 

@@ -19,7 +19,7 @@ from browser import served, violations, watched
 from children import PATIENCE
 from embedded import need
 from fracgyro.cli.simulate import _change
-from fracgyro.export.live import FACE, bundled, laws, page_data, write_page
+from fracgyro.export.live import FACE, bundled, laws, page, page_data, scenario_data, write_page
 from fracgyro.export.web import build, document
 from fracgyro.scenario.kinds import KINDS
 
@@ -609,3 +609,121 @@ def test_it_plays_by_itself_unless_motion_is_to_be_reduced_and_speaks(browser: A
     with opened(browser, address) as page:
         page.wait_for_timeout(300)
         assert time(page) == 0.0
+
+
+# -- The page of one scenario ----------------------------------------------------------------------------------------
+
+TABLE = np.linspace(0.0, 30.0, 61)
+PAPER = fg.Scenario.paper()
+OWN = {
+    "dual_mass": fg.Scenario.shipped("dual_mass"),
+    "a step": PAPER.replace({"reference": {"kind": "step", "amplitude": [3.0, -1.0], "start": 0.1, "smoothing": 0.05}}),
+    "a chirp": PAPER.replace(
+        {"reference": {"kind": "chirp", "frequency": [1.0, 2.0], "final_frequency": [5.0, 6.0], "end": 20.0}}
+    ),
+    "a table, disturbances that add up": PAPER.replace(
+        {
+            "reference": {
+                "kind": "table",
+                "points": np.column_stack([TABLE, np.cos(TABLE), np.sin(2 * TABLE)]).tolist(),
+            },
+            "disturbance": [
+                {"kind": "sine", "amplitude": [0.7, -0.3], "frequency": [2.0, 7.0]},
+                {"kind": "pulse", "amplitude": [30.0, 4.0], "start": 0.2, "width": 0.1},
+            ],
+        }
+    ),
+    "force rebalance, a rate that moves": PAPER.replace(
+        {
+            "controller.kind": "force_rebalance",
+            "reference.kind": ["sine", "rest"],
+            "device.sensing": "position",
+            "rate.kind": "sine",
+            "rate.amplitude": 10.0,
+            "rate.frequency": 30.0,
+        }
+    ),
+}
+CHANGES = {
+    "dual_mass": "disturbance.standard_deviation=2e-7&disturbance.seed=4&plant.angular_rate=2.5",
+    "a step": "run.step=0.0005&reference.amplitude.x=2&a.controller.order=0.8&a.adaptation.bound_gain[1]=2",
+    "a chirp": "disturbance.hold_steps=3&plant.stiffness_deviation.xx=2.5",
+    "a table, disturbances that add up": "plant.angular_rate=50&a.controller.force_limit=2000",
+    "force rebalance, a rate that moves": "plant.angular_rate=50&a.controller.force_limit=2000",
+}
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_the_page_of_a_scenario_copies_that_scenario(name: str, tmp_path: Path) -> None:
+    """With and without changes, of its own controller and of another: as TOML and as a command."""
+    need("WebAssembly")
+    file = tmp_path / "my own.toml"
+    OWN[name].save(file)
+    (tmp_path / "data.json").write_text(json.dumps(scenario_data(OWN[name], str(file))), encoding="utf-8")
+    code = f"""
+    const of = state.fromHash(data, data.presets, "#scenario&{CHANGES[name]}");
+    const other = state.fromHash(data, data.presets, "#scenario&a=pid");
+    console.log(JSON.stringify([state.stateOf(data.presets[0]), of, other].map((each) => ({{
+      scenario: state.scenarioOf(data, each, "a"),
+      toml: state.toToml(data, each, "a"),
+      command: state.toCommand(data, each, "a"),
+    }}))));
+    """
+    texts = json.loads(in_node(tmp_path / "data.json", code))
+    assert fg.Scenario.from_toml(texts[0]["toml"]).content_hash() == OWN[name].content_hash()
+    for said in texts:
+        program, verb, given, *words = shlex.split(said["command"])
+        assert (program, verb, given) == ("fracgyro", "simulate", str(file))
+        copies = (
+            fg.Scenario.from_toml(said["toml"]),
+            fg.Scenario.load(file).replace(dict(map(_change, words[1::2]))),
+        )
+        for made in copies:
+            found, expected = document(made), said["scenario"]
+            assert acting(found["settings"]) == acting(expected["settings"])
+            for part in ("device", "reference", "disturbance"):
+                assert found.get(part) == expected.get(part)
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_the_page_of_a_scenario_runs_it(browser: Any, folder: Path, name: str, tmp_path: Path) -> None:
+    scenario = OWN[name]
+    (tmp_path / "index.html").write_text(
+        page(scenario_data(scenario, "my.toml"), folder.parent / "fracgyro.wasm"), encoding="utf-8"
+    )
+    with opened(browser, (tmp_path / "index.html").as_uri(), color_scheme="light") as shown:
+        step = 1e3 * scenario.run.step * scenario.plant.scales.time
+        run_to(shown, 300 * step)
+        sample = round(time(shown) / step)
+        run = fg.simulate(scenario.replace({"run.record_every": 1})).isel(time=sample)
+        assert str(float(value(shown, "control.x"))) == digits(float(run["control"][0]))
+        length = 1e6 * scenario.plant.scales.length
+        assert str(float(value(shown, "error.y"))) == digits(length * abs(float(run["error"][1])))
+        for canvas in shown.query_selector_all(".plot.tall canvas, #scene"):
+            assert canvas.evaluate(DRAWN)[0] > 20
+        assert violations(shown) == []
+
+
+def test_the_command_writes_a_page_or_opens_it(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from click.testing import CliRunner
+    from fracgyro.cli import cli
+
+    wasm = (folder.parent / "fracgyro.wasm").read_bytes()  # takes a minute to build
+    monkeypatch.setitem(fg.export.live.__globals__, "build_module", lambda path: path.write_bytes(wasm))
+    out = tmp_path / "page.html"
+    assert CliRunner().invoke(cli, ["live", "dual_mass", "--out", str(out)]).output == f"{out}: open it in a browser\n"
+    assert "Drive the gyroscope" in out.read_text(encoding="utf-8")
+    seen: list[str] = []
+    monkeypatch.setattr("webbrowser.open", lambda address: not seen.append(address))
+    said = CliRunner().invoke(cli, ["live", "dual_mass"]).output
+    (address,) = seen
+    path = Path(address.removeprefix("file://"))
+    assert said == f"{path}: opened in the browser\n"
+    assert path.read_text(encoding="utf-8") == out.read_text(encoding="utf-8")
+
+
+def test_a_plant_that_the_module_lacks_is_refused(tmp_path: Path) -> None:
+    duffing = PAPER.replace({"plant.kind": "duffing"})
+    with pytest.raises(fg.ScenarioError, match=r"^plant.kind is duffing: it must be gyroscope"):
+        fg.export.live(duffing, tmp_path / "page.html")
+    assert not list(tmp_path.iterdir())

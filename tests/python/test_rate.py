@@ -7,6 +7,8 @@ import math
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import fracgyro as fg
 import numpy as np
@@ -14,10 +16,10 @@ import pytest
 from figure_data import column, figure_data
 from fracgyro.rate.bound import Bound, bound_angle_random_walk
 from fracgyro.rate.measure import measure
-from fracgyro.rate.results import results
+from fracgyro.rate.results import _full_scale, results
 from fracgyro.rate.runs import _couplings, run_all
 from fracgyro.rate.sensor import Output, Sensor
-from fracgyro.rate.units import thermal_force_density
+from fracgyro.rate.units import DEG_PER_S, thermal_force_density
 from fracgyro.scenario import ScenarioError
 from fracgyro.scenario.named import exactly_sensed
 from fracgyro.scenario.schema import Plant
@@ -113,12 +115,14 @@ def test_a_shipped_scenario_is_printed_with_its_sources(tmp_path: Path) -> None:
     (tmp_path / "device.toml").write_text(printed.stdout, encoding="utf-8")
     assert fg.Scenario.load(tmp_path / "device.toml") == fg.Scenario.shipped("dual_mass")
     listed = run("scenario", "--list").stdout
-    assert re.findall(r"^(\w+)", listed, re.MULTILINE) == ["paper", *SHIPPED]
+    assert re.findall(r"^([\w-]+)", listed, re.MULTILINE) == ["paper", "paper-printed", *SHIPPED]
 
 
 def test_an_unknown_scenario_is_refused() -> None:
     assert "'dual_mas' is not one of" in sentence(run("scenario", "dual_mas"))
-    with pytest.raises(ScenarioError, match="it must be one of hardware, paper_thermal, paper_resonance"):
+    with pytest.raises(
+        ScenarioError, match="it must be one of paper, paper-printed, hardware, .*; did you mean dual_mass"
+    ):
         fg.Scenario.shipped("dual_mas")
 
 
@@ -332,13 +336,14 @@ def test_the_measured_noise_is_near_the_bound_and_its_figures_are_finite(
     sensor = Sensor.of(scenario.replace({"run.duration": 8000.0}), 2)
     measured = measure(sensor, run_all(sensor))
     found = {result.key: result for result in results(measured)}
-    # Only the largest rate tried is known of the full scale: a lower limit.
-    assert measured.full_scale_is_last
-    assert math.isnan(found["full_scale"].value)
-    assert found["full_scale"].low == pytest.approx(9600)
-    further = results(replace(measured, full_scale_is_last=False))
-    reached = next(result for result in further if result.key == "full_scale")
-    assert (reached.value, reached.note) == (pytest.approx(9600), "")
+    # The output is right up to the largest rate tried, 9600 deg/s, but the forces are not.
+    limited = found["full_scale"]
+    assert (limited.value, limited.grade) == (pytest.approx(4800), "navigation")
+    assert limited.note == "above it more than 1 % of the samples reach a limit of force or sensors"
+    last = results(replace(measured, full_scale_is_last=True, full_scale_is_limited=False))
+    reached = next(result for result in last if result.key == "full_scale")
+    assert math.isnan(reached.value)
+    assert (reached.low, reached.note) == (pytest.approx(4800), "at least this, the largest rate tried")
     walk = measured.allan.angle_random_walk
     assert walk is not None
     assert measured.bound is not None
@@ -400,3 +405,30 @@ def test_the_couplings_tried_are_as_worked_by_hand() -> None:
     assert rate == pytest.approx(300 * DEG)
     assert coupling == pytest.approx(2.43388e-6, rel=1e-4)
     assert as_rate == pytest.approx(0.857, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({}, True),
+        ({"controller.force_limit": 0.0001}, False),
+        ({"device.actuator_limit": 1e-9}, False),
+        ({"device.position_range": [1e-7, 1.0]}, False),
+    ],
+)
+def test_a_rate_that_forces_or_sensors_cannot_follow_is_beyond_the_limits(
+    changes: dict[str, object], expected: bool
+) -> None:
+    """0.0001 of the unit of force, 1 nN and 0.1 µm are less than the motion at 300 deg/s takes."""
+    sensor = Sensor.of(fg.Scenario.shipped("dual_mass").replace({"run.duration": 8000.0, **changes}), 1)
+    assert sensor.keeps_its_limits(DEG_PER_S.to_si(300.0)) == expected
+
+
+def test_without_a_limit_of_force_the_full_scale_has_no_grade_and_says_why() -> None:
+    free = fg.Scenario.shipped("dual_mass").replace({"controller.force_limit": math.inf})
+    measured: Any = SimpleNamespace(
+        scenario=free, full_scale=1.0, full_scale_is_last=False, full_scale_is_limited=False
+    )
+    assert _full_scale(measured).note.startswith("not graded: without controller.force_limit or device.actuator_limit")
+    measured.scenario = free.replace({"device.actuator_limit": 1e-5})
+    assert (_full_scale(measured).note, _full_scale(measured).grade) == ("", "consumer")

@@ -22,7 +22,7 @@ from fracgyro.rate.measure import _check_rest, _credible
 from fracgyro.rate.merit import Response, full_scale, gain_and_lag, response, static, turn_on_time
 from fracgyro.rate.report import grade_of, interval_of, value_of
 from fracgyro.rate.require import verdict
-from fracgyro.rate.results import Result, _zero_rate_output, noise_terms
+from fracgyro.rate.results import Result, _mean, noise_terms
 from fracgyro.rate.sensor import Output
 from fracgyro.rate.units import (
     DEG_PER_H,
@@ -383,8 +383,11 @@ def test_a_requirement_is_decided_by_the_interval(
     assert verdict(Result(key, "Figure", "", "deg/h", value, low, high), limit) == expected
 
 
-def test_an_output_at_rest_that_may_be_zero_has_no_grade() -> None:
-    noise, bias = (_zero_rate_output(Mean(1e-4, 1e-4 - half, 1e-4 + half)) for half in (2e-4, 5e-5))
+def test_a_mean_that_may_be_zero_has_no_grade() -> None:
+    noise, bias = (
+        _mean("zero_rate_output", "", "", DEG_PER_H, Mean(1e-4, 1e-4 - half, 1e-4 + half), "bias")
+        for half in (2e-4, 5e-5)
+    )
     assert noise.grade is None
     assert noise.note == "not observed: its interval includes 0"
     assert (bias.grade, bias.note) == (grade("bias", bias.value), "")

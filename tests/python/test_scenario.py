@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import re
@@ -428,6 +429,26 @@ def test_no_field_takes_a_string_a_date_or_nan(path: str) -> None:
 def test_a_scenario_built_in_python_is_refused_with_the_same_sentence() -> None:
     with pytest.raises(ScenarioError, match=re.escape("controller.order is 1.2: it must lie between 0 and 1")):
         Scenario(controller={"order": 1.2})
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ('{"run": {"step": "x"}}', 'run.step is "x": it must be a number, or a time such as "2 us" or "20 ms"'),
+        ('{"runn": {}}', "runn is not a known field; did you mean run?"),
+        ("3", "scenario is 3: it must be a table"),
+    ],
+)
+def test_the_functions_of_pydantic_refuse_in_the_same_words(given: str, sentence: str) -> None:
+    for read in (lambda: Scenario.model_validate(json.loads(given)), lambda: Scenario.model_validate_json(given)):
+        with pytest.raises(ScenarioError) as refused:
+            read()
+        assert str(refused.value) == sentence
+    with pytest.raises(ScenarioError, match=r'^scenario is "{": it must be JSON, but EOF'):
+        Scenario.model_validate_json("{")
+    same = Scenario.paper()
+    assert Scenario.model_validate(same) is same
+    assert Scenario.model_validate({"run": {"step": "2 us"}}).run.step == 2e-3
 
 
 def test_an_uncaught_error_prints_one_traceback_only() -> None:

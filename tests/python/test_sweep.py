@@ -312,7 +312,7 @@ def test_a_study_that_only_reads_differently_resumes(small: Path, tmp_path: Path
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["study.toml"], "Missing option '--out'"),
+        (["study.toml"], "--out is missing: it must name a folder, unless --dry-run is given"),
         (["nowhere.toml", "--out", "new"], "nowhere.toml cannot be read: No such file or directory"),
         (["study.toml", "--out", "study.toml"], "study.toml cannot be"),
         (["study.toml", "--out", "full"], "full is not empty and has no study: --out must be an empty or new"),

@@ -34,13 +34,14 @@ function relative(scenario, columns, name) {
 }
 
 // Returns a function that writes the channels of the row that starts at `from` to `out`. Rates are in the unit of the
-// setting; what a run does not have is NaN.
+// setting, errors in µm; what a run does not have is NaN.
 export function channelsOf(scenario, columns) {
   const scale = scenario.scales["plant.angular_rate"] ?? 1;
   const rate = scenario.settings["plant.angular_rate"];
   const moving = columns.indexOf("angular_rate");
   const stiffness = relative(scenario, columns, "stiffness");
   const damping = relative(scenario, columns, "damping");
+  const length = scenario.length ?? 1; // of the unit of length, µm
   const copied = CHANNELS.map((name, to) => [to, columns.indexOf(name)]).filter(([, at]) => at >= 0);
   return (rows, from, out) => {
     out.fill(NaN);
@@ -50,8 +51,8 @@ export function channelsOf(scenario, columns) {
     out[place.rate] = moving < 0 ? rate : rows[from + moving] * scale;
     out[place.rate_estimate] *= scale;
     out[place.rate_deviation] *= scale;
-    out[place["error.x"]] = Math.abs(out[place["error.x"]]);
-    out[place["error.y"]] = Math.abs(out[place["error.y"]]);
+    out[place["error.x"]] = length * Math.abs(out[place["error.x"]]);
+    out[place["error.y"]] = length * Math.abs(out[place["error.y"]]);
     out[place.stiffness_error] = stiffness(rows, from);
     out[place.damping_error] = damping(rows, from);
   };

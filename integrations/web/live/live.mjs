@@ -32,6 +32,7 @@ const $ = (id) => document.getElementById(id);
 const still = matchMedia("(prefers-reduced-motion: reduce)");
 
 let data, state, theme;
+let pages = presets;
 let history = new History(0, 1, 1);
 let scenarios = [];
 let points = []; // the channels of each run's last sample
@@ -88,7 +89,7 @@ function problem(sentence) {
 const runs = () => RUNS.filter((run) => state[run] !== NO_LAW);
 const stepOf = () => scenarios[0].settings["run.step"];
 // A unit of time in ms.
-const unitOfTime = () => 1e3 / (scenarios[0].scales["plant.angular_rate"] ?? 1e3);
+const unitOfTime = () => 1e3 / (data.base.scales["plant.angular_rate"] ?? 1e3);
 const milliseconds = (samples) => samples * stepOf() * unitOfTime();
 
 // From t = 0, with the settings as they are. Returns whether they can be run.
@@ -115,7 +116,7 @@ async function restart() {
   ended = wanted.map(() => null);
   [sample, owed, cursor] = [0, 0, null];
   figure = figureOf(wanted[0]);
-  scene.restart();
+  scene.restart(smallForce() / 2, unitOfTime());
   problem("");
   showRuns();
   await advance(1);
@@ -187,6 +188,9 @@ function kick(velocity) {
 }
 
 // -- Settings
+
+// A force that counts as small: 2, or a fifth of a limit below 10.
+const smallForce = () => Math.min(2, 0.2 * (scenarios[0].settings["controller.force_limit"] ?? Infinity));
 
 const valueOf = (name, run) => scenarios[runs().indexOf(run)]?.settings[name] ?? null;
 const restarts = (name) => Boolean(data.fields[name].fixed);
@@ -263,7 +267,7 @@ let remembering;
 function remember() {
   clearTimeout(remembering);
   remembering = setTimeout(() => {
-    window.history.replaceState(null, "", toHash(presets, state));
+    window.history.replaceState(null, "", toHash(pages, state));
   }, 300);
 }
 
@@ -288,7 +292,7 @@ function build() {
     }),
   );
   $("shared").replaceChildren($("shared").firstElementChild, ...sharedFields(added));
-  $("sentence").textContent = presets.find(({ key }) => key === state.preset).sentence;
+  $("sentence").textContent = pages.find(({ key }) => key === state.preset).sentence;
   for (const link of $("presets").querySelectorAll("a")) {
     const chosen = link.hash === `#${state.preset}`;
     chosen ? link.setAttribute("aria-current", "true") : link.removeAttribute("aria-current");
@@ -319,7 +323,9 @@ function details(words, names, run, added) {
 }
 
 function ownFields(run, added) {
-  const names = settingNames(data, kindOf(data, state, run)).filter((name) => isOffered(name) && !isShared(name));
+  const names = settingNames(data, kindOf(data, state, run)).filter(
+    (name) => isOffered(data, name) && !isShared(name),
+  );
   const order = "controller.order";
   const fields = [];
   if (names.includes(order)) {
@@ -339,44 +345,49 @@ function ownFields(run, added) {
   return [...fields, details("All settings of this controller", rest, run, added)];
 }
 
-const QUIET = -2.02; // the slider's position of no noise
 function sharedFields(added) {
   const noise = "disturbance.standard_deviation";
-  const names = settingNames(data, kindOf(data, state, "a")).filter((name) => isOffered(name) && isShared(name));
+  const all = settingNames(data, kindOf(data, state, "a"));
+  const names = all.filter((name) => isOffered(data, name) && isShared(name));
+  const usual = data.base.settings[noise] > 0 ? Math.round(Math.log10(data.base.settings[noise])) : 0;
+  const quiet = usual - 2.02; // the slider's position of no noise
+  const several = (of) => Object.keys(of).length > 1;
   const apart = ["plant.angular_rate", noise, "disturbance.seed"];
   const rest = names.filter((name) => !apart.includes(name));
   const choices = (of) => Object.entries(of).map(([key, { label }]) => [key, label]);
-  return [
-    added(
+  const fields = [
+    names.includes(noise) &&
+      added(
       sliderField("Noise σ of the disturbing force", data.fields[noise], {
-        low: QUIET,
-        high: 1,
+        low: quiet,
+        high: usual + 1,
         step: 0.01,
-        to: (position) => (Number(position) <= QUIET ? 0 : Number((10 ** position).toPrecision(3))),
-        from: (value) => (value > 0 ? Math.log10(value) : QUIET),
+        to: (position) => (Number(position) <= quiet ? 0 : Number((10 ** position).toPrecision(3))),
+        from: (value) => (value > 0 ? Math.log10(value) : quiet),
         live: true,
-        words: (value) => String(value),
+        words: (value) => String(Number(value.toPrecision(3))),
         value: () => valueOf(noise, "a"),
         set: (value) => set(noise, value),
       }),
     ),
-    added(
+    several(data.rates) && added(
       selectField("Angular rate", choices(data.rates), {
         value: () => state.rate,
         set: (key) => choose("rate", key),
         help: "Restarts.",
       }),
     ),
-    added(
+    several(data.sensors) && added(
       selectField("Sensors", choices(data.sensors), {
         value: () => state.sensors,
         set: (key) => choose("sensors", key),
         help: "Restarts.",
       }),
     ),
-    plain("disturbance.seed", undefined, added),
+    names.includes("disturbance.seed") && plain("disturbance.seed", undefined, added),
     details("All settings of gyroscope, reference, noise and run", rest, undefined, added),
   ];
+  return fields.filter(Boolean);
 }
 
 // -- Plots and numbers
@@ -466,6 +477,7 @@ function showRuns() {
 // Draws the limits of the force.
 function showLimits() {
   const limits = scenarios.map(({ settings }) => settings["controller.force_limit"]);
+  plots[FORCE].least = smallForce();
   plots[FORCE].lines = runs().flatMap((color, i) =>
     Number.isFinite(limits[i]) ? [-1, 1].map((sign) => ({ value: sign * limits[i], color })) : [],
   );
@@ -620,7 +632,7 @@ const B_AS_TOML = 3;
 function buildOut() {
   const button = (words, act) => element("button", { type: "button", onclick: act }, words);
   const both = (words) => runs().map((run) => words(data, state, run));
-  const link = () => location.href.replace(/#.*$/, "") + toHash(presets, state);
+  const link = () => location.href.replace(/#.*$/, "") + toHash(pages, state);
   $("out").append(
     button("Copy the address", () => copy(link(), "The address was")),
     button("Copy as command", () => copy(both(toCommand).join("\n"), "The command was")),
@@ -648,7 +660,8 @@ function listen() {
     showSpeed();
     remember();
   });
-  $("window").append(...WINDOWS.map((units) => element("option", { value: units }, `${units} ms`)));
+  const label = (units) => `${Number((units * unitOfTime()).toPrecision(3))} ms`;
+  $("window").append(...WINDOWS.map((units) => element("option", { value: units }, label(units))));
   $("window").addEventListener("change", () => {
     state.window = Number($("window").value);
     dirty = true;
@@ -706,18 +719,27 @@ function onArrow(event) {
   }
 }
 
+// The ranges of a page of one scenario.
+function showOwn() {
+  const rate = Math.abs(data.base.settings["plant.angular_rate"]);
+  const most = Number((3 * rate || 300).toPrecision(2));
+  Object.assign($("rate"), { min: -most, max: most, step: most / 300 });
+  Object.assign($("speed"), { min: Math.log10(data.speeds.minimum), max: Math.log10(data.speeds.maximum) });
+  plots[0].least = Math.min(20, 0.2 * rate || 20);
+}
+
 // Shows the page of the address; if there is no such page, the first preset and the reason.
 async function fromAddress() {
   let why = "";
   try {
-    state = fromHash(data, presets, location.hash);
+    state = fromHash(data, pages, location.hash);
   } catch (error) {
     why = error.message;
-    state = stateOf(presets[0]);
+    state = stateOf(pages[0]);
   }
   if (!(await restart())) {
     why = $("problem").textContent;
-    state = stateOf(presets.find(({ key }) => key === state.preset));
+    state = stateOf(pages.find(({ key }) => key === state.preset));
     await restart();
   }
   build();
@@ -734,15 +756,19 @@ async function unpacked(id) {
 
 async function main() {
   data = JSON.parse(new TextDecoder().decode(await unpacked("data")));
+  pages = data.presets ?? presets;
   readTheme();
   startWorker();
   await ask("load", { wasm: await unpacked("module"), data });
   $("presets").append(
-    ...presets.map(({ key, title }) => element("li", {}, element("a", { href: `#${key}` }, title))),
+    ...pages.map(({ key, title }) => element("li", {}, element("a", { href: `#${key}` }, title))),
   );
   $("version").textContent = `fracgyro ${data.version}`;
   buildPlots();
   buildOut();
+  if (data.own) {
+    showOwn();
+  }
   listen();
   await fromAddress();
   requestAnimationFrame(frame);

@@ -6,10 +6,15 @@ import { place } from "./channels.mjs";
 const REACH = 1.75; // from the middle to the frame, in units of q0
 const FASTEST = 0.6; // the frame's turning on the screen, rad/s
 const TRAIL = 2; // units of time
+const PATH = 2000; // bins of a reference that is not a figure
+const FAR = 1.25; // the reference stays within this distance on each axis, q0 or more
 
 export class Scene {
   #angle = 0;
   #strongest = 1;
+  #weakest = 1;
+  #zoom = 1;
+  #trail = TRAIL;
 
   constructor(canvas) {
     this.canvas = canvas;
@@ -20,19 +25,24 @@ export class Scene {
     const most = FASTEST * seconds;
     this.#angle += Math.max(-most, Math.min(most, rate * units));
   }
-  restart() {
+  // weakest: the force that is drawn as long as the frame if no stronger one acts. unit: a unit of time, as in the
+  // history.
+  restart(weakest, unit) {
+    this.#trail = TRAIL * unit;
     this.#angle = 0;
-    this.#strongest = 1;
+    this.#weakest = weakest;
+    this.#strongest = weakest;
+    this.#zoom = 1;
   }
 
   // From the screen to the frame's axes, in units of q0.
   inFrame(x, y) {
     const size = Math.min(this.canvas.clientWidth, this.canvas.clientHeight) / 2 / (REACH * 1.45);
     const [cosine, sine] = [Math.cos(this.#angle), Math.sin(this.#angle)];
-    return [(x * cosine - y * sine) / size, -(x * sine + y * cosine) / size];
+    return [(x * cosine - y * sine) / size / this.#zoom, -(x * sine + y * cosine) / size / this.#zoom];
   }
 
-  // points: the channels of each run's last sample. figure: points of the reference.
+  // points: the channels of each run's last sample. figure: points of the reference; null: those of the history.
   draw(history, points, figure, theme) {
     const { context, width, height } = fitted(this.canvas);
     const size = Math.min(width, height) / 2 / (REACH * 1.45);
@@ -46,25 +56,23 @@ export class Scene {
     context.strokeRect(-REACH, -REACH, 2 * REACH, 2 * REACH);
     context.fillStyle = theme.text;
     context.fillRect(-0.06, REACH, 0.12, 0.14); // so that turning shows
-    stroke(context, figure, theme.muted, 1.5 * pixel, [4 * pixel, 4 * pixel]);
-    points.forEach((point, run) => this.#trail(context, history, run, theme, pixel));
+    const goal = [points[0][place["reference.x"]], points[0][place["reference.y"]]];
+    const path = [...(figure ?? pathOf(history, 0, "reference", history.count(0) - PATH)), goal];
+    const farthest = Math.max(FAR, ...path.flat().map((a) => Math.abs(a) || 0));
+    this.#zoom = FAR / farthest;
+    const zoomed = (path) => path.map(([x, y]) => [x * this.#zoom, y * this.#zoom]);
+    stroke(context, zoomed(figure ?? path), theme.muted, 1.5 * pixel, [4 * pixel, 4 * pixel]);
+    points.forEach((_, run) => {
+      const begin = history.count(run) - Math.ceil(this.#trail / history.bin);
+      const trail = zoomed(pathOf(history, run, "position", begin));
+      stroke(context, trail, theme["ab"[run]], 2 * pixel, run ? [7 * pixel, 3 * pixel] : []);
+    });
     [...points.entries()].reverse().forEach(([run, point]) => this.#mass(context, run, point, theme, pixel));
-  }
-
-  #trail(context, history, run, theme, pixel) {
-    const end = history.count(run);
-    const begin = Math.max(history.first(run), end - Math.ceil(TRAIL / history.bin));
-    const at = (name, i) => history.last(run, place[name], i);
-    const path = [];
-    for (let i = begin; i < end; ++i) {
-      path.push([at("position.x", i), at("position.y", i)]);
-    }
-    stroke(context, path, theme["ab"[run]], 2 * pixel, run ? [7 * pixel, 3 * pixel] : []);
   }
 
   #mass(context, run, point, theme, pixel) {
     const color = theme["ab"[run]];
-    const [x, y] = [bounded(point[place["position.x"]]), bounded(point[place["position.y"]])];
+    const [x, y] = ["x", "y"].map((axis) => bounded(this.#zoom * point[place[`position.${axis}`]]));
     const half = 0.3;
     if (run === 0) {
       const springs = [
@@ -93,7 +101,7 @@ export class Scene {
     if (!Number.isFinite(strength)) {
       return;
     }
-    this.#strongest = Math.max(strength, this.#strongest * 0.998, 1);
+    this.#strongest = Math.max(strength, this.#strongest * 0.998, this.#weakest);
     const [dx, dy] = [ux / this.#strongest, uy / this.#strongest];
     stroke(context, [[x, y], [x + dx, y + dy]], color, 3 * pixel, []);
     const length = Math.hypot(dx, dy) || 1;
@@ -133,12 +141,24 @@ function spring([fromX, fromY], [toX, toY]) {
   return [...points, [toX, toY]];
 }
 
-// The reference from its settings, for as long as a figure takes.
+// Positions of a run, or of its reference, from a bin of the history on.
+function pathOf(history, run, name, begin) {
+  const end = history.count(run);
+  const first = Math.max(history.first(run), begin);
+  return Array.from({ length: Math.max(0, end - first) }, (_, i) =>
+    ["x", "y"].map((axis) => history.last(run, place[`${name}.${axis}`], first + i)),
+  );
+}
+
+// A reference of sines from its settings, for as long as a figure takes; null for any other, which has no period.
 export function figureOf({ settings }) {
+  if ([0, 1].some((axis) => settings[`reference.kind[${axis}]`] !== "sine")) {
+    return null;
+  }
   const at = (time) =>
     ["x", "y"].map((axis) => {
       const of = (name) => settings[`reference.${name}.${axis}`];
-      return of("amplitude") * Math.sin(of("frequency") * time + of("phase"));
+      return of("offset") + of("amplitude") * Math.sin(of("frequency") * time + of("phase"));
     });
   const slowest = Math.min(...["x", "y"].map((axis) => Math.abs(settings[`reference.frequency.${axis}`]) || Infinity));
   const period = Number.isFinite(slowest) ? (2 * Math.PI) / slowest : 1;

@@ -3,7 +3,6 @@
 
 export const RUNS = ["a", "b"];
 export const NO_LAW = "none";
-const SPEEDS = { minimum: 0.1, maximum: 40 };
 export const WINDOWS = [2, 5, 20, 80];
 const SHARED = ["plant", "reference", "disturbance", "run"];
 // Fields that a scenario derives from others. The fields from which it derives them, and those that are chosen in other
@@ -14,7 +13,7 @@ const NOT_OFFERED =
 
 export const tableOf = (name) => name.split(".")[0];
 export const isShared = (name) => SHARED.includes(tableOf(name));
-export const isOffered = (name) => !DERIVED.test(name) && !NOT_OFFERED.test(name);
+export const isOffered = (data, name) => !DERIVED.test(name) && !NOT_OFFERED.test(name) && !data.hidden.includes(name);
 
 // The page as a preset has it.
 export function stateOf(preset) {
@@ -51,7 +50,9 @@ export function scenarioOf(data, state, run) {
   const known = settingNames(data, kindOf(data, state, run));
   const own = Object.fromEntries(known.map((name) => [name, settings[name]]));
   const device = data.devices[`${state.rate} ${state.sensors}`];
-  return { settings: own, scales: data.base.scales, ...(device ? { device } : {}) };
+  const { scales, length, reference, disturbance } = data.base;
+  const given = Object.entries({ length, device, reference, disturbance }).filter(([, each]) => each);
+  return { settings: own, scales, ...Object.fromEntries(given) };
 }
 
 // -- The address
@@ -133,19 +134,23 @@ function take(data, state, name, text) {
   }
   if (name === "speed") {
     state.speed = Number(text);
-    if (!(state.speed >= SPEEDS.minimum && state.speed <= SPEEDS.maximum)) {
-      throw new RangeError(`speed is ${text}: it must be from ${SPEEDS.minimum} to ${SPEEDS.maximum}`);
+    const { minimum, maximum } = data.speeds;
+    if (!(state.speed >= minimum && state.speed <= maximum)) {
+      throw new RangeError(`speed is ${text}: it must be from ${minimum} to ${maximum}`);
     }
     return;
   }
   const [, run, setting] = /^(?:([ab])\.)?(.*)$/.exec(name);
-  if (!Object.hasOwn(data.fields, setting) || !isOffered(setting) || isShared(setting) === Boolean(run)) {
+  if (!Object.hasOwn(data.fields, setting) || !isOffered(data, setting) || isShared(setting) === Boolean(run)) {
     throw new RangeError(`${name} is nothing that this page can set`);
   }
   (run ? state.own[run] : state.shared)[setting] = parsed(data.fields[setting], text);
 }
 
 // -- The scenario elsewhere
+
+// Settings of the scenario file of a controller: what a page of one scenario starts from.
+const ofFile = (data, state, run) => ({ ...data.base.settings, ...data.laws[state[run]].settings });
 
 // [field, value in TOML] of all that differs from `defaults`.
 function differing(data, state, run, defaults) {
@@ -165,9 +170,14 @@ function differing(data, state, run, defaults) {
       found.set(path, part ? parts(path, settings) : toml(settings[name]));
     }
   }
-  if (found.has("disturbance.hold_steps") || found.has("run.step")) {
+  const hasHold = !data.hidden.includes("disturbance.hold_steps");
+  if (hasHold && (found.has("disturbance.hold_steps") || found.has("run.step"))) {
     found.delete("disturbance.hold_steps");
     found.set("disturbance.hold", toml(settings["disturbance.hold_steps"] * settings["run.step"]));
+  }
+  if (data.own?.density && (found.has("disturbance.hold") || found.has("disturbance.standard_deviation"))) {
+    found.set("disturbance.standard_deviation", toml(settings["disturbance.standard_deviation"]));
+    found.set("disturbance.density", ""); // not set: noise has one of the two
   }
   for (const changes of [data.rates[state.rate].scenario, data.sensors[state.sensors].scenario]) {
     Object.entries(changes).forEach(([path, value]) => found.set(path, toml(value)));
@@ -194,15 +204,26 @@ function toml(value) {
 
 // `fracgyro simulate` of a run.
 export function toCommand(data, state, run) {
-  const words = differing(data, state, run, data.defaults.command).map(([path, value]) => {
+  const { own } = data;
+  const changes = differing(data, state, run, own ? ofFile(data, state, run) : data.defaults.command);
+  if (own && state[run] !== own.law) {
+    changes.unshift(["controller.kind", kindOf(data, state, run)]);
+  }
+  const words = changes.map(([path, value]) => {
     const change = `${path}=${value.replace(/^"(\w+)"$/, "$1")}`;
     return ` --set ${/^[\w.=+-]+$/.test(change) ? change : `'${change}'`}`;
   });
-  return `fracgyro simulate${words.join("")}`;
+  return `fracgyro simulate${own ? ` ${quoted(own.name)}` : ""}${words.join("")}`;
 }
+
+const quoted = (word) => (/^[\w./+-]+$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`);
 
 // A scenario file of a run.
 export function toToml(data, state, run) {
+  if (data.own) {
+    const changes = differing(data, state, run, ofFile(data, state, run));
+    return changes.reduce((text, [path, value]) => withLine(text, path, value), data.laws[state[run]].toml);
+  }
   const tables = new Map();
   for (const [path, value] of differing(data, state, run, data.defaults.toml)) {
     const [table, field] = path.split(".");
@@ -211,4 +232,15 @@ export function toToml(data, state, run) {
   const head = "# What is left out has the paper's values, in the corrected reading.";
   const bodies = [...tables].map(([table, lines]) => `[${table}]\n${lines.join("\n")}\n`);
   return [`${head}\n`, ...bodies].join("\n");
+}
+
+// A complete scenario file with another value of a field; "" unsets it.
+function withLine(text, path, value) {
+  const [table, field] = path.split(".");
+  const lines = text.split("\n");
+  const head = lines.findIndex((line) => line === `[${table}]` || line === `[[${table}]]`);
+  const isField = (line) => line.startsWith(`${field} = `) || line === `# ${field} is not set`;
+  const at = lines.findIndex((line, i) => i > head && isField(line));
+  lines[at] = value ? `${field} = ${value}` : `# ${field} is not set`;
+  return lines.join("\n");
 }

@@ -60,6 +60,13 @@ def web_command(scenario: str, out: Path, unbounded: bool) -> None:
 @scenario_argument()
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="A new FMU.")
 @click.option("--controller", is_flag=True, help="Export only the controller, without the plant.")
+@click.option(
+    "--reference",
+    type=click.Choice(["scenario", "input"]),
+    default="scenario",
+    show_default=True,
+    help="Follow the scenario's reference, or make position, velocity and acceleration inputs.",
+)
 @click.option("--fmi", type=click.Choice(["2.0", "3.0"]), default="2.0", show_default=True, help="FMI version.")
 @click.option("--linux-arm", is_flag=True, help="Add a binary for Linux on ARM, 64 bit; needs ziglang.")
 @click.option("--windows", is_flag=True, help="Add a binary for Windows to that for Linux; needs ziglang.")
@@ -70,6 +77,7 @@ def fmu_command(
     scenario: str,
     out: Path,
     controller: bool,
+    reference: Literal["scenario", "input"],
     fmi: Literal["2.0", "3.0"],
     linux_arm: bool,
     windows: bool,
@@ -85,8 +93,18 @@ def fmu_command(
     systems = [system for system, chosen in wanted.items() if chosen]
     content: Literal["controller", "loop"] = "controller" if controller else "loop"
     loaded = named(scenario)
-    fmu(loaded, out, content=content, fmi=fmi, systems=systems, number=number, unbounded=unbounded)
-    words = ["controller" if controller else "closed loop", f"FMI {fmi}", *(["float"] if number == "float" else [])]
+    fmu(
+        loaded,
+        out,
+        content=content,
+        reference=reference,
+        fmi=fmi,
+        systems=systems,
+        number=number,
+        unbounded=unbounded,
+    )
+    words = ["controller" if controller else "closed loop", *(["reference as input"] if reference == "input" else [])]
+    words += [f"FMI {fmi}", *(["float"] if number == "float" else [])]
     click.echo(f"{out}: {', '.join(words)}, for {', '.join(systems)}")
 
 

@@ -18,6 +18,7 @@ from .commands import Commands, help_without_command
 from .editors import schema_command
 from .export import export, replay
 from .inspect import check, diff, explain
+from .live import live_command
 from .rate import allan_command, rate
 from .selfcheck import selfcheck
 from .simulate import scenario_command, simulate_command
@@ -46,6 +47,7 @@ COMMANDS = (
     diff,
     explain,
     export,
+    live_command,
     rate,
     replay,
     scenario_command,

@@ -1,5 +1,6 @@
 from .firmware import firmware as firmware
 from .fmu import fmu as fmu
+from .live import live as live
 from .matlab import matlab as matlab
 from .operator import operator as operator
 from .replay import Replay as Replay

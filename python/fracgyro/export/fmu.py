@@ -26,7 +26,7 @@ from ..files import whole_file
 from ..scenario import Scenario, ScenarioError
 from ..scenario.bounded import check_bounded
 from ..scenario.device_core import is_ideal, profiles
-from ..scenario.kinds import DEVICE_CHANNELS, LOOP_CHANNELS, reported_channels
+from ..scenario.kinds import DEVICE_CHANNELS, LOOP_CHANNELS, SINE_DRIVES, reported_channels
 from ..scenario.terms import first_part, term_list
 from ..scenario.to_core import check_single, core_setup
 from .compilers import FLAGS, SOURCES, Number, include, join_macos, system_compiler, zig
@@ -48,6 +48,7 @@ from .units import base_unit, scale_and_unit
 Content = Literal["loop", "controller"]
 Fmi = Literal["2.0", "3.0"]
 System = Literal["linux", "linux-arm", "windows", "macos"]
+Reference = Literal["scenario", "input"]
 Role = Literal["time", "constant", "fixed", "tunable", "input", "output"]
 
 MAX_DOUBLE = sys.float_info.max  # replaces infinity, which some importers cannot read
@@ -55,6 +56,7 @@ MAX_SEED = 2**31 - 1  # largest integer of FMI
 MAX_TOGETHER = 10**7  # steps per call of the importer, as in integrations/fmu/instance.hpp
 FIRST_DATE = (1980, 1, 1, 0, 0, 0)  # date of every file in the archive, for reproducible bytes
 INPUTS = ("position", "velocity")
+REFERENCE_INPUTS = {"position": "q0", "velocity": "q0*omega0", "acceleration": "q0*omega0^2"}
 NOT_OF_THE_CONTROLLER = {"position", "velocity", "disturbance"}
 ROLES: dict[str, Role] = {"any_time": "tunable", "at_start": "fixed", "beforehand": "constant"}
 OF_DISTURBANCE = {
@@ -115,6 +117,7 @@ def fmu(
     path: str | os.PathLike[str],
     *,
     content: Content = "loop",
+    reference: Reference = "scenario",
     fmi: Fmi = "2.0",
     systems: Sequence[System] = ("linux",),
     number: Number = "double",
@@ -122,18 +125,25 @@ def fmu(
 ) -> None:
     """Writes a scenario as an FMU for co-simulation. Requires the extra export and a C++ compiler.
 
-    `content`: the closed loop, "loop", or only the "controller". `fmi`: "2.0" or "3.0". `systems`: any of linux,
-    linux-arm (64 bit), windows and macos; other systems than this one require ziglang. `number`: internal number type,
-    "double" or "float"; the importer sees doubles. `unbounded`: export even if the bound estimates may grow until the
-    loop diverges. The file is complete or absent.
+    `content`: the closed loop, "loop", or only the "controller". `reference`: that of the "scenario", or
+    position, velocity and acceleration as an "input". `fmi`: "2.0" or "3.0". `systems`: any of linux, linux-arm (64
+    bit), windows and macos; other systems than this one require ziglang. `number`: internal number type, "double" or
+    "float"; the importer sees doubles. `unbounded`: export even if the bound estimates may grow until the loop
+    diverges. The file is complete or absent.
 
-    Raises ValueError if a compiler or FMPy is missing, the seed is too large for an FMU, the file cannot be written,
-    float is requested for a dynamic rate or device imperfections, a coefficient exceeds float, or the controller may
-    become unbounded without `unbounded`.
+    Raises ScenarioError if the reference is an input of a controller that drives a sine of its own. Raises ValueError
+    if a compiler or FMPy is missing, the seed is too large for an FMU, the file cannot be written, float is requested
+    for a dynamic rate or device imperfections, a coefficient exceeds float, or the controller may become unbounded
+    without `unbounded`.
 
     >>> fg.export.fmu(fg.Scenario.shipped("hardware"), "gyro.fmu")  # doctest: +SKIP
     """
     check_bounded(scenario, unbounded)
+    if reference == "input" and scenario.controller.kind in SINE_DRIVES:
+        raise ScenarioError(
+            f"controller.kind is {scenario.controller.kind}, which drives the sine of its scenario: it must be another "
+            "if the reference is an input"
+        )
     if content == "controller":
         scenario = without_plant(scenario)
     ideal = content == "controller" or is_ideal(scenario)
@@ -143,9 +153,9 @@ def fmu(
         )
     if number == "float":
         check_single(scenario)
-    variables = list(_variables(scenario, content, fmi))
-    token = _token(scenario, content, fmi, number)
-    header = _header(scenario, content, number, token, variables)
+    variables = list(_variables(scenario, content, reference, fmi))
+    token = _token(scenario, content, reference, fmi, number)
+    header = _header(scenario, content, reference, number, token, variables)
     description = _description(scenario, content, fmi, token, variables)
     with whole_file(path, replaces="nothing") as scratch, tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -160,17 +170,20 @@ def fmu(
                 archive.writestr(entry, data, zipfile.ZIP_DEFLATED)
 
 
-def _variables(scenario: Scenario, content: Content, fmi: Fmi) -> Iterator[Variable]:
+def _variables(scenario: Scenario, content: Content, reference: Reference, fmi: Fmi) -> Iterator[Variable]:
     """Variables in the order of their value references."""
     if fmi == "3.0":  # required there; some FMI 2.0 importers read it as a variable without start value
         yield Variable("time", "time", unit=_shown("1/omega0", scenario)[1], description="Time.")
-    yield from _parameters(scenario, content)
+    without = {"plant", "disturbance"} if content == "controller" else set()
+    yield from _parameters(scenario, content, without | ({"reference"} if reference == "input" else set()))
     if content == "controller":
         yield from _inputs(scenario)
+    if reference == "input":
+        yield from _reference_inputs(scenario)
     yield from _outputs(scenario, content)
 
 
-def _parameters(scenario: Scenario, content: Content) -> Iterator[Variable]:
+def _parameters(scenario: Scenario, content: Content, without: set[str]) -> Iterator[Variable]:
     places = {name: place for place, name in enumerate([*core_numbers(scenario), *device_numbers(scenario)])}
     draws = scenario.disturbance.random or not is_ideal(scenario)  # the sensors' noise uses the seed, too
     used = (*OF_DISTURBANCE[first_part(scenario)["kind"]], *(("seed",) if draws else ()))
@@ -180,7 +193,7 @@ def _parameters(scenario: Scenario, content: Content) -> Iterator[Variable]:
         n, table, field = s.number, s.number.table, s.number.field
         if n.choices or (table == "reference" and n.kinds and not set(n.kinds) & set(scenario.reference.kinds)):
             continue
-        if content == "controller" and table in ("plant", "disturbance"):
+        if table in without:
             continue
         if (table == "disturbance" and field not in used) or (table == "rate" and field not in moving):
             continue
@@ -201,6 +214,16 @@ def _inputs(scenario: Scenario) -> Iterator[Variable]:
         yield Variable(name, "input", place, scale=scale, unit=symbol, description=said)
 
 
+def _reference_inputs(scenario: Scenario) -> Iterator[Variable]:
+    place = 2 * len(INPUTS)
+    for name, of in REFERENCE_INPUTS.items():
+        scale, symbol = _shown(of, scenario)
+        said = f"{name} of the reference"
+        for axis in "xy":
+            yield Variable(f"reference_{name}.{axis}", "input", place, scale=scale, unit=symbol, description=said)
+            place += 1
+
+
 def _outputs(scenario: Scenario, content: Content) -> Iterator[Variable]:
     place = 0
     device = DEVICE_CHANNELS if content == "loop" and not is_ideal(scenario) else ()
@@ -217,14 +240,21 @@ def _shown(unit: str, scenario: Scenario) -> tuple[float, str]:
     return scale_and_unit(unit, scenario.plant.scales, scenario.run.units == "SI")
 
 
-def _token(scenario: Scenario, content: Content, fmi: Fmi, number: Number) -> str:
+def _token(scenario: Scenario, content: Content, reference: Reference, fmi: Fmi, number: Number) -> str:
     """Token that links binary and description: in GUID form, equal for equal FMUs."""
-    made_from = f"fracgyro {version('fracgyro')} {content} {fmi} {number}\n{scenario.to_toml()}"
+    made_from = f"fracgyro {version('fracgyro')} {content} {reference} {fmi} {number}\n{scenario.to_toml()}"
     digest = hashlib.sha256(made_from.encode()).hexdigest()
     return "{" + "-".join([digest[:8], digest[8:12], digest[12:16], digest[16:20], digest[20:32]]) + "}"
 
 
-def _header(scenario: Scenario, content: Content, number: Number, token: str, variables: Sequence[Variable]) -> str:
+def _header(
+    scenario: Scenario,
+    content: Content,
+    reference: Reference,
+    number: Number,
+    token: str,
+    variables: Sequence[Variable],
+) -> str:
     poles, weights = core_kernel(scenario)
     kind, chosen = _core.chosen_type(core_setup(scenario))
     step = scenario.run.step * _shown("1/omega0", scenario)[0]
@@ -247,6 +277,7 @@ def _header(scenario: Scenario, content: Content, number: Number, token: str, va
         f"using Number = {number};",
         f"inline constexpr std::size_t kind = {kind}, chosen = {chosen};",
         f"inline constexpr bool closed_loop = {_cpp(content == 'loop')};",
+        f"inline constexpr bool reference_is_input = {_cpp(reference == 'input')};",
         f'inline constexpr char token[] = "{token}";',
         f"inline constexpr double step = {_cpp(step)};",
         f"inline constexpr double observer_bandwidth = {_cpp(observer_bandwidth(scenario))};",

@@ -1,6 +1,7 @@
 """The live page (integrations/web/live): module, data and scripts in one self-contained file.
 
-`make web` runs `python -m fracgyro.export.live DIR`: the module goes into DIR, the page into DIR/live.
+The entry point is `live`, for one scenario. `make web` builds the page of the paper's device: it runs `python -m
+fracgyro.export.live DIR`, and the module goes into DIR, the page into DIR/live.
 """
 
 from __future__ import annotations
@@ -8,19 +9,30 @@ from __future__ import annotations
 import base64
 import gzip
 import json
+import os
 import re
 import sys
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ..scenario import Scenario
+from ..files import whole_file
+from ..scenario import Scenario, ScenarioError
 from ..scenario.kinds import KINDS, MEANINGS, fields_of
+from ..scenario.printing import scenario_text
+from ..scenario.terms import first_part, named_terms
 from .compilers import SOURCES
-from .web import BESIDES, build, document, module_data
+from .fmu import OF_DISTURBANCE
+from .settings import check_gyroscope, settings
+from .web import BESIDES, build, build_module, document, module_data
 
 FACE = SOURCES / "integrations/web"
+OWN_LAW = "own"
 OF_LAWS = ("controller", "adaptation", "datasheet")  # tables that belong to a controller
+
+SPEEDS = {"minimum": 0.1, "maximum": 40.0}  # ms a second
+FASTEST = 40_000  # steps a second, as with the maximum of the paper's device
 
 # The page changes the rate, so estimators must not assume that it is constant.
 FOLLOWING = {"adaptation.rate_forgetting": 0.5}
@@ -57,13 +69,92 @@ SENSORS: dict[str, tuple[str, dict[str, Any]]] = {
 }
 
 
-def page_data() -> dict[str, Any]:
-    """Data of the page: settings of every controller, device and default."""
-    base, all_laws = document(Scenario.paper()), laws()
+def live(scenario: Scenario, path: str | os.PathLike[str], *, name: str = "my.toml") -> None:
+    """Writes the live page of a scenario, one HTML file: its run, and beside it any other kind of controller.
 
-    def settings(scenario: Scenario, tables: Sequence[str]) -> dict[str, Any]:
-        said = document(scenario)["settings"]
-        return {name: value for name, value in said.items() if name.partition(".")[0] in tables}
+    `name`: that of the scenario or its file, for the command that the page shows. Raises ScenarioError for a plant that
+    a page cannot simulate, and ValueError if zig is missing, which the extra export installs, or the file cannot be
+    written.
+
+    >>> fg.export.live(fg.Scenario.shipped("dual_mass"), "live.html", name="dual_mass")  # doctest: +SKIP
+    """
+    check_gyroscope(scenario)
+    data = scenario_data(scenario, name)
+    with whole_file(path, replaces="nothing") as scratch, tempfile.TemporaryDirectory() as folder:
+        wasm = Path(folder) / "fracgyro.wasm"
+        build_module(wasm)
+        scratch.write_text(page(data, wasm), encoding="utf-8", newline="\n")
+
+
+def scenario_data(scenario: Scenario, name: str) -> dict[str, Any]:
+    """Data of the page of one scenario. Settings that would need other fields of its file are hidden."""
+    base = document(scenario)
+    kind = scenario.controller.kind
+    found = {OWN_LAW: (f"the scenario's: {kind.replace('_', ' ')}", scenario)}
+    for other, meaning in zip(KINDS, MEANINGS, strict=True):
+        if other != kind and (changed := _with_kind(scenario, other)):
+            found[other] = (f"{other.replace('_', ' ')}: {meaning}", changed)
+    unit = 1e3 * scenario.plant.scales.time  # of time, ms
+    maximum = FASTEST * scenario.run.step * unit
+    speeds = {"minimum": min(0.1 * unit, maximum / 400), "maximum": maximum}
+    speed = min(10.0 * unit, maximum / 20)
+    sentence = (
+        f"The run of {name} (A); B can be another kind of controller, with its usual gains. The kinds of reference, "
+        "disturbance, rate and sensors are those of the scenario and cannot be changed here."
+    )
+    preset: dict[str, Any] = {"key": "scenario", "title": name, "sentence": sentence, "a": OWN_LAW}
+    preset |= {"speed": float(f"{speed:.3g}"), "window": 20 if speed <= 2 * unit else 80}
+    shared = {key: value for key, value in base["settings"].items() if key.partition(".")[0] not in OF_LAWS}
+    rest = {key: base[key] for key in ("reference", "disturbance") if key in base}
+    return {
+        **module_data(),
+        "besides": [*BESIDES, "controller.kind"],
+        "base": {"settings": shared, "scales": base["scales"], "length": 1e6 * scenario.plant.scales.length, **rest},
+        "laws": {
+            key: {"label": label, "settings": _settings(each, OF_LAWS), "toml": scenario_text(each, texts=False)}
+            for key, (label, each) in found.items()
+        },
+        "rates": {"constant": {"label": "", "scenario": {}}},
+        "sensors": {"exact": {"label": "", "scenario": {}, "settings": {}}},
+        "devices": {"constant exact": base.get("device")},
+        "hidden": _hidden(scenario),
+        "own": {"name": name, "law": OWN_LAW, "density": scenario.disturbance.density is not None},
+        "presets": [preset],
+        "speeds": speeds,
+    }
+
+
+def _with_kind(scenario: Scenario, kind: str) -> Scenario | None:
+    """The scenario with another kind of controller; None if that cannot follow its reference."""
+    try:
+        return scenario.replace({"controller.kind": kind})
+    except ScenarioError:
+        return None
+
+
+def _hidden(scenario: Scenario) -> list[str]:
+    """Shared settings that do not act in this scenario, or that its file could not have."""
+    added, first = bool(list(named_terms(scenario))), first_part(scenario)
+    acting = ("seed",) if added else (*OF_DISTURBANCE[first["kind"]], "seed")
+    found = []
+    for setting in settings(scenario):
+        number = setting.number
+        other_kind = number.kinds and not set(number.kinds) & set(scenario.reference.kinds)
+        if (number.table == "reference" and (number.field == "kind" or other_kind)) or (
+            number.table == "disturbance" and number.field not in acting
+        ):
+            found.append(setting.name)
+    return found
+
+
+def _settings(scenario: Scenario, tables: Sequence[str]) -> dict[str, Any]:
+    said = document(scenario)["settings"]
+    return {name: value for name, value in said.items() if name.partition(".")[0] in tables}
+
+
+def page_data() -> dict[str, Any]:
+    """Data of the page of the paper's device: settings of every controller, device and default."""
+    base, all_laws = document(Scenario.paper()), laws()
 
     def defaults(scenario: Scenario) -> dict[str, Any]:
         found: dict[str, Any] = {}
@@ -83,7 +174,7 @@ def page_data() -> dict[str, Any]:
         "besides": [*BESIDES, "controller.kind"],
         "base": {"settings": shared, "scales": base["scales"]},
         "laws": {
-            key: {"label": label, "settings": settings(scenario, OF_LAWS)}
+            key: {"label": label, "settings": _settings(scenario, OF_LAWS)}
             for key, (label, scenario) in all_laws.items()
         },
         "rates": {key: {"label": label, "scenario": changes} for key, (label, changes) in RATES.items()},
@@ -91,30 +182,37 @@ def page_data() -> dict[str, Any]:
             key: {
                 "label": label,
                 "scenario": changes,
-                "settings": settings(sensors[key], ("device", "datasheet")) if changes else {},
+                "settings": _settings(sensors[key], ("device", "datasheet")) if changes else {},
             }
             for key, (label, changes) in SENSORS.items()
         },
         "devices": devices,
+        "hidden": [],
+        "speeds": SPEEDS,
         "defaults": {"command": defaults(Scenario.paper()), "toml": defaults(Scenario())},
     }
 
 
 def write_page(folder: Path, wasm: Path) -> None:
-    """Writes index.html, with the compiled module, into the folder."""
+    """Writes index.html, the page of the paper's device with the compiled module, into the folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "index.html").write_text(page(page_data(), wasm), encoding="utf-8", newline="\n")
+
+
+def page(data: dict[str, Any], wasm: Path) -> str:
+    """The page with this data and the compiled module."""
     source = FACE / "live"
     contents = {
         "live.css": (source / "live.css").read_text(encoding="utf-8"),
         "live.mjs": bundled(source / "live.mjs"),
         "worker.mjs": bundled(source / "worker.mjs"),
-        "data": packed(json.dumps(page_data(), allow_nan=False).encode()),
+        "data": packed(json.dumps(data, allow_nan=False).encode()),
         "module": packed(wasm.read_bytes()),
     }
-    page = (source / "index.html").read_text(encoding="utf-8")
+    text = (source / "index.html").read_text(encoding="utf-8")
     for name, content in contents.items():
-        page = page.replace(f"{{{{ {name} }}}}", content)
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "index.html").write_text(page, encoding="utf-8", newline="\n")
+        text = text.replace(f"{{{{ {name} }}}}", content)
+    return text
 
 
 def packed(content: bytes) -> str:

@@ -86,23 +86,29 @@ def module_data() -> dict[str, Any]:
 
 
 def build(folder: Path) -> None:
-    """Builds the module and all files of a page into the folder. Raises ValueError if zig is missing or fails.
-
-    No C or C++ library is linked: core/ and sim/ use only headers of the C++ library.
-    """
-    face, headers = SOURCES / "integrations/web", include(SOURCES / "include")
+    """Builds the module and all files of a page into the folder. Raises ValueError if zig is missing or fails."""
+    face = SOURCES / "integrations/web"
     folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory() as scratch:
-        compiled = Path(scratch) / "web.o"
-        # Every browser since 2023 has 128-bit vectors.
-        small = ["-Os", "-Xclang", "-fmerge-functions"]
-        zig("c++", *TARGET, *FLAGS, *small, "-msimd128", *headers, "-c", face / "web.cpp", "-o", compiled)
-        link = ["-nostdlib", "-s", "-Wl,--no-entry", "-Wl,--export-dynamic"]
-        zig("cc", *TARGET, *link, compiled, "-o", folder / "fracgyro.wasm")
+    build_module(folder / "fracgyro.wasm")
     write_module_data(folder / "fracgyro.json")
     shutil.copyfile(face / "fracgyro.mjs", folder / "fracgyro.mjs")
     types = (face / "fracgyro.d.ts").read_text(encoding="utf-8") + settings_types()
     (folder / "fracgyro.d.ts").write_text(types, encoding="utf-8", newline="\n")
+
+
+def build_module(path: Path) -> None:
+    """Builds the WebAssembly module. Raises ValueError if zig is missing or fails.
+
+    No C or C++ library is linked: core/ and sim/ use only headers of the C++ library.
+    """
+    headers, source = include(SOURCES / "include"), SOURCES / "integrations/web/web.cpp"
+    with tempfile.TemporaryDirectory() as scratch:
+        compiled = Path(scratch) / "web.o"
+        # Every browser since 2023 has 128-bit vectors.
+        small = ["-Os", "-Xclang", "-fmerge-functions"]
+        zig("c++", *TARGET, *FLAGS, *small, "-msimd128", *headers, "-c", source, "-o", compiled)
+        link = ["-nostdlib", "-s", "-Wl,--no-entry", "-Wl,--export-dynamic"]
+        zig("cc", *TARGET, *link, compiled, "-o", path)
 
 
 def settings_types() -> str:

@@ -43,6 +43,7 @@ class Characterization:
     zero_rate_rms: Mean  # rad/s, RMS output at rest, including its mean
     full_scale: float
     full_scale_is_last: bool
+    full_scale_is_limited: bool  # by forces or sensors, not by the output
     turn_on: Output  # at the highest rate of the range
     turn_on_time: float
     rest: Output
@@ -74,8 +75,9 @@ def measure(sensor: Sensor, runs: Runs, *, rest: float | None = None) -> Charact
         rates=RATES,
         static=line,
         zero_rate_rms=mean_interval(np.sqrt((still**2).mean(axis=1))),
-        full_scale=reached,
-        full_scale_is_last=is_last,
+        full_scale=min(reached, runs.within_limits),
+        full_scale_is_last=is_last and reached <= runs.within_limits,
+        full_scale_is_limited=runs.within_limits < reached,
         turn_on=fastest,
         turn_on_time=turn_on_time(fastest.time, fastest.rate),
         rest=runs.rest,

@@ -97,7 +97,14 @@ def results(m: Characterization) -> list[Result]:
             PERCENT,
             m.static.nonlinearity,
         ),
-        _zero_rate_output(m.static.zero_rate_output),
+        _mean(
+            "zero_rate_output",
+            "Zero-rate output",
+            "mean output at rest",
+            DEG_PER_H,
+            m.static.zero_rate_output,
+            "bias",
+        ),
         _mean(
             "zero_rate_rms",
             "Zero-rate output, RMS",
@@ -118,13 +125,6 @@ def results(m: Characterization) -> list[Result]:
         ),
         *leaks,
     ]
-
-
-def _zero_rate_output(mean: Mean) -> Result:
-    found = _mean("zero_rate_output", "Zero-rate output", "mean output at rest", DEG_PER_H, mean, "bias")
-    if found.low <= 0.0 <= found.high:
-        return replace(found, note="not observed: its interval includes 0", grade=None)
-    return found
 
 
 def noise_terms(found: Allan, bound: Bound | None = None) -> list[Result]:
@@ -157,8 +157,14 @@ def noise_terms(found: Allan, bound: Bound | None = None) -> list[Result]:
 
 
 def _mean(key: str, name: str, definition: str, unit: Unit, mean: Mean, graded: Quantity | None = None) -> Result:
+    """A mean over runs, graded only if it was observed: if its interval does not include 0."""
     value, low, high = (unit.of(number) for number in mean)
-    return Result(key, name, definition, unit.name, value, low, high, "", grade(graded, value) if graded else None)
+    found = Result(key, name, definition, unit.name, value, low, high)
+    if graded is None:
+        return found
+    if low <= 0.0 <= high:
+        return replace(found, note="not observed: its interval includes 0")
+    return replace(found, grade=grade(graded, value))
 
 
 SPOILED = "no interval or grade because of the events above"
@@ -266,17 +272,25 @@ def _full_scale(m: Characterization) -> Result:
     names = (
         "full_scale",
         "Full scale",
-        "largest rate tried up to which, for both signs, the mean output is within 1 % of the rate of the line",
+        "largest rate tried up to which, for both signs, the mean output is within 1 % of the rate of the line and the "
+        "device within the limits of its forces and sensors",
         DEG_PER_S.name,
     )
     value = DEG_PER_S.of(m.full_scale)
-    limited = math.isfinite(m.scenario.controller.force_limit)
+    limited = math.isfinite(m.scenario.constraints().force)
     graded = grade("full_scale", value) if limited else None
-    free = "" if limited else "not graded: without controller.force_limit the simulated force is unlimited"
+    free = ""
+    if not limited:
+        free = "not graded: without controller.force_limit or device.actuator_limit the simulated force is unlimited"
     if m.full_scale_is_last:
         notes = ["at least this, the largest rate tried", free]
         return Result(*names, math.nan, low=value, note="; ".join(filter(None, notes)), grade=graded)
-    notes = ["none: the mean output is outside 1 % at the smallest rate tried" if value == 0 else "", free]
+    why = ""
+    if m.full_scale_is_limited:
+        why = "above it more than 1 % of the samples reach a limit of force or sensors"
+    elif value == 0:
+        why = "none: the mean output is outside 1 % at the smallest rate tried"
+    notes = [why, free]
     return Result(*names, value, note="; ".join(filter(None, notes)), grade=graded)
 
 

@@ -23,6 +23,7 @@ WITHIN = np.array([1 / 30, 0.1, 1 / 3, 2 / 3, 1.0]) * RANGE  # 10, 30, 100, 200,
 BEYOND = np.array([2.0, 4.0, 8.0, 16.0, 32.0]) * RANGE
 RATES = np.concatenate([-WITHIN[::-1], [0.0], WITHIN])
 RATES_BEYOND = np.concatenate([-BEYOND[::-1], BEYOND])
+SIZES = np.concatenate([WITHIN, BEYOND])  # of all constant rates, increasing
 SINE = RANGE / 3  # amplitude of the sinusoidal rates
 FREQUENCIES = 12  # sinusoidal rates; the lowest has two periods in the steady half
 FEW_SEEDS = 2  # runs at rates beyond the range, and at sinusoidal rates
@@ -35,6 +36,7 @@ class Runs:
 
     constant: list[Output]  # at RATES
     beyond: list[Output | None]  # at RATES_BEYOND; None if a run diverges
+    within_limits: float  # largest of these rates, rad/s, with either sign within the limits of force and sensors
     frequencies: Array  # Hz
     sinusoidal: list[Output]  # at `frequencies`
     rest: Output
@@ -52,7 +54,7 @@ def run_all(sensor: Sensor, *, rest: float | None = None, progress: Progress | N
     sensor.steps_at_rest(rest)
     few, couplings = sensor.first(FEW_SEEDS), _couplings(sensor.scenario)
     show = progress or (lambda done, total, doing: None)
-    total = len(RATES) + len(RATES_BEYOND) + FREQUENCIES + 1 + 2 * len(couplings)
+    total = len(RATES) + len(RATES_BEYOND) + 1 + FREQUENCIES + 1 + 2 * len(couplings)
     done = 0
 
     def each(doing: str, values: Iterable[Value]) -> Iterator[Value]:
@@ -64,6 +66,7 @@ def run_all(sensor: Sensor, *, rest: float | None = None, progress: Progress | N
 
     constant = [sensor.output(float(rate)) for rate in each("constant rates", RATES)]
     beyond = [_output_or_none(few, float(rate)) for rate in each("full scale", RATES_BEYOND)]
+    (within_limits,) = [_within_limits(sensor, sizes) for sizes in each("full scale", [SIZES])]
     frequencies = _frequencies(constant[0])
     sinusoidal = [_sinusoidal(few, float(frequency)) for frequency in each("sinusoidal rates", frequencies)]
     (at_rest,) = [sensor.at_rest(seconds) for seconds in each("record at rest", [rest])]
@@ -74,7 +77,7 @@ def run_all(sensor: Sensor, *, rest: float | None = None, progress: Progress | N
         for (_, _, offered), negative, positive in zip(couplings, coupled[::2], coupled[1::2], strict=True)
     ]
     show(total, total, "writing")
-    return Runs(constant, beyond, frequencies, sinusoidal, at_rest, stiffness, damping)
+    return Runs(constant, beyond, within_limits, frequencies, sinusoidal, at_rest, stiffness, damping)
 
 
 def _output_or_none(sensor: Sensor, rate: float) -> Output | None:
@@ -83,6 +86,12 @@ def _output_or_none(sensor: Sensor, rate: float) -> Output | None:
         return sensor.output(rate)
     except ValueError:
         return None
+
+
+def _within_limits(sensor: Sensor, sizes: Array) -> float:
+    """The largest of these rates, rad/s, at which the device keeps its limits; 0: none of them."""
+    kept = (size for size in sizes[::-1] if all(sensor.keeps_its_limits(sign * size) for sign in (1.0, -1.0)))
+    return float(next(kept, 0.0))
 
 
 def _frequencies(output: Output) -> Array:

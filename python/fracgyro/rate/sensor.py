@@ -14,7 +14,7 @@ from ..scenario.kinds import reported_channels
 from ..scenario.table import MAX_STEPS
 from ..scenario.to_core import core_setup
 from ..simulation.rate_means import rate_means
-from ..simulation.simulate import simulate
+from ..simulation.simulate import simulate, simulate_many
 from ..simulation.user_controller import ControllerLike, controller_words, in_own_units
 from .units import DEG_PER_S
 
@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 
 RECORDED_SAMPLES = 100_000  # per run.duration: many per drive period
 OUTPUTS = 2_000  # sensor outputs per run.duration
+CLIPPED = 0.01  # share of samples at a limit, above which a device is too weak for a rate
 MIN_OUTPUTS = 20  # for an Allan deviation
 REST_STEPS = 4_000_000
 SHORT_REST_STEPS = 1_000_000  # for a controller that may diverge eventually
@@ -93,20 +94,36 @@ class Sensor:
         `changes`: fields of the scenario to replace. Raises ValueError if a run diverges.
         """
         every, block = self.block
-        scenario = in_own_units(self.scenario, self.controller).replace(
-            {
-                "plant.angular_rate": rate,
-                "adaptation.initial_rate": 0.0,
-                "run.duration": (steps or self.scenario.run.steps) * self.scenario.run.step,
-                **(changes or {}),
-            }
-        )
+        duration = (steps or self.scenario.run.steps) * self.scenario.run.step
+        scenario = self._at(rate, {"run.duration": duration, **(changes or {})})
         scales = scenario.plant.scales
         found = rate_means(scenario, self.seeds, every=every, block=block, controller=self.controller)
         if not np.isfinite(found).all():
             step, at = scenario.run.step, DEG_PER_S.of(rate)
             raise ValueError(f"run.step is {step:g}: it must be less, as the run at {at:g} deg/s diverges")
         return Output(found * scales.rate, every * block * self.scenario.run.step * scales.time)
+
+    def _at(self, rate: float, changes: dict[str, object]) -> Scenario:
+        own = in_own_units(self.scenario, self.controller)
+        return own.replace({"plant.angular_rate": rate, "adaptation.initial_rate": 0.0, **changes})
+
+    def keeps_its_limits(self, rate: float) -> bool:
+        """True if the forces and the sensors of the device suffice at this angular rate, rad/s.
+
+        They do not if more than CLIPPED of the settled samples of one run reach a limit of `Scenario.constraints`, or
+        if the run diverges.
+        """
+        scenario = self._at(rate, {"run.record_every": self.block[0]})
+        run = simulate_many([scenario], seeds=self.seeds[:1], controller=self.controller).isel(run=0)
+        if np.isfinite(run["diverged_at"]):
+            return False
+        limits = scenario.constraints()
+        limit_of = {"control": (limits.force, limits.force), "position": limits.position}
+        if scenario.device.sensing == "full":
+            limit_of["velocity"] = limits.velocity
+        settled = run.isel(time=slice(run.sizes["time"] // 2, None))
+        reached = (abs(settled[name].values) >= np.array(limit) for name, limit in limit_of.items())
+        return bool((np.concatenate(list(reached), axis=1).any(axis=1)).mean() <= CLIPPED)
 
     def steps_at_rest(self, seconds: float | None) -> int:
         """Steps of a run whose second half has this device time.

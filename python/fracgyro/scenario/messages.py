@@ -111,9 +111,11 @@ def _numbered(text: str, place: int | None = None) -> str:
 
 def scenario_error(error: ValidationError, model: type[BaseModel], at: tuple[str, ...] = ()) -> ScenarioError:
     """The first of pydantic's problems as a sentence; `at`: where in `model` the value stood that was validated."""
-    first, *others = (
-        _describe({**problem, "loc": (*at, *problem["loc"])}, model) for problem in error.errors(include_url=False)
-    )
+    problems = error.errors(include_url=False)
+    made = problems[0].get("ctx", {}).get("error")
+    if isinstance(made, ScenarioError):  # by the model itself, while pydantic called it
+        return made
+    first, *others = (_describe({**problem, "loc": (*at, *problem["loc"])}, model) for problem in problems)
     return ScenarioError(first + (f" (and {len(others)} more)" if others else ""), others)
 
 
@@ -138,7 +140,7 @@ def _describe(problem: ErrorDetails, model: type[BaseModel]) -> str:
         return f"{path} is missing: it must be {'a number' if info and info.annotation is float else 'given'}"
     if problem["type"] == "float_type" and isinstance(problem["input"], str) and info:
         allowed += _or_text(path.partition(".")[0], info)
-    return f"{path} is {format_value(problem['input'])}: {allowed}"
+    return f"{path or 'scenario'} is {format_value(problem['input'])}: {allowed}"
 
 
 def _or_text(table: str, info: FieldInfo) -> str:
@@ -175,6 +177,7 @@ def _allowed(problem: ErrorDetails, metadata: list[Any]) -> str:
         "int_type": "an integer",
         "bool_type": "true or false",
         "model_type": "a table",
+        "json_invalid": f"JSON, but {context.get('error')}",
         "dict_type": "a table",
         "list_type": "a list; tables of one are headed by two brackets, as [[objective]]",
         "string_type": "text in quotes",

@@ -20,7 +20,7 @@ def named(given: str | os.PathLike[str], folder: str | os.PathLike[str] = ".") -
     if isinstance(given, str) and given in NAMES:
         return Scenario.shipped(given)
     path = Path(folder, given)
-    if isinstance(given, str) and is_name(given) and not path.exists():
+    if isinstance(given, str) and is_name(given) and not os.path.lexists(path):
         raise ScenarioError(
             f"{format_value(given)} is neither a shipped scenario nor a file{did_you_mean(given, NAMES)}"
         )

@@ -90,6 +90,22 @@ class Scenario(Table):
         except ValidationError as error:
             raise scenario_error(error, Scenario) from None
 
+    @classmethod
+    def model_validate(cls, obj: Any, **options: Any) -> Self:
+        """A scenario from a table of its tables, as `Scenario(**obj)`. Raises ScenarioError."""
+        try:
+            return super().model_validate(obj, **options)
+        except ValidationError as error:
+            raise scenario_error(error, Scenario) from None
+
+    @classmethod
+    def model_validate_json(cls, json_data: str | bytes | bytearray, **options: Any) -> Self:
+        """The same from JSON."""
+        try:
+            return super().model_validate_json(json_data, **options)
+        except ValidationError as error:
+            raise scenario_error(error, Scenario) from None
+
     @model_validator(mode="before")
     @classmethod
     def _numbers(cls, tables: Any) -> Any:
