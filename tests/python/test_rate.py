@@ -120,9 +120,7 @@ def test_a_shipped_scenario_is_printed_with_its_sources(tmp_path: Path) -> None:
 
 def test_an_unknown_scenario_is_refused() -> None:
     assert "'dual_mas' is not one of" in sentence(run("scenario", "dual_mas"))
-    with pytest.raises(
-        ScenarioError, match="it must be one of paper, paper-printed, hardware, .*; did you mean dual_mass"
-    ):
+    with pytest.raises(ScenarioError, match=r"it must be one of paper, .*; did you mean dual_mass"):
         fg.Scenario.shipped("dual_mas")
 
 
