@@ -208,6 +208,7 @@ NAMES = [
     "diff",
     "explain",
     "export",
+    "live",
     "rate",
     "replay",
     "reproduce",

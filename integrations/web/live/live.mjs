@@ -358,32 +358,34 @@ function sharedFields(added) {
   const fields = [
     names.includes(noise) &&
       added(
-      sliderField("Noise σ of the disturbing force", data.fields[noise], {
-        low: quiet,
-        high: usual + 1,
-        step: 0.01,
-        to: (position) => (Number(position) <= quiet ? 0 : Number((10 ** position).toPrecision(3))),
-        from: (value) => (value > 0 ? Math.log10(value) : quiet),
-        live: true,
-        words: (value) => String(Number(value.toPrecision(3))),
-        value: () => valueOf(noise, "a"),
-        set: (value) => set(noise, value),
-      }),
-    ),
-    several(data.rates) && added(
-      selectField("Angular rate", choices(data.rates), {
-        value: () => state.rate,
-        set: (key) => choose("rate", key),
-        help: "Restarts.",
-      }),
-    ),
-    several(data.sensors) && added(
-      selectField("Sensors", choices(data.sensors), {
-        value: () => state.sensors,
-        set: (key) => choose("sensors", key),
-        help: "Restarts.",
-      }),
-    ),
+        sliderField("Noise σ of the disturbing force", data.fields[noise], {
+          low: quiet,
+          high: usual + 1,
+          step: 0.01,
+          to: (position) => (Number(position) <= quiet ? 0 : Number((10 ** position).toPrecision(3))),
+          from: (value) => (value > 0 ? Math.log10(value) : quiet),
+          live: true,
+          words: (value) => String(Number(value.toPrecision(3))),
+          value: () => valueOf(noise, "a"),
+          set: (value) => set(noise, value),
+        }),
+      ),
+    several(data.rates) &&
+      added(
+        selectField("Angular rate", choices(data.rates), {
+          value: () => state.rate,
+          set: (key) => choose("rate", key),
+          help: "Restarts.",
+        }),
+      ),
+    several(data.sensors) &&
+      added(
+        selectField("Sensors", choices(data.sensors), {
+          value: () => state.sensors,
+          set: (key) => choose("sensors", key),
+          help: "Restarts.",
+        }),
+      ),
     names.includes("disturbance.seed") && plain("disturbance.seed", undefined, added),
     details("All settings of gyroscope, reference, noise and run", rest, undefined, added),
   ];
