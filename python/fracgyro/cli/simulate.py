@@ -19,7 +19,7 @@ from ..scenario.shipped import NAMES, SHIPPED, shipped_text
 from ..simulation.user_controller import ControllerLike, controller_name
 from .commands import Names
 from .completion import changes
-from .figures import Cell, left_out, of_one, of_seeds, plain, rows, shown
+from .figures import Cell, followed, left_out, of_one, of_seeds, plain, rows, shown
 from .options import controller_option, own_controller, scenario_argument
 from .terminal import print_table, progress
 
@@ -61,8 +61,10 @@ def simulate_command(
     chosen = _paper(wanted) if scenario in (None, "paper") else named(scenario or "").replace(wanted)
     own = own_controller(controller)
     cell: Cell = of_one if seeds is None else of_seeds
+    tasks: list[Any] = []
+    notes: list[str] = []
     if seeds is None:
-        figures = _one_run(chosen, own, out, plot)
+        figures, tasks, notes = _one_run(chosen, own, out, plot)
     else:
         for option in (name for name, path in (("--out", out), ("--plot", plot)) if path):
             raise click.UsageError(f"--seeds is given with {option}: it must be left out, as many runs have no record")
@@ -70,13 +72,14 @@ def simulate_command(
     about: dict[str, Any] = {} if own is None else {"controller": controller_name(own)}
     about |= {} if seeds is None else {"seeds": seeds}
     if as_json:
-        content = {name: plain(values, cell) for name, values in figures.items()}
+        parts = [*tasks, *followed(chosen, figures)]
+        content = {name: plain(values, cell) for part in parts for name, values in part.items()}
         click.echo(json.dumps(content | about, allow_nan=False))
         return
     steady, si = chosen.run.duration >= TRANSIENT, chosen.run.units == "SI"
     titles = ("metric", "value" if seeds is None else "mean [95 %]", "unit")
-    print_table(titles, rows(shown(figures, steady), si, cell))
-    notes = [f"controller: {about['controller']}, of {controller}"] if own else []
+    print_table(titles, rows([*tasks, *followed(chosen, shown(figures, steady))], si, cell))
+    notes += [f"controller: {about['controller']}, of {controller}"] if own else []
     notes += [] if steady else [left_out(chosen, TRANSIENT)]
     if not si:
         plant = chosen.plant
@@ -87,10 +90,13 @@ def simulate_command(
     click.echo("".join(f"\n{note}\n" for note in notes), nl=False)
 
 
-def _one_run(scenario: Scenario, own: ControllerLike | None, out: Path | None, plot: Path | None) -> Any:
-    """The metrics of a run, after its record was written and drawn."""
+def _one_run(
+    scenario: Scenario, own: ControllerLike | None, out: Path | None, plot: Path | None
+) -> tuple[Any, list[Any], list[str]]:
+    """Metrics, figures of tasks and notes of a run, after its record was written and drawn."""
     from ..analysis.metrics import measured, summary
     from ..analysis.run_files import check_file, write_file
+    from ..analysis.tasks import task_figures
     from ..simulation.simulate import DivergedError, simulate
 
     if out:
@@ -114,9 +120,13 @@ def _one_run(scenario: Scenario, own: ControllerLike | None, out: Path | None, p
     if diverged:
         saved = f"; {out} has the samples up to then" if out else ""
         raise click.UsageError(f"{diverged}{saved}")
+    try:
+        tasks, notes = task_figures(run), []
+    except ValueError as error:
+        tasks, notes = [], [f"figures of the reference are left out: {error}"]
     if own is not None and recorded.run.record_every == 1:
-        return summary(run)  # a second run of a Python callable would take as long again
-    return measured(scenario, own).drop_vars("diverged_at")
+        return summary(run), tasks, notes  # a second run of a Python callable would take as long again
+    return measured(scenario, own).drop_vars("diverged_at"), tasks, notes
 
 
 def _many_runs(scenario: Scenario, own: ControllerLike | None, seeds: int) -> Any:
