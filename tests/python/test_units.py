@@ -22,8 +22,9 @@ from fracgyro.export.units import base_unit
 from fracgyro.scenario.kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, kinds_with, reported_channels
 from fracgyro.scenario.messages import leaves
 from fracgyro.scenario.printing import OWN_KINDS, having
+from fracgyro.scenario.quantities import number_of
 from fracgyro.scenario.scales import Powers, Scales, powers, si_unit
-from fracgyro.scenario.shipped import SHIPPED, shipped
+from fracgyro.scenario.shipped import SHIPPED
 from fracgyro.scenario.table import toml_value
 from fracgyro.scenario.to_core import core_setup
 from fracgyro.scenario.units import BASE, DEFINED, PREFIXED, PREFIXES, UnitError, base, parse, printed, quantity
@@ -219,7 +220,7 @@ def test_a_unit_is_a_product_of_powers() -> None:
 
 FIELDS = {path: info for path, info in leaves(fg.Scenario).items() if isinstance(info.json_schema_extra, dict)}
 WHOLE = {"adaptation.covariance_steps", "datasheet.delay", "device.delay"}  # counts of steps
-DEVICES = [fg.Scenario.paper(), *map(shipped, SHIPPED)]
+DEVICES = [fg.Scenario.paper(), *map(fg.Scenario.shipped, SHIPPED)]
 
 
 def value_at(scenario: fg.Scenario, path: str) -> Any:
@@ -233,12 +234,13 @@ def scenario_with(path: str) -> fg.Scenario:
     return SI.replace(({"controller.kind": kinds[0]} if kinds else {}) | NEEDED_BY_KIND.get(own[:1], {}))
 
 
-# By the first kind of reference that has a field.
+# By the first kind of reference or plant that has a field.
 NEEDED_BY_KIND: dict[tuple[str, ...], dict[str, Any]] = {
     ("step",): {"reference.kind": "step"},
     ("ramp",): {"reference.kind": "ramp"},
     ("chirp",): {"reference.kind": "chirp", "reference.end": 9.0},
     ("staircase",): {"reference.kind": "staircase"},
+    ("duffing",): {"plant.kind": "duffing"},
 }
 NEEDS: dict[str, dict[str, Any]] = {
     "disturbance.width": {"disturbance.kind": "pulse"},
@@ -276,7 +278,7 @@ def test_every_field_with_a_unit_accepts_text_in_si_and_means_the_number(path: s
     assert re.fullmatch(rf'{re.escape(path)}(\[0\])? is "1 {re.escape(WRONG)}": it must be .*', str(refused.value))
 
 
-WRONG = "kg^3 K^2"  # of no field
+WRONG = "kg^3 K^2"  # no field has it
 
 
 def test_a_band_and_a_spectrum_accept_text() -> None:
@@ -395,6 +397,21 @@ def test_g_is_the_gravity_where_an_acceleration_is_meant_and_the_gram_elsewhere(
     assert quantity("2 g", parse("kg"), "kg") == 0.002
 
 
+def test_values_of_a_disturbance_are_accelerations_if_it_states_so() -> None:
+    shock = {"kind": "pulse", "quantity": "acceleration", "amplitude": ("500 g", 0.0), "start": 1.0, "width": "0.5 ms"}
+    scenario = fg.Scenario(disturbance=shock)
+    assert scenario.disturbance.amplitude == (500 * 9.80665, 0.0)  # unit omega0^2 q0: 1 m/s^2
+    assert scenario.in_si() == fg.Scenario.from_toml(scenario.in_si().to_toml()) == scenario
+    assert number_of(scenario, "disturbance.amplitude", ["1 g", 0.0]) == [9.80665, 0.0]
+    added = fg.Scenario.paper().replace({"disturbance": [{"kind": "none"}, shock]})
+    assert added.disturbance.added[0].amplitude == scenario.disturbance.amplitude
+    vibration = {"kind": "vibration", "quantity": "acceleration", "psd": [["20 Hz", "0.04 g^2/Hz"], ["90 Hz", 1.0]]}
+    (_, density), _ = fg.Scenario(disturbance=vibration).disturbance.psd
+    assert density == pytest.approx(0.04 * 9.80665**2 * 1000 / (2 * math.pi))  # for one-sided spectra over rad/s
+    with pytest.raises(fg.ScenarioError, match=r'amplitude\[0\] is "1 uN": it is a force; it must be an acceleration'):
+        fg.Scenario(disturbance=shock | {"amplitude": ("1 uN", 0.0)})
+
+
 def test_physical_values_stay_when_the_scales_change() -> None:
     scenario = fg.Scenario.paper().replace({"run.duration": "20 ms", "disturbance.hold": None})
     slower = scenario.replace({"plant.reference_frequency": 500.0})
@@ -475,7 +492,7 @@ def test_the_command_prints_a_scenario_in_si() -> None:
     ran = CliRunner().invoke(cli, ["scenario", "dual_mass", "--units", "SI"])
     assert ran.exit_code == 0
     assert 'mass = "1.42 mg"' in ran.output
-    assert fg.Scenario.from_toml(ran.output) == shipped("dual_mass")
+    assert fg.Scenario.from_toml(ran.output) == fg.Scenario.shipped("dual_mass")
 
 
 def test_the_command_line_accepts_units_and_the_noise_follows_the_step() -> None:

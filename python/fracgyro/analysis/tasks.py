@@ -12,9 +12,9 @@ from ..scenario.scales import si_unit
 from .scenarios import one_scenario, scale
 
 Array = NDArray[np.float64]
-AT_END = 0.1  # share of the plateau over which its end is averaged
-TAPERED = 0.05  # share of a chirp at each end
-SETTLED_AMPLITUDE = 0.01  # of the drive amplitude
+AT_END = 0.1  # fraction of the plateau over which its end is averaged
+TAPERED = 0.05  # fraction of a chirp at each end
+SETTLED_AMPLITUDE = 0.01  # fraction of the drive amplitude
 
 
 def step_response(run: xr.Dataset, tolerance: float = 0.02) -> xr.Dataset:
@@ -137,9 +137,8 @@ def drive(run: xr.Dataset, transient: float | None = None) -> xr.Dataset:
 
     Raises ValueError for other controllers, or for several runs in one Dataset.
 
-    >>> from fracgyro.scenario.shipped import shipped
     >>> slow = {"controller.kind": "force_rebalance", "reference.kind": ["sine", "rest"], "run.duration": 4000.0}
-    >>> figures = fg.metrics.drive(fg.simulate(shipped("paper_resonance").replace(slow)))
+    >>> figures = fg.metrics.drive(fg.simulate(fg.Scenario.shipped("paper_resonance").replace(slow)))
     >>> bool(abs(figures.amplitude_error) < 0.01)
     True
     """

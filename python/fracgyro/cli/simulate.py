@@ -151,7 +151,7 @@ def _many_runs(scenario: Scenario, own: ControllerLike | None, seeds: int) -> An
     if lost := [place for place, time in enumerate(at) if time == time]:
         raise click.UsageError(
             f"{len(lost)} of {seeds} runs diverged, the first with disturbance.seed {first + lost[0]} at "
-            f"{at[lost[0]]:g}/ω0; that run by itself says why: --set disturbance.seed={first + lost[0]}"
+            f"{at[lost[0]]:g}/ω0; run that seed for the cause: --set disturbance.seed={first + lost[0]}"
         )
     return in_units(scenario, found).drop_vars("diverged_at")
 

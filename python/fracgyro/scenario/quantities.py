@@ -11,6 +11,7 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic_core import PydanticCustomError
 
+from .disturbance import FORCE
 from .messages import ScenarioError, scenario_error
 from .points import Hashed
 from .scales import SI_TABLES, Scales, exact_unit
@@ -18,7 +19,8 @@ from .schema import Controller, Plant
 from .table import Symmetric, format_value, message_error
 from .units import Quantity, Unit, UnitError, is_quantity, parse, printed, quantity
 
-# Fields of [controller] that are exponents in units of others.
+ACCELERATION = FORCE.removeprefix("m*")
+# Fields of [controller] that are exponents in units of other fields.
 EXPONENTS = {
     "alpha": "order",
     "c": "terminal_exponent",
@@ -78,7 +80,7 @@ def with_numbers(given: Mapping[str, Any], model: type[BaseModel]) -> dict[str, 
     return tables
 
 
-Change = Callable[[Any, str, str], Any]  # of a number: value, unit and path
+Change = Callable[[Any, str, str], Any]  # maps a number: value, unit and path
 
 
 def _table(value: Any, model: type[BaseModel], path: str, change: Change) -> Any:
@@ -91,7 +93,7 @@ def _table(value: Any, model: type[BaseModel], path: str, change: Change) -> Any
     for name, (unit, inner) in _numeric(model).items():
         if name in given:
             at, each = f"{path}.{name}", given[name]
-            found[name] = _table(each, inner, at, change) if inner else _entries(each, unit, at, change)
+            found[name] = _table(each, inner, at, change) if inner else _entries(each, _meant(unit, given), at, change)
     return value if all(found[name] is given[name] for name in found) else {**given, **found}
 
 
@@ -120,6 +122,11 @@ def _has_numbers(annotation: Any) -> bool:
 def unit_of(info: Any) -> str:
     """The unit of a field; of entries with different units, all of them."""
     return str((info.json_schema_extra or {}).get("unit", "1"))
+
+
+def _meant(unit: str, table: Mapping[str, Any]) -> str:
+    """The unit of a field in this table: that of an acceleration if the values of a disturbance are accelerations."""
+    return unit.replace(FORCE, ACCELERATION) if table.get("quantity") == "acceleration" else unit
 
 
 def _entries(value: Any, unit: str, path: str, change: Change) -> Any:
@@ -167,6 +174,7 @@ def number_of(scenario: BaseModel, path: str, value: Any) -> Any:
         return value
     for each in reversed(inner):
         value = {each: value}
+    value = {"quantity": getattr(tables[name], "quantity", None), **value}
     try:
         value = _table(value, type(tables[name]), name, lambda *of: _number(units, False, *of))
     except PydanticCustomError as error:
@@ -205,7 +213,8 @@ def in_si(scenario: BaseModel, fields: Mapping[str, Iterable[str]]) -> dict[str,
         for field, value in dict(tables[name]).items():
             info = type(tables[name]).model_fields[field]
             if field in chosen and value is not None and _has_numbers(info.annotation) and "points" not in field:
-                found[f"{name}.{field}"] = _entries(value, unit_of(info), f"{name}.{field}", text)
+                unit = _meant(unit_of(info), dict(tables[name]))
+                found[f"{name}.{field}"] = _entries(value, unit, f"{name}.{field}", text)
             elif field in chosen and value is not None and (inner := _tables_in(info.annotation)):
                 found[f"{name}.{field}"] = _table(value, inner[0], f"{name}.{field}", text)
     return found
