@@ -1,4 +1,4 @@
-"""Run the examples of docs/experiments.md, and write their printed results and pictures.
+"""Run the examples of docs/experiments.md, and write their printed results and pictures; draw docs/references.svg.
 
 A test runs the same examples and compares. An example is a section: its code, then the printed text, cut after the
 given lines if it ends with "...", then a picture: the last figure, or the SVG file that the command wrote.
@@ -25,6 +25,9 @@ from fracgyro.cli import cli
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs/experiments.md"
+# The picture of docs/references.md is that of a script of the gallery.
+REFERENCES = ROOT / "docs/references.svg"
+SCRIPT = ROOT / "docs/gallery/plot_14_references.py"
 CUT = "..."
 COLUMNS = "110"  # of printed tables
 STYLE = {**LETTERS, "figure.constrained_layout.use": True}
@@ -61,6 +64,17 @@ def run(example: Example) -> tuple[str, str | None]:
             os.chdir(home)
             plt.close("all")
     return printed, drawn
+
+
+def references() -> str:
+    """The picture of docs/references.md, as SVG."""
+    plt.switch_backend("agg")
+    with own_style(STYLE):
+        exec(compile(SCRIPT.read_text(encoding="utf-8"), SCRIPT.name, "exec"), {"__name__": "example"})
+    drawn = _picture("References of every kind")
+    plt.close("all")
+    assert drawn is not None
+    return drawn
 
 
 def _python(code: str) -> str:
@@ -108,6 +122,7 @@ def main() -> None:
             (PAGE.parent / example.picture).write_text(drawn, encoding="utf-8", newline="\n")
         print(example.title, file=sys.stderr)
     PAGE.write_text(text, encoding="utf-8")
+    REFERENCES.write_text(references(), encoding="utf-8", newline="\n")
 
 
 if __name__ == "__main__":

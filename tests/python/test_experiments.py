@@ -47,11 +47,19 @@ def test_an_example_prints_and_draws_as_on_the_page(example: Example) -> None:
         assert numbers[0] == pytest.approx(numbers[1], rel=1e-3, abs=1e-9)
     assert (drawn is None) == (example.picture is None)
     if example.picture and drawn:
-        committed = (ROOT / "docs" / example.picture).read_text(encoding="utf-8")
-        if f"Matplotlib v{matplotlib.__version__} " not in committed:
-            pytest.skip(f"{example.picture} was drawn by another Matplotlib than {matplotlib.__version__}")
-        assert texts(drawn) == texts(committed)
-        assert extents(drawn) == [pytest.approx(extent, abs=POINTS) for extent in extents(committed)]
+        compare(drawn, ROOT / "docs" / example.picture)
+
+
+def test_the_picture_of_references_is_drawn_again() -> None:
+    compare(experiments_page.references(), experiments_page.REFERENCES)
+
+
+def compare(drawn: str, path: Path) -> None:
+    committed = path.read_text(encoding="utf-8")
+    if f"Matplotlib v{matplotlib.__version__} " not in committed:
+        pytest.skip(f"{path.name} was drawn by another Matplotlib than {matplotlib.__version__}")
+    assert texts(drawn) == texts(committed), "run benchmarks/experiments_page.py"
+    assert extents(drawn) == [pytest.approx(extent, abs=POINTS) for extent in extents(committed)]
 
 
 def texts(picture: str) -> list[str]:

@@ -33,6 +33,7 @@ NAMES = {
 }
 COLUMNS = 1500  # pixel columns: each keeps the extremes of its samples
 DENSE = COLUMNS // 4  # a curve with more crossings of its mean is drawn as a band
+FOLLOWED = ("reference", "true rate")  # last in legends
 DECADES = 12.0  # below the largest error
 NARROW = 100.0  # mm: up to this width letters have 7 points, beyond it 8
 UNITS = {"mm": 1.0, "cm": 10.0, "in": 25.4}
@@ -205,7 +206,8 @@ def _legends(panels: Iterable[Axes], letters: float) -> None:
     """A legend above each panel that has names which no panel above it has."""
     known: set[str] = set()
     for panel in panels:
-        named = dict(zip(*reversed(panel.get_legend_handles_labels()), strict=True))
+        found = dict(zip(*reversed(panel.get_legend_handles_labels()), strict=True))
+        named = {name: found[name] for name in sorted(found, key=lambda name: name in FOLLOWED)}
         if len(named) > 1 and not known >= set(named):
             panel.legend(
                 list(named.values()),
