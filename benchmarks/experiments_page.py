@@ -29,7 +29,7 @@ PAGE = ROOT / "docs/experiments.md"
 REFERENCES = ROOT / "docs/references.svg"
 SCRIPT = ROOT / "docs/gallery/plot_14_references.py"
 CUT = "..."
-COLUMNS = "110"  # of printed tables
+COLUMNS = "110"  # width of printed tables
 STYLE = {**LETTERS, "figure.constrained_layout.use": True}
 
 
@@ -52,7 +52,7 @@ def examples(text: str) -> Iterator[Example]:
 
 
 def run(example: Example) -> tuple[str, str | None]:
-    """What the example prints, and its picture as SVG."""
+    """The printed text of the example, and its picture as SVG."""
     home = Path.cwd()
     with tempfile.TemporaryDirectory() as folder:
         os.symlink(ROOT / "examples", Path(folder) / "examples", target_is_directory=True)

@@ -50,7 +50,8 @@ class Units:
     def exponents(self) -> tuple[tuple[str, float], ...]:
         given = self.tables.get("controller", {})
         given = dict(given) if isinstance(given, BaseModel | Mapping) else {}
-        found = {symbol: given.get(name, Controller.model_fields[name].default) for symbol, name in EXPONENTS.items()}
+        known = {symbol: name for symbol, name in EXPONENTS.items() if name in Controller.model_fields}
+        found = {symbol: given.get(name, Controller.model_fields[name].default) for symbol, name in known.items()}
         return tuple((symbol, float(value)) for symbol, value in found.items() if isinstance(value, int | float))
 
     def of(self, table: str, unit: str) -> tuple[Unit, str]:
