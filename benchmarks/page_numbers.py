@@ -342,6 +342,17 @@ def budgets() -> Rows:
     ]
 
 
+def reference_cost() -> Rows:
+    def means(row: logs.Row, column: str) -> str:
+        return thousands(numbers(row[column])[0])
+
+    columns = ("Cortex-M4F: mean / most", "Cortex-M7: mean / most")
+    return [
+        [row["reference, on both axes"], *(means(row, column) for column in columns)]
+        for row in logs.rows("reference_cost", *columns)
+    ]
+
+
 def change(controller: str, window: str) -> list[float]:
     return numbers(cell("firmware", window, controller=controller))
 
@@ -811,6 +822,7 @@ TABLES: dict[str, Callable[[], Rows]] = {
     "exact_sensors": exact_sensors,
     "exact_faults": exact_faults,
     "budgets": budgets,
+    "reference_cost": reference_cost,
     "claims": claims,
     "performance": performance,
     "tracking": tracking,

@@ -27,7 +27,9 @@ REPOSITORY = "https://github.com/fracgyro/fracgyro"
 
 PAGES = {
     "how-to/runs": "docs/usage.md",
+    "how-to/experiments": "docs/experiments.md",
     "how-to/units": "docs/units.md",
+    "how-to/references": "docs/references.md",
     "how-to/controllers": "docs/controllers.md",
     "how-to/plants": "docs/plants.md",
     "how-to/studies": "docs/studies.md",

@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import fracgyro as fg
 import numpy as np
@@ -16,6 +17,7 @@ import xarray as xr
 from children import PATIENCE
 from click.testing import CliRunner
 from fracgyro.cli import cli
+from fracgyro.scenario.table import toml_value
 
 SHORT = ("--set", "run.duration=2.0")
 BOUNDED = fg.Scenario.paper().replace({"controller.switching_limit": 0.5})
@@ -378,6 +380,64 @@ def test_metrics_of_a_time_after_the_end_are_left_out_with_the_reason() -> None:
     long = CliRunner().invoke(cli, ["simulate", "--set", "run.duration=12"]).output
     assert "steady: x" in long
     assert "run.duration is" not in long
+
+
+def simulated(*changes: str, scenario: str = "paper") -> tuple[dict[str, str], dict[str, Any], str]:
+    """Rows of the table by metric, the JSON, and the whole output of `fracgyro simulate` with these changes."""
+    words = ["simulate", scenario, *(word for change in changes for word in ("--set", change))]
+    table, found = (CliRunner().invoke(cli, [*words, *more]) for more in ((), ("--json",)))
+    assert (table.exit_code, found.exit_code) == (0, 0), table.output + found.output
+    lines = [line for line in table.output.splitlines() if line[:1].strip()]
+    return {line.split()[0]: line for line in lines}, json.loads(found.stdout), table.output
+
+
+def test_a_step_is_reported_with_its_overshoot_and_times() -> None:
+    changes = {"reference.kind": ["step", "rest"], "reference.smoothing": 0.2, "run.initial_position": (0.0, 0.0)}
+    scenario = fg.Scenario.paper().replace({**changes, "run.duration": 4.0})
+    expected = fg.metrics.step_response(fg.simulate(scenario)).sel(axis="x")
+    rows, found, _ = simulated(
+        'reference.kind=["step","rest"]',
+        "reference.smoothing=0.2",
+        "run.initial_position=[0,0]",
+        "run.duration=4.0",
+    )
+    assert list(rows)[1:5] == list(expected) == list(found)[:4]
+    for name in expected:
+        assert found[name] == {"x": pytest.approx(float(expected[name]), rel=1e-12)}
+    assert re.search(rf"rise_time +x {expected.rise_time:g} +1/ω0", rows["rise_time"])
+
+
+def test_a_chirp_is_reported_with_its_frequency_response() -> None:
+    soft = {
+        "controller.kind": "disturbance_rejection",
+        "controller.nominal_model": False,
+        "controller.natural_frequency": 5.0,
+        "controller.extended_observer_bandwidth": 30.0,
+        "reference.kind": "chirp",
+        "reference.end": 40.0,
+        "reference.final_frequency": (80.0, 80.0),
+        "run.duration": 40.0,
+    }
+    rows, found, _ = simulated(*(f"{field}={toml_value(value)}" for field, value in soft.items()))
+    response = fg.metrics.frequency_response(fg.simulate(fg.Scenario.paper().replace(soft)))
+    cutoff = next(float(each.frequency) for each in response.gain.sel(axis="x") if each < 0.5**0.5)
+    assert found["cutoff_frequency"]["x"] == pytest.approx(cutoff)
+    assert found["gain_deviation"]["x"] == pytest.approx(float(abs(response.gain.sel(axis="x") - 1).max()))
+    assert found["phase_deviation"]["y"] == pytest.approx(float(abs(response.phase.sel(axis="y")).max()))
+    assert re.search("phase_deviation.* rad", rows["phase_deviation"])
+    *_, output = simulated("reference.kind=chirp", "reference.start=3", "reference.end=9", "run.duration=1.0")
+    assert "figures of the reference are left out: reference.start is 3.0: the run must contain some of" in output
+
+
+def test_a_conventional_gyroscope_is_reported_by_its_drive_and_not_by_an_error_against_the_sine() -> None:
+    driven = ("controller.kind=force_rebalance", 'reference.kind=["sine","rest"]', "run.initial_position=[0,0]")
+    rows, found, _ = simulated(*driven, "run.duration=3000.0", scenario="dual_mass")
+    assert abs(found["amplitude_error"]) < 1e-3
+    assert found["frequency"] == pytest.approx(1.0, abs=1e-6)
+    assert set(found["rmse"]["whole"]) == {"y"}
+    assert "error_settling_time" not in found
+    assert "error_settling_time" not in rows
+    assert re.search(r"rmse +whole: y", rows["rmse"])
 
 
 @pytest.mark.parametrize(

@@ -111,6 +111,18 @@ def test_a_curve_keeps_its_extremes_in_few_points() -> None:
     assert rate.get_xlabel() == "time (1/ω0)"
 
 
+def test_an_error_of_zero_does_not_stretch_the_logarithmic_axis() -> None:
+    at_rest = {"reference.kind": "step", "reference.start": 1.0, "reference.smoothing": 0.1}
+    quiet = {"disturbance.kind": "none", "run.initial_position": (0.0, 0.0), "run.duration": 3.0}
+    run = fg.simulate(fg.Scenario.paper().replace({**at_rest, **quiet}))
+    sizes = abs(run["error"].values)
+    assert (sizes == 0).any()
+    panel = fg.plot(run, Figure(), channels=["error"]).axes[0]
+    for line, largest in zip(panel.lines, sizes.max(axis=0), strict=True):
+        assert min(line.get_ydata()) == pytest.approx(1e-12 * largest)
+    fg.plot(run.assign(error=0.0 * run["error"]), Figure(), channels=["error"]).canvas.draw()
+
+
 def test_a_fast_oscillation_is_drawn_as_a_band() -> None:
     run = fg.simulate(fg.Scenario.shipped("dual_mass").replace({"run.units": "SI", "run.duration": 4000.0}))
     panel = fg.plot(run, Figure(), channels=["position"]).axes[0]

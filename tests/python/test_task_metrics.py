@@ -70,6 +70,24 @@ def test_the_frequency_response_of_a_filter_is_that_of_the_filter() -> None:
     assert (inside.coherence > 0.98).all()
 
 
+def test_an_axis_has_a_response_only_at_the_frequencies_of_its_own_chirp() -> None:
+    chirp = {"reference.kind": "chirp", "reference.frequency": (0.5, 2.0), "reference.final_frequency": (2.0, 6.0)}
+    found = fg.metrics.frequency_response(fg.simulate(CHIRP.replace(chirp)), bands=40)
+    measured = found.gain.notnull()
+    assert (found.frequency[measured.sel(axis="x")] <= 2.0).all()
+    assert (found.frequency[measured.sel(axis="y")] >= 2.0).all()
+    assert (measured.sum("frequency") > 5).all()
+
+
+def test_the_phase_of_a_drive_does_not_depend_on_the_distance_of_recorded_samples() -> None:
+    driven = {"controller.kind": "force_rebalance", "reference.kind": ["sine", "rest"], "run.duration": 2000.0}
+    scenario = fg.Scenario.shipped("dual_mass").replace(driven)
+    every, tenth = (
+        float(fg.metrics.drive(fg.simulate(scenario.replace({"run.record_every": n}))).phase_error) for n in (1, 10)
+    )
+    assert tenth == pytest.approx(every, abs=1e-3)
+
+
 def test_the_coherence_falls_where_something_else_moves_the_axis() -> None:
     t = CHIRP.run.step * np.arange(CHIRP.run.steps + 1)
     reference = fg.simulate(CHIRP).reference.sel(axis="x").values

@@ -22,6 +22,7 @@ from fracgyro.export.units import base_unit
 from fracgyro.scenario.kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, kinds_with, reported_channels
 from fracgyro.scenario.messages import leaves
 from fracgyro.scenario.printing import OWN_KINDS, having
+from fracgyro.scenario.quantities import number_of
 from fracgyro.scenario.scales import Powers, Scales, powers, si_unit
 from fracgyro.scenario.shipped import SHIPPED
 from fracgyro.scenario.table import toml_value
@@ -394,6 +395,21 @@ def test_g_is_the_gravity_where_an_acceleration_is_meant_and_the_gram_elsewhere(
     assert quantity("2 g", parse("m/s^2"), "m/s^2") == 2 * 9.80665
     assert quantity("20 ug/sqrt(Hz)", parse("m/s^2/sqrt(Hz)"), "m/s^2/sqrt(Hz)") == pytest.approx(1.96133e-4, rel=1e-15)
     assert quantity("2 g", parse("kg"), "kg") == 0.002
+
+
+def test_values_of_a_disturbance_are_accelerations_if_it_states_so() -> None:
+    shock = {"kind": "pulse", "quantity": "acceleration", "amplitude": ("500 g", 0.0), "start": 1.0, "width": "0.5 ms"}
+    scenario = fg.Scenario(disturbance=shock)
+    assert scenario.disturbance.amplitude == (500 * 9.80665, 0.0)  # unit omega0^2 q0: 1 m/s^2
+    assert scenario.in_si() == fg.Scenario.from_toml(scenario.in_si().to_toml()) == scenario
+    assert number_of(scenario, "disturbance.amplitude", ["1 g", 0.0]) == [9.80665, 0.0]
+    added = fg.Scenario.paper().replace({"disturbance": [{"kind": "none"}, shock]})
+    assert added.disturbance.added[0].amplitude == scenario.disturbance.amplitude
+    vibration = {"kind": "vibration", "quantity": "acceleration", "psd": [["20 Hz", "0.04 g^2/Hz"], ["90 Hz", 1.0]]}
+    (_, density), _ = fg.Scenario(disturbance=vibration).disturbance.psd
+    assert density == pytest.approx(0.04 * 9.80665**2 * 1000 / (2 * math.pi))  # for one-sided spectra over rad/s
+    with pytest.raises(fg.ScenarioError, match=r'amplitude\[0\] is "1 uN": it is a force; it must be an acceleration'):
+        fg.Scenario(disturbance=shock | {"amplitude": ("1 uN", 0.0)})
 
 
 def test_physical_values_stay_when_the_scales_change() -> None:

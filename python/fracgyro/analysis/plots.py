@@ -33,6 +33,8 @@ NAMES = {
 }
 COLUMNS = 1500  # pixel columns: each keeps the extremes of its samples
 DENSE = COLUMNS // 4  # a curve with more crossings of its mean is drawn as a band
+FOLLOWED = ("reference", "true rate")  # last in legends
+DECADES = 12.0  # below the largest error
 NARROW = 100.0  # mm: up to this width letters have 7 points, beyond it 8
 UNITS = {"mm": 1.0, "cm": 10.0, "in": 25.4}
 
@@ -162,7 +164,7 @@ def _draw(
         }
         shown = values[:, column]
         if name == "error":
-            panel.semilogy(*largest(time, np.maximum(abs(shown), 1e-300), COLUMNS), **style)
+            panel.semilogy(*largest(time, _positive(abs(shown)), COLUMNS), **style)
         elif (found := crossings(shown)) > DENSE:
             style |= {"linewidth": 0.5, "alpha": 0.5}
             panel.fill_between(*band(time, shown, max(50, found // 4)), **style)
@@ -172,6 +174,12 @@ def _draw(
                 followed.append(run["reference"].values[:, column] / unit)
     for number, reference in enumerate(followed):
         panel.plot(*decimate(time, reference, COLUMNS), **REFERENCE, label="" if number else "reference")
+
+
+def _positive(sizes: Array) -> Array:
+    """Sizes for a logarithmic axis of at most DECADES, on which a mass at rest may have no error at all."""
+    peak = float(sizes.max())
+    return np.maximum(sizes, 10.0**-DECADES * peak) if peak > 0 else np.full_like(sizes, np.nan)
 
 
 def _draw_rate(panel: Axes, run: Run, time: Array, unit: float, own: tuple[str, str] | None) -> None:
@@ -198,7 +206,8 @@ def _legends(panels: Iterable[Axes], letters: float) -> None:
     """A legend above each panel that has names which no panel above it has."""
     known: set[str] = set()
     for panel in panels:
-        named = dict(zip(*reversed(panel.get_legend_handles_labels()), strict=True))
+        found = dict(zip(*reversed(panel.get_legend_handles_labels()), strict=True))
+        named = {name: found[name] for name in sorted(found, key=lambda name: name in FOLLOWED)}
         if len(named) > 1 and not known >= set(named):
             panel.legend(
                 list(named.values()),

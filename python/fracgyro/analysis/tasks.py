@@ -12,9 +12,9 @@ from ..scenario.scales import si_unit
 from .scenarios import one_scenario, scale
 
 Array = NDArray[np.float64]
-AT_END = 0.1  # share of the plateau over which its end is averaged
-TAPERED = 0.05  # share of a chirp at each end
-SETTLED_AMPLITUDE = 0.01  # relative to the drive amplitude
+AT_END = 0.1  # fraction of the plateau over which its end is averaged
+TAPERED = 0.05  # fraction of a chirp at each end
+SETTLED_AMPLITUDE = 0.01  # fraction of the drive amplitude
 
 
 def step_response(run: xr.Dataset, tolerance: float = 0.02) -> xr.Dataset:
@@ -72,7 +72,7 @@ def frequency_response(run: xr.Dataset, bands: int = 100) -> xr.Dataset:
 
     Over `frequency`, angular and in the run's units, and `axis`: `gain`, `phase` in rad, and `coherence`, the share of
     the motion that follows the reference. The band of the chirp is divided into at most `bands` bands, and each has the
-    ratio of spectra with the least squared error. NaN for an axis without a chirp.
+    ratio of spectra with the least squared error. NaN outside of the chirp of an axis.
 
     Raises ValueError if no axis has a chirp, or for several runs in one Dataset.
 
@@ -102,8 +102,8 @@ def frequency_response(run: xr.Dataset, bands: int = 100) -> xr.Dataset:
     found = np.full((3, len(groups), 2), np.nan)
     for i in sweeping:
         asked, answered = (_spectrum(part[name].isel(axis=i).values) for name in ("reference", "position"))
-        within = [g for g, group in enumerate(groups) if ends[sweeping.index(i)][0] <= frequency[group].mean()]
-        for g in within:
+        first, last = ends[sweeping.index(i)]
+        for g in (g for g, group in enumerate(groups) if first <= frequency[group].mean() <= last):
             x, y = asked[groups[g]], answered[groups[g]]
             power, cross, answer = np.vdot(x, x).real, np.vdot(x, y), np.vdot(y, y).real
             ratio = cross / power
@@ -129,7 +129,7 @@ def _spectrum(values: Array) -> NDArray[np.complex128]:
 def drive(run: xr.Dataset, transient: float | None = None) -> xr.Dataset:
     """Figures of a conventional gyroscope's drive loop (open_loop, force_rebalance).
 
-    The run must be recorded at every step; of the time after `transient`, by default half of the run:
+    Of the time after `transient`, by default half of the run:
     `amplitude_error` is the mean amplitude relative to reference.amplitude, minus 1, and `amplitude_noise` its standard
     deviation, relative; `frequency` is the mean of the phase-locked loop; `phase_error`, rad, is the angle by which the
     drive force leads the velocity; `quadrature` and `quadrature_noise` are mean and standard deviation, as an angular
@@ -163,7 +163,7 @@ def drive(run: xr.Dataset, transient: float | None = None) -> xr.Dataset:
             "amplitude_noise": share.std(),
             "amplitude_settling_time": float(time[last]) if last < len(time) else np.nan,
             "frequency": frequency,
-            "phase_error": _phase_error(steady, frequency),
+            "phase_error": _phase_error(steady, frequency, scenario.run.step * float(scale(run, "1/omega0"))),
             "quadrature": steady["quadrature"].mean(),
             "quadrature_noise": steady["quadrature"].std(),
         }
@@ -172,7 +172,7 @@ def drive(run: xr.Dataset, transient: float | None = None) -> xr.Dataset:
     return _with_units(run, found, units | dict.fromkeys(("frequency", "quadrature", "quadrature_noise"), "omega0"))
 
 
-def _phase_error(run: xr.Dataset, frequency: float) -> float:
+def _phase_error(run: xr.Dataset, frequency: float, step: float) -> float:
     """Angle by which the force on x leads the velocity of x, at this frequency."""
     angle = frequency * run["time"].values
     basis = np.column_stack([np.cos(angle), np.sin(angle)])
@@ -182,8 +182,37 @@ def _phase_error(run: xr.Dataset, frequency: float) -> float:
         return complex(cosine, -sine)
 
     velocity, force = 1j * frequency * phasor("position"), phasor("control")
-    held = 0.5 * frequency * float(run["time"][1] - run["time"][0])  # a held force acts half a step late
-    return float(np.angle(force / velocity)) - held if velocity and force else np.nan
+    # A held force acts half a step late.
+    return float(np.angle(force / velocity)) - 0.5 * frequency * step if velocity and force else np.nan
+
+
+def task_figures(run: xr.Dataset) -> list[xr.Dataset]:
+    """Figures of each task of a run: step response, summary of the frequency response, drive. Only axes with the task.
+
+    Raises ValueError if the run is too short for a task.
+    """
+    scenario = one_scenario(run)
+    r = scenario.reference
+    stepping = [AXES[i] for i, kind in enumerate(r.kinds) if kind == "step" and r.amplitude[i] != 0]
+    sweeping = [axis for axis, kind in zip(AXES, r.kinds, strict=True) if kind == "chirp"]
+    found = [step_response(run).sel(axis=stepping)] if stepping else []
+    found += [_summarized(run, frequency_response(run).sel(axis=sweeping))] if sweeping else []
+    return found + ([drive(run)] if scenario.controller.kind in SINE_DRIVES else [])
+
+
+def _summarized(run: xr.Dataset, response: xr.Dataset) -> xr.Dataset:
+    """`cutoff_frequency`: the first with a gain 3 dB below 1; the largest deviations from gain 1 and phase 0."""
+    below = response["gain"] < 0.5**0.5
+    cutoff = xr.where(below.any("frequency"), response["frequency"][below.argmax("frequency")], np.nan)
+    deviations = {name: abs(response[name] - ideal).max("frequency") for name, ideal in (("gain", 1.0), ("phase", 0.0))}
+    found = xr.Dataset(
+        {
+            "cutoff_frequency": cutoff.drop_vars("frequency"),
+            "gain_deviation": deviations["gain"],
+            "phase_deviation": deviations["phase"],
+        }
+    )
+    return _with_units(run, found, {"cutoff_frequency": "omega0", "gain_deviation": "1", "phase_deviation": "rad"})
 
 
 def _with_units(run: xr.Dataset, found: xr.Dataset, units: dict[str, str]) -> xr.Dataset:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
-from ..analysis.metric_names import nondimensional_unit
+from ..analysis.metric_names import UNITS, nondimensional_unit, written
 from ..scenario import Scenario
+from ..scenario.kinds import SINE_DRIVES
 
 STEADY = ["chattering", "rate_error_rms"]  # metrics of the steady window, like rmse steady
 Cell = Callable[[Any], Any]  # a scalar variable -> its JSON
@@ -17,6 +18,13 @@ Cell = Callable[[Any], Any]  # a scalar variable -> its JSON
 def shown(figures: Any, steady: bool) -> Any:
     """The metrics without those of the steady window, unless the run reaches it."""
     return figures if steady else figures.drop_vars(STEADY).sel(window=["whole", "transient"])
+
+
+def followed(scenario: Scenario, figures: Any) -> list[Any]:
+    """The metrics, without the errors of a conventional drive: its sine sets only amplitude and frequency."""
+    if scenario.controller.kind not in SINE_DRIVES:
+        return [figures]
+    return [figures[["rmse"]].sel(axis=["y"]), figures.drop_vars(["rmse", "error_settling_time"])]
 
 
 def left_out(scenario: Scenario, transient: float) -> str:
@@ -53,11 +61,11 @@ def of_seeds(values: Any) -> dict[str, Any]:
     return {"mean": found.mean, "low": found.low, "high": found.high}
 
 
-def rows(figures: Any, si: bool, cell: Cell) -> Iterator[tuple[str, str, str]]:
+def rows(figures: Iterable[Any], si: bool, cell: Cell) -> Iterator[tuple[str, str, str]]:
     """Rows of the table: metric, value, unit."""
-    for name, values in figures.items():
+    for name, values in (each for part in figures for each in part.items()):
         in_si = values.attrs.get("units") or values.attrs["column_units"]
-        unit = in_si.removeprefix("1") if si else nondimensional_unit(name)
+        unit = in_si.removeprefix("1") if si else nondimensional_unit(name) if name in UNITS else written(in_si)
         text = json.dumps(plain(values, cell), default=str)
         cells = json.loads(text, parse_float=lambda number: f"{float(number):.6g}")
         yield str(name), _words(cells, values.sizes.get("run", 1)), unit

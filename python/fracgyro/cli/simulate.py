@@ -20,7 +20,7 @@ from ..simulation.user_controller import ControllerLike, controller_name
 from ..simulation.user_plant import PlantLike, UserPlant
 from .commands import Names
 from .completion import changes
-from .figures import Cell, left_out, of_one, of_seeds, plain, rows, shown
+from .figures import Cell, followed, left_out, of_one, of_seeds, plain, rows, shown
 from .options import controller_option, own_controller, own_plant, scenario_argument
 from .terminal import print_table, progress
 
@@ -64,8 +64,10 @@ def simulate_command(
     chosen = _paper(wanted) if scenario in (None, "paper") else named(scenario or "").replace(wanted)
     own, model = own_controller(controller), own_plant(plant)
     cell: Cell = of_one if seeds is None else of_seeds
+    tasks: list[Any] = []
+    notes: list[str] = []
     if seeds is None:
-        figures = _one_run(chosen, own, model, out, plot)
+        figures, tasks, notes = _one_run(chosen, own, model, out, plot)
     else:
         for option in (name for name, path in (("--out", out), ("--plot", plot)) if path):
             raise click.UsageError(f"--seeds is given with {option}: it must be left out, as many runs have no record")
@@ -74,14 +76,15 @@ def simulate_command(
     about |= {} if model is None else {"plant": UserPlant(model).name}
     about |= {} if seeds is None else {"seeds": seeds}
     if as_json:
-        content = {name: plain(values, cell) for name, values in figures.items()}
+        parts = [*tasks, *followed(chosen, figures)]
+        content = {name: plain(values, cell) for part in parts for name, values in part.items()}
         click.echo(json.dumps(content | about, allow_nan=False))
         return
     steady, si = chosen.run.duration >= TRANSIENT, chosen.run.units == "SI"
     titles = ("metric", "value" if seeds is None else "mean [95 %]", "unit")
-    print_table(titles, rows(shown(figures, steady), si, cell))
+    print_table(titles, rows([*tasks, *followed(chosen, shown(figures, steady))], si, cell))
     files = {"controller": controller, "plant": plant}
-    notes = [f"{name}: {about[name]}, of {file}" for name, file in files.items() if file]
+    notes += [f"{name}: {about[name]}, of {file}" for name, file in files.items() if file]
     notes += [] if steady else [left_out(chosen, TRANSIENT)]
     if not si:
         p = chosen.plant
@@ -94,10 +97,11 @@ def simulate_command(
 
 def _one_run(
     scenario: Scenario, own: ControllerLike | None, plant: PlantLike | None, out: Path | None, plot: Path | None
-) -> Any:
-    """The metrics of a run, after its record was written and drawn."""
+) -> tuple[Any, list[Any], list[str]]:
+    """Metrics, figures of tasks and notes of a run, after its record was written and drawn."""
     from ..analysis.metrics import measured, summary
     from ..analysis.run_files import check_file, write_file
+    from ..analysis.tasks import task_figures
     from ..simulation.simulate import DivergedError, simulate
 
     if out:
@@ -121,9 +125,13 @@ def _one_run(
     if diverged:
         saved = f"; {out} has the samples up to then" if out else ""
         raise click.UsageError(f"{diverged}{saved}")
+    try:
+        tasks, notes = task_figures(run), []
+    except ValueError as error:
+        tasks, notes = [], [f"figures of the reference are left out: {error}"]
     if (own or plant) and recorded.run.record_every == 1:
-        return summary(run)  # a second run of a Python callable would take as long again
-    return measured(scenario, own, plant).drop_vars("diverged_at")
+        return summary(run), tasks, notes  # a second run of a Python callable would take as long again
+    return measured(scenario, own, plant).drop_vars("diverged_at"), tasks, notes
 
 
 def _many_runs(scenario: Scenario, own: ControllerLike | None, plant: PlantLike | None, seeds: int) -> Any:
@@ -150,7 +158,7 @@ def _many_runs(scenario: Scenario, own: ControllerLike | None, plant: PlantLike 
     if lost := [place for place, time in enumerate(at) if time == time]:
         raise click.UsageError(
             f"{len(lost)} of {seeds} runs diverged, the first with disturbance.seed {first + lost[0]} at "
-            f"{at[lost[0]]:g}/ω0; that run by itself reports why: --set disturbance.seed={first + lost[0]}"
+            f"{at[lost[0]]:g}/ω0; run that seed for the cause: --set disturbance.seed={first + lost[0]}"
         )
     return in_units(scenario, found).drop_vars("diverged_at")
 

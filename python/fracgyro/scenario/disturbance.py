@@ -74,7 +74,7 @@ class Entry(Table):
         "Spectrum of the vibration of each axis: [[frequency, density], ...], unit omega0, at most pi over the step, "
         "and force^2/omega0. One-sided: its integral over the frequency is the variance. Straight lines in logarithmic "
         "scales, zero beyond the ends.",
-        unit="omega0, (m*omega0^2*q0)^2/omega0",
+        unit="omega0, (m*omega0^2*q0)^2/omega0/rad",
     )
     weights: Weights = field((1.0, 1.0), "Factors of the vibration on [x, y], whose vibrations are independent.")
     file: str | None = field(

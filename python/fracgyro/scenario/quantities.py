@@ -11,6 +11,7 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic_core import PydanticCustomError
 
+from .disturbance import FORCE
 from .messages import ScenarioError, scenario_error
 from .points import Hashed
 from .scales import SI_TABLES, Scales, exact_unit
@@ -18,7 +19,8 @@ from .schema import Controller, Plant
 from .table import Symmetric, format_value, message_error
 from .units import Quantity, Unit, UnitError, is_quantity, parse, printed, quantity
 
-# Fields of [controller] that are exponents in the units of other fields.
+ACCELERATION = FORCE.removeprefix("m*")
+# Fields of [controller] that are exponents in units of other fields.
 EXPONENTS = {
     "alpha": "order",
     "c": "terminal_exponent",
@@ -48,7 +50,8 @@ class Units:
     def exponents(self) -> tuple[tuple[str, float], ...]:
         given = self.tables.get("controller", {})
         given = dict(given) if isinstance(given, BaseModel | Mapping) else {}
-        found = {symbol: given.get(name, Controller.model_fields[name].default) for symbol, name in EXPONENTS.items()}
+        known = {symbol: name for symbol, name in EXPONENTS.items() if name in Controller.model_fields}
+        found = {symbol: given.get(name, Controller.model_fields[name].default) for symbol, name in known.items()}
         return tuple((symbol, float(value)) for symbol, value in found.items() if isinstance(value, int | float))
 
     def of(self, table: str, unit: str) -> tuple[Unit, str]:
@@ -105,7 +108,7 @@ def _table(value: Any, model: type[BaseModel], path: str, change: Change) -> Any
     for name, (unit, inner) in _numeric(model).items():
         if name in given:
             at, each = f"{path}.{name}", given[name]
-            found[name] = _table(each, inner, at, change) if inner else _entries(each, unit, at, change)
+            found[name] = _table(each, inner, at, change) if inner else _entries(each, _meant(unit, given), at, change)
     return value if all(found[name] is given[name] for name in found) else {**given, **found}
 
 
@@ -134,6 +137,11 @@ def _has_numbers(annotation: Any) -> bool:
 def unit_of(info: Any) -> str:
     """The unit of a field; of entries with different units, all of them."""
     return str((info.json_schema_extra or {}).get("unit", "1"))
+
+
+def _meant(unit: str, table: Mapping[str, Any]) -> str:
+    """The unit of a field in this table: that of an acceleration if the values of a disturbance are accelerations."""
+    return unit.replace(FORCE, ACCELERATION) if table.get("quantity") == "acceleration" else unit
 
 
 def _entries(value: Any, unit: str, path: str, change: Change) -> Any:
@@ -181,6 +189,7 @@ def number_of(scenario: BaseModel, path: str, value: Any) -> Any:
         return value
     for each in reversed(inner):
         value = {each: value}
+    value = {"quantity": getattr(tables[name], "quantity", None), **value}
     try:
         value = _table(value, type(tables[name]), name, lambda *of: _number(units, False, *of))
     except PydanticCustomError as error:
@@ -219,7 +228,8 @@ def in_si(scenario: BaseModel, fields: Mapping[str, Iterable[str]]) -> dict[str,
         for field, value in dict(tables[name]).items():
             info = type(tables[name]).model_fields[field]
             if field in chosen and value is not None and _has_numbers(info.annotation) and "points" not in field:
-                found[f"{name}.{field}"] = _entries(value, unit_of(info), f"{name}.{field}", text)
+                unit = _meant(unit_of(info), dict(tables[name]))
+                found[f"{name}.{field}"] = _entries(value, unit, f"{name}.{field}", text)
             elif field in chosen and value is not None and (inner := _tables_in(info.annotation)):
                 found[f"{name}.{field}"] = _table(value, inner[0], f"{name}.{field}", text)
     return found
