@@ -98,7 +98,7 @@ using PlantFunction = void (*)(const double* in, const double* state, const doub
 class NativePlant final : public UserPlant {
 public:
     enum class Computes { derivative, step };
-    using Places = std::array<std::ptrdiff_t, 4>;  // of x, y, vx, vy among the states; -1: that one is 0
+    using Places = std::array<std::ptrdiff_t, 4>;  // places of x, y, vx, vy among the states; -1: that one is 0
 
     // `initial` is empty: the motion with which the run begins.
     NativePlant(PlantFunction function, Computes computes, const std::vector<double>& parameters, std::size_t states,

@@ -41,7 +41,7 @@ export function channelsOf(scenario, columns) {
   const moving = columns.indexOf("angular_rate");
   const stiffness = relative(scenario, columns, "stiffness");
   const damping = relative(scenario, columns, "damping");
-  const length = scenario.length ?? 1; // of the unit of length, µm
+  const length = scenario.length ?? 1; // the unit of length, µm
   const copied = CHANNELS.map((name, to) => [to, columns.indexOf(name)]).filter(([, at]) => at >= 0);
   return (rows, from, out) => {
     out.fill(NaN);

@@ -65,4 +65,5 @@ def controller_of(contender: Contender, values: Mapping[str, Any]) -> Controller
     if contender.own is None:
         return None
     arguments = {name.removeprefix(GAIN): value for name, value in values.items() if name.startswith(GAIN)}
-    return contender.own.made(**arguments)
+    made: ControllerLike = contender.own.made(**arguments)
+    return made

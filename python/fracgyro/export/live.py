@@ -70,7 +70,7 @@ SENSORS: dict[str, tuple[str, dict[str, Any]]] = {
 
 
 def live(scenario: Scenario, path: str | os.PathLike[str], *, name: str = "my.toml") -> None:
-    """Writes the live page of a scenario, one HTML file: its run, and beside it any other kind of controller.
+    """Writes the live page of a scenario, one HTML file: its run, and any other kind of controller.
 
     `name`: that of the scenario or its file, for the command that the page shows. Raises ScenarioError for a plant that
     a page cannot simulate, and ValueError if zig is missing, which the extra export installs, or the file cannot be
@@ -94,7 +94,7 @@ def scenario_data(scenario: Scenario, name: str) -> dict[str, Any]:
     for other, meaning in zip(KINDS, MEANINGS, strict=True):
         if other != kind and (changed := _with_kind(scenario, other)):
             found[other] = (f"{other.replace('_', ' ')}: {meaning}", changed)
-    unit = 1e3 * scenario.plant.scales.time  # of time, ms
+    unit = 1e3 * scenario.plant.scales.time  # the unit of time, ms
     maximum = FASTEST * scenario.run.step * unit
     speeds = {"minimum": min(0.1 * unit, maximum / 400), "maximum": maximum}
     speed = min(10.0 * unit, maximum / 20)

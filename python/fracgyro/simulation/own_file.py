@@ -58,14 +58,14 @@ class OwnFile:
         """The object of this name; None if the file has no such name."""
         return getattr(_module(self.text, self.path), self.name, None)
 
-    def _fits(self, found: object) -> bool:
+    def _fits(self, found: Any) -> bool:
         return callable(found) or isinstance(found, self.of_c)
 
     def _near(self) -> str:
         return did_you_mean(self.name, (name for name in vars(_module(self.text, self.path)) if name[0] != "_"))
 
     def made(self, **arguments: float) -> Any:
-        """What the class or function makes of these arguments. Raises ScenarioError if it fails."""
+        """The result of the class or function with these arguments. Raises ScenarioError if it fails."""
         words = f"{self.name}({', '.join(f'{name}={value:g}' for name, value in arguments.items())}) of {self.path}"
         try:
             found = self.object(**arguments)
