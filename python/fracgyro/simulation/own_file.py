@@ -58,7 +58,7 @@ class OwnFile:
         """What the name stands for; None if the file has no such name."""
         return getattr(_module(self.text, self.path), self.name, None)
 
-    def _fits(self, found: object) -> bool:
+    def _fits(self, found: Any) -> bool:
         return callable(found) or isinstance(found, self.of_c)
 
     def _near(self) -> str:
