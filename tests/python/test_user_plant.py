@@ -447,7 +447,7 @@ def test_a_recorded_run_has_the_bits_of_any_other_loop(compiled: ctypes.CDLL) ->
         for plant in (native(compiled), None):
             of = scenario if plant else scenario.replace({"plant.kind": "duffing"})
             run, loop = fg.simulate(of, plant=plant), fg.Loop(of, plant=plant).run(501)
-            assert np.array_equal(run["position"].values, loop["position"].values)
+            assert np.array_equal(run["position"].values, loop["position"].values[::7])
             assert set(run) == set(loop)
 
 
@@ -548,7 +548,7 @@ def test_the_general_plant_moves_by_its_equation() -> None:
 
 def test_the_general_plant_may_be_unstable_but_its_numbers_are_finite() -> None:
     free, quiet = (lambda sample: (0.0, 0.0)), {"disturbance.kind": "none", "run.duration": 2.0}
-    whirling = PAPER.replace({**quiet, "plant.kind": "general", "plant.stiffness_asymmetry": -300.0})
+    whirling = PAPER.replace({**quiet, "plant.kind": "general", "plant.stiffness_asymmetry": -60.0})
     amplitude = np.abs(fg.simulate(whirling, controller=free)["position"].values).max(axis=1)
     assert amplitude[-500:].max() > 10.0 * amplitude[:500].max()
     for name, value in (("mass_ratio", 0.0), ("stiffness_asymmetry", math.inf), ("damping_asymmetry", math.nan)):
@@ -619,7 +619,7 @@ def test_only_the_gyroscope_is_exported_or_linear(tmp_path: Path) -> None:
     message = "plant.kind is duffing: it must be gyroscope, the only plant that is exported"
     refused(message, lambda: fg.export.firmware(duffing, tmp_path / "firmware", unbounded=True), fg.ScenarioError)
     assert not (tmp_path / "firmware").exists()
-    message = "plant.kind is duffing: it must be gyroscope, which is linear"
+    message = "plant.kind is duffing: it must be gyroscope, the only plant with matrices"
     refused(message, lambda: matrices(duffing, sampled=True), fg.ScenarioError)
     a, b, c, d = matrices(PAPER, sampled=True)
     plant = fg.Plant(PAPER.replace({"disturbance.kind": "none", "run.initial_velocity": (2.0, 1.0)}))

@@ -25,7 +25,9 @@ def matrices(scenario: Scenario, sampled: bool) -> tuple[Matrix, Matrix, Matrix,
     """
     check_scenario(scenario)
     if scenario.plant.kind != PLANT_KINDS[0]:
-        raise ScenarioError(f"plant.kind is {scenario.plant.kind}: it must be {PLANT_KINDS[0]}, which is linear")
+        raise ScenarioError(
+            f"plant.kind is {scenario.plant.kind}: it must be {PLANT_KINDS[0]}, the only plant with matrices"
+        )
     a, b = _sampled(scenario) if sampled else _continuous(scenario)
     return a, b, np.eye(4), np.zeros((4, 2))
 

@@ -97,8 +97,8 @@ class Plant:
 
     `derivative`: computes the derivative of the state, four times a step: a step is a Runge-Kutta step of fourth order,
     over which the force is held. `in`: 4 doubles, the time, the force [x, y], which includes the disturbance, and the
-    angular rate. `step`: computes the state after a step instead, which is called once, and faster. `in`: 7 doubles,
-    the time, the force [x, y], the angular rate at the beginning, middle and end of the step, and its length.
+    angular rate. `step`: computes the state after a step instead, in one call. `in`: 7 doubles, the time, the force
+    [x, y], the angular rate at the beginning, middle and end of the step, and its length.
 
     `state` and `out`: `states` doubles, 2 to 8, and their derivatives or next values. `parameters`: the values of
     `parameters`, in their order. Units are SI if run.units is SI, otherwise nondimensional. The 64 doubles behind each
