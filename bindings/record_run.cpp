@@ -9,10 +9,10 @@ namespace fracgyro::bindings {
 namespace {
 
 // A function for each controller: in one for all, compilers optimize none of them well.
-template <Controller C, class Plant>
+template <Controller C>
 FRACGYRO_FOR_EACH_PROCESSOR std::int64_t record_one(const PlantSetup& setup, std::int64_t every, double* rows,
                                                     FillNoise noise) {
-    return record<C, Plant>(setup, every, rows, noise);
+    return record<C>(setup, every, rows, noise);
 }
 
 std::int64_t record_erased(const PlantSetup& setup, std::int64_t every, double* rows, FillNoise noise) {
@@ -27,8 +27,9 @@ std::int64_t record_run(const PlantSetup& setup, std::int64_t every, double* row
     std::int64_t samples = 0;
     with_controller<double>(setup.controller, [&]<class C>() {
         if constexpr (has_copies<C>) {
-            samples = setup.model == nullptr ? record_one<C, Ideal>(setup, every, rows, noise)
-                                             : record_one<C, WithPlant<Ideal>>(setup, every, rows, noise);
+            // With another plant, copies for processors would double this file and gain little.
+            samples = setup.model == nullptr ? record_one<C>(setup, every, rows, noise)
+                                             : record<C, WithPlant<Ideal>>(setup, every, rows, noise);
         } else {
             samples = setup.model == nullptr ? record<C>(setup, every, rows, noise)
                                              : record_erased(setup, every, rows, noise);
