@@ -241,6 +241,7 @@ NEEDED_BY_KIND: dict[tuple[str, ...], dict[str, Any]] = {
     ("chirp",): {"reference.kind": "chirp", "reference.end": 9.0},
     ("staircase",): {"reference.kind": "staircase"},
     ("duffing",): {"plant.kind": "duffing"},
+    ("general",): {"plant.kind": "general"},
 }
 NEEDS: dict[str, dict[str, Any]] = {
     "disturbance.width": {"disturbance.kind": "pulse"},

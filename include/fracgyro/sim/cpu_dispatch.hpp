@@ -12,8 +12,11 @@
 #else
 #define FRACGYRO_FOR_EACH_PROCESSOR __attribute__((target_clones("avx2", "default"), flatten))
 #endif
+// Two copies, for functions that are rarer: AVX-512 would gain little.
+#define FRACGYRO_FOR_AVX2_AND_OTHERS __attribute__((target_clones("avx2", "default"), flatten))
 #else
 #define FRACGYRO_FOR_EACH_PROCESSOR
+#define FRACGYRO_FOR_AVX2_AND_OTHERS
 #endif
 
 namespace fracgyro {
