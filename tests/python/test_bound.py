@@ -261,3 +261,19 @@ def test_the_sensitivities_are_those_of_the_filter_run_step_by_step() -> None:
         errors = (errors - errors @ c.T @ gain.T) @ a.T + derivatives @ known
     information = information_of_motion(plant, step, noise, position, velocity, force)
     np.testing.assert_allclose(information, found, rtol=1e-6, atol=1e-6 * found.max())
+
+
+def test_a_sum_of_sines_has_the_bound_of_its_lines_and_another_reference_none() -> None:
+    scenario = fg.Scenario.shipped("dual_mass")
+    r = scenario.reference
+    term = {"amplitude": r.amplitude, "frequency": r.frequency, "phase": r.phase}
+    half = {**term, "amplitude": tuple(0.5 * a for a in r.amplitude)}
+    expected = fg.rate.bound_angle_random_walk(scenario)
+    assert expected is not None
+    for terms in ([term], [half, half]):
+        found = fg.rate.bound_angle_random_walk(scenario.replace({"reference.kind": "sines", "reference.terms": terms}))
+        assert found is not None
+        assert found.unknown == pytest.approx(expected.unknown, rel=1e-9)
+    chirp = {"reference.kind": "chirp", "reference.end": 1e4, "reference.final_frequency": (1.1, 1.1)}
+    for changes in (chirp, {"reference.offset": (0.1, 0.0)}, {"reference.kind": "rest"}):
+        assert fg.rate.bound_angle_random_walk(scenario.replace(changes)) is None

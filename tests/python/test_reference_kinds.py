@@ -185,3 +185,12 @@ def test_a_conventional_gyroscope_drives_a_sine() -> None:
         SCENARIOS["chirp"].replace({"controller.kind": "open_loop"})
     held = BASE.replace({"controller.kind": "force_rebalance", "reference.kind": ["sine", "rest"]})
     assert not fg.simulate(held).reference.sel(axis="y").any()
+
+
+def test_a_law_with_a_resonator_takes_its_frequency_from_any_kind() -> None:
+    law = BASE.replace({"controller.kind": "park_horowitz", "disturbance.kind": "none", "run.duration": 20.0})
+    frequency = (2.0, 1.0)
+    sine = law.replace({"reference.frequency": frequency, "reference.phase": (0.0, 0.3)})
+    term = {"amplitude": (1.0, 1.0), "frequency": frequency, "phase": (0.0, 0.3)}
+    sines = law.replace({"reference.kind": "sines", "reference.terms": [term]})
+    np.testing.assert_allclose(fg.simulate(sines).position, fg.simulate(sine).position, rtol=0, atol=1e-9)

@@ -122,7 +122,7 @@ struct Reference {
     struct Coefficients {
         SteadyPhases<T> phases{};
         SineCosine2<T> turn{};                              // by one step
-        Vec2<T> amplitude{}, peak_velocity{}, curvature{};  // a, a·f, -f²
+        Vec2<T> amplitude{}, peak_velocity{}, curvature{};  // a, a·f, -f², the last of the equivalent sine
         const Course* course = nullptr;                     // unless both axes have a sine without offset
     };
     struct State {
@@ -131,13 +131,14 @@ struct Reference {
     };
 
     static Coefficients prepare(const ReferenceParams& p, double step) {
+        const Vec2<double> frequency = equivalent_sine(p).frequency;
         const auto x = sine_cosine<T>(phase_of(p.frequency.x() * step));
         const auto y = sine_cosine<T>(phase_of(p.frequency.y() * step));
         return {.phases = SteadyPhases<T>::prepare(p.frequency, p.phase, step),
                 .turn = {.sine = {x.sine, y.sine}, .cosine = {x.cosine, y.cosine}},
                 .amplitude = cast<T>(p.amplitude),
                 .peak_velocity = cast<T>(p.amplitude * p.frequency),
-                .curvature = cast<T>(-p.frequency * p.frequency),
+                .curvature = cast<T>(-frequency * frequency),
                 .course = p.course};
     }
 

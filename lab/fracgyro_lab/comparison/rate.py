@@ -12,6 +12,7 @@ from fracgyro.rate.merit import full_scale, static
 from fracgyro.rate.units import DEG_PER_H, DEG_PER_S
 from fracgyro.scenario import Scenario, ScenarioError
 from fracgyro.scenario.table import format_value
+from fracgyro.scenario.to_core import is_plain
 from fracgyro.simulation.user_controller import ControllerLike
 from fracgyro.study.tune.criteria import Constraint, Measured, Objective
 
@@ -111,6 +112,11 @@ class Rate(Task):
 
     def scenario(self, given: Scenario) -> Scenario:
         base = checked(given)
+        if not is_plain(base):
+            raise ScenarioError(
+                f"reference.kind is {format_value(base.reference.kind)} and reference.offset "
+                f"{format_value(base.reference.offset)}: the task rate must have a sine about 0 on each axis"
+            )
         if not all(base.reference.amplitude) or not all(base.reference.frequency):
             raise ScenarioError(
                 f"reference.amplitude is {format_value(base.reference.amplitude)} and reference.frequency "

@@ -13,6 +13,7 @@ from fracgyro.analysis.confidence import Mean, mean_interval
 from fracgyro.scenario import Scenario, ScenarioError
 from fracgyro.scenario.kinds import kinds_with
 from fracgyro.scenario.table import format_value
+from fracgyro.scenario.to_core import equivalent_sine, natural_frequencies
 from fracgyro.simulation.user_controller import ControllerLike
 from fracgyro.study.tune.criteria import Constraint, Measured, Objective
 from numpy.typing import NDArray
@@ -166,7 +167,8 @@ def cross_damping(base: Scenario, share: float) -> dict[str, Any]:
 
 def quadrature(base: Scenario, rate: float) -> dict[str, Any]:
     """A kxy that no contender knows of, with the force of this angular rate in rad/s."""
-    cross = 2 * base.plant.mass * rate * base.reference.frequency[0] * base.plant.scales.rate
+    frequency = equivalent_sine(base)[1][0] or natural_frequencies(base)[0]
+    cross = 2 * base.plant.mass * rate * frequency * base.plant.scales.rate
     return {"plant.stiffness_deviation": base.plant.stiffness_deviation.plus(0.0, cross, 0.0)}
 
 

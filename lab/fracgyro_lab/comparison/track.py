@@ -10,6 +10,7 @@ import numpy as np
 from fracgyro.analysis.metric_names import METRICS
 from fracgyro.analysis.metrics import TRANSIENT
 from fracgyro.scenario import Scenario
+from fracgyro.scenario.to_core import reference_reach
 from fracgyro.simulation.user_controller import ControllerLike
 from fracgyro.study.tune.criteria import Constraint, Measured, Objective, measure
 
@@ -81,10 +82,10 @@ class Track(Task):
 
     def conditions(self, base: Scenario) -> Changes:
         scales, run = base.plant.scales, base.run
-        reach = [1.25 * a * scales.length for a in base.reference.amplitude]
+        position, velocity = reference_reach(base)
+        reach = [1.25 * largest * scales.length for largest in position]
         # Far above the reference, so that no start clips.
-        pairs = zip(base.reference.amplitude, base.reference.frequency, strict=True)
-        speed = [10 * amplitude * frequency * scales.velocity for amplitude, frequency in pairs]
+        speed = [10 * largest * scales.velocity for largest in velocity]
         found = {
             "one step of delay": late(base, hidden=False),
             "one step of hidden delay": late(base, hidden=True),

@@ -113,8 +113,7 @@ def rmse(scenario: Scenario, host: Host, start: float = 0.0) -> NDArray[np.float
     """RMS error of x and y in the closed loop, from `start` on: (2,)."""
     position = np.array(list(closed_loop(scenario, host)))[:, :2]
     t = scenario.run.step * np.arange(len(position))
-    r = scenario.reference
-    error = position - np.array(r.amplitude) * np.sin(np.outer(t, r.frequency) + np.array(r.phase))
+    error = position - np.array(_core.reference(core_setup(scenario), len(position), 1))[:, :2]
     found: NDArray[np.float64] = np.sqrt(np.mean(error[t >= start] ** 2, axis=0))
     return found
 

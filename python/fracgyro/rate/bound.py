@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from ..scenario import Scenario
 from ..scenario.device_core import device_values
 from ..scenario.terms import white_density
+from ..scenario.to_core import is_plain
 from ..simulation.simulate import simulate
 from ..simulation.user_controller import ControllerLike, units
 from .innovation import Noise, Plant, information_of_motion
@@ -52,7 +53,8 @@ def bound_angle_random_walk(scenario: Scenario, controller: ControllerLike | Non
     noise with a twelfth of their square as variance; with device.sensing = "position" no velocity is measured. The
     motion is the reference; a user's `controller` is run to obtain its motion. bound.py has the derivation.
 
-    Returns None without noise, for a disturbance that is not noise, and if the motion does not identify the parameters.
+    Returns None without noise, for a disturbance that is not noise, for a reference that is not only sines about 0, and
+    if the motion does not identify the parameters.
 
     >>> quiet = fg.Scenario.paper().replace({"disturbance.kind": "none"})
     >>> print(fg.rate.bound_angle_random_walk(quiet))
@@ -60,20 +62,37 @@ def bound_angle_random_walk(scenario: Scenario, controller: ControllerLike | Non
     """
     if controller is not None:
         return bound_of_motion(scenario, controller)
-    noise = noise_of(scenario)
-    if noise is None:
+    noise, lines = noise_of(scenario), _lines(scenario)
+    if noise is None or lines is None:
         return None
-    plant, reference = Plant.of(scenario), scenario.reference
+    plant = Plant.of(scenario)
     exact = noise.force == 0 and not noise.of_sensing
     information = np.zeros((7, 7))
-    for frequency in sorted(set(reference.frequency)):
-        # The phase does not matter: if a bound exists, only one axis moves at each frequency.
-        position = np.where(np.equal(reference.frequency, frequency), reference.amplitude, 0.0)
+    for frequency, position in lines:
         rows = _regressors(position, 1j * frequency * position)
         inverse = plant.inverse_response(frequency)
         density = (1.0 if exact else noise.force) * np.eye(2) + inverse * noise.at(frequency) @ inverse.conj().T
         information += 0.5 * np.real(rows.conj() @ np.linalg.solve(density, rows.T))
     return _bound(information, scenario, 0.0 if exact else 1.0)
+
+
+def _lines(scenario: Scenario) -> list[tuple[float, NDArray[Any]]] | None:
+    """Frequencies and phasors of the reference; None if it is not only sines about 0."""
+    reference = scenario.reference
+    if is_plain(scenario):
+        # The phase does not matter: if a bound exists, only one axis moves at each frequency.
+        return [
+            (frequency, np.where(np.equal(reference.frequency, frequency), reference.amplitude, 0.0))
+            for frequency in sorted(set(reference.frequency))
+        ]
+    if set(reference.kinds) != {"sines"} or any(reference.offset):
+        return None
+    found: dict[float, NDArray[Any]] = {}
+    for term in reference.terms or ():
+        for axis, frequency in enumerate(term.frequency):
+            phasors = found.setdefault(frequency, np.zeros(2, complex))
+            phasors[axis] += term.amplitude[axis] * np.exp(1j * term.phase[axis])
+    return sorted(found.items(), key=lambda line: line[0])
 
 
 def bound_of_motion(scenario: Scenario, controller: ControllerLike | None = None) -> Bound | None:
