@@ -49,7 +49,7 @@ autodoc_typehints_format = "short"
 autodoc_inherit_docstrings = False
 python_maximum_signature_line_length = 88
 doctest_global_setup = """
-import os, tempfile
+import math, os, tempfile
 import numpy as np
 import fracgyro as fg
 import fracgyro_lab as lab

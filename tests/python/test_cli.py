@@ -352,7 +352,7 @@ def test_too_little_memory_is_said_in_one_sentence(tmp_path: Path) -> None:
 def test_an_error_that_nobody_foresaw_is_a_bug_to_report_and_no_sentence(fault: str, kind: str) -> None:
     code = (
         "import numpy, fracgyro.cli, fracgyro.simulation.simulate as there\n"
-        f"there.simulate = lambda scenario, own: {fault}\n"
+        f"there.simulate = lambda *_: {fault}\n"
         "fracgyro.cli.main()"
     )
     command = [sys.executable, "-c", code, "simulate"]
@@ -447,6 +447,6 @@ def test_the_noise_of_the_paper_follows_a_step_that_is_set(
     monkeypatch: pytest.MonkeyPatch, step: str, hold: float | None
 ) -> None:
     ran: list[fg.Scenario] = []
-    monkeypatch.setattr("fracgyro.simulation.simulate.simulate", lambda scenario, own: ran.append(scenario))
+    monkeypatch.setattr("fracgyro.simulation.simulate.simulate", lambda scenario, *_: ran.append(scenario))
     CliRunner().invoke(cli, ["simulate", "--set", f"run.step={step}", "--set", "run.duration=12"])
     assert [(scenario.run.step, scenario.disturbance.hold) for scenario in ran] == [(float(step), hold)]

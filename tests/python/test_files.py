@@ -275,7 +275,7 @@ def test_a_run_does_not_begin_when_its_files_cannot_be_written(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     PAPER.save("mine.toml")
-    monkeypatch.setattr("fracgyro.simulation.simulate.simulate", lambda scenario: pytest.fail("it ran"))
+    monkeypatch.setattr("fracgyro.simulation.simulate.simulate", lambda *_: pytest.fail("it ran"))
     ran = CliRunner().invoke(cli, ["simulate", *words])
     assert isinstance(ran.exception, ValueError)
     assert str(ran.exception) == expected
