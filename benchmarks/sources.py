@@ -95,6 +95,7 @@ def _base(module: str, near: Path) -> Path:
     return (ROOT / folder if folder else near).joinpath(*module.split("."))
 
 
+@cache
 def _file(module: str, near: Path) -> Path | None:
     """File of a module of a package, or of the folder of a script; it exists unless it is `CORE`."""
     if module == "fracgyro._core":
@@ -118,6 +119,7 @@ def _imports(tree: ast.AST, module: str, package: bool) -> Iterator[tuple[str, s
             yield from _imports(node, module, package)
 
 
+@cache
 def _resolved(module: str, name: str | None, near: Path) -> str:
     """Module of a package's name: packages load public names lazily, as listed in their stubs."""
     if name is None:
@@ -132,22 +134,24 @@ def _resolved(module: str, name: str | None, near: Path) -> str:
     return module
 
 
-def _used(path: Path, module: str, near: Path) -> Iterator[str]:
+@cache
+def _used(path: Path, module: str, near: Path) -> frozenset[str]:
     """Modules that a file uses: its imports, and for a package the modules of the imported names."""
-    tree, packages = _tree(path), {}
+    tree, packages, used = _tree(path), {}, set()
     for origin, name, local in _imports(tree, module, path.name == "__init__.py"):
         found = _resolved(origin, name, near)
         if (_base(found, near) / "__init__.pyi").is_file():
             packages[local] = found
         else:
-            yield found
+            used.add(found)
     for node in ast.walk(tree):
         names = ast.unparse(node).split(".") if isinstance(node, ast.Attribute) else []
         if names and names[0] in packages:
             at = packages[names[0]]
             for name in names[1:]:
                 at = _resolved(at, name, near)
-            yield at
+            used.add(at)
+    return frozenset(used)
 
 
 def _python(start: Path) -> set[Path]:
