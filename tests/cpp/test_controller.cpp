@@ -75,7 +75,7 @@ SurfaceParams surface_params(double order) {
 
 template <Scalar T, template <class> class SurfaceOf>
 SurfacePoint<T> first_point(const SurfaceParams& p, const Sample<T>& error) {
-    const auto c = SurfaceOf<T>::prepare(p, 1e-3);
+    const auto c = SurfaceOf<T>::prepare(p, 1e-3, 1.0);
     typename SurfaceOf<T>::State state{};
     return SurfaceOf<T>::evaluate(state, c, error);
 }

@@ -1,7 +1,7 @@
 """The closed loop against the oracle, against the paper's theorems, and against itself.
 
-Reading order: agreement with the oracle, closed-form motions, theorems, convergence, the plant, the noise,
-options of the adaptation, the controller by hand, many runs, any scenario.
+Reading order: agreement with the oracle, noisy positions, closed-form motions, theorems, convergence, the plant, the
+noise, options of the adaptation, the controller by hand, many runs, any scenario.
 """
 
 from __future__ import annotations
@@ -171,6 +171,54 @@ def test_the_printed_rate_law_moves_only_a_symmetric_part_of_omega() -> None:
     np.testing.assert_allclose(omega[:, 1, 0] - omega[:, 0, 1], 2 * 0.095, rtol=0, atol=1e-12)
     run = fg.simulate(scenario)
     assert (run["rate_estimate"] == 0.95 * 0.1).all()
+
+
+# -- Noisy positions in the fractional operator --------------------------------------------------------------
+
+SENSED = {"controller.kind": "fractional", "device.position_noise_density": 1e-13, "run.duration": 0.4}
+
+
+def stationary_gain(ratio: float) -> float:
+    """Of the Kalman filter of a position, moved by a velocity with noise ratio/h, measured with noise 1."""
+    variance, gain = 1.0, 1.0
+    for _ in range(20_000):
+        predicted = variance + ratio**2
+        gain = predicted / (predicted + 1.0)
+        variance = (1.0 - gain) * predicted
+    return gain
+
+
+@pytest.mark.parametrize("ratio", [0.001, 0.05, 3.0])
+def test_noisy_positions_enter_the_fractional_operator_as_into_a_kalman_filter(ratio: float) -> None:
+    scenario = PAPER.replace({**SENSED, "datasheet.position_noise": 1e-4, "datasheet.velocity_noise": 0.1 * ratio})
+    run = fg.simulate(scenario)
+    e = run["measured_position"].values - run["reference"].values
+    e_rate = run["error_rate"].values
+    h, gain = scenario.run.step, stationary_gain(ratio)
+    smooth = e.copy()
+    for n in range(1, len(e)):
+        moved = smooth[n - 1] + h / 2 * (e_rate[n - 1] + e_rate[n])
+        smooth[n] = moved + gain * (e[n] - moved)
+    operator = oracle.FullHistory(scenario.controller.order, h, len(e))
+    integral = np.array([operator(n, smooth, e_rate)[0] for n in range(len(e))])
+    surface = e_rate + np.array(scenario.controller.fractional_gain) * integral
+    np.testing.assert_allclose(run["surface"].values, surface, rtol=0, atol=1e-5)
+
+
+@pytest.mark.parametrize(("sensing", "at_most"), [("full", 0.7), ("position", 0.97)])
+def test_what_a_controller_knows_of_the_noise_saves_chattering_and_costs_no_accuracy(
+    sensing: str, at_most: float
+) -> None:
+    velocity = 1e-13 * PAPER.plant.reference_frequency if sensing == "full" else 0.0
+    changes = {"device.sensing": sensing, "device.velocity_noise_density": velocity, "run.duration": 20.0}
+    known = PAPER.replace({**SENSED, **changes})
+    hermite = known.replace({"datasheet.position_noise": 0.0})
+    scenarios = [s.replace({"disturbance.seed": seed}) for seed in range(4) for s in (known, hermite)]
+    found = fg.measure_many(scenarios)
+    chattering = found["chattering"].mean("axis").values.reshape(4, 2).mean(0)
+    error = found["rmse"].sel(window="steady").mean("axis").values.reshape(4, 2).mean(0)
+    assert chattering[0] < at_most * chattering[1]
+    assert error[0] < 1.1 * error[1]
 
 
 # -- Motions with a closed form ------------------------------------------------------------------------------

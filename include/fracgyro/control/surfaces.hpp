@@ -15,6 +15,8 @@
 //    empty, advance() if it has memory to update after the force is sent, and one line in registry.hpp.
 #pragma once
 
+#include "fracgyro/control/common.hpp"
+#include "fracgyro/control/datasheet.hpp"
 #include "fracgyro/control/error.hpp"
 #include "fracgyro/core/fractional.hpp"
 
@@ -48,6 +50,17 @@ struct SurfaceParams {
     }
 };
 
+// Share χ of the measured position in the error that the fractional operator differentiates, if the positions are noisy:
+// the gain of the stationary Kalman filter for a position whose velocity is measured, λ = h σ_v/σ_q. The velocity noise
+// of an observer is what one sample adds. Exact positions: 1, the measured ones.
+inline double position_share(const Datasheet& assumed, const Common& common) {
+    const double forgets = exponential(-common.observer_bandwidth * common.step);
+    const double observed = 1.5 * (1.0 - forgets * forgets) * (1.0 - forgets) * assumed.position_noise;
+    const double travel = common.observer_bandwidth > 0.0 ? observed : common.step * assumed.velocity_noise;
+    const double ratio = assumed.position_noise > 0.0 ? travel / assumed.position_noise : 1e9;
+    return ratio < 1e8 ? 2.0 * ratio / (square_root(ratio * ratio + 4.0) + ratio) : 1.0;
+}
+
 template <Scalar T>
 struct SurfacePoint {
     Vec2<T> s{}, drift{};
@@ -61,7 +74,7 @@ struct LinearTerm {
     };
     struct State {};
 
-    static Coefficients prepare(const SurfaceParams& p, double /*step*/) {
+    static Coefficients prepare(const SurfaceParams& p, double /*step*/, double /*position_share*/) {
         return {.gain = cast<T>(p.fractional_gain)};
     }
     static SurfacePoint<T> evaluate(State&, const Coefficients& c, const Sample<T>& error) {
@@ -70,26 +83,46 @@ struct LinearTerm {
 };
 
 // λ1 D^(α-1) e, with room for `Capacity` exponentials.
+//
+// The operator's interpolant differentiates positions: their noise σ enters as σ/h, however well the velocity is
+// measured. If positions are noisy, the operator is given the smoother error
+//     ē = (1-χ) (ē_past + h/2 (ė_past + ė)) + χ e,
+// almost a line through the measured rates, in which positions only prevent a drift.
 template <Scalar T, std::size_t Capacity = ExponentialSum::capacity>
 struct FractionalTerm {
     using Operator = Fractional<T, Capacity>;
     struct Coefficients {
         Vec2<T> gain{};
+        bool smooths = false;  // χ < 1
+        T share{}, half_step{};
         typename Operator::Coefficients fractional{};
     };
     using State = typename Operator::State;
 
-    static Coefficients prepare(const SurfaceParams& p, double step) {
+    static Coefficients prepare(const SurfaceParams& p, double step, double position_share) {
         return {.gain = cast<T>(p.fractional_gain),
+                .smooths = position_share < 1.0,
+                .share = T(position_share),
+                .half_step = T(0.5 * step),
                 .fractional = Operator::prepare(p.kernel, step, p.riemann_liouville)};
     }
     static bool sound(const State& state, const Coefficients& c) { return Operator::sound(state, c.fractional); }
     static SurfacePoint<T> evaluate(State& state, const Coefficients& c, const Sample<T>& error) {
-        const FractionalOutput<T> d = Operator::evaluate(state, c.fractional, error);
+        const FractionalOutput<T> d = Operator::evaluate(state, c.fractional, smoothed(state, c, error));
         return {.s = c.gain * d.integral, .drift = c.gain * d.derivative};
     }
     static void advance(State& state, const Coefficients& c, const Sample<T>& error) {
-        Operator::advance(state, c.fractional, error);
+        Operator::advance(state, c.fractional, smoothed(state, c, error));
+    }
+
+private:
+    static Sample<T> smoothed(const State& state, const Coefficients& c, const Sample<T>& error) {
+        const Sample<T>& past = state.past;
+        if (!c.smooths || !state.started) {
+            return error;
+        }
+        const Vec2<T> moved = past.value + c.half_step * (past.derivative + error.derivative);
+        return {.value = moved + c.share * (error.value - moved), .derivative = error.derivative};
     }
 };
 
@@ -149,8 +182,8 @@ struct Surface {
     template <std::size_t Capacity>
     using Sized = Surface<T, typename detail::SizedTerm<First, Capacity>::Type, with_terminal>;
 
-    static Coefficients prepare(const SurfaceParams& p, double step) {
-        return {.first = First::prepare(p, step), .terminal = TerminalTerm<T>::prepare(p, step)};
+    static Coefficients prepare(const SurfaceParams& p, double step, double position_share) {
+        return {.first = First::prepare(p, step, position_share), .terminal = TerminalTerm<T>::prepare(p, step)};
     }
     static bool sound(const State& state, const Coefficients& c) {
         if constexpr (std::is_empty_v<State>) {

@@ -85,7 +85,7 @@ struct SlidingModeController {
             }
         };
         return {.reference = Reference<T>::prepare(common.reference, h),
-                .surface = SurfaceType::prepare(p.surface, h),
+                .surface = SurfaceType::prepare(p.surface, h, position_share(p.datasheet, common)),
                 .control = Switching<T>::prepare(p.control, p.adaptation.rate_law, h),
                 .saturation = Saturation<T>::prepare(common.force_limit),
                 .adaptation = adaptation()};
