@@ -137,13 +137,12 @@ compare: .venv/installed-test
 article: .venv/installed-article
 	$(BIN)/python lab/article/build.py $(ARGS)
 
-# Runs every example of the reference and the gallery's scripts, and includes the live page.
+# Runs the gallery's scripts, and includes the live page.
 SPHINX = $(BIN)/sphinx-build -c docs/site -d build/site-doctrees -W --keep-going -q
 docs: .venv/installed-docs
 	$(BIN)/python docs/site/pages.py build/site-source
 	$(SPHINX) -b html build/site-source build/site
 	$(BIN)/python -m fracgyro.export.live build/web && cp -r build/web/live build/site/
-	$(SPHINX) -b doctest build/site-source build/site-doctest
 
 # Random inputs: every one must work or be refused in one sentence. One line per fuzzer.
 FUZZ_SECONDS := 40

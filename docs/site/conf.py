@@ -21,7 +21,6 @@ extensions = [
     "mathml",
     "myst_parser",
     "sphinx.ext.autodoc",
-    "sphinx.ext.doctest",
     "sphinx_click",
     "sphinx_copybutton",
     "sphinx_design",
@@ -48,13 +47,6 @@ autodoc_member_order = "bysource"
 autodoc_typehints_format = "short"
 autodoc_inherit_docstrings = False
 python_maximum_signature_line_length = 88
-doctest_global_setup = """
-import math, os, tempfile
-import numpy as np
-import fracgyro as fg
-import fracgyro_lab as lab
-os.chdir(tempfile.mkdtemp())
-"""
 
 sphinx_gallery_conf = {
     "examples_dirs": str(HERE.parent / "gallery"),

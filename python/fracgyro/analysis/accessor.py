@@ -58,7 +58,7 @@ class RunAccessor:
         `pandas.read_csv(path, comment="#")`. Raises ValueError for several runs or a file that cannot be written.
 
         >>> fg.simulate(fg.Scenario.paper()).fracgyro.to_csv("run.csv")
-        >>> open("run.csv").read().splitlines()[2][:30]
+        >>> pathlib.Path("run.csv").read_text().splitlines()[2][:30]
         'time,position_x,position_y,vel'
         """
         to_csv(self._run, path)

@@ -54,8 +54,8 @@ def characterise(
     outputs or too many steps, and a run that diverges within the range; also the errors that `simulate` raises for a
     controller.
 
-    >>> device = fg.Scenario.shipped("dual_mass").replace({"run.duration": 200.0})
-    >>> figures = fg.rate.characterise(device, "sensor", quick=True, rest=0.2)
+    >>> short = fg.Scenario.paper().replace({"run.duration": 20.0})
+    >>> figures = fg.rate.characterise(short, "sensor", quick=True, rest=0.05)
     >>> [figure.name for figure in figures][:2]
     ['Scale factor error', 'Non-linearity']
     """
