@@ -1,6 +1,6 @@
-"""A scenario as the limit of tracking sees it: a sampled linear plant in white noise, and the force along the reference.
+"""A scenario as a sampled linear plant in white noise, and the force along its reference, for the limit of tracking.
 
-Nondimensional. Refused is a scenario with another plant or noise; left out is what could only raise the limit.
+Nondimensional. Scenarios with another plant or noise are refused. Effects that could only raise the limit are left out.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from ..scenario.to_core import core_setup
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-MAX_SAMPLES = 100_000  # of the steady window at which the force along the reference is evaluated
+MAX_SAMPLES = 10_000  # at which the force along the reference is evaluated
 
 
 @dataclass(frozen=True)
