@@ -71,6 +71,8 @@ def _filtered(model: Model) -> tuple[Array, Array]:
     gain = np.linalg.solve(innovation, c @ before).T
     kept = np.eye(4) - gain @ c
     present, learned = kept @ before @ kept.T + gain @ gain.T, gain @ innovation @ gain.T
+    if not model.noise[:2, :2].any():  # positions are exact
+        present[:2] = present[:, :2] = 0.0
     return present * np.outer(scale, scale), learned * np.outer(scale, scale)
 
 

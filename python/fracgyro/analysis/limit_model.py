@@ -55,7 +55,7 @@ class Model:
             advance,
             held @ pushed,
             held @ held.T * _force_variance(scenario),
-            np.kron(np.eye(2), axes)[: 2 * len(quantities)],
+            np.asarray(np.kron(np.eye(2), axes)[: 2 * len(quantities)], dtype=float),
             np.diag(np.concatenate([sensor_variance(device, of) for of in quantities])),
             int(device["delay"]),
             min(float(scenario.controller.force_limit), float(device["actuator_limit"])),
