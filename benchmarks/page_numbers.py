@@ -342,6 +342,18 @@ def budgets() -> Rows:
     ]
 
 
+def limit() -> Rows:
+    columns = ("chattering ≤ 0.0035", "≤ 0.05", "no ceiling", "best estimate", "t < 10")
+    return [
+        [
+            f"`{row['scenario']}`, {row['sensing']}" + (f", {row['noise (m/√Hz)']} m/√Hz" if noisy else ", no noise"),
+            *(row[column] for column in columns),
+        ]
+        for row in logs.rows("limit", *columns)
+        for noisy in [number(row["noise (m/√Hz)"]) > 0.0]
+    ]
+
+
 def reference_cost() -> Rows:
     def means(row: logs.Row, column: str) -> str:
         return thousands(numbers(row[column])[0])
@@ -823,6 +835,7 @@ TABLES: dict[str, Callable[[], Rows]] = {
     "exact_faults": exact_faults,
     "budgets": budgets,
     "reference_cost": reference_cost,
+    "limit": limit,
     "claims": claims,
     "performance": performance,
     "tracking": tracking,

@@ -36,6 +36,7 @@ PAGES = {
     "how-to/cluster": "docs/cluster.md",
     "how-to/record": "docs/record.md",
     "how-to/compare": "docs/compare.md",
+    "how-to/limit": "docs/limit.md",
     "how-to/control": "docs/control.md",
     "how-to/operators": "docs/operators.md",
     "how-to/gymnasium": "docs/gymnasium.md",

@@ -7,6 +7,7 @@ from . import rate as rate
 from . import study as study
 from ._core import Motion as Motion
 from ._core import Sample as Sample
+from .analysis import limit as limit
 from .analysis import metrics as metrics
 from .analysis.plots import plot as plot
 from .export.parity import SelfCheck as SelfCheck

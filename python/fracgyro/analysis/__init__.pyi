@@ -1,1 +1,2 @@
+from . import limit as limit
 from . import metrics as metrics

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from .. import _core
 from ..scenario import Scenario, ScenarioError, check_scenario
 from ..scenario.kinds import PLANT_KINDS
+from ..scenario.linear import continuous
 from ..scenario.to_core import core_setup
 
 Matrix = NDArray[np.float64]
@@ -28,18 +29,8 @@ def matrices(scenario: Scenario, sampled: bool) -> tuple[Matrix, Matrix, Matrix,
         raise ScenarioError(
             f"plant.kind is {scenario.plant.kind}: it must be {PLANT_KINDS[0]}, the only plant with matrices"
         )
-    a, b = _sampled(scenario) if sampled else _continuous(scenario)
+    a, b = _sampled(scenario) if sampled else continuous(scenario)
     return a, b, np.eye(4), np.zeros((4, 2))
-
-
-def _continuous(scenario: Scenario) -> tuple[Matrix, Matrix]:
-    damping, stiffness, rate, damping_deviation, stiffness_deviation = scenario.plant.nondimensional()
-    d, k = damping + damping_deviation, stiffness + stiffness_deviation
-    a = np.zeros((4, 4))
-    a[:2, 2:] = np.eye(2)
-    a[2:, :2] = [[-k[0], -k[1]], [-k[1], -k[2]]]
-    a[2:, 2:] = [[-d[0], -d[1] + 2.0 * rate], [-d[1] - 2.0 * rate, -d[2]]]
-    return a, np.eye(4)[:, 2:]
 
 
 def _sampled(scenario: Scenario) -> tuple[Matrix, Matrix]:

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scenario import Scenario
-from ..scenario.device_core import device_values
+from ..scenario.device_core import device_values, sensor_variance
 from ..scenario.terms import white_density
 from ..scenario.to_core import is_plain
 from ..simulation.simulate import simulate
@@ -117,20 +117,11 @@ def noise_of(scenario: Scenario) -> Noise | None:
     if force is None:
         return None
     device = device_values(scenario)
-    position, velocity = (
-        (device[f"{of}_noise"] ** 2 + _of_steps(device, of)) * step for of in ("position", "velocity")
-    )
+    position, velocity = (sensor_variance(device, of) * step for of in ("position", "velocity"))
     if scenario.device.sensing == "position":
         velocity = np.full(2, math.inf)
     noise = Noise(force, position, velocity)
     return noise if scenario.disturbance.random or noise.of_sensing else None
-
-
-def _of_steps(device: dict[str, Any], quantity: str) -> Array:
-    """Variance of a converter's steps."""
-    if device[f"{quantity}_bits"] == 0:
-        return np.zeros(2)
-    return np.array([2.0 * span / 2.0 ** device[f"{quantity}_bits"] for span in device[f"{quantity}_range"]]) ** 2 / 12
 
 
 def _regressors(position: NDArray[Any], velocity: NDArray[Any]) -> NDArray[Any]:

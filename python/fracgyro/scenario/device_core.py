@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from .device import Device
 from .points import Points
@@ -58,6 +62,16 @@ def device_values(scenario: Scenario) -> dict[str, Any]:
         "bias_instability": d.bias_instability / scales.rate,
         "rate_walk_step": d.rate_random_walk * math.sqrt(step * scales.time) / scales.rate,
     }
+
+
+def sensor_variance(device: Mapping[str, Any], quantity: str) -> NDArray[np.float64]:
+    """Variance per sample of a sensor of position or velocity, [x, y]: white noise, and a converter's steps as such.
+
+    `device`: from `device_values`. Flicker noise is left out.
+    """
+    bits, spans = device[f"{quantity}_bits"], np.array(device[f"{quantity}_range"])
+    steps = 2.0 * spans / 2.0**bits if bits else np.zeros(2)
+    return np.asarray(device[f"{quantity}_noise"] ** 2 + steps**2 / 12)
 
 
 Profile = tuple[list[float], list[float]]  # times, in steps of the run, and values
