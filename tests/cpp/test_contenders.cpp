@@ -168,6 +168,10 @@ void expect_second_order(const typename C::Params& params, double factor) {
 TEST(OnTheReference, WithThePlantKnownTheErrorIsThatOfTheHeldForce) {
     expect_second_order<ParkHorowitz<double>>({.velocity_gain = 10.0, .adaptation = {.adaptive = false}}, 2.0);
     expect_second_order<LeastSquaresPid<double>>({.pid = {.natural_frequency = 20.0, .integral_frequency = 0.0}}, 0.1);
+    // Its observer follows the plant's forces with a lag, which is much shorter here.
+    expect_second_order<DisturbanceRejection<double>>({.natural_frequency = 20.0, .extended_observer = 600.0}, 0.1);
+    expect_second_order<SuperTwisting<double>>(
+        {.surface_gain = 20.0, .twisting_gain = 0.0, .integral_gain = 0.0, .adaptation = {.adaptive = false}}, 1.0);
     expect_second_order<Lqg<double>>({.natural_frequency = 20.0, .datasheet = {1e-4, 1e-6, 1e-6, 0}}, 0.1);
 }
 

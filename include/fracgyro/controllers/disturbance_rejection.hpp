@@ -5,7 +5,8 @@
 //
 //        u = r̈ - ω² (q̂ - r) - 2ω (v̂ - ṙ) - f + (D̂₀ + 2Ω̂₀) v̂ + K̂₀ q̂
 //
-//    The last two terms and r̈ are moved along the reference to the held point (feedforward.hpp).
+//    with r̈ at the held point (reference.hpp). The last two terms are not moved there: the observer holds the model's
+//    acceleration for a step, so f already has what the plant's forces change until the middle of it.
 //
 //    The observer is the one of observer.hpp. With `nominal_model` it contains the nominal plant; without it, no plant,
 //    and the last two terms are missing, so that f is the whole action of the plant.
@@ -20,7 +21,6 @@
 // Source: Zheng, Dong and Gao 2007, doi 10.1109/CCA.2007.4389216 (abstract read).
 #pragma once
 
-#include "fracgyro/control/feedforward.hpp"
 #include "fracgyro/control/loop_frequency.hpp"
 #include "fracgyro/control/saturation.hpp"
 #include "fracgyro/hardware/observer.hpp"
@@ -127,12 +127,10 @@ struct DisturbanceRejection {
         const Motion<T>& seen = state.observer.motion;
         const Sample<T>& e = signals.error = missing == nullptr ? tracking_error(seen, r) : *missing;
         const Vec2<T>& f = state.observer.acceleration;
-        const ReferencePoint<T> held = Reference<T>::held(state.reference, c.reference);
-        const Motion<T> there = moved(seen, r, held);
-        const Vec2<T> coriolis = c.observer.twice_rate * turned(there.velocity);
-        const Vec2<T> plant = c.observer.damping * there.velocity + coriolis + c.observer.stiffness * there.position;
-        const Vec2<T> wanted =
-            held.acceleration - c.position_gain * e.value - c.velocity_gain * e.derivative - f + plant;
+        const Vec2<T> coriolis = c.observer.twice_rate * turned(seen.velocity);
+        const Vec2<T> plant = c.observer.damping * seen.velocity + coriolis + c.observer.stiffness * seen.position;
+        const Vec2<T> asked = Reference<T>::held(state.reference, c.reference).acceleration;
+        const Vec2<T> wanted = asked - c.position_gain * e.value - c.velocity_gain * e.derivative - f + plant;
         Saturation<T>::apply(signals, c.saturation, wanted, e.value);
         if (missing == nullptr) {
             state.force = signals.force;
