@@ -26,12 +26,19 @@ using Unguarded = std::conditional_t<from_positions, FromPositions<Registered>, 
 using ExportedController = std::conditional_t<exported::closed_loop, Unguarded, Guard<Unguarded>>;
 using Loop = std::conditional_t<exported::ideal, IdealLoop<ExportedController>, DeviceLoop<ExportedController>>;
 
-// A reference that comes from the importer. Its designs are those of the scenario's reference, which it replaces.
+// A reference that comes from the importer. Its designs are those of the scenario's reference, which it replaces. Its
+// held point is on the parabola through the present one, as the third derivative is not known.
 struct InputReference : Course {
     ReferencePoint<double> point{};
 
     InputReference() {
-        at = [](const Course& c, std::uint64_t) { return static_cast<const InputReference&>(c).point; };
+        at = [](const Course& c, std::uint64_t, double lead) {
+            const auto& [position, velocity, acceleration] = static_cast<const InputReference&>(c).point;
+            const double ahead = lead * c.step;
+            return ReferencePoint<double>{.position = position + ahead * (velocity + (0.5 * ahead) * acceleration),
+                                          .velocity = velocity + ahead * acceleration,
+                                          .acceleration = acceleration};
+        };
     }
 };
 
@@ -355,6 +362,7 @@ private:
         take_terms(setup_.disturbance, exported::terms);
         Loop::take_device(setup_, numbers.data() + setting_count(setup_));
         if (exported::reference_is_input) {
+            reference_.step = setup_.common.step;
             reference_.equivalent = equivalent_sine(setup_.common.reference);
             setup_.common.reference.course = &reference_;
         }

@@ -1,6 +1,8 @@
 #include "paper.hpp"
 #include "scalars.hpp"
 
+#include "fracgyro/control/course.hpp"
+
 #include <cmath>
 #include <vector>
 
@@ -47,6 +49,99 @@ TEST(ReferenceDerivatives, AreThoseOfThePosition) {
         expect_near(now.acceleration, scale * (after.velocity - before.velocity), 81.0 * step * step / 6.0 * 1.01);
         before = now;
         now = after;
+    }
+}
+
+TYPED_TEST(ReferenceSignal, AsAForceHeldFromItsHeldPointsItActsLikeItself) {
+    using T = TypeParam;
+    // 20 and 30 steps to a turn: the sum over 60 steps is over whole turns of both.
+    constexpr double step = 0.1, turn = 6.28318530717958647693;
+    constexpr int count = 60;
+    const Vec2<double> frequency{turn / 20.0 / step, turn / 30.0 / step};
+    const ReferenceParams p{.amplitude = {1.5, -2.0}, .frequency = frequency, .phase = {0.25, 1.0}};
+    for (const std::int64_t delay : {0, 1, 8}) {
+        const auto c = Reference<T>::prepare(p, step, delay);
+        typename Reference<T>::State state{};
+        double along[2]{}, across[2]{};  // the component of each axis at its own frequency
+        for (int n = 0; n < count; ++n) {
+            Reference<T>::update(state, c);
+            const ReferencePoint<T> held = Reference<T>::held(state, c);
+            const double values[] = {number(held.position.x()), number(held.position.y())};
+            for (std::size_t axis : {std::size_t{0}, std::size_t{1}}) {
+                const double w = axis == 0 ? frequency.x() : frequency.y();
+                const double from = (n + static_cast<double>(delay)) * step, to = from + step;
+                along[axis] += values[axis] * (std::cos(w * from) - std::cos(w * to)) / w;
+                across[axis] += values[axis] * (std::sin(w * to) - std::sin(w * from)) / w;
+            }
+            EXPECT_NEAR(number(held.acceleration.x()), -frequency.x() * frequency.x() * values[0], 100 * epsilon<T>);
+            EXPECT_NEAR(number(held.acceleration.y()), -frequency.y() * frequency.y() * values[1], 100 * epsilon<T>);
+            const double share = std::sin(turn / 40.0) / (turn / 40.0);
+            const double middle = frequency.x() * (n + static_cast<double>(delay) + 0.5) * step + 0.25;
+            EXPECT_NEAR(number(held.velocity.x()), 1.5 * frequency.x() * std::cos(middle) / share, 200 * epsilon<T>);
+        }
+        const double half = 0.5 * count * step, tolerance = 200.0 * epsilon<T>;
+        EXPECT_NEAR(along[0] / half, 1.5 * std::cos(0.25), tolerance) << delay;
+        EXPECT_NEAR(across[0] / half, 1.5 * std::sin(0.25), tolerance) << delay;
+        EXPECT_NEAR(along[1] / half, -2.0 * std::cos(1.0), tolerance) << delay;
+        EXPECT_NEAR(across[1] / half, -2.0 * std::sin(1.0), tolerance) << delay;
+    }
+}
+
+TEST(HeldShare, IsThatOfTheHoldBelowHalfTheSamplingFrequencyAndOffAbove) {
+    EXPECT_EQ(held_share(0.0), 1.0);
+    for (const double angle : {1e-12, 1e-6, 1e-3, 0.05, 0.5, 1.0, 2.0, 3.1, -1.0}) {
+        EXPECT_NEAR(held_share(angle), std::sin(0.5 * angle) / (0.5 * angle), 4e-16) << angle;
+    }
+    EXPECT_EQ(held_share(3.2), 1.0);
+    EXPECT_EQ(held_share(std::nan("")), 1.0);
+}
+
+TEST(HeldPoint, OfACourseIsThatOfTheSineForSinesAndTheMotionInTheMiddleForOthers) {
+    constexpr double step = 0.05;
+    ReferenceParams p{.amplitude = {1.5, -2.0}, .frequency = {3.0, 0.7}, .phase = {0.25, 1.0}};
+    for (const std::int64_t delay : {0, 3}) {
+        const auto sine = Reference<double>::prepare(p, step, delay);
+        ReferenceParams moved = p;
+        moved.offset = {10.0, -20.0};
+        const Course course = make_course(moved, step, {}, {});
+        moved.course = &course;
+        const std::array<SineTerm, 2> terms{
+            {{{1.5, 0.0}, {3.0, 1.0}, {0.25, 0.0}}, {{0.0, -2.0}, {9.0, 0.7}, {0.0, 1.0}}}};
+        ReferenceParams sum{.kind = {ReferenceKind::sines, ReferenceKind::sines}};
+        const Course summed = make_course(sum, step, terms, {});
+        sum.course = &summed;
+        ReferenceParams ramp{.kind = {ReferenceKind::ramp, ReferenceKind::ramp}, .slope = {1.0, -3.0}};
+        const Course ramps = make_course(ramp, step, {}, {});
+        ramp.course = &ramps;
+        ReferenceParams still{.kind = {ReferenceKind::rest, ReferenceKind::rest}, .offset = {0.5, 0.25}};
+        const Course rests = make_course(still, step, {}, {});
+        still.course = &rests;
+        const auto about = Reference<double>::prepare(moved, step, delay);
+        const auto of_terms = Reference<double>::prepare(sum, step, delay);
+        const auto of_ramp = Reference<double>::prepare(ramp, step, delay);
+        const auto of_rest = Reference<double>::prepare(still, step, delay);
+        Reference<double>::State a{}, b{}, d{}, e{}, f{};
+        for (int n = 0; n < 100; ++n) {
+            Reference<double>::update(a, sine);
+            Reference<double>::update(b, about);
+            Reference<double>::update(d, of_terms);
+            Reference<double>::update(e, of_ramp);
+            const auto rested = Reference<double>::update(f, of_rest);
+            const ReferencePoint<double> wanted = Reference<double>::held(a, sine);
+            const ReferencePoint<double> held = Reference<double>::held(b, about);
+            expect_near(held.position, wanted.position + moved.offset, 1e-13);
+            expect_near(held.velocity, wanted.velocity, 1e-13);
+            expect_near(held.acceleration, wanted.acceleration, 2e-13);
+            const ReferencePoint<double> found = Reference<double>::held(d, of_terms);
+            expect_near(found.position, wanted.position, 1e-13);
+            expect_near(found.velocity, wanted.velocity, 1e-13);
+            expect_near(found.acceleration, wanted.acceleration, 2e-13);
+            const double there = (n + static_cast<double>(delay) + 0.5) * step;
+            expect_near(Reference<double>::held(e, of_ramp).position, {there, -3.0 * there}, 1e-13);
+            const ReferencePoint<double> rest = Reference<double>::held(f, of_rest);
+            expect_equal(rest.position, rested.position);
+            expect_equal(rest.velocity, {0.0, 0.0});
+        }
     }
 }
 

@@ -74,14 +74,14 @@ def test_between_steps_a_controller_reports_what_the_coming_one_records(kind: st
 
 
 def test_pid_tracks_to_what_the_held_force_leaves() -> None:
-    # Half a step of feedforward, h/2 K r', over the loop's stiffness: the integral follows too slowly to remove it.
+    # The velocity's ripple, h^2/12 K r', through the gain 2 0.7 200 of the rate, over the loop's stiffness.
     run = fg.simulate(of_kind("pid").replace({**QUIET, **KNOWN, "controller.integral_frequency": 0.0}))
     assert "rate_estimate" not in run
     late = run.isel(time=slice(2000, None))
     stiffness = np.array([[355.3, 70.99], [70.99, 532.9]])
     velocity = np.gradient(late["reference"].values, 1e-3, axis=0)
-    held = 0.5e-3 * (velocity @ stiffness) / (200.0**2 + np.diag(stiffness))
-    assert np.abs(late["error"].values).max() == pytest.approx(np.abs(held).max(), rel=0.2)
+    ripple = 280.0 * 1e-6 / 12 * (velocity @ stiffness) / (200.0**2 + np.diag(stiffness))
+    assert np.abs(late["error"].values).max() == pytest.approx(np.abs(ripple).max(), rel=0.2)
 
 
 def test_super_twisting_beats_pid_under_a_disturbance_and_its_rate_wanders() -> None:

@@ -112,6 +112,8 @@ ORACLE_CASES = {
     "fast_terminal": {"controller.kind": "fast_terminal"},
     "fast_terminal, printed": {"variant": "printed", "controller.kind": "fast_terminal"},
     "linear": {"controller.kind": "linear"},
+    "held feedforward": {"controller.feedforward": "held"},
+    "held feedforward, printed": {"variant": "printed", "controller.feedforward": "held"},
     "exponents and gains that differ": {
         "controller.terminal_exponent": 0.7,
         "controller.fractional_gain": (8.0, 12.0),

@@ -134,11 +134,20 @@ class Pid:
         self.damping += 2 * ratio * rate * np.array([[0, -1], [1, 0]])
         self.stiffness = ratio * np.array([[stiffness[0], stiffness[1]], [stiffness[1], stiffness[2]]])
         self.integral = np.zeros(2)
+        self.frequency = np.array(scenario.reference.frequency)
+        self.half = self.frequency * scenario.run.step / 2
+
+    def held(self, r: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """r, r' and r'' of a sine at the held point: half a step ahead, larger by what the hold takes."""
+        cosine, sine, share = np.cos(self.half), np.sin(self.half), np.sinc(self.half / np.pi)
+        ahead = (cosine * r + sine * v / self.frequency) / share
+        return np.array([ahead, (cosine * v - sine * self.frequency * r) / share, -(self.frequency**2) * ahead])
 
     def __call__(self, s: fg.Sample) -> np.ndarray:
         r, v = np.array(s.reference), np.array(s.reference_velocity)
         e = np.array(s.position) - r
-        feedforward = self.damping @ v + self.stiffness @ r + np.array(s.reference_acceleration)
+        ahead, speed, acceleration = self.held(r, v)
+        feedforward = self.damping @ speed + self.stiffness @ ahead + acceleration
         rate = np.array(s.velocity) - v
         force: np.ndarray = feedforward - self.square * e - self.velocity_gain * rate - self.integral
         self.integral = self.integral + self.step * e

@@ -139,12 +139,15 @@ inline AxisPoint table_at(std::span<const TableRow> rows, std::size_t axis, cons
     return between(row, rows[at.row + 1], axis, at.share, at.length);
 }
 
-inline AxisPoint axis_at(const Course& c, std::size_t axis, std::uint64_t n) {
+// `lead`: 0, or that of the held point.
+inline AxisPoint axis_at(const Course& c, std::size_t axis, std::uint64_t n, double lead) {
     const ReferenceParams& p = c.params;
     const auto of = [&](const Vec2<double>& both) { return axis == 0 ? both.x() : both.y(); };
-    const double time = static_cast<double>(n) * c.step, t = time - p.start;
-    const auto turned = [&](double frequency, double phase) {
-        return sine_cosine<double>(phase_of(phase) + n * phase_of(frequency * c.step));
+    const double time = (static_cast<double>(n) + lead) * c.step, t = time - p.start;
+    const auto sine = [&](double amplitude, double frequency, double phase) {
+        const double angle = frequency * c.step;
+        const auto at = sine_cosine<double>(phase_of(phase) + n * phase_of(angle) + phase_of(lead * angle));
+        return sine_at(lead > 0.0 ? amplitude / held_share(angle) : amplitude, frequency, at);
     };
     const auto smoothed = [&](double since) {
         return Smoothed(since, p.smoothing, static_cast<int>(p.smoothing_order));
@@ -152,12 +155,11 @@ inline AxisPoint axis_at(const Course& c, std::size_t axis, std::uint64_t n) {
     const double length = p.end - p.start;  // infinity if there is no end
     switch (p.kind[axis]) {
         case ReferenceKind::sine:
-            return sine_at(of(p.amplitude), of(p.frequency), turned(of(p.frequency), of(p.phase)));
+            return sine(of(p.amplitude), of(p.frequency), of(p.phase));
         case ReferenceKind::sines: {
             AxisPoint sum{};
             for (const SineTerm& term : c.terms) {
-                sum = sum + sine_at(term.amplitude[axis], term.frequency[axis],
-                                    turned(term.frequency[axis], term.phase[axis]));
+                sum = sum + sine(term.amplitude[axis], term.frequency[axis], term.phase[axis]);
             }
             return sum;
         }
@@ -221,8 +223,8 @@ inline MeanSquares mean_squares(const Course& c, std::size_t axis) {
 
 }  // namespace detail
 
-inline ReferencePoint<double> course_at(const Course& c, std::uint64_t n) {
-    const detail::AxisPoint x = detail::axis_at(c, 0, n), y = detail::axis_at(c, 1, n);
+inline ReferencePoint<double> course_at(const Course& c, std::uint64_t n, double lead) {
+    const detail::AxisPoint x = detail::axis_at(c, 0, n, lead), y = detail::axis_at(c, 1, n, lead);
     return {.position = c.params.offset + Vec2<double>{x.position, y.position},
             .velocity = {x.velocity, y.velocity},
             .acceleration = {x.acceleration, y.acceleration}};

@@ -6,7 +6,8 @@
 
 namespace fracgyro {
 
-// The force that keeps the nominal plant on the reference: (D̂₀ + 2Ω̂₀) ṙ + K̂₀ r + r̈.
+// The force that keeps the nominal plant on the reference: (D̂₀ + 2Ω̂₀) ṙ + K̂₀ r + r̈ at the held point
+// (reference.hpp). For a sine it is that of the exact inverse of the sampled plant, to some 1e-8 of itself.
 template <Scalar T>
 struct Feedforward {
     struct Coefficients {
@@ -25,11 +26,19 @@ struct Feedforward {
 };
 
 // (D̂ + 2Ω̂) v + K̂ q + a: the force that accelerates the estimated plant by a.
-template <Scalar T>
-Vec2<T> plant_force(const PlantReport<T>& known, const Motion<T>& motion, const Vec2<T>& acceleration) {
+template <Scalar T, class Known>
+Vec2<T> plant_force(const Known& known, const Motion<T>& motion, const Vec2<T>& acceleration) {
     const Vec2<T>& v = motion.velocity;
     const Vec2<T> coriolis = T(2.0) * (known.rate * turned(v));
     return known.damping * v + coriolis + known.stiffness * motion.position + acceleration;
+}
+
+// The motion, moved along the reference from the sample to the held point: the plant's forces there are those that a
+// held force has to cancel.
+template <Scalar T>
+Motion<T> moved(const Motion<T>& motion, const ReferencePoint<T>& sampled, const ReferencePoint<T>& held) {
+    return {.position = motion.position + (held.position - sampled.position),
+            .velocity = motion.velocity + (held.velocity - sampled.velocity)};
 }
 
 }  // namespace fracgyro

@@ -1,5 +1,10 @@
 // 1  The reference r and its first two derivatives. A sine on each axis, eq. (49), is computed here, all other kinds in
 //    course.hpp.
+//
+//    A force that is held for a step acts at its middle on average, λ = (delay + ½) h after the sample that it was
+//    computed at, and the hold weakens a sine by sinc(ωh/2) = sin(ωh/2)/(ωh/2). So a force along the reference is that
+//    at the held point: each sine of r at t + λ, divided by sinc(ωh/2). Other kinds are taken at t + λ, which leaves an
+//    error of h²/24 of the force's second derivative.
 #pragma once
 
 #include "fracgyro/core/fields.hpp"
@@ -98,10 +103,26 @@ struct EquivalentSine {
     Vec2<double> amplitude{}, frequency{};
 };
 
+// sinc(ωh/2), by which a hold weakens a sine of angle ωh per step; 1 at half the sampling frequency and beyond, where a
+// sampled loop follows no sine.
+inline double held_share(double angle) {
+    constexpr double half_turn = 3.14159265358979323846;
+    if (!(absolute(angle) < half_turn)) {
+        return 1.0;
+    }
+    const double square = 0.25 * angle * angle;
+    double share = 1.0;
+    for (double n = 24.0; n > 0.0; n = n - 2.0) {  // the Taylor series, from its last term on
+        share = 1.0 - share * (square / (n * (n + 1.0)));
+    }
+    return share;
+}
+
 // Motion on both axes, of any kinds, ready to be evaluated (course.hpp).
 struct Course {
-    // In a function of its own, which is compiled once: lanes, compiled for several processors, only call it.
-    ReferencePoint<double> (*at)(const Course&, std::uint64_t step) = nullptr;
+    // The point at this step, or with `lead` > 0 the held point, that many steps later. In a function of its own, which
+    // is compiled once: lanes, compiled for several processors, only call it.
+    ReferencePoint<double> (*at)(const Course&, std::uint64_t step, double lead) = nullptr;
     ReferenceParams params{};
     double step = 0.0;
     std::span<const SineTerm> terms{};
@@ -123,22 +144,35 @@ struct Reference {
         SteadyPhases<T> phases{};
         SineCosine2<T> turn{};                              // by one step
         Vec2<T> amplitude{}, peak_velocity{}, curvature{};  // a, a·f, -f², the last of the equivalent sine
-        const Course* course = nullptr;                     // unless both axes have a sine without offset
+        Vec2<T> frequency{};
+        SineCosine2<T> ahead{};          // a/sinc(fh/2) times the turn from the next sample to the middle of the hold
+        std::int32_t delay = 0;          // of the force, in steps, as far as it is known
+        const Course* course = nullptr;  // unless both axes have a sine without offset
     };
     struct State {
         Kept<T, std::uint64_t> steps = 0;  // time is steps·h
         SineCosine2<T> at{};               // at the present step
     };
 
-    static Coefficients prepare(const ReferenceParams& p, double step) {
+    static Coefficients prepare(const ReferenceParams& p, double step, std::int64_t delay = 0) {
         const Vec2<double> frequency = equivalent_sine(p).frequency;
         const auto x = sine_cosine<T>(phase_of(p.frequency.x() * step));
         const auto y = sine_cosine<T>(phase_of(p.frequency.y() * step));
+        const auto ahead = [&](double amplitude, double angle) {
+            const auto turn = sine_cosine<double>(phase_of((static_cast<double>(delay) - 0.5) * angle));
+            const double held = amplitude / held_share(angle);
+            return SineCosine<double>{.sine = held * turn.sine, .cosine = held * turn.cosine};
+        };
+        const SineCosine<double> ahead_x = ahead(p.amplitude.x(), p.frequency.x() * step);
+        const SineCosine<double> ahead_y = ahead(p.amplitude.y(), p.frequency.y() * step);
         return {.phases = SteadyPhases<T>::prepare(p.frequency, p.phase, step),
                 .turn = {.sine = {x.sine, y.sine}, .cosine = {x.cosine, y.cosine}},
                 .amplitude = cast<T>(p.amplitude),
                 .peak_velocity = cast<T>(p.amplitude * p.frequency),
                 .curvature = cast<T>(-frequency * frequency),
+                .frequency = cast<T>(p.frequency),
+                .ahead = {.sine = {T(ahead_x.sine), T(ahead_y.sine)}, .cosine = {T(ahead_x.cosine), T(ahead_y.cosine)}},
+                .delay = static_cast<std::int32_t>(delay),
                 .course = p.course};
     }
 
@@ -148,7 +182,7 @@ struct Reference {
             if (c.course != nullptr) [[unlikely]] {
                 const std::uint64_t n = state.steps++;
                 const auto& points = c.course->points;
-                const ReferencePoint<double> r = n < points.size() ? points[n] : c.course->at(*c.course, n);
+                const ReferencePoint<double> r = n < points.size() ? points[n] : c.course->at(*c.course, n, 0.0);
                 return {cast<T>(r.position), cast<T>(r.velocity), cast<T>(r.acceleration)};
             }
         }
@@ -160,6 +194,19 @@ struct Reference {
         state.at = at * c.turn;
         ++state.steps;
         return {.position = position, .velocity = c.peak_velocity * at.cosine, .acceleration = c.curvature * position};
+    }
+
+    // The held point of the last step that update() returned.
+    static ReferencePoint<T> held(const State& state, const Coefficients& c) {
+        if constexpr (std::same_as<Kept<T, std::uint64_t>, std::uint64_t>) {
+            if (c.course != nullptr) [[unlikely]] {
+                const double lead = static_cast<double>(c.delay) + 0.5;
+                const ReferencePoint<double> r = c.course->at(*c.course, state.steps - 1, lead);
+                return {cast<T>(r.position), cast<T>(r.velocity), cast<T>(r.acceleration)};
+            }
+        }
+        const SineCosine2<T> at = state.at * c.ahead;
+        return {.position = at.sine, .velocity = c.frequency * at.cosine, .acceleration = c.curvature * at.sine};
     }
 };
 

@@ -7,23 +7,29 @@
 //                                            (s/δ²) ‖s‖ ρ         quadratic, as printed: no gain at s = 0
 //    With known parameters the estimates are the true values and the same formula is eqs. (20) and (34).
 //
+//    This is the force of continuous time, which, held for a step, acts half a step late. With held feedforward (ours)
+//    it also has what the reference needs from the sample to the held point (feedforward.hpp).
+//
 //    Near s = 0 the held force removes ρ h/δ of s in one step, and from about 2 on the sampled loop is unstable. The
 //    switching limit (ours) keeps ρ h/δ at or below a number, and b̂₀, b̂₁, b̂₂ at or below the ρ that this allows.
 #pragma once
 
 #include "fracgyro/control/estimates.hpp"
+#include "fracgyro/control/feedforward.hpp"
 #include "fracgyro/control/surfaces.hpp"
 
 namespace fracgyro {
 
 enum class Layer { linear, quadratic };
+enum class ForceTime { continuous, held };
 
 struct SwitchingParams {
     double layer_thickness = 0.06;  // δ; 0: no layer, the force switches
     Layer layer = Layer::linear;
+    ForceTime feedforward = ForceTime::continuous;
     double switching_limit = std::numeric_limits<double>::infinity();  // limit of ρ h/δ; infinity: off
 
-    static constexpr std::string_view layers[] = {"linear", "quadratic"};
+    static constexpr std::string_view layers[] = {"linear", "quadratic"}, times[] = {"continuous", "held"};
     static constexpr auto fields() {
         using P = SwitchingParams;
         return std::tuple{
@@ -32,6 +38,9 @@ struct SwitchingParams {
             choice("layer", &P::layer, layers,
                    "Inside the layer: quadratic, -(s/delta^2)||s|| rho, as printed in (46); linear, -(s/delta) rho. "
                    "layer_thickness 0.0: off."),
+            choice("feedforward", &P::feedforward, times,
+                   "Force along the reference: continuous, at the sample, so that the hold makes it half a step late, "
+                   "as in the paper; held, at the middle of the hold, datasheet.delay later."),
             field(
                 "switching_limit", &P::switching_limit, "1", limit,
                 "Largest rho h/delta, no unit, > 0: what one step takes back of s; the loop diverges from about 2 on, "
@@ -52,6 +61,7 @@ struct Switching {
         T thickness_squared{}, linear_gain{}, quadratic_gain{};  // inside: s (linear_gain + quadratic_gain ‖s‖) ρ
         T largest_bound{};
         bool bounded = false, printed = false;  // printed rate law: Ω̂ has a symmetric part
+        bool held = false;
     };
 
     static Coefficients prepare(const SwitchingParams& p, RateLaw rate_law = RateLaw::skew, double step = 1.0) {
@@ -63,7 +73,8 @@ struct Switching {
                 .quadratic_gain = T(linear ? 0.0 : inverse * inverse),
                 .largest_bound = T(fracgyro::largest_bound(p, step)),
                 .bounded = p.switching_limit < std::numeric_limits<double>::infinity(),
-                .printed = rate_law == RateLaw::printed};
+                .printed = rate_law == RateLaw::printed,
+                .held = p.feedforward == ForceTime::held};
     }
 
     static Vec2<T> force(const Coefficients& c, const Estimates<T>& estimates, const Motion<T>& motion,
@@ -90,6 +101,14 @@ struct Switching {
                                       {c.linear_gain, c.quadratic_gain}, Vec2<T>{T(0.0), outside});
         const Vec2<T> drive = bound * surface.s;
         return (equivalent - gains.x() * drive) - norms.surface * (gains.y() * drive);
+    }
+
+    // What held feedforward adds to it.
+    static Vec2<T> of_hold(const Coefficients& c, const Estimates<T>& estimates, const ReferencePoint<T>& sampled,
+                           const ReferencePoint<T>& held) {
+        const Motion<T> way = moved<T>({}, sampled, held);
+        const Vec2<T> force = plant_force<T>(estimates, way, held.acceleration - sampled.acceleration);
+        return c.printed ? force + T(2.0) * (estimates.rate_symmetric * way.velocity) : force;
     }
 };
 

@@ -5,8 +5,8 @@
 //
 //        u = (D̂ + 2Ω̂) ṙ + K̂ r + r̈ - ω² e - 2ζω ė - I        dI/dt = ωᵢ ω² e
 //
-//    D̂, K̂ and Ω̂z are the estimates of composite.hpp, and the nominal plant until the rate is trusted. It has no
-//    sliding surface, and no law driven by s.
+//    with the feedforward at the held point (reference.hpp). D̂, K̂ and Ω̂z are the estimates of composite.hpp, and the
+//    nominal plant until the rate is trusted. It has no sliding surface, and no law driven by s.
 //
 // Source: textbook (certainty equivalence); least squares: docs/decisions/0016.
 #pragma once

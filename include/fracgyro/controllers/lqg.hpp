@@ -5,8 +5,9 @@
 //
 //        u = (D̂ + 2Ω̂) ṙ + K̂ r + r̈ - ω² e - √2 ω ė
 //
-//    with e and ė as estimated by the filter of joint.hpp. The feedback is optimal for ë = u with the weights ω⁴ of e²
-//    and 1 of u²: far below ω the plant's own forces on e are negligible.
+//    with the feedforward at the held point (reference.hpp), and e and ė as estimated by the filter of joint.hpp. The
+//    feedback is optimal for ë = u with the weights ω⁴ of e² and 1 of u²: far below ω the plant's own forces on e are
+//    negligible.
 //
 // Source: textbook; the filter: docs/decisions/0024.
 #pragma once
@@ -56,7 +57,7 @@ struct LqgOf {
     };
 
     static Coefficients prepare(const Params& p, const Common& common) {
-        return {.reference = Reference<T>::prepare(common.reference, common.step),
+        return {.reference = Reference<T>::prepare(common.reference, common.step, p.datasheet.delay),
                 .saturation = Saturation<T>::prepare(common.force_limit),
                 .filter = Filter::Coefficients::prepare(p.adaptation, p.datasheet, common),
                 .position_gain = T(p.natural_frequency * p.natural_frequency),
@@ -86,8 +87,8 @@ struct LqgOf {
         signals.error = missing != nullptr ? *missing : velocity_measured ? tracking_error(measured, r) : e;
         const typename Feedforward<T>::Coefficients known{signals.report.damping, signals.report.stiffness,
                                                           T(2.0) * signals.report.rate};
-        const Vec2<T> wanted =
-            Feedforward<T>::force(known, r) - c.position_gain * e.value - c.velocity_gain * e.derivative;
+        const Vec2<T> wanted = Feedforward<T>::force(known, Reference<T>::held(state.reference, c.reference)) -
+                               c.position_gain * e.value - c.velocity_gain * e.derivative;
         Saturation<T>::apply(signals, c.saturation, wanted, e.value);
         const Vec2<T>& acts = missing == nullptr ? signals.force : state.filter.force;
         Filter::predict(state.filter, c.filter, r, acts, missing == nullptr);

@@ -8,8 +8,9 @@
 //        sig(z, p) = |z|^p sign(z)
 //        reach(s) = sig(s, ρ) for ρ > 0, sat(s/δ) for ρ = 0
 //
-//    on each axis. a = 0 is the nonsingular terminal surface, a > 0 the nonsingular fast terminal one. ρ between 0 and
-//    1 is the power reaching law of the continuous variants, ρ = 0 the boundary layer.
+//    on each axis; q, v and r̈ of the force are moved along the reference to the held point (feedforward.hpp). a = 0 is
+//    the nonsingular terminal surface, a > 0 the nonsingular fast terminal one. ρ between 0 and 1 is the power reaching
+//    law of the continuous variants, ρ = 0 the boundary layer.
 //
 //    No power in the force is negative, so nothing is singular; but ds/du = b γ₂ |ė|^(γ₂-1) vanishes with ė, and there
 //    the force has no authority over s. The estimates follow the laws (44) with (ds/du) s instead of s.
@@ -120,6 +121,7 @@ struct NonsingularTerminal {
         Signals<T, Report> signals{.report = report(state, c)};
         const Motion<T> motion = Base::begin(state.base, c.base, signals, measured, missing);
         const Sample<T>& e = signals.error;
+        const ReferencePoint<T> held = Reference<T>::held(state.base.reference, c.base.reference);
 
         const Vec2<T> size = absolute(e.value), speed = absolute(e.derivative);
         Vec2<T> steepness = raised(size, c.position_power);  // |e|^(γ₁-1)
@@ -134,8 +136,9 @@ struct NonsingularTerminal {
         const Vec2<T> one{T(1.0), T(1.0)};
         const Vec2<T> slow = with_sign_of(e.derivative, raised(speed, T(1.0) - c.velocity_power));  // sig(ė, 2-γ₂)
         const Vec2<T> drift = c.inverse_slope * (slow * (one + c.position_slope * steepness));
-        const Vec2<T> wanted = plant_force<T>(signals.report, motion, signals.reference.acceleration) - drift -
-                               c.reaching_gain * s - c.switching_gain * reach(c, s);
+        const Vec2<T> wanted =
+            plant_force<T>(signals.report, moved(motion, signals.reference, held), held.acceleration) - drift -
+            c.reaching_gain * s - c.switching_gain * reach(c, s);
         const Vec2<T> weighted = c.velocity_slope * (authority * s);
         const T active = Saturation<T>::apply(signals, c.base.saturation, wanted, weighted);
         if (missing == nullptr) {

@@ -6,8 +6,9 @@
 //        u = (D̂ + 2Ω̂) v + K̂ q - K_m q - γ ė
 //        ë + γ ė + K_m e = -Φᵀθ̃
 //
-//    for a sinusoidal reference, r̈ = -K_m r. The estimates follow the laws (44) with ė instead of s. Only K_m restores
-//    the position: off resonance, where K_m is far below K, no γ makes the error small.
+//    for a sinusoidal reference, r̈ = -K_m r; q and v of the force are moved along the reference to the held point
+//    (feedforward.hpp). The estimates follow the laws (44) with ė instead of s. Only K_m restores the position: off
+//    resonance, where K_m is far below K, no γ makes the error small.
 //
 // Source: Park and Horowitz 2003, doi 10.1109/JMEMS.2002.807468; its structure is cited from memory and from the
 // nomenclature of Sensors 2016, 16, 321.
@@ -60,9 +61,11 @@ struct ParkHorowitz {
         Signals<T, Report> signals{.report = report(state, c)};
         const Motion<T> motion = Base::begin(state.base, c.base, signals, measured, missing);
         const Sample<T>& e = signals.error;
+        const ReferencePoint<T> held = Reference<T>::held(state.base.reference, c.base.reference);
+        const Motion<T> there = moved(motion, signals.reference, held);
         // -K_m q: the acceleration of a motion at the reference's frequency.
-        const Vec2<T> resonance = c.base.reference.curvature * motion.position;
-        const Vec2<T> wanted = plant_force<T>(signals.report, motion, resonance) - c.velocity_gain * e.derivative;
+        const Vec2<T> resonance = c.base.reference.curvature * there.position;
+        const Vec2<T> wanted = plant_force<T>(signals.report, there, resonance) - c.velocity_gain * e.derivative;
         const T active = Saturation<T>::apply(signals, c.base.saturation, wanted, e.derivative);
         if (missing == nullptr) {
             Base::learn(state.base, c.base, motion, active * e.derivative);

@@ -4,8 +4,8 @@
 //
 //        u = (D̂₀ + 2Ω̂₀) ṙ + K̂₀ r + r̈ - ω² e - 2ζω ė - I        dI/dt = ωᵢ ω² e
 //
-//    with e = q - r on each axis; the index 0 marks the nominal plant, which is not corrected. At the force limit I is
-//    frozen if it would wind up.
+//    with the feedforward at the held point (reference.hpp) and e = q - r on each axis; the index 0 marks the nominal
+//    plant, which is not corrected. At the force limit I is frozen if it would wind up.
 //
 // Source: textbook.
 #pragma once
@@ -79,7 +79,7 @@ struct Pid {
         Signals<T, Report> signals{.reference = Reference<T>::update(state.reference, c.reference)};
         const ReferencePoint<T>& r = signals.reference;
         const Sample<T>& e = signals.error = missing == nullptr ? tracking_error(measured, r) : *missing;
-        const Vec2<T> feedforward = Feedforward<T>::force(plant, r);
+        const Vec2<T> feedforward = Feedforward<T>::force(plant, Reference<T>::held(state.reference, c.reference));
         const Vec2<T> wanted =
             feedforward - c.position_gain * e.value - c.velocity_gain * e.derivative - state.integral;
         // I grows with e and moves the force against it.

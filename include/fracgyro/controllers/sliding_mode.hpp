@@ -84,7 +84,8 @@ struct SlidingModeController {
                 return AdaptationType::prepare(p.adaptation, common.nominal, h, largest_bound(p.control, h));
             }
         };
-        return {.reference = Reference<T>::prepare(common.reference, h),
+        const bool held = p.control.feedforward == ForceTime::held;
+        return {.reference = Reference<T>::prepare(common.reference, h, held ? p.datasheet.delay : 0),
                 .surface = SurfaceType::prepare(p.surface, h, position_share(p.datasheet, common)),
                 .control = Switching<T>::prepare(p.control, p.adaptation.rate_law, h),
                 .saturation = Saturation<T>::prepare(common.force_limit),
@@ -141,6 +142,10 @@ struct SlidingModeController {
         Norms<T> norms = norms_of(motion, surface.s);
         const auto& estimates = control_estimates(state, c, signals.report);
         signals.force = Switching<T>::force(c.control, estimates, motion, signals.reference, surface, norms);  // 4
+        if (c.control.held) {
+            signals.force = signals.force + Switching<T>::of_hold(c.control, estimates, r,
+                                                                  Reference<T>::held(state.reference, c.reference));
+        }
         Vec2<T> learned_from = surface.s;
         if (c.saturation.limited) {
             // The laws move the force against s.

@@ -5,9 +5,10 @@
 //
 //        u = (D̂ + 2Ω̂) v + K̂ q + r̈ - λ ė - k₁ |s|^½ sign(s) + w        dw/dt = -k₂ sign(s)
 //
-//    For a mismatch that changes at most at the rate L: k₂ > L and k₁ ≈ 1.5 √L. The estimates follow the laws (44) and
-//    compete with w for the same signal: Ω̂z may wander far from Ωz. w is frozen at the force limit if it would wind
-//    up, and never grows beyond the limit.
+//    with q, v and r̈ moved along the reference to the held point (feedforward.hpp). For a mismatch that changes at
+//    most at the rate L: k₂ > L and k₁ ≈ 1.5 √L. The estimates follow the laws (44) and compete with w for the same
+//    signal: Ω̂z may wander far from Ωz. w is frozen at the force limit if it would wind up, and never grows beyond the
+//    limit.
 //
 // Source: Levant 1993; for a gyroscope, doi 10.1371/journal.pone.0189457.
 #pragma once
@@ -88,9 +89,11 @@ struct SuperTwisting {
         Signals<T, Report> signals{.report = report(state, c)};
         const Motion<T> motion = Base::begin(state.base, c.base, signals, measured, missing);
         const Sample<T>& e = signals.error;
+        const ReferencePoint<T> held = Reference<T>::held(state.base.reference, c.base.reference);
         const Vec2<T> s = signals.report.surface = e.derivative + c.surface_gain * e.value;
         const Vec2<T> equivalent =
-            plant_force<T>(signals.report, motion, signals.reference.acceleration) - c.surface_gain * e.derivative;
+            plant_force<T>(signals.report, moved(motion, signals.reference, held), held.acceleration) -
+            c.surface_gain * e.derivative;
         const Vec2<T> twist = with_sign_of(s, square_root(absolute(s)));
         const Vec2<T> wanted = equivalent - c.twisting_gain * twist + state.integral;
         const T active = Saturation<T>::apply(signals, c.base.saturation, wanted, s);

@@ -28,7 +28,7 @@ inline std::vector<ReferencePoint<double>> stepwise_points(const Course& c) {
     std::vector<ReferencePoint<double>> points;
     if (c.params.kind[0] == ReferenceKind::table && c.params.kind[1] == ReferenceKind::table) {
         for (std::size_t n = 0; n < c.rows.size() && c.rows[n].time == static_cast<double>(n) * c.step; ++n) {
-            points.push_back(c.at(c, n));
+            points.push_back(c.at(c, n, 0.0));
         }
     }
     return points;
