@@ -1,24 +1,25 @@
-// Resonant control: the PID of pid.hpp with a resonator at each frequency of the reference, which leaves no error there.
+// Resonant control: PID with a resonator at each frequency of the reference, which leaves no error there.
 //
 // Use it when the reference is sines, only tracking counts, and an unknown delay or few operations matter.
 //
 //        u = (D̂₀ + 2Ω̂₀) ṙ + K̂₀ r + r̈ - ω² e - 2ζω ė - I - Σ Re pᵢ        dI/dt = ωᵢ ω² e
 //        dpᵢ/dt = j wᵢ pᵢ + cᵢ L(j wᵢ) e        L(s) = s² + (2ζω + d̂) s + ω² + k̂ + ωᵢ ω²/s
 //
-//    on each axis, with d̂ and k̂ the diagonals of D̂₀ and K̂₀. A steady error at the frequency wᵢ makes pᵢ grow until the
-//    force removes it, on any plant. L is the loop without resonators, inverted: at frequencies near ω it has the phase
-//    lead that the loop needs. cᵢ, about k, is twice the residue at jwᵢ of
+//    on each axis: the PID of pid.hpp less what the resonators hold. d̂ and k̂ are the diagonals of D̂₀ and K̂₀. A steady
+//    error at the frequency wᵢ makes pᵢ grow until the force removes it, on any plant. L is the loop without
+//    resonators, inverted: at frequencies near ω it has the phase lead that the loop needs. cᵢ, about k, is twice the
+//    residue at jwᵢ of
 //
 //        C(s) = Π ((s + ½k)² + wᵢ²)/(s² + wᵢ²)
 //
-//    so that L(s) C(s) has the slow zeros -½k ± jwᵢ, which are the loop's poles, even if frequencies are closer than k:
-//    the error decays at the rate k/2, if the gain k, times the number of frequencies, is far below ω. For one frequency
-//    with k far below it and itself far below ω, this is the textbook's a' = k ω² e cos wt, b' = k ω² e sin wt, with
-//    Re p = a cos wt + b sin wt.
+//    so that L(s) C(s) has the slow zeros -½k ± jwᵢ, which are the loop's poles, even if frequencies are closer than
+//    k: the error decays at the rate k/2, if the gain k, times the number of frequencies, is far below ω. For one
+//    frequency with k far below it and itself far below ω, this is the textbook's a' = k ω² e cos wt,
+//    b' = k ω² e sin wt, with Re p = a cos wt + b sin wt.
 //
-//    Frequencies are those of sines and sums of sines on either axis, on both axes, as the plant couples them: the first
-//    `max_frequencies` that differ by more than 0.1 %. Other references have none: it is then the PID. The integral I is
-//    the resonator at 0. At the force limit I and p stop growing as in pid.hpp, and p turns on.
+//    Frequencies are those of sines and sums of sines on either axis, on both axes, as the plant couples them: the
+//    first `max_frequencies` that differ by more than 0.1 %. Other references have none: it is then the PID. The
+//    integral I is the resonator at 0. At the force limit I and p stop growing as in pid.hpp, and p turns on.
 //
 // Source: textbook (proportional-resonant control, internal model principle).
 #pragma once
