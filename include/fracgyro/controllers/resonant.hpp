@@ -60,8 +60,8 @@ struct Resonant {
         Vec2<T> real{}, imaginary{};
     };
     struct Resonator {
-        T cosine{}, sine{};  // of wh
-        Phasor gain{};       // h k L e^jwh
+        T cosine{}, sine{};  // the turn by wh
+        Phasor gain{};       // h c L e^(1.5 jwh)
     };
     struct Coefficients {
         typename Law::Coefficients pid{};
