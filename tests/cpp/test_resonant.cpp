@@ -20,7 +20,7 @@ constexpr double h = 1e-3;
 // The paper's plant, whose damping and stiffness are 5 % larger than nominal, on its reference. No disturbance.
 DeviceSetupOf<ResonantParams> setup_of(double gain, double duration) {
     DeviceSetupOf<ResonantParams> s{};
-    s.controller = {.resonator_gain = gain};
+    s.controller = {.pid = {.integral_frequency = 0.0}, .resonator_gain = gain};
     s.common = {.step = h};
     s.common.reference = {.frequency = {4.17, 5.11}, .phase = {0.0, 1.5707963267948966}};
     s.plant = {.damping = {0.01, 0.002, 0.01}, .stiffness = {355.3, 70.99, 532.9}, .rate = 0.1};

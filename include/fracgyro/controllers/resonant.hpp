@@ -31,7 +31,7 @@
 namespace fracgyro {
 
 struct ResonantParams {
-    PidParams pid{.integral_frequency = 0.0};
+    PidParams pid{};
     double resonator_gain = 5.0;  // k
 
     static constexpr auto fields() {

@@ -170,7 +170,7 @@ CONTENDERS = (
         "resonant",
         "PD with resonators at the reference's frequencies",
         "textbook; docs/decisions/0046",
-        kind("resonant"),
+        kind("resonant") | {"controller.integral_frequency": 0.0},
         RESONANT,
         observer=OBSERVER,
     ),
