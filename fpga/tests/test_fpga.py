@@ -47,6 +47,7 @@ SCENARIOS = {
     "samples checked, forces limited": GUARDED,
     "another power": {"controller.terminal_exponent": 0.6},
     "PID": {"controller.kind": "pid"},
+    "resonant": {"controller.kind": "resonant", "controller.force_limit": 1000.0},
     "composite": {"adaptation.kind": "composite"},
     "open loop": {"controller.kind": "open_loop"},
     "super-twisting, positions only": {"controller.kind": "super_twisting", "device.sensing": "position"},

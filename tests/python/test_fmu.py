@@ -87,7 +87,10 @@ SCENARIOS = {
     "known parameters, sine": SINE,
     "PID, which reports nothing": SHORT.replace({"controller.kind": "pid"}),
     "super-twisting": SHORT.replace({"controller.kind": "super_twisting"}),
-    **{kind: SHORT.replace({"controller.kind": kind}) for kind in ("nonsingular_terminal", "lqg", "force_rebalance")},
+    **{
+        kind: SHORT.replace({"controller.kind": kind})
+        for kind in ("resonant", "nonsingular_terminal", "lqg", "force_rebalance")
+    },
     "disturbances that add up": LIST,
     "undisturbed": SHORT.replace({"controller.kind": "linear", "disturbance.kind": "none"}),
 }

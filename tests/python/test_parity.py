@@ -69,7 +69,7 @@ SCENARIOS = {
     "super-twisting": fg.Scenario.paper().replace({"controller.kind": "super_twisting"}),
     **{
         kind: fg.Scenario.paper().replace({"controller.kind": kind})
-        for kind in ("nonsingular_terminal", "lqg", "force_rebalance")
+        for kind in ("resonant", "nonsingular_terminal", "lqg", "force_rebalance")
     },
     "fast terminal, sine": fg.Scenario.paper().replace(
         {

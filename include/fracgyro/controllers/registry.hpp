@@ -8,6 +8,7 @@
 #include "fracgyro/controllers/nonsingular_terminal.hpp"
 #include "fracgyro/controllers/park_horowitz.hpp"
 #include "fracgyro/controllers/pid.hpp"
+#include "fracgyro/controllers/resonant.hpp"
 #include "fracgyro/controllers/sliding_mode.hpp"
 #include "fracgyro/controllers/super_twisting.hpp"
 #include "fracgyro/core/entry.hpp"
@@ -46,6 +47,7 @@ using Registry = std::tuple<
     Entry<"fast_terminal", SlidingMode<FastTerminalSurface>, "sliding mode on (15): alpha = 1">,
     Entry<"linear", SlidingMode<LinearSurface>, "sliding mode with alpha = 1, lambda2 = 0">,
     Entry<"pid", One<Pid>, "PID with feedforward of the nominal plant">,
+    Entry<"resonant", One<Resonant>, "PID with resonators at the frequencies of the reference">,
     Entry<"super_twisting", One<SuperTwisting>, "adaptive super-twisting">,
     Entry<"nonsingular_terminal", One<NonsingularTerminal>, "adaptive nonsingular (fast) terminal sliding mode">,
     Entry<"park_horowitz", One<ParkHorowitz>, "adaptive control of Park and Horowitz">,

@@ -39,6 +39,11 @@ PID = (
     Gain("controller.damping_ratio", 0.1, 10.0),
     Gain("controller.integral_frequency", 0.01, 2000.0),
 )
+RESONANT = (
+    PID[0],
+    Gain("controller.damping_ratio", 0.1, 1.2, log=False, above="an unknown delay then makes the loop unstable"),
+    Gain("controller.resonator_gain", 0.05, 60.0),
+)
 TWISTING = (
     Gain("controller.surface_gain", 1.0, 1000.0, above="1 over the step"),
     Gain("controller.twisting_gain", 0.1, 500.0),
@@ -161,6 +166,14 @@ CONTENDERS = (
         observer=OBSERVER,
     ),
     Contender("pid", "PID with feedforward of the nominal plant", "textbook", kind("pid"), PID, observer=OBSERVER),
+    Contender(
+        "resonant",
+        "PD with resonators at the reference's frequencies",
+        "textbook; docs/decisions/0046",
+        kind("resonant") | {"controller.integral_frequency": 0.0},
+        RESONANT,
+        observer=OBSERVER,
+    ),
     Contender(
         "pid_least_squares",
         "PID on the plant that least squares find",

@@ -17,12 +17,14 @@ PAPER = {
 }
 SLOTINE = {"author": "Slotine and Li", "title": "Applied Nonlinear Control", "year": "1991"}
 BIERMAN = {"author": "Bierman", "title": "Factorization Methods for Discrete Sequential Estimation", "year": "1977"}
+FRANCIS = {"author": "Francis and Wonham", "year": "1976", "doi": "10.1016/0005-1098(76)90006-6"}
 LELAND = {"author": "Leland", "year": "2005", "doi": "10.1109/JSEN.2005.844538"}
 # Sources in EQUATIONS.md, by controller.kind and adaptation.kind; a DOI makes other fields of an entry unnecessary.
 SOURCES = {
     "nonsingular_terminal": {"author": "Feng and Yu and Man", "year": "2002", "doi": "10.1016/S0005-1098(02)00147-4"},
     "park_horowitz": {"author": "Park and Horowitz", "year": "2003", "doi": "10.1109/JMEMS.2002.807468"},
     "disturbance_rejection": {"author": "Zheng and Dong and Gao", "year": "2007", "doi": "10.1109/CCA.2007.4389216"},
+    "resonant": FRANCIS,
     "super_twisting": {"doi": "10.1371/journal.pone.0189457"},
     "open_loop": LELAND,
     "force_rebalance": LELAND,
