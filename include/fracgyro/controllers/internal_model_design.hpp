@@ -1,0 +1,286 @@
+// Design of the internal model (internal_model.hpp): its gains, computed once in double precision.
+//
+//    In units of the step, z = [e/h², ė/h] is of order 1 for a force of order 1. The plant is the nominal one.
+#pragma once
+
+#include "fracgyro/control/common.hpp"
+#include "fracgyro/control/datasheet.hpp"
+#include "fracgyro/core/riccati.hpp"
+
+namespace fracgyro {
+
+struct InternalModelParams {
+    double loop_bandwidth = 0.75;     // ω h
+    double learning_bandwidth = 1.0;  // of the oscillators
+    Datasheet datasheet{};
+
+    static constexpr auto fields() {
+        using P = InternalModelParams;
+        return std::tuple{
+            field(
+                "loop_bandwidth", &P::loop_bandwidth, "1", {.low = 0.02, .high = 1.1},
+                "omega h, no unit: bandwidth of the loop, in radians per step, 0.02 to 1.1. More follows closer, with "
+                "more chattering."),
+            field("learning_bandwidth", &P::learning_bandwidth, "omega0", above_0,
+                  "Unit omega0, > 0: bandwidth at which forces that the nominal plant lacks are estimated at each "
+                  "frequency of the reference."),
+            Inner{"datasheet", &P::datasheet},
+        };
+    }
+};
+
+struct InternalModelDesign {
+    static constexpr std::size_t max_frequencies = 4, max_past = 9;  // for a delay of 8
+    static constexpr std::size_t motions = 4, room = 22;             // 4 + 2 + 4 * 4, 4 + 2 * 9
+    static constexpr double braking = 0.5;                           // of the force limit, in the approach from afar
+    using Square = LeadingMatrix<room>;
+    using Gain = Table<2, room>;
+
+    double step = 0.0;
+    std::array<double, max_frequencies> frequencies{};
+    std::size_t count = 0, past = 2;
+    Matrix<6> map{};                                                     // of z and a held force
+    Gain feedback{};                                                     // of z and earlier forces
+    Table<room, motions> filter{};                                       // gains of measured positions and velocities
+    std::array<std::array<Vec2<double>, 2>, 3> feedforward{}, ripple{};  // columns of the matrices of r, ṙ, r̈
+
+    // One step of delay more than stated makes a fast loop unstable, so that the feedback is designed for a force of which
+    // a share comes a step later than stated. With these numbers such a step costs at most a factor of 2 in error at
+    // every bandwidth and delay, at the least nominal error (docs/decisions/0047).
+    static double usable(double bandwidth, double delay) { return minimum(bandwidth, 1.1 / (1.0 + 0.5 * delay)); }
+    static double late_share(double bandwidth, double delay) {
+        return maximum(0.0, 1.0 - 0.29 / bandwidth) / (1.0 + 0.25 * delay);
+    }
+
+    [[gnu::noinline]] static InternalModelDesign prepare(const InternalModelParams& p, const Common& common,
+                                                         bool velocity_measured) {
+        InternalModelDesign c{.step = common.step};
+        const Sym2<double>&k = common.nominal.stiffness, &d = common.nominal.damping;
+        const double h = common.step, twice_rate = 2.0 * common.nominal.rate;
+        Matrix<6> system{};
+        system[0][2] = system[1][3] = system[2][4] = system[3][5] = 1.0;
+        system[2] = {-k.xx() * h * h, -k.xy() * h * h, -d.xx() * h, -(d.xy() - twice_rate) * h, 1.0, 0.0};
+        system[3] = {-k.xy() * h * h, -k.yy() * h * h, -(d.xy() + twice_rate) * h, -d.yy() * h, 0.0, 1.0};
+        c.map = expm(system, 1.0);
+        c.find_frequencies(common.reference, 1e-4 * p.learning_bandwidth);
+        const auto delay = static_cast<double>(p.datasheet.delay);
+        c.design_feedback(usable(p.loop_bandwidth, delay), static_cast<std::size_t>(p.datasheet.delay));
+        c.design_filter(p, common, velocity_measured);
+        for (std::size_t axis = 0; axis < 2; ++axis) {
+            c.design_feedforward(common, axis, delay);
+        }
+        return c;
+    }
+
+    // A force that is a sine, and the held force against it that leaves no error at the samples, leave a velocity there:
+    // this factor times the sine of the held force.
+    double ripple_of(std::size_t n) const {
+        const auto half = sine_cosine<double>(phase_of(0.5 * frequencies[n] * step));
+        const double inverse_tangent = half.cosine / half.sine;
+        return 0.5 * step * inverse_tangent * (1.0 - 0.5 * frequencies[n] * step * inverse_tangent);
+    }
+
+private:
+    static double of(const Vec2<double>& v, std::size_t axis) { return axis == 0 ? v.x() : v.y(); }
+    // Frequencies that samples show.
+    bool sampled(double frequency) const { return absolute(frequency) * step < 3.0; }
+
+    // Distinct frequencies, and if they are too many those of the largest amplitudes.
+    void find_frequencies(const ReferenceParams& r, double apart) {
+        std::array<double, max_frequencies> amplitudes{};
+        const auto add = [&](double amplitude, double signed_frequency) {
+            const double frequency = absolute(signed_frequency), size = absolute(amplitude);
+            if (!(size > 0.0 && frequency > apart && sampled(frequency))) {
+                return;
+            }
+            std::size_t place = count, smallest = 0;
+            for (std::size_t i = 0; i < count; ++i) {
+                if (absolute(frequencies[i] - frequency) <= apart) {
+                    place = i;
+                }
+                smallest = amplitudes[i] < amplitudes[smallest] ? i : smallest;
+            }
+            if (place < count) {
+                amplitudes[place] = maximum(amplitudes[place], size);
+                return;
+            }
+            if (count < max_frequencies) {
+                ++count;
+            } else if (size > amplitudes[smallest]) {
+                place = smallest;
+            } else {
+                return;
+            }
+            frequencies[place] = frequency;
+            amplitudes[place] = size;
+        };
+        for (std::size_t axis = 0; axis < 2; ++axis) {
+            if (r.kind[axis] == ReferenceKind::sine) {
+                add(of(r.amplitude, axis), of(r.frequency, axis));
+            } else if (r.kind[axis] == ReferenceKind::sines && r.course != nullptr) {
+                for (const SineTerm& term : r.course->terms) {
+                    add(term.amplitude[axis], term.frequency[axis]);
+                }
+            }
+        }
+    }
+
+    // u_n = 2 u_(n-1) - u_(n-2) + v, and v is priced.
+    void design_feedback(double bandwidth, std::size_t delay) {
+        past = delay + 1 < 2 ? 2 : delay + 1;
+        Square a{.size = motions + 2 * past}, weight{.size = a.size};
+        Table<room, 2> b{};
+        const double late = late_share(bandwidth, static_cast<double>(delay));
+        for (std::size_t axis = 0; axis < 2; ++axis) {
+            weight[axis][axis] = 1.0;
+            const std::size_t last = motions + axis, before = last + 2;
+            a[last][last] = 2.0;
+            a[last][before] = -1.0;
+            b[last][axis] = 1.0;
+            for (std::size_t row = before; row < a.size; row += 2) {
+                a[row][row - 2] = 1.0;
+            }
+            for (std::size_t row = 0; row < motions; ++row) {
+                const double push = map[row][motions + axis], now = (1.0 - late) * push;
+                if (delay == 0) {
+                    b[row][axis] += now;
+                    a[row][last] += 2.0 * now;
+                    a[row][before] -= now;
+                } else {
+                    a[row][last + 2 * (delay - 1)] += now;
+                }
+                a[row][last + 2 * delay] += late * push;
+            }
+        }
+        for (std::size_t row = 0; row < motions; ++row) {
+            for (std::size_t column = 0; column < motions; ++column) {
+                a[row][column] = map[row][column];
+            }
+        }
+        const double square = bandwidth * bandwidth, fourth = square * square, price = 1.0 / (fourth * fourth);
+        const Gain gain = riccati_gain(riccati(a, b, weight, {price, price}), b, {price, price});
+        for (std::size_t axis = 0; axis < 2; ++axis) {
+            for (std::size_t j = 0; j < a.size; ++j) {
+                for (std::size_t i = 0; i < a.size; ++i) {
+                    feedback[axis][j] += gain[axis][i] * a[i][j];
+                }
+                feedback[axis][j] = feedback[axis][j] / (j < 2 ? step * step : j < motions ? step : 1.0);
+            }
+            feedback[axis][motions + axis] -= 2.0;
+            feedback[axis][motions + 2 + axis] += 1.0;
+        }
+    }
+
+    // States: z, the constant force, then cosine and sine at each frequency, each on both axes.
+    void design_filter(const InternalModelParams& p, const Common& common, bool velocity_measured) {
+        const Sym2<double>& k = common.nominal.stiffness;
+        const double h = step, square = maximum(0.5 * absolute(k.xx() + k.yy()), 1e-6);
+        // A plant that is a few percent off moves the mass by more than a smaller disturbance would.
+        const double by_position = square * p.datasheet.position_noise;
+        const double by_velocity = square_root(square) * p.datasheet.velocity_noise;
+        const double sensed = velocity_measured ? minimum(by_position, by_velocity) : by_position;
+        const double force = maximum(maximum(p.datasheet.force_noise, sensed), 1e-6 * square);
+        // A sensor below a hundredth of the motion that the disturbance causes in a step gains nothing.
+        const auto variance = [](double noise, double floor) { return noise > floor ? noise * noise : floor * floor; };
+        const double position = variance(p.datasheet.position_noise / (h * h * force), 0.005);
+        const double velocity = variance(p.datasheet.velocity_noise / (h * force), 0.01);
+        const double learned = p.learning_bandwidth * h, grows = learned * learned;
+
+        Square a{.size = motions + 2 + 4 * count}, noise{.size = a.size};
+        for (std::size_t row = 0; row < motions; ++row) {
+            for (std::size_t column = 0; column < motions; ++column) {
+                a[row][column] = map[row][column];
+                noise[row][column] = map[row][4] * map[column][4] + map[row][5] * map[column][5];
+            }
+        }
+        for (std::size_t axis = 0; axis < 2; ++axis) {
+            const auto pushes = [&](std::size_t state) {
+                for (std::size_t row = 0; row < motions; ++row) {
+                    a[row][state] = map[row][motions + axis];
+                }
+            };
+            const std::size_t constant = motions + axis;
+            a[constant][constant] = 1.0;
+            noise[constant][constant] = grows;
+            pushes(constant);
+            for (std::size_t i = 0; i < count; ++i) {
+                const std::size_t cosine = motions + 2 + 4 * i + axis, sine = cosine + 2;
+                const auto turn = sine_cosine<double>(phase_of(frequencies[i] * h));
+                a[cosine][cosine] = a[sine][sine] = turn.cosine;
+                a[cosine][sine] = turn.sine;
+                a[sine][cosine] = -turn.sine;
+                noise[cosine][cosine] = noise[sine][sine] = 2.0 * grows;
+                pushes(cosine);
+            }
+        }
+        const auto measure = [&]<std::size_t Sensors>(const std::array<double, Sensors>& variances) {
+            Table<room, Sensors> c{};
+            for (std::size_t i = 0; i < Sensors; ++i) {
+                c[i][i] = 1.0;
+                for (std::size_t n = 0; n < count && i >= 2; ++n) {
+                    c[motions + 4 + 4 * n + i - 2][i] = ripple_of(n) / h;
+                }
+            }
+            const auto gain = riccati_gain(riccati(a.transposed(), c, noise, variances), c, variances);
+            for (std::size_t i = 0; i < a.size; ++i) {
+                const double unit = i < 2 ? h * h : i < motions ? h : 1.0;
+                for (std::size_t j = 0; j < Sensors; ++j) {
+                    filter[i][j] = gain[j][i] * unit / (j < 2 ? h * h : h);
+                }
+            }
+        };
+        if (velocity_measured) {
+            measure(std::array{position, position, velocity, velocity});
+        } else {
+            measure(std::array{position, position});
+        }
+    }
+
+    // The held force that keeps the nominal plant on the reference of one axis, after a delay. For a sine the regulator
+    // equations X S = F X + G U, with the positions of X on the reference and S the turn of p = [r, ṙ/ω] in a step, are
+    // exact. Otherwise it is the force in the middle of the coming step, without the third derivative.
+    void design_feedforward(const Common& common, std::size_t axis, double delay) {
+        const double h = step, w = of(common.reference.frequency, axis);
+        if (common.reference.kind[axis] != ReferenceKind::sine || w == 0.0 || !sampled(w)) {
+            const PlantModel<double>& n = common.nominal;
+            const Vec2<double> unit{axis == 0 ? 1.0 : 0.0, axis == 0 ? 0.0 : 1.0};
+            const double ahead = (delay + 0.5) * h;
+            const Vec2<double> stiff = n.stiffness * unit;
+            const Vec2<double> damped = n.damping * unit + 2.0 * n.rate * turned(unit);
+            feedforward[0][axis] = stiff;
+            feedforward[1][axis] = damped + ahead * stiff;
+            feedforward[2][axis] = unit + ahead * damped + (0.5 * ahead * ahead) * stiff;
+            return;
+        }
+        const auto turn = sine_cosine<double>(phase_of(w * h));
+        const double s[2][2] = {{turn.cosine, turn.sine}, {-turn.sine, turn.cosine}};
+        LeadingMatrix<8> a{.size = 8};
+        Table<8, 1> x{};  // velocities of X, then U, row by row
+        for (std::size_t i = 0; i < motions; ++i) {
+            for (std::size_t c = 0; c < 2; ++c) {
+                auto& equation = a[2 * i + c];
+                for (std::size_t n = 0; n < 2; ++n) {
+                    if (i >= 2) {
+                        equation[2 * (i - 2) + n] += s[n][c];
+                    }
+                    equation[2 * n + c] -= map[i][2 + n];
+                    equation[4 + 2 * n + c] -= map[i][4 + n];
+                }
+                x[2 * i + c][0] = (c == 0 ? map[i][axis] : 0.0) - (i == axis ? s[0][c] : 0.0);
+            }
+        }
+        solve(a, x);
+        const auto ahead = sine_cosine<double>(phase_of(delay * w * h));
+        const auto column = [&](std::size_t first, double of_first, double of_second) {
+            return Vec2<double>{of_first * x[first][0] + of_second * x[first + 1][0],
+                                of_first * x[first + 2][0] + of_second * x[first + 3][0]};
+        };
+        feedforward[0][axis] = (1.0 / (h * h)) * column(4, ahead.cosine, -ahead.sine);
+        feedforward[1][axis] = (1.0 / (h * h * w)) * column(4, ahead.sine, ahead.cosine);
+        const Vec2<double> own{axis == 0 ? 1.0 : 0.0, axis == 0 ? 0.0 : 1.0};
+        ripple[0][axis] = (1.0 / h) * column(0, 1.0, 0.0);
+        ripple[1][axis] = (1.0 / (h * w)) * column(0, 0.0, 1.0) - own;
+    }
+};
+
+}  // namespace fracgyro
