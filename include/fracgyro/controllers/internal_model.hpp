@@ -35,7 +35,7 @@ struct InternalModelOf {
     static constexpr std::size_t sensors = velocity_measured ? 2 : 1;  // positions, velocities
 
     struct Gain {
-        std::array<Matrix2<T>, sensors> of{};
+        std::array<Vec2<T>, sensors> of{};
     };
     struct Oscillator {
         SineCosine<T> turn{}, ahead{};  // by a step, by the delay
@@ -46,15 +46,16 @@ struct InternalModelOf {
         typename Reference<T>::Coefficients reference{};
         typename Saturation<T>::Coefficients saturation{};
         std::array<Matrix2<T>, 3> feedforward{};  // of r, ṙ, r̈
-        std::array<Matrix2<T>, 2> ripple{};       // ė between the held forces u_r, of r and ṙ
+        Matrix2<T> ripple{};                      // ė between the held forces u_r, of ṙ
         std::array<Matrix2<T>, 4> map{};          // F: e of e, e of ė, ė of e, ė of ė
-        std::array<Matrix2<T>, 2> push{};         // G
+        std::array<Vec2<T>, 2> push{};            // G
         Gain position{}, velocity{}, constant{};  // of the filter
         std::array<Oscillator, Design::max_frequencies> oscillators{};
-        std::array<Matrix2<T>, 2> feedback{};             // K_z
-        std::array<Matrix2<T>, Design::max_past> past{};  // K_k
+        std::array<Vec2<T>, 2> feedback{};             // K_z
+        std::array<Vec2<T>, Design::max_past> past{};  // K_k
         Vec2<T> near{};
         std::int32_t frequencies = 0, remembered = 2, delay = 0;
+        bool accelerates = false;  // r̈ has a force of its own
     };
     struct State {
         typename Reference<T>::State reference{};
@@ -72,22 +73,23 @@ struct InternalModelOf {
             return Matrix2<T>{{T(rows[row][column]), T(rows[row + 1][column])},
                               {T(rows[row][column + 1]), T(rows[row + 1][column + 1])}};
         };
-        const auto of_columns = [](const std::array<Vec2<double>, 2>& a) {
-            return Matrix2<T>{cast<T>(a[0]), cast<T>(a[1])};
+        const auto of_columns = [](const Design::Columns& a) { return Matrix2<T>{cast<T>(a[0]), cast<T>(a[1])}; };
+        const auto feedback = [&](std::size_t i) {
+            return Vec2<T>{T(found.axes[0].feedback[i]), T(found.axes[1].feedback[i])};
         };
         const auto gain = [&](std::size_t state) {
             Gain g;
             for (std::size_t i = 0; i < sensors; ++i) {
-                g.of[i] = block(found.filter, state, 2 * i);
+                g.of[i] = {T(found.axes[0].filter[state][i]), T(found.axes[1].filter[state][i])};
             }
             return g;
         };
         Coefficients c{.reference = Reference<T>::prepare(common.reference, common.step),
                        .saturation = Saturation<T>::prepare(common.force_limit),
                        .position = gain(0),
-                       .velocity = gain(2),
-                       .constant = gain(4),
-                       .feedback = {block(found.feedback, 0, 0), block(found.feedback, 0, 2)},
+                       .velocity = gain(1),
+                       .constant = gain(2),
+                       .feedback = {feedback(0), feedback(1)},
                        .frequencies = static_cast<std::int32_t>(found.count),
                        .remembered = static_cast<std::int32_t>(found.past),
                        .delay = static_cast<std::int32_t>(p.datasheet.delay)};
@@ -95,9 +97,10 @@ struct InternalModelOf {
         for (std::size_t i = 0; i < 3; ++i) {
             c.feedforward[i] = of_columns(found.feedforward[i]);
         }
-        for (std::size_t i = 0; i < 2; ++i) {
-            c.ripple[i] = of_columns(found.ripple[i]);
+        for (const Vec2<double>& column : found.feedforward[2]) {
+            c.accelerates = c.accelerates || squared_norm(column) > 0.0;
         }
+        c.ripple = of_columns(found.ripple);
         Matrix<6> map = found.map;  // from units of the step
         for (std::size_t i = 0; i < 2; ++i) {
             for (std::size_t j = 0; j < 6; ++j) {
@@ -106,22 +109,22 @@ struct InternalModelOf {
             }
         }
         c.map = {block(map, 0, 0), block(map, 0, 2), block(map, 2, 0), block(map, 2, 2)};
-        c.push = {block(map, 0, 4), block(map, 2, 4)};
+        c.push = {Vec2<T>{T(map[0][4]), T(map[1][5])}, Vec2<T>{T(map[2][4]), T(map[3][5])}};
         for (std::size_t i = 0; i < found.count; ++i) {
             const double angle = found.frequencies[i] * h, late = static_cast<double>(p.datasheet.delay) * angle;
             const auto turn = sine_cosine<double>(phase_of(angle)), ahead = sine_cosine<double>(phase_of(late));
             c.oscillators[i] = {.turn = {T(turn.sine), T(turn.cosine)},
                                 .ahead = {T(ahead.sine), T(ahead.cosine)},
-                                .cosine = gain(6 + 4 * i),
-                                .sine = gain(8 + 4 * i),
+                                .cosine = gain(3 + 2 * i),
+                                .sine = gain(4 + 2 * i),
                                 .ripple = T(found.ripple_of(i))};
         }
         for (std::size_t i = 0; i < found.past; ++i) {
-            c.past[i] = block(found.feedback, 0, 4 + 2 * i);
+            c.past[i] = feedback(2 + i);
         }
         if (c.saturation.limited) {
             const auto near = [&](std::size_t axis) {
-                const double slope = found.feedback[axis][axis] / found.feedback[axis][axis + 2];
+                const double slope = found.axes[axis].feedback[0] / found.axes[axis].feedback[1];
                 return 0.5 * Design::braking * common.force_limit / (slope * slope);
             };
             c.near = {T(near(0)), T(near(1))};
@@ -157,13 +160,15 @@ struct InternalModelOf {
         for (std::size_t i = 0; i < static_cast<std::size_t>(c.remembered); ++i) {
             follows = follows - c.past[i] * state.past[i];
         }
-        Vec2<T> lacking = state.constant;
+        Vec2<T> known = c.feedforward[0] * r.position + c.feedforward[1] * r.velocity - state.constant;
+        if (c.accelerates) {
+            known = known + c.feedforward[2] * r.acceleration;
+        }
         for (std::size_t i = 0; i < static_cast<std::size_t>(c.frequencies); ++i) {
             const SineCosine<T>& ahead = c.oscillators[i].ahead;
-            lacking = lacking + ahead.cosine * state.cosine[i] + ahead.sine * state.sine[i];
+            known =
+                known - (c.delay == 0 ? state.cosine[i] : ahead.cosine * state.cosine[i] + ahead.sine * state.sine[i]);
         }
-        const Vec2<T> known =
-            c.feedforward[0] * r.position + c.feedforward[1] * r.velocity + c.feedforward[2] * r.acceleration - lacking;
         Saturation<T>::apply(signals, c.saturation, known + follows, z.value);
         if (missing == nullptr) {
             state.force = signals.force;
@@ -188,7 +193,7 @@ private:
         Sample<T>& z = state.error;
         Sample<T> seen = tracking_error(measured, r);
         if constexpr (velocity_measured) {
-            seen.derivative = seen.derivative - c.ripple[0] * r.position - c.ripple[1] * r.velocity;
+            seen.derivative = seen.derivative - c.ripple * r.velocity;
             for (std::size_t i = 0; i < static_cast<std::size_t>(c.frequencies); ++i) {
                 seen.derivative = seen.derivative - c.oscillators[i].ripple * state.sine[i];
             }

@@ -1,6 +1,8 @@
 // Design of the internal model (internal_model.hpp): its gains, computed once in double precision.
 //
-//    In units of the step, z = [e/h², ė/h] is of order 1 for a force of order 1. The plant is the nominal one.
+//    In units of the step, z = [e/h², ė/h] is of order 1 for a force of order 1. The plant is the nominal one. Each axis
+//    has gains of its own, for a plant without coupling: within a step, coupling moves the mass very little, and the
+//    prediction includes it.
 #pragma once
 
 #include "fracgyro/control/common.hpp"
@@ -30,19 +32,24 @@ struct InternalModelParams {
 };
 
 struct InternalModelDesign {
-    static constexpr std::size_t max_frequencies = 4, max_past = 9;  // for a delay of 8
-    static constexpr std::size_t motions = 4, room = 22;             // 4 + 2 + 4 * 4, 4 + 2 * 9
-    static constexpr double braking = 0.5;                           // of the force limit, in the approach from afar
+    static constexpr std::size_t max_frequencies = 4, max_past = 9;  // the latter for a delay of 8
+    static constexpr std::size_t room = 11;                          // 3 + 2 * 4 and 2 + 9
+    static constexpr double braking = 0.5;  // share of the force limit for the approach from afar
     using Square = LeadingMatrix<room>;
-    using Gain = Table<2, room>;
+    using Columns = std::array<Vec2<double>, 2>;
+
+    struct Axis {
+        std::array<double, room> feedback{};  // of e, ė and earlier forces
+        Table<room, 2> filter{};              // gains of a measured position and velocity
+    };
 
     double step = 0.0;
     std::array<double, max_frequencies> frequencies{};
     std::size_t count = 0, past = 2;
-    Matrix<6> map{};                                                     // of z and a held force
-    Gain feedback{};                                                     // of z and earlier forces
-    Table<room, motions> filter{};                                       // gains of measured positions and velocities
-    std::array<std::array<Vec2<double>, 2>, 3> feedforward{}, ripple{};  // columns of the matrices of r, ṙ, r̈
+    Matrix<6> map{};  // of z and a held force, both axes
+    std::array<Axis, 2> axes{};
+    std::array<Columns, 3> feedforward{};  // matrices of r, ṙ, r̈
+    Columns ripple{};                      // and of the velocity that u_r leaves at the samples, of ṙ
 
     // One step of delay more than stated makes a fast loop unstable, so that the feedback is designed for a force of which
     // a share comes a step later than stated. With these numbers such a step costs at most a factor of 2 in error at
@@ -64,9 +71,15 @@ struct InternalModelDesign {
         c.map = expm(system, 1.0);
         c.find_frequencies(common.reference, 1e-4 * p.learning_bandwidth);
         const auto delay = static_cast<double>(p.datasheet.delay);
-        c.design_feedback(usable(p.loop_bandwidth, delay), static_cast<std::size_t>(p.datasheet.delay));
-        c.design_filter(p, common, velocity_measured);
         for (std::size_t axis = 0; axis < 2; ++axis) {
+            Matrix<3> alone{};
+            alone[0][1] = alone[1][2] = 1.0;
+            alone[1][0] = -of(k.diagonal, axis) * h * h;
+            alone[1][1] = -of(d.diagonal, axis) * h;
+            alone = expm(alone, 1.0);
+            c.design_feedback(axis, alone, usable(p.loop_bandwidth, delay),
+                              static_cast<std::size_t>(p.datasheet.delay));
+            c.design_filter(axis, alone, p, k, velocity_measured);
             c.design_feedforward(common, axis, delay);
         }
         return c;
@@ -126,54 +139,49 @@ private:
     }
 
     // u_n = 2 u_(n-1) - u_(n-2) + v, and v is priced.
-    void design_feedback(double bandwidth, std::size_t delay) {
+    void design_feedback(std::size_t axis, const Matrix<3>& plant, double bandwidth, std::size_t delay) {
         past = delay + 1 < 2 ? 2 : delay + 1;
-        Square a{.size = motions + 2 * past}, weight{.size = a.size};
-        Table<room, 2> b{};
+        Square a{.size = 2 + past}, weight{.size = a.size};
+        Table<room, 1> b{};
         const double late = late_share(bandwidth, static_cast<double>(delay));
-        for (std::size_t axis = 0; axis < 2; ++axis) {
-            weight[axis][axis] = 1.0;
-            const std::size_t last = motions + axis, before = last + 2;
-            a[last][last] = 2.0;
-            a[last][before] = -1.0;
-            b[last][axis] = 1.0;
-            for (std::size_t row = before; row < a.size; row += 2) {
-                a[row][row - 2] = 1.0;
+        weight[0][0] = 1.0;
+        for (std::size_t row = 0; row < 2; ++row) {
+            a[row][0] = plant[row][0];
+            a[row][1] = plant[row][1];
+            const double push = plant[row][2], now = (1.0 - late) * push;
+            if (delay == 0) {
+                b[row][0] = now;
+                a[row][2] = 2.0 * now;
+                a[row][3] = -now;
+            } else {
+                a[row][1 + delay] = now;
             }
-            for (std::size_t row = 0; row < motions; ++row) {
-                const double push = map[row][motions + axis], now = (1.0 - late) * push;
-                if (delay == 0) {
-                    b[row][axis] += now;
-                    a[row][last] += 2.0 * now;
-                    a[row][before] -= now;
-                } else {
-                    a[row][last + 2 * (delay - 1)] += now;
-                }
-                a[row][last + 2 * delay] += late * push;
-            }
+            a[row][2 + delay] += late * push;
         }
-        for (std::size_t row = 0; row < motions; ++row) {
-            for (std::size_t column = 0; column < motions; ++column) {
-                a[row][column] = map[row][column];
-            }
+        b[2][0] = 1.0;
+        a[2][2] = 2.0;
+        a[2][3] = -1.0;
+        for (std::size_t row = 3; row < a.size; ++row) {
+            a[row][row - 1] = 1.0;
         }
-        const double square = bandwidth * bandwidth, fourth = square * square, price = 1.0 / (fourth * fourth);
-        const Gain gain = riccati_gain(riccati(a, b, weight, {price, price}), b, {price, price});
-        for (std::size_t axis = 0; axis < 2; ++axis) {
+        const double square = bandwidth * bandwidth, fourth = square * square;
+        const std::array<double, 1> price{1.0 / (fourth * fourth)};
+        const auto gain = riccati_gain(riccati(a, b, weight, price), b, price);
+        std::array<double, room>& k = axes[axis].feedback;
+        for (std::size_t i = 0; i < a.size; ++i) {
             for (std::size_t j = 0; j < a.size; ++j) {
-                for (std::size_t i = 0; i < a.size; ++i) {
-                    feedback[axis][j] += gain[axis][i] * a[i][j];
-                }
-                feedback[axis][j] = feedback[axis][j] / (j < 2 ? step * step : j < motions ? step : 1.0);
+                k[j] += gain[0][i] * a[i][j];
             }
-            feedback[axis][motions + axis] -= 2.0;
-            feedback[axis][motions + 2 + axis] += 1.0;
         }
+        k[0] = k[0] / (step * step);
+        k[1] = k[1] / step;
+        k[2] -= 2.0;
+        k[3] += 1.0;
     }
 
-    // States: z, the constant force, then cosine and sine at each frequency, each on both axes.
-    void design_filter(const InternalModelParams& p, const Common& common, bool velocity_measured) {
-        const Sym2<double>& k = common.nominal.stiffness;
+    // States: z, the constant force, then cosine and sine at each frequency.
+    void design_filter(std::size_t axis, const Matrix<3>& plant, const InternalModelParams& p, const Sym2<double>& k,
+                       bool velocity_measured) {
         const double h = step, square = maximum(0.5 * absolute(k.xx() + k.yy()), 1e-6);
         // A plant that is a few percent off moves the mass by more than a smaller disturbance would.
         const double by_position = square * p.datasheet.position_noise;
@@ -186,53 +194,47 @@ private:
         const double velocity = variance(p.datasheet.velocity_noise / (h * force), 0.01);
         const double learned = p.learning_bandwidth * h, grows = learned * learned;
 
-        Square a{.size = motions + 2 + 4 * count}, noise{.size = a.size};
-        for (std::size_t row = 0; row < motions; ++row) {
-            for (std::size_t column = 0; column < motions; ++column) {
-                a[row][column] = map[row][column];
-                noise[row][column] = map[row][4] * map[column][4] + map[row][5] * map[column][5];
+        Square a{.size = 3 + 2 * count}, noise{.size = a.size};
+        for (std::size_t row = 0; row < 2; ++row) {
+            for (std::size_t column = 0; column < 2; ++column) {
+                a[row][column] = plant[row][column];
+                noise[row][column] = plant[row][2] * plant[column][2];
+            }
+            a[row][2] = plant[row][2];
+            for (std::size_t n = 0; n < count; ++n) {
+                a[row][3 + 2 * n] = plant[row][2];
             }
         }
-        for (std::size_t axis = 0; axis < 2; ++axis) {
-            const auto pushes = [&](std::size_t state) {
-                for (std::size_t row = 0; row < motions; ++row) {
-                    a[row][state] = map[row][motions + axis];
-                }
-            };
-            const std::size_t constant = motions + axis;
-            a[constant][constant] = 1.0;
-            noise[constant][constant] = grows;
-            pushes(constant);
-            for (std::size_t i = 0; i < count; ++i) {
-                const std::size_t cosine = motions + 2 + 4 * i + axis, sine = cosine + 2;
-                const auto turn = sine_cosine<double>(phase_of(frequencies[i] * h));
-                a[cosine][cosine] = a[sine][sine] = turn.cosine;
-                a[cosine][sine] = turn.sine;
-                a[sine][cosine] = -turn.sine;
-                noise[cosine][cosine] = noise[sine][sine] = 2.0 * grows;
-                pushes(cosine);
-            }
+        a[2][2] = 1.0;
+        noise[2][2] = grows;
+        for (std::size_t n = 0; n < count; ++n) {
+            const std::size_t cosine = 3 + 2 * n, sine = cosine + 1;
+            const auto turn = sine_cosine<double>(phase_of(frequencies[n] * h));
+            a[cosine][cosine] = a[sine][sine] = turn.cosine;
+            a[cosine][sine] = turn.sine;
+            a[sine][cosine] = -turn.sine;
+            noise[cosine][cosine] = noise[sine][sine] = 2.0 * grows;
         }
         const auto measure = [&]<std::size_t Sensors>(const std::array<double, Sensors>& variances) {
             Table<room, Sensors> c{};
             for (std::size_t i = 0; i < Sensors; ++i) {
                 c[i][i] = 1.0;
-                for (std::size_t n = 0; n < count && i >= 2; ++n) {
-                    c[motions + 4 + 4 * n + i - 2][i] = ripple_of(n) / h;
+                for (std::size_t n = 0; n < count && i == 1; ++n) {
+                    c[4 + 2 * n][i] = ripple_of(n) / h;
                 }
             }
             const auto gain = riccati_gain(riccati(a.transposed(), c, noise, variances), c, variances);
             for (std::size_t i = 0; i < a.size; ++i) {
-                const double unit = i < 2 ? h * h : i < motions ? h : 1.0;
+                const double unit = i == 0 ? h * h : i == 1 ? h : 1.0;
                 for (std::size_t j = 0; j < Sensors; ++j) {
-                    filter[i][j] = gain[j][i] * unit / (j < 2 ? h * h : h);
+                    axes[axis].filter[i][j] = gain[j][i] * unit / (j == 0 ? h * h : h);
                 }
             }
         };
         if (velocity_measured) {
-            measure(std::array{position, position, velocity, velocity});
+            measure(std::array{position, velocity});
         } else {
-            measure(std::array{position, position});
+            measure(std::array{position});
         }
     }
 
@@ -250,13 +252,14 @@ private:
             feedforward[0][axis] = stiff;
             feedforward[1][axis] = damped + ahead * stiff;
             feedforward[2][axis] = unit + ahead * damped + (0.5 * ahead * ahead) * stiff;
+            ripple[axis] = (-h * h / 12.0) * stiff;
             return;
         }
         const auto turn = sine_cosine<double>(phase_of(w * h));
         const double s[2][2] = {{turn.cosine, turn.sine}, {-turn.sine, turn.cosine}};
         LeadingMatrix<8> a{.size = 8};
         Table<8, 1> x{};  // velocities of X, then U, row by row
-        for (std::size_t i = 0; i < motions; ++i) {
+        for (std::size_t i = 0; i < 4; ++i) {
             for (std::size_t c = 0; c < 2; ++c) {
                 auto& equation = a[2 * i + c];
                 for (std::size_t n = 0; n < 2; ++n) {
@@ -278,8 +281,7 @@ private:
         feedforward[0][axis] = (1.0 / (h * h)) * column(4, ahead.cosine, -ahead.sine);
         feedforward[1][axis] = (1.0 / (h * h * w)) * column(4, ahead.sine, ahead.cosine);
         const Vec2<double> own{axis == 0 ? 1.0 : 0.0, axis == 0 ? 0.0 : 1.0};
-        ripple[0][axis] = (1.0 / h) * column(0, 1.0, 0.0);
-        ripple[1][axis] = (1.0 / (h * w)) * column(0, 0.0, 1.0) - own;
+        ripple[axis] = (1.0 / (h * w)) * column(0, 0.0, 1.0) - own;
     }
 };
 

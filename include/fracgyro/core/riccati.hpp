@@ -7,8 +7,8 @@
 //
 //        A <- A W⁻¹ A        G <- G + A W⁻¹ G Aᵀ        H <- H + Aᵀ H W⁻¹ A
 //
-//    H grows to X and the error is squared at each repetition. Only sums, products and quotients: the same bits
-//    everywhere. Scale the states so that those of interest are of order 1: with R near 0, G is large.
+//    H grows to X and the error is squared at each repetition. With R near 0, G is large and digits are lost, which two
+//    steps of Newton's method restore. Only sums, products and quotients: the same bits everywhere.
 //
 //    u = -K x with K = (R + Bᵀ X B)⁻¹ Bᵀ X A has the least sum of xᵀ H x + uᵀ R u. A filter of the measurements C x with
 //    noise R and process noise H has Aᵀ and Cᵀ for A and B, X is the covariance of its prediction, and its gain
@@ -103,42 +103,6 @@ void solve(LeadingMatrix<Room> a, std::array<std::array<double, Columns>, Room>&
 template <std::size_t Rows, std::size_t Columns>
 using Table = std::array<std::array<double, Columns>, Rows>;
 
-// X for A, B, H and the diagonal of R > 0, if they have a stabilizing solution.
-template <std::size_t Room, std::size_t Inputs>
-LeadingMatrix<Room> riccati(LeadingMatrix<Room> a, const Table<Room, Inputs>& b, LeadingMatrix<Room> h,
-                            const std::array<double, Inputs>& r) {
-    constexpr int doublings = 60;  // for 2^60 steps
-    constexpr double rounding = 1e-15;
-    LeadingMatrix<Room> g{.size = a.size};
-    for (std::size_t i = 0; i < a.size; ++i) {
-        for (std::size_t j = 0; j < a.size; ++j) {
-            for (std::size_t k = 0; k < Inputs; ++k) {
-                g[i][j] += b[i][k] * b[j][k] / r[k];
-            }
-        }
-    }
-    double change = 1.0, size = 0.0;
-    for (int n = 0; n < doublings && change > rounding * size; ++n) {
-        const LeadingMatrix<Room> w = LeadingMatrix<Room>::identity(a.size) + g * h;
-        LeadingMatrix<Room> of_a = a, of_g = g;  // W⁻¹ A, W⁻¹ G
-        solve(w, of_a.entries);
-        solve(w, of_g.entries);
-        const LeadingMatrix<Room> back = a.transposed(), growth = back * (h * of_a);
-        g = g + a * (of_g * back);
-        a = a * of_a;
-        change = 0.0;
-        for (std::size_t i = 0; i < a.size; ++i) {
-            for (std::size_t j = 0; j <= i; ++j) {  // symmetric in spite of rounding
-                h[i][j] = h[j][i] = h[i][j] + 0.5 * (growth[i][j] + growth[j][i]);
-                g[i][j] = g[j][i] = 0.5 * (g[i][j] + g[j][i]);
-            }
-            change = maximum(change, absolute(growth[i][i]));
-            size = maximum(size, absolute(h[i][i]));
-        }
-    }
-    return h;
-}
-
 // (R + Bᵀ X B)⁻¹ Bᵀ X, with a row for each input.
 template <std::size_t Room, std::size_t Inputs>
 Table<Inputs, Room> riccati_gain(const LeadingMatrix<Room>& x, const Table<Room, Inputs>& b,
@@ -160,6 +124,89 @@ Table<Inputs, Room> riccati_gain(const LeadingMatrix<Room>& x, const Table<Room,
     }
     solve(sum, gain);
     return gain;
+}
+
+namespace detail {
+
+inline constexpr int doublings = 60;  // for 2^60 steps
+inline constexpr double rounding = 1e-15;
+
+// Newton's method for the Riccati equation (Kleinman 1968): X of the loop that is closed by the gain of `x`,
+// X = (A - B K)ᵀ X (A - B K) + H + Kᵀ R K, by doubling.
+template <std::size_t Room, std::size_t Inputs>
+LeadingMatrix<Room> newton_step(LeadingMatrix<Room> a, const Table<Room, Inputs>& b, LeadingMatrix<Room> sum,
+                                const std::array<double, Inputs>& r, const LeadingMatrix<Room>& x) {
+    const Table<Inputs, Room> gain = riccati_gain(x, b, r);
+    Table<Inputs, Room> k{};
+    for (std::size_t l = 0; l < Inputs; ++l) {
+        for (std::size_t i = 0; i < a.size; ++i) {
+            for (std::size_t j = 0; j < a.size; ++j) {
+                k[l][j] += gain[l][i] * a[i][j];
+            }
+        }
+    }
+    for (std::size_t l = 0; l < Inputs; ++l) {
+        for (std::size_t i = 0; i < a.size; ++i) {
+            for (std::size_t j = 0; j < a.size; ++j) {
+                a[i][j] -= b[i][l] * k[l][j];
+                sum[i][j] += k[l][i] * r[l] * k[l][j];
+            }
+        }
+    }
+    double change = 1.0, size = 0.0;
+    for (int n = 0; n < doublings && change > rounding * size; ++n) {
+        const LeadingMatrix<Room> growth = a.transposed() * (sum * a);
+        change = size = 0.0;
+        for (std::size_t i = 0; i < a.size; ++i) {
+            for (std::size_t j = 0; j <= i; ++j) {
+                sum[i][j] = sum[j][i] = sum[i][j] + 0.5 * (growth[i][j] + growth[j][i]);
+            }
+            change = maximum(change, absolute(growth[i][i]));
+            size = maximum(size, absolute(sum[i][i]));
+        }
+        a = a * a;
+    }
+    return sum;
+}
+
+}  // namespace detail
+
+// X for A, B, H and the diagonal of R > 0, if they have a stabilizing solution.
+template <std::size_t Room, std::size_t Inputs>
+LeadingMatrix<Room> riccati(LeadingMatrix<Room> a, const Table<Room, Inputs>& b, LeadingMatrix<Room> h,
+                            const std::array<double, Inputs>& r) {
+    LeadingMatrix<Room> g{.size = a.size};
+    for (std::size_t i = 0; i < a.size; ++i) {
+        for (std::size_t j = 0; j < a.size; ++j) {
+            for (std::size_t k = 0; k < Inputs; ++k) {
+                g[i][j] += b[i][k] * b[j][k] / r[k];
+            }
+        }
+    }
+    const LeadingMatrix<Room> once = a, weight = h;
+    double change = 1.0, size = 0.0;
+    for (int n = 0; n < detail::doublings && change > detail::rounding * size; ++n) {
+        const LeadingMatrix<Room> w = LeadingMatrix<Room>::identity(a.size) + g * h;
+        LeadingMatrix<Room> of_a = a, of_g = g;  // W⁻¹ A, W⁻¹ G
+        solve(w, of_a.entries);
+        solve(w, of_g.entries);
+        const LeadingMatrix<Room> back = a.transposed(), growth = back * (h * of_a);
+        g = g + a * (of_g * back);
+        a = a * of_a;
+        change = 0.0;
+        for (std::size_t i = 0; i < a.size; ++i) {
+            for (std::size_t j = 0; j <= i; ++j) {  // symmetric in spite of rounding
+                h[i][j] = h[j][i] = h[i][j] + 0.5 * (growth[i][j] + growth[j][i]);
+                g[i][j] = g[j][i] = 0.5 * (g[i][j] + g[j][i]);
+            }
+            change = maximum(change, absolute(growth[i][i]));
+            size = maximum(size, absolute(h[i][i]));
+        }
+    }
+    for (int n = 0; n < 2; ++n) {
+        h = detail::newton_step(once, b, weight, r, h);
+    }
+    return h;
 }
 
 }  // namespace fracgyro
