@@ -95,6 +95,9 @@ struct InternalModelDesign {
 
 private:
     static double of(const Vec2<double>& v, std::size_t axis) { return axis == 0 ? v.x() : v.y(); }
+    static bool is_sine(const ReferenceParams& r, std::size_t axis) {
+        return r.course == nullptr || r.kind[axis] == ReferenceKind::sine;
+    }
     // Frequencies that samples show.
     bool sampled(double frequency) const { return absolute(frequency) * step < 3.0; }
 
@@ -128,9 +131,9 @@ private:
             amplitudes[place] = size;
         };
         for (std::size_t axis = 0; axis < 2; ++axis) {
-            if (r.kind[axis] == ReferenceKind::sine) {
+            if (is_sine(r, axis)) {
                 add(of(r.amplitude, axis), of(r.frequency, axis));
-            } else if (r.kind[axis] == ReferenceKind::sines && r.course != nullptr) {
+            } else if (r.kind[axis] == ReferenceKind::sines) {
                 for (const SineTerm& term : r.course->terms) {
                     add(term.amplitude[axis], term.frequency[axis]);
                 }
@@ -243,7 +246,7 @@ private:
     // exact. Otherwise it is the force in the middle of the coming step, without the third derivative.
     void design_feedforward(const Common& common, std::size_t axis, double delay) {
         const double h = step, w = of(common.reference.frequency, axis);
-        if (common.reference.kind[axis] != ReferenceKind::sine || w == 0.0 || !sampled(w)) {
+        if (!is_sine(common.reference, axis) || w == 0.0 || !sampled(w)) {
             const PlantModel<double>& n = common.nominal;
             const Vec2<double> unit{axis == 0 ? 1.0 : 0.0, axis == 0 ? 0.0 : 1.0};
             const double ahead = (delay + 0.5) * h;
