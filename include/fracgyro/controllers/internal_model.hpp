@@ -40,16 +40,16 @@ struct InternalModelOf {
     struct Oscillator {
         SineCosine<T> turn{}, ahead{};  // by a step, by the delay
         Gain cosine{}, sine{};
-        T ripple{};  // of the velocity at the samples
+        T ripple{};  // velocity at the samples over its sine
     };
     struct Coefficients {
         typename Reference<T>::Coefficients reference{};
         typename Saturation<T>::Coefficients saturation{};
-        std::array<Matrix2<T>, 3> feedforward{};  // of r, ṙ, r̈
+        std::array<Matrix2<T>, 3> feedforward{};  // for r, ṙ, r̈
         Matrix2<T> ripple{};                      // ė between the held forces u_r, of ṙ
         std::array<Matrix2<T>, 4> map{};          // F: e of e, e of ė, ė of e, ė of ė
         std::array<Vec2<T>, 2> push{};            // G
-        Gain position{}, velocity{}, constant{};  // of the filter
+        Gain position{}, velocity{}, constant{};  // gains of the filter
         std::array<Oscillator, Design::max_frequencies> oscillators{};
         std::array<Vec2<T>, 2> feedback{};             // K_z
         std::array<Vec2<T>, Design::max_past> past{};  // K_k

@@ -13,7 +13,7 @@ namespace fracgyro {
 
 struct InternalModelParams {
     double loop_bandwidth = 0.75;     // ω h
-    double learning_bandwidth = 1.0;  // of the oscillators
+    double learning_bandwidth = 1.0;  // oscillators
     Datasheet datasheet{};
 
     static constexpr auto fields() {
@@ -39,14 +39,14 @@ struct InternalModelDesign {
     using Columns = std::array<Vec2<double>, 2>;
 
     struct Axis {
-        std::array<double, room> feedback{};  // of e, ė and earlier forces
+        std::array<double, room> feedback{};  // for e, ė and earlier forces
         Table<room, 2> filter{};              // gains of a measured position and velocity
     };
 
     double step = 0.0;
     std::array<double, max_frequencies> frequencies{};
     std::size_t count = 0, past = 2;
-    Matrix<6> map{};  // of z and a held force, both axes
+    Matrix<6> map{};  // for z and a held force, both axes
     std::array<Axis, 2> axes{};
     std::array<Columns, 3> feedforward{};  // matrices of r, ṙ, r̈
     Columns ripple{};                      // and of the velocity that u_r leaves at the samples, of ṙ
