@@ -3,6 +3,7 @@
 
 #include "fracgyro/controllers/conventional.hpp"
 #include "fracgyro/controllers/disturbance_rejection.hpp"
+#include "fracgyro/controllers/internal_model.hpp"
 #include "fracgyro/controllers/least_squares_pid.hpp"
 #include "fracgyro/controllers/lqg.hpp"
 #include "fracgyro/controllers/nonsingular_terminal.hpp"
@@ -54,6 +55,8 @@ using Registry = std::tuple<
     Entry<"disturbance_rejection", One<DisturbanceRejection>, "active disturbance rejection (ADRC)">,
     Entry<"least_squares_pid", One<LeastSquaresPid>, "PID on the plant that least squares find">,
     Entry<"lqg", One<Lqg>, "linear-quadratic feedback on a joint Kalman filter">,
+    Entry<"internal_model", One<InternalModel>,
+          "oscillators at the reference's frequencies in a constant Kalman filter">,
     Entry<"open_loop", One<OpenLoop>, "conventional gyroscope, sense axis free">,
     Entry<"force_rebalance", One<ForceRebalance>, "conventional gyroscope, sense axis held at rest">>;
 

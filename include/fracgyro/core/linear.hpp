@@ -179,6 +179,16 @@ struct Sym2 {
     }
 };
 
+// Any 2x2 matrix, as its columns.
+template <Scalar T>
+struct Matrix2 {
+    Vec2<T> first{}, second{};
+
+    friend constexpr Vec2<T> operator*(const Matrix2& a, const Vec2<T>& b) {
+        return b.x() * a.first + b.y() * a.second;
+    }
+};
+
 // The same numbers in another type.
 template <Scalar To, Scalar From>
 constexpr Vec2<To> cast(const Vec2<From>& a) {

@@ -190,6 +190,13 @@ CONTENDERS = (
         PID[:1],
     ),
     Contender(
+        "internal_model",
+        "oscillators at the reference's frequencies in a constant Kalman filter",
+        "internal model principle; docs/decisions/0047",
+        kind("internal_model"),
+        (Gain("controller.loop_bandwidth", 0.05, 1.1, above="a loop that a step of delay makes unstable"),),
+    ),
+    Contender(
         "park_horowitz",
         "adaptive control of Park and Horowitz",
         HOROWITZ,

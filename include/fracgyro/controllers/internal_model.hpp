@@ -1,0 +1,248 @@
+// Internal model: a constant Kalman filter estimates the motion and, at each frequency of the reference, the force that
+// the nominal plant lacks.
+//
+// Use it when only tracking counts, the reference is a sum of sines, and a step must take little time. It needs a plant
+// known within a few percent, and no gains to be tuned.
+//
+//        u = u_r - w + u_f        u_f = -K_z z - Σ_k K_k u_f(n-k)
+//        z ← F z + G u_f        w_i ← R(ω_i h) w_i
+//
+//    with u_r the held force that keeps the nominal plant on the reference at every sample, z = [e, ė] as estimated, and
+//    w the sum of one oscillator w_i on each axis for each frequency of the reference, and of a constant. All gains are
+//    constant. K has the least sum of e² + |second difference of u_f|² h⁴/(ω h)⁸, for a force of which a share comes a
+//    step later than stated: without it, one step of hidden delay makes a fast loop unstable. It does not adapt D, K or
+//    Ωz, and reports no rate. References that are not sines have the constant only.
+//
+//    Under a force limit, an error beyond `near` counts as 2 √(near |e|) - near: its approach is one that half the limit
+//    can brake.
+//
+// Source: textbook; docs/decisions/0047.
+#pragma once
+
+#include "fracgyro/control/saturation.hpp"
+#include "fracgyro/controllers/internal_model_design.hpp"
+#include "fracgyro/hardware/observer.hpp"
+
+namespace fracgyro {
+
+template <Scalar T, bool velocity_measured>
+struct InternalModelOf {
+    using Value = T;
+    using Params = InternalModelParams;
+    using Report = EmptyReport;
+    using Design = InternalModelDesign;
+    static constexpr bool measures_velocity = velocity_measured;
+    static constexpr std::size_t sensors = velocity_measured ? 2 : 1;  // positions, velocities
+
+    struct Gain {
+        std::array<Vec2<T>, sensors> of{};
+    };
+    struct Oscillator {
+        SineCosine<T> turn{}, ahead{};  // by a step, by the delay
+        Gain cosine{}, sine{};
+        T ripple{};  // velocity at the samples over its sine
+    };
+    struct Coefficients {
+        typename Reference<T>::Coefficients reference{};
+        typename Saturation<T>::Coefficients saturation{};
+        std::array<Matrix2<T>, 3> feedforward{};  // for r, ṙ, r̈
+        Matrix2<T> ripple{};                      // ė between the held forces u_r, of ṙ
+        std::array<Matrix2<T>, 4> map{};          // F: e of e, e of ė, ė of e, ė of ė
+        std::array<Vec2<T>, 2> push{};            // G
+        Gain position{}, velocity{}, constant{};  // gains of the filter
+        std::array<Oscillator, Design::max_frequencies> oscillators{};
+        std::array<Vec2<T>, 2> feedback{};             // K_z
+        std::array<Vec2<T>, Design::max_past> past{};  // K_k
+        Vec2<T> near{};
+        std::int32_t frequencies = 0, remembered = 2, delay = 0;
+        bool accelerates = false;  // r̈ has a force of its own
+    };
+    struct State {
+        typename Reference<T>::State reference{};
+        Sample<T> error{};  // z, predicted
+        Vec2<T> constant{};
+        std::array<Vec2<T>, Design::max_frequencies> cosine{}, sine{};
+        std::array<Vec2<T>, Design::max_past> past{};  // u_f, the last one first
+        Vec2<T> force{};                               // the acting force
+        Kept<T, bool> started = false;
+    };
+
+    static Coefficients prepare(const Params& p, const Common& common) {
+        const Design found = Design::prepare(p, common, velocity_measured);
+        const auto block = [](const auto& rows, std::size_t row, std::size_t column) {
+            return Matrix2<T>{{T(rows[row][column]), T(rows[row + 1][column])},
+                              {T(rows[row][column + 1]), T(rows[row + 1][column + 1])}};
+        };
+        const auto of_columns = [](const Design::Columns& a) { return Matrix2<T>{cast<T>(a[0]), cast<T>(a[1])}; };
+        const auto feedback = [&](std::size_t i) {
+            return Vec2<T>{T(found.axes[0].feedback[i]), T(found.axes[1].feedback[i])};
+        };
+        const auto gain = [&](std::size_t state) {
+            Gain g;
+            for (std::size_t i = 0; i < sensors; ++i) {
+                g.of[i] = {T(found.axes[0].filter[state][i]), T(found.axes[1].filter[state][i])};
+            }
+            return g;
+        };
+        Coefficients c{.reference = Reference<T>::prepare(common.reference, common.step),
+                       .saturation = Saturation<T>::prepare(common.force_limit),
+                       .position = gain(0),
+                       .velocity = gain(1),
+                       .constant = gain(2),
+                       .feedback = {feedback(0), feedback(1)},
+                       .frequencies = static_cast<std::int32_t>(found.count),
+                       .remembered = static_cast<std::int32_t>(found.past),
+                       .delay = static_cast<std::int32_t>(p.datasheet.delay)};
+        const double h = common.step;
+        for (std::size_t i = 0; i < 3; ++i) {
+            c.feedforward[i] = of_columns(found.feedforward[i]);
+        }
+        for (const Vec2<double>& column : found.feedforward[2]) {
+            c.accelerates = c.accelerates || squared_norm(column) > 0.0;
+        }
+        c.ripple = of_columns(found.ripple);
+        Matrix<6> map = found.map;  // from units of the step
+        for (std::size_t i = 0; i < 2; ++i) {
+            for (std::size_t j = 0; j < 6; ++j) {
+                map[i][j] *= j < 2 ? 1.0 : j < 4 ? h : h * h;
+                map[i + 2][j] *= j < 2 ? 1.0 / h : j < 4 ? 1.0 : h;
+            }
+        }
+        c.map = {block(map, 0, 0), block(map, 0, 2), block(map, 2, 0), block(map, 2, 2)};
+        c.push = {Vec2<T>{T(map[0][4]), T(map[1][5])}, Vec2<T>{T(map[2][4]), T(map[3][5])}};
+        for (std::size_t i = 0; i < found.count; ++i) {
+            const double angle = found.frequencies[i] * h, late = static_cast<double>(p.datasheet.delay) * angle;
+            const auto turn = sine_cosine<double>(phase_of(angle)), ahead = sine_cosine<double>(phase_of(late));
+            c.oscillators[i] = {.turn = {T(turn.sine), T(turn.cosine)},
+                                .ahead = {T(ahead.sine), T(ahead.cosine)},
+                                .cosine = gain(3 + 2 * i),
+                                .sine = gain(4 + 2 * i),
+                                .ripple = T(found.ripple_of(i))};
+        }
+        for (std::size_t i = 0; i < found.past; ++i) {
+            c.past[i] = feedback(2 + i);
+        }
+        if (c.saturation.limited) {
+            const auto near = [&](std::size_t axis) {
+                const double slope = found.axes[axis].feedback[0] / found.axes[axis].feedback[1];
+                return 0.5 * Design::braking * common.force_limit / (slope * slope);
+            };
+            c.near = {T(near(0)), T(near(1))};
+        }
+        return c;
+    }
+
+    static Report report(const State&, const Coefficients&) { return {}; }
+    static bool sound(const State& state, const Coefficients&) { return fracgyro::sound(state.started); }
+    static std::uint64_t steps(const State& state) { return state.reference.steps; }
+    static void start_over(State& state, bool keep_estimates) {
+        State fresh{.reference = state.reference};
+        if (keep_estimates) {
+            fresh.constant = state.constant;
+            fresh.cosine = state.cosine;
+            fresh.sine = state.sine;
+        }
+        state = fresh;
+    }
+
+    static Signals<T, Report> step(State& state, const Coefficients& c, const Motion<T>& measured,
+                                   const Sample<T>* missing = nullptr) {
+        Signals<T, Report> signals{.reference = Reference<T>::update(state.reference, c.reference)};
+        const ReferencePoint<T>& r = signals.reference;
+        Sample<T>& z = state.error;
+        if (missing == nullptr) {
+            correct(state, c, measured, r);
+        }
+        signals.error = missing != nullptr ? *missing : velocity_measured ? tracking_error(measured, r) : z;
+
+        const Vec2<T> near = c.saturation.limited ? reachable(c, z.value) : z.value;
+        Vec2<T> follows = -(c.feedback[0] * near + c.feedback[1] * z.derivative);
+        for (std::size_t i = 0; i < static_cast<std::size_t>(c.remembered); ++i) {
+            follows = follows - c.past[i] * state.past[i];
+        }
+        Vec2<T> known = c.feedforward[0] * r.position + c.feedforward[1] * r.velocity - state.constant;
+        if (c.accelerates) {
+            known = known + c.feedforward[2] * r.acceleration;
+        }
+        for (std::size_t i = 0; i < static_cast<std::size_t>(c.frequencies); ++i) {
+            const SineCosine<T>& ahead = c.oscillators[i].ahead;
+            known =
+                known - (c.delay == 0 ? state.cosine[i] : ahead.cosine * state.cosine[i] + ahead.sine * state.sine[i]);
+        }
+        Saturation<T>::apply(signals, c.saturation, known + follows, z.value);
+        if (missing == nullptr) {
+            state.force = signals.force;
+            follows = follows - signals.excess;
+        } else {
+            follows = state.force - known;  // the force that is held
+        }
+        predict(state, c, follows);
+        return signals;
+    }
+
+private:
+    static Vec2<T> through(const Gain& gain, const Sample<T>& miss) {
+        Vec2<T> moved = gain.of[0] * miss.value;
+        if constexpr (velocity_measured) {
+            moved = moved + gain.of[1] * miss.derivative;
+        }
+        return moved;
+    }
+
+    static void correct(State& state, const Coefficients& c, const Motion<T>& measured, const ReferencePoint<T>& r) {
+        Sample<T>& z = state.error;
+        Sample<T> seen = tracking_error(measured, r);
+        if constexpr (velocity_measured) {
+            seen.derivative = seen.derivative - c.ripple * r.velocity;
+            for (std::size_t i = 0; i < static_cast<std::size_t>(c.frequencies); ++i) {
+                seen.derivative = seen.derivative - c.oscillators[i].ripple * state.sine[i];
+            }
+        }
+        if (!state.started) {
+            state.started = true;
+            z = {.value = seen.value, .derivative = velocity_measured ? seen.derivative : -r.velocity};  // at rest
+            return;
+        }
+        const Sample<T> miss{.value = seen.value - z.value, .derivative = seen.derivative - z.derivative};
+        z.value = z.value + through(c.position, miss);
+        z.derivative = z.derivative + through(c.velocity, miss);
+        state.constant = state.constant + through(c.constant, miss);
+        for (std::size_t i = 0; i < static_cast<std::size_t>(c.frequencies); ++i) {
+            state.cosine[i] = state.cosine[i] + through(c.oscillators[i].cosine, miss);
+            state.sine[i] = state.sine[i] + through(c.oscillators[i].sine, miss);
+        }
+    }
+
+    static Vec2<T> reachable(const Coefficients& c, const Vec2<T>& error) {
+        const Vec2<T> size = absolute(error);
+        const Vec2<T> far = T(2.0) * square_root(c.near * size) - c.near;
+        return with_sign_of(error, if_less(size, c.near, size, far));
+    }
+
+    // The coming sample; `follows` acts after the delay.
+    static void predict(State& state, const Coefficients& c, const Vec2<T>& follows) {
+        for (std::size_t i = static_cast<std::size_t>(c.remembered); i-- > 1;) {
+            state.past[i] = state.past[i - 1];
+        }
+        state.past[0] = follows;
+        const Vec2<T> acts = state.past[static_cast<std::size_t>(c.delay)];
+        const Sample<T> z = state.error;
+        state.error = {.value = c.map[0] * z.value + c.map[1] * z.derivative + c.push[0] * acts,
+                       .derivative = c.map[2] * z.value + c.map[3] * z.derivative + c.push[1] * acts};
+        for (std::size_t i = 0; i < static_cast<std::size_t>(c.frequencies); ++i) {
+            const SineCosine<T>& turn = c.oscillators[i].turn;
+            const Vec2<T> cosine = state.cosine[i];
+            state.cosine[i] = turn.cosine * cosine + turn.sine * state.sine[i];
+            state.sine[i] = turn.cosine * state.sine[i] - turn.sine * cosine;
+        }
+    }
+};
+
+template <Scalar T>
+using InternalModel = InternalModelOf<T, true>;
+template <Scalar T>
+struct FromPositions<InternalModel<T>> {
+    using Type = InternalModelOf<T, false>;
+};
+
+}  // namespace fracgyro

@@ -1,0 +1,291 @@
+// Design of the internal model (internal_model.hpp): its gains, computed once in double precision.
+//
+//    In units of the step, z = [e/h², ė/h] is of order 1 for a force of order 1. The plant is the nominal one. Each axis
+//    has gains of its own, for a plant without coupling: within a step, coupling moves the mass very little, and the
+//    prediction includes it.
+#pragma once
+
+#include "fracgyro/control/common.hpp"
+#include "fracgyro/control/datasheet.hpp"
+#include "fracgyro/core/riccati.hpp"
+
+namespace fracgyro {
+
+struct InternalModelParams {
+    double loop_bandwidth = 0.75;     // ω h
+    double learning_bandwidth = 1.0;  // oscillators
+    Datasheet datasheet{};
+
+    static constexpr auto fields() {
+        using P = InternalModelParams;
+        return std::tuple{
+            field(
+                "loop_bandwidth", &P::loop_bandwidth, "1", {.low = 0.02, .high = 1.1},
+                "omega h, no unit: bandwidth of the loop, in radians per step, 0.02 to 1.1. More follows closer, with "
+                "more chattering."),
+            field("learning_bandwidth", &P::learning_bandwidth, "omega0", above_0,
+                  "Unit omega0, > 0: bandwidth at which forces that the nominal plant lacks are estimated at each "
+                  "frequency of the reference."),
+            Inner{"datasheet", &P::datasheet},
+        };
+    }
+};
+
+struct InternalModelDesign {
+    static constexpr std::size_t max_frequencies = 4, max_past = 9;  // the latter for a delay of 8
+    static constexpr std::size_t room = 11;                          // 3 + 2 * 4 and 2 + 9
+    static constexpr double braking = 0.5;  // share of the force limit for the approach from afar
+    using Square = LeadingMatrix<room>;
+    using Columns = std::array<Vec2<double>, 2>;
+
+    struct Axis {
+        std::array<double, room> feedback{};  // for e, ė and earlier forces
+        Table<room, 2> filter{};              // gains of a measured position and velocity
+    };
+
+    double step = 0.0;
+    std::array<double, max_frequencies> frequencies{};
+    std::size_t count = 0, past = 2;
+    Matrix<6> map{};  // for z and a held force, both axes
+    std::array<Axis, 2> axes{};
+    std::array<Columns, 3> feedforward{};  // matrices of r, ṙ, r̈
+    Columns ripple{};                      // and of the velocity that u_r leaves at the samples, of ṙ
+
+    // One step of delay more than stated makes a fast loop unstable, so that the feedback is designed for a force of which
+    // a share comes a step later than stated. With these numbers such a step costs at most a factor of 2 in error at
+    // every bandwidth and delay, at the least nominal error (docs/decisions/0047).
+    static double usable(double bandwidth, double delay) { return minimum(bandwidth, 1.1 / (1.0 + 0.5 * delay)); }
+    static double late_share(double bandwidth, double delay) {
+        return maximum(0.0, 1.0 - 0.29 / bandwidth) / (1.0 + 0.25 * delay);
+    }
+
+    [[gnu::noinline]] static InternalModelDesign prepare(const InternalModelParams& p, const Common& common,
+                                                         bool velocity_measured) {
+        InternalModelDesign c{.step = common.step};
+        const Sym2<double>&k = common.nominal.stiffness, &d = common.nominal.damping;
+        const double h = common.step, twice_rate = 2.0 * common.nominal.rate;
+        Matrix<6> system{};
+        system[0][2] = system[1][3] = system[2][4] = system[3][5] = 1.0;
+        system[2] = {-k.xx() * h * h, -k.xy() * h * h, -d.xx() * h, -(d.xy() - twice_rate) * h, 1.0, 0.0};
+        system[3] = {-k.xy() * h * h, -k.yy() * h * h, -(d.xy() + twice_rate) * h, -d.yy() * h, 0.0, 1.0};
+        c.map = expm(system, 1.0);
+        c.find_frequencies(common.reference, 1e-4 * p.learning_bandwidth);
+        const auto delay = static_cast<double>(p.datasheet.delay);
+        for (std::size_t axis = 0; axis < 2; ++axis) {
+            Matrix<3> alone{};
+            alone[0][1] = alone[1][2] = 1.0;
+            alone[1][0] = -of(k.diagonal, axis) * h * h;
+            alone[1][1] = -of(d.diagonal, axis) * h;
+            alone = expm(alone, 1.0);
+            c.design_feedback(axis, alone, usable(p.loop_bandwidth, delay),
+                              static_cast<std::size_t>(p.datasheet.delay));
+            c.design_filter(axis, alone, p, k, velocity_measured);
+            c.design_feedforward(common, axis, delay);
+        }
+        return c;
+    }
+
+    // A force that is a sine, and the held force against it that leaves no error at the samples, leave a velocity there:
+    // this factor times the sine of the held force.
+    double ripple_of(std::size_t n) const {
+        const auto half = sine_cosine<double>(phase_of(0.5 * frequencies[n] * step));
+        const double inverse_tangent = half.cosine / half.sine;
+        return 0.5 * step * inverse_tangent * (1.0 - 0.5 * frequencies[n] * step * inverse_tangent);
+    }
+
+private:
+    static double of(const Vec2<double>& v, std::size_t axis) { return axis == 0 ? v.x() : v.y(); }
+    static bool is_sine(const ReferenceParams& r, std::size_t axis) {
+        return r.course == nullptr || r.kind[axis] == ReferenceKind::sine;
+    }
+    // Frequencies that samples show.
+    bool sampled(double frequency) const { return absolute(frequency) * step < 3.0; }
+
+    // Distinct frequencies, and if they are too many those of the largest amplitudes.
+    void find_frequencies(const ReferenceParams& r, double apart) {
+        std::array<double, max_frequencies> amplitudes{};
+        const auto add = [&](double amplitude, double signed_frequency) {
+            const double frequency = absolute(signed_frequency), size = absolute(amplitude);
+            if (!(size > 0.0 && frequency > apart && sampled(frequency))) {
+                return;
+            }
+            std::size_t place = count, smallest = 0;
+            for (std::size_t i = 0; i < count; ++i) {
+                if (absolute(frequencies[i] - frequency) <= apart) {
+                    place = i;
+                }
+                smallest = amplitudes[i] < amplitudes[smallest] ? i : smallest;
+            }
+            if (place < count) {
+                amplitudes[place] = maximum(amplitudes[place], size);
+                return;
+            }
+            if (count < max_frequencies) {
+                ++count;
+            } else if (size > amplitudes[smallest]) {
+                place = smallest;
+            } else {
+                return;
+            }
+            frequencies[place] = frequency;
+            amplitudes[place] = size;
+        };
+        for (std::size_t axis = 0; axis < 2; ++axis) {
+            if (is_sine(r, axis)) {
+                add(of(r.amplitude, axis), of(r.frequency, axis));
+            } else if (r.kind[axis] == ReferenceKind::sines) {
+                for (const SineTerm& term : r.course->terms) {
+                    add(term.amplitude[axis], term.frequency[axis]);
+                }
+            }
+        }
+    }
+
+    // u_n = 2 u_(n-1) - u_(n-2) + v, and v is priced.
+    void design_feedback(std::size_t axis, const Matrix<3>& plant, double bandwidth, std::size_t delay) {
+        past = delay + 1 < 2 ? 2 : delay + 1;
+        Square a{.size = 2 + past}, weight{.size = a.size};
+        Table<room, 1> b{};
+        const double late = late_share(bandwidth, static_cast<double>(delay));
+        weight[0][0] = 1.0;
+        for (std::size_t row = 0; row < 2; ++row) {
+            a[row][0] = plant[row][0];
+            a[row][1] = plant[row][1];
+            const double push = plant[row][2], now = (1.0 - late) * push;
+            if (delay == 0) {
+                b[row][0] = now;
+                a[row][2] = 2.0 * now;
+                a[row][3] = -now;
+            } else {
+                a[row][1 + delay] = now;
+            }
+            a[row][2 + delay] += late * push;
+        }
+        b[2][0] = 1.0;
+        a[2][2] = 2.0;
+        a[2][3] = -1.0;
+        for (std::size_t row = 3; row < a.size; ++row) {
+            a[row][row - 1] = 1.0;
+        }
+        const double square = bandwidth * bandwidth, fourth = square * square;
+        const std::array<double, 1> price{1.0 / (fourth * fourth)};
+        const auto gain = riccati_gain(riccati(a, b, weight, price), b, price);
+        std::array<double, room>& k = axes[axis].feedback;
+        for (std::size_t i = 0; i < a.size; ++i) {
+            for (std::size_t j = 0; j < a.size; ++j) {
+                k[j] += gain[0][i] * a[i][j];
+            }
+        }
+        k[0] = k[0] / (step * step);
+        k[1] = k[1] / step;
+        k[2] -= 2.0;
+        k[3] += 1.0;
+    }
+
+    // States: z, the constant force, then cosine and sine at each frequency.
+    void design_filter(std::size_t axis, const Matrix<3>& plant, const InternalModelParams& p, const Sym2<double>& k,
+                       bool velocity_measured) {
+        const double h = step, square = maximum(0.5 * absolute(k.xx() + k.yy()), 1e-6);
+        // A plant that is a few percent off moves the mass by more than a smaller disturbance would.
+        const double by_position = square * p.datasheet.position_noise;
+        const double by_velocity = square_root(square) * p.datasheet.velocity_noise;
+        const double sensed = velocity_measured ? minimum(by_position, by_velocity) : by_position;
+        const double force = maximum(maximum(p.datasheet.force_noise, sensed), 1e-6 * square);
+        // A sensor below a hundredth of the motion that the disturbance causes in a step gains nothing.
+        const auto variance = [](double noise, double floor) { return noise > floor ? noise * noise : floor * floor; };
+        const double position = variance(p.datasheet.position_noise / (h * h * force), 0.005);
+        const double velocity = variance(p.datasheet.velocity_noise / (h * force), 0.01);
+        const double learned = p.learning_bandwidth * h, grows = learned * learned;
+
+        Square a{.size = 3 + 2 * count}, noise{.size = a.size};
+        for (std::size_t row = 0; row < 2; ++row) {
+            for (std::size_t column = 0; column < 2; ++column) {
+                a[row][column] = plant[row][column];
+                noise[row][column] = plant[row][2] * plant[column][2];
+            }
+            a[row][2] = plant[row][2];
+            for (std::size_t n = 0; n < count; ++n) {
+                a[row][3 + 2 * n] = plant[row][2];
+            }
+        }
+        a[2][2] = 1.0;
+        noise[2][2] = grows;
+        for (std::size_t n = 0; n < count; ++n) {
+            const std::size_t cosine = 3 + 2 * n, sine = cosine + 1;
+            const auto turn = sine_cosine<double>(phase_of(frequencies[n] * h));
+            a[cosine][cosine] = a[sine][sine] = turn.cosine;
+            a[cosine][sine] = turn.sine;
+            a[sine][cosine] = -turn.sine;
+            noise[cosine][cosine] = noise[sine][sine] = 2.0 * grows;
+        }
+        const auto measure = [&]<std::size_t Sensors>(const std::array<double, Sensors>& variances) {
+            Table<room, Sensors> c{};
+            for (std::size_t i = 0; i < Sensors; ++i) {
+                c[i][i] = 1.0;
+                for (std::size_t n = 0; n < count && i == 1; ++n) {
+                    c[4 + 2 * n][i] = ripple_of(n) / h;
+                }
+            }
+            const auto gain = riccati_gain(riccati(a.transposed(), c, noise, variances), c, variances);
+            for (std::size_t i = 0; i < a.size; ++i) {
+                const double unit = i == 0 ? h * h : i == 1 ? h : 1.0;
+                for (std::size_t j = 0; j < Sensors; ++j) {
+                    axes[axis].filter[i][j] = gain[j][i] * unit / (j == 0 ? h * h : h);
+                }
+            }
+        };
+        if (velocity_measured) {
+            measure(std::array{position, velocity});
+        } else {
+            measure(std::array{position});
+        }
+    }
+
+    // The held force that keeps the nominal plant on the reference of one axis, after a delay. For a sine the regulator
+    // equations X S = F X + G U, with the positions of X on the reference and S the turn of p = [r, ṙ/ω] in a step, are
+    // exact. Otherwise it is the force in the middle of the coming step, without the third derivative.
+    void design_feedforward(const Common& common, std::size_t axis, double delay) {
+        const double h = step, w = of(common.reference.frequency, axis);
+        if (!is_sine(common.reference, axis) || w == 0.0 || !sampled(w)) {
+            const PlantModel<double>& n = common.nominal;
+            const Vec2<double> unit{axis == 0 ? 1.0 : 0.0, axis == 0 ? 0.0 : 1.0};
+            const double ahead = (delay + 0.5) * h;
+            const Vec2<double> stiff = n.stiffness * unit;
+            const Vec2<double> damped = n.damping * unit + 2.0 * n.rate * turned(unit);
+            feedforward[0][axis] = stiff;
+            feedforward[1][axis] = damped + ahead * stiff;
+            feedforward[2][axis] = unit + ahead * damped + (0.5 * ahead * ahead) * stiff;
+            ripple[axis] = (-h * h / 12.0) * stiff;
+            return;
+        }
+        const auto turn = sine_cosine<double>(phase_of(w * h));
+        const double s[2][2] = {{turn.cosine, turn.sine}, {-turn.sine, turn.cosine}};
+        LeadingMatrix<8> a{.size = 8};
+        Table<8, 1> x{};  // velocities of X, then U, row by row
+        for (std::size_t i = 0; i < 4; ++i) {
+            for (std::size_t c = 0; c < 2; ++c) {
+                auto& equation = a[2 * i + c];
+                for (std::size_t n = 0; n < 2; ++n) {
+                    if (i >= 2) {
+                        equation[2 * (i - 2) + n] += s[n][c];
+                    }
+                    equation[2 * n + c] -= map[i][2 + n];
+                    equation[4 + 2 * n + c] -= map[i][4 + n];
+                }
+                x[2 * i + c][0] = (c == 0 ? map[i][axis] : 0.0) - (i == axis ? s[0][c] : 0.0);
+            }
+        }
+        solve(a, x);
+        const auto ahead = sine_cosine<double>(phase_of(delay * w * h));
+        const auto column = [&](std::size_t first, double of_first, double of_second) {
+            return Vec2<double>{of_first * x[first][0] + of_second * x[first + 1][0],
+                                of_first * x[first + 2][0] + of_second * x[first + 3][0]};
+        };
+        feedforward[0][axis] = (1.0 / (h * h)) * column(4, ahead.cosine, -ahead.sine);
+        feedforward[1][axis] = (1.0 / (h * h * w)) * column(4, ahead.sine, ahead.cosine);
+        const Vec2<double> own{axis == 0 ? 1.0 : 0.0, axis == 0 ? 0.0 : 1.0};
+        ripple[axis] = (1.0 / (h * w)) * column(0, 0.0, 1.0) - own;
+    }
+};
+
+}  // namespace fracgyro
