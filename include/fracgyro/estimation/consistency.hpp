@@ -14,10 +14,11 @@
 //    beyond 1.25: for a rate that turns faster than the filter follows, ε is only a part.
 //
 //    A force that is later than the filter assumes: each change of the force enters a step too late, with an effect b
-//    on the next r, and ℓ on all later ones (joint.hpp). A sample beyond eight deviations that is within eight of S + b²
-//    is due to it, not to the sensor. From then on the filter adds the change of the force to its process noise, and Ω̂z is not trusted, until Σ r ℓ/S has
-//    been within five deviations of 0 for a window. A delay is not noise and does not average out: meanwhile the
-//    stated deviation is eight times as large.
+//    on the next r, and ℓ on it and all later ones (joint.hpp). A sample beyond eight deviations that is within eight
+//    of S + b² is due to it, not to the sensor. From then on the filter adds the change of the force to its process
+//    noise, and Ω̂z is not trusted, until Σ r ℓ/S has been within five deviations of 0 for as
+//    long as relearning takes. A delay is not noise and does not average out: meanwhile the stated deviation is eight
+//    times as large.
 //
 //    Disagreement: a motion is smooth and a failing sensor is not. A disagreement is three innovations in a row beyond
 //    eight deviations, with a second difference beyond twenty among them; an inconsistency that lasts for four windows;
@@ -54,6 +55,7 @@ struct Consistency {
     static constexpr double acceptance = 131'072.0;  // samples
 
     struct Coefficients {
+        T limit{};                  // square of the maximum innovation, over its variance
         T weight{}, slow_weight{};  // weights of a sample in the means
         T sensors{}, per_sensor{};
         T unexplained{};                          // mean of `explained` without any motion
@@ -87,7 +89,8 @@ struct Consistency {
     static Coefficients prepare(double period, double step, std::size_t sensors, double turn, double start,
                                 double longest) {
         const double window = clamp(4.0 * period / step, 16.0, 65536.0), count = static_cast<double>(sensors);
-        return {.weight = T(1.0 / window),
+        return {.limit = T(max_innovation * max_innovation),
+                .weight = T(1.0 / window),
                 .slow_weight = T(1.0 / (turn * window)),
                 .sensors = T(count),
                 .per_sensor = T(1.0 / count),
@@ -105,8 +108,8 @@ struct Consistency {
     // A rate that turns faster than the filter follows is explained only in part: the rest of r²/S may also be due to
     // it.
     static T variance(const State& state, const Coefficients& c, T stated) {
-        const T late_too = if_less(T(0.0), state.late, T(max_innovation * max_innovation), T(1.0));
-        return late_too * (stated * maximum(excess(state), T(1.0))) + of_rate(state, c, state.squares - T(max_excess));
+        const T if_late = if_less(T(0.0), state.late, T(max_innovation * max_innovation), T(1.0));
+        return if_late * (stated * maximum(excess(state), T(1.0))) + of_rate(state, c, state.squares - T(max_excess));
     }
     // 1 while the estimates may be trusted as far as the innovations show.
     static T sound(const State& state, const Coefficients& c) {
@@ -132,7 +135,7 @@ struct Consistency {
     static T judge(State& state, const Coefficients& c, const std::array<T, sensors>& residual,
                    const std::array<T, sensors>& precision, const std::array<T, sensors>& sensitivity,
                    const std::array<T, sensors>& delayed = {}, const std::array<T, sensors>& kick = {}) {
-        const T zero = T(0.0), one = T(1.0), limit = T(max_innovation * max_innovation);
+        const T zero = T(0.0), one = T(1.0), limit = c.limit;
         const T lag = limit * lag_variance(state, c), suspects = late(state);
         T squares = zero, along = zero, gain = zero, far = zero, bent = zero, farther = zero;
         T along_delay = zero, delay = zero;
@@ -154,7 +157,7 @@ struct Consistency {
         state.lost = far * (one - farther) * (one - suspects);
         const T shown = state.along_delay * maximum(state.along_delay, zero);
         const T still = if_less(T(max_chance) * c.weight * state.delay, shown, suspects, zero);
-        state.late = if_less(zero, state.lost + still, c.window, maximum(state.late - one, zero));
+        state.late = if_less(zero, state.lost + still, c.relearning, maximum(state.late - one, zero));
         far = if_less(zero, state.lost + suspects, farther, far);
         state.refused = maximum(if_less(state.beyond, T(max_refused), far, zero), state.lost);
         const T learns = one - state.refused;

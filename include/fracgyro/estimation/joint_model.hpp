@@ -79,7 +79,7 @@ struct JointModel {
             power[i][i] = 1.0;
         }
         back = expm(back, h);
-        // Variances of the mean of a span, for independent forces of 1 within it: P knows only a force held over the span.
+        // Variances of the mean of a span, for independent forces of 1 within it: P knows only a held one.
         std::array<double, motions> within{};
         within[0] = within[1] = square_of(h * h) * slots * (slots * slots - 1.0) / 12.0;
         for (std::int64_t n = 0; n < p.covariance_steps; ++n, power = product(power, back)) {
