@@ -16,9 +16,8 @@
 //    A force that is later than the filter assumes: each change of the force enters a step too late, with an effect b
 //    on the next r, and ℓ on it and all later ones (joint.hpp). A sample beyond eight deviations that is within eight
 //    of S + b² is due to it, not to the sensor. From then on the filter adds the change of the force to its process
-//    noise, and Ω̂z is not trusted, until Σ r ℓ/S has been within five deviations of 0 for as
-//    long as relearning takes. A delay is not noise and does not average out: meanwhile the stated deviation is eight
-//    times as large.
+//    noise, and Ω̂z is not trusted, until Σ r ℓ/S has been within five deviations of 0 for four windows. A delay is
+//    not noise and does not average out: meanwhile the stated deviation is eight times as large.
 //
 //    Disagreement: a motion is smooth and a failing sensor is not. A disagreement is three innovations in a row beyond
 //    eight deviations, with a second difference beyond twenty among them; an inconsistency that lasts for four windows;
@@ -157,7 +156,7 @@ struct Consistency {
         state.lost = far * (one - farther) * (one - suspects);
         const T shown = state.along_delay * maximum(state.along_delay, zero);
         const T still = if_less(T(max_chance) * c.weight * state.delay, shown, suspects, zero);
-        state.late = if_less(zero, state.lost + still, c.relearning, maximum(state.late - one, zero));
+        state.late = if_less(zero, state.lost + still, c.agreement, maximum(state.late - one, zero));
         far = if_less(zero, state.lost + suspects, farther, far);
         state.refused = maximum(if_less(state.beyond, T(max_refused), far, zero), state.lost);
         const T learns = one - state.refused;
