@@ -566,6 +566,76 @@ TEST(Joint, AMotionThatWasLostIsFoundWithTheEstimatesBefore) {
     EXPECT_EQ(filter.plant[1], before[1]);
 }
 
+// RMS tracking error, geometric mean of the axes, over whole runs with some seeds.
+template <class C>
+double tracking_error_of(const Case& a, bool judged) {
+    constexpr int steps = 8000, seeds = 4;
+    Vec2<double> squares{};
+    for (std::uint64_t seed = 0; seed < seeds; ++seed) {
+        Loop<C> loop(a, seed);
+        if (!judged) {
+            loop.c.adaptation.filter.consistency.limit = 1e30;
+        }
+        for (int n = 0; n < steps; ++n) {
+            const Vec2<double> at = loop.motion.position;
+            loop.step();
+            const auto& r = loop.signals.reference;
+            const Vec2<double> e = at - Vec2<double>{r.position.x(), r.position.y()};
+            squares = squares + e * e;
+        }
+    }
+    return std::sqrt(std::sqrt(squares.x() * squares.y()) / (seeds * steps));
+}
+
+// With noisy sensors the delay does not show in single samples, and both are alike.
+TEST(Joint, AHiddenDelayCostsNoMoreThanWithoutRefusals) {
+    Case exact = finely_sensed();
+    exact.position_noise = exact.velocity_noise = 0.0;
+    exact.law.datasheet.position_noise = exact.law.datasheet.velocity_noise = 0.0;
+    for (Case a : {Case(), finely_sensed(), exact}) {
+        a.delay = 1;
+        EXPECT_LT(tracking_error_of<Both<double>>(a, true), 1.05 * tracking_error_of<Both<double>>(a, false));
+        EXPECT_LT(tracking_error_of<Positions<double>>(a, true), 1.05 * tracking_error_of<Positions<double>>(a, false));
+    }
+}
+
+TEST(Joint, AHiddenDelayOfExactSensorsCostsNoMoreThanAKnownOneAndIsNotTrusted) {
+    Case a = finely_sensed();
+    a.delay = 1;
+    Loop<Both<double>> loop(a);
+    loop.run(20000);
+    EXPECT_GT(loop.state.adaptation.agreement.late, 0.0);
+    EXPECT_EQ(loop.trusted(), 0.0);
+    EXPECT_LT(std::abs(loop.rate() - a.plant.rate), 4.0 * loop.deviation());
+    const double hidden = tracking_error_of<Both<double>>(a, true);
+    a.law.datasheet.delay = 1;
+    EXPECT_LT(hidden, 1.1 * tracking_error_of<Both<double>>(a, true));
+}
+
+// The forces within a span are independent, which an exact sensor shows.
+template <class C>
+void expect_agreement(std::int64_t slots) {
+    Case a = finely_sensed();
+    a.position_noise = a.velocity_noise = 0.0;
+    a.law.datasheet.position_noise = a.law.datasheet.velocity_noise = 0.0;
+    a.law.adaptation.covariance_steps = slots;
+    Loop<C> loop(a);
+    loop.run(8000);
+    double refused = 0.0;
+    for (int n = 0; n < 4000; ++n) {
+        loop.step();
+        refused += loop.refused();
+    }
+    EXPECT_EQ(refused, 0.0) << slots;
+    EXPECT_LT(number(loop.state.adaptation.agreement.squares), 1.25) << slots;
+}
+
+TEST(Joint, ExactSensorsAgreeWithDividedWork) {
+    expect_agreement<Both<double>>(2);
+    expect_agreement<Positions<double>>(4);
+    expect_agreement<Positions<double>>(8);
+}
+
 // After each restart its estimate is useless for a while.
 TEST(Joint, AModelThatStaysWrongIsLearnedAgainSeldom) {
     Case a;

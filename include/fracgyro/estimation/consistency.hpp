@@ -13,6 +13,12 @@
 //    variance of Ω̂z is P max(1, excess) + the maximum of ε², its mean, and the ε² that would explain all of r²/S
 //    beyond 1.25: for a rate that turns faster than the filter follows, ε is only a part.
 //
+//    A force that is later than the filter assumes: each change of the force enters a step too late, with an effect b
+//    on the next r, and ℓ on it and all later ones (joint.hpp). A sample beyond eight deviations that is within eight
+//    of S + b² is due to it, not to the sensor. From then on the filter adds the change of the force to its process
+//    noise, and Ω̂z is not trusted, until Σ r ℓ/S has been within five deviations of 0 for four windows. A delay is
+//    not noise and does not average out: meanwhile the stated deviation is eight times as large.
+//
 //    Disagreement: a motion is smooth and a failing sensor is not. A disagreement is three innovations in a row beyond
 //    eight deviations, with a second difference beyond twenty among them; an inconsistency that lasts for four windows;
 //    or estimates that have moved once it is over, by more than a rate that turned meanwhile may move them. The
@@ -43,10 +49,12 @@ struct Consistency {
     static constexpr double max_refused = 3.0;       // in a row
     static constexpr double max_bend = 20.0;         // deviations of a second difference: eight for white noise
     static constexpr double max_change = 4.0;        // ratio to an excess against which relearning does not help
+    static constexpr double max_chance = 25.0;       // square of the deviations at which a delay shows
     static constexpr double relearning = 32.0;       // windows
     static constexpr double acceptance = 131'072.0;  // samples
 
     struct Coefficients {
+        T limit{};                  // square of the maximum innovation, over its variance
         T weight{}, slow_weight{};  // weights of a sample in the means
         T sensors{}, per_sensor{};
         T unexplained{};                          // mean of `explained` without any motion
@@ -63,6 +71,8 @@ struct Consistency {
         std::array<T, 4> last{}, rise{};             // residual, and its last change
         T beyond{}, jumped{};                        // samples beyond the limit in a row; 1: a jump is among them
         T refused{};                                 // 1: the last sample was rejected
+        T late{}, lost{};                            // samples for which a delay is still suspected; 1: as of the last
+        T along_delay{}, delay{};                    // means of r ℓ/S and ℓ²/S
         T inconsistent{};                            // 1: excess is beyond its limit
         T lasting{};                                 // inconsistent samples, less consistent ones
         std::array<T, 2> futile{};                   // min and max excess with which relearning began
@@ -78,7 +88,8 @@ struct Consistency {
     static Coefficients prepare(double period, double step, std::size_t sensors, double turn, double start,
                                 double longest) {
         const double window = clamp(4.0 * period / step, 16.0, 65536.0), count = static_cast<double>(sensors);
-        return {.weight = T(1.0 / window),
+        return {.limit = T(max_innovation * max_innovation),
+                .weight = T(1.0 / window),
                 .slow_weight = T(1.0 / (turn * window)),
                 .sensors = T(count),
                 .per_sensor = T(1.0 / count),
@@ -96,7 +107,8 @@ struct Consistency {
     // A rate that turns faster than the filter follows is explained only in part: the rest of r²/S may also be due to
     // it.
     static T variance(const State& state, const Coefficients& c, T stated) {
-        return stated * maximum(excess(state), T(1.0)) + of_rate(state, c, state.squares - T(max_excess));
+        const T if_late = if_less(T(0.0), state.late, T(max_innovation * max_innovation), T(1.0));
+        return if_late * (stated * maximum(excess(state), T(1.0))) + of_rate(state, c, state.squares - T(max_excess));
     }
     // 1 while the estimates may be trusted as far as the innovations show.
     static T sound(const State& state, const Coefficients& c) {
@@ -106,23 +118,33 @@ struct Consistency {
         const T agreed = if_less(state.agreed, c.agreement, no, yes);
         const T settled = if_less(state.before.variance[1], T(unknown), agreed, learned);
         const T known = if_less(state.doubted + state.moved * calm(state), half, started, settled);
-        return if_less(state.inconsistent, half, known, no);
+        return if_less(state.inconsistent + late(state), half, known, no);
     }
 
     // 1 if the last sample was not learned from.
     static T refused(const State& state) { return state.refused; }
 
-    // One sample: residuals, their precisions 1/S, and g. Returns 1 if it is learned from.
+    // 1 while the force may be later than the filter assumes, and 1 if the last sample was the first to show it.
+    static T late(const State& state) { return if_less(T(0.0), state.late, T(1.0), T(0.0)); }
+    static T lost(const State& state) { return state.lost; }
+
+    // One sample: residuals, their precisions 1/S, g, and the effect of one more step of delay: ℓ, and that of the last
+    // change of the force. Returns 1 if it is learned from.
     template <std::size_t sensors>
     static T judge(State& state, const Coefficients& c, const std::array<T, sensors>& residual,
-                   const std::array<T, sensors>& precision, const std::array<T, sensors>& sensitivity) {
-        const T zero = T(0.0), one = T(1.0), limit = T(max_innovation * max_innovation);
-        const T lag = limit * lag_variance(state, c);
-        T squares = zero, along = zero, gain = zero, far = zero, bent = zero;
+                   const std::array<T, sensors>& precision, const std::array<T, sensors>& sensitivity,
+                   const std::array<T, sensors>& delayed = {}, const std::array<T, sensors>& kick = {}) {
+        const T zero = T(0.0), one = T(1.0), limit = c.limit;
+        const T lag = limit * lag_variance(state, c), suspects = late(state);
+        T squares = zero, along = zero, gain = zero, far = zero, bent = zero, farther = zero;
+        T along_delay = zero, delay = zero;
         for (std::size_t i = 0; i < sensors; ++i) {
             const T weighted = sensitivity[i] * precision[i], square = residual[i] * residual[i] * precision[i];
-            const T of_rate = sensitivity[i] * weighted;
-            far = if_less(square, limit + lag * of_rate, far, one);  // also true for NaN
+            const T of_rate = sensitivity[i] * weighted, near = limit + lag * of_rate;
+            far = if_less(square, near, far, one);  // also true for NaN
+            farther = if_less(square, near + limit * (kick[i] * kick[i] * precision[i]), farther, one);
+            along_delay = along_delay + delayed[i] * residual[i] * precision[i];
+            delay = delay + delayed[i] * delayed[i] * precision[i];
             squares = squares + square;
             along = along + residual[i] * weighted;
             gain = gain + of_rate;
@@ -131,13 +153,20 @@ struct Consistency {
             state.last[i] = residual[i];
             state.rise[i] = rise;
         }
-        state.refused = if_less(state.beyond, T(max_refused), far, zero);
+        state.lost = far * (one - farther) * (one - suspects);
+        const T shown = state.along_delay * maximum(state.along_delay, zero);
+        const T still = if_less(T(max_chance) * c.weight * state.delay, shown, suspects, zero);
+        state.late = if_less(zero, state.lost + still, c.agreement, maximum(state.late - one, zero));
+        far = if_less(zero, state.lost + suspects, farther, far);
+        state.refused = maximum(if_less(state.beyond, T(max_refused), far, zero), state.lost);
         const T learns = one - state.refused;
         const auto follow = [&](T& mean, T weight, T now) {  // a rejected square may be infinite
             mean = if_less(zero, learns, mean + weight * (now - mean), mean);
         };
         state.beyond = far * minimum(state.beyond + one, T(max_refused));
         state.jumped = far * maximum(state.jumped, bent);
+        follow(state.along_delay, c.weight, along_delay);
+        follow(state.delay, c.weight, delay);
         follow(state.squares, c.weight, c.per_sensor * squares);
         follow(state.along, c.weight, along);
         follow(state.sensitivity, c.weight, gain);

@@ -31,6 +31,10 @@
 //    datasheet states its size; an unexpected drift ends in a beat at the mode split, where it is the same force as a
 //    rate.
 //
+//    A delay that the filter is not given: the sum of changes of the force over a span enters with the force late by
+//    one step. Its effect on z is ℓ <- A ℓ - B Δu, corrected like z; if consistency.hpp finds it in the innovations, P
+//    grows by B Δu² Bᵀ each span, and the motion is found again by the next samples.
+//
 //    consistency.hpp decides which samples are learned from and when Ω̂z is trusted.
 #pragma once
 
@@ -65,13 +69,15 @@ struct JointFilter {
         Row plant{};        // θ̃
         typename Covariance::State covariance{};
         std::array<Vec2<T>, longest_delay> waiting{};  // forces not yet acting, in a ring
-        Vec2<T> force{};                               // the last requested force
+        Vec2<T> force{}, acting{}, change{};           // the last requested one; the one of a span ago, and its change
         Four sum{};                                    // sum of residuals
         std::array<Four, motions> map{};               // A at the present estimates
         std::array<Row, 2> pulls{};                    // φ, for each axis
         std::array<typename Covariance::Gain, sensors> gain{};
         std::array<T, sensors> precision{}, sensitivity{};  // precision of the innovations; sensitivity to Ωz
         Four turned{};                                      // contribution of Ωz to the motion
+        Four lag{};                                         // effect of one more step of delay on the motion
+        std::array<T, sensors> delayed{};                   // and on the innovations
         typename Agreement::State agreement{};
         std::uint32_t steps = 0, spans = 0;
         std::int32_t slot = 0;  // step of the span
@@ -125,18 +131,20 @@ struct JointFilter {
             state.error = {.value = seen.value, .derivative = velocity_measured ? seen.derivative : -r.velocity};
             return;
         }
-        std::array<T, sensors> residual{}, innovation{};
+        std::array<T, sensors> residual{}, innovation{}, kick{};
         Four moved{};  // correction by the preceding numbers
         for (std::size_t i = 0; i < sensors; ++i) {
+            kick[i] = (i < 2 ? c.half_square : c.span) * (i % 2 == 0 ? state.change.x() : state.change.y());
             residual[i] = number(seen, i) - number(state.error, i);
             innovation[i] = i == 0 ? residual[i] : residual[i] - of_mean(c, i, moved);
             for (std::size_t k = 0; k < motions && i + 1 < sensors; ++k) {
                 moved[k] = moved[k] + state.gain[i].move[k] * innovation[i];
             }
         }
-        const T learns =
-            Agreement::judge(state.agreement, c.consistency, innovation, state.precision, state.sensitivity);
+        const T learns = Agreement::judge(state.agreement, c.consistency, innovation, state.precision,
+                                          state.sensitivity, state.delayed, kick);
         agree(state, c);
+        lose(state, c, Agreement::lost(state.agreement));
         for (std::size_t i = 0; i < sensors; ++i) {
             state.sum[i] = state.sum[i] + if_less(T(0.0), learns, residual[i], T(0.0));
         }
@@ -210,7 +218,7 @@ struct JointFilter {
             }
         }
         if (due(state, c, 2)) {
-            orthogonalize(state, c);
+            orthogonalize(state, c, force);
         }
         for (std::size_t i = 0; i < sensors; ++i) {
             if (due(state, c, 3 + static_cast<std::int32_t>(i))) {
@@ -251,6 +259,8 @@ private:
         }
         state.plant = state.agreement.before.value;
         state.gain = {};
+        state.lag = {};
+        state.delayed = {};
         state.precision = {};  // any value may follow
         state.slot = c.slots - 1;
         state.sum = {};
@@ -301,26 +311,38 @@ private:
     // Returns to the estimates before a disagreement, with the initial uncertainty of the plant and an unknown motion,
     // in the runs for which it is 1.
     static void forget(State& state, const Coefficients& c, T disagrees) {
-        const T zero = T(0.0), keep = T(1.0) - disagrees;
-        const auto instead = [&](T& a, T b) { a = if_less(zero, disagrees, b, a); };
+        const auto instead = [&](T& a, T b) { a = if_less(T(0.0), disagrees, b, a); };
         for (T& u : state.covariance.u_factor) {
-            instead(u, zero);
-        }
-        for (std::size_t i = 0; i < motions; ++i) {
-            instead(state.covariance.d_factor[i], c.prior.unknown[i]);
+            instead(u, T(0.0));
         }
         for (std::size_t k = 0; k < parameters; ++k) {
             instead(state.covariance.d_factor[motions + k], c.prior.plant[k]);
             instead(state.plant[k], state.agreement.before.value[k]);
+        }
+        lose(state, c, disagrees);
+        Agreement::doubt(state.agreement, disagrees);
+    }
+    // Makes the motion unknown, in the runs for which `which` is 1.
+    static void lose(State& state, const Coefficients& c, T which) {
+        const T zero = T(0.0), keep = T(1.0) - which;
+        const auto instead = [&](T& a, T b) { a = if_less(zero, which, b, a); };
+        for (std::size_t j = 1; j < size; ++j) {
+            for (std::size_t i = 0; i < j && i < motions; ++i) {
+                instead(state.covariance.u_factor[Covariance::column(j) + i], zero);
+            }
+        }
+        for (std::size_t i = 0; i < motions; ++i) {
+            instead(state.covariance.d_factor[i], c.prior.unknown[i]);
+            instead(state.lag[i], zero);
         }
         for (std::size_t i = 0; i < sensors; ++i) {
             for (T& k : state.gain[i].move) {
                 instead(k, zero);
             }
             state.precision[i] = keep * state.precision[i];
+            state.delayed[i] = keep * state.delayed[i];
             state.sum[i] = keep * state.sum[i];
         }
-        Agreement::doubt(state.agreement, disagrees);
     }
 
     using Map = std::array<Four, motions>;
@@ -363,16 +385,18 @@ private:
             state.turned = {column[0], column[1], column[2], column[3]};
         }
         state.sensitivity[i] = of_mean(c, i, state.turned);
+        state.delayed[i] = of_mean(c, i, state.lag);
         gain = c.slots == 1 ? Covariance::measure(state.covariance, i, c.noise.measured[i])
                             : Covariance::measure(state.covariance, c.mean[i], c.noise.measured[i]);
         for (std::size_t k = 0; k < motions; ++k) {
             state.turned[k] = state.turned[k] - gain.move[k] * state.sensitivity[i];
+            state.lag[k] = state.lag[k] - gain.move[k] * state.delayed[i];
         }
         state.precision[i] = T(1.0) / (c.noise.variance * (gain.variance + c.noise.more[i]));
     }
 
     // The part of z: U and d of [A U_z, B] with the weights of its columns, row by row from the last.
-    static void orthogonalize(State& state, const Coefficients& c) {
+    static void orthogonalize(State& state, const Coefficients& c, const Vec2<T>& force) {
         auto& u = state.covariance.u_factor;
         auto& d = state.covariance.d_factor;
         const T zero = T(0.0);
@@ -389,7 +413,15 @@ private:
         }
         w[4] = {c.half_square, zero, c.span, zero};
         w[5] = {zero, c.half_square, zero, c.span};
-        weight[4] = weight[5] = c.noise.force;
+        const Vec2<T> change = c.share * (force - state.acting);
+        state.change = change;
+        state.acting = force;
+        const T doubt = c.of_force * Agreement::late(state.agreement);
+        weight[4] = c.noise.force + doubt * (change.x() * change.x());
+        weight[5] = c.noise.force + doubt * (change.y() * change.y());
+        state.lag = through(state.map, state.lag);
+        state.lag = {state.lag[0] - c.half_square * change.x(), state.lag[1] - c.half_square * change.y(),
+                     state.lag[2] - c.span * change.x(), state.lag[3] - c.span * change.y()};
         for (std::size_t i = motions; i-- > 0;) {
             std::array<T, motions + 2> weighted;
             T sum = zero;

@@ -38,6 +38,7 @@ struct JointModel {
     std::array<Four, motions> map{};   // A, row by row
     std::array<Four, sensors> mean{};  // mean of the motion over a span, from the motion at its end
     T span{}, half_square{}, share{};  // for P: m h and ½(m h)², which is B; 1/m
+    T of_force{};                      // variance of a force of 1, relative to a measured position
     std::array<T, most_terms> over{};  // h/k
     std::int32_t terms = 0, delay = 0, slots = 1;
     Noise noise{};
@@ -78,10 +79,16 @@ struct JointModel {
             power[i][i] = 1.0;
         }
         back = expm(back, h);
+        // Variances of the mean of a span, for independent forces of 1 within it: P knows only a held one.
+        std::array<double, motions> within{};
+        within[0] = within[1] = square_of(h * h) * slots * (slots * slots - 1.0) / 12.0;
         for (std::int64_t n = 0; n < p.covariance_steps; ++n, power = product(power, back)) {
             for (std::size_t i = 0; i < motions; ++i) {
                 for (std::size_t j = 0; j < motions; ++j) {
                     mean[i][j] += power[i][j] / slots;
+                }
+                for (std::size_t j = 0; j < 2 && n + 1 < p.covariance_steps; ++j) {  // of the force n + 1 steps earlier
+                    within[i] += square_of(h * mean[i][2 + j] - 0.5 * h * h * mean[i][j]);
                 }
             }
         }
@@ -108,11 +115,13 @@ struct JointModel {
         const double slip = square_of(maximum(said.velocity_noise,
                                               maximum(least_noise * natural * square_root(h), rounding * fastest))) /
                             unit;
-        c.noise = {
-            .variance = T(unit),
-            .force = T(disturbed / unit / slots),
-            .measured = {T(1.0 / slots), T(1.0 / slots), T(slip / slots), T(slip / slots)},
-            .more = {T(1.0 - 1.0 / slots), T(1.0 - 1.0 / slots), T(slip - slip / slots), T(slip - slip / slots)}};
+        c.of_force = T(1.0 / unit);
+        c.noise = {.variance = T(unit), .force = T(disturbed / unit / slots)};
+        for (std::size_t i = 0; i < motions; ++i) {
+            const double single = i < 2 ? 1.0 : slip;
+            c.noise.measured[i] = T(single / slots + within[i] * disturbed / unit);
+            c.noise.more[i] = T(single - single / slots);
+        }
         const double velocity = square_of(maximum(fastest, least_noise)) / unit;
         c.prior.motion = {T(1.0), T(1.0), T(velocity_measured ? slip : velocity),
                           T(velocity_measured ? slip : velocity)};
