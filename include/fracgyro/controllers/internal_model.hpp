@@ -1,20 +1,18 @@
-// Internal model: a constant Kalman filter estimates the motion and, at each frequency of the reference, the force that
-// the nominal plant lacks.
+// Internal model: a constant Kalman filter estimates the motion and the sinusoidal forces that the nominal plant lacks.
 //
-// Use it when only tracking counts, the reference is a sum of sines, and a step must take little time. It needs a plant
-// known within a few percent, and no gains to be tuned.
+// Use it when only tracking counts, the reference is a sum of sines, and a step must take little time.
 //
-//        u = u_r - w + u_f        u_f = -K_z z - Σ_k K_k u_f(n-k)
-//        z ← F z + G u_f        w_i ← R(ω_i h) w_i
+//        u = u_r - w + u_f        w = w_0 + w_1 + w_2
+//        u_f = -k_e e - k_v ė - k_1 p_1 - k_2 p_2
 //
-//    with u_r the held force that keeps the nominal plant on the reference at every sample, z = [e, ė] as estimated, and
-//    w the sum of one oscillator w_i on each axis for each frequency of the reference, and of a constant. All gains are
-//    constant. K has the least sum of e² + |second difference of u_f|² h⁴/(ω h)⁸, for a force of which a share comes a
-//    step later than stated: without it, one step of hidden delay makes a fast loop unstable. It does not adapt D, K or
-//    Ωz, and reports no rate. References that are not sines have the constant only.
+//    with u_r the held force that keeps the nominal plant on the reference at every sample, e and ė as estimated, and
+//    p the values of u_f before. On each axis w is the sum of a constant and of an oscillator at each frequency of the
+//    reference, at most four; a reference that is not a sum of sines has the constant only. All gains are constant.
+//    Those of the feedback have the least sum of e² + |second difference of u_f|² h⁴/(ω h)⁸, for a force of which a
+//    share comes a step later than stated: without it, one step of hidden delay makes a fast loop unstable. It does not
+//    adapt D, K or Ωz, and reports no rate.
 //
-//    Under a force limit, an error beyond `near` counts as 2 √(near |e|) - near: its approach is one that half the limit
-//    can brake.
+//    Under a force limit, an error beyond `near` counts as 2 √(near |e|) - near: half the limit can brake the approach.
 //
 // Source: textbook; docs/decisions/0047.
 #pragma once
