@@ -11,20 +11,21 @@ from scipy.special import gammainc
 Array = NDArray[np.float64]
 
 
-def motion(scenario: fg.Scenario, times: Array) -> Array:
-    """Shape (3, times, 2): r, r' and r'' of both axes."""
-    return np.stack([axis(scenario.reference, kind, i, times) for i, kind in enumerate(scenario.reference.kinds)], -1)
+def motion(scenario: fg.Scenario, times: Array, hold: float = 0.0) -> Array:
+    """Shape (3, times, 2): r, r' and r'' of both axes; with a hold, at its held points."""
+    kinds, middle = scenario.reference.kinds, times + hold / 2
+    return np.stack([axis(scenario.reference, kind, i, middle, hold) for i, kind in enumerate(kinds)], -1)
 
 
-def axis(reference: object, kind: str, i: int, t: Array) -> Array:
+def axis(reference: object, kind: str, i: int, t: Array, hold: float) -> Array:
     """Shape (3, times)."""
     r: fg.Scenario = reference
     zero = np.zeros_like(t)
     found = np.array([zero, zero, zero])
     if kind == "sine":
-        found = sine(r.amplitude[i], r.frequency[i], r.phase[i], t)
+        found = sine(r.amplitude[i], r.frequency[i], r.phase[i], t, hold)
     elif kind == "sines":
-        found = sum(sine(term.amplitude[i], term.frequency[i], term.phase[i], t) for term in r.terms)
+        found = sum(sine(term.amplitude[i], term.frequency[i], term.phase[i], t, hold) for term in r.terms)
     elif kind == "step":
         found = r.amplitude[i] * (filtered_step(r, t - r.start) - filtered_step(r, t - r.end))
     elif kind == "staircase":
@@ -45,8 +46,9 @@ def axis(reference: object, kind: str, i: int, t: Array) -> Array:
     return found + np.array([[r.offset[i]], [0.0], [0.0]])
 
 
-def sine(amplitude: float, frequency: float, phase: float, t: Array) -> Array:
+def sine(amplitude: float, frequency: float, phase: float, t: Array, hold: float) -> Array:
     angle = frequency * t + phase
+    amplitude /= np.sinc(frequency * hold / (2 * np.pi))  # what a hold leaves of a sine
     return amplitude * np.array([np.sin(angle), frequency * np.cos(angle), -(frequency**2) * np.sin(angle)])
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from fracgyro import _core
 from fracgyro.scenario.to_core import core_setup
+from reference_oracle import motion
 
 STEPS = 4000
 SHORT = fg.Scenario.paper().replace({"controller.kind": "resonant", "run.duration": STEPS * 1e-3})
@@ -33,7 +34,7 @@ class Resonant:
         self.w = np.array(frequencies)
 
     def reset(self, scenario: fg.Scenario) -> None:
-        c, h = scenario.controller, scenario.run.step
+        self.scenario, c, h = scenario, scenario.controller, scenario.run.step
         self.square, self.damper = c.natural_frequency**2, 2 * c.damping_ratio * c.natural_frequency
         self.integral_step = h * c.integral_frequency * self.square
         damping, stiffness, rate, _, _ = scenario.plant.nondimensional()
@@ -59,8 +60,9 @@ class Resonant:
     def __call__(self, s: fg.Sample) -> np.ndarray:
         r, v = np.array(s.reference), np.array(s.reference_velocity)
         e, de = np.array(s.position) - r, np.array(s.velocity) - v
+        position, velocity, acceleration = motion(self.scenario, np.array([s.time]), self.scenario.run.step)[:, 0]
         cosine, sine = np.cos(self.w * s.time)[:, None], np.sin(self.w * s.time)[:, None]
-        force = (self.damping + self.coriolis) @ v + self.stiffness @ r + np.array(s.reference_acceleration)
+        force = (self.damping + self.coriolis) @ velocity + self.stiffness @ position + acceleration
         force = force - self.square * e - self.damper * de - self.integral - (self.a * cosine + self.b * sine).sum(0)
         allowed = np.clip(force, -self.limit, self.limit)
         self.reached += bool(np.any(allowed != force))

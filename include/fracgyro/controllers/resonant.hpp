@@ -32,7 +32,7 @@ namespace fracgyro {
 
 struct ResonantParams {
     PidParams pid{};
-    double resonator_gain = 5.0;  // k
+    double resonator_gain = 1.0;  // k
 
     static constexpr auto fields() {
         using P = ResonantParams;
@@ -99,12 +99,14 @@ struct Resonant {
         Signals<T, Report> signals{.reference = Reference<T>::update(state.pid.reference, c.pid.reference)};
         const ReferencePoint<T>& r = signals.reference;
         const Sample<T>& e = signals.error = missing == nullptr ? tracking_error(measured, r) : *missing;
-        Vec2<T> held = state.pid.integral;
+        Vec2<T> known_force = state.pid.integral;
         for (std::size_t i = 0; i < c.count; ++i) {
-            held = held + state.phasors[i].real;
+            known_force = known_force + state.phasors[i].real;
         }
-        const Vec2<T> feedforward = Feedforward<T>::force(c.pid.nominal, r);
-        const Vec2<T> wanted = feedforward - c.pid.position_gain * e.value - c.pid.velocity_gain * e.derivative - held;
+        const Vec2<T> feedforward =
+            Feedforward<T>::force(c.pid.nominal, Reference<T>::held(state.pid.reference, c.pid.reference));
+        const Vec2<T> wanted =
+            feedforward - c.pid.position_gain * e.value - c.pid.velocity_gain * e.derivative - known_force;
         // I and p grow with e and move the force against it.
         const T active = Saturation<T>::apply(signals, c.pid.saturation, wanted, e.value);
         const T learns = T(missing == nullptr ? 1.0 : 0.0);
