@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import create_model, model_validator
 
 from .kinds import si_table_fields
-from .points import OptionalPoints, Points, read_file
+from .points import OptionalPoints, Points
 from .table import NonNegative, Table, field, message_error, toml_value
 
 if TYPE_CHECKING:
@@ -96,11 +96,6 @@ class Rate(_Rate):
         unit="s, rad/s",
     )
 
-    @model_validator(mode="before")
-    @classmethod
-    def _file(cls, values: Any) -> Any:
-        return read_file(values, "rate", "file", "points", "rate")
-
     @model_validator(mode="after")
     def _check(self) -> Self:
         if (self.kind == "table") != (self.points is not None):
@@ -141,11 +136,6 @@ class Device(_Device):
         "[[time in s, change of temperature in K], ...], linear in between and constant beyond the ends.",
         unit="s, K",
     )
-
-    @model_validator(mode="before")
-    @classmethod
-    def _file(cls, values: Any) -> Any:
-        return read_file(values, "device", "temperature_file", "temperature_points", "temperature")
 
     @model_validator(mode="after")
     def _check(self) -> Self:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from .points import OptionalSpectrum, OptionalTriples, read_file
+from .points import OptionalSpectrum, OptionalTriples
 from .table import Frequencies, NonNegative, Pair, Table, as_tuple, field, message_error, toml_value
 
 MAX_ENTRIES = 64
@@ -86,11 +86,6 @@ class Entry(Table):
         "zero beyond the ends.",
         unit=f"1/omega0, {FORCE}",
     )
-
-    @model_validator(mode="before")
-    @classmethod
-    def _file(cls, values: Any) -> Any:
-        return read_file(values, "disturbance", "file", "points", "x,y")
 
     @model_validator(mode="after")
     def _check(self) -> Self:

@@ -15,7 +15,7 @@ from pydantic_core import ErrorDetails
 
 from ..files import cut, one_line
 from .scales import SI_TABLES, si_unit
-from .table import format_value
+from .table import format_value, found_wrong
 from .units import examples
 
 
@@ -120,6 +120,8 @@ def scenario_error(error: ValidationError, model: type[BaseModel], at: tuple[str
 
 
 def _describe(problem: ErrorDetails, model: type[BaseModel]) -> str:
+    if (wrong := found_wrong(problem["input"])) is not None:
+        return _numbered(wrong)
     if problem["type"] == "message":
         at = problem["loc"]
         return _numbered(problem["msg"], int(at[2]) if at[:2] == ("disturbance", "added") and len(at) > 2 else None)

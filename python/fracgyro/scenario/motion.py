@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 from pydantic import BeforeValidator, create_model, model_validator
 
 from .kinds import table_fields
-from .points import OptionalTriples, read_file
+from .points import OptionalTriples
 from .table import Frequencies, Pair, Table, field, message_error, toml_value
 
 if TYPE_CHECKING:
@@ -57,11 +57,6 @@ class Reference(_Reference):
     def kinds(self) -> tuple[str, str]:
         """The kinds of x and y."""
         return (self.kind, self.kind) if isinstance(self.kind, str) else self.kind
-
-    @model_validator(mode="before")
-    @classmethod
-    def _file(cls, values: Any) -> Any:
-        return read_file(values, "reference", "file", "points", "x,y")
 
     @model_validator(mode="after")
     def _check(self) -> Self:

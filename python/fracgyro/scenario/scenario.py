@@ -23,6 +23,7 @@ from .kinds import KINDS
 from .messages import ScenarioError, did_you_mean, paths, scenario_error, unknown
 from .motion import Reference
 from .plants import Constraints, constraints
+from .points import FILES
 from .printing import (
     BEGIN,
     BY_KIND,
@@ -49,8 +50,6 @@ from .schema import (
 from .shipped import NAMES, SHIPPED, shipped_text
 from .table import Table, format_value, toml_value
 from .toml import read_tables, read_text
-
-FILES = [("reference", "file"), ("rate", "file"), ("device", "temperature_file"), ("disturbance", "file")]
 
 
 def _add_units(schema: dict[str, Any]) -> None:
@@ -187,11 +186,11 @@ class Scenario(Table):
         if text.startswith(BEGIN) and END not in text:
             raise ScenarioError(f"{source} is cut off: its last line, {END!r}, is missing")
         tables = read_tables(text, source)
-        for table, field in FILES:
+        for table, file in FILES.items():
             named = tables.get(table)
             for entry in named if isinstance(named, list) else [named]:
-                if isinstance(entry, dict) and isinstance(entry.get(field), str):
-                    entry[field] = str(Path(folder) / entry[field])
+                if isinstance(entry, dict) and isinstance(entry.get(file.field), str):
+                    entry[file.field] = str(Path(folder) / entry[file.field])
         return cls(**tables)
 
     def to_toml(self) -> str:
@@ -213,8 +212,6 @@ class Scenario(Table):
         >>> fg.Scenario.paper().replace({"controller.order": 0.8, "run.duration": 20.0}).run.duration
         20.0
         """
-        if not isinstance(changes, Mapping):
-            raise TypeError(f"changes is {short(changes)}: it must be a dict of dotted names to values")
         if not isinstance(changes, Mapping):
             raise TypeError(f"changes is {short(changes)}: it must be a dict of dotted names to values")
         tables = self.model_dump()

@@ -62,6 +62,18 @@ def message_error(text: str) -> PydanticCustomError:
     return PydanticCustomError("message", "{text}", {"text": text})
 
 
+class Wrong(str):
+    """The error of a value, worded in full, in its place: validation reports it together with all other errors."""
+
+
+def found_wrong(value: Any) -> Wrong | None:
+    """The first error in a value, or in a list of rows."""
+    if isinstance(value, Wrong):
+        return value
+    inner = value if isinstance(value, list | tuple) else ()
+    return next((each for each in map(found_wrong, inner) if each is not None), None)
+
+
 def field(default: Any, description: str, *, unit: str = "1", **limits: Any) -> Any:
     """The description becomes the TOML comment: symbol, unit, effect, and the value that switches it off.
 
