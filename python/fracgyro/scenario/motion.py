@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 else:
     PAPER = {"frequency": (math.pi, math.pi / 2), "phase": (0.0, math.pi / 2)}
-    _Reference = create_model("_Reference", __base__=Table, **table_fields("reference", **PAPER))
+    _Reference = create_model("_Reference", __base__=Table, **table_fields("reference", unset=("slope",), **PAPER))
 
 
 class SineTerm(Table):
@@ -64,6 +64,8 @@ class Reference(_Reference):
             raise message_error("reference.terms is missing: sines must have a list of {amplitude, frequency, phase}")
         if "table" in self.kinds and self.points is None:
             raise message_error("reference.points is missing: a table must have points, or a file of them")
+        if "ramp" in self.kinds and self.slope is None:
+            raise message_error("reference.slope is missing: a ramp must have one, [x, y]; zeros are allowed")
         ends = {"step", "ramp", "chirp"} & set(self.kinds)
         if ends and not self.end > self.start:
             raise message_error(
