@@ -15,7 +15,7 @@ from .table import Frequencies, NonNegative, Pair, Table, as_tuple, field, messa
 MAX_ENTRIES = 64
 FORCE = "m*omega0^2*q0"
 RANDOM = ("noise", "vibration")
-SIZED = ("sine", "step", "pulse")  # these must have an amplitude
+SIZED = ("sine", "step", "pulse")  # kinds that must have an amplitude
 NEEDS = {"pulse": "width", "vibration": "psd", "table": "points"}  # fields of these kinds, and of no other
 Kind = Literal["none", "noise", "sine", "step", "pulse", "vibration", "table"]
 Weights = Annotated[tuple[NonNegative, NonNegative], as_tuple("x y")]
@@ -106,10 +106,11 @@ class Entry(Table):
         for name, kind in (*((name, kind) for kind, name in NEEDS.items()), ("file", "table")):
             if self.kind != kind and (value := getattr(self, name)) is not None:
                 raise of_other_kinds(f"disturbance.{name}", value, (kind,), self.kind)
-        needed = NEEDS.get(self.kind, "amplitude" if self.kind in SIZED else "kind")
-        if getattr(self, needed) is None:
-            rule = {"amplitude": "one, [x, y]; zeros are allowed", "points": "points, or a file of them"}
-            raise message_error(f"disturbance.{needed} is missing: a {self.kind} must have {rule.get(needed, 'one')}")
+        needed = [NEEDS[self.kind]] if self.kind in NEEDS else []
+        rules = {"amplitude": "one, [x, y]; zeros are allowed", "points": "points, or a file of them"}
+        for name in [*needed, "amplitude"] if self.kind in SIZED else needed:
+            if getattr(self, name) is None:
+                raise message_error(f"disturbance.{name} is missing: a {self.kind} must have {rules.get(name, 'one')}")
 
     def _check_noise(self) -> None:
         given = {"standard_deviation": self.standard_deviation, "density": self.density}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from copy import copy
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import groupby
@@ -141,10 +140,9 @@ def table_fields(table: str, *, derived: bool = False, unset: tuple[str, ...] = 
 
 
 def _unset(annotation: Any, info: FieldInfo) -> tuple[Any, Any]:
-    """A field that may be left out and has no default."""
-    changed = copy(info)
-    changed.default = None
-    return annotation | None, changed
+    """A field without limits that may be left out and has no default."""
+    extra = info.json_schema_extra
+    return annotation | None, field(None, info.description or "", unit=extra["unit"] if isinstance(extra, dict) else "1")
 
 
 @lru_cache

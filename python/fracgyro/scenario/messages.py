@@ -72,8 +72,12 @@ def unknown(path: str, model: type[BaseModel]) -> str:
         item = _item(parent, model)
         known = [f"{parent}.{name}" for name in item.model_fields] if item else []
     near = {name.rpartition(".")[2]: name for name in known if name.rpartition(".")[0] == parent}
+    same = [name for name in known if name.endswith(f".{leaf}")]
+    if same and not parent:
+        *others, last = same
+        return f"{leaf} is not a known field; did you mean {', '.join(others)}{' or ' if others else ''}{last}?"
     guesses = [near[name] for name in difflib.get_close_matches(leaf, near)]
-    guesses += [name for name in known if name.endswith(f".{leaf}")]
+    guesses += same
     guesses += [] if near else difflib.get_close_matches(path, known)
     if not parent and not guesses:
         inner = {name.rpartition(".")[2]: name for name in known}

@@ -30,6 +30,7 @@ from .printing import (
     END,
     OWN_KINDS,
     brief,
+    differing,
     fields_of_table,
     fields_shown,
     own_fields,
@@ -259,6 +260,22 @@ class Scenario(Table):
         points = points_of(function, self.plant, self.run, every)
         return self.replace({"reference.kind": "table", "reference.points": points})
 
+    def with_disturbance(self, function: Function, every: int = 1) -> Scenario:
+        """A copy with a force added that is a function of time: `function(time)` returns (x, y), as run.units says.
+
+        It becomes a table of its values at every `every`-th step, linear in between and zero after the run, and adds to
+        the disturbance. Raises ScenarioError if a value is not two finite numbers, or for more than 100,000 rows.
+
+        >>> pull = fg.Scenario.paper().with_disturbance(lambda t: (100 * math.exp(-t), 0.0), every=20)
+        >>> pull.disturbance.kinds, len(pull.disturbance.added[0].points)
+        ('noise + table', 4001)
+        """
+        table = {"kind": "table", "points": points_of(function, self.plant, self.run, every, "disturbance")}
+        first = {name: value for name, value in self.disturbance if name != "added"}
+        if self.disturbance.kind == "none" and not self.disturbance.added:
+            return self.replace({"disturbance": {"seed": self.disturbance.seed, **table}})
+        return self.replace({"disturbance": [first, *map(dict, self.disturbance.added), table]})
+
     def in_si(self) -> Scenario:
         """The same scenario, whose `to_toml` has every number with a unit as text in SI: time as "1 us".
 
@@ -279,12 +296,14 @@ class Scenario(Table):
     def differences(self, other: Scenario) -> dict[str, tuple[Any, Any]]:
         """Fields whose values differ, by dotted name, with both values; None: not set, or no field of that kind.
 
+        Those of a term of a list have its place in their names, as disturbance[1].start.
+
         >>> fg.Scenario.paper().differences(fg.Scenario.paper().replace({"controller.order": 0.8}))
         {'controller.order': (0.9, 0.8)}
         """
         mine, theirs = values(self), values(other)
         pairs = {name: (mine.get(name), theirs.get(name)) for name in dict.fromkeys([*mine, *theirs])}
-        return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
+        return dict(differing(pairs))
 
     def changes(self) -> dict[str, Any]:
         """Fields that differ from the defaults of the kind of controller, by dotted name, for `replace`.
