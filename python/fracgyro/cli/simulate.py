@@ -173,7 +173,7 @@ def _many_runs(scenario: Scenario, own: ControllerLike | None, plant: PlantLike 
 @click.option("--units", type=click.Choice(["SI"]), help="Print every number with its unit.")
 @click.option("--list", "listed", is_flag=True, help="List the available scenarios.")
 def scenario_command(name: str | None, units: str | None, listed: bool) -> None:
-    """Print SCENARIO, a name or a file, to edit and run. The paper scenarios explain every field; others are devices."""
+    """Print SCENARIO, a name or a file, to edit and run. The paper scenarios explain every field."""
     if listed:
         width = max(map(len, NAMES))
         for each, words in NAMES.items():

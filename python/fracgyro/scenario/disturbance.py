@@ -81,7 +81,9 @@ class Entry(Table):
     )
     weights: Weights = field((1.0, 1.0), "Factors of the vibration on [x, y], whose vibrations are independent.")
     file: str | None = field(
-        None, "A CSV file with the header time,x,y next to the scenario: read at once and kept as points."
+        None,
+        "A CSV file with the header time,x,y, or with units as time (ms),x (uN),y (uN), next to the scenario: read at "
+        "once and kept as points.",
     )
     points: OptionalTriples = field(
         None,

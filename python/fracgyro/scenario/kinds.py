@@ -125,8 +125,8 @@ def table_fields(table: str, *, derived: bool = False, unset: tuple[str, ...] = 
     """The fields of a scenario's table, of all kinds together, as pydantic's create_model takes them.
 
     `derived`: all but switches may be left out and then follow from the rest of the scenario. `paper`: values of
-    the paper instead of the core's own. `unset`: fields without a default. A field that kinds describe differently may be left out, and is otherwise
-    checked as its kind describes it (fields_of_its_kind).
+    the paper instead of the core's own. `unset`: fields without a default. A field that kinds describe differently may
+    be left out, and is otherwise checked as its kind describes it (fields_of_its_kind).
     """
     found = {}
     for name, kinds in _descriptions(table).items():
@@ -142,7 +142,9 @@ def table_fields(table: str, *, derived: bool = False, unset: tuple[str, ...] = 
 def _unset(annotation: Any, info: FieldInfo) -> tuple[Any, Any]:
     """A field without limits that may be left out and has no default."""
     extra = info.json_schema_extra
-    return annotation | None, field(None, info.description or "", unit=extra["unit"] if isinstance(extra, dict) else "1")
+    return annotation | None, field(
+        None, info.description or "", unit=extra["unit"] if isinstance(extra, dict) else "1"
+    )
 
 
 @lru_cache

@@ -45,7 +45,9 @@ class Reference(_Reference):
         None, "Terms of a sum of sines: a list of {amplitude, frequency, phase}."
     )
     file: str | None = field(
-        None, "For a table: a CSV file with the header time,x,y next to the scenario, read at once and kept as points."
+        None,
+        "For a table: a CSV file with the header time,x,y, or with units as time (ms),x (um),y (um), next to the "
+        "scenario: read at once and kept as points.",
     )
     points: OptionalTriples = field(
         None,

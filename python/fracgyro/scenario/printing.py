@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import re
 import textwrap
 from collections.abc import Iterator, Mapping
@@ -17,7 +16,7 @@ from .disturbance import Disturbance
 from .kinds import fields_of, kinds_with, own_kinds, plants_with
 from .motion import REFERENCE_LISTS
 from .quantities import texts_of
-from .scales import si_unit
+from .scales import SI_TABLES, si_unit
 from .table import Table, plain, toml_value
 from .units import Quantity
 
@@ -54,7 +53,7 @@ def _text(scenario: Table, texts: tuple[tuple[str, str], ...]) -> str:
                     continue
                 value = getattr(entry, field)
                 shown = toml_value(value if texts else plain(value))
-                lines += _comment(_described(info, value) if texts else info.description or "") if place == 0 else []
+                lines += _comment(_described(info, value) if texts and name not in SI_TABLES else info.description or "") if place == 0 else []
                 lines += [f"# {field} is not set" if value is None else f"{field} = {shown}"]
     return "\n".join([*lines, "", END]) + "\n"
 
@@ -86,7 +85,9 @@ def differing(pairs: Mapping[str, tuple[Any, Any]]) -> Iterator[tuple[str, tuple
     for name, (one, other) in pairs.items():
         if one == other:
             continue
-        lists = [each if isinstance(each, tuple) and each and isinstance(each[0], Table) else () for each in (one, other)]
+        lists = [
+            each if isinstance(each, tuple) and each and isinstance(each[0], Table) else () for each in (one, other)
+        ]
         if not any(lists):
             yield name, (one, other)
         for place, both in enumerate(zip_longest(*lists)):
@@ -141,10 +142,12 @@ def _described(info: FieldInfo, value: Any) -> str:
     unit = str(extra.get("unit"))
     if not numbers or "," in unit or not any(isinstance(number, Quantity) for number in numbers):
         return text
-    with contextlib.suppress(ValueError):  # its powers depend on other fields
-        si, word = si_unit(unit), re.escape(unit.replace("*", " "))
-        return re.sub(rf"\b([Uu])nit(?:s)? (?:of force|{word})(?![\w^*])", rf"\1nit {si}", text, count=1)
-    return text
+    first = next(number for number in numbers if isinstance(number, Quantity))
+    try:
+        si = si_unit(unit)
+    except ValueError:  # its powers depend on other fields
+        si = first.text.partition(" ")[2]
+    return re.sub(r"\b([Uu]nit) [^,:;.]*", lambda found: f"{found[1]} {si}", text, count=1)
 
 
 @cache

@@ -217,7 +217,9 @@ def _number(units: Units, si: bool, value: Any, unit: str, path: str) -> Any:
         wanted, name = units.of(path.partition(".")[0], unit)
         return quantity(f"{value!r} {name}" if plain else text, wanted, name)
     except UnitError as error:
-        raise message_error(f"{path} is {format_value(value)}: {error}{_or_acceleration(units, text, unit, path)}") from None
+        raise message_error(
+            f"{path} is {format_value(value)}: {error}{_or_acceleration(units, text, unit, path)}"
+        ) from None
 
 
 def _or_acceleration(units: Units, text: str, unit: str, path: str) -> str:

@@ -83,7 +83,9 @@ def explained(path: str) -> tuple[str, list[tuple[str, str]]]:
         if found := _explained_result(path):
             return found
         results = {*_channels(), *_metrics()}
-        near = did_you_mean(path, sorted(results | set(paths(Scenario)) | {of.rpartition(".")[2] for of in paths(Scenario)}))
+        near = did_you_mean(
+            path, sorted(results | set(paths(Scenario)) | {of.rpartition(".")[2] for of in paths(Scenario)})
+        )
         if near.removeprefix("; did you mean ").removesuffix("?") in results:
             raise ScenarioError(f"{path} is not a known field, channel or metric{near}")
         field = unknown(path, Scenario)

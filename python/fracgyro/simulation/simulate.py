@@ -46,8 +46,8 @@ class DivergedError(ValueError):
         if "plant" in run.attrs:
             gains = f"gains of {run.attrs['controller']}" if "controller" in run.attrs else "gains"
             why = (
-                f"the {gains} are too large for {run.attrs['plant']} and a run.step of {at(step)}, or it is unstable, or "
-                f"too stiff for a Runge-Kutta step of that length; {shorter}"
+                f"the {gains} are too large for {run.attrs['plant']} and a run.step of {at(step)}, or it is unstable, "
+                f"or too stiff for a Runge-Kutta step of that length; {shorter}"
             )
         elif "controller" in run.attrs:
             why = (
