@@ -149,7 +149,7 @@ def test_a_run_that_its_bounds_ended_says_so(units: str) -> None:
 
 
 def test_a_run_that_its_step_ended_says_so() -> None:
-    with pytest.raises(fg.DivergedError, match=r"run\.step is 0\.01, which is too long for these gains"):
+    with pytest.raises(fg.DivergedError, match=r"run\.step is 0\.01/ω0, which is too long for these gains"):
         fg.simulate(PAPER.replace({"run.step": 1e-2, "disturbance.hold": 1e-2}))
 
 

@@ -130,14 +130,14 @@ def test_a_table_of_metrics_is_printed_for_people() -> None:
         (["reprodce"], "reprodce is not a command; did you mean reproduce?"),
         (["export", "firmwar"], "firmwar is not a command; did you mean firmware?"),
         (["export", "rocket"], "rocket is not a command; known are firmware, fmu, "),
-        (["scenario", "dual_mas"], "'disc'; did you mean dual_mass?"),
+        (["scenario", "dual_mas"], "nor a file; did you mean dual_mass?"),
         (["simulate", "--set", "controller.kind=pdi"], "or force_rebalance; did you mean pid?"),
         (["simulate", "--set", "adaptation.kind=compsite"], "or joint; did you mean composite?"),
         (
             ["simulate", "--set", "controller.ordr=.8"],
             "controller.ordr is not a known field; did you mean controller.o",
         ),
-        (["scenario", "rocket"], "'rocket' is not one of 'paper', 'paper-printed', 'hardware'"),
+        (["scenario", "rocket"], '"rocket" is neither a shipped scenario nor a file'),
     ],
 )
 def test_bad_input_ends_with_one_sentence(tmp_path: Path, words: list[str], expected: str) -> None:
@@ -450,3 +450,50 @@ def test_the_noise_of_the_paper_follows_a_step_that_is_set(
     monkeypatch.setattr("fracgyro.simulation.simulate.simulate", lambda scenario, *_: ran.append(scenario))
     CliRunner().invoke(cli, ["simulate", "--set", f"run.step={step}", "--set", "run.duration=12"])
     assert [(scenario.run.step, scenario.disturbance.hold) for scenario in ran] == [(float(step), hold)]
+
+
+OWN = """
+def of(result):
+    return lambda *of: result
+
+none, number, three, text = of(None), of(1.0), of((1.0, 2.0, 3.0)), of("ab")
+nan = of((float("nan"), 0.0))
+spring = lambda sample: (-1e4 * (sample.position[0] - sample.reference[0]) - 200.0 * sample.velocity[0], 0.0)
+"""
+
+
+@pytest.mark.parametrize("name", ["none", "number", "three", "text", "nan"])
+def test_results_of_own_code_that_are_not_forces_or_derivatives_are_one_sentence(tmp_path: Path, name: str) -> None:
+    (tmp_path / "own.py").write_text(OWN, encoding="utf-8")
+    said = sentence(run("simulate", *SHORT, "--controller", f"own.py:{name}", cwd=tmp_path))
+    assert said.startswith("the controller returned ")
+    assert said.endswith(" at t = 0: it must return two finite numbers")
+    if name in ("three", "nan", "none"):
+        said = sentence(run("simulate", *SHORT, "--plant", f"own.py:{name}", cwd=tmp_path))
+        assert said.startswith("the plant returned ")
+        assert said.endswith(" at t = 0: it must return 4 finite numbers")
+
+
+def test_metrics_of_what_a_controller_does_not_report_are_left_out(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(OWN, encoding="utf-8")
+    missing = {"rate_error", "rate_settling_time", "damping_error", "stiffness_error", "bound_final", "bound_0_halfway"}
+    missing |= {"surface_settling_time", "rate_error_rms", "rate_error_peak"}
+    own = ["simulate", "--set", "run.duration=2", "--controller", "own.py:spring"]
+    table = run(*own, cwd=tmp_path).stdout
+    names = {line.split(" ")[0] for line in table.splitlines()}
+    assert {"rmse", "error_settling_time", "effort"} <= names
+    assert not missing & names
+    assert "rmse steady and chattering need samples" in table
+    for words in ([], ["--seeds", "2"]):
+        found = set(json.loads(run(*own, *words, "--json", cwd=tmp_path).stdout))
+        assert {"rmse", "error_settling_time", "effort"} <= found
+        assert not missing & found
+    of_paper = json.loads(run("simulate", "--set", "run.duration=2", "--json", cwd=tmp_path).stdout)
+    assert missing <= set(of_paper)
+
+
+def test_an_own_controller_that_diverges_in_si_learns_its_units(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(OWN, encoding="utf-8")
+    said = sentence(run("simulate", "--set", "run.units=SI", "--controller", "own.py:spring", cwd=tmp_path))
+    assert re.search(r"diverged at t = \S+ s: .* run\.step, which is 1e-06 s,", said)
+    assert said.endswith("as run.units is SI, its samples are in m and m/s, and its force is in N")

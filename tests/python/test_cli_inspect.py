@@ -139,3 +139,71 @@ def test_a_scenario_is_changed_only_by_replace() -> None:
     changes: Any = ["controller.order"]
     with pytest.raises(TypeError, match=r"^changes is \['controller.order'\]: it must be a dict of dotted names"):
         scenario.replace(changes)
+
+
+def test_check_prints_wrong_units_kinds_and_names_together(tmp_path: Path) -> None:
+    bad = tmp_path / "bad.toml"
+    bad.write_text(
+        "units = 'si'\n[run]\nstep = '2 kg'\nduratin = 3.0\n[controller]\nkind = 'pdi'\n[plant]\nmass = '1 m'\n"
+        "[reference]\nkind = 'table'\nfile = 'none.csv'\n",
+        encoding="utf-8",
+    )
+    fields = [line.split(": ")[1].split(" is ")[0] for line in ran("check", bad).stderr.splitlines()]
+    assert sorted(fields) == ["controller.kind", "plant.mass", "reference.file", "run.duratin", "run.step", "units"]
+
+
+def test_check_warns_of_a_table_that_ends_early(tmp_path: Path) -> None:
+    points = [[0.0, 0.0, 0.0], [7.0, 1.0, 1.0]]
+    scenario = HARDWARE.replace({"run.duration": 80.0, "reference.kind": "table", "reference.points": points})
+    assert any("reference.points ends at 7: run.duration is 80" in each for each in suspicious(scenario))
+    longer = scenario.replace({"reference.points": [[0.0, 0.0, 0.0], [9.0, 1.0, 1.0]]})
+    assert not any("ends at" in each for each in suspicious(longer))
+    added = HARDWARE.replace({"disturbance": [{"kind": "none"}, {"kind": "table", "points": points, "start": 0.5}]})
+    assert any(each.startswith("disturbance[1].points ends at 7.5") for each in suspicious(added)) == (
+        HARDWARE.run.duration > 75.0
+    )
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[disturbance]\nkind = 'none'\n[[disturbance]]\nkind = 'none'",
+        "[[disturbance]]\nkind = 'none'\n[disturbance]\nkind = 'none'",
+        "[disturbance]\nkind = 'none'\n[disturbance]\nkind = 'none'",
+    ],
+)
+def test_a_list_of_tables_with_single_brackets_is_explained(text: str) -> None:
+    with pytest.raises(fg.ScenarioError, match=r"each table of a list is headed by two brackets, as \[\[disturbance\]\]"):
+        Scenario.from_toml(text)
+
+
+def test_explain_knows_metrics_and_channels_and_labels_kinds() -> None:
+    assert "windows  whole, transient, steady" in ran("explain", "rmse").stdout
+    assert ran("explain", "rate_estimate").stdout.startswith("rate_estimate: estimate of the angular rate")
+    assert "reference.kind  sine, chirp" in ran("explain", "reference.frequency").stdout
+    assert "disturbance.kind  pulse" in ran("explain", "disturbance.width").stdout
+    for name, said in {
+        "frequency": "did you mean reference.frequency, disturbance.frequency or rate.frequency?",
+        "chatering": "is not a known field, channel or metric; did you mean chattering?",
+        "qqqq": ", and channels and metrics of runs",
+        "duration": "did you mean run.duration?",
+    }.items():
+        assert said in str(ran("explain", name).exception)
+
+
+def test_diff_leaves_out_what_only_the_reproduction_sets(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.toml"
+    mine.write_text("[run]\nduration = 20.0\n", encoding="utf-8")
+    lines = ran("diff", "paper", mine).stdout.splitlines()
+    assert [line.split()[0] for line in lines if line][1:-1] == ["run.duration"]
+    assert "disturbance.hold, run.kernel_tolerance; --all prints them" in lines[-1]
+    everything = ran("diff", "paper", mine, "--all").stdout
+    assert "disturbance.hold" in everything.splitlines()[1]
+    assert set(json.loads(ran("diff", "paper", mine, "--json").stdout)) > {"disturbance.hold", "run.duration"}
+
+
+def test_scenario_prints_a_file(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.toml"
+    mine.write_text("[run]\nduration = 20.0\n", encoding="utf-8")
+    assert 'duration = "20 ms"' in ran("scenario", mine, "--units", "SI").stdout
+    assert ran("scenario", mine).stdout == Scenario.load(mine).to_toml()

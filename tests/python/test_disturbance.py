@@ -246,15 +246,48 @@ def test_a_table_is_read_from_a_file_next_to_the_scenario(tmp_path: Path) -> Non
         fg.Scenario.load(file)
 
 
+def test_a_function_of_time_adds_a_force() -> None:
+    noisy = fg.Scenario.paper().with_disturbance(lambda t: (t, -1.0), every=20)
+    assert noisy.disturbance.kinds == "noise + table"
+    assert noisy.disturbance.hold == 1e-3
+    assert noisy.disturbance.added[0].points[1] == (0.02, 0.02, -1.0)
+    twice = noisy.with_disturbance(lambda t: (0.0, 0.0), every=40)
+    assert twice.disturbance.kinds == "noise + table + table"
+    silent = {"disturbance.kind": "none", "disturbance.seed": 7, "run.units": "SI"}
+    newtons = fg.Scenario.paper().replace(silent).with_disturbance(lambda t: (1e-6 + t, 0.0), every=20)
+    assert (newtons.disturbance.kinds, newtons.disturbance.seed) == ("table", 7)
+    assert newtons.disturbance.points[1] == pytest.approx((0.02, (1e-6 + 2e-5) / 1.8e-7, 0.0))
+    with pytest.raises(fg.ScenarioError, match=r"the disturbance at t = 0 is 1\.0: it must be two finite numbers"):
+        noisy.with_disturbance(lambda t: 1.0, every=20)
+
+
+def test_lists_of_tables_differ_field_by_field() -> None:
+    one = with_list({"kind": "none"}, {"kind": "sine", "amplitude": [1.0, 0.0]})
+    other = with_list({"kind": "none"}, {"kind": "step", "amplitude": [1.0, 0.0]})
+    assert one.differences(other) == {"disturbance[1].kind": ("sine", "step")}
+    assert with_list({"kind": "none"}).differences(other) == {
+        "disturbance[1].kind": (None, "step"),
+        "disturbance[1].amplitude": (None, (1.0, 0.0)),
+    }
+
+
 WRONG: list[tuple[list[Any], str]] = [
-    ([], "disturbance is []: it must be a table or a list of 1 to 64 tables"),
+    ([], 'disturbance is []: it must be a table or a list of 1 to 64 tables; one of kind = "none" is no disturbance'),
     ([1.0], "disturbance is [1.0]: it must be a table or a list of 1 to 64 tables"),
     ([{"kind": "none"}] * 65, "it must be a table or a list of 1 to 64 tables"),
-    ([{"kind": "pulse"}], 'disturbance.kind is "pulse" and disturbance.width is missing: a pulse, and nothing else'),
-    ([{"kind": "none", "width": 1.0}], 'disturbance.kind is "none" and disturbance.width is given'),
-    ([{"kind": "vibration"}], 'disturbance.kind is "vibration" and disturbance.psd is missing'),
-    ([{"kind": "table"}], 'disturbance.kind is "table" and disturbance.points is missing'),
-    ([{"kind": "step", "start": 2.0, "end": 2.0}], "disturbance.end is 2.0: it must be greater than disturbance.start"),
+    ([{"kind": "pulse"}], "disturbance.width is missing: a pulse must have one"),
+    ([{"kind": "none", "width": 1.0}], 'disturbance.width is 1.0: it needs disturbance.kind = "pulse", but disturbance.kind is "none"'),
+    ([{"kind": "vibration"}], "disturbance.psd is missing: a vibration must have one"),
+    ([{"kind": "table"}], "disturbance.points is missing: a table must have points, or a file of them"),
+    ([{"kind": "pulse", "width": 1.0}], "disturbance.amplitude is missing: a pulse must have one, [x, y]; zeros are"),
+    ([{"kind": "none"}, {"kind": "sine"}], "disturbance[1].amplitude is missing: a sine must have one"),
+    ([{"kind": "noise", "file": "a.csv"}], 'disturbance.file is "a.csv": it needs disturbance.kind = "table"'),
+    (
+        [{"kind": "step", "amplitude": ["10 g", 0.0]}],
+        'disturbance.amplitude[0] is "10 g": it is a mass; it must be a force such as "1 uN"; disturbance.quantity = '
+        '"acceleration" takes an acceleration',
+    ),
+    ([{"kind": "step", "amplitude": [1.0, 1.0], "start": 2.0, "end": 2.0}], "disturbance.end is 2.0: it must be greater than disturbance.start"),
     ([{"kind": "step", "start": -1.0}], "disturbance.start is -1.0: it must be at least 0"),
     (
         [{"kind": "noise", "density": 1.0, "band": [2.0, 1.0]}],

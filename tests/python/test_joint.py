@@ -146,8 +146,8 @@ def test_what_is_told_belongs_to_controllers_that_ask_for_it() -> None:
     with pytest.raises(ScenarioError) as caught:
         fg.Scenario().replace({"controller.kind": "pid", "datasheet.delay": 1})
     assert str(caught.value) == (
-        "datasheet.delay is 1: it must be left out, as controller.kind pid has no such field; it is one of "
-        "fractional_fast_terminal, fractional, fast_terminal, linear, lqg, open_loop, force_rebalance"
+        'datasheet.delay is 1: it needs controller.kind = "fractional_fast_terminal", "fractional", "fast_terminal", '
+        '"linear", "lqg", "open_loop" or "force_rebalance", but controller.kind is "pid"'
     )
     with pytest.raises(ScenarioError, match=r"datasheet\.delay is 9: it must lie between 0 and 8"):
         fg.Scenario().replace({"datasheet.delay": 9})

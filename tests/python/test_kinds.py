@@ -47,8 +47,8 @@ def test_a_field_of_another_kind_is_refused_and_left_behind_when_the_kind_change
     with pytest.raises(ScenarioError) as caught:
         of_kind("pid").replace({"controller.order": 0.8})
     assert str(caught.value) == (
-        "controller.order is 0.8: it must be left out, as controller.kind pid has no such field; it is one of "
-        "fractional_fast_terminal, fractional, fast_terminal, linear"
+        'controller.order is 0.8: it needs controller.kind = "fractional_fast_terminal", "fractional", "fast_terminal" '
+        'or "linear", but controller.kind is "pid"'
     )
     back = PAPER.replace({"controller.order": 0.8, "adaptation.leakage": 0.5}).replace({"controller.kind": "pid"})
     assert back.replace({"controller.kind": "linear"}).controller.order == 0.9

@@ -161,8 +161,11 @@ def test_a_file_is_read_once_and_kept(tmp_path: Path) -> None:
     [
         ({"kind": "stp"}, "reference.kind is \"stp\": it must be sine, sines, step, ramp, chirp, staircase, table or "
          "rest, or a list of two of these for x and y; did you mean step?"),
-        ({"kind": "sine", "slope": (1.0, 1.0)}, "reference.slope is [1.0, 1.0]: it must be left out, as "
-         "reference.kind \"sine\" has no such field; it is one of ramp"),
+        ({"kind": "sine", "slope": (1.0, 1.0)}, "reference.slope is [1.0, 1.0]: it needs "
+         "reference.kind = \"ramp\", but reference.kind is \"sine\""),
+        ({"kind": "ramp"}, "reference.slope is missing: a ramp must have one, [x, y]; zeros are allowed"),
+        ({"file": "a.csv"}, "reference.file is \"a.csv\": it needs reference.kind = \"table\", but reference.kind is "
+         "\"sine\""),
         ({"kind": "table"}, "reference.points is missing: a table must have points, or a file of them"),
         ({"kind": "sines"}, "reference.terms is missing: sines must have a list of {amplitude, frequency, phase}"),
         ({"kind": "chirp"}, "reference.end is inf: a chirp must reach its final frequency at a finite time"),

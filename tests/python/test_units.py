@@ -237,14 +237,15 @@ def scenario_with(path: str) -> fg.Scenario:
 # By the first kind of reference or plant that has a field.
 NEEDED_BY_KIND: dict[tuple[str, ...], dict[str, Any]] = {
     ("step",): {"reference.kind": "step"},
-    ("ramp",): {"reference.kind": "ramp"},
+    ("ramp",): {"reference.kind": "ramp", "reference.slope": (2.0, 3.0)},
     ("chirp",): {"reference.kind": "chirp", "reference.end": 9.0},
     ("staircase",): {"reference.kind": "staircase"},
     ("duffing",): {"plant.kind": "duffing"},
     ("general",): {"plant.kind": "general"},
 }
 NEEDS: dict[str, dict[str, Any]] = {
-    "disturbance.width": {"disturbance.kind": "pulse"},
+    "disturbance.width": {"disturbance.kind": "pulse", "disturbance.amplitude": (1.0, 1.0)},
+    "disturbance.amplitude": {"disturbance.amplitude": (2.0, 3.0)},
     "disturbance.density": {"disturbance.standard_deviation": None},
     "disturbance.hold": {"disturbance.hold": 2e-3},
     "device.position_noise_corner": {"device.position_noise": 1e-12},
@@ -263,6 +264,7 @@ def test_every_field_with_a_unit_accepts_text_in_si_and_means_the_number(path: s
     if value is None or value == math.inf or (isinstance(value, tuple) and math.inf in value):
         value = (2.0, 3.0) if isinstance(value, tuple) else 2.0
     changes = NEEDS.get(path, {}) | {path: 0.5 if value == 0.0 else value}
+    changes |= {path: NEEDS[path][path]} if path in NEEDS.get(path, {}) else {}
     plain = scenario.replace(changes)
     si = plain.in_si()
     text = [quantity.text for quantity in numbers_in(value_at(si, path))]
@@ -588,3 +590,71 @@ def test_the_page_lists_every_unit() -> None:
     prefixes = re.search(r"Prefixes: (.*)\.$", page, re.M)
     assert prefixes
     assert re.findall(r"`(\w)`", prefixes[1]) == list(PREFIXES)
+
+
+SI_ROWS = [[0.0, 0.0, 0.0], [0.01, 1e-6, 2.5e-6], [0.02, 0.0, 0.0]]
+
+
+def written(folder: Path, header: str, rows: list[list[float]]) -> str:
+    path = folder / "rows.csv"
+    path.write_text("\n".join([header, *(",".join(map(str, row)) for row in rows)]), encoding="utf-8")
+    return str(path)
+
+
+@pytest.mark.parametrize("table", ["reference", "disturbance"])
+def test_a_file_of_a_scenario_in_si_is_in_si(tmp_path: Path, table: str) -> None:
+    inline = fg.Scenario(units="SI", **{table: {"kind": "table", "points": SI_ROWS}})
+    name = written(tmp_path, "time,x,y", SI_ROWS)
+    assert fg.Scenario(units="SI", **{table: {"kind": "table", "file": name}}) == inline
+    toml = f"units = 'SI'\n[{table}]\nkind = 'table'\nfile = 'rows.csv'"
+    assert fg.Scenario.from_toml(toml, folder=tmp_path) == inline
+    plain = fg.Scenario(**{table: {"kind": "table", "file": name}})
+    assert value_at(plain, f"{table}.points") == tuple(map(tuple, SI_ROWS))
+
+
+def test_files_of_added_entries_and_of_si_tables_are_in_si(tmp_path: Path) -> None:
+    name = written(tmp_path, "time,x,y", SI_ROWS)
+    pair = [{"kind": "none"}, {"kind": "table", "quantity": "acceleration", "file": name}]
+    added = fg.Scenario(units="SI", disturbance=pair).disturbance.added[0]
+    assert added.points[1] == pytest.approx((10.0, 1e-6, 2.5e-6))  # the unit is omega0^2 q0, 1 m/s^2
+    rates = written(tmp_path, "time (ms), rate (deg/s)", [[0.0, 0.0], [10.0, 180.0]])
+    for units in ("SI", "nondimensional"):
+        rate = fg.Scenario(units=units, rate={"kind": "table", "file": rates}).rate
+        assert rate.points[1] == pytest.approx((0.01, math.pi))
+
+
+def test_the_header_of_a_file_may_have_units(tmp_path: Path) -> None:
+    name = written(tmp_path, "time (ms), x (um),y", [[0, 0, 0], [10, 1.5, 2]])
+    by_file = {"reference.kind": "table", "reference.file": name}
+    assert SI.replace(by_file).reference.points == ((0.0, 0.0, 0.0), (10.0, 1.5, 2.0))
+    shock = written(tmp_path, "time (ms),x (g),y (m/s^2)", [[0, 0, 0], [1, 2, 3]])
+    table = {"kind": "table", "quantity": "acceleration", "file": shock}
+    assert fg.Scenario(disturbance=table).disturbance.points[1] == pytest.approx((1.0, 2 * 9.80665, 3.0))
+    for header, said in {
+        "time (ms),x (kg),y": 'its column x is in kg: it is a mass; it must be a length such as "1.5 um"',
+        "time (m),x,y": "its column time is in m: it is a length; it must be a time",
+        "time (bar),x,y": "its column time is in bar: bar is not a unit; it must be a time",
+        "time (),x,y": "its first line must be 'time,x,y', where a unit may follow each name in parentheses",
+        "t,x,y": "its first line must be 'time,x,y'",
+    }.items():
+        written(tmp_path, header, [[0, 0, 0]])
+        with pytest.raises(fg.ScenarioError) as caught:
+            SI.replace(by_file)
+        assert said in str(caught.value)
+
+
+def test_tera_and_peta_are_prefixes() -> None:
+    assert parse("TN/m^3").factor == 10**12
+    assert parse("petanewton").factor == 10**15
+
+
+def test_added_entries_and_comments_are_in_si() -> None:
+    entries = [{"kind": "none"}, {"kind": "sine", "amplitude": [1.0, 0.0]}]
+    text = fg.Scenario(disturbance=entries).in_si().to_toml()
+    added = text.partition("# Added to it.")[2]
+    assert 'start = "0 s"' in added
+    assert 'phase = ["0 rad", "0 rad"]' in added
+    comments = [line for line in text.partition("[reference]")[2].splitlines() if line.startswith("#")]
+    assert any("[x, y], unit m: amplitude" in line for line in comments)
+    assert "q0, m: the unit of length of every other table." in text
+    assert fg.Scenario.from_toml(text) == fg.Scenario(disturbance=entries)

@@ -583,8 +583,7 @@ def test_a_scenario_with_a_kind_of_plant_is_read_back_and_measured(kind: str) ->
 
 def test_fields_of_other_kinds_are_refused() -> None:
     refused(
-        "plant.cubic_coupling is 1.0: it must be left out, as plant.kind gyroscope has no such field; it is one of "
-        "duffing",
+        'plant.cubic_coupling is 1.0: it needs plant.kind = "duffing", but plant.kind is "gyroscope"',
         lambda: PAPER.replace({"plant.cubic_coupling": 1.0}),
         fg.ScenarioError,
     )

@@ -47,14 +47,3 @@ class Commands(click.Group):
             near = did_you_mean(name, self.list_commands(ctx)) or f"; known are {', '.join(self.list_commands(ctx))}"
             raise click.UsageError(f"{name} is not a command{near}")
         return super().resolve_command(ctx, args)
-
-
-class Names(click.Choice[str]):
-    """A choice of names with suggestions for misspelled ones."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        try:
-            return super().convert(value, param, ctx)
-        except click.BadParameter as error:
-            near = did_you_mean(str(value), map(str, self.choices))
-            raise click.BadParameter(error.message.rstrip(".") + near, ctx, param) from None

@@ -12,12 +12,27 @@ from ..scenario import Scenario
 from ..scenario.kinds import SINE_DRIVES
 
 STEADY = ["chattering", "rate_error_rms"]  # metrics of the steady window, like rmse steady
+# Metrics that are known if the controller reports what they need, and others that need the same.
+OF_REPORTS = {
+    "rate_error": ("rate_error_rms", "rate_error_peak", "rate_settling_time"),
+    "damping_error": (),
+    "stiffness_error": (),
+    "bound_final": ("bound_0_halfway",),
+}
 Cell = Callable[[Any], Any]  # a scalar variable -> its JSON
+
+
+def reported(figures: Any, surface: bool) -> Any:
+    """The metrics without those of channels that the controller does not report; `surface`: it reports a surface."""
+    missing = [] if surface else ["surface_settling_time"]
+    for known, others in OF_REPORTS.items():
+        missing += [known, *others] if bool(figures[known].isnull().all()) else []
+    return figures.drop_vars(missing)
 
 
 def shown(figures: Any, steady: bool) -> Any:
     """The metrics without those of the steady window, unless the run reaches it."""
-    return figures if steady else figures.drop_vars(STEADY).sel(window=["whole", "transient"])
+    return figures if steady else figures.drop_vars(STEADY, errors="ignore").sel(window=["whole", "transient"])
 
 
 def followed(scenario: Scenario, figures: Any) -> list[Any]:
@@ -27,12 +42,11 @@ def followed(scenario: Scenario, figures: Any) -> list[Any]:
     return [figures[["rmse"]].sel(axis=["y"]), figures.drop_vars(["rmse", "error_settling_time"])]
 
 
-def left_out(scenario: Scenario, transient: float) -> str:
+def left_out(scenario: Scenario, figures: Any, transient: float) -> str:
     """The reason why `shown` leaves metrics out."""
-    return (
-        f"run.duration is {scenario.run.duration:g}: rmse steady, {' and '.join(STEADY)} need samples from "
-        f"{transient:g}/ω0 on."
-    )
+    names = ", ".join(["rmse steady", *(name for name in STEADY[:-1] if name in figures)])
+    names += " and " + STEADY[-1] if STEADY[-1] in figures else ""
+    return f"run.duration is {scenario.run.duration:g}: {names} need samples from {transient:g}/ω0 on."
 
 
 def plain(values: Any, cell: Cell) -> Any:

@@ -10,7 +10,7 @@ from typing import Any
 import click
 from pydantic import BaseModel
 
-from ..scenario import ScenarioError
+from ..scenario import Scenario, ScenarioError
 from ..scenario.named import named
 from ..scenario.table import toml_value
 from .completion import fields, scenarios
@@ -45,11 +45,14 @@ def check(scenario: str) -> None:
 @click.command()
 @click.argument("first", metavar="A", shell_complete=scenarios)
 @click.argument("second", metavar="B", shell_complete=scenarios)
+@click.option("--all", "everything", is_flag=True, help="Also print what only the paper's reproduction needs.")
 @click.option("--json", "as_json", is_flag=True, help="Print the fields as JSON.")
-def diff(first: str, second: str, as_json: bool) -> None:
+def diff(first: str, second: str, everything: bool, as_json: bool) -> None:
     """Print the fields in which scenarios A and B differ, with both values. Exit with 1 if any does."""
     one, other = named(first), named(second)
     found = one.differences(other)
+    hidden = [] if everything or as_json else _of_reproduction(found, (first, second))
+    found = {field: pair for field, pair in found.items() if field not in hidden}
     if as_json:
         content = {field: [_plain(each) for each in pair] for field, pair in found.items()}
         click.echo(json.dumps(content))
@@ -57,8 +60,24 @@ def diff(first: str, second: str, as_json: bool) -> None:
         print_table(("field", first, second), [(field, *map(_shown, pair)) for field, pair in found.items()])
     else:
         click.echo("no field differs")
+    if hidden:
+        click.echo(f"\nleft out, as only the paper scenarios set them: {', '.join(hidden)}; --all prints them")
     if found:
         raise click.exceptions.Exit(DIFFERENT)
+
+
+def _of_reproduction(found: dict[str, tuple[Any, Any]], names: tuple[str, str]) -> list[str]:
+    """Differing fields that a paper scenario sets for the reproduction and the other scenario leaves as they are."""
+    plain, paper = Scenario(), Scenario.paper()
+    return [
+        field
+        for field, pair in found.items()
+        if field in plain.differences(paper)
+        and any(
+            name in ("paper", "paper-printed") and pair[1 - place] == plain.differences(paper)[field][0]
+            for place, name in enumerate(names)
+        )
+    ]
 
 
 def _shown(value: Any) -> str:

@@ -14,14 +14,15 @@ import click
 
 from ..extras import needs
 from ..scenario import Scenario
+from ..scenario.kinds import reported_channels
 from ..scenario.named import named
 from ..scenario.quantities import number_of
 from ..scenario.shipped import NAMES, SHIPPED, shipped_text
+from ..scenario.to_core import core_setup
 from ..simulation.user_controller import ControllerLike, controller_name
 from ..simulation.user_plant import PlantLike, UserPlant
-from .commands import Names
-from .completion import changes
-from .figures import Cell, followed, left_out, of_one, of_seeds, plain, rows, shown
+from .completion import changes, scenarios
+from .figures import Cell, followed, left_out, of_one, of_seeds, plain, reported, rows, shown
 from .options import controller_option, own_controller, own_plant, scenario_argument
 from .terminal import print_table, progress
 
@@ -68,11 +69,13 @@ def simulate_command(
     tasks: list[Any] = []
     notes: list[str] = []
     if seeds is None:
-        figures, tasks, notes = _one_run(chosen, own, model, out, plot)
+        figures, tasks, notes, channels = _one_run(chosen, own, model, out, plot)
     else:
         for option in (name for name, path in (("--out", out), ("--plot", plot)) if path):
             raise click.UsageError(f"--seeds is given with {option}: it must be left out, as many runs have no record")
         figures = _many_runs(chosen, own, model, seeds)
+        channels = [] if own else [channel.name for channel in reported_channels(core_setup(chosen))]
+    figures = reported(figures, "surface" in channels)
     about: dict[str, Any] = {} if own is None else {"controller": controller_name(own)}
     about |= {} if model is None else {"plant": UserPlant(model).name}
     about |= {} if seeds is None else {"seeds": seeds}
@@ -86,7 +89,7 @@ def simulate_command(
     print_table(titles, rows([*tasks, *followed(chosen, shown(figures, steady))], si, cell))
     files = {"controller": controller, "plant": plant}
     notes += [f"{name}: {about[name]}, of {file}" for name, file in files.items() if file]
-    notes += [] if steady else [left_out(chosen, TRANSIENT)]
+    notes += [] if steady else [left_out(chosen, figures, TRANSIENT)]
     if not si:
         p = chosen.plant
         notes.append(
@@ -98,8 +101,8 @@ def simulate_command(
 
 def _one_run(
     scenario: Scenario, own: ControllerLike | None, plant: PlantLike | None, out: Path | None, plot: Path | None
-) -> tuple[Any, list[Any], list[str]]:
-    """Metrics, figures of tasks and notes of a run, after its record was written and drawn."""
+) -> tuple[Any, list[Any], list[str], list[str]]:
+    """Metrics, figures of tasks, notes and channels of a run, after its record was written and drawn."""
     from ..analysis.metrics import measured, summary
     from ..analysis.run_files import check_file, write_file
     from ..analysis.tasks import task_figures
@@ -130,9 +133,10 @@ def _one_run(
         tasks, notes = task_figures(run), []
     except ValueError as error:
         tasks, notes = [], [f"figures of the reference are left out: {error}"]
+    channels = [str(name) for name in run]
     if (own or plant) and recorded.run.record_every == 1:
-        return summary(run), tasks, notes  # a second run of a Python callable would take as long again
-    return measured(scenario, own, plant).drop_vars("diverged_at"), tasks, notes
+        return summary(run), tasks, notes, channels  # a second run of a Python callable would take as long again
+    return measured(scenario, own, plant).drop_vars("diverged_at"), tasks, notes, channels
 
 
 def _many_runs(scenario: Scenario, own: ControllerLike | None, plant: PlantLike | None, seeds: int) -> Any:
@@ -165,17 +169,17 @@ def _many_runs(scenario: Scenario, own: ControllerLike | None, plant: PlantLike 
 
 
 @click.command(name="scenario")
-@click.argument("name", type=Names(list(NAMES)), required=False)
+@click.argument("name", metavar="SCENARIO", shell_complete=scenarios, required=False)
 @click.option("--units", type=click.Choice(["SI"]), help="Print every number with its unit.")
 @click.option("--list", "listed", is_flag=True, help="List the available scenarios.")
 def scenario_command(name: str | None, units: str | None, listed: bool) -> None:
-    """Print a scenario to edit and run. The paper scenarios explain every field; the others are devices."""
+    """Print SCENARIO, a name or a file, to edit and run. The paper scenarios explain every field."""
     if listed:
         width = max(map(len, NAMES))
         for each, words in NAMES.items():
             click.echo(f"{each:<{width}}  {words}")
     else:
-        chosen = Scenario.shipped(name or "paper")
+        chosen = named(name or "paper")
         if name in SHIPPED and not units:
             click.echo(shipped_text(name), nl=False)
         else:

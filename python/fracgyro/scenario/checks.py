@@ -14,7 +14,7 @@ from .messages import scenario_error
 from .plants import check_kind
 from .printing import BY_KIND, fields_of_table, having, own_fields
 from .schema import HOLD_TOLERANCE
-from .table import MAX_STEPS, Table, format_value, message_error, toml_value
+from .table import MAX_STEPS, Table, format_value, message_error, of_other_kinds, toml_value
 
 
 def check(scenario: Any) -> None:
@@ -37,10 +37,7 @@ def _check_kind(scenario: Any) -> None:
         table = getattr(scenario, name)
         for field in sorted(table.model_fields_set - set(fields_of_table(_model(scenario), name, kind))):
             path = f"{name}.{field}"
-            raise message_error(
-                f"{path} is {format_value(getattr(table, field))}: it must be left out, as controller.kind {kind} "
-                f"has no such field; it is one of {', '.join(kinds_with(path))}"
-            )
+            raise of_other_kinds(path, getattr(table, field), kinds_with(path), kind)
 
 
 def _check_fields_of_its_kind(scenario: Any) -> None:
@@ -65,12 +62,8 @@ def _table_of_kind(name: str, kind: str) -> type[Table]:
 def _check_reference(scenario: Any) -> None:
     kinds = scenario.reference.kinds
     for field in sorted(scenario.reference.model_fields_set - set(own_fields(_model(scenario), "reference", kinds))):
-        kinds_having = having("reference", field)
-        raise message_error(
-            f"reference.{field} is {format_value(getattr(scenario.reference, field))}: it must be left out, as "
-            f"reference.kind {format_value(scenario.reference.kind)} has no such field; it is one of "
-            f"{', '.join(kinds_having)}"
-        )
+        value, kind = getattr(scenario.reference, field), scenario.reference.kind
+        raise of_other_kinds(f"reference.{field}", value, having("reference", field), kind)
     kind = scenario.controller.kind
     if kind in SINE_DRIVES and (kinds[0] != "sine" or scenario.reference.offset[0] != 0):
         raise message_error(

@@ -8,8 +8,8 @@ import numpy as np
 from pydantic import create_model, model_validator
 
 from .kinds import si_table_fields
-from .points import OptionalPoints, Points, read_file
-from .table import NonNegative, Table, field, message_error, toml_value
+from .points import OptionalPoints, Points
+from .table import NonNegative, Table, field, message_error, of_other_kinds, toml_value
 
 if TYPE_CHECKING:
 
@@ -42,6 +42,7 @@ else:
         **si_table_fields(
             "rate",
             instead={"start_steps": {"start": (NonNegative, START)}, "hold_steps": {"hold": (float | None, HOLD)}},
+            unset=("amplitude",),
         ),
     )
     DENSITY = "one-sided: instead, white noise up to half the sampling frequency. 0.0: off."
@@ -96,26 +97,19 @@ class Rate(_Rate):
         unit="s, rad/s",
     )
 
-    @model_validator(mode="before")
-    @classmethod
-    def _file(cls, values: Any) -> Any:
-        return read_file(values, "rate", "file", "points", "rate")
-
     @model_validator(mode="after")
     def _check(self) -> Self:
-        if (self.kind == "table") != (self.points is not None):
-            given = "missing" if self.points is None else "given"
-            raise message_error(
-                f"rate.kind is {toml_value(self.kind)} and rate.points is {given}: a table, and nothing else, "
-                "must have points, or a file of them"
-            )
+        if self.kind == "table" and self.points is None:
+            raise message_error("rate.points is missing: a table must have points, or a file of them")
+        for name in ("points", "file"):
+            if self.kind != "table" and (value := getattr(self, name)) is not None:
+                raise of_other_kinds(f"rate.{name}", value, ("table",), self.kind)
+        if self.kind not in ("constant", "table") and self.amplitude is None:
+            raise message_error(f"rate.amplitude is missing: rate.kind {self.kind} must have one; 0.0 is allowed")
         if self.kind == "staircase" and self.hold is None:
             raise message_error("rate.hold is missing: a staircase must have a time on each level")
         if self.kind != "staircase" and self.hold is not None:
-            raise message_error(
-                f"rate.hold is {toml_value(self.hold)}: it must be left out when rate.kind is {toml_value(self.kind)}, "
-                "as only a staircase has a time on each level"
-            )
+            raise of_other_kinds("rate.hold", self.hold, ("staircase",), self.kind)
         if self.kind in ("sine", "noise") and self.frequency == 0:
             raise message_error(
                 f"rate.frequency is 0.0: it must be greater than 0 when rate.kind is {toml_value(self.kind)}"
@@ -141,11 +135,6 @@ class Device(_Device):
         "[[time in s, change of temperature in K], ...], linear in between and constant beyond the ends.",
         unit="s, K",
     )
-
-    @model_validator(mode="before")
-    @classmethod
-    def _file(cls, values: Any) -> Any:
-        return read_file(values, "device", "temperature_file", "temperature_points", "temperature")
 
     @model_validator(mode="after")
     def _check(self) -> Self:

@@ -25,7 +25,7 @@ def rate_values(scenario: Scenario) -> dict[str, Any]:
     step = scenario.run.step * scenario.plant.scales.time  # s
     values = {
         "kind": "staircase" if rate.kind == "step" else rate.kind,
-        "amplitude": rate.amplitude / scale,
+        "amplitude": (rate.amplitude or 0.0) / scale,
         "frequency": rate.frequency / scale,
         "final_frequency": rate.final_frequency / scale,
         "seed": rate.seed,

@@ -9,12 +9,13 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from .points import OptionalSpectrum, OptionalTriples, read_file
-from .table import Frequencies, NonNegative, Pair, Table, as_tuple, field, message_error, toml_value
+from .points import OptionalSpectrum, OptionalTriples
+from .table import Frequencies, NonNegative, Pair, Table, as_tuple, field, message_error, of_other_kinds, toml_value
 
 MAX_ENTRIES = 64
 FORCE = "m*omega0^2*q0"
 RANDOM = ("noise", "vibration")
+SIZED = ("sine", "step", "pulse")  # kinds that must have an amplitude
 NEEDS = {"pulse": "width", "vibration": "psd", "table": "points"}  # fields of these kinds, and of no other
 Kind = Literal["none", "noise", "sine", "step", "pulse", "vibration", "table"]
 Weights = Annotated[tuple[NonNegative, NonNegative], as_tuple("x y")]
@@ -61,7 +62,9 @@ class Entry(Table):
         "outside; of density S its variance is S (high - low)/pi. Not set: off, white noise.",
         unit="omega0",
     )
-    amplitude: Pair = field((0.0, 0.0), "Of sine, step and pulse, [x, y], unit of force. Zeros: off.", unit=FORCE)
+    amplitude: Pair | None = field(
+        None, "Of sine, step and pulse, which must have it, [x, y], unit of force. Zeros: off.", unit=FORCE
+    )
     frequency: Frequencies = field(
         (0.0, 0.0), "Frequency of the sine, [x, y], unit omega0. Zeros: constant force.", unit="omega0"
     )
@@ -78,7 +81,9 @@ class Entry(Table):
     )
     weights: Weights = field((1.0, 1.0), "Factors of the vibration on [x, y], whose vibrations are independent.")
     file: str | None = field(
-        None, "A CSV file with the header time,x,y next to the scenario: read at once and kept as points."
+        None,
+        "A CSV file with the header time,x,y, or with units as time (ms),x (uN),y (uN), next to the scenario: read at "
+        "once and kept as points.",
     )
     points: OptionalTriples = field(
         None,
@@ -86,11 +91,6 @@ class Entry(Table):
         "zero beyond the ends.",
         unit=f"1/omega0, {FORCE}",
     )
-
-    @model_validator(mode="before")
-    @classmethod
-    def _file(cls, values: Any) -> Any:
-        return read_file(values, "disturbance", "file", "points", "x,y")
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -105,14 +105,14 @@ class Entry(Table):
         return self
 
     def _check_needs(self) -> None:
-        for kind, name in NEEDS.items():
-            value = getattr(self, name)
-            if (self.kind == kind) != (value is not None):
-                given = "missing" if value is None else "given"
-                raise message_error(
-                    f"disturbance.kind is {toml_value(self.kind)} and disturbance.{name} is {given}: a {kind}, and "
-                    "nothing else, must have it"
-                )
+        for name, kind in (*((name, kind) for kind, name in NEEDS.items()), ("file", "table")):
+            if self.kind != kind and (value := getattr(self, name)) is not None:
+                raise of_other_kinds(f"disturbance.{name}", value, (kind,), self.kind)
+        needed = [NEEDS[self.kind]] if self.kind in NEEDS else []
+        rules = {"amplitude": "one, [x, y]; zeros are allowed", "points": "points, or a file of them"}
+        for name in [*needed, "amplitude"] if self.kind in SIZED else needed:
+            if getattr(self, name) is None:
+                raise message_error(f"disturbance.{name} is missing: a {self.kind} must have {rules.get(name, 'one')}")
 
     def _check_noise(self) -> None:
         given = {"standard_deviation": self.standard_deviation, "density": self.density}
@@ -164,7 +164,8 @@ class Disturbance(Entry):
         if isinstance(values, list | tuple):
             if not 1 <= len(values) <= MAX_ENTRIES or not all(isinstance(entry, Mapping | Entry) for entry in values):
                 raise message_error(
-                    f"disturbance is {toml_value(values)}: it must be a table or a list of 1 to {MAX_ENTRIES} tables"
+                    f"disturbance is {toml_value(values)}: it must be a table or a list of 1 to {MAX_ENTRIES} tables; "
+                    'one of kind = "none" is no disturbance'
                 )
             first, *added = (dict(entry) for entry in values)
             values = {**first, "added": added} if added else first

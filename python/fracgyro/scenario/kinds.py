@@ -10,6 +10,7 @@ from itertools import groupby
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
+from pydantic.fields import FieldInfo
 
 from .. import _core
 from .scales import si_unit
@@ -120,12 +121,12 @@ def kinds_with(path: str) -> list[str]:
     return [kind for kind in KINDS if name in fields_of(kind, table)]
 
 
-def table_fields(table: str, *, derived: bool = False, **paper: Any) -> Definitions:
+def table_fields(table: str, *, derived: bool = False, unset: tuple[str, ...] = (), **paper: Any) -> Definitions:
     """The fields of a scenario's table, of all kinds together, as pydantic's create_model takes them.
 
     `derived`: all but switches may be left out and then follow from the rest of the scenario. `paper`: values of
-    the paper instead of the core's own. A field that kinds describe differently may be left out, and is otherwise
-    checked as its kind describes it (fields_of_its_kind).
+    the paper instead of the core's own. `unset`: fields without a default. A field that kinds describe differently may
+    be left out, and is otherwise checked as its kind describes it (fields_of_its_kind).
     """
     found = {}
     for name, kinds in _descriptions(table).items():
@@ -135,7 +136,15 @@ def table_fields(table: str, *, derived: bool = False, **paper: Any) -> Definiti
         else:
             meanings = "; ".join(f"{kind}: {parts[0].meaning}" for kind, parts in kinds.items())
             found[name] = (Any, field(None, meanings))
-    return found
+    return found | {name: _unset(*found[name]) for name in unset}
+
+
+def _unset(annotation: Any, info: FieldInfo) -> tuple[Any, Any]:
+    """A field without limits that may be left out and has no default."""
+    extra = info.json_schema_extra
+    return annotation | None, field(
+        None, info.description or "", unit=extra["unit"] if isinstance(extra, dict) else "1"
+    )
 
 
 @lru_cache
@@ -158,13 +167,16 @@ def _descriptions(table: str) -> dict[str, dict[str, list[Number]]]:
     return found
 
 
-def si_table_fields(table: str, instead: Mapping[str, Definitions]) -> Definitions:
-    """The fields of rate or device, in SI units. `instead`: fields that state one of the core's in other terms."""
+def si_table_fields(table: str, instead: Mapping[str, Definitions], unset: tuple[str, ...] = ()) -> Definitions:
+    """The fields of rate or device, in SI units. `instead`: fields that state one of the core's in other terms.
+
+    `unset`: fields without a default.
+    """
     found: Definitions = {}
     listed = [number for number in DEVICE_NUMBERS if number.table == table and _stated(number) and not number.choices]
     for name, parts in groupby(listed, lambda number: number.field):
         found |= instead.get(name) or {name: _si_field(list(parts))}
-    return found
+    return found | {name: _unset(*found[name]) for name in unset}
 
 
 def plant_fields() -> Definitions:

@@ -15,7 +15,7 @@ from pydantic_core import ErrorDetails
 
 from ..files import cut, one_line
 from .scales import SI_TABLES, si_unit
-from .table import format_value
+from .table import format_value, found_wrong
 from .units import examples
 
 
@@ -72,8 +72,12 @@ def unknown(path: str, model: type[BaseModel]) -> str:
         item = _item(parent, model)
         known = [f"{parent}.{name}" for name in item.model_fields] if item else []
     near = {name.rpartition(".")[2]: name for name in known if name.rpartition(".")[0] == parent}
+    same = [name for name in known if name.endswith(f".{leaf}")]
+    if same and not parent:
+        *others, last = same
+        return f"{leaf} is not a known field; did you mean {', '.join(others)}{' or ' if others else ''}{last}?"
     guesses = [near[name] for name in difflib.get_close_matches(leaf, near)]
-    guesses += [name for name in known if name.endswith(f".{leaf}")]
+    guesses += same
     guesses += [] if near else difflib.get_close_matches(path, known)
     if not parent and not guesses:
         inner = {name.rpartition(".")[2]: name for name in known}
@@ -120,6 +124,8 @@ def scenario_error(error: ValidationError, model: type[BaseModel], at: tuple[str
 
 
 def _describe(problem: ErrorDetails, model: type[BaseModel]) -> str:
+    if (wrong := found_wrong(problem["input"])) is not None:
+        return _numbered(wrong)
     if problem["type"] == "message":
         at = problem["loc"]
         return _numbered(problem["msg"], int(at[2]) if at[:2] == ("disturbance", "added") and len(at) > 2 else None)

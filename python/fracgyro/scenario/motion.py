@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 from pydantic import BeforeValidator, create_model, model_validator
 
 from .kinds import table_fields
-from .points import OptionalTriples, read_file
+from .points import OptionalTriples
 from .table import Frequencies, Pair, Table, field, message_error, toml_value
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 else:
     PAPER = {"frequency": (math.pi, math.pi / 2), "phase": (0.0, math.pi / 2)}
-    _Reference = create_model("_Reference", __base__=Table, **table_fields("reference", **PAPER))
+    _Reference = create_model("_Reference", __base__=Table, **table_fields("reference", unset=("slope",), **PAPER))
 
 
 class SineTerm(Table):
@@ -45,7 +45,9 @@ class Reference(_Reference):
         None, "Terms of a sum of sines: a list of {amplitude, frequency, phase}."
     )
     file: str | None = field(
-        None, "For a table: a CSV file with the header time,x,y next to the scenario, read at once and kept as points."
+        None,
+        "For a table: a CSV file with the header time,x,y, or with units as time (ms),x (um),y (um), next to the "
+        "scenario: read at once and kept as points.",
     )
     points: OptionalTriples = field(
         None,
@@ -58,17 +60,14 @@ class Reference(_Reference):
         """The kinds of x and y."""
         return (self.kind, self.kind) if isinstance(self.kind, str) else self.kind
 
-    @model_validator(mode="before")
-    @classmethod
-    def _file(cls, values: Any) -> Any:
-        return read_file(values, "reference", "file", "points", "x,y")
-
     @model_validator(mode="after")
     def _check(self) -> Self:
         if "sines" in self.kinds and not self.terms:
             raise message_error("reference.terms is missing: sines must have a list of {amplitude, frequency, phase}")
         if "table" in self.kinds and self.points is None:
             raise message_error("reference.points is missing: a table must have points, or a file of them")
+        if "ramp" in self.kinds and self.slope is None:
+            raise message_error("reference.slope is missing: a ramp must have one, [x, y]; zeros are allowed")
         ends = {"step", "ramp", "chirp"} & set(self.kinds)
         if ends and not self.end > self.start:
             raise message_error(

@@ -78,7 +78,7 @@ def constraints(plant: Plant, rate: Rate, device: Device, force_limit: float, si
 
 def _largest_rate(plant: Plant, rate: Rate) -> float:
     """Largest magnitude of Omega_z, rad/s."""
-    mean, amplitude, levels = plant.angular_rate, float(rate.amplitude), int(rate.levels)
+    mean, amplitude, levels = plant.angular_rate, float(rate.amplitude or 0.0), int(rate.levels)
     if rate.kind == "table":
         return max(abs(value) for _, value in rate.points or ())
     if rate.kind == "noise":

@@ -5,21 +5,24 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from decimal import Decimal
 from itertools import pairwise
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 from pydantic import PlainValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
-from ..files import read_input, reason
+from ..files import cut, read_input, reason
 from .table import message_error, toml_value
-from .units import Quantity
+from .units import EXACT, Quantity, UnitError
 
 MAX_POINTS = 100_000
 NUMBERS = {1: "one", 2: "two", 3: "three"}
 LISTS = {2: "pairs", 3: "triples"}
+HEAD = re.compile(r"(\w+)(?: *\((.+)\))?")  # of a column: its name, and a unit
 PLURALS = {"time": "times", "frequency": "frequencies"}
 
 
@@ -86,21 +89,42 @@ OptionalTriples = Annotated[Triples | None, PlainValidator(TRIPLES), TRIPLES.sch
 OptionalSpectrum = Annotated[Points | None, PlainValidator(SPECTRUM), SPECTRUM.schema()]
 
 
-def read_file(values: Any, table: str, field: str, points: str, columns: str) -> Any:
-    """The table with the points that its file holds in place of the file: a scenario depends on nothing outside it."""
-    if not isinstance(values, Mapping) or not isinstance(values.get(field), str):
-        return values
-    if values.get(points) is not None:
-        raise message_error(f"{table}.{field} and {table}.{points} are both given: at most one of the two can be")
-    read = read_points(values[field], f"{table}.{field}", columns)
-    return {**values, field: None, points: read}
+class PointsFile(NamedTuple):
+    """A field of a table that names a CSV file, the field that takes its rows, and the columns of the file."""
+
+    field: str
+    points: str
+    columns: tuple[str, ...]
+
+    @property
+    def header(self) -> str:
+        return ",".join(self.columns)
 
 
-def read_points(path: str, name: str, columns: str) -> list[list[float]]:
-    """Rows of a CSV file whose header is `time,<columns>`. Raises, in one sentence, when it is not one.
+FILES = {
+    "reference": PointsFile("file", "points", ("time", "x", "y")),
+    "disturbance": PointsFile("file", "points", ("time", "x", "y")),
+    "rate": PointsFile("file", "points", ("time", "rate")),
+    "device": PointsFile("temperature_file", "temperature_points", ("time", "temperature")),
+}
+# The factor of a column, by its place and the unit in its head, which may have none; None: its numbers are as they are.
+Factor = Callable[[int, str | None], Decimal | None]
 
-    The sentence shows nothing of the file: a scenario from elsewhere may name any.
+
+def with_rows(table: Mapping[str, Any], of: PointsFile, path: str, factor: Factor) -> dict[str, Any]:
+    """The table with the points that its file holds in place of the file: a scenario depends on nothing outside it.
+
+    `path`: of the table. Raises PydanticCustomError, in one sentence, for a file that does not have such rows.
     """
+    name = f"{path}.{of.field}"
+    if table.get(of.points) is not None:
+        raise message_error(f"{name} and {path}.{of.points} are both given: at most one of the two can be")
+    others = {field: value for field, value in table.items() if field != of.field}
+    return {**others, of.points: _read(table[of.field], name, of, factor)}
+
+
+def _read(path: str, name: str, of: PointsFile, factor: Factor) -> list[list[float]]:
+    """The rows of a file. Messages show nothing of it but its units: a scenario from elsewhere may name any."""
     place = f"{name} is {toml_value(path)}"
     try:
         text = io.StringIO(read_input(path).decode("utf-8-sig"), newline="")
@@ -111,17 +135,31 @@ def read_points(path: str, name: str, columns: str) -> list[list[float]]:
         raise message_error(f"{place}: it cannot be read: {reason(error)}") from None
     except (ValueError, csv.Error) as error:
         raise message_error(f"{place}: it cannot be read: {error}") from None
-    wanted = ["time", *columns.split(",")]
-    if header != wanted:
-        raise message_error(f"{place}: its first line must be 'time,{columns}'")
+    heads = [HEAD.fullmatch(cell) for cell in header]
+    if tuple(head and head[1] for head in heads) != of.columns:
+        raise message_error(
+            f"{place}: its first line must be '{of.header}', where a unit may follow each name in parentheses, as in "
+            "'time (ms)'"
+        )
+    factors = []
+    for column, head in enumerate(filter(None, heads)):
+        try:
+            factors.append(factor(column, head[2]))
+        except UnitError as error:
+            raise message_error(f"{place}: its column {head[1]} is in {cut(str(head[2]))}: {error}") from None
     found: list[list[float]] = []
     for line, row in enumerate(rows, start=2):
         try:
             numbers = list(map(float, row))
-            if len(numbers) != len(wanted) or not all(map(math.isfinite, numbers)):
+            if len(numbers) != len(factors) or not all(map(math.isfinite, numbers)):
+                raise ValueError
+            for column, by in enumerate(factors):
+                if by is not None:  # in decimals, as text with a unit
+                    numbers[column] = float(EXACT.multiply(EXACT.create_decimal(row[column]), by))
+            if not all(map(math.isfinite, numbers)):
                 raise ValueError
         except ValueError:
-            raise message_error(f"{place}: row {line} must be {NUMBERS[len(wanted)]} finite numbers") from None
+            raise message_error(f"{place}: row {line} must be {NUMBERS[len(factors)]} finite numbers") from None
         if found and not numbers[0] > found[-1][0]:
             raise message_error(f"{place}: row {line}: times must rise from row to row")
         found.append(numbers)

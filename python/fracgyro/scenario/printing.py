@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
+from collections.abc import Iterator, Mapping
 from functools import cache, lru_cache
+from itertools import zip_longest
 from typing import Any, cast
 
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 from .disturbance import Disturbance
 from .kinds import fields_of, kinds_with, own_kinds, plants_with
 from .motion import REFERENCE_LISTS
 from .quantities import texts_of
+from .scales import SI_TABLES, si_unit
 from .table import Table, plain, toml_value
+from .units import Quantity
 
 # The first words and the last line of a saved scenario: half a file may still be valid TOML.
 BEGIN = "# A fracgyro scenario."
@@ -47,7 +53,7 @@ def _text(scenario: Table, texts: tuple[tuple[str, str], ...]) -> str:
                     continue
                 value = getattr(entry, field)
                 shown = toml_value(value if texts else plain(value))
-                lines += _comment(info.description or "") if place == 0 else []
+                lines += _comment(_described(info, value) if texts and name not in SI_TABLES else info.description or "") if place == 0 else []
                 lines += [f"# {field} is not set" if value is None else f"{field} = {shown}"]
     return "\n".join([*lines, "", END]) + "\n"
 
@@ -72,6 +78,27 @@ def values(scenario: Table) -> dict[str, Any]:
         for name, fields in fields_shown(scenario).items()
         for field in fields
     }
+
+
+def differing(pairs: Mapping[str, tuple[Any, Any]]) -> Iterator[tuple[str, tuple[Any, Any]]]:
+    """The pairs whose values differ; of lists of tables, the fields of each table."""
+    for name, (one, other) in pairs.items():
+        if one == other:
+            continue
+        lists = [
+            each if isinstance(each, tuple) and each and isinstance(each[0], Table) else () for each in (one, other)
+        ]
+        if not any(lists):
+            yield name, (one, other)
+        for place, both in enumerate(zip_longest(*lists)):
+            shown = [dict(table) if table else {} for table in both]
+            usual = {field: info.default for field, info in type(both[0] or both[1]).model_fields.items()}
+            at = f"disturbance[{place + 1}]" if name == "disturbance.added" else f"{name}[{place}]"
+            for field in usual:
+                pair = (shown[0].get(field), shown[1].get(field))
+                given = next((each for table, each in zip(both, pair, strict=True) if table), None)
+                if pair[0] != pair[1] and (all(both) or given != usual[field]):
+                    yield f"{at}.{field}", pair
 
 
 def brief(value: Any) -> Any:
@@ -103,6 +130,24 @@ def fields_of_table(model: type[BaseModel], table: str, kind: str) -> tuple[str,
     if table not in BY_KIND:
         return tuple(known)
     return tuple(field for field in known if field in fields_of(kind, table) or not kinds_with(f"{table}.{field}"))
+
+
+def _described(info: FieldInfo, value: Any) -> str:
+    """The description of a field; in SI if all of its numbers are quantities."""
+    text, extra = info.description or "", info.json_schema_extra
+    numbers = list(dict(value).values()) if isinstance(value, BaseModel) else value
+    numbers = numbers if isinstance(numbers, list | tuple) else [numbers]
+    if not isinstance(extra, dict) or not all(isinstance(number, Quantity) or number == 0 for number in numbers):
+        return text
+    unit = str(extra.get("unit"))
+    if not numbers or "," in unit or not any(isinstance(number, Quantity) for number in numbers):
+        return text
+    first = next(number for number in numbers if isinstance(number, Quantity))
+    try:
+        si = si_unit(unit)
+    except ValueError:  # its powers depend on other fields
+        si = first.text.partition(" ")[2]
+    return re.sub(r"\b([Uu]nit) [^,:;.]*", lambda found: f"{found[1]} {si}", text, count=1)
 
 
 @cache

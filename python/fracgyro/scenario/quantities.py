@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import operator
 from collections.abc import Callable, Iterable, Mapping
+from decimal import Decimal
 from functools import cache, cached_property
 from typing import Any, get_args
 
@@ -12,12 +14,12 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import PydanticCustomError
 
 from .disturbance import FORCE
-from .messages import ScenarioError, scenario_error
-from .points import Hashed
+from .messages import ScenarioError
+from .points import FILES, Hashed, PointsFile, with_rows
 from .scales import SI_TABLES, Scales, exact_unit
 from .schema import Controller, Plant
-from .table import Symmetric, format_value, message_error
-from .units import Quantity, Unit, UnitError, is_quantity, parse, printed, quantity
+from .table import Symmetric, Wrong, format_value, message_error
+from .units import Quantity, Unit, UnitError, factor, is_quantity, parse, printed, quantity
 
 ACCELERATION = FORCE.removeprefix("m*")
 # Fields of [controller] that are exponents in units of other fields.
@@ -41,10 +43,9 @@ class Units:
         plant = self.tables.get("plant", {})
         if isinstance(plant, Plant):
             return plant.scales
-        try:
+        with contextlib.suppress(ValidationError):  # which the scenario reports
             return Plant(**plant).scales if isinstance(plant, Mapping) else Plant().scales
-        except ValidationError as error:
-            raise message_error(str(scenario_error(error, self.model, ("plant",)))) from None
+        return Plant().scales
 
     @cached_property
     def exponents(self) -> tuple[tuple[str, float], ...]:
@@ -62,13 +63,13 @@ class Units:
 def with_numbers(given: Mapping[str, Any], model: type[BaseModel]) -> dict[str, Any]:
     """The tables of a scenario with numbers for all text with units.
 
-    If `units` is SI, plain numbers of nondimensional fields are in SI, too. Raises PydanticCustomError, in one
-    sentence, for text in a unit that its field does not have.
+    If `units` is SI, plain numbers of nondimensional fields and of files are in SI, too. A Wrong is in the place of
+    text in a unit that its field does not have, and of the rows of a file that has none.
     """
     tables = {name: table for name, table in given.items() if name != "units"}
     units = given.get("units", "nondimensional")
     if units not in ("nondimensional", "SI"):
-        raise message_error(f"units is {format_value(units)}: it must be nondimensional or SI")
+        tables["units"] = Wrong(f"units is {format_value(units)}: it must be nondimensional or SI")
     run = tables.get("run", {})
     if units == "SI" and isinstance(run, Mapping):
         tables["run"] = {"units": "SI", **run}
@@ -78,8 +79,46 @@ def with_numbers(given: Mapping[str, Any], model: type[BaseModel]) -> dict[str, 
         if info and isinstance(info.annotation, type) and issubclass(info.annotation, BaseModel):
             si = units == "SI" and name not in SI_TABLES
             if si or not _only_numbers(tables[name]):
-                tables[name] = _table(tables[name], info.annotation, name, lambda *of, si=si: _number(found, si, *of))
+                tables[name] = _table(tables[name], info.annotation, name, lambda *of, si=si: _checked(found, si, *of))
+            if name in FILES:
+                tables[name] = _with_rows(tables[name], name, FILES[name], info.annotation, found, si)
     return tables
+
+
+def _checked(*of: Any) -> Any:
+    """The result of `_number`; a Wrong instead of an error."""
+    try:
+        return _number(*of)
+    except PydanticCustomError as error:
+        return Wrong(error.message())
+
+
+def _with_rows(value: Any, path: str, file: PointsFile, model: type[BaseModel], units: Units, si: bool) -> Any:
+    """A table, or a list of them, with rows in place of the file that a table may name."""
+    if isinstance(value, list | tuple):
+        return [_with_rows(each, f"{path}[{k}]" if k else path, file, model, units, si) for k, each in enumerate(value)]
+    if not isinstance(value, Mapping):
+        return value
+    if isinstance(added := value.get("added"), list | tuple):
+        rest = [_with_rows(each, f"{path}[{k}]", file, model, units, si) for k, each in enumerate(added, start=1)]
+        value = {**value, "added": rest}
+    kind = value.get("kind")
+    of_table = "kind" not in model.model_fields or "table" in (kind if isinstance(kind, list | tuple) else [kind])
+    if not isinstance(value.get(file.field), str) or not of_table:
+        return value
+    names = _meant(unit_of(model.model_fields[file.points]), value).split(", ")
+
+    def by(column: int, given: str | None) -> Decimal | None:
+        if given is None and not si:
+            return None
+        wanted, name = units.of(path.partition("[")[0], names[min(column, len(names) - 1)])
+        return factor(given or name, wanted, name)
+
+    try:
+        return with_rows(value, file, path, by)
+    except PydanticCustomError as error:
+        others = {name: each for name, each in value.items() if name != file.field}
+        return {**others, file.points: Wrong(error.message())}
 
 
 def _only_numbers(table: Any) -> bool:
@@ -178,7 +217,20 @@ def _number(units: Units, si: bool, value: Any, unit: str, path: str) -> Any:
         wanted, name = units.of(path.partition(".")[0], unit)
         return quantity(f"{value!r} {name}" if plain else text, wanted, name)
     except UnitError as error:
-        raise message_error(f"{path} is {format_value(value)}: {error}") from None
+        raise message_error(
+            f"{path} is {format_value(value)}: {error}{_or_acceleration(units, text, unit, path)}"
+        ) from None
+
+
+def _or_acceleration(units: Units, text: str, unit: str, path: str) -> str:
+    """Hint for an acceleration in the place of a force; empty for other text."""
+    table, _, field = path.partition(".")
+    if table.startswith("disturbance") and FORCE in unit:
+        with contextlib.suppress(UnitError):
+            quantity(text, *units.of(table, unit.replace(FORCE, ACCELERATION)))
+            table = f"{table}.{field.partition('.')[0]}" if field.startswith("added[") else table
+            return f'; {table}.quantity = "acceleration" takes an acceleration such as "50 g"'
+    return ""
 
 
 def number_of(scenario: BaseModel, path: str, value: Any) -> Any:
@@ -231,5 +283,6 @@ def in_si(scenario: BaseModel, fields: Mapping[str, Iterable[str]]) -> dict[str,
                 unit = _meant(unit_of(info), dict(tables[name]))
                 found[f"{name}.{field}"] = _entries(value, unit, f"{name}.{field}", text)
             elif field in chosen and value is not None and (inner := _tables_in(info.annotation)):
-                found[f"{name}.{field}"] = _table(value, inner[0], f"{name}.{field}", text)
+                complete = [dict(each) for each in value]  # with the fields that were not given
+                found[f"{name}.{field}"] = _table(complete, inner[0], f"{name}.{field}", text)
     return found

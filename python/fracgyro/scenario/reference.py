@@ -11,8 +11,21 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from .kinds import DEVICE_CHANNELS, KINDS, LOOP_CHANNELS, MEANINGS, Channel, kinds_with, numbers, reported_channels
-from .messages import ScenarioError, paths, unknown
+from .disturbance import NEEDS, SIZED
+from .kinds import (
+    DEVICE_CHANNELS,
+    KINDS,
+    LOOP_CHANNELS,
+    MEANINGS,
+    METRICS,
+    WINDOWS,
+    Channel,
+    kinds_with,
+    numbers,
+    reported_channels,
+    reports,
+)
+from .messages import ScenarioError, did_you_mean, paths, unknown
 from .printing import OWN_KINDS, having
 from .scenario import Scenario
 from .table import Table, toml_value
@@ -62,21 +75,72 @@ def fields_of_kind(kind: str) -> Iterator[Sequence[str]]:
 def explained(path: str) -> tuple[str, list[tuple[str, str]]]:
     """Meaning of a field, with its unit, range, default and kinds; of a table, with the meanings of its fields.
 
-    Raises ScenarioError for an unknown field, with the nearest one.
+    Also the meaning of a channel or a metric of a run. Raises ScenarioError for another name, with the nearest field.
     """
     table, _, rest = path.partition(".")
     name, scenario = rest.partition(".")[0], Scenario()
     if path not in paths(Scenario):
-        raise ScenarioError(unknown(path, Scenario))
+        if found := _explained_result(path):
+            return found
+        results = {*_channels(), *_metrics()}
+        near = did_you_mean(
+            path, sorted(results | set(paths(Scenario)) | {of.rpartition(".")[2] for of in paths(Scenario)})
+        )
+        if near.removeprefix("; did you mean ").removesuffix("?") in results:
+            raise ScenarioError(f"{path} is not a known field, channel or metric{near}")
+        field = unknown(path, Scenario)
+        raise ScenarioError(field if "did you mean" in field else f"{field}, and channels and metrics of runs")
     model = getattr(scenario, table)
     listed = type(model).model_json_schema()["properties"]
     if not name:
         meanings = [(f"{table}.{each}", said["description"]) for each, said in listed.items()]
         return " ".join((type(model).__doc__ or "").split()), meanings
     _, unit, limits, default, _ = (cell.replace("`", "") for cell in _field(table, name, listed[name], model))
-    kinds = ", ".join(_having(table, name)) or "every kind"
-    rows = [("unit", unit), ("range", limits), ("default", default), ("controllers", kinds)]
+    kinds = _kinds_of_disturbance(name) if table == "disturbance" else _having(table, name)
+    label = f"{table}.kind" if table in (*OWN_KINDS, "disturbance") else "controllers"
+    rows = [("unit", unit), ("range", limits), ("default", default), (label, ", ".join(kinds) or "every kind")]
     return listed[name]["description"], [row for row in rows if row[1] != "–"]
+
+
+def _kinds_of_disturbance(field: str) -> tuple[str, ...]:
+    """The kinds that need the field."""
+    return SIZED if field == "amplitude" else tuple(kind for kind, needed in NEEDS.items() if needed == field)
+
+
+def _channels() -> dict[str, Channel]:
+    """All channels of runs, by name."""
+    reported = (channel for kind in KINDS for some in reports(kind) for channel in some)
+    return {channel.name: channel for channel in (*reported, *DEVICE_CHANNELS, *LOOP_CHANNELS)}
+
+
+def _metrics() -> dict[str, list[Channel]]:
+    """All metrics by name; one name for those that differ in their window."""
+    found: dict[str, list[Channel]] = {}
+    for metric in METRICS:
+        name, _, window = metric.name.partition("_")
+        found.setdefault(name if window in WINDOWS else metric.name, []).append(metric)
+    return found
+
+
+def _explained_result(name: str) -> tuple[str, list[tuple[str, str]]] | None:
+    """Meaning of a channel or a metric, with its unit and parts; None for another name."""
+    channel, metrics = _channels().get(name), _metrics().get(name)
+    if channel is None and metrics is None:
+        return None
+    parts = [channel] if channel else metrics or []
+    first = parts[0]
+    windows = [("windows", ", ".join(part.name.rpartition("_")[2] for part in parts))] if len(parts) > 1 else []
+    kinds = [kind for kind in KINDS if any(one.name == name for some in reports(kind) for one in some)]
+    controllers = [("controllers", ", ".join(kinds))] if channel and 0 < len(kinds) < len(KINDS) else []
+    rows = [
+        ("in", "the record of a run" if channel else "the metrics of a run"),
+        ("unit", unit_of(", ".join(first.units))),
+        ("parts", ", ".join(map(str, first.labels)) if first.dimension else "–"),
+        *windows,
+        *controllers,
+    ]
+    meaning = "; ".join(part.meaning for part in parts)
+    return meaning, [row for row in rows if row[1] != "–"]
 
 
 def _having(table: str, field: str) -> tuple[str, ...]:

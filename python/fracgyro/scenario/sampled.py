@@ -1,4 +1,4 @@
-"""A function of time as the table of a reference."""
+"""A function of time as the table of a reference or a disturbance."""
 
 from __future__ import annotations
 
@@ -13,8 +13,11 @@ from .schema import Plant, Run
 Function = Callable[[float], Sequence[float]]
 
 
-def points_of(function: Function, plant: Plant, run: Run, every: int) -> list[list[float]]:
-    """Rows [time, x, y], nondimensional, at every `every`-th step; the function's units are those of run.units."""
+def points_of(function: Function, plant: Plant, run: Run, every: int, what: str = "reference") -> list[list[float]]:
+    """Rows [time, x, y], nondimensional, at every `every`-th step; the function's units are those of run.units.
+
+    `what`: a reference, or a disturbance, which is a force.
+    """
     if not callable(function):
         raise ScenarioError(f"function is {short(function)}: it must be callable with a time")
     if not (type(every) is int and 1 <= every <= run.steps):
@@ -23,7 +26,9 @@ def points_of(function: Function, plant: Plant, run: Run, every: int) -> list[li
     if count > MAX_POINTS:
         needed = -(-run.steps // (MAX_POINTS - 1))
         raise ScenarioError(f"every is {every}: it must be at least {needed}, as a table has at most {MAX_POINTS} rows")
-    time_unit, length_unit = (plant.scales.time, plant.scales.length) if run.units == "SI" else (1.0, 1.0)
+    scales = plant.scales
+    size = scales.length if what == "reference" else scales.force
+    time_unit, unit = (scales.time, size) if run.units == "SI" else (1.0, 1.0)
     rows = []
     for k in range(count):
         time = k * every * run.step
@@ -33,7 +38,7 @@ def points_of(function: Function, plant: Plant, run: Run, every: int) -> list[li
         except (TypeError, ValueError):
             x = y = math.nan
         if not (math.isfinite(x) and math.isfinite(y)):
-            at = f"the reference at t = {time * time_unit:g}"
+            at = f"the {what} at t = {time * time_unit:g}"
             raise ScenarioError(f"{at} is {short(value)}: it must be two finite numbers, x and y")
-        rows.append([time, x / length_unit, y / length_unit])
+        rows.append([time, x / unit, y / unit])
     return rows

@@ -23,12 +23,14 @@ from .kinds import KINDS
 from .messages import ScenarioError, did_you_mean, paths, scenario_error, unknown
 from .motion import Reference
 from .plants import Constraints, constraints
+from .points import FILES
 from .printing import (
     BEGIN,
     BY_KIND,
     END,
     OWN_KINDS,
     brief,
+    differing,
     fields_of_table,
     fields_shown,
     own_fields,
@@ -49,8 +51,6 @@ from .schema import (
 from .shipped import NAMES, SHIPPED, shipped_text
 from .table import Table, format_value, toml_value
 from .toml import read_tables, read_text
-
-FILES = [("reference", "file"), ("rate", "file"), ("device", "temperature_file"), ("disturbance", "file")]
 
 
 def _add_units(schema: dict[str, Any]) -> None:
@@ -187,11 +187,11 @@ class Scenario(Table):
         if text.startswith(BEGIN) and END not in text:
             raise ScenarioError(f"{source} is cut off: its last line, {END!r}, is missing")
         tables = read_tables(text, source)
-        for table, field in FILES:
+        for table, file in FILES.items():
             named = tables.get(table)
             for entry in named if isinstance(named, list) else [named]:
-                if isinstance(entry, dict) and isinstance(entry.get(field), str):
-                    entry[field] = str(Path(folder) / entry[field])
+                if isinstance(entry, dict) and isinstance(entry.get(file.field), str):
+                    entry[file.field] = str(Path(folder) / entry[file.field])
         return cls(**tables)
 
     def to_toml(self) -> str:
@@ -213,8 +213,6 @@ class Scenario(Table):
         >>> fg.Scenario.paper().replace({"controller.order": 0.8, "run.duration": 20.0}).run.duration
         20.0
         """
-        if not isinstance(changes, Mapping):
-            raise TypeError(f"changes is {short(changes)}: it must be a dict of dotted names to values")
         if not isinstance(changes, Mapping):
             raise TypeError(f"changes is {short(changes)}: it must be a dict of dotted names to values")
         tables = self.model_dump()
@@ -262,6 +260,22 @@ class Scenario(Table):
         points = points_of(function, self.plant, self.run, every)
         return self.replace({"reference.kind": "table", "reference.points": points})
 
+    def with_disturbance(self, function: Function, every: int = 1) -> Scenario:
+        """A copy with a force added that is a function of time: `function(time)` returns (x, y), as run.units says.
+
+        It becomes a table of its values at every `every`-th step, linear in between and zero after the run, and adds to
+        the disturbance. Raises ScenarioError if a value is not two finite numbers, or for more than 100,000 rows.
+
+        >>> pull = fg.Scenario.paper().with_disturbance(lambda t: (100 * math.exp(-t), 0.0), every=20)
+        >>> pull.disturbance.kinds, len(pull.disturbance.added[0].points)
+        ('noise + table', 4001)
+        """
+        table = {"kind": "table", "points": points_of(function, self.plant, self.run, every, "disturbance")}
+        first = {name: value for name, value in self.disturbance if name != "added"}
+        if self.disturbance.kind == "none" and not self.disturbance.added:
+            return self.replace({"disturbance": {"seed": self.disturbance.seed, **table}})
+        return self.replace({"disturbance": [first, *map(dict, self.disturbance.added), table]})
+
     def in_si(self) -> Scenario:
         """The same scenario, whose `to_toml` has every number with a unit as text in SI: time as "1 us".
 
@@ -282,12 +296,14 @@ class Scenario(Table):
     def differences(self, other: Scenario) -> dict[str, tuple[Any, Any]]:
         """Fields whose values differ, by dotted name, with both values; None: not set, or no field of that kind.
 
+        Those of a term of a list have its place in their names, as disturbance[1].start.
+
         >>> fg.Scenario.paper().differences(fg.Scenario.paper().replace({"controller.order": 0.8}))
         {'controller.order': (0.9, 0.8)}
         """
         mine, theirs = values(self), values(other)
         pairs = {name: (mine.get(name), theirs.get(name)) for name in dict.fromkeys([*mine, *theirs])}
-        return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
+        return dict(differing(pairs))
 
     def changes(self) -> dict[str, Any]:
         """Fields that differ from the defaults of the kind of controller, by dotted name, for `replace`.

@@ -14,7 +14,18 @@ from pydantic import create_model, model_validator
 
 from .kinds import KINDS, MEANINGS, PLANT_KINDS, PLANT_MEANINGS, plant_fields, plants_with, table_fields
 from .scales import Scales
-from .table import MAX_STEPS, ZERO, Pair, Symmetric, Table, Vector, field, message_error, toml_value
+from .table import (
+    MAX_STEPS,
+    ZERO,
+    Pair,
+    Symmetric,
+    Table,
+    Vector,
+    field,
+    message_error,
+    of_other_kinds,
+    toml_value,
+)
 
 SCALED = ("1/omega0", "q0*omega0", "omega0^2*q0", "m*omega0^2*q0", "m*omega0", "m*omega0^2")  # finite in SI
 HOLD_TOLERANCE = 1e-9  # relative: how far disturbance.hold may be from a whole number of steps
@@ -120,10 +131,7 @@ class Plant(_Plant):
         for name, info in type(self).model_fields.items():
             kinds, value = plants_with(name), getattr(self, name)
             if kinds and self.kind not in kinds and value != info.default:
-                raise message_error(
-                    f"plant.{name} is {toml_value(value)}: it must be left out, as plant.kind "
-                    f"{self.kind} has no such field; it is one of {', '.join(kinds)}"
-                )
+                raise of_other_kinds(f"plant.{name}", value, kinds, self.kind)
         _check_definite("plant.damping", self.damping, semi=True, unit="N s/m")
         _check_definite("plant.stiffness", self.stiffness)
         effective = self.effective_stiffness()

@@ -7,12 +7,14 @@ from collections.abc import Iterator
 
 from .bounded import SAFE, gain, is_bounded
 from .device_core import device_values
+from .disturbance import named_entries
 from .kinds import kinds_with
 from .scenario import Scenario
 from .table import toml_value
 from .to_core import natural_frequencies, reference_reach
 
 STEPS_PER_PERIOD = 20  # for the fastest resonance: fewer are a coarse sampling of the motion
+EARLY = 0.1  # share of a run
 STEADY = 10.0  # start of the steady window of the metrics
 
 
@@ -21,8 +23,21 @@ def suspicious(scenario: Scenario) -> Iterator[str]:
     yield from _bounds(scenario)
     yield from _step(scenario)
     yield from _limits(scenario)
+    yield from _tables(scenario)
     if scenario.run.duration < STEADY:
         yield f"run.duration is {scenario.run.duration:g}: metrics of the steady window need more than {STEADY:g}"
+
+
+def _tables(scenario: Scenario) -> Iterator[str]:
+    """Tables that end early: often their times are in another unit than their author thinks."""
+    ends = [("reference.points", scenario.reference.points, 0.0)]
+    ends += [(f"{name}.points", entry.points, entry.start) for name, entry in named_entries(scenario.disturbance)]
+    for name, points, start in ends:
+        if points and (end := points[-1][0]) + start < EARLY * scenario.run.duration:
+            yield (
+                f"{name} ends at {end + start:g}: run.duration is {scenario.run.duration:g}, more than ten times as "
+                "long; plain times are in 1/omega0, and with units = \"SI\" or the header 'time (s)' in s"
+            )
 
 
 def _bounds(scenario: Scenario) -> Iterator[str]:

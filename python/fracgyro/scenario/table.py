@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -28,6 +28,7 @@ from .units import Quantity
 
 MAX_STEPS = 10**9  # steps of a run, and of anything counted in steps
 MAX_FREQUENCY = 1e6  # unit omega0: of a reference or a force
+OF_CONTROLLERS = ("controller", "adaptation", "guard", "datasheet")  # tables without a kind of their own
 MAX_DEPTH = 16  # lists and tables in one another; a scenario needs 4
 
 
@@ -60,6 +61,27 @@ def format_value(value: Any) -> str:
 def message_error(text: str) -> PydanticCustomError:
     """An error inside a validator, already worded in full; `_describe` passes it through."""
     return PydanticCustomError("message", "{text}", {"text": text})
+
+
+class Wrong(str):
+    """The error of a value, worded in full, in its place: validation reports it together with all other errors."""
+
+
+def found_wrong(value: Any) -> Wrong | None:
+    """The first error in a value, or in a list of rows."""
+    if isinstance(value, Wrong):
+        return value
+    inner = value if isinstance(value, list | tuple) else ()
+    return next((each for each in map(found_wrong, inner) if each is not None), None)
+
+
+def of_other_kinds(path: str, value: Any, kinds: Iterable[str], kind: Any) -> PydanticCustomError:
+    """The error for a field that only these kinds of its table have, or of the controller; `kind`: the given one."""
+    table = "controller" if path.partition(".")[0] in OF_CONTROLLERS else path.rpartition(".")[0]
+    *others, last = map(toml_value, kinds)
+    wanted = f"{', '.join(others)} or {last}" if others else last
+    given = f"{table}.kind is {format_value(kind)}"
+    return message_error(f"{path} is {format_value(value)}: it needs {table}.kind = {wanted}, but {given}")
 
 
 def field(default: Any, description: str, *, unit: str = "1", **limits: Any) -> Any:

@@ -154,7 +154,7 @@ def _largest(entry: Entry, step: float) -> float:
         return MAX_DEVIATIONS * float(_drawn(entry, step)["standard_deviation"])
     if entry.kind == "table":
         return max(abs(value) for _, *values in entry.points or () for value in values)
-    return max(map(abs, entry.amplitude)) if entry.kind != "none" else 0.0
+    return max(map(abs, entry.amplitude or (0.0,))) if entry.kind != "none" else 0.0
 
 
 def named_terms(scenario: Scenario) -> Iterator[dict[str, Any]]:

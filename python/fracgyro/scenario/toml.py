@@ -33,12 +33,20 @@ def read_tables(text: str, source: str) -> dict[str, Any]:
     except ValueError as error:
         digits = re.search(r"[0-9][0-9_]{4299}", text)  # which Python refuses to read
         line = text.count("\n", 0, digits.start()) + 1 if digits else 0
-        problem = f"line {line} has an integer of more than 64 bits" if digits else str(error)
+        problem = f"line {line} has an integer of more than 64 bits" if digits else str(error) + _single_brackets(text)
     except RecursionError:
         problem = "it is nested too deeply"
     if problem:
         raise ScenarioError(f"{source} is not valid TOML: {cut(problem, 200)}")
     return tables
+
+
+def _single_brackets(text: str) -> str:
+    """Hint if a table has headers of both kinds, as [disturbance] and [[disturbance]], or disturbance two of one."""
+    heads = re.findall(r"^[ \t]*(\[\[?)[ \t]*([\w.]+)[ \t]*\]", text, re.MULTILINE)
+    once, listed = ([name for brackets, name in heads if brackets == kind] for kind in ("[", "[["))
+    found = [name for name in once if name in listed or (name == "disturbance" and once.count(name) > 1)]
+    return f"; each table of a list is headed by two brackets, as [[{found[0]}]]" if found else ""
 
 
 def _beyond_toml(value: Any, name: str = "", depth: int = 0) -> str:

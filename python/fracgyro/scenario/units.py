@@ -20,7 +20,7 @@ NUMBER = re.compile(r" *([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?: +|(?![\d.
 TOKEN = re.compile(r"\s*([A-Za-z%][A-Za-z0-9]*|\d+(?:\.\d+)?|\*\*|\S)\s*", re.ASCII)
 SIGNS = {"°C": "degC", "°": "deg", "\u00b5": "u", "\u03bc": "u", "·": "*", "⋅": "*"}
 RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
-PREFIXES = {"a": -18, "f": -15, "p": -12, "n": -9, "u": -6, "m": -3, "c": -2, "k": 3, "M": 6, "G": 9}
+PREFIXES = {"a": -18, "f": -15, "p": -12, "n": -9, "u": -6, "m": -3, "c": -2, "k": 3, "M": 6, "G": 9, "T": 12, "P": 15}
 PREFIXED = ("m", "g", "s", "N", "Hz", "K", "rad", "deg", "dps")
 # cycle is only for Hz, which is 2 pi rad/s where radians are counted, and 1/s elsewhere.
 DEFINED = {
@@ -43,7 +43,8 @@ DEFINED = {
 GRAVITY = (Decimal("9.80665"), "m/s^2")  # g, mg, ug where an acceleration is meant
 LONG = {"meter": "m", "gram": "g", "second": "s", "newton": "N", "hertz": "Hz", "kelvin": "K", "radian": "rad"}
 LONG |= {"degree": "deg", "minute": "min", "hour": "h", "percent": "%"}
-LONG_PREFIXES = {"pico": "p", "nano": "n", "micro": "u", "milli": "m", "kilo": "k", "mega": "M"}
+LONG_PREFIXES = {"atto": "a", "femto": "f", "pico": "p", "nano": "n", "micro": "u", "milli": "m", "centi": "c"}
+LONG_PREFIXES |= {"kilo": "k", "mega": "M", "giga": "G", "tera": "T", "peta": "P"}
 
 
 class UnitError(ValueError):
@@ -239,24 +240,29 @@ def quantity(text: str, wanted: Unit, si: str) -> Quantity:
 
     Raises UnitError, which states the allowed units, for a text that is not a number with a unit of this quantity.
     """
-    rule = f"it must be {examples(si)}"
     if (parts := NUMBER.fullmatch(text)) is None:
-        raise UnitError(rule)
+        raise UnitError(f"it must be {examples(si)}")
     number, name = parts.groups()
-    name = f"1{name}" if name.startswith("/") else name
-    try:
-        given = parse(name)
-        factor = ratio(given, wanted)
-        factor = ratio(parse(name, gravity=True), wanted) if factor is None else factor
-    except UnitError as error:
-        raise UnitError(f"{error}; {rule}") from None
-    if factor is None:
-        other = [word for word, each, _ in KINDS if parse(each).powers == given.powers]
-        raise UnitError(f"it is {other[0]}; {rule}" if other else rule)
-    value = float(EXACT.multiply(EXACT.create_decimal(number), factor)) + 0.0
+    value = float(EXACT.multiply(EXACT.create_decimal(number), factor(name, wanted, si))) + 0.0
     if not math.isfinite(value):
         raise UnitError("it must be finite")
     return Quantity(value, text.strip())
+
+
+def factor(name: str, wanted: Unit, si: str) -> Decimal:
+    """The value of a unit in units of `wanted`, whose SI unit is `si`. Raises UnitError for another quantity."""
+    rule = f"it must be {examples(si)}"
+    name = f"1{name}" if name.startswith("/") else name
+    try:
+        given = parse(name)
+        found = ratio(given, wanted)
+        found = ratio(parse(name, gravity=True), wanted) if found is None else found
+    except UnitError as error:
+        raise UnitError(f"{error}; {rule}") from None
+    if found is None:
+        other = [word for word, each, _ in KINDS if parse(each).powers == given.powers]
+        raise UnitError(f"it is {other[0]}; {rule}" if other else rule)
+    return found
 
 
 def printed(value: float, wanted: Unit, si: str) -> Quantity:

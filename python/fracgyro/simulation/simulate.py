@@ -35,21 +35,26 @@ class DivergedError(ValueError):
     """
 
     def __init__(self, scenario: Scenario, time: float, run: xr.Dataset) -> None:
-        step = scenario.run.step
-        shorter = f"try run.step = {step / 2:g} or less, or smaller gains"
-        why = f"run.step is {step:g}, which is too long for these gains, this rate or this force; {shorter}"
+        si, scale = run.attrs["units"] == "SI", time_scale(scenario)
+        step, half = scenario.run.step, f'"{scenario.run.step / 2 * scale:g} s"' if si else f"{scenario.run.step / 2:g}"
+
+        def at(length: float) -> str:
+            return f"{length * scale:.6g} s" if si else f"{length:.6g}/ω0"
+
+        shorter = f"try run.step = {half} or less, or smaller gains"
+        why = f"run.step is {at(step)}, which is too long for these gains, this rate or this force; {shorter}"
         if "plant" in run.attrs:
             gains = f"gains of {run.attrs['controller']}" if "controller" in run.attrs else "gains"
             why = (
-                f"the {gains} are too large for {run.attrs['plant']} and a run.step of {step:g}, or it is unstable, or "
-                f"too stiff for a Runge-Kutta step of that length; {shorter}"
+                f"the {gains} are too large for {run.attrs['plant']} and a run.step of {at(step)}, or it is unstable, "
+                f"or too stiff for a Runge-Kutta step of that length; {shorter}"
             )
         elif "controller" in run.attrs:
-            unit = "s" if run.attrs["units"] == "SI" else "units of time"
             why = (
-                f"the gains of {run.attrs['controller']} are too large for run.step, which is {step:g}, or it assumes "
-                f"another sampling time than {step * time_scale(scenario):.9g} {unit}; {shorter}"
+                f"the gains of {run.attrs['controller']} are too large for run.step, which is {at(step)}, or it "
+                f"assumes another sampling time; {shorter}"
             )
+            why += "; as run.units is SI, its samples are in m and m/s, and its force is in N" if si else ""
         elif grown := bounded.cause(scenario, run):
             gain, b = grown
             why = (
@@ -57,7 +62,7 @@ class DivergedError(ValueError):
                 f"was {gain:.3g}, and from about 2 on the sampled loop is unstable; "
                 "controller.switching_limit = 0.5 bounds them"
             )
-        super().__init__(f"the run diverged at t = {time * time_scale(scenario):.6g}: {why}")
+        super().__init__(f"the run diverged at t = {at(time)}: {why}")
         self.run = run
 
 

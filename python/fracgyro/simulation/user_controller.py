@@ -129,11 +129,12 @@ class UserController:
 
     @contextmanager
     def running(self, law: _core.UserController | None) -> Iterator[None]:
-        """Context of a run. Raises ControllerError if the callable raises an exception."""
+        """Context of a run. Raises ControllerError if the callable raises an exception, ValueError for its results."""
         try:
             yield
         except Exception as error:
             if not isinstance(law, _core.PythonController) or law.failed_at is None:
+                raise_own(error)
                 raise
             raise ControllerError(f"the controller raised {described(error)} at t = {law.failed_at:.9g}") from error
         if isinstance(law, _core.PythonController) and self.reports is None:
@@ -225,6 +226,12 @@ def _channels(names: Sequence[tuple[str, int]]) -> tuple[Channel, ...]:
         meaning = own.meaning if own else f"{name}, reported by the controller"
         found.append(Channel(name, width, own.units if own else ("1",), meaning, "axis" if width == 2 else None))
     return tuple(found)
+
+
+def raise_own(error: Exception) -> None:
+    """Raises a refusal by the core again, here: the core's sentence about the callable is for the user."""
+    if type(error) is ValueError:
+        raise ValueError(str(error)) from None
 
 
 def described(error: Exception) -> str:

@@ -13,7 +13,7 @@ from ..arguments import number, short
 from ..scenario import Scenario, ScenarioError
 from ..scenario.plants import conflict
 from . import native
-from .user_controller import described, units
+from .user_controller import described, raise_own, units
 
 PlantLike = Callable[..., Any] | native.Plant
 MIN_STATES, MAX_STATES = 2, 8
@@ -76,12 +76,15 @@ class UserPlant:
 
     @contextmanager
     def running(self) -> Iterator[None]:
-        """Context of runs with this plant. Raises PlantError if the callable raises an exception."""
+        """Context of runs with this plant. Raises PlantError if the callable raises an exception, ValueError for its
+        results.
+        """
         try:
             yield
         except Exception as error:
             failed = [core.failed_at for core in self._running if isinstance(core, _core.PythonPlant)]
             if (time := next((time for time in failed if time is not None), None)) is None:
+                raise_own(error)
                 raise
             raise PlantError(f"the plant raised {described(error)} at t = {time:.9g}") from error
 
