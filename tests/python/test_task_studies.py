@@ -157,7 +157,10 @@ def test_a_record_is_thinned_unless_a_chirp_needs_its_samples() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ('show = ["overshoot_x"]\nvary.controller.order = [0.8]', "overshoot_x needs reference.kind = step on x, which"),
+        (
+            'show = ["overshoot_x"]\nvary.controller.order = [0.8]',
+            "overshoot_x needs reference.kind = step on x, w",
+        ),
         (
             'show = ["overshoot_y"]\n' + STUDY.replace("seeds = 3", ""),
             "overshoot_y needs reference.kind = step on y, which every point lacks",

@@ -44,9 +44,7 @@ SHOWN = ("rmse_steady_x", "rmse_steady_y", "error_settling_time", "rate_error_rm
 def _show(value: Any) -> Any:
     for name in value if isinstance(value, list) else []:
         if not isinstance(name, str) or name not in ALL_METRICS:
-            raise message_error(
-                f"show has {format_value(name)}, which is not a known metric; {metric_hint(str(name))}"
-            )
+            raise message_error(f"show has {format_value(name)}, which is not a known metric; {metric_hint(str(name))}")
     return value
 
 

@@ -119,7 +119,9 @@ def preview(study: str | os.PathLike[str], *, controller: ControllerLike | None 
     steps = runs * plan.base.run.steps
     base = plan.base_values()
     rows = [] if base is None else [base]
-    return Preview(runs, trials, len(plan.file.seeds), steps, seconds(plan.base, runs, steps, controller, plan.tasks), rows)
+    return Preview(
+        runs, trials, len(plan.file.seeds), steps, seconds(plan.base, runs, steps, controller, plan.tasks), rows
+    )
 
 
 def _runs(plan: Plan) -> int:
