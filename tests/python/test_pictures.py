@@ -11,10 +11,12 @@ from urllib.parse import unquote
 from xml.etree import ElementTree
 
 import fracgyro as fg
+import numpy as np
 import pytest
 from figure_data import LINK, read
 from fracgyro.analysis.html import csv_text, data_link, embedded
-from fracgyro.analysis.plots import COLUMNS, write_plot
+from fracgyro.analysis.panels import COLUMNS
+from fracgyro.analysis.plots import write_plot
 from fracgyro.analysis.style import own_style, svg
 from matplotlib.figure import Figure
 
@@ -123,13 +125,103 @@ def test_an_error_of_zero_does_not_stretch_the_logarithmic_axis() -> None:
     fg.plot(run.assign(error=0.0 * run["error"]), Figure(), channels=["error"]).canvas.draw()
 
 
-def test_a_fast_oscillation_is_drawn_as_a_band() -> None:
+def test_a_fast_oscillation_is_drawn_as_a_band_on_axes_of_its_own_within_its_reference() -> None:
     run = fg.simulate(fg.Scenario.shipped("dual_mass").replace({"run.units": "SI", "run.duration": 4000.0}))
-    panel = fg.plot(run, Figure(), channels=["position"]).axes[0]
-    assert not panel.lines
-    for area, values in zip(panel.collections, run["position"].values.T, strict=True):
+    panels = fg.plot(run, Figure(), channels=["position"]).axes
+    assert [panel.get_ylabel() for panel in panels] == ["position x\n(µm)", "position y\n(µm)"]
+    for panel, axis in zip(panels, "xy", strict=True):
+        (area,), values, reference = (
+            panel.collections,
+            *(run[n].sel(axis=axis).values for n in ("position", "reference")),
+        )
         edges = area.get_paths()[0].vertices[:, 1] * 1e-6
         assert (edges.min(), edges.max()) == pytest.approx((values.min(), values.max()), rel=1e-12)
+        low, high = (1e-6 * line.get_ydata() for line in panel.lines)
+        assert (low.min(), high.max()) == pytest.approx((reference.min(), reference.max()), rel=1e-12)
+
+
+def test_the_noise_of_a_settled_position_does_not_make_it_a_band() -> None:
+    step = {"reference.kind": "step", "run.initial_position": (0.0, 0.0), "controller.kind": "pid"}
+    run = fg.simulate(fg.Scenario.paper().replace({**step, "run.duration": 10.0}))
+    panel = fg.plot(run, Figure(), channels=["position"]).axes[0]
+    assert not panel.collections
+    assert len(panel.lines) == 4
+
+
+def test_a_first_spike_of_the_force_is_clipped_and_stated() -> None:
+    run = fg.simulate(SI)
+    panel = fg.plot(run, Figure(), channels=["control"]).axes[0]
+    forces = 1e6 * run["control"].values
+    row = int(abs(forces).max(axis=1).argmax())
+    peak = max(forces[row], key=abs)
+    bottom, top = panel.get_ylim()
+    assert not bottom <= peak <= top
+    assert bottom < forces[100:].min() < forces[100:].max() < top
+    stated = re.fullmatch(r"clipped: (.*) at t = (.*)", panel.get_title(loc="left"))
+    assert stated
+    assert float(stated[1].replace("\N{MINUS SIGN}", "-")) == pytest.approx(peak, rel=5e-3)
+    assert float(stated[2]) == pytest.approx(1e3 * float(run["time"][row]), rel=0.05)
+    without = run.assign(control=run["control"] * (run["time"] > 1e-3))
+    assert not fg.plot(without, Figure(), channels=["control"]).axes[0].get_title(loc="left")
+
+
+CHIRP = SI.replace(
+    {"reference.kind": ["chirp", "rest"], "reference.final_frequency": (8.0, 0.0), "reference.end": 18.0}
+)
+
+
+def test_a_chirp_has_an_axis_of_its_own_and_its_frequency_response_below() -> None:
+    run = fg.simulate(CHIRP)
+    response = fg.metrics.frequency_response(run).sel(axis="x")
+    figure = fg.plot(run, Figure())
+    *above, gain, phase = figure.axes
+    labels = [panel.get_ylabel().split("\n")[0] for panel in above]
+    assert labels == ["position x", "position y", "|error|", "force x", "force y"]
+    assert above[-1].get_xlabel() == "time (ms)"
+    assert (gain.get_ylabel(), phase.get_ylabel()) == ("gain\n(dB)", "phase\n(deg)")
+    assert phase.get_xlabel() == "frequency (rad/s)"
+    assert gain.get_xscale() == phase.get_xscale() == "log"
+    (decibels,), (degrees,) = gain.lines, phase.lines
+    assert 10 ** (decibels.get_ydata() / 20) == pytest.approx(response.gain.values)
+    assert degrees.get_ydata() == pytest.approx(np.degrees(response.phase.values))
+    assert decibels.get_xdata() == pytest.approx(response.frequency.values)
+    assert len(fg.plot(run, Figure(), channels=["error"]).axes) == 1, "only what is asked for"
+
+
+def test_frequency_responses_are_drawn_together_in_a_column(tmp_path: Path) -> None:
+    both = CHIRP.replace({"reference.kind": "chirp", "reference.final_frequency": (8.0, 8.0)})
+    runs = {"paper": fg.simulate(both), "PID": fg.simulate(both.replace({"controller.kind": "pid"}))}
+    responses = {name: fg.metrics.frequency_response(run) for name, run in runs.items()}
+    assert [line.get_label() for line in fg.plot(responses["PID"], Figure()).axes[0].lines] == ["x", "y"]
+    figure = fg.plot(responses, Figure(), width="89 mm")
+    assert len(figure.axes) == 2
+    names = ["paper, x", "paper, y", "PID, x", "PID, y"]
+    assert [line.get_label() for line in figure.axes[0].lines] == names
+    looks = {(line.get_color(), line.get_linestyle()) for line in figure.axes[0].lines}
+    assert len(looks) == 4, "each can be told apart"
+    write_plot(responses, tmp_path / "bode.svg", width="89 mm")
+    picture = ElementTree.parse(tmp_path / "bode.svg").getroot()
+    assert {"frequency (rad/s)", "gain", "(dB)", "phase", "(deg)", *names} <= set(texts(picture))
+    with pytest.raises(ValueError, match="run has a frequency response and a run: it must have only one of these"):
+        fg.plot({"response": responses["PID"], "run": runs["PID"]}, Figure())
+
+
+def test_a_conventional_gyroscope_shows_its_drive_and_not_an_error() -> None:
+    drive = {"controller.kind": "force_rebalance", "reference.kind": ["sine", "rest"], "run.duration": 600.0}
+    scenario = fg.Scenario.shipped("dual_mass").replace(drive)
+    run = fg.simulate(scenario)
+    figure = fg.plot(run, Figure())
+    words = [panel.get_ylabel().split("\n")[0] for panel in figure.axes]
+    assert words == ["drive amplitude", "drive frequency", "quadrature", "force x", "force y", "rate"]
+    amplitude, set_point = figure.axes[0].lines
+    assert (amplitude.get_ydata().min(), amplitude.get_ydata().max()) == (
+        run["drive_amplitude"].min(),
+        run["drive_amplitude"].max(),
+    )
+    assert set_point.get_label() == "set point"
+    assert list(set_point.get_ydata()) == [scenario.reference.amplitude[0]] * 2
+    other = fg.simulate(scenario.replace({"controller.kind": "open_loop"}))
+    assert len(fg.plot({"rebalance": run, "open loop": other}, Figure()).axes) == 6
 
 
 def test_units_on_the_axes_have_the_prefix_of_the_values() -> None:

@@ -15,6 +15,7 @@ from .metric_names import written
 
 PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 WITHOUT_PREFIX = ("1", "", "rad", "rad/s")
+SPIKE = 0.005  # share of the samples that a spike has at most
 LATER = 0.25  # share of a run: the transient of an error before it does not decide the prefix
 
 
@@ -34,13 +35,18 @@ def scaled(runs: Iterable[xr.Dataset], name: str) -> Scaled:
     unit = str(each[0][name].attrs.get("units", ""))
     if unit in WITHOUT_PREFIX or unit.startswith(("kg", "N s")):
         return Scaled(1.0, "" if unit == "1" else unit)
-    power = _power(max(_size(run[name].values, LATER if name == "error" else 0.0) for run in each))
+    power = _power(max(_size(run[name].values, name) for run in each))
     return Scaled(10.0**power, f"{PREFIXES[power]}{unit}")
 
 
-def _size(values: np.ndarray, start: float) -> float:
-    later = abs(values[int(start * len(values)) :])
-    return float(np.nanmax(later)) if np.isfinite(later).any() else 0.0
+def _size(values: np.ndarray, name: str) -> float:
+    """The size of a channel that its prefix suits: without the transient of an error and the spike of a force."""
+    sizes = abs(values[int(LATER * len(values)) :] if name == "error" else values)
+    sizes = sizes[np.isfinite(sizes)]
+    if not sizes.size:
+        return 0.0
+    usual = np.quantile(sizes, 1 - SPIKE, method="higher") if name == "control" else 0.0
+    return float(usual or sizes.max())
 
 
 def _power(size: float) -> int:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+NOISE = 0.3  # standard deviations: smaller crossings of the mean do not count
 
 
 def decimate(time: Array, values: Array, columns: int) -> tuple[Array, Array]:
@@ -39,6 +40,7 @@ def band(time: Array, values: Array, columns: int) -> tuple[Array, Array, Array]
 
 
 def crossings(values: Array) -> int:
-    """Number of times at which the values cross their mean."""
-    above = values > values.mean()
+    """Number of times at which the values cross their mean by more than a part of their deviation, which noise has."""
+    off, least = values - values.mean(), NOISE * values.std()
+    above = off[abs(off) > least] > 0
     return int(np.count_nonzero(above[1:] != above[:-1]))

@@ -8,38 +8,29 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from ..arguments import short
 from ..files import check_place, whole_file
-from . import metrics
-from .channel_units import Scaled, scaled
-from .decimation import band, crossings, decimate, largest
-from .style import COLORS, LETTERS, MM, WIDTH, own_style, svg
+from .bode import draw_bode, is_response, response_of
+from .channel_units import scaled
+from .panels import PALETTE, Own, clip, draw, labels, overlapping, width_of
+from .style import LETTERS, MM, WIDTH, own_style, svg
+from .tasks import drives
 
-PALETTE = (*COLORS, "#009E73", "#CC79A7", "#56B4E9", "#E69F00")  # Okabe and Ito's, for color-blind readers
-REFERENCE: dict[str, Any] = {"color": "black", "linestyle": ":", "linewidth": 0.8}
 FORMATS = {".svg": b"<?xm", ".png": b"\x89PNG", ".pdf": b"%PDF"}  # first bytes of a file, by suffix
 CHANNELS = ("position", "error", "control", "rate_estimate")
-NAMES = {
-    "position": "position",
-    "error": "|error|",
-    "control": "force",
-    "rate_estimate": "rate",
-}
-COLUMNS = 1500  # pixel columns: each keeps the extremes of its samples
-DENSE = COLUMNS // 4  # a curve with more crossings of its mean is drawn as a band
-FOLLOWED = ("reference", "true rate")  # last in legends
-DECADES = 12.0  # below the largest error
+OF_A_CHIRP = ("position", "error", "control")  # above its frequency response
+OF_A_DRIVE = ("drive_amplitude", "drive_frequency", "quadrature", "control", "rate_estimate")
+NAMES = {"error": "|error|", "control": "force", "rate_estimate": "rate"}
+FOLLOWED = ("reference", "set point", "true rate")  # last in legends
+TALL = 216.0  # mm: panels of more than this together are lower
 NARROW = 100.0  # mm: up to this width letters have 7 points, beyond it 8
 UNITS = {"mm": 1.0, "cm": 10.0, "in": 25.4}
 
 Run = xr.Dataset
-Array = NDArray[np.float64]
 
 
 def plot(
@@ -52,11 +43,15 @@ def plot(
     """Draws channels of one run, or of several, over time, and returns the figure.
 
     `run`: a Dataset of one run, or a dict of names to such Datasets, which share the panels. `channels`: names of
-    variables; by default position, error, control and, if estimated, rate_estimate. The error is drawn as its
-    magnitude, the rate with its standard deviation and the true rate. `width`: of a new figure, "89 mm" for a column of
-    a journal; the letters are then of 7 points. `figure`: the figure to draw into; by default a new one of pyplot.
-    Curves are drawn by their extremes in each pixel column, so that oscillations keep their size; a
-    fast oscillation becomes a band from its least to its largest value.
+    variables; by default position, error, control and, if estimated, rate_estimate. For a chirp the default adds the
+    frequency response; for a conventional gyroscope it is drive_amplitude, with its set point, drive_frequency,
+    quadrature, control and rate_estimate. Datasets of `metrics.frequency_response` become a Bode plot.
+
+    The error is drawn as its magnitude, the rate with its standard deviation and the true rate. `width`: of a new
+    figure, "89 mm" for a column of a journal; the letters are then of 7 points. `figure`: the figure to draw into; by
+    default a new one of pyplot. Curves are drawn by their extremes in each pixel column, so that oscillations keep
+    their size; a fast oscillation becomes a band from its least to its largest value. A spike of the force that would
+    flatten the rest is clipped, and its value stated.
 
     Requires the extra report. Raises ValueError for a Dataset of several runs, runs in different units, an unknown
     channel or another `width`.
@@ -66,38 +61,86 @@ def plot(
     4
     """
     runs = dict(run) if isinstance(run, Mapping) and not isinstance(run, xr.Dataset) else {"": run}
-    chosen = _checked(runs, channels)
-    several = len(runs) > 1
-    first = next(iter(runs.values()))
-    places = [(name, place) for name in chosen for place in (_columns(first, name) if several else [None])]
+    own = {name: PALETTE[number % len(PALETTE)] for number, name in enumerate(runs)}
     wide = _millimeters(width)
     letters = 7 if wide <= NARROW else 8
+    if runs and all(map(is_response, runs.values())):
+        responses, places = runs, []
+    else:
+        chosen = _checked(runs, channels)
+        found = {name: response_of(each) for name, each in runs.items()} if channels is None else {}
+        responses = {name: each for name, each in found.items() if each is not None}
+        if channels is None and responses:
+            chosen = [name for name in chosen if name in OF_A_CHIRP]
+        split = bool(responses) or all(map(drives, runs.values()))
+        places = [(name, each) for name in chosen for each in _places(runs, name, split=split)]
+    count = len(places) + (2 if responses else 0)
     if figure is None:
         from matplotlib import pyplot
 
-        figure = pyplot.figure(figsize=_size(wide, len(places)))
+        figure = pyplot.figure(figsize=_size(wide, count))
     figure.set_layout_engine("constrained")
-    panels = np.atleast_1d(figure.subplots(len(places), 1, sharex=True))
-    time = scaled(runs.values(), "time")
-    for panel, (name, place) in zip(panels, places, strict=True):
-        unit = scaled((each for each in runs.values() if name in each), name)
-        for number, (label, each) in enumerate(runs.items()):
-            if name in each:
-                _draw(
-                    panel, each, name, place, (time, unit), (label, PALETTE[number % len(PALETTE)]) if several else None
-                )
-        axis = "" if place is None or _width(first, name) == 1 else f" {_labels(first, name)[place]}"
-        words = NAMES.get(name, name.replace("_", " ")) + axis
-        panel.set_ylabel(words + (f"\n({unit.unit})" if unit.unit else ""), fontsize=letters)
-        panel.grid(True, linewidth=0.3)
-        panel.set_axisbelow(True)
-        panel.margins(x=0.01)
-        panel.tick_params(labelsize=letters)
-        panel.yaxis.get_offset_text().set_fontsize(letters)
-    panels[-1].set_xlabel(f"time ({time.unit})", fontsize=letters)
+    panels = _panels(figure, len(places), count)
+    if places:
+        _draw_over_time(panels[: len(places)], runs, places, own, letters)
+    if responses:
+        draw_bode(*panels[-2:], responses, own)
+    for panel in panels:
+        _lettered(panel, letters)
     figure.align_ylabels()
     _legends(panels, letters)
     return figure
+
+
+def _panels(figure: Figure, over_time: int, count: int) -> list[Axes]:
+    """Panels below one another; those over time share it, and so do those over frequency."""
+    grid, panels = figure.add_gridspec(count, 1), list[Axes]()
+    for first, end in ((0, over_time), (over_time, count)):
+        for place in range(first, end):
+            shared = panels[first] if place > first else None
+            panels.append(figure.add_subplot(grid[place], sharex=shared))
+            panels[-1].tick_params(which="both", labelbottom=place == end - 1)
+    return panels
+
+
+Place = tuple[str, list[int]]  # a channel and those of its columns that share a panel
+
+
+def _places(runs: Mapping[str, Run], name: str, *, split: bool) -> list[list[int]]:
+    """Columns of each panel of a channel: all, or one if asked, for several runs, or if curves would hide one another."""
+    having = [run for run in runs.values() if name in run]
+    columns = list(range(width_of(having[0], name)))
+    apart = len(runs) > 1 or (split and name != "error") or any(overlapping(run, name) for run in having)
+    return [[column] for column in columns] if apart else [columns]
+
+
+def _draw_over_time(
+    panels: Sequence[Axes], runs: Mapping[str, Run], places: Sequence[Place], own: Mapping[str, str], letters: float
+) -> None:
+    several = len(runs) > 1
+    time = scaled(runs.values(), "time")
+    for panel, (name, columns) in zip(panels, places, strict=True):
+        having = {label: each for label, each in runs.items() if name in each}
+        units = time, scaled(having.values(), name)
+        for label, each in having.items():
+            draw(panel, each, name, columns, units, Own(label, own[label]) if several else None)
+        first = next(iter(having.values()))
+        alone = len(columns) == 1 and width_of(first, name) > 1
+        words = NAMES.get(name, name.replace("_", " ")) + (f" {labels(first, name)[columns[0]]}" if alone else "")
+        panel.set_ylabel(words + (f"\n({units[1].unit})" if units[1].unit else ""))
+        if spike := clip(panel, list(having.values()), name, columns, units):
+            panel.set_title(spike, loc="left", fontsize=letters, pad=3)
+        panel.grid(True, linewidth=0.3)
+        panel.margins(x=0.01)
+    panels[-1].set_xlabel(f"time ({time.unit})")
+
+
+def _lettered(panel: Axes, letters: float) -> None:
+    panel.set_axisbelow(True)
+    panel.tick_params(which="both", labelsize=letters)
+    panel.yaxis.get_offset_text().set_fontsize(letters)
+    for axis in (panel.xaxis, panel.yaxis):
+        axis.label.set_fontsize(letters)
 
 
 def _checked(runs: Mapping[str, Run], channels: Sequence[str] | None) -> list[str]:
@@ -105,13 +148,16 @@ def _checked(runs: Mapping[str, Run], channels: Sequence[str] | None) -> list[st
     if not runs:
         raise ValueError("run is {}: it must have at least one run")
     for run in runs.values():
+        if is_response(run):
+            raise ValueError("run has a frequency response and a run: it must have only one of these")
         if "run" in run.dims:
             raise ValueError(f"the Dataset has {run.sizes['run']} runs: select one, for example run.isel(run=0)")
     if len(units := {run.attrs["units"] for run in runs.values()}) > 1:
         raise ValueError(f"the runs have units {' and '.join(sorted(units))}: they must be the same")
     known = dict.fromkeys(str(name) for run in runs.values() for name, v in run.data_vars.items() if "time" in v.dims)
     if channels is None:
-        return [name for name in CHANNELS if name in known]
+        default = OF_A_DRIVE if all(map(drives, runs.values())) else CHANNELS
+        return [name for name in default if name in known]
     for name in channels:
         if name not in known:
             raise ValueError(f"channels has {short(name)}: it must have some of {', '.join(known)}")
@@ -130,76 +176,8 @@ def _millimeters(width: str) -> float:
 
 def _size(width: float, panels: int) -> tuple[float, float]:
     """Size of a figure in inches, from its width in mm."""
-    return width * MM, (14.0 + panels * min(42.0, max(24.0, 0.27 * width))) * MM
-
-
-def _columns(run: Run, name: str) -> list[int]:
-    return list(range(_width(run, name)))
-
-
-def _width(run: Run, name: str) -> int:
-    return int(np.prod(run[name].shape[1:])) if name in run else 1
-
-
-def _labels(run: Run, name: str) -> list[str]:
-    dimension = run[name].dims[-1]
-    return list(map(str, run[dimension].values)) if dimension in run.coords else list(map(str, _columns(run, name)))
-
-
-def _draw(
-    panel: Axes, run: Run, name: str, place: int | None, units: tuple[Scaled, Scaled], own: tuple[str, str] | None
-) -> None:
-    """One channel of one run: a column of it, or all; `own`: name and color of the run, if there are several."""
-    time, unit = run["time"].values / units[0].scale, units[1].scale
-    values = run[name].values.reshape(time.size, -1) / unit
-    if name == "rate_estimate":
-        return _draw_rate(panel, run, time, unit, own)
-    followed: list[Array] = []
-    for column in range(values.shape[1]) if place is None else [place]:
-        label = own[0] if own else _labels(run, name)[column] if values.shape[1] > 1 else name
-        style: dict[str, Any] = {
-            "color": own[1] if own else PALETTE[column % len(PALETTE)],
-            "linewidth": 0.8,
-            "label": label,
-        }
-        shown = values[:, column]
-        if name == "error":
-            panel.semilogy(*largest(time, _positive(abs(shown)), COLUMNS), **style)
-        elif (found := crossings(shown)) > DENSE:
-            style |= {"linewidth": 0.5, "alpha": 0.5}
-            panel.fill_between(*band(time, shown, max(50, found // 4)), **style)
-        else:
-            panel.plot(*decimate(time, shown, COLUMNS), **style)
-            if name == "position":
-                followed.append(run["reference"].values[:, column] / unit)
-    for number, reference in enumerate(followed):
-        panel.plot(*decimate(time, reference, COLUMNS), **REFERENCE, label="" if number else "reference")
-
-
-def _positive(sizes: Array) -> Array:
-    """Sizes for a logarithmic axis of at most DECADES, on which a mass at rest may have no error at all."""
-    peak = float(sizes.max())
-    return np.maximum(sizes, 10.0**-DECADES * peak) if peak > 0 else np.full_like(sizes, np.nan)
-
-
-def _draw_rate(panel: Axes, run: Run, time: Array, unit: float, own: tuple[str, str] | None) -> None:
-    """The estimate with a band of two standard deviations, and the true rate; scaled to the settled part."""
-    estimate: Array = run["rate_estimate"].values / unit
-    truth: Array = (metrics.true_rate(run) * xr.ones_like(run["rate_estimate"])).values / unit
-    spread: Array = 2 * run["rate_deviation"].values / unit if "rate_deviation" in run else 0.0 * estimate
-    label, color = own or ("estimate ± 2σ" if spread.any() else "estimate", PALETTE[0])
-    if spread.any():
-        middle, _, high = band(time, estimate + spread, COLUMNS)
-        low = band(time, estimate - spread, COLUMNS)[1]
-        panel.fill_between(middle, low, high, color=color, alpha=0.25, linewidth=0)
-    panel.plot(*decimate(time, estimate, COLUMNS), color=color, linewidth=0.8, label=label)
-    panel.plot(*decimate(time, truth, COLUMNS), **REFERENCE, label="true rate")
-    later = slice(time.size // 4, None)
-    values = np.concatenate([(estimate + spread)[later], (estimate - spread)[later], truth])
-    margin = 0.15 * float(np.ptp(values)) or 1.0
-    bottom, top = float(values.min()) - margin, float(values.max()) + margin
-    before = panel.get_ylim() if own and len(panel.lines) > 2 else (bottom, top)
-    panel.set_ylim(min(bottom, before[0]), max(top, before[1]))
+    height = min(42.0, max(24.0, 0.27 * width), max(24.0, TALL / panels))
+    return width * MM, (14.0 + panels * height) * MM
 
 
 def _legends(panels: Iterable[Axes], letters: float) -> None:

@@ -7,8 +7,10 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ..arguments import number
+from ..scenario import Scenario
 from ..scenario.kinds import AXES, SINE_DRIVES
 from ..scenario.scales import si_unit
+from .metric_names import TASKS
 from .scenarios import one_scenario, scale
 
 Array = NDArray[np.float64]
@@ -46,7 +48,7 @@ def step_response(run: xr.Dataset, tolerance: float = 0.02) -> xr.Dataset:
         position = run["position"].isel(axis=i).values[inside]
         share = (position / length - r.offset[i]) / r.amplitude[i]
         found[:, i] = _step_figures(since, share, tolerance)
-    units = {"overshoot": "1", "rise_time": "1/omega0", "settling_time": "1/omega0", "final_error": "1"}
+    units = TASKS["step"].units
     rows = {name: ("axis", row) for name, row in zip(units, found, strict=True)}
     return _with_units(run, xr.Dataset(rows, {"axis": AXES}), units)
 
@@ -143,7 +145,7 @@ def drive(run: xr.Dataset, transient: float | None = None) -> xr.Dataset:
     True
     """
     scenario = one_scenario(run)
-    if scenario.controller.kind not in SINE_DRIVES:
+    if not drives(run):
         known = " or ".join(SINE_DRIVES)
         raise ValueError(f"controller.kind is {scenario.controller.kind}: it must be {known} for figures of a drive")
     time = run["time"].values
@@ -168,8 +170,12 @@ def drive(run: xr.Dataset, transient: float | None = None) -> xr.Dataset:
             "quadrature_noise": steady["quadrature"].std(),
         }
     )
-    units = dict.fromkeys(map(str, found), "1") | {"amplitude_settling_time": "1/omega0", "phase_error": "rad"}
-    return _with_units(run, found, units | dict.fromkeys(("frequency", "quadrature", "quadrature_noise"), "omega0"))
+    return _with_units(run, found, TASKS["drive"].units)
+
+
+def drives(run: xr.Dataset) -> bool:
+    """True for a run of a conventional gyroscope's controller."""
+    return "drive_amplitude" in run and one_scenario(run).controller.kind in SINE_DRIVES
 
 
 def _phase_error(run: xr.Dataset, frequency: float, step: float) -> float:
@@ -191,13 +197,21 @@ def task_figures(run: xr.Dataset) -> list[xr.Dataset]:
 
     Raises ValueError if the run is too short for a task.
     """
-    scenario = one_scenario(run)
+    axes = task_axes(one_scenario(run))
+    found = [step_response(run).sel(axis=axes["step"])] if "step" in axes else []
+    found += [_summarized(run, frequency_response(run).sel(axis=axes["chirp"]))] if "chirp" in axes else []
+    return found + ([drive(run)] if drives(run) else [])
+
+
+def task_axes(scenario: Scenario) -> dict[str, list[str]]:
+    """Tasks of a scenario, each with its axes; a drive has none."""
     r = scenario.reference
-    stepping = [AXES[i] for i, kind in enumerate(r.kinds) if kind == "step" and r.amplitude[i] != 0]
-    sweeping = [axis for axis, kind in zip(AXES, r.kinds, strict=True) if kind == "chirp"]
-    found = [step_response(run).sel(axis=stepping)] if stepping else []
-    found += [_summarized(run, frequency_response(run).sel(axis=sweeping))] if sweeping else []
-    return found + ([drive(run)] if scenario.controller.kind in SINE_DRIVES else [])
+    found = {
+        "step": [AXES[i] for i, kind in enumerate(r.kinds) if kind == "step" and r.amplitude[i] != 0],
+        "chirp": [axis for axis, kind in zip(AXES, r.kinds, strict=True) if kind == "chirp"],
+    }
+    drive: dict[str, list[str]] = {"drive": []} if scenario.controller.kind in SINE_DRIVES else {}
+    return {name: axes for name, axes in found.items() if axes} | drive
 
 
 def _summarized(run: xr.Dataset, response: xr.Dataset) -> xr.Dataset:
@@ -212,7 +226,7 @@ def _summarized(run: xr.Dataset, response: xr.Dataset) -> xr.Dataset:
             "phase_deviation": deviations["phase"],
         }
     )
-    return _with_units(run, found, {"cutoff_frequency": "omega0", "gain_deviation": "1", "phase_deviation": "rad"})
+    return _with_units(run, found, TASKS["chirp"].units)
 
 
 def _with_units(run: xr.Dataset, found: xr.Dataset, units: dict[str, str]) -> xr.Dataset:

@@ -27,7 +27,6 @@ from .options import controller_option, own_controller, own_plant, scenario_argu
 from .terminal import print_table, progress
 
 MAX_SEEDS = 10**6
-MAX_UNSAVED = 100_000  # samples of a record that is not saved
 BARE_POINT = re.compile(r"[+-]?(\.\d+|\d+\.)([eE][+-]?\d+)?")  # numbers that are not valid TOML
 
 
@@ -73,7 +72,7 @@ def simulate_command(
     else:
         for option in (name for name, path in (("--out", out), ("--plot", plot)) if path):
             raise click.UsageError(f"--seeds is given with {option}: it must be left out, as many runs have no record")
-        figures = _many_runs(chosen, own, model, seeds)
+        figures, tasks = _many_runs(chosen, own, model, seeds)
         channels = [] if own else [channel.name for channel in reported_channels(core_setup(chosen))]
     figures = reported(figures, "surface" in channels)
     about: dict[str, Any] = {} if own is None else {"controller": controller_name(own)}
@@ -105,6 +104,7 @@ def _one_run(
     """Metrics, figures of tasks, notes and channels of a run, after its record was written and drawn."""
     from ..analysis.metrics import measured, summary
     from ..analysis.run_files import check_file, write_file
+    from ..analysis.task_runs import thinned
     from ..analysis.tasks import task_figures
     from ..simulation.simulate import DivergedError, simulate
 
@@ -116,8 +116,7 @@ def _one_run(
         check_plot(plot)
     diverged = None
     # Metrics use every step and need no record. A short record that is not saved explains a divergence.
-    thinned = {} if out or plot else {"run.record_every": max(1, scenario.run.steps // MAX_UNSAVED)}
-    recorded = scenario.replace(thinned)
+    recorded = scenario if out or plot else thinned(scenario)
     try:
         run = simulate(recorded, own, plant)
     except DivergedError as error:
@@ -139,14 +138,16 @@ def _one_run(
     return measured(scenario, own, plant).drop_vars("diverged_at"), tasks, notes, channels
 
 
-def _many_runs(scenario: Scenario, own: ControllerLike | None, plant: PlantLike | None, seeds: int) -> Any:
-    """The metrics of a run for each seed, over `run`. Raises UsageError if a run diverges."""
+def _many_runs(
+    scenario: Scenario, own: ControllerLike | None, plant: PlantLike | None, seeds: int
+) -> tuple[Any, list[Any]]:
+    """Metrics and figures of tasks of a run for each seed, over `run`. Raises UsageError if a run diverges."""
     if not 2 <= seeds <= MAX_SEEDS:
         raise click.UsageError(f"--seeds is {seeds}: it must lie between 2 and {MAX_SEEDS}")
     with needs("report"):  # scipy, for the intervals
         import_module("fracgyro.analysis.confidence")
     from ..analysis.metrics import in_units
-    from ..simulation.measure import measure_many
+    from ..analysis.task_runs import measure_tasks, tasks_in_units, tasks_of
 
     first, done = scenario.disturbance.seed, 0
     with progress("simulating", rate="runs/s") as show:
@@ -156,8 +157,13 @@ def _many_runs(scenario: Scenario, own: ControllerLike | None, plant: PlantLike 
             done += runs
             show(done, seeds)
 
-        found = measure_many(
-            [scenario], seeds=range(first, first + seeds), controller=own, plant=plant, progress=advance
+        found = measure_tasks(
+            [scenario],
+            tasks_of(scenario, own=own is not None),
+            seeds=range(first, first + seeds),
+            controller=own,
+            plant=plant,
+            progress=advance,
         )
     at = found["diverged_at"].values
     if lost := [place for place, time in enumerate(at) if time == time]:
@@ -165,7 +171,7 @@ def _many_runs(scenario: Scenario, own: ControllerLike | None, plant: PlantLike 
             f"{len(lost)} of {seeds} runs diverged, the first with disturbance.seed {first + lost[0]} at "
             f"{at[lost[0]]:g}/ω0; run that seed for the cause: --set disturbance.seed={first + lost[0]}"
         )
-    return in_units(scenario, found).drop_vars("diverged_at")
+    return in_units(scenario, found).drop_vars("diverged_at"), tasks_in_units(scenario, found)
 
 
 @click.command(name="scenario")

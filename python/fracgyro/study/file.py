@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError, WithJsonSchema
 
-from ..analysis.metric_names import METRICS
+from ..analysis.metric_names import ALL_METRICS, lacking
 from ..analysis.metrics import ERROR_BOUND, RATE_TOLERANCE, SURFACE_BOUND, TRANSIENT
 from ..scenario import Scenario, ScenarioError
 from ..scenario.messages import scenario_error
@@ -53,7 +53,7 @@ def seeds_of(value: Any) -> Any:
     return value
 
 
-METRIC = WithJsonSchema({"enum": list(METRICS)})
+METRIC = WithJsonSchema({"enum": list(ALL_METRICS)})
 SEEDS = WithJsonSchema(
     {
         "anyOf": [
@@ -80,6 +80,12 @@ def base_scenario(name: str, folder: Path, fixed: Mapping[str, Any]) -> Scenario
     for name in filter(is_parameter, changes):
         raise ScenarioError(f"{name} is in [fixed]: it must be set in the controller that is passed to the study")
     return base.replace(changes)
+
+
+def check_tasks(names: Iterable[str], found: Iterable[str], whose: str) -> None:
+    """Raises ScenarioError for a name that is a task's figure but not among `found`; `whose`: words for the runs."""
+    if why := lacking(names, found):
+        raise ScenarioError(f"{why}, which {whose} lacks")
 
 
 def refuse_both(fixed: Mapping[str, Any], vary: Mapping[str, Any]) -> None:

@@ -6,8 +6,8 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ..analysis.task_runs import measure_tasks
 from ..scenario import Scenario
-from ..simulation.measure import measure_many
 from ..simulation.user_controller import ControllerLike
 
 TRIED_STEPS = 2_000  # in each timed run
@@ -34,16 +34,18 @@ class Preview:
         return f"{minutes:.2g} min" if minutes < 90.0 else f"{minutes / 60.0:.3g} h"
 
 
-def seconds(scenario: Scenario, runs: int, steps: int, controller: ControllerLike | None) -> float:
+def seconds(
+    scenario: Scenario, runs: int, steps: int, controller: ControllerLike | None, tasks: Sequence[str] = ()
+) -> float:
     """Estimated time of `runs` runs with `steps` steps in all, from short runs of one of the scenarios.
 
     Longer runs cost less per step, as the design of their exponentials does.
     """
     short = scenario.replace({"run.duration": min(scenario.run.steps, TRIED_STEPS) * scenario.run.step})
     tried = 2 if callable(controller) else min(runs, TRIED_RUNS)
-    measure_many([short], seeds=range(1), controller=controller)  # imports and designs, which a study does once
+    measure_tasks([short], tasks, seeds=range(1), controller=controller)  # imports and designs, which a study does once
     start = time.perf_counter()
-    measure_many([short], seeds=range(tried), controller=controller)
+    measure_tasks([short], tasks, seeds=range(tried), controller=controller)
     return (time.perf_counter() - start) * steps / (tried * short.run.steps)
 
 

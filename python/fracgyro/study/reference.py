@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic_core import PydanticUndefined
 
-from ..analysis.metric_names import METRICS
+from ..analysis.metric_names import ALL_METRICS
 from ..scenario.reference import escaped, range_of, rows_of, sentences_of, unit_of
 from ..scenario.table import Table, toml_value
 from .file import Thresholds
@@ -59,7 +59,7 @@ def _key(name: str, said: dict[str, Any], model: type[Table]) -> Sequence[str]:
     return (
         f"`{name}`",
         unit_of(said.get("unit", "1")),
-        "name" if said.get("enum") == list(METRICS) else range_of(said, default),
+        "name" if said.get("enum") == list(ALL_METRICS) else range_of(said, default),
         "–" if nothing else f"`{toml_value(default)}`",
         escaped(said["description"]),
     )
@@ -67,7 +67,7 @@ def _key(name: str, said: dict[str, Any], model: type[Table]) -> Sequence[str]:
 
 def _metrics() -> Iterator[str]:
     yield from ["## Names of metrics", "", "Of `show`, objectives and constraints, for nondimensional runs.", ""]
-    rows = ((f"`{name}`", unit or "–", escaped(words)) for name, (words, unit) in METRICS.items())
+    rows = ((f"`{name}`", unit or "–", escaped(words)) for name, (words, unit) in ALL_METRICS.items())
     yield from rows_of(("metric", "unit", "meaning"), rows)
 
 

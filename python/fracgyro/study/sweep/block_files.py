@@ -84,5 +84,6 @@ def _parts(plan: Plan, work: list[Block]) -> dict[str, Any]:
         "vary or design": [plan.fields, len(plan.points), hashlib.sha256(points).hexdigest()],
         "metrics": plan.study.metrics.model_dump(),
         "the size of blocks": [work[0].runs, len(work)],
+        **({"the tasks of show": plan.tasks} if plan.tasks else {}),
         **recorded(plan.controller, plan.base),
     }

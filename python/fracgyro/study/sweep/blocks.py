@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from ...analysis.metric_names import METRICS
+from ...analysis.metric_names import METRICS, task_columns
+from ...analysis.task_runs import measure_tasks
 from ...scenario import Scenario
-from ...simulation.measure import measure_many
 from ...simulation.native import Law
 from ...simulation.user_controller import ControllerLike
 from ..controller import of_each
@@ -35,6 +35,7 @@ class Block:
     columns: pa.Schema  # point, seed and the varied fields
     thresholds: dict[str, Any]
     controller: ControllerLike | None  # a user's
+    tasks: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -59,7 +60,7 @@ class Block:
         """True if the table has the rows of `measure`: the keys and every metric, all numbers."""
         keys = self.keys()
         mine, others = table.column_names[: keys.num_columns], table.column_names[keys.num_columns :]
-        if mine != keys.column_names or sorted(others) != sorted({*METRICS, "diverged_at"}):
+        if mine != keys.column_names or sorted(others) != sorted({*METRICS, *task_columns(self.tasks), "diverged_at"}):
             return False
         numbers = {table.schema.field(name).type for name in others} == {pa.float64()}
         return numbers and bool(table.select(mine).equals(keys))
@@ -69,7 +70,9 @@ class Block:
         points = [dict(zip(self.columns.names[2:], values, strict=True)) for values in self.values]
         scenarios = [scenario_of(self.base, number, values) for number, values in enumerate(points, self.first)]
         controllers = of_each(self.controller, points)
-        runs = measure_many(scenarios, seeds=self.seeds, controller=controllers, progress=progress, **self.thresholds)
+        runs = measure_tasks(
+            scenarios, self.tasks, seeds=self.seeds, controller=controllers, progress=progress, **self.thresholds
+        )
         table = self.keys()
         for name, variable in runs.data_vars.items():
             inner = [dimension for dimension in variable.dims if dimension != "run"]
@@ -100,6 +103,7 @@ def blocks(plan: Plan) -> list[Block]:
             columns,
             thresholds,
             plan.controller,
+            plan.tasks,
         )
         for number, (first, seed) in enumerate(pieces)
     ]

@@ -13,7 +13,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator
 
-from ...analysis.metric_names import METRICS, metric_hint
+from ...analysis.metric_names import ALL_METRICS, metric_hint, tasks_of_columns
+from ...analysis.task_runs import available
 from ...scenario import Scenario, ScenarioError
 from ...scenario.table import Table, format_value, message_error
 from ...scenario.table import field as described
@@ -29,6 +30,7 @@ from ..file import (
     VARY,
     Thresholds,
     base_scenario,
+    check_tasks,
     load_study,
     refuse_both,
     seeds_of,
@@ -41,10 +43,8 @@ SHOWN = ("rmse_steady_x", "rmse_steady_y", "error_settling_time", "rate_error_rm
 
 def _show(value: Any) -> Any:
     for name in value if isinstance(value, list) else []:
-        if not isinstance(name, str) or name not in METRICS:
-            raise message_error(
-                f"show has {format_value(name)}, which is not a known metric; {metric_hint(format_value(name))}"
-            )
+        if not isinstance(name, str) or name not in ALL_METRICS:
+            raise message_error(f"show has {format_value(name)}, which is not a known metric; {metric_hint(str(name))}")
     return value
 
 
@@ -92,14 +92,16 @@ class Facts:
     controllers: set[str] = dataclasses.field(default_factory=set)  # kinds
     disturbances: set[str] = dataclasses.field(default_factory=set)  # kinds
     random: bool = False  # a disturbance depends on the seed
+    figures: set[str] = dataclasses.field(default_factory=set)  # columns of tasks
 
-    def add(self, scenario: Scenario) -> None:
+    def add(self, scenario: Scenario, *, own: bool) -> None:
         self.longest = max(self.longest, scenario.run.steps)
         self.steps += scenario.run.steps
         self.durations.add(scenario.run.duration)
         self.controllers.add(scenario.controller.kind)
         self.disturbances.add(scenario.disturbance.kinds)
         self.random = self.random or scenario.disturbance.random
+        self.figures.update(available(scenario, own=own))
 
 
 @dataclass(frozen=True)
@@ -124,6 +126,11 @@ class Plan:
         return [dimension.field for dimension in self.dimensions]
 
     @property
+    def tasks(self) -> tuple[str, ...]:
+        """Tasks whose figures are shown; runs are recorded for them."""
+        return tasks_of_columns(self.study.show)
+
+    @property
     def runs(self) -> int:
         return len(self.points) * len(self.seeds)
 
@@ -140,7 +147,8 @@ def read_plan(path: str | os.PathLike[str], controller: ControllerLike | None = 
     fields = [dimension.field for dimension in dimensions]
     facts = Facts()
     for number, point in enumerate(points):
-        facts.add(scenario_of(base, number, dict(zip(fields, point, strict=True))))
+        facts.add(scenario_of(base, number, dict(zip(fields, point, strict=True))), own=controller is not None)
+    check_tasks(study.show, facts.figures, "every point")
     seeds = [base.disturbance.seed] if study.seeds is None else study.seeds
     if len(seeds) > 1 and not facts.random:
         raise ScenarioError(

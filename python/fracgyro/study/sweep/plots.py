@@ -14,7 +14,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator
 from numpy.typing import NDArray
 
 from ...analysis.html import csv_text, embedded
-from ...analysis.metric_names import METRICS
+from ...analysis.metric_names import ALL_METRICS
 from ...analysis.style import MM, WIDTH, own_style
 from .effects import QUANTILES, Axis, Cells, Effect
 
@@ -26,7 +26,7 @@ MAX_WRITTEN = 12  # cells per side of a heat map, up to which their values are w
 
 def label(metric: str, power: int = 0) -> str:
     """Label of a metric with its unit, scaled by 10^power."""
-    words, unit = METRICS[metric]
+    words, unit = ALL_METRICS[metric]
     factor = f"10{str(power).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))}" if power else ""
     inside = " ".join(part for part in (factor, unit) if part)
     return f"{words} ({inside})" if inside else words
@@ -57,7 +57,7 @@ def effects_chart(metric: str, effects: Sequence[Effect]) -> str:
         if log:
             panels[0].set_yscale("log")
         figure.supylabel(label(metric, power), fontsize=8)
-        return embedded(figure, f"{METRICS[metric][0]} along every field")
+        return embedded(figure, f"{ALL_METRICS[metric][0]} along every field")
 
 
 def heat_map(metric: str, cells: Cells, limits: tuple[float, float]) -> str:
@@ -90,7 +90,7 @@ def heat_map(metric: str, cells: Cells, limits: tuple[float, float]) -> str:
         else:
             bar = figure.colorbar(drawn, ax=panel)
         bar.set_label(label(metric, power))
-        return embedded(figure, f"{METRICS[metric][0]} over {cells.across.field} and {cells.up.field}")
+        return embedded(figure, f"{ALL_METRICS[metric][0]} over {cells.across.field} and {cells.up.field}")
 
 
 def numbers(metric: str, effects: Sequence[Effect], maps: Sequence[Cells], *, sampled: bool) -> str:
@@ -127,7 +127,7 @@ def correlation_chart(metrics: Sequence[str], fields: Sequence[str], values: NDA
             color = "white" if abs(value) > 0.6 else "black"
             panel.text(i + 0.5, j + 0.5, text, ha="center", va="center", color=color)
         panel.set_xticks(np.arange(len(fields)) + 0.5, [_broken(field) for field in fields], fontsize=7)
-        panel.set_yticks(np.arange(len(metrics)) + 0.5, [METRICS[metric][0] for metric in metrics])
+        panel.set_yticks(np.arange(len(metrics)) + 0.5, [ALL_METRICS[metric][0] for metric in metrics])
         panel.tick_params(length=0)
         panel.invert_yaxis()
         figure.colorbar(drawn, ax=panel).set_label("rank correlation")

@@ -116,7 +116,7 @@ def preview(study: str | os.PathLike[str], *, controller: ControllerLike | None 
         len(plan.points),
         len(plan.seeds),
         steps,
-        seconds(plan.scenario(0), plan.runs, steps, controller),
+        seconds(plan.scenario(0), plan.runs, steps, controller, plan.tasks),
         first_rows(plan.fields, plan.points),
     )
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...analysis.confidence import Mean
 from ...analysis.html import csv_text, page
-from ...analysis.metric_names import METRICS
+from ...analysis.metric_names import ALL_METRICS
 from ...files import whole_file
 from ...scenario import Scenario
 from ...scenario.kinds import reports
@@ -59,7 +59,7 @@ def write_summary(path: Path, rows: Rows, sensitivity: Sensitivity | None) -> No
         metrics=[_metric(rows, sample, name) for name in plan.study.show],
         sample=sample,
         sensitivity=sensitivity,
-        words={name: METRICS[name][0] for name in plan.study.show},
+        words={name: ALL_METRICS[name][0] for name in plan.study.show},
         max_mapped=MAX_MAPPED,
         quantiles=[f"{100 * q:g} %" for q in QUANTILES],
         **(_correlation(sample, numeric) if correlated else {"correlation": None}),
@@ -92,7 +92,7 @@ def _metric(rows: Rows, sample: Rows, name: str) -> dict[str, Any]:
     return {
         "name": name,
         "label": plots.label(name, power),
-        "words": METRICS[name][0],
+        "words": ALL_METRICS[name][0],
         "never": never,
         "reported": _reported(plan, name, bool(along)),
         "partial": any(any(effect.partial) for effect in along),

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, ConfigDict, WithJsonSchema, model_validator
 
-from ...analysis.metric_names import METRICS, metric_hint
+from ...analysis.metric_names import ALL_METRICS, metric_hint
+from ...analysis.task_runs import measure_tasks
 from ...scenario import Scenario
 from ...scenario.table import Table, field, format_value, message_error
-from ...simulation.measure import measure_many
 from ...simulation.native import Law
 from ...simulation.user_controller import ControllerLike
 from ..file import METRIC
@@ -27,7 +27,7 @@ STATISTIC = WithJsonSchema({"type": "string", "pattern": rf"^({'|'.join(STATISTI
 
 
 def _metric(name: str) -> str:
-    if name not in METRICS:
+    if name not in ALL_METRICS:
         raise message_error(f"metric is {format_value(name)}, which is not a known metric; {metric_hint(name)}")
     return name
 
@@ -112,9 +112,10 @@ def measure(
     thresholds: dict[str, Any],
     progress: Callable[[int], object] | None = None,
     controller: ControllerLike | Sequence[Law] | None = None,
+    tasks: Sequence[str] = (),
 ) -> list[Measured]:
-    """Metrics of every scenario with every seed, from one call of `measure_many`."""
-    runs = measure_many(scenarios, seeds=seeds, controller=controller, progress=progress, **thresholds)
+    """Metrics of every scenario with every seed, with the figures of `tasks`."""
+    runs = measure_tasks(scenarios, tasks, seeds=seeds, controller=controller, progress=progress, **thresholds)
     diverged = np.isfinite(runs["diverged_at"].values).reshape(len(scenarios), len(seeds))
     columns = {}
     for name, variable in runs.drop_vars("diverged_at").data_vars.items():

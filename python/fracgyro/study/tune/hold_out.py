@@ -13,7 +13,8 @@ from typing import Literal
 import numpy as np
 
 from ...analysis.confidence import Mean, mean_interval
-from ...analysis.metric_names import METRICS
+from ...analysis.metric_names import ALL_METRICS, METRICS, task_columns
+from ...analysis.task_runs import available
 from ...scenario import Scenario
 from ..controller import of_each
 from .criteria import Constraint, Measured, Objective, Values, measure
@@ -65,8 +66,8 @@ class Compared:
 
     @property
     def neutral(self) -> bool:
-        """True for bound estimates: they are states of the controller, neither better nor worse if smaller."""
-        return self.metric.startswith("bound_")
+        """True for bound estimates, which are states of the controller, and frequencies: smaller is not better."""
+        return self.metric.startswith(("bound_", "cutoff_frequency", "frequency"))
 
     @property
     def verdict(self) -> Literal["better", "worse", ""]:
@@ -92,8 +93,9 @@ class HoldOut:
 def hold_out(plan: Plan, search: Search, chosen: Trial, tuned: Scenario, progress: Callable[[int], object]) -> HoldOut:
     """Compares both scenarios on every held-out seed."""
     controllers = of_each(plan.controller, [{}, chosen.values])
-    base, mine = measure([plan.base, tuned], plan.held_out, plan.thresholds, progress, controllers)
-    file = plan.file
+    base, mine = measure([plan.base, tuned], plan.held_out, plan.thresholds, progress, controllers, plan.tasks)
+    file, figures = plan.file, available(plan.base, own=plan.controller is not None)
+    listed = [*METRICS, *(column for column in task_columns(plan.tasks) if column in figures)]
     return HoldOut(
         [
             _objected(objective, base, mine, own, found)
@@ -105,7 +107,7 @@ def hold_out(plan: Plan, search: Search, chosen: Trial, tuned: Scenario, progres
             _constrained(constraint, base, mine, limit, found)
             for constraint, limit, found in zip(file.constraint, search.limits, chosen.score.constraints, strict=True)
         ],
-        [_compared(metric, base.metrics[metric], mine.metrics[metric]) for metric in METRICS],
+        [_compared(metric, base.metrics[metric], mine.metrics[metric]) for metric in listed],
         int(base.diverged.sum()),
         int(mine.diverged.sum()),
     )
@@ -143,7 +145,7 @@ def _constrained(constraint: Constraint, base: Measured, mine: Measured, limit: 
 def _compared(metric: str, theirs: Values, ours: Values) -> Compared:
     theirs, ours = np.abs(theirs), np.abs(ours)
     both = np.isfinite(theirs) & np.isfinite(ours)
-    words, unit = METRICS[metric]
+    words, unit = ALL_METRICS[metric]
     return Compared(
         metric,
         words,

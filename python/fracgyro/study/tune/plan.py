@@ -14,6 +14,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field
 
+from ...analysis.metric_names import tasks_of_columns
+from ...analysis.task_runs import available
 from ...files import one_line
 from ...scenario import Scenario, ScenarioError
 from ...scenario.table import Table, format_value
@@ -30,6 +32,7 @@ from ..file import (
     VARY,
     Thresholds,
     base_scenario,
+    check_tasks,
     load_study,
     refuse_both,
     seeds_of,
@@ -100,6 +103,11 @@ class Plan:
         return self.file.tune.batch or default[self.file.tune.sampler]
 
     @property
+    def tasks(self) -> tuple[str, ...]:
+        """Tasks whose figures are objectives or constraints; runs are recorded for them."""
+        return tasks_of_columns(o.metric for o in (*self.file.objective, *self.file.constraint))
+
+    @property
     def thresholds(self) -> dict[str, float]:
         return self.file.metrics.model_dump()
 
@@ -123,7 +131,7 @@ class Plan:
         if not pairs:
             return [None] * len(points)
         controllers = self.controllers([point for _, point in pairs])
-        found = iter(measure([s for s, _ in pairs], seeds, self.thresholds, progress, controllers))
+        found = iter(measure([s for s, _ in pairs], seeds, self.thresholds, progress, controllers, self.tasks))
         return [None if scenario is None else next(found) for scenario in scenarios]
 
     def base_values(self) -> dict[str, Any] | None:
@@ -200,6 +208,8 @@ def read_tuning(path: str | os.PathLike[str], controller: ControllerLike | None 
         raise ScenarioError(
             f"run.duration is {end:g}: it must be greater than metrics.transient, {begin:g}, to measure {late}"
         )
+    named = [o.metric for o in (*file.objective, *file.constraint)]
+    check_tasks(named, available(base, own=controller is not None), "the base scenario")
     if not base.disturbance.random:
         raise ScenarioError(
             f"disturbance.kind is {format_value(base.disturbance.kinds)}: it must be noise or vibration, for seeds to "

@@ -9,7 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from ...analysis.html import csv_text, embedded, page
-from ...analysis.metric_names import METRICS
+from ...analysis.metric_names import ALL_METRICS
 from ...analysis.style import DPI, own_style, save_svg
 from ...files import one_line, whole_file
 from ...scenario import Scenario
@@ -157,7 +157,7 @@ def _data(result: Result) -> str:
     """Data of both plots, one row per trial, as CSV."""
     header, front = ["trial"], {trial.number for trial in result.members}
     for objective, base in zip(result.plan.file.objective, result.base.objectives, strict=True):
-        unit = METRICS[objective.metric][1]
+        unit = ALL_METRICS[objective.metric][1]
         over = " over base" if 0 < base < math.inf else f" ({unit})" if unit else ""
         header.append(f"{objective.label}{over}")
     rows = []

@@ -86,7 +86,7 @@ def tune(
 
         advance(0)
         with free_if_nothing_came(folder, resume=resume):
-            (base,) = measure([plan.base], seeds, plan.thresholds, advance, controller)
+            (base,) = measure([plan.base], seeds, plan.thresholds, advance, controller, plan.tasks)
         address = plan.file.tune.storage or f"sqlite:///{(folder / DATABASE).absolute()}"
         with opened(plan, address, base, resume=resume) as search:
             advance(len(search.finished()) * len(seeds))
@@ -119,7 +119,9 @@ def preview(study: str | os.PathLike[str], *, controller: ControllerLike | None 
     steps = runs * plan.base.run.steps
     base = plan.base_values()
     rows = [] if base is None else [base]
-    return Preview(runs, trials, len(plan.file.seeds), steps, seconds(plan.base, runs, steps, controller), rows)
+    return Preview(
+        runs, trials, len(plan.file.seeds), steps, seconds(plan.base, runs, steps, controller, plan.tasks), rows
+    )
 
 
 def _runs(plan: Plan) -> int:
