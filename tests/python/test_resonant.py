@@ -14,7 +14,7 @@ from reference_oracle import motion
 STEPS = 4000
 SHORT = fg.Scenario.paper().replace({"controller.kind": "resonant", "run.duration": STEPS * 1e-3})
 QUIET = {"disturbance.kind": "none", "disturbance.hold": None, "disturbance.standard_deviation": None}
-NO_INTEGRAL = {"controller.integral_frequency": 0.0}
+NO_INTEGRAL = {"controller.integral_frequency": 0.0, "controller.resonator_gain": 5.0}
 TERMS = [
     {"amplitude": (0.5, 0.2), "frequency": (2.0, 3.0), "phase": (0.3, 1.0)},
     {"amplitude": (0.2, 0.3), "frequency": (5.0, 2.0)},
