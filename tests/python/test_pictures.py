@@ -157,7 +157,7 @@ def test_a_first_spike_of_the_force_is_clipped_and_stated() -> None:
     bottom, top = panel.get_ylim()
     assert not bottom <= peak <= top
     assert bottom < forces[100:].min() < forces[100:].max() < top
-    stated = re.fullmatch(r"clipped: (.*) at t = (.*)", panel.get_title(loc="left"))
+    stated = re.fullmatch(r"clipped peak: (.*) at t = (.*)", panel.get_title(loc="left"))
     assert stated
     assert float(stated[1].replace("\N{MINUS SIGN}", "-")) == pytest.approx(peak, rel=5e-3)
     assert float(stated[2]) == pytest.approx(1e3 * float(run["time"][row]), rel=0.05)

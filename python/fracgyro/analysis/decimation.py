@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-NOISE = 0.3  # standard deviations: smaller crossings of the mean do not count
+# Distances from the mean that are noise, relative to the median one and to the standard deviation.
+NOISE, NOISE_OF_ALL = 0.3, 0.02
 
 
 def decimate(time: Array, values: Array, columns: int) -> tuple[Array, Array]:
@@ -40,7 +41,8 @@ def band(time: Array, values: Array, columns: int) -> tuple[Array, Array, Array]
 
 
 def crossings(values: Array) -> int:
-    """Number of times at which the values cross their mean by more than a part of their deviation, which noise has."""
-    off, least = values - values.mean(), NOISE * values.std()
-    above = off[abs(off) > least] > 0
+    """Number of times at which the values cross their mean by more than noise."""
+    off = values - values.mean()
+    noise = max(NOISE * float(np.median(abs(off))), NOISE_OF_ALL * float(off.std()))
+    above = off[abs(off) > noise] > 0
     return int(np.count_nonzero(above[1:] != above[:-1]))

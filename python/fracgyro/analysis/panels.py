@@ -154,4 +154,4 @@ def clip(
     margin = 0.1 * (high - low)
     panel.set_ylim(low - margin, high + margin)
     number = f"{float(f'{peak:.3g}'):g}".replace("-", "\N{MINUS SIGN}")
-    return f"clipped: {number} at t = {at:.2g}"
+    return f"clipped peak: {number} at t = {at:.2g}"

@@ -107,7 +107,7 @@ Place = tuple[str, list[int]]  # a channel and those of its columns that share a
 
 
 def _places(runs: Mapping[str, Run], name: str, *, split: bool) -> list[list[int]]:
-    """Columns of each panel of a channel: all, or one if asked, for several runs, or if curves would hide one another."""
+    """Columns of each panel of a channel: all, or one if there are several runs or curves would hide each other."""
     having = [run for run in runs.values() if name in run]
     columns = list(range(width_of(having[0], name)))
     apart = len(runs) > 1 or (split and name != "error") or any(overlapping(run, name) for run in having)

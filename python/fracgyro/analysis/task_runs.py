@@ -136,8 +136,11 @@ def _figures(run: xr.Dataset, scenario: Scenario, wanted: Iterable[str]) -> Iter
     units = {name: unit for task in TASKS.values() for name, unit in task.units.items()}
     for name, values in ((str(name), values) for part in parts for name, values in part.items()):
         if name in wanted:
-            whole = values.reindex(axis=AXES) if "axis" in values.dims else values
-            yield name, whole.values / _scale(scenario, units[name])
+            found = values.values / _scale(scenario, units[name])
+            if "axis" in values.dims:
+                own = dict(zip(values["axis"].values, found, strict=True))
+                found = np.array([own.get(axis, np.nan) for axis in AXES])
+            yield name, found
 
 
 def _scale(scenario: Scenario, unit: str) -> float:
