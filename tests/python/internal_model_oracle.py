@@ -1,5 +1,6 @@
-"""The controller `internal_model` again, in NumPy and SciPy, from its equations: Riccati equations by SciPy, the feedforward
-from the inverse of a transfer function, the reference as a formula. It shares only the scenario with the package.
+"""The controller `internal_model` again, in NumPy and SciPy, from its equations: Riccati equations by SciPy, the
+feedforward from the inverse of a transfer function, the reference as a formula. It shares only the scenario with the
+package.
 """
 
 from __future__ import annotations

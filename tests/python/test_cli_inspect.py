@@ -173,7 +173,9 @@ def test_check_warns_of_a_table_that_ends_early(tmp_path: Path) -> None:
     ],
 )
 def test_a_list_of_tables_with_single_brackets_is_explained(text: str) -> None:
-    with pytest.raises(fg.ScenarioError, match=r"each table of a list is headed by two brackets, as \[\[disturbance\]\]"):
+    with pytest.raises(
+        fg.ScenarioError, match=r"each table of a list is headed by two brackets, as \[\[disturbance\]\]"
+    ):
         Scenario.from_toml(text)
 
 

@@ -342,7 +342,10 @@ def test_references_are_equivalent_however_they_are_described() -> None:
         ({"device.damping_drift": 3.0}, "device.damping_drift is 3.0"),
         ({"device.bias_instability": 1e-3}, "device.bias_instability is 0.001"),
         ({"device.rate_random_walk": 1e-3}, "device.rate_random_walk is 0.001"),
-        ({"disturbance.kind": "sine", "disturbance.amplitude": (1.0, 0.0)}, "disturbance.kind is sine: it must be none or noise"),
+        (
+            {"disturbance.kind": "sine", "disturbance.amplitude": (1.0, 0.0)},
+            "disturbance.kind is sine: it must be none or noise",
+        ),
         ({"disturbance": [{"kind": "none"}, {"kind": "step", "amplitude": [1.0, 0.0]}]}, r"disturbance\[1\].kind is s"),
         ({"disturbance.hold": 2e-3}, "disturbance.hold is 0.002: it must be run.step, 0.001"),
         ({"disturbance.hold": None, "disturbance.band": (1.0, 9.0)}, "disturbance.band is"),

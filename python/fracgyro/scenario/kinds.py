@@ -142,9 +142,8 @@ def table_fields(table: str, *, derived: bool = False, unset: tuple[str, ...] = 
 def _unset(annotation: Any, info: FieldInfo) -> tuple[Any, Any]:
     """A field without limits that may be left out and has no default."""
     extra = info.json_schema_extra
-    return annotation | None, field(
-        None, info.description or "", unit=extra["unit"] if isinstance(extra, dict) else "1"
-    )
+    unit = str(extra["unit"]) if isinstance(extra, dict) else "1"
+    return annotation | None, field(None, info.description or "", unit=unit)
 
 
 @lru_cache
