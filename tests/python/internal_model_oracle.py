@@ -62,7 +62,7 @@ class InternalModel:
         slopes = np.array([k[0] / k[1] for k in self.feedback])
         self.near = 0.25 * self.limit / slopes**2
 
-        # Of each axis: e, its rate, the constant, then cosine and sine at each frequency.
+        # On each axis: e, its rate, the constant, then cosine and sine at each frequency.
         self.states = np.zeros((AXES, 3 + 2 * len(self.frequencies)))
         self.past = np.zeros((AXES, max(2, self.delay + 1)))
 

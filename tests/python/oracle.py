@@ -85,7 +85,7 @@ def simulate(scenario: Scenario, disturbance: np.ndarray) -> dict[str, np.ndarra
         most = c.switching_limit * c.layer_thickness / h if c.switching_limit < math.inf else math.inf
         rho = min(bound @ [1.0, norm(q), norm(v)], most)
         u = equivalent - rho * switching(s, c.layer_thickness, c.layer)
-        if c.feedforward == "held":  # what the reference needs from here to the middle of the hold
+        if c.feedforward == "held":  # the reference moves from here to the middle of the hold
             held = np.exp(1j * (angle + frequency * h / 2)) * amplitude / np.sinc(frequency * h / (2 * np.pi))
             way, way_rate = held.imag - r, frequency * held.real - amplitude * frequency * np.cos(angle)
             u = u + (damping + 2 * omega) @ way_rate + stiffness @ way - frequency**2 * held.imag - r_acceleration

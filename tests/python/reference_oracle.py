@@ -48,7 +48,7 @@ def axis(reference: object, kind: str, i: int, t: Array, hold: float) -> Array:
 
 def sine(amplitude: float, frequency: float, phase: float, t: Array, hold: float) -> Array:
     angle = frequency * t + phase
-    amplitude /= np.sinc(frequency * hold / (2 * np.pi))  # what a hold leaves of a sine
+    amplitude /= np.sinc(frequency * hold / (2 * np.pi))  # a hold leaves this share of a sine
     return amplitude * np.array([np.sin(angle), frequency * np.cos(angle), -(frequency**2) * np.sin(angle)])
 
 

@@ -113,7 +113,7 @@ def test_on_every_device_it_is_the_inverse_of_the_sampled_plant(name: str) -> No
 
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_the_steady_error_of_pid_is_that_of_the_linear_loop_with_the_inverse(name: str) -> None:
-    """What is left is the velocity's ripple under the hold; a tenth or less of the error of a late force."""
+    """Only the velocity's ripple under the hold is left; a tenth or less of the error of a late force."""
     speed = 0.2 / SCENARIOS[name].run.step
     scenario = ideal(name, natural_frequency=speed, integral_frequency=0.0)
     found = projected(fg.simulate(scenario), scenario)
@@ -196,7 +196,7 @@ def test_the_papers_force_is_continuous_unless_asked() -> None:
 
 @pytest.mark.parametrize("delay", [1, 3])
 def test_a_known_delay_moves_the_held_point(delay: int) -> None:
-    """Of `lqg`, whose filter knows the delay: the steady error grows with the delay of its feedback only."""
+    """With `lqg`, whose filter knows the delay: the steady error grows with the delay of its feedback only."""
     known = ideal("paper", "lqg", natural_frequency=60.0).replace({"device.delay": delay})
     hidden = known.replace({"datasheet.delay": 0})
     error = [float(fg.metrics.rmse(fg.simulate(s), (10.0, None)).max()) for s in (known, hidden)]

@@ -181,7 +181,7 @@ SENSED = {"controller.kind": "fractional", "device.position_noise_density": 1e-1
 
 
 def stationary_gain(ratio: float) -> float:
-    """Of the Kalman filter of a position, moved by a velocity with noise ratio/h, measured with noise 1."""
+    """Gain of the Kalman filter of a position, moved by a velocity with noise ratio/h, measured with noise 1."""
     variance, gain = 1.0, 1.0
     for _ in range(20_000):
         predicted = variance + ratio**2

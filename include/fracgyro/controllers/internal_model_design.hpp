@@ -1,8 +1,8 @@
 // Design of the internal model (internal_model.hpp): its gains, computed once in double precision.
 //
-//    In units of the step, z = [e/h², ė/h] is of order 1 for a force of order 1. The plant is the nominal one. Each axis
-//    has gains of its own, for a plant without coupling: within a step, coupling moves the mass very little, and the
-//    prediction includes it.
+//    In units of the step, z = [e/h², ė/h] is of order 1 for a force of order 1. The plant is the nominal one. Each
+//    axis has gains of its own, for a plant without coupling: within a step, coupling moves the mass very little, and
+//    the prediction includes it.
 #pragma once
 
 #include "fracgyro/control/common.hpp"
@@ -51,9 +51,9 @@ struct InternalModelDesign {
     std::array<Columns, 3> feedforward{};  // matrices of r, ṙ, r̈
     Columns ripple{};                      // and of the velocity that u_r leaves at the samples, of ṙ
 
-    // One step of delay more than stated makes a fast loop unstable, so that the feedback is designed for a force of which
-    // a share comes a step later than stated. With these numbers such a step costs at most a factor of 2 in error at
-    // every bandwidth and delay, at the least nominal error (docs/decisions/0047).
+    // One step of delay more than stated makes a fast loop unstable, so that the feedback is designed for a force of
+    // which a share comes a step later than stated. With these numbers such a step costs at most a factor of 2 in error
+    // at every bandwidth and delay, at the least nominal error (docs/decisions/0047).
     static double usable(double bandwidth, double delay) { return minimum(bandwidth, 1.1 / (1.0 + 0.5 * delay)); }
     static double late_share(double bandwidth, double delay) {
         return maximum(0.0, 1.0 - 0.29 / bandwidth) / (1.0 + 0.25 * delay);
@@ -85,8 +85,8 @@ struct InternalModelDesign {
         return c;
     }
 
-    // A force that is a sine, and the held force against it that leaves no error at the samples, leave a velocity there:
-    // this factor times the sine of the held force.
+    // A force that is a sine, and the held force against it that leaves no error at the samples, leave a velocity
+    // there: this factor times the sine of the held force.
     double ripple_of(std::size_t n) const {
         const auto half = sine_cosine<double>(phase_of(0.5 * frequencies[n] * step));
         const double inverse_tangent = half.cosine / half.sine;

@@ -10,9 +10,9 @@
 //    H grows to X and the error is squared at each repetition. With R near 0, G is large and digits are lost, which two
 //    steps of Newton's method restore. Only sums, products and quotients: the same bits everywhere.
 //
-//    u = -K x with K = (R + Bᵀ X B)⁻¹ Bᵀ X A has the least sum of xᵀ H x + uᵀ R u. A filter of the measurements C x with
-//    noise R and process noise H has Aᵀ and Cᵀ for A and B, X is the covariance of its prediction, and its gain
-//    X Cᵀ (C X Cᵀ + R)⁻¹.
+//    u = -K x with K = (R + Bᵀ X B)⁻¹ Bᵀ X A has the least sum of xᵀ H x + uᵀ R u. A filter of the measurements C x
+//    with noise R and process noise H has Aᵀ and Cᵀ for A and B, X is the covariance of its prediction, and its gain X
+//    Cᵀ (C X Cᵀ + R)⁻¹.
 #pragma once
 
 #include "fracgyro/core/expm.hpp"
