@@ -296,6 +296,27 @@ def test_a_loop_follows_its_inputs_with_the_bits_of_the_same_reference(
         assert_same_bits(np.array(got[name]), values, name)
 
 
+def test_feedforward_takes_inputs_for_a_parabola_in_the_middle_of_the_step(
+    made: Callable[..., str], tmp_path: Path
+) -> None:
+    """It lacks half a step of the third derivative; the feedback, which adds to the difference, is slow."""
+    controller = {"kind": "pid", "natural_frequency": 1.0, "integral_frequency": 0.0}
+    scenario = fg.Scenario(controller=controller, disturbance={"kind": "none"}, run={"duration": 0.3})
+    table, rows = with_table(scenario)
+    expected, step = fg.simulate(table)["control"].values, table.run.step
+    fmu = Instance(made(table, "3.0", "loop", "input"), tmp_path).start()
+    found = []
+    for n, row in enumerate(rows):
+        for name, value in zip(REFERENCE_INPUTS, row.tolist(), strict=True):
+            fmu.set(name, value)
+        fmu.step(n * step, step)
+        found.append([fmu.get("control.x"), fmu.get("control.y")])
+    third = np.gradient(rows[:, 4:6], step, axis=0)
+    lacks = expected - np.array(found)
+    assert np.abs(third).max() > 100
+    np.testing.assert_allclose(lacks[5:-5], step / 2 * third[5:-5], rtol=0, atol=0.1 * step / 2 * np.abs(third).max())
+
+
 @pytest.mark.parametrize("content", ["loop", "controller"])
 def test_the_papers_sine_as_input_gives_the_run_in_si_units(
     made: Callable[..., str], tmp_path: Path, content: Content
