@@ -84,7 +84,7 @@ def plot(
     if places:
         _draw_over_time(panels[: len(places)], runs, places, own, letters)
     if responses:
-        draw_bode(*panels[-2:], responses, own)
+        draw_bode(panels[-2], panels[-1], responses, own)
     for panel in panels:
         _lettered(panel, letters)
     figure.align_ylabels()
