@@ -17,7 +17,7 @@ DEPENDS_ON = ["pid"]
 CEILINGS = (0.0035, 0.05, math.inf)
 NOISE = 1e-13  # m/sqrt(Hz)
 DEVICES = ("dual_mass", "tuned_in_air", "disc", "paper_resonance", "paper_thermal")
-FORCE_LIMIT = 1000.0  # of the comparison
+FORCE_LIMIT = 1000.0  # that of the comparison
 ROUNDING = 1e-14
 
 

@@ -17,7 +17,7 @@ LAWS: dict[str, dict[str, Any]] = {
     "sliding mode": {"adaptation.kind": "joint"},
 }
 DENSITIES = (0.0, 1e-17, 1e-16, 1e-15, 1e-14, 1e-13)  # m/sqrt(Hz)
-MARGIN = 1.1  # of statistics: with so many steps an RMS is within 3 % of its expectation
+MARGIN = 1.1  # for statistics: with these steps an RMS is within 3 % of its expectation
 
 
 def scenario(device: str, law: str, sensing: str, density: float, **more: Any) -> fg.Scenario:

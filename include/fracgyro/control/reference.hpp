@@ -146,7 +146,7 @@ struct Reference {
         Vec2<T> amplitude{}, peak_velocity{}, curvature{};  // a, a·f, -f², the last of the equivalent sine
         Vec2<T> frequency{};
         SineCosine2<T> ahead{};          // a/sinc(fh/2) times the turn from the next sample to the middle of the hold
-        std::int32_t delay = 0;          // of the force, in steps, as far as it is known
+        std::int32_t delay = 0;          // force delay in steps, as far as it is known
         const Course* course = nullptr;  // unless both axes have a sine without offset
     };
     struct State {

@@ -103,7 +103,7 @@ struct Switching {
         return (equivalent - gains.x() * drive) - norms.surface * (gains.y() * drive);
     }
 
-    // What held feedforward adds to it.
+    // Force that held feedforward adds to it.
     static Vec2<T> of_hold(const Coefficients& c, const Estimates<T>& estimates, const ReferencePoint<T>& sampled,
                            const ReferencePoint<T>& held) {
         const Motion<T> way = moved<T>({}, sampled, held);

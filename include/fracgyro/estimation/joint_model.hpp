@@ -87,7 +87,7 @@ struct JointModel {
                 for (std::size_t j = 0; j < motions; ++j) {
                     mean[i][j] += power[i][j] / slots;
                 }
-                for (std::size_t j = 0; j < 2 && n + 1 < p.covariance_steps; ++j) {  // of the force n + 1 steps earlier
+                for (std::size_t j = 0; j < 2 && n + 1 < p.covariance_steps; ++j) {  // the force n + 1 steps earlier
                     within[i] += square_of(h * mean[i][2 + j] - 0.5 * h * h * mean[i][j]);
                 }
             }

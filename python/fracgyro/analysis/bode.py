@@ -17,7 +17,7 @@ from .style import COLORS
 from .tasks import task_axes
 
 RESPONSE = ("gain", "phase")
-MIN_SPAN_DB, MIN_SPAN_DEG = 1.0, 5.0  # of the axes
+MIN_SPAN_DB, MIN_SPAN_DEG = 1.0, 5.0  # smallest spans of the axes
 FEW = 100.0  # ratio of frequencies below which ticks are also at 2 and 5 times powers of ten
 DASHES = ("solid", (0, (4, 1.5)))  # x and y of one of several runs
 

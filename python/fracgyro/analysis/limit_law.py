@@ -22,7 +22,7 @@ from .limit_model import Feedforward, Model
 
 Array = NDArray[np.float64]
 EXACT = 1e-6  # standard deviation of a sensor without noise, relative to what the disturbance moves in a step
-PRICES = (1e-9, 1e24)  # of chattering: the first leaves the error without a limit, the last leaves no feedback
+PRICES = (1e-9, 1e24)  # prices of chattering: the first leaves the error without a limit, the last leaves no feedback
 DOUBLINGS = 100
 
 
@@ -31,7 +31,7 @@ class Result:
     """By axis, nondimensional."""
 
     error: Array  # RMS
-    chattering: Array  # as fg.metrics.chattering
+    chattering: Array  # by the definition of fg.metrics.chattering
     price: float  # rho
 
 
@@ -39,10 +39,10 @@ class Result:
 class Estimate:
     """Covariances of the stationary filter."""
 
-    present: Array  # of the state at the measurement, after it
-    acting: Array  # of the state at which the force begins to act
-    learned: Array  # of the change of that estimate by a measurement
-    after: Array  # of the state one step later: no law has a smaller error
+    present: Array  # covariance of the state at the measurement, after it
+    acting: Array  # that of the state at which the force begins to act
+    learned: Array  # that of the change of that estimate by a measurement
+    after: Array  # that of the state one step later: no law has a smaller error
 
     @classmethod
     def of(cls, model: Model) -> Estimate:
@@ -58,7 +58,7 @@ def _filtered(model: Model) -> tuple[Array, Array]:
     """Covariance of the estimate, and of what a measurement adds to it."""
     nothing = np.zeros((4, 4))
     if not model.process.any():
-        return nothing, nothing  # of a known start
+        return nothing, nothing  # the start is known
     if len(model.sensed) == 4 and not model.noise.any():
         return nothing, model.process
     scale = np.repeat(np.sqrt([np.trace(model.process[:2, :2]), np.trace(model.process[2:, 2:])]), 2)
@@ -148,7 +148,7 @@ class Law:
         return Result(error, np.sqrt(second / square), price * (self.unit / self.weight) ** 2)
 
     def within(self, ceiling: float) -> Result:
-        """The law whose larger chattering is the ceiling; the last before none is priced if that has less.
+        """The law whose larger chattering is the ceiling; with the least price if even that chatters less.
 
         Raises ValueError for a ceiling that no price keeps.
         """

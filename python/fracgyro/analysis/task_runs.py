@@ -21,7 +21,7 @@ from ..simulation.user_plant import PlantLike
 from .metric_names import TASKS, task_columns
 from .tasks import task_axes, task_figures
 
-MAX_SAMPLES = 100_000  # of a record that is not saved
+MAX_SAMPLES = 100_000  # limit of a record that is not saved
 PER_CYCLE = 4  # fewest samples in a cycle of a chirp
 MAX_NUMBERS = 2.5e7  # in the records of runs that are recorded together
 COLUMNS = 40  # an upper estimate of the columns of a record
